@@ -1,0 +1,8 @@
+//! Canonical moves to joint positions per cycle.
+//!
+//! In:  canonical moves ([`canon`]).
+//! Out: one position per joint and cycle (`rt`).
+//!
+//! Everything left of the ring plans and may allocate; everything right of it runs in the cycle thread and may not.
+
+pub mod canon;

@@ -1,0 +1,247 @@
+//! The checked machine description: a value of these types is always a machine that may run.
+//!
+//! In:  from `read`, which turns TOML into these types or into located errors.
+//! Out: to every part of the process. Nothing here is ever invalid: ranges, references and names are checked.
+
+use motion::canon::{Axis, Position};
+use std::path::PathBuf;
+
+/// A whole machine file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Config {
+    /// Where it was read from; for messages.
+    pub path: PathBuf,
+    /// Name of the machine; also names its shared memory.
+    pub name: String,
+    /// Cycle of bus and interpolation, µs.
+    pub cycle_us: u32,
+    /// Real-time settings.
+    pub rt: Rt,
+    /// The field bus.
+    pub bus: Bus,
+    /// Joints in the order of the file.
+    pub joints: Vec<Joint>,
+    /// Program axes and their joints.
+    pub axes: Vec<AxisMap>,
+    /// Origins of G54 (index 0) to G59.3 (index 8), machine coordinates.
+    pub work_offsets: [Position; 9],
+    /// Spindle.
+    pub spindle: Spindle,
+    /// How programs are run.
+    pub program: Program,
+    /// Connections between pins.
+    pub nets: Vec<Net>,
+    /// What the simulated machine is made of.
+    pub sim: Sim,
+}
+
+/// `[rt]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rt {
+    /// Core of the real-time threads; `None`: the last one online.
+    pub cpu: Option<usize>,
+    /// SCHED_FIFO priority of the cycle thread, 1 to 97; the time-out thread runs one above.
+    pub priority: u8,
+    /// Period of the time-out thread, µs.
+    pub timeout_us: u32,
+    /// Cycles start at `k * cycle_us + phase_us` of CLOCK_MONOTONIC.
+    pub phase_us: u32,
+    /// Spin this long before each cycle, µs.
+    pub spin_us: u32,
+    /// Keep the core from deep idle states.
+    pub keep_awake: bool,
+    /// Lock all memory.
+    pub lock_memory: bool,
+    /// What to do where something is missing.
+    pub require: Require,
+}
+
+/// What to do where the PC cannot give what real time needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Require {
+    /// Refuse to run.
+    Strict,
+    /// Say so once per item and run.
+    Warn,
+}
+
+/// `[bus]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bus {
+    /// Which wire.
+    pub kind: BusKind,
+    /// Network interface of a real wire.
+    pub interface: String,
+    /// AsyncSlotTimeout (1F8A:2), µs.
+    pub async_slot_timeout_us: u32,
+    /// Polls lost in a row that are ridden out.
+    pub pres_lost_max: u32,
+    /// Nodes in polling order.
+    pub nodes: Vec<Node>,
+}
+
+/// Which wire carries the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusKind {
+    /// Ethernet POWERLINK on a network interface.
+    Powerlink,
+    /// Ethernet POWERLINK frames through memory to the simulated machine in this process.
+    Memory,
+}
+
+/// `[[bus.node]]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Node {
+    /// Node id, 1 to 239, unique.
+    pub id: u8,
+    /// Name for messages, unique; default `node-ID`.
+    pub name: String,
+    /// What it is.
+    pub profile: Profile,
+    /// Whether the machine needs it; default true.
+    pub mandatory: bool,
+    /// PRes time-out (1F92), µs.
+    pub pres_timeout_us: u32,
+    /// Identity that it must report (1F84 to 1F88); `None`: not checked.
+    pub identity: Identity,
+    /// PReq payload: objects that the control sends, in order.
+    pub outputs: Vec<Mapped>,
+    /// PRes payload: objects that the node sends, in order.
+    pub inputs: Vec<Mapped>,
+}
+
+/// Expected values of the IdentResponse; `None`: not checked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Identity {
+    /// 1000.
+    pub device_type: Option<u32>,
+    /// 1018:1.
+    pub vendor_id: Option<u32>,
+    /// 1018:2.
+    pub product_code: Option<u32>,
+    /// 1018:3.
+    pub revision: Option<u32>,
+    /// 1018:4.
+    pub serial: Option<u32>,
+}
+
+/// Profile of a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Profile {
+    /// Servo drive.
+    Cia402,
+    /// Digital inputs and outputs (CiA 401).
+    Io,
+}
+
+/// One object in a PDO: `"0x60FE:1/32"`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Mapped {
+    /// Object index.
+    pub index: u16,
+    /// Sub-index.
+    pub sub: u8,
+    /// Length in bits: 8, 16, 32 or 64.
+    pub bits: u8,
+}
+
+/// `[[joint]]`; lengths in mm, or degrees for a rotary joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// Index into [`Bus::nodes`] of the drive.
+    pub node: usize,
+    /// Drive increments per mm (degree): numerator and denominator, both above 0.
+    pub counts_per_unit: [u32; 2],
+    /// Soft limits, lower below upper.
+    pub travel_mm: [f64; 2],
+    /// Limits of the plan.
+    pub limits: JointLimits,
+    /// Limits of stops; not below those of the plan.
+    pub stop: StopLimits,
+    /// Greatest distance between command and actual position, mm.
+    pub following_error_mm: f64,
+    /// Homing.
+    pub homing: Homing,
+}
+
+/// Limits of planned motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointLimits {
+    /// mm/s
+    pub velocity_mm_s: f64,
+    /// mm/s²
+    pub acceleration_mm_s2: f64,
+    /// mm/s³
+    pub jerk_mm_s3: f64,
+}
+
+/// Limits of stops.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StopLimits {
+    /// mm/s²
+    pub acceleration_mm_s2: f64,
+    /// mm/s³
+    pub jerk_mm_s3: f64,
+}
+
+/// Homing by the drive (CiA 402 mode 6).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Homing {
+    /// Homing method, 6098.
+    pub method: i8,
+    /// 6099:1 as mm/s.
+    pub search_mm_s: f64,
+    /// 6099:2 as mm/s.
+    pub latch_mm_s: f64,
+    /// 609A as mm/s².
+    pub acceleration_mm_s2: f64,
+    /// Machine position of the home point, mm.
+    pub position_mm: f64,
+}
+
+/// `[[axis]]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct AxisMap {
+    /// Program axis.
+    pub axis: Axis,
+    /// Joints that it moves (more than one: gantry).
+    pub joints: Vec<usize>,
+}
+
+/// `[spindle]`
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spindle {
+    /// Highest speed, 1/min.
+    pub rpm_max: f64,
+}
+
+/// `[program]`
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Program {
+    /// Path tolerance of G64 without P, mm.
+    pub tolerance_mm: f64,
+    /// Blocks that the planner looks ahead.
+    pub look_ahead_blocks: usize,
+}
+
+/// `[[hal.net]]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Net {
+    /// Name of the signal.
+    pub name: String,
+    /// Pin that writes it.
+    pub source: String,
+    /// Pins that read it.
+    pub targets: Vec<String>,
+}
+
+/// `[sim]`: the simulated motor and load, the same for every drive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sim {
+    /// Natural frequency of the second-order motor and load under position control, Hz.
+    pub natural_frequency_hz: f64,
+    /// Its damping ratio.
+    pub damping: f64,
+    /// Position at power-on as a share of the travel, 0 to 1.
+    pub start: f64,
+}

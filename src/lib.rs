@@ -1,0 +1,1 @@
+//! isocnc: the process.

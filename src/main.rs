@@ -1,0 +1,2 @@
+//! isocnc: the command line.
+fn main() {}
