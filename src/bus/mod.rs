@@ -1,0 +1,1 @@
+//! Field buses, seen as images that are exchanged once a cycle.

@@ -1,0 +1,1 @@
+//! Machine state, alarms and limits.

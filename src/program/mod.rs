@@ -1,0 +1,1 @@
+//! From the program file to the ring: interpretation and planning, outside real time.

@@ -1,0 +1,1 @@
+//! The simulated machine: controlled nodes with drives and motors behind them.
