@@ -33,7 +33,7 @@ pub enum CdcError {
         offset: usize,
         /// What should stand there.
         expected: &'static str,
-        /// Its length [octets].
+        /// Its length in octets.
         need: usize,
         /// Octets that are left.
         got: usize,

@@ -179,7 +179,7 @@ impl EntryDef {
         self
     }
 
-    /// Greatest length [octets] of a type of variable length.
+    /// Greatest length in octets of a type of variable length.
     pub const fn capacity(mut self, octets: u16) -> EntryDef {
         self.capacity = octets;
         self

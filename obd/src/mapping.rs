@@ -134,7 +134,7 @@ impl<const N: usize> CopyPlan<N> {
         payload_octets: 0,
     };
 
-    /// Checks mapping entries against a dictionary and a payload limit [octets].
+    /// Checks mapping entries against a dictionary and a payload limit in octets.
     ///
     /// Refused are objects that do not exist or may not be mapped this way, positions and lengths that are no whole octets,
     /// lengths other than the object's, overlaps, and payloads beyond the limit or `N` entries.

@@ -1,1 +1,36 @@
-//! Service data objects: access to the object dictionary of another node through ASnd frames.
+//! SDO: reading and writing objects of another node, as service data of ASnd frames.
+//!
+//! In:  service data of received SDO frames (ASnd service 05h: the Ethernet frame from octet 18 on), the time, and on the
+//!      client's side the wishes of the application.
+//! Out: service data of frames to be sent when the node may use the asynchronous slot, and results.
+//!
+//! Three layers, each in its own file: [`sequence`] (numbers that find losses and duplicates), [`command`] (what is read or
+//! written), and the two ends of a connection, [`Server`] and [`Client`]. Nothing here does I/O, waits or allocates.
+//!
+//! Commands are WriteByIndex and ReadByIndex in one frame (expedited). The server answers every other command and every
+//! segmented transfer with abort [`AbortCode::UNKNOWN_COMMAND`](obd::AbortCode::UNKNOWN_COMMAND).
+
+pub mod client;
+pub mod command;
+pub mod sequence;
+pub mod server;
+
+pub use client::{Client, ClientError, Timing};
+pub use server::Server;
+
+/// First octet of the service data in the Ethernet frame.
+pub const SERVICE_DATA_OFFSET: usize = 18;
+
+/// Longest service data this crate sends: an ASnd frame of the least AsyncMTU (1F98h/8 = 300 octets after the Ethernet
+/// header), which every node must accept.
+pub const SERVICE_DATA_MAX: usize = 14 + 300 - SERVICE_DATA_OFFSET;
+
+/// Longest value that fits in one frame when it is written: behind sequence header, command header and object address.
+pub const EXPEDITED_WRITE_MAX: usize =
+    SERVICE_DATA_MAX - sequence::HEADER_LEN - command::HEADER_LEN - command::ADDRESS_LEN;
+
+/// Longest value that fits in one frame when it is read.
+pub const EXPEDITED_READ_MAX: usize = SERVICE_DATA_MAX - sequence::HEADER_LEN - command::HEADER_LEN;
+
+/// Length of service data without a command: the command header is sent as zero.
+pub(crate) const EMPTY_LEN: usize = sequence::HEADER_LEN + command::HEADER_LEN;

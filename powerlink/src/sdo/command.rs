@@ -1,0 +1,251 @@
+//! Command layer: what one SDO frame asks or answers.
+//!
+//! Fixed header of 8 octets behind the sequence header: reserved, transaction id, flags, command id, segment size u16,
+//! reserved u16; then `segment size` octets of command data.
+
+use obd::AbortCode;
+
+/// Octets of the fixed command header.
+pub const HEADER_LEN: usize = 8;
+/// Octets in front of the value of WriteByIndex: index u16, sub-index u8, reserved u8.
+pub const ADDRESS_LEN: usize = 4;
+
+const FLAG_RESPONSE: u8 = 0x80;
+const FLAG_ABORT: u8 = 0x40;
+const SEGMENTATION: u8 = 0x30;
+
+/// Commands this crate carries out; others are kept as numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CommandId {
+    /// Write one object.
+    WriteByIndex,
+    /// Read one object.
+    ReadByIndex,
+    /// Any other command.
+    Other(u8),
+}
+
+impl From<u8> for CommandId {
+    fn from(octet: u8) -> Self {
+        match octet {
+            0x01 => CommandId::WriteByIndex,
+            0x02 => CommandId::ReadByIndex,
+            other => CommandId::Other(other),
+        }
+    }
+}
+
+impl From<CommandId> for u8 {
+    fn from(id: CommandId) -> u8 {
+        match id {
+            CommandId::WriteByIndex => 0x01,
+            CommandId::ReadByIndex => 0x02,
+            CommandId::Other(other) => other,
+        }
+    }
+}
+
+/// How a transfer is cut into frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Segmentation {
+    /// All data are in this frame.
+    Expedited,
+    /// First frame of several; carries the total size.
+    Initiate,
+    /// A frame in between.
+    Segment,
+    /// The last frame.
+    Complete,
+}
+
+impl Segmentation {
+    const fn from_flags(flags: u8) -> Segmentation {
+        match flags & SEGMENTATION {
+            0x00 => Segmentation::Expedited,
+            0x10 => Segmentation::Initiate,
+            0x20 => Segmentation::Segment,
+            _ => Segmentation::Complete,
+        }
+    }
+
+    const fn flags(self) -> u8 {
+        match self {
+            Segmentation::Expedited => 0x00,
+            Segmentation::Initiate => 0x10,
+            Segmentation::Segment => 0x20,
+            Segmentation::Complete => 0x30,
+        }
+    }
+}
+
+/// The fixed command header without the segment size, which follows from the data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Header {
+    /// Chosen by the client, echoed by the server.
+    pub transaction: u8,
+    /// The server answers.
+    pub response: bool,
+    /// The data are an abort code.
+    pub abort: bool,
+    /// Place of this frame in the transfer.
+    pub segmentation: Segmentation,
+    /// What to do.
+    pub id: CommandId,
+}
+
+/// A received command with its data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Command<'a> {
+    /// The header.
+    pub header: Header,
+    /// Command data of this frame.
+    pub data: &'a [u8],
+}
+
+/// What stands behind a sequence header.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Content<'a> {
+    /// No command: the frame acknowledges, opens or closes.
+    Empty,
+    /// A command.
+    Command(Command<'a>),
+    /// Octets that announce more data than the frame holds.
+    Malformed,
+}
+
+impl<'a> Content<'a> {
+    /// Reads the octets behind the sequence header. Never panics.
+    pub fn parse(octets: &'a [u8]) -> Content<'a> {
+        let Some((header, rest)) = octets.split_at_checked(HEADER_LEN) else {
+            return if octets.iter().all(|octet| *octet == 0) {
+                Content::Empty
+            } else {
+                Content::Malformed
+            };
+        };
+        if header[3] == 0 {
+            return Content::Empty;
+        }
+        let size = u16::from_le_bytes([header[4], header[5]]) as usize;
+        let Some(data) = rest.get(..size) else {
+            return Content::Malformed;
+        };
+        let flags = header[2];
+        Content::Command(Command {
+            header: Header {
+                transaction: header[1],
+                response: flags & FLAG_RESPONSE != 0,
+                abort: flags & FLAG_ABORT != 0,
+                segmentation: Segmentation::from_flags(flags),
+                id: CommandId::from(header[3]),
+            },
+            data,
+        })
+    }
+}
+
+impl Header {
+    /// Writes the header; `size` is the number of data octets that follow in this frame.
+    pub fn emit(&self, size: u16, out: &mut [u8; HEADER_LEN]) {
+        let response = if self.response { FLAG_RESPONSE } else { 0 };
+        let abort = if self.abort { FLAG_ABORT } else { 0 };
+        let [low, high] = size.to_le_bytes();
+        let flags = response | abort | self.segmentation.flags();
+        *out = [0, self.transaction, flags, self.id.into(), low, high, 0, 0];
+    }
+}
+
+/// Object address in front of the data of WriteByIndex and ReadByIndex.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Address {
+    /// Object index.
+    pub index: u16,
+    /// Sub-index.
+    pub sub: u8,
+}
+
+impl Address {
+    /// Splits command data into address and value; `None` when they are too short.
+    pub fn split(data: &[u8]) -> Option<(Address, &[u8])> {
+        let (address, value) = data.split_at_checked(ADDRESS_LEN)?;
+        Some((
+            Address {
+                index: u16::from_le_bytes([address[0], address[1]]),
+                sub: address[2],
+            },
+            value,
+        ))
+    }
+
+    /// Writes the address.
+    pub fn emit(self, out: &mut [u8; ADDRESS_LEN]) {
+        let [low, high] = self.index.to_le_bytes();
+        *out = [low, high, self.sub, 0];
+    }
+}
+
+/// Reads the data of an abort.
+pub fn abort_code(data: &[u8]) -> Option<AbortCode> {
+    Some(AbortCode(u32::from_le_bytes(data.get(..4)?.try_into().ok()?)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn captured_write_of_1006h() {
+        // openpowerlink-mn-3cn-10ms.pcap, frame 1481, octets 22..38: 1006h = 10 000.
+        let octets = [0, 3, 0, 1, 8, 0, 0, 0, 0x06, 0x10, 0, 0, 0x10, 0x27, 0, 0, 0, 0];
+        let Content::Command(command) = Content::parse(&octets) else {
+            panic!("no command")
+        };
+        let header = Header {
+            transaction: 3,
+            response: false,
+            abort: false,
+            segmentation: Segmentation::Expedited,
+            id: CommandId::WriteByIndex,
+        };
+        assert_eq!(command.header, header);
+        let (address, value) = Address::split(command.data).unwrap();
+        assert_eq!(
+            (address, value),
+            (Address { index: 0x1006, sub: 0 }, &[0x10, 0x27, 0, 0][..])
+        );
+        let (mut out, mut at) = ([0xA5; HEADER_LEN], [0xA5; ADDRESS_LEN]);
+        header.emit(8, &mut out);
+        address.emit(&mut at);
+        assert_eq!((&out[..], &at[..]), (&octets[..8], &octets[8..12]));
+    }
+
+    #[test]
+    fn captured_abort() {
+        // openpowerlink-mn-3cn-10ms.pcap, frame 1197, octets 22..34: answer to the write of 1011h/1.
+        let octets = [0, 0, 0xC0, 1, 4, 0, 0, 0, 0, 0, 2, 6];
+        let Content::Command(command) = Content::parse(&octets) else {
+            panic!("no command")
+        };
+        assert!(command.header.response && command.header.abort);
+        assert_eq!(abort_code(command.data), Some(AbortCode::NO_OBJECT));
+        for len in 1..octets.len() {
+            assert_eq!(abort_code(&octets[8..len.max(8)]), None);
+            let expected = if len <= 2 { Content::Empty } else { Content::Malformed };
+            assert_eq!(Content::parse(&octets[..len]), expected, "{len} octets");
+        }
+    }
+
+    #[test]
+    fn all_command_ids_lead_there_and_back() {
+        for octet in 0..=u8::MAX {
+            assert_eq!(u8::from(CommandId::from(octet)), octet);
+        }
+    }
+
+    #[test]
+    fn segmentation_flags_lead_there_and_back() {
+        for flags in [0x00, 0x10, 0x20, 0x30] {
+            assert_eq!(Segmentation::from_flags(flags | 0xC0).flags(), flags);
+        }
+    }
+}

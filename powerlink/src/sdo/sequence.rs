@@ -1,0 +1,148 @@
+//! Sequence layer: two octets that number the frames of a connection in both directions.
+//!
+//! Octet 0 (receive): number of the last frame received in order, and what the receiver thinks of the connection.
+//! Octet 1 (send): number of this frame, and what the sender thinks. Each octet is `number << 2 | con`; octets 2 and 3 are
+//! reserved. A frame that repeats the last send number carries no new command: it acknowledges, or it is a duplicate.
+
+/// Octets of the sequence header.
+pub const HEADER_LEN: usize = 4;
+
+/// State of a connection as one side tells it; two bits on the wire.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Con {
+    /// No connection; sent to close one.
+    None,
+    /// The connection is being set up.
+    Init,
+    /// The connection is open.
+    Valid,
+    /// In the receive octet: frames are missing, please send them again. In the send octet: please acknowledge.
+    Request,
+}
+
+impl Con {
+    const fn from_bits(octet: u8) -> Con {
+        match octet & 3 {
+            0 => Con::None,
+            1 => Con::Init,
+            2 => Con::Valid,
+            _ => Con::Request,
+        }
+    }
+
+    const fn bits(self) -> u8 {
+        match self {
+            Con::None => 0,
+            Con::Init => 1,
+            Con::Valid => 2,
+            Con::Request => 3,
+        }
+    }
+
+    /// Whether this side takes the connection as open.
+    pub const fn is_open(self) -> bool {
+        matches!(self, Con::Valid | Con::Request)
+    }
+}
+
+/// Number of a frame; counts modulo 64.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Number(u8);
+
+impl Number {
+    /// The number modulo 64.
+    pub const fn new(number: u8) -> Number {
+        Number(number & 0x3F)
+    }
+
+    /// The number after this one.
+    #[must_use]
+    pub const fn next(self) -> Number {
+        Number::new(self.0 + 1)
+    }
+
+    /// 0..=63.
+    pub const fn get(self) -> u8 {
+        self.0
+    }
+}
+
+/// The sequence header.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sequence {
+    /// Last frame received in order.
+    pub received: Number,
+    /// State as the receiver tells it.
+    pub received_con: Con,
+    /// This frame.
+    pub sent: Number,
+    /// State as the sender tells it.
+    pub sent_con: Con,
+}
+
+impl Sequence {
+    /// Reads service data; `None` when they are shorter than the header. Never panics.
+    pub fn parse(service_data: &[u8]) -> Option<Sequence> {
+        let header = service_data.get(..HEADER_LEN)?;
+        Some(Sequence {
+            received: Number::new(header[0] >> 2),
+            received_con: Con::from_bits(header[0]),
+            sent: Number::new(header[1] >> 2),
+            sent_con: Con::from_bits(header[1]),
+        })
+    }
+
+    /// Writes the header.
+    pub fn emit(self, header: &mut [u8; HEADER_LEN]) {
+        let octet = |number: Number, con: Con| number.0 << 2 | con.bits();
+        *header = [
+            octet(self.received, self.received_con),
+            octet(self.sent, self.sent_con),
+            0,
+            0,
+        ];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headers_of_a_captured_connection() {
+        // openpowerlink-mn-3cn-10ms.pcap, frames 955, 999, 1029, 1126, 6400, 2791: octets 18 and 19.
+        let parse = |receive, send| {
+            let sequence = Sequence::parse(&[receive, send, 0, 0]).unwrap();
+            (
+                sequence.received.get(),
+                sequence.received_con,
+                sequence.sent.get(),
+                sequence.sent_con,
+            )
+        };
+        assert_eq!(parse(0x00, 0x01), (0, Con::None, 0, Con::Init));
+        assert_eq!(parse(0x01, 0x01), (0, Con::Init, 0, Con::Init));
+        assert_eq!(parse(0x01, 0x02), (0, Con::Init, 0, Con::Valid));
+        assert_eq!(parse(0x02, 0x06), (0, Con::Valid, 1, Con::Valid));
+        assert_eq!(parse(0x46, 0x47), (17, Con::Valid, 17, Con::Request));
+        assert_eq!(parse(0x44, 0x44), (17, Con::None, 17, Con::None));
+    }
+
+    #[test]
+    fn every_pair_of_octets_leads_there_and_back() {
+        for receive in 0..=u8::MAX {
+            for send in 0..=u8::MAX {
+                let mut header = [0xA5; HEADER_LEN];
+                Sequence::parse(&[receive, send, 7, 7]).unwrap().emit(&mut header);
+                assert_eq!(header, [receive, send, 0, 0]);
+            }
+        }
+        assert_eq!(Sequence::parse(&[0; 3]), None);
+    }
+
+    #[test]
+    fn numbers_wrap_after_63() {
+        assert_eq!(Number::new(63).next(), Number::new(0));
+        assert_eq!(Number::new(62).next().get(), 63);
+    }
+}
