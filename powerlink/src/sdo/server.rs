@@ -103,6 +103,7 @@ impl<const CONNECTIONS: usize> Server<CONNECTIONS> {
                 used_at => events.wrapping_sub(used_at),
             };
             let longest = (0..CONNECTIONS)
+                .rev()
                 .max_by_key(|at| silence(&self.connections[*at]))
                 .unwrap_or(0);
             self.connections[longest] = Connection::closed(client);

@@ -167,7 +167,11 @@ fn a_lost_frame_is_repeated_after_the_short_time_out_which_doubles() {
         }
     }
     assert_eq!(sent_ms, [0, 50, 150, 350, 750]);
-    assert_eq!(transmit(&mut client, 1000 * MS).unwrap()[..2], [0x00, 0x00], "the close that ends it");
+    assert_eq!(
+        transmit(&mut client, 1000 * MS).unwrap()[..2],
+        [0x00, 0x00],
+        "the close that ends it"
+    );
     assert_eq!(client.result(), Some(Err(ClientError::TimedOut { frames: 5 })));
 }
 
