@@ -1,0 +1,242 @@
+//! The tables of the profile: states, commands, bits and modes.
+//!
+//! In:  statuswords (6041) and controlwords (6040).
+//! Out: what they mean. Pure functions; nothing here keeps a state.
+
+use core::fmt;
+
+/// State of the drive's power state machine, as the statusword (6041) shows it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// Self-test; moves on by itself.
+    NotReadyToSwitchOn,
+    /// Initialised, power must not be switched on yet.
+    SwitchOnDisabled,
+    /// Power may be switched on.
+    ReadyToSwitchOn,
+    /// Power stage ready, no torque.
+    SwitchedOn,
+    /// Follows set-points.
+    OperationEnabled,
+    /// Stops, or holds after a quick stop.
+    QuickStopActive,
+    /// Stops because of a fault; moves on by itself.
+    FaultReactionActive,
+    /// Off because of a fault.
+    Fault,
+}
+
+/// (mask, value, state): the statusword shows `state` when `word & mask == value`. No two overlap.
+const PATTERNS: [(u16, u16, State); 8] = [
+    (0x004F, 0x0000, State::NotReadyToSwitchOn),
+    (0x004F, 0x0040, State::SwitchOnDisabled),
+    (0x006F, 0x0021, State::ReadyToSwitchOn),
+    (0x006F, 0x0023, State::SwitchedOn),
+    (0x006F, 0x0027, State::OperationEnabled),
+    (0x006F, 0x0007, State::QuickStopActive),
+    (0x004F, 0x000F, State::FaultReactionActive),
+    (0x004F, 0x0008, State::Fault),
+];
+
+/// The state that a statusword shows; `None` for a pattern that the profile does not define.
+///
+/// RT: eight comparisons at most.
+pub fn state(statusword: u16) -> Option<State> {
+    PATTERNS
+        .iter()
+        .find(|(mask, value, _)| statusword & mask == *value)
+        .map(|pattern| pattern.2)
+}
+
+impl State {
+    /// The state's bits of the statusword (0 to 3, 5 and 6); where the profile leaves bit 5 open it is 0.
+    pub const fn statusword(self) -> u16 {
+        match self {
+            State::NotReadyToSwitchOn => 0x0000,
+            State::SwitchOnDisabled => 0x0040,
+            State::ReadyToSwitchOn => 0x0021,
+            State::SwitchedOn => 0x0023,
+            State::OperationEnabled => 0x0027,
+            State::QuickStopActive => 0x0007,
+            State::FaultReactionActive => 0x000F,
+            State::Fault => 0x0008,
+        }
+    }
+}
+
+impl fmt::Display for State {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            State::NotReadyToSwitchOn => "NOT READY TO SWITCH ON",
+            State::SwitchOnDisabled => "SWITCH ON DISABLED",
+            State::ReadyToSwitchOn => "READY TO SWITCH ON",
+            State::SwitchedOn => "SWITCHED ON",
+            State::OperationEnabled => "OPERATION ENABLED",
+            State::QuickStopActive => "QUICK STOP ACTIVE",
+            State::FaultReactionActive => "FAULT REACTION ACTIVE",
+            State::Fault => "FAULT",
+        })
+    }
+}
+
+/// State command in bits 0 to 3 and 7 of the controlword (6040).
+///
+/// *Switch on* and *disable operation* are the same bits; which one they are depends on the state of the drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u16)]
+pub enum Command {
+    /// Power off, motor coasts.
+    DisableVoltage = 0x0000,
+    /// Quick stop (605A says how).
+    QuickStop = 0x0002,
+    /// To READY TO SWITCH ON.
+    Shutdown = 0x0006,
+    /// To SWITCHED ON, from below (*switch on*) or from OPERATION ENABLED (*disable operation*).
+    SwitchOn = 0x0007,
+    /// To OPERATION ENABLED.
+    EnableOperation = 0x000F,
+    /// Leaves FAULT; acts on the rising edge of bit 7.
+    FaultReset = 0x0080,
+}
+
+impl Command {
+    /// The command in a controlword. Bit 7 alone makes a fault reset; its edge is the receiver's to watch.
+    ///
+    /// RT: a few comparisons.
+    pub fn of(controlword: u16) -> Command {
+        if controlword & 0x0080 != 0 {
+            Command::FaultReset
+        } else if controlword & 0x0002 == 0 {
+            Command::DisableVoltage
+        } else if controlword & 0x0004 == 0 {
+            Command::QuickStop
+        } else if controlword & 0x0001 == 0 {
+            Command::Shutdown
+        } else if controlword & 0x0008 == 0 {
+            Command::SwitchOn
+        } else {
+            Command::EnableOperation
+        }
+    }
+}
+
+/// Bits of the controlword (6040) beside the state commands.
+pub mod controlword {
+    /// Mode-specific: *start homing* (HM), *enable interpolation* (IP).
+    pub const MODE_START: u16 = 1 << 4;
+    /// Halt.
+    pub const HALT: u16 = 1 << 8;
+}
+
+/// Bits of the statusword (6041) beside the state.
+pub mod statusword {
+    /// Power stage is supplied.
+    pub const VOLTAGE_ENABLED: u16 = 1 << 4;
+    /// A warning is present; the drive goes on.
+    pub const WARNING: u16 = 1 << 7;
+    /// 0: the controlword is not obeyed (local control).
+    pub const REMOTE: u16 = 1 << 9;
+    /// Target reached; HM: at rest.
+    pub const TARGET_REACHED: u16 = 1 << 10;
+    /// A limit inside the drive acts.
+    pub const INTERNAL_LIMIT: u16 = 1 << 11;
+    /// CSP: *drive follows the command*; IP: *interpolation active*; HM: *homing attained*.
+    pub const MODE_ACK: u16 = 1 << 12;
+    /// CSP: *following error*; HM: *homing error*.
+    pub const MODE_ERROR: u16 = 1 << 13;
+}
+
+/// Codes of modes of operation (6060, 6061).
+pub mod mode {
+    /// No mode, no change.
+    pub const NONE: i8 = 0;
+    /// Homing (HM).
+    pub const HOMING: i8 = 6;
+    /// Interpolated position (IP).
+    pub const INTERPOLATED_POSITION: i8 = 7;
+    /// Cyclic synchronous position (CSP).
+    pub const CYCLIC_SYNCHRONOUS_POSITION: i8 = 8;
+
+    /// The bit of a mode in 6502 (supported drive modes); 0 for no mode and for codes without a bit.
+    pub const fn supported_bit(code: i8) -> u32 {
+        match code {
+            1..=4 | 6..=11 => 1 << (code - 1),
+            _ => 0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The profile's table spelled out as bits, most significant first, `x` where a bit takes no part.
+    const TABLE: [(&str, State); 8] = [
+        ("xxxxxxxxx0xx0000", State::NotReadyToSwitchOn),
+        ("xxxxxxxxx1xx0000", State::SwitchOnDisabled),
+        ("xxxxxxxxx01x0001", State::ReadyToSwitchOn),
+        ("xxxxxxxxx01x0011", State::SwitchedOn),
+        ("xxxxxxxxx01x0111", State::OperationEnabled),
+        ("xxxxxxxxx00x0111", State::QuickStopActive),
+        ("xxxxxxxxx0xx1111", State::FaultReactionActive),
+        ("xxxxxxxxx0xx1000", State::Fault),
+    ];
+
+    fn matches(bits: &str, word: u16) -> bool {
+        bits.bytes()
+            .enumerate()
+            .all(|(place, bit)| bit == b'x' || (bit == b'1') == (word >> (15 - place) & 1 == 1))
+    }
+
+    #[test]
+    fn every_statusword_shows_the_state_of_the_table_or_none() {
+        let mut unknown = 0;
+        for word in 0..=u16::MAX {
+            let mut hits = TABLE
+                .iter()
+                .filter(|(bits, _)| matches(bits, word))
+                .map(|(_, state)| *state);
+            let expected = hits.next();
+            assert_eq!(hits.next(), None, "{word:#06x} shows two states");
+            assert_eq!(state(word), expected, "{word:#06x}");
+            unknown += u32::from(expected.is_none());
+        }
+        // Of the 64 combinations of bits 0-3, 5, 6, twelve are states: 4 x 2 (bit 5 open) and 4 x 1.
+        assert_eq!(unknown, 65536 - 65536 * 12 / 64);
+    }
+
+    #[test]
+    fn the_bits_of_a_state_show_that_state() {
+        for (_, expected) in TABLE {
+            assert_eq!(state(expected.statusword()), Some(expected));
+        }
+    }
+
+    #[test]
+    fn every_controlword_is_one_command_of_the_table() {
+        const TABLE: [(&str, Command); 6] = [
+            ("xxxxxxxx0xxxx110", Command::Shutdown),
+            ("xxxxxxxx0xxx0111", Command::SwitchOn),
+            ("xxxxxxxx0xxxxx0x", Command::DisableVoltage),
+            ("xxxxxxxx0xxxx01x", Command::QuickStop),
+            ("xxxxxxxx0xxx1111", Command::EnableOperation),
+            ("xxxxxxxx1xxxxxxx", Command::FaultReset),
+        ];
+        for word in 0..=u16::MAX {
+            let mut hits = TABLE
+                .iter()
+                .filter(|(bits, _)| matches(bits, word))
+                .map(|(_, command)| *command);
+            assert_eq!(hits.next(), Some(Command::of(word)), "{word:#06x}");
+            assert_eq!(hits.next(), None, "{word:#06x} is two commands");
+        }
+    }
+
+    #[test]
+    fn supported_bits_follow_the_table_of_6502() {
+        assert_eq!(mode::supported_bit(6), 1 << 5);
+        assert_eq!(mode::supported_bit(7), 1 << 6);
+        assert_eq!(mode::supported_bit(8), 1 << 7);
+        assert_eq!([0, 5, 12, -1].map(mode::supported_bit), [0; 4]);
+    }
+}
