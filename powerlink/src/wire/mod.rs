@@ -78,6 +78,11 @@ pub(crate) mod flag {
     pub(crate) const PS: u8 = 0x40;
     pub(crate) const MC: u8 = 0x80;
     pub(crate) const MR: u8 = 0x01;
+
+    /// The bit where the flag is set, else nothing.
+    pub(super) fn bit(set: bool, bit: u8) -> u8 {
+        if set { bit } else { 0 }
+    }
 }
 
 /// MessageType values. Bit 7 of the octet is no part of the type.
@@ -297,7 +302,7 @@ impl Requests {
     }
 
     fn to_octet(self) -> u8 {
-        self.count.min(7) | (self.priority & 0x07) << 3
+        self.count.min(7) | ((self.priority & 0x07) << 3)
     }
 }
 

@@ -39,9 +39,9 @@ impl<'a> Preq<'a> {
     /// Writes the frame as long as a payload of `payload_limit` octets (object 0x1F8B) makes it; returns its length.
     pub fn emit(&self, header: &Header, payload_limit: usize, buffer: &mut [u8]) -> Result<usize, WireError> {
         let frame = start_poll(header, message::PREQ, payload_limit, self.payload, buffer)?;
-        frame[18] = u8::from(self.multiplexed) * flag::MS
-            | u8::from(self.exception_acknowledge) * flag::EA
-            | u8::from(self.ready) * flag::RD;
+        frame[18] = flag::bit(self.multiplexed, flag::MS)
+            | flag::bit(self.exception_acknowledge, flag::EA)
+            | flag::bit(self.ready, flag::RD);
         frame[20] = self.pdo_version;
         Ok(frame.len())
     }
@@ -84,9 +84,9 @@ impl<'a> Pres<'a> {
     pub fn emit(&self, header: &Header, payload_limit: usize, buffer: &mut [u8]) -> Result<usize, WireError> {
         let frame = start_poll(header, message::PRES, payload_limit, self.payload, buffer)?;
         frame[17] = self.nmt_state.into();
-        frame[18] = u8::from(self.multiplexed) * flag::MS
-            | u8::from(self.exception_new) * flag::EN
-            | u8::from(self.ready) * flag::RD;
+        frame[18] = flag::bit(self.multiplexed, flag::MS)
+            | flag::bit(self.exception_new, flag::EN)
+            | flag::bit(self.ready, flag::RD);
         frame[19] = self.requests.to_octet();
         frame[20] = self.pdo_version;
         Ok(frame.len())

@@ -49,7 +49,7 @@ impl<'a> StatusResponse<'a> {
     }
 
     pub(super) fn write(&self, frame: &mut [u8]) {
-        frame[18] = u8::from(self.exception_clear) * flag::EC | u8::from(self.exception_new) * flag::EN;
+        frame[18] = flag::bit(self.exception_clear, flag::EC) | flag::bit(self.exception_new, flag::EN);
         frame[19] = self.requests.to_octet();
         frame[20] = self.nmt_state.into();
         put(frame, 24, self.static_errors);

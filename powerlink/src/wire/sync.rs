@@ -50,7 +50,7 @@ impl Soc {
     /// Writes the frame; returns its length, 60.
     pub fn emit(&self, header: &Header, buffer: &mut [u8]) -> Result<usize, WireError> {
         let frame = start(header, message::SOC, SOC_LEN, buffer)?;
-        frame[18] = u8::from(self.multiplexed_cycle) * flag::MC | u8::from(self.prescaled_slot) * flag::PS;
+        frame[18] = flag::bit(self.multiplexed_cycle, flag::MC) | flag::bit(self.prescaled_slot, flag::PS);
         put(frame, 20, self.net_time.seconds.to_le_bytes());
         put(frame, 24, self.net_time.nanoseconds.to_le_bytes());
         put(frame, 28, self.relative_time_us.to_le_bytes());
@@ -155,11 +155,11 @@ impl Soa {
     pub fn emit(&self, header: &Header, buffer: &mut [u8]) -> Result<usize, WireError> {
         let frame = start(header, message::SOA, SOA_LEN, buffer)?;
         frame[17] = self.nmt_state.into();
-        frame[18] = u8::from(self.exception_acknowledge) * flag::EA | u8::from(self.exception_reset) * flag::ER;
+        frame[18] = flag::bit(self.exception_acknowledge, flag::EA) | flag::bit(self.exception_reset, flag::ER);
         frame[20] = self.service.into();
         frame[21] = self.target;
         frame[22] = self.epl_version;
-        frame[23] = u8::from(self.redundancy_active) * flag::MR;
+        frame[23] = flag::bit(self.redundancy_active, flag::MR);
         Ok(frame.len())
     }
 }
