@@ -16,6 +16,9 @@
 
 use crate::DataType;
 
+/// Octets in front of a value of variable length that hold its present length.
+pub(crate) const LENGTH_PREFIX: usize = 2;
+
 /// Who may read and write an object through SDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
@@ -192,6 +195,14 @@ impl EntryDef {
         self
     }
 
+    /// Octets that each sub-index takes in a dictionary.
+    pub(crate) const fn stride(&self) -> usize {
+        match self.data_type.size() {
+            Some(size) => size,
+            None => LENGTH_PREFIX + self.capacity as usize,
+        }
+    }
+
     /// What is wrong with this line, if anything.
     pub(crate) fn fault(&self) -> Option<&'static str> {
         if self.sub_first > self.sub_last {
@@ -227,4 +238,39 @@ impl EntryDef {
             Value::Octets(_) => None,
         }
     }
+}
+
+/// Entries a dictionary needs for a table: its lines, and one for each sub-index 0 that the dictionary adds. Tables that share
+/// no index can be summed up.
+pub const fn lines_of(table: &[EntryDef]) -> usize {
+    let mut lines = table.len();
+    let mut at = 0;
+    while at < table.len() {
+        let (mut seen_before, mut has_sub_0, mut other) = (false, false, 0);
+        while other < table.len() {
+            if table[other].index == table[at].index {
+                seen_before |= other < at;
+                has_sub_0 |= table[other].sub_first == 0;
+            }
+            other += 1;
+        }
+        if !seen_before && !has_sub_0 {
+            lines += 1;
+        }
+        at += 1;
+    }
+    lines
+}
+
+/// Octets of values a dictionary needs for a table, see [`lines_of`].
+pub const fn octets_of(table: &[EntryDef]) -> usize {
+    // One octet for each added sub-index 0.
+    let mut octets = lines_of(table) - table.len();
+    let mut at = 0;
+    while at < table.len() {
+        let def = &table[at];
+        octets += def.stride() * (def.sub_last as usize - def.sub_first as usize + 1);
+        at += 1;
+    }
+    octets
 }

@@ -3,10 +3,8 @@
 use core::fmt;
 use core::marker::PhantomData;
 
+use crate::definition::LENGTH_PREFIX;
 use crate::{AbortCode, DataType, EntryDef, Objects, Scalar, Value};
-
-/// Octets in front of a value of variable length that hold its present length.
-const LENGTH_PREFIX: usize = 2;
 
 /// Definition of sub-index 0 of arrays and records whose table does not define it. A static, since its address tells it from
 /// the lines of the tables.
@@ -136,22 +134,15 @@ struct Slot {
 }
 
 impl Slot {
-    fn stride(&self) -> usize {
-        self.def
-            .data_type
-            .size()
-            .unwrap_or(LENGTH_PREFIX + self.def.capacity as usize)
-    }
-
     fn handle(&self, slot: usize, sub: u8) -> Handle {
         let variable = self.def.data_type.size().is_none();
         let prefix = if variable { LENGTH_PREFIX } else { 0 };
-        let start = self.offset as usize + (sub - self.def.sub_first) as usize * self.stride();
+        let start = self.offset as usize + (sub - self.def.sub_first) as usize * self.def.stride();
         Handle {
             slot: slot as u16,
             sub,
             offset: (start + prefix) as u32,
-            size: (self.stride() - prefix) as u16,
+            size: (self.def.stride() - prefix) as u16,
             variable,
         }
     }
@@ -254,7 +245,7 @@ impl<const ENTRIES: usize, const BYTES: usize> Dictionary<ENTRIES, BYTES> {
         let mut next = 0;
         for slot in &mut self.slots[..self.used] {
             slot.offset = next as u32;
-            next += slot.stride() * ((slot.def.sub_last - slot.def.sub_first) as usize + 1);
+            next += slot.def.stride() * ((slot.def.sub_last - slot.def.sub_first) as usize + 1);
         }
         if next > BYTES || next > u32::MAX as usize {
             return Err(BuildError::TooManyBytes {
@@ -368,7 +359,7 @@ impl<const ENTRIES: usize, const BYTES: usize> Dictionary<ENTRIES, BYTES> {
         for slot in &self.slots[..self.used] {
             if (first..=last).contains(&slot.index) {
                 let start = slot.offset as usize;
-                let end = start + slot.stride() * ((slot.def.sub_last - slot.def.sub_first) as usize + 1);
+                let end = start + slot.def.stride() * ((slot.def.sub_last - slot.def.sub_first) as usize + 1);
                 self.values[start..end].copy_from_slice(&self.defaults[start..end]);
             }
         }

@@ -19,7 +19,7 @@ pub mod mapping;
 
 pub use abort::AbortCode;
 pub use data_type::{DataType, Scalar};
-pub use definition::{Access, EntryDef, PdoAccess, Value};
+pub use definition::{Access, EntryDef, PdoAccess, Value, lines_of, octets_of};
 pub use dictionary::{BuildError, Dictionary, Handle, Key};
 
 /// What an SDO server reads and writes: a plain [`Dictionary`], or a node that adds effects to some of its objects.

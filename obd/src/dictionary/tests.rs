@@ -35,6 +35,11 @@ fn tables_are_sorted_and_sub_index_0_is_added() {
         dictionary.used(),
         (12, 4 + 4 + (2 + 16) + 1 + 32 * 8 + 1 + 4 * 4 + 1 + 4 + 2 + 1 + (2 + 4))
     );
+    let counted = (
+        crate::lines_of(COMMUNICATION) + crate::lines_of(DEVICE),
+        crate::octets_of(COMMUNICATION) + crate::octets_of(DEVICE),
+    );
+    assert_eq!(counted, dictionary.used());
     let indices: Vec<u16> = dictionary.lines().map(|(index, _)| index).collect();
     assert_eq!(
         indices,

@@ -1,0 +1,87 @@
+//! SDO access to the objects of a controlled node: what the dictionary checks, and what the node adds to some objects.
+
+use obd::mapping::Direction;
+use obd::{AbortCode, Dictionary, Objects};
+
+use super::objects::{HISTORY_ENTRIES, Keys};
+use super::{WriteCheck, pdo};
+use crate::nmt::{CnEvent, NmtCommand, NmtState, Reset};
+
+/// First object of the device; those before belong to the communication profile.
+pub(super) const FIRST_DEVICE_OBJECT: u16 = 0x2000;
+
+/// The dictionary as an SDO sees it during one frame.
+pub(super) struct Access<'a, const E: usize, const B: usize> {
+    pub(super) dictionary: &'a mut Dictionary<E, B>,
+    pub(super) keys: &'a Keys,
+    pub(super) state: NmtState,
+    pub(super) check: Option<WriteCheck<E, B>>,
+    /// The object that was written.
+    pub(super) written: Option<(u16, u8)>,
+    /// The reset that a write to 1F9Eh asks for.
+    pub(super) reset: Option<Reset>,
+}
+
+impl<const E: usize, const B: usize> Access<'_, E, B> {
+    fn check_effect(&mut self, index: u16, sub: u8, value: &[u8]) -> Result<(), AbortCode> {
+        let dictionary = &*self.dictionary;
+        match (index, sub) {
+            (0x1400 | 0x1600 | 0x1800 | 0x1A00, _) | (0x1F98, 4 | 5) if self.exchanges_pdos() => {
+                Err(AbortCode::DEVICE_STATE)
+            }
+            (0x1600, _) => pdo::check_mapping_write(dictionary, &self.keys.receive, Direction::Receive, sub, value),
+            (0x1A00, _) => pdo::check_mapping_write(dictionary, &self.keys.transmit, Direction::Transmit, sub, value),
+            (0x1F98, 4) => pdo::check_limit_write(dictionary, &self.keys.receive, Direction::Receive, value),
+            (0x1F98, 5) => pdo::check_limit_write(dictionary, &self.keys.transmit, Direction::Transmit, value),
+            (FIRST_DEVICE_OBJECT.., _) => self.check.map_or(Ok(()), |check| check(dictionary, index, sub, value)),
+            _ => Ok(()),
+        }
+    }
+
+    /// A mapping or limit that is in use must not change under it.
+    fn exchanges_pdos(&self) -> bool {
+        matches!(self.state, NmtState::ReadyToOperate | NmtState::Operational)
+    }
+
+    /// 1F9Eh: the value is an NMT command, one of the four resets; it always reads as 255.
+    fn reset_command(&mut self, value: &[u8]) -> Result<(), AbortCode> {
+        let command = value.first().copied().unwrap_or(0xFF);
+        match (NmtCommand::from(command).plain(), NmtCommand::from(command).cn_event()) {
+            (None, Some(CnEvent::Reset(reset))) => {
+                self.reset = Some(reset);
+                Ok(())
+            }
+            _ => Err(AbortCode::VALUE_RANGE),
+        }
+    }
+
+    /// 1003h/0 takes only 0: the history is emptied.
+    fn clear_history(&mut self) {
+        for sub in 1..=HISTORY_ENTRIES as u8 {
+            if let Ok(handle) = self.dictionary.find(0x1003, sub) {
+                // An empty string always fits.
+                let _ = self.dictionary.set_octets(handle, &[]);
+            }
+        }
+    }
+}
+
+impl<const E: usize, const B: usize> Objects for Access<'_, E, B> {
+    fn sdo_read(&mut self, index: u16, sub: u8, out: &mut [u8]) -> Result<usize, AbortCode> {
+        self.dictionary.sdo_read(index, sub, out)
+    }
+
+    fn sdo_write(&mut self, index: u16, sub: u8, value: &[u8]) -> Result<(), AbortCode> {
+        self.dictionary.check_write(index, sub, value)?;
+        if (index, sub) == (0x1F9E, 0) {
+            return self.reset_command(value);
+        }
+        self.check_effect(index, sub, value)?;
+        self.dictionary.write(index, sub, value)?;
+        if (index, sub) == (0x1003, 0) {
+            self.clear_history();
+        }
+        self.written = Some((index, sub));
+        Ok(())
+    }
+}
