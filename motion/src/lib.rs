@@ -6,3 +6,4 @@
 //! Everything left of the ring plans and may allocate; everything right of it runs in the cycle thread and may not.
 
 pub mod canon;
+pub mod ring;

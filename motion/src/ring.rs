@@ -1,0 +1,397 @@
+//! The border to real time: a ring of elements of which the visible part always ends at rest.
+//!
+//! In:  from the planner, publications: *committed* elements, final, followed by a *tail*, a planned stop at rest.
+//! Out: to the cycle thread, one element after the other, without ever waiting.
+//!
+//! Every element carries one atomic word that says what follows it: the next slot, another slot, or nothing. A
+//! publication is written behind everything else and then linked to the last committed element by one
+//! compare-exchange, in place of the tail that followed it. The consumer marks an element as passed by one swap, which
+//! also tells where to go. So either the consumer sees the new publication as a whole, or it is in the tail already;
+//! then the planner learns so ([`Publish::TailTaken`]) and plans on from the rest at the end of that tail. Whoever is
+//! slow makes the machine stop as planned; nobody waits and nothing is ever half seen.
+//!
+//! RT: [`Consumer`] does not allocate, lock or loop. Memory is allocated by [`channel`] only.
+
+use std::cell::UnsafeCell;
+use std::mem::MaybeUninit;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// What an element is for the ring: something that takes time.
+pub trait Timed: Copy {
+    /// Seconds from its beginning to its end at full speed.
+    fn duration_s(&self) -> f64;
+}
+
+/// Result of a publication.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Publish {
+    /// The consumer will find it, or has found it already.
+    Done,
+    /// The ring has not enough free slots yet; nothing was taken.
+    Full,
+    /// The consumer runs down the last tail; nothing was taken. The next publication begins at rest at its end.
+    TailTaken,
+}
+
+/// Where a planner hands in what it planned.
+pub trait Sink<T> {
+    /// Elements that a publication may have now.
+    fn free(&self) -> usize;
+
+    /// Hands in elements that are final and the planned stop behind them, which the next publication replaces. With an
+    /// empty tail, the last committed element must end at rest. Not both may be empty.
+    fn publish(&mut self, committed: &[T], tail: &[T]) -> Publish;
+}
+
+/// What follows an element.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Next {
+    /// The slot behind it.
+    Sequel,
+    /// Nothing yet: rest.
+    End,
+    /// The consumer has passed it.
+    Passed,
+    /// The slot of this number.
+    Jump(u64),
+}
+
+impl Next {
+    const SEQUEL: u64 = u64::MAX;
+    const END: u64 = u64::MAX - 1;
+    const PASSED: u64 = u64::MAX - 2;
+
+    const fn word(self) -> u64 {
+        match self {
+            Next::Sequel => Next::SEQUEL,
+            Next::End => Next::END,
+            Next::Passed => Next::PASSED,
+            Next::Jump(slot) => slot,
+        }
+    }
+
+    const fn from_word(word: u64) -> Next {
+        match word {
+            Next::SEQUEL => Next::Sequel,
+            Next::END => Next::End,
+            Next::PASSED => Next::Passed,
+            slot => Next::Jump(slot),
+        }
+    }
+}
+
+struct Slot<T> {
+    element: UnsafeCell<MaybeUninit<T>>,
+    next: AtomicU64,
+}
+
+struct Shared<T> {
+    slots: Box<[Slot<T>]>,
+    /// What follows the beginning, as if it were an element.
+    first: AtomicU64,
+    /// Number of the slot that the consumer is at; all before it are free.
+    at: AtomicU64,
+    /// Seconds of everything published, tails that were replaced left out; bits of an f64.
+    published_s: AtomicU64,
+}
+
+// SAFETY: an element is written by the producer only while no `next` word leads to its slot, and read by the consumer
+// only after such a word was read with Acquire that the producer had written with Release. A slot is written again only
+// after the consumer has moved `at` beyond it with Release.
+unsafe impl<T: Send> Sync for Shared<T> {}
+
+impl<T> Shared<T> {
+    fn slot(&self, number: u64) -> &Slot<T> {
+        // The length is a power of two.
+        &self.slots[(number & (self.slots.len() as u64 - 1)) as usize]
+    }
+
+    fn next_of(&self, number: Option<u64>) -> &AtomicU64 {
+        number.map_or(&self.first, |number| &self.slot(number).next)
+    }
+}
+
+/// The planner's end of a ring.
+pub struct Producer<T> {
+    shared: Arc<Shared<T>>,
+    /// Number of the next slot to be written.
+    write: u64,
+    /// Last committed element; `None` before the first.
+    anchor: Option<u64>,
+    /// What the anchor's word was last set to.
+    anchor_next: Next,
+    /// Last element of the tail, if there is one.
+    tail_end: Option<u64>,
+    committed_s: f64,
+    tail_s: f64,
+}
+
+/// The cycle thread's end of a ring.
+pub struct Consumer<T> {
+    shared: Arc<Shared<T>>,
+    at: Option<u64>,
+}
+
+/// A ring of at least `capacity` elements.
+pub fn channel<T: Timed + Send>(capacity: usize) -> (Producer<T>, Consumer<T>) {
+    let slots = (0..capacity.max(2).next_power_of_two())
+        .map(|_| Slot { element: UnsafeCell::new(MaybeUninit::uninit()), next: AtomicU64::new(Next::END) })
+        .collect();
+    let shared = Arc::new(Shared {
+        slots,
+        first: AtomicU64::new(Next::END),
+        at: AtomicU64::new(0),
+        published_s: AtomicU64::new(0),
+    });
+    let producer = Producer {
+        shared: Arc::clone(&shared),
+        write: 0,
+        anchor: None,
+        anchor_next: Next::End,
+        tail_end: None,
+        committed_s: 0.0,
+        tail_s: 0.0,
+    };
+    (producer, Consumer { shared, at: None })
+}
+
+impl<T: Timed> Producer<T> {
+    fn put(&mut self, element: T, next: Next) {
+        let slot = self.shared.slot(self.write);
+        // SAFETY: `publish` has checked that the consumer is beyond this slot, and no word leads to it yet.
+        unsafe { (*slot.element.get()).write(element) };
+        slot.next.store(next.word(), Ordering::Relaxed);
+        self.write += 1;
+    }
+}
+
+impl<T: Timed> Sink<T> for Producer<T> {
+    fn free(&self) -> usize {
+        let used = self.write - self.shared.at.load(Ordering::Acquire);
+        self.shared.slots.len() - used as usize
+    }
+
+    fn publish(&mut self, committed: &[T], tail: &[T]) -> Publish {
+        let count = committed.len() + tail.len();
+        assert!(count > 0, "a publication has elements");
+        assert!(count <= self.shared.slots.len(), "a publication of {count} elements never fits the ring");
+        if count > self.free() {
+            return Publish::Full;
+        }
+        let begin = self.write;
+        for (place, &element) in committed.iter().chain(tail).enumerate() {
+            self.put(element, if place + 1 == count { Next::End } else { Next::Sequel });
+        }
+        let link = self.shared.next_of(self.anchor).compare_exchange(
+            self.anchor_next.word(),
+            Next::Jump(begin).word(),
+            Ordering::Release,
+            Ordering::Relaxed,
+        );
+        if link.is_err() {
+            // The consumer has passed the anchor into the tail, so that the tail is what happens.
+            self.write = begin;
+            self.anchor = self.tail_end.take();
+            self.anchor_next = Next::End;
+            self.committed_s += std::mem::take(&mut self.tail_s);
+            return Publish::TailTaken;
+        }
+        self.committed_s += committed.iter().map(Timed::duration_s).sum::<f64>();
+        self.tail_s = tail.iter().map(Timed::duration_s).sum();
+        self.shared.published_s.store((self.committed_s + self.tail_s).to_bits(), Ordering::Relaxed);
+        if committed.is_empty() {
+            self.anchor_next = Next::Jump(begin);
+        } else {
+            self.anchor = Some(begin + committed.len() as u64 - 1);
+            self.anchor_next = if tail.is_empty() { Next::End } else { Next::Sequel };
+        }
+        self.tail_end = (!tail.is_empty()).then_some(self.write - 1);
+        Publish::Done
+    }
+}
+
+impl<T: Timed> Consumer<T> {
+    /// Moves on to what follows and returns it; `None` where nothing follows yet, which is only ever at rest. RT.
+    pub fn advance(&mut self) -> Option<T> {
+        let word = self.shared.next_of(self.at);
+        if Next::from_word(word.load(Ordering::Acquire)) == Next::End {
+            return None;
+        }
+        let number = match Next::from_word(word.swap(Next::Passed.word(), Ordering::AcqRel)) {
+            Next::Jump(number) => number,
+            // Only a slot has a sequel, so there is a number; and nobody else passes an element.
+            Next::Sequel | Next::Passed | Next::End => self.at.map_or(0, |at| at + 1),
+        };
+        self.at = Some(number);
+        // SAFETY: a word that was written with Release after the element led here, and the producer leaves the slot
+        // alone until `at` is beyond it.
+        let element = unsafe { (*self.shared.slot(number).element.get()).assume_init() };
+        self.shared.at.store(number, Ordering::Release);
+        Some(element)
+    }
+
+    /// Seconds of everything published so far, tails that were replaced left out. RT.
+    pub fn published_s(&self) -> f64 {
+        f64::from_bits(self.shared.published_s.load(Ordering::Relaxed))
+    }
+}
+
+impl<T> std::fmt::Debug for Producer<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Producer").field("write", &self.write).field("anchor", &self.anchor).finish_non_exhaustive()
+    }
+}
+
+impl<T> std::fmt::Debug for Consumer<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Consumer").field("at", &self.at).finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Moves from one number to the next; a tail ends in an element marked as rest.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    struct Step {
+        from: u64,
+        to: u64,
+        rests: bool,
+    }
+
+    impl Timed for Step {
+        fn duration_s(&self) -> f64 {
+            1.0
+        }
+    }
+
+    const fn step(from: u64, rests: bool) -> Step {
+        Step { from, to: from + 1, rests }
+    }
+
+    #[test]
+    fn a_new_publication_takes_the_place_of_the_tail() {
+        let (mut producer, mut consumer) = channel(8);
+        assert_eq!(consumer.advance(), None);
+        assert_eq!(producer.publish(&[step(0, false)], &[step(1, true)]), Publish::Done);
+        assert_eq!(consumer.advance(), Some(step(0, false)));
+        assert_eq!(producer.publish(&[step(1, false)], &[step(2, true)]), Publish::Done);
+        assert_eq!(consumer.advance(), Some(step(1, false)));
+        assert_eq!(consumer.advance(), Some(step(2, true)));
+        assert_eq!(consumer.advance(), None);
+    }
+
+    #[test]
+    fn too_late_is_told_and_the_way_goes_on_from_the_rest() {
+        let (mut producer, mut consumer) = channel(8);
+        producer.publish(&[step(0, false)], &[step(1, true)]);
+        consumer.advance();
+        consumer.advance();
+        assert_eq!(producer.publish(&[step(1, false)], &[step(2, true)]), Publish::TailTaken);
+        assert_eq!(consumer.advance(), None);
+        assert_eq!(producer.publish(&[step(2, true)], &[]), Publish::Done);
+        assert_eq!(consumer.advance(), Some(step(2, true)));
+        assert_eq!(consumer.advance(), None);
+    }
+
+    #[test]
+    fn a_tail_may_be_replaced_by_a_tail() {
+        let (mut producer, mut consumer) = channel(8);
+        producer.publish(&[step(0, false)], &[step(1, true)]);
+        producer.publish(&[], &[step(1, false), step(2, true)]);
+        producer.publish(&[], &[step(1, false), step(2, false), step(3, true)]);
+        let seen: Vec<_> = std::iter::from_fn(|| consumer.advance()).collect();
+        assert_eq!(seen, [step(0, false), step(1, false), step(2, false), step(3, true)]);
+    }
+
+    #[test]
+    fn a_full_ring_takes_nothing_and_takes_it_later() {
+        let (mut producer, mut consumer) = channel(4);
+        producer.publish(&[step(0, false), step(1, false)], &[step(2, true)]);
+        assert_eq!(producer.publish(&[step(2, false)], &[step(3, true)]), Publish::Full);
+        consumer.advance();
+        consumer.advance();
+        assert_eq!(producer.publish(&[step(2, false)], &[step(3, true)]), Publish::Done);
+        assert_eq!(consumer.advance(), Some(step(2, false)));
+    }
+
+    /// What a planner does: goes on from the last committed number, or from the rest if it came too late.
+    struct Planner {
+        producer: Producer<Step>,
+        committed: u64,
+        tail: u64,
+    }
+
+    impl Planner {
+        fn offer(&mut self, count: u64) -> Publish {
+            let committed: Vec<_> = (self.committed..self.committed + count).map(|from| step(from, false)).collect();
+            let tail = [step(self.committed + count, false), step(self.committed + count + 1, true)];
+            let result = self.producer.publish(&committed, &tail);
+            match result {
+                Publish::Done => {
+                    self.committed += count;
+                    self.tail = self.committed + 2;
+                }
+                Publish::TailTaken => self.committed = self.tail,
+                Publish::Full => {}
+            }
+            result
+        }
+    }
+
+    proptest! {
+        /// Any order of offers and steps: the consumer walks without a gap and stops only at rest.
+        #[test]
+        fn the_way_has_no_gap(moves in prop::collection::vec((prop::bool::ANY, 0_u64..4), 1..200)) {
+            let (producer, mut consumer) = channel(16);
+            let mut planner = Planner { producer, committed: 0, tail: 0 };
+            let (mut at, mut resting) = (0, true);
+            for (offer, count) in moves {
+                if offer {
+                    planner.offer(count);
+                } else {
+                    match consumer.advance() {
+                        Some(step) => {
+                            prop_assert_eq!(step.from, at);
+                            (at, resting) = (step.to, step.rests);
+                        }
+                        None => prop_assert!(resting),
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn two_threads_see_no_gap() {
+        const STEPS: u64 = 200_000;
+        let (producer, mut consumer) = channel(64);
+        let planner = std::thread::spawn(move || {
+            let mut planner = Planner { producer, committed: 0, tail: 0 };
+            let mut pace = 1_u64;
+            while planner.committed < STEPS {
+                pace = pace.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                if planner.offer(pace >> 62) == Publish::Full || pace >> 58 & 7 == 0 {
+                    std::thread::yield_now();
+                }
+            }
+        });
+        let (mut at, mut resting) = (0, true);
+        while at < STEPS {
+            match consumer.advance() {
+                Some(step) => {
+                    assert_eq!(step.from, at);
+                    (at, resting) = (step.to, step.rests);
+                }
+                None => {
+                    assert!(resting, "stopped in motion at {at}");
+                    std::thread::yield_now();
+                }
+            }
+        }
+        planner.join().unwrap();
+    }
+}
