@@ -1,1 +1,37 @@
-//! Placeholder of the workspace skeleton.
+//! Pins: named, typed values of a running control in shared memory, connected by nets.
+//!
+//! In:  names and types claimed at start-up ([`Hal::output`], [`Hal::input`]), nets of the machine file ([`Hal::link`]),
+//!      values written by the one writer of each pin ([`Output::set`]).
+//! Out: the same values to any number of readers: [`Input::get`] in this process, [`Attached`] in every other one.
+//!
+//! ```text
+//!  component A                     shared memory                     component B
+//!  Output "joint.0.f-error" ──▶ [ one 64-bit cell ] ──net "x-error"──▶ Input "scope.0.in"
+//!                                      ▲
+//!                 isocnc hal list|get|watch, from another process
+//! ```
+//!
+//! An output has one writer: the handle that [`Hal::output`] gave out; a second claim is an error. An input that no net
+//! reaches has a value of its own, which [`Hal::set`] and [`Attached::set`] change. A net has one source and any number of
+//! targets, all of one type. Everything is claimed and linked before the cycle starts; afterwards `set` and `get` are one
+//! atomic access each: RT, wait-free, without allocation.
+//!
+//! The file holds 64-bit words only and is read with atomic loads and checked indices, so a damaged or foreign file is
+//! an error and never undefined behaviour. It belongs to one user (mode 0600) and goes with the process; what a killed
+//! process leaves behind is recognised by its lost lock and replaced.
+
+mod attached;
+mod error;
+mod file;
+mod hal;
+mod layout;
+mod name;
+mod value;
+
+pub use attached::{Attached, PinInfo};
+pub use error::HalError;
+pub use file::{Found, directories, find};
+pub use hal::{Hal, Input, Output};
+pub use layout::{CAPACITY_MAX, Kind};
+pub use name::{NAME_LEN_MAX, check_name, nearest};
+pub use value::{AnyValue, Type, Value};

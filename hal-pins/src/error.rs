@@ -1,0 +1,174 @@
+//! What can be wrong with pins; every message says what was expected.
+
+use crate::{Kind, Type};
+use std::path::PathBuf;
+
+/// A pin, net or file that cannot be had.
+#[derive(Debug, thiserror::Error)]
+pub enum HalError {
+    /// A name that breaks the rules.
+    #[error("pin name '{name}': {rule}")]
+    Name {
+        /// The name.
+        name: String,
+        /// The rule.
+        rule: &'static str,
+    },
+    /// A machine name that cannot be part of a file name.
+    #[error("machine name '{name}': expected 1 to 64 letters, digits, dots, dashes or underscores, no dot first")]
+    Machine {
+        /// The name.
+        name: String,
+    },
+    /// A pin or net of that name is there already.
+    #[error("'{name}' exists already, as {kind}: a pin has one writer and a name is used once")]
+    Taken {
+        /// The name.
+        name: String,
+        /// What has it.
+        kind: Kind,
+    },
+    /// No room for more pins.
+    #[error("no room for '{name}': all {capacity} pins and nets are taken")]
+    Full {
+        /// The pin that did not fit.
+        name: String,
+        /// Places there are.
+        capacity: usize,
+    },
+    /// A capacity outside the range.
+    #[error("capacity {capacity}: expected 1 to {max} pins and nets")]
+    Capacity {
+        /// What was asked for.
+        capacity: usize,
+        /// Greatest legal value.
+        max: usize,
+    },
+    /// A name that nothing has.
+    #[error("no pin or net '{name}'{}", did_you_mean(.hint))]
+    Unknown {
+        /// The name.
+        name: String,
+        /// The nearest name.
+        hint: Option<String>,
+    },
+    /// Types that do not fit together.
+    #[error("'{name}' is of type {is}, but {expected} is needed{}", because(.by))]
+    TypeMismatch {
+        /// The pin.
+        name: String,
+        /// Its type.
+        is: Type,
+        /// The needed type.
+        expected: Type,
+        /// Who needs it; empty: the caller.
+        by: String,
+    },
+    /// A net whose source writes nothing.
+    #[error("net '{net}': source '{name}' is {kind}; the source of a net must be an output")]
+    SourceNotOutput {
+        /// The net.
+        net: String,
+        /// The pin.
+        name: String,
+        /// What it is.
+        kind: Kind,
+    },
+    /// A net that would give a value a second writer.
+    #[error("net '{net}': target '{name}' is {kind} and has its own writer; targets must be inputs")]
+    TargetNotInput {
+        /// The net.
+        net: String,
+        /// The pin.
+        name: String,
+        /// What it is.
+        kind: Kind,
+    },
+    /// A pin that is on a net already.
+    #[error("net '{net}': '{name}' is on net '{other}' already")]
+    Linked {
+        /// The net.
+        net: String,
+        /// The pin.
+        name: String,
+        /// Its net.
+        other: String,
+    },
+    /// A value that is not for the caller to set.
+    #[error("'{name}' cannot be set: {why}")]
+    NotSettable {
+        /// The pin.
+        name: String,
+        /// Who writes it.
+        why: String,
+    },
+    /// Text that is no value of the type.
+    #[error("'{text}' is no {kind}: expected {expected}")]
+    Text {
+        /// The type.
+        kind: Type,
+        /// The text.
+        text: String,
+        /// What would be one.
+        expected: &'static str,
+    },
+    /// A control of this name runs already.
+    #[error("a control for machine '{machine}' is running (process {pid}); stop it or give the machine another name")]
+    Running {
+        /// Name of the machine.
+        machine: String,
+        /// Its process, 0 if it is just starting.
+        pid: u32,
+    },
+    /// Nothing to attach to.
+    #[error("no control for machine '{machine}' is running{}", did_you_mean(.hint))]
+    NotRunning {
+        /// Name of the machine.
+        machine: String,
+        /// A running machine of a similar name.
+        hint: Option<String>,
+    },
+    /// A file of somebody else.
+    #[error("{} belongs to user {owner}: run as that user, or as root", .path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// User id of its owner.
+        owner: u32,
+    },
+    /// A file that is not what this version writes.
+    #[error("{}: {what}", .path.display())]
+    Corrupt {
+        /// The file.
+        path: PathBuf,
+        /// What was found and what was expected.
+        what: String,
+    },
+    /// No directory for the file.
+    #[error("neither /dev/shm nor $XDG_RUNTIME_DIR is a directory that can be written: mount a tmpfs on /dev/shm")]
+    NoDirectory,
+    /// The system refused.
+    #[error("{}: {doing}: {cause}", .path.display())]
+    System {
+        /// The file.
+        path: PathBuf,
+        /// What was tried.
+        doing: &'static str,
+        /// Its answer.
+        cause: std::io::Error,
+    },
+}
+
+fn did_you_mean(hint: &Option<String>) -> String {
+    hint.as_ref()
+        .map(|hint| format!("; did you mean '{hint}'?"))
+        .unwrap_or_default()
+}
+
+fn because(by: &str) -> String {
+    if by.is_empty() {
+        String::new()
+    } else {
+        format!(" by {by}")
+    }
+}

@@ -1,0 +1,305 @@
+//! The file behind the shared memory: found by the machine's name, owned by one user, alive as long as it is locked.
+//!
+//! A new file is filled under another name and then linked to its own, so nobody ever sees half a file. The owner holds a
+//! lock on it that the kernel takes away with the process; a file without that lock is left over and is replaced.
+
+use crate::HalError;
+use crate::layout::{Words, file_len};
+use crate::name::check_machine;
+use memmap2::MmapOptions;
+use nix::fcntl::{FcntlArg, fcntl};
+use std::fs::{File, OpenOptions};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+const PREFIX: &str = "isocnc-hal.";
+/// Tries of taking a name over from dead processes while others do the same.
+const ATTEMPTS: u32 = 16;
+
+/// A control that is running now.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Found {
+    /// Name of its machine.
+    pub machine: String,
+    /// Its process.
+    pub pid: u32,
+    /// Its file.
+    pub path: PathBuf,
+}
+
+/// Where files are kept: `/dev/shm`, then `$XDG_RUNTIME_DIR`; those that exist.
+pub fn directories() -> Vec<PathBuf> {
+    let runtime = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
+    [Some(PathBuf::from("/dev/shm")), runtime]
+        .into_iter()
+        .flatten()
+        .filter(|dir| dir.is_absolute() && dir.is_dir())
+        .collect()
+}
+
+/// The controls of this user that are running, by name.
+pub fn find() -> Vec<Found> {
+    find_in(&directories())
+}
+
+pub(crate) fn find_in(directories: &[PathBuf]) -> Vec<Found> {
+    let mut found = Vec::new();
+    for path in directories
+        .iter()
+        .filter_map(|dir| std::fs::read_dir(dir).ok())
+        .flatten()
+        .flatten()
+        .map(|entry| entry.path())
+    {
+        let Some(machine) = path
+            .file_name()
+            .and_then(|name| name.to_str())
+            .and_then(|name| name.strip_prefix(PREFIX))
+        else {
+            continue;
+        };
+        // A file that is damaged, foreign or left over is not a running control.
+        if check_machine(machine).is_ok()
+            && let Ok(Some((_, words))) = open_alive(&path)
+        {
+            found.push(Found {
+                machine: machine.to_owned(),
+                pid: words.pid(),
+                path: path.clone(),
+            });
+        }
+    }
+    found.sort_by(|a, b| a.machine.cmp(&b.machine));
+    found
+}
+
+pub(crate) fn path_in(directory: &Path, machine: &str) -> PathBuf {
+    directory.join(format!("{PREFIX}{machine}"))
+}
+
+/// A file of this process. Dropping it removes the file and gives the lock back.
+pub(crate) struct OwnFile {
+    path: PathBuf,
+    file: File,
+}
+
+impl OwnFile {
+    /// Makes the file in the first of the directories that takes it.
+    pub(crate) fn create(
+        directories: &[PathBuf],
+        machine: &str,
+        capacity: usize,
+    ) -> Result<(OwnFile, Words), HalError> {
+        check_machine(machine)?;
+        let mut refused = HalError::NoDirectory;
+        for directory in directories {
+            match OwnFile::create_at(directory, machine, capacity) {
+                Err(error @ HalError::System { .. }) => refused = error,
+                done => return done,
+            }
+        }
+        Err(refused)
+    }
+
+    fn create_at(directory: &Path, machine: &str, capacity: usize) -> Result<(OwnFile, Words), HalError> {
+        let path = path_in(directory, machine);
+        // Hidden, so that `find` passes it by; unique, so that processes and threads do not meet.
+        let unique = format!(
+            ".{PREFIX}{machine}.{}.{:?}",
+            std::process::id(),
+            std::thread::current().id()
+        );
+        let draft = Draft(directory.join(unique));
+        let failed = |doing| {
+            let path = draft.0.clone();
+            move |cause| HalError::System { path, doing, cause }
+        };
+        let file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create_new(true)
+            .mode(0o600)
+            .custom_flags(libc::O_NOFOLLOW)
+            .open(&draft.0)
+            .map_err(failed("create"))?;
+        let len = file_len(capacity);
+        file.set_len(len as u64).map_err(failed("set the length of"))?;
+        let map = MmapOptions::new()
+            .len(len)
+            .populate()
+            .map_raw(&file)
+            .map_err(failed("map"))?;
+        let words = Words::format(map, capacity);
+        lock(&file).map_err(failed("lock"))?;
+
+        for _ in 0..ATTEMPTS {
+            match std::fs::hard_link(&draft.0, &path) {
+                Ok(()) => return Ok((OwnFile { path, file }, words)),
+                Err(cause) if cause.kind() == std::io::ErrorKind::AlreadyExists => remove_left_over(&path, machine)?,
+                Err(cause) => {
+                    return Err(HalError::System {
+                        path,
+                        doing: "link",
+                        cause,
+                    });
+                }
+            }
+        }
+        Err(HalError::Running {
+            machine: machine.to_owned(),
+            pid: 0,
+        })
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl Drop for OwnFile {
+    fn drop(&mut self) {
+        if same_file(&self.file, &self.path) {
+            // Nothing can be done about a failure: the lost lock will mark the file as left over.
+            let _ = std::fs::remove_file(&self.path);
+        }
+    }
+}
+
+/// Removes the name under which a file was filled, whatever came of it.
+struct Draft(PathBuf);
+
+impl Drop for Draft {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+/// Removes `path` if its process is dead.
+fn remove_left_over(path: &Path, machine: &str) -> Result<(), HalError> {
+    let file = match open(path) {
+        Ok(file) => file,
+        Err(HalError::System { cause, .. }) if cause.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(error),
+    };
+    // Holding the lock of the dead owner makes sure that no other new control is doing the same with this very file.
+    if lock(&file).is_err() {
+        let pid = open_alive(path).ok().flatten().map_or(0, |(_, words)| words.pid());
+        return Err(HalError::Running {
+            machine: machine.to_owned(),
+            pid,
+        });
+    }
+    if same_file(&file, path) {
+        std::fs::remove_file(path).map_err(|cause| HalError::System {
+            path: path.to_owned(),
+            doing: "remove",
+            cause,
+        })?;
+    }
+    Ok(())
+}
+
+/// Opens and checks the file of a control; `None` if none is running behind it.
+pub(crate) fn open_alive(path: &Path) -> Result<Option<(File, Words)>, HalError> {
+    let file = match open(path) {
+        Ok(file) => file,
+        Err(HalError::System { cause, .. }) if cause.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(error),
+    };
+    if !is_locked(&file).map_err(|cause| HalError::System {
+        path: path.to_owned(),
+        doing: "ask for the lock of",
+        cause,
+    })? {
+        return Ok(None);
+    }
+    map_checked(&file, path).map(|words| Some((file, words)))
+}
+
+/// Maps a file after checking its header.
+pub(crate) fn map_checked(file: &File, path: &Path) -> Result<Words, HalError> {
+    let system = |doing| {
+        move |cause| HalError::System {
+            path: path.to_owned(),
+            doing,
+            cause,
+        }
+    };
+    let corrupt = |what| HalError::Corrupt {
+        path: path.to_owned(),
+        what,
+    };
+    let len = file.metadata().map_err(system("ask for the length of"))?.len();
+    let longest = file_len(crate::CAPACITY_MAX) as u64;
+    if len < file_len(1) as u64 || len > longest {
+        return Err(corrupt(format!(
+            "{len} octets are no pins of a control: expected {} to {longest}",
+            file_len(1)
+        )));
+    }
+    let map = MmapOptions::new()
+        .len(len as usize)
+        .populate()
+        .map_raw(file)
+        .map_err(system("map"))?;
+    Words::check(map).map_err(corrupt)
+}
+
+pub(crate) fn open(path: &Path) -> Result<File, HalError> {
+    let system = |doing| {
+        move |cause| HalError::System {
+            path: path.to_owned(),
+            doing,
+            cause,
+        }
+    };
+    let found = std::fs::symlink_metadata(path).map_err(system("open"))?;
+    let me = nix::unistd::geteuid();
+    if found.uid() != me.as_raw() && !me.is_root() {
+        return Err(HalError::Foreign {
+            path: path.to_owned(),
+            owner: found.uid(),
+        });
+    }
+    if !found.is_file() {
+        return Err(HalError::Corrupt {
+            path: path.to_owned(),
+            what: "not a regular file".into(),
+        });
+    }
+    OpenOptions::new()
+        .read(true)
+        .write(true)
+        .custom_flags(libc::O_NOFOLLOW)
+        .open(path)
+        .map_err(system("open"))
+}
+
+fn whole_file(lock_type: i32) -> libc::flock {
+    libc::flock {
+        l_type: lock_type as i16,
+        l_whence: libc::SEEK_SET as i16,
+        l_start: 0,
+        l_len: 0,
+        l_pid: 0,
+    }
+}
+
+fn lock(file: &File) -> std::io::Result<()> {
+    fcntl(file, FcntlArg::F_OFD_SETLK(&whole_file(libc::F_WRLCK)))?;
+    Ok(())
+}
+
+/// Whether somebody holds the lock; takes none itself, so readers never get in the way of an owner.
+pub(crate) fn is_locked(file: &File) -> std::io::Result<bool> {
+    let mut answer = whole_file(libc::F_WRLCK);
+    fcntl(file, FcntlArg::F_OFD_GETLK(&mut answer))?;
+    Ok(i32::from(answer.l_type) != libc::F_UNLCK)
+}
+
+fn same_file(file: &File, path: &Path) -> bool {
+    match (file.metadata(), std::fs::symlink_metadata(path)) {
+        (Ok(a), Ok(b)) => (a.dev(), a.ino()) == (b.dev(), b.ino()),
+        _ => false,
+    }
+}
