@@ -1,0 +1,555 @@
+//! Drive side: what makes a servo drive of an object dictionary and a motor.
+//!
+//! In:  per bus cycle the received objects (controlword, mode, target) and the motor's [`Sensors`].
+//! Out: per bus cycle the objects to send (statusword, actual values) and the [`Demand`] of the next period, which the
+//!      position loop follows.
+//!
+//! Positions of the network are 32 bits and move with homing; inside, motor counts of 64 bits never jump. The device
+//! works on the values of a dictionary that somebody else owns and fills: it knows no bus.
+
+mod homing;
+mod motion;
+mod objects;
+mod power;
+
+pub use homing::{Sensors, Switch};
+pub use motion::Demand;
+pub use objects::{DEVICE_TYPE, DRIVE_OBJECTS, SUPPORTED_MODES, check_write};
+pub use power::{Delays, transition};
+
+use crate::profile::{State, controlword, mode, statusword};
+use homing::{Homing, Method, Progress};
+use motion::{Generator, round};
+use obd::{AbortCode, Dictionary};
+use objects::Keys;
+use power::Power;
+
+/// 603F: following error.
+pub const ERROR_FOLLOWING: u16 = 0x8611;
+/// 603F: communication monitoring.
+pub const ERROR_COMMUNICATION: u16 = 0x8100;
+/// 603F: parameter wrong.
+pub const ERROR_PARAMETER: u16 = 0x6320;
+
+/// What tests and operators do to a drive from outside the network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Injected {
+    /// Show a warning.
+    pub warning: bool,
+    /// Obey the controlword (statusword bit 9).
+    pub remote: bool,
+    /// Transitions that are refused, one bit per number.
+    pub refused: u32,
+    /// The cause of a fault stays, so that no reset helps.
+    pub cause_stays: bool,
+}
+
+impl Default for Injected {
+    fn default() -> Self {
+        Injected {
+            warning: false,
+            remote: true,
+            refused: 0,
+            cause_stays: false,
+        }
+    }
+}
+
+/// What the powered motor is doing.
+#[derive(Clone, Copy, Debug)]
+enum Activity {
+    /// No torque.
+    Off,
+    /// What the mode says.
+    Mode,
+    /// Stops at this deceleration, then takes the transition.
+    Stop { deceleration: f64, number: u8, to: State },
+    /// Stops at this deceleration, and stands.
+    Hold { deceleration: f64 },
+}
+
+/// Homing as the statusword shows it.
+#[derive(Clone, Copy, Debug)]
+enum HomingShow {
+    /// Not started, or stopped.
+    Idle,
+    Running(Homing),
+    Attained,
+    Failed,
+}
+
+/// A servo drive.
+#[derive(Clone, Debug)]
+pub struct Device {
+    keys: Keys,
+    period_ns: u32,
+    power: Power,
+    delays: Delays,
+    activity: Activity,
+    generator: Generator,
+    /// User position = motor position + offset.
+    offset: i64,
+    mode: i8,
+    homing: HomingShow,
+    start_bit: bool,
+    /// The target is followed as it is.
+    follows: bool,
+    limited: bool,
+    /// Demand at rest, actual position within 6067 of it.
+    in_position: bool,
+    following_error_ns: u64,
+    error_code: u16,
+    connected: bool,
+    /// Faults and changes from outside.
+    pub injected: Injected,
+}
+
+impl Device {
+    /// A drive that has just been switched on. `period_ns` is the bus cycle. Refuses dictionaries that lack one of
+    /// [`DRIVE_OBJECTS`].
+    pub fn new<const ENTRIES: usize, const BYTES: usize>(
+        objects: &Dictionary<ENTRIES, BYTES>,
+        period_ns: u32,
+        delays: Delays,
+    ) -> Result<Device, AbortCode> {
+        Ok(Device {
+            keys: Keys::find(objects)?,
+            period_ns,
+            power: Power::new(delays),
+            delays,
+            activity: Activity::Off,
+            generator: Generator::default(),
+            offset: 0,
+            mode: mode::NONE,
+            homing: HomingShow::Idle,
+            start_bit: false,
+            follows: false,
+            limited: false,
+            in_position: false,
+            following_error_ns: 0,
+            error_code: 0,
+            connected: false,
+            injected: Injected::default(),
+        })
+    }
+
+    /// Reset of the application: as after power-on, except that the encoder keeps its count and what was injected stays.
+    pub fn reset(&mut self) {
+        self.power = Power::new(self.delays);
+        self.activity = Activity::Off;
+        self.mode = mode::NONE;
+        self.homing = HomingShow::Idle;
+        self.error_code = 0;
+        self.connected = false;
+    }
+
+    /// A fault inside the drive (transition 13). The first code stays until it is reset.
+    pub fn raise_fault(&mut self, code: u16) {
+        if self.error_code == 0 {
+            self.error_code = code;
+        }
+    }
+
+    /// State of the power section.
+    pub fn state(&self) -> State {
+        self.power.state()
+    }
+
+    /// 603F.
+    pub fn error_code(&self) -> u16 {
+        self.error_code
+    }
+
+    /// 1001h, from the group of the error code: bit 0 any, 1 current, 2 voltage, 3 temperature, 4 communication,
+    /// 5 profile, 7 maker.
+    pub fn error_register(&self) -> u8 {
+        match self.error_code {
+            0 => 0,
+            0x2000..=0x2FFF => 0x03,
+            0x3000..=0x3FFF => 0x05,
+            0x4000..=0x4FFF => 0x09,
+            0x8100..=0x81FF => 0x11,
+            0xFF00..=0xFFFF => 0x81,
+            _ => 0x21,
+        }
+    }
+
+    /// Position in the units of the network, before it is cut to 32 bits.
+    pub fn user_position(&self, sensors: &Sensors) -> i64 {
+        sensors.position + self.offset
+    }
+
+    /// One bus cycle. `connected`: the node is OPERATIONAL and synchronised, so that the received objects count.
+    ///
+    /// RT: constant time, no allocation.
+    pub fn cycle<const ENTRIES: usize, const BYTES: usize>(
+        &mut self,
+        objects: &mut Dictionary<ENTRIES, BYTES>,
+        sensors: &Sensors,
+        connected: bool,
+    ) -> Demand {
+        let keys = self.keys;
+        if matches!(self.activity, Activity::Off) {
+            self.generator.track(sensors.position);
+        }
+        let following_error = round(self.generator.position) - sensors.position;
+        let window = objects.get(keys.position_window);
+        self.in_position = self.generator.at_rest() && following_error.unsigned_abs() <= u64::from(window);
+        self.watch_following_error(objects, following_error);
+        if self.power.advance(self.period_ns) {
+            self.entered(objects, sensors);
+        }
+        self.watch_connection(objects, sensors, connected);
+        self.react_to_fault(objects, sensors);
+        let controlword = objects.get(keys.controlword);
+        if connected {
+            if self.injected.remote {
+                self.obey(objects, sensors, controlword);
+            }
+            self.choose_mode(objects.get(keys.mode));
+        }
+        self.move_on(objects, sensors, controlword);
+        let velocity = self.generator.velocity;
+        objects.set(
+            keys.statusword,
+            self.statusword(following_error, objects.get(keys.following_window)),
+        );
+        objects.set(keys.error_code, self.error_code);
+        objects.set(keys.mode_display, self.mode);
+        // The network's positions are the low 32 bits.
+        objects.set(keys.position_internal, sensors.position as i32);
+        objects.set(keys.position, (sensors.position + self.offset) as i32);
+        objects.set(keys.velocity, sensors.velocity as i32);
+        objects.set(keys.position_demand_internal, round(self.generator.position) as i32);
+        objects.set(
+            keys.position_demand,
+            (round(self.generator.position) + self.offset) as i32,
+        );
+        objects.set(keys.velocity_demand, velocity as i32);
+        objects.set(keys.following_error, following_error as i32);
+        objects.set(keys.digital_inputs, digital_inputs(sensors));
+        let powered = !matches!(self.activity, Activity::Off);
+        Demand {
+            powered,
+            position: self.generator.position,
+            velocity,
+        }
+    }
+
+    fn period_s(&self) -> f64 {
+        f64::from(self.period_ns) * 1e-9
+    }
+
+    fn watch_following_error<const E: usize, const B: usize>(&mut self, objects: &Dictionary<E, B>, error: i64) {
+        let window = objects.get(self.keys.following_window);
+        if window == u32::MAX || error.unsigned_abs() <= u64::from(window) {
+            self.following_error_ns = 0;
+            return;
+        }
+        self.following_error_ns += u64::from(self.period_ns);
+        let limit_ns = u64::from(objects.get(self.keys.following_time_ms)) * 1_000_000;
+        if self.following_error_ns > limit_ns {
+            self.raise_fault(ERROR_FOLLOWING);
+        }
+    }
+
+    /// 6007: what a drive does that is no longer led. Only a drive that moves can need it.
+    fn watch_connection<const E: usize, const B: usize>(
+        &mut self,
+        objects: &Dictionary<E, B>,
+        sensors: &Sensors,
+        connected: bool,
+    ) {
+        let lost = self.connected && !connected;
+        self.connected = connected;
+        if !lost || self.power.state() != State::OperationEnabled {
+            return;
+        }
+        match objects.get(self.keys.abort_connection) {
+            1 => self.raise_fault(ERROR_COMMUNICATION),
+            2 => self.take(objects, sensors, 9, State::SwitchOnDisabled),
+            3 => self.take(objects, sensors, 11, State::QuickStopActive),
+            _ => {}
+        }
+    }
+
+    fn react_to_fault<const E: usize, const B: usize>(&mut self, objects: &Dictionary<E, B>, sensors: &Sensors) {
+        let at_fault = matches!(self.power.state(), State::FaultReactionActive | State::Fault);
+        if self.error_code != 0 && !at_fault {
+            self.power.go(13, State::FaultReactionActive);
+            self.entered(objects, sensors);
+        }
+    }
+
+    fn obey<const E: usize, const B: usize>(&mut self, objects: &Dictionary<E, B>, sensors: &Sensors, word: u16) {
+        let Some((number, to)) = self.power.asked(word) else {
+            return;
+        };
+        if self.injected.refused & (1 << number) != 0 {
+            return;
+        }
+        match number {
+            // A stop that is under way goes on to its end; only taking the voltage away is quicker.
+            5 | 8 | 11 if matches!(self.activity, Activity::Stop { .. }) => {}
+            // Only 605A = 5 to 8 stays in QUICK STOP ACTIVE and lets the controller go on from there.
+            16 if objects.get(self.keys.quick_stop_option) < 5 => {}
+            15 if self.injected.cause_stays => {}
+            15 => {
+                self.error_code = 0;
+                self.take(objects, sensors, number, to);
+            }
+            _ => self.take(objects, sensors, number, to),
+        }
+    }
+
+    /// Starts a transition, with the stop that its option code asks for in front of it.
+    fn take<const E: usize, const B: usize>(
+        &mut self,
+        objects: &Dictionary<E, B>,
+        sensors: &Sensors,
+        number: u8,
+        to: State,
+    ) {
+        let ramp = match number {
+            5 => objects.get(self.keys.disable_option) == 1,
+            8 => objects.get(self.keys.shutdown_option) == 1,
+            _ => false,
+        };
+        if ramp {
+            let deceleration = f64::from(objects.get(self.keys.deceleration));
+            self.activity = Activity::Stop {
+                deceleration,
+                number,
+                to,
+            };
+            return;
+        }
+        if number == 4 && !self.interpolation_time_fits(objects) {
+            self.raise_fault(ERROR_PARAMETER);
+            return;
+        }
+        self.power.go(number, to);
+        self.entered(objects, sensors);
+    }
+
+    /// 60C2 must be the bus cycle: digits · 10^power seconds.
+    fn interpolation_time_fits<const E: usize, const B: usize>(&self, objects: &Dictionary<E, B>) -> bool {
+        let power = objects.get(self.keys.interpolation_power);
+        let Some(scale) = u32::try_from(i32::from(power) + 9)
+            .ok()
+            .and_then(|power| 10u64.checked_pow(power))
+        else {
+            return false;
+        };
+        u64::from(objects.get(self.keys.interpolation_digits)).checked_mul(scale) == Some(u64::from(self.period_ns))
+    }
+
+    /// Sets the motor's activity for a state that has just been entered; harmless if it has not changed.
+    fn entered<const E: usize, const B: usize>(&mut self, objects: &Dictionary<E, B>, sensors: &Sensors) {
+        let keys = self.keys;
+        let ramp = f64::from(objects.get(keys.deceleration));
+        let quick = f64::from(objects.get(keys.quick_deceleration));
+        let powered = !matches!(self.activity, Activity::Off);
+        self.activity = match self.power.state() {
+            State::NotReadyToSwitchOn | State::SwitchOnDisabled | State::ReadyToSwitchOn | State::SwitchedOn => {
+                Activity::Off
+            }
+            State::OperationEnabled => match self.activity {
+                Activity::Off => {
+                    self.generator.track(sensors.position);
+                    self.homing = HomingShow::Idle;
+                    Activity::Mode
+                }
+                Activity::Mode | Activity::Hold { .. } => Activity::Mode,
+                Activity::Stop { .. } => self.activity,
+            },
+            State::QuickStopActive => {
+                let (number, to) = (12, State::SwitchOnDisabled);
+                match objects.get(keys.quick_stop_option) {
+                    0 => Activity::Stop {
+                        deceleration: f64::INFINITY,
+                        number,
+                        to,
+                    },
+                    1 => Activity::Stop {
+                        deceleration: ramp,
+                        number,
+                        to,
+                    },
+                    5 => Activity::Hold { deceleration: ramp },
+                    6 => Activity::Hold { deceleration: quick },
+                    _ => Activity::Stop {
+                        deceleration: quick,
+                        number,
+                        to,
+                    },
+                }
+            }
+            State::FaultReactionActive => {
+                let (number, to) = (14, State::Fault);
+                match objects.get(keys.fault_option) {
+                    _ if !powered => Activity::Off,
+                    0 => Activity::Off,
+                    1 => Activity::Stop {
+                        deceleration: ramp,
+                        number,
+                        to,
+                    },
+                    _ => Activity::Stop {
+                        deceleration: quick,
+                        number,
+                        to,
+                    },
+                }
+            }
+            State::Fault => Activity::Off,
+        };
+    }
+
+    /// A mode counts as soon as the drive has it; one that the drive lacks changes nothing.
+    fn choose_mode(&mut self, wanted: i8) {
+        if wanted != mode::NONE && wanted != self.mode && SUPPORTED_MODES & mode::supported_bit(wanted) != 0 {
+            self.mode = wanted;
+            self.homing = HomingShow::Idle;
+            self.start_bit = false;
+        }
+    }
+
+    /// Moves the set-point on by one period.
+    fn move_on<const E: usize, const B: usize>(&mut self, objects: &Dictionary<E, B>, sensors: &Sensors, word: u16) {
+        let keys = self.keys;
+        let period_s = self.period_s();
+        self.follows = false;
+        self.limited = false;
+        match self.activity {
+            Activity::Off => {
+                self.generator.track(sensors.position);
+                if self.power.state() == State::FaultReactionActive {
+                    self.power.go(14, State::Fault);
+                }
+            }
+            Activity::Hold { deceleration } => {
+                self.generator.approach(0.0, deceleration, period_s);
+            }
+            Activity::Stop {
+                deceleration,
+                number,
+                to,
+            } => {
+                // The motor gets the period in which its speed becomes zero before the torque may go.
+                if self.generator.at_rest() || deceleration.is_infinite() {
+                    self.activity = Activity::Hold { deceleration };
+                    self.power.go(number, to);
+                    self.entered(objects, sensors);
+                } else {
+                    self.generator.approach(0.0, deceleration, period_s);
+                }
+            }
+            Activity::Mode if self.connected && word & controlword::HALT != 0 => {
+                let option = objects.get(keys.halt_option);
+                let deceleration = objects.get(if option == 2 {
+                    keys.quick_deceleration
+                } else {
+                    keys.deceleration
+                });
+                self.generator.approach(0.0, f64::from(deceleration), period_s);
+                self.homing = HomingShow::Idle;
+            }
+            Activity::Mode => match self.mode {
+                mode::CYCLIC_SYNCHRONOUS_POSITION => self.follow(objects, sensors, objects.get(keys.target)),
+                mode::INTERPOLATED_POSITION if word & controlword::MODE_START != 0 => {
+                    self.follow(objects, sensors, objects.get(keys.interpolation_target));
+                }
+                mode::HOMING => self.home(objects, sensors, word),
+                _ => {
+                    self.generator
+                        .approach(0.0, f64::from(objects.get(keys.deceleration)), period_s);
+                }
+            },
+        }
+        self.start_bit = word & controlword::MODE_START != 0;
+    }
+
+    fn follow<const E: usize, const B: usize>(&mut self, objects: &Dictionary<E, B>, sensors: &Sensors, target: i32) {
+        let here = round(self.generator.position) + self.offset;
+        let target = here + i64::from(target.wrapping_sub(here as i32));
+        let (low, high) = (objects.get(self.keys.limit_low), objects.get(self.keys.limit_high));
+        // An end of the range stands for no limit, so that an axis without limits wraps.
+        let low = if low == i32::MIN { i64::MIN } else { i64::from(low) };
+        let high = if high == i32::MAX { i64::MAX } else { i64::from(high) };
+        let allowed = if low < high { target.clamp(low, high) } else { target };
+        let blocked = sensors.blocked((allowed - here) as f64);
+        let position = if blocked { here } else { allowed };
+        self.limited = position != target;
+        self.follows = !self.limited;
+        self.generator.follow((position - self.offset) as f64, self.period_s());
+    }
+
+    fn home<const E: usize, const B: usize>(&mut self, objects: &Dictionary<E, B>, sensors: &Sensors, word: u16) {
+        let keys = self.keys;
+        let start = word & controlword::MODE_START != 0;
+        if start && !self.start_bit {
+            self.homing = match Method::of(objects.get(keys.homing_method)) {
+                Some(method) => HomingShow::Running(Homing::new(method, sensors)),
+                None => HomingShow::Failed,
+            };
+        }
+        let mut velocity = 0.0;
+        if let HomingShow::Running(mut homing) = self.homing {
+            let search = f64::from(objects.get(keys.homing_search));
+            let latch = f64::from(objects.get(keys.homing_latch));
+            self.homing = match homing.step(sensors, search, latch, self.generator.at_rest()) {
+                _ if !start => HomingShow::Idle,
+                Progress::Move(wanted) => {
+                    velocity = wanted;
+                    HomingShow::Running(homing)
+                }
+                Progress::Home(position) => {
+                    // By the profile zero = home + offset, so that the position at home is minus the offset.
+                    self.offset = -position - i64::from(objects.get(keys.home_offset));
+                    HomingShow::Attained
+                }
+                Progress::Failed => HomingShow::Failed,
+            };
+        }
+        let acceleration = f64::from(objects.get(keys.homing_acceleration));
+        self.generator.approach(velocity, acceleration, self.period_s());
+    }
+
+    fn statusword(&self, following_error: i64, window: u32) -> u16 {
+        let state = self.power.state();
+        let mut word = state.statusword();
+        let mut set = |on: bool, bits: u16| word |= if on { bits } else { 0 };
+        set(state != State::NotReadyToSwitchOn, statusword::VOLTAGE_ENABLED);
+        set(self.injected.remote, statusword::REMOTE);
+        set(self.injected.warning, statusword::WARNING);
+        set(self.limited, statusword::INTERNAL_LIMIT);
+        match self.mode {
+            mode::HOMING => {
+                set(
+                    self.in_position && !matches!(self.homing, HomingShow::Running(_)),
+                    statusword::TARGET_REACHED,
+                );
+                set(matches!(self.homing, HomingShow::Attained), statusword::MODE_ACK);
+                set(matches!(self.homing, HomingShow::Failed), statusword::MODE_ERROR);
+            }
+            mode::INTERPOLATED_POSITION => set(self.follows, statusword::MODE_ACK),
+            _ => {
+                set(self.follows, statusword::MODE_ACK);
+                let error = window != u32::MAX && following_error.unsigned_abs() > u64::from(window);
+                set(error || self.error_code == ERROR_FOLLOWING, statusword::MODE_ERROR);
+            }
+        }
+        word
+    }
+}
+
+/// 60FD: bit 0 negative limit switch, 1 positive limit switch, 2 home switch.
+fn digital_inputs(sensors: &Sensors) -> u32 {
+    u32::from(sensors.negative_limit.active)
+        | u32::from(sensors.positive_limit.active) << 1
+        | u32::from(sensors.home.active) << 2
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,79 @@
+//! The drive's own set-point generator.
+//!
+//! In:  a target per period, or a speed to reach. Out: the [`Demand`] of the next period.
+
+/// What the position loop is to do during the next period.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Demand {
+    /// Torque is on. If not, the rest means nothing.
+    pub powered: bool,
+    /// Position at the end of the period, motor counts.
+    pub position: f64,
+    /// Velocity at the end of the period, counts/s.
+    pub velocity: f64,
+}
+
+/// Position and velocity that the motor is to follow, in motor counts.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Generator {
+    pub(super) position: f64,
+    pub(super) velocity: f64,
+}
+
+impl Generator {
+    /// Follows a motor without torque.
+    pub(super) fn track(&mut self, position: i64) {
+        self.position = position as f64;
+        self.velocity = 0.0;
+    }
+
+    /// Moves to a position within one period.
+    pub(super) fn follow(&mut self, position: f64, period_s: f64) {
+        self.velocity = (position - self.position) / period_s;
+        self.position = position;
+    }
+
+    /// Changes the velocity towards `velocity` by at most `acceleration`; true when it is reached.
+    ///
+    /// The velocity runs straight over the period: `s = (v0 + v1) / 2 · t`.
+    pub(super) fn approach(&mut self, velocity: f64, acceleration: f64, period_s: f64) -> bool {
+        let step = acceleration * period_s;
+        let before = self.velocity;
+        self.velocity = velocity.clamp(before - step, before + step);
+        self.position += (before + self.velocity) / 2.0 * period_s;
+        self.velocity == velocity
+    }
+
+    pub(super) fn at_rest(&self) -> bool {
+        self.velocity == 0.0
+    }
+}
+
+/// To the nearest count. (`f64::round` needs std.)
+pub(super) fn round(counts: f64) -> i64 {
+    (counts + if counts < 0.0 { -0.5 } else { 0.5 }) as i64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ramp_takes_half_of_v_squared_over_a() {
+        let mut generator = Generator {
+            position: 0.0,
+            velocity: 1000.0,
+        };
+        let mut periods = 1;
+        while !generator.approach(0.0, 10_000.0, 0.001) {
+            periods += 1;
+        }
+        assert_eq!(periods, 100);
+        assert!((generator.position - 50.0).abs() < 1e-9, "{}", generator.position);
+    }
+
+    #[test]
+    fn rounding_is_to_the_nearest_count() {
+        assert_eq!([1.4, 1.6, -1.4, -1.6].map(round), [1, 2, -1, -2]);
+    }
+}
