@@ -36,8 +36,17 @@ pub enum Axis {
 
 impl Axis {
     /// All axes in the order of [`Position`].
-    pub const ALL: [Axis; AXES] =
-        [Axis::X, Axis::Y, Axis::Z, Axis::A, Axis::B, Axis::C, Axis::U, Axis::V, Axis::W];
+    pub const ALL: [Axis; AXES] = [
+        Axis::X,
+        Axis::Y,
+        Axis::Z,
+        Axis::A,
+        Axis::B,
+        Axis::C,
+        Axis::U,
+        Axis::V,
+        Axis::W,
+    ];
 
     /// Capital letter as in the program.
     pub const fn letter(self) -> char {

@@ -6,4 +6,5 @@
 //! Everything left of the ring plans and may allocate; everything right of it runs in the cycle thread and may not.
 
 pub mod canon;
+pub mod path;
 pub mod ring;

@@ -136,7 +136,10 @@ pub struct Consumer<T> {
 /// A ring of at least `capacity` elements.
 pub fn channel<T: Timed + Send>(capacity: usize) -> (Producer<T>, Consumer<T>) {
     let slots = (0..capacity.max(2).next_power_of_two())
-        .map(|_| Slot { element: UnsafeCell::new(MaybeUninit::uninit()), next: AtomicU64::new(Next::END) })
+        .map(|_| Slot {
+            element: UnsafeCell::new(MaybeUninit::uninit()),
+            next: AtomicU64::new(Next::END),
+        })
         .collect();
     let shared = Arc::new(Shared {
         slots,
@@ -175,7 +178,10 @@ impl<T: Timed> Sink<T> for Producer<T> {
     fn publish(&mut self, committed: &[T], tail: &[T]) -> Publish {
         let count = committed.len() + tail.len();
         assert!(count > 0, "a publication has elements");
-        assert!(count <= self.shared.slots.len(), "a publication of {count} elements never fits the ring");
+        assert!(
+            count <= self.shared.slots.len(),
+            "a publication of {count} elements never fits the ring"
+        );
         if count > self.free() {
             return Publish::Full;
         }
@@ -199,7 +205,9 @@ impl<T: Timed> Sink<T> for Producer<T> {
         }
         self.committed_s += committed.iter().map(Timed::duration_s).sum::<f64>();
         self.tail_s = tail.iter().map(Timed::duration_s).sum();
-        self.shared.published_s.store((self.committed_s + self.tail_s).to_bits(), Ordering::Relaxed);
+        self.shared
+            .published_s
+            .store((self.committed_s + self.tail_s).to_bits(), Ordering::Relaxed);
         if committed.is_empty() {
             self.anchor_next = Next::Jump(begin);
         } else {
@@ -239,7 +247,10 @@ impl<T: Timed> Consumer<T> {
 
 impl<T> std::fmt::Debug for Producer<T> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Producer").field("write", &self.write).field("anchor", &self.anchor).finish_non_exhaustive()
+        f.debug_struct("Producer")
+            .field("write", &self.write)
+            .field("anchor", &self.anchor)
+            .finish_non_exhaustive()
     }
 }
 
@@ -269,7 +280,11 @@ mod tests {
     }
 
     const fn step(from: u64, rests: bool) -> Step {
-        Step { from, to: from + 1, rests }
+        Step {
+            from,
+            to: from + 1,
+            rests,
+        }
     }
 
     #[test]
@@ -290,7 +305,10 @@ mod tests {
         producer.publish(&[step(0, false)], &[step(1, true)]);
         consumer.advance();
         consumer.advance();
-        assert_eq!(producer.publish(&[step(1, false)], &[step(2, true)]), Publish::TailTaken);
+        assert_eq!(
+            producer.publish(&[step(1, false)], &[step(2, true)]),
+            Publish::TailTaken
+        );
         assert_eq!(consumer.advance(), None);
         assert_eq!(producer.publish(&[step(2, true)], &[]), Publish::Done);
         assert_eq!(consumer.advance(), Some(step(2, true)));
@@ -327,8 +345,13 @@ mod tests {
 
     impl Planner {
         fn offer(&mut self, count: u64) -> Publish {
-            let committed: Vec<_> = (self.committed..self.committed + count).map(|from| step(from, false)).collect();
-            let tail = [step(self.committed + count, false), step(self.committed + count + 1, true)];
+            let committed: Vec<_> = (self.committed..self.committed + count)
+                .map(|from| step(from, false))
+                .collect();
+            let tail = [
+                step(self.committed + count, false),
+                step(self.committed + count + 1, true),
+            ];
             let result = self.producer.publish(&committed, &tail);
             match result {
                 Publish::Done => {
@@ -370,7 +393,11 @@ mod tests {
         const STEPS: u64 = 200_000;
         let (producer, mut consumer) = channel(64);
         let planner = std::thread::spawn(move || {
-            let mut planner = Planner { producer, committed: 0, tail: 0 };
+            let mut planner = Planner {
+                producer,
+                committed: 0,
+                tail: 0,
+            };
             let mut pace = 1_u64;
             while planner.committed < STEPS {
                 pace = pace.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);

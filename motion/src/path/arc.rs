@@ -1,0 +1,204 @@
+//! Circle, helix and spiral.
+
+use super::{Group, Jet, LengthTable, by_length, dot3};
+use crate::canon::{AXES, Position};
+
+/// How an arc is told: two end points, a centre and a turn about an axis.
+#[derive(Clone, Copy, Debug)]
+pub struct Circle {
+    /// First point.
+    pub start: Position,
+    /// Last point.
+    pub end: Position,
+    /// A point on the axis, XYZ in mm.
+    pub centre_mm: [f64; 3],
+    /// Unit vector of the axis.
+    pub normal: [f64; 3],
+    /// Turn about the normal, radians, positive by the right-hand rule.
+    pub sweep_rad: f64,
+}
+
+/// Circle, helix or spiral in XYZ; all other axes, and the height, go evenly with the angle.
+#[derive(Clone, Copy, Debug)]
+pub struct Arc {
+    start: [f64; AXES],
+    /// What goes evenly with the angle, over the whole arc: height along the normal and the other axes.
+    even: [f64; AXES],
+    /// Unit vector from the axis to the start point, and the one a quarter turn further in the direction of motion.
+    radial: [f64; 3],
+    tangential: [f64; 3],
+    radius: f64,
+    radius_change: f64,
+    /// Radians, greater than 0.
+    sweep: f64,
+    length: f64,
+    /// Only needed where the radius changes: else length and angle are proportional.
+    table: Option<LengthTable>,
+}
+
+impl Arc {
+    pub(super) fn new(circle: &Circle) -> Option<Arc> {
+        let (start, end, normal) = (circle.start.0, circle.end.0, circle.normal);
+        let main = |q: &[f64; AXES]| Group::Main.pick(q);
+        let arm = |q: &[f64; AXES]| {
+            let q = main(q);
+            let arm = [0, 1, 2].map(|i| q[i] - circle.centre_mm[i]);
+            let height = dot3(&arm, &normal);
+            ([0, 1, 2].map(|i| arm[i] - height * normal[i]), height)
+        };
+        let ((first, first_height), (last, last_height)) = (arm(&start), arm(&end));
+        let radius = dot3(&first, &first).sqrt();
+        let end_radius = dot3(&last, &last).sqrt();
+        if !(radius > 0.0 && end_radius > 0.0 && circle.sweep_rad != 0.0) {
+            return None;
+        }
+        let radial = first.map(|x| x / radius);
+        let side = circle.sweep_rad.signum();
+        let tangential = [
+            side * (normal[1] * radial[2] - normal[2] * radial[1]),
+            side * (normal[2] * radial[0] - normal[0] * radial[2]),
+            side * (normal[0] * radial[1] - normal[1] * radial[0]),
+        ];
+        let mut even = [0.0; AXES];
+        for axis in 0..AXES {
+            even[axis] = if axis < 3 {
+                (last_height - first_height) * normal[axis]
+            } else {
+                end[axis] - start[axis]
+            };
+        }
+        // Differences that come from rounding are no spiral.
+        let change = end_radius - radius;
+        let radius_change = if change.abs() < 1e-9 * radius { 0.0 } else { change };
+        let sweep = circle.sweep_rad.abs();
+        Arc {
+            start,
+            even,
+            radial,
+            tangential,
+            radius,
+            radius_change,
+            sweep,
+            length: 0.0,
+            table: None,
+        }
+        .measured()
+    }
+
+    /// Fills in the length.
+    fn measured(mut self) -> Option<Arc> {
+        self.table = None;
+        self.length = self.speed(0.0);
+        if self.radius_change != 0.0 {
+            let table = LengthTable::new(|u| self.speed(u));
+            self.length = table.length();
+            self.table = Some(table);
+        }
+        (self.length.is_finite() && self.length > 0.0).then_some(self)
+    }
+
+    /// Length per part of the turn.
+    fn speed(&self, u: f64) -> f64 {
+        let height = Group::Main.norm(&self.even);
+        let round = (self.radius + self.radius_change * u) * self.sweep;
+        (round * round + self.radius_change * self.radius_change + height * height).sqrt()
+    }
+
+    /// Part of the turn at length `s`. RT.
+    fn parameter(&self, s: f64) -> f64 {
+        match &self.table {
+            None => s / self.length,
+            Some(table) => table.parameter(s, |u| self.speed(u)),
+        }
+    }
+
+    pub(super) fn length(&self) -> f64 {
+        self.length
+    }
+
+    /// Angle of the whole arc, radians.
+    pub fn sweep_rad(&self) -> f64 {
+        self.sweep
+    }
+
+    /// Radius at the start, mm.
+    pub fn radius_mm(&self) -> f64 {
+        self.radius
+    }
+
+    /// Lengths along the arc at which `axis` may have its extremes, in order; for travel checks.
+    pub fn extremes(&self, axis: usize) -> Vec<f64> {
+        let mut found = Vec::new();
+        if axis < 3 && self.radial[axis].hypot(self.tangential[axis]) > 0.0 {
+            // The slope along the turn changes sign between a quarter turn before and after each extreme; heights and
+            // changes of radius shift it a little, so the samples are dense and not only at the quarter turns.
+            let steps = (self.sweep / 0.02).ceil().min(100_000.0) as usize;
+            found.extend((1..steps).map(|k| self.length * k as f64 / steps as f64));
+        }
+        found
+    }
+
+    /// RT.
+    pub(super) fn position(&self, s: f64) -> Position {
+        let u = self.parameter(s);
+        Position(self.at(u))
+    }
+
+    fn at(&self, u: f64) -> [f64; AXES] {
+        let (sin, cos) = (self.sweep * u).sin_cos();
+        let radius = self.radius + self.radius_change * u;
+        let mut q = self.start;
+        for (axis, q) in q.iter_mut().enumerate() {
+            *q += self.even[axis] * u;
+        }
+        let out = radius * cos - self.radius;
+        for (q, (radial, tangential)) in q.iter_mut().zip(self.radial.iter().zip(&self.tangential)) {
+            *q += out * radial + radius * sin * tangential;
+        }
+        q
+    }
+
+    /// RT.
+    pub(super) fn jet(&self, s: f64) -> Jet {
+        let u = self.parameter(s);
+        let (sin, cos) = (self.sweep * u).sin_cos();
+        let (r, dr, w) = (self.radius + self.radius_change * u, self.radius_change, self.sweep);
+        // r(u) times the unit vector of angle w u, derived three times by u, in radial and tangential parts.
+        let turn = |radial: f64, tangential: f64, axis: usize| {
+            radial * (cos * self.radial[axis] + sin * self.tangential[axis])
+                + tangential * (cos * self.tangential[axis] - sin * self.radial[axis])
+        };
+        let mut jet = Jet {
+            q: self.at(u),
+            d1: self.even,
+            ..Jet::default()
+        };
+        for axis in 0..3 {
+            jet.d1[axis] += turn(dr, r * w, axis);
+            jet.d2[axis] = turn(-r * w * w, 2.0 * dr * w, axis);
+            jet.d3[axis] = turn(-3.0 * dr * w * w, -r * w * w * w, axis);
+        }
+        by_length(&jet, Group::Main)
+    }
+
+    pub(super) fn cut(&self, from: f64, to: f64) -> Option<Arc> {
+        let (u0, u1) = (self.parameter(from), self.parameter(to));
+        if u1 <= u0 {
+            return None;
+        }
+        let (sin, cos) = (self.sweep * u0).sin_cos();
+        let part = u1 - u0;
+        let arc = Arc {
+            start: self.at(u0),
+            even: self.even.map(|x| x * part),
+            radial: [0, 1, 2].map(|i| cos * self.radial[i] + sin * self.tangential[i]),
+            tangential: [0, 1, 2].map(|i| cos * self.tangential[i] - sin * self.radial[i]),
+            radius: self.radius + self.radius_change * u0,
+            radius_change: self.radius_change * part,
+            sweep: self.sweep * part,
+            length: 0.0,
+            table: None,
+        };
+        arc.measured()
+    }
+}

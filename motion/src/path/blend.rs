@@ -1,0 +1,95 @@
+//! Rounded corner: a quintic with given position, direction and curvature at both ends.
+
+use super::{Group, Jet, LengthTable, by_length, dot3};
+use crate::canon::{AXES, Position};
+
+/// One end of a [`Blend`].
+#[derive(Clone, Copy, Debug)]
+pub struct BlendEnd {
+    /// Position and derivatives by length of the leg where the blend leaves or meets it.
+    pub leg: Jet,
+    /// Length of the leg that one unit of the curve parameter would cover there.
+    pub pace: f64,
+    /// Second derivative of that length by the parameter: how the pace changes. The shape of the corner depends on it.
+    pub pace_change: f64,
+}
+
+/// Quintic polynomial in nine axes.
+#[derive(Clone, Copy, Debug)]
+pub struct Blend {
+    /// Coefficients of u^0 to u^5.
+    c: [[f64; AXES]; 6],
+    table: LengthTable,
+    group: Group,
+}
+
+impl Blend {
+    /// The quintic whose second-order contact with both legs makes position, direction and curvature continuous.
+    pub(super) fn new(from: &BlendEnd, to: &BlendEnd, group: Group) -> Option<Blend> {
+        let mut c = [[0.0; AXES]; 6];
+        // One axis at a time; the coefficients lie across the rows.
+        #[allow(clippy::needless_range_loop)]
+        for axis in 0..AXES {
+            let first = |end: &BlendEnd| end.leg.d1[axis] * end.pace;
+            let second = |end: &BlendEnd| end.leg.d2[axis] * end.pace * end.pace + end.leg.d1[axis] * end.pace_change;
+            let (v0, v1, a0, a1) = (first(from), first(to), second(from), second(to));
+            let rise = to.leg.q[axis] - from.leg.q[axis];
+            c[0][axis] = from.leg.q[axis];
+            c[1][axis] = v0;
+            c[2][axis] = a0 / 2.0;
+            c[3][axis] = 10.0 * rise - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1;
+            c[4][axis] = -15.0 * rise + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1;
+            c[5][axis] = 6.0 * rise - 3.0 * (v0 + v1) + 0.5 * (a1 - a0);
+        }
+        let speed = |u: f64| speed(&c, group, u);
+        let table = LengthTable::new(speed);
+        let mean = table.length();
+        let slow = (0..=4 * 8).any(|k| speed(f64::from(k) / 32.0) < 0.05 * mean);
+        (mean.is_finite() && mean > 0.0 && !slow).then_some(Blend { c, table, group })
+    }
+
+    pub(super) fn length(&self) -> f64 {
+        self.table.length()
+    }
+
+    pub(super) fn group(&self) -> Group {
+        self.group
+    }
+
+    /// RT.
+    fn parameter(&self, s: f64) -> f64 {
+        self.table.parameter(s, |u| speed(&self.c, self.group, u))
+    }
+
+    /// RT.
+    pub(super) fn position(&self, s: f64) -> Position {
+        let u = self.parameter(s);
+        let mut q = [0.0; AXES];
+        for (axis, q) in q.iter_mut().enumerate() {
+            let c = |k: usize| self.c[k][axis];
+            *q = c(0) + u * (c(1) + u * (c(2) + u * (c(3) + u * (c(4) + u * c(5)))));
+        }
+        Position(q)
+    }
+
+    /// RT.
+    pub(super) fn jet(&self, s: f64) -> Jet {
+        let u = self.parameter(s);
+        let mut jet = Jet::default();
+        for axis in 0..AXES {
+            let c = |k: usize| self.c[k][axis];
+            jet.q[axis] = c(0) + u * (c(1) + u * (c(2) + u * (c(3) + u * (c(4) + u * c(5)))));
+            jet.d1[axis] = c(1) + u * (2.0 * c(2) + u * (3.0 * c(3) + u * (4.0 * c(4) + u * 5.0 * c(5))));
+            jet.d2[axis] = 2.0 * c(2) + u * (6.0 * c(3) + u * (12.0 * c(4) + u * 20.0 * c(5)));
+            jet.d3[axis] = 6.0 * c(3) + u * (24.0 * c(4) + u * 60.0 * c(5));
+        }
+        by_length(&jet, self.group)
+    }
+}
+
+/// Length per parameter. RT.
+fn speed(c: &[[f64; AXES]; 6], group: Group, u: f64) -> f64 {
+    let [c1, c2, c3, c4, c5] = [1, 2, 3, 4, 5].map(|k| group.pick(&c[k]));
+    let d = [0, 1, 2].map(|i| c1[i] + u * (2.0 * c2[i] + u * (3.0 * c3[i] + u * (4.0 * c4[i] + u * 5.0 * c5[i]))));
+    dot3(&d, &d).sqrt()
+}

@@ -1,0 +1,282 @@
+//! Geometry of the path: nine axes over arc length.
+//!
+//! In:  end points, circles and corner legs in machine coordinates, from [`crate::plan`].
+//! Out: positions and derivatives by arc length, to the planner and, one position per cycle, to the cycle thread.
+//!
+//! A [`Piece`] is plain data of fixed size. Its `s` runs from 0 to [`Piece::length`]: millimetres along XYZ if one of
+//! them moves, else millimetres along UVW, else degrees along ABC. That is the length to which a feed rate refers. The
+//! axes outside that group turn evenly along.
+
+mod arc;
+mod blend;
+mod line;
+
+use crate::canon::{AXES, Position};
+
+pub use arc::{Arc, Circle};
+pub use blend::{Blend, BlendEnd};
+pub use line::Line;
+
+/// Position and its first three derivatives by arc length, one value per axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Jet {
+    /// Position, mm or degrees.
+    pub q: [f64; AXES],
+    /// q', per unit of length.
+    pub d1: [f64; AXES],
+    /// q'', per unit of length squared.
+    pub d2: [f64; AXES],
+    /// q''', per unit of length cubed.
+    pub d3: [f64; AXES],
+}
+
+/// The three axes along which length is counted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Group {
+    /// X Y Z, mm.
+    Main,
+    /// U V W, mm.
+    Parallel,
+    /// A B C, degrees.
+    Rotary,
+}
+
+impl Group {
+    /// The group that measures a straight move by `delta`; `None` when nothing moves.
+    pub fn of(delta: &[f64; AXES]) -> Option<Group> {
+        [Group::Main, Group::Parallel, Group::Rotary]
+            .into_iter()
+            .find(|group| group.norm(delta) > 0.0)
+    }
+
+    /// The part of a nine-axis vector that belongs to this group. RT.
+    pub const fn pick(self, vector: &[f64; AXES]) -> [f64; 3] {
+        let first = match self {
+            Group::Main => 0,
+            Group::Rotary => 3,
+            Group::Parallel => 6,
+        };
+        [vector[first], vector[first + 1], vector[first + 2]]
+    }
+
+    /// Length of the part that belongs to this group. RT.
+    pub fn norm(self, vector: &[f64; AXES]) -> f64 {
+        let part = self.pick(vector);
+        dot3(&part, &part).sqrt()
+    }
+}
+
+/// One stretch of path.
+#[derive(Clone, Copy, Debug)]
+pub struct Piece {
+    length: f64,
+    shape: Shape,
+}
+
+/// What a [`Piece`] is made of.
+// The blend is by far the largest; boxing it would put an allocation into data that the cycle thread copies.
+#[allow(clippy::large_enum_variant)]
+#[derive(Clone, Copy, Debug)]
+pub enum Shape {
+    /// Straight.
+    Line(Line),
+    /// Circle, helix or spiral.
+    Arc(Arc),
+    /// Rounded corner.
+    Blend(Blend),
+}
+
+impl Piece {
+    /// Straight from `start` to `end`; `None` when they are equal.
+    pub fn line(start: Position, end: Position) -> Option<Piece> {
+        let line = Line::new(start, end)?;
+        Some(Piece {
+            length: line.length(),
+            shape: Shape::Line(line),
+        })
+    }
+
+    /// Circle, helix or spiral; `None` when its radius or its turn is zero or a number is not finite.
+    pub fn arc(circle: &Circle) -> Option<Piece> {
+        let arc = Arc::new(circle)?;
+        Some(Piece {
+            length: arc.length(),
+            shape: Shape::Arc(arc),
+        })
+    }
+
+    /// Rounded corner between two states of motion; `None` when the curve would nearly stop on its way.
+    pub fn blend(from: &BlendEnd, to: &BlendEnd, group: Group) -> Option<Piece> {
+        let blend = Blend::new(from, to, group)?;
+        Some(Piece {
+            length: blend.length(),
+            shape: Shape::Blend(blend),
+        })
+    }
+
+    /// Length in mm, or in degrees when only rotary axes move. RT.
+    pub fn length(&self) -> f64 {
+        self.length
+    }
+
+    /// Axes along which the length is counted. RT.
+    pub fn group(&self) -> Group {
+        match &self.shape {
+            Shape::Line(line) => line.group(),
+            Shape::Arc(_) => Group::Main,
+            Shape::Blend(blend) => blend.group(),
+        }
+    }
+
+    /// Position at `s`, which is clamped to the piece. RT: bounded, no allocation, no panic.
+    pub fn position(&self, s: f64) -> Position {
+        let s = s.clamp(0.0, self.length);
+        match &self.shape {
+            Shape::Line(line) => line.position(s),
+            Shape::Arc(arc) => arc.position(s),
+            Shape::Blend(blend) => blend.position(s),
+        }
+    }
+
+    /// Position and derivatives at `s`, which is clamped to the piece. RT: bounded, no allocation, no panic.
+    pub fn jet(&self, s: f64) -> Jet {
+        let s = s.clamp(0.0, self.length);
+        match &self.shape {
+            Shape::Line(line) => line.jet(s),
+            Shape::Arc(arc) => arc.jet(s),
+            Shape::Blend(blend) => blend.jet(s),
+        }
+    }
+
+    /// What the piece is made of.
+    pub fn shape(&self) -> &Shape {
+        &self.shape
+    }
+
+    /// The stretch from `from` to `to` of this piece; `None` when it is empty. A blend is only given whole.
+    pub fn cut(&self, from: f64, to: f64) -> Option<Piece> {
+        let (from, to) = (from.max(0.0), to.min(self.length));
+        if from == 0.0 && to == self.length {
+            return Some(*self);
+        }
+        match &self.shape {
+            Shape::Line(line) => Piece::line(line.position(from), line.position(to)),
+            Shape::Arc(arc) => {
+                let arc = arc.cut(from, to)?;
+                Some(Piece {
+                    length: arc.length(),
+                    shape: Shape::Arc(arc),
+                })
+            }
+            Shape::Blend(_) => None,
+        }
+    }
+}
+
+fn dot3(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Changes derivatives by a curve parameter into derivatives by length. RT.
+///
+/// `by_u` holds the position and its derivatives by the parameter, `group` the axes that measure the length.
+fn by_length(by_u: &Jet, group: Group) -> Jet {
+    let (first, second, third) = (group.pick(&by_u.d1), group.pick(&by_u.d2), group.pick(&by_u.d3));
+    let speed = dot3(&first, &first).sqrt();
+    let speed_u = dot3(&first, &second) / speed;
+    let speed_uu = (dot3(&second, &second) + dot3(&first, &third) - speed_u * speed_u) / speed;
+    let u1 = 1.0 / speed;
+    let u2 = -speed_u * u1 * u1 * u1;
+    let u3 = (-speed_uu + 3.0 * speed_u * speed_u * u1) * u1 * u1 * u1 * u1;
+    let mut jet = Jet {
+        q: by_u.q,
+        ..Jet::default()
+    };
+    for axis in 0..AXES {
+        let (a, b, c) = (by_u.d1[axis], by_u.d2[axis], by_u.d3[axis]);
+        jet.d1[axis] = a * u1;
+        jet.d2[axis] = b * u1 * u1 + a * u2;
+        jet.d3[axis] = c * u1 * u1 * u1 + 3.0 * b * u1 * u2 + a * u3;
+    }
+    jet
+}
+
+/// Abscissae and weights of five-point Gauss integration over 0..1.
+const GAUSS: [(f64, f64); 5] = [
+    (0.046_910_077_030_668, 0.118_463_442_528_094_54),
+    (0.230_765_344_947_158_45, 0.239_314_335_249_683_24),
+    (0.5, 0.284_444_444_444_444_44),
+    (0.769_234_655_052_841_5, 0.239_314_335_249_683_24),
+    (0.953_089_922_969_332, 0.118_463_442_528_094_54),
+];
+
+/// Integral of `f` over `from..to`, exact for polynomials up to degree 9. RT.
+fn integrate(from: f64, to: f64, f: impl Fn(f64) -> f64) -> f64 {
+    let width = to - from;
+    let mut sum = 0.0;
+    for (x, weight) in GAUSS {
+        sum += weight * f(from + width * x);
+    }
+    width * sum
+}
+
+/// Intervals of the table that leads from length to curve parameter.
+const INTERVALS: usize = 8;
+
+/// Length over a curve parameter in 0..1 and back.
+#[derive(Clone, Copy, Debug)]
+struct LengthTable {
+    /// Length up to parameter k / INTERVALS.
+    s: [f64; INTERVALS + 1],
+    /// Length per parameter there.
+    speed: [f64; INTERVALS + 1],
+}
+
+impl LengthTable {
+    fn new(speed: impl Fn(f64) -> f64) -> LengthTable {
+        let width = 1.0 / INTERVALS as f64;
+        let mut table = LengthTable {
+            s: [0.0; INTERVALS + 1],
+            speed: [speed(0.0); INTERVALS + 1],
+        };
+        for k in 0..INTERVALS {
+            let from = k as f64 * width;
+            table.s[k + 1] = table.s[k] + integrate(from, from + width, &speed);
+            table.speed[k + 1] = speed(from + width);
+        }
+        table
+    }
+
+    fn length(&self) -> f64 {
+        self.s[INTERVALS]
+    }
+
+    /// Parameter at length `s`. RT: one scan of the table, a cubic guess, two Newton steps.
+    fn parameter(&self, s: f64, speed: impl Fn(f64) -> f64) -> f64 {
+        if s <= 0.0 {
+            return 0.0;
+        }
+        if s >= self.length() {
+            return 1.0;
+        }
+        let mut k = 0;
+        while k + 1 < INTERVALS && self.s[k + 1] <= s {
+            k += 1;
+        }
+        let width = 1.0 / INTERVALS as f64;
+        let from = k as f64 * width;
+        let span = self.s[k + 1] - self.s[k];
+        let x = (s - self.s[k]) / span;
+        let (slope0, slope1) = (span / self.speed[k], span / self.speed[k + 1]);
+        let guess = x * x * (3.0 - 2.0 * x) * width + x * (1.0 - x) * ((1.0 - x) * slope0 - x * slope1);
+        let mut u = from + guess.clamp(0.0, width);
+        for _ in 0..2 {
+            let error = s - self.s[k] - integrate(from, u, &speed);
+            u = (u + error / speed(u)).clamp(from, from + width);
+        }
+        u
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,181 @@
+use std::f64::consts::{PI, TAU};
+
+use super::*;
+use proptest::prelude::*;
+
+fn close(a: &[f64; AXES], b: &[f64; AXES], slack: f64) -> bool {
+    a.iter().zip(b).all(|(a, b)| (a - b).abs() <= slack)
+}
+
+/// Derivatives by length against central differences, and the length against the sum of small chords.
+fn check_derivatives(piece: &Piece, slack: f64) {
+    let h = piece.length() * 1e-3;
+    for k in 1..20 {
+        let s = piece.length() * f64::from(k) / 20.0;
+        let (low, here, high) = (piece.jet(s - h), piece.jet(s), piece.jet(s + h));
+        assert_eq!(here.q, piece.position(s).0);
+        let slope = |a: &[f64; AXES], b: &[f64; AXES]| core::array::from_fn(|i| (b[i] - a[i]) / (2.0 * h));
+        let scale = 1.0 / piece.length();
+        assert!(close(&slope(&low.q, &high.q), &here.d1, slack), "q' at {s}");
+        assert!(
+            close(&slope(&low.d1, &high.d1), &here.d2, slack * 40.0 * scale),
+            "q'' at {s}"
+        );
+        assert!(
+            close(&slope(&low.d2, &high.d2), &here.d3, slack * 2000.0 * scale * scale),
+            "q''' at {s}"
+        );
+        assert!((piece.group().norm(&here.d1) - 1.0).abs() < 1e-12, "unit speed at {s}");
+    }
+}
+
+#[test]
+fn a_line_counts_length_along_xyz_then_uvw_then_abc() {
+    let mut to = Position::xyz(3.0, 4.0, 0.0);
+    to.0[3] = 90.0;
+    to.0[6] = 7.0;
+    let piece = Piece::line(Position::ZERO, to).unwrap();
+    assert_eq!((piece.length(), piece.group()), (5.0, Group::Main));
+    assert_eq!(piece.position(2.5).0, [1.5, 2.0, 0.0, 45.0, 0.0, 0.0, 3.5, 0.0, 0.0]);
+    assert_eq!(piece.position(99.0), to);
+    let only = |axis: usize| {
+        let mut to = Position::ZERO;
+        to.0[axis] = -2.0;
+        to.0[4] = 30.0;
+        Piece::line(Position::ZERO, to).unwrap()
+    };
+    assert_eq!((only(7).length(), only(7).group()), (2.0, Group::Parallel));
+    assert_eq!((only(4).length(), only(4).group()), (30.0, Group::Rotary));
+    assert!(Piece::line(to, to).is_none());
+    assert!(Piece::line(to, Position::xyz(f64::NAN, 0.0, 0.0)).is_none());
+}
+
+#[test]
+fn a_helix_is_exact() {
+    // Radius 10, one and a half turns clockwise, 3 mm down, A turns by 12 degrees.
+    let mut end = Position::xyz(-10.0, 0.0, -3.0);
+    end.0[3] = 12.0;
+    let circle = Circle {
+        start: Position::xyz(10.0, 0.0, 0.0),
+        end,
+        centre_mm: [0.0; 3],
+        normal: [0.0, 0.0, 1.0],
+        sweep_rad: -3.0 * PI,
+    };
+    let piece = Piece::arc(&circle).unwrap();
+    assert!((piece.length() - (30.0 * PI).hypot(3.0)).abs() < 1e-12);
+    let third = piece.position(piece.length() / 3.0);
+    assert!(close(
+        &third.0,
+        &[-10.0, 0.0, -1.0, 4.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        1e-12
+    ));
+    let sixth = piece.position(piece.length() / 6.0);
+    assert!(close(
+        &sixth.0,
+        &[0.0, -10.0, -0.5, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        1e-12
+    ));
+    assert!(close(&piece.position(piece.length()).0, &end.0, 1e-12));
+    check_derivatives(&piece, 2e-5);
+}
+
+#[test]
+fn a_spiral_keeps_unit_speed_and_meets_both_ends() {
+    let circle = Circle {
+        start: Position::xyz(5.0, 0.0, 2.0),
+        end: Position::xyz(0.0, 6.0, 2.5),
+        centre_mm: [0.0, 0.0, 77.0],
+        normal: [0.0, 0.0, 1.0],
+        sweep_rad: PI / 2.0 + TAU,
+    };
+    let piece = Piece::arc(&circle).unwrap();
+    assert!(close(&piece.position(0.0).0, &circle.start.0, 1e-12));
+    assert!(close(&piece.position(piece.length()).0, &circle.end.0, 1e-12));
+    check_derivatives(&piece, 3e-5);
+    let (a, b) = (piece.cut(0.0, 11.0).unwrap(), piece.cut(11.0, 99.0).unwrap());
+    assert!((a.length() - 11.0).abs() < 1e-9 && (a.length() + b.length() - piece.length()).abs() < 1e-9);
+    assert!(close(&b.position(4.0).0, &piece.position(15.0).0, 1e-9));
+}
+
+#[test]
+fn a_blend_joins_line_and_arc_with_equal_curvature() {
+    let line = Piece::line(Position::xyz(-5.0, 0.0, 0.0), Position::ZERO).unwrap();
+    let circle = Circle {
+        start: Position::ZERO,
+        end: Position::xyz(4.0, 4.0, 1.0),
+        centre_mm: [0.0, 4.0, 0.0],
+        normal: [0.0, 0.0, 1.0],
+        sweep_rad: PI / 2.0,
+    };
+    let arc = Piece::arc(&circle).unwrap();
+    let from = BlendEnd {
+        leg: line.jet(4.5),
+        pace: 1.0,
+        pace_change: -0.1,
+    };
+    let to = BlendEnd {
+        leg: arc.jet(0.5),
+        pace: 1.0,
+        pace_change: 0.1,
+    };
+    let piece = Piece::blend(&from, &to, Group::Main).unwrap();
+    let (first, last) = (piece.jet(0.0), piece.jet(piece.length()));
+    for (got, want) in [(first, from.leg), (last, to.leg)] {
+        assert!(close(&got.q, &want.q, 1e-12));
+        assert!(close(&got.d1, &want.d1, 1e-12));
+        assert!(close(&got.d2, &want.d2, 1e-10));
+    }
+    check_derivatives(&piece, 5e-4);
+}
+
+#[test]
+fn a_blend_that_turns_back_is_refused() {
+    let there = Piece::line(Position::ZERO, Position::xyz(1.0, 0.0, 0.0)).unwrap();
+    let back = Piece::line(Position::xyz(1.0, 0.0, 0.0), Position::ZERO).unwrap();
+    let from = BlendEnd {
+        leg: there.jet(0.5),
+        pace: 1.0,
+        pace_change: 0.0,
+    };
+    let to = BlendEnd {
+        leg: back.jet(0.5),
+        pace: 1.0,
+        pace_change: 0.0,
+    };
+    assert!(Piece::blend(&from, &to, Group::Main).is_none());
+}
+
+#[test]
+fn a_piece_is_small_enough_to_copy() {
+    assert!(size_of::<Piece>() <= 700, "{}", size_of::<Piece>());
+}
+
+proptest! {
+    #[test]
+    fn length_and_parameter_of_a_blend_agree(angle in 0.0f64..2.8, d in 1e-3f64..10.0, p1 in 0.5f64..0.75, p2 in 0.1f64..0.5) {
+        let before = Piece::line(Position::xyz(-20.0, 0.0, 0.0), Position::ZERO).unwrap();
+        let after = Piece::line(Position::ZERO, Position::xyz(20.0 * angle.cos(), 20.0 * angle.sin(), 0.0)).unwrap();
+        let (pace, change) = (5.0 * (1.0 - p1) * d, 20.0 * (2.0 * p1 - p2 - 1.0) * d);
+        let from = BlendEnd { leg: before.jet(20.0 - d), pace, pace_change: change };
+        let to = BlendEnd { leg: after.jet(d), pace, pace_change: -change };
+        if let Some(piece) = Piece::blend(&from, &to, Group::Main) {
+            // Equal steps of length are equal distances: the chord of a short step is the step.
+            let steps = 4000;
+            let mut sum = 0.0;
+            let mut last = piece.position(0.0);
+            for k in 1..=steps {
+                let next = piece.position(piece.length() * f64::from(k) / f64::from(steps));
+                sum += (next.0[0] - last.0[0]).hypot(next.0[1] - last.0[1]);
+                last = next;
+            }
+            prop_assert!((sum / piece.length() - 1.0).abs() < 1e-5);
+            let (quarter, h) = (piece.length() / 4.0, piece.length() * 1e-5);
+            for k in 1..4 {
+                let (a, b) = (piece.position(quarter * f64::from(k)), piece.position(quarter * f64::from(k) + h));
+                let step = (b.0[0] - a.0[0]).hypot(b.0[1] - a.0[1]);
+                prop_assert!((step / h - 1.0).abs() < 1e-5, "{step} {h}");
+            }
+        }
+    }
+}
