@@ -1,1 +1,767 @@
+//! One node against hand-made frames of a managing node.
 
+use super::*;
+use crate::nmt::NodeList;
+use obd::{DataType, EntryDef, lines_of, octets_of};
+use objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
+use proptest::prelude::*;
+use std::string::ToString;
+use std::vec::Vec;
+
+const US: u64 = 1000;
+const NODE: u8 = 5;
+const MAC: Mac = [2, 0, 0, 0, 0, NODE];
+const MN_MAC: Mac = [2, 0, 0, 0, 0, 240];
+
+const DEVICE: &[EntryDef] = &[
+    EntryDef::rw(0x6040, DataType::U16, "controlword").rpdo(),
+    EntryDef::ro(0x6041, DataType::U16, "statusword").tpdo(),
+    EntryDef::ro(0x6064, DataType::I32, "position actual").tpdo(),
+    EntryDef::rw(0x607A, DataType::I32, "target position").rpdo(),
+    EntryDef::rw(0x6060, DataType::I8, "mode wanted").rpdo(),
+];
+const ENTRIES: usize = COMMUNICATION_ENTRIES + lines_of(DEVICE);
+const BYTES: usize = COMMUNICATION_BYTES + octets_of(DEVICE);
+type Node = Cn<ENTRIES, BYTES>;
+
+fn config() -> CnConfig<'static> {
+    CnConfig {
+        node_id: NODE,
+        mac: MAC,
+        device_type: 0x0002_0192,
+        vendor_id: 0x11,
+        product_code: 0x22,
+        revision: 0x33,
+        serial: 0x44,
+        device_name: "drive",
+        host_name: "x-axis",
+        pres_max_latency_ns: 20_000,
+    }
+}
+
+/// A node, the managing node's side of the wire, and a clock.
+struct Bench {
+    node: Node,
+    now_ns: u64,
+    response: [u8; FRAME_LEN_MAX],
+    events: Vec<Events>,
+}
+
+impl Bench {
+    fn new() -> Bench {
+        let dictionary = Dictionary::new(&[COMMUNICATION_PROFILE, DEVICE]).unwrap();
+        let node = Node::new(&config(), dictionary, 0).unwrap();
+        Bench {
+            node,
+            now_ns: 0,
+            response: [0xA5; FRAME_LEN_MAX],
+            events: Vec::new(),
+        }
+    }
+
+    fn send(&mut self, destination: Mac, destination_node: u8, frame: &Frame<'_>) -> Option<Vec<u8>> {
+        let header = Header {
+            destination,
+            source: MN_MAC,
+            destination_node,
+            source_node: node::MN,
+        };
+        let mut octets = [0; FRAME_LEN_MAX];
+        let len = frame.emit(&header, &mut octets).unwrap();
+        let reaction = self.node.receive(self.now_ns, &octets[..len], &mut self.response);
+        self.events.push(reaction.events);
+        reaction.transmit.map(|len| self.response[..len].to_vec())
+    }
+
+    fn soc(&mut self) -> Events {
+        assert_eq!(
+            self.send(multicast::SOC, node::BROADCAST, &Frame::Soc(Soc::default())),
+            None
+        );
+        *self.events.last().unwrap()
+    }
+
+    fn soa(&mut self, service: RequestedService, target: u8) -> Option<Vec<u8>> {
+        let soa = Soa::new(NmtState::Operational, service, target);
+        self.send(multicast::SOA, node::BROADCAST, &Frame::Soa(soa))
+    }
+
+    fn status(&mut self, exception_reset: bool, exception_acknowledge: bool) -> Vec<u8> {
+        let soa = Soa {
+            exception_reset,
+            exception_acknowledge,
+            ..Soa::new(NmtState::Operational, RequestedService::StatusRequest, NODE)
+        };
+        self.send(multicast::SOA, node::BROADCAST, &Frame::Soa(soa)).unwrap()
+    }
+
+    fn preq(&mut self, preq: Preq<'_>) -> Option<Vec<u8>> {
+        self.send(MAC, NODE, &Frame::Preq(preq))
+    }
+
+    fn poll_with(&mut self, payload: &[u8]) -> Option<Vec<u8>> {
+        self.preq(Preq {
+            multiplexed: false,
+            exception_acknowledge: false,
+            ready: true,
+            pdo_version: 0,
+            payload,
+        })
+    }
+
+    fn command(&mut self, destination_node: u8, command: NmtCommandFrame) -> Events {
+        let frame = Frame::Asnd(Asnd::NmtCommand(command));
+        assert_eq!(self.send(multicast::ASND, destination_node, &frame), None);
+        *self.events.last().unwrap()
+    }
+
+    fn plain(&mut self, command: NmtCommand) -> Events {
+        self.command(NODE, NmtCommandFrame::plain(command))
+    }
+
+    /// Writes an object as an SDO does once it has arrived, without the sequence layer.
+    fn write(&mut self, index: u16, sub: u8, value: &[u8]) -> Result<(), AbortCode> {
+        let node = &mut self.node;
+        let mut access = Access {
+            dictionary: &mut node.dictionary,
+            keys: &node.keys,
+            state: node.state,
+            check: node.check,
+            written: None,
+            reset: None,
+        };
+        obd::Objects::sdo_write(&mut access, index, sub, value)
+    }
+
+    fn map(&mut self) {
+        // Receive 607Ah, 6060h, 6040h; transmit 6064h, 6041h.
+        for (sub, raw) in [0x0020_0000_0000_607A_u64, 0x0008_0020_0000_6060, 0x0010_0028_0000_6040]
+            .iter()
+            .enumerate()
+        {
+            self.write(0x1600, sub as u8 + 1, &raw.to_le_bytes()).unwrap();
+        }
+        for (sub, raw) in [0x0020_0000_0000_6064_u64, 0x0010_0020_0000_6041].iter().enumerate() {
+            self.write(0x1A00, sub as u8 + 1, &raw.to_le_bytes()).unwrap();
+        }
+        self.write(0x1600, 0, &[3]).unwrap();
+        self.write(0x1A00, 0, &[2]).unwrap();
+        self.write(0x1006, 0, &1000_u32.to_le_bytes()).unwrap();
+    }
+
+    /// Takes the node to PRE_OPERATIONAL_2.
+    fn wake(&mut self) {
+        self.soa(RequestedService::NoService, 0);
+        self.soc();
+        assert_eq!(self.node.nmt_state(), NmtState::PreOperational2);
+    }
+
+    fn start(&mut self) {
+        self.wake();
+        self.map();
+        self.plain(NmtCommand::EnableReadyToOperate);
+        self.plain(NmtCommand::StartNode);
+        assert_eq!(self.node.nmt_state(), NmtState::Operational);
+    }
+
+    fn u32_of(&self, index: u16, sub: u8) -> u32 {
+        self.node
+            .dictionary()
+            .get(self.node.dictionary().key(index, sub).unwrap())
+    }
+}
+
+const OUTPUTS: [u8; 7] = [0x78, 0x56, 0x34, 0x12, 8, 0x0F, 0x00];
+
+#[test]
+fn a_node_is_refused_with_the_reason() {
+    let dictionary = || Dictionary::<ENTRIES, BYTES>::new(&[COMMUNICATION_PROFILE, DEVICE]).unwrap();
+    let refused = |config: CnConfig<'_>| Node::new(&config, dictionary(), 0).unwrap_err().to_string();
+    assert_eq!(
+        refused(CnConfig {
+            node_id: 240,
+            ..config()
+        }),
+        "node id 240: controlled nodes have 1..=239"
+    );
+    let long = "a host name of more than 32 octets";
+    assert_eq!(
+        refused(CnConfig {
+            host_name: long,
+            ..config()
+        }),
+        "object 1F9Ah/00h: 0x06070012 (data type does not match, length of the parameter too high)"
+    );
+    let bare = Dictionary::<ENTRIES, BYTES>::new(&[DEVICE]).unwrap();
+    let error = Node::new(&config(), bare, 0).unwrap_err();
+    assert_eq!(
+        error,
+        CnError::Object {
+            index: 0x1000,
+            sub: 0,
+            code: AbortCode::NO_OBJECT
+        }
+    );
+}
+
+#[test]
+fn outputs_come_and_inputs_go_in_operational() {
+    let mut bench = Bench::new();
+    bench.start();
+    let position = bench.node.dictionary().key::<i32>(0x6064, 0).unwrap();
+    let status = bench.node.dictionary().key::<u16>(0x6041, 0).unwrap();
+    bench.node.dictionary_mut().set(position, -2);
+    bench.node.dictionary_mut().set(status, 0x0237);
+    let pres = bench.poll_with(&OUTPUTS).unwrap();
+    assert!(bench.events.last().unwrap().outputs);
+    assert_eq!(pres.len(), 60);
+    assert_eq!(pres[..14], [0x01, 0x11, 0x1E, 0, 0, 2, 2, 0, 0, 0, 0, 5, 0x88, 0xAB]);
+    assert_eq!(
+        pres[14..30],
+        [4, 255, 5, 0xFD, 1, 0, 0, 0, 6, 0, 0xFE, 0xFF, 0xFF, 0xFF, 0x37, 0x02]
+    );
+    assert_eq!(
+        bench.node.dictionary().read(0x607A, 0).unwrap(),
+        [0x78, 0x56, 0x34, 0x12]
+    );
+    assert_eq!(bench.node.dictionary().read(0x6060, 0).unwrap(), [8]);
+    assert_eq!(bench.node.dictionary().read(0x6040, 0).unwrap(), [0x0F, 0]);
+}
+
+#[test]
+fn outputs_are_ignored_before_operational_and_without_rd() {
+    let mut bench = Bench::new();
+    bench.wake();
+    bench.map();
+    assert_eq!(
+        bench.poll_with(&OUTPUTS).unwrap()[17..24],
+        [0x5D, 0, 0, 0, 0, 0, 0],
+        "mapping not yet active"
+    );
+    bench.plain(NmtCommand::EnableReadyToOperate);
+    assert_eq!(bench.poll_with(&OUTPUTS).unwrap()[17..24], [0x6D, 0, 0, 0, 0, 6, 0]);
+    bench.plain(NmtCommand::StartNode);
+    let not_ready = Preq {
+        multiplexed: false,
+        exception_acknowledge: false,
+        ready: false,
+        pdo_version: 0,
+        payload: &OUTPUTS,
+    };
+    assert_eq!(bench.preq(not_ready).unwrap()[17..24], [0xFD, 1, 0, 0, 0, 6, 0]);
+    assert!(bench.events.iter().all(|events| !events.outputs));
+    assert_eq!(bench.node.dictionary().read(0x607A, 0).unwrap(), [0; 4]);
+    assert_eq!(
+        bench.node.dictionary().read(0x1003, 0).unwrap(),
+        [0],
+        "nothing of this is an error"
+    );
+}
+
+#[test]
+fn a_poll_for_another_node_or_state_is_not_answered() {
+    let mut bench = Bench::new();
+    bench.soa(RequestedService::NoService, 0);
+    assert_eq!(bench.node.nmt_state(), NmtState::PreOperational1);
+    assert_eq!(bench.poll_with(&[]), None);
+    bench.soc();
+    assert!(bench.poll_with(&[]).is_some());
+    let preq = Preq {
+        multiplexed: false,
+        exception_acknowledge: false,
+        ready: true,
+        pdo_version: 0,
+        payload: &[],
+    };
+    assert_eq!(bench.send(MAC, NODE + 1, &Frame::Preq(preq)), None);
+    assert_eq!(bench.soa(RequestedService::IdentRequest, NODE + 1), None);
+    bench.plain(NmtCommand::StopNode);
+    assert_eq!(bench.poll_with(&[]), None);
+    assert!(bench.soa(RequestedService::IdentRequest, NODE).is_some());
+}
+
+#[test]
+fn bad_pdos_are_dropped_and_reported_once() {
+    let mut bench = Bench::new();
+    bench.wake();
+    bench.map();
+    bench.write(0x1400, 2, &[0x10]).unwrap();
+    bench.plain(NmtCommand::EnableReadyToOperate);
+    bench.plain(NmtCommand::StartNode);
+    let mut poll = |pdo_version, payload: &[u8]| {
+        let preq = Preq {
+            multiplexed: false,
+            exception_acknowledge: false,
+            ready: true,
+            pdo_version,
+            payload,
+        };
+        bench.preq(preq).unwrap();
+        let count = bench.node.dictionary().read(0x1003, 0).unwrap()[0];
+        let newest = bench.node.dictionary().read(0x1003, 1).unwrap();
+        let code = newest
+            .get(2..4)
+            .map_or(0, |code| u16::from_le_bytes([code[0], code[1]]));
+        (bench.events.last().unwrap().outputs, count, code)
+    };
+    assert_eq!(poll(0x1F, &OUTPUTS), (true, 0, 0), "the sub-version may differ");
+    assert_eq!(poll(0x20, &OUTPUTS), (false, 1, error_code::PDO_MAP_VERSION));
+    assert_eq!(poll(0x20, &OUTPUTS), (false, 1, error_code::PDO_MAP_VERSION));
+    assert_eq!(poll(0x10, &OUTPUTS[..6]), (false, 2, error_code::PDO_SHORT_RX));
+    assert_eq!(poll(0x10, &[0; 37]), (false, 3, error_code::PREQ_LIMIT));
+    assert_eq!(poll(0x10, &[0; 36]).0, true, "a longer payload is no fault");
+    assert_eq!(poll(0x20, &OUTPUTS), (false, 4, error_code::PDO_MAP_VERSION));
+}
+
+#[test]
+fn outputs_can_come_from_another_node() {
+    let mut bench = Bench::new();
+    bench.wake();
+    bench.map();
+    bench.write(0x1400, 1, &[9]).unwrap();
+    bench.plain(NmtCommand::EnableReadyToOperate);
+    bench.plain(NmtCommand::StartNode);
+    bench.poll_with(&OUTPUTS);
+    assert!(!bench.events.last().unwrap().outputs);
+    for (from, expected) in [(8, false), (9, true)] {
+        let pres = Pres {
+            nmt_state: NmtState::Operational,
+            multiplexed: false,
+            exception_new: false,
+            ready: true,
+            requests: Requests::default(),
+            pdo_version: 0,
+            payload: &OUTPUTS,
+        };
+        let mut octets = [0; FRAME_LEN_MAX];
+        let len = pres
+            .emit(&Header::multicast(multicast::PRES, [7; 6], from), 36, &mut octets)
+            .unwrap();
+        assert_eq!(
+            bench
+                .node
+                .receive(0, &octets[..len], &mut bench.response)
+                .events
+                .outputs,
+            expected
+        );
+    }
+}
+
+#[test]
+fn mapping_is_checked_where_it_is_written() {
+    let mut bench = Bench::new();
+    bench.wake();
+    let entry = |raw: u64| raw.to_le_bytes();
+    bench.write(0x1600, 1, &entry(0x0010_0000_0000_6041)).unwrap();
+    assert_eq!(
+        bench.write(0x1600, 0, &[1]),
+        Err(AbortCode::NOT_MAPPABLE),
+        "a status cannot be received"
+    );
+    bench.write(0x1600, 1, &entry(0x0010_0000_0000_6042)).unwrap();
+    assert_eq!(bench.write(0x1600, 0, &[1]), Err(AbortCode::NO_OBJECT));
+    bench.write(0x1600, 1, &entry(0x0010_0120_0000_6040)).unwrap();
+    assert_eq!(
+        bench.write(0x1600, 0, &[1]),
+        Err(AbortCode::PDO_LENGTH),
+        "36 octets are the limit"
+    );
+    bench.write(0x1F98, 4, &38_u16.to_le_bytes()).unwrap();
+    bench.write(0x1600, 0, &[1]).unwrap();
+    assert_eq!(
+        bench.write(0x1F98, 4, &37_u16.to_le_bytes()),
+        Err(AbortCode::PARAMETER_INCOMPATIBLE)
+    );
+    assert_eq!(
+        bench.write(0x1F98, 4, &35_u16.to_le_bytes()),
+        Err(AbortCode::VALUE_TOO_LOW)
+    );
+    assert_eq!(
+        bench.write(0x1600, 2, &entry(0)),
+        Err(AbortCode::PARAMETER_INCOMPATIBLE),
+        "the count is not 0"
+    );
+    assert_eq!(bench.write(0x1600, 0, &[33]), Err(AbortCode::VALUE_TOO_HIGH));
+    bench.write(0x1600, 0, &[0]).unwrap();
+    bench.write(0x1600, 2, &entry(0)).unwrap();
+    assert_eq!(bench.write(0x1800, 1, &[3]), Err(AbortCode::VALUE_TOO_HIGH));
+    bench.plain(NmtCommand::EnableReadyToOperate);
+    for (index, sub, value) in [(0x1600, 0, &[0][..]), (0x1400, 2, &[1]), (0x1F98, 5, &[40, 0])] {
+        assert_eq!(
+            bench.write(index, sub, value),
+            Err(AbortCode::DEVICE_STATE),
+            "{index:04x}/{sub}"
+        );
+    }
+}
+
+#[test]
+fn the_payload_limit_makes_the_length_of_the_pres() {
+    let mut bench = Bench::new();
+    bench.wake();
+    bench.write(0x1F98, 5, &100_u16.to_le_bytes()).unwrap();
+    assert_eq!(bench.poll_with(&[]).unwrap().len(), 60);
+    bench.plain(NmtCommand::ResetConfiguration);
+    bench.wake();
+    assert_eq!(bench.poll_with(&[]).unwrap().len(), 124);
+}
+
+#[test]
+fn missed_socs_count_and_at_the_threshold_the_node_leaves() {
+    let mut bench = Bench::new();
+    bench.start();
+    bench.write(0x1C0B, 3, &24_u32.to_le_bytes()).unwrap();
+    bench.now_ns = 1000 * US;
+    assert!(bench.soc().sync.is_some());
+    // Due at 2000 us + 100 us tolerance, then every 1000 us.
+    assert_eq!(bench.node.next_deadline_ns(), Some(2100 * US));
+    assert_eq!(bench.node.poll(2100 * US - 1), Events::default());
+    let missed = |events: Events| (events.soc_missed, events.communication_lost, events.nmt_state);
+    assert_eq!(missed(bench.node.poll(2100 * US)), (1, None, None));
+    assert_eq!(missed(bench.node.poll(2101 * US)), (0, None, None));
+    assert_eq!(missed(bench.node.poll(3100 * US)), (1, None, None));
+    assert_eq!((bench.u32_of(0x1C0B, 1), bench.u32_of(0x1C0B, 2)), (2, 16));
+    let lost = bench.node.poll(4100 * US);
+    assert_eq!(missed(lost), (1, Some(Loss::Soc), Some(NmtState::PreOperational1)));
+    assert_eq!(bench.u32_of(0x1C0B, 1), 3);
+    assert_eq!(bench.node.next_deadline_ns(), None);
+    assert_eq!(bench.node.dictionary().read(0x1001, 0).unwrap(), [0x11]);
+    let newest = bench.node.dictionary().read(0x1003, 1).unwrap();
+    assert_eq!(newest[..4], [0x02, 0x30, 0x45, 0x82]);
+}
+
+#[test]
+fn one_missed_soc_is_forgiven_by_good_cycles() {
+    let mut bench = Bench::new();
+    bench.start();
+    for cycle in 1..=40_u64 {
+        bench.now_ns = cycle * 1000 * US;
+        if cycle % 20 != 0 {
+            let events = bench.soc();
+            assert_eq!(
+                events.soc_missed,
+                u32::from(cycle % 20 == 1 && cycle > 1),
+                "cycle {cycle}"
+            );
+            bench.poll_with(&OUTPUTS);
+        }
+    }
+    // Cycle 20 is missed, 40 is the last and not yet overdue; each good SoC takes back 1 of the 8.
+    assert_eq!((bench.u32_of(0x1C0B, 1), bench.u32_of(0x1C0B, 2)), (1, 0));
+    assert_eq!(bench.node.nmt_state(), NmtState::Operational);
+}
+
+#[test]
+fn a_long_pause_is_bounded_work() {
+    let mut bench = Bench::new();
+    bench.start();
+    bench.write(0x1C0B, 3, &0_u32.to_le_bytes()).unwrap();
+    bench.soc();
+    assert_eq!(bench.node.poll(u64::MAX / 2).soc_missed, MISSED_PER_LOOK);
+    assert_eq!(
+        bench.node.nmt_state(),
+        NmtState::Operational,
+        "threshold 0 never leads away"
+    );
+}
+
+#[test]
+fn missing_polls_count_in_the_states_that_exchange_data() {
+    let mut bench = Bench::new();
+    bench.start();
+    let mut cycle = |polled: bool, multiplexed: bool| {
+        bench.now_ns += 1000 * US;
+        let lost = bench.soc().communication_lost;
+        if polled {
+            bench.preq(Preq {
+                multiplexed,
+                exception_acknowledge: false,
+                ready: true,
+                pdo_version: 0,
+                payload: &OUTPUTS,
+            });
+        }
+        lost
+    };
+    assert_eq!(
+        (cycle(false, false), cycle(false, false)),
+        (None, None),
+        "never polled, nothing lost"
+    );
+    assert_eq!(
+        (cycle(true, true), cycle(false, false), cycle(false, false)),
+        (None, None, None),
+        "multiplexed"
+    );
+    assert_eq!((cycle(true, false), cycle(false, false)), (None, None));
+    assert_eq!(cycle(false, false), None, "8 of 15");
+    assert_eq!(cycle(false, false), Some(Loss::Preq), "16 of 15");
+    assert_eq!(bench.node.nmt_state(), NmtState::PreOperational1);
+    assert_eq!(bench.u32_of(0x1C0D, 1), 2);
+}
+
+#[test]
+fn silence_leads_to_basic_ethernet_and_a_frame_back() {
+    let mut bench = Bench::new();
+    assert_eq!(bench.node.next_deadline_ns(), Some(5_000_000 * US));
+    assert_eq!(bench.node.poll(5_000_000 * US - 1).nmt_state, None);
+    assert_eq!(bench.node.poll(5_000_000 * US).nmt_state, Some(NmtState::BasicEthernet));
+    bench.now_ns = 6_000_000 * US;
+    assert_eq!(bench.soa(RequestedService::IdentRequest, NODE).unwrap()[20], 0x1D);
+    assert_eq!(bench.node.nmt_state(), NmtState::PreOperational1);
+    assert_eq!(bench.node.next_deadline_ns(), None);
+}
+
+#[test]
+fn resets_restore_as_deep_as_they_say() {
+    let written = |bench: &mut Bench| {
+        bench.wake();
+        bench.map();
+        bench.write(0x1020, 1, &7_u32.to_le_bytes()).unwrap();
+        bench.write(0x6060, 0, &[8]).unwrap();
+    };
+    let left = |bench: &Bench| {
+        let read = |index, sub| bench.node.dictionary().read(index, sub).unwrap()[0];
+        (read(0x1020, 1), read(0x1600, 0), read(0x6060, 0))
+    };
+    for (command, reset, expected) in [
+        (NmtCommand::ResetConfiguration, Reset::Configuration, (7, 3, 8)),
+        (NmtCommand::ResetCommunication, Reset::Communication, (0, 0, 8)),
+        (NmtCommand::ResetNode, Reset::Node, (0, 0, 0)),
+        (NmtCommand::SwReset, Reset::Software, (0, 0, 0)),
+    ] {
+        let mut bench = Bench::new();
+        written(&mut bench);
+        let events = bench.plain(command);
+        assert_eq!(
+            (events.reset, events.nmt_state),
+            (Some(reset), Some(NmtState::NotActive))
+        );
+        assert_eq!(left(&bench), expected, "{command:?}");
+        assert_eq!(
+            bench.node.dictionary().read(0x1018, 1).unwrap(),
+            [0x11, 0, 0, 0],
+            "identity stays"
+        );
+        assert_eq!(bench.node.dictionary().read(0x1F8C, 0).unwrap(), [0x1C]);
+    }
+}
+
+#[test]
+fn extended_commands_act_on_the_listed_nodes() {
+    let mut bench = Bench::new();
+    bench.wake();
+    let mut others = NodeList::default();
+    others.insert(NODE + 1);
+    bench.command(
+        node::BROADCAST,
+        NmtCommandFrame::extended(NmtCommand::EnableReadyToOperateEx, others),
+    );
+    assert_eq!(bench.node.nmt_state(), NmtState::PreOperational2);
+    let mut all = others;
+    all.insert(NODE);
+    bench.command(
+        node::BROADCAST,
+        NmtCommandFrame::extended(NmtCommand::EnableReadyToOperateEx, all),
+    );
+    assert_eq!(bench.node.nmt_state(), NmtState::ReadyToOperate);
+    bench.command(NODE + 1, NmtCommandFrame::plain(NmtCommand::StartNode));
+    assert_eq!(
+        bench.node.nmt_state(),
+        NmtState::ReadyToOperate,
+        "addressed to another node"
+    );
+    bench.command(node::BROADCAST, NmtCommandFrame::extended(NmtCommand::ResetNodeEx, all));
+    assert_eq!(bench.node.nmt_state(), NmtState::NotActive);
+}
+
+#[test]
+fn ready_to_operate_waits_for_the_device() {
+    let mut bench = Bench::new();
+    bench.node.set_application_ready(0, false);
+    bench.wake();
+    bench.plain(NmtCommand::EnableReadyToOperate);
+    assert_eq!(bench.node.nmt_state(), NmtState::PreOperational2);
+    assert_eq!(
+        bench.node.set_application_ready(0, true).nmt_state,
+        Some(NmtState::ReadyToOperate)
+    );
+}
+
+#[test]
+fn error_signalling_as_captured_and_then_an_error_of_the_device() {
+    let mut bench = Bench::new();
+    bench.wake();
+    let flags = |status: &[u8]| (status[17], status[18]);
+    // openpowerlink-mn-3cn-10ms.pcap, frames 980, 1046, 1108, 1153: two requests with ER, two without.
+    let seen = [(true, 0x08), (true, 0x08), (false, 0x08), (false, 0x00)].map(|(exception_reset, expected)| {
+        let status = bench.status(exception_reset, false);
+        assert_eq!(status.len(), 72);
+        (flags(&status), (0x02, expected))
+    });
+    for (got, expected) in seen {
+        assert_eq!(got, expected);
+    }
+    bench.node.report_error(402, 0x8611, [1, 2, 3, 4, 5, 6, 7, 8]);
+    let pres = bench.poll_with(&[]).unwrap();
+    assert_eq!(pres[18] & 0x10, 0x10, "EN");
+    let status = bench.status(false, false);
+    assert_eq!(flags(&status), (0x02, 0x10));
+    assert_eq!(status[32..36], [0x92, 0x31, 0x11, 0x86]);
+    assert_eq!(status[44..54], [1, 2, 3, 4, 5, 6, 7, 8, 0, 0]);
+    let acknowledge = Preq {
+        multiplexed: false,
+        exception_acknowledge: true,
+        ready: true,
+        pdo_version: 0,
+        payload: &[],
+    };
+    bench.preq(acknowledge);
+    let status = bench.status(false, true);
+    assert_eq!(flags(&status), (0x02, 0x10), "EN stays until the next error");
+    assert_eq!(status[32..], [0; 40]);
+}
+
+#[test]
+fn an_sdo_is_answered_when_the_node_is_invited() {
+    let mut bench = Bench::new();
+    bench.wake();
+    let mut sdo = |octets: &[u8]| {
+        bench.send(multicast::ASND, NODE, &Frame::Asnd(Asnd::Sdo(octets)));
+        let requests = bench.poll_with(&[]).unwrap()[19];
+        let answer = bench.soa(RequestedService::UnspecifiedInvite, NODE);
+        (requests, answer)
+    };
+    let (requests, answer) = sdo(&[0x00, 0x01, 0, 0]);
+    assert_eq!(requests, 0x19, "PR 3, RS 1");
+    let answer = answer.unwrap();
+    assert_eq!(
+        (answer.len(), &answer[..6], &answer[14..20]),
+        (60, &multicast::ASND[..], &[6, 240, 5, 5, 1, 1][..])
+    );
+    assert_eq!(sdo(&[0x01, 0x02, 0, 0]).1.unwrap()[18..20], [2, 2]);
+    // 6060h = 8: the device is told.
+    let write = [0x02, 0x06, 0, 0, 0, 1, 0, 1, 5, 0, 0, 0, 0x60, 0x60, 0, 0, 8];
+    assert_eq!(sdo(&write).1.unwrap()[18..27], [6, 6, 0, 0, 0, 1, 0x80, 1, 0]);
+    assert_eq!(sdo(&[0x06, 0x06, 0, 0]), (0, None), "an acknowledge needs no answer");
+    let written: Vec<_> = bench.events.iter().filter_map(|events| events.written).collect();
+    assert_eq!(written, [(0x6060, 0)]);
+}
+
+#[test]
+fn the_device_judges_writes_to_its_objects() {
+    let mut bench = Bench::new();
+    bench.wake();
+    bench.node.set_write_check(|_, index, _, value| match (index, value) {
+        (0x6060, [5]) => Err(AbortCode::VALUE_RANGE),
+        _ => Ok(()),
+    });
+    assert_eq!(bench.write(0x6060, 0, &[5]), Err(AbortCode::VALUE_RANGE));
+    assert_eq!(
+        bench.write(0x6060, 0, &[]),
+        Err(AbortCode::TOO_SHORT),
+        "the dictionary judges first"
+    );
+    assert_eq!(bench.write(0x6060, 0, &[8]), Ok(()));
+    assert_eq!(bench.node.dictionary().read(0x6060, 0).unwrap(), [8]);
+}
+
+#[test]
+fn a_reset_by_object_waits_until_its_answer_is_on_the_way() {
+    let mut bench = Bench::new();
+    bench.wake();
+    assert_eq!(
+        bench.write(0x1F9E, 0, &[0x21]),
+        Err(AbortCode::VALUE_RANGE),
+        "StartNode is no reset"
+    );
+    assert_eq!(
+        bench.write(0x1F9E, 0, &[0x48]),
+        Err(AbortCode::VALUE_RANGE),
+        "nor is an extended command"
+    );
+    let sdo = |bench: &mut Bench, octets: &[u8]| bench.send(multicast::ASND, NODE, &Frame::Asnd(Asnd::Sdo(octets)));
+    let invite = |bench: &mut Bench| bench.soa(RequestedService::UnspecifiedInvite, NODE);
+    sdo(&mut bench, &[0x00, 0x01, 0, 0]);
+    invite(&mut bench).unwrap();
+    sdo(&mut bench, &[0x01, 0x02, 0, 0]);
+    invite(&mut bench).unwrap();
+    sdo(
+        &mut bench,
+        &[0x02, 0x06, 0, 0, 0, 1, 0, 1, 5, 0, 0, 0, 0x9E, 0x1F, 0, 0, 0x28],
+    );
+    bench.soc();
+    assert_eq!(bench.node.nmt_state(), NmtState::PreOperational2);
+    assert_eq!(invite(&mut bench).unwrap()[24], 0x80);
+    assert_eq!(bench.node.poll(bench.now_ns).reset, Some(Reset::Node));
+    assert_eq!(bench.node.nmt_state(), NmtState::NotActive);
+    assert_eq!(bench.node.dictionary().read(0x1F9E, 0).unwrap(), [0xFF]);
+}
+
+#[test]
+fn the_history_is_emptied_by_writing_0() {
+    let mut bench = Bench::new();
+    bench.node.report_error(402, 0x8611, [0; 8]);
+    assert_eq!(bench.write(0x1003, 0, &[1]), Err(AbortCode::VALUE_TOO_HIGH));
+    assert_eq!(bench.node.dictionary().read(0x1003, 0).unwrap(), [1]);
+    bench.write(0x1003, 0, &[0]).unwrap();
+    assert_eq!(bench.node.dictionary().read(0x1003, 0).unwrap(), [0]);
+    assert_eq!(bench.node.dictionary().read(0x1003, 1).unwrap(), [] as [u8; 0]);
+}
+
+#[test]
+fn the_host_name_can_be_set_by_command() {
+    let mut bench = Bench::new();
+    let mut command = NmtCommandFrame::plain(NmtCommand::NetHostNameSet);
+    command.data[..6].copy_from_slice(b"z-axis");
+    bench.command(NODE, command);
+    let ident = bench.soa(RequestedService::IdentRequest, NODE).unwrap();
+    assert_eq!(ident.len(), 176);
+    assert_eq!(ident[96..104], *b"z-axis\0\0");
+    assert_eq!(ident[40..48], [0x92, 0x01, 0x02, 0, 0x11, 0, 0, 0]);
+    assert_eq!(ident[84..88], [5, 100, 168, 192]);
+}
+
+#[test]
+fn only_node_240_manages() {
+    let mut bench = Bench::new();
+    let mut octets = [0; FRAME_LEN_MAX];
+    let header = Header::multicast(multicast::SOC, MN_MAC, 7);
+    let len = Soc::default().emit(&header, &mut octets).unwrap();
+    assert_eq!(
+        bench.node.receive(0, &octets[..len], &mut bench.response),
+        Reaction::default()
+    );
+    assert_eq!(bench.node.nmt_state(), NmtState::NotActive);
+}
+
+proptest! {
+    #[test]
+    fn arbitrary_frames_never_panic(
+        frames in proptest::collection::vec(
+            (proptest::collection::vec(any::<u8>(), 0..120), 0_u8..8, 0_u8..7, any::<bool>(), 0_u64..5_000_000), 1..60,
+        ),
+    ) {
+        let mut bench = Bench::new();
+        bench.start();
+        for (mut octets, message, service, to_us, step_ns) in frames {
+            if octets.len() > 21 {
+                octets[12..14].copy_from_slice(&[0x88, 0xAB]);
+                octets[14] = message;
+                octets[15] = if to_us { NODE } else { 255 };
+                octets[16] = node::MN;
+                if message == 5 {
+                    octets[20] = [0, 1, 2, 3, 6, 0xFF, 0x77][usize::from(service)];
+                    octets[21] = NODE;
+                } else if message == 6 {
+                    octets[17] = service;
+                }
+            }
+            bench.now_ns += step_ns;
+            let reaction = bench.node.receive(bench.now_ns, &octets, &mut bench.response);
+            prop_assert!(reaction.transmit.is_none_or(|len| (60..=FRAME_LEN_MAX).contains(&len)));
+            bench.node.poll(bench.now_ns);
+        }
+    }
+}
