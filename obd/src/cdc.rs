@@ -1,4 +1,4 @@
-//! Concise DCF: the list of writes that configures one node (1F22h/node), or a whole network when it is the file of a
+//! Concise DCF: the list of writes that configures one node (0x1F22/node), or a whole network when it is the file of a
 //! managing node, where the lists of the nodes stand as values.
 //!
 //! In:  octets of a file or of an object. Out: the writes in order, or an error with the offset and what was expected; and
@@ -209,11 +209,11 @@ mod tests {
     use std::string::ToString;
     use std::vec::Vec;
 
-    /// Written by hand from the layout: 1006h = 1000, 1F98h/4 = 36.
+    /// Written by hand from the layout: 0x1006 = 1000, 0x1F98/4 = 36.
     const TWO_WRITES: [u8; 24] = [
         2, 0, 0, 0, // count
-        0x06, 0x10, 0x00, 4, 0, 0, 0, 0xE8, 0x03, 0x00, 0x00, // 1006h
-        0x98, 0x1F, 0x04, 2, 0, 0, 0, 0x24, 0x00, // 1F98h/4
+        0x06, 0x10, 0x00, 4, 0, 0, 0, 0xE8, 0x03, 0x00, 0x00, // 0x1006
+        0x98, 0x1F, 0x04, 2, 0, 0, 0, 0x24, 0x00, // 0x1F98/4
     ];
 
     #[test]

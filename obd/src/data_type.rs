@@ -1,6 +1,6 @@
 //! Data types of objects and the Rust types that carry them.
 
-/// Data type of an object; the code is the index of the type in the object dictionary (0001h ..), as used in device
+/// Data type of an object; the code is the index of the type in the object dictionary (0x0001 ..), as used in device
 /// descriptions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum DataType {

@@ -30,7 +30,7 @@ pub enum Access {
     WriteOnly,
     /// Read and write.
     ReadWrite,
-    /// Read and write; belongs to what is stored by 1010h.
+    /// Read and write; belongs to what is stored by 0x1010.
     ReadWriteStored,
 }
 

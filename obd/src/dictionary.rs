@@ -60,10 +60,10 @@ impl fmt::Display for BuildError {
             } => {
                 write!(
                     f,
-                    "object {index:04X}h/{sub:02X}h is defined twice: \"{first}\" and \"{second}\""
+                    "object {index:#06X}/{sub} is defined twice: \"{first}\" and \"{second}\""
                 )
             }
-            BuildError::BadDefinition { index, sub, rule } => write!(f, "object {index:04X}h/{sub:02X}h: {rule}"),
+            BuildError::BadDefinition { index, sub, rule } => write!(f, "object {index:#06X}/{sub}: {rule}"),
             BuildError::TooManyEntries { need, have } => {
                 write!(f, "the tables need {need} entries, the dictionary has room for {have}")
             }

@@ -1,6 +1,6 @@
 //! PDO mapping: which octets of a cyclic payload are which object.
 //!
-//! In:  mapping entries as written to 1600h.. (receive) and 1A00h.. (transmit), a dictionary.
+//! In:  mapping entries as written to 0x1600.. (receive) and 0x1A00.. (transmit), a dictionary.
 //! Out: a [`CopyPlan`], computed once, that then moves values between payload and dictionary without look-up.
 
 use core::fmt;
@@ -72,7 +72,7 @@ impl fmt::Display for MappingError {
         } = self;
         write!(
             f,
-            "mapping entry {} ({index:04X}h/{sub:02X}h, {bit_length} bits at bit {bit_offset}): {rule}: {code}",
+            "mapping entry {} ({index:#06X}/{sub}, {bit_length} bits at bit {bit_offset}): {rule}: {code}",
             position + 1
         )
     }

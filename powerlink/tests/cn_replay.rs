@@ -143,7 +143,7 @@ fn every_answer_is_the_recorded_one() {
     assert_eq!((count(1), count(2), count(5)), IDENT_STATUS_SDO);
     assert_eq!((polls, syncs, outputs, missed), (POLLS, SYNCS, OUTPUTS, 0));
 
-    // What the 16 writes of the download left behind; 1011h/1 and 1010h/1 were aborted.
+    // What the 16 writes of the download left behind; 0x1011/1 and 0x1010/1 were aborted.
     let read = |index, sub| node.dictionary().read(index, sub).unwrap();
     assert_eq!(read(0x1006, 0), 10_000_u32.to_le_bytes());
     assert_eq!(read(0x1020, 1), 12_580_u32.to_le_bytes());

@@ -30,7 +30,7 @@ fn dictionary() -> Small {
 #[test]
 fn tables_are_sorted_and_sub_index_0_is_added() {
     let dictionary = dictionary();
-    // 11 lines and one number of entries (1018h/0).
+    // 11 lines and one number of entries (0x1018/0).
     assert_eq!(
         dictionary.used(),
         (12, 4 + 4 + (2 + 16) + 1 + 32 * 8 + 1 + 4 * 4 + 1 + 4 + 2 + 1 + (2 + 4))
@@ -138,7 +138,7 @@ fn bad_tables_are_refused_with_the_reason() {
     const OVERLAP: &[EntryDef] = &[EntryDef::ro(0x1600, DataType::U64, "two").subs(4, 5)];
     assert_eq!(
         build(&[TWICE, OVERLAP]),
-        "object 1600h/04h is defined twice: \"one\" and \"two\""
+        "object 0x1600/4 is defined twice: \"one\" and \"two\""
     );
     assert_eq!(
         build(&[TWICE]),
@@ -151,17 +151,17 @@ fn bad_tables_are_refused_with_the_reason() {
     const DEFAULT: &[EntryDef] = &[EntryDef::ro(0x2000, DataType::U8, "byte").default(256)];
     assert_eq!(
         build(&[DEFAULT]),
-        "object 2000h/00h: the default must lie within the range of an integer type"
+        "object 0x2000/0: the default must lie within the range of an integer type"
     );
     const CAPACITY: &[EntryDef] = &[EntryDef::ro(0x2000, DataType::Domain, "blob")];
     assert_eq!(
         build(&[CAPACITY]),
-        "object 2000h/00h: a type of variable length needs a capacity"
+        "object 0x2000/0: a type of variable length needs a capacity"
     );
     const LIMITS: &[EntryDef] = &[EntryDef::rw(0x2000, DataType::U8, "byte").limits(2, 1)];
     assert_eq!(
         build(&[LIMITS]),
-        "object 2000h/00h: the low limit must not lie above the high limit"
+        "object 0x2000/0: the low limit must not lie above the high limit"
     );
 }
 

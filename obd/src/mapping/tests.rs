@@ -30,7 +30,7 @@ fn entry(index: u16, bit_offset: u16, bit_length: u16) -> MappingEntry {
 
 #[test]
 fn entry_of_the_captured_network() {
-    // openpowerlink-mn-3cn-10ms.pcap maps 8 bits at bit 0 of 6200h/1.
+    // openpowerlink-mn-3cn-10ms.pcap maps 8 bits at bit 0 of 0x6200/1.
     let captured = MappingEntry {
         index: 0x6200,
         sub: 1,
@@ -161,7 +161,7 @@ fn the_error_names_object_place_and_rule() {
     let error = CopyPlan::<2>::new(&dictionary(), Direction::Receive, [entry(0x6041, 32, 16)], 36).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "mapping entry 1 (6041h/00h, 16 bits at bit 32): the object must be mappable in this direction: \
+        "mapping entry 1 (0x6041/0, 16 bits at bit 32): the object must be mappable in this direction: \
          0x06040041 (object cannot be mapped to the PDO)"
     );
 }

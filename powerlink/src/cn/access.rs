@@ -18,7 +18,7 @@ pub(super) struct Access<'a, const E: usize, const B: usize> {
     pub(super) check: Option<WriteCheck<E, B>>,
     /// The object that was written.
     pub(super) written: Option<(u16, u8)>,
-    /// The reset that a write to 1F9Eh asks for.
+    /// The reset that a write to 0x1F9E asks for.
     pub(super) reset: Option<Reset>,
 }
 
@@ -43,7 +43,7 @@ impl<const E: usize, const B: usize> Access<'_, E, B> {
         matches!(self.state, NmtState::ReadyToOperate | NmtState::Operational)
     }
 
-    /// 1F9Eh: the value is an NMT command, one of the four resets; it always reads as 255.
+    /// 0x1F9E: the value is an NMT command, one of the four resets; it always reads as 255.
     fn reset_command(&mut self, value: &[u8]) -> Result<(), AbortCode> {
         let command = value.first().copied().unwrap_or(0xFF);
         match (NmtCommand::from(command).plain(), NmtCommand::from(command).cn_event()) {
@@ -55,7 +55,7 @@ impl<const E: usize, const B: usize> Access<'_, E, B> {
         }
     }
 
-    /// 1003h/0 takes only 0: the history is emptied.
+    /// 0x1003/0 takes only 0: the history is emptied.
     fn clear_history(&mut self) {
         for sub in 1..=HISTORY_ENTRIES as u8 {
             if let Ok(handle) = self.dictionary.find(0x1003, sub) {

@@ -1,4 +1,4 @@
-//! What a controlled node does with errors: threshold counters, the history 1003h and error signalling to the MN.
+//! What a controlled node does with errors: threshold counters, the history 0x1003 and error signalling to the MN.
 //!
 //! In:  errors as they happen, EA and ER of the managing node.
 //! Out: EN and EC, the error entries of the next StatusResponse.
@@ -54,7 +54,7 @@ impl CounterKeys {
     }
 }
 
-/// Puts an entry in front of the history 1003h; the oldest falls out when it is full.
+/// Puts an entry in front of the history 0x1003; the oldest falls out when it is full.
 pub(super) fn record<const E: usize, const B: usize>(
     dictionary: &mut Dictionary<E, B>,
     keys: &Keys,

@@ -8,7 +8,7 @@
 //! all of them; each answers only what is meant for its node id.
 //!
 //! The device reads its outputs from the dictionary when [`Events::outputs`] is set and writes its inputs there; the next
-//! PRes carries them. Mapping (1600h, 1A00h), mapping versions, payload limits and cycle length become active by
+//! PRes carries them. Mapping (0x1600, 0x1A00), mapping versions, payload limits and cycle length become active by
 //! ResetConfiguration and on the way to READY_TO_OPERATE.
 
 mod access;
@@ -32,7 +32,7 @@ use error::{PROFILE_COMMUNICATION, Signalling, TYPE_OCCURRED};
 use objects::{HOST_NAME_LEN, Keys};
 use pdo::{Pdos, Received};
 
-/// Bits of the error register 1001h that a loss of communication sets: generic and communication.
+/// Bits of the error register 0x1001 that a loss of communication sets: generic and communication.
 const REGISTER_COMMUNICATION: u8 = 0x11;
 /// Network of all POWERLINK nodes: 192.168.100.0.
 const IP_NETWORK: u32 = 0xC0A8_6400;
@@ -46,21 +46,21 @@ pub struct CnConfig<'a> {
     pub node_id: u8,
     /// MAC address that the node's frames carry.
     pub mac: Mac,
-    /// 1000h: profile number in the low word.
+    /// 0x1000: profile number in the low word.
     pub device_type: u32,
-    /// 1018h/1.
+    /// 0x1018/1.
     pub vendor_id: u32,
-    /// 1018h/2.
+    /// 0x1018/2.
     pub product_code: u32,
-    /// 1018h/3.
+    /// 0x1018/3.
     pub revision: u32,
-    /// 1018h/4.
+    /// 0x1018/4.
     pub serial: u32,
-    /// 1008h, up to 32 octets.
+    /// 0x1008, up to 32 octets.
     pub device_name: &'a str,
-    /// 1F9Ah, up to 32 octets.
+    /// 0x1F9A, up to 32 octets.
     pub host_name: &'a str,
-    /// 1F98h/3: the longest time from the end of a PReq to the start of the PRes in ns.
+    /// 0x1F98/3: the longest time from the end of a PReq to the start of the PRes in ns.
     pub pres_max_latency_ns: u32,
 }
 
@@ -84,7 +84,7 @@ impl fmt::Display for CnError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             CnError::NodeId(id) => write!(f, "node id {id}: controlled nodes have 1..=239"),
-            CnError::Object { index, sub, code } => write!(f, "object {index:04X}h/{sub:02X}h: {code}"),
+            CnError::Object { index, sub, code } => write!(f, "object {index:#06X}/{sub}: {code}"),
         }
     }
 }
@@ -94,9 +94,9 @@ impl core::error::Error for CnError {}
 /// Which regular frame of the managing node stayed away.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Loss {
-    /// SoC, threshold 1C0Bh/3.
+    /// SoC, threshold 0x1C0B/3.
     Soc,
-    /// PReq, threshold 1C0Dh/3.
+    /// PReq, threshold 0x1C0D/3.
     Preq,
 }
 
@@ -109,14 +109,14 @@ pub struct Events {
     pub outputs: bool,
     /// The NMT state is another one than before the call.
     pub nmt_state: Option<NmtState>,
-    /// A reset ran, entered at this depth. Objects of the device (from 2000h) have their defaults again after
+    /// A reset ran, entered at this depth. Objects of the device (from 0x2000) have their defaults again after
     /// [`Reset::Software`] and [`Reset::Node`].
     pub reset: Option<Reset>,
     /// SoCs that were due and did not arrive.
     pub soc_missed: u32,
     /// Frames of the managing node stayed away so often that the node has left the isochronous states.
     pub communication_lost: Option<Loss>,
-    /// An SDO wrote this object of the device (index from 2000h).
+    /// An SDO wrote this object of the device (index from 0x2000).
     pub written: Option<(u16, u8)>,
 }
 
@@ -129,7 +129,7 @@ pub struct Reaction {
     pub events: Events,
 }
 
-/// Judges an SDO write to an object of the device (index from 2000h) after the dictionary has accepted it and before it is
+/// Judges an SDO write to an object of the device (index from 0x2000) after the dictionary has accepted it and before it is
 /// stored.
 pub type WriteCheck<const E: usize, const B: usize> = fn(&Dictionary<E, B>, u16, u8, &[u8]) -> Result<(), AbortCode>;
 
@@ -145,7 +145,7 @@ pub struct Cn<const E: usize, const B: usize> {
     sdo: Server,
     signalling: Signalling,
     pdos: Pdos,
-    /// 1006h when the configuration was activated; 0 switches the watch over the SoC off.
+    /// 0x1006 when the configuration was activated; 0 switches the watch over the SoC off.
     cycle_ns: u64,
     /// When the next SoC is overdue.
     soc_due_ns: Option<u64>,
@@ -159,7 +159,7 @@ pub struct Cn<const E: usize, const B: usize> {
     application_ready: bool,
     /// EnableReadyToOperate came before the device was ready.
     ready_requested: bool,
-    /// A reset asked for by 1F9Eh, carried out when the SDO answer is on its way.
+    /// A reset asked for by 0x1F9E, carried out when the SDO answer is on its way.
     reset_requested: Option<Reset>,
     net_time: NetTime,
 }
@@ -252,7 +252,7 @@ impl<const E: usize, const B: usize> Cn<E, B> {
         events
     }
 
-    /// Reports an error of the device: into the history 1003h and to the managing node. `profile` is the number of the device
+    /// Reports an error of the device: into the history 0x1003 and to the managing node. `profile` is the number of the device
     /// profile, as 402 (1 for a vendor's own codes).
     pub fn report_error(&mut self, profile: u16, code: u16, info: [u8; 8]) {
         let entry_type = TYPE_OCCURRED | (profile & 0x0FFF);
@@ -281,7 +281,8 @@ impl<const E: usize, const B: usize> Cn<E, B> {
         events
     }
 
-    /// Takes one received Ethernet frame, and writes the frame that has to be sent at once into `response`. Frames that are
+    /// Takes one received Ethernet frame that arrived at `now_ns` (the receive stamp, where there is one: the watch over the SoC
+    /// depends on it), and writes the frame that has to be sent at once into `response`. Frames that are
     /// malformed or meant for others change nothing. RT: no allocation, no locks, bounded.
     pub fn receive(&mut self, now_ns: u64, frame: &[u8], response: &mut [u8; FRAME_LEN_MAX]) -> Reaction {
         let mut reaction = Reaction::default();

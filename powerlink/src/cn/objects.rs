@@ -1,18 +1,18 @@
-//! Objects of the communication profile (1000h..1FFFh) that a controlled node has, and where the node keeps them.
+//! Objects of the communication profile (0x1000..0x1FFF) that a controlled node has, and where the node keeps them.
 //!
-//! Not here: 1010h and 1011h (nothing is stored on the device), MN objects, IP routing. An access to them is aborted with
-//! 06020000h, which managing nodes know to expect.
+//! Not here: 0x1010 and 0x1011 (nothing is stored on the device), MN objects, IP routing. An access to them is aborted with
+//! 0x06020000, which managing nodes know to expect.
 
 use obd::{DataType, Dictionary, EntryDef, Key, Scalar};
 
 use super::CnError;
 use crate::wire::{EPL_VERSION, ERROR_ENTRY_LEN, PAYLOAD_LIMIT_MIN, PAYLOAD_MAX};
 
-/// Entries of each PDO mapping (1600h, 1A00h).
+/// Entries of each PDO mapping (0x1600, 0x1A00).
 pub const MAPPING_ENTRIES: usize = 32;
-/// Errors kept in the history (1003h).
+/// Errors kept in the history (0x1003).
 pub const HISTORY_ENTRIES: usize = 8;
-/// Bits of 1F82h: isochronous, SDO by ASnd, extended NMT commands, dynamic PDO mapping, multiplexed.
+/// Bits of 0x1F82: isochronous, SDO by ASnd, extended NMT commands, dynamic PDO mapping, multiplexed.
 pub const FEATURE_FLAGS: u32 = 1 | 1 << 2 | 1 << 5 | 1 << 6 | 1 << 9;
 /// Most octets of a host name.
 pub const HOST_NAME_LEN: usize = 32;

@@ -134,7 +134,7 @@ impl Bench {
     }
 
     fn map(&mut self) {
-        // Receive 607Ah, 6060h, 6040h; transmit 6064h, 6041h.
+        // Receive 0x607A, 0x6060, 0x6040; transmit 0x6064, 0x6041.
         for (sub, raw) in [0x0020_0000_0000_607A_u64, 0x0008_0020_0000_6060, 0x0010_0028_0000_6040]
             .iter()
             .enumerate()
@@ -190,7 +190,7 @@ fn a_node_is_refused_with_the_reason() {
             host_name: long,
             ..config()
         }),
-        "object 1F9Ah/00h: 0x06070012 (data type does not match, length of the parameter too high)"
+        "object 0x1F9A/0: 0x06070012 (data type does not match, length of the parameter too high)"
     );
     let bare = Dictionary::<ENTRIES, BYTES>::new(&[DEVICE]).unwrap();
     let error = Node::new(&config(), bare, 0).unwrap_err();
@@ -309,7 +309,7 @@ fn bad_pdos_are_dropped_and_reported_once() {
     assert_eq!(poll(0x20, &OUTPUTS), (false, 1, error_code::PDO_MAP_VERSION));
     assert_eq!(poll(0x10, &OUTPUTS[..6]), (false, 2, error_code::PDO_SHORT_RX));
     assert_eq!(poll(0x10, &[0; 37]), (false, 3, error_code::PREQ_LIMIT));
-    assert_eq!(poll(0x10, &[0; 36]).0, true, "a longer payload is no fault");
+    assert!(poll(0x10, &[0; 36]).0, "a longer payload is no fault");
     assert_eq!(poll(0x20, &OUTPUTS), (false, 4, error_code::PDO_MAP_VERSION));
 }
 
@@ -641,7 +641,7 @@ fn an_sdo_is_answered_when_the_node_is_invited() {
         (60, &multicast::ASND[..], &[6, 240, 5, 5, 1, 1][..])
     );
     assert_eq!(sdo(&[0x01, 0x02, 0, 0]).1.unwrap()[18..20], [2, 2]);
-    // 6060h = 8: the device is told.
+    // 0x6060 = 8: the device is told.
     let write = [0x02, 0x06, 0, 0, 0, 1, 0, 1, 5, 0, 0, 0, 0x60, 0x60, 0, 0, 8];
     assert_eq!(sdo(&write).1.unwrap()[18..27], [6, 6, 0, 0, 0, 1, 0x80, 1, 0]);
     assert_eq!(sdo(&[0x06, 0x06, 0, 0]), (0, None), "an acknowledge needs no answer");

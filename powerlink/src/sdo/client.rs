@@ -22,7 +22,7 @@ pub struct Timing {
     pub first_timeout_ns: u64,
     /// Each further repetition waits twice as long, but never longer than this.
     pub longest_timeout_ns: u64,
-    /// A command that was not answered in this time, counted from its first frame, has failed (1300h gives it in ms).
+    /// A command that was not answered in this time, counted from its first frame, has failed (0x1300 gives it in ms).
     pub give_up_ns: u64,
     /// An answer is acknowledged by a frame of its own when no command follows within this time.
     pub acknowledge_delay_ns: u64,

@@ -195,7 +195,7 @@ mod tests {
 
     #[test]
     fn captured_write_of_1006h() {
-        // openpowerlink-mn-3cn-10ms.pcap, frame 1481, octets 22..38: 1006h = 10 000.
+        // openpowerlink-mn-3cn-10ms.pcap, frame 1481, octets 22..38: 0x1006 = 10 000.
         let octets = [0, 3, 0, 1, 8, 0, 0, 0, 0x06, 0x10, 0, 0, 0x10, 0x27, 0, 0, 0, 0];
         let Content::Command(command) = Content::parse(&octets) else {
             panic!("no command")
@@ -221,7 +221,7 @@ mod tests {
 
     #[test]
     fn captured_abort() {
-        // openpowerlink-mn-3cn-10ms.pcap, frame 1197, octets 22..34: answer to the write of 1011h/1.
+        // openpowerlink-mn-3cn-10ms.pcap, frame 1197, octets 22..34: answer to the write of 0x1011/1.
         let octets = [0, 0, 0xC0, 1, 4, 0, 0, 0, 0, 0, 2, 6];
         let Content::Command(command) = Content::parse(&octets) else {
             panic!("no command")

@@ -1,6 +1,6 @@
 //! SDO: reading and writing objects of another node, as service data of ASnd frames.
 //!
-//! In:  service data of received SDO frames (ASnd service 05h: the Ethernet frame from octet 18 on), the time, and on the
+//! In:  service data of received SDO frames (ASnd service 0x05: the Ethernet frame from octet 18 on), the time, and on the
 //!      client's side the wishes of the application.
 //! Out: service data of frames to be sent when the node may use the asynchronous slot, and results.
 //!
@@ -21,7 +21,7 @@ pub use server::Server;
 /// First octet of the service data in the Ethernet frame.
 pub const SERVICE_DATA_OFFSET: usize = 18;
 
-/// Longest service data this crate sends: an ASnd frame of the least AsyncMTU (1F98h/8 = 300 octets after the Ethernet
+/// Longest service data this crate sends: an ASnd frame of the least AsyncMTU (0x1F98/8 = 300 octets after the Ethernet
 /// header), which every node must accept.
 pub const SERVICE_DATA_MAX: usize = 14 + 300 - SERVICE_DATA_OFFSET;
 
