@@ -157,6 +157,22 @@ fn bad_mappings_give_the_code_of_the_profile_and_the_position() {
 }
 
 #[test]
+fn an_object_may_be_sent_twice() {
+    let mut dictionary = dictionary();
+    dictionary.set(dictionary.key::<u16>(0x6041, 0).unwrap(), 0x1234);
+    let plan: CopyPlan<2> = CopyPlan::new(
+        &dictionary,
+        Direction::Transmit,
+        [entry(0x6041, 0, 16), entry(0x6041, 16, 16)],
+        4,
+    )
+    .unwrap();
+    let mut payload = [0; 4];
+    plan.gather(&dictionary, &mut payload).unwrap();
+    assert_eq!(payload, [0x34, 0x12, 0x34, 0x12]);
+}
+
+#[test]
 fn the_error_names_object_place_and_rule() {
     let error = CopyPlan::<2>::new(&dictionary(), Direction::Receive, [entry(0x6041, 32, 16)], 36).unwrap_err();
     assert_eq!(

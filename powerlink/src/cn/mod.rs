@@ -416,10 +416,8 @@ impl<const E: usize, const B: usize> Cn<E, B> {
             RequestedService::StatusRequest => {
                 // The answer still shows the flags as they were before this request.
                 let len = self.emit_status(response);
+                self.signalling.acknowledge(soa.exception_acknowledge);
                 self.signalling.reset(soa.exception_reset);
-                if !soa.exception_reset {
-                    self.signalling.acknowledge(soa.exception_acknowledge);
-                }
                 len
             }
             RequestedService::UnspecifiedInvite => self.emit_sdo(response),

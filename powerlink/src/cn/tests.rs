@@ -212,7 +212,15 @@ fn outputs_come_and_inputs_go_in_operational() {
     let status = bench.node.dictionary().key::<u16>(0x6041, 0).unwrap();
     bench.node.dictionary_mut().set(position, -2);
     bench.node.dictionary_mut().set(status, 0x0237);
-    let pres = bench.poll_with(&OUTPUTS).unwrap();
+    // Mapping version 0 of the node: that of the frame does not matter.
+    let preq = Preq {
+        multiplexed: false,
+        exception_acknowledge: false,
+        ready: true,
+        pdo_version: 0x70,
+        payload: &OUTPUTS,
+    };
+    let pres = bench.preq(preq).unwrap();
     assert!(bench.events.last().unwrap().outputs);
     assert_eq!(pres.len(), 60);
     assert_eq!(pres[..14], [0x01, 0x11, 0x1E, 0, 0, 2, 2, 0, 0, 0, 0, 5, 0x88, 0xAB]);
@@ -514,6 +522,38 @@ fn silence_leads_to_basic_ethernet_and_a_frame_back() {
 }
 
 #[test]
+fn traffic_of_others_keeps_a_waiting_node_from_basic_ethernet() {
+    let mut bench = Bench::new();
+    bench.now_ns = 4_000_000 * US;
+    assert_eq!(bench.poll_with(&[]), None);
+    assert_eq!(bench.node.nmt_state(), NmtState::NotActive);
+    assert_eq!(bench.node.next_deadline_ns(), Some(9_000_000 * US));
+}
+
+#[test]
+fn a_reset_of_communication_ends_sdo_connections() {
+    let mut bench = Bench::new();
+    let sdo = |bench: &mut Bench, octets: &[u8]| {
+        bench.send(multicast::ASND, NODE, &Frame::Asnd(Asnd::Sdo(octets)));
+        let answer = bench.soa(RequestedService::UnspecifiedInvite, NODE).unwrap();
+        [answer[18], answer[19]]
+    };
+    let read = [0x02, 0x06, 0, 0, 0, 1, 0, 2, 4, 0, 0, 0, 0x00, 0x10, 0, 0];
+    for (command, expected) in [
+        (NmtCommand::ResetConfiguration, [0x06, 0x06]),
+        (NmtCommand::ResetCommunication, [0x04, 0x00]),
+    ] {
+        bench.wake();
+        sdo(&mut bench, &[0x00, 0x01, 0, 0]);
+        sdo(&mut bench, &[0x01, 0x02, 0, 0]);
+        bench.plain(command);
+        bench.wake();
+        assert_eq!(sdo(&mut bench, &read), expected, "{command:?}");
+        bench.plain(NmtCommand::ResetNode);
+    }
+}
+
+#[test]
 fn resets_restore_as_deep_as_they_say() {
     let written = |bench: &mut Bench| {
         bench.wake();
@@ -587,6 +627,14 @@ fn ready_to_operate_waits_for_the_device() {
         bench.node.set_application_ready(0, true).nmt_state,
         Some(NmtState::ReadyToOperate)
     );
+    // A reset takes the permission back.
+    bench.node.set_application_ready(0, false);
+    bench.plain(NmtCommand::ResetConfiguration);
+    bench.wake();
+    bench.plain(NmtCommand::EnableReadyToOperate);
+    bench.plain(NmtCommand::ResetConfiguration);
+    bench.wake();
+    assert_eq!(bench.node.set_application_ready(0, true), Events::default());
 }
 
 #[test]

@@ -191,7 +191,10 @@ impl Client {
         self.frames = 0;
         self.started_ns = None;
         self.numbered = false;
-        self.closing = false;
+        if self.closing {
+            // The server may or may not know the last command, so the numbers cannot go on.
+            self.reset_connection();
+        }
         self.send_now();
         Ok(())
     }

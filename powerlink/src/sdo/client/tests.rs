@@ -207,6 +207,82 @@ fn a_dead_node_leads_to_an_error_and_a_clean_start() {
     assert_eq!(transmit(&mut client, 200 * MS).unwrap()[..2], [0x00, 0x01]);
 }
 
+#[test]
+fn a_command_after_a_failed_one_opens_a_new_connection() {
+    let mut objects = Objects::new(&[TABLE]).unwrap();
+    let timing = Timing {
+        give_up_ns: 100 * MS,
+        ..Timing::default()
+    };
+    let (mut client, mut server, mut now_ns) = (Client::new(timing), Server::new(), 0);
+    client.start_read(0x1018, 1).unwrap();
+    run(&mut client, &mut server, &mut objects, &mut now_ns);
+    assert!(client.result().unwrap().is_ok());
+    client.start_write(0x1006, 0, &1000_u32.to_le_bytes()).unwrap();
+    while client.progress == Progress::Running {
+        now_ns += MS;
+        transmit(&mut client, now_ns); // lost
+    }
+    assert_eq!(client.result(), Some(Err(ClientError::TimedOut { frames: 2 })));
+    client.start_read(0x1018, 2).unwrap();
+    assert_eq!(run(&mut client, &mut server, &mut objects, &mut now_ns).len(), 6);
+    assert_eq!(client.result(), Some(Ok(&[7, 0, 0, 0][..])));
+    // Closed by the application: the same.
+    client.close();
+    client.start_read(0x1018, 2).unwrap();
+    assert_eq!(transmit(&mut client, now_ns).unwrap()[..2], [0x00, 0x01]);
+}
+
+#[test]
+fn an_answer_to_another_command_is_no_answer() {
+    let mut client = Client::new(Timing::default());
+    client.start_read(0x1018, 1).unwrap();
+    transmit(&mut client, 0).unwrap();
+    client.receive(0, &[0x01, 0x01, 0, 0]);
+    transmit(&mut client, 0).unwrap();
+    // The server repeats its agreement: our confirmation got lost and goes again at once.
+    client.receive(MS, &[0x01, 0x01, 0, 0]);
+    assert_eq!(transmit(&mut client, MS).unwrap()[..2], [0x01, 0x02]);
+    client.receive(2 * MS, &[0x02, 0x02, 0, 0]);
+    assert_eq!(
+        transmit(&mut client, 2 * MS).unwrap()[..8],
+        [0x02, 0x06, 0, 0, 0, 1, 0, 2]
+    );
+    client.receive(3 * MS, &[0x06, 0x06, 0, 0, 0, 9, 0x80, 2, 1, 0, 0, 0, 0x55]);
+    assert_eq!(client.result(), None, "transaction 9");
+    client.receive(4 * MS, &[0x06, 0x0A, 0, 0, 0, 1, 0x00, 2, 1, 0, 0, 0, 0x55]);
+    assert_eq!(client.result(), None, "no response");
+    client.receive(5 * MS, &[0x06, 0x0E, 0, 0, 0, 1, 0x80, 2, 1, 0, 0, 0, 0x55]);
+    assert_eq!(client.result(), Some(Ok(&[0x55][..])));
+}
+
+#[test]
+fn answers_against_the_protocol_are_named() {
+    let answer = |octets: &[u8]| {
+        let mut client = Client::new(Timing::default());
+        client.start_read(0x1018, 1).unwrap();
+        for sequence in [[0x01, 0x01, 0, 0], [0x02, 0x02, 0, 0]] {
+            transmit(&mut client, 0).unwrap();
+            client.receive(0, &sequence);
+        }
+        transmit(&mut client, 0).unwrap();
+        let mut frame = std::vec![0x06, 0x06, 0, 0];
+        frame.extend(octets);
+        client.receive(0, &frame);
+        match client.result() {
+            Some(Err(ClientError::BadAnswer(what))) => what,
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(answer(&[0, 1, 0xC0, 2, 3, 0, 0, 0, 1, 2, 3]), "an abort without a code");
+    assert_eq!(
+        answer(&[0, 1, 0x80, 1, 0, 0, 0, 0]),
+        "another command than the one that was sent"
+    );
+    let segmented = "a segmented transfer, which this client does not support";
+    assert_eq!(answer(&[0, 1, 0x90, 2, 4, 0, 0, 0, 0xFF, 0, 0, 0]), segmented);
+}
+
 proptest! {
     /// Whatever is lost or repeated, every write is carried out once and in order, and its result is right.
     #[test]
