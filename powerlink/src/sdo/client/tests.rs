@@ -257,6 +257,33 @@ fn an_answer_to_another_command_is_no_answer() {
 }
 
 #[test]
+fn requests_of_the_server_are_met_at_once() {
+    let mut objects = Objects::new(&[TABLE]).unwrap();
+    let (mut client, mut server, mut now_ns) = (Client::new(Timing::default()), Server::new(), 0);
+    client.start_read(0x1018, 1).unwrap();
+    let frames = run(&mut client, &mut server, &mut objects, &mut now_ns);
+    assert!(client.result().unwrap().is_ok());
+    // It repeats its answer and asks for an acknowledge, as in openpowerlink-mn-3cn-10ms.pcap, frame 6400.
+    let mut repeated = frames.last().unwrap().clone();
+    repeated[1] |= 1;
+    client.receive(now_ns, &repeated);
+    assert_eq!(transmit(&mut client, now_ns).unwrap()[..2], [0x06, 0x06]);
+    assert_eq!(client.result(), None);
+    // It lacks a frame.
+    client.start_read(0x1018, 2).unwrap();
+    let command = transmit(&mut client, now_ns).unwrap();
+    assert_eq!(transmit(&mut client, now_ns), None);
+    client.receive(now_ns, &[0x07, 0x06, 0, 0]);
+    let again = transmit(&mut client, now_ns).unwrap();
+    assert_eq!(again[2..], command[2..]);
+    assert_eq!(
+        (command[1], again[1]),
+        (0x0A, 0x0B),
+        "the same number, asking for an acknowledge"
+    );
+}
+
+#[test]
 fn answers_against_the_protocol_are_named() {
     let answer = |octets: &[u8]| {
         let mut client = Client::new(Timing::default());
