@@ -465,7 +465,7 @@ pub fn cn_next(state: NmtState, event: CnEvent) -> Option<NmtState> {
 
 /// What can change the state of the managing node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MnEvent {
+pub enum MnTrigger {
     /// MNWaitNotAct (object 0x1F89/1) passed and no other managing node was heard.
     ListenOver,
     /// Every mandatory node is identified and checked, and MNWaitPreOp1 (0x1F89/3) has passed.
@@ -482,26 +482,26 @@ pub enum MnEvent {
     Reset(Reset),
 }
 
-impl MnEvent {
+impl MnTrigger {
     /// Every event.
-    pub const ALL: [MnEvent; 10] = [
-        MnEvent::ListenOver,
-        MnEvent::MandatoryIdentified,
-        MnEvent::MandatoryConfigured,
-        MnEvent::MandatoryReady,
-        MnEvent::MandatoryLost,
-        MnEvent::CycleError,
-        MnEvent::Reset(Reset::Software),
-        MnEvent::Reset(Reset::Node),
-        MnEvent::Reset(Reset::Communication),
-        MnEvent::Reset(Reset::Configuration),
+    pub const ALL: [MnTrigger; 10] = [
+        MnTrigger::ListenOver,
+        MnTrigger::MandatoryIdentified,
+        MnTrigger::MandatoryConfigured,
+        MnTrigger::MandatoryReady,
+        MnTrigger::MandatoryLost,
+        MnTrigger::CycleError,
+        MnTrigger::Reset(Reset::Software),
+        MnTrigger::Reset(Reset::Node),
+        MnTrigger::Reset(Reset::Communication),
+        MnTrigger::Reset(Reset::Configuration),
     ];
 }
 
 /// State machine of the managing node: the state `event` leads to from `state`, `None` where it means nothing.
 /// RT: no allocation, no locks, bounded.
-pub fn mn_next(state: NmtState, event: MnEvent) -> Option<NmtState> {
-    use MnEvent as E;
+pub fn mn_next(state: NmtState, event: MnTrigger) -> Option<NmtState> {
+    use MnTrigger as E;
     use NmtState as S;
     match (state, event) {
         (
@@ -678,14 +678,14 @@ mod tests {
     fn mn_transitions_are_exactly_those_of_the_table() {
         use NmtState::*;
         let mut table = std::vec![
-            (NotActive, MnEvent::ListenOver, PreOperational1),
-            (PreOperational1, MnEvent::MandatoryIdentified, PreOperational2),
-            (PreOperational2, MnEvent::MandatoryConfigured, ReadyToOperate),
-            (ReadyToOperate, MnEvent::MandatoryReady, Operational),
-            (Operational, MnEvent::MandatoryLost, PreOperational1),
-            (PreOperational2, MnEvent::CycleError, PreOperational1),
-            (ReadyToOperate, MnEvent::CycleError, PreOperational1),
-            (Operational, MnEvent::CycleError, PreOperational1),
+            (NotActive, MnTrigger::ListenOver, PreOperational1),
+            (PreOperational1, MnTrigger::MandatoryIdentified, PreOperational2),
+            (PreOperational2, MnTrigger::MandatoryConfigured, ReadyToOperate),
+            (ReadyToOperate, MnTrigger::MandatoryReady, Operational),
+            (Operational, MnTrigger::MandatoryLost, PreOperational1),
+            (PreOperational2, MnTrigger::CycleError, PreOperational1),
+            (ReadyToOperate, MnTrigger::CycleError, PreOperational1),
+            (Operational, MnTrigger::CycleError, PreOperational1),
         ];
         for state in [
             NotActive,
@@ -696,11 +696,11 @@ mod tests {
             Operational,
         ] {
             for reset in Reset::ALL {
-                table.push((state, MnEvent::Reset(reset), reset.entry()));
+                table.push((state, MnTrigger::Reset(reset), reset.entry()));
             }
         }
         for state in NmtState::ALL.into_iter().chain([Unknown(0x77)]) {
-            for event in MnEvent::ALL {
+            for event in MnTrigger::ALL {
                 let expected = table
                     .iter()
                     .find(|row| row.0 == state && row.1 == event)

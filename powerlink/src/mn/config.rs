@@ -1,0 +1,295 @@
+//! What the managing node is told before it starts, and the checks it makes.
+//!
+//! In:  node list and times, written by the caller. Out: nothing, or the first thing that is wrong with them.
+
+use core::fmt;
+
+use obd::cdc::{CdcError, CdcReader};
+
+use crate::sdo::EXPEDITED_WRITE_MAX;
+use crate::wire::{self, Mac, PAYLOAD_LIMIT_MIN, PAYLOAD_MAX, POLL_HEADER_LEN};
+
+/// Values an IdentResponse must carry; `None` is not checked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Identity {
+    /// Object 0x1000, expected value 0x1F84.
+    pub device_type: Option<u32>,
+    /// Object 0x1018/1, expected value 0x1F85.
+    pub vendor_id: Option<u32>,
+    /// Object 0x1018/2, expected value 0x1F86.
+    pub product_code: Option<u32>,
+    /// Object 0x1018/3, expected value 0x1F87.
+    pub revision: Option<u32>,
+    /// Object 0x1018/4, expected value 0x1F88.
+    pub serial: Option<u32>,
+}
+
+/// One controlled node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NodeConfig<'a> {
+    /// Node id, 1..=239.
+    pub id: u8,
+    /// The network waits for this node before it goes on; others join when they come.
+    pub mandatory: bool,
+    /// From the end of the PReq to the PRes (object 0x1F92).
+    pub pres_timeout_ns: u32,
+    /// What the node must say it is.
+    pub identity: Identity,
+    /// Process data in the PReq [octets], at most 1490.
+    pub preq_bytes: u16,
+    /// Process data expected in the PRes [octets], at most 1490.
+    pub pres_bytes: u16,
+    /// Concise DCF to write into the node (object 0x1F22); empty: nothing to write.
+    pub configuration: &'a [u8],
+}
+
+/// Times of the boot-up (object 0x1F89, and one of our own).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BootTimes {
+    /// MNWaitNotAct, 0x1F89/1: how long to listen for another managing node before sending [µs].
+    pub wait_not_active_us: u32,
+    /// MNTimeoutPreOp1, 0x1F89/2: a mandatory node not identified by then is reported [µs].
+    pub timeout_pre_op_1_us: u32,
+    /// MNWaitPreOp1, 0x1F89/3: shortest stay in PRE_OPERATIONAL_1 [µs].
+    pub wait_pre_op_1_us: u32,
+    /// MNTimeoutPreOp2, 0x1F89/4: from a node's configuration to its READY_TO_OPERATE [µs].
+    pub timeout_pre_op_2_us: u32,
+    /// MNTimeoutReadyToOp, 0x1F89/5: from StartNode to OPERATIONAL, and for the communication check [µs].
+    pub timeout_ready_to_operate_us: u32,
+    /// Pause after the ResetNode broadcast, in which the nodes restart [µs].
+    pub reset_pause_us: u32,
+}
+
+impl Default for BootTimes {
+    fn default() -> Self {
+        BootTimes {
+            wait_not_active_us: 1_000_000,
+            timeout_pre_op_1_us: 500_000,
+            wait_pre_op_1_us: 500_000,
+            timeout_pre_op_2_us: 5_000_000,
+            timeout_ready_to_operate_us: 500_000,
+            reset_pause_us: 250_000,
+        }
+    }
+}
+
+/// The network as the managing node shall run it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MnConfig<'a> {
+    /// Cycle length (object 0x1006), whole microseconds [ns].
+    pub cycle_ns: u32,
+    /// Longest wait for the answer in the asynchronous slot, from the SoA on (object 0x1F8A/2).
+    pub async_slot_timeout_ns: u32,
+    /// Times of the boot-up.
+    pub boot: BootTimes,
+    /// PRes lost in a row that are ridden out with the last value; one more, and the node is lost.
+    pub pres_lost_max: u32,
+    /// The controlled nodes in polling order.
+    pub nodes: &'a [NodeConfig<'a>],
+    /// MAC of the interface.
+    pub mac: Mac,
+}
+
+/// Which of the two directions of process data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// PReq: managing node to controlled node.
+    Preq,
+    /// PRes: controlled node to all.
+    Pres,
+}
+
+/// What is wrong with a configuration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MnConfigError {
+    /// The cycle is zero or no whole number of microseconds.
+    CycleLength {
+        /// As configured.
+        cycle_ns: u32,
+    },
+    /// A MAC of zeros or a multicast MAC.
+    Mac {
+        /// As configured.
+        got: Mac,
+    },
+    /// More nodes than this managing node has room for.
+    TooManyNodes {
+        /// As configured.
+        got: usize,
+        /// Room.
+        most: usize,
+    },
+    /// Controlled nodes have the ids 1..=239.
+    NodeId {
+        /// As configured.
+        got: u8,
+    },
+    /// Two nodes have this id.
+    DuplicateNode {
+        /// Their id.
+        id: u8,
+    },
+    /// A PReq or PRes holds at most 1490 octets of process data.
+    PayloadLength {
+        /// Node id.
+        id: u8,
+        /// PReq or PRes.
+        direction: Direction,
+        /// As configured.
+        got: u16,
+    },
+    /// A time-out of zero.
+    NoTimeout {
+        /// Node id; 240 for the asynchronous slot.
+        id: u8,
+    },
+    /// All polls timing out and the asynchronous slot do not fit into the cycle.
+    CycleTooShort {
+        /// SoC, SoA, PReqs at 100 Mbit/s, PRes time-outs and asynchronous slot.
+        sum_ns: u64,
+        /// As configured.
+        cycle_ns: u32,
+    },
+    /// The concise DCF cannot be read.
+    Configuration {
+        /// Node id.
+        id: u8,
+        /// What is wrong, and where.
+        error: CdcError,
+    },
+    /// A value in the concise DCF is too long for one SDO frame.
+    ConfigurationValue {
+        /// Node id.
+        id: u8,
+        /// Object.
+        index: u16,
+        /// Sub-index.
+        sub: u8,
+        /// Octets of the value.
+        got: usize,
+        /// Octets that one frame holds.
+        most: usize,
+    },
+}
+
+impl fmt::Display for MnConfigError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            MnConfigError::CycleLength { cycle_ns } => {
+                write!(
+                    f,
+                    "cycle of {cycle_ns} ns: expected a whole number of microseconds above 0"
+                )
+            }
+            MnConfigError::Mac { got } => write!(f, "MAC {got:02x?}: expected the unicast address of the interface"),
+            MnConfigError::TooManyNodes { got, most } => write!(f, "{got} nodes, there is room for {most}"),
+            MnConfigError::NodeId { got } => write!(f, "node id {got}: controlled nodes have 1..=239"),
+            MnConfigError::DuplicateNode { id } => write!(f, "two nodes have the id {id}"),
+            MnConfigError::PayloadLength { id, direction, got } => {
+                write!(
+                    f,
+                    "node {id}: {direction:?} of {got} octets, at most {PAYLOAD_MAX} fit into a frame"
+                )
+            }
+            MnConfigError::NoTimeout { id } => write!(f, "node {id}: a time-out of 0 ns can never be met"),
+            MnConfigError::CycleTooShort { sum_ns, cycle_ns } => write!(
+                f,
+                "polls and asynchronous slot can take {sum_ns} ns together, the cycle has {cycle_ns} ns"
+            ),
+            MnConfigError::Configuration { id, error } => write!(f, "node {id}: concise DCF: {error}"),
+            MnConfigError::ConfigurationValue {
+                id,
+                index,
+                sub,
+                got,
+                most,
+            } => write!(
+                f,
+                "node {id}: concise DCF: value of {index:04X}h/{sub:02X}h has {got} octets, one SDO frame holds {most}"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for MnConfigError {}
+
+/// Wire time of a frame at 100 Mbit/s with preamble, FCS and inter-frame gap [ns].
+fn wire_time_ns(frame_len: usize) -> u64 {
+    (frame_len as u64 + 4) * 80 + 640 + 960
+}
+
+/// Longest time a cycle can need when every poll times out [ns].
+pub(super) fn slots_ns(config: &MnConfig<'_>) -> u64 {
+    let polls: u64 = config
+        .nodes
+        .iter()
+        .map(|node| {
+            let payload = usize::from(node.preq_bytes).max(PAYLOAD_LIMIT_MIN);
+            wire_time_ns(POLL_HEADER_LEN + payload) + u64::from(node.pres_timeout_ns)
+        })
+        .sum();
+    2 * wire_time_ns(wire::FRAME_LEN_MIN) + polls + u64::from(config.async_slot_timeout_ns)
+}
+
+/// Everything a managing node relies on later.
+pub(super) fn check(config: &MnConfig<'_>, most: usize) -> Result<(), MnConfigError> {
+    let MnConfig {
+        cycle_ns, mac, nodes, ..
+    } = *config;
+    if cycle_ns == 0 || !cycle_ns.is_multiple_of(1000) {
+        return Err(MnConfigError::CycleLength { cycle_ns });
+    }
+    if mac == [0; 6] || mac[0] & 1 != 0 {
+        return Err(MnConfigError::Mac { got: mac });
+    }
+    if nodes.len() > most {
+        return Err(MnConfigError::TooManyNodes { got: nodes.len(), most });
+    }
+    if config.async_slot_timeout_ns == 0 {
+        return Err(MnConfigError::NoTimeout { id: wire::node::MN });
+    }
+    for (position, node) in nodes.iter().enumerate() {
+        let id = node.id;
+        if !(1..=wire::node::CN_MAX).contains(&id) {
+            return Err(MnConfigError::NodeId { got: id });
+        }
+        if nodes[..position].iter().any(|other| other.id == id) {
+            return Err(MnConfigError::DuplicateNode { id });
+        }
+        for (direction, got) in [(Direction::Preq, node.preq_bytes), (Direction::Pres, node.pres_bytes)] {
+            if usize::from(got) > PAYLOAD_MAX {
+                return Err(MnConfigError::PayloadLength { id, direction, got });
+            }
+        }
+        if node.pres_timeout_ns == 0 {
+            return Err(MnConfigError::NoTimeout { id });
+        }
+        check_configuration(node)?;
+    }
+    let sum_ns = slots_ns(config);
+    if sum_ns > u64::from(cycle_ns) {
+        return Err(MnConfigError::CycleTooShort { sum_ns, cycle_ns });
+    }
+    Ok(())
+}
+
+fn check_configuration(node: &NodeConfig<'_>) -> Result<(), MnConfigError> {
+    if node.configuration.is_empty() {
+        return Ok(());
+    }
+    let id = node.id;
+    let unreadable = |error| MnConfigError::Configuration { id, error };
+    for write in CdcReader::new(node.configuration).map_err(unreadable)? {
+        let write = write.map_err(unreadable)?;
+        if write.value.len() > EXPEDITED_WRITE_MAX {
+            return Err(MnConfigError::ConfigurationValue {
+                id,
+                index: write.index,
+                sub: write.sub,
+                got: write.value.len(),
+                most: EXPEDITED_WRITE_MAX,
+            });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,311 @@
+//! What the managing node reports: events in a ring of fixed size, counters, statistics per node.
+//!
+//! In:  from the managing node as it runs. Out: to the application, which takes events when it has time; those that find
+//! the ring full are counted and dropped, so that nothing in the cycle ever waits for a reader.
+
+use core::fmt;
+
+use obd::AbortCode;
+
+use super::NodeState;
+use crate::nmt::NmtState;
+use crate::wire::{ErrorEntry, Mac, WireError};
+
+/// Events the ring holds.
+pub const EVENTS_MAX: usize = 64;
+
+/// Which value of the identity a node reported wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum IdentityField {
+    /// Object 0x1000.
+    DeviceType,
+    /// Object 0x1018/1.
+    VendorId,
+    /// Object 0x1018/2.
+    ProductCode,
+    /// Object 0x1018/3.
+    Revision,
+    /// Object 0x1018/4.
+    Serial,
+}
+
+/// Something the application may want to know. `node` is always a node id.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MnEvent {
+    /// The managing node itself is in a new state.
+    NmtStateChanged {
+        /// The new state.
+        state: NmtState,
+    },
+    /// The node answered the IdentRequest, and is what it shall be.
+    Identified {
+        /// Node id.
+        node: u8,
+    },
+    /// The node is not what it shall be; it is not configured.
+    IdentityMismatch {
+        /// Node id.
+        node: u8,
+        /// The first value that differs.
+        field: IdentityField,
+        /// As configured.
+        expected: u32,
+        /// As reported.
+        got: u32,
+    },
+    /// A mandatory node was not identified within MNTimeoutPreOp1.
+    Missing {
+        /// Node id.
+        node: u8,
+    },
+    /// The configuration is being written into the node.
+    Configuring {
+        /// Node id.
+        node: u8,
+    },
+    /// The node refused a value of its configuration.
+    SdoAbort {
+        /// Node id.
+        node: u8,
+        /// Object.
+        index: u16,
+        /// Sub-index.
+        sub: u8,
+        /// Why.
+        code: AbortCode,
+    },
+    /// A value of the configuration could not be written: no answer, or a wrong one.
+    SdoFailed {
+        /// Node id.
+        node: u8,
+        /// Object.
+        index: u16,
+        /// Sub-index.
+        sub: u8,
+    },
+    /// The state of a node as the application sees it has changed.
+    NodeStateChanged {
+        /// Node id.
+        node: u8,
+        /// The new state.
+        state: NodeState,
+    },
+    /// A step of the boot-up took the node too long; it is reset and booted again.
+    BootTimeout {
+        /// Node id.
+        node: u8,
+        /// The NMT state it should have reached.
+        expected: NmtState,
+        /// The one it reported last.
+        got: NmtState,
+    },
+    /// More polls in a row than allowed, or the StatusRequests, stayed unanswered; the node is reset and booted again.
+    Lost {
+        /// Node id.
+        node: u8,
+        /// Polls or requests in a row without an answer.
+        in_row: u32,
+    },
+    /// The node has been in a wrong NMT state for longer than the tolerance; it is reset and booted again.
+    WrongState {
+        /// Node id.
+        node: u8,
+        /// The state it should be in.
+        expected: NmtState,
+        /// The state it reports.
+        got: NmtState,
+    },
+    /// The node signalled an error (EN) and this is one of its entries.
+    ErrorEntry {
+        /// Node id.
+        node: u8,
+        /// The entry.
+        entry: ErrorEntry,
+    },
+    /// Another managing node is on the wire.
+    ForeignMn {
+        /// Its MAC.
+        mac: Mac,
+    },
+}
+
+impl fmt::Display for MnEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            MnEvent::NmtStateChanged { state } => write!(f, "managing node: {state:?}"),
+            MnEvent::Identified { node } => write!(f, "node {node}: identified"),
+            MnEvent::IdentityMismatch {
+                node,
+                field,
+                expected,
+                got,
+            } => {
+                write!(f, "node {node}: {field:?} is {got:#010x}, expected {expected:#010x}")
+            }
+            MnEvent::Missing { node } => write!(f, "node {node}: mandatory, and does not answer the IdentRequest"),
+            MnEvent::Configuring { node } => write!(f, "node {node}: writing the configuration"),
+            MnEvent::SdoAbort { node, index, sub, code } => {
+                write!(f, "node {node}: refused to take {index:04X}h/{sub:02X}h: {code}")
+            }
+            MnEvent::SdoFailed { node, index, sub } => {
+                write!(
+                    f,
+                    "node {node}: no valid answer to the write of {index:04X}h/{sub:02X}h"
+                )
+            }
+            MnEvent::NodeStateChanged { node, state } => write!(f, "node {node}: {state:?}"),
+            MnEvent::BootTimeout { node, expected, got } => {
+                write!(
+                    f,
+                    "node {node}: still {got:?}, expected {expected:?} by now; booting it again"
+                )
+            }
+            MnEvent::Lost { node, in_row } => {
+                write!(
+                    f,
+                    "node {node}: lost, {in_row} polls in a row without an answer; booting it again"
+                )
+            }
+            MnEvent::WrongState { node, expected, got } => {
+                write!(f, "node {node}: is in {got:?}, expected {expected:?}; booting it again")
+            }
+            MnEvent::ErrorEntry { node, entry } => {
+                write!(
+                    f,
+                    "node {node}: error {:#06x} (entry type {:#06x})",
+                    entry.code, entry.entry_type
+                )
+            }
+            MnEvent::ForeignMn { mac } => write!(f, "another managing node is on the wire, MAC {mac:02x?}"),
+        }
+    }
+}
+
+/// Ring of events.
+#[derive(Clone, Debug)]
+pub(super) struct Events {
+    ring: [Option<MnEvent>; EVENTS_MAX],
+    first: usize,
+    len: usize,
+    /// Events that found the ring full.
+    pub(super) dropped: u64,
+}
+
+impl Events {
+    pub(super) fn new() -> Events {
+        Events {
+            ring: [None; EVENTS_MAX],
+            first: 0,
+            len: 0,
+            dropped: 0,
+        }
+    }
+
+    pub(super) fn push(&mut self, event: MnEvent) {
+        if self.len == EVENTS_MAX {
+            self.dropped += 1;
+            return;
+        }
+        self.ring[(self.first + self.len) % EVENTS_MAX] = Some(event);
+        self.len += 1;
+    }
+
+    pub(super) fn pop(&mut self) -> Option<MnEvent> {
+        let event = self.ring[self.first].take()?;
+        self.first = (self.first + 1) % EVENTS_MAX;
+        self.len -= 1;
+        Some(event)
+    }
+}
+
+/// Frames that could not be read, by reason.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Malformed {
+    /// Shorter than their fields.
+    pub too_short: u64,
+    /// Longer than Ethernet allows.
+    pub too_long: u64,
+    /// Not POWERLINK.
+    pub ether_type: u64,
+    /// Message type the standard does not define.
+    pub message_type: u64,
+    /// The size field of a PReq or PRes promises more than there is.
+    pub payload_size: u64,
+}
+
+impl Malformed {
+    pub(super) fn count(&mut self, error: WireError) {
+        let counter = match error {
+            WireError::TooShort { .. } => &mut self.too_short,
+            // Reading never fails for lack of room.
+            WireError::TooLong { .. } | WireError::NoRoom { .. } => &mut self.too_long,
+            WireError::EtherType { .. } => &mut self.ether_type,
+            WireError::MessageType { .. } => &mut self.message_type,
+            WireError::PayloadSize { .. } => &mut self.payload_size,
+        };
+        *counter += 1;
+    }
+
+    /// All reasons together.
+    pub fn total(&self) -> u64 {
+        self.too_short + self.too_long + self.ether_type + self.message_type + self.payload_size
+    }
+}
+
+/// What happened on the wire, not belonging to one node. Nothing is ever reset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Counters {
+    /// Frames that could not be read.
+    pub malformed: Malformed,
+    /// Frames of known nodes that nobody had asked for.
+    pub unexpected: u64,
+    /// Frames of nodes that are not configured, or for another node.
+    pub unknown_node: u64,
+    /// SoC, SoA, PReq or AMNI of another managing node.
+    pub foreign_mn_frames: u64,
+    /// Our own frames, seen again.
+    pub own_frames: u64,
+    /// SoCs sent.
+    pub cycles: u64,
+    /// Cycles that were left out because the next one was started too late.
+    pub cycles_skipped: u64,
+    /// Cycles that were cut off by the next one before their SoA was sent.
+    pub cycles_overrun: u64,
+    /// SoAs sent.
+    pub soa_sent: u64,
+    /// ASnds of our own sent.
+    pub asnd_sent: u64,
+    /// Asynchronous slots whose answer did not come in time.
+    pub async_timeouts: u64,
+    /// Events dropped because nobody took them.
+    pub events_dropped: u64,
+}
+
+/// Figures of one node. Nothing is ever reset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct NodeStatistics {
+    /// PReqs sent.
+    pub preq_sent: u64,
+    /// PRes that answered in time.
+    pub pres_received: u64,
+    /// PReqs without a PRes in time.
+    pub pres_lost: u64,
+    /// PRes that came after their time-out, and were discarded.
+    pub pres_late: u64,
+    /// PRes with RD and less process data than configured, whose data were discarded.
+    pub pres_short: u64,
+    /// Longest row of lost PRes.
+    pub lost_in_row_max: u32,
+    /// Longest time from a sent PReq to its PRes, as seen by the managing node [ns].
+    pub response_ns_max: u32,
+    /// Asynchronous slots granted to the node.
+    pub slots_granted: u64,
+    /// Granted slots in which nothing came.
+    pub slots_unused: u64,
+    /// Boots begun.
+    pub boots: u64,
+    /// Objects written by SDO.
+    pub objects_written: u64,
+    /// Times the node was given up and booted again.
+    pub faults: u64,
+}

@@ -1,0 +1,407 @@
+//! The asynchronous slot: who gets it, and what the managing node sends in it itself.
+//!
+//! In:  what every node needs, the time. Out: the SoA with its grant; the managing node's own ASnd.
+//!
+//! One ASnd a slot. NMT commands of the managing node go first, NMT requests of the nodes next (but never twice in a row
+//! when somebody else waits), then in turn: StatusRequests, invitations of nodes with something to send, SDO of the
+//! managing node, IdentRequests. Within each kind the nodes take turns.
+
+use super::event::MnEvent;
+use super::node::{Node, Order};
+use super::{Mn, Phase, Reduced, us};
+use crate::nmt::{NmtCommand, NmtState};
+use crate::sdo::SERVICE_DATA_MAX;
+use crate::wire::{
+    self, Asnd, COMMAND_DATA_LEN, Header, NmtCommandFrame, NmtRequestFrame, RequestedService, Requests, Soa, multicast,
+};
+
+/// A broadcast that matters is sent so often, because nobody acknowledges it.
+const BROADCAST_REPEAT: u8 = 2;
+
+/// Who may send in the slot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Grant {
+    /// Nobody.
+    Nobody,
+    /// We; the frame lies in `asnd_frame`.
+    Own(Own),
+    /// A controlled node, by position.
+    Node { index: usize, service: RequestedService },
+}
+
+/// What the managing node sends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Own {
+    /// NMT command to one node.
+    Order { index: usize },
+    /// ResetNode to all, at the start.
+    ResetAll,
+    /// StopNode or ResetNode to all, at the end.
+    ShutDown,
+    /// InvalidService to one node.
+    Reject,
+    /// SDO to one node.
+    Sdo,
+}
+
+/// Kinds of use of the slot that take turns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Status,
+    Invite,
+    Sdo,
+    Ident,
+}
+
+const KINDS: [Kind; 4] = [Kind::Status, Kind::Invite, Kind::Sdo, Kind::Ident];
+
+/// Whose turn it is.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Turn {
+    /// Kind that is asked first.
+    kind: usize,
+    /// Node that is asked first, per kind.
+    node: [usize; KINDS.len()],
+    order: usize,
+    nmt_request: usize,
+    /// The last slot went to an NMT request.
+    nmt_request_last: bool,
+}
+
+/// Where an orderly end stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Shutdown {
+    No,
+    Stop { left: u8 },
+    Reset { left: u8 },
+    Done,
+}
+
+impl Shutdown {
+    /// First step in this state of the managing node.
+    pub(super) fn begin(state: NmtState) -> Shutdown {
+        match state {
+            NmtState::PreOperational2 | NmtState::ReadyToOperate | NmtState::Operational => {
+                Shutdown::Stop { left: BROADCAST_REPEAT }
+            }
+            NmtState::PreOperational1 => Shutdown::Reset { left: BROADCAST_REPEAT },
+            NmtState::Off
+            | NmtState::Initialising
+            | NmtState::ResetApplication
+            | NmtState::ResetCommunication
+            | NmtState::ResetConfiguration
+            | NmtState::NotActive
+            | NmtState::BasicEthernet
+            | NmtState::Stopped
+            | NmtState::Unknown(_) => Shutdown::Done,
+        }
+    }
+
+    fn next(self) -> Shutdown {
+        match self {
+            Shutdown::Stop { left } if left > 1 => Shutdown::Stop { left: left - 1 },
+            Shutdown::Stop { .. } => Shutdown::Reset { left: BROADCAST_REPEAT },
+            Shutdown::Reset { left } if left > 1 => Shutdown::Reset { left: left - 1 },
+            Shutdown::Reset { .. } | Shutdown::Done => Shutdown::Done,
+            Shutdown::No => Shutdown::No,
+        }
+    }
+}
+
+impl<'a, const NODES: usize> Mn<'a, NODES> {
+    /// Decides who gets the slot that begins now.
+    pub(super) fn grant(&mut self, now_ns: u64) -> (Grant, Soa) {
+        let grant = self.choose(now_ns);
+        let soa = match grant {
+            Grant::Nobody => Soa::new(self.state, RequestedService::NoService, 0),
+            Grant::Own(Own::Order { .. } | Own::Reject | Own::ResetAll | Own::ShutDown) => {
+                Soa::new(self.state, RequestedService::NmtRequestInvite, wire::node::MN)
+            }
+            Grant::Own(Own::Sdo) => Soa::new(self.state, RequestedService::UnspecifiedInvite, wire::node::MN),
+            Grant::Node { index, service } => self.grant_node(index, service),
+        };
+        (grant, soa)
+    }
+
+    fn grant_node(&mut self, index: usize, service: RequestedService) -> Soa {
+        let mut soa = Soa::new(self.state, service, 0);
+        if let Some(Some(node)) = self.nodes.get_mut(index) {
+            soa.target = node.config.id;
+            node.statistics.slots_granted += 1;
+            if service == RequestedService::StatusRequest {
+                soa.exception_reset = node.exception_reset();
+                soa.exception_acknowledge = node.acknowledged;
+            }
+        }
+        soa
+    }
+
+    fn choose(&mut self, now_ns: u64) -> Grant {
+        match self.shutdown {
+            Shutdown::No => {}
+            Shutdown::Stop { .. } => return self.broadcast(NmtCommand::StopNode, Own::ShutDown),
+            Shutdown::Reset { .. } => return self.broadcast(NmtCommand::ResetNode, Own::ShutDown),
+            Shutdown::Done => return Grant::Nobody,
+        }
+        if !self.state.is_isochronous()
+            && let Some(grant) = self.choose_reduced(now_ns)
+        {
+            return grant;
+        }
+        if let Some(index) = self.find(self.turn.order, |node| node.order.is_some()) {
+            self.turn.order = index + 1;
+            return self.order(index);
+        }
+        if let Some(index) = self.find(0, |node| node.reject.is_some()) {
+            return self.reject(index);
+        }
+        if !self.turn.nmt_request_last
+            && let Some(grant) = self.invite_nmt_request()
+        {
+            return grant;
+        }
+        self.turn.nmt_request_last = false;
+        for step in 0..KINDS.len() {
+            let at = (self.turn.kind + step) % KINDS.len();
+            if let Some(grant) = self.choose_kind(KINDS[at], at, now_ns) {
+                self.turn.kind = at + 1;
+                return grant;
+            }
+        }
+        self.invite_nmt_request().unwrap_or(Grant::Nobody)
+    }
+
+    /// The start of PRE_OPERATIONAL_1; `None` once IdentRequests may go out.
+    fn choose_reduced(&mut self, now_ns: u64) -> Option<Grant> {
+        match self.reduced {
+            Reduced::Wake { left } => {
+                self.reduced = if left > 1 {
+                    Reduced::Wake { left: left - 1 }
+                } else {
+                    Reduced::Reset
+                };
+                Some(Grant::Nobody)
+            }
+            Reduced::Reset => Some(self.broadcast(NmtCommand::ResetNode, Own::ResetAll)),
+            Reduced::Pause { until_ns } if now_ns < until_ns => Some(Grant::Nobody),
+            Reduced::Pause { .. } => {
+                self.reduced = Reduced::Ident;
+                None
+            }
+            Reduced::Ident => None,
+        }
+    }
+
+    /// The next node from `start` on, in a circle, for which `wants` holds.
+    fn find(&self, start: usize, wants: impl Fn(&Node<'a>) -> bool) -> Option<usize> {
+        let start = start % NODES.max(1);
+        (start..NODES)
+            .chain(0..start)
+            .find(|index| self.node(*index).is_some_and(&wants))
+    }
+
+    fn invite_nmt_request(&mut self) -> Option<Grant> {
+        let wants = |node: &Node<'a>| {
+            node.is_identified() && node.requests.count > 0 && node.requests.priority == Requests::PRIORITY_NMT
+        };
+        let index = self.find(self.turn.nmt_request, wants)?;
+        self.turn.nmt_request = index + 1;
+        self.turn.nmt_request_last = true;
+        self.take_request(index);
+        Some(Grant::Node {
+            index,
+            service: RequestedService::NmtRequestInvite,
+        })
+    }
+
+    /// One request fewer, until the node says again how many it has.
+    fn take_request(&mut self, index: usize) {
+        if let Some(Some(node)) = self.nodes.get_mut(index) {
+            node.requests.count = node.requests.count.saturating_sub(1);
+        }
+    }
+
+    fn choose_kind(&mut self, kind: Kind, at: usize, now_ns: u64) -> Option<Grant> {
+        let start = self.turn.node[at];
+        let (index, grant) = match kind {
+            Kind::Status => {
+                let isochronous = self.state.is_isochronous();
+                let index = self.find(start, |node| isochronous && node.wants_status(now_ns))?;
+                (
+                    index,
+                    Grant::Node {
+                        index,
+                        service: RequestedService::StatusRequest,
+                    },
+                )
+            }
+            Kind::Invite => {
+                let wants = |node: &Node<'a>| {
+                    let generic = node.requests.priority != Requests::PRIORITY_NMT;
+                    node.is_identified() && node.requests.count > 0 && generic
+                };
+                let index = self.find(start, wants)?;
+                self.take_request(index);
+                (
+                    index,
+                    Grant::Node {
+                        index,
+                        service: RequestedService::UnspecifiedInvite,
+                    },
+                )
+            }
+            Kind::Sdo => {
+                let index = self.find(start, |node| node.is_identified() && node.sdo.wants_to_transmit(now_ns))?;
+                (index, self.sdo(index, now_ns)?)
+            }
+            Kind::Ident => {
+                let index = self.find(start, |node| node.wants_ident(now_ns))?;
+                let network = self.network();
+                if let Some(Some(node)) = self.nodes.get_mut(index) {
+                    node.ident_sent(now_ns, &network);
+                }
+                (
+                    index,
+                    Grant::Node {
+                        index,
+                        service: RequestedService::IdentRequest,
+                    },
+                )
+            }
+        };
+        self.turn.node[at] = index + 1;
+        Some(grant)
+    }
+
+    /// Writes an ASnd of our own.
+    fn write_asnd(&mut self, destination_node: u8, asnd: &Asnd<'_>, own: Own) -> Grant {
+        let header = Header {
+            destination: multicast::ASND,
+            source: self.config.mac,
+            destination_node,
+            source_node: wire::node::MN,
+        };
+        match asnd.emit(&header, &mut self.asnd_frame) {
+            Ok(len) => {
+                self.asnd_len = len;
+                Grant::Own(own)
+            }
+            // The buffer holds the longest frame; what cannot be written is not sent.
+            Err(_) => Grant::Nobody,
+        }
+    }
+
+    fn broadcast(&mut self, command: NmtCommand, own: Own) -> Grant {
+        self.write_asnd(
+            wire::node::BROADCAST,
+            &Asnd::NmtCommand(NmtCommandFrame::plain(command)),
+            own,
+        )
+    }
+
+    fn order(&mut self, index: usize) -> Grant {
+        let Some(Some(Node {
+            config,
+            order: Some(Order { command, reason }),
+            ..
+        })) = self.nodes.get(index)
+        else {
+            return Grant::Nobody;
+        };
+        let mut data = [0; COMMAND_DATA_LEN];
+        data[..2].copy_from_slice(&reason.to_le_bytes());
+        let frame = NmtCommandFrame {
+            command: *command,
+            data,
+        };
+        self.write_asnd(config.id, &Asnd::NmtCommand(frame), Own::Order { index })
+    }
+
+    fn reject(&mut self, index: usize) -> Grant {
+        let Some(Some(node)) = self.nodes.get_mut(index) else {
+            return Grant::Nobody;
+        };
+        let Some(command) = node.reject.take() else {
+            return Grant::Nobody;
+        };
+        let mut data = [0; COMMAND_DATA_LEN];
+        data[0] = command.into();
+        let id = node.config.id;
+        self.write_asnd(
+            id,
+            &Asnd::NmtCommand(NmtCommandFrame {
+                command: NmtCommand::InvalidService,
+                data,
+            }),
+            Own::Reject,
+        )
+    }
+
+    fn sdo(&mut self, index: usize, now_ns: u64) -> Option<Grant> {
+        let node = self.nodes.get_mut(index)?.as_mut()?;
+        let mut data = [0; SERVICE_DATA_MAX];
+        // `None`: the command has just run out of time; there is nothing to send.
+        let len = node.sdo.poll_transmit(now_ns, &mut data)?;
+        let id = node.config.id;
+        Some(self.write_asnd(id, &Asnd::Sdo(&data[..len]), Own::Sdo))
+    }
+
+    /// Our own ASnd leaves now.
+    pub(super) fn own_sent(&mut self, now_ns: u64, own: Own) {
+        match own {
+            Own::Order { index } => {
+                let network = self.network();
+                if let Some(Some(node)) = self.nodes.get_mut(index) {
+                    node.order_sent(now_ns, &network);
+                }
+            }
+            Own::ResetAll => {
+                self.reduced = Reduced::Pause {
+                    until_ns: now_ns + us(self.config.boot.reset_pause_us),
+                };
+            }
+            Own::ShutDown => {
+                self.shutdown = self.shutdown.next();
+                for node in self.nodes.iter_mut().flatten() {
+                    node.polled = false;
+                }
+                if self.shutdown == Shutdown::Done {
+                    self.state = NmtState::Off;
+                    self.phase = Phase::Idle;
+                    self.events.push(MnEvent::NmtStateChanged { state: self.state });
+                }
+            }
+            Own::Reject | Own::Sdo => {}
+        }
+    }
+
+    /// The slot ended without an answer.
+    pub(super) fn slot_over(&mut self, now_ns: u64, grant: Grant) {
+        let Grant::Node { index, service } = grant else { return };
+        self.counters.async_timeouts += 1;
+        let network = self.network();
+        if let Some(Some(node)) = self.nodes.get_mut(index) {
+            node.statistics.slots_unused += 1;
+            if service == RequestedService::StatusRequest {
+                node.status_missed(now_ns, &network, &mut self.events);
+            }
+        }
+    }
+
+    /// A node asks for an NMT service: Ident- and StatusRequests to configured nodes are served, commands are not.
+    pub(super) fn nmt_requested(&mut self, index: usize, request: &NmtRequestFrame) {
+        let target = self.index_of(request.target);
+        let target = target
+            .and_then(|index| self.nodes.get_mut(index))
+            .and_then(Option::as_mut);
+        match (request.command, target) {
+            (NmtCommand::IdentRequest, Some(target)) => target.ident_asked = true,
+            (NmtCommand::StatusRequest, Some(target)) => target.status_asked = true,
+            (command, _) => {
+                if let Some(Some(node)) = self.nodes.get_mut(index) {
+                    node.reject = Some(command);
+                }
+            }
+        }
+    }
+}
