@@ -1,0 +1,562 @@
+//! The time-out thread: every 50 µs it looks at every time limit, while the cycle thread computes or sleeps.
+//!
+//! In:  what the cycle thread says of itself and of the frames it waits for, in [`Watch`] (atomics only).
+//! Out: a poll or async slot that is over is taken away from the cycle thread; late and hung cycles are reported; a hung
+//!      cycle thread may send no SoC any more, and the drives stop by its loss. Reports go through a fixed ring.
+//!
+//! All decisions are in [`Limits`] and [`Watchdog::tick`], which know no clock; [`TimeoutThread`] gives them one.
+
+use super::setup::{Process, Role, STACK_SIZE, enter_thread};
+use super::wait::{Grid, monotonic_ns, thread_cpu_ns, wait_until};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::JoinHandle;
+
+/// Ticks between two looks at the thread's own processor time, which cost a system call each.
+const CPU_TIME_TICKS: u64 = 1024;
+/// Reports that fit the ring until somebody reads them; more are counted and dropped.
+pub const REPORTS: usize = 256;
+
+/// What is watched. Shared by the cycle thread, the time-out thread and whoever reads the counters.
+#[derive(Debug, Default)]
+pub struct Watch {
+    // Written by the cycle thread.
+    /// Date of the cycle that has begun last; 0: none is expected.
+    deadline_ns: AtomicU64,
+    /// Its number.
+    cycle: AtomicU64,
+    /// Number of the cycle that has ended last, plus 1.
+    finished: AtomicU64,
+    /// Outstanding waits: date in the upper 56 bits, node in the lower 8; 0: none. Whoever sets one to 0 has decided it.
+    poll: AtomicU64,
+    async_slot: AtomicU64,
+    // Written by the time-out thread.
+    soc_forbidden: AtomicBool,
+    ticks: AtomicU64,
+    missed_ticks: AtomicU64,
+    polls_lost: AtomicU64,
+    async_lost: AtomicU64,
+    late_cycles: AtomicU64,
+    reports_dropped: AtomicU64,
+    cpu_ns: AtomicU64,
+    wall_ns: AtomicU64,
+}
+
+/// Counters of the time-out thread.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Counters {
+    /// Ticks done.
+    pub ticks: u64,
+    /// Ticks left out because the thread ran too late.
+    pub missed_ticks: u64,
+    /// Polls whose PRes did not come in time.
+    pub polls_lost: u64,
+    /// Async slots that ended without a frame.
+    pub async_lost: u64,
+    /// Cycles that had not begun when they were later than the limit.
+    pub late_cycles: u64,
+    /// Reports that found the ring full.
+    pub reports_dropped: u64,
+    /// Share of one core that the thread uses, 0 to 1.
+    pub cpu_share: f64,
+}
+
+impl Watch {
+    /// RT: the cycle thread begins a cycle. `deadline_ns` is the date it was planned for, not the time now.
+    pub fn begin_cycle(&self, cycle: u64, deadline_ns: u64) {
+        self.cycle.store(cycle, Ordering::Relaxed);
+        self.deadline_ns.store(deadline_ns, Ordering::Release);
+    }
+
+    /// RT: the cycle thread has done everything of a cycle and goes to sleep.
+    pub fn end_cycle(&self, cycle: u64) {
+        self.finished.store(cycle + 1, Ordering::Release);
+    }
+
+    /// RT: no more cycles are expected (orderly end, or a pause of the network).
+    pub fn disarm(&self) {
+        self.deadline_ns.store(0, Ordering::Release);
+    }
+
+    /// RT: a PReq has left; the PRes of `node` is due by `deadline_ns`.
+    pub fn begin_poll(&self, node: u8, deadline_ns: u64) {
+        self.poll.store(deadline_ns << 8 | u64::from(node), Ordering::Release);
+    }
+
+    /// RT: whether the PRes may still come; false once its time is over.
+    pub fn is_poll_open(&self) -> bool {
+        self.poll.load(Ordering::Acquire) != 0
+    }
+
+    /// RT: the PRes has come. False: too late, the time-out thread has counted it as lost. Exactly one of both decides.
+    pub fn end_poll(&self) -> bool {
+        self.poll.swap(0, Ordering::AcqRel) != 0
+    }
+
+    /// RT: a SoA has given the async slot to `node`; its frame is due by `deadline_ns`.
+    pub fn begin_async(&self, node: u8, deadline_ns: u64) {
+        self.async_slot
+            .store(deadline_ns << 8 | u64::from(node), Ordering::Release);
+    }
+
+    /// RT: whether the async slot is still open.
+    pub fn is_async_open(&self) -> bool {
+        self.async_slot.load(Ordering::Acquire) != 0
+    }
+
+    /// RT: the async frame has come. False: too late.
+    pub fn end_async(&self) -> bool {
+        self.async_slot.swap(0, Ordering::AcqRel) != 0
+    }
+
+    /// RT: whether the cycle thread may send a SoC. Ask before each one; once false, only [`Watch::allow_soc`] changes it.
+    pub fn soc_allowed(&self) -> bool {
+        !self.soc_forbidden.load(Ordering::Acquire)
+    }
+
+    /// Allows the SoC again: the operator has acknowledged and the network starts anew.
+    pub fn allow_soc(&self) {
+        self.soc_forbidden.store(false, Ordering::Release);
+    }
+
+    /// The counters now.
+    pub fn counters(&self) -> Counters {
+        let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        let wall_ns = read(&self.wall_ns);
+        Counters {
+            ticks: read(&self.ticks),
+            missed_ticks: read(&self.missed_ticks),
+            polls_lost: read(&self.polls_lost),
+            async_lost: read(&self.async_lost),
+            late_cycles: read(&self.late_cycles),
+            reports_dropped: read(&self.reports_dropped),
+            cpu_share: if wall_ns == 0 {
+                0.0
+            } else {
+                read(&self.cpu_ns) as f64 / wall_ns as f64
+            },
+        }
+    }
+}
+
+/// What the time-out thread has seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Report {
+    /// When, ns of CLOCK_MONOTONIC.
+    pub at_ns: u64,
+    /// What.
+    pub event: Event,
+}
+
+/// Kinds of reports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// The PRes of a node did not come in time.
+    PresTimeout {
+        /// Node id.
+        node: u8,
+    },
+    /// The frame of the async slot did not come in time.
+    AsyncTimeout {
+        /// Node id that had the slot.
+        node: u8,
+    },
+    /// A cycle has not begun although it is later than the limit. Once per cycle.
+    CycleLate {
+        /// Number of the cycle that should have begun.
+        cycle: u64,
+        /// How late it is already.
+        late_ns: u64,
+        /// Whether the cycle before it is still computing; if not, the cycle thread does not get the core.
+        computing: bool,
+    },
+    /// The cycle thread hangs: it may send no SoC any more.
+    CycleHung {
+        /// Number of the last cycle that began.
+        cycle: u64,
+        /// How long the next one is overdue.
+        overdue_ns: u64,
+    },
+}
+
+/// The limits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Cycle.
+    pub period_ns: u64,
+    /// A cycle that has not begun this long after its date is late.
+    pub late_ns: u64,
+    /// A cycle thread that has missed this many cycles in a row hangs.
+    pub hung_cycles: u32,
+    /// Period of the time-out thread itself.
+    pub tick_ns: u64,
+}
+
+impl Limits {
+    /// Limits for a cycle and a tick: late by a quarter cycle, hung after 5 cycles.
+    pub fn new(period_ns: u64, tick_ns: u64) -> Limits {
+        Limits {
+            period_ns,
+            late_ns: period_ns / 4,
+            hung_cycles: 5,
+            tick_ns,
+        }
+    }
+}
+
+/// The decisions, on time that comes from outside.
+pub struct Watchdog {
+    watch: Arc<Watch>,
+    limits: Limits,
+    last_tick_ns: u64,
+    /// Date of the cycle that is watched, and what has been seen of its successor since.
+    deadline_ns: u64,
+    late_reported: bool,
+    hung_reported: bool,
+    /// Overdue time during which this watchdog was running itself. Where the whole PC stood still (a virtual machine that
+    /// was not scheduled), the cycle thread is not to blame and gets its time first.
+    observed_ns: u64,
+}
+
+impl Watchdog {
+    /// A watchdog that has seen nothing yet.
+    pub fn new(watch: Arc<Watch>, limits: Limits) -> Watchdog {
+        Watchdog {
+            watch,
+            limits,
+            last_tick_ns: 0,
+            deadline_ns: 0,
+            late_reported: false,
+            hung_reported: false,
+            observed_ns: 0,
+        }
+    }
+
+    /// RT: looks at every limit. At most four reports; no system call, no lock, no allocation.
+    pub fn tick(&mut self, now_ns: u64, mut report: impl FnMut(Report)) {
+        let watch = &*self.watch;
+        watch.ticks.fetch_add(1, Ordering::Relaxed);
+        let mut report = |event| report(Report { at_ns: now_ns, event });
+        if let Some(node) = take_expired(&watch.poll, now_ns) {
+            watch.polls_lost.fetch_add(1, Ordering::Relaxed);
+            report(Event::PresTimeout { node });
+        }
+        if let Some(node) = take_expired(&watch.async_slot, now_ns) {
+            watch.async_lost.fetch_add(1, Ordering::Relaxed);
+            report(Event::AsyncTimeout { node });
+        }
+
+        let deadline_ns = watch.deadline_ns.load(Ordering::Acquire);
+        let since_last_ns = now_ns.saturating_sub(self.last_tick_ns);
+        self.last_tick_ns = now_ns;
+        if deadline_ns != self.deadline_ns {
+            self.deadline_ns = deadline_ns;
+            (self.late_reported, self.hung_reported, self.observed_ns) = (false, false, 0);
+        }
+        let due_ns = deadline_ns + self.limits.period_ns;
+        if deadline_ns == 0 || now_ns <= due_ns {
+            return;
+        }
+        let overdue_ns = now_ns - due_ns;
+        // A tick that came late has observed no more than the two periods around it.
+        self.observed_ns += since_last_ns.min(2 * self.limits.tick_ns).min(overdue_ns);
+        let cycle = watch.cycle.load(Ordering::Relaxed);
+        if overdue_ns > self.limits.late_ns && !self.late_reported {
+            self.late_reported = true;
+            watch.late_cycles.fetch_add(1, Ordering::Relaxed);
+            let computing = watch.finished.load(Ordering::Acquire) <= cycle;
+            report(Event::CycleLate {
+                cycle: cycle + 1,
+                late_ns: overdue_ns,
+                computing,
+            });
+        }
+        if self.observed_ns > u64::from(self.limits.hung_cycles) * self.limits.period_ns && !self.hung_reported {
+            self.hung_reported = true;
+            watch.soc_forbidden.store(true, Ordering::Release);
+            report(Event::CycleHung { cycle, overdue_ns });
+        }
+    }
+}
+
+/// RT: takes an expired wait away from the cycle thread, unless its answer comes in this very moment.
+fn take_expired(wait: &AtomicU64, now_ns: u64) -> Option<u8> {
+    let waiting = wait.load(Ordering::Acquire);
+    if waiting == 0 || now_ns < waiting >> 8 {
+        return None;
+    }
+    wait.compare_exchange(waiting, 0, Ordering::AcqRel, Ordering::Acquire)
+        .ok()
+        .map(|_| waiting as u8)
+}
+
+/// The running thread. Dropping it ends it.
+pub struct TimeoutThread {
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl TimeoutThread {
+    /// Starts the thread; reports go into `reports`.
+    ///
+    /// # Errors
+    /// If no thread can be had.
+    pub fn spawn(
+        process: Arc<Process>,
+        watch: Arc<Watch>,
+        limits: Limits,
+        mut reports: rtrb::Producer<Report>,
+    ) -> std::io::Result<TimeoutThread> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = stop.clone();
+        let run = move || {
+            // What is missing was found and told by `prepare_process`.
+            drop(enter_thread(Role::Timeout, &process));
+            run(&stopped, watch, limits, &mut reports);
+        };
+        let thread = std::thread::Builder::new()
+            .name("rt-timeout".into())
+            .stack_size(STACK_SIZE)
+            .spawn(run)?;
+        Ok(TimeoutThread {
+            stop,
+            thread: Some(thread),
+        })
+    }
+}
+
+impl Drop for TimeoutThread {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            // A panic of the thread has been printed; there is nothing more to do about it here.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// RT: the loop of the thread.
+fn run(stop: &AtomicBool, watch: Arc<Watch>, limits: Limits, reports: &mut rtrb::Producer<Report>) {
+    let grid = Grid {
+        period_ns: limits.tick_ns,
+        phase_ns: 0,
+        late_max_ns: limits.tick_ns / 2,
+    };
+    let mut watchdog = Watchdog::new(watch.clone(), limits);
+    let start_ns = monotonic_ns();
+    let mut deadline_ns = grid.first_after(start_ns);
+    let mut ticks = 0u64;
+    while !stop.load(Ordering::Acquire) {
+        let now_ns = wait_until(deadline_ns, 0);
+        watchdog.tick(now_ns, |report| {
+            if reports.push(report).is_err() {
+                watch.reports_dropped.fetch_add(1, Ordering::Relaxed);
+            }
+        });
+        ticks += 1;
+        if ticks.is_multiple_of(CPU_TIME_TICKS) {
+            watch.cpu_ns.store(thread_cpu_ns(), Ordering::Relaxed);
+            watch.wall_ns.store(now_ns - start_ns, Ordering::Relaxed);
+        }
+        let next = grid.next(deadline_ns, now_ns);
+        watch.missed_ticks.fetch_add(next.skipped, Ordering::Relaxed);
+        deadline_ns = next.deadline_ns;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: Limits = Limits {
+        period_ns: 1_000_000,
+        late_ns: 250_000,
+        hung_cycles: 5,
+        tick_ns: 50_000,
+    };
+
+    struct Rig {
+        watch: Arc<Watch>,
+        watchdog: Watchdog,
+        seen: Vec<Report>,
+    }
+
+    impl Rig {
+        fn new() -> Rig {
+            let watch = Arc::new(Watch::default());
+            Rig {
+                watchdog: Watchdog::new(watch.clone(), LIMITS),
+                watch,
+                seen: Vec::new(),
+            }
+        }
+
+        /// Ticks every 50 µs from one time to before another.
+        fn run(&mut self, from_ns: u64, to_ns: u64) {
+            for now_ns in (from_ns..to_ns).step_by(50_000) {
+                self.watchdog.tick(now_ns, |report| self.seen.push(report));
+            }
+        }
+
+        fn take(&mut self) -> Vec<(u64, Event)> {
+            self.seen.drain(..).map(|report| (report.at_ns, report.event)).collect()
+        }
+    }
+
+    #[test]
+    fn a_poll_is_lost_within_one_tick_of_its_limit() {
+        let mut rig = Rig::new();
+        rig.watch.begin_poll(7, 1_120_000);
+        rig.run(1_000_000, 1_120_000);
+        assert!(rig.watch.is_poll_open());
+        rig.run(1_150_000, 1_400_000);
+        assert!(!rig.watch.is_poll_open());
+        assert!(!rig.watch.end_poll(), "an answer after the limit is too late");
+        assert_eq!(rig.take(), [(1_150_000, Event::PresTimeout { node: 7 })]);
+        assert_eq!(rig.watch.counters().polls_lost, 1);
+    }
+
+    #[test]
+    fn an_answer_in_time_is_never_lost() {
+        let mut rig = Rig::new();
+        rig.watch.begin_poll(1, 1_120_000);
+        rig.watch.begin_async(3, 1_500_000);
+        rig.run(1_000_000, 1_100_000);
+        assert!(rig.watch.end_poll());
+        rig.watch.begin_poll(2, 1_220_000);
+        rig.run(1_100_000, 1_200_000);
+        assert!(rig.watch.end_poll());
+        assert!(rig.watch.is_async_open());
+        rig.run(1_200_000, 1_450_000);
+        assert!(rig.watch.end_async());
+        rig.run(1_450_000, 2_000_000);
+        assert_eq!(rig.take(), []);
+    }
+
+    #[test]
+    fn an_async_slot_that_stays_empty_is_reported() {
+        let mut rig = Rig::new();
+        rig.watch.begin_async(240, 1_500_000);
+        rig.run(1_000_000, 2_000_000);
+        assert_eq!(rig.take(), [(1_500_000, Event::AsyncTimeout { node: 240 })]);
+        assert!(!rig.watch.end_async());
+    }
+
+    #[test]
+    fn cycles_in_time_raise_nothing() {
+        let mut rig = Rig::new();
+        for cycle in 1..=100 {
+            rig.watch.begin_cycle(cycle, cycle * 1_000_000);
+            rig.run(cycle * 1_000_000, cycle * 1_000_000 + 400_000);
+            rig.watch.end_cycle(cycle);
+            rig.run(cycle * 1_000_000 + 400_000, (cycle + 1) * 1_000_000);
+        }
+        assert_eq!(rig.take(), []);
+        assert_eq!(rig.watch.counters().ticks, 2000);
+    }
+
+    #[test]
+    fn a_late_cycle_is_reported_once_and_the_network_goes_on() {
+        let mut rig = Rig::new();
+        rig.watch.begin_cycle(8, 8_000_000);
+        rig.run(8_000_000, 10_000_000);
+        let late = Event::CycleLate {
+            cycle: 9,
+            late_ns: 300_000,
+            computing: true,
+        };
+        assert_eq!(rig.take(), [(9_300_000, late)]);
+        rig.watch.begin_cycle(10, 10_000_000);
+        rig.watch.end_cycle(10);
+        rig.run(10_000_000, 11_600_000);
+        let late = Event::CycleLate {
+            cycle: 11,
+            late_ns: 300_000,
+            computing: false,
+        };
+        assert_eq!(rig.take(), [(11_300_000, late)]);
+        assert!(rig.watch.soc_allowed());
+        assert_eq!(rig.watch.counters().late_cycles, 2);
+    }
+
+    #[test]
+    fn a_hung_cycle_thread_may_send_no_soc_until_it_is_allowed_again() {
+        let mut rig = Rig::new();
+        rig.watch.begin_cycle(3, 3_000_000);
+        rig.run(3_000_000, 9_000_001);
+        assert!(rig.watch.soc_allowed());
+        rig.seen.clear();
+        rig.run(9_050_000, 20_000_000);
+        assert_eq!(
+            rig.take(),
+            [(
+                9_050_000,
+                Event::CycleHung {
+                    cycle: 3,
+                    overdue_ns: 5_050_000
+                }
+            )]
+        );
+        assert!(!rig.watch.soc_allowed());
+        rig.watch.begin_cycle(4, 20_000_000);
+        rig.run(20_000_000, 20_500_000);
+        assert!(!rig.watch.soc_allowed(), "coming back is not enough");
+        rig.watch.allow_soc();
+        assert!(rig.watch.soc_allowed());
+    }
+
+    #[test]
+    fn a_pc_that_stood_still_is_late_but_its_cycle_thread_does_not_hang() {
+        let mut rig = Rig::new();
+        rig.watch.begin_cycle(1, 1_000_000);
+        rig.run(1_000_000, 1_500_000);
+        rig.run(60_000_000, 60_100_000);
+        assert!(matches!(rig.take()[..], [(60_000_000, Event::CycleLate { .. })]));
+        assert!(rig.watch.soc_allowed());
+        rig.watch.begin_cycle(2, 60_000_000);
+        rig.run(60_100_000, 61_000_000);
+        assert_eq!(rig.take(), []);
+    }
+
+    #[test]
+    fn nothing_is_expected_before_the_first_cycle_and_after_the_last() {
+        let mut rig = Rig::new();
+        rig.run(0, 20_000_000);
+        rig.watch.begin_cycle(1, 20_000_000);
+        rig.run(20_000_000, 20_500_000);
+        rig.watch.disarm();
+        rig.run(20_500_000, 60_000_000);
+        assert_eq!(rig.take(), []);
+        assert!(rig.watch.soc_allowed());
+    }
+
+    #[test]
+    fn the_thread_ticks_reports_and_ends() {
+        use crate::config::{Require, Rt};
+        let rt = Rt {
+            cpu: None,
+            priority: 80,
+            timeout_us: 50,
+            phase_us: 370,
+            spin_us: 50,
+            keep_awake: false,
+            lock_memory: false,
+            require: Require::Warn,
+        };
+        let process = Arc::new(super::super::setup::prepare_process(&rt).unwrap());
+        let watch = Arc::new(Watch::default());
+        let (producer, mut consumer) = rtrb::RingBuffer::new(REPORTS);
+        watch.begin_poll(5, 1);
+        let thread = TimeoutThread::spawn(process, watch.clone(), LIMITS, producer).unwrap();
+        while watch.counters().ticks < 2 * CPU_TIME_TICKS {
+            std::thread::yield_now();
+        }
+        drop(thread);
+        let counters = watch.counters();
+        assert_eq!(counters.polls_lost, 1);
+        assert_eq!(consumer.pop().unwrap().event, Event::PresTimeout { node: 5 });
+        assert!(consumer.pop().is_err());
+        assert!(counters.cpu_share > 0.0 && counters.cpu_share <= 1.0, "{counters:?}");
+        assert_eq!(Arc::strong_count(&watch), 1);
+    }
+}
