@@ -116,10 +116,16 @@ impl fmt::Display for Action {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let on = |on: bool| if on { "on" } else { "off" };
         match *self {
-            Action::SpindleOn { rpm, direction: SpindleDirection::Clockwise } => {
+            Action::SpindleOn {
+                rpm,
+                direction: SpindleDirection::Clockwise,
+            } => {
                 write!(f, "spindle on clockwise, {rpm} 1/min")
             }
-            Action::SpindleOn { rpm, direction: SpindleDirection::Counterclockwise } => {
+            Action::SpindleOn {
+                rpm,
+                direction: SpindleDirection::Counterclockwise,
+            } => {
                 write!(f, "spindle on counter-clockwise, {rpm} 1/min")
             }
             Action::SpindleOff => f.write_str("spindle off"),

@@ -6,6 +6,9 @@
 use motion::canon::{Axis, Position};
 use std::path::PathBuf;
 
+/// Most joints that one machine can have.
+pub const JOINTS_MAX: usize = 16;
+
 /// A whole machine file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {

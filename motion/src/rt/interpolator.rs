@@ -1,0 +1,338 @@
+//! Interpolation: where the axes are now.
+//!
+//! In:  elements of the ring; the wanted share of the planned speed.
+//! Out: one [`Sample`] per cycle.
+//!
+//! Position always comes from the exact geometry at the place that plan time has reached, so that rounding of time can
+//! never leave the path. RT.
+
+use super::scale::ScaleRamp;
+use crate::canon::Position;
+use crate::element::{Action, Element, Span};
+use crate::ring::{Consumer, Timed};
+
+/// Elements that one cycle may pass. A cycle that reaches this many waits for the next one; it takes elements shorter
+/// than a hundredth of a cycle to get there.
+const ELEMENTS_PER_CYCLE: usize = 128;
+
+/// What the interpolation is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SampleState {
+    /// On the way, or held on it.
+    Moving,
+    /// Waits at rest for time to pass.
+    Dwelling,
+    /// Waits at rest for an action to be acknowledged.
+    Acting,
+    /// At rest, because nothing more has been planned yet.
+    Starved,
+    /// The program is over.
+    Finished,
+}
+
+/// What there is to know of one cycle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Axis positions in the machine, mm or degrees.
+    pub position: Position,
+    /// Speed on the path, mm/s (degrees/s on a purely rotary move).
+    pub velocity_mm_s: f64,
+    /// Line of the program.
+    pub line: u32,
+    /// Whether the move is a rapid one.
+    pub rapid: bool,
+    /// What the interpolation is doing.
+    pub state: SampleState,
+    /// What waits to be acknowledged.
+    pub action: Option<Action>,
+}
+
+impl Sample {
+    /// At rest without a program.
+    pub const fn resting(position: Position) -> Sample {
+        Sample {
+            position,
+            velocity_mm_s: 0.0,
+            line: 0,
+            rapid: false,
+            state: SampleState::Finished,
+            action: None,
+        }
+    }
+}
+
+/// Runs down the plan.
+#[derive(Debug)]
+pub struct Interpolator {
+    consumer: Consumer<Element>,
+    ramp: ScaleRamp,
+    current: Option<Element>,
+    /// Plan time since the beginning of the current element, s.
+    time_s: f64,
+    /// Plan time of the elements that are over, s.
+    done_s: f64,
+    sample: Sample,
+}
+
+impl Interpolator {
+    /// At rest at `start` (machine position), before the first element.
+    pub fn new(consumer: Consumer<Element>, start: Position, ramp: ScaleRamp) -> Interpolator {
+        let sample = Sample {
+            state: SampleState::Starved,
+            ..Sample::resting(start)
+        };
+        Interpolator {
+            consumer,
+            ramp,
+            current: None,
+            time_s: 0.0,
+            done_s: 0.0,
+            sample,
+        }
+    }
+
+    /// One cycle further. `scale`: wanted share of the planned speed, 0 (hold) to 1. RT.
+    pub fn step(&mut self, scale: f64) -> Sample {
+        if self.at_planned_rest() {
+            // Nothing moves, so that the share may change at once.
+            self.ramp.jump(scale);
+        }
+        let mut plan_s = self.ramp.step(scale);
+        for _ in 0..ELEMENTS_PER_CYCLE {
+            match self.current {
+                None => {
+                    if self.sample.state == SampleState::Finished || !self.advance() {
+                        break;
+                    }
+                }
+                Some(Element::Action { .. }) => break,
+                Some(element @ (Element::Span(_) | Element::Dwell { .. })) => {
+                    let rest_s = element.duration_s() - self.time_s;
+                    if plan_s < rest_s {
+                        self.time_s += plan_s;
+                        break;
+                    }
+                    plan_s -= rest_s.max(0.0);
+                    if !self.advance() {
+                        break;
+                    }
+                }
+            }
+        }
+        self.evaluate();
+        self.sample
+    }
+
+    /// The action of the last sample is done. RT.
+    pub fn acknowledge_action(&mut self) {
+        if let Some(Element::Action { action, .. }) = self.current {
+            self.current = None;
+            self.sample.action = None;
+            self.sample.state = if action == Action::ProgramEnd {
+                SampleState::Finished
+            } else {
+                SampleState::Starved
+            };
+        }
+    }
+
+    /// Planned motion still to come, as far as it has been planned yet, s. RT.
+    pub fn remaining_s(&self) -> f64 {
+        (self.consumer.published_s() - self.done_s - self.time_s).max(0.0)
+    }
+
+    /// Whether nothing moves and nothing will before a step with a share above 0. RT.
+    pub fn is_at_rest(&self) -> bool {
+        self.ramp.is_at_rest() || self.at_planned_rest()
+    }
+
+    /// Time from full speed to rest in a hold, s.
+    pub fn ramp_s(&self) -> f64 {
+        self.ramp.ramp_s()
+    }
+
+    /// Whether the plan itself stands still, whatever the share of its speed.
+    fn at_planned_rest(&self) -> bool {
+        match self.current {
+            None | Some(Element::Action { .. } | Element::Dwell { .. }) => true,
+            Some(Element::Span(_)) => false,
+        }
+    }
+
+    /// Goes on to the next element; where there is none, the end of the last one is the rest. RT.
+    fn advance(&mut self) -> bool {
+        if let Some(element) = self.current.take() {
+            self.done_s += element.duration_s();
+            if let Element::Span(span) = element {
+                self.show(&span, span.duration_s, 0.0);
+            }
+        }
+        self.time_s = 0.0;
+        self.current = self.consumer.advance();
+        self.current.is_some()
+    }
+
+    fn evaluate(&mut self) {
+        self.sample.action = None;
+        self.sample.velocity_mm_s = 0.0;
+        match self.current {
+            Some(Element::Span(span)) => {
+                let speed = span.speed(self.time_s).max(0.0) * self.ramp.share();
+                self.show(&span, self.time_s, speed);
+                self.sample.state = SampleState::Moving;
+            }
+            Some(Element::Dwell { line, .. }) => {
+                self.sample.line = line;
+                self.sample.state = SampleState::Dwelling;
+            }
+            Some(Element::Action { action, line }) => {
+                self.sample.line = line;
+                self.sample.action = Some(action);
+                self.sample.state = SampleState::Acting;
+            }
+            None => {
+                if self.sample.state != SampleState::Finished {
+                    self.sample.state = SampleState::Starved;
+                }
+            }
+        }
+    }
+
+    fn show(&mut self, span: &Span, time_s: f64, speed: f64) {
+        let place = span.place(time_s).clamp(0.0, span.piece.length());
+        self.sample.position = span.piece.position(place);
+        self.sample.velocity_mm_s = speed;
+        self.sample.line = span.line;
+        self.sample.rapid = span.rapid;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::path::Piece;
+    use crate::ring::{self, Producer, Publish, Sink};
+    use crate::rt::{MotionLimits, StopLimits};
+
+    const CYCLE_S: f64 = 1e-3;
+
+    fn rig() -> (Producer<Element>, Interpolator) {
+        let (producer, consumer) = ring::channel(64);
+        let plan = MotionLimits {
+            velocity: 100.0,
+            acceleration: 1000.0,
+            jerk: 20_000.0,
+        };
+        let stop = StopLimits {
+            acceleration: 2000.0,
+            jerk: 80_000.0,
+        };
+        (
+            producer,
+            Interpolator::new(consumer, Position::ZERO, ScaleRamp::new(&[(plan, stop)], CYCLE_S)),
+        )
+    }
+
+    /// Rest to rest over 1 mm along X in 0.2 s: jerk +J, -J, -J, +J of 50 ms each, J = 1/(2 t³) with t = 50 ms.
+    fn there(from_mm: f64, line: u32) -> [Element; 4] {
+        let (t, jerk) = (0.05, 4000.0);
+        let piece = Piece::line(Position::xyz(from_mm, 0.0, 0.0), Position::xyz(from_mm + 1.0, 0.0, 0.0)).unwrap();
+        let (mut s0, mut v0, mut a0) = (0.0, 0.0, 0.0);
+        [jerk, -jerk, -jerk, jerk].map(|jerk| {
+            let span = Span {
+                piece,
+                s0,
+                v0,
+                a0,
+                jerk,
+                duration_s: t,
+                line,
+                rapid: false,
+            };
+            (s0, v0, a0) = (span.place(t), span.speed(t), a0 + jerk * t);
+            Element::Span(span)
+        })
+    }
+
+    #[test]
+    fn the_plan_is_followed_in_its_time_and_ends_at_its_end() {
+        let (mut producer, mut interpolator) = rig();
+        assert_eq!(producer.publish(&there(0.0, 7), &[]), Publish::Done);
+        assert_eq!(interpolator.remaining_s(), 0.2);
+        let samples: Vec<Sample> = (0..=200).map(|_| interpolator.step(1.0)).collect();
+        // Half of the way at half of the time, by symmetry.
+        assert!((samples[99].position.0[0] - 0.5).abs() < 1e-12);
+        assert!((samples[99].velocity_mm_s - 10.0).abs() < 1e-9);
+        assert_eq!((samples[99].line, samples[99].state), (7, SampleState::Moving));
+        assert!((samples[200].position.0[0] - 1.0).abs() < 1e-12);
+        assert_eq!(samples[200].state, SampleState::Starved);
+        assert!(interpolator.remaining_s() < 1e-9);
+    }
+
+    #[test]
+    fn a_hold_rests_on_the_path_and_a_resume_reaches_the_same_end() {
+        let (mut producer, mut interpolator) = rig();
+        producer.publish(&there(0.0, 1), &[]);
+        for _ in 0..60 {
+            interpolator.step(1.0);
+        }
+        let cycles = (interpolator.ramp_s() / CYCLE_S) as usize + 40;
+        for _ in 0..cycles {
+            interpolator.step(0.0);
+        }
+        assert!(interpolator.is_at_rest());
+        let held = interpolator.step(0.0);
+        assert!(held.position.0[0] > 0.0 && held.position.0[0] < 1.0 && held.velocity_mm_s == 0.0);
+        assert_eq!(interpolator.step(0.0), held);
+        let last = (0..2000).map(|_| interpolator.step(1.0)).last().unwrap();
+        assert!((last.position.0[0] - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn an_action_waits_at_rest_until_it_is_acknowledged() {
+        let (mut producer, mut interpolator) = rig();
+        let action = Action::ChangeTool { tool: 3 };
+        let mut plan = there(0.0, 1).to_vec();
+        plan.push(Element::Action { action, line: 2 });
+        plan.extend(there(1.0, 3));
+        plan.push(Element::Action {
+            action: Action::ProgramEnd,
+            line: 4,
+        });
+        producer.publish(&plan, &[]);
+        let mut sample = Sample::resting(Position::ZERO);
+        for _ in 0..500 {
+            sample = interpolator.step(1.0);
+        }
+        assert_eq!(
+            (sample.action, sample.state, sample.line),
+            (Some(action), SampleState::Acting, 2)
+        );
+        assert!((sample.position.0[0] - 1.0).abs() < 1e-12);
+        interpolator.acknowledge_action();
+        for _ in 0..300 {
+            sample = interpolator.step(1.0);
+        }
+        assert_eq!(sample.action, Some(Action::ProgramEnd));
+        interpolator.acknowledge_action();
+        sample = interpolator.step(1.0);
+        assert_eq!(sample.state, SampleState::Finished);
+        assert!((sample.position.0[0] - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_dwell_takes_its_time() {
+        let (mut producer, mut interpolator) = rig();
+        producer.publish(
+            &[Element::Dwell {
+                seconds: 0.0505,
+                line: 1,
+            }],
+            &[],
+        );
+        let dwelling = (0..100)
+            .filter(|_| interpolator.step(1.0).state == SampleState::Dwelling)
+            .count();
+        assert_eq!(dwelling, 50);
+    }
+}

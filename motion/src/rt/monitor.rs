@@ -1,0 +1,137 @@
+//! The monitor: looks at every commanded joint position before it leaves.
+//!
+//! In:  one position of each joint per cycle.
+//! Out: greatest first, second and third differences per cycle time, and how often they were over a limit.
+//!
+//! For a true motion with |jerk| <= J the third difference divided by T³ is a weighted mean of the jerk and never above
+//! J, and likewise for velocity and acceleration: what is over is really over, but for rounding. RT.
+
+/// Limits of one joint: mm (degrees) and seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MonitorLimits {
+    /// Velocity, acceleration and jerk.
+    pub of_order: [f64; 3],
+}
+
+/// Greatest differences of one joint.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Peaks {
+    /// Velocity, acceleration and jerk.
+    pub of_order: [f64; 3],
+    /// Cycles over a limit, for each of them.
+    pub over: [u64; 3],
+}
+
+/// Share by which a difference may pass its limit before it counts: rounding of positions.
+const SLACK: f64 = 1e-6;
+/// Rounding of a commanded position, mm.
+const ROUNDING_MM: f64 = 1e-11;
+
+#[derive(Clone, Copy, Debug)]
+struct JointMonitor {
+    limits: MonitorLimits,
+    /// Last positions, the newest first.
+    last: [f64; 3],
+    seen: u8,
+    peaks: Peaks,
+}
+
+/// Watches all joints.
+#[derive(Clone, Debug)]
+pub struct Monitor {
+    joints: Box<[JointMonitor]>,
+    cycle_s: f64,
+}
+
+impl Monitor {
+    /// A monitor that has seen nothing.
+    pub fn new(limits: &[MonitorLimits], cycle_s: f64) -> Monitor {
+        let joints = limits
+            .iter()
+            .map(|&limits| JointMonitor {
+                limits,
+                last: [0.0; 3],
+                seen: 0,
+                peaks: Peaks::default(),
+            })
+            .collect();
+        Monitor { joints, cycle_s }
+    }
+
+    /// Forgets the last positions, not the peaks: after a jump that is none, such as homing. RT.
+    pub fn restart(&mut self) {
+        for joint in &mut self.joints {
+            joint.seen = 0;
+        }
+    }
+
+    /// Takes the positions of a cycle; returns the first joint whose position is no number. RT.
+    pub fn see(&mut self, positions: &[f64]) -> Option<usize> {
+        let mut illegal = None;
+        for (index, (joint, &position)) in self.joints.iter_mut().zip(positions).enumerate() {
+            if !position.is_finite() {
+                illegal = illegal.or(Some(index));
+                continue;
+            }
+            let [q1, q2, q3] = joint.last;
+            let differences = [
+                position - q1,
+                position - 2.0 * q1 + q2,
+                position - 3.0 * q1 + 3.0 * q2 - q3,
+            ];
+            let mut power = 1.0;
+            for order in 0..usize::from(joint.seen.min(3)) {
+                power *= self.cycle_s;
+                let value = (differences[order] / power).abs();
+                let rounding = f64::from(1_u32 << (order + 1)) * ROUNDING_MM / power;
+                joint.peaks.of_order[order] = joint.peaks.of_order[order].max(value);
+                let over = value > joint.limits.of_order[order] * (1.0 + SLACK) + rounding;
+                joint.peaks.over[order] += u64::from(over);
+            }
+            joint.last = [position, q1, q2];
+            joint.seen = joint.seen.saturating_add(1);
+        }
+        illegal
+    }
+
+    /// Peaks of each joint so far.
+    pub fn peaks(&self) -> impl Iterator<Item = (&MonitorLimits, &Peaks)> {
+        self.joints.iter().map(|joint| (&joint.limits, &joint.peaks))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: MonitorLimits = MonitorLimits {
+        of_order: [10.0, 100.0, 1000.0],
+    };
+
+    #[test]
+    fn a_cubic_shows_its_jerk() {
+        let mut monitor = Monitor::new(&[LIMITS], 0.01);
+        for cycle in 0..20 {
+            let t = f64::from(cycle) * 0.01;
+            monitor.see(&[500.0 * t.powi(3) / 6.0]);
+        }
+        let (_, peaks) = monitor.peaks().next().unwrap();
+        assert!((peaks.of_order[2] - 500.0).abs() < 1e-3, "{peaks:?}");
+        assert_eq!(peaks.over, [0, 0, 0]);
+    }
+
+    #[test]
+    fn a_jump_is_over_every_limit_and_counted() {
+        let mut monitor = Monitor::new(&[LIMITS], 0.01);
+        for position in [0.0, 0.0, 0.0, 0.0, 1.0] {
+            monitor.see(&[position]);
+        }
+        assert_eq!(monitor.peaks().next().unwrap().1.over, [1, 1, 1]);
+    }
+
+    #[test]
+    fn what_is_no_number_is_named() {
+        let mut monitor = Monitor::new(&[LIMITS, LIMITS], 0.01);
+        assert_eq!(monitor.see(&[0.0, f64::NAN]), Some(1));
+    }
+}
