@@ -1,2 +1,7 @@
 //! isocnc: the command line.
-fn main() {}
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    isocnc::cli::main()
+}

@@ -1,1 +1,211 @@
 //! Field buses, seen as images that are exchanged once a cycle.
+//!
+//! In:  the payloads that the nodes shall get ([`OutputImage`]), the time by which to be back.
+//! Out: the payloads that came from the nodes ([`InputImage`]), what the cycle took ([`CycleReport`]).
+//!
+//! [`powerlink`] is the only bus yet; another one implements [`Fieldbus`] and nothing else changes.
+
+pub mod layout;
+pub mod network;
+pub mod powerlink;
+
+use ::powerlink::link::LinkError;
+use obd::AbortCode;
+use std::ops::Range;
+
+/// A node by its place in the machine file.
+pub type NodeIndex = usize;
+
+/// What the control needs to know of a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NodeState {
+    /// Not seen yet, or gone.
+    Absent,
+    /// Being identified and configured.
+    Configuring,
+    /// Configured; its process data are not valid yet.
+    Ready,
+    /// Process data are exchanged and valid.
+    Operational,
+    /// Was operational and was lost.
+    Faulted,
+}
+
+/// What the control needs to know of the whole network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusState {
+    /// No cycle runs.
+    Down,
+    /// Nodes are being brought up.
+    Booting,
+    /// All mandatory nodes are operational.
+    Operational,
+}
+
+/// Something that happened on the bus; names a node by its place in the machine file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BusEvent {
+    /// The network as a whole changed its state.
+    Network(BusState),
+    /// A node answered the search.
+    Identified(NodeIndex),
+    /// A node is not the one that the machine file describes.
+    WrongIdentity {
+        /// The node.
+        node: NodeIndex,
+        /// Object that differs, for example `1018:1`.
+        object: (u16, u8),
+        /// What the machine file wants.
+        expected: u32,
+        /// What the node reports.
+        got: u32,
+    },
+    /// A node refused a configuration value.
+    ConfigurationRefused {
+        /// The node.
+        node: NodeIndex,
+        /// Object that was written.
+        object: (u16, u8),
+        /// SDO abort code.
+        abort: AbortCode,
+    },
+    /// A node has not answered the search for some time; the search goes on.
+    Missing(NodeIndex),
+    /// A node did not take a step of its boot-up in time; it is booted again.
+    BootFailed(NodeIndex),
+    /// A node is operational.
+    NodeUp(NodeIndex),
+    /// A node did not answer more polls in a row than are ridden out.
+    NodeLost(NodeIndex),
+    /// A node reports an error.
+    NodeError {
+        /// The node.
+        node: NodeIndex,
+        /// Error code of the entry.
+        code: u16,
+    },
+    /// Another managing node is on the wire.
+    ForeignMaster([u8; 6]),
+    /// The network adapter does not send or receive.
+    LinkFailed(LinkError),
+}
+
+/// Payloads of all nodes in one piece of memory.
+#[derive(Clone, Debug)]
+pub struct ProcessImage {
+    bytes: Box<[u8]>,
+    nodes: Box<[Range<usize>]>,
+}
+
+impl ProcessImage {
+    /// Zeroed payloads of the given lengths in octets.
+    pub fn new(lengths: impl IntoIterator<Item = usize>) -> ProcessImage {
+        let mut end = 0;
+        let nodes: Box<[Range<usize>]> = lengths
+            .into_iter()
+            .map(|length| {
+                let start = end;
+                end += length;
+                start..end
+            })
+            .collect();
+        ProcessImage { bytes: vec![0; end].into(), nodes }
+    }
+
+    /// Payload of one node.
+    pub fn node(&self, node: NodeIndex) -> &[u8] {
+        &self.bytes[self.nodes[node].clone()]
+    }
+
+    /// Payload of one node, to be written.
+    pub fn node_mut(&mut self, node: NodeIndex) -> &mut [u8] {
+        &mut self.bytes[self.nodes[node].clone()]
+    }
+}
+
+/// What the nodes shall get.
+pub type OutputImage = ProcessImage;
+
+/// What came from the nodes; a lost answer leaves the last value in place.
+#[derive(Clone, Debug)]
+pub struct InputImage {
+    /// Payloads.
+    pub payload: ProcessImage,
+    /// For each node: polls in a row without an answer, 0 when this cycle's came.
+    pub lost_in_row: Box<[u32]>,
+    /// For each node: whether valid data came in this cycle.
+    pub fresh: Box<[bool]>,
+}
+
+impl InputImage {
+    /// Zeroed payloads of the given lengths in octets.
+    pub fn new(lengths: impl IntoIterator<Item = usize>) -> InputImage {
+        let payload = ProcessImage::new(lengths);
+        let nodes = payload.nodes.len();
+        InputImage { payload, lost_in_row: vec![0; nodes].into(), fresh: vec![false; nodes].into() }
+    }
+}
+
+/// What one exchange took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CycleReport {
+    /// When the first frame of the cycle left, ns of the bus clock.
+    pub sent_ns: u64,
+    /// When the exchange was over.
+    pub done_ns: u64,
+    /// Answers that did not come in this cycle.
+    pub lost: u32,
+}
+
+/// What the control knows of a bus. RT: no call allocates, locks or waits beyond its deadline.
+pub trait Fieldbus {
+    /// Starts a cycle and returns with what has come by `deadline_ns` at the latest.
+    fn exchange(&mut self, deadline_ns: u64, outputs: &OutputImage, inputs: &mut InputImage) -> CycleReport;
+
+    /// Serves what is not cyclic (parameters, alarms, node management) until `until_ns`.
+    fn serve(&mut self, until_ns: u64);
+
+    /// Time of the clock that deadlines refer to, ns.
+    fn now_ns(&mut self) -> u64;
+
+    /// State of a node.
+    fn node_state(&self, node: NodeIndex) -> NodeState;
+
+    /// State of the network.
+    fn state(&self) -> BusState;
+
+    /// Next thing that happened.
+    fn pop_event(&mut self) -> Option<BusEvent>;
+
+    /// Begins to bring the network down in an orderly way; goes on within the following cycles.
+    fn shut_down(&mut self);
+
+    /// Frames sent and lost so far for a node: polls, answers that did not come.
+    fn statistics(&self, node: NodeIndex) -> NodeStatistics;
+}
+
+/// Polls of one node so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct NodeStatistics {
+    /// Polls sent.
+    pub polls: u64,
+    /// Answers that came in time.
+    pub answers: u64,
+    /// Answers that did not come in time.
+    pub lost: u64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn payloads_lie_side_by_side() {
+        let mut image = ProcessImage::new([2, 0, 3]);
+        image.node_mut(0).fill(1);
+        image.node_mut(2).fill(3);
+        assert_eq!(image.node(0), [1, 1]);
+        assert_eq!(image.node(1), []);
+        assert_eq!(image.node(2), [3, 3, 3]);
+    }
+}

@@ -1,1 +1,5 @@
-//! Machine state, alarms and limits.
+//! Machine state, order of steps and what faults do.
+
+pub mod faults;
+pub mod sequence;
+pub mod state;

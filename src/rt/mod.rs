@@ -1,6 +1,12 @@
 //! Real time: the cycle thread, the time-out thread and what they need from the system.
 
+pub mod assemble;
+pub mod cycle;
+pub mod drives;
 pub mod jitter;
+pub mod pins;
 pub mod setup;
+pub mod shared;
+pub mod thread;
 pub mod timeout;
 pub mod wait;

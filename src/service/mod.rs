@@ -1,1 +1,4 @@
 //! Events, logs and reports: everything that may wait.
+
+pub mod operator;
+pub mod recorder;

@@ -632,10 +632,10 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         self.shutdown == Shutdown::Done
     }
 
-    /// When the PRes of the poll now under way is due; for a thread that watches this one.
-    pub fn outstanding_ns(&self) -> Option<u64> {
+    /// The node (id) whose PRes is awaited now and when it is due; for a thread that watches this one.
+    pub fn outstanding(&self) -> Option<(u8, u64)> {
         match self.phase {
-            Phase::AwaitPres { deadline_ns, .. } => Some(deadline_ns),
+            Phase::AwaitPres { index, deadline_ns, .. } => self.node(index).map(|node| (node.config.id, deadline_ns)),
             Phase::Idle
             | Phase::SocDue
             | Phase::NextPreq { .. }

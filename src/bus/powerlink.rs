@@ -1,0 +1,269 @@
+//! Ethernet POWERLINK as a [`Fieldbus`]: the managing node of `powerlink::mn` over a link.
+//!
+//! In:  images once a cycle.
+//! Out: frames on the link; the managing node decides which and when, this file only waits and hands over.
+//!
+//! RT except for [`node_configs`] and [`Powerlink::new`].
+
+use super::network::NodePlan;
+use super::{BusEvent, BusState, CycleReport, Fieldbus, InputImage, NodeIndex, NodeState, NodeStatistics, OutputImage};
+use crate::config::{Bus, Identity};
+use crate::rt::timeout::Watch;
+use powerlink::link::{Link, LinkError};
+use powerlink::mn::{self, IdentityField, Mn, MnConfig, MnEvent, NodeConfig, Step};
+use powerlink::nmt::NmtState;
+use powerlink::wire::NetTime;
+use std::sync::Arc;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Most nodes that one network can have: ids 1 to 239.
+pub const NODES_MAX: usize = 239;
+/// Longest frame without check sum.
+const FRAME_OCTETS_MAX: usize = 1514;
+
+/// What the managing node is told of each node.
+pub fn node_configs<'a>(bus: &Bus, plans: &'a [NodePlan]) -> Vec<NodeConfig<'a>> {
+    bus.nodes
+        .iter()
+        .zip(plans)
+        .map(|(node, plan)| NodeConfig {
+            id: node.id,
+            mandatory: node.mandatory,
+            pres_timeout_ns: node.pres_timeout_us * 1000,
+            identity: identity(node.identity),
+            preq_bytes: plan.outputs.octets as u16,
+            pres_bytes: plan.inputs.octets as u16,
+            configuration: &plan.configuration,
+        })
+        .collect()
+}
+
+fn identity(wanted: Identity) -> mn::Identity {
+    mn::Identity {
+        device_type: wanted.device_type,
+        vendor_id: wanted.vendor_id,
+        product_code: wanted.product_code,
+        revision: wanted.revision,
+        serial: wanted.serial,
+    }
+}
+
+/// Time of day by the system's clock, for SoC frames on a real wire.
+pub fn wall_clock() -> NetTime {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    NetTime { seconds: now.as_secs() as u32, nanoseconds: now.subsec_nanos() }
+}
+
+/// The managing node on a link.
+pub struct Powerlink<'a, L, const NODES: usize> {
+    mn: Mn<'a, NODES>,
+    link: L,
+    /// Told of every time limit, so that the time-out thread sees them although this thread is busy.
+    watch: Arc<Watch>,
+    /// Wall clock for the SoC.
+    net_time: fn() -> NetTime,
+    buffer: [u8; FRAME_OCTETS_MAX],
+    link_error: Option<LinkError>,
+    outstanding: Option<(u8, u64)>,
+    node_ids: Box<[u8]>,
+    reported: BusState,
+}
+
+impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
+    /// A managing node that has sent nothing yet.
+    pub fn new(
+        config: MnConfig<'a>,
+        link: L,
+        watch: Arc<Watch>,
+        net_time: fn() -> NetTime,
+    ) -> Result<Self, mn::MnConfigError> {
+        let node_ids = config.nodes.iter().map(|node| node.id).collect();
+        Ok(Powerlink {
+            mn: Mn::new(config)?,
+            node_ids,
+            link,
+            watch,
+            net_time,
+            buffer: [0; FRAME_OCTETS_MAX],
+            link_error: None,
+            outstanding: None,
+            reported: BusState::Down,
+        })
+    }
+
+    /// The link, for tests that steer a simulated wire.
+    pub fn link_mut(&mut self) -> &mut L {
+        &mut self.link
+    }
+
+    /// The managing node, for diagnosis.
+    pub fn mn(&self) -> &Mn<'a, NODES> {
+        &self.mn
+    }
+
+    /// Tells the time-out thread which answer is awaited, if that has changed.
+    fn show_outstanding(&mut self) {
+        let outstanding = self.mn.outstanding();
+        if outstanding == self.outstanding {
+            return;
+        }
+        match outstanding {
+            Some((node, deadline_ns)) => self.watch.begin_poll(node, deadline_ns),
+            // Whether the time-out thread was quicker does not matter here: the managing node judges by its own clock.
+            None => _ = self.watch.end_poll(),
+        }
+        self.outstanding = outstanding;
+    }
+
+    /// The event in the words of the control; `None` for what it has no use for.
+    fn translate(&self, event: MnEvent) -> Option<BusEvent> {
+        let index = |id: u8| self.node_ids.iter().position(|own| *own == id);
+        Some(match event {
+            MnEvent::NmtStateChanged { .. } | MnEvent::Configuring { .. } => return None,
+            MnEvent::Identified { node } => BusEvent::Identified(index(node)?),
+            MnEvent::IdentityMismatch { node, field, expected, got } => {
+                let object = match field {
+                    IdentityField::DeviceType => (0x1000, 0),
+                    IdentityField::VendorId => (0x1018, 1),
+                    IdentityField::ProductCode => (0x1018, 2),
+                    IdentityField::Revision => (0x1018, 3),
+                    IdentityField::Serial => (0x1018, 4),
+                };
+                BusEvent::WrongIdentity { node: index(node)?, object, expected, got }
+            }
+            MnEvent::Missing { node } => BusEvent::Missing(index(node)?),
+            MnEvent::SdoAbort { node, index: object, sub, code } => {
+                BusEvent::ConfigurationRefused { node: index(node)?, object: (object, sub), abort: code }
+            }
+            MnEvent::SdoFailed { node, .. } | MnEvent::BootTimeout { node, .. } => BusEvent::BootFailed(index(node)?),
+            MnEvent::NodeStateChanged { node, state: mn::NodeState::Operational } => BusEvent::NodeUp(index(node)?),
+            MnEvent::NodeStateChanged { .. } => return None,
+            MnEvent::Lost { node, .. } | MnEvent::WrongState { node, .. } => BusEvent::NodeLost(index(node)?),
+            MnEvent::ErrorEntry { node, entry } => BusEvent::NodeError { node: index(node)?, code: entry.code },
+            MnEvent::ForeignMn { mac } => BusEvent::ForeignMaster(mac),
+        })
+    }
+
+    /// Sends, waits and receives until the isochronous part is over or `deadline_ns` has come.
+    fn run_until(&mut self, deadline_ns: u64, stop_at_isochronous_end: bool) {
+        loop {
+            let now_ns = self.link.now_ns();
+            let wait_ns = match self.mn.poll(now_ns) {
+                Step::Send(frame) => {
+                    if let Err(error) = self.link.send(frame) {
+                        self.link_error = Some(error);
+                    }
+                    continue;
+                }
+                Step::IsochronousDone if stop_at_isochronous_end => return,
+                Step::IsochronousDone => now_ns,
+                Step::WaitUntil(time_ns) => time_ns.min(deadline_ns),
+                Step::Idle => deadline_ns,
+            };
+            self.show_outstanding();
+            match self.link.receive(&mut self.buffer, wait_ns) {
+                Ok(Some(received)) => {
+                    let now_ns = self.link.now_ns();
+                    self.mn.receive(now_ns, &self.buffer[..received.length]);
+                    self.show_outstanding();
+                }
+                Ok(None) if wait_ns >= deadline_ns => return,
+                Ok(None) => {}
+                Err(error) => {
+                    self.link_error = Some(error);
+                    return;
+                }
+            }
+        }
+    }
+}
+
+impl<L: Link, const NODES: usize> Fieldbus for Powerlink<'_, L, NODES> {
+    fn exchange(&mut self, deadline_ns: u64, outputs: &OutputImage, inputs: &mut InputImage) -> CycleReport {
+        let nodes = inputs.lost_in_row.len();
+        for node in 0..nodes {
+            self.mn.output_mut(node).copy_from_slice(outputs.node(node));
+        }
+        let sent_ns = self.link.now_ns();
+        if self.watch.soc_allowed() {
+            self.mn.start_cycle(sent_ns, (self.net_time)());
+            self.run_until(deadline_ns, true);
+        }
+        let mut lost = 0;
+        for node in 0..nodes {
+            let input = self.mn.input(node);
+            if input.fresh {
+                inputs.payload.node_mut(node).copy_from_slice(input.data);
+            }
+            inputs.fresh[node] = input.fresh;
+            inputs.lost_in_row[node] = input.lost_in_row;
+            lost += u32::from(input.lost_in_row > 0);
+        }
+        CycleReport { sent_ns, done_ns: self.link.now_ns(), lost }
+    }
+
+    fn serve(&mut self, until_ns: u64) {
+        self.run_until(until_ns, false);
+    }
+
+    fn now_ns(&mut self) -> u64 {
+        self.link.now_ns()
+    }
+
+    fn node_state(&self, node: NodeIndex) -> NodeState {
+        match self.mn.node_state(node) {
+            mn::NodeState::Absent => NodeState::Absent,
+            mn::NodeState::Configuring => NodeState::Configuring,
+            mn::NodeState::Ready => NodeState::Ready,
+            mn::NodeState::Operational => NodeState::Operational,
+            mn::NodeState::Faulted => NodeState::Faulted,
+        }
+    }
+
+    fn state(&self) -> BusState {
+        if self.mn.is_shut_down() {
+            return BusState::Down;
+        }
+        match self.mn.nmt_state() {
+            NmtState::Operational => BusState::Operational,
+            NmtState::Off
+            | NmtState::Initialising
+            | NmtState::ResetApplication
+            | NmtState::ResetCommunication
+            | NmtState::ResetConfiguration
+            | NmtState::NotActive
+            | NmtState::BasicEthernet
+            | NmtState::PreOperational1
+            | NmtState::PreOperational2
+            | NmtState::ReadyToOperate
+            | NmtState::Stopped
+            | NmtState::Unknown(_) => BusState::Booting,
+        }
+    }
+
+    fn pop_event(&mut self) -> Option<BusEvent> {
+        let state = self.state();
+        if state != self.reported {
+            self.reported = state;
+            return Some(BusEvent::Network(state));
+        }
+        if let Some(error) = self.link_error.take() {
+            return Some(BusEvent::LinkFailed(error));
+        }
+        while let Some(event) = self.mn.pop_event() {
+            if let Some(event) = self.translate(event) {
+                return Some(event);
+            }
+        }
+        None
+    }
+
+    fn shut_down(&mut self) {
+        self.mn.shut_down();
+    }
+
+    fn statistics(&self, node: NodeIndex) -> NodeStatistics {
+        let of_node = self.mn.statistics(node);
+        NodeStatistics { polls: of_node.preq_sent, answers: of_node.pres_received, lost: of_node.pres_lost }
+    }
+}

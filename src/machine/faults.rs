@@ -1,0 +1,135 @@
+//! What a fault does: the one table.
+//!
+//! In:  a fault, from wherever it was seen.
+//! Out: the reaction of the whole machine, and a sentence for the operator.
+
+use crate::bus::NodeIndex;
+use cia402::axis::AxisFault;
+use powerlink::link::LinkError;
+
+/// Something that is wrong. Joints and nodes by their place in the machine file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fault {
+    /// A polled node did not answer this many times in a row, but not too many.
+    AnswerLost {
+        /// The node.
+        node: NodeIndex,
+        /// Polls in a row.
+        in_row: u32,
+    },
+    /// A mandatory node did not answer more polls in a row than are ridden out, or left the network.
+    NodeLost {
+        /// The node.
+        node: NodeIndex,
+    },
+    /// A drive is in fault, refuses a step or does not follow.
+    Drive {
+        /// The joint.
+        joint: usize,
+        /// What the drive supervisor saw.
+        fault: AxisFault,
+    },
+    /// Distance between command and actual position above the limit.
+    FollowingError {
+        /// The joint.
+        joint: usize,
+        /// Distance, mm.
+        error_mm: f64,
+        /// Limit, mm.
+        limit_mm: f64,
+    },
+    /// A command beyond the travel of a joint; the planner should have refused it.
+    SoftLimit {
+        /// The joint.
+        joint: usize,
+        /// Commanded position, mm.
+        position_mm: f64,
+    },
+    /// A command that is no number or moves faster than the joint may; a defect of the planner.
+    IllegalCommand {
+        /// The joint.
+        joint: usize,
+    },
+    /// The cycle began late, but within its period.
+    CycleLate {
+        /// Lateness, ns.
+        late_ns: u64,
+    },
+    /// Whole cycles had to be left out.
+    CyclesSkipped {
+        /// How many in a row.
+        cycles: u64,
+    },
+    /// The time-out thread took the cycle thread for hung and forbade further cycles.
+    CycleHung,
+    /// Another managing node is on the wire.
+    ForeignMaster {
+        /// Its address.
+        mac: [u8; 6],
+    },
+    /// The network adapter does not send or receive.
+    LinkFailed {
+        /// Why.
+        error: LinkError,
+    },
+}
+
+/// What the machine does about a fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Reaction {
+    /// Counts it and goes on.
+    Count,
+    /// Stops all joints together within the stop limits, then quick stop of the drives; alarm, nothing moves again
+    /// before it is acknowledged.
+    ControlledStop,
+    /// Nothing can be steered any more: no SoC is sent, the drives stop by themselves for want of it; alarm.
+    Silence,
+}
+
+impl Fault {
+    /// The only place that says what a fault does to the machine.
+    pub fn reaction(&self) -> Reaction {
+        match self {
+            // A full queue loses one frame, which shows as an answer lost.
+            Fault::AnswerLost { .. }
+            | Fault::CycleLate { .. }
+            | Fault::CyclesSkipped { .. }
+            | Fault::LinkFailed { error: LinkError::NoBuffers } => Reaction::Count,
+            Fault::NodeLost { .. }
+            | Fault::Drive { .. }
+            | Fault::FollowingError { .. }
+            | Fault::SoftLimit { .. }
+            | Fault::IllegalCommand { .. }
+            | Fault::ForeignMaster { .. }
+            | Fault::LinkFailed { error: LinkError::Down | LinkError::FrameLength { .. } | LinkError::Os { .. } } => {
+                Reaction::ControlledStop
+            }
+            Fault::CycleHung => Reaction::Silence,
+        }
+    }
+
+    /// A sentence for the operator; `node` and `joint` name those of the machine file.
+    pub fn text(&self, node: impl Fn(NodeIndex) -> String, joint: impl Fn(usize) -> String) -> String {
+        match *self {
+            Fault::AnswerLost { node: index, in_row } => format!("{}: {in_row} polls in a row unanswered", node(index)),
+            Fault::NodeLost { node: index } => format!("{}: lost, it does not answer any more", node(index)),
+            Fault::Drive { joint: index, fault } => format!("{}: {fault}", joint(index)),
+            Fault::FollowingError { joint: index, error_mm, limit_mm } => {
+                format!("{}: following error {error_mm:.3} mm above {limit_mm:.3} mm", joint(index))
+            }
+            Fault::SoftLimit { joint: index, position_mm } => {
+                format!("{}: command {position_mm:.3} mm beyond its travel", joint(index))
+            }
+            Fault::IllegalCommand { joint: index } => {
+                format!("{}: command that is no number or too fast: a defect of the planner", joint(index))
+            }
+            Fault::CycleLate { late_ns } => format!("cycle {} us late", late_ns / 1000),
+            Fault::CyclesSkipped { cycles } => format!("{cycles} cycles left out"),
+            Fault::CycleHung => "cycle thread hung; the network was silenced".into(),
+            Fault::ForeignMaster { mac: [a, b, c, d, e, f] } => format!(
+                "another managing node is on the wire: {a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{f:02x}; disconnect it"
+            ),
+            Fault::LinkFailed { error } => format!("network adapter: {error}"),
+        }
+    }
+}

@@ -1,0 +1,280 @@
+//! From power-on to the end of a program and back: the order of steps of `run` and `demo`.
+//!
+//! In:  the state that the cycle thread shows, polled every few cycles; wishes to stop.
+//! Out: one order at a time.
+//!
+//! Every step has a time limit, so that nothing ever hangs.
+
+use super::state::State;
+
+/// What the cycle thread shall do next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// Switch all drives on.
+    Enable,
+    /// Home the joints of this set (bit n: joint n).
+    Home(u64),
+    /// Plan the program from where the machine stands, and run it.
+    Start,
+    /// Come to rest on the path and give the program up.
+    Stop,
+    /// Switch all drives off.
+    Disable,
+    /// Bring the network down.
+    ShutDown,
+}
+
+/// How the sequence ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// The program ran to its end.
+    Completed,
+    /// The operator stopped it.
+    Stopped,
+    /// A fault stopped it.
+    Faulted,
+    /// A step took longer than its limit.
+    TimedOut(Step),
+}
+
+/// Steps of the sequence, in order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// Network up to OPERATIONAL.
+    Network,
+    /// Drives to OPERATION ENABLED.
+    Enable,
+    /// Joints home, one group after the other.
+    Home,
+    /// The program.
+    Program,
+    /// To rest on the path.
+    Stop,
+    /// Drives without power.
+    Disable,
+    /// Network down.
+    ShutDown,
+    /// Over.
+    Done,
+}
+
+impl Step {
+    /// Longest that the step may take, ns.
+    const fn limit_ns(self) -> u64 {
+        const SECOND: u64 = 1_000_000_000;
+        match self {
+            Step::Network => 15 * SECOND,
+            Step::Enable => 10 * SECOND,
+            Step::Home => 120 * SECOND,
+            Step::Program | Step::Done => u64::MAX,
+            Step::Stop => 10 * SECOND,
+            Step::Disable => 5 * SECOND,
+            Step::ShutDown => 3 * SECOND,
+        }
+    }
+
+    /// Words for the operator.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Step::Network => "network boot",
+            Step::Enable => "switching drives on",
+            Step::Home => "homing",
+            Step::Program => "program",
+            Step::Stop => "stop",
+            Step::Disable => "switching drives off",
+            Step::ShutDown => "network shut-down",
+            Step::Done => "done",
+        }
+    }
+}
+
+/// The sequence and where it is.
+#[derive(Debug)]
+pub struct Sequence {
+    step: Step,
+    step_since_ns: u64,
+    /// Groups of joints still to be homed, the next one last.
+    homing: Vec<u64>,
+    ordered: bool,
+    outcome: Outcome,
+}
+
+impl Sequence {
+    /// `homing`: sets of joints in the order in which they are homed.
+    pub fn new(now_ns: u64, homing: &[u64]) -> Sequence {
+        Sequence {
+            step: Step::Network,
+            step_since_ns: now_ns,
+            homing: homing.iter().rev().copied().collect(),
+            ordered: false,
+            outcome: Outcome::Completed,
+        }
+    }
+
+    /// Where the sequence is.
+    pub fn step(&self) -> Step {
+        self.step
+    }
+
+    /// How it ended, once it has.
+    pub fn outcome(&self) -> Option<Outcome> {
+        (self.step == Step::Done).then_some(self.outcome)
+    }
+
+    /// The operator wants to end it. May be called again and again.
+    pub fn stop(&mut self, now_ns: u64) {
+        match self.step {
+            Step::Home | Step::Program => {
+                self.outcome = Outcome::Stopped;
+                self.enter(Step::Stop, now_ns);
+            }
+            Step::Network | Step::Enable => {
+                self.outcome = Outcome::Stopped;
+                self.enter(Step::Disable, now_ns);
+            }
+            Step::Stop | Step::Disable | Step::ShutDown | Step::Done => {}
+        }
+    }
+
+    /// What to order now, given the state of the machine and whether the program has ended.
+    pub fn poll(&mut self, now_ns: u64, state: State, program_ended: bool) -> Option<Order> {
+        if state == State::Faulted && !matches!(self.step, Step::Disable | Step::ShutDown | Step::Done) {
+            self.outcome = Outcome::Faulted;
+            self.enter(Step::Disable, now_ns);
+        }
+        if now_ns.saturating_sub(self.step_since_ns) > self.step.limit_ns() {
+            if !matches!(self.outcome, Outcome::Faulted | Outcome::TimedOut(_)) {
+                self.outcome = Outcome::TimedOut(self.step);
+            }
+            let next = match self.step {
+                Step::Network | Step::Enable | Step::Home | Step::Program | Step::Stop => Step::Disable,
+                Step::Disable => Step::ShutDown,
+                Step::ShutDown | Step::Done => Step::Done,
+            };
+            self.enter(next, now_ns);
+        }
+        match (self.step, state) {
+            (Step::Network, State::Disabled) => self.enter(Step::Enable, now_ns),
+            (Step::Enable, State::Ready) => self.enter(Step::Home, now_ns),
+            (Step::Home, State::Ready) if self.ordered => {
+                self.homing.pop();
+                self.ordered = false;
+            }
+            (Step::Program, State::Ready) if program_ended => self.enter(Step::Disable, now_ns),
+            (Step::Stop, State::Ready | State::Disabled) => self.enter(Step::Disable, now_ns),
+            (Step::Disable, State::Disabled | State::Booting | State::Faulted | State::Down) => {
+                self.enter(Step::ShutDown, now_ns);
+            }
+            (Step::ShutDown, State::Down) => self.enter(Step::Done, now_ns),
+            _ => {}
+        }
+        if self.step == Step::Home && self.homing.is_empty() {
+            self.enter(Step::Program, now_ns);
+        }
+        if self.ordered {
+            return None;
+        }
+        let order = match self.step {
+            Step::Network | Step::Done => return None,
+            Step::Enable => Order::Enable,
+            Step::Home => Order::Home(*self.homing.last()?),
+            Step::Program => Order::Start,
+            Step::Stop => Order::Stop,
+            Step::Disable => Order::Disable,
+            Step::ShutDown => Order::ShutDown,
+        };
+        self.ordered = true;
+        Some(order)
+    }
+
+    fn enter(&mut self, step: Step, now_ns: u64) {
+        self.step = step;
+        self.step_since_ns = now_ns;
+        self.ordered = false;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND: u64 = 1_000_000_000;
+
+    #[test]
+    fn a_good_run_gives_every_order_once_and_in_order() {
+        let mut sequence = Sequence::new(0, &[0b100, 0b011]);
+        let mut orders = Vec::new();
+        let mut now = 0;
+        let mut poll = |sequence: &mut Sequence, state, ended| {
+            now += 1;
+            orders.extend(sequence.poll(now, state, ended));
+        };
+        for (state, ended) in [
+            (State::Booting, false),
+            (State::Disabled, false),
+            (State::Enabling, false),
+            (State::Ready, false),
+            (State::Homing, false),
+            (State::Ready, false),
+            (State::Homing, false),
+            (State::Ready, false),
+            (State::Running, false),
+            (State::Ready, true),
+            (State::Disabling, true),
+            (State::Disabled, true),
+            (State::ShuttingDown, true),
+            (State::Down, true),
+        ] {
+            poll(&mut sequence, state, ended);
+        }
+        assert_eq!(
+            orders,
+            [
+                Order::Enable,
+                Order::Home(0b100),
+                Order::Home(0b011),
+                Order::Start,
+                Order::Disable,
+                Order::ShutDown
+            ]
+        );
+        assert_eq!(sequence.outcome(), Some(Outcome::Completed));
+    }
+
+    #[test]
+    fn a_network_that_never_comes_up_times_out() {
+        let mut sequence = Sequence::new(0, &[]);
+        assert_eq!(sequence.poll(14 * SECOND, State::Booting, false), None);
+        assert_eq!(sequence.poll(16 * SECOND, State::Booting, false), Some(Order::ShutDown));
+        sequence.poll(17 * SECOND, State::Down, false);
+        assert_eq!(sequence.outcome(), Some(Outcome::TimedOut(Step::Network)));
+    }
+
+    #[test]
+    fn a_fault_switches_off_and_a_network_that_will_not_go_down_does_not_hang() {
+        let mut sequence = Sequence::new(0, &[]);
+        for state in [State::Disabled, State::Ready, State::Running] {
+            sequence.poll(SECOND, state, false);
+        }
+        assert_eq!(sequence.step(), Step::Program);
+        assert_eq!(sequence.poll(2 * SECOND, State::Faulted, false), Some(Order::ShutDown));
+        sequence.poll(6 * SECOND, State::ShuttingDown, false);
+        assert_eq!(sequence.outcome(), Some(Outcome::Faulted));
+    }
+
+    #[test]
+    fn a_wish_to_stop_stops_first_and_switches_off_then() {
+        let mut sequence = Sequence::new(0, &[]);
+        for state in [State::Disabled, State::Ready, State::Running] {
+            sequence.poll(SECOND, state, false);
+        }
+        sequence.stop(SECOND);
+        assert_eq!(sequence.poll(SECOND, State::Running, false), Some(Order::Stop));
+        sequence.stop(SECOND);
+        assert_eq!(sequence.poll(SECOND, State::Stopping, false), None);
+        assert_eq!(sequence.poll(SECOND, State::Ready, false), Some(Order::Disable));
+        sequence.poll(SECOND, State::Disabled, false);
+        sequence.poll(SECOND, State::Down, false);
+        assert_eq!(sequence.outcome(), Some(Outcome::Stopped));
+    }
+}

@@ -1,0 +1,89 @@
+//! What the machine is doing, and what it may be asked to do next.
+//!
+//! In:  orders of the operator or of the [`Sequence`](super::sequence::Sequence), one at a time.
+//! Out: [`State`], which the cycle thread shows after every cycle.
+
+/// What the machine is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum State {
+    /// The network is being brought up; no drive can be steered.
+    Booting = 0,
+    /// Drives reachable, without power.
+    Disabled,
+    /// Drives are being switched on.
+    Enabling,
+    /// Drives hold their position under command.
+    Ready,
+    /// Some joints seek their home point.
+    Homing,
+    /// A program moves the machine.
+    Running,
+    /// A program is held on its path.
+    Held,
+    /// Coming to rest on the path; the program is given up.
+    Stopping,
+    /// Drives are being switched off.
+    Disabling,
+    /// A fault stopped the machine; waits for an acknowledge.
+    Faulted,
+    /// The network is being brought down.
+    ShuttingDown,
+    /// Nothing is sent any more.
+    Down,
+}
+
+impl State {
+    const ALL: [State; 12] = [
+        State::Booting,
+        State::Disabled,
+        State::Enabling,
+        State::Ready,
+        State::Homing,
+        State::Running,
+        State::Held,
+        State::Stopping,
+        State::Disabling,
+        State::Faulted,
+        State::ShuttingDown,
+        State::Down,
+    ];
+
+    /// The state of a number made by `as u8`.
+    pub fn from_u8(number: u8) -> Option<State> {
+        State::ALL.get(usize::from(number)).copied()
+    }
+
+    /// Word for the operator.
+    pub fn name(self) -> &'static str {
+        match self {
+            State::Booting => "booting",
+            State::Disabled => "disabled",
+            State::Enabling => "enabling",
+            State::Ready => "ready",
+            State::Homing => "homing",
+            State::Running => "running",
+            State::Held => "held",
+            State::Stopping => "stopping",
+            State::Disabling => "disabling",
+            State::Faulted => "faulted",
+            State::ShuttingDown => "shutting down",
+            State::Down => "down",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_and_states_are_one_to_one() {
+        for number in 0..=u8::MAX {
+            match State::from_u8(number) {
+                Some(state) => assert_eq!(state as u8, number),
+                None => assert!(usize::from(number) >= State::ALL.len()),
+            }
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! Puts the cycle together from a machine file, before real time begins.
+//!
+//! In:  the checked machine description, a bus.
+//! Out: a [`Control`] for the cycle thread and the other ends of its rings for the operator.
+
+use super::cycle::{Control, Outlets};
+use super::drives::Drives;
+use super::pins::Pins;
+use super::shared::Live;
+use crate::bus::network::NodePlan;
+use crate::bus::{Fieldbus, InputImage, OutputImage};
+use crate::config::Config;
+use crate::service::operator::Inlets;
+use anyhow::{Context, anyhow};
+use hal_pins::Hal;
+use motion::rt::Kinematics;
+use std::sync::Arc;
+
+/// Orders that can wait; the operator gives a few in a second.
+const COMMANDS: usize = 32;
+/// Notices that can wait: hundreds of them only while a network boots.
+const NOTICES: usize = 4096;
+/// Trace records that can wait: four seconds at 1 ms.
+const TRACES: usize = 4096;
+/// Programs on their way back.
+const PROGRAMS: usize = 32;
+
+/// The cycle of a machine, and the operator's ends of its rings.
+pub fn assemble<B: Fieldbus>(
+    config: &Config,
+    plans: &[NodePlan],
+    bus: B,
+    hal: &mut Hal,
+) -> anyhow::Result<(Control<B>, Inlets)> {
+    let (commands, commands_out) = rtrb::RingBuffer::new(COMMANDS);
+    let (notices_in, notices) = rtrb::RingBuffer::new(NOTICES);
+    let (trace_in, trace) = rtrb::RingBuffer::new(TRACES);
+    let (finished_in, finished) = rtrb::RingBuffer::new(PROGRAMS);
+    let live = Arc::new(Live::default());
+    let drives = Drives::new(config, plans).map_err(|joint| {
+        anyhow!("joint {joint}: its drive needs 6040h and 607Ah in `outputs`, 6041h and 6064h in `inputs`")
+    })?;
+    let images = (
+        OutputImage::new(plans.iter().map(|plan| plan.outputs.octets)),
+        InputImage::new(plans.iter().map(|plan| plan.inputs.octets)),
+    );
+    let control = Control::new(
+        bus,
+        images,
+        drives,
+        kinematics(config),
+        Pins::new(hal, config, plans).context("pins")?,
+        Outlets { commands: commands_out, notices: notices_in, trace: trace_in, finished: finished_in, live: live.clone() },
+        config.bus.nodes.iter().map(|node| node.mandatory).collect(),
+        f64::from(config.cycle_us) * 1e-6,
+    );
+    Ok((control, Inlets { commands, notices, trace, finished, live }))
+}
+
+fn kinematics(config: &Config) -> Kinematics {
+    let mut axis_of_joint = vec![None; config.joints.len()];
+    for map in &config.axes {
+        for &joint in &map.joints {
+            axis_of_joint[joint] = Some(map.axis);
+        }
+    }
+    // A joint without an axis stands still: it follows no letter of the program.
+    Kinematics::trivial(&axis_of_joint)
+}

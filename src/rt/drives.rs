@@ -1,0 +1,226 @@
+//! Joints as drives on the bus: payload fields to millimetres and back.
+//!
+//! In:  the input image; commanded joint positions, mm.
+//! Out: actual joint positions, mm; the output image.
+//!
+//! A drive counts from its home point: `machine mm = increments / ratio + home position`.
+
+use crate::bus::layout::{Field, Layout};
+use crate::bus::network::NodePlan;
+use crate::bus::{InputImage, NodeIndex, NodeState, OutputImage};
+use crate::config::{Config, Joint};
+use cia402::axis::{Axis, AxisConfig, AxisFault, Feedback, HomingState, Request, Setpoint, Status};
+
+/// Objects of one drive in its payloads; those that are not mapped are `None`.
+#[derive(Clone, Copy, Debug)]
+struct Fields {
+    controlword: Field,
+    target_position: Field,
+    mode: Option<Field>,
+    statusword: Field,
+    position: Field,
+    following_error: Option<Field>,
+    mode_display: Option<Field>,
+    digital_inputs: Option<Field>,
+    error_code: Option<Field>,
+}
+
+impl Fields {
+    /// `None` if an object without which no drive can be run is not mapped.
+    fn new(outputs: &Layout, inputs: &Layout) -> Option<Fields> {
+        Some(Fields {
+            controlword: outputs.find(0x6040, 0)?,
+            target_position: outputs.find(0x607A, 0)?,
+            mode: outputs.find(0x6060, 0),
+            statusword: inputs.find(0x6041, 0)?,
+            position: inputs.find(0x6064, 0)?,
+            following_error: inputs.find(0x60F4, 0),
+            mode_display: inputs.find(0x6061, 0),
+            digital_inputs: inputs.find(0x60FD, 0),
+            error_code: inputs.find(0x603F, 0),
+        })
+    }
+}
+
+/// One joint and the drive that moves it.
+#[derive(Debug)]
+pub struct Drive {
+    node: NodeIndex,
+    fields: Fields,
+    increments_per_mm: f64,
+    home_mm: f64,
+    following_error_max_mm: f64,
+    travel_mm: [f64; 2],
+    /// Supervisor of the power state machine.
+    axis: Axis,
+    feedback: Feedback,
+    setpoint: Setpoint,
+    online: bool,
+    command_mm: f64,
+    command_before_mm: f64,
+}
+
+impl Drive {
+    /// `None` if the payloads lack an object that every drive needs.
+    pub fn new(joint: &Joint, plan: &NodePlan) -> Option<Drive> {
+        let [counts, units] = joint.counts_per_unit.map(f64::from);
+        Some(Drive {
+            node: joint.node,
+            fields: Fields::new(&plan.outputs, &plan.inputs)?,
+            increments_per_mm: counts / units,
+            home_mm: joint.homing.position_mm,
+            following_error_max_mm: joint.following_error_mm,
+            travel_mm: joint.travel_mm,
+            axis: Axis::new(AxisConfig::default()),
+            feedback: Feedback::default(),
+            setpoint: Setpoint::default(),
+            online: false,
+            command_mm: 0.0,
+            command_before_mm: 0.0,
+        })
+    }
+
+    /// Takes what the drive sent. RT.
+    fn read(&mut self, inputs: &InputImage, state: NodeState) {
+        self.online = state == NodeState::Operational;
+        if !inputs.fresh[self.node] {
+            return;
+        }
+        let payload = inputs.payload.node(self.node);
+        let read = |field: Option<Field>| field.map_or(0, |field| field.read_signed(payload));
+        self.feedback = Feedback {
+            statusword: self.fields.statusword.read(payload) as u16,
+            position: self.fields.position.read_signed(payload) as i32,
+            following_error: read(self.fields.following_error) as i32,
+            // A drive that does not say its mode is taken to follow the wish.
+            mode_display: self.fields.mode_display.map_or(self.setpoint.mode, |field| field.read_signed(payload) as i8),
+            digital_inputs: read(self.fields.digital_inputs) as u32,
+            error_code: read(self.fields.error_code) as u16,
+        };
+    }
+
+    /// Tells the drive where to be; a drive that is not enabled is kept where it is, so that enabling never jumps. RT.
+    fn write(&mut self, now_ns: u64, command_mm: f64, outputs: &mut OutputImage) {
+        let increments = ((command_mm - self.home_mm) * self.increments_per_mm).round() as i64;
+        self.setpoint = self.axis.cycle(now_ns, self.online, &self.feedback, increments);
+        self.command_before_mm = self.command_mm;
+        let following = self.axis.status() == Status::Enabled;
+        self.command_mm = if following { command_mm } else { self.to_mm(self.axis.target_position()) };
+
+        let payload = outputs.node_mut(self.node);
+        self.fields.controlword.write(payload, u64::from(self.setpoint.controlword));
+        self.fields.target_position.write(payload, self.setpoint.target_position as u64);
+        if let Some(mode) = self.fields.mode {
+            mode.write(payload, self.setpoint.mode as u64);
+        }
+    }
+
+    /// Actual position, mm in the machine.
+    pub fn actual_mm(&self) -> f64 {
+        self.to_mm(self.axis.actual_position())
+    }
+
+    fn to_mm(&self, increments: i64) -> f64 {
+        increments as f64 / self.increments_per_mm + self.home_mm
+    }
+
+    /// Last command, mm in the machine.
+    pub fn command_mm(&self) -> f64 {
+        self.command_mm
+    }
+
+    /// Command that the drive had when it took the position it reports, less that position, mm.
+    pub fn following_error_mm(&self) -> f64 {
+        match self.fields.following_error {
+            Some(_) => f64::from(self.feedback.following_error) / self.increments_per_mm,
+            None => self.command_before_mm - self.actual_mm(),
+        }
+    }
+
+    /// Greatest following error allowed, mm.
+    pub fn following_error_max_mm(&self) -> f64 {
+        self.following_error_max_mm
+    }
+
+    /// Soft limits, mm.
+    pub fn travel_mm(&self) -> [f64; 2] {
+        self.travel_mm
+    }
+
+    /// Where the supervisor is.
+    pub fn status(&self) -> Status {
+        self.axis.status()
+    }
+
+    /// Whether the machine position is known.
+    pub fn is_homed(&self) -> bool {
+        self.axis.homing() == HomingState::Homed
+    }
+
+    /// The fault of the drive, if it is in one.
+    pub fn fault(&self) -> Option<AxisFault> {
+        self.axis.fault()
+    }
+
+    /// What came from the drive last.
+    pub fn feedback(&self) -> &Feedback {
+        &self.feedback
+    }
+
+    /// What went to the drive last.
+    pub fn setpoint(&self) -> &Setpoint {
+        &self.setpoint
+    }
+}
+
+/// All joints.
+#[derive(Debug)]
+pub struct Drives {
+    drives: Box<[Drive]>,
+}
+
+impl Drives {
+    /// One drive for each joint; the error is the joint whose payloads lack an object that every drive needs.
+    pub fn new(config: &Config, plans: &[NodePlan]) -> Result<Drives, usize> {
+        let drives: Result<Box<[Drive]>, usize> = config
+            .joints
+            .iter()
+            .enumerate()
+            .map(|(index, joint)| Drive::new(joint, &plans[joint.node]).ok_or(index))
+            .collect();
+        Ok(Drives { drives: drives? })
+    }
+
+    /// Takes what the drives sent; `state` tells of each node. RT.
+    pub fn read(&mut self, inputs: &InputImage, state: impl Fn(NodeIndex) -> NodeState) {
+        for drive in &mut self.drives {
+            drive.read(inputs, state(drive.node));
+        }
+    }
+
+    /// Tells the drives where to be: one position per joint, mm. RT.
+    pub fn write(&mut self, now_ns: u64, command_mm: &[f64], outputs: &mut OutputImage) {
+        for (drive, &command_mm) in self.drives.iter_mut().zip(command_mm) {
+            drive.write(now_ns, command_mm, outputs);
+        }
+    }
+
+    /// Asks the joints of `which` (bit n: joint n) for something. RT.
+    pub fn request(&mut self, which: u64, request: Request) {
+        for (index, drive) in self.drives.iter_mut().enumerate() {
+            if which >> index & 1 == 1 {
+                drive.axis.request(request);
+            }
+        }
+    }
+
+    /// Whether every drive shows a status that `wanted` accepts. RT.
+    pub fn all(&self, wanted: impl Fn(&Drive) -> bool) -> bool {
+        self.drives.iter().all(wanted)
+    }
+
+    /// The drives in the order of the joints.
+    pub fn iter(&self) -> std::slice::Iter<'_, Drive> {
+        self.drives.iter()
+    }
+}

@@ -1,0 +1,406 @@
+//! The control's pins: what other components and other processes see of it, and what they may tell it.
+//!
+//! In:  values of a cycle; pins that others drive.
+//! Out: shared memory; digital outputs of I/O nodes.
+//!
+//! Names are LinuxCNC's where LinuxCNC has one. [`Pins::new`] and the links are made at start-up; the rest is RT.
+
+use super::drives::Drives;
+use crate::bus::layout::Field;
+use crate::bus::network::NodePlan;
+use crate::bus::{BusState, CycleReport, Fieldbus, InputImage, OutputImage};
+use crate::config::{Config, Profile};
+use crate::machine::state::State;
+use hal_pins::{Hal, HalError, Input, Output};
+use motion::canon::{Axis, SpindleDirection};
+use motion::element::Action;
+use motion::rt::Sample;
+
+struct JointPins {
+    motor_pos_cmd: Output<f64>,
+    motor_pos_fb: Output<f64>,
+    f_error: Output<f64>,
+    homed: Output<bool>,
+    amp_enabled: Output<bool>,
+}
+
+/// A mapped object that a pin shows.
+struct ObjectPin {
+    node: usize,
+    field: Field,
+    value: ObjectValue,
+}
+
+/// A mapped object that a pin sets: one that the control itself has no use for.
+struct DrivenObject {
+    node: usize,
+    field: Field,
+    pin: Input<i64>,
+}
+
+impl ObjectPin {
+    fn show(&mut self, payload: &[u8]) {
+        match &mut self.value {
+            ObjectValue::Signed(pin) => pin.set(self.field.read_signed(payload)),
+            ObjectValue::Unsigned(pin) => pin.set(self.field.read(payload)),
+        }
+    }
+}
+
+enum ObjectValue {
+    Signed(Output<i64>),
+    Unsigned(Output<u64>),
+}
+
+/// One bit of an I/O node.
+struct BitIn {
+    node: usize,
+    field: Field,
+    bit: u32,
+    pin: Output<bool>,
+}
+
+struct BitOut {
+    node: usize,
+    field: Field,
+    bit: u32,
+    pin: Input<bool>,
+}
+
+struct NodePins {
+    state: Output<u32>,
+    lost: Output<u64>,
+}
+
+/// All pins of the control.
+pub struct Pins {
+    joints: Vec<JointPins>,
+    axes: Vec<(Axis, Output<f64>)>,
+    objects_received: Vec<ObjectPin>,
+    objects_sent: Vec<ObjectPin>,
+    objects_driven: Vec<DrivenObject>,
+    bits_in: Vec<BitIn>,
+    bits_out: Vec<BitOut>,
+    nodes: Vec<NodePins>,
+    network_up: Output<bool>,
+
+    machine_state: Output<u32>,
+    program_line: Output<u32>,
+    current_vel: Output<f64>,
+    feed_hold: Input<bool>,
+    adaptive_feed: Input<f64>,
+    resume: Input<bool>,
+    stop: Input<bool>,
+    resume_before: bool,
+    stop_before: bool,
+
+    spindle_on: Output<bool>,
+    spindle_forward: Output<bool>,
+    spindle_reverse: Output<bool>,
+    spindle_speed: Output<f64>,
+    flood: Output<bool>,
+    mist: Output<bool>,
+    tool_change: Output<bool>,
+    tool_number: Output<u32>,
+    tool_changed: Input<bool>,
+
+    jitter_ns: Output<i64>,
+    late_max_ns: Output<i64>,
+    exchange_ns: Output<i64>,
+    compute_ns: Output<i64>,
+    cycles: Output<u64>,
+    late_max: u64,
+    count: u64,
+}
+
+/// Name of the pin of a CiA 402 object; LinuxCNC drivers' names where there is one.
+fn object_name(joint: usize, field: Field) -> String {
+    let (index, sub) = (field.object.index, field.object.sub);
+    let name = match (index, sub) {
+        (0x603F, 0) => "error-code",
+        (0x6040, 0) => "controlword",
+        (0x6041, 0) => "statusword",
+        (0x6060, 0) => "opmode",
+        (0x6061, 0) => "opmode-display",
+        (0x6064, 0) => "drv-actual-position",
+        (0x606C, 0) => "drv-actual-velocity",
+        (0x6077, 0) => "drv-actual-torque",
+        (0x607A, 0) => "drv-target-position",
+        (0x60B1, 0) => "velocity-offset",
+        (0x60B2, 0) => "torque-offset",
+        (0x60F4, 0) => "drv-following-error",
+        (0x60FD, 0) => "digital-inputs",
+        (0x60FE, 1) => "digital-outputs",
+        _ => return format!("cia402.{joint}.object-{index:04x}-{sub:02x}"),
+    };
+    format!("cia402.{joint}.{name}")
+}
+
+/// Whether the number in an object has a sign, for objects without which it would read wrong.
+fn is_signed(index: u16) -> bool {
+    matches!(
+        index,
+        0x6060..=0x6064 | 0x6069..=0x606C | 0x6071 | 0x6074 | 0x6077 | 0x6078 | 0x607A | 0x60B0..=0x60B2 | 0x60F4 | 0x60FA | 0x60FF
+    )
+}
+
+impl Pins {
+    /// Makes all pins and links them as the machine file says.
+    ///
+    /// # Errors
+    /// Shared memory too small, or a net that names a pin that does not exist or is driven twice.
+    pub fn new(hal: &mut Hal, config: &Config, plans: &[NodePlan]) -> Result<Pins, HalError> {
+        let mut joints = Vec::new();
+        for joint in 0..config.joints.len() {
+            let name = |pin: &str| format!("joint.{joint}.{pin}");
+            joints.push(JointPins {
+                motor_pos_cmd: hal.output(&name("motor-pos-cmd"))?,
+                motor_pos_fb: hal.output(&name("motor-pos-fb"))?,
+                f_error: hal.output(&name("f-error"))?,
+                homed: hal.output(&name("homed"))?,
+                amp_enabled: hal.output(&name("amp-enabled"))?,
+            });
+        }
+        let mut axes = Vec::new();
+        for map in &config.axes {
+            let letter = map.axis.letter().to_ascii_lowercase();
+            axes.push((map.axis, hal.output(&format!("axis.{letter}.pos-cmd"))?));
+        }
+        let (mut objects_received, mut objects_sent, mut objects_driven) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut bits_in, mut bits_out, mut nodes) = (Vec::new(), Vec::new(), Vec::new());
+        for (index, (node, plan)) in config.bus.nodes.iter().zip(plans).enumerate() {
+            nodes.push(NodePins {
+                state: hal.output(&format!("plk.{}.state", node.id))?,
+                lost: hal.output(&format!("plk.{}.pres-lost", node.id))?,
+            });
+            match node.profile {
+                Profile::Cia402 => {
+                    let Some(joint) = config.joints.iter().position(|joint| joint.node == index) else { continue };
+                    for &field in &plan.inputs.fields {
+                        objects_received.push(object_pin(hal, joint, index, field)?);
+                    }
+                    for &field in &plan.outputs.fields {
+                        if matches!(field.object.index, 0x6040 | 0x6060 | 0x607A) {
+                            objects_sent.push(object_pin(hal, joint, index, field)?);
+                        } else {
+                            let pin = hal.input(&object_name(joint, field), 0)?;
+                            objects_driven.push(DrivenObject { node: index, field, pin });
+                        }
+                    }
+                }
+                Profile::Io => {
+                    let mut number = 0;
+                    for &field in &plan.inputs.fields {
+                        for bit in 0..u32::from(field.object.bits) {
+                            let pin = hal.output(&format!("io.{}.in-{number:02}", node.id))?;
+                            bits_in.push(BitIn { node: index, field, bit, pin });
+                            number += 1;
+                        }
+                    }
+                    number = 0;
+                    for &field in &plan.outputs.fields {
+                        for bit in 0..u32::from(field.object.bits) {
+                            let pin = hal.input(&format!("io.{}.out-{number:02}", node.id), false)?;
+                            bits_out.push(BitOut { node: index, field, bit, pin });
+                            number += 1;
+                        }
+                    }
+                }
+            }
+        }
+        let pins = Pins {
+            joints,
+            axes,
+            objects_received,
+            objects_sent,
+            objects_driven,
+            bits_in,
+            bits_out,
+            nodes,
+            network_up: hal.output("plk.operational")?,
+            machine_state: hal.output("motion.machine-state")?,
+            program_line: hal.output("motion.program-line")?,
+            current_vel: hal.output("motion.current-vel")?,
+            feed_hold: hal.input("motion.feed-hold", false)?,
+            adaptive_feed: hal.input("motion.adaptive-feed", 1.0)?,
+            resume: hal.input("halui.program.resume", false)?,
+            stop: hal.input("halui.program.stop", false)?,
+            resume_before: false,
+            stop_before: false,
+            spindle_on: hal.output("spindle.0.on")?,
+            spindle_forward: hal.output("spindle.0.forward")?,
+            spindle_reverse: hal.output("spindle.0.reverse")?,
+            spindle_speed: hal.output("spindle.0.speed-out")?,
+            flood: hal.output("iocontrol.0.coolant-flood")?,
+            mist: hal.output("iocontrol.0.coolant-mist")?,
+            tool_change: hal.output("iocontrol.0.tool-change")?,
+            tool_number: hal.output("iocontrol.0.tool-number")?,
+            tool_changed: hal.input("iocontrol.0.tool-changed", false)?,
+            jitter_ns: hal.output("rt.servo-jitter-ns")?,
+            late_max_ns: hal.output("rt.servo-late-max-ns")?,
+            exchange_ns: hal.output("rt.exchange-ns")?,
+            compute_ns: hal.output("rt.compute-ns")?,
+            cycles: hal.output("rt.cycles")?,
+            late_max: 0,
+            count: 0,
+        };
+        for net in &config.nets {
+            let targets: Vec<&str> = net.targets.iter().map(String::as_str).collect();
+            hal.link(&net.name, &net.source, &targets)?;
+        }
+        Ok(pins)
+    }
+
+    /// Share of the programmed speed that the pins allow, 0 to 1.
+    pub fn feed_scale(&self) -> f64 {
+        if self.feed_hold.get() { 0.0 } else { self.adaptive_feed.get().clamp(0.0, 1.0) }
+    }
+
+    /// Whether the resume pin has risen since the last call.
+    pub fn take_resume(&mut self) -> bool {
+        let now = self.resume.get();
+        let before = std::mem::replace(&mut self.resume_before, now);
+        now && !before
+    }
+
+    /// Whether the stop pin has risen since the last call.
+    pub fn take_stop(&mut self) -> bool {
+        let now = self.stop.get();
+        let before = std::mem::replace(&mut self.stop_before, now);
+        now && !before
+    }
+
+    /// Does what a block without motion asks for.
+    pub fn begin_action(&mut self, action: Action) {
+        match action {
+            Action::SpindleOn { rpm, direction } => {
+                self.spindle_on.set(true);
+                self.spindle_forward.set(direction == SpindleDirection::Clockwise);
+                self.spindle_reverse.set(direction == SpindleDirection::Counterclockwise);
+                self.spindle_speed.set(match direction {
+                    SpindleDirection::Clockwise => rpm,
+                    SpindleDirection::Counterclockwise => -rpm,
+                });
+            }
+            Action::SpindleOff => self.spindle_off(),
+            Action::Mist(on) => self.mist.set(on),
+            Action::Flood(on) => self.flood.set(on),
+            Action::SelectTool { tool } => self.tool_number.set(tool),
+            Action::ChangeTool { tool } => {
+                self.tool_number.set(tool);
+                self.tool_change.set(true);
+            }
+            Action::ProgramEnd => self.all_off(),
+            Action::ProgramStop | Action::OptionalStop | Action::Message { .. } => {}
+        }
+    }
+
+    /// Whether the program may go on behind an action.
+    pub fn action_done(&mut self, action: Action) -> bool {
+        match action {
+            Action::ChangeTool { .. } => {
+                let done = self.tool_changed.get();
+                if done {
+                    self.tool_change.set(false);
+                }
+                done
+            }
+            // The operator says when.
+            Action::ProgramStop => false,
+            // The switch for optional stops is off.
+            Action::OptionalStop => true,
+            Action::SpindleOn { .. }
+            | Action::SpindleOff
+            | Action::Mist(_)
+            | Action::Flood(_)
+            | Action::SelectTool { .. }
+            | Action::ProgramEnd
+            | Action::Message { .. } => true,
+        }
+    }
+
+    fn spindle_off(&mut self) {
+        self.spindle_on.set(false);
+        self.spindle_forward.set(false);
+        self.spindle_reverse.set(false);
+        self.spindle_speed.set(0.0);
+    }
+
+    /// Spindle and coolant off.
+    pub fn all_off(&mut self) {
+        self.spindle_off();
+        self.mist.set(false);
+        self.flood.set(false);
+        self.tool_change.set(false);
+    }
+
+    /// Copies pins into the payloads, as far as the control does not fill them itself, and shows what it sends.
+    pub fn write_outputs(&mut self, outputs: &mut OutputImage) {
+        for object in &self.objects_driven {
+            object.field.write(outputs.node_mut(object.node), object.pin.get() as u64);
+        }
+        for object in &mut self.objects_sent {
+            object.show(outputs.node(object.node));
+        }
+        for bit in &self.bits_out {
+            let payload = outputs.node_mut(bit.node);
+            let word = bit.field.read(payload) & !(1 << bit.bit) | u64::from(bit.pin.get()) << bit.bit;
+            bit.field.write(payload, word);
+        }
+    }
+
+    /// Shows the values of a cycle.
+    #[allow(clippy::too_many_arguments, reason = "one call a cycle that takes everything there is to show")]
+    pub fn publish<B: Fieldbus>(
+        &mut self,
+        bus: &mut B,
+        inputs: &InputImage,
+        drives: &Drives,
+        sample: &Sample,
+        state: State,
+        report: &CycleReport,
+        late_ns: u64,
+    ) {
+        for (pins, drive) in self.joints.iter_mut().zip(drives.iter()) {
+            pins.motor_pos_cmd.set(drive.command_mm());
+            pins.motor_pos_fb.set(drive.actual_mm());
+            pins.f_error.set(drive.following_error_mm());
+            pins.homed.set(drive.is_homed());
+            pins.amp_enabled.set(drive.status() == cia402::axis::Status::Enabled);
+        }
+        for (axis, pos_cmd) in &mut self.axes {
+            pos_cmd.set(sample.position[*axis]);
+        }
+        for object in &mut self.objects_received {
+            object.show(inputs.payload.node(object.node));
+        }
+        for bit in &mut self.bits_in {
+            bit.pin.set(bit.field.read(inputs.payload.node(bit.node)) >> bit.bit & 1 == 1);
+        }
+        for (node, pins) in self.nodes.iter_mut().enumerate() {
+            pins.state.set(bus.node_state(node) as u32);
+            pins.lost.set(bus.statistics(node).lost);
+        }
+        self.network_up.set(bus.state() == BusState::Operational);
+        self.machine_state.set(state as u32);
+        self.program_line.set(sample.line);
+        self.current_vel.set(sample.velocity_mm_s);
+        self.late_max = self.late_max.max(late_ns);
+        self.count += 1;
+        self.jitter_ns.set(late_ns as i64);
+        self.late_max_ns.set(self.late_max as i64);
+        self.exchange_ns.set(report.done_ns.saturating_sub(report.sent_ns) as i64);
+        self.compute_ns.set(bus.now_ns().saturating_sub(report.done_ns) as i64);
+        self.cycles.set(self.count);
+    }
+}
+
+fn object_pin(hal: &mut Hal, joint: usize, node: usize, field: Field) -> Result<ObjectPin, HalError> {
+    let name = object_name(joint, field);
+    let value = if is_signed(field.object.index) {
+        ObjectValue::Signed(hal.output(&name)?)
+    } else {
+        ObjectValue::Unsigned(hal.output(&name)?)
+    };
+    Ok(ObjectPin { node, field, value })
+}

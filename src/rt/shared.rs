@@ -1,0 +1,175 @@
+//! What crosses the border between the cycle thread and the rest of the process.
+//!
+//! In:  orders and programs, through a ring.
+//! Out: [`Live`] (latest values), [`Notice`]s and [`Trace`] records, through rings that nobody in real time waits for.
+
+use crate::bus::BusEvent;
+use crate::machine::faults::Fault;
+use crate::machine::state::State;
+use motion::canon::{AXES, Position};
+use motion::element::Action;
+use motion::rt::Interpolator;
+use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, Ordering::Relaxed};
+
+/// An order for the cycle thread.
+#[derive(Debug)]
+pub enum Command {
+    /// Switch all drives on.
+    Enable,
+    /// Home the joints of this set (bit n: joint n).
+    Home(u64),
+    /// Run what the ring behind this interpolator brings.
+    Start(Box<Interpolator>),
+    /// Come to rest on the path, keep the program.
+    Hold,
+    /// Go on after a hold.
+    Resume,
+    /// Come to rest on the path and give the program up.
+    Stop,
+    /// Switch all drives off.
+    Disable,
+    /// Allow motion again after a fault whose cause is gone.
+    Acknowledge,
+    /// Bring the network down.
+    ShutDown,
+}
+
+/// Something that the rest of the process should hear of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Notice {
+    /// The machine changed its state.
+    State(State),
+    /// Something happened on the bus.
+    Bus(BusEvent),
+    /// A fault; the first one since the last acknowledge names the cause.
+    Fault {
+        /// What is wrong.
+        fault: Fault,
+        /// Whether it is the first cause of a stop.
+        first: bool,
+    },
+    /// The program reached a block that moves nothing.
+    Action(Action),
+    /// The program came to its end.
+    ProgramEnded,
+}
+
+/// A notice and its time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TimedNotice {
+    /// Cycle in which it was given.
+    pub cycle: u64,
+    /// What it is.
+    pub notice: Notice,
+}
+
+/// One cycle of a program, for reports.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trace {
+    /// Cycle.
+    pub cycle: u64,
+    /// Commanded axis positions in the machine, mm or degrees.
+    pub command: Position,
+    /// Actual axis positions in the machine.
+    pub actual: Position,
+    /// Line of the program.
+    pub line: u32,
+    /// Whether the move is a rapid one (G0).
+    pub rapid: bool,
+    /// Greatest following error of all joints, mm.
+    pub following_error_mm: f64,
+}
+
+/// Latest values, readable by any thread at any time; each value is whole, the values are not of one instant.
+#[derive(Debug)]
+pub struct Live {
+    state: AtomicU8,
+    orders_taken: AtomicU64,
+    cycles: AtomicU64,
+    line: AtomicU32,
+    velocity_mm_s: AtomicU64,
+    position: [AtomicU64; AXES],
+    late_max_ns: AtomicU64,
+    cycles_skipped: AtomicU64,
+    remaining_s: AtomicU64,
+    elapsed_s: AtomicU64,
+}
+
+impl Default for Live {
+    fn default() -> Live {
+        Live {
+            state: AtomicU8::new(State::Booting as u8),
+            orders_taken: AtomicU64::new(0),
+            cycles: AtomicU64::new(0),
+            line: AtomicU32::new(0),
+            velocity_mm_s: AtomicU64::new(0),
+            position: [const { AtomicU64::new(0) }; AXES],
+            late_max_ns: AtomicU64::new(0),
+            cycles_skipped: AtomicU64::new(0),
+            remaining_s: AtomicU64::new(0),
+            elapsed_s: AtomicU64::new(0),
+        }
+    }
+}
+
+/// What the cycle thread shows after a cycle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Snapshot {
+    /// What the machine is doing.
+    pub state: State,
+    /// Orders taken so far.
+    pub orders_taken: u64,
+    /// Cycles so far.
+    pub cycles: u64,
+    /// Line of the program.
+    pub line: u32,
+    /// Speed on the path, mm/s.
+    pub velocity_mm_s: f64,
+    /// Commanded axis positions in the machine.
+    pub position: Position,
+    /// Worst lateness of a cycle, ns.
+    pub late_max_ns: u64,
+    /// Cycles left out.
+    pub cycles_skipped: u64,
+    /// Planned motion still to come, s.
+    pub remaining_s: f64,
+    /// Time since the program began, s.
+    pub elapsed_s: f64,
+}
+
+impl Live {
+    /// Shows new values. RT.
+    pub fn show(&self, snapshot: &Snapshot) {
+        self.cycles.store(snapshot.cycles, Relaxed);
+        self.line.store(snapshot.line, Relaxed);
+        self.velocity_mm_s.store(snapshot.velocity_mm_s.to_bits(), Relaxed);
+        for (cell, value) in self.position.iter().zip(snapshot.position.0) {
+            cell.store(value.to_bits(), Relaxed);
+        }
+        self.late_max_ns.store(snapshot.late_max_ns, Relaxed);
+        self.cycles_skipped.store(snapshot.cycles_skipped, Relaxed);
+        self.remaining_s.store(snapshot.remaining_s.to_bits(), Relaxed);
+        self.elapsed_s.store(snapshot.elapsed_s.to_bits(), Relaxed);
+        self.state.store(snapshot.state as u8, Relaxed);
+        // Release: who sees an order taken sees the state that it led to.
+        self.orders_taken.store(snapshot.orders_taken, std::sync::atomic::Ordering::Release);
+    }
+
+    /// Latest values.
+    pub fn snapshot(&self) -> Snapshot {
+        let float = |cell: &AtomicU64| f64::from_bits(cell.load(Relaxed));
+        let orders_taken = self.orders_taken.load(std::sync::atomic::Ordering::Acquire);
+        Snapshot {
+            orders_taken,
+            state: State::from_u8(self.state.load(Relaxed)).unwrap_or(State::Down),
+            cycles: self.cycles.load(Relaxed),
+            line: self.line.load(Relaxed),
+            velocity_mm_s: float(&self.velocity_mm_s),
+            position: Position(std::array::from_fn(|axis| float(&self.position[axis]))),
+            late_max_ns: self.late_max_ns.load(Relaxed),
+            cycles_skipped: self.cycles_skipped.load(Relaxed),
+            remaining_s: float(&self.remaining_s),
+            elapsed_s: float(&self.elapsed_s),
+        }
+    }
+}

@@ -1,0 +1,271 @@
+//! The operator's side of the cycle thread: orders in, notices out, records kept.
+//!
+//! In:  [`Live`] values, notices and trace records of the cycle thread; wishes to stop.
+//! Out: orders, a journal, alarms, and the records that the report is made of.
+//!
+//! Polled every few milliseconds by an ordinary thread, or by a test on virtual time.
+
+use super::recorder::Recorder;
+use crate::bus::{BusEvent, BusState};
+use crate::config::Config;
+use crate::machine::faults::Fault;
+use crate::machine::sequence::{Order, Outcome, Sequence, Step};
+use crate::machine::state::State;
+use crate::rt::shared::{Command, Live, Notice, Snapshot, TimedNotice, Trace};
+use motion::canon::{Axis, Position};
+use motion::rt::Interpolator;
+use serde::Serialize;
+use std::sync::Arc;
+
+/// Ends of the rings on this side.
+pub struct Inlets {
+    /// Orders.
+    pub commands: rtrb::Producer<Command>,
+    /// Notices.
+    pub notices: rtrb::Consumer<TimedNotice>,
+    /// Trace records.
+    pub trace: rtrb::Consumer<Trace>,
+    /// Programs that are over.
+    pub finished: rtrb::Consumer<Box<Interpolator>>,
+    /// Latest values.
+    pub live: Arc<Live>,
+}
+
+/// A line of the journal.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Entry {
+    /// Seconds since the first cycle.
+    pub time_s: f64,
+    /// What happened.
+    pub text: String,
+}
+
+/// Why the machine stopped by itself.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Alarm {
+    /// Seconds since the first cycle.
+    pub time_s: f64,
+    /// First cause, with the name of the node or joint.
+    pub cause: String,
+}
+
+/// What the caller must do, because it takes threads or files.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Wish {
+    /// Nothing.
+    Nothing,
+    /// Start planning the program from this machine position, then call [`Operator::start`].
+    PlanFrom(Position),
+}
+
+/// The operator.
+pub struct Operator {
+    inlets: Inlets,
+    sequence: Sequence,
+    orders_given: u64,
+    program_ended: bool,
+    cycle_s: f64,
+    node_names: Vec<String>,
+    joint_names: Vec<String>,
+    nodes_up: usize,
+    operational_s: Option<f64>,
+    journal: Vec<Entry>,
+    journal_read: usize,
+    alarms: Vec<Alarm>,
+    late_cycles: u64,
+    /// What the report is made of.
+    pub recorder: Recorder,
+}
+
+impl Operator {
+    /// An operator who runs one program from power-on to power-off.
+    pub fn new(config: &Config, inlets: Inlets, now_ns: u64) -> Operator {
+        Operator {
+            inlets,
+            sequence: Sequence::new(now_ns, &homing_order(config)),
+            orders_given: 0,
+            program_ended: false,
+            cycle_s: f64::from(config.cycle_us) * 1e-6,
+            node_names: config.bus.nodes.iter().map(|node| format!("{} (node {})", node.name, node.id)).collect(),
+            joint_names: joint_names(config),
+            nodes_up: 0,
+            operational_s: None,
+            journal: Vec::new(),
+            journal_read: 0,
+            alarms: Vec::new(),
+            late_cycles: 0,
+            recorder: Recorder::default(),
+        }
+    }
+
+    /// Takes in what came, gives the next order. `now_ns`: any monotonic clock.
+    pub fn poll(&mut self, now_ns: u64) -> Wish {
+        while let Ok(notice) = self.inlets.notices.pop() {
+            self.take(notice);
+        }
+        while let Ok(record) = self.inlets.trace.pop() {
+            self.recorder.add(&record);
+        }
+        while self.inlets.finished.pop().is_ok() {}
+        let live = self.live();
+        // The state counts only once it is that of the last order.
+        if live.orders_taken < self.orders_given {
+            return Wish::Nothing;
+        }
+        match self.sequence.poll(now_ns, live.state, self.program_ended) {
+            None => {}
+            Some(Order::Start) => return Wish::PlanFrom(live.position),
+            Some(Order::Enable) => self.give(Command::Enable),
+            Some(Order::Home(joints)) => self.give(Command::Home(joints)),
+            Some(Order::Stop) => self.give(Command::Stop),
+            Some(Order::Disable) => self.give(Command::Disable),
+            Some(Order::ShutDown) => self.give(Command::ShutDown),
+        }
+        Wish::Nothing
+    }
+
+    /// Hands the program to the cycle thread.
+    pub fn start(&mut self, program: Box<Interpolator>) {
+        self.program_ended = false;
+        self.give(Command::Start(program));
+    }
+
+    /// Wants the machine at rest and off; may be called again and again.
+    pub fn stop(&mut self, now_ns: u64) {
+        self.sequence.stop(now_ns);
+    }
+
+    /// Something outside the cycle thread went wrong: stop and say why.
+    pub fn fail(&mut self, now_ns: u64, cause: String) {
+        let time_s = self.live().cycles as f64 * self.cycle_s;
+        self.note(time_s, format!("alarm: {cause}"));
+        self.alarms.push(Alarm { time_s, cause });
+        self.sequence.stop(now_ns);
+    }
+
+    /// Gives an order that does not belong to the sequence.
+    pub fn give(&mut self, command: Command) {
+        // The ring is emptied every cycle and far longer than the orders of one; a full one means that no cycle runs.
+        if self.inlets.commands.push(command).is_ok() {
+            self.orders_given += 1;
+        }
+    }
+
+    /// Latest values.
+    pub fn live(&self) -> Snapshot {
+        self.inlets.live.snapshot()
+    }
+
+    /// Step of the sequence.
+    pub fn step(&self) -> Step {
+        self.sequence.step()
+    }
+
+    /// How it ended, once it has. A program that was never run to its end because of an alarm counts as faulted.
+    pub fn outcome(&self) -> Option<Outcome> {
+        let outcome = self.sequence.outcome()?;
+        Some(if self.alarms.is_empty() { outcome } else { Outcome::Faulted })
+    }
+
+    /// Seconds from the first cycle to OPERATIONAL of the whole network.
+    pub fn operational_s(&self) -> Option<f64> {
+        self.operational_s
+    }
+
+    /// Everything noted so far.
+    pub fn journal(&self) -> &[Entry] {
+        &self.journal
+    }
+
+    /// Entries since the last call.
+    pub fn new_entries(&mut self) -> &[Entry] {
+        let read = std::mem::replace(&mut self.journal_read, self.journal.len());
+        &self.journal[read..]
+    }
+
+    /// Alarms, the first cause first.
+    pub fn alarms(&self) -> &[Alarm] {
+        &self.alarms
+    }
+
+    /// Cycles that began late enough to be noticed, or were left out.
+    pub fn late_cycles(&self) -> u64 {
+        self.late_cycles
+    }
+
+    fn take(&mut self, TimedNotice { cycle, notice }: TimedNotice) {
+        let time_s = cycle as f64 * self.cycle_s;
+        match notice {
+            Notice::State(state) => {
+                if state == State::Disabled && self.operational_s.is_none() {
+                    self.operational_s = Some(time_s);
+                }
+                self.note(time_s, format!("machine {}", state.name()));
+            }
+            Notice::Bus(event) => self.take_bus(time_s, event),
+            Notice::Fault { fault: Fault::CyclesSkipped { cycles }, .. } => self.late_cycles += cycles,
+            Notice::Fault { fault, first } => {
+                let node = |index: usize| self.node_names[index].clone();
+                let joint = |index: usize| self.joint_names[index].clone();
+                let cause = fault.text(node, joint);
+                if first {
+                    self.note(time_s, format!("alarm: {cause}"));
+                    self.alarms.push(Alarm { time_s, cause });
+                }
+            }
+            Notice::Action(action) => self.note(time_s, format!("program: {action}")),
+            Notice::ProgramEnded => self.program_ended = true,
+        }
+    }
+
+    fn take_bus(&mut self, time_s: f64, event: BusEvent) {
+        let text = match event {
+            BusEvent::Network(BusState::Down) => "network down".into(),
+            BusEvent::Network(BusState::Booting) => "network booting".into(),
+            BusEvent::Network(BusState::Operational) => "network operational".into(),
+            BusEvent::Identified(node) => format!("{} found", self.node_names[node]),
+            BusEvent::WrongIdentity { node, object: (index, sub), expected, got } => format!(
+                "{}: {index:04X}h:{sub} is {got:#010x}, the machine file wants {expected:#010x}",
+                self.node_names[node]
+            ),
+            BusEvent::ConfigurationRefused { node, object: (index, sub), abort } => format!(
+                "{}: refuses {index:04X}h:{sub} with SDO abort {:08X}h: {}",
+                self.node_names[node], abort.0, abort.text()
+            ),
+            BusEvent::Missing(node) => format!("{} does not answer", self.node_names[node]),
+            BusEvent::BootFailed(node) => format!("{} did not come up in time, is booted again", self.node_names[node]),
+            BusEvent::NodeUp(node) => {
+                self.nodes_up += 1;
+                format!("{} operational", self.node_names[node])
+            }
+            BusEvent::NodeLost(node) => format!("{} lost", self.node_names[node]),
+            BusEvent::NodeError { node, code } => format!("{} reports error {code:04X}h", self.node_names[node]),
+            BusEvent::ForeignMaster(_) => "another managing node is on the wire".into(),
+            BusEvent::LinkFailed(error) => format!("network adapter: {error}"),
+        };
+        self.note(time_s, text);
+    }
+
+    fn note(&mut self, time_s: f64, text: String) {
+        self.journal.push(Entry { time_s, text });
+    }
+}
+
+/// Sets of joints in the order of homing: those of Z first, because the tool must be clear before anything moves
+/// sideways, then all others together.
+fn homing_order(config: &Config) -> Vec<u64> {
+    let mask = |wanted: &dyn Fn(Axis) -> bool| {
+        let maps = config.axes.iter().filter(|map| wanted(map.axis));
+        maps.flat_map(|map| &map.joints).fold(0, |mask, joint| mask | 1 << joint)
+    };
+    [mask(&|axis| axis == Axis::Z), mask(&|axis| axis != Axis::Z)].into_iter().filter(|&joints| joints != 0).collect()
+}
+
+fn joint_names(config: &Config) -> Vec<String> {
+    (0..config.joints.len())
+        .map(|joint| match config.axes.iter().find(|map| map.joints.contains(&joint)) {
+            Some(map) => format!("axis {} (joint {joint})", map.axis.letter()),
+            None => format!("joint {joint}"),
+        })
+        .collect()
+}
