@@ -69,7 +69,10 @@ impl Layout {
 
     /// The field of an object.
     pub fn find(&self, index: u16, sub: u8) -> Option<Field> {
-        self.fields.iter().copied().find(|field| (field.object.index, field.object.sub) == (index, sub))
+        self.fields
+            .iter()
+            .copied()
+            .find(|field| (field.object.index, field.object.sub) == (index, sub))
     }
 }
 

@@ -109,7 +109,10 @@ impl ProcessImage {
                 start..end
             })
             .collect();
-        ProcessImage { bytes: vec![0; end].into(), nodes }
+        ProcessImage {
+            bytes: vec![0; end].into(),
+            nodes,
+        }
     }
 
     /// Payload of one node.
@@ -142,7 +145,11 @@ impl InputImage {
     pub fn new(lengths: impl IntoIterator<Item = usize>) -> InputImage {
         let payload = ProcessImage::new(lengths);
         let nodes = payload.nodes.len();
-        InputImage { payload, lost_in_row: vec![0; nodes].into(), fresh: vec![false; nodes].into() }
+        InputImage {
+            payload,
+            lost_in_row: vec![0; nodes].into(),
+            fresh: vec![false; nodes].into(),
+        }
     }
 }
 
@@ -205,7 +212,7 @@ mod tests {
         image.node_mut(0).fill(1);
         image.node_mut(2).fill(3);
         assert_eq!(image.node(0), [1, 1]);
-        assert_eq!(image.node(1), []);
+        assert!(image.node(1).is_empty());
         assert_eq!(image.node(2), [3, 3, 3]);
     }
 }

@@ -31,6 +31,8 @@ pub fn plan(config: &Config) -> Vec<NodePlan> {
             let mut octets = vec![0; DCF_OCTETS_MAX];
             let mut dcf = configuration(&mut octets);
             dcf.write(0x1006, 0, config.cycle_us);
+            // A few late cycles must not stop the machine: the node rides out as many SoC as we ride out answers.
+            dcf.write(0x1C14, 0, config.bus.pres_lost_max * config.cycle_us * 1000);
             dcf.map(0x1400, 0x1600, &node.outputs);
             dcf.map(0x1800, 0x1A00, &node.inputs);
             if node.profile == Profile::Cia402
@@ -61,7 +63,9 @@ impl Configuration<'_> {
     fn write<T: Scalar>(&mut self, index: u16, sub: u8, value: T) {
         let mut octets = [0; 8];
         value.store(&mut octets[..T::SIZE]);
-        self.0.push(index, sub, &octets[..T::SIZE]).expect("DCF_OCTETS_MAX holds the longest payload");
+        self.0
+            .push(index, sub, &octets[..T::SIZE])
+            .expect("DCF_OCTETS_MAX holds the longest payload");
     }
 
     /// PDO mapping: switched off, entries, switched on (order of DS 301).
@@ -72,7 +76,12 @@ impl Configuration<'_> {
         let mut bit_offset = 0;
         for (entry, object) in (1_u8..).zip(objects) {
             let bit_length = u16::from(object.bits);
-            let mapped = MappingEntry { index: object.index, sub: object.sub, bit_offset, bit_length };
+            let mapped = MappingEntry {
+                index: object.index,
+                sub: object.sub,
+                bit_offset,
+                bit_length,
+            };
             self.write(mapping, entry, mapped.to_u64());
             bit_offset += bit_length;
         }
@@ -84,9 +93,9 @@ impl Configuration<'_> {
         let [counts, units] = joint.counts_per_unit.map(f64::from);
         let increments = |mm: f64| (mm * counts / units).round().clamp(0.0, f64::from(u32::MAX)) as u32;
         // 60C2: cycle = digits * 10^exponent s; whole hundreds of microseconds fit the octet up to 25.5 ms.
-        let (digits, exponent) = if cycle_us % 1000 == 0 {
+        let (digits, exponent) = if cycle_us.is_multiple_of(1000) {
             (cycle_us / 1000, -3)
-        } else if cycle_us % 100 == 0 {
+        } else if cycle_us.is_multiple_of(100) {
             (cycle_us / 100, -4)
         } else {
             (cycle_us / 10, -5)
@@ -113,12 +122,22 @@ mod tests {
     fn a_mapping_is_switched_off_written_and_switched_on() {
         let mut octets = [0; 256];
         let mut dcf = configuration(&mut octets);
-        dcf.map(0x1400, 0x1600, &[Mapped { index: 0x6200, sub: 1, bits: 8 }]);
+        dcf.map(
+            0x1400,
+            0x1600,
+            &[Mapped {
+                index: 0x6200,
+                sub: 1,
+                bits: 8,
+            }],
+        );
         let octets = dcf.0.finish();
         assert_eq!(octets[..4], 5_u32.to_le_bytes());
         assert_eq!(octets[4..12], [0x00, 0x16, 0, 1, 0, 0, 0, 0]);
         // The entry recorded from another vendor's network: 8 bits at bit 0 of 6200:1.
-        let entry = [0x00, 0x16, 1, 8, 0, 0, 0, 0x00, 0x62, 0x01, 0x00, 0x00, 0x00, 0x08, 0x00];
+        let entry = [
+            0x00, 0x16, 1, 8, 0, 0, 0, 0x00, 0x62, 0x01, 0x00, 0x00, 0x00, 0x08, 0x00,
+        ];
         assert!(octets.windows(entry.len()).any(|window| window == entry));
         assert_eq!(octets[octets.len() - 8..], [0x00, 0x16, 0, 1, 0, 0, 0, 1]);
     }

@@ -51,7 +51,10 @@ fn identity(wanted: Identity) -> mn::Identity {
 /// Time of day by the system's clock, for SoC frames on a real wire.
 pub fn wall_clock() -> NetTime {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    NetTime { seconds: now.as_secs() as u32, nanoseconds: now.subsec_nanos() }
+    NetTime {
+        seconds: now.as_secs() as u32,
+        nanoseconds: now.subsec_nanos(),
+    }
 }
 
 /// The managing node on a link.
@@ -121,7 +124,12 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
         Some(match event {
             MnEvent::NmtStateChanged { .. } | MnEvent::Configuring { .. } => return None,
             MnEvent::Identified { node } => BusEvent::Identified(index(node)?),
-            MnEvent::IdentityMismatch { node, field, expected, got } => {
+            MnEvent::IdentityMismatch {
+                node,
+                field,
+                expected,
+                got,
+            } => {
                 let object = match field {
                     IdentityField::DeviceType => (0x1000, 0),
                     IdentityField::VendorId => (0x1018, 1),
@@ -129,17 +137,35 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
                     IdentityField::Revision => (0x1018, 3),
                     IdentityField::Serial => (0x1018, 4),
                 };
-                BusEvent::WrongIdentity { node: index(node)?, object, expected, got }
+                BusEvent::WrongIdentity {
+                    node: index(node)?,
+                    object,
+                    expected,
+                    got,
+                }
             }
             MnEvent::Missing { node } => BusEvent::Missing(index(node)?),
-            MnEvent::SdoAbort { node, index: object, sub, code } => {
-                BusEvent::ConfigurationRefused { node: index(node)?, object: (object, sub), abort: code }
-            }
+            MnEvent::SdoAbort {
+                node,
+                index: object,
+                sub,
+                code,
+            } => BusEvent::ConfigurationRefused {
+                node: index(node)?,
+                object: (object, sub),
+                abort: code,
+            },
             MnEvent::SdoFailed { node, .. } | MnEvent::BootTimeout { node, .. } => BusEvent::BootFailed(index(node)?),
-            MnEvent::NodeStateChanged { node, state: mn::NodeState::Operational } => BusEvent::NodeUp(index(node)?),
+            MnEvent::NodeStateChanged {
+                node,
+                state: mn::NodeState::Operational,
+            } => BusEvent::NodeUp(index(node)?),
             MnEvent::NodeStateChanged { .. } => return None,
             MnEvent::Lost { node, .. } | MnEvent::WrongState { node, .. } => BusEvent::NodeLost(index(node)?),
-            MnEvent::ErrorEntry { node, entry } => BusEvent::NodeError { node: index(node)?, code: entry.code },
+            MnEvent::ErrorEntry { node, entry } => BusEvent::NodeError {
+                node: index(node)?,
+                code: entry.code,
+            },
             MnEvent::ForeignMn { mac } => BusEvent::ForeignMaster(mac),
         })
     }
@@ -199,7 +225,11 @@ impl<L: Link, const NODES: usize> Fieldbus for Powerlink<'_, L, NODES> {
             inputs.lost_in_row[node] = input.lost_in_row;
             lost += u32::from(input.lost_in_row > 0);
         }
-        CycleReport { sent_ns, done_ns: self.link.now_ns(), lost }
+        CycleReport {
+            sent_ns,
+            done_ns: self.link.now_ns(),
+            lost,
+        }
     }
 
     fn serve(&mut self, until_ns: u64) {
@@ -264,6 +294,10 @@ impl<L: Link, const NODES: usize> Fieldbus for Powerlink<'_, L, NODES> {
 
     fn statistics(&self, node: NodeIndex) -> NodeStatistics {
         let of_node = self.mn.statistics(node);
-        NodeStatistics { polls: of_node.preq_sent, answers: of_node.pres_received, lost: of_node.pres_lost }
+        NodeStatistics {
+            polls: of_node.preq_sent,
+            answers: of_node.pres_received,
+            lost: of_node.pres_lost,
+        }
     }
 }

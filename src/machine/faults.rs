@@ -94,16 +94,18 @@ impl Fault {
             Fault::AnswerLost { .. }
             | Fault::CycleLate { .. }
             | Fault::CyclesSkipped { .. }
-            | Fault::LinkFailed { error: LinkError::NoBuffers } => Reaction::Count,
+            | Fault::LinkFailed {
+                error: LinkError::NoBuffers,
+            } => Reaction::Count,
             Fault::NodeLost { .. }
             | Fault::Drive { .. }
             | Fault::FollowingError { .. }
             | Fault::SoftLimit { .. }
             | Fault::IllegalCommand { .. }
             | Fault::ForeignMaster { .. }
-            | Fault::LinkFailed { error: LinkError::Down | LinkError::FrameLength { .. } | LinkError::Os { .. } } => {
-                Reaction::ControlledStop
-            }
+            | Fault::LinkFailed {
+                error: LinkError::Down | LinkError::FrameLength { .. } | LinkError::Os { .. },
+            } => Reaction::ControlledStop,
             Fault::CycleHung => Reaction::Silence,
         }
     }
@@ -114,19 +116,34 @@ impl Fault {
             Fault::AnswerLost { node: index, in_row } => format!("{}: {in_row} polls in a row unanswered", node(index)),
             Fault::NodeLost { node: index } => format!("{}: lost, it does not answer any more", node(index)),
             Fault::Drive { joint: index, fault } => format!("{}: {fault}", joint(index)),
-            Fault::FollowingError { joint: index, error_mm, limit_mm } => {
-                format!("{}: following error {error_mm:.3} mm above {limit_mm:.3} mm", joint(index))
+            Fault::FollowingError {
+                joint: index,
+                error_mm,
+                limit_mm,
+            } => {
+                format!(
+                    "{}: following error {error_mm:.3} mm above {limit_mm:.3} mm",
+                    joint(index)
+                )
             }
-            Fault::SoftLimit { joint: index, position_mm } => {
+            Fault::SoftLimit {
+                joint: index,
+                position_mm,
+            } => {
                 format!("{}: command {position_mm:.3} mm beyond its travel", joint(index))
             }
             Fault::IllegalCommand { joint: index } => {
-                format!("{}: command that is no number or too fast: a defect of the planner", joint(index))
+                format!(
+                    "{}: command that is no number or too fast: a defect of the planner",
+                    joint(index)
+                )
             }
             Fault::CycleLate { late_ns } => format!("cycle {} us late", late_ns / 1000),
             Fault::CyclesSkipped { cycles } => format!("{cycles} cycles left out"),
             Fault::CycleHung => "cycle thread hung; the network was silenced".into(),
-            Fault::ForeignMaster { mac: [a, b, c, d, e, f] } => format!(
+            Fault::ForeignMaster {
+                mac: [a, b, c, d, e, f],
+            } => format!(
                 "another managing node is on the wire: {a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{f:02x}; disconnect it"
             ),
             Fault::LinkFailed { error } => format!("network adapter: {error}"),

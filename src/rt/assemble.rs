@@ -3,17 +3,17 @@
 //! In:  the checked machine description, a bus.
 //! Out: a [`Control`] for the cycle thread and the other ends of its rings for the operator.
 
-use super::cycle::{Control, Outlets};
+use super::cycle::{Control, Outlets, Parts};
 use super::drives::Drives;
 use super::pins::Pins;
 use super::shared::Live;
 use crate::bus::network::NodePlan;
 use crate::bus::{Fieldbus, InputImage, OutputImage};
-use crate::config::Config;
+use crate::config::{Config, Joint};
 use crate::service::operator::Inlets;
 use anyhow::{Context, anyhow};
 use hal_pins::Hal;
-use motion::rt::Kinematics;
+use motion::rt::{Kinematics, Monitor, MonitorLimits};
 use std::sync::Arc;
 
 /// Orders that can wait; the operator gives a few in a second.
@@ -40,21 +40,42 @@ pub fn assemble<B: Fieldbus>(
     let drives = Drives::new(config, plans).map_err(|joint| {
         anyhow!("joint {joint}: its drive needs 6040h and 607Ah in `outputs`, 6041h and 6064h in `inputs`")
     })?;
-    let images = (
-        OutputImage::new(plans.iter().map(|plan| plan.outputs.octets)),
-        InputImage::new(plans.iter().map(|plan| plan.inputs.octets)),
-    );
-    let control = Control::new(
-        bus,
-        images,
+    let cycle_s = f64::from(config.cycle_us) * 1e-6;
+    let parts = Parts {
+        outputs: OutputImage::new(plans.iter().map(|plan| plan.outputs.octets)),
+        inputs: InputImage::new(plans.iter().map(|plan| plan.inputs.octets)),
         drives,
-        kinematics(config),
-        Pins::new(hal, config, plans).context("pins")?,
-        Outlets { commands: commands_out, notices: notices_in, trace: trace_in, finished: finished_in, live: live.clone() },
-        config.bus.nodes.iter().map(|node| node.mandatory).collect(),
-        f64::from(config.cycle_us) * 1e-6,
-    );
-    Ok((control, Inlets { commands, notices, trace, finished, live }))
+        kinematics: kinematics(config),
+        monitor: Monitor::new(&config.joints.iter().map(monitor_limits).collect::<Vec<_>>(), cycle_s),
+        pins: Pins::new(hal, config, plans).context("pins")?,
+        mandatory: config.bus.nodes.iter().map(|node| node.mandatory).collect(),
+        cycle_s,
+    };
+    let outlets = Outlets {
+        commands: commands_out,
+        notices: notices_in,
+        trace: trace_in,
+        finished: finished_in,
+        live: live.clone(),
+    };
+    let control = Control::new(bus, parts, outlets);
+    Ok((
+        control,
+        Inlets {
+            commands,
+            notices,
+            trace,
+            finished,
+            live,
+        },
+    ))
+}
+
+fn monitor_limits(joint: &Joint) -> MonitorLimits {
+    let limits = &joint.limits;
+    MonitorLimits {
+        of_order: [limits.velocity_mm_s, limits.acceleration_mm_s2, limits.jerk_mm_s3],
+    }
 }
 
 fn kinematics(config: &Config) -> Kinematics {

@@ -16,7 +16,7 @@ use crate::machine::state::State;
 use cia402::axis::{Request, Status};
 use motion::canon::Position;
 use motion::element::Action;
-use motion::rt::{Interpolator, Kinematics, Sample, SampleState};
+use motion::rt::{Interpolator, Kinematics, Monitor, Peaks, Sample, SampleState};
 use std::sync::Arc;
 
 /// Orders that are taken in one cycle at the most.
@@ -38,19 +38,32 @@ pub struct Outlets {
     pub live: Arc<Live>,
 }
 
+/// What a machine file makes of a machine.
+pub struct Parts {
+    /// Payloads to the nodes.
+    pub outputs: OutputImage,
+    /// Payloads from the nodes.
+    pub inputs: InputImage,
+    /// Joints and their drives.
+    pub drives: Drives,
+    /// Axes to joints.
+    pub kinematics: Kinematics,
+    /// Watches what leaves for the joints.
+    pub monitor: Monitor,
+    /// The control's pins.
+    pub pins: Pins,
+    /// For each node: whether the machine cannot run without it.
+    pub mandatory: Box<[bool]>,
+    /// Cycle time, s.
+    pub cycle_s: f64,
+}
+
 /// Everything that the cycle thread owns.
 pub struct Control<B> {
     bus: B,
-    outputs: OutputImage,
-    inputs: InputImage,
-    drives: Drives,
-    kinematics: Kinematics,
-    pins: Pins,
+    parts: Parts,
     outlets: Outlets,
-    /// Nodes without which the machine cannot run.
-    mandatory: Box<[bool]>,
     joints: usize,
-    cycle_s: f64,
 
     state: State,
     program: Option<Box<Interpolator>>,
@@ -71,28 +84,13 @@ pub struct Control<B> {
 
 impl<B: Fieldbus> Control<B> {
     /// A machine whose network is down.
-    pub fn new(
-        bus: B,
-        images: (OutputImage, InputImage),
-        drives: Drives,
-        kinematics: Kinematics,
-        pins: Pins,
-        outlets: Outlets,
-        mandatory: Box<[bool]>,
-        cycle_s: f64,
-    ) -> Control<B> {
-        let joints = drives.iter().count();
+    pub fn new(bus: B, parts: Parts, outlets: Outlets) -> Control<B> {
+        let joints = parts.drives.iter().count();
         Control {
             bus,
-            outputs: images.0,
-            inputs: images.1,
-            drives,
-            kinematics,
-            pins,
+            parts,
             outlets,
-            mandatory,
             joints,
-            cycle_s,
             state: State::Booting,
             program: None,
             sample: Sample::resting(Position::ZERO),
@@ -114,15 +112,21 @@ impl<B: Fieldbus> Control<B> {
     /// One cycle. `late_ns`: how late it begins; `skipped`: cycles that had to be left out before it; the exchange is
     /// over by `deadline_ns`.
     pub fn cycle(&mut self, late_ns: u64, skipped: u64, deadline_ns: u64) {
-        let report = self.bus.exchange(deadline_ns, &self.outputs, &mut self.inputs);
-        self.drives.read(&self.inputs, |node| self.bus.node_state(node));
+        let report = self
+            .bus
+            .exchange(deadline_ns, &self.parts.outputs, &mut self.parts.inputs);
+        self.parts
+            .drives
+            .read(&self.parts.inputs, |node| self.bus.node_state(node));
         self.watch(late_ns, skipped);
         self.take_orders();
         self.step_state();
         self.interpolate();
         self.check_commands();
-        self.drives.write(report.sent_ns, &self.command_mm[..self.joints], &mut self.outputs);
-        self.pins.write_outputs(&mut self.outputs);
+        self.parts
+            .drives
+            .write(report.sent_ns, &self.command_mm[..self.joints], &mut self.parts.outputs);
+        self.parts.pins.write_outputs(&mut self.parts.outputs);
         self.show(&report, late_ns);
         self.cycle += 1;
     }
@@ -147,6 +151,11 @@ impl<B: Fieldbus> Control<B> {
         self.trace_lost
     }
 
+    /// Greatest velocities, accelerations and jerks commanded to the joints by programs.
+    pub fn peaks(&self) -> Vec<Peaks> {
+        self.parts.monitor.peaks().map(|(_, peaks)| *peaks).collect()
+    }
+
     /// The cycle thread was taken for hung: no frame may leave any more.
     pub fn silence(&mut self) {
         self.fault(Fault::CycleHung);
@@ -163,7 +172,7 @@ impl<B: Fieldbus> Control<B> {
             let Some(event) = self.bus.pop_event() else { break };
             self.notice(Notice::Bus(event));
             match event {
-                BusEvent::NodeLost(node) if self.mandatory[node] && self.state != State::Booting => {
+                BusEvent::NodeLost(node) if self.parts.mandatory[node] && self.state != State::Booting => {
                     self.fault(Fault::NodeLost { node });
                 }
                 BusEvent::ForeignMaster(mac) => self.fault(Fault::ForeignMaster { mac }),
@@ -183,13 +192,19 @@ impl<B: Fieldbus> Control<B> {
             return;
         }
         for joint in 0..self.joints {
-            let Some(drive) = self.drives.iter().nth(joint) else { break };
+            let Some(drive) = self.parts.drives.iter().nth(joint) else {
+                break;
+            };
             if let Some(fault) = drive.fault() {
                 self.fault(Fault::Drive { joint, fault });
             } else if drive.status() == Status::Enabled {
                 let (error_mm, limit_mm) = (drive.following_error_mm(), drive.following_error_max_mm());
                 if error_mm.abs() > limit_mm {
-                    self.fault(Fault::FollowingError { joint, error_mm, limit_mm });
+                    self.fault(Fault::FollowingError {
+                        joint,
+                        error_mm,
+                        limit_mm,
+                    });
                 }
             }
         }
@@ -242,20 +257,22 @@ impl<B: Fieldbus> Control<B> {
     }
 
     fn quick_stop(&mut self) {
-        self.drives.request(u64::MAX, Request::QuickStop);
+        self.parts.drives.request(u64::MAX, Request::QuickStop);
         self.enter(State::Faulted);
     }
 
     fn take_orders(&mut self) {
         for _ in 0..COMMANDS_PER_CYCLE {
-            let Ok(command) = self.outlets.commands.pop() else { break };
+            let Ok(command) = self.outlets.commands.pop() else {
+                break;
+            };
             self.obey(command);
             self.orders_taken += 1;
         }
-        if self.pins.take_stop() {
+        if self.parts.pins.take_stop() {
             self.obey(Command::Stop);
         }
-        if self.pins.take_resume() {
+        if self.parts.pins.take_resume() {
             self.obey(Command::Resume);
         }
     }
@@ -264,14 +281,14 @@ impl<B: Fieldbus> Control<B> {
     fn obey(&mut self, command: Command) {
         match (command, self.state) {
             (Command::Enable, State::Disabled) if !self.fault_seen => {
-                self.drives.request(u64::MAX, Request::Enable);
+                self.parts.drives.request(u64::MAX, Request::Enable);
                 self.enter(State::Enabling);
             }
             (Command::Home(joints), State::Ready) => {
-                self.drives.request(joints, Request::Home);
+                self.parts.drives.request(joints, Request::Home);
                 self.enter(State::Homing);
             }
-            (Command::Start(program), State::Ready) if self.drives.all(|drive| drive.is_homed()) => {
+            (Command::Start(program), State::Ready) if self.parts.drives.all(|drive| drive.is_homed()) => {
                 if let Some(before) = self.program.replace(program) {
                     self.give_back(before);
                 }
@@ -293,25 +310,25 @@ impl<B: Fieldbus> Control<B> {
             }
             (Command::Stop, State::Running | State::Held) => self.enter(State::Stopping),
             (Command::Stop, State::Homing) => {
-                self.drives.request(u64::MAX, Request::Disable);
+                self.parts.drives.request(u64::MAX, Request::Disable);
                 self.enter(State::Disabling);
             }
             (Command::Disable, State::Enabling | State::Ready | State::Homing | State::Running | State::Held)
             | (Command::Disable, State::Stopping) => {
-                self.pins.all_off();
-                self.drives.request(u64::MAX, Request::Disable);
+                self.parts.pins.all_off();
+                self.parts.drives.request(u64::MAX, Request::Disable);
                 self.enter(State::Disabling);
             }
             (Command::Acknowledge, State::Faulted) => {
                 self.fault_seen = false;
-                self.drives.request(u64::MAX, Request::ResetFault);
+                self.parts.drives.request(u64::MAX, Request::ResetFault);
                 self.enter(State::Disabling);
             }
             (Command::ShutDown, State::ShuttingDown | State::Down) => {}
             (Command::ShutDown, _) => {
                 // The network follows once the drives are without power: see `step_state`.
-                self.pins.all_off();
-                self.drives.request(u64::MAX, Request::Disable);
+                self.parts.pins.all_off();
+                self.parts.drives.request(u64::MAX, Request::Disable);
                 self.enter(State::ShuttingDown);
             }
             (Command::Enable, _)
@@ -326,7 +343,7 @@ impl<B: Fieldbus> Control<B> {
 
     /// Goes on to the next state where the drives and the network are ready for it.
     fn step_state(&mut self) {
-        let all = |wanted: Status| self.drives.all(|drive| drive.status() == wanted);
+        let all = |wanted: Status| self.parts.drives.all(|drive| drive.status() == wanted);
         match self.state {
             State::Booting if self.bus.state() == BusState::Operational && self.mandatory_nodes_up() => {
                 self.enter(State::Disabled);
@@ -365,14 +382,14 @@ impl<B: Fieldbus> Control<B> {
     }
 
     fn drives_off(&self) -> bool {
-        self.drives.all(|drive| match drive.status() {
+        self.parts.drives.all(|drive| match drive.status() {
             Status::Disabled | Status::Offline | Status::Faulted(_) => true,
             Status::Enabling | Status::Enabled | Status::Homing | Status::Disabling | Status::QuickStopping => false,
         })
     }
 
     fn mandatory_nodes_up(&self) -> bool {
-        let mut nodes = self.mandatory.iter().enumerate();
+        let mut nodes = self.parts.mandatory.iter().enumerate();
         nodes.all(|(node, &mandatory)| !mandatory || self.bus.node_state(node) == NodeState::Operational)
     }
 
@@ -386,7 +403,7 @@ impl<B: Fieldbus> Control<B> {
         }
         self.waiting = None;
         self.sample = Sample::resting(self.sample.position);
-        self.pins.all_off();
+        self.parts.pins.all_off();
         self.notice(Notice::ProgramEnded);
         self.enter(next);
     }
@@ -394,7 +411,7 @@ impl<B: Fieldbus> Control<B> {
     /// Next set-points of all joints.
     fn interpolate(&mut self) {
         let scale = match self.state {
-            State::Running if !self.hold => self.pins.feed_scale(),
+            State::Running if !self.hold => self.parts.pins.feed_scale(),
             _ => 0.0,
         };
         if let Some(program) = &mut self.program {
@@ -405,18 +422,20 @@ impl<B: Fieldbus> Control<B> {
             {
                 self.waiting = Some(action);
                 self.notice(Notice::Action(action));
-                self.pins.begin_action(action);
+                self.parts.pins.begin_action(action);
             }
-            self.kinematics.inverse(&self.sample.position, &mut self.command_mm[..self.joints]);
+            self.parts
+                .kinematics
+                .inverse(&self.sample.position, &mut self.command_mm[..self.joints]);
         } else {
             // Without a program each joint stays where it was told to be.
-            for (command_mm, drive) in self.command_mm.iter_mut().zip(self.drives.iter()) {
+            for (command_mm, drive) in self.command_mm.iter_mut().zip(self.parts.drives.iter()) {
                 *command_mm = drive.command_mm();
             }
-            self.sample = Sample::resting(self.kinematics.forward(&self.command_mm[..self.joints]));
+            self.sample = Sample::resting(self.parts.kinematics.forward(&self.command_mm[..self.joints]));
         }
         if let Some(action) = self.waiting
-            && self.pins.action_done(action)
+            && self.parts.pins.action_done(action)
         {
             self.end_wait();
         }
@@ -429,30 +448,42 @@ impl<B: Fieldbus> Control<B> {
         }
     }
 
-    /// The last look at what leaves for the drives: numbers, and inside the travel.
+    /// The last look at what leaves for the drives: numbers, inside the travel, within the limits.
     fn check_commands(&mut self) {
         if self.program.is_none() {
+            self.parts.monitor.restart();
             return;
         }
         const SLACK_MM: f64 = 1e-6;
+        if let Some(joint) = self.parts.monitor.see(&self.command_mm[..self.joints]) {
+            self.fault(Fault::IllegalCommand { joint });
+        }
         for joint in 0..self.joints {
-            let Some(drive) = self.drives.iter().nth(joint) else { break };
-            let (command_mm, [low_mm, high_mm]) = (self.command_mm[joint], drive.travel_mm());
-            let before_mm = drive.command_mm();
-            if !command_mm.is_finite() {
-                self.command_mm[joint] = before_mm;
-                self.fault(Fault::IllegalCommand { joint });
-            } else if command_mm < low_mm - SLACK_MM || command_mm > high_mm + SLACK_MM {
-                self.fault(Fault::SoftLimit { joint, position_mm: command_mm });
+            let Some(drive) = self.parts.drives.iter().nth(joint) else {
+                break;
+            };
+            let (position_mm, [low_mm, high_mm]) = (self.command_mm[joint], drive.travel_mm());
+            if !position_mm.is_finite() {
+                self.command_mm[joint] = drive.command_mm();
+            } else if position_mm < low_mm - SLACK_MM || position_mm > high_mm + SLACK_MM {
+                self.fault(Fault::SoftLimit { joint, position_mm });
             }
         }
     }
 
     /// Tells everyone else what happened.
     fn show(&mut self, report: &CycleReport, late_ns: u64) {
-        self.pins.publish(&mut self.bus, &self.inputs, &self.drives, &self.sample, self.state, report, late_ns);
+        self.parts.pins.publish(
+            &mut self.bus,
+            &self.parts.inputs,
+            &self.parts.drives,
+            &self.sample,
+            self.state,
+            report,
+            late_ns,
+        );
         let (elapsed_s, remaining_s) = match &self.program {
-            Some(program) => (self.program_cycles as f64 * self.cycle_s, program.remaining_s()),
+            Some(program) => (self.program_cycles as f64 * self.parts.cycle_s, program.remaining_s()),
             None => (0.0, 0.0),
         };
         self.outlets.live.show(&Snapshot {
@@ -470,14 +501,14 @@ impl<B: Fieldbus> Control<B> {
         if self.program.is_some() {
             let mut actual_mm = [0.0; JOINTS_MAX];
             let mut following_error_mm = 0.0_f64;
-            for (actual_mm, drive) in actual_mm.iter_mut().zip(self.drives.iter()) {
+            for (actual_mm, drive) in actual_mm.iter_mut().zip(self.parts.drives.iter()) {
                 *actual_mm = drive.actual_mm();
                 following_error_mm = following_error_mm.max(drive.following_error_mm().abs());
             }
             let record = Trace {
                 cycle: self.cycle,
                 command: self.sample.position,
-                actual: self.kinematics.forward(&actual_mm[..self.joints]),
+                actual: self.parts.kinematics.forward(&actual_mm[..self.joints]),
                 line: self.sample.line,
                 rapid: self.sample.rapid,
                 following_error_mm,
@@ -494,7 +525,10 @@ impl<B: Fieldbus> Control<B> {
     }
 
     fn notice(&mut self, notice: Notice) {
-        let timed = TimedNotice { cycle: self.cycle, notice };
+        let timed = TimedNotice {
+            cycle: self.cycle,
+            notice,
+        };
         self.notices_lost += u64::from(self.outlets.notices.push(timed).is_err());
     }
 

@@ -93,7 +93,10 @@ impl Drive {
             position: self.fields.position.read_signed(payload) as i32,
             following_error: read(self.fields.following_error) as i32,
             // A drive that does not say its mode is taken to follow the wish.
-            mode_display: self.fields.mode_display.map_or(self.setpoint.mode, |field| field.read_signed(payload) as i8),
+            mode_display: self
+                .fields
+                .mode_display
+                .map_or(self.setpoint.mode, |field| field.read_signed(payload) as i8),
             digital_inputs: read(self.fields.digital_inputs) as u32,
             error_code: read(self.fields.error_code) as u16,
         };
@@ -105,11 +108,19 @@ impl Drive {
         self.setpoint = self.axis.cycle(now_ns, self.online, &self.feedback, increments);
         self.command_before_mm = self.command_mm;
         let following = self.axis.status() == Status::Enabled;
-        self.command_mm = if following { command_mm } else { self.to_mm(self.axis.target_position()) };
+        self.command_mm = if following {
+            command_mm
+        } else {
+            self.to_mm(self.axis.target_position())
+        };
 
         let payload = outputs.node_mut(self.node);
-        self.fields.controlword.write(payload, u64::from(self.setpoint.controlword));
-        self.fields.target_position.write(payload, self.setpoint.target_position as u64);
+        self.fields
+            .controlword
+            .write(payload, u64::from(self.setpoint.controlword));
+        self.fields
+            .target_position
+            .write(payload, self.setpoint.target_position as u64);
         if let Some(mode) = self.fields.mode {
             mode.write(payload, self.setpoint.mode as u64);
         }

@@ -175,7 +175,9 @@ impl Pins {
             });
             match node.profile {
                 Profile::Cia402 => {
-                    let Some(joint) = config.joints.iter().position(|joint| joint.node == index) else { continue };
+                    let Some(joint) = config.joints.iter().position(|joint| joint.node == index) else {
+                        continue;
+                    };
                     for &field in &plan.inputs.fields {
                         objects_received.push(object_pin(hal, joint, index, field)?);
                     }
@@ -184,7 +186,11 @@ impl Pins {
                             objects_sent.push(object_pin(hal, joint, index, field)?);
                         } else {
                             let pin = hal.input(&object_name(joint, field), 0)?;
-                            objects_driven.push(DrivenObject { node: index, field, pin });
+                            objects_driven.push(DrivenObject {
+                                node: index,
+                                field,
+                                pin,
+                            });
                         }
                     }
                 }
@@ -193,7 +199,12 @@ impl Pins {
                     for &field in &plan.inputs.fields {
                         for bit in 0..u32::from(field.object.bits) {
                             let pin = hal.output(&format!("io.{}.in-{number:02}", node.id))?;
-                            bits_in.push(BitIn { node: index, field, bit, pin });
+                            bits_in.push(BitIn {
+                                node: index,
+                                field,
+                                bit,
+                                pin,
+                            });
                             number += 1;
                         }
                     }
@@ -201,7 +212,12 @@ impl Pins {
                     for &field in &plan.outputs.fields {
                         for bit in 0..u32::from(field.object.bits) {
                             let pin = hal.input(&format!("io.{}.out-{number:02}", node.id), false)?;
-                            bits_out.push(BitOut { node: index, field, bit, pin });
+                            bits_out.push(BitOut {
+                                node: index,
+                                field,
+                                bit,
+                                pin,
+                            });
                             number += 1;
                         }
                     }
@@ -253,7 +269,11 @@ impl Pins {
 
     /// Share of the programmed speed that the pins allow, 0 to 1.
     pub fn feed_scale(&self) -> f64 {
-        if self.feed_hold.get() { 0.0 } else { self.adaptive_feed.get().clamp(0.0, 1.0) }
+        if self.feed_hold.get() {
+            0.0
+        } else {
+            self.adaptive_feed.get().clamp(0.0, 1.0)
+        }
     }
 
     /// Whether the resume pin has risen since the last call.
@@ -276,7 +296,8 @@ impl Pins {
             Action::SpindleOn { rpm, direction } => {
                 self.spindle_on.set(true);
                 self.spindle_forward.set(direction == SpindleDirection::Clockwise);
-                self.spindle_reverse.set(direction == SpindleDirection::Counterclockwise);
+                self.spindle_reverse
+                    .set(direction == SpindleDirection::Counterclockwise);
                 self.spindle_speed.set(match direction {
                     SpindleDirection::Clockwise => rpm,
                     SpindleDirection::Counterclockwise => -rpm,
@@ -337,7 +358,9 @@ impl Pins {
     /// Copies pins into the payloads, as far as the control does not fill them itself, and shows what it sends.
     pub fn write_outputs(&mut self, outputs: &mut OutputImage) {
         for object in &self.objects_driven {
-            object.field.write(outputs.node_mut(object.node), object.pin.get() as u64);
+            object
+                .field
+                .write(outputs.node_mut(object.node), object.pin.get() as u64);
         }
         for object in &mut self.objects_sent {
             object.show(outputs.node(object.node));
@@ -350,7 +373,10 @@ impl Pins {
     }
 
     /// Shows the values of a cycle.
-    #[allow(clippy::too_many_arguments, reason = "one call a cycle that takes everything there is to show")]
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "one call a cycle that takes everything there is to show"
+    )]
     pub fn publish<B: Fieldbus>(
         &mut self,
         bus: &mut B,
@@ -375,7 +401,8 @@ impl Pins {
             object.show(inputs.payload.node(object.node));
         }
         for bit in &mut self.bits_in {
-            bit.pin.set(bit.field.read(inputs.payload.node(bit.node)) >> bit.bit & 1 == 1);
+            bit.pin
+                .set(bit.field.read(inputs.payload.node(bit.node)) >> bit.bit & 1 == 1);
         }
         for (node, pins) in self.nodes.iter_mut().enumerate() {
             pins.state.set(bus.node_state(node) as u32);
@@ -389,7 +416,8 @@ impl Pins {
         self.count += 1;
         self.jitter_ns.set(late_ns as i64);
         self.late_max_ns.set(self.late_max as i64);
-        self.exchange_ns.set(report.done_ns.saturating_sub(report.sent_ns) as i64);
+        self.exchange_ns
+            .set(report.done_ns.saturating_sub(report.sent_ns) as i64);
         self.compute_ns.set(bus.now_ns().saturating_sub(report.done_ns) as i64);
         self.cycles.set(self.count);
     }

@@ -152,7 +152,8 @@ impl Live {
         self.elapsed_s.store(snapshot.elapsed_s.to_bits(), Relaxed);
         self.state.store(snapshot.state as u8, Relaxed);
         // Release: who sees an order taken sees the state that it led to.
-        self.orders_taken.store(snapshot.orders_taken, std::sync::atomic::Ordering::Release);
+        self.orders_taken
+            .store(snapshot.orders_taken, std::sync::atomic::Ordering::Release);
     }
 
     /// Latest values.

@@ -34,7 +34,11 @@ pub struct CycleFigures {
 /// Dates of the cycle of a machine.
 pub fn grid(config: &Config) -> Grid {
     let period_ns = u64::from(config.cycle_us) * 1000;
-    Grid { period_ns, phase_ns: u64::from(config.rt.phase_us) * 1000, late_max_ns: period_ns / LATE_SHARE }
+    Grid {
+        period_ns,
+        phase_ns: u64::from(config.rt.phase_us) * 1000,
+        late_max_ns: period_ns / LATE_SHARE,
+    }
 }
 
 /// Runs cycles until the network is down or `stop` says so. RT, for a bus on CLOCK_MONOTONIC.

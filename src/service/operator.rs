@@ -86,7 +86,12 @@ impl Operator {
             orders_given: 0,
             program_ended: false,
             cycle_s: f64::from(config.cycle_us) * 1e-6,
-            node_names: config.bus.nodes.iter().map(|node| format!("{} (node {})", node.name, node.id)).collect(),
+            node_names: config
+                .bus
+                .nodes
+                .iter()
+                .map(|node| format!("{} (node {})", node.name, node.id))
+                .collect(),
             joint_names: joint_names(config),
             nodes_up: 0,
             operational_s: None,
@@ -164,7 +169,11 @@ impl Operator {
     /// How it ended, once it has. A program that was never run to its end because of an alarm counts as faulted.
     pub fn outcome(&self) -> Option<Outcome> {
         let outcome = self.sequence.outcome()?;
-        Some(if self.alarms.is_empty() { outcome } else { Outcome::Faulted })
+        Some(if self.alarms.is_empty() {
+            outcome
+        } else {
+            Outcome::Faulted
+        })
     }
 
     /// Seconds from the first cycle to OPERATIONAL of the whole network.
@@ -203,7 +212,10 @@ impl Operator {
                 self.note(time_s, format!("machine {}", state.name()));
             }
             Notice::Bus(event) => self.take_bus(time_s, event),
-            Notice::Fault { fault: Fault::CyclesSkipped { cycles }, .. } => self.late_cycles += cycles,
+            Notice::Fault {
+                fault: Fault::CyclesSkipped { cycles },
+                ..
+            } => self.late_cycles += cycles,
             Notice::Fault { fault, first } => {
                 let node = |index: usize| self.node_names[index].clone();
                 let joint = |index: usize| self.joint_names[index].clone();
@@ -224,13 +236,24 @@ impl Operator {
             BusEvent::Network(BusState::Booting) => "network booting".into(),
             BusEvent::Network(BusState::Operational) => "network operational".into(),
             BusEvent::Identified(node) => format!("{} found", self.node_names[node]),
-            BusEvent::WrongIdentity { node, object: (index, sub), expected, got } => format!(
+            BusEvent::WrongIdentity {
+                node,
+                object: (index, sub),
+                expected,
+                got,
+            } => format!(
                 "{}: {index:04X}h:{sub} is {got:#010x}, the machine file wants {expected:#010x}",
                 self.node_names[node]
             ),
-            BusEvent::ConfigurationRefused { node, object: (index, sub), abort } => format!(
+            BusEvent::ConfigurationRefused {
+                node,
+                object: (index, sub),
+                abort,
+            } => format!(
                 "{}: refuses {index:04X}h:{sub} with SDO abort {:08X}h: {}",
-                self.node_names[node], abort.0, abort.text()
+                self.node_names[node],
+                abort.0,
+                abort.text()
             ),
             BusEvent::Missing(node) => format!("{} does not answer", self.node_names[node]),
             BusEvent::BootFailed(node) => format!("{} did not come up in time, is booted again", self.node_names[node]),
@@ -256,16 +279,22 @@ impl Operator {
 fn homing_order(config: &Config) -> Vec<u64> {
     let mask = |wanted: &dyn Fn(Axis) -> bool| {
         let maps = config.axes.iter().filter(|map| wanted(map.axis));
-        maps.flat_map(|map| &map.joints).fold(0, |mask, joint| mask | 1 << joint)
+        maps.flat_map(|map| &map.joints)
+            .fold(0, |mask, joint| mask | 1 << joint)
     };
-    [mask(&|axis| axis == Axis::Z), mask(&|axis| axis != Axis::Z)].into_iter().filter(|&joints| joints != 0).collect()
+    [mask(&|axis| axis == Axis::Z), mask(&|axis| axis != Axis::Z)]
+        .into_iter()
+        .filter(|&joints| joints != 0)
+        .collect()
 }
 
 fn joint_names(config: &Config) -> Vec<String> {
     (0..config.joints.len())
-        .map(|joint| match config.axes.iter().find(|map| map.joints.contains(&joint)) {
-            Some(map) => format!("axis {} (joint {joint})", map.axis.letter()),
-            None => format!("joint {joint}"),
-        })
+        .map(
+            |joint| match config.axes.iter().find(|map| map.joints.contains(&joint)) {
+                Some(map) => format!("axis {} (joint {joint})", map.axis.letter()),
+                None => format!("joint {joint}"),
+            },
+        )
         .collect()
 }

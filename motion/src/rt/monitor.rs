@@ -80,9 +80,10 @@ impl Monitor {
                 position - 3.0 * q1 + 3.0 * q2 - q3,
             ];
             let mut power = 1.0;
-            for order in 0..usize::from(joint.seen.min(3)) {
+            let known = usize::from(joint.seen.min(3));
+            for (order, difference) in differences.into_iter().enumerate().take(known) {
                 power *= self.cycle_s;
-                let value = (differences[order] / power).abs();
+                let value = (difference / power).abs();
                 let rounding = f64::from(1_u32 << (order + 1)) * ROUNDING_MM / power;
                 joint.peaks.of_order[order] = joint.peaks.of_order[order].max(value);
                 let over = value > joint.limits.of_order[order] * (1.0 + SLACK) + rounding;
