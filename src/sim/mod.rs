@@ -1,1 +1,56 @@
 //! The simulated machine: controlled nodes with drives and motors behind them.
+//!
+//! In:  a machine file, frames of a managing node, the time.
+//! Out: frames of the nodes, as [`SimMachine`]; the same on a wire ([`serve`]) or on virtual time ([`VirtualNet`]).
+
+mod drive;
+mod io;
+mod machine;
+mod motor;
+mod node;
+mod run;
+mod track;
+mod virtual_net;
+
+pub use machine::SimMachine;
+pub use run::{Served, serve};
+pub use virtual_net::{Disturbance, NetConfig, Tap, VirtualNet};
+
+use crate::config::Node;
+use std::fmt;
+
+/// Why a node of the machine file cannot be simulated.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SimError {
+    /// Its name.
+    pub node: String,
+    /// Its id.
+    pub id: u8,
+    /// What is in the way.
+    pub cause: String,
+}
+
+impl SimError {
+    fn new(node: &Node, cause: impl fmt::Display) -> SimError {
+        SimError {
+            node: node.name.clone(),
+            id: node.id,
+            cause: cause.to_string(),
+        }
+    }
+}
+
+impl fmt::Display for SimError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "simulated node {} ({}): {}", self.id, self.node, self.cause)
+    }
+}
+
+impl std::error::Error for SimError {}
+
+#[cfg(test)]
+mod test_machine;
+#[cfg(test)]
+use test_machine::test_config;
+#[cfg(test)]
+mod tests;

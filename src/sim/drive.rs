@@ -1,0 +1,287 @@
+//! A simulated servo drive: a POWERLINK controlled node, a CiA 402 device and a motor.
+//!
+//! In:  frames of the managing node, the time. Out: the frame to answer with; the motor's motion.
+//!
+//! The drive lives by the SoC: each one closes a period of the motor and opens the next. The work of a period is done
+//! once the SoA has been answered, when nobody waits for this drive. When the SoC stays away for
+//! [`FREE_RUN_PERIODS`] the drive takes itself for left alone: it stops as 6007 says, and its periods go by the clock.
+
+use super::SimError;
+use super::motor::{Motor, MotorConfig};
+use super::track::{Track, mm_to_counts};
+use crate::config::{Homing, Joint, JointLimits, Node, Sim, StopLimits};
+use cia402::State;
+use cia402::device::{DEVICE_TYPE, DRIVE_OBJECTS, Delays, Demand, Device, Injected, check_write};
+use obd::{AbortCode, Dictionary, Key};
+use powerlink::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
+use powerlink::cn::{Cn, Events};
+use powerlink::nmt::{NmtState, Reset};
+use powerlink::wire::FRAME_LEN_MAX;
+
+const ENTRIES: usize = COMMUNICATION_ENTRIES + obd::lines_of(DRIVE_OBJECTS);
+const OCTETS: usize = COMMUNICATION_BYTES + obd::octets_of(DRIVE_OBJECTS);
+
+/// Periods without a SoC after which a drive goes on by its own clock.
+pub(super) const FREE_RUN_PERIODS: u64 = 5;
+/// Periods made up for at most after a pause, such as that of a stopped process.
+const CATCH_UP_PERIODS: u32 = 20;
+/// 6007: quick stop.
+const ABORT_QUICK_STOP: i16 = 3;
+/// Greatest acceleration of the motor as a multiple of the joint's stop acceleration.
+const MOTOR_RESERVE: f64 = 4.0;
+/// Number of the device profile in error entries.
+const PROFILE: u16 = 402;
+
+/// A drive that no joint uses still turns a motor: on a bench.
+const BENCH: Joint = Joint {
+    node: 0,
+    counts_per_unit: [10_000, 1],
+    travel_mm: [-1000.0, 1000.0],
+    limits: JointLimits {
+        velocity_mm_s: 100.0,
+        acceleration_mm_s2: 1000.0,
+        jerk_mm_s3: 100_000.0,
+    },
+    stop: StopLimits {
+        acceleration_mm_s2: 2000.0,
+        jerk_mm_s3: 200_000.0,
+    },
+    following_error_mm: 2.0,
+    homing: Homing {
+        method: 37,
+        search_mm_s: 20.0,
+        latch_mm_s: 2.0,
+        acceleration_mm_s2: 500.0,
+        position_mm: 0.0,
+    },
+};
+
+/// What a drive is made of; kept for the next power-on.
+#[derive(Clone, Debug)]
+struct Setup {
+    node: Node,
+    joint: Joint,
+    period_ns: u32,
+}
+
+/// One drive.
+#[derive(Debug)]
+pub(super) struct Drive {
+    setup: Setup,
+    cn: Cn<ENTRIES, OCTETS>,
+    device: Device,
+    motor: Motor,
+    demand: Demand,
+    powered: bool,
+    error_register: Key<u8>,
+    /// Error code that 1001h and the error history have been told of.
+    reported: u16,
+    /// Bits of 1001h that stand for it.
+    register_bits: u8,
+    /// The last SoC, or the last period of the drive's own clock.
+    period_start_ns: u64,
+    /// The SoC came and its period has not been worked off.
+    due: bool,
+    free_running: bool,
+}
+
+impl Drive {
+    pub(super) fn new(
+        node: &Node,
+        joint: Option<&Joint>,
+        sim: &Sim,
+        period_ns: u32,
+        now_ns: u64,
+    ) -> Result<Drive, SimError> {
+        let joint = joint.unwrap_or(&BENCH).clone();
+        let config = MotorConfig {
+            natural_frequency_rad_s: sim.natural_frequency_hz * std::f64::consts::TAU,
+            damping: sim.damping,
+            acceleration_max: MOTOR_RESERVE * mm_to_counts(&joint, joint.stop.acceleration_mm_s2),
+        };
+        let motor = Motor::new(config, Track::of(&joint, sim.start));
+        Drive::switch_on(
+            Setup {
+                node: node.clone(),
+                joint,
+                period_ns,
+            },
+            motor,
+            now_ns,
+        )
+    }
+
+    fn switch_on(setup: Setup, motor: Motor, now_ns: u64) -> Result<Drive, SimError> {
+        let node = &setup.node;
+        let mut objects: Dictionary<ENTRIES, OCTETS> =
+            Dictionary::new(&[COMMUNICATION_PROFILE, DRIVE_OBJECTS]).map_err(|error| SimError::new(node, error))?;
+        commission(&mut objects, &setup.joint).map_err(|error| SimError::new(node, error))?;
+        let device =
+            Device::new(&objects, setup.period_ns, Delays::default()).map_err(|error| SimError::new(node, error))?;
+        let error_register = objects.key(0x1001, 0).map_err(|error| SimError::new(node, error))?;
+        let mut cn = super::node::build(node, DEVICE_TYPE, objects, now_ns)?;
+        cn.set_write_check(|_, index, sub, value| check_write(index, sub, value));
+        Ok(Drive {
+            cn,
+            device,
+            motor,
+            demand: Demand::default(),
+            powered: true,
+            error_register,
+            reported: 0,
+            register_bits: 0,
+            period_start_ns: now_ns,
+            due: false,
+            free_running: true,
+            setup,
+        })
+    }
+
+    /// Takes a frame; the octets of `response` that are to be sent at once.
+    pub(super) fn receive(&mut self, now_ns: u64, frame: &[u8], response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
+        if !self.powered {
+            return None;
+        }
+        let reaction = self.cn.receive(now_ns, frame, response);
+        self.take(now_ns, &reaction.events);
+        reaction.transmit
+    }
+
+    /// Does the work of the period, if its SoC has come.
+    pub(super) fn work(&mut self) {
+        if self.due {
+            self.due = false;
+            self.step();
+        }
+    }
+
+    pub(super) fn poll(&mut self, now_ns: u64) {
+        if self.powered {
+            let events = self.cn.poll(now_ns);
+            self.take(now_ns, &events);
+        }
+        if now_ns < self.own_period_ns() {
+            return;
+        }
+        self.free_running = true;
+        self.due = false;
+        let period_ns = u64::from(self.setup.period_ns);
+        for _ in 0..CATCH_UP_PERIODS {
+            if now_ns < self.period_start_ns + period_ns {
+                return;
+            }
+            self.period_start_ns += period_ns;
+            self.step();
+        }
+        self.period_start_ns = now_ns;
+    }
+
+    pub(super) fn next_poll_ns(&self) -> u64 {
+        let own_ns = self.own_period_ns();
+        if self.powered {
+            self.cn.next_deadline_ns().map_or(own_ns, |cn_ns| cn_ns.min(own_ns))
+        } else {
+            own_ns
+        }
+    }
+
+    /// When the drive's own clock ends a period.
+    fn own_period_ns(&self) -> u64 {
+        let periods = if self.free_running { 1 } else { FREE_RUN_PERIODS };
+        self.period_start_ns + periods * u64::from(self.setup.period_ns)
+    }
+
+    fn take(&mut self, now_ns: u64, events: &Events) {
+        if let Some(Reset::Software | Reset::Node) = events.reset {
+            self.device.reset();
+        }
+        if events.sync.is_some() {
+            // The SoA of the period before was lost.
+            self.work();
+            self.due = true;
+            self.free_running = false;
+            self.period_start_ns = now_ns;
+        }
+    }
+
+    /// Ends one period of the motor and begins the next.
+    fn step(&mut self) {
+        let sensors = self.motor.advance(&self.demand, f64::from(self.setup.period_ns) * 1e-9);
+        if !self.powered {
+            self.demand = Demand::default();
+            return;
+        }
+        let led = self.cn.nmt_state() == NmtState::Operational && !self.free_running;
+        self.demand = self.device.cycle(self.cn.dictionary_mut(), &sensors, led);
+        let error_code = self.device.error_code();
+        if error_code != self.reported {
+            self.reported = error_code;
+            if error_code != 0 {
+                self.cn.report_error(PROFILE, error_code, [0; 8]);
+            }
+            let objects = self.cn.dictionary_mut();
+            let others = objects.get(self.error_register) & !self.register_bits;
+            self.register_bits = self.device.error_register();
+            objects.set(self.error_register, others | self.register_bits);
+        }
+    }
+
+    pub(super) fn power_off(&mut self) {
+        self.powered = false;
+        self.demand = Demand::default();
+    }
+
+    pub(super) fn power_on(&mut self, now_ns: u64) -> Result<(), SimError> {
+        let mut motor = self.motor.clone();
+        motor.power_on();
+        *self = Drive::switch_on(self.setup.clone(), motor, now_ns)?;
+        Ok(())
+    }
+
+    pub(super) fn raise_fault(&mut self, code: u16) {
+        self.device.raise_fault(code);
+    }
+
+    pub(super) fn injected(&mut self) -> &mut Injected {
+        &mut self.device.injected
+    }
+
+    pub(super) fn nmt_state(&self) -> NmtState {
+        if self.powered {
+            self.cn.nmt_state()
+        } else {
+            NmtState::Off
+        }
+    }
+
+    pub(super) fn state(&self) -> State {
+        self.device.state()
+    }
+
+    /// Where the load is, mm: what a rule on the machine would show.
+    pub(super) fn machine_position_mm(&self) -> f64 {
+        self.motor.machine_position() / mm_to_counts(&self.setup.joint, 1.0)
+    }
+}
+
+/// Sets the drive's parameters as whoever put the machine into service did; they outlive resets.
+fn commission(objects: &mut Dictionary<ENTRIES, OCTETS>, joint: &Joint) -> Result<(), AbortCode> {
+    let counts = |mm: f64| (mm_to_counts(joint, mm).round().clamp(1.0, f64::from(u32::MAX)) as u32).to_le_bytes();
+    let homing = &joint.homing;
+    let values: [(u16, u8, &[u8]); 9] = [
+        (0x6007, 0, &ABORT_QUICK_STOP.to_le_bytes()),
+        (0x6065, 0, &counts(joint.following_error_mm)),
+        (0x6083, 0, &counts(joint.limits.acceleration_mm_s2)),
+        (0x6084, 0, &counts(joint.limits.acceleration_mm_s2)),
+        (0x6085, 0, &counts(joint.stop.acceleration_mm_s2)),
+        (0x6098, 0, &homing.method.to_le_bytes()),
+        (0x6099, 1, &counts(homing.search_mm_s)),
+        (0x6099, 2, &counts(homing.latch_mm_s)),
+        (0x609A, 0, &counts(homing.acceleration_mm_s2)),
+    ];
+    for (index, sub, octets) in values {
+        let handle = objects.find(index, sub)?;
+        objects.set_default(handle, octets)?;
+    }
+    Ok(())
+}

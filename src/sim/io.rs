@@ -1,0 +1,126 @@
+//! A simulated node of digital inputs and outputs (CiA 401): 16 outputs to contactors, 16 inputs.
+//!
+//! In:  outputs 6200h/1 and /2 from the managing node; [`Io::set_inputs`] for what is wired to the inputs.
+//! Out: inputs 6000h/1, the auxiliary contacts of the contactors on 6200h/1, and 6000h/2, the wired inputs.
+//!
+//! When the node is not OPERATIONAL the outputs fall back to zero, as the profile has it by default.
+
+use super::SimError;
+use crate::config::Node;
+use obd::{DataType, Dictionary, EntryDef, Key};
+use powerlink::cn::Cn;
+use powerlink::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
+use powerlink::nmt::NmtState;
+use powerlink::wire::FRAME_LEN_MAX;
+
+/// 1000h: profile 401, digital inputs and outputs.
+pub(super) const DEVICE_TYPE: u32 = 0x000F_0191;
+
+/// Objects of the node beside the communication profile.
+pub(super) const IO_OBJECTS: &[EntryDef] = &[
+    EntryDef::ro(0x6000, DataType::U8, "DigitalInput_00h_AU8")
+        .subs(1, 2)
+        .tpdo(),
+    EntryDef::rw(0x6200, DataType::U8, "DigitalOutput_00h_AU8")
+        .subs(1, 2)
+        .rpdo(),
+];
+
+const ENTRIES: usize = COMMUNICATION_ENTRIES + obd::lines_of(IO_OBJECTS);
+const OCTETS: usize = COMMUNICATION_BYTES + obd::octets_of(IO_OBJECTS);
+
+/// One node.
+#[derive(Debug)]
+pub(super) struct Io {
+    node: Node,
+    cn: Cn<ENTRIES, OCTETS>,
+    powered: bool,
+    input_keys: [Key<u8>; 2],
+    output_keys: [Key<u8>; 2],
+    wired: u8,
+}
+
+impl Io {
+    pub(super) fn new(node: &Node, now_ns: u64) -> Result<Io, SimError> {
+        let objects: Dictionary<ENTRIES, OCTETS> =
+            Dictionary::new(&[COMMUNICATION_PROFILE, IO_OBJECTS]).map_err(|error| SimError::new(node, error))?;
+        let key = |index, sub| objects.key(index, sub).map_err(|error| SimError::new(node, error));
+        let input_keys = [key(0x6000, 1)?, key(0x6000, 2)?];
+        let output_keys = [key(0x6200, 1)?, key(0x6200, 2)?];
+        let cn = super::node::build(node, DEVICE_TYPE, objects, now_ns)?;
+        Ok(Io {
+            node: node.clone(),
+            cn,
+            powered: true,
+            input_keys,
+            output_keys,
+            wired: 0,
+        })
+    }
+
+    /// Takes a frame; the octets of `response` that are to be sent at once.
+    pub(super) fn receive(&mut self, now_ns: u64, frame: &[u8], response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
+        if self.powered {
+            self.cn.receive(now_ns, frame, response).transmit
+        } else {
+            None
+        }
+    }
+
+    /// Switches the contactors and reads the inputs.
+    pub(super) fn work(&mut self) {
+        let operational = self.cn.nmt_state() == NmtState::Operational;
+        let objects = self.cn.dictionary_mut();
+        if !operational {
+            for key in self.output_keys {
+                objects.set(key, 0);
+            }
+        }
+        let contacts = objects.get(self.output_keys[0]);
+        objects.set(self.input_keys[0], contacts);
+        objects.set(self.input_keys[1], self.wired);
+    }
+
+    pub(super) fn poll(&mut self, now_ns: u64) {
+        if self.powered && self.cn.poll(now_ns).nmt_state.is_some() {
+            self.work();
+        }
+    }
+
+    pub(super) fn next_poll_ns(&self) -> Option<u64> {
+        if self.powered { self.cn.next_deadline_ns() } else { None }
+    }
+
+    pub(super) fn power_off(&mut self) {
+        self.powered = false;
+    }
+
+    pub(super) fn power_on(&mut self, now_ns: u64) -> Result<(), SimError> {
+        let wired = self.wired;
+        *self = Io::new(&self.node.clone(), now_ns)?;
+        self.wired = wired;
+        Ok(())
+    }
+
+    pub(super) fn nmt_state(&self) -> NmtState {
+        if self.powered {
+            self.cn.nmt_state()
+        } else {
+            NmtState::Off
+        }
+    }
+
+    /// Outputs 6200h/1 and /2 as they act on the machine.
+    pub(super) fn outputs(&self) -> [u8; 2] {
+        if self.nmt_state() == NmtState::Operational {
+            self.output_keys.map(|key| self.cn.dictionary().get(key))
+        } else {
+            [0; 2]
+        }
+    }
+
+    /// What is wired to 6000h/2.
+    pub(super) fn set_inputs(&mut self, wired: u8) {
+        self.wired = wired;
+    }
+}

@@ -1,0 +1,260 @@
+//! The whole simulated machine at the far end of the wire.
+//!
+//! In:  the machine file; every frame of the managing node; the time.
+//! Out: the frames that the nodes answer with, at once; the motion of their motors, worked out after the SoA.
+//!
+//! The nodes hang on one wire: what one sends, the others hear. Methods that take a node id do what people do to a
+//! machine (pull a cable, switch off a drive) and return whether there is such a node.
+
+use super::SimError;
+use super::drive::Drive;
+use super::io::Io;
+use crate::config::{Config, Profile};
+use cia402::State;
+use powerlink::nmt::NmtState;
+use powerlink::wire::{ETHER_TYPE, FRAME_LEN_MAX, message};
+
+/// A machine that nobody looks after is looked at this often, ns.
+const IDLE_NS: u64 = 100_000_000;
+/// Where the message type lies in a frame.
+const MESSAGE_TYPE: usize = 14;
+
+#[derive(Debug)]
+enum Device {
+    Drive(Box<Drive>),
+    Io(Box<Io>),
+}
+
+#[derive(Debug)]
+struct Place {
+    id: u8,
+    device: Device,
+    /// The node hangs on the wire.
+    plugged: bool,
+    /// PRes that get lost before others are sent.
+    pres_to_drop: u32,
+}
+
+impl Place {
+    fn receive(&mut self, now_ns: u64, frame: &[u8], response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
+        if !self.plugged {
+            return None;
+        }
+        let length = match &mut self.device {
+            Device::Drive(drive) => drive.receive(now_ns, frame, response),
+            Device::Io(io) => io.receive(now_ns, frame, response),
+        }?;
+        if self.pres_to_drop > 0 && message_type(&response[..length]) == Some(message::PRES) {
+            self.pres_to_drop -= 1;
+            return None;
+        }
+        Some(length)
+    }
+}
+
+/// All nodes of a machine file.
+#[derive(Debug)]
+pub struct SimMachine {
+    places: Vec<Place>,
+    /// Index into `places` of each joint's drive.
+    joints: Vec<usize>,
+    response: Box<[u8; FRAME_LEN_MAX]>,
+    now_ns: u64,
+}
+
+impl SimMachine {
+    /// All nodes switched on at time 0 of their clock.
+    pub fn new(config: &Config) -> Result<SimMachine, SimError> {
+        let period_ns = config.cycle_us.saturating_mul(1000);
+        let mut places = Vec::new();
+        for (index, node) in config.bus.nodes.iter().enumerate() {
+            let device = match node.profile {
+                Profile::Cia402 => {
+                    let joint = config.joints.iter().find(|joint| joint.node == index);
+                    Device::Drive(Box::new(Drive::new(node, joint, &config.sim, period_ns, 0)?))
+                }
+                Profile::Io => Device::Io(Box::new(Io::new(node, 0)?)),
+            };
+            places.push(Place {
+                id: node.id,
+                device,
+                plugged: true,
+                pres_to_drop: 0,
+            });
+        }
+        let joints = config.joints.iter().map(|joint| joint.node).collect();
+        Ok(SimMachine {
+            places,
+            joints,
+            response: Box::new([0; FRAME_LEN_MAX]),
+            now_ns: 0,
+        })
+    }
+
+    /// Takes one frame from the wire; answers go to `send` at once, before anything is worked out.
+    ///
+    /// RT: no allocation, no locks; bounded by the number of nodes.
+    pub fn receive(&mut self, now_ns: u64, frame: &[u8], send: &mut dyn FnMut(&[u8])) {
+        self.now_ns = now_ns;
+        for index in 0..self.places.len() {
+            let Some(length) = self.places[index].receive(now_ns, frame, &mut self.response) else {
+                continue;
+            };
+            let mut answer = [0; FRAME_LEN_MAX];
+            answer[..length].copy_from_slice(&self.response[..length]);
+            send(&answer[..length]);
+            for other in (0..self.places.len()).filter(|other| *other != index) {
+                // Nodes answer the managing node only; what they hear of each other is for cross traffic.
+                self.places[other].receive(now_ns, &answer[..length], &mut self.response);
+            }
+        }
+        if message_type(frame) == Some(message::SOA) {
+            for place in &mut self.places {
+                match &mut place.device {
+                    Device::Drive(drive) => drive.work(),
+                    Device::Io(io) => io.work(),
+                }
+            }
+        }
+    }
+
+    /// Looks at the clock: losses of the managing node, and drives that go on by themselves. Nodes of this machine never
+    /// send without being asked, so nothing is sent now.
+    ///
+    /// RT: no allocation, no locks; bounded by the number of nodes.
+    pub fn poll(&mut self, now_ns: u64, _send: &mut dyn FnMut(&[u8])) {
+        self.now_ns = now_ns;
+        for place in &mut self.places {
+            match &mut place.device {
+                Device::Drive(drive) => drive.poll(now_ns),
+                Device::Io(io) => io.poll(now_ns),
+            }
+        }
+    }
+
+    /// When [`SimMachine::poll`] is due if no frame comes before.
+    pub fn next_poll_ns(&self) -> u64 {
+        let next = self.places.iter().filter_map(|place| match &place.device {
+            Device::Drive(drive) => Some(drive.next_poll_ns()),
+            Device::Io(io) => io.next_poll_ns(),
+        });
+        next.min().unwrap_or(self.now_ns + IDLE_NS)
+    }
+
+    fn place(&mut self, node_id: u8) -> Option<&mut Place> {
+        self.places.iter_mut().find(|place| place.id == node_id)
+    }
+
+    fn drive(&mut self, node_id: u8) -> Option<&mut Drive> {
+        match &mut self.place(node_id)?.device {
+            Device::Drive(drive) => Some(drive),
+            Device::Io(_) => None,
+        }
+    }
+
+    /// A fault inside a drive; see [`cia402::error_text`] for codes.
+    pub fn raise_drive_fault(&mut self, node_id: u8, error_code: u16) -> bool {
+        self.drive(node_id).map(|drive| drive.raise_fault(error_code)).is_some()
+    }
+
+    /// Warning bit, remote bit and refusals of a drive.
+    pub fn drive_injected(&mut self, node_id: u8) -> Option<&mut cia402::device::Injected> {
+        self.drive(node_id).map(Drive::injected)
+    }
+
+    /// Loses the next PRes of a node.
+    pub fn drop_pres(&mut self, node_id: u8, count: u32) -> bool {
+        self.place(node_id).map(|place| place.pres_to_drop = count).is_some()
+    }
+
+    /// Pulls the network cable of a node, or plugs it in again; the node itself goes on.
+    pub fn plug(&mut self, node_id: u8, plugged: bool) -> bool {
+        self.place(node_id).map(|place| place.plugged = plugged).is_some()
+    }
+
+    /// Switches a node off; the motor of a drive runs out against its brake.
+    pub fn power_off(&mut self, node_id: u8) -> bool {
+        let device = self.place(node_id).map(|place| &mut place.device);
+        device
+            .map(|device| match device {
+                Device::Drive(drive) => drive.power_off(),
+                Device::Io(io) => io.power_off(),
+            })
+            .is_some()
+    }
+
+    /// Switches a node on again: it starts from its defaults, and the encoder of a drive from zero.
+    pub fn power_on(&mut self, node_id: u8) -> bool {
+        let now_ns = self.now_ns;
+        let device = self.place(node_id).map(|place| &mut place.device);
+        device.is_some_and(|device| {
+            // What was built once from the same setup can be built again.
+            match device {
+                Device::Drive(drive) => drive.power_on(now_ns).is_ok(),
+                Device::Io(io) => io.power_on(now_ns).is_ok(),
+            }
+        })
+    }
+
+    /// What is wired to the inputs 6000h/2 of an I/O node.
+    pub fn set_inputs(&mut self, node_id: u8, wired: u8) -> bool {
+        match self.place(node_id).map(|place| &mut place.device) {
+            Some(Device::Io(io)) => {
+                io.set_inputs(wired);
+                true
+            }
+            Some(Device::Drive(_)) | None => false,
+        }
+    }
+
+    /// Outputs 6200h/1 and /2 of an I/O node as they act on the machine.
+    pub fn outputs(&self, node_id: u8) -> Option<[u8; 2]> {
+        self.places
+            .iter()
+            .filter(|place| place.id == node_id)
+            .find_map(|place| match &place.device {
+                Device::Io(io) => Some(io.outputs()),
+                Device::Drive(_) => None,
+            })
+    }
+
+    /// NMT state of a node; [`NmtState::Off`] while it is switched off.
+    pub fn nmt_state(&self, node_id: u8) -> Option<NmtState> {
+        self.places
+            .iter()
+            .find(|place| place.id == node_id)
+            .map(|place| match &place.device {
+                Device::Drive(drive) => drive.nmt_state(),
+                Device::Io(io) => io.nmt_state(),
+            })
+    }
+
+    /// State of a drive's power section.
+    pub fn drive_state(&self, node_id: u8) -> Option<State> {
+        self.places
+            .iter()
+            .filter(|place| place.id == node_id)
+            .find_map(|place| match &place.device {
+                Device::Drive(drive) => Some(drive.state()),
+                Device::Io(_) => None,
+            })
+    }
+
+    /// Where the load of a joint is, machine coordinates in mm (degrees): what a rule on the machine would show, whatever
+    /// the drive and the control believe.
+    pub fn joint_position_mm(&self, joint: usize) -> Option<f64> {
+        let place = self.places.get(*self.joints.get(joint)?)?;
+        match &place.device {
+            Device::Drive(drive) => Some(drive.machine_position_mm()),
+            Device::Io(_) => None,
+        }
+    }
+}
+
+/// Message type of a POWERLINK frame.
+fn message_type(frame: &[u8]) -> Option<u8> {
+    let ether_type = frame.get(12..14)?;
+    (ether_type == ETHER_TYPE.to_be_bytes())
+        .then(|| frame.get(MESSAGE_TYPE).map(|octet| octet & 0x7F))
+        .flatten()
+}

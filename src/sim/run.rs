@@ -1,0 +1,60 @@
+//! The simulated machine on a link, in a process or thread of its own.
+//!
+//! In:  frames of the managing node on a [`Link`]. Out: the machine's answers, each at once.
+
+use super::SimMachine;
+use powerlink::link::{Link, LinkError, Received};
+use powerlink::wire::FRAME_LEN_MAX;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// How long a wish to stop may go unnoticed, ns.
+const STOP_LOOK_NS: u64 = 50_000_000;
+
+/// What came of [`serve`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Served {
+    /// Frames of other nodes that arrived.
+    pub received: u64,
+    /// Frames that were sent.
+    pub sent: u64,
+    /// Answers that found no room on the link.
+    pub dropped: u64,
+}
+
+/// Answers on `link` until `stop` is set. Every frame that arrives is first answered and then shown to `observe`, with
+/// the link's own receive stamp. Sleeps in the link while nothing is due. An interface that goes down ends it.
+///
+/// RT as far as the link is: no allocation, no locks.
+pub fn serve(
+    link: &mut dyn Link,
+    machine: &mut SimMachine,
+    stop: &AtomicBool,
+    observe: &mut dyn FnMut(&[u8], &Received),
+) -> Result<Served, LinkError> {
+    let mut served = Served::default();
+    let mut buffer = [0; FRAME_LEN_MAX];
+    while !stop.load(Ordering::Relaxed) {
+        let deadline_ns = machine.next_poll_ns().min(link.now_ns() + STOP_LOOK_NS);
+        let received = link.receive(&mut buffer, deadline_ns)?;
+        let now_ns = link.now_ns();
+        let mut failed = None;
+        let mut send = |frame: &[u8]| match link.send(frame) {
+            Ok(()) => served.sent += 1,
+            Err(LinkError::NoBuffers) => served.dropped += 1,
+            Err(error) => failed = Some(error),
+        };
+        match received {
+            Some(received) => {
+                let frame = &buffer[..received.length.min(FRAME_LEN_MAX)];
+                machine.receive(now_ns, frame, &mut send);
+                served.received += 1;
+                observe(frame, &received);
+            }
+            None => machine.poll(now_ns, &mut send),
+        }
+        if let Some(error) = failed {
+            return Err(error);
+        }
+    }
+    Ok(served)
+}

@@ -1,0 +1,120 @@
+//! The machine of `configs/mill3-demo.toml` as it was when the tests of this module were written.
+
+use crate::config::*;
+use motion::canon::{Axis, Position};
+
+pub(super) fn test_config() -> Config {
+    let mapped = |index, sub, bits| Mapped { index, sub, bits };
+    let node = |id: u8, name: &str, profile, device_type, outputs, inputs| Node {
+        id,
+        name: name.to_string(),
+        profile,
+        mandatory: true,
+        pres_timeout_us: 150,
+        identity: Identity {
+            device_type: Some(device_type),
+            ..Identity::default()
+        },
+        outputs,
+        inputs,
+    };
+    let drive = |id, name| {
+        let outputs = vec![
+            mapped(0x6040, 0, 16),
+            mapped(0x607A, 0, 32),
+            mapped(0x6060, 0, 8),
+            mapped(0x60FE, 1, 32),
+        ];
+        let inputs = vec![
+            mapped(0x6041, 0, 16),
+            mapped(0x6064, 0, 32),
+            mapped(0x60F4, 0, 32),
+            mapped(0x6061, 0, 8),
+            mapped(0x60FD, 0, 32),
+            mapped(0x603F, 0, 16),
+        ];
+        node(id, name, Profile::Cia402, 0x0002_0192, outputs, inputs)
+    };
+    let io_outputs = vec![mapped(0x6200, 1, 8), mapped(0x6200, 2, 8)];
+    let io_inputs = vec![mapped(0x6000, 1, 8), mapped(0x6000, 2, 8)];
+    let joint = |node, travel_mm, method, velocity_mm_s| Joint {
+        node,
+        counts_per_unit: [10_000, 1],
+        travel_mm,
+        limits: JointLimits {
+            velocity_mm_s,
+            acceleration_mm_s2: 10.0 * velocity_mm_s,
+            jerk_mm_s3: 200.0 * velocity_mm_s,
+        },
+        stop: StopLimits {
+            acceleration_mm_s2: 20.0 * velocity_mm_s,
+            jerk_mm_s3: 800.0 * velocity_mm_s,
+        },
+        following_error_mm: 2.0,
+        homing: Homing {
+            method,
+            search_mm_s: 40.0,
+            latch_mm_s: 4.0,
+            acceleration_mm_s2: 500.0,
+            position_mm: 0.0,
+        },
+    };
+    Config {
+        path: "test.toml".into(),
+        name: "mill3".to_string(),
+        cycle_us: 1000,
+        rt: Rt {
+            cpu: None,
+            priority: 80,
+            timeout_us: 50,
+            phase_us: 370,
+            spin_us: 50,
+            keep_awake: false,
+            lock_memory: false,
+            require: Require::Warn,
+        },
+        bus: Bus {
+            kind: BusKind::Memory,
+            interface: String::new(),
+            async_slot_timeout_us: 150,
+            pres_lost_max: 3,
+            nodes: vec![
+                drive(1, "x-drive"),
+                drive(2, "y-drive"),
+                drive(3, "z-drive"),
+                node(10, "io", Profile::Io, 0x000F_0191, io_outputs, io_inputs),
+            ],
+        },
+        joints: vec![
+            joint(0, [-5.0, 305.0], 21, 150.0),
+            joint(1, [-5.0, 205.0], 21, 150.0),
+            joint(2, [-105.0, 5.0], 23, 100.0),
+        ],
+        axes: vec![
+            AxisMap {
+                axis: Axis::X,
+                joints: vec![0],
+            },
+            AxisMap {
+                axis: Axis::Y,
+                joints: vec![1],
+            },
+            AxisMap {
+                axis: Axis::Z,
+                joints: vec![2],
+            },
+        ],
+        work_offsets: [Position::ZERO; 9],
+        spindle: Spindle { rpm_max: 24_000.0 },
+        program: Program {
+            tolerance_mm: 0.01,
+            look_ahead_blocks: 1000,
+        },
+        nets: Vec::new(),
+        sim: Sim {
+            natural_frequency_hz: 60.0,
+            damping: 0.8,
+            start: 0.37,
+        },
+    }
+}
