@@ -3,6 +3,17 @@
 //! In:  whole Ethernet frames without FCS to send. Out: frames of others, each with the time it was received, if known.
 //! Nothing in `send` and `receive` allocates or locks (except in `pnet`, which is no RT link and says so).
 
+#[cfg(feature = "std")]
+mod clock;
+#[cfg(feature = "std")]
+pub mod memory;
+#[cfg(feature = "std")]
+pub mod pcap;
+#[cfg(feature = "pnet")]
+pub mod pnet;
+#[cfg(feature = "std")]
+pub mod raw;
+
 /// Why a frame could not be sent or awaited.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LinkError {
