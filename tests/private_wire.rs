@@ -1,0 +1,102 @@
+//! A private wire is made where namespaces are allowed, as root and as an ordinary user.
+//!
+//! This program has no test harness, for a namespace is entered by a process of one thread: it runs itself again, once per
+//! user, and checks what the other one says. Where the system refuses, it prints the reason and passes.
+
+use isocnc::service::netns::{NetnsError, private_wire};
+use nix::ifaddrs::getifaddrs;
+use nix::net::if_::InterfaceFlags;
+use std::fs::read_to_string;
+use std::os::unix::process::CommandExt;
+use std::process::Command;
+
+const ROLE: &str = "ISOCNC_TEST_PRIVATE_WIRE";
+const NOBODY: u32 = 65_534;
+
+fn main() {
+    if std::env::var_os(ROLE).is_some() {
+        make_wire();
+        return;
+    }
+    check("as this user", |_| {});
+    if nix::unistd::geteuid().is_root() {
+        if let Some(said) = check("as an ordinary user", |command| {
+            command.uid(NOBODY).gid(NOBODY);
+        }) {
+            assert!(said.contains("WIRE MADE, user namespace: true"), "{said}");
+        }
+    } else {
+        println!("private_wire as root ... SKIPPED: run as root");
+    }
+    std::thread::scope(|scope| {
+        let refused = scope
+            .spawn(|| private_wire("plk0", "plk1").unwrap_err())
+            .join()
+            .unwrap();
+        assert!(matches!(refused, NetnsError::Threads { threads: 2.. }), "{refused}");
+        println!("private_wire in a process with threads ... ok, refused");
+    });
+}
+
+fn check(name: &str, configure: impl FnOnce(&mut Command)) -> Option<String> {
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command.env(ROLE, "1").current_dir("/");
+    configure(&mut command);
+    let output = match command.output() {
+        Ok(output) => output,
+        Err(cause) => {
+            println!("private_wire {name} ... SKIPPED: this program cannot run so: {cause}");
+            return None;
+        }
+    };
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        output.status.success(),
+        "{name}: {said}\n{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    if let Some((_, reason)) = said.split_once("REFUSED: ") {
+        println!("private_wire {name} ... SKIPPED: {}", reason.trim());
+        return None;
+    }
+    assert!(said.contains("WIRE MADE"), "{said}");
+    println!("private_wire {name} ... ok");
+    Some(said)
+}
+
+/// Runs in a process of its own.
+fn make_wire() {
+    let wire = match private_wire("plk0", "plk1") {
+        Ok(wire) => wire,
+        Err(error @ NetnsError::Forbidden { .. }) => {
+            println!("REFUSED: {error}");
+            return;
+        }
+        Err(error) => panic!("{error}"),
+    };
+    assert_eq!((wire.near.as_str(), wire.far.as_str()), ("plk0", "plk1"));
+    let flags: Vec<_> = getifaddrs()
+        .unwrap()
+        .map(|found| (found.interface_name, found.flags))
+        .collect();
+    for end in ["plk0", "plk1"] {
+        let (_, flags) = flags.iter().find(|(name, _)| name == end).unwrap();
+        assert!(
+            flags.contains(InterfaceFlags::IFF_UP | InterfaceFlags::IFF_NOARP | InterfaceFlags::IFF_RUNNING),
+            "{flags:?}"
+        );
+    }
+    let (_, lo) = flags.iter().find(|(name, _)| name == "lo").unwrap();
+    assert!(lo.contains(InterfaceFlags::IFF_UP));
+    if wire.notes.is_empty() {
+        let addresses = read_to_string("/proc/net/if_inet6").unwrap_or_default();
+        assert!(
+            !addresses.contains("plk"),
+            "no IPv6 address, so no neighbour discovery: {addresses}"
+        );
+    }
+    println!(
+        "WIRE MADE, user namespace: {}, notes: {:?}",
+        wire.user_namespace, wire.notes
+    );
+}
