@@ -1,5 +1,8 @@
 //! cli
 use std::process::ExitCode;
+
+pub mod hal;
+
 /// main
 pub fn main() -> ExitCode {
     ExitCode::SUCCESS

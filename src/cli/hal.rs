@@ -1,0 +1,348 @@
+//! `isocnc hal`: pins and nets of a running control, from another process.
+//!
+//! In:  the shared memory of the control, found by the name of its machine.
+//! Out: lines or JSON on standard output; `set` changes an input that no net reaches.
+
+use anyhow::{Context, bail};
+use hal_pins::{AnyValue, Attached, Found, PinInfo};
+use serde_json::{Value as Json, json};
+use std::io::{ErrorKind, Write};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+/// Arguments of `isocnc hal`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct HalArgs {
+    /// Name of the machine; may be left out while exactly one control runs
+    #[arg(long, global = true, value_name = "NAME")]
+    pub machine: Option<String>,
+    /// Print JSON
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// What to do
+    #[command(subcommand)]
+    pub command: HalCommand,
+}
+
+/// What `isocnc hal` does.
+#[derive(Clone, Debug, clap::Subcommand)]
+pub enum HalCommand {
+    /// All pins and nets: name, type, direction, value, net
+    List {
+        /// Only names that begin so
+        #[arg(default_value = "")]
+        prefix: String,
+    },
+    /// The value of pins or nets, one a line
+    Get {
+        /// Names
+        #[arg(required = true)]
+        names: Vec<String>,
+    },
+    /// Set an input that no net reaches
+    Set {
+        /// Name of the pin
+        name: String,
+        /// New value: 0, 1, false or true for a bit, else a number
+        #[arg(allow_hyphen_values = true)]
+        value: String,
+    },
+    /// Print values as they change, until Ctrl-C or the end of the control
+    Watch {
+        /// Names; none: all
+        names: Vec<String>,
+        /// Time between two looks; changes in between are not seen
+        #[arg(long, value_name = "MS", default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=3_600_000))]
+        interval_ms: u64,
+    },
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// No control, an unknown name, a value that cannot be set, a damaged file.
+pub fn hal(args: &HalArgs) -> anyhow::Result<ExitCode> {
+    let machine = match &args.machine {
+        Some(machine) => machine.clone(),
+        None => the_only_one(hal_pins::find())?,
+    };
+    let pins = Attached::attach(&machine)?;
+    let mut out = std::io::stdout().lock();
+    match run(&args.command, args.json, &pins, &mut out) {
+        // The reader of a pipe may have seen enough.
+        Err(error)
+            if error
+                .downcast_ref::<std::io::Error>()
+                .is_some_and(|cause| cause.kind() == ErrorKind::BrokenPipe) => {}
+        done => done?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn the_only_one(running: Vec<Found>) -> anyhow::Result<String> {
+    match &running[..] {
+        [only] => Ok(only.machine.clone()),
+        [] => bail!("no control is running (or it runs as another user): start one with 'isocnc run' or 'isocnc demo'"),
+        several => {
+            let names: Vec<String> = several
+                .iter()
+                .map(|found| format!("{} (process {})", found.machine, found.pid))
+                .collect();
+            bail!(
+                "several controls are running: choose one with --machine: {}",
+                names.join(", ")
+            )
+        }
+    }
+}
+
+fn run(command: &HalCommand, as_json: bool, pins: &Attached, out: &mut impl Write) -> anyhow::Result<()> {
+    match command {
+        HalCommand::List { prefix } => {
+            let list: Vec<PinInfo> = pins
+                .list()?
+                .into_iter()
+                .filter(|pin| pin.name.starts_with(prefix.as_str()))
+                .collect();
+            if as_json {
+                writeln!(out, "{:#}", Json::from_iter(list.iter().map(to_json)))?;
+            } else {
+                write_table(&list, out)?;
+            }
+        }
+        HalCommand::Get { names } => {
+            let found = names.iter().map(|name| pins.get(name)).collect::<Result<Vec<_>, _>>()?;
+            for pin in &found {
+                match as_json {
+                    true => writeln!(out, "{}", to_json(pin))?,
+                    false => writeln!(out, "{}", pin.value)?,
+                }
+            }
+        }
+        HalCommand::Set { name, value } => {
+            let value_type = pins.get(name)?.value_type();
+            pins.set(
+                name,
+                AnyValue::parse(value_type, value).with_context(|| format!("pin '{name}'"))?,
+            )?;
+            if as_json {
+                writeln!(out, "{}", to_json(&pins.get(name)?))?;
+            }
+        }
+        HalCommand::Watch { names, interval_ms } => {
+            watch(names, Duration::from_millis(*interval_ms), as_json, pins, out)?
+        }
+    }
+    out.flush()?;
+    Ok(())
+}
+
+fn watch(
+    names: &[String],
+    interval: Duration,
+    as_json: bool,
+    pins: &Attached,
+    out: &mut impl Write,
+) -> anyhow::Result<()> {
+    let start = Instant::now();
+    let mut last: Vec<PinInfo> = Vec::new();
+    loop {
+        // Asked before the look, so that the last values of a control that ends are printed.
+        let running = pins.is_running();
+        let now = match names {
+            [] => pins.list()?,
+            names => names.iter().map(|name| pins.get(name)).collect::<Result<Vec<_>, _>>()?,
+        };
+        let t_s = start.elapsed().as_secs_f64();
+        for (index, pin) in now.iter().enumerate() {
+            // Pins are only ever added, so the same place is the same pin.
+            if last
+                .get(index)
+                .is_some_and(|before| same_value(before.value, pin.value))
+            {
+                continue;
+            }
+            match as_json {
+                true => writeln!(
+                    out,
+                    "{}",
+                    json!({ "t_s": t_s, "name": pin.name, "value": value_json(pin.value) })
+                )?,
+                false => writeln!(out, "{t_s:10.3}  {}  {}", pin.name, pin.value)?,
+            }
+        }
+        out.flush()?;
+        if !running {
+            eprintln!("the control has ended");
+            return Ok(());
+        }
+        last = now;
+        std::thread::sleep(interval);
+    }
+}
+
+/// Equal, or both not a number: NaN that stays is no change.
+fn same_value(a: AnyValue, b: AnyValue) -> bool {
+    a == b || matches!((a, b), (AnyValue::Float(a), AnyValue::Float(b)) if a.is_nan() && b.is_nan())
+}
+
+fn write_table(list: &[PinInfo], out: &mut impl Write) -> std::io::Result<()> {
+    let width = |shown: &dyn Fn(&PinInfo) -> usize, least| list.iter().map(shown).max().unwrap_or(0).max(least);
+    let name = width(&|pin| pin.name.len(), 4);
+    let value = width(&|pin| pin.value.to_string().len(), 5);
+    writeln!(out, "{:name$}  type   dir  {:>value$}  net", "name", "value")?;
+    for pin in list {
+        let net = match (&pin.net, &pin.source) {
+            (Some(net), _) => net.clone(),
+            (None, Some(source)) => format!("from {source}"),
+            (None, None) => String::new(),
+        };
+        let line = format!(
+            "{:name$}  {:5}  {:3}  {:>value$}  {net}",
+            pin.name,
+            pin.value_type(),
+            pin.kind.short(),
+            pin.value.to_string()
+        );
+        writeln!(out, "{}", line.trim_end())?;
+    }
+    Ok(())
+}
+
+fn to_json(pin: &PinInfo) -> Json {
+    json!({
+        "name": pin.name,
+        "type": pin.value_type().name(),
+        "direction": pin.kind.short(),
+        "value": value_json(pin.value),
+        "net": pin.net,
+        "source": pin.source,
+    })
+}
+
+fn value_json(value: AnyValue) -> Json {
+    match value {
+        AnyValue::Bit(value) => value.into(),
+        AnyValue::S32(value) => value.into(),
+        AnyValue::U32(value) => value.into(),
+        AnyValue::S64(value) => value.into(),
+        AnyValue::U64(value) => value.into(),
+        AnyValue::Float(value) => value.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+    use hal_pins::Hal;
+
+    #[derive(Parser)]
+    struct Cli {
+        #[command(flatten)]
+        args: HalArgs,
+    }
+
+    /// Runs a command line against a control with a few pins.
+    fn on_a_control(lines: &[&str]) -> Vec<Result<String, String>> {
+        let dir = tempfile::tempdir().unwrap();
+        let dirs = [dir.path().to_owned()];
+        let mut hal = Hal::create_in(&dirs, "mill3", 8).unwrap();
+        hal.output::<f64>("joint.0.motor-pos-cmd").unwrap().set(-12.5);
+        hal.input("drive.0.target", 0.0).unwrap();
+        hal.input("motion.feed-hold", false).unwrap();
+        hal.link("x-pos-cmd", "joint.0.motor-pos-cmd", &["drive.0.target"])
+            .unwrap();
+        let pins = Attached::attach_in(&dirs, "mill3").unwrap();
+        let run_line = |line: &&str| {
+            let cli = Cli::try_parse_from(std::iter::once("hal").chain(line.split(' ')))
+                .map_err(|error| error.to_string())?;
+            let mut out = Vec::new();
+            run(&cli.args.command, cli.args.json, &pins, &mut out).map_err(|error| format!("{error:#}"))?;
+            Ok(String::from_utf8(out).unwrap())
+        };
+        lines.iter().map(run_line).collect()
+    }
+
+    #[test]
+    fn list_shows_every_pin_with_its_net() {
+        let said = on_a_control(&["list", "list motion --json"]);
+        let table = "\
+name                   type   dir  value  net
+joint.0.motor-pos-cmd  float  out  -12.5  x-pos-cmd
+drive.0.target         float  in   -12.5  x-pos-cmd
+motion.feed-hold       bit    in   false
+x-pos-cmd              float  net  -12.5  from joint.0.motor-pos-cmd
+";
+        assert_eq!(said[0].as_deref(), Ok(table));
+        let list: Json = serde_json::from_str(said[1].as_ref().unwrap()).unwrap();
+        let pin = json!([{ "name": "motion.feed-hold", "type": "bit", "direction": "in", "value": false, "net": null, "source": null }]);
+        assert_eq!(list, pin);
+    }
+
+    #[test]
+    fn get_and_set() {
+        let said = on_a_control(&[
+            "get x-pos-cmd motion.feed-hold",
+            "set motion.feed-hold 1",
+            "get motion.feed-hold",
+            "set motion.feed-hold -2",
+            "set drive.0.target -1.5",
+            "get motion.feed-hodl",
+            "get",
+        ]);
+        assert_eq!(said[0].as_deref(), Ok("-12.5\nfalse\n"));
+        assert_eq!(said[1].as_deref(), Ok(""));
+        assert_eq!(said[2].as_deref(), Ok("true\n"));
+        let refused = |index: usize| said[index].as_ref().unwrap_err().as_str();
+        assert_eq!(
+            refused(3),
+            "pin 'motion.feed-hold': '-2' is no bit: expected 0, 1, false or true"
+        );
+        assert_eq!(refused(4), "'drive.0.target' cannot be set: it is on net 'x-pos-cmd'");
+        assert_eq!(
+            refused(5),
+            "no pin or net 'motion.feed-hodl'; did you mean 'motion.feed-hold'?"
+        );
+        assert!(refused(6).contains("required"));
+    }
+
+    #[test]
+    fn watch_prints_changes_until_the_control_ends() {
+        let dir = tempfile::tempdir().unwrap();
+        let dirs = [dir.path().to_owned()];
+        let mut hal = Hal::create_in(&dirs, "mill3", 8).unwrap();
+        hal.output::<u32>("a.count").unwrap().set(5);
+        let pins = Attached::attach_in(&dirs, "mill3").unwrap();
+        drop(hal);
+        let mut out = Vec::new();
+        watch(&[], Duration::from_millis(1), true, &pins, &mut out).unwrap();
+        let line: Json = serde_json::from_slice(&out).unwrap();
+        assert_eq!((&line["name"], &line["value"]), (&json!("a.count"), &json!(5)));
+        assert!(same_value(AnyValue::Float(f64::NAN), AnyValue::Float(f64::NAN)));
+        assert!(!same_value(AnyValue::Float(0.0), AnyValue::Float(1.0)));
+    }
+
+    #[test]
+    fn the_machine_may_be_left_out_if_there_is_one() {
+        let found = |machine: &str, pid| Found {
+            machine: machine.into(),
+            pid,
+            path: machine.into(),
+        };
+        assert_eq!(the_only_one(vec![found("a", 1)]).unwrap(), "a");
+        assert!(
+            the_only_one(vec![])
+                .unwrap_err()
+                .to_string()
+                .starts_with("no control is running")
+        );
+        let several = the_only_one(vec![found("a", 1), found("b", 2)])
+            .unwrap_err()
+            .to_string();
+        assert_eq!(
+            several,
+            "several controls are running: choose one with --machine: a (process 1), b (process 2)"
+        );
+    }
+}
