@@ -83,6 +83,8 @@ pub(super) struct Drive {
     /// The SoC came and its period has not been worked off.
     due: bool,
     free_running: bool,
+    /// A reset of the application waits until the motor has stopped.
+    reset_due: bool,
 }
 
 impl Drive {
@@ -133,6 +135,7 @@ impl Drive {
             period_start_ns: now_ns,
             due: false,
             free_running: true,
+            reset_due: false,
             setup,
         })
     }
@@ -193,7 +196,7 @@ impl Drive {
 
     fn take(&mut self, now_ns: u64, events: &Events) {
         if let Some(Reset::Software | Reset::Node) = events.reset {
-            self.device.reset();
+            self.reset_due = true;
         }
         if events.sync.is_some() {
             // The SoA of the period before was lost.
@@ -211,8 +214,14 @@ impl Drive {
             self.demand = Demand::default();
             return;
         }
-        let led = self.cn.nmt_state() == NmtState::Operational && !self.free_running;
+        let led = self.cn.nmt_state() == NmtState::Operational && !self.free_running && !self.reset_due;
         self.demand = self.device.cycle(self.cn.dictionary_mut(), &sensors, led);
+        let stopping = matches!(self.device.state(), State::QuickStopActive | State::FaultReactionActive);
+        if self.reset_due && !stopping {
+            self.reset_due = false;
+            self.device.reset();
+            self.demand = Demand::default();
+        }
         let error_code = self.device.error_code();
         if error_code != self.reported {
             self.reported = error_code;

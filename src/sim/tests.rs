@@ -58,7 +58,7 @@ struct Rig {
     outputs: [u8; 2],
     inputs: [u8; 2],
     next_cycle_ns: u64,
-    /// Statuses as [`Rig::feedback`] saw them last.
+    /// Whether each node's inputs came in the last cycle.
     fresh: [bool; 4],
 }
 
@@ -346,6 +346,28 @@ fn five_lost_pres_in_a_row_lose_the_drive_and_it_comes_back() {
     rig.until(200, "ready for a new start", |rig| {
         rig.axes[X].status() == Status::Disabled
     });
+}
+
+#[test]
+fn a_lost_drive_that_is_reset_stops_by_its_ramp_first() {
+    let mut rig = Rig::moving();
+    rig.net.machine_mut().drop_pres(1, 5);
+    let mut states = Vec::new();
+    for _ in 0..100 {
+        rig.commanded[X] += 1000;
+        rig.cycle();
+        states.extend(rig.net.machine().drive_state(1));
+    }
+    states.dedup();
+    // SWITCH ON DISABLED is too short to be seen: the reset follows in the same period.
+    assert_eq!(
+        states[..3],
+        [
+            State::OperationEnabled,
+            State::QuickStopActive,
+            State::NotReadyToSwitchOn
+        ]
+    );
 }
 
 #[test]
