@@ -7,6 +7,7 @@ use cia402::profile::State;
 use obd::cdc::CdcWriter;
 use obd::mapping::MappingEntry;
 use powerlink::link::Link;
+use powerlink::link::pcap::{PcapReader, PcapWriter};
 use powerlink::mn::{BootTimes, Mn, MnConfig, NodeConfig, NodeState, Step};
 use powerlink::nmt::NmtState;
 use powerlink::wire::NetTime;
@@ -586,4 +587,37 @@ fn the_machine_on_a_link_answers_each_node_and_shows_what_came() {
     );
     assert_eq!(link.sent[0][40..44], [0x92, 0x01, 0x02, 0x00]);
     assert_eq!(link.sent[3][40..44], [0x91, 0x01, 0x0F, 0x00]);
+}
+
+#[test]
+fn every_frame_can_be_captured_and_a_drive_fault_is_signalled_in_them() {
+    let mut rig = Rig::moving();
+    let writer = Arc::new(Mutex::new(PcapWriter::new(Vec::new()).unwrap()));
+    let tapped = Arc::clone(&writer);
+    rig.net.set_tap(Box::new(move |now_ns, frame| {
+        tapped.lock().unwrap().write(now_ns, frame).unwrap()
+    }));
+    let polls_before = rig.mn.statistics(X).pres_received;
+    rig.net.at(
+        0,
+        Disturbance::DriveFault {
+            node: 1,
+            error_code: 0x4310,
+        },
+    );
+    rig.cycles(100);
+    let polls = rig.mn.statistics(X).pres_received - polls_before;
+    drop(rig);
+    let file = Arc::into_inner(writer).unwrap().into_inner().unwrap().finish().unwrap();
+    let frames: Vec<_> = PcapReader::new(&file).unwrap().map(|frame| frame.unwrap()).collect();
+    assert!(frames.is_sorted_by_key(|frame| frame.stamp_ns));
+    let of_x = |kind: u8| {
+        frames
+            .iter()
+            .filter(move |frame| frame.frame[14] == kind && frame.frame[16] == 1)
+    };
+    assert_eq!((of_x(0x04).count() as u64, polls), (100, 100), "one PRes a cycle");
+    // StatusResponse: entry type "occurred", profile 402; error code, little endian.
+    let entry = [0x92, 0x31, 0x10, 0x43];
+    assert!(of_x(0x06).any(|frame| frame.frame[17] == 0x02 && frame.frame[32..36] == entry));
 }
