@@ -439,6 +439,18 @@ fn homing_makes_the_edge_and_comes_back_at_the_new_position() {
     assert_eq!(rig.axis.homing(), HomingState::NotHomed);
 }
 
+#[test]
+fn homing_ends_at_the_drives_own_value_also_after_a_wrap() {
+    let mut rig = started(0x0637);
+    for position in [i32::MAX, i32::MIN, -4, -3] {
+        rig.feedback.position = position;
+        rig.word(0x0237);
+    }
+    assert_eq!(rig.axis.actual_position(), (1 << 32) - 3);
+    rig.word(0x1637);
+    assert_eq!((rig.axis.actual_position(), rig.axis.target_position()), (-3, -3));
+}
+
 /// An enabled axis that has just made the start edge, with what the drive showed before it.
 fn started(before: u16) -> Rig {
     let mut rig = Rig::enabled(AxisConfig {

@@ -262,6 +262,8 @@ fn quick_stop_options_0_and_5_to_8() {
 
     let mut rig = Rig::moving(100_000);
     rig.word(0x0002);
+    rig.word(0x000F);
+    assert_eq!(rig.device.state(), State::QuickStopActive);
     for _ in 0..30 {
         rig.word(0x000F);
     }
