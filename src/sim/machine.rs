@@ -196,6 +196,14 @@ impl SimMachine {
         })
     }
 
+    /// Switches all nodes on, on a clock that shows `now_ns`.
+    pub fn switch_on(&mut self, now_ns: u64) {
+        self.now_ns = now_ns;
+        for index in 0..self.places.len() {
+            self.power_on(self.places[index].id);
+        }
+    }
+
     /// What is wired to the inputs 6000h/2 of an I/O node.
     pub fn set_inputs(&mut self, node_id: u8, wired: u8) -> bool {
         match self.place(node_id).map(|place| &mut place.device) {

@@ -21,7 +21,7 @@ pub struct Served {
     pub dropped: u64,
 }
 
-/// Answers on `link` until `stop` is set. Every frame that arrives is first answered and then shown to `observe`, with
+/// Switches the machine on and answers on `link` until `stop` is set. Every frame that arrives is first answered and then shown to `observe`, with
 /// the link's own receive stamp. Sleeps in the link while nothing is due. An interface that goes down ends it.
 ///
 /// RT as far as the link is: no allocation, no locks.
@@ -33,6 +33,7 @@ pub fn serve(
 ) -> Result<Served, LinkError> {
     let mut served = Served::default();
     let mut buffer = [0; FRAME_LEN_MAX];
+    machine.switch_on(link.now_ns());
     while !stop.load(Ordering::Relaxed) {
         let deadline_ns = machine.next_poll_ns().min(link.now_ns() + STOP_LOOK_NS);
         let received = link.receive(&mut buffer, deadline_ns)?;

@@ -562,7 +562,7 @@ fn the_machine_on_a_link_answers_each_node_and_shows_what_came() {
     let mut link = Play {
         frames,
         sent: Vec::new(),
-        now_ns: 0,
+        now_ns: 1_000_000 * MS,
         stop: Arc::clone(&stop),
     };
     let mut machine = SimMachine::new(&test_config()).unwrap();
@@ -576,6 +576,11 @@ fn the_machine_on_a_link_answers_each_node_and_shows_what_came() {
         (served.received, served.sent, served.dropped, seen),
         (5, 4, 0, 5),
         "nobody is node 4"
+    );
+    assert_eq!(
+        machine.nmt_state(1),
+        Some(NmtState::PreOperational1),
+        "the clock of the link counts from its own start"
     );
     let sources: Vec<u8> = link.sent.iter().map(|frame| frame[16]).collect();
     assert_eq!(sources, [1, 2, 3, 10]);
