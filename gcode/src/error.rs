@@ -1,0 +1,366 @@
+//! What is wrong with a program, and where.
+//!
+//! In:  from every step of the interpretation.
+//! Out: to the operator: one line by `Display`, or with the text of the program around it by [`Error::render`].
+
+use crate::scan::is_continuation;
+use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
+use std::fmt;
+use std::ops::Range;
+
+/// A mistake in a part program.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Error {
+    /// Line, counted from 1.
+    pub line: u32,
+    /// Character in the line, counted from 1.
+    pub column: u32,
+    /// Octets of the text that are wrong.
+    pub span: Range<usize>,
+    /// What is wrong.
+    pub kind: ErrorKind,
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}: {}", self.line, self.column, self.kind)
+    }
+}
+
+impl std::error::Error for Error {}
+
+impl Error {
+    /// An error at `span` of `text`, in the line that starts at octet `line_start`.
+    pub(crate) fn at(text: &[u8], line: u32, line_start: usize, span: Range<usize>, kind: ErrorKind) -> Error {
+        let before = &text[line_start..span.start];
+        let column = 1 + before.iter().filter(|octet| !is_continuation(**octet)).count() as u32;
+        Error {
+            line,
+            column,
+            span,
+            kind,
+        }
+    }
+
+    /// The message with the line of the program and a mark under what is wrong; plain text of several lines.
+    ///
+    /// `text` is the program that was interpreted, `path` its name. Only the line of the error is copied.
+    pub fn render(&self, path: &str, text: &[u8]) -> String {
+        let start = self.span.start.min(text.len());
+        let line_start = text[..start]
+            .iter()
+            .rposition(|octet| *octet == b'\n')
+            .map_or(0, |at| at + 1);
+        let line_end = text[start..]
+            .iter()
+            .position(|octet| *octet == b'\n')
+            .map_or(text.len(), |at| start + at);
+        let end = self.span.end.clamp(start, line_end);
+        let shown = |octets: &[u8]| String::from_utf8_lossy(octets).replace('\r', " ");
+        // Octets that are no UTF-8 grow when shown, so places are counted in what is shown.
+        let before = shown(&text[line_start..start]);
+        let marked = shown(&text[start..end]);
+        let line = format!("{before}{marked}{}", shown(&text[end..line_end]));
+        let mark = before.len()..before.len() + marked.len();
+        let title = self.kind.to_string();
+        let snippet = Snippet::source(line.as_str())
+            .path(path)
+            .line_start(self.line as usize)
+            .annotation(AnnotationKind::Primary.span(mark));
+        let report = [Level::ERROR.primary_title(title.as_str()).element(snippet)];
+        Renderer::plain().render(&report)
+    }
+}
+
+/// Parts of LinuxCNC's language that are not words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Construct {
+    /// `#1`, `#<name>`, `#1=2`.
+    Parameter,
+    /// `[1+2]`, `SIN[30]`.
+    Expression,
+    /// `O100 sub`, `o<name> call`.
+    OWord,
+    /// `@distance ^angle`.
+    Polar,
+    /// `$1`.
+    SpindleNumber,
+}
+
+impl fmt::Display for Construct {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Construct::Parameter => "parameters (#) are not supported: write the number itself",
+            Construct::Expression => "expressions are not supported: write the number itself",
+            Construct::OWord => "O-words (subroutines, loops, conditions) are not supported: write the lines out",
+            Construct::Polar => "polar coordinates (@ and ^) are not supported: write X and Y",
+            Construct::SpindleNumber => "spindle numbers ($) are not supported: there is one spindle",
+        })
+    }
+}
+
+/// What is wrong; `Display` tells rule and remedy.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ErrorKind {
+    /// More octets in a line than the language allows.
+    #[error("line of {length} characters: at most {max} are allowed")]
+    LineTooLong {
+        /// Octets of the line.
+        length: usize,
+        /// The limit.
+        max: usize,
+    },
+    /// A character that has no meaning outside comments.
+    #[error("character {0:?} is not allowed here: comments stand in ( ) or behind ;{hint}", hint = percent_hint(*.0))]
+    BadCharacter(char),
+    /// `(` within `( )`.
+    #[error("a comment stands inside a comment: close the first one before this (")]
+    NestedComment,
+    /// `(` without `)`.
+    #[error("comment without end: ) is missing on this line")]
+    UnclosedComment,
+    /// `)` without `(`.
+    #[error(") without ( before it")]
+    StrayParenthesis,
+    /// A comment that LinuxCNC would act on.
+    #[error("comment ({word} ...) asks for an action that is not supported: only (MSG, text) is")]
+    UnsupportedComment {
+        /// First word of the comment, capitals.
+        word: &'static str,
+    },
+    /// A part of the language that is not run.
+    #[error("{0}")]
+    UnsupportedConstruct(Construct),
+    /// `/` not at the start of the line.
+    #[error("/ (block delete) must be the first character of a line")]
+    MisplacedSlash,
+    /// `N` not at the start of the line.
+    #[error("N must come before all other words of a line, once")]
+    MisplacedLineNumber,
+    /// A letter without number.
+    #[error("{letter} needs a number behind it")]
+    NumberMissing {
+        /// Letter of the word.
+        letter: char,
+    },
+    /// Not of the form sign, digits, point, digits.
+    #[error("number of {letter} is malformed: one sign, digits and one decimal point at most")]
+    NumberMalformed {
+        /// Letter of the word.
+        letter: char,
+    },
+    /// Beyond any machine.
+    #[error("number of {letter} is too large: at most {max}")]
+    NumberTooLarge {
+        /// Letter of the word.
+        letter: char,
+        /// The limit.
+        max: f64,
+    },
+    /// A number that must not be negative.
+    #[error("{letter}{value} is negative: it must be 0 or more")]
+    Negative {
+        /// Letter of the word.
+        letter: char,
+        /// Its number.
+        value: f64,
+    },
+    /// A number that must be an integer.
+    #[error("{letter}{value} is not an integer")]
+    NotInteger {
+        /// Letter of the word.
+        letter: char,
+        /// Its number.
+        value: f64,
+    },
+    /// The same letter twice.
+    #[error("{letter} appears twice on this line: once is allowed")]
+    RepeatedLetter {
+        /// Letter of the word.
+        letter: char,
+    },
+    /// No such G code.
+    #[error("G{number} is no known G code: the nearest one is {nearest}")]
+    UnknownG {
+        /// Number as programmed.
+        number: f64,
+        /// Supported code with the nearest number.
+        nearest: String,
+    },
+    /// A G code of LinuxCNC that is not run.
+    #[error("{code} is not supported: the nearest G code that is, is {nearest}")]
+    UnsupportedG {
+        /// The code.
+        code: String,
+        /// Supported code with the nearest number.
+        nearest: String,
+    },
+    /// No such M code.
+    #[error("M{number} is no known M code: the nearest one is {nearest}")]
+    UnknownM {
+        /// Number as programmed.
+        number: f64,
+        /// Supported code with the nearest number.
+        nearest: String,
+    },
+    /// An M code of LinuxCNC that is not run.
+    #[error("{code} is not supported: the nearest M code that is, is {nearest}")]
+    UnsupportedM {
+        /// The code.
+        code: String,
+        /// Supported code with the nearest number.
+        nearest: String,
+    },
+    /// Two codes of one modal group.
+    #[error("{first} and {second} are both of the modal group \"{group}\": one of them a line")]
+    ModalConflict {
+        /// The one that came first.
+        first: String,
+        /// The one at the place of the error.
+        second: String,
+        /// Name of the group.
+        group: &'static str,
+    },
+    /// A word that nothing on its line uses.
+    #[error("{letter} is used by no code on this line: it belongs to {users}")]
+    UnusedWord {
+        /// Letter of the word.
+        letter: char,
+        /// Codes that would use it.
+        users: &'static str,
+    },
+    /// Axis words and nothing that moves.
+    #[error("{letter} needs a motion code: none of G0 G1 G2 G3 is active")]
+    NoMotion {
+        /// First axis letter of the line.
+        letter: char,
+    },
+    /// Axis words with G80.
+    #[error("G80 ends motion, so {letter} has no use on its line: write G0 or G1")]
+    AxisWordWithG80 {
+        /// First axis letter of the line.
+        letter: char,
+    },
+    /// G28 or G30 with a motion code.
+    #[error("{non_modal} and {motion} would both use the axis words: put them on two lines")]
+    AxisConflict {
+        /// G28 or G30.
+        non_modal: &'static str,
+        /// Motion code.
+        motion: &'static str,
+    },
+    /// A feed move without feed.
+    #[error("{motion} needs a feed: F is not set{hint}", hint = if *.cleared { " (G93, G94 clear it)" } else { "" })]
+    FeedMissing {
+        /// Motion code.
+        motion: &'static str,
+        /// Whether a feed was set once and then cleared.
+        cleared: bool,
+    },
+    /// A feed move in G93 without F.
+    #[error("{motion} in inverse time mode (G93) needs F above 0 on its own line")]
+    InverseTimeFeedMissing {
+        /// Motion code.
+        motion: &'static str,
+    },
+    /// G53 with anything but G0 and G1.
+    #[error("G53 needs G0 or G1 with at least one axis word")]
+    MachineCoordinatesNeedStraight,
+    /// G53 in G91.
+    #[error("G53 names a machine position, which G91 (incremental) cannot: write G90")]
+    MachineCoordinatesIncremental,
+    /// G4 without P.
+    #[error("G4 needs P, the seconds to wait")]
+    DwellMissing,
+    /// Arc without centre and radius.
+    #[error("{motion} needs {offsets} or R: neither centre nor radius is given")]
+    ArcCentreMissing {
+        /// G2 or G3.
+        motion: &'static str,
+        /// Centre letters of the plane.
+        offsets: &'static str,
+    },
+    /// A centre letter of another plane.
+    #[error("{letter} is no centre offset of the plane {plane}: it takes {offsets}")]
+    ArcOffsetOfOtherPlane {
+        /// The letter.
+        letter: char,
+        /// G17, G18 or G19.
+        plane: &'static str,
+        /// Centre letters of the plane.
+        offsets: &'static str,
+    },
+    /// Centre and radius.
+    #[error("an arc takes {letter} or R, not both")]
+    ArcMixed {
+        /// The centre letter.
+        letter: char,
+    },
+    /// One absolute centre coordinate only.
+    #[error("absolute arc centres (G90.1) need both coordinates: {missing} is missing")]
+    ArcAbsoluteCentreIncomplete {
+        /// The missing letter.
+        missing: char,
+    },
+    /// R form without end point.
+    #[error("an arc by R needs its end point: {axes} are missing")]
+    ArcEndMissing {
+        /// Axes of the plane.
+        axes: &'static str,
+    },
+    /// R form that ends where it starts.
+    #[error("an arc by R cannot end where it starts: write a full circle with {offsets}")]
+    ArcEndIsStart {
+        /// Centre letters of the plane.
+        offsets: &'static str,
+    },
+    /// R form that does not reach.
+    #[error("radius {radius:.4} is too small: half the distance to the end point is {half_chord:.4}")]
+    ArcRadiusTooSmall {
+        /// Programmed radius, program units.
+        radius: f64,
+        /// Half the distance from start to end, program units.
+        half_chord: f64,
+    },
+    /// Centre on the start or the end.
+    #[error("the centre of the arc lies on its start or end: the radius is 0")]
+    ArcRadiusZero,
+    /// Centre form that does not fit.
+    #[error(
+        "radius at start {start:.4}, at end {end:.4}: difference {difference:.4} > {tolerance:.4} tolerance",
+        difference = (.start - .end).abs()
+    )]
+    ArcRadiiDiffer {
+        /// Radius at the start, program units.
+        start: f64,
+        /// Radius at the end, program units.
+        end: f64,
+        /// Greatest difference allowed, program units.
+        tolerance: f64,
+    },
+    /// P of an arc.
+    #[error("P{value} of an arc is its number of turns: an integer from 1 to {max}")]
+    ArcTurns {
+        /// Number of P.
+        value: f64,
+        /// The limit.
+        max: i32,
+    },
+    /// The text ends too early.
+    #[error("the program ends without M2 or M30: write one as its last line")]
+    ProgramEndMissing,
+    /// The text began with % and ends without.
+    #[error("the program ends without M2, M30 or the % that belongs to the % at its start")]
+    PercentMissing,
+    /// The text cannot be told by [`motion::canon::Source`].
+    #[error("the program is longer than 4 GiB: split it")]
+    ProgramTooLong,
+}
+
+fn percent_hint(character: char) -> &'static str {
+    if character == '%' {
+        "; % stands alone on the first and last line"
+    } else {
+        ""
+    }
+}
