@@ -264,7 +264,7 @@ pub enum ErrorKind {
         motion: &'static str,
     },
     /// G53 with anything but G0 and G1.
-    #[error("G53 needs G0 or G1 with at least one axis word")]
+    #[error("G53 needs a G0 or G1 move on its line")]
     MachineCoordinatesNeedStraight,
     /// G53 in G91.
     #[error("G53 names a machine position, which G91 (incremental) cannot: write G90")]

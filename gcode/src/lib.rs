@@ -3,13 +3,33 @@
 //! In:  the octets of a program in LinuxCNC's RS274/NGC dialect, and what the machine remembers ([`Settings`]).
 //! Out: canonical calls ([`motion::canon`]) in the order in which they happen, or located errors ([`Error`]).
 //!
-//! Knows no machine limits, no time and no bus.
+//! A line goes through `scan` (words), `block` (one line, its modal groups) and `execute` (state, calls; `arc` for the
+//! geometry of circles). Knows no machine limits, no time and no bus. A code or construct that is not supported is an
+//! error, never skipped.
+//!
+//! ```
+//! use motion::canon::{Call, Position};
+//!
+//! let text = b"G21 G90\nG1 X10 F600\nM2\n";
+//! let mut run = gcode::Interpreter::new(gcode::Settings::default()).run(text);
+//! let moved = run.find_map(|event| match event.unwrap().call {
+//!     Call::StraightFeed { to } => Some(to),
+//!     _ => None,
+//! });
+//! assert_eq!(moved, Some(Position::xyz(10.0, 0.0, 0.0)));
+//!
+//! let errors = gcode::check(b"G1 X10\nM2\n", gcode::Settings::default());
+//! assert_eq!(errors[0].to_string(), "1:1: G1 needs a feed: F is not set");
+//! ```
 
 mod arc;
 mod block;
 mod error;
+mod execute;
+mod interpreter;
 mod modal;
 mod scan;
 
 pub use error::{Construct, Error, ErrorKind};
+pub use interpreter::{Interpreter, Run, Settings, check};
 pub use scan::LINE_MAX;
