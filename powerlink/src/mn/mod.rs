@@ -687,10 +687,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             return;
         }
         let network = self.network();
-        if network.state.is_isochronous() {
-            for node in self.nodes.iter_mut().flatten() {
-                node.step(now_ns, &network, &mut self.events);
-            }
+        for node in self.nodes.iter_mut().flatten() {
+            node.step(now_ns, &network, &mut self.events);
         }
         let mandatory =
             |is: fn(&Node<'a>) -> bool| self.nodes.iter().flatten().filter(|node| node.config.mandatory).all(is);
@@ -700,6 +698,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 if mandatory(Node::is_identified) {
                     if stayed_ns >= us(self.config.boot.wait_pre_op_1_us) {
                         self.trigger(MnTrigger::MandatoryIdentified);
+                        for node in self.nodes.iter_mut().flatten() {
+                            node.cycle_begins(now_ns, &network);
+                        }
                     }
                 } else if stayed_ns >= us(self.config.boot.timeout_pre_op_1_us) && !self.missing_reported {
                     self.missing_reported = true;

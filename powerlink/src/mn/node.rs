@@ -477,6 +477,13 @@ impl<'a> Node<'a> {
         count == 0 || (date != 0 && time != 0 && current == (date, time))
     }
 
+    /// The isochronous cycle begins: what a node that was identified long ago has to do in time counts from now.
+    pub(super) fn cycle_begins(&mut self, now_ns: u64, network: &Network) {
+        if matches!(self.stage, Stage::Enable { .. }) {
+            self.enable(now_ns, network);
+        }
+    }
+
     fn enable(&mut self, now_ns: u64, network: &Network) {
         self.stage = Stage::Enable {
             deadline_ns: now_ns + us(network.boot.timeout_pre_op_2_us),
@@ -613,8 +620,12 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// The next step of the boot-up, once a cycle.
+    /// The next step of the boot-up, once a slot.
     pub(super) fn step(&mut self, now_ns: u64, network: &Network, events: &mut Events) {
+        // In the reduced cycle nodes are only looked for.
+        if !network.state.is_isochronous() && !matches!(self.stage, Stage::Refused { .. }) {
+            return;
+        }
         match self.stage {
             Stage::Search => {}
             Stage::Refused { until_ns } => {

@@ -1,1 +1,352 @@
+//! The managing node against controlled nodes of this crate, on virtual time; the test is the wire.
 
+mod boot;
+mod faults;
+mod rules;
+
+use std::collections::BTreeMap;
+use std::vec::Vec;
+
+use obd::cdc::CdcWriter;
+use obd::{DataType, Dictionary, EntryDef, lines_of, octets_of};
+
+use super::*;
+use crate::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
+use crate::cn::{Cn, CnConfig};
+use crate::nmt::NmtCommand;
+use crate::wire::{NmtCommandFrame, RequestedService, Soa};
+
+const US: u64 = 1_000;
+const MS: u64 = 1_000_000;
+const CYCLE_NS: u64 = MS;
+const MN_MAC: Mac = [2, 0, 0, 0, 0, 0xF0];
+const FOREIGN_MAC: Mac = [2, 0, 0, 0, 0, 0xEE];
+/// What a node takes to answer.
+const ANSWER_NS: u64 = 20 * US;
+const NODES: usize = 8;
+
+/// Boot times of the tests: short, all different.
+const BOOT: BootTimes = BootTimes {
+    wait_not_active_us: 20_000,
+    timeout_pre_op_1_us: 80_000,
+    wait_pre_op_1_us: 30_000,
+    timeout_pre_op_2_us: 400_000,
+    timeout_ready_to_operate_us: 200_000,
+    reset_pause_us: 10_000,
+};
+
+const DEVICE: &[EntryDef] = &[
+    EntryDef::rw(0x6040, DataType::U16, "controlword").rpdo(),
+    EntryDef::ro(0x6041, DataType::U16, "statusword").tpdo(),
+    EntryDef::rw(0x6060, DataType::I8, "mode").rpdo(),
+    EntryDef::ro(0x6064, DataType::I32, "position").tpdo(),
+    EntryDef::rw(0x607A, DataType::I32, "target").rpdo(),
+];
+type Drive = Cn<{ COMMUNICATION_ENTRIES + lines_of(DEVICE) }, { COMMUNICATION_BYTES + octets_of(DEVICE) }>;
+
+/// Concise DCF of a drive: 0x607A and 0x6040 out, 0x6064 and 0x6041 in; nine writes.
+fn configuration() -> Vec<u8> {
+    let mut octets = [0; 400];
+    let mut writer = CdcWriter::new(&mut octets).unwrap();
+    for (index, sub, raw) in [
+        (0x1600, 1, 0x0020_0000_0000_607A_u64),
+        (0x1600, 2, 0x0010_0020_0000_6040),
+        (0x1A00, 1, 0x0020_0000_0000_6064),
+        (0x1A00, 2, 0x0010_0020_0000_6041),
+    ] {
+        writer.push(index, sub, &raw.to_le_bytes()).unwrap();
+    }
+    writer.push(0x1600, 0, &[2]).unwrap();
+    writer.push(0x1A00, 0, &[2]).unwrap();
+    writer.push(0x1006, 0, &1000_u32.to_le_bytes()).unwrap();
+    writer.push(0x6060, 0, &[8]).unwrap();
+    writer.push(0x1020, 1, &20_000_u32.to_le_bytes()).unwrap();
+    writer.finish().to_vec()
+}
+
+fn node_config(id: u8, configuration: &[u8]) -> NodeConfig<'_> {
+    NodeConfig {
+        id,
+        mandatory: true,
+        pres_timeout_ns: 100_000,
+        identity: Identity {
+            device_type: Some(0x0002_0192),
+            ..Identity::default()
+        },
+        preq_bytes: 6,
+        pres_bytes: 6,
+        configuration,
+    }
+}
+
+fn mn_config<'a>(nodes: &'a [NodeConfig<'a>]) -> MnConfig<'a> {
+    MnConfig {
+        cycle_ns: CYCLE_NS as u32,
+        async_slot_timeout_ns: 150_000,
+        boot: BOOT,
+        pres_lost_max: 3,
+        nodes,
+        mac: MN_MAC,
+    }
+}
+
+fn drive(id: u8, now_ns: u64) -> Drive {
+    let config = CnConfig {
+        node_id: id,
+        mac: [2, 0, 0, 0, 0, id],
+        device_type: 0x0002_0192,
+        vendor_id: 1,
+        product_code: 2,
+        revision: 3,
+        serial: u32::from(id),
+        device_name: "drive",
+        host_name: "drive",
+        pres_max_latency_ns: ANSWER_NS as u32,
+    };
+    let mut drive = Drive::new(
+        &config,
+        Dictionary::new(&[COMMUNICATION_PROFILE, DEVICE]).unwrap(),
+        now_ns,
+    )
+    .unwrap();
+    drive.set_application_ready(now_ns, true);
+    drive
+}
+
+/// A frame that was on the wire, and who sent it.
+#[derive(Clone, Debug)]
+struct OnWire {
+    now_ns: u64,
+    source: u8,
+    octets: Vec<u8>,
+}
+
+impl OnWire {
+    fn frame(&self) -> Frame<'_> {
+        Frame::parse(&self.octets).unwrap()
+    }
+}
+
+/// The network: managing node, drives, everything that was sent.
+struct Net<'a> {
+    mn: Mn<'a, NODES>,
+    drives: BTreeMap<u8, Drive>,
+    now_ns: u64,
+    log: Vec<OnWire>,
+    /// (node, how many of its next PRes are lost)
+    lose_pres: BTreeMap<u8, u32>,
+    /// These drives hear and say nothing.
+    dead: Vec<u8>,
+    events: Vec<MnEvent>,
+    /// Answers on their way, with the time they arrive.
+    coming: Vec<(u64, Vec<u8>)>,
+}
+
+impl<'a> Net<'a> {
+    fn new(nodes: &'a [NodeConfig<'a>]) -> Net<'a> {
+        Net {
+            mn: Mn::new(mn_config(nodes)).unwrap(),
+            drives: nodes.iter().map(|node| (node.id, drive(node.id, 0))).collect(),
+            now_ns: 0,
+            log: Vec::new(),
+            lose_pres: BTreeMap::new(),
+            dead: Vec::new(),
+            events: Vec::new(),
+            coming: Vec::new(),
+        }
+    }
+
+    /// One cycle of the caller's loop; the virtual time jumps from deadline to deadline.
+    fn cycle(&mut self) {
+        let start_ns = self.now_ns;
+        self.mn.start_cycle(
+            start_ns,
+            NetTime {
+                seconds: (start_ns / 1_000_000_000) as u32,
+                nanoseconds: 0,
+            },
+        );
+        let end_ns = start_ns + CYCLE_NS;
+        let mut done = 0;
+        // Bounded, so that a loop in the managing node is a failed test.
+        for _ in 0..2000 {
+            match self.mn.poll(self.now_ns) {
+                Step::Send(frame) => {
+                    let frame = frame.to_vec();
+                    self.transmit(frame);
+                }
+                Step::WaitUntil(until_ns) => {
+                    let until_ns = until_ns.min(end_ns);
+                    if !self.deliver(until_ns) {
+                        self.now_ns = self.now_ns.max(until_ns);
+                    }
+                    if self.now_ns >= end_ns {
+                        break;
+                    }
+                }
+                Step::IsochronousDone => done += 1,
+                Step::Idle => break,
+            }
+        }
+        while self.deliver(end_ns) {}
+        assert_eq!(done, 1, "IsochronousDone once a cycle, at {start_ns}");
+        self.now_ns = end_ns;
+        for drive in self.drives.values_mut() {
+            drive.poll(end_ns);
+        }
+        while let Some(event) = self.mn.pop_event() {
+            self.events.push(event);
+        }
+    }
+
+    /// Hands in the next frame that arrives by `until_ns`.
+    fn deliver(&mut self, until_ns: u64) -> bool {
+        if self.coming.is_empty() || self.coming[0].0 > until_ns {
+            return false;
+        }
+        let (at_ns, frame) = self.coming.remove(0);
+        self.now_ns = self.now_ns.max(at_ns);
+        self.mn.receive(self.now_ns, &frame);
+        true
+    }
+
+    fn transmit(&mut self, frame: Vec<u8>) {
+        self.now_ns += 7 * US;
+        self.log.push(OnWire {
+            now_ns: self.now_ns,
+            source: 240,
+            octets: frame.clone(),
+        });
+        let mut response = [0; FRAME_LEN_MAX];
+        for (id, drive) in &mut self.drives {
+            if self.dead.contains(id) {
+                continue;
+            }
+            let reaction = drive.receive(self.now_ns, &frame, &mut response);
+            let Some(len) = reaction.transmit else { continue };
+            let answer = response[..len].to_vec();
+            if matches!(Frame::parse(&answer), Ok(Frame::Pres(_)))
+                && let Some(left) = self.lose_pres.get_mut(id).filter(|left| **left > 0)
+            {
+                *left -= 1;
+                continue;
+            }
+            let at_ns = self.now_ns + ANSWER_NS;
+            self.log.push(OnWire {
+                now_ns: at_ns,
+                source: *id,
+                octets: answer.clone(),
+            });
+            self.coming.push((at_ns, answer));
+        }
+    }
+
+    fn cycles(&mut self, count: usize) {
+        for _ in 0..count {
+            self.cycle();
+        }
+    }
+
+    /// Runs until the condition holds; the number of cycles it took.
+    fn until(&mut self, most: usize, mut holds: impl FnMut(&Net<'a>) -> bool) -> usize {
+        for count in 0..most {
+            if holds(self) {
+                return count;
+            }
+            self.cycle();
+        }
+        panic!(
+            "not within {most} cycles; managing node {:?}, stages {:?}, events {:?}",
+            self.mn.nmt_state(),
+            self.mn
+                .nodes
+                .iter()
+                .flatten()
+                .map(|node| (node.config.id, node.stage))
+                .collect::<Vec<_>>(),
+            self.events
+        );
+    }
+
+    fn all_operational(&self) -> bool {
+        let count = self.mn.config.nodes.len();
+        (0..count).all(|node| self.mn.node_state(node) == NodeState::Operational)
+    }
+
+    fn boot(&mut self) -> usize {
+        self.until(2000, Net::all_operational)
+    }
+
+    /// NMT commands that were sent, and to whom.
+    fn commands(&self) -> Vec<(u8, NmtCommand)> {
+        self.log
+            .iter()
+            .filter_map(|sent| match sent.frame() {
+                Frame::Asnd(Asnd::NmtCommand(NmtCommandFrame { command, .. })) => Some((sent.octets[15], command)),
+                _ => None,
+            })
+            .collect()
+    }
+
+    fn count_events(&self, is: impl Fn(&MnEvent) -> bool) -> usize {
+        self.events.iter().filter(|event| is(event)).count()
+    }
+
+    /// A frame of a stranger arrives.
+    fn hear(&mut self, header: Header, frame: &Frame<'_>) {
+        let mut octets = [0; FRAME_LEN_MAX];
+        let len = frame.emit(&header, &mut octets).unwrap();
+        self.mn.receive(self.now_ns, &octets[..len]);
+    }
+}
+
+/// The rules of the wire, over everything that was sent: never two polls open, one ASnd a slot and only from whom the SoA
+/// invited, order within the cycle. Lost PRes are known to the caller and count as answered.
+fn check_order(log: &[OnWire], lost: usize) {
+    #[derive(Debug, PartialEq)]
+    enum Slot {
+        Closed,
+        Granted(u8),
+        Used,
+    }
+    // Answers were written down when they were caused; what counts is when they were on the wire.
+    let mut log = log.to_vec();
+    log.sort_by_key(|sent| sent.now_ns);
+    let mut open_poll = None;
+    let mut unanswered = 0;
+    let mut slot = Slot::Closed;
+    let mut polled: Vec<u8> = Vec::new();
+    for (position, sent) in log.iter().enumerate() {
+        let place = std::format!("frame {position} at {} from {}", sent.now_ns, sent.source);
+        match sent.frame() {
+            Frame::Soc(_) => {
+                assert_eq!(sent.source, 240, "{place}");
+                polled.clear();
+                unanswered += usize::from(open_poll.take().is_some());
+                slot = Slot::Closed;
+            }
+            Frame::Preq(_) => {
+                unanswered += usize::from(open_poll.is_some());
+                let target = sent.octets[15];
+                assert!(!polled.contains(&target), "{place}: polled twice");
+                assert_eq!(slot, Slot::Closed, "{place}: PReq after the SoA");
+                polled.push(target);
+                open_poll = Some(target);
+            }
+            Frame::Pres(_) => {
+                assert_eq!(open_poll.take(), Some(sent.source), "{place}: PRes nobody asked for");
+            }
+            Frame::Soa(Soa { service, target, .. }) => {
+                unanswered += usize::from(open_poll.take().is_some());
+                assert_eq!(service == RequestedService::NoService, target == 0, "{place}");
+                slot = Slot::Granted(target);
+            }
+            Frame::Asnd(_) => {
+                assert_eq!(slot, Slot::Granted(sent.source), "{place}: not invited");
+                slot = Slot::Used;
+            }
+            Frame::Amni(_) | Frame::Ainv(_) => panic!("{place}"),
+        }
+    }
+    assert_eq!(unanswered, lost, "polls without an answer");
+}

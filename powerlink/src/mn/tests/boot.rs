@@ -1,0 +1,326 @@
+//! From silence to OPERATIONAL, and down again.
+
+use super::*;
+
+#[test]
+fn four_drives_come_up_in_the_order_of_the_standard() {
+    let configuration = configuration();
+    let nodes = [1, 2, 3, 10].map(|id| node_config(id, &configuration));
+    let mut net = Net::new(&nodes);
+    let cycles = net.boot();
+    assert!(cycles < 400, "took {cycles} cycles of 1 ms");
+    assert_eq!(net.mn.nmt_state(), NmtState::Operational);
+    check_order(&net.log, 0);
+
+    // Listening, then ten empty SoAs, then the reset of everybody.
+    assert!(net.log[0].now_ns > 20 * MS);
+    for sent in &net.log[..10] {
+        assert!(
+            matches!(sent.frame(), Frame::Soa(soa) if soa == Soa::new(NmtState::PreOperational1, RequestedService::NoService, 0))
+        );
+    }
+    let invite = Soa::new(NmtState::PreOperational1, RequestedService::NmtRequestInvite, 240);
+    assert_eq!(net.log[10].frame(), Frame::Soa(invite));
+    assert_eq!(
+        net.log[11].frame(),
+        Frame::Asnd(Asnd::NmtCommand(NmtCommandFrame::plain(NmtCommand::ResetNode)))
+    );
+    assert_eq!(net.log[11].octets[15], 255);
+    let first_soc = net
+        .log
+        .iter()
+        .position(|sent| matches!(sent.frame(), Frame::Soc(_)))
+        .unwrap();
+    assert!(net.log[first_soc].now_ns - net.log[0].now_ns >= 30 * MS, "MNWaitPreOp1");
+    assert!(
+        net.log[first_soc..]
+            .iter()
+            .all(|sent| !matches!(sent.frame(), Frame::Soa(soa) if soa.nmt_state == NmtState::PreOperational1))
+    );
+
+    // Each node: its configuration active, ready, started; once each.
+    let mut commands = net.commands();
+    assert_eq!(commands.remove(0), (255, NmtCommand::ResetNode));
+    for id in [1, 2, 3, 10] {
+        let to_node: Vec<_> = commands.iter().filter(|sent| sent.0 == id).map(|sent| sent.1).collect();
+        let expected = [
+            NmtCommand::ResetConfiguration,
+            NmtCommand::EnableReadyToOperate,
+            NmtCommand::StartNode,
+        ];
+        assert_eq!(to_node, expected, "node {id}");
+    }
+    assert_eq!(commands.len(), 12);
+    for (node, config) in nodes.iter().enumerate() {
+        let statistics = net.mn.statistics(node);
+        assert_eq!(
+            (statistics.boots, statistics.objects_written, statistics.faults),
+            (1, 9, 0)
+        );
+        assert_eq!(statistics.preq_sent, statistics.pres_received);
+        assert_eq!(
+            net.count_events(|event| *event == MnEvent::Configuring { node: config.id }),
+            1
+        );
+    }
+    let states: Vec<_> = net
+        .events
+        .iter()
+        .filter_map(|event| match event {
+            MnEvent::NmtStateChanged { state } => Some(*state),
+            _ => None,
+        })
+        .collect();
+    let expected = [
+        NmtState::PreOperational1,
+        NmtState::PreOperational2,
+        NmtState::ReadyToOperate,
+        NmtState::Operational,
+    ];
+    assert_eq!(states, expected);
+    assert_eq!(net.mn.counters().malformed.total(), 0);
+    assert_eq!(net.mn.counters().unexpected, 0);
+}
+
+#[test]
+fn process_data_go_there_and_back() {
+    let configuration = configuration();
+    let nodes = [node_config(1, &configuration), node_config(2, &configuration)];
+    let mut net = Net::new(&nodes);
+    net.boot();
+    net.mn
+        .output_mut(1)
+        .copy_from_slice(&[0x78, 0x56, 0x34, 0x12, 0x0F, 0x00]);
+    {
+        let drive = net.drives.get_mut(&2).unwrap();
+        let (position, statusword) = (
+            drive.dictionary().key::<i32>(0x6064, 0).unwrap(),
+            drive.dictionary().key::<u16>(0x6041, 0).unwrap(),
+        );
+        drive.dictionary_mut().set(position, -2);
+        drive.dictionary_mut().set(statusword, 0x0237);
+    }
+    net.cycles(2);
+    let target = |net: &Net<'_>| {
+        let dictionary = net.drives[&2].dictionary();
+        dictionary.get(dictionary.key::<i32>(0x607A, 0).unwrap())
+    };
+    assert_eq!(target(&net), 0, "outputs are not valid yet: RD is 0");
+    net.mn.set_outputs_valid(true);
+    net.cycles(1);
+    assert_eq!(target(&net), 0x1234_5678);
+    let input = net.mn.input(1);
+    assert_eq!(input.data, [0xFE, 0xFF, 0xFF, 0xFF, 0x37, 0x02]);
+    assert!(input.fresh);
+    assert_eq!(input.lost_in_row, 0);
+    assert_eq!(net.mn.input(0).data, [0; 6]);
+    assert_eq!(
+        net.mn.input(7),
+        Input {
+            data: &[],
+            fresh: false,
+            lost_in_row: 0
+        }
+    );
+    assert!(net.mn.output_mut(7).is_empty());
+}
+
+#[test]
+fn a_configuration_that_is_there_is_not_written_again() {
+    let mut octets = configuration();
+    // Date and time: one write more than `configuration` has.
+    octets[0] = 10;
+    octets.extend([0x20, 0x10, 2, 4, 0, 0, 0, 0x11, 0x22, 0, 0]);
+    let nodes = [node_config(1, &octets)];
+    let mut net = Net::new(&nodes);
+    for (sub, value) in [(1, 20_000_u32), (2, 0x2211)] {
+        let dictionary = net.drives.get_mut(&1).unwrap().dictionary_mut();
+        let handle = dictionary.find(0x1020, sub).unwrap();
+        dictionary.set_default(handle, &value.to_le_bytes()).unwrap();
+    }
+    net.until(600, |net| {
+        net.mn.statistics(0).boots == 1 && net.mn.nodes[0].as_ref().unwrap().is_configured()
+    });
+    assert_eq!(net.mn.statistics(0).objects_written, 0);
+    assert_eq!(net.commands(), [(255, NmtCommand::ResetNode)], "no ResetConfiguration");
+}
+
+#[test]
+fn a_node_without_configuration_is_not_written_to() {
+    let nodes = [NodeConfig {
+        preq_bytes: 0,
+        pres_bytes: 0,
+        ..node_config(1, &[])
+    }];
+    let mut net = Net::new(&nodes);
+    net.boot();
+    assert_eq!(net.mn.statistics(0).objects_written, 0);
+    let expected = [
+        (255, NmtCommand::ResetNode),
+        (1, NmtCommand::EnableReadyToOperate),
+        (1, NmtCommand::StartNode),
+    ];
+    assert_eq!(net.commands(), expected);
+}
+
+#[test]
+fn a_mandatory_node_holds_the_network_and_an_optional_one_does_not() {
+    let configuration = configuration();
+    let nodes = [
+        node_config(1, &configuration),
+        NodeConfig {
+            mandatory: false,
+            ..node_config(2, &configuration)
+        },
+    ];
+    let mut net = Net::new(&nodes);
+    net.dead = std::vec![1];
+    net.cycles(300);
+    assert_eq!(net.mn.nmt_state(), NmtState::PreOperational1);
+    assert_eq!(net.count_events(|event| matches!(event, MnEvent::Missing { .. })), 1);
+    assert_eq!(net.count_events(|event| *event == MnEvent::Missing { node: 1 }), 1);
+    net.dead = std::vec![2];
+    net.until(500, |net| net.mn.node_state(0) == NodeState::Operational);
+    assert_eq!(net.mn.nmt_state(), NmtState::Operational);
+    assert_eq!(net.drives[&1].nmt_state(), NmtState::Operational);
+    // The optional one comes late, and is booted while the network runs.
+    let cycles = net.mn.statistics(0).pres_lost;
+    net.dead.clear();
+    net.boot();
+    assert_eq!(net.mn.statistics(0).pres_lost, cycles);
+    check_order(&net.log, 0);
+}
+
+#[test]
+fn a_network_without_mandatory_nodes_becomes_operational() {
+    let mut net = Net::new(&[]);
+    net.until(200, |net| net.mn.nmt_state() == NmtState::Operational);
+    let soc = net
+        .log
+        .iter()
+        .filter(|sent| matches!(sent.frame(), Frame::Soc(_)))
+        .count() as u64;
+    assert_eq!(net.mn.counters().cycles, soc);
+}
+
+#[test]
+fn a_node_that_is_another_one_is_refused_and_named() {
+    let configuration = configuration();
+    let identity = Identity {
+        vendor_id: Some(1),
+        product_code: Some(7),
+        ..Identity::default()
+    };
+    let nodes = [NodeConfig {
+        identity,
+        ..node_config(1, &configuration)
+    }];
+    let mut net = Net::new(&nodes);
+    net.cycles(300);
+    let mismatch = MnEvent::IdentityMismatch {
+        node: 1,
+        field: IdentityField::ProductCode,
+        expected: 7,
+        got: 2,
+    };
+    assert_eq!(net.count_events(|event| *event == mismatch), 1);
+    assert_eq!(net.mn.node_state(0), NodeState::Faulted);
+    assert_eq!(net.mn.nmt_state(), NmtState::PreOperational1);
+    // Looked at again later: the device may have been exchanged.
+    net.cycles(5000);
+    assert_eq!(net.count_events(|event| *event == mismatch), 2);
+}
+
+#[test]
+fn a_value_the_node_refuses_is_named() {
+    let mut octets = configuration();
+    octets[0] = 10;
+    octets.extend([0x99, 0x29, 1, 1, 0, 0, 0, 5]);
+    let nodes = [node_config(1, &octets)];
+    let mut net = Net::new(&nodes);
+    net.until(600, |net| net.mn.node_state(0) == NodeState::Faulted);
+    let abort = MnEvent::SdoAbort {
+        node: 1,
+        index: 0x2999,
+        sub: 1,
+        code: obd::AbortCode::NO_OBJECT,
+    };
+    assert_eq!(net.count_events(|event| *event == abort), 1);
+    assert_eq!(net.mn.statistics(0).objects_written, 9);
+    assert_eq!(net.mn.nmt_state(), NmtState::PreOperational2);
+    check_order(&net.log, 0);
+}
+
+#[test]
+fn storing_parameters_is_optional() {
+    let mut octets = configuration();
+    octets[0] = 10;
+    octets.extend([0x10, 0x10, 1, 4, 0, 0, 0]);
+    octets.extend(*b"save");
+    let nodes = [node_config(1, &octets)];
+    let mut net = Net::new(&nodes);
+    net.boot();
+    assert_eq!(
+        net.count_events(|event| matches!(event, MnEvent::SdoAbort { index: 0x1010, .. })),
+        1
+    );
+    assert_eq!(net.mn.statistics(0).objects_written, 9);
+}
+
+#[test]
+fn the_network_is_taken_down_in_order() {
+    let configuration = configuration();
+    let nodes = [node_config(1, &configuration), node_config(2, &configuration)];
+    let mut net = Net::new(&nodes);
+    net.boot();
+    let before = net.log.len();
+    net.mn.shut_down();
+    let cycles = net.until(20, |net| net.mn.is_shut_down());
+    assert_eq!(cycles, 4);
+    let expected = [
+        NmtCommand::StopNode,
+        NmtCommand::StopNode,
+        NmtCommand::ResetNode,
+        NmtCommand::ResetNode,
+    ];
+    let commands = net.commands();
+    assert_eq!(commands[commands.len() - 4..], expected.map(|command| (255, command)));
+    assert_eq!(net.mn.nmt_state(), NmtState::Off);
+    for drive in net.drives.values() {
+        assert_eq!(drive.nmt_state(), NmtState::NotActive);
+    }
+    let polls_after_stop = net.log[before..]
+        .iter()
+        .skip_while(|sent| !matches!(sent.frame(), Frame::Asnd(_)))
+        .filter(|sent| matches!(sent.frame(), Frame::Preq(_)))
+        .count();
+    assert_eq!(polls_after_stop, 0, "a stopped node is not polled");
+    let after = net.log.len();
+    net.cycles(5);
+    assert_eq!(net.log.len(), after, "silence");
+
+    let mut early = Net::new(&nodes);
+    early.cycle();
+    early.mn.shut_down();
+    assert!(early.mn.is_shut_down(), "nothing was sent yet");
+}
+
+#[test]
+fn a_long_wait_for_one_node_does_not_use_up_the_time_of_another() {
+    let nodes = [1, 2].map(|id| NodeConfig {
+        preq_bytes: 0,
+        pres_bytes: 0,
+        ..node_config(id, &[])
+    });
+    let mut net = Net::new(&nodes);
+    net.dead = std::vec![2];
+    net.cycles(1000);
+    assert_eq!(net.mn.nmt_state(), NmtState::PreOperational1);
+    net.dead.clear();
+    net.boot();
+    assert_eq!(
+        net.count_events(|event| matches!(event, MnEvent::BootTimeout { .. })),
+        0
+    );
+    assert_eq!(net.mn.statistics(0).boots, 1);
+}
