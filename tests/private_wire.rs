@@ -3,9 +3,13 @@
 //! This program has no test harness, for a namespace is entered by a process of one thread: it runs itself again, once per
 //! user, and checks what the other one says. Where the system refuses, it prints the reason and passes.
 
+use isocnc::service::analyser::Analyser;
 use isocnc::service::netns::{NetnsError, private_wire};
 use nix::ifaddrs::getifaddrs;
 use nix::net::if_::InterfaceFlags;
+use powerlink::link::Link;
+use powerlink::link::pcap::PcapReader;
+use powerlink::link::raw::{RawConfig, RawLink};
 use std::fs::read_to_string;
 use std::os::unix::process::CommandExt;
 use std::process::Command;
@@ -95,8 +99,43 @@ fn make_wire() {
             "no IPv6 address, so no neighbour discovery: {addresses}"
         );
     }
+    measure_soc_periods();
     println!(
         "WIRE MADE, user namespace: {}, notes: {:?}",
         wire.user_namespace, wire.notes
     );
+}
+
+/// The far end sees every SoC that the near end sends, stamped, and what the far end sends itself.
+fn measure_soc_periods() {
+    const SOCS: u64 = 50;
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("wire.pcap");
+    let analyser = Analyser::start("plk1", 1000, Some(&file)).unwrap();
+    let mut near = RawLink::open("plk0", RawConfig::default()).unwrap();
+    let mut far = RawLink::open("plk1", RawConfig::default()).unwrap();
+    let frame = |message_type: u8| {
+        let mut frame = [0; 60];
+        frame[..6].copy_from_slice(&[0x01, 0x11, 0x1E, 0, 0, message_type]);
+        frame[12..15].copy_from_slice(&[0x88, 0xAB, message_type]);
+        frame
+    };
+    for _ in 0..SOCS {
+        near.send(&frame(0x01)).unwrap();
+        far.send(&frame(0x04)).unwrap();
+    }
+    let report = analyser.stop().unwrap();
+    assert_eq!((report.n + report.restarts, report.frames_dropped), (SOCS - 1, 0));
+    assert_eq!(
+        (report.frames.soc, report.frames.pres, report.frames.foreign),
+        (SOCS, SOCS, 0),
+        "{report:?}"
+    );
+    let octets = std::fs::read(&file).unwrap();
+    let types: Vec<u8> = PcapReader::new(&octets)
+        .unwrap()
+        .map(|captured| captured.unwrap().frame[14])
+        .collect();
+    assert_eq!(types.len() as u64, 2 * SOCS);
+    assert!(types.chunks(2).all(|pair| pair == [0x01, 0x04]), "{types:?}");
 }

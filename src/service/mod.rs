@@ -1,5 +1,6 @@
 //! Events, logs and reports: everything that may wait.
 
+pub mod analyser;
 pub mod netns;
 pub mod operator;
 pub mod recorder;
