@@ -1,5 +1,7 @@
 //! Circle, helix and spiral.
 
+use std::f64::consts::TAU;
+
 use super::{Group, Jet, LengthTable, by_length, dot3};
 use crate::canon::{AXES, Position};
 
@@ -116,6 +118,16 @@ impl Arc {
         self.length
     }
 
+    /// Length of the whole arc, mm.
+    pub fn length_mm(&self) -> f64 {
+        self.length
+    }
+
+    /// Whether the radius is the same all along.
+    pub fn is_round(&self) -> bool {
+        self.table.is_none()
+    }
+
     /// Angle of the whole arc, radians.
     pub fn sweep_rad(&self) -> f64 {
         self.sweep
@@ -126,16 +138,34 @@ impl Arc {
         self.radius
     }
 
-    /// Lengths along the arc at which `axis` may have its extremes, in order; for travel checks.
-    pub fn extremes(&self, axis: usize) -> Vec<f64> {
-        let mut found = Vec::new();
-        if axis < 3 && self.radial[axis].hypot(self.tangential[axis]) > 0.0 {
-            // The slope along the turn changes sign between a quarter turn before and after each extreme; heights and
-            // changes of radius shift it a little, so the samples are dense and not only at the quarter turns.
-            let steps = (self.sweep / 0.02).ceil().min(100_000.0) as usize;
-            found.extend((1..steps).map(|k| self.length * k as f64 / steps as f64));
+    /// Least and greatest position of `axis` along the arc.
+    ///
+    /// Exact for circles and helices. On a spiral the turning points are those of the circle at the same angle, which
+    /// is off by less than the square of the change of radius per turn over the radius.
+    pub fn reach(&self, axis: usize) -> (f64, f64) {
+        let (start, end) = (self.start[axis], self.at(1.0)[axis]);
+        let (mut low, mut high) = (start.min(end), start.max(end));
+        if axis < 3 {
+            // d/du of r cos(w u - phase) g + e u = 0: sin(w u - phase) = e / (r w g).
+            let g = self.radial[axis].hypot(self.tangential[axis]);
+            let phase = self.tangential[axis].atan2(self.radial[axis]);
+            let sine = self.even[axis] / (self.radius * self.sweep * g);
+            if g > 0.0 && sine.abs() <= 1.0 {
+                let first = sine.asin();
+                for base in [first + phase, std::f64::consts::PI - first + phase] {
+                    // The first such place and the last: between them the height only helps in one direction.
+                    let low_turn = base.rem_euclid(TAU);
+                    let turns = ((self.sweep - low_turn) / TAU).floor().max(0.0);
+                    for angle in [low_turn, low_turn + turns * TAU] {
+                        if angle <= self.sweep {
+                            let q = self.at(angle / self.sweep)[axis];
+                            (low, high) = (low.min(q), high.max(q));
+                        }
+                    }
+                }
+            }
         }
-        found
+        (low, high)
     }
 
     /// RT.
@@ -179,26 +209,5 @@ impl Arc {
             jet.d3[axis] = turn(-3.0 * dr * w * w, -r * w * w * w, axis);
         }
         by_length(&jet, Group::Main)
-    }
-
-    pub(super) fn cut(&self, from: f64, to: f64) -> Option<Arc> {
-        let (u0, u1) = (self.parameter(from), self.parameter(to));
-        if u1 <= u0 {
-            return None;
-        }
-        let (sin, cos) = (self.sweep * u0).sin_cos();
-        let part = u1 - u0;
-        let arc = Arc {
-            start: self.at(u0),
-            even: self.even.map(|x| x * part),
-            radial: [0, 1, 2].map(|i| cos * self.radial[i] + sin * self.tangential[i]),
-            tangential: [0, 1, 2].map(|i| cos * self.tangential[i] - sin * self.radial[i]),
-            radius: self.radius + self.radius_change * u0,
-            radius_change: self.radius_change * part,
-            sweep: self.sweep * part,
-            length: 0.0,
-            table: None,
-        };
-        arc.measured()
     }
 }

@@ -69,6 +69,8 @@ impl Group {
 /// One stretch of path.
 #[derive(Clone, Copy, Debug)]
 pub struct Piece {
+    /// Where the piece begins on its shape.
+    from: f64,
     length: f64,
     shape: Shape,
 }
@@ -91,6 +93,7 @@ impl Piece {
     pub fn line(start: Position, end: Position) -> Option<Piece> {
         let line = Line::new(start, end)?;
         Some(Piece {
+            from: 0.0,
             length: line.length(),
             shape: Shape::Line(line),
         })
@@ -100,6 +103,7 @@ impl Piece {
     pub fn arc(circle: &Circle) -> Option<Piece> {
         let arc = Arc::new(circle)?;
         Some(Piece {
+            from: 0.0,
             length: arc.length(),
             shape: Shape::Arc(arc),
         })
@@ -109,6 +113,7 @@ impl Piece {
     pub fn blend(from: &BlendEnd, to: &BlendEnd, group: Group) -> Option<Piece> {
         let blend = Blend::new(from, to, group)?;
         Some(Piece {
+            from: 0.0,
             length: blend.length(),
             shape: Shape::Blend(blend),
         })
@@ -130,7 +135,7 @@ impl Piece {
 
     /// Position at `s`, which is clamped to the piece. RT: bounded, no allocation, no panic.
     pub fn position(&self, s: f64) -> Position {
-        let s = s.clamp(0.0, self.length);
+        let s = self.from + s.clamp(0.0, self.length);
         match &self.shape {
             Shape::Line(line) => line.position(s),
             Shape::Arc(arc) => arc.position(s),
@@ -140,7 +145,7 @@ impl Piece {
 
     /// Position and derivatives at `s`, which is clamped to the piece. RT: bounded, no allocation, no panic.
     pub fn jet(&self, s: f64) -> Jet {
-        let s = s.clamp(0.0, self.length);
+        let s = self.from + s.clamp(0.0, self.length);
         match &self.shape {
             Shape::Line(line) => line.jet(s),
             Shape::Arc(arc) => arc.jet(s),
@@ -153,23 +158,14 @@ impl Piece {
         &self.shape
     }
 
-    /// The stretch from `from` to `to` of this piece; `None` when it is empty. A blend is only given whole.
+    /// The stretch from `from` to `to` of this piece; `None` when it is empty.
     pub fn cut(&self, from: f64, to: f64) -> Option<Piece> {
         let (from, to) = (from.max(0.0), to.min(self.length));
-        if from == 0.0 && to == self.length {
-            return Some(*self);
-        }
-        match &self.shape {
-            Shape::Line(line) => Piece::line(line.position(from), line.position(to)),
-            Shape::Arc(arc) => {
-                let arc = arc.cut(from, to)?;
-                Some(Piece {
-                    length: arc.length(),
-                    shape: Shape::Arc(arc),
-                })
-            }
-            Shape::Blend(_) => None,
-        }
+        (to > from).then_some(Piece {
+            from: self.from + from,
+            length: to - from,
+            shape: self.shape,
+        })
     }
 }
 

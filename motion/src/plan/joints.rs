@@ -1,0 +1,92 @@
+//! Where pieces meet that are not rounded.
+//!
+//! In:  stretches and halts.
+//! Out: the same with bounds. Where direction or curvature jumps a little, both sides get a short zone of their own that
+//! is slow enough for the jump; where it jumps too much, a halt.
+//!
+//! A zone is as long as the path run in three cycles at its speed, so that no difference of set-points up to the third
+//! reaches from a jump beyond its zone, and none sees two jumps.
+
+use super::Settings;
+use super::corners::{Passed, Stretch};
+use super::limits::{Bounds, jumps};
+
+/// A stretch with the bounds of its geometry.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Bounded {
+    pub(super) stretch: Stretch,
+    pub(super) bounds: Bounds,
+}
+
+/// What comes out.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Joined {
+    Stretch(Bounded),
+    Stop,
+}
+
+/// Looks at both sides of each meeting point, with one stretch of delay.
+#[derive(Debug, Default)]
+pub(super) struct Joints {
+    last: Option<Bounded>,
+}
+
+impl Joints {
+    pub(super) fn push(&mut self, passed: Passed, settings: &Settings, out: &mut Vec<Joined>) {
+        match passed {
+            Passed::Stop => {
+                self.flush(out);
+                out.push(Joined::Stop);
+            }
+            Passed::Stretch(stretch) => {
+                let mut next = Bounded { stretch, bounds: Bounds::of(&stretch.piece) };
+                if let Some(last) = self.last.take() {
+                    meet(last, &mut next, settings, out);
+                }
+                self.last = Some(next);
+            }
+        }
+    }
+
+    pub(super) fn flush(&mut self, out: &mut Vec<Joined>) {
+        out.extend(self.last.take().map(Joined::Stretch));
+    }
+}
+
+/// Lets `last` go; puts zones or a halt between it and `next`, which is shortened by its zone.
+fn meet(last: Bounded, next: &mut Bounded, settings: &Settings, out: &mut Vec<Joined>) {
+    let (a, b) = (&last.stretch.piece, &next.stretch.piece);
+    let Some(jump) = jumps(&a.jet(a.length()), &b.jet(0.0)) else {
+        out.push(Joined::Stretch(last));
+        return;
+    };
+    let reach_s = 3.0 * settings.cycle_s;
+    let bounds = jump.union(&last.bounds).union(&next.bounds);
+    let limits = bounds.limits(last.stretch.feed.min(next.stretch.feed), settings);
+    let speed = limits.v.min(0.5 * a.length().min(b.length()) / reach_s);
+    // Slower than what a few cycles of jerk give, rest is no worse.
+    if speed < limits.j * (2.0 * settings.cycle_s) * (2.0 * settings.cycle_s) {
+        out.push(Joined::Stretch(last));
+        out.push(Joined::Stop);
+        return;
+    }
+    let zone = reach_s * speed;
+    let part = |whole: &Bounded, from: f64, to: f64| {
+        whole.stretch.piece.cut(from, to).map(|piece| Stretch { piece, ..whole.stretch })
+    };
+    let slow = |stretch: Stretch, own: &Bounds| {
+        Joined::Stretch(Bounded {
+            stretch: Stretch { feed: speed.min(stretch.feed), ..stretch },
+            bounds: jump.union(own),
+        })
+    };
+    let end = a.length();
+    let (main, before) = (part(&last, 0.0, end - zone), part(&last, end - zone, end));
+    let (after, rest) = (part(next, 0.0, zone), part(next, zone, b.length()));
+    out.extend(main.map(|stretch| Joined::Stretch(Bounded { stretch, ..last })));
+    out.extend(before.map(|stretch| slow(stretch, &last.bounds)));
+    out.extend(after.map(|stretch| slow(stretch, &next.bounds)));
+    if let Some(stretch) = rest {
+        next.stretch = stretch;
+    }
+}

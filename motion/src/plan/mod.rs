@@ -1,0 +1,136 @@
+//! Canonical moves to a plan in time, jerk limited per axis.
+//!
+//! In:  canonical calls, in program order ([`Planner::push`]).
+//! Out: elements to a [`Sink`](crate::ring::Sink) ([`Planner::pump`]): what is final, and a planned stop behind it.
+//!
+//! The way of a move, one module each:
+//!
+//! ```text
+//! program   calls -> pieces in machine coordinates, with feed and line           (frame: offsets, travel)
+//! corners   rounds corners within the tolerance, stops where that cannot be      (round: one corner)
+//! joints    slows down where pieces that are not rounded meet with a small jump
+//! runs      joins pieces into runs of common limits along the path               (limits)
+//! planner   speeds at the ends of runs, backward and forward; hands over         (profile: phases in time)
+//! ```
+//!
+//! This is the classic planner: corner speeds, backward and forward pass, seven-phase slope with acceleration 0 where
+//! runs meet. It never breaks a limit and it leaves time on the table. Not real time; allocates.
+
+mod corners;
+mod frame;
+mod joints;
+mod limits;
+mod planner;
+mod profile;
+mod program;
+mod round;
+mod runs;
+
+use std::fmt;
+
+use crate::canon::{AXES, Axis, Position, Source};
+use crate::path::Piece;
+
+pub use planner::{Planner, Pumped};
+
+/// What one axis can do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxisLimits {
+    /// Greatest speed, mm/s or degrees/s.
+    pub velocity: f64,
+    /// Greatest acceleration, per s².
+    pub acceleration: f64,
+    /// Greatest jerk, per s³.
+    pub jerk: f64,
+    /// Least and greatest machine position, mm or degrees.
+    pub travel: [f64; 2],
+}
+
+/// What a planner must know of the machine.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Limits by axis; `None`: the machine has no such axis, and moving it is an error.
+    pub axes: [Option<AxisLimits>; AXES],
+    /// Time between set-points, s.
+    pub cycle_s: f64,
+    /// Greatest deviation from the path where G64 names none, mm.
+    pub tolerance_mm: f64,
+    /// Pieces of path that are looked ahead at least; more cost memory, fewer cost speed.
+    pub look_ahead_blocks: usize,
+    /// Machine position from which the program starts.
+    pub start: Position,
+}
+
+/// A programmed move before anything is rounded.
+#[derive(Clone, Copy, Debug)]
+pub struct Programmed {
+    /// Geometry in machine coordinates.
+    pub piece: Piece,
+    /// Programmed feed, mm/s (degrees/s when only rotary axes move); infinite for rapid moves.
+    pub feed: f64,
+    /// Line of the program.
+    pub line: u32,
+    /// Whether it is a rapid move.
+    pub rapid: bool,
+}
+
+/// Why a call cannot be planned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlanError {
+    /// Where in the program.
+    pub source: Source,
+    /// Why.
+    pub kind: PlanErrorKind,
+}
+
+/// Kind of a [`PlanError`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PlanErrorKind {
+    /// A move leaves the travel of an axis.
+    Travel {
+        /// Which.
+        axis: Axis,
+        /// Where the move would lead, machine coordinates.
+        value: f64,
+        /// The limit it would pass.
+        limit: f64,
+    },
+    /// A move of an axis that the machine does not have.
+    NoSuchAxis {
+        /// Which.
+        axis: Axis,
+    },
+    /// A feed move without a feed rate.
+    NoFeedRate,
+    /// An arc whose radius is zero at one end, or that makes no turn.
+    BadArc,
+    /// A number that is infinite or none at all.
+    NotFinite,
+}
+
+impl fmt::Display for PlanError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "line {}: {}", self.source.line, self.kind)
+    }
+}
+
+impl fmt::Display for PlanErrorKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            PlanErrorKind::Travel { axis, value, limit } => {
+                let unit = if axis.is_rotary() { "degrees" } else { "mm" };
+                write!(
+                    f,
+                    "{} would reach {value:.4} {unit} in machine coordinates, beyond its travel limit {limit:.4}",
+                    axis.letter()
+                )
+            }
+            PlanErrorKind::NoSuchAxis { axis } => write!(f, "this machine has no axis {}", axis.letter()),
+            PlanErrorKind::NoFeedRate => f.write_str("feed move without a feed rate; expected F before it"),
+            PlanErrorKind::BadArc => f.write_str("arc of zero radius; expected start and end away from its centre"),
+            PlanErrorKind::NotFinite => f.write_str("position is not a finite number"),
+        }
+    }
+}
+
+impl std::error::Error for PlanError {}

@@ -1,0 +1,210 @@
+//! Calls to moves.
+//!
+//! In:  canonical calls.
+//! Out: moves in machine coordinates with everything that holds for them, and what is to be done at rest.
+
+use std::f64::consts::TAU;
+
+use super::frame::{Frame, check_travel};
+use super::{PlanErrorKind, Settings};
+use crate::canon::{Axis, Call, PathMode, Plane, Position, SpindleDirection};
+use crate::element::{Action, Element};
+use crate::path::{Circle, Group, Piece};
+
+/// What may happen to the path at the end of a move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Corner {
+    /// Stays as it is.
+    Exact,
+    /// Stays as it is, and the machine comes to rest.
+    Stop,
+    /// May be rounded within this distance.
+    Round(f64),
+}
+
+/// A programmed move.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Move {
+    pub(super) piece: Piece,
+    /// Infinite for rapid moves.
+    pub(super) feed: f64,
+    pub(super) line: u32,
+    pub(super) rapid: bool,
+    /// At its end.
+    pub(super) corner: Corner,
+}
+
+/// What a call comes to.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Entry {
+    Move(Move),
+    /// A wait or an action, at rest.
+    Rest(Element),
+}
+
+/// State of the program as far as motion is concerned.
+#[derive(Debug)]
+pub(super) struct Program {
+    frame: Frame,
+    position: Position,
+    feed: Option<f64>,
+    mode: PathMode,
+    spindle: Option<SpindleDirection>,
+    rpm: f64,
+    messages: u32,
+}
+
+impl Program {
+    pub(super) fn new(start: Position) -> Program {
+        Program {
+            frame: Frame::default(),
+            position: start,
+            feed: None,
+            mode: PathMode::ExactPath,
+            spindle: None,
+            rpm: 0.0,
+            messages: 0,
+        }
+    }
+
+    /// On an error the position stays, and the call is of no effect.
+    pub(super) fn take(&mut self, line: u32, call: &Call, settings: &Settings) -> Result<Option<Entry>, PlanErrorKind> {
+        let rest = |action| Ok(Some(Entry::Rest(Element::Action { action, line })));
+        match call {
+            Call::StraightTraverse { to } => self.straight(to, line, true, settings),
+            Call::StraightFeed { to } => self.straight(to, line, false, settings),
+            Call::ArcFeed { to, plane, centre_mm, turns } => {
+                let piece = self.arc(to, *plane, *centre_mm, *turns)?;
+                let end = self.frame.machine(to);
+                self.accept(piece, end, line, false, settings).map(Some)
+            }
+            Call::Dwell { seconds } => Ok(Some(Entry::Rest(Element::Dwell { seconds: *seconds, line }))),
+            Call::SetFeedRate { per_second } => {
+                self.feed = Some(*per_second);
+                Ok(None)
+            }
+            Call::SetPathMode(mode) => {
+                self.mode = *mode;
+                Ok(None)
+            }
+            Call::SelectPlane(_) | Call::UseLengthUnit(_) | Call::Comment(_) => Ok(None),
+            Call::SetG5xOffset { origin, .. } => {
+                self.frame.g5x = *origin;
+                Ok(None)
+            }
+            Call::SetG92Offset { offset } => {
+                self.frame.g92 = *offset;
+                Ok(None)
+            }
+            Call::SetXyRotation { degrees } => {
+                self.frame.rotate(*degrees);
+                Ok(None)
+            }
+            Call::SetToolLengthOffset { offset } => {
+                self.frame.tool = *offset;
+                Ok(None)
+            }
+            Call::SetSpindleSpeed { rpm } => {
+                self.rpm = *rpm;
+                self.spindle.map_or(Ok(None), |direction| rest(Action::SpindleOn { rpm: *rpm, direction }))
+            }
+            Call::StartSpindle(direction) => {
+                self.spindle = Some(*direction);
+                rest(Action::SpindleOn { rpm: self.rpm, direction: *direction })
+            }
+            Call::StopSpindle => {
+                self.spindle = None;
+                rest(Action::SpindleOff)
+            }
+            Call::Mist(on) => rest(Action::Mist(*on)),
+            Call::Flood(on) => rest(Action::Flood(*on)),
+            Call::SelectTool { tool } => rest(Action::SelectTool { tool: *tool }),
+            Call::ChangeTool { tool } => rest(Action::ChangeTool { tool: *tool }),
+            Call::Message(_) => {
+                self.messages += 1;
+                rest(Action::Message { number: self.messages - 1 })
+            }
+            Call::ProgramStop => rest(Action::ProgramStop),
+            Call::OptionalProgramStop => rest(Action::OptionalStop),
+            Call::ProgramEnd => rest(Action::ProgramEnd),
+        }
+    }
+
+    fn straight(
+        &mut self,
+        to: &Position,
+        line: u32,
+        rapid: bool,
+        settings: &Settings,
+    ) -> Result<Option<Entry>, PlanErrorKind> {
+        let end = self.frame.machine(to);
+        if end.0.iter().any(|x| !x.is_finite()) {
+            return Err(PlanErrorKind::NotFinite);
+        }
+        match Piece::line(self.position, end) {
+            Some(piece) => self.accept(piece, end, line, rapid, settings).map(Some),
+            None => Ok(None),
+        }
+    }
+
+    fn accept(
+        &mut self,
+        piece: Piece,
+        end: Position,
+        line: u32,
+        rapid: bool,
+        settings: &Settings,
+    ) -> Result<Entry, PlanErrorKind> {
+        check_travel(&piece, &settings.axes)?;
+        let feed = if rapid { f64::INFINITY } else { self.feed.ok_or(PlanErrorKind::NoFeedRate)? };
+        self.position = end;
+        let corner = match self.mode {
+            PathMode::ExactPath => Corner::Exact,
+            PathMode::ExactStop => Corner::Stop,
+            PathMode::Continuous { tolerance_mm, .. } => {
+                let tolerance = tolerance_mm.unwrap_or(settings.tolerance_mm);
+                if tolerance > 0.0 { Corner::Round(tolerance) } else { Corner::Exact }
+            }
+        };
+        Ok(Entry::Move(Move { piece, feed, line, rapid, corner }))
+    }
+
+    fn arc(&self, to: &Position, plane: Plane, centre_mm: [f64; 2], turns: i32) -> Result<Piece, PlanErrorKind> {
+        let [first, second, normal] = plane.axes();
+        let mut centre = *to;
+        centre[first] = centre_mm[0];
+        centre[second] = centre_mm[1];
+        let centre = Group::Main.pick(&self.frame.machine(&centre).0);
+        let unit = |axis: Axis| {
+            let mut unit = [0.0; 3];
+            unit[axis as usize] = 1.0;
+            self.frame.turned(unit)
+        };
+        let (first, second, normal) = (unit(first), unit(second), unit(normal));
+        let end = self.frame.machine(to);
+        if end.0.iter().chain(&centre).any(|x| !x.is_finite()) {
+            return Err(PlanErrorKind::NotFinite);
+        }
+        let angle_and_radius = |q: &Position| {
+            let arm = [0, 1, 2].map(|i| q.0[i] - centre[i]);
+            let part = |unit: &[f64; 3]| arm[0] * unit[0] + arm[1] * unit[1] + arm[2] * unit[2];
+            let (x, y) = (part(&first), part(&second));
+            (y.atan2(x), x.hypot(y))
+        };
+        let ((from, radius), (until, _)) = (angle_and_radius(&self.position), angle_and_radius(&end));
+        let mut sweep = if turns > 0 { until - from } else { from - until }.rem_euclid(TAU);
+        // Equal end points are a full turn; so are those that differ by the rounding of a computed program.
+        if sweep * radius < 1e-9 || (TAU - sweep) * radius < 1e-9 {
+            sweep = TAU;
+        }
+        sweep += TAU * f64::from(turns.unsigned_abs().saturating_sub(1));
+        let circle = Circle {
+            start: self.position,
+            end,
+            centre_mm: centre,
+            normal,
+            sweep_rad: if turns > 0 { sweep } else { -sweep },
+        };
+        Piece::arc(&circle).filter(|_| turns != 0).ok_or(PlanErrorKind::BadArc)
+    }
+}

@@ -1,0 +1,193 @@
+//! One rounded corner.
+//!
+//! In:  the two legs, how much of each may be used, the tolerance.
+//! Out: a blend with continuous direction and curvature that stays within the tolerance, and where it begins and ends.
+
+use crate::canon::AXES;
+use crate::path::{BlendEnd, Group, Jet, Piece, Shape};
+
+/// A corner, rounded.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rounded {
+    /// What is taken from the end of the first leg.
+    pub(super) before: f64,
+    pub(super) blend: Piece,
+    /// What is taken from the beginning of the second leg.
+    pub(super) after: f64,
+}
+
+/// Where the inner control points lie on the legs, as parts of the distance from the vertex, by interior angle in
+/// degrees. Found by search for the shortest time under limits of acceleration and jerk.
+const SHAPES: [(f64, f64, f64); 5] =
+    [(45.0, 0.72, 0.48), (90.0, 0.60, 0.28), (135.0, 0.58, 0.18), (171.0, 0.60, 0.14), (180.0, 0.60, 0.14)];
+
+fn shape(interior_deg: f64) -> (f64, f64) {
+    let mut at = SHAPES[0];
+    for next in SHAPES {
+        if interior_deg <= next.0 {
+            let x = if next.0 > at.0 { ((interior_deg - at.0) / (next.0 - at.0)).max(0.0) } else { 0.0 };
+            return (at.1 + x * (next.1 - at.1), at.2 + x * (next.2 - at.2));
+        }
+        at = next;
+    }
+    (at.1, at.2)
+}
+
+/// Distance of two points over all nine axes; a degree counts as a millimetre.
+pub(super) fn distance(a: &[f64; AXES], b: &[f64; AXES]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+/// Angle between two directions, radians.
+pub(super) fn turning(group: Group, a: &Jet, b: &Jet) -> f64 {
+    let (a, b) = (group.pick(&a.d1), group.pick(&b.d1));
+    let (mut less, mut more) = (0.0, 0.0);
+    for i in 0..3 {
+        less += (a[i] - b[i]) * (a[i] - b[i]);
+        more += (a[i] + b[i]) * (a[i] + b[i]);
+    }
+    2.0 * less.sqrt().atan2(more.sqrt())
+}
+
+/// Distance from the vertex at which a corner of two straight legs must begin for its crest to be `tolerance` away.
+pub(super) fn reach(group: Group, a: &Jet, b: &Jet, tolerance: f64) -> f64 {
+    let (p1, p2) = shape(180.0 - turning(group, a, b).to_degrees());
+    32.0 * tolerance / ((1.0 + 5.0 * p1 + 10.0 * p2) * distance(&a.d1, &b.d1))
+}
+
+/// Rounds a corner, using up to `room` of each leg. `None`: nothing to round, or no curve found.
+pub(super) fn round(a: &Piece, room_a: f64, b: &Piece, room_b: f64, tolerance: f64) -> Option<Rounded> {
+    let group = a.group();
+    let (end, start) = (a.jet(a.length()), b.jet(0.0));
+    let straight = matches!((a.shape(), b.shape()), (Shape::Line(_), Shape::Line(_)));
+    if distance(&end.d1, &start.d1) < 1e-9 && (straight || distance(&end.d2, &start.d2) < 1e-9) {
+        return None;
+    }
+    let (p1, p2) = shape(180.0 - turning(group, &end, &start).to_degrees());
+    let mut d = reach(group, &end, &start, tolerance).min(room_a).min(room_b);
+    for _ in 0..16 {
+        if d < 1e-6 {
+            return None;
+        }
+        let (pace, pace_change) = (5.0 * (1.0 - p1) * d, 20.0 * (2.0 * p1 - p2 - 1.0) * d);
+        let from = BlendEnd { leg: a.jet(a.length() - d), pace, pace_change };
+        let to = BlendEnd { leg: b.jet(d), pace, pace_change: -pace_change };
+        let blend = Piece::blend(&from, &to, group)?;
+        if straight {
+            return Some(Rounded { before: d, blend, after: d });
+        }
+        let off = deviation(&blend, a, d, b, d);
+        if off <= tolerance {
+            return Some(Rounded { before: d, blend, after: d });
+        }
+        d *= (0.9 * tolerance / off).sqrt().clamp(0.3, 0.9);
+    }
+    None
+}
+
+/// Joins the middles of two straight legs, with given curvature there: on dense programs the result is nearly the curve
+/// from which the points were taken.
+pub(super) fn join(
+    a: &Piece,
+    bend_a: &[f64; AXES],
+    b: &Piece,
+    bend_b: &[f64; AXES],
+    tolerance: f64,
+) -> Option<Rounded> {
+    let (before, after) = (a.length() - a.length() / 2.0, b.length() / 2.0);
+    let end = |piece: &Piece, s: f64, bend: &[f64; AXES]| BlendEnd {
+        leg: Jet { d2: *bend, ..piece.jet(s) },
+        pace: before + after,
+        pace_change: 0.0,
+    };
+    let blend = Piece::blend(&end(a, a.length() / 2.0, bend_a), &end(b, after, bend_b), a.group())?;
+    (deviation(&blend, a, before, b, after) <= tolerance).then_some(Rounded { before, blend, after })
+}
+
+/// Greatest distance between a blend and the legs that it replaces, both ways, a little on the safe side.
+fn deviation(blend: &Piece, a: &Piece, before: f64, b: &Piece, after: f64) -> f64 {
+    const STEPS: usize = 16;
+    let vertex = b.position(0.0).0;
+    let (mut off, mut missed) = (0.0f64, f64::INFINITY);
+    for k in 1..STEPS {
+        let x = k as f64 / STEPS as f64;
+        let q = blend.position(blend.length() * x).0;
+        let near_a = nearest(a, &q, a.length() - before, a.length(), a.length() - before * (1.0 - 2.0 * x).max(0.0));
+        let near_b = nearest(b, &q, 0.0, after, after * (2.0 * x - 1.0).max(0.0));
+        off = off.max(near_a.min(near_b));
+        missed = missed.min(distance(&q, &vertex));
+    }
+    1.01 * off.max(missed)
+}
+
+/// Distance of `q` from the stretch of a leg, found from a first guess by steps along the tangent.
+fn nearest(leg: &Piece, q: &[f64; AXES], from: f64, to: f64, guess: f64) -> f64 {
+    let mut s = guess;
+    for _ in 0..4 {
+        let jet = leg.jet(s);
+        let (mut along, mut square) = (0.0, 0.0);
+        for axis in 0..AXES {
+            along += (q[axis] - jet.q[axis]) * jet.d1[axis];
+            square += jet.d1[axis] * jet.d1[axis];
+        }
+        s = (s + along / square).clamp(from, to);
+        if matches!(leg.shape(), Shape::Line(_)) {
+            break;
+        }
+    }
+    distance(q, &leg.position(s).0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canon::Position;
+    use crate::path::Circle;
+
+    #[test]
+    fn the_crest_of_a_straight_corner_is_the_tolerance_away() {
+        let corner = Position::xyz(10.0, 0.0, 0.0);
+        let a = Piece::line(Position::ZERO, corner).unwrap();
+        for degrees in [5.0f64, 30.0, 60.0, 90.0, 120.0, 150.0] {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let b = Piece::line(corner, Position::xyz(10.0 + 10.0 * cos, 10.0 * sin, 0.0)).unwrap();
+            let rounded = round(&a, 5.0, &b, 5.0, 0.01).unwrap();
+            let crest = rounded.blend.position(rounded.blend.length() / 2.0);
+            assert!((distance(&crest.0, &corner.0) - 0.01).abs() < 1e-9, "{degrees}");
+        }
+        // 90 degrees: eps/d = 0.3005 for the ratios 0.60 and 0.28.
+        let b = Piece::line(corner, Position::xyz(10.0, 10.0, 0.0)).unwrap();
+        assert!((round(&a, 5.0, &b, 5.0, 0.01).unwrap().before - 0.01 / 0.3005).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_tangent_arc_is_entered_with_continuous_curvature() {
+        let a = Piece::line(Position::xyz(-20.0, 0.0, 0.0), Position::ZERO).unwrap();
+        let circle = Circle {
+            start: Position::ZERO,
+            end: Position::xyz(5.0, 5.0, 0.0),
+            centre_mm: [0.0, 5.0, 0.0],
+            normal: [0.0, 0.0, 1.0],
+            sweep_rad: std::f64::consts::FRAC_PI_2,
+        };
+        let b = Piece::arc(&circle).unwrap();
+        let rounded = round(&a, 10.0, &b, b.length() / 2.0, 0.01).unwrap();
+        assert!(rounded.before > 0.5, "{}", rounded.before);
+        let (first, last) = (rounded.blend.jet(0.0), rounded.blend.jet(rounded.blend.length()));
+        assert!(distance(&first.d2, &[0.0; AXES]) < 1e-9);
+        assert!(distance(&last.d2, &b.jet(rounded.after).d2) < 1e-9);
+        // Every point within the tolerance of the line before the arc or of the circle.
+        for k in 0..=1000 {
+            let q = rounded.blend.position(rounded.blend.length() * f64::from(k) / 1000.0).0;
+            let off = if q[0] < 0.0 { q[1].abs() } else { (q[0].hypot(q[1] - 5.0) - 5.0).abs() };
+            assert!(off <= 0.01, "{off}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_rounded_where_nothing_turns() {
+        let a = Piece::line(Position::ZERO, Position::xyz(1.0, 1.0, 0.0)).unwrap();
+        let b = Piece::line(Position::xyz(1.0, 1.0, 0.0), Position::xyz(3.0, 3.0, 0.0)).unwrap();
+        assert!(round(&a, 0.5, &b, 1.0, 0.01).is_none());
+    }
+}

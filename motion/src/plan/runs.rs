@@ -1,0 +1,192 @@
+//! Runs: consecutive pieces under common limits.
+//!
+//! In:  stretches with bounds, and halts.
+//! Out: runs. Acceleration is 0 where runs meet, so they must not be too short; all their pieces share the limits of the
+//! worst, so they must not differ too much. Both are decided by the data alone.
+
+use super::Settings;
+use super::joints::{Bounded, Joined};
+use super::limits::{Bounds, PathLimits};
+use super::profile::{Phase, profile};
+use crate::element::{Element, Span};
+use crate::path::Piece;
+
+/// Pieces in one run at most, which bounds the number of elements that must be published together.
+pub(super) const RUN_PIECES: usize = 512;
+
+/// Pieces with a place in the plan.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    piece: Piece,
+    line: u32,
+    rapid: bool,
+}
+
+/// Consecutive pieces under common limits.
+#[derive(Clone, Debug)]
+pub(super) struct Run {
+    parts: Vec<Part>,
+    pub(super) length: f64,
+    pub(super) limits: PathLimits,
+    bounds: Bounds,
+    feed: f64,
+    /// Speed that the fastest part would have on its own.
+    fastest: f64,
+}
+
+/// What comes out.
+#[derive(Clone, Debug)]
+pub(super) enum Built {
+    Run(Run),
+    Stop,
+}
+
+/// Builds runs.
+#[derive(Debug, Default)]
+pub(super) struct Runs {
+    open: Option<Run>,
+}
+
+impl Runs {
+    pub(super) fn push(&mut self, joined: Joined, settings: &Settings, out: &mut Vec<Built>) {
+        match joined {
+            Joined::Stop => {
+                self.flush(out);
+                out.push(Built::Stop);
+            }
+            Joined::Stretch(next) => {
+                let next = Run::of(next, settings);
+                match self.open.take() {
+                    None => self.open = Some(next),
+                    Some(run) => {
+                        let (closed, open) = run.join(next, settings);
+                        out.extend(closed.map(Built::Run));
+                        self.open = Some(open);
+                    }
+                }
+            }
+        }
+    }
+
+    pub(super) fn flush(&mut self, out: &mut Vec<Built>) {
+        out.extend(self.open.take().map(Built::Run));
+    }
+}
+
+impl Run {
+    fn of(one: Bounded, settings: &Settings) -> Run {
+        let stretch = one.stretch;
+        let limits = one.bounds.limits(stretch.feed, settings);
+        Run {
+            parts: vec![Part { piece: stretch.piece, line: stretch.line, rapid: stretch.rapid }],
+            length: stretch.piece.length(),
+            limits,
+            bounds: one.bounds,
+            feed: stretch.feed,
+            fastest: limits.v,
+        }
+    }
+
+    /// Pieces of path.
+    pub(super) fn pieces(&self) -> usize {
+        self.parts.len()
+    }
+
+    /// Appends `next`, a single piece, where that loses little; else gives both back.
+    fn join(mut self, next: Run, settings: &Settings) -> (Option<Run>, Run) {
+        /// Speeds that differ by less are alike.
+        const ALIKE: f64 = 0.85;
+        let bounds = self.bounds.union(&next.bounds);
+        let feed = self.feed.min(next.feed);
+        let limits = bounds.limits(feed, settings);
+        let fastest = self.fastest.max(next.fastest);
+        let PathLimits { v, a, j } = limits;
+        // Over this length, speed can change by about a quarter; two runs of it are no worse than one.
+        let short = v * (v / j).sqrt();
+        // Braking and accelerating fit into this; a longer run gains nothing.
+        let long = 2.0 * v * (v / a + a / j);
+        let alike = v >= ALIKE * fastest && self.length < long;
+        let both_short = self.length < short && next.length < short;
+        if !(alike || both_short) || self.pieces() >= RUN_PIECES {
+            return (Some(self), next);
+        }
+        self.parts.extend(next.parts);
+        self.length += next.length;
+        self.fastest = if alike { fastest } else { v };
+        (self.bounds, self.feed, self.limits) = (bounds, feed, limits);
+        (None, self)
+    }
+
+    /// The motion from speed `v0` to `v1`, one span per phase and piece.
+    pub(super) fn spans(&self, v0: f64, v1: f64, out: &mut Vec<Element>) {
+        let phases = profile(v0, v1, self.length, &self.limits);
+        let mut part = 0;
+        let mut part_start = 0.0;
+        for (place, phase) in phases.iter().enumerate() {
+            let phase_end = phases.get(place + 1).map_or(f64::INFINITY, |next| next.s);
+            let mut t = 0.0;
+            loop {
+                let border = part_start + self.parts[part].piece.length();
+                let last_part = part + 1 == self.parts.len();
+                let until = if last_part || border > phase_end { phase.duration } else { phase.time_at(border, t) };
+                self.span(part, part_start, phase, t, until, out);
+                t = until;
+                if last_part || border > phase_end {
+                    break;
+                }
+                part_start = border;
+                part += 1;
+            }
+        }
+    }
+
+    fn span(&self, part: usize, part_start: f64, phase: &Phase, from: f64, until: f64, out: &mut Vec<Element>) {
+        if until <= from {
+            return;
+        }
+        let Part { piece, line, rapid } = self.parts[part];
+        out.push(Element::Span(Span {
+            piece,
+            s0: phase.place(from) - part_start,
+            v0: phase.speed(from).max(0.0),
+            a0: phase.a + from * phase.jerk,
+            jerk: phase.jerk,
+            duration_s: until - from,
+            line,
+            rapid,
+        }));
+    }
+}
+
+impl Phase {
+    /// Length run after `t` of the phase.
+    fn place(&self, t: f64) -> f64 {
+        self.s + t * (self.v + t * (self.a / 2.0 + t * self.jerk / 6.0))
+    }
+
+    fn speed(&self, t: f64) -> f64 {
+        self.v + t * (self.a + t * self.jerk / 2.0)
+    }
+
+    /// Time after `from` at which `place` is reached, at most the end of the phase.
+    fn time_at(&self, place: f64, from: f64) -> f64 {
+        let (mut low, mut high) = (from, self.duration);
+        let mut t = 0.5 * (low + high);
+        for _ in 0..80 {
+            let error = self.place(t) - place;
+            if error > 0.0 {
+                high = t;
+            } else {
+                low = t;
+            }
+            // Newton's step where it stays inside the bracket, else the middle.
+            let newton = t - error / self.speed(t);
+            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+            if (next - t).abs() <= 1e-16 {
+                break;
+            }
+            t = next;
+        }
+        t.clamp(from, self.duration)
+    }
+}
