@@ -8,5 +8,6 @@
 pub mod canon;
 pub mod element;
 pub mod path;
+pub mod plan;
 pub mod ring;
 pub mod rt;

@@ -49,7 +49,11 @@ pub(super) struct Corners {
 
 impl Corners {
     pub(super) fn push(&mut self, part: Move, out: &mut Vec<Passed>) {
-        self.legs.push_back(Leg { part, from: 0.0, bend: [0.0; AXES] });
+        self.legs.push_back(Leg {
+            part,
+            from: 0.0,
+            bend: [0.0; AXES],
+        });
         if self.legs.len() > 2 {
             self.pass_one(out);
         }
@@ -68,7 +72,9 @@ impl Corners {
     /// Decides the corner between the two oldest moves and lets the older one go. There are at least two.
     fn pass_one(&mut self, out: &mut Vec<Passed>) {
         let Some(leg) = self.legs.pop_front() else { return };
-        let (Some(mut next), after) = (self.legs.front().copied(), self.legs.get(1)) else { return };
+        let (Some(mut next), after) = (self.legs.front().copied(), self.legs.get(1)) else {
+            return;
+        };
         let (a, b) = (&leg.part, &next.part);
         let tolerance = match a.corner {
             Corner::Round(tolerance) if joinable(a, b) => tolerance,
@@ -86,7 +92,12 @@ impl Corners {
             Some((corner, bend)) => {
                 rest_of(&leg, corner.before, out);
                 let feed = a.feed.min(b.feed);
-                out.push(Passed::Stretch(Stretch { piece: corner.blend, feed, line: b.line, rapid: b.rapid }));
+                out.push(Passed::Stretch(Stretch {
+                    piece: corner.blend,
+                    feed,
+                    line: b.line,
+                    rapid: b.rapid,
+                }));
                 next.from = corner.after;
                 next.bend = bend;
                 self.legs[0] = next;
@@ -103,9 +114,20 @@ fn joinable(a: &Move, b: &Move) -> bool {
 
 /// Lets go what the corners have left of a move.
 fn rest_of(leg: &Leg, taken: f64, out: &mut Vec<Passed>) {
-    let Move { piece, feed, line, rapid, .. } = leg.part;
+    let Move {
+        piece,
+        feed,
+        line,
+        rapid,
+        ..
+    } = leg.part;
     if let Some(piece) = piece.cut(leg.from, piece.length() - taken) {
-        out.push(Passed::Stretch(Stretch { piece, feed, line, rapid }));
+        out.push(Passed::Stretch(Stretch {
+            piece,
+            feed,
+            line,
+            rapid,
+        }));
     }
 }
 
@@ -159,9 +181,14 @@ fn dense(a: &Move, b: &Move) -> bool {
 fn middle_bend(a: &Piece, b: &Piece, c: &Piece) -> [f64; AXES] {
     let (ta, tb, tc) = (a.jet(0.0).d1, b.jet(0.0).d1, c.jet(0.0).d1);
     let (first, second) = ((a.length() + b.length()) / 2.0, (b.length() + c.length()) / 2.0);
-    let mut bend: [f64; AXES] =
-        core::array::from_fn(|i| 0.5 * ((tb[i] - ta[i]) / first + (tc[i] - tb[i]) / second));
-    let along: f64 = b.group().pick(&bend).iter().zip(b.group().pick(&tb)).map(|(x, t)| x * t).sum();
+    let mut bend: [f64; AXES] = core::array::from_fn(|i| 0.5 * ((tb[i] - ta[i]) / first + (tc[i] - tb[i]) / second));
+    let along: f64 = b
+        .group()
+        .pick(&bend)
+        .iter()
+        .zip(b.group().pick(&tb))
+        .map(|(x, t)| x * t)
+        .sum();
     for (bend, t) in bend.iter_mut().zip(tb) {
         *bend -= along * t;
     }

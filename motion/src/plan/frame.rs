@@ -101,7 +101,12 @@ mod tests {
 
     #[test]
     fn an_arc_may_leave_the_travel_between_its_ends() {
-        let limits = |travel| AxisLimits { velocity: 1.0, acceleration: 1.0, jerk: 1.0, travel };
+        let limits = |travel| AxisLimits {
+            velocity: 1.0,
+            acceleration: 1.0,
+            jerk: 1.0,
+            travel,
+        };
         let mut axes = [None; AXES];
         axes[0] = Some(limits([-20.0, 20.0]));
         axes[1] = Some(limits([-20.0, 4.9]));
@@ -122,6 +127,9 @@ mod tests {
         axes[1] = Some(limits([-20.0, 5.0]));
         assert_eq!(check_travel(&piece, &axes), Ok(()));
         axes[0] = None;
-        assert_eq!(check_travel(&piece, &axes), Err(PlanErrorKind::NoSuchAxis { axis: Axis::X }));
+        assert_eq!(
+            check_travel(&piece, &axes),
+            Err(PlanErrorKind::NoSuchAxis { axis: Axis::X })
+        );
     }
 }

@@ -39,7 +39,10 @@ impl Joints {
                 out.push(Joined::Stop);
             }
             Passed::Stretch(stretch) => {
-                let mut next = Bounded { stretch, bounds: Bounds::of(&stretch.piece) };
+                let mut next = Bounded {
+                    stretch,
+                    bounds: Bounds::of(&stretch.piece),
+                };
                 if let Some(last) = self.last.take() {
                     meet(last, &mut next, settings, out);
                 }
@@ -72,11 +75,18 @@ fn meet(last: Bounded, next: &mut Bounded, settings: &Settings, out: &mut Vec<Jo
     }
     let zone = reach_s * speed;
     let part = |whole: &Bounded, from: f64, to: f64| {
-        whole.stretch.piece.cut(from, to).map(|piece| Stretch { piece, ..whole.stretch })
+        whole
+            .stretch
+            .piece
+            .cut(from, to)
+            .map(|piece| Stretch { piece, ..whole.stretch })
     };
     let slow = |stretch: Stretch, own: &Bounds| {
         Joined::Stretch(Bounded {
-            stretch: Stretch { feed: speed.min(stretch.feed), ..stretch },
+            stretch: Stretch {
+                feed: speed.min(stretch.feed),
+                ..stretch
+            },
             bounds: jump.union(own),
         })
     };

@@ -18,7 +18,7 @@ use super::{AxisLimits, Settings};
 use crate::canon::AXES;
 use crate::path::{Jet, Piece, Shape};
 
-/// Part of the limits that is used; the rest is for rounding and for what sampling of curves may miss.
+/// Part of the limits of acceleration and jerk that is used; the rest is for rounding and for what sampling of curves may miss.
 const USE: f64 = 0.985;
 /// Parts of acceleration and jerk that curvature may take at full speed; the rest is left for changes of speed.
 const CURVED_ACCELERATION: f64 = 0.6;
@@ -51,12 +51,19 @@ impl Bounds {
         match piece.shape() {
             Shape::Line(_) => {
                 let jet = piece.jet(0.0);
-                Bounds { d1: jet.d1.map(f64::abs), ..Bounds::default() }
+                Bounds {
+                    d1: jet.d1.map(f64::abs),
+                    ..Bounds::default()
+                }
             }
             // One sample every 0.05 rad, 8 for a short arc; a constant radius repeats after one turn.
             Shape::Arc(arc) => {
                 let turn = arc.sweep_rad() * piece.length() / arc.length_mm();
-                let turn = if arc.is_round() { turn.min(std::f64::consts::TAU) } else { turn };
+                let turn = if arc.is_round() {
+                    turn.min(std::f64::consts::TAU)
+                } else {
+                    turn
+                };
                 let steps = (turn / 0.05).ceil().clamp(8.0, 50_000.0) as usize;
                 let part = arc.length_mm() * turn / arc.sweep_rad();
                 Bounds::sampled(piece, part.min(piece.length()), steps)
@@ -64,7 +71,12 @@ impl Bounds {
             Shape::Blend(_) => {
                 let (first, last) = (piece.jet(0.0), piece.jet(piece.length()));
                 let group = piece.group();
-                let cosine: f64 = group.pick(&first.d1).iter().zip(group.pick(&last.d1)).map(|(a, b)| a * b).sum();
+                let cosine: f64 = group
+                    .pick(&first.d1)
+                    .iter()
+                    .zip(group.pick(&last.d1))
+                    .map(|(a, b)| a * b)
+                    .sum();
                 Bounds::sampled(piece, piece.length(), if cosine > 0.95 { 16 } else { 64 })
             }
         }
@@ -105,11 +117,13 @@ impl Bounds {
         let cycle = settings.cycle_s;
         let mut v = feed;
         for (axis, limits) in existing(settings) {
-            v = v.min(USE * limits.velocity / self.d1[axis]);
+            v = v.min(limits.velocity / self.d1[axis]);
             v = v.min(root(CURVED_ACCELERATION * USE * limits.acceleration, |v| {
                 self.d2[axis] * v * v + self.kink[axis] * v / cycle
             }));
-            v = v.min(root(CURVED_JERK * USE * limits.jerk, |v| self.fixed_jerk(axis, v, cycle)));
+            v = v.min(root(CURVED_JERK * USE * limits.jerk, |v| {
+                self.fixed_jerk(axis, v, cycle)
+            }));
         }
         let mut a = f64::INFINITY;
         for (axis, limits) in existing(settings) {
@@ -133,7 +147,11 @@ impl Bounds {
 }
 
 fn existing(settings: &Settings) -> impl Iterator<Item = (usize, &AxisLimits)> {
-    settings.axes.iter().enumerate().filter_map(|(axis, limits)| limits.as_ref().map(|limits| (axis, limits)))
+    settings
+        .axes
+        .iter()
+        .enumerate()
+        .filter_map(|(axis, limits)| limits.as_ref().map(|limits| (axis, limits)))
 }
 
 /// Greatest v with f(v) <= bound, for f rising from 0; infinite when f stays 0. The result is never above the root.

@@ -16,10 +16,13 @@
 //! This is the classic planner: corner speeds, backward and forward pass, seven-phase slope with acceleration 0 where
 //! runs meet. It never breaks a limit and it leaves time on the table. Not real time; allocates.
 
+pub mod check;
 mod corners;
+pub mod deviation;
 mod frame;
 mod joints;
 mod limits;
+pub mod offline;
 mod planner;
 mod profile;
 mod program;
@@ -31,7 +34,11 @@ use std::fmt;
 use crate::canon::{AXES, Axis, Position, Source};
 use crate::path::Piece;
 
+pub use offline::{Offline, plan_offline};
 pub use planner::{Planner, Pumped};
+
+#[cfg(test)]
+mod tests;
 
 /// What one axis can do.
 #[derive(Clone, Copy, Debug, PartialEq)]

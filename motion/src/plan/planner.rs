@@ -99,7 +99,10 @@ impl<S: Sink<Element>> Planner<S> {
         let entry = self
             .program
             .take(event.source.line, &event.call, &self.settings)
-            .map_err(|kind| PlanError { source: event.source, kind })?;
+            .map_err(|kind| PlanError {
+                source: event.source,
+                kind,
+            })?;
         match entry {
             None => {}
             Some(Entry::Move(part)) => {
@@ -117,7 +120,10 @@ impl<S: Sink<Element>> Planner<S> {
             Some(Entry::Rest(element)) => {
                 self.finished = false;
                 self.flush();
-                self.steps.push_back(Step { what: What::Rest(Some(element)), end_speed: 0.0 });
+                self.steps.push_back(Step {
+                    what: What::Rest(Some(element)),
+                    end_speed: 0.0,
+                });
             }
         }
         Ok(())
@@ -207,7 +213,10 @@ impl<S: Sink<Element>> Planner<S> {
 
     /// Greatest speed at the end of step `i`, by what is on both sides.
     fn cap(&self, i: usize) -> f64 {
-        match (self.steps.get(i).map(|step| &step.what), self.steps.get(i + 1).map(|step| &step.what)) {
+        match (
+            self.steps.get(i).map(|step| &step.what),
+            self.steps.get(i + 1).map(|step| &step.what),
+        ) {
             (Some(What::Run(a)), Some(What::Run(b))) => a.limits.v.min(b.limits.v),
             _ => 0.0,
         }
@@ -233,7 +242,11 @@ impl<S: Sink<Element>> Planner<S> {
                 What::Run(_) | What::Rest(_) => 0.0,
             };
         }
-        let mut speed = if first > 0 { self.steps[first - 1].end_speed } else { self.speed };
+        let mut speed = if first > 0 {
+            self.steps[first - 1].end_speed
+        } else {
+            self.speed
+        };
         for step in self.steps.range_mut(first..) {
             if let What::Run(run) = &step.what {
                 step.end_speed = end_speed(speed, step.end_speed, run.length, &run.limits);

@@ -22,7 +22,11 @@ pub(super) struct Phase {
 /// Times of a change of speed by `dv` from and to acceleration 0: each jerk phase, and the phase between.
 fn change_times(dv: f64, limits: &PathLimits) -> (f64, f64) {
     let PathLimits { a, j, .. } = *limits;
-    if dv * j <= a * a { ((dv / j).sqrt(), 0.0) } else { (a / j, dv / a - a / j) }
+    if dv * j <= a * a {
+        ((dv / j).sqrt(), 0.0)
+    } else {
+        (a / j, dv / a - a / j)
+    }
 }
 
 /// Length of the change of speed between `x` and `y`, acceleration 0 at both.
@@ -58,7 +62,11 @@ pub(super) fn reachable(from: f64, cap: f64, length: f64, limits: &PathLimits) -
 /// length needed has its greatest values in between, so the two ends of the choice suffice.
 pub(super) fn brakeable(after: f64, cap: f64, length: f64, limits: &PathLimits) -> f64 {
     let part = reachable(after, cap, length, limits);
-    if part >= cap { cap } else { part.max(reachable(0.0, cap, length, limits)) }
+    if part >= cap {
+        cap
+    } else {
+        part.max(reachable(0.0, cap, length, limits))
+    }
 }
 
 /// Greatest speed of at most `cap` after a run that begins with `from`, where some such speed exists.
@@ -121,7 +129,13 @@ pub(super) fn profile(v0: f64, v1: f64, length: f64, limits: &PathLimits) -> Vec
     let mut s = 0.0;
     let mut add = |duration: f64, v: f64, a: f64, jerk: f64| {
         if duration > 0.0 {
-            phases.push(Phase { duration, s, v, a, jerk });
+            phases.push(Phase {
+                duration,
+                s,
+                v,
+                a,
+                jerk,
+            });
             s += duration * (v + duration * (a / 2.0 + duration * jerk / 6.0));
         }
     };
@@ -145,7 +159,11 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const LIMITS: PathLimits = PathLimits { v: 100.0, a: 1000.0, j: 20_000.0 };
+    const LIMITS: PathLimits = PathLimits {
+        v: 100.0,
+        a: 1000.0,
+        j: 20_000.0,
+    };
 
     #[test]
     fn a_long_run_has_seven_phases_with_the_textbook_times() {
@@ -162,7 +180,10 @@ mod tests {
     fn a_short_run_rises_to_what_its_length_allows() {
         // Rest to rest over L with jerk alone: L = 2 v sqrt(v / j), here v = 5 mm/s over 0.158 mm.
         let length = 10.0 * (5.0f64 / 20_000.0).sqrt();
-        let peak = profile(0.0, 0.0, length, &LIMITS).iter().map(|phase| phase.v).fold(0.0, f64::max);
+        let peak = profile(0.0, 0.0, length, &LIMITS)
+            .iter()
+            .map(|phase| phase.v)
+            .fold(0.0, f64::max);
         assert!((peak - 5.0).abs() < 1e-9);
     }
 

@@ -73,12 +73,20 @@ impl Program {
         match call {
             Call::StraightTraverse { to } => self.straight(to, line, true, settings),
             Call::StraightFeed { to } => self.straight(to, line, false, settings),
-            Call::ArcFeed { to, plane, centre_mm, turns } => {
+            Call::ArcFeed {
+                to,
+                plane,
+                centre_mm,
+                turns,
+            } => {
                 let piece = self.arc(to, *plane, *centre_mm, *turns)?;
                 let end = self.frame.machine(to);
                 self.accept(piece, end, line, false, settings).map(Some)
             }
-            Call::Dwell { seconds } => Ok(Some(Entry::Rest(Element::Dwell { seconds: *seconds, line }))),
+            Call::Dwell { seconds } => Ok(Some(Entry::Rest(Element::Dwell {
+                seconds: *seconds,
+                line,
+            }))),
             Call::SetFeedRate { per_second } => {
                 self.feed = Some(*per_second);
                 Ok(None)
@@ -106,11 +114,15 @@ impl Program {
             }
             Call::SetSpindleSpeed { rpm } => {
                 self.rpm = *rpm;
-                self.spindle.map_or(Ok(None), |direction| rest(Action::SpindleOn { rpm: *rpm, direction }))
+                self.spindle
+                    .map_or(Ok(None), |direction| rest(Action::SpindleOn { rpm: *rpm, direction }))
             }
             Call::StartSpindle(direction) => {
                 self.spindle = Some(*direction);
-                rest(Action::SpindleOn { rpm: self.rpm, direction: *direction })
+                rest(Action::SpindleOn {
+                    rpm: self.rpm,
+                    direction: *direction,
+                })
             }
             Call::StopSpindle => {
                 self.spindle = None;
@@ -122,7 +134,9 @@ impl Program {
             Call::ChangeTool { tool } => rest(Action::ChangeTool { tool: *tool }),
             Call::Message(_) => {
                 self.messages += 1;
-                rest(Action::Message { number: self.messages - 1 })
+                rest(Action::Message {
+                    number: self.messages - 1,
+                })
             }
             Call::ProgramStop => rest(Action::ProgramStop),
             Call::OptionalProgramStop => rest(Action::OptionalStop),
@@ -156,17 +170,31 @@ impl Program {
         settings: &Settings,
     ) -> Result<Entry, PlanErrorKind> {
         check_travel(&piece, &settings.axes)?;
-        let feed = if rapid { f64::INFINITY } else { self.feed.ok_or(PlanErrorKind::NoFeedRate)? };
+        let feed = if rapid {
+            f64::INFINITY
+        } else {
+            self.feed.ok_or(PlanErrorKind::NoFeedRate)?
+        };
         self.position = end;
         let corner = match self.mode {
             PathMode::ExactPath => Corner::Exact,
             PathMode::ExactStop => Corner::Stop,
             PathMode::Continuous { tolerance_mm, .. } => {
                 let tolerance = tolerance_mm.unwrap_or(settings.tolerance_mm);
-                if tolerance > 0.0 { Corner::Round(tolerance) } else { Corner::Exact }
+                if tolerance > 0.0 {
+                    Corner::Round(tolerance)
+                } else {
+                    Corner::Exact
+                }
             }
         };
-        Ok(Entry::Move(Move { piece, feed, line, rapid, corner }))
+        Ok(Entry::Move(Move {
+            piece,
+            feed,
+            line,
+            rapid,
+            corner,
+        }))
     }
 
     fn arc(&self, to: &Position, plane: Plane, centre_mm: [f64; 2], turns: i32) -> Result<Piece, PlanErrorKind> {

@@ -18,14 +18,23 @@ pub(super) struct Rounded {
 
 /// Where the inner control points lie on the legs, as parts of the distance from the vertex, by interior angle in
 /// degrees. Found by search for the shortest time under limits of acceleration and jerk.
-const SHAPES: [(f64, f64, f64); 5] =
-    [(45.0, 0.72, 0.48), (90.0, 0.60, 0.28), (135.0, 0.58, 0.18), (171.0, 0.60, 0.14), (180.0, 0.60, 0.14)];
+const SHAPES: [(f64, f64, f64); 5] = [
+    (45.0, 0.72, 0.48),
+    (90.0, 0.60, 0.28),
+    (135.0, 0.58, 0.18),
+    (171.0, 0.60, 0.14),
+    (180.0, 0.60, 0.14),
+];
 
 fn shape(interior_deg: f64) -> (f64, f64) {
     let mut at = SHAPES[0];
     for next in SHAPES {
         if interior_deg <= next.0 {
-            let x = if next.0 > at.0 { ((interior_deg - at.0) / (next.0 - at.0)).max(0.0) } else { 0.0 };
+            let x = if next.0 > at.0 {
+                ((interior_deg - at.0) / (next.0 - at.0)).max(0.0)
+            } else {
+                0.0
+            };
             return (at.1 + x * (next.1 - at.1), at.2 + x * (next.2 - at.2));
         }
         at = next;
@@ -70,15 +79,31 @@ pub(super) fn round(a: &Piece, room_a: f64, b: &Piece, room_b: f64, tolerance: f
             return None;
         }
         let (pace, pace_change) = (5.0 * (1.0 - p1) * d, 20.0 * (2.0 * p1 - p2 - 1.0) * d);
-        let from = BlendEnd { leg: a.jet(a.length() - d), pace, pace_change };
-        let to = BlendEnd { leg: b.jet(d), pace, pace_change: -pace_change };
+        let from = BlendEnd {
+            leg: a.jet(a.length() - d),
+            pace,
+            pace_change,
+        };
+        let to = BlendEnd {
+            leg: b.jet(d),
+            pace,
+            pace_change: -pace_change,
+        };
         let blend = Piece::blend(&from, &to, group)?;
         if straight {
-            return Some(Rounded { before: d, blend, after: d });
+            return Some(Rounded {
+                before: d,
+                blend,
+                after: d,
+            });
         }
         let off = deviation(&blend, a, d, b, d);
         if off <= tolerance {
-            return Some(Rounded { before: d, blend, after: d });
+            return Some(Rounded {
+                before: d,
+                blend,
+                after: d,
+            });
         }
         d *= (0.9 * tolerance / off).sqrt().clamp(0.3, 0.9);
     }
@@ -96,7 +121,10 @@ pub(super) fn join(
 ) -> Option<Rounded> {
     let (before, after) = (a.length() - a.length() / 2.0, b.length() / 2.0);
     let end = |piece: &Piece, s: f64, bend: &[f64; AXES]| BlendEnd {
-        leg: Jet { d2: *bend, ..piece.jet(s) },
+        leg: Jet {
+            d2: *bend,
+            ..piece.jet(s)
+        },
         pace: before + after,
         pace_change: 0.0,
     };
@@ -112,16 +140,22 @@ fn deviation(blend: &Piece, a: &Piece, before: f64, b: &Piece, after: f64) -> f6
     for k in 1..STEPS {
         let x = k as f64 / STEPS as f64;
         let q = blend.position(blend.length() * x).0;
-        let near_a = nearest(a, &q, a.length() - before, a.length(), a.length() - before * (1.0 - 2.0 * x).max(0.0));
+        let near_a = nearest(
+            a,
+            &q,
+            a.length() - before,
+            a.length(),
+            a.length() - before * (1.0 - 2.0 * x).max(0.0),
+        );
         let near_b = nearest(b, &q, 0.0, after, after * (2.0 * x - 1.0).max(0.0));
-        off = off.max(near_a.min(near_b));
+        off = off.max(near_a.0.min(near_b.0));
         missed = missed.min(distance(&q, &vertex));
     }
     1.01 * off.max(missed)
 }
 
-/// Distance of `q` from the stretch of a leg, found from a first guess by steps along the tangent.
-fn nearest(leg: &Piece, q: &[f64; AXES], from: f64, to: f64, guess: f64) -> f64 {
+/// Distance of `q` from the stretch of a leg, and where, found from a first guess by steps along the tangent.
+pub(super) fn nearest(leg: &Piece, q: &[f64; AXES], from: f64, to: f64, guess: f64) -> (f64, f64) {
     let mut s = guess;
     for _ in 0..4 {
         let jet = leg.jet(s);
@@ -135,7 +169,7 @@ fn nearest(leg: &Piece, q: &[f64; AXES], from: f64, to: f64, guess: f64) -> f64 
             break;
         }
     }
-    distance(q, &leg.position(s).0)
+    (distance(q, &leg.position(s).0), s)
 }
 
 #[cfg(test)]
@@ -179,7 +213,11 @@ mod tests {
         // Every point within the tolerance of the line before the arc or of the circle.
         for k in 0..=1000 {
             let q = rounded.blend.position(rounded.blend.length() * f64::from(k) / 1000.0).0;
-            let off = if q[0] < 0.0 { q[1].abs() } else { (q[0].hypot(q[1] - 5.0) - 5.0).abs() };
+            let off = if q[0] < 0.0 {
+                q[1].abs()
+            } else {
+                (q[0].hypot(q[1] - 5.0) - 5.0).abs()
+            };
             assert!(off <= 0.01, "{off}");
         }
     }

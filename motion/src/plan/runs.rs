@@ -78,7 +78,11 @@ impl Run {
         let stretch = one.stretch;
         let limits = one.bounds.limits(stretch.feed, settings);
         Run {
-            parts: vec![Part { piece: stretch.piece, line: stretch.line, rapid: stretch.rapid }],
+            parts: vec![Part {
+                piece: stretch.piece,
+                line: stretch.line,
+                rapid: stretch.rapid,
+            }],
             length: stretch.piece.length(),
             limits,
             bounds: one.bounds,
@@ -128,7 +132,11 @@ impl Run {
             loop {
                 let border = part_start + self.parts[part].piece.length();
                 let last_part = part + 1 == self.parts.len();
-                let until = if last_part || border > phase_end { phase.duration } else { phase.time_at(border, t) };
+                let until = if last_part || border > phase_end {
+                    phase.duration
+                } else {
+                    phase.time_at(border, t)
+                };
                 self.span(part, part_start, phase, t, until, out);
                 t = until;
                 if last_part || border > phase_end {
@@ -181,7 +189,11 @@ impl Phase {
             }
             // Newton's step where it stays inside the bracket, else the middle.
             let newton = t - error / self.speed(t);
-            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+            let next = if newton > low && newton < high {
+                newton
+            } else {
+                0.5 * (low + high)
+            };
             if (next - t).abs() <= 1e-16 {
                 break;
             }

@@ -1,0 +1,137 @@
+//! How far set-points lie from the programmed path, and whether they pass all of it.
+//!
+//! In:  set-points and the programmed pieces, both in order. Out: greatest distances.
+//!
+//! Both are walked in order, each step bounded, so that a neighbouring pass of the tool path is never taken for the one
+//! that is due; linear in time. Distances are over all nine axes; a degree counts as a millimetre.
+
+use super::Programmed;
+use super::round::{distance, nearest};
+use crate::canon::Position;
+use crate::path::{Piece, Shape};
+
+/// Greatest distances.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Deviation {
+    /// Of a set-point from the path, mm.
+    pub off_mm: f64,
+    /// Of a programmed point from the polygon of set-points, mm.
+    pub missed_mm: f64,
+    /// Path length at which the last set-point was found; close to the whole length.
+    pub reached_mm: f64,
+    /// Length of the whole path.
+    pub length_mm: f64,
+}
+
+/// Compares `samples` with the programmed `path`; `tolerance_mm` says how far it may be off, which is how far the walk
+/// looks around.
+pub fn deviation(samples: &[Position], path: &[Programmed], tolerance_mm: f64) -> Deviation {
+    let pieces: Vec<Piece> = path.iter().map(|part| part.piece).collect();
+    let around = 4.0 * tolerance_mm + 1e-3;
+    let (off_mm, reached_mm) = walk(samples.iter().copied(), &pieces, around);
+    let steps: Vec<Piece> = samples
+        .windows(2)
+        .filter_map(|pair| Piece::line(pair[0], pair[1]))
+        .collect();
+    let points = pieces.iter().flat_map(|piece| {
+        let count = match piece.shape() {
+            Shape::Line(_) | Shape::Blend(_) => 1,
+            Shape::Arc(arc) => (arc.sweep_rad() * 2.0).ceil() as usize,
+        };
+        (0..=count).map(move |k| piece.position(piece.length() * k as f64 / count as f64))
+    });
+    let stride = steps.iter().map(Piece::length).fold(0.0, f64::max);
+    let missed_mm = if steps.is_empty() {
+        0.0
+    } else {
+        walk(points, &steps, around + 2.0 * stride).0
+    };
+    Deviation {
+        off_mm,
+        missed_mm,
+        reached_mm,
+        length_mm: pieces.iter().map(Piece::length).sum(),
+    }
+}
+
+/// Greatest distance of `points` from `path`, and the length at which the last was found.
+fn walk(points: impl Iterator<Item = Position>, path: &[Piece], around: f64) -> (f64, f64) {
+    let mut starts = vec![0.0];
+    starts.extend(path.iter().scan(0.0, |sum, piece| {
+        *sum += piece.length();
+        Some(*sum)
+    }));
+    let (mut worst, mut reached, mut first) = (0.0f64, 0.0f64, 0);
+    let mut before: Option<Position> = None;
+    for point in points {
+        let step = before.map_or(0.0, |before| distance(&point.0, &before.0));
+        before = Some(point);
+        let (low, high) = (reached - around, reached + 2.0 * step + around);
+        while first + 1 < path.len() && starts[first + 1] < low {
+            first += 1;
+        }
+        let mut best = (f64::INFINITY, reached);
+        for (i, piece) in path.iter().enumerate().skip(first) {
+            if starts[i] > high {
+                break;
+            }
+            let (from, to) = ((low - starts[i]).max(0.0), (high - starts[i]).min(piece.length()));
+            for guess in [from, 0.5 * (from + to), to] {
+                let (off, s) = nearest(piece, &point.0, from, to, guess);
+                if off < best.0 {
+                    best = (off, starts[i] + s);
+                }
+                if matches!(piece.shape(), Shape::Line(_)) {
+                    break;
+                }
+            }
+        }
+        if best.0.is_finite() {
+            worst = worst.max(best.0);
+            reached = reached.max(best.1);
+        }
+    }
+    (worst, reached)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn path(points: &[[f64; 2]]) -> Vec<Programmed> {
+        let at = |p: &[f64; 2]| Position::xyz(p[0], p[1], 0.0);
+        points
+            .windows(2)
+            .map(|pair| Programmed {
+                piece: Piece::line(at(&pair[0]), at(&pair[1])).unwrap(),
+                feed: 1.0,
+                line: 1,
+                rapid: false,
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_cut_corner_is_off_and_missed() {
+        let path = path(&[[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]]);
+        let trace: Vec<_> = (0..=100)
+            .map(|k| f64::from(k) * 0.1)
+            .map(|t| if t < 9.0 { (t, 0.0) } else { (9.0 + (t - 9.0), t - 9.0) })
+            .chain((11..=100).map(|k| (10.0, f64::from(k) * 0.1)))
+            .map(|(x, y)| Position::xyz(x, y, 0.0))
+            .collect();
+        let found = deviation(&trace, &path, 1.0);
+        // The chord from (9, 0) to (10, 1) is sqrt(1/2) from the corner and 1/2 from the legs.
+        assert!((found.off_mm - 0.5).abs() < 1e-9, "{found:?}");
+        assert!((found.missed_mm - 0.5f64.sqrt()).abs() < 1e-9, "{found:?}");
+        assert!((found.reached_mm - 20.0).abs() < 1e-9 && found.length_mm == 20.0);
+    }
+
+    #[test]
+    fn the_neighbouring_pass_is_not_the_one_that_is_due() {
+        let path = path(&[[0.0, 0.0], [30.0, 0.0], [30.0, 0.005], [0.0, 0.005]]);
+        let trace: Vec<_> = (0..=300).map(|k| Position::xyz(f64::from(k) * 0.1, 0.0, 0.0)).collect();
+        let found = deviation(&trace, &path, 0.001);
+        assert!(found.length_mm - found.reached_mm > 29.9, "{found:?}");
+    }
+}

@@ -1,0 +1,87 @@
+//! A whole program planned without a machine.
+//!
+//! In:  all calls of a program. Out: one position per cycle, and what the program asked for.
+
+use super::{PlanError, Planner, Programmed, Settings};
+use crate::canon::{Event, Position};
+use crate::element::Element;
+use crate::ring::{Publish, Sink, Timed};
+
+/// A program, planned.
+#[derive(Clone, Debug)]
+pub struct Offline {
+    /// Machine position at each cycle, the first at rest at the start, the last at rest at the end.
+    pub samples: Vec<Position>,
+    /// Programmed path before rounding.
+    pub ideal: Vec<Programmed>,
+    /// From the first move to the last, waits included, s.
+    pub motion_time_s: f64,
+    /// Elements that would go through the ring.
+    pub elements: usize,
+}
+
+/// Keeps everything that is handed over.
+#[derive(Debug, Default)]
+pub struct Recorder {
+    /// Final elements.
+    pub elements: Vec<Element>,
+    /// The stop behind them.
+    pub tail: Vec<Element>,
+}
+
+impl Sink<Element> for Recorder {
+    fn free(&self) -> usize {
+        usize::MAX
+    }
+
+    fn publish(&mut self, committed: &[Element], tail: &[Element]) -> Publish {
+        self.elements.extend_from_slice(committed);
+        self.tail.clear();
+        self.tail.extend_from_slice(tail);
+        Publish::Done
+    }
+}
+
+/// Plans a whole program.
+pub fn plan_offline<'a>(events: impl IntoIterator<Item = &'a Event>, settings: Settings) -> Result<Offline, PlanError> {
+    let mut planner = Planner::new(settings, Recorder::default());
+    for event in events {
+        planner.push(event)?;
+        planner.pump();
+    }
+    planner.finish();
+    planner.pump();
+    let ideal = planner.ideal_path().collect();
+    let elements = &planner.sink().elements;
+    Ok(Offline {
+        samples: sample(elements, settings.start, settings.cycle_s),
+        ideal,
+        motion_time_s: elements.iter().map(Timed::duration_s).sum(),
+        elements: elements.len(),
+    })
+}
+
+/// Positions at multiples of the cycle time along `elements`, from `start` to the end of the last.
+pub fn sample(elements: &[Element], start: Position, cycle_s: f64) -> Vec<Position> {
+    let mut samples = vec![start];
+    let mut rest = start;
+    // Time by count and not by sum, so that no error grows; element ends relative to the last sample.
+    let mut before = 0.0;
+    for element in elements {
+        let duration = element.duration_s();
+        let mut t = cycle_s - before;
+        while t <= duration {
+            samples.push(match element {
+                Element::Span(span) => span.piece.position(span.place(t)),
+                Element::Dwell { .. } | Element::Action { .. } => rest,
+            });
+            t += cycle_s;
+        }
+        before = duration - (t - cycle_s);
+        if let Element::Span(span) = element {
+            rest = span.piece.position(span.place(duration));
+        }
+    }
+    samples.push(rest);
+    samples
+}

@@ -1,0 +1,120 @@
+//! Random and fixed programs through the whole planner.
+
+use super::check::check;
+use super::deviation::deviation;
+use super::offline::{Recorder, sample};
+use super::round::distance;
+use super::*;
+use crate::canon::{Call, Event, PathMode, Plane};
+use crate::element::{Element, Span};
+use crate::ring::{Publish, Sink, Timed};
+use proptest::prelude::*;
+
+fn settings() -> Settings {
+    let linear = AxisLimits {
+        velocity: 100.0,
+        acceleration: 1000.0,
+        jerk: 20_000.0,
+        travel: [-500.0, 500.0],
+    };
+    let mut axes = [None; AXES];
+    axes[..3].fill(Some(linear));
+    axes[2] = Some(AxisLimits {
+        velocity: 60.0,
+        acceleration: 500.0,
+        jerk: 8_000.0,
+        travel: [-500.0, 500.0],
+    });
+    axes[3] = Some(AxisLimits {
+        velocity: 90.0,
+        acceleration: 900.0,
+        jerk: 30_000.0,
+        travel: [-1e5, 1e5],
+    });
+    Settings {
+        axes,
+        cycle_s: 1e-3,
+        tolerance_mm: 0.05,
+        look_ahead_blocks: 200,
+        start: Position::ZERO,
+    }
+}
+
+fn events(calls: impl IntoIterator<Item = Call>) -> Vec<Event> {
+    let located = |(i, call)| Event {
+        source: Source {
+            line: i as u32 + 1,
+            ..Source::default()
+        },
+        call,
+    };
+    calls.into_iter().enumerate().map(located).collect()
+}
+
+fn feed(x: f64, y: f64, z: f64) -> Call {
+    Call::StraightFeed {
+        to: Position::xyz(x, y, z),
+    }
+}
+
+const ROUND: Call = Call::SetPathMode(PathMode::Continuous {
+    tolerance_mm: Some(0.01),
+    naive_cam_tolerance_mm: None,
+});
+const F: Call = Call::SetFeedRate { per_second: 100.0 };
+
+/// Plans, and asserts everything that must hold for any program; returns the plan.
+fn proven(events: &[Event], settings: Settings, tolerance: f64) -> Offline {
+    let plan = plan_offline(events, settings).unwrap();
+    let peaks = check(&plan.samples, settings.cycle_s, &settings.axes);
+    assert_eq!(peaks.over(), 0, "{peaks:?}");
+    let found = deviation(&plan.samples, &plan.ideal, tolerance);
+    assert!(found.off_mm <= tolerance + 1e-9, "{found:?}");
+    assert!(
+        found.length_mm - found.reached_mm <= 2.0 * tolerance + 1e-6,
+        "{found:?}"
+    );
+    if let (Some(last), Some(end)) = (plan.ideal.last(), plan.samples.last()) {
+        assert!(distance(&last.piece.position(last.piece.length()).0, &end.0) < 1e-12);
+    }
+    plan
+}
+
+#[test]
+fn a_single_line_takes_the_textbook_time() {
+    let plan = proven(&events([F, feed(100.0, 0.0, 0.0)]), settings(), 0.0);
+    // 7 phases at 1000 mm/s2 and 20,000 mm/s3: 85 mm at 100 mm/s, 0.3 s for the ramps; limits are used to 98.5 %.
+    assert!(
+        plan.motion_time_s > 1.15 && plan.motion_time_s < 1.16,
+        "{}",
+        plan.motion_time_s
+    );
+}
+
+#[test]
+fn a_circle_of_short_chords_does_not_crawl() {
+    let chords = (1..=1257).map(|k| {
+        let (sin, cos) = (f64::from(k) * 0.005).sin_cos();
+        feed(20.0 * cos - 20.0, 20.0 * sin, 0.0)
+    });
+    let plan = proven(&events([F, ROUND].into_iter().chain(chords)), settings(), 0.01);
+    assert!(plan.motion_time_s < 2.0, "{}", plan.motion_time_s);
+}
+
+#[test]
+fn errors_say_line_axis_value_and_limit() {
+    let error = plan_offline(&events([F, feed(1.0, 2.0, 3.0), feed(1.0, -501.5, 3.0)]), settings()).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "line 3: Y would reach -501.5000 mm in machine coordinates, beyond its travel limit -500.0000"
+    );
+    let error = plan_offline(&events([feed(1.0, 2.0, 3.0)]), settings()).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "line 1: feed move without a feed rate; expected F before it"
+    );
+    let mut to = Position::ZERO;
+    to.0[4] = 1.0;
+    let error = plan_offline(&events([Call::StraightTraverse { to }]), settings()).unwrap_err();
+    assert_eq!(error.to_string(), "line 1: this machine has no axis B");
+}
