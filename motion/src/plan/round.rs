@@ -160,9 +160,9 @@ pub(super) fn nearest(leg: &Piece, q: &[f64; AXES], from: f64, to: f64, guess: f
     for _ in 0..4 {
         let jet = leg.jet(s);
         let (mut along, mut square) = (0.0, 0.0);
-        for axis in 0..AXES {
-            along += (q[axis] - jet.q[axis]) * jet.d1[axis];
-            square += jet.d1[axis] * jet.d1[axis];
+        for (d1, (q, here)) in jet.d1.iter().zip(q.iter().zip(&jet.q)) {
+            along += (q - here) * d1;
+            square += d1 * d1;
         }
         s = (s + along / square).clamp(from, to);
         if matches!(leg.shape(), Shape::Line(_)) {
