@@ -8,7 +8,7 @@
 //! Without the feature `std` everything but those links builds without `std` and without `alloc`.
 #![no_std]
 
-#[cfg(feature = "std")]
+#[cfg(any(test, feature = "std"))]
 extern crate std;
 
 pub mod cn;

@@ -1,4 +1,5 @@
 //! Every frame of a recorded boot, read and written back.
+#![cfg(feature = "std")]
 
 use powerlink::link::pcap::PcapReader;
 use powerlink::nmt::{NmtCommand, NmtState};

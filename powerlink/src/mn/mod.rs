@@ -24,6 +24,7 @@
 mod config;
 mod event;
 mod node;
+mod signalling;
 mod slot;
 
 pub use config::{BootTimes, Direction, Identity, MnConfig, MnConfigError, NodeConfig};
@@ -761,7 +762,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         let node_takes_data = matches!(node.nmt_state, NmtState::ReadyToOperate | NmtState::Operational);
         let preq = Preq {
             multiplexed: false,
-            exception_acknowledge: node.acknowledged,
+            exception_acknowledge: node.signalling.exception_acknowledge(),
             ready: self.outputs_valid && node_takes_data,
             pdo_version: 0,
             payload: node.output(),

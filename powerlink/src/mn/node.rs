@@ -19,6 +19,7 @@ use obd::cdc::CdcReader;
 use super::NodeState;
 use super::config::{BootTimes, NodeConfig};
 use super::event::{Events, IdentityField, MnEvent, NodeStatistics};
+use super::signalling::Signalling;
 use crate::nmt::{NmtCommand, NmtState};
 use crate::sdo::{Client, Timing};
 use crate::wire::{IdentResponse, Mac, PAYLOAD_MAX, Pres, Requests, StatusResponse};
@@ -29,8 +30,6 @@ const CHECK_CYCLES: u32 = 3;
 const STATE_TOLERANCE_CYCLES: u32 = 5;
 /// StatusRequests in a row without an answer after which a node that is not polled yet counts as lost.
 const STATUS_UNANSWERED_MAX: u32 = 15;
-/// StatusRequests after which a node that never ends the ER/EC hand-shake is taken as having no error signalling.
-const SIGNALLING_TRIES_MAX: u32 = 64;
 /// Cycles between two requests to a node that does not answer.
 const RETRY_CYCLES: u64 = 5;
 /// An NMT command that has shown no effect is sent again after this time.
@@ -83,14 +82,6 @@ pub(super) enum Stage {
     Operational,
 }
 
-/// Initialisation of error signalling: ER=1 until EC=1, then ER=0 until EC=0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Signalling {
-    Reset,
-    Clear,
-    Running,
-}
-
 /// An NMT command that waits for a slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Order {
@@ -123,12 +114,7 @@ pub(super) struct Node<'a> {
     /// An NMT request of this node that is answered with InvalidService.
     pub(super) reject: Option<NmtCommand>,
     pub(super) requests: Requests,
-    signalling: Signalling,
-    signalling_tries: u32,
-    /// EA: what we acknowledged last.
-    pub(super) acknowledged: bool,
-    /// EN as last seen in a PRes.
-    exception_new: bool,
+    pub(super) signalling: Signalling,
     status_due_ns: u64,
     status_unanswered: u32,
     /// Another node asked for a StatusRequest or an IdentRequest to this one.
@@ -160,10 +146,7 @@ impl<'a> Node<'a> {
             order: None,
             reject: None,
             requests: Requests::default(),
-            signalling: Signalling::Reset,
-            signalling_tries: 0,
-            acknowledged: false,
-            exception_new: false,
+            signalling: Signalling::new(),
             status_due_ns: 0,
             status_unanswered: 0,
             status_asked: false,
@@ -256,10 +239,7 @@ impl<'a> Node<'a> {
     }
 
     fn restart_signalling(&mut self, now_ns: u64) {
-        self.signalling = Signalling::Reset;
-        self.signalling_tries = 0;
-        self.acknowledged = false;
-        self.exception_new = false;
+        self.signalling = Signalling::new();
         self.status_due_ns = now_ns;
     }
 
@@ -319,16 +299,8 @@ impl<'a> Node<'a> {
         let alive = self.is_identified()
             && !matches!(self.stage, Stage::ResetConfiguration | Stage::Reidentify { .. })
             && self.order.is_none();
-        let wanted = self.signalling != Signalling::Running
-            || self.exception_new != self.acknowledged
-            || !self.polled
-            || self.status_asked;
+        let wanted = self.signalling.wants_status() || !self.polled || self.status_asked;
         alive && wanted && now_ns >= self.status_due_ns
-    }
-
-    /// ER for the SoA of a StatusRequest.
-    pub(super) fn exception_reset(&self) -> bool {
-        self.signalling == Signalling::Reset
     }
 
     /// The StatusRequest got no answer.
@@ -341,8 +313,7 @@ impl<'a> Node<'a> {
         }
         if self.polled {
             // Its PRes show that it lives: it does without error signalling.
-            self.signalling = Signalling::Running;
-            self.acknowledged = self.exception_new;
+            self.signalling.give_up();
             self.status_unanswered = 0;
         } else {
             events.push(MnEvent::Lost {
@@ -497,32 +468,12 @@ impl<'a> Node<'a> {
         self.requests = status.requests;
         self.status_due_ns = now_ns;
         self.reported(status.nmt_state, network);
-        match (self.signalling, status.exception_clear) {
-            (Signalling::Reset, true) => self.signalling = Signalling::Clear,
-            (Signalling::Clear, false) => {
-                self.signalling = Signalling::Running;
-                self.acknowledged = status.exception_new;
-                self.exception_new = status.exception_new;
-            }
-            (Signalling::Reset, false) | (Signalling::Clear, true) => {
-                self.signalling_tries += 1;
-                if self.signalling_tries >= SIGNALLING_TRIES_MAX {
-                    self.signalling = Signalling::Running;
-                    self.acknowledged = status.exception_new;
-                    self.exception_new = status.exception_new;
-                }
-            }
-            (Signalling::Running, _) => {
-                if status.exception_new != self.acknowledged {
-                    for entry in status.entries.iter() {
-                        events.push(MnEvent::ErrorEntry {
-                            node: self.config.id,
-                            entry,
-                        });
-                    }
-                    self.acknowledged = status.exception_new;
-                }
-                self.exception_new = status.exception_new;
+        if self.signalling.status(status) {
+            for entry in status.entries.iter() {
+                events.push(MnEvent::ErrorEntry {
+                    node: self.config.id,
+                    entry,
+                });
             }
         }
     }
@@ -533,9 +484,7 @@ impl<'a> Node<'a> {
         self.lost_in_row = 0;
         self.nmt_state = pres.nmt_state;
         self.requests = pres.requests;
-        if self.signalling == Signalling::Running {
-            self.exception_new = pres.exception_new;
-        }
+        self.signalling.polled(pres.exception_new);
         let length = usize::from(self.config.pres_bytes);
         if pres.ready {
             match pres.payload.get(..length) {

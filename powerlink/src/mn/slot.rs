@@ -129,8 +129,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             soa.target = node.config.id;
             node.statistics.slots_granted += 1;
             if service == RequestedService::StatusRequest {
-                soa.exception_reset = node.exception_reset();
-                soa.exception_acknowledge = node.acknowledged;
+                soa.exception_reset = node.signalling.exception_reset();
+                soa.exception_acknowledge = node.signalling.exception_acknowledge();
             }
         }
         soa
