@@ -111,7 +111,6 @@ fn measure_soc_periods() {
     const SOCS: u64 = 50;
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("wire.pcap");
-    let analyser = Analyser::start("plk1", 1000, Some(&file)).unwrap();
     let mut near = RawLink::open("plk0", RawConfig::default()).unwrap();
     let mut far = RawLink::open("plk1", RawConfig::default()).unwrap();
     let frame = |message_type: u8| {
@@ -120,12 +119,32 @@ fn measure_soc_periods() {
         frame[12..15].copy_from_slice(&[0x88, 0xAB, message_type]);
         frame
     };
+    // The kernel stamps frames from some time after the first socket asks for it until the last one is closed.
+    let first = Analyser::start("plk1", None, 1000, None).unwrap();
+    loop {
+        let probe = Analyser::start("plk1", None, 1000, None).unwrap();
+        near.send(&frame(0x0D)).unwrap();
+        let report = probe.stop().unwrap();
+        assert_eq!(report.frames.other, 1);
+        if report.frames_unstamped == 0 {
+            break;
+        }
+    }
+    let analyser = Analyser::start("plk1", Some("plk0"), 1000, Some(&file)).unwrap();
     for _ in 0..SOCS {
         near.send(&frame(0x01)).unwrap();
         far.send(&frame(0x04)).unwrap();
     }
     let report = analyser.stop().unwrap();
-    assert_eq!((report.n + report.restarts, report.frames_dropped), (SOCS - 1, 0));
+    first.stop().unwrap();
+    assert_eq!(
+        (
+            report.n + report.restarts,
+            report.frames_dropped,
+            report.frames_unstamped
+        ),
+        (SOCS - 1, 0, 0)
+    );
     assert_eq!(
         (report.frames.soc, report.frames.pres, report.frames.foreign),
         (SOCS, SOCS, 0),

@@ -1,6 +1,8 @@
 //! Independent judge of the cycle: measures the SoC period where the drives are, from the kernel's receive stamps.
 //!
 //! In:  all frames on one interface, through a packet socket of its own that shares no code with the managing node's link.
+//!      Frames that leave by the interface are seen where they arrive, at the other end of a veth pair: senders that bypass
+//!      the queues of the kernel (`PACKET_QDISC_BYPASS`) bypass its taps too.
 //! Out: [`SocReport`], and every frame in a capture file if wanted.
 //!
 //! Runs in an ordinary thread and looks every 2 ms: the stamps are taken by the kernel when a frame arrives, so how late the
@@ -21,7 +23,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// Time between two looks at the socket.
 const LOOK: Duration = Duration::from_millis(2);
@@ -29,6 +31,8 @@ const LOOK: Duration = Duration::from_millis(2);
 const RECEIVE_BUFFER: libc::c_int = 8 * 1024 * 1024;
 /// Frames taken with one system call.
 const BATCH: usize = 64;
+/// A stamped frame is in its socket after this long at most.
+const SETTLED_NS: u64 = 1_000_000;
 /// A gap of more cycles is a network that was stopped and started, and no period.
 const RESTART_CYCLES: u64 = 10;
 
@@ -117,6 +121,8 @@ pub struct SocReport {
     pub frames: FrameCounts,
     /// Frames that the socket could not hold; above 0 some periods are wrong.
     pub frames_dropped: u64,
+    /// Frames without a receive stamp, which the kernel leaves out for a moment after the start; measured are the others.
+    pub frames_unstamped: u64,
     /// Longest period of each second since the first SoC; 0 where there was none.
     pub second_maxima_us: Vec<f64>,
     /// Periods as deviations from nominal.
@@ -166,19 +172,28 @@ pub struct Analyser {
 }
 
 impl Analyser {
-    /// Starts measuring at an interface; with a path, every frame is also written to a capture file there.
+    /// Starts measuring at an interface, listening at the other end of its veth pair too if there is one; with a path,
+    /// every frame is also written to a capture file there.
     ///
     /// # Errors
     /// No socket, no such interface, no capture file.
-    pub fn start(interface: &str, cycle_us: u32, capture: Option<&Path>) -> Result<Analyser, AnalyserError> {
-        let socket = open_socket(interface)?;
+    pub fn start(
+        interface: &str,
+        other_end: Option<&str>,
+        cycle_us: u32,
+        capture: Option<&Path>,
+    ) -> Result<Analyser, AnalyserError> {
+        let mut sockets = vec![open_socket(interface)?];
+        if let Some(other_end) = other_end {
+            sockets.push(open_socket(other_end)?);
+        }
         let capture = capture.map(Capture::create).transpose()?;
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = stop.clone();
         let interface = interface.to_owned();
         let thread = std::thread::Builder::new()
             .name("soc-analyser".into())
-            .spawn(move || measure(&socket, interface, cycle_us, capture, &stopped))
+            .spawn(move || measure(&sockets, interface, cycle_us, capture, &stopped))
             .map_err(|_| AnalyserError::Thread)?;
         Ok(Analyser {
             stop,
@@ -226,8 +241,17 @@ impl Capture {
     }
 }
 
+/// A frame that was read and waits until all that were stamped before it have been read too.
+struct Seen {
+    stamp_ns: Option<u64>,
+    /// The stamp, or else the time of reading.
+    order_ns: u64,
+    incoming: bool,
+    octets: Vec<u8>,
+}
+
 fn measure(
-    socket: &OwnedFd,
+    sockets: &[OwnedFd],
     interface: String,
     cycle_us: u32,
     mut capture: Option<Capture>,
@@ -235,29 +259,49 @@ fn measure(
 ) -> Result<SocReport, AnalyserError> {
     let mut tally = Tally::new(cycle_us);
     let mut batch = Batch::new();
+    let mut waiting: Vec<Seen> = Vec::new();
     loop {
         // Asked before the look, so that what came before the end is still taken.
         let last = stop.load(Ordering::Acquire);
-        loop {
-            let received = batch.receive(socket).map_err(|cause| AnalyserError::Socket {
-                interface: interface.clone(),
-                doing: "receive",
-                cause,
-            })?;
-            for frame in batch.frames(received) {
-                tally.add(frame.stamp_ns, frame.incoming, frame.octets);
-                if let (Some(capture), Some(stamp_ns)) = (&mut capture, frame.stamp_ns) {
-                    let Capture { path, writer } = capture;
-                    writer
-                        .write(stamp_ns, frame.octets)
-                        .map_err(|cause| AnalyserError::Capture {
-                            path: path.clone(),
-                            cause,
-                        })?;
-                }
-            }
-            if received < BATCH {
-                break;
+        let look_ns = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(0, |since| since.as_nanos() as u64);
+        for (end, socket) in sockets.iter().enumerate() {
+            batch
+                .drain(socket, |frame| {
+                    // What arrives at the other end has left at this one; with both ends heard, one look at each frame is enough.
+                    if sockets.len() == 1 || frame.incoming {
+                        let incoming = frame.incoming && end == 0;
+                        waiting.push(Seen {
+                            stamp_ns: frame.stamp_ns,
+                            order_ns: frame.stamp_ns.unwrap_or(look_ns),
+                            incoming,
+                            octets: frame.octets.to_vec(),
+                        });
+                    }
+                })
+                .map_err(|cause| AnalyserError::Socket {
+                    interface: interface.clone(),
+                    doing: "receive",
+                    cause,
+                })?;
+        }
+        // A frame that came while this look went from one socket to the next must wait for those before it.
+        let settled_ns = if last {
+            u64::MAX
+        } else {
+            look_ns.saturating_sub(SETTLED_NS)
+        };
+        waiting.sort_by_key(|seen| seen.order_ns);
+        let settled = waiting.partition_point(|seen| seen.order_ns <= settled_ns);
+        for seen in waiting.drain(..settled) {
+            tally.add(seen.stamp_ns, seen.incoming, &seen.octets);
+            if let Some(Capture { path, writer }) = &mut capture {
+                let failed = |cause| AnalyserError::Capture {
+                    path: path.clone(),
+                    cause,
+                };
+                writer.write(seen.order_ns, &seen.octets).map_err(failed)?;
             }
         }
         if last {
@@ -270,7 +314,7 @@ fn measure(
             .finish()
             .map_err(|cause| AnalyserError::Capture { path, cause })?;
     }
-    Ok(tally.report(interface, dropped(socket)))
+    Ok(tally.report(interface, sockets.iter().map(dropped).sum()))
 }
 
 /// The measurement itself, on frames that come from anywhere.
@@ -278,6 +322,7 @@ struct Tally {
     cycle_us: u32,
     periods: Jitter,
     frames: FrameCounts,
+    frames_unstamped: u64,
     restarts: u64,
     first_soc_ns: Option<u64>,
     last_soc_ns: Option<u64>,
@@ -290,6 +335,7 @@ impl Tally {
             cycle_us,
             periods: Jitter::new(u64::from(cycle_us) * 1000),
             frames: FrameCounts::default(),
+            frames_unstamped: 0,
             restarts: 0,
             first_soc_ns: None,
             last_soc_ns: None,
@@ -298,6 +344,7 @@ impl Tally {
     }
 
     fn add(&mut self, stamp_ns: Option<u64>, incoming: bool, frame: &[u8]) {
+        self.frames_unstamped += u64::from(stamp_ns.is_none());
         let counts = &mut self.frames;
         let (Some(ether_type), Some(message_type)) = (frame.get(12..14), frame.get(14)) else {
             counts.foreign += 1;
@@ -312,8 +359,10 @@ impl Tally {
             message::SOC => {
                 counts.soc += 1;
                 // Sent ones were not yet on the wire when they got their stamp.
-                if let (true, Some(stamp_ns)) = (incoming, stamp_ns) {
-                    self.soc(stamp_ns);
+                match stamp_ns {
+                    Some(stamp_ns) if incoming => self.soc(stamp_ns),
+                    Some(_) => {}
+                    None => self.last_soc_ns = None,
                 }
             }
             message::PREQ => counts.preq += 1,
@@ -361,6 +410,7 @@ impl Tally {
             restarts: self.restarts,
             frames: self.frames,
             frames_dropped,
+            frames_unstamped: self.frames_unstamped,
             second_maxima_us: self.second_maxima_ns.iter().map(|ns| *ns as f64 / 1000.0).collect(),
             histogram: self.periods.buckets().collect(),
         }
@@ -392,7 +442,10 @@ fn open_socket(interface: &str) -> Result<OwnedFd, AnalyserError> {
     }
     // SAFETY: the descriptor is open and nobody else's.
     let socket = unsafe { OwnedFd::from_raw_fd(fd) };
-    set_option(&socket, libc::SOL_SOCKET, libc::SO_TIMESTAMPNS, 1).map_err(failed("ask for receive stamps"))?;
+    // Not SO_TIMESTAMPNS: that gives a frame without a stamp the time of reading, which looks like one. The kernel begins to
+    // stamp only some time after the first socket asks for it.
+    let stamps = (libc::SOF_TIMESTAMPING_RX_SOFTWARE | libc::SOF_TIMESTAMPING_SOFTWARE) as libc::c_int;
+    set_option(&socket, libc::SOL_SOCKET, libc::SO_TIMESTAMPING, stamps).map_err(failed("ask for receive stamps"))?;
     if set_option(&socket, libc::SOL_SOCKET, libc::SO_RCVBUFFORCE, RECEIVE_BUFFER).is_err() {
         // Without the right to more, as much as the system allows; what does not fit is counted.
         set_option(&socket, libc::SOL_SOCKET, libc::SO_RCVBUF, RECEIVE_BUFFER).map_err(failed("ask for room"))?;
@@ -499,6 +552,17 @@ impl Batch {
         }
     }
 
+    /// Gives everything that is there to `take`.
+    fn drain(&mut self, socket: &OwnedFd, mut take: impl FnMut(Frame<'_>)) -> io::Result<()> {
+        loop {
+            let received = self.receive(socket)?;
+            self.frames(received).for_each(&mut take);
+            if received < BATCH {
+                return Ok(());
+            }
+        }
+    }
+
     fn frames(&self, received: usize) -> impl Iterator<Item = Frame<'_>> {
         (0..received).map(|i| {
             let header = &self.headers[i];
@@ -517,10 +581,11 @@ fn stamp_ns(header: &libc::msghdr) -> Option<u64> {
     while !message.is_null() {
         // SAFETY: CMSG_FIRSTHDR and CMSG_NXTHDR give null or a message inside the control buffer.
         let (level, kind) = unsafe { ((*message).cmsg_level, (*message).cmsg_type) };
-        if level == libc::SOL_SOCKET && kind == libc::SCM_TIMESTAMPNS {
-            // SAFETY: the data of this message is a timespec, perhaps not aligned.
+        if level == libc::SOL_SOCKET && kind == libc::SCM_TIMESTAMPING {
+            // SAFETY: the data of this message are three timespecs, perhaps not aligned; the first is the kernel's own stamp.
             let time: libc::timespec = unsafe { libc::CMSG_DATA(message).cast::<libc::timespec>().read_unaligned() };
-            return Some(u64::try_from(time.tv_sec).ok()? * 1_000_000_000 + u64::try_from(time.tv_nsec).ok()?);
+            let stamp_ns = u64::try_from(time.tv_sec).ok()? * 1_000_000_000 + u64::try_from(time.tv_nsec).ok()?;
+            return (stamp_ns > 0).then_some(stamp_ns);
         }
         // SAFETY: as above.
         message = unsafe { libc::CMSG_NXTHDR(header, message) };
@@ -549,6 +614,7 @@ mod tests {
         // Sent frames, frames without a stamp and other frames are no periods.
         tally.add(Some(base_ns + 1_001_500_000), false, &frame(0x01));
         tally.add(None, true, &frame(0x01));
+        tally.add(Some(base_ns + 1_001_900_000), true, &frame(0x01));
         for message_type in [0x03, 0x83, 0x04, 0x05, 0x06, 0x0D] {
             tally.add(Some(base_ns), true, &frame(message_type));
         }
@@ -556,14 +622,14 @@ mod tests {
         tally.add(Some(base_ns), true, &[]);
         let report = tally.report("plk1".into(), 0);
         // 999, 1002, 999, (17000), 1000, (979000), 1004
-        assert_eq!((report.n, report.restarts), (5, 2));
+        assert_eq!((report.n, report.restarts, report.frames_unstamped), (5, 2, 1));
         assert!((report.period_mean_us - 1000.8).abs() < 1e-9);
         assert!((report.period_std_us - 3.76f64.sqrt()).abs() < 1e-9);
         assert_eq!((report.period_min_us, report.period_max_us), (999.0, 1004.0));
         assert!((report.period_range_us - 5.0).abs() < 1e-9);
         assert_eq!(report.second_maxima_us, [1002.0, 1004.0]);
         let frames = FrameCounts {
-            soc: 10,
+            soc: 11,
             preq: 2,
             pres: 1,
             soa: 1,
@@ -604,7 +670,10 @@ the SoC paused 2 times for more than 10 cycles";
 
     #[test]
     fn an_unknown_interface_is_an_error_that_names_it() {
-        let error = Analyser::start("no-such-if", 1000, None).err().unwrap().to_string();
+        let error = Analyser::start("no-such-if", None, 1000, None)
+            .err()
+            .unwrap()
+            .to_string();
         assert!(error.starts_with("interface no-such-if: find: "), "{error}");
     }
 
