@@ -1,11 +1,11 @@
 //! The two clocks of a link: CLOCK_MONOTONIC for deadlines, CLOCK_REALTIME for receive stamps.
 
-/// CLOCK_MONOTONIC [ns]. RT: one call without a system call on common machines.
+/// CLOCK_MONOTONIC, in ns. RT: one call without a system call on common machines.
 pub(super) fn monotonic_ns() -> u64 {
     read_ns(libc::CLOCK_MONOTONIC)
 }
 
-/// CLOCK_REALTIME [ns since 1970]. RT.
+/// CLOCK_REALTIME, in ns since 1970. RT.
 pub(super) fn realtime_ns() -> u64 {
     read_ns(libc::CLOCK_REALTIME)
 }

@@ -53,13 +53,13 @@ impl core::error::Error for LinkError {}
 pub struct Received {
     /// Octets of the frame, padding included.
     pub length: usize,
-    /// When the kernel received it, CLOCK_REALTIME [ns since 1970]; `None` where the link has no such stamp.
+    /// When the kernel received it, CLOCK_REALTIME, in ns since 1970; `None` where the link has no such stamp.
     pub stamp_ns: Option<u64>,
 }
 
 /// A wire as one node sees it. RT unless the implementation says otherwise.
 pub trait Link {
-    /// The clock all deadlines are meant in: CLOCK_MONOTONIC, or virtual time [ns].
+    /// The clock all deadlines are meant in: CLOCK_MONOTONIC, or virtual time, in ns.
     fn now_ns(&mut self) -> u64;
 
     /// Sends one Ethernet frame without FCS. Does not wait: a full queue is an error.

@@ -25,7 +25,7 @@ const PACKET_OUTGOING: libc::c_uchar = 4;
 /// How a socket is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct RawConfig {
-    /// Look for frames this long before sleeping [ns]; 0: sleep at once.
+    /// Look for frames this long before sleeping, in ns; 0: sleep at once.
     pub spin_ns: u64,
     /// Ask the kernel for receive stamps.
     pub receive_stamps: bool,

@@ -35,9 +35,9 @@ pub struct NodeConfig<'a> {
     pub pres_timeout_ns: u32,
     /// What the node must say it is.
     pub identity: Identity,
-    /// Process data in the PReq [octets], at most 1490.
+    /// Process data in the PReq, in octets, at most 1490.
     pub preq_bytes: u16,
-    /// Process data expected in the PRes [octets], at most 1490.
+    /// Process data expected in the PRes, in octets, at most 1490.
     pub pres_bytes: u16,
     /// Concise DCF to write into the node (object 0x1F22); empty: nothing to write.
     pub configuration: &'a [u8],
@@ -46,17 +46,17 @@ pub struct NodeConfig<'a> {
 /// Times of the boot-up (object 0x1F89, and one of our own).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BootTimes {
-    /// MNWaitNotAct, 0x1F89/1: how long to listen for another managing node before sending [µs].
+    /// MNWaitNotAct, 0x1F89/1: how long to listen for another managing node before sending, in µs.
     pub wait_not_active_us: u32,
-    /// MNTimeoutPreOp1, 0x1F89/2: a mandatory node not identified by then is reported [µs].
+    /// MNTimeoutPreOp1, 0x1F89/2: a mandatory node not identified by then is reported, in µs.
     pub timeout_pre_op_1_us: u32,
-    /// MNWaitPreOp1, 0x1F89/3: shortest stay in PRE_OPERATIONAL_1 [µs].
+    /// MNWaitPreOp1, 0x1F89/3: shortest stay in PRE_OPERATIONAL_1, in µs.
     pub wait_pre_op_1_us: u32,
-    /// MNTimeoutPreOp2, 0x1F89/4: from a node's configuration to its READY_TO_OPERATE [µs].
+    /// MNTimeoutPreOp2, 0x1F89/4: from a node's configuration to its READY_TO_OPERATE, in µs.
     pub timeout_pre_op_2_us: u32,
-    /// MNTimeoutReadyToOp, 0x1F89/5: from StartNode to OPERATIONAL, and for the communication check [µs].
+    /// MNTimeoutReadyToOp, 0x1F89/5: from StartNode to OPERATIONAL, and for the communication check, in µs.
     pub timeout_ready_to_operate_us: u32,
-    /// Pause after the ResetNode broadcast, in which the nodes restart [µs].
+    /// Pause after the ResetNode broadcast, in which the nodes restart, in µs.
     pub reset_pause_us: u32,
 }
 
@@ -76,7 +76,7 @@ impl Default for BootTimes {
 /// The network as the managing node shall run it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MnConfig<'a> {
-    /// Cycle length (object 0x1006), whole microseconds [ns].
+    /// Cycle length (object 0x1006), whole microseconds, in ns.
     pub cycle_ns: u32,
     /// Longest wait for the answer in the asynchronous slot, from the SoA on (object 0x1F8A/2).
     pub async_slot_timeout_ns: u32,
@@ -213,12 +213,12 @@ impl fmt::Display for MnConfigError {
 
 impl core::error::Error for MnConfigError {}
 
-/// Wire time of a frame at 100 Mbit/s with preamble, FCS and inter-frame gap [ns].
+/// Wire time of a frame at 100 Mbit/s with preamble, FCS and inter-frame gap, in ns.
 fn wire_time_ns(frame_len: usize) -> u64 {
     (frame_len as u64 + 4) * 80 + 640 + 960
 }
 
-/// Longest time a cycle can need when every poll times out [ns].
+/// Longest time a cycle can need when every poll times out, in ns.
 pub(super) fn slots_ns(config: &MnConfig<'_>) -> u64 {
     let polls: u64 = config
         .nodes

@@ -296,7 +296,7 @@ pub struct NodeStatistics {
     pub pres_short: u64,
     /// Longest row of lost PRes.
     pub lost_in_row_max: u32,
-    /// Longest time from a sent PReq to its PRes, as seen by the managing node [ns].
+    /// Longest time from a sent PReq to its PRes, as seen by the managing node, in ns.
     pub response_ns_max: u32,
     /// Asynchronous slots granted to the node.
     pub slots_granted: u64,

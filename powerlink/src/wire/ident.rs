@@ -17,13 +17,13 @@ pub struct IdentResponse {
     pub epl_version: u8,
     /// Object 0x1F82.
     pub feature_flags: u32,
-    /// AsyncMTU, object 0x1F98/8 [octets].
+    /// AsyncMTU, object 0x1F98/8, in octets.
     pub mtu: u16,
-    /// PReqActPayloadLimit, object 0x1F98/4 [octets].
+    /// PReqActPayloadLimit, object 0x1F98/4, in octets.
     pub poll_in_size: u16,
-    /// PResActPayloadLimit, object 0x1F98/5 [octets].
+    /// PResActPayloadLimit, object 0x1F98/5, in octets.
     pub poll_out_size: u16,
-    /// PResMaxLatency, object 0x1F98/3 [ns].
+    /// PResMaxLatency, object 0x1F98/3, in ns.
     pub response_time_ns: u32,
     /// Object 0x1000.
     pub device_type: u32,

@@ -26,7 +26,7 @@ pub const ETHER_TYPE: u16 = 0x88AB;
 pub const FRAME_LEN_MIN: usize = 60;
 /// Longest Ethernet frame without FCS.
 pub const FRAME_LEN_MAX: usize = 1514;
-/// Most process data a PReq or PRes can carry [octets].
+/// Most process data a PReq or PRes can carry, in octets.
 pub const PAYLOAD_MAX: usize = 1490;
 /// Smallest payload limit of PReq and PRes (objects 0x1F98/4, /5): with it the frame is an Ethernet minimum frame.
 pub const PAYLOAD_LIMIT_MIN: usize = 36;

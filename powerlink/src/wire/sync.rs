@@ -28,7 +28,7 @@ pub struct Soc {
     pub prescaled_slot: bool,
     /// Wall-clock time of the start of the cycle.
     pub net_time: NetTime,
-    /// Time since the network was initialised; grows by the cycle length each cycle [µs].
+    /// Time since the network was initialised; grows by the cycle length each cycle, in µs.
     pub relative_time_us: u64,
 }
 
