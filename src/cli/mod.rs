@@ -1,6 +1,7 @@
 //! cli
 use std::process::ExitCode;
 
+pub mod check;
 pub mod hal;
 
 /// main
