@@ -200,7 +200,7 @@ mod tests {
         fn radius_form_finds_the_centre_that_made_the_end(
             centre in prop::array::uniform2(-100.0..100.0_f64),
             radius in 0.1..500.0_f64,
-            from in 0.0..6.28_f64,
+            from in 0.0..std::f64::consts::TAU,
             sweep in 0.05..6.2_f64,
             clockwise: bool,
         ) {

@@ -437,7 +437,9 @@ impl Executor {
                     system: 1,
                     origin: self.origin,
                 });
-                call(Call::SelectPlane(Plane::Xy));
+                if self.modal.plane != Plane::Xy {
+                    call(Call::SelectPlane(Plane::Xy));
+                }
                 call(Call::StopSpindle);
                 call(Call::Mist(false));
                 call(Call::Flood(false));

@@ -229,7 +229,7 @@ impl GCode {
 impl MCode {
     /// The code of a number, with that number.
     pub(crate) fn of(number: f64) -> Result<(u16, MCode), ErrorKind> {
-        let exact = number >= 0.0 && number <= 65535.0 && integer(number).is_some();
+        let exact = (0.0..=65535.0).contains(&number) && integer(number).is_some();
         let code = number.round() as u16; // saturates; not looked at unless exact
         if exact && let Ok(at) = M_CODES.binary_search_by_key(&code, |(code, _)| *code) {
             return Ok(M_CODES[at]);
