@@ -14,6 +14,9 @@ pub struct BlendEnd {
     pub pace_change: f64,
 }
 
+/// A curve that nearly stops somewhere, as a part of its mean pace, turns too sharply there to be of use.
+const SLOWEST: f64 = 0.15;
+
 /// Quintic polynomial in nine axes.
 #[derive(Clone, Copy, Debug)]
 pub struct Blend {
@@ -44,7 +47,7 @@ impl Blend {
         let speed = |u: f64| speed(&c, group, u);
         let table = LengthTable::new(speed);
         let mean = table.length();
-        let slow = (0..=4 * 8).any(|k| speed(f64::from(k) / 32.0) < 0.05 * mean);
+        let slow = (0..=4 * 8).any(|k| speed(f64::from(k) / 32.0) < SLOWEST * mean);
         (mean.is_finite() && mean > 0.0 && !slow).then_some(Blend { c, table, group })
     }
 
@@ -74,7 +77,12 @@ impl Blend {
 
     /// RT.
     pub(super) fn jet(&self, s: f64) -> Jet {
-        let u = self.parameter(s);
+        self.jet_at(self.parameter(s))
+    }
+
+    /// Position and derivatives by length at curve parameter `u`, 0 to 1: the even scale for looking at the curve, which
+    /// may turn most where it is shortest.
+    pub fn jet_at(&self, u: f64) -> Jet {
         let mut jet = Jet::default();
         for axis in 0..AXES {
             let c = |k: usize| self.c[k][axis];

@@ -9,6 +9,9 @@
 
 use std::collections::VecDeque;
 
+use super::Settings;
+use super::limits::Bounds;
+use super::profile::{reachable, time_lost};
 use super::program::{Corner, Move};
 use super::round::{Rounded, distance, join, reach, round, turning};
 use crate::canon::AXES;
@@ -48,21 +51,21 @@ pub(super) struct Corners {
 }
 
 impl Corners {
-    pub(super) fn push(&mut self, part: Move, out: &mut Vec<Passed>) {
+    pub(super) fn push(&mut self, part: Move, settings: &Settings, out: &mut Vec<Passed>) {
         self.legs.push_back(Leg {
             part,
             from: 0.0,
             bend: [0.0; AXES],
         });
         if self.legs.len() > 2 {
-            self.pass_one(out);
+            self.pass_one(settings, out);
         }
     }
 
     /// Nothing follows: the last move ends where it is programmed to end.
-    pub(super) fn flush(&mut self, out: &mut Vec<Passed>) {
+    pub(super) fn flush(&mut self, settings: &Settings, out: &mut Vec<Passed>) {
         while self.legs.len() > 1 {
-            self.pass_one(out);
+            self.pass_one(settings, out);
         }
         if let Some(leg) = self.legs.pop_front() {
             rest_of(&leg, 0.0, out);
@@ -70,7 +73,7 @@ impl Corners {
     }
 
     /// Decides the corner between the two oldest moves and lets the older one go. There are at least two.
-    fn pass_one(&mut self, out: &mut Vec<Passed>) {
+    fn pass_one(&mut self, settings: &Settings, out: &mut Vec<Passed>) {
         let Some(leg) = self.legs.pop_front() else { return };
         let (Some(mut next), after) = (self.legs.front().copied(), self.legs.get(1)) else {
             return;
@@ -88,7 +91,7 @@ impl Corners {
                 return;
             }
         };
-        match rounded(&leg, b, after.map(|leg| &leg.part), tolerance) {
+        match rounded(&leg, b, after.map(|leg| &leg.part), tolerance, settings) {
             Some((corner, bend)) => {
                 rest_of(&leg, corner.before, out);
                 let feed = a.feed.min(b.feed);
@@ -132,7 +135,13 @@ fn rest_of(leg: &Leg, taken: f64, out: &mut Vec<Passed>) {
 }
 
 /// The corner between `leg` and `b`, and the curvature with which it ends.
-fn rounded(leg: &Leg, b: &Move, after: Option<&Move>, tolerance: f64) -> Option<(Rounded, [f64; AXES])> {
+fn rounded(
+    leg: &Leg,
+    b: &Move,
+    after: Option<&Move>,
+    tolerance: f64,
+    settings: &Settings,
+) -> Option<(Rounded, [f64; AXES])> {
     let a = &leg.part;
     if a.piece.group() == Group::Rotary {
         return None;
@@ -155,7 +164,23 @@ fn rounded(leg: &Leg, b: &Move, after: Option<&Move>, tolerance: f64) -> Option<
     }
     let (length, other) = (a.piece.length(), b.piece.length());
     let room = (length - leg.from).min(length / 2.0);
-    round(&a.piece, room, &b.piece, other / 2.0, tolerance).map(|corner| (corner, straight))
+    let corner = round(&a.piece, room, &b.piece, other / 2.0, tolerance)?;
+    worth_it(&corner, a, b, settings).then_some((corner, straight))
+}
+
+/// Whether running through a blend takes less time than a stop at the corner. Where the tolerance is small against what
+/// the jerk allows, it may not; and a stop keeps to the path.
+fn worth_it(corner: &Rounded, a: &Move, b: &Move, settings: &Settings) -> bool {
+    let blend = Bounds::of(&corner.blend).limits(a.feed.min(b.feed), settings);
+    let (mut stopping, mut rounding) = (0.0, corner.blend.length() / blend.v);
+    for (leg, used) in [(a, corner.before), (b, corner.after)] {
+        let limits = Bounds::of(&leg.piece).limits(leg.feed, settings);
+        // What the leg allows in its middle, coming from rest.
+        let speed = reachable(0.0, limits.v, leg.piece.length() / 2.0, &limits);
+        stopping += time_lost(speed, 0.0, &limits);
+        rounding += time_lost(speed, blend.v.min(speed), &limits) - used / speed;
+    }
+    rounding < stopping
 }
 
 /// Whether a corner is one of a sampled curve: short straight legs of similar length, a small angle, and so well within

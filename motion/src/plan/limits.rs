@@ -14,6 +14,7 @@
 //! set-points come once a cycle T, and what the drive sees is differences over T: the second difference of a jump dv of
 //! velocity peaks at dv/T, the third at dv/T^2; the third of a jump da of acceleration at 0.75 da/T.
 
+use super::round::turning;
 use super::{AxisLimits, Settings};
 use crate::canon::AXES;
 use crate::path::{Jet, Piece, Shape};
@@ -66,28 +67,27 @@ impl Bounds {
                 };
                 let steps = (turn / 0.05).ceil().clamp(8.0, 50_000.0) as usize;
                 let part = arc.length_mm() * turn / arc.sweep_rad();
-                Bounds::sampled(piece, part.min(piece.length()), steps)
+                let part = part.min(piece.length());
+                Bounds::sampled(steps, |x| piece.jet(part * x))
             }
-            Shape::Blend(_) => {
-                let (first, last) = (piece.jet(0.0), piece.jet(piece.length()));
-                let group = piece.group();
-                let cosine: f64 = group
-                    .pick(&first.d1)
-                    .iter()
-                    .zip(group.pick(&last.d1))
-                    .map(|(a, b)| a * b)
-                    .sum();
-                Bounds::sampled(piece, piece.length(), if cosine > 0.95 { 16 } else { 64 })
+            Shape::Blend(blend) => {
+                let (first, last) = (blend.jet_at(0.0), blend.jet_at(1.0));
+                let steps = if turning(piece.group(), &first, &last) < 0.3 {
+                    16
+                } else {
+                    96
+                };
+                Bounds::sampled(steps, |x| blend.jet_at(x))
             }
         }
     }
 
     /// Maxima over samples; a quarter of the step to the neighbour covers a crest between two samples.
-    fn sampled(piece: &Piece, length: f64, steps: usize) -> Bounds {
+    fn sampled(steps: usize, jet: impl Fn(f64) -> Jet) -> Bounds {
         let mut bounds = Bounds::default();
         let mut last: Option<Jet> = None;
         for k in 0..=steps {
-            let jet = piece.jet(length * k as f64 / steps as f64);
+            let jet = jet(k as f64 / steps as f64);
             let before = last.unwrap_or(jet);
             for axis in 0..AXES {
                 let crest = |now: f64, then: f64| now.abs().max(then.abs()) + (now - then).abs() / 4.0;
@@ -175,8 +175,7 @@ fn root(bound: f64, f: impl Fn(f64) -> f64) -> f64 {
     low
 }
 
-/// Speed at which two pieces that are not blended may follow each other: an eighth of the cycle-wise limits at most is
-/// what the jumps themselves take; see the module text. Also returns the jumps, or `None` if there are none.
+/// Jumps of direction and curvature where two pieces meet, or `None` if there are none.
 pub(super) fn jumps(before: &Jet, after: &Jet) -> Option<Bounds> {
     let mut bounds = Bounds::default();
     let mut any = false;

@@ -114,7 +114,7 @@ impl<S: Sink<Element>> Planner<S> {
                     rapid: part.rapid,
                 });
                 let mut passed = Vec::new();
-                self.corners.push(part, &mut passed);
+                self.corners.push(part, &self.settings, &mut passed);
                 self.pass(passed, false);
             }
             Some(Entry::Rest(element)) => {
@@ -176,7 +176,7 @@ impl<S: Sink<Element>> Planner<S> {
     /// Sends everything through the stages and ends at rest.
     fn flush(&mut self) {
         let mut passed = Vec::new();
-        self.corners.flush(&mut passed);
+        self.corners.flush(&self.settings, &mut passed);
         self.pass(passed, true);
     }
 

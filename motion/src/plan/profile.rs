@@ -35,6 +35,12 @@ pub(super) fn change_length(x: f64, y: f64, limits: &PathLimits) -> f64 {
     0.5 * (x + y) * (2.0 * jerked + steady)
 }
 
+/// Time lost by slowing down from `x` to `y`, or speeding up the other way, against running on at `x`.
+pub(super) fn time_lost(x: f64, y: f64, limits: &PathLimits) -> f64 {
+    let (jerked, steady) = change_times(x - y, limits);
+    (2.0 * jerked + steady) * (x - y) / (2.0 * x)
+}
+
 /// What is kept back of a length so that rounding never makes a change too long for it.
 const KEEP: f64 = 1.0 - 1e-10;
 

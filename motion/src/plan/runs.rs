@@ -105,7 +105,7 @@ impl Run {
         let limits = bounds.limits(feed, settings);
         let fastest = self.fastest.max(next.fastest);
         let PathLimits { v, a, j } = limits;
-        // Over this length, speed can change by about a quarter; two runs of it are no worse than one.
+        // Over this length, speed can change by about a quarter; two runs shorter than it are no better than one.
         let short = v * (v / j).sqrt();
         // Braking and accelerating fit into this; a longer run gains nothing.
         let long = 2.0 * v * (v / a + a / j);

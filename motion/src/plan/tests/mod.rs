@@ -6,6 +6,8 @@ use super::round::distance;
 use super::*;
 use crate::canon::{Call, Event, PathMode};
 
+mod random;
+
 fn settings() -> Settings {
     let linear = AxisLimits {
         velocity: 100.0,
