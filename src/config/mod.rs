@@ -1,10 +1,310 @@
-//! The machine file: TOML to a checked [`Config`], or to located errors.
+//! The machine file: TOML to a checked [`Config`], or located errors.
+//!
+//! In:  a TOML file (`configs/mill3-demo.toml` names every key).
+//! Out: a [`Config`], which is always a machine that may run, or [`ConfigErrors`] with *every* error of the file, each
+//! with line, column, key path, value and the rule that it breaks. Where the text is no TOML at all, only the errors
+//! of its syntax are told.
+//!
+//! To add a key: a field in `types.rs`, a line in the reader of its section (`bus.rs`, `joints.rs` or here), a row in
+//! `tests.rs`.
 
-mod cursor;
-mod errors;
-mod reader;
+mod bus;
+mod document;
+mod error;
+mod joints;
+#[cfg(test)]
+mod tests;
 mod types;
 
-pub use errors::{ConfigError, ConfigErrors};
-pub use reader::{parse, read};
+pub use error::{ConfigError, ConfigErrors};
 pub use types::*;
+
+use document::{Bound, Log, Section};
+use std::path::Path;
+use toml::de::DeTable;
+
+/// Reads and checks a machine file.
+///
+/// # Errors
+/// The file cannot be read, or every error in it.
+pub fn read(path: &Path) -> Result<Config, ConfigErrors> {
+    match std::fs::read(path) {
+        Ok(bytes) => parse(&bytes, path),
+        Err(error) => {
+            let rule = format!("cannot be read: {error}");
+            Err(ConfigErrors::new(vec![ConfigError::whole(
+                &path.display().to_string(),
+                rule,
+            )]))
+        }
+    }
+}
+
+/// Checks the text of a machine file; `path` is for messages.
+///
+/// # Errors
+/// Every error in the text.
+pub fn parse(text: &(impl AsRef<[u8]> + ?Sized), path: &Path) -> Result<Config, ConfigErrors> {
+    let file = path.display().to_string();
+    let text = match std::str::from_utf8(text.as_ref()) {
+        Ok(text) => text,
+        Err(error) => {
+            // A place can only be told in the part that is text.
+            let valid = &text.as_ref()[..error.valid_up_to()];
+            let valid = std::str::from_utf8(valid).unwrap_or_default();
+            let rule = "must be UTF-8 text".to_owned();
+            let error = ConfigError::at(&file, valid, valid.len()..valid.len(), String::new(), rule);
+            return Err(ConfigErrors::new(vec![error]));
+        }
+    };
+    let log = Log::new(&file, text);
+    let (document, syntax) = DeTable::parse_recoverable(text);
+    for error in &syntax {
+        let span = error.span().unwrap_or(text.len()..text.len());
+        log.misplaced(span, "", error.message(), None);
+    }
+    let config = if syntax.is_empty() {
+        machine_file(&log, document.get_ref(), path)
+    } else {
+        None
+    };
+    let errors = log.into_errors();
+    match config {
+        Some(config) if errors.is_empty() => Ok(config),
+        // A value is only ever left out with an error; should that fail, the machine must still be refused.
+        _ if errors.is_empty() => Err(ConfigErrors::new(vec![ConfigError::whole(
+            &file,
+            "is refused for a reason that was lost".to_owned(),
+        )])),
+        _ => Err(ConfigErrors::new(errors)),
+    }
+}
+
+/// Sections in an order in which each can be checked against those before.
+fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<Config> {
+    let mut root = Section::root(log, table);
+    root.integer("schema", 1..=1, None);
+
+    let machine = root.section("machine").map(machine);
+    let (name, cycle_us) = machine.unwrap_or((None, None));
+    let rt = root.section("rt").and_then(|section| rt(section, cycle_us));
+    let bus = root.section("bus").and_then(|mut section| {
+        let bus = bus::bus(&mut section, cycle_us);
+        section.done();
+        bus
+    });
+
+    let around = joints::Surroundings {
+        nodes: bus.as_ref().map(|bus| bus.nodes.as_slice()),
+        cycle_us,
+    };
+    let mut taken = Vec::new();
+    let tables = root.some_sections("joint");
+    let count = tables.len();
+    if count > JOINTS_MAX {
+        root.wrong(
+            "joint",
+            format!("must not be more than {JOINTS_MAX} joints, are {count}"),
+        );
+    }
+    let mut joints = Vec::new();
+    for mut section in tables {
+        joints.extend(joints::joint(&mut section, &around, &mut taken));
+        section.not_yet(&["backlash_mm", "compensation_file", "probe", "rotary"]);
+        section.done();
+    }
+    let axes = joints::axes(&mut root, count);
+    let work_offsets = joints::offsets(&mut root, axes.as_deref());
+    let spindle = root.section("spindle").and_then(spindle);
+    let program = root.section("program").and_then(program);
+    let nets = root.section("hal").and_then(hal);
+    let sim = root.section("sim").and_then(sim);
+    root.not_yet(&["logic", "tools", "hmi", "service", "kinematics"]);
+    root.done();
+
+    Some(Config {
+        path: path.to_owned(),
+        name: name?,
+        cycle_us: cycle_us?,
+        rt: rt?,
+        bus: bus?,
+        joints: (joints.len() == count).then_some(joints)?,
+        axes: axes?,
+        work_offsets: work_offsets?,
+        spindle: spindle?,
+        program: program?,
+        nets: nets?,
+        sim: sim?,
+    })
+}
+
+fn machine(mut section: Section<'_, '_>) -> (Option<String>, Option<u32>) {
+    let name = section
+        .required("name", "the name of the machine")
+        .and_then(|item| item.text("machine.name"));
+    if name.is_some_and(|name| !bus::is_name(name)) {
+        section.wrong("name", bus::NAME_RULE);
+    }
+    section.word("kinematics", &[("trivial", ())], ());
+    let cycle_us = section
+        .integer("cycle_us", 250..=10_000, 1000)
+        .map(|cycle_us| cycle_us as u32);
+    section.not_yet(&["units"]);
+    section.done();
+    (name.map(str::to_owned), cycle_us)
+}
+
+fn rt(mut section: Section<'_, '_>, cycle_us: Option<u32>) -> Option<Rt> {
+    let cycle_us = i64::from(cycle_us.unwrap_or(10_000));
+    /// More cores than any kernel is built for.
+    const CPU_MAX: i64 = 8191;
+    let cpu = match section.optional("cpu") {
+        None => Some(None),
+        Some(item) => item.integer("rt.cpu", 0..=CPU_MAX).map(|cpu| Some(cpu as usize)),
+    };
+    let priority = section.integer("priority", 1..=97, 80);
+    let timeout_us = section.integer("timeout_us", 20..=cycle_us, 50);
+    // Off the scheduler tick, which stands on whole milliseconds or parts of them.
+    let phase_us = section.integer("phase_us", 0..=cycle_us - 1, cycle_us * 37 / 100);
+    let spin_us = section.integer("spin_us", 0..=cycle_us - 1, 50);
+    let keep_awake = section.flag("keep_awake", true);
+    let lock_memory = section.flag("lock_memory", true);
+    let require = section.word(
+        "require",
+        &[("strict", Require::Strict), ("warn", Require::Warn)],
+        Require::Warn,
+    );
+    section.not_yet(&["housekeeping_cpus", "late_us_max", "timeout_priority", "timeout_cpu"]);
+    section.done();
+    Some(Rt {
+        cpu: cpu?,
+        priority: priority? as u8,
+        timeout_us: timeout_us? as u32,
+        phase_us: phase_us? as u32,
+        spin_us: spin_us? as u32,
+        keep_awake: keep_awake?,
+        lock_memory: lock_memory?,
+        require: require?,
+    })
+}
+
+fn spindle(mut section: Section<'_, '_>) -> Option<Spindle> {
+    let rpm_max = section.number("rpm_max", Bound::Positive(1e6), 24_000.0);
+    section.not_yet(&["rpm_min", "orient", "node"]);
+    section.done();
+    Some(Spindle { rpm_max: rpm_max? })
+}
+
+fn program(mut section: Section<'_, '_>) -> Option<Program> {
+    let tolerance_mm = section.number("tolerance_mm", Bound::Positive(10.0), 0.01);
+    let look_ahead_blocks = section.integer("look_ahead_blocks", 1..=1_000_000, 1000);
+    section.not_yet(&["start", "directory", "optional_stop", "block_delete"]);
+    section.done();
+    Some(Program {
+        tolerance_mm: tolerance_mm?,
+        look_ahead_blocks: look_ahead_blocks? as usize,
+    })
+}
+
+fn sim(mut section: Section<'_, '_>) -> Option<Sim> {
+    // Beyond, the motor model of the simulated drives would need finer steps than the bus cycle gives.
+    let natural_frequency_hz = section.number("natural_frequency_hz", Bound::Within(0.1, 1000.0), 60.0);
+    let damping = section.number("damping", Bound::Within(0.01, 10.0), 0.8);
+    let start = section.number("start", Bound::Within(0.0, 1.0), 0.4);
+    section.done();
+    Some(Sim {
+        natural_frequency_hz: natural_frequency_hz?,
+        damping: damping?,
+        start: start?,
+    })
+}
+
+/// `[[hal.net]]`; whether the pins exist is found out when the pins do.
+fn hal(mut section: Section<'_, '_>) -> Option<Vec<Net>> {
+    let mut nets: Vec<Net> = Vec::new();
+    let mut complete = true;
+    for mut table in section.sections("net") {
+        match net(&mut table, &nets) {
+            Some(net) => nets.push(net),
+            None => complete = false,
+        }
+        table.done();
+    }
+    section.not_yet(&["component", "components", "function", "functions", "order", "set"]);
+    section.done();
+    complete.then_some(nets)
+}
+
+const PIN_RULE: &str = "must be a name of lower-case letters, digits, dashes and dots, like \"joint.0.f-error\"";
+
+/// Whether a text has the form of a pin's or signal's name.
+fn is_pin(text: &str) -> bool {
+    text.len() <= 63
+        && text.split('.').all(|level| {
+            level.starts_with(|first: char| first.is_ascii_lowercase() || first.is_ascii_digit())
+                && level
+                    .bytes()
+                    .all(|octet| octet.is_ascii_lowercase() || octet.is_ascii_digit() || octet == b'-')
+        })
+}
+
+fn net(section: &mut Section<'_, '_>, before: &[Net]) -> Option<Net> {
+    let mut valid = true;
+    let mut pin = |section: &mut Section<'_, '_>, key: &'static str, what| {
+        let text = section.required(key, what)?.text(&section.key(key))?;
+        if !is_pin(text) {
+            section.wrong(key, PIN_RULE);
+            valid = false;
+        }
+        Some(text.to_owned())
+    };
+    let name = pin(section, "name", "the name of the signal");
+    let source = pin(section, "source", "the pin that writes the signal");
+    if name
+        .as_ref()
+        .is_some_and(|name| before.iter().any(|net| net.name == *name))
+    {
+        section.wrong("name", "is taken by a net above");
+        valid = false;
+    }
+    let path = section.key("targets");
+    let items = section
+        .required("targets", "the pins that read the signal")
+        .and_then(|item| item.items(&path))?;
+    if items.is_empty() {
+        section.wrong("targets", "must name at least one pin");
+        valid = false;
+    }
+    let mut targets: Vec<String> = Vec::new();
+    for (index, item) in items.into_iter().enumerate() {
+        let key = format!("{path}[{index}]");
+        let Some(target) = item.text(&key) else {
+            valid = false;
+            continue;
+        };
+        let rule = if !is_pin(target) {
+            PIN_RULE
+        } else if source.as_deref() == Some(target) {
+            "cannot read itself"
+        } else if targets
+            .iter()
+            .chain(before.iter().flat_map(|net| &net.targets))
+            .any(|other| other == target)
+        {
+            "is written by a net already: a pin has one writer"
+        } else {
+            targets.push(target.to_owned());
+            continue;
+        };
+        item.log.wrong(item.value.span(), &key, rule, None);
+        valid = false;
+    }
+    if !valid {
+        return None;
+    }
+    Some(Net {
+        name: name?,
+        source: source?,
+        targets,
+    })
+}

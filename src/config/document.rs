@@ -1,0 +1,391 @@
+//! Access to a TOML document that notes every error with its place and goes on.
+//!
+//! In:  the spanned document of `toml`.
+//! Out: plain values, `None` where one is missing or wrong; what is wrong stands in the [`Log`].
+//!
+//! Deserialising with serde would stop at the first wrong type or unknown key and so hide every other error; here each
+//! key is read by itself.
+
+use super::error::{ConfigError, nearest};
+use std::cell::RefCell;
+use std::ops::{Range, RangeInclusive};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// Collects the errors of one file.
+pub(super) struct Log<'d> {
+    file: &'d str,
+    text: &'d str,
+    errors: RefCell<Vec<ConfigError>>,
+    /// Stands for a section that is left out.
+    nothing: DeTable<'d>,
+}
+
+impl<'d> Log<'d> {
+    pub(super) fn new(file: &'d str, text: &'d str) -> Log<'d> {
+        Log {
+            file,
+            text,
+            errors: RefCell::default(),
+            nothing: DeTable::new(),
+        }
+    }
+
+    /// Notes an error about the value at `span`.
+    pub(super) fn wrong(&self, span: Range<usize>, key: &str, rule: impl Into<String>, hint: Option<String>) {
+        let mut error = ConfigError::at(self.file, self.text, span.clone(), key.to_owned(), rule.into());
+        error.value = self.text.get(span).map(shortened);
+        error.hint = hint;
+        self.errors.borrow_mut().push(error);
+    }
+
+    /// Notes an error about a key that is missing or not wanted.
+    pub(super) fn misplaced(&self, span: Range<usize>, key: &str, rule: impl Into<String>, hint: Option<String>) {
+        let mut error = ConfigError::at(self.file, self.text, span, key.to_owned(), rule.into());
+        error.hint = hint;
+        self.errors.borrow_mut().push(error);
+    }
+
+    pub(super) fn into_errors(self) -> Vec<ConfigError> {
+        self.errors.into_inner()
+    }
+}
+
+/// One line of the source, not too long for a message.
+fn shortened(source: &str) -> String {
+    let line = source.lines().next().unwrap_or("");
+    if line.len() == source.len() && line.chars().count() <= 60 {
+        line.to_owned()
+    } else {
+        line.chars().take(57).chain("...".chars()).collect()
+    }
+}
+
+/// What a number must be.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Bound {
+    /// Any finite number not greater than this in size.
+    Size(f64),
+    /// Above 0, up to this.
+    Positive(f64),
+    /// From, to; both allowed.
+    Within(f64, f64),
+}
+
+impl Bound {
+    fn broken_by(self, value: f64) -> Option<String> {
+        if !value.is_finite() {
+            return Some("must be a finite number".to_owned());
+        }
+        match self {
+            Bound::Size(size) if value.abs() > size => Some(format!("must lie between -{size} and {size}")),
+            Bound::Positive(_) if value <= 0.0 => Some("must be above 0".to_owned()),
+            Bound::Positive(most) if value > most => Some(format!("must not be above {most}")),
+            Bound::Within(least, most) if !(least..=most).contains(&value) => {
+                Some(format!("must lie between {least} and {most}"))
+            }
+            Bound::Size(_) | Bound::Positive(_) | Bound::Within(..) => None,
+        }
+    }
+}
+
+/// A value and its place.
+#[derive(Clone, Copy)]
+pub(super) struct Item<'d, 'l> {
+    pub(super) log: &'l Log<'d>,
+    pub(super) value: &'l Spanned<DeValue<'d>>,
+}
+
+impl<'d, 'l> Item<'d, 'l> {
+    fn is_no(self, key: &str, wanted: &str) {
+        let came = match self.value.get_ref() {
+            DeValue::String(_) => "a string",
+            DeValue::Integer(_) => "an integer",
+            DeValue::Float(_) => "a float",
+            DeValue::Boolean(_) => "a boolean",
+            DeValue::Datetime(_) => "a date or time",
+            DeValue::Array(_) => "an array",
+            DeValue::Table(_) => "a table",
+        };
+        self.log
+            .wrong(self.value.span(), key, format!("must be {wanted}, is {came}"), None);
+    }
+
+    pub(super) fn integer(self, key: &str, range: RangeInclusive<i64>) -> Option<i64> {
+        let Some(integer) = self.value.get_ref().as_integer() else {
+            self.is_no(key, "an integer");
+            return None;
+        };
+        match i64::from_str_radix(integer.as_str(), integer.radix()) {
+            Ok(value) if range.contains(&value) => Some(value),
+            _ => {
+                let rule = format!("must be an integer from {} to {}", range.start(), range.end());
+                self.log.wrong(self.value.span(), key, rule, None);
+                None
+            }
+        }
+    }
+
+    pub(super) fn number(self, key: &str, bound: Bound) -> Option<f64> {
+        let value = match self.value.get_ref() {
+            DeValue::Float(float) => float.as_str().parse::<f64>().ok(),
+            DeValue::Integer(integer) => i64::from_str_radix(integer.as_str(), integer.radix())
+                .ok()
+                .map(|value| value as f64),
+            _ => {
+                self.is_no(key, "a number");
+                return None;
+            }
+        };
+        // What does not even parse is out of every range.
+        let value = value.unwrap_or(f64::INFINITY);
+        match bound.broken_by(value) {
+            None => Some(value),
+            Some(rule) => {
+                self.log.wrong(self.value.span(), key, rule, None);
+                None
+            }
+        }
+    }
+
+    pub(super) fn text(self, key: &str) -> Option<&'l str> {
+        let text = self.value.get_ref().as_str();
+        if text.is_none() {
+            self.is_no(key, "a string");
+        }
+        text
+    }
+
+    pub(super) fn flag(self, key: &str) -> Option<bool> {
+        let flag = self.value.get_ref().as_bool();
+        if flag.is_none() {
+            self.is_no(key, "true or false");
+        }
+        flag
+    }
+
+    pub(super) fn items(self, key: &str) -> Option<Vec<Item<'d, 'l>>> {
+        let array = self.value.get_ref().as_array();
+        if array.is_none() {
+            self.is_no(key, "an array");
+        }
+        Some(array?.iter().map(|value| Item { log: self.log, value }).collect())
+    }
+}
+
+/// A table whose keys are read one by one; [`Section::done`] then names the keys that nobody asked for.
+pub(super) struct Section<'d, 'l> {
+    log: &'l Log<'d>,
+    path: String,
+    span: Range<usize>,
+    table: &'l DeTable<'d>,
+    known: Vec<&'static str>,
+}
+
+impl<'d, 'l> Section<'d, 'l> {
+    pub(super) fn root(log: &'l Log<'d>, table: &'l DeTable<'d>) -> Section<'d, 'l> {
+        Section {
+            log,
+            path: String::new(),
+            span: 0..0,
+            table,
+            known: Vec::new(),
+        }
+    }
+
+    /// Full path of a key of this section.
+    pub(super) fn key(&self, key: &str) -> String {
+        if self.path.is_empty() {
+            key.to_owned()
+        } else {
+            format!("{}.{key}", self.path)
+        }
+    }
+
+    /// The value of a key if it stands here.
+    pub(super) fn optional(&mut self, key: &'static str) -> Option<Item<'d, 'l>> {
+        self.known.push(key);
+        self.table.get(key).map(|value| Item { log: self.log, value })
+    }
+
+    /// The value of a key; missing is an error that says `what` it is.
+    pub(super) fn required(&mut self, key: &'static str, what: &str) -> Option<Item<'d, 'l>> {
+        let item = self.optional(key);
+        if item.is_none() {
+            self.log
+                .misplaced(self.span.clone(), &self.key(key), format!("is missing: {what}"), None);
+        }
+        item
+    }
+
+    /// An integer; left out: `default`.
+    pub(super) fn integer(
+        &mut self,
+        key: &'static str,
+        range: RangeInclusive<i64>,
+        default: impl Into<Option<i64>>,
+    ) -> Option<i64> {
+        let item = match default.into() {
+            None => self.required(key, &format!("an integer from {} to {}", range.start(), range.end()))?,
+            Some(default) => match self.optional(key) {
+                None => return Some(default),
+                Some(item) => item,
+            },
+        };
+        item.integer(&self.key(key), range)
+    }
+
+    /// A number; left out: `default`.
+    pub(super) fn number(&mut self, key: &'static str, bound: Bound, default: impl Into<Option<f64>>) -> Option<f64> {
+        let item = match default.into() {
+            None => self.required(key, "a number")?,
+            Some(default) => match self.optional(key) {
+                None => return Some(default),
+                Some(item) => item,
+            },
+        };
+        item.number(&self.key(key), bound)
+    }
+
+    /// `true` or `false`; left out: `default`.
+    pub(super) fn flag(&mut self, key: &'static str, default: bool) -> Option<bool> {
+        match self.optional(key) {
+            None => Some(default),
+            Some(item) => item.flag(&self.key(key)),
+        }
+    }
+
+    /// One of some words; left out: `default`.
+    pub(super) fn word<T: Copy>(
+        &mut self,
+        key: &'static str,
+        words: &[(&'static str, T)],
+        default: impl Into<Option<T>>,
+    ) -> Option<T> {
+        let list = words
+            .iter()
+            .map(|(word, _)| format!("{word:?}"))
+            .collect::<Vec<_>>()
+            .join(" or ");
+        let item = match default.into() {
+            None => self.required(key, &list)?,
+            Some(default) => match self.optional(key) {
+                None => return Some(default),
+                Some(item) => item,
+            },
+        };
+        let path = self.key(key);
+        let text = item.text(&path)?;
+        let found = words.iter().find(|(word, _)| *word == text).map(|(_, value)| *value);
+        if found.is_none() {
+            let hint = nearest(text, words.iter().map(|(word, _)| *word));
+            let hint = hint.map(|word| format!("did you mean {word:?}?"));
+            self.log
+                .wrong(item.value.span(), &path, format!("must be {list}"), hint);
+        }
+        found
+    }
+
+    /// A table inside this one; left out: one without keys.
+    pub(super) fn section(&mut self, key: &'static str) -> Option<Section<'d, 'l>> {
+        let path = self.key(key);
+        match self.optional(key) {
+            None => Some(Section {
+                log: self.log,
+                path,
+                span: self.span.clone(),
+                table: &self.log.nothing,
+                known: vec![],
+            }),
+            Some(item) => self.inner(item, path),
+        }
+    }
+
+    /// A table inside this one if it stands here.
+    pub(super) fn optional_section(&mut self, key: &'static str) -> Option<Section<'d, 'l>> {
+        let item = self.optional(key)?;
+        self.inner(item, self.key(key))
+    }
+
+    /// An array of tables; left out: none.
+    pub(super) fn sections(&mut self, key: &'static str) -> Vec<Section<'d, 'l>> {
+        let path = self.key(key);
+        let Some(item) = self.optional(key) else {
+            return Vec::new();
+        };
+        let Some(items) = item.value.get_ref().as_array() else {
+            item.is_no(&path, &format!("an array of tables: [[{path}]]"));
+            return Vec::new();
+        };
+        let items = items.iter().enumerate();
+        items
+            .filter_map(|(index, value)| self.inner(Item { log: self.log, value }, format!("{path}[{index}]")))
+            .collect()
+    }
+
+    /// An array of at least one table; none is an error.
+    pub(super) fn some_sections(&mut self, key: &'static str) -> Vec<Section<'d, 'l>> {
+        let is_empty = |value: &Spanned<DeValue<'d>>| value.get_ref().as_array().is_some_and(|array| array.is_empty());
+        if self.table.get(key).is_none_or(is_empty) {
+            self.wrong(key, format!("is missing: at least one [[{}]] is needed", self.key(key)));
+        }
+        self.sections(key)
+    }
+
+    fn inner(&self, item: Item<'d, 'l>, path: String) -> Option<Section<'d, 'l>> {
+        let Some(table) = item.value.get_ref().as_table() else {
+            item.is_no(&path, "a table");
+            return None;
+        };
+        Some(Section {
+            log: self.log,
+            path,
+            span: item.value.span(),
+            table,
+            known: Vec::new(),
+        })
+    }
+
+    /// Notes an error about the value of a key, or about the whole section where the key is left out.
+    pub(super) fn wrong(&self, key: &str, rule: impl Into<String>) {
+        match self.table.get(key) {
+            // Of a table only its header could be shown, which says nothing.
+            Some(value) if is_tables(value.get_ref()) => self.log.misplaced(value.span(), &self.key(key), rule, None),
+            Some(value) => self.log.wrong(value.span(), &self.key(key), rule, None),
+            None => self.log.misplaced(self.span.clone(), &self.key(key), rule, None),
+        }
+    }
+
+    /// Notes keys that the design knows and this version does not.
+    pub(super) fn not_yet(&mut self, keys: &[&'static str]) {
+        for key in keys {
+            self.known.push(key);
+            if let Some((name, _)) = self.table.get_key_value(*key) {
+                self.log
+                    .misplaced(name.span(), &self.key(key), "is not supported yet", None);
+            }
+        }
+    }
+
+    /// Names the keys that nobody asked for.
+    pub(super) fn done(self) {
+        for key in self.table.keys() {
+            let name = key.get_ref().as_ref();
+            if !self.known.contains(&name) {
+                let hint = match nearest(name, self.known.iter().copied()) {
+                    Some(near) => format!("did you mean `{near}`?"),
+                    None => format!("known here: {}", self.known.join(", ")),
+                };
+                self.log
+                    .misplaced(key.span(), &self.key(name), "unknown key", Some(hint));
+            }
+        }
+    }
+}
+
+fn is_tables(value: &DeValue<'_>) -> bool {
+    match value.as_array() {
+        Some(array) => array.first().is_some_and(|first| first.get_ref().is_table()),
+        None => value.is_table(),
+    }
+}

@@ -1,0 +1,349 @@
+//! `[[joint]]`, `[[axis]]` and `[offsets]`: what moves, how far and how fast.
+
+use super::document::{Bound, Section};
+use super::types::{AxisMap, Homing, Joint, JointLimits, Node, Profile, StopLimits};
+use motion::canon::{Axis, Position};
+
+/// No machine tool is larger or faster; keeps every later calculation far from overflow. mm or degrees.
+const LENGTH_MAX: f64 = 1e6;
+const VELOCITY_MAX: f64 = 1e5;
+const ACCELERATION_MAX: f64 = 1e7;
+const JERK_MAX: f64 = 1e10;
+
+/// Homing methods of CiA 402 that a drive does by itself; 15, 16, 31, 32 are reserved, 36 needs a touch probe.
+fn is_homing_method(method: i64) -> bool {
+    matches!(method, 1..=14 | 17..=30 | 33 | 34 | 35 | 37)
+}
+
+/// What a joint is checked against.
+pub(super) struct Surroundings<'c> {
+    /// The nodes; `None` where the bus has errors of its own, which would only be echoed here.
+    pub(super) nodes: Option<&'c [Node]>,
+    pub(super) cycle_us: Option<u32>,
+}
+
+/// Reads one `[[joint]]`; `taken`: nodes of the joints above.
+pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, taken: &mut Vec<i64>) -> Option<Joint> {
+    let node = node(section, around, taken);
+    let counts_per_unit = counts_per_unit(section);
+    let travel_mm = travel(section);
+    let velocity_mm_s = section.number("velocity_mm_s", Bound::Positive(VELOCITY_MAX), None);
+    let acceleration_mm_s2 = section.number("acceleration_mm_s2", Bound::Positive(ACCELERATION_MAX), None);
+    let jerk_mm_s3 = section.number("jerk_mm_s3", Bound::Positive(JERK_MAX), None);
+    let stop_acceleration_mm_s2 = stop_limit(
+        section,
+        "stop_acceleration_mm_s2",
+        ACCELERATION_MAX,
+        acceleration_mm_s2,
+        2.0,
+    );
+    let stop_jerk_mm_s3 = stop_limit(section, "stop_jerk_mm_s3", JERK_MAX, jerk_mm_s3, 4.0);
+    let following_error_mm = section.number("following_error_mm", Bound::Positive(LENGTH_MAX), None);
+    if let (Some(window), Some(velocity), Some(cycle_us)) = (following_error_mm, velocity_mm_s, around.cycle_us) {
+        // What a joint covers in two cycles is lag of the bus, not of the drive.
+        let least_mm = 2.0 * velocity * f64::from(cycle_us) / 1e6;
+        if window <= least_mm {
+            let rule = format!("must be above {least_mm}, the way of two cycles at velocity_mm_s");
+            section.wrong("following_error_mm", rule);
+        }
+    }
+    let homing = homing(section, travel_mm, velocity_mm_s, counts_per_unit);
+    if let (Some(counts), Some(travel)) = (counts_per_unit, travel_mm) {
+        let counts_per_mm = ratio(counts);
+        for end in travel {
+            if (end * counts_per_mm).abs() > f64::from(i32::MAX) {
+                section.wrong(
+                    "travel_mm",
+                    format!("must fit 32-bit positions of the drive: {end} is too far"),
+                );
+            }
+        }
+        if let Some(velocity) = velocity_mm_s.filter(|velocity| velocity * counts_per_mm > f64::from(i32::MAX)) {
+            section.wrong(
+                "velocity_mm_s",
+                format!("must fit 32-bit speeds of the drive: {velocity} is too fast"),
+            );
+        }
+    }
+    Some(Joint {
+        node: node?,
+        counts_per_unit: counts_per_unit?,
+        travel_mm: travel_mm?,
+        limits: JointLimits {
+            velocity_mm_s: velocity_mm_s?,
+            acceleration_mm_s2: acceleration_mm_s2?,
+            jerk_mm_s3: jerk_mm_s3?,
+        },
+        stop: StopLimits {
+            acceleration_mm_s2: stop_acceleration_mm_s2?,
+            jerk_mm_s3: stop_jerk_mm_s3?,
+        },
+        following_error_mm: following_error_mm?,
+        homing: homing?,
+    })
+}
+
+/// A limit of stops; left out it is a multiple of that of the plan.
+fn stop_limit(
+    section: &mut Section<'_, '_>,
+    key: &'static str,
+    most: f64,
+    of_plan: Option<f64>,
+    default_ratio: f64,
+) -> Option<f64> {
+    // Slowing down on the path while the plan uses all of its acceleration takes more than the plan has.
+    const RATIO_MIN: f64 = 1.2;
+    let Some(item) = section.optional(key) else {
+        return of_plan.map(|limit| limit * default_ratio);
+    };
+    let stop = item.number(&section.key(key), Bound::Positive(most))?;
+    if let Some(limit) = of_plan.filter(|limit| stop < RATIO_MIN * limit) {
+        section.wrong(
+            key,
+            format!("must be at least {RATIO_MIN} times the limit of the plan, {limit}"),
+        );
+    }
+    Some(stop)
+}
+
+fn ratio(counts_per_unit: [u32; 2]) -> f64 {
+    f64::from(counts_per_unit[0]) / f64::from(counts_per_unit[1])
+}
+
+fn node(section: &mut Section<'_, '_>, around: &Surroundings<'_>, taken: &mut Vec<i64>) -> Option<usize> {
+    let id = section.integer("node", 1..=239, None)?;
+    if taken.contains(&id) {
+        section.wrong("node", "is the drive of a joint above");
+    }
+    taken.push(id);
+    let nodes = around.nodes?;
+    let drives = || {
+        nodes
+            .iter()
+            .filter(|node| node.profile == Profile::Cia402)
+            .map(|node| node.id.to_string())
+    };
+    match nodes.iter().position(|node| i64::from(node.id) == id) {
+        None => {
+            let list = drives().collect::<Vec<_>>().join(", ");
+            section.wrong("node", format!("no [[bus.node]] has this id; drives: {list}"));
+            None
+        }
+        Some(index) if nodes[index].profile == Profile::Cia402 => Some(index),
+        Some(_) => {
+            section.wrong("node", "must be a node of profile \"cia402\"");
+            None
+        }
+    }
+}
+
+fn counts_per_unit(section: &mut Section<'_, '_>) -> Option<[u32; 2]> {
+    let path = section.key("counts_per_unit");
+    let item = section.required(
+        "counts_per_unit",
+        "increments of the drive per mm (degree), like [10000, 1]",
+    )?;
+    let items = item.items(&path)?;
+    let [above, below] = items[..] else {
+        section.wrong(
+            "counts_per_unit",
+            "must be two integers: increments and the mm (degrees) that they make",
+        );
+        return None;
+    };
+    let above = above.integer(&format!("{path}[0]"), 1..=i64::from(u32::MAX));
+    let below = below.integer(&format!("{path}[1]"), 1..=i64::from(u32::MAX));
+    Some([above? as u32, below? as u32])
+}
+
+fn travel(section: &mut Section<'_, '_>) -> Option<[f64; 2]> {
+    let path = section.key("travel_mm");
+    let item = section.required("travel_mm", "soft limits, like [-5.0, 305.0]")?;
+    let items = item.items(&path)?;
+    let [lower, upper] = items[..] else {
+        section.wrong("travel_mm", "must be two numbers: lower and upper limit");
+        return None;
+    };
+    let lower = lower.number(&format!("{path}[0]"), Bound::Size(LENGTH_MAX));
+    let upper = upper.number(&format!("{path}[1]"), Bound::Size(LENGTH_MAX));
+    let travel = [lower?, upper?];
+    if travel[0] >= travel[1] {
+        section.wrong("travel_mm", "the lower limit must be below the upper one");
+        return None;
+    }
+    Some(travel)
+}
+
+fn homing(
+    joint: &mut Section<'_, '_>,
+    travel_mm: Option<[f64; 2]>,
+    velocity_mm_s: Option<f64>,
+    counts_per_unit: Option<[u32; 2]>,
+) -> Option<Homing> {
+    joint.required(
+        "homing",
+        "how the drive finds its reference point: { method = 35, ... }",
+    )?;
+    let mut section = joint.section("homing")?;
+    let method = section.integer("method", -128..=127, None);
+    let method = method.filter(|method| {
+        if !is_homing_method(*method) {
+            section.wrong(
+                "method",
+                "must be a homing method of CiA 402: 1 to 14, 17 to 30, 33, 34, 35 or 37",
+            );
+        }
+        is_homing_method(*method)
+    });
+    let search_mm_s = section.number("search_mm_s", Bound::Positive(VELOCITY_MAX), None);
+    let latch_mm_s = section.number("latch_mm_s", Bound::Positive(VELOCITY_MAX), None);
+    let acceleration_mm_s2 = section.number("acceleration_mm_s2", Bound::Positive(ACCELERATION_MAX), None);
+    let position_mm = section.number("position_mm", Bound::Size(LENGTH_MAX), 0.0);
+    if let (Some(search), Some(most)) = (search_mm_s, velocity_mm_s)
+        && search > most
+    {
+        section.wrong(
+            "search_mm_s",
+            format!("must not be above velocity_mm_s of the joint, {most}"),
+        );
+    }
+    if let (Some(latch), Some(search)) = (latch_mm_s, search_mm_s)
+        && latch > search
+    {
+        section.wrong("latch_mm_s", format!("must not be above search_mm_s, {search}"));
+    }
+    if let (Some(position), Some([lower, upper])) = (position_mm, travel_mm)
+        && !(lower..=upper).contains(&position)
+    {
+        section.wrong("position_mm", format!("must lie in travel_mm, {lower} to {upper}"));
+    }
+    if let Some(counts) = counts_per_unit {
+        // The drive is told whole increments per second (squared).
+        for (key, value) in [
+            ("search_mm_s", search_mm_s),
+            ("latch_mm_s", latch_mm_s),
+            ("acceleration_mm_s2", acceleration_mm_s2),
+        ] {
+            let fits = |value: f64| (1.0..=f64::from(u32::MAX)).contains(&(value * ratio(counts)));
+            if value.is_some_and(|value| !fits(value)) {
+                section.wrong(key, "must be 1 to 4294967295 in increments of the drive");
+            }
+        }
+    }
+    section.done();
+    Some(Homing {
+        method: method? as i8,
+        search_mm_s: search_mm_s?,
+        latch_mm_s: latch_mm_s?,
+        acceleration_mm_s2: acceleration_mm_s2?,
+        position_mm: position_mm?,
+    })
+}
+
+/// Reads all `[[axis]]`; every one of `joints` joints must belong to one axis.
+pub(super) fn axes(root: &mut Section<'_, '_>, joints: usize) -> Option<Vec<AxisMap>> {
+    let mut axes: Vec<AxisMap> = Vec::new();
+    let mut taken = vec![false; joints];
+    let mut complete = true;
+    let tables = root.some_sections("axis");
+    if tables.is_empty() {
+        return None;
+    }
+    for mut section in tables {
+        let axis = letter(&mut section);
+        if let Some(axis) = axis
+            && axes.iter().any(|other| other.axis == axis)
+        {
+            section.wrong("letter", "is taken by an axis above");
+            complete = false;
+        }
+        let joints = joints_of_axis(&mut section, &mut taken);
+        section.not_yet(&["velocity_mm_s", "acceleration_mm_s2", "jerk_mm_s3", "travel_mm"]);
+        section.done();
+        match (axis, joints) {
+            (Some(axis), Some(joints)) => axes.push(AxisMap { axis, joints }),
+            _ => complete = false,
+        }
+    }
+    if complete && let Some(left_out) = taken.iter().position(|taken| !taken) {
+        root.wrong("axis", format!("joint {left_out} belongs to no axis"));
+        return None;
+    }
+    complete.then_some(axes)
+}
+
+fn letter(section: &mut Section<'_, '_>) -> Option<Axis> {
+    let item = section.required("letter", "one of X Y Z A B C U V W")?;
+    let text = item.text(&section.key("letter"))?;
+    let mut letters = text.chars();
+    let axis = letters
+        .next()
+        .filter(|_| letters.next().is_none())
+        .and_then(Axis::from_letter);
+    if axis.is_none() {
+        section.wrong("letter", "must be one of X Y Z A B C U V W");
+    }
+    axis
+}
+
+fn joints_of_axis(section: &mut Section<'_, '_>, taken: &mut [bool]) -> Option<Vec<usize>> {
+    let path = section.key("joints");
+    let item = section.required("joints", "the joints that the axis moves, counted from 0")?;
+    let items = item.items(&path)?;
+    if items.is_empty() {
+        section.wrong("joints", "must name at least one joint");
+        return None;
+    }
+    let mut joints = Vec::new();
+    let mut complete = true;
+    for (index, item) in items.into_iter().enumerate() {
+        let key = format!("{path}[{index}]");
+        let Some(joint) = item.integer(&key, 0..=i64::from(u16::MAX)) else {
+            complete = false;
+            continue;
+        };
+        let joint = joint as usize;
+        let rule = match taken.get(joint) {
+            None => format!("there is no such joint; joints: {}, counted from 0", taken.len()),
+            Some(true) => "belongs to an axis already".to_owned(),
+            Some(false) => {
+                taken[joint] = true;
+                joints.push(joint);
+                continue;
+            }
+        };
+        item.log.wrong(item.value.span(), &key, rule, None);
+        complete = false;
+    }
+    complete.then_some(joints)
+}
+
+/// Work offset systems in the order of G54 to G59.3.
+const SYSTEMS: [&str; 9] = ["g54", "g55", "g56", "g57", "g58", "g59", "g59_1", "g59_2", "g59_3"];
+
+/// Reads `[offsets]`; only axes of the machine may be shifted.
+pub(super) fn offsets(root: &mut Section<'_, '_>, axes: Option<&[AxisMap]>) -> Option<[Position; 9]> {
+    const LETTERS: [&str; 9] = ["x", "y", "z", "a", "b", "c", "u", "v", "w"];
+    let mut offsets = [Position::ZERO; 9];
+    let mut complete = true;
+    let mut section = root.section("offsets")?;
+    for (name, origin) in SYSTEMS.into_iter().zip(&mut offsets) {
+        let Some(mut system) = section.optional_section(name) else {
+            continue;
+        };
+        for (letter, axis) in LETTERS.into_iter().zip(Axis::ALL) {
+            let Some(item) = system.optional(letter) else { continue };
+            match item.number(&system.key(letter), Bound::Size(LENGTH_MAX)) {
+                Some(value) => origin[axis] = value,
+                None => complete = false,
+            }
+            if axes.is_some_and(|axes| axes.iter().all(|map| map.axis != axis)) {
+                system.wrong(letter, "the machine has no such axis");
+                complete = false;
+            }
+        }
+        system.done();
+    }
+    section.done();
+    complete.then_some(offsets)
+}

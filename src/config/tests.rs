@@ -1,0 +1,620 @@
+//! One case per rule: what is changed in a right file, and the message with its place.
+
+use super::*;
+use proptest::prelude::*;
+
+const DEMO: &str = include_str!("../../configs/mill3-demo.toml");
+
+/// The smallest machine: everything that may be left out is left out.
+const SMALL: &str = "\
+schema = 1
+[machine]
+name = \"small\"
+[bus]
+kind = \"memory\"
+[[bus.node]]
+id = 1
+profile = \"cia402\"
+[[bus.node]]
+id = 2
+profile = \"io\"
+[[joint]]
+node = 1
+counts_per_unit = [1000, 1]
+travel_mm = [-10.0, 10]
+velocity_mm_s = 100
+acceleration_mm_s2 = 1000.0
+jerk_mm_s3 = 20000.0
+following_error_mm = 1.0
+[joint.homing]
+method = 37
+search_mm_s = 10.0
+latch_mm_s = 1.0
+acceleration_mm_s2 = 100.0
+[[axis]]
+letter = \"X\"
+joints = [0]
+";
+
+fn messages(text: &str) -> Vec<String> {
+    match parse(text, Path::new("m.toml")) {
+        Ok(_) => Vec::new(),
+        Err(errors) => errors.errors().iter().map(|error| error.to_string()).collect(),
+    }
+}
+
+/// Replaces the only occurrence of `old`; the rest of the file keeps its lines.
+fn changed(old: &str, new: &str) -> String {
+    assert_eq!(SMALL.matches(old).count(), 1, "{old:?} stands once in the file");
+    SMALL.replace(old, new)
+}
+
+#[test]
+fn the_demo_machine_is_read_whole() {
+    let config = parse(DEMO, Path::new("demo.toml")).unwrap();
+    assert_eq!(config.path, Path::new("demo.toml"));
+    assert_eq!(config.name, "mill3-demo");
+    assert_eq!(config.cycle_us, 1000);
+    let rt = Rt {
+        cpu: None,
+        priority: 80,
+        timeout_us: 50,
+        phase_us: 370,
+        spin_us: 50,
+        keep_awake: true,
+        lock_memory: true,
+        require: Require::Warn,
+    };
+    assert_eq!(config.rt, rt);
+    assert_eq!(config.bus.kind, BusKind::Powerlink);
+    assert_eq!(config.bus.interface, "plk0");
+    assert_eq!((config.bus.async_slot_timeout_us, config.bus.pres_lost_max), (150, 3));
+    let nodes: Vec<_> = config
+        .bus
+        .nodes
+        .iter()
+        .map(|node| (node.id, node.name.as_str(), node.profile))
+        .collect();
+    let drive = Profile::Cia402;
+    assert_eq!(
+        nodes,
+        [
+            (1, "x-drive", drive),
+            (2, "y-drive", drive),
+            (3, "z-drive", drive),
+            (10, "io", Profile::Io)
+        ]
+    );
+    let x = &config.bus.nodes[0];
+    assert!(x.mandatory);
+    assert_eq!(x.identity.device_type, Some(0x0002_0192));
+    assert_eq!((x.identity.vendor_id, x.identity.product_code), (Some(0), None));
+    assert_eq!(
+        x.outputs[3],
+        Mapped {
+            index: 0x60FE,
+            sub: 1,
+            bits: 32
+        }
+    );
+    // What x-drive writes out is what the others get by leaving it out.
+    assert_eq!(x.outputs, config.bus.nodes[1].outputs);
+    assert_eq!(x.inputs, config.bus.nodes[1].inputs);
+    assert_eq!(config.bus.nodes[3].outputs.len(), 2);
+    let joint = &config.joints[2];
+    assert_eq!(joint.node, 2);
+    assert_eq!(joint.counts_per_unit, [10_000, 1]);
+    assert_eq!(joint.travel_mm, [-105.0, 5.0]);
+    assert_eq!(
+        joint.limits,
+        JointLimits {
+            velocity_mm_s: 100.0,
+            acceleration_mm_s2: 1000.0,
+            jerk_mm_s3: 20_000.0
+        }
+    );
+    assert_eq!(
+        joint.stop,
+        StopLimits {
+            acceleration_mm_s2: 2000.0,
+            jerk_mm_s3: 80_000.0
+        }
+    );
+    assert_eq!(joint.following_error_mm, 2.0);
+    assert_eq!(
+        (joint.homing.method, joint.homing.search_mm_s, joint.homing.position_mm),
+        (23, 40.0, 0.0)
+    );
+    let axes: Vec<_> = config
+        .axes
+        .iter()
+        .map(|map| (map.axis.letter(), map.joints.clone()))
+        .collect();
+    assert_eq!(axes, [('X', vec![0]), ('Y', vec![1]), ('Z', vec![2])]);
+    assert_eq!(config.work_offsets[0], motion::canon::Position::xyz(20.0, 20.0, -60.0));
+    assert_eq!(config.work_offsets[8], motion::canon::Position::ZERO);
+    assert_eq!(config.spindle.rpm_max, 24_000.0);
+    assert_eq!(
+        (config.program.tolerance_mm, config.program.look_ahead_blocks),
+        (0.01, 1000)
+    );
+    let net = config.nets.iter().find(|net| net.name == "coolant-flood").unwrap();
+    assert_eq!(
+        (net.source.as_str(), &net.targets[..]),
+        ("iocontrol.0.coolant-flood", &["io.10.out-01".to_owned()][..])
+    );
+    assert_eq!(
+        config.sim,
+        Sim {
+            natural_frequency_hz: 60.0,
+            damping: 0.8,
+            start: 0.4
+        }
+    );
+}
+
+#[test]
+fn what_is_left_out_has_its_default() {
+    let config = parse(SMALL, Path::new("m.toml")).unwrap();
+    assert_eq!(config.cycle_us, 1000);
+    assert_eq!(config.bus.interface, "");
+    assert_eq!((config.bus.async_slot_timeout_us, config.bus.pres_lost_max), (150, 3));
+    assert_eq!(
+        (config.rt.priority, config.rt.timeout_us, config.rt.phase_us),
+        (80, 50, 370)
+    );
+    assert_eq!(config.bus.nodes[0].name, "node-1");
+    assert_eq!(
+        (config.bus.nodes[0].mandatory, config.bus.nodes[0].pres_timeout_us),
+        (true, 150)
+    );
+    let object = |index, sub, bits| Mapped { index, sub, bits };
+    assert_eq!(
+        config.bus.nodes[0].outputs,
+        [
+            object(0x6040, 0, 16),
+            object(0x607A, 0, 32),
+            object(0x6060, 0, 8),
+            object(0x60FE, 1, 32)
+        ]
+    );
+    assert_eq!(
+        config.bus.nodes[1].outputs,
+        [object(0x6200, 1, 8), object(0x6200, 2, 8)]
+    );
+    assert_eq!(config.bus.nodes[1].inputs, [object(0x6000, 1, 8), object(0x6000, 2, 8)]);
+    assert_eq!(
+        config.joints[0].stop,
+        StopLimits {
+            acceleration_mm_s2: 2000.0,
+            jerk_mm_s3: 80_000.0
+        }
+    );
+    assert_eq!(config.joints[0].homing.position_mm, 0.0);
+    let fast = parse(
+        &changed("name = \"small\"", "name = \"small\"\ncycle_us = 500"),
+        Path::new("m.toml"),
+    )
+    .unwrap();
+    assert_eq!(fast.rt.phase_us, 185);
+}
+
+/// Text to replace, its replacement, and the messages.
+type Case = (&'static str, &'static str, &'static [&'static str]);
+
+fn check(cases: &[Case]) {
+    for (old, new, expected) in cases {
+        assert_eq!(messages(&changed(old, new)), *expected, "{new:?} for {old:?}");
+    }
+}
+
+#[test]
+#[rustfmt::skip] // one case a line
+fn rules_of_machine_and_rt() {
+    check(&[
+        ("schema = 1\n", "\n", &["m.toml:1:1: schema: is missing: an integer from 1 to 1"]),
+        ("schema = 1", "schema = 2", &["m.toml:1:10: schema = 2: must be an integer from 1 to 1"]),
+        ("name = \"small\"", "", &["m.toml:2:1: machine.name: is missing: the name of the machine"]),
+        ("name = \"small\"", "name = \"a b\"", &[
+            "m.toml:3:8: machine.name = \"a b\": must be 1 to 48 letters, digits, dashes, underscores or dots, a letter first",
+        ]),
+        ("name = \"small\"", "name = 7", &["m.toml:3:8: machine.name = 7: must be a string, is an integer"]),
+        ("\n[bus]", "\nkinematics = \"trivia\"\n[bus]", &[
+            "m.toml:4:14: machine.kinematics = \"trivia\": must be \"trivial\"; did you mean \"trivial\"?",
+        ]),
+        ("\n[bus]", "\nunits = \"mm\"\n[bus]", &["m.toml:4:1: machine.units: is not supported yet"]),
+        ("\n[bus]", "\ncycle_us = 249\n[bus]", &[
+            "m.toml:4:12: machine.cycle_us = 249: must be an integer from 250 to 10000",
+        ]),
+        ("\n[bus]", "\ncycle_us = 1e3\n[bus]", &[
+            "m.toml:4:12: machine.cycle_us = 1e3: must be an integer, is a float",
+        ]),
+        ("\n[bus]", "\ncycle_us = 99999999999999999999\n[bus]", &[
+            "m.toml:4:12: machine.cycle_us = 99999999999999999999: must be an integer from 250 to 10000",
+        ]),
+        ("\n[bus]", "\n[rt]\npriority = 98\n[bus]", &["m.toml:5:12: rt.priority = 98: must be an integer from 1 to 97"]),
+        ("\n[bus]", "\n[rt]\ntimeout_us = 19\n[bus]", &[
+            "m.toml:5:14: rt.timeout_us = 19: must be an integer from 20 to 1000",
+        ]),
+        ("\n[bus]", "\n[rt]\nphase_us = 1000\n[bus]", &[
+            "m.toml:5:12: rt.phase_us = 1000: must be an integer from 0 to 999",
+        ]),
+        ("\n[bus]", "\n[rt]\nspin_us = -1\n[bus]", &["m.toml:5:11: rt.spin_us = -1: must be an integer from 0 to 999"]),
+        ("\n[bus]", "\n[rt]\ncpu = -1\n[bus]", &["m.toml:5:7: rt.cpu = -1: must be an integer from 0 to 8191"]),
+        ("\n[bus]", "\n[rt]\nkeep_awake = 1\n[bus]", &[
+            "m.toml:5:14: rt.keep_awake = 1: must be true or false, is an integer",
+        ]),
+        ("\n[bus]", "\n[rt]\nrequire = \"Strict\"\n[bus]", &[
+            "m.toml:5:11: rt.require = \"Strict\": must be \"strict\" or \"warn\"; did you mean \"strict\"?",
+        ]),
+        ("\n[bus]", "\n[rt]\nspin = 1\nlate_us_max = 5\n[bus]", &[
+            "m.toml:5:1: rt.spin: unknown key; did you mean `spin_us`?",
+            "m.toml:6:1: rt.late_us_max: is not supported yet",
+        ]),
+        ("schema = 1\n", "schema = 1\nrt = 5\n", &["m.toml:2:6: rt = 5: must be a table, is an integer"]),
+    ]);
+}
+
+#[test]
+#[rustfmt::skip] // one case a line
+fn rules_of_the_bus() {
+    check(&[
+        ("\"memory\"", "\"power-link\"", &[
+            "m.toml:5:8: bus.kind = \"power-link\": must be \"powerlink\" or \"memory\"; did you mean \"powerlink\"?",
+        ]),
+        ("\"memory\"", "\"powerlink\"", &["m.toml:4:1: bus.interface: is missing: the network interface of the bus"]),
+        ("\"memory\"", "\"powerlink\"\ninterface = \"eth 0\"", &[
+            "m.toml:6:13: bus.interface = \"eth 0\": must be the name of a network interface: 1 to 15 characters, no blank and no /",
+        ]),
+        ("\"memory\"", "\"memory\"\nasync_slot_timeout_us = 0", &[
+            "m.toml:6:25: bus.async_slot_timeout_us = 0: must be an integer from 1 to 1000",
+        ]),
+        ("\"memory\"", "\"memory\"\npres_lost_max = -1", &[
+            "m.toml:6:17: bus.pres_lost_max = -1: must be an integer from 0 to 1000",
+        ]),
+        ("\"memory\"", "\"memory\"\nredundancy = true", &["m.toml:6:1: bus.redundancy: is not supported yet"]),
+        ("id = 2", "id = 240", &["m.toml:10:6: bus.node[1].id = 240: must be an integer from 1 to 239"]),
+        ("id = 2", "id = 1", &["m.toml:10:6: bus.node[1].id = 1: is taken by a node above"]),
+        ("id = 2", "id = 2\nname = \"node-1\"", &[
+            "m.toml:11:8: bus.node[1].name = \"node-1\": is taken by a node above",
+        ]),
+        ("profile = \"io\"", "profile = \"oi\"", &[
+            "m.toml:11:11: bus.node[1].profile = \"oi\": must be \"cia402\" or \"io\"; did you mean \"io\"?",
+        ]),
+        ("profile = \"io\"", "profile = \"io\"\npres_timeout_us = 0", &[
+            "m.toml:12:19: bus.node[1].pres_timeout_us = 0: must be an integer from 1 to 1000",
+        ]),
+        ("profile = \"io\"", "profile = \"io\"\nmultiplex = 2", &["m.toml:12:1: bus.node[1].multiplex: is not supported yet"]),
+        ("profile = \"io\"", "profile = \"io\"\nvendor_id = 0x1_0000_0000", &[
+            "m.toml:12:13: bus.node[1].vendor_id = 0x1_0000_0000: must be an integer from 0 to 4294967295",
+        ]),
+        // SoC, SoA and two PReq are frames of the least length, 6.72 us each.
+        ("profile = \"io\"", "profile = \"io\"\npres_timeout_us = 674", &[
+            "m.toml:6:1: bus.node: the time-outs do not fit the cycle of 1000 us: 27 (frames) + 824 (PRes) + 150 (async slot) = 1001 us",
+        ]),
+    ]);
+    assert_eq!(
+        messages("schema = 1\nmachine.name = \"m\"\njoint = []\naxis = 3\nbus = { kind = \"memory\", node = [] }\n"),
+        [
+            "m.toml:3:9: joint = []: is missing: at least one [[joint]] is needed",
+            "m.toml:4:8: axis = 3: must be an array of tables: [[axis]], is an integer",
+            "m.toml:5:33: bus.node = []: is missing: at least one [[bus.node]] is needed",
+        ]
+    );
+}
+
+#[test]
+#[rustfmt::skip] // one case a line
+fn rules_of_pdo_mapping() {
+    let drive = "profile = \"cia402\"";
+    let form = "must be an object with its length, like \"0x6041/16\" or \"0x60FE:1/32\"";
+    for wrong in ["6041/16", "0x6041", "0x/16", "0x6041/", "0x6041:/16", "0x1FFFF/8", "0x+041/16", "0x6041:256/16", "é"] {
+        let text = changed(drive, &format!("{drive}\ninputs = [\"0x6041/16\", \"0x6064/32\", \"{wrong}\"]"));
+        assert_eq!(messages(&text), [format!("m.toml:9:37: bus.node[0].inputs[2] = \"{wrong}\": {form}")]);
+    }
+    check(&[
+        (drive, "profile = \"cia402\"\noutputs = [\"0x6040/16\", \"0x607A/32\", \"0x2000/24\", \"0x0005/8\", 5]", &[
+            "m.toml:9:38: bus.node[0].outputs[2] = \"0x2000/24\": must have a length of 8, 16, 32 or 64 bits",
+            "m.toml:9:51: bus.node[0].outputs[3] = \"0x0005/8\": must be an object from 0x1000 on; below are data types",
+            "m.toml:9:63: bus.node[0].outputs[4] = 5: must be a string, is an integer",
+        ]),
+        (drive, "profile = \"cia402\"\noutputs = [\"0x6040/16\", \"0x607A/16\", \"0x6040:0/16\"]", &[
+            "m.toml:9:25: bus.node[0].outputs[1] = \"0x607A/16\": must have the length 32 that the drive profile gives it",
+            "m.toml:9:38: bus.node[0].outputs[2] = \"0x6040:0/16\": is mapped twice",
+        ]),
+        (drive, "profile = \"cia402\"\ninputs = [\"0x6061/8\"]", &[
+            "m.toml:9:10: bus.node[0].inputs = [\"0x6061/8\"]: must hold \"0x6041/16\": a drive is not run without it",
+            "m.toml:9:10: bus.node[0].inputs = [\"0x6061/8\"]: must hold \"0x6064/32\": a drive is not run without it",
+        ]),
+        (drive, "profile = \"cia402\"\ninputs = \"0x6061/8\"", &[
+            "m.toml:9:10: bus.node[0].inputs = \"0x6061/8\": must be an array, is a string",
+        ]),
+    ]);
+    let list = |count| (0..count).map(|sub| format!("\"0x2000:{sub}/64\"")).collect::<Vec<_>>().join(",");
+    let text = changed("profile = \"io\"", &format!("profile = \"io\"\ninputs = [{}]", list(187)));
+    assert_eq!(messages(&text).len(), 1);
+    assert!(messages(&text)[0].ends_with(": must not hold more than 1490 octets, holds 1496"), "{:?}", messages(&text));
+}
+
+#[test]
+#[rustfmt::skip] // one case a line
+fn rules_of_joints() {
+    check(&[
+        ("node = 1", "node = 3", &["m.toml:13:8: joint[0].node = 3: no [[bus.node]] has this id; drives: 1"]),
+        ("node = 1", "node = 2", &["m.toml:13:8: joint[0].node = 2: must be a node of profile \"cia402\""]),
+        ("node = 1\n", "", &["m.toml:12:1: joint[0].node: is missing: an integer from 1 to 239"]),
+        ("[1000, 1]", "[1000, 0]", &[
+            "m.toml:14:26: joint[0].counts_per_unit[1] = 0: must be an integer from 1 to 4294967295",
+        ]),
+        ("[1000, 1]", "[1000]", &[
+            "m.toml:14:19: joint[0].counts_per_unit = [1000]: must be two integers: increments and the mm (degrees) that they make",
+        ]),
+        ("[1000, 1]", "1000", &["m.toml:14:19: joint[0].counts_per_unit = 1000: must be an array, is an integer"]),
+        ("[-10.0, 10]", "[10.0, 10]", &[
+            "m.toml:15:13: joint[0].travel_mm = [10.0, 10]: the lower limit must be below the upper one",
+        ]),
+        ("[-10.0, 10]", "[-10.0, inf]", &["m.toml:15:21: joint[0].travel_mm[1] = inf: must be a finite number"]),
+        ("[-10.0, 10]", "[0.0]", &["m.toml:15:13: joint[0].travel_mm = [0.0]: must be two numbers: lower and upper limit"]),
+        ("[1000, 1]", "[300000000, 1]", &[
+            "m.toml:15:13: joint[0].travel_mm = [-10.0, 10]: must fit 32-bit positions of the drive: -10 is too far",
+            "m.toml:15:13: joint[0].travel_mm = [-10.0, 10]: must fit 32-bit positions of the drive: 10 is too far",
+            "m.toml:16:17: joint[0].velocity_mm_s = 100: must fit 32-bit speeds of the drive: 100 is too fast",
+            "m.toml:24:22: joint[0].homing.acceleration_mm_s2 = 100.0: must be 1 to 4294967295 in increments of the drive",
+        ]),
+        ("velocity_mm_s = 100", "velocity_mm_s = -5", &[
+            "m.toml:16:17: joint[0].velocity_mm_s = -5: must be above 0",
+        ]),
+        ("velocity_mm_s = 100", "velocity_mm = 100", &[
+            "m.toml:12:1: joint[0].velocity_mm_s: is missing: a number",
+            "m.toml:16:1: joint[0].velocity_mm: unknown key; did you mean `velocity_mm_s`?",
+        ]),
+        ("jerk_mm_s3 = 20000.0", "jerk_mm_s3 = nan", &["m.toml:18:14: joint[0].jerk_mm_s3 = nan: must be a finite number"]),
+        ("jerk_mm_s3 = 20000.0", "jerk_mm_s3 = 1e999", &[
+            "m.toml:18:14: joint[0].jerk_mm_s3 = 1e999: must be a finite number",
+        ]),
+        ("jerk_mm_s3 = 20000.0", "jerk_mm_s3 = 1e11", &[
+            "m.toml:18:14: joint[0].jerk_mm_s3 = 1e11: must not be above 10000000000",
+        ]),
+        ("jerk_mm_s3 = 20000.0", "jerk_mm_s3 = 20000.0\nstop_jerk_mm_s3 = 23999\nstop_acceleration_mm_s2 = 1199", &[
+            "m.toml:19:19: joint[0].stop_jerk_mm_s3 = 23999: must be at least 1.2 times the limit of the plan, 20000",
+            "m.toml:20:27: joint[0].stop_acceleration_mm_s2 = 1199: must be at least 1.2 times the limit of the plan, 1000",
+        ]),
+        ("following_error_mm = 1.0", "following_error_mm = 0.2", &[
+            "m.toml:19:22: joint[0].following_error_mm = 0.2: must be above 0.2, the way of two cycles at velocity_mm_s",
+        ]),
+        ("method = 37", "method = 15", &[
+            "m.toml:21:10: joint[0].homing.method = 15: must be a homing method of CiA 402: 1 to 14, 17 to 30, 33, 34, 35 or 37",
+        ]),
+        ("search_mm_s = 10.0", "search_mm_s = 101", &[
+            "m.toml:22:15: joint[0].homing.search_mm_s = 101: must not be above velocity_mm_s of the joint, 100",
+        ]),
+        ("latch_mm_s = 1.0", "latch_mm_s = 11.0", &[
+            "m.toml:23:14: joint[0].homing.latch_mm_s = 11.0: must not be above search_mm_s, 10",
+        ]),
+        ("latch_mm_s = 1.0", "latch_mm_s = 0.0001", &[
+            "m.toml:23:14: joint[0].homing.latch_mm_s = 0.0001: must be 1 to 4294967295 in increments of the drive",
+        ]),
+        ("latch_mm_s = 1.0", "latch_mm_s = 1.0\nposition_mm = 10.5", &[
+            "m.toml:24:15: joint[0].homing.position_mm = 10.5: must lie in travel_mm, -10 to 10",
+        ]),
+        ("[joint.homing]", "[joint.hominng]", &[
+            "m.toml:12:1: joint[0].homing: is missing: how the drive finds its reference point: { method = 35, ... }",
+            "m.toml:20:8: joint[0].hominng: unknown key; did you mean `homing`?",
+        ]),
+        ("[[axis]]", "[[joint]]\nnode = 1\n[[axis]]", &[
+            "m.toml:25:1: joint[1].counts_per_unit: is missing: increments of the drive per mm (degree), like [10000, 1]",
+            "m.toml:25:1: joint[1].travel_mm: is missing: soft limits, like [-5.0, 305.0]",
+            "m.toml:25:1: joint[1].velocity_mm_s: is missing: a number",
+            "m.toml:25:1: joint[1].acceleration_mm_s2: is missing: a number",
+            "m.toml:25:1: joint[1].jerk_mm_s3: is missing: a number",
+            "m.toml:25:1: joint[1].following_error_mm: is missing: a number",
+            "m.toml:25:1: joint[1].homing: is missing: how the drive finds its reference point: { method = 35, ... }",
+            "m.toml:26:8: joint[1].node = 1: is the drive of a joint above",
+            "m.toml:27:1: axis: joint 1 belongs to no axis",
+        ]),
+    ]);
+}
+
+#[test]
+#[rustfmt::skip] // one case a line
+fn rules_of_axes_and_offsets() {
+    check(&[
+        ("letter = \"X\"", "letter = \"Q\"", &["m.toml:26:10: axis[0].letter = \"Q\": must be one of X Y Z A B C U V W"]),
+        ("letter = \"X\"", "letter = \"XY\"", &["m.toml:26:10: axis[0].letter = \"XY\": must be one of X Y Z A B C U V W"]),
+        ("joints = [0]", "joints = [1]", &[
+            "m.toml:27:11: axis[0].joints[0] = 1: there is no such joint; joints: 1, counted from 0",
+        ]),
+        ("joints = [0]", "joints = []", &["m.toml:27:10: axis[0].joints = []: must name at least one joint"]),
+        ("joints = [0]", "joints = [0]\n[[axis]]\nletter = \"x\"\njoints = [0]", &[
+            "m.toml:29:10: axis[1].letter = \"x\": is taken by an axis above",
+            "m.toml:30:11: axis[1].joints[0] = 0: belongs to an axis already",
+        ]),
+        ("joints = [0]", "joints = [0]\nvelocity_mm_s = 5", &["m.toml:28:1: axis[0].velocity_mm_s: is not supported yet"]),
+        ("joints = [0]", "joints = [0]\n[offsets]\ng54 = { y = 1.0 }\ng59_1 = { x = \"1\" }\ng50 = {}\n", &[
+            "m.toml:29:13: offsets.g54.y = 1.0: the machine has no such axis",
+            "m.toml:30:15: offsets.g59_1.x = \"1\": must be a number, is a string",
+            "m.toml:31:1: offsets.g50: unknown key; did you mean `g54`?",
+        ]),
+    ]);
+}
+
+#[test]
+#[rustfmt::skip] // one case a line
+fn rules_of_the_rest() {
+    let end = "joints = [0]\n";
+    check(&[
+        (end, "joints = [0]\n[spindle]\nrpm_max = 0\n[program]\ntolerance_mm = 0\nlook_ahead_blocks = 0\n", &[
+            "m.toml:29:11: spindle.rpm_max = 0: must be above 0",
+            "m.toml:31:16: program.tolerance_mm = 0: must be above 0",
+            "m.toml:32:21: program.look_ahead_blocks = 0: must be an integer from 1 to 1000000",
+        ]),
+        (end, "joints = [0]\n[sim]\nnatural_frequency_hz = 0\ndamping = -1\nstart = 1.5\n", &[
+            "m.toml:29:24: sim.natural_frequency_hz = 0: must lie between 0.1 and 1000",
+            "m.toml:30:11: sim.damping = -1: must lie between 0.01 and 10",
+            "m.toml:31:9: sim.start = 1.5: must lie between 0 and 1",
+        ]),
+        (end, "joints = [0]\n[logic]\nperiod_ms = 10\n[tools]\n[spindel]\n", &[
+            "m.toml:28:2: logic: is not supported yet",
+            "m.toml:30:2: tools: is not supported yet",
+            "m.toml:31:2: spindel: unknown key; did you mean `spindle`?",
+        ]),
+        (end, "joints = [0]\n[[hal.net]]\nname = \"Run\"\nsource = \"a.b\"\ntargets = [\"a.b\", \"c..d\", \"e\"]\n[[hal.net]]\nname = \"n\"\nsource = \"x\"\ntargets = [\"e\", \"e\"]\n", &[
+            "m.toml:29:8: hal.net[0].name = \"Run\": must be a name of lower-case letters, digits, dashes and dots, like \"joint.0.f-error\"",
+            "m.toml:31:12: hal.net[0].targets[0] = \"a.b\": cannot read itself",
+            "m.toml:31:19: hal.net[0].targets[1] = \"c..d\": must be a name of lower-case letters, digits, dashes and dots, like \"joint.0.f-error\"",
+            "m.toml:35:17: hal.net[1].targets[1] = \"e\": is written by a net already: a pin has one writer",
+        ]),
+        (end, "joints = [0]\n[[hal.net]]\nname = \"n\"\nsource = \"x\"\ntargets = [\"e\"]\n[[hal.net]]\nname = \"n\"\nsource = \"y\"\ntargets = [\"e\"]\n[[hal.component]]\n", &[
+            "m.toml:33:8: hal.net[1].name = \"n\": is taken by a net above",
+            "m.toml:35:12: hal.net[1].targets[0] = \"e\": is written by a net already: a pin has one writer",
+            "m.toml:36:7: hal.component: is not supported yet",
+        ]),
+        (end, "joints = [0]\n[[hal.net]]\nname = \"n\"\nsource = \"x\"\ntargets = []\n", &[
+            "m.toml:31:11: hal.net[0].targets = []: must name at least one pin",
+        ]),
+    ]);
+}
+
+#[test]
+fn syntax_is_told_first_and_alone() {
+    let text = changed("id = 1\n", "id = \n").replace("velocity_mm_s = 100\n", "velocity_mm_s = -1\nnode = 5\n");
+    let errors = parse(&text, Path::new("m.toml")).unwrap_err();
+    let places: Vec<_> = errors.errors().iter().map(|error| error.place).collect();
+    assert_eq!(places, [Some((7, 6)), Some((17, 1))], "{errors}");
+    let errors = parse(b"schema = 1\n# \xFF\n", Path::new("m.toml")).unwrap_err();
+    assert_eq!(
+        errors.errors().iter().next().unwrap().to_string(),
+        "m.toml:2:3: must be UTF-8 text"
+    );
+}
+
+#[test]
+fn a_missing_file_is_an_error_of_the_file() {
+    let errors = read(Path::new("/nowhere/m.toml")).unwrap_err();
+    assert_eq!(errors.errors().len(), 1);
+    assert!(
+        errors
+            .to_string()
+            .contains("/nowhere/m.toml: cannot be read: No such file"),
+        "{errors}"
+    );
+    assert_eq!(errors.to_json()["errors"][0]["line"], serde_json::Value::Null);
+}
+
+#[test]
+fn errors_of_all_sections_come_together_as_text_and_json() {
+    let text = changed("\n[bus]", "\ncycel_us = 1\n[rt]\npriority = \"high\"\n[bus]").replace("= 20000.0", "= 0.0");
+    let errors = parse(&text, Path::new("m.toml")).unwrap_err();
+    assert_eq!(
+        errors.to_string(),
+        "\
+error: m.toml:4:1: machine.cycel_us: unknown key; did you mean `cycle_us`?
+  |
+4 | cycel_us = 1
+  | ^^^^^^^^
+error: m.toml:6:12: rt.priority = \"high\": must be an integer, is a string
+  |
+6 | priority = \"high\"
+  |            ^^^^^^
+error: m.toml:21:14: joint[0].jerk_mm_s3 = 0.0: must be above 0
+   |
+21 | jerk_mm_s3 = 0.0
+   |              ^^^
+3 errors in the machine file
+"
+    );
+    assert_eq!(
+        errors.to_json()["errors"][0],
+        serde_json::json!({"line": 4, "column": 1, "key": "machine.cycel_us", "value": null,
+            "rule": "unknown key", "hint": "did you mean `cycle_us`?"})
+    );
+}
+
+/// Octet ranges of the numbers in the demo file, outside comments and mapping strings.
+fn numbers() -> Vec<std::ops::Range<usize>> {
+    let mut found = Vec::new();
+    let mut start = 0;
+    for line in DEMO.split_inclusive('\n') {
+        if let Some((key, value)) = line
+            .split_once(" = ")
+            .filter(|_| !line.starts_with('#') && !line.contains("0x60"))
+        {
+            let value_at = start + key.len() + 3;
+            let value = value.split('#').next().unwrap_or(value);
+            let mut at = 0;
+            for part in
+                value.split(|c: char| !(c.is_ascii_alphanumeric() || c == '.' || c == '-' || c == '_' || c == '"'))
+            {
+                if part.starts_with(|c: char| c.is_ascii_digit() || c == '-') {
+                    found.push(value_at + at..value_at + at + part.len());
+                }
+                at += part.len() + 1;
+            }
+        }
+        start += line.len();
+    }
+    found
+}
+
+#[test]
+fn every_number_of_the_demo_file_is_checked() {
+    let numbers = numbers();
+    assert!(numbers.len() > 60, "only {} found", numbers.len());
+    for range in numbers {
+        let mut text = DEMO.to_owned();
+        text.replace_range(range.clone(), "1e300");
+        let errors = parse(&text, Path::new("m.toml")).unwrap_err();
+        let line = 1 + DEMO[..range.start].matches('\n').count();
+        let error = errors
+            .errors()
+            .iter()
+            .find(|error| error.place.is_some_and(|place| place.0 == line));
+        let error = error.unwrap_or_else(|| panic!("line {line}: {errors}"));
+        let key = DEMO.lines().nth(line - 1).unwrap().split(" = ").next().unwrap();
+        assert!(error.key.contains(key), "{} names {key}", error.key);
+        assert_eq!(error.value.as_deref(), Some("1e300"));
+    }
+}
+
+proptest! {
+    #[test]
+    fn any_octets_are_refused_without_panic(text in prop::collection::vec(any::<u8>(), 0..300)) {
+        prop_assert!(!parse(&text, Path::new("m")).unwrap_err().to_string().is_empty());
+    }
+
+    #[test]
+    fn a_mutilated_machine_file_never_panics(
+        at in 0..DEMO.len(), drop in 0usize..40, put in "[\\[\\]{}=\"'#\\na-z0-9.µ]{0,6}",
+    ) {
+        let end = (at + drop).min(DEMO.len());
+        let text = [&DEMO.as_bytes()[..at], put.as_bytes(), &DEMO.as_bytes()[end..]].concat();
+        if let Err(errors) = parse(&text, Path::new("m")) {
+            prop_assert!(!errors.to_string().is_empty());
+            prop_assert!(errors.errors().iter().all(|error| !error.rule.contains("was lost")), "{}", errors);
+        }
+    }
+
+    #[test]
+    fn a_truncated_machine_file_is_refused(at in 0..DEMO.len()) {
+        let errors = parse(&DEMO.as_bytes()[..at], Path::new("m"));
+        // Behind the last table that must be there, whole lines may be missing.
+        if at < DEMO.find("letter = \"Z\"").unwrap() {
+            prop_assert!(errors.is_err());
+        }
+    }
+
+    #[test]
+    fn a_mutated_number_names_its_key(index in 0usize..60, factor in prop::sample::select(vec![-1.0, -1e9, 1e12])) {
+        let range = numbers()[index].clone();
+        let Ok(old) = DEMO[range.clone()].parse::<f64>() else { return Ok(()) };
+        let mut text = DEMO.to_owned();
+        text.replace_range(range.clone(), &format!("{:.1}", old * factor));
+        let line = 1 + DEMO[..range.start].matches('\n').count();
+        if let Err(errors) = parse(&text, Path::new("m.toml")) {
+            // A changed limit may also break the rules of those that are compared with it; one names the place itself.
+            prop_assert!(errors.errors().iter().all(|error| error.place.is_some()));
+            let near = |error: &ConfigError| error.place.is_some_and(|place| place.0.abs_diff(line) <= 12);
+            prop_assert!(errors.errors().iter().any(near), "{}", errors);
+        }
+    }
+}
