@@ -51,10 +51,8 @@ impl Error {
             .iter()
             .rposition(|octet| *octet == b'\n')
             .map_or(0, |at| at + 1);
-        let line_end = text[start..]
-            .iter()
-            .position(|octet| *octet == b'\n')
-            .map_or(text.len(), |at| start + at);
+        let rest = text[start..].split(|octet| *octet == b'\n').next().unwrap_or_default();
+        let line_end = start + rest.strip_suffix(b"\r").unwrap_or(rest).len();
         let end = self.span.end.clamp(start, line_end);
         let shown = |octets: &[u8]| String::from_utf8_lossy(octets).replace('\r', " ");
         // Octets that are no UTF-8 grow when shown, so places are counted in what is shown.
@@ -359,7 +357,7 @@ pub enum ErrorKind {
 
 fn percent_hint(character: char) -> &'static str {
     if character == '%' {
-        "; % stands alone on the first and last line"
+        " (% stands alone on the first and last line)"
     } else {
         ""
     }
