@@ -3,7 +3,7 @@
 //! In:  one value a cycle from the cycle thread, or one SoC-to-SoC period a frame from the analyser, ns.
 //! Out: [`Summary`] and the filled buckets, to reports and plots.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Deviations below this are counted exactly, one bucket per nanosecond.
 const EXACT: u64 = 1 << (SUB_BITS + 1);
@@ -28,7 +28,7 @@ pub struct Jitter {
 }
 
 /// What is known of the values; times in µs. All zero if there were none.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// Number of values.
     pub n: u64,
@@ -55,7 +55,7 @@ pub struct Summary {
 }
 
 /// One filled bucket: deviations from `from_ns` to `to_ns`, both included.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Bucket {
     /// Least deviation from the nominal.
     pub from_ns: i64,

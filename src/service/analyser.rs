@@ -13,7 +13,7 @@ use crate::rt::jitter::{Bucket, Jitter};
 use nix::errno::Errno;
 use powerlink::link::pcap::PcapWriter;
 use powerlink::wire::{ETHER_TYPE, FRAME_LEN_MAX, message};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::fs::File;
 use std::io::{self, BufWriter};
@@ -70,7 +70,7 @@ fn rights(cause: &io::Error) -> &'static str {
 }
 
 /// Frames by type of message.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FrameCounts {
     /// Start of cycle.
     pub soc: u64,
@@ -89,7 +89,7 @@ pub struct FrameCounts {
 }
 
 /// What was measured. Times in µs.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SocReport {
     /// Where.
     pub interface: String,

@@ -3,4 +3,5 @@
 pub mod analyser;
 pub mod netns;
 pub mod operator;
+pub mod plot;
 pub mod recorder;
