@@ -21,9 +21,9 @@ use crate::path::{Jet, Piece, Shape};
 
 /// Part of the limits of acceleration and jerk that is used; the rest is for rounding and for what sampling of curves may miss.
 const USE: f64 = 0.985;
-/// Parts of acceleration and jerk that curvature may take at full speed; the rest is left for changes of speed.
-const CURVED_ACCELERATION: f64 = 0.6;
-const CURVED_JERK: f64 = 0.55;
+/// Part of acceleration and jerk that curvature may take at full speed, unless said otherwise; the rest is left for
+/// changes of speed.
+pub(super) const CURVED: f64 = 0.6;
 /// Part of the jerk that the change of acceleration on a bent path may take of what curvature leaves.
 const COUPLED_JERK: f64 = 0.5;
 
@@ -114,16 +114,19 @@ impl Bounds {
 
     /// Limits along the path for speeds up to `feed`.
     pub(super) fn limits(&self, feed: f64, settings: &Settings) -> PathLimits {
+        self.limits_with(CURVED, feed, settings)
+    }
+
+    /// The same where curvature may take the part `curved` of acceleration and jerk at full speed.
+    pub(super) fn limits_with(&self, curved: f64, feed: f64, settings: &Settings) -> PathLimits {
         let cycle = settings.cycle_s;
         let mut v = feed;
         for (axis, limits) in existing(settings) {
             v = v.min(limits.velocity / self.d1[axis]);
-            v = v.min(root(CURVED_ACCELERATION * USE * limits.acceleration, |v| {
+            v = v.min(root(curved * USE * limits.acceleration, |v| {
                 self.d2[axis] * v * v + self.kink[axis] * v / cycle
             }));
-            v = v.min(root(CURVED_JERK * USE * limits.jerk, |v| {
-                self.fixed_jerk(axis, v, cycle)
-            }));
+            v = v.min(root(curved * USE * limits.jerk, |v| self.fixed_jerk(axis, v, cycle)));
         }
         let mut a = f64::INFINITY;
         for (axis, limits) in existing(settings) {

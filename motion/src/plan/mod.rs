@@ -43,7 +43,7 @@ pub use planner::{Planner, Pumped};
 #[cfg(test)]
 mod tests;
 
-/// What one axis can do.
+/// What one axis can do; speed, acceleration and jerk are greater than 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisLimits {
     /// Greatest speed, mm/s or degrees/s.
@@ -65,7 +65,8 @@ pub struct Settings {
     pub cycle_s: f64,
     /// Greatest deviation from the path where G64 names none, mm.
     pub tolerance_mm: f64,
-    /// Pieces of path that are looked ahead at least; more cost memory, fewer cost speed.
+    /// Pieces of path that are looked ahead; more cost memory, fewer cost speed. See
+    /// [`Settings::largest_publication`] for the ring.
     pub look_ahead_blocks: usize,
     /// Machine position from which the program starts.
     pub start: Position,

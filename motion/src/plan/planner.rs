@@ -14,7 +14,7 @@ use super::corners::Corners;
 use super::joints::Joints;
 use super::profile::{brakeable, end_speed, least_end_speed};
 use super::program::{Entry, Program};
-use super::runs::{Built, Run, Runs};
+use super::runs::{Built, RUN_PIECES, Run, Runs};
 use super::{PlanError, Programmed, Settings};
 use crate::canon::Event;
 use crate::element::Element;
@@ -39,6 +39,15 @@ enum What {
     Rest(Option<Element>),
 }
 
+impl What {
+    fn pieces(&self) -> usize {
+        match self {
+            What::Run(run) => run.pieces(),
+            What::Rest(_) => 0,
+        }
+    }
+}
+
 #[derive(Debug)]
 struct Step {
     what: What,
@@ -46,8 +55,24 @@ struct Step {
     end_speed: f64,
 }
 
-/// Elements of a publication, as many as a consumer is likely to need before the next.
+/// Final elements from which on a publication is not made larger.
 const PUBLICATION: usize = 512;
+
+/// Elements that a run has more than pieces: a border between phases may fall into any piece, and there are six.
+const PHASE_BORDERS: usize = 6;
+
+impl Settings {
+    fn window(&self) -> usize {
+        self.look_ahead_blocks.max(1)
+    }
+
+    /// Elements that the largest publication may have; the ring must hold as many.
+    pub fn largest_publication(&self) -> usize {
+        let run = RUN_PIECES + PHASE_BORDERS;
+        let tail = (self.window() + RUN_PIECES) * (1 + PHASE_BORDERS);
+        PUBLICATION + run + tail
+    }
+}
 
 /// Turns canonical calls into a plan and hands it over.
 #[derive(Debug)]
@@ -152,12 +177,13 @@ impl<S: Sink<Element>> Planner<S> {
 
     /// Hands over what is final.
     pub fn pump(&mut self) -> Pumped {
-        let window = self.settings.look_ahead_blocks.max(1);
-        let full = self.pieces >= window;
-        if self.finished || full || self.fresh >= (window / 4).max(1) {
-            self.plan(full);
-        }
-        while self.final_steps > 0 {
+        loop {
+            if self.final_steps == 0 {
+                self.plan_if_due();
+            }
+            if self.final_steps == 0 {
+                return if self.is_done() { Pumped::Done } else { Pumped::Hungry };
+            }
             match self.publish() {
                 Publish::Done => {}
                 Publish::Full => return Pumped::Blocked,
@@ -166,11 +192,19 @@ impl<S: Sink<Element>> Planner<S> {
                     self.final_steps = 0;
                     self.tail_steps = 0;
                     self.speed = 0.0;
-                    self.plan(self.pieces >= window);
+                    // Whatever was planned began with another speed.
+                    self.plan();
                 }
             }
         }
-        if self.is_done() { Pumped::Done } else { Pumped::Hungry }
+    }
+
+    /// Plans if there is enough new to make a difference, or no reason to wait.
+    fn plan_if_due(&mut self) {
+        let window = self.settings.window();
+        if self.finished || self.pieces >= window || self.fresh >= window.div_ceil(4) {
+            self.plan();
+        }
     }
 
     /// Sends everything through the stages and ends at rest.
@@ -193,7 +227,7 @@ impl<S: Sink<Element>> Planner<S> {
             self.runs.push(joined, &self.settings, &mut built);
         }
         if flush {
-            self.runs.flush(&mut built);
+            self.runs.flush(&self.settings, &mut built);
             built.push(Built::Stop);
         }
         for built in built {
@@ -222,18 +256,24 @@ impl<S: Sink<Element>> Planner<S> {
         }
     }
 
-    /// Plans the speeds behind the final steps, and makes steps final; some in any case if `full`.
-    fn plan(&mut self, full: bool) {
+    /// Plans the speeds of all steps within the window, none of which is final, and makes steps final; some in any case
+    /// if the window is full.
+    fn plan(&mut self) {
         self.fresh = 0;
-        let first = self.final_steps;
-        let count = self.steps.len();
-        let mut settled = first;
+        // A stop must be known within the window, so that a publication has a bounded number of elements.
+        let mut pieces = 0;
+        let mut count = 0;
+        while count < self.steps.len() && pieces < self.settings.window() {
+            pieces += self.steps[count].what.pieces();
+            count += 1;
+        }
+        let mut settled = 0;
         let mut after = 0.0;
-        for i in (first..count).rev() {
-            // `after` is the speed at the end of step i; whether it is known to stay:
-            let cap = self.cap(i);
-            let known_end = i + 1 < count || matches!(self.steps[i].what, What::Rest(_)) || self.finished;
-            if settled == first && after >= cap && known_end {
+        for i in (0..count).rev() {
+            // `after` is the speed at the end of step i. At its cap, nothing that follows can raise it; but what follows
+            // the last known step is not known.
+            let known = i + 1 < self.steps.len() || self.finished || matches!(self.steps[i].what, What::Rest(_));
+            if settled == 0 && known && after >= self.cap(i) {
                 settled = i + 1;
             }
             self.steps[i].end_speed = after;
@@ -242,19 +282,15 @@ impl<S: Sink<Element>> Planner<S> {
                 What::Run(_) | What::Rest(_) => 0.0,
             };
         }
-        let mut speed = if first > 0 {
-            self.steps[first - 1].end_speed
-        } else {
-            self.speed
-        };
-        for step in self.steps.range_mut(first..) {
+        let mut speed = self.speed;
+        for step in self.steps.range_mut(..count) {
             if let What::Run(run) = &step.what {
                 step.end_speed = end_speed(speed, step.end_speed, run.length, &run.limits);
             }
             speed = step.end_speed;
         }
-        if full && settled == first {
-            settled = first + (count - first).div_ceil(2);
+        if settled == 0 && pieces >= self.settings.window() {
+            settled = count.div_ceil(2);
         }
         self.final_steps = settled;
     }
@@ -309,9 +345,7 @@ impl<S: Sink<Element>> Planner<S> {
 
     fn drop_steps(&mut self, count: usize) {
         for step in self.steps.drain(..count) {
-            if let What::Run(run) = step.what {
-                self.pieces -= run.pieces();
-            }
+            self.pieces -= step.what.pieces();
         }
     }
 }

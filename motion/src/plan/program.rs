@@ -88,7 +88,7 @@ impl Program {
                 line,
             }))),
             Call::SetFeedRate { per_second } => {
-                self.feed = Some(*per_second);
+                self.feed = (*per_second > 0.0).then_some(*per_second);
                 Ok(None)
             }
             Call::SetPathMode(mode) => {

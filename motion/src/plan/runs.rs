@@ -7,12 +7,15 @@
 use super::Settings;
 use super::joints::{Bounded, Joined};
 use super::limits::{Bounds, PathLimits};
-use super::profile::{Phase, profile};
+use super::profile::{Phase, brakeable, end_speed, profile};
 use crate::element::{Element, Span};
 use crate::path::Piece;
 
 /// Pieces in one run at most, which bounds the number of elements that must be published together.
 pub(super) const RUN_PIECES: usize = 512;
+
+/// Pieces that are passed in one cycle at most, on the mean of a run; a bound for the work of the cycle.
+const PIECES_PER_CYCLE: f64 = 16.0;
 
 /// Pieces with a place in the plan.
 #[derive(Clone, Copy, Debug)]
@@ -45,13 +48,15 @@ pub(super) enum Built {
 #[derive(Debug, Default)]
 pub(super) struct Runs {
     open: Option<Run>,
+    /// Speed of the run before, 0 at rest.
+    before: f64,
 }
 
 impl Runs {
     pub(super) fn push(&mut self, joined: Joined, settings: &Settings, out: &mut Vec<Built>) {
         match joined {
             Joined::Stop => {
-                self.flush(out);
+                self.flush(settings, out);
                 out.push(Built::Stop);
             }
             Joined::Stretch(next) => {
@@ -60,7 +65,9 @@ impl Runs {
                     None => self.open = Some(next),
                     Some(run) => {
                         let (closed, open) = run.join(next, settings);
-                        out.extend(closed.map(Built::Run));
+                        if let Some(run) = closed {
+                            self.close(run, open.limits.v, settings, out);
+                        }
                         self.open = Some(open);
                     }
                 }
@@ -68,8 +75,19 @@ impl Runs {
         }
     }
 
-    pub(super) fn flush(&mut self, out: &mut Vec<Built>) {
-        out.extend(self.open.take().map(Built::Run));
+    /// What is open ends at rest.
+    pub(super) fn flush(&mut self, settings: &Settings, out: &mut Vec<Built>) {
+        if let Some(run) = self.open.take() {
+            self.close(run, 0.0, settings, out);
+        }
+        self.before = 0.0;
+    }
+
+    /// Nothing is appended to `run` any more; `after` is about the speed of what follows.
+    fn close(&mut self, mut run: Run, after: f64, settings: &Settings, out: &mut Vec<Built>) {
+        run.choose_speed(self.before, after, settings);
+        self.before = run.limits.v;
+        out.push(Built::Run(run));
     }
 }
 
@@ -101,7 +119,11 @@ impl Run {
         /// Speeds that differ by less are alike.
         const ALIKE: f64 = 0.85;
         let bounds = self.bounds.union(&next.bounds);
-        let feed = self.feed.min(next.feed);
+        let mean = (self.length + next.length) / (self.pieces() + 1) as f64;
+        let mut feed = self.feed.min(next.feed);
+        if self.pieces() as f64 > PIECES_PER_CYCLE {
+            feed = feed.min(PIECES_PER_CYCLE * mean / settings.cycle_s);
+        }
         let limits = bounds.limits(feed, settings);
         let fastest = self.fastest.max(next.fastest);
         let PathLimits { v, a, j } = limits;
@@ -119,6 +141,28 @@ impl Run {
         self.fastest = if alike { fastest } else { v };
         (self.bounds, self.feed, self.limits) = (bounds, feed, limits);
         (None, self)
+    }
+
+    /// On a curve, less speed leaves more for changing it: chooses what takes the least time between the given speeds
+    /// at both ends.
+    fn choose_speed(&mut self, before: f64, after: f64, settings: &Settings) {
+        let time = |limits: &PathLimits| {
+            let v0 = before.min(brakeable(after.min(limits.v), limits.v, self.length, limits));
+            let v1 = end_speed(v0, after.min(limits.v), self.length, limits);
+            profile(v0, v1, self.length, limits)
+                .iter()
+                .map(|phase| phase.duration)
+                .sum::<f64>()
+        };
+        let mut best = (time(&self.limits), self.limits);
+        for curved in [0.9, 0.75, 0.5, 0.35, 0.25] {
+            let limits = self.bounds.limits_with(curved, self.feed, settings);
+            let time = time(&limits);
+            if time < best.0 {
+                best = (time, limits);
+            }
+        }
+        self.limits = best.1;
     }
 
     /// The motion from speed `v0` to `v1`, one span per phase and piece.

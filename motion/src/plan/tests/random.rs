@@ -6,6 +6,7 @@ use crate::element::Element;
 use crate::plan::offline::sample;
 use crate::ring::{Publish, Sink};
 use proptest::prelude::*;
+use std::f64::consts::TAU;
 
 /// A random step of a program, relative to where the program is.
 #[derive(Clone, Debug)]
@@ -49,8 +50,8 @@ fn step() -> impl Strategy<Value = Step> {
         3 => (
             prop_oneof![Just(Plane::Xy), Just(Plane::Zx), Just(Plane::Yz)],
             prop_oneof![0.05f64..1.0, 1.0f64..20.0],
-            0.0f64..6.283,
-            0.01f64..6.283,
+            0.0..TAU,
+            0.01..TAU,
             prop_oneof![Just(1), Just(-1), Just(2), Just(-2)],
             prop_oneof![Just(0.0), -3.0f64..3.0],
             prop_oneof![3 => Just(0.0), 1 => -0.002f64..0.002],
@@ -58,7 +59,7 @@ fn step() -> impl Strategy<Value = Step> {
             .prop_map(|(plane, radius, from, sweep, turns, rise, spiral)| Step::Arc {
                 plane, radius, from, sweep, turns, rise, spiral
             }),
-        2 => (2.0f64..40.0, 0.02f64..0.5, 3u32..60, 0.0f64..6.283)
+        2 => (2.0f64..40.0, 0.02f64..0.5, 3u32..60, 0.0..TAU)
             .prop_map(|(radius, chord, count, heading)| Step::Dense { radius, chord, count, heading }),
         1 => (0.5f64..150.0).prop_map(Step::Feed),
         1 => (0u8..5).prop_map(Step::Mode),
@@ -195,6 +196,7 @@ struct Scripted {
     at: usize,
     ran: Vec<Element>,
     tail: Vec<Element>,
+    largest: usize,
 }
 
 impl Sink<Element> for Scripted {
@@ -203,10 +205,10 @@ impl Sink<Element> for Scripted {
     }
 
     fn publish(&mut self, committed: &[Element], tail: &[Element]) -> Publish {
-        assert!(committed.len() + tail.len() > 0);
+        assert!((1..=self.largest).contains(&(committed.len() + tail.len())));
         self.at += 1;
         match self.script[self.at % self.script.len()] {
-            0 if self.at % 2 == 0 => Publish::Full,
+            0 if self.at.is_multiple_of(2) => Publish::Full,
             1 if !self.tail.is_empty() => {
                 self.ran.append(&mut self.tail);
                 Publish::TailTaken
@@ -241,7 +243,7 @@ proptest! {
         script in prop::collection::vec(0u8..6, 1..40),
     ) {
         let settings = Settings { look_ahead_blocks: window, ..settings() };
-        let sink = Scripted { script, at: 0, ran: Vec::new(), tail: Vec::new() };
+        let sink = Scripted { script, at: 0, ran: Vec::new(), tail: Vec::new(), largest: settings.largest_publication() };
         let mut planner = Planner::new(settings, sink);
         for event in &program(&steps, false) {
             planner.push(event).unwrap();
