@@ -543,7 +543,7 @@ fn a_block_with_an_error_has_no_effect() {
         .collect();
     assert_eq!(lines[..5], [Ok(0), Ok(0), Ok(0), Ok(0), Ok(1)]);
     assert_eq!(
-        lines[5].clone().unwrap_err().to_string(),
+        lines[5].unwrap_err().to_string(),
         "2:22: G4 needs P, the seconds to wait"
     );
     assert_eq!(lines.len(), 6);
