@@ -150,7 +150,14 @@ impl Block {
     fn take_g(&mut self, word: Coded<GCode>) -> Option<ErrorKind> {
         match word.value {
             GCode::NonModal(code) => put(&mut self.codes.non_modal, word, code, "non-modal", g_name),
-            GCode::Motion(code) => put(&mut self.codes.motion, word, code, "motion", g_name),
+            // G80 gives way to another motion code on its line: "G0 G17 G80 G90" is a usual first line.
+            GCode::Motion(None) if self.codes.motion.is_some() => None,
+            GCode::Motion(code) => {
+                if self.codes.motion.is_some_and(|first| first.value.is_none()) {
+                    self.codes.motion = None;
+                }
+                put(&mut self.codes.motion, word, code, "motion", g_name)
+            }
             GCode::Plane(code) => put(&mut self.codes.plane, word, code, "plane", g_name),
             GCode::Distance(code) => put(&mut self.codes.distance, word, code, "distance mode", g_name),
             GCode::ArcDistance(code) => put(&mut self.codes.arc_distance, word, code, "arc distance mode", g_name),

@@ -223,6 +223,15 @@ fn straight_moves() {
 }
 
 #[test]
+fn g80_gives_way_to_another_motion_code_on_its_line() {
+    for line in ["G0 G80", "G80 G0", "G80 G0 G80"] {
+        let expected = [traverse(0.0, 0.0, 0.0), traverse(1.0, 0.0, 0.0)];
+        assert_eq!(calls(&format!("{line}\nX1")), expected, "{line}");
+    }
+    expect(&[("G80 G80", &[])]);
+}
+
+#[test]
 fn nine_axes_and_only_lengths_are_converted() {
     let all = "X1 Y2 Z3 A4 B5 C6 U7 V8 W9";
     let to = Position([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]);

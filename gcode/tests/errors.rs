@@ -230,8 +230,8 @@ fn codes() {
             "G0",
         ),
         (
-            "G80 G1 X1",
-            "1:5: G80 and G1 are both of the modal group \"motion\": one of them a line",
+            "G80 G0 G80 G1 X1",
+            "1:12: G0 and G1 are both of the modal group \"motion\": one of them a line",
             "G1",
         ),
         (
