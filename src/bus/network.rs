@@ -31,8 +31,7 @@ pub fn plan(config: &Config) -> Vec<NodePlan> {
             let mut octets = vec![0; DCF_OCTETS_MAX];
             let mut dcf = configuration(&mut octets);
             dcf.write(0x1006, 0, config.cycle_us);
-            // A few late cycles must not stop the machine: the node rides out as many SoC as we ride out answers.
-            dcf.write(0x1C14, 0, config.bus.pres_lost_max * config.cycle_us * 1000);
+            dcf.write(0x1C14, 0, config.bus.soc_lost_max * config.cycle_us * 1000);
             dcf.map(0x1400, 0x1600, &node.outputs);
             dcf.map(0x1800, 0x1A00, &node.inputs);
             if node.profile == Profile::Cia402

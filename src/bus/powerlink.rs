@@ -7,10 +7,10 @@
 
 use super::network::NodePlan;
 use super::{BusEvent, BusState, CycleReport, Fieldbus, InputImage, NodeIndex, NodeState, NodeStatistics, OutputImage};
-use crate::config::{Bus, Identity};
+use crate::config::{Bus, Config, Identity};
 use crate::rt::timeout::Watch;
 use powerlink::link::{Link, LinkError};
-use powerlink::mn::{self, IdentityField, Mn, MnConfig, MnEvent, NodeConfig, Step};
+use powerlink::mn::{self, BootTimes, IdentityField, Mn, MnConfig, MnEvent, NodeConfig, Step};
 use powerlink::nmt::NmtState;
 use powerlink::wire::NetTime;
 use std::sync::Arc;
@@ -20,6 +20,29 @@ use std::time::{SystemTime, UNIX_EPOCH};
 pub const NODES_MAX: usize = 239;
 /// Longest frame without check sum.
 const FRAME_OCTETS_MAX: usize = 1514;
+
+/// What the managing node is told of the network.
+pub fn mn_config<'a>(config: &Config, nodes: &'a [NodeConfig<'a>], mac: [u8; 6]) -> MnConfig<'a> {
+    MnConfig {
+        cycle_ns: config.cycle_us * 1000,
+        async_slot_timeout_ns: config.bus.async_slot_timeout_us * 1000,
+        boot: boot_times(),
+        pres_lost_max: config.bus.pres_lost_max,
+        nodes,
+        mac,
+    }
+}
+
+/// Times of the boot-up: shorter than the defaults of the standard where waiting serves nobody. Another managing node
+/// with a cycle of up to half a second is still heard.
+fn boot_times() -> BootTimes {
+    BootTimes {
+        wait_not_active_us: 500_000,
+        wait_pre_op_1_us: 200_000,
+        reset_pause_us: 150_000,
+        ..BootTimes::default()
+    }
+}
 
 /// What the managing node is told of each node.
 pub fn node_configs<'a>(bus: &Bus, plans: &'a [NodePlan]) -> Vec<NodeConfig<'a>> {
@@ -81,8 +104,11 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
         net_time: fn() -> NetTime,
     ) -> Result<Self, mn::MnConfigError> {
         let node_ids = config.nodes.iter().map(|node| node.id).collect();
+        let mut mn = Mn::new(config)?;
+        // Before a drive is asked for anything its payload is all zero, which is "disable voltage": always valid.
+        mn.set_outputs_valid(true);
         Ok(Powerlink {
-            mn: Mn::new(config)?,
+            mn,
             node_ids,
             link,
             watch,

@@ -1,11 +1,56 @@
-//! cli
-use std::process::ExitCode;
+//! The command line: arguments to one command each.
 
 pub mod check;
+pub mod demo;
 pub mod hal;
 pub mod interpret;
+pub mod plan;
+pub mod run;
+pub mod simulate;
 
-/// main
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// CNC control for Linux PCs with a built-in Ethernet POWERLINK managing node.
+#[derive(Debug, Parser)]
+#[command(name = "isocnc", version, about, disable_help_subcommand = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Cut a sample part on a simulated machine behind a real POWERLINK wire; needs no hardware.
+    Demo(demo::DemoArgs),
+    /// Run a part program on the machine of a machine file.
+    Run(run::RunArgs),
+    /// Check a machine file: all errors at once, located.
+    Check(check::CheckArgs),
+    /// Print the canonical calls of a part program, one a line.
+    Interpret(interpret::InterpretArgs),
+    /// Plan a whole part program off line: motion time, peaks, samples.
+    Plan(plan::PlanArgs),
+    /// Be the machine of a machine file: its drives and I/O as controlled nodes on an interface.
+    Simulate(simulate::SimulateArgs),
+    /// List, read, set or watch the pins of a running control.
+    Hal(hal::HalArgs),
+}
+
+/// Runs the command of the process's arguments. Exit code 0: ok, 1: trouble found, 2: wrong usage.
 pub fn main() -> ExitCode {
-    ExitCode::SUCCESS
+    let cli = Cli::parse();
+    let result = match &cli.command {
+        Command::Demo(args) => demo::demo(args),
+        Command::Run(args) => run::run(args),
+        Command::Check(args) => check::check(args),
+        Command::Interpret(args) => interpret::interpret(args),
+        Command::Plan(args) => plan::plan(args),
+        Command::Simulate(args) => simulate::simulate(args),
+        Command::Hal(args) => hal::hal(args),
+    };
+    result.unwrap_or_else(|error| {
+        eprintln!("isocnc: {error:#}");
+        ExitCode::FAILURE
+    })
 }

@@ -44,5 +44,5 @@ pub fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
         quiet: args.json,
         far_end: None,
     };
-    process::run_and_report(&job, wire, args.json)
+    process::run_and_report(job, wire, args.json)
 }

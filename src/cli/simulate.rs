@@ -1,16 +1,23 @@
 //! `isocnc simulate`: the simulated machine as controlled nodes on an interface.
 
-use crate::config;
-use crate::rt::setup;
-use crate::service::analyser;
+use crate::config::{self, Require, Rt};
+use crate::rt::setup::{self, Role, STACK_SIZE, enter_thread};
+use crate::service::analyser::Analyser;
+use crate::service::signals::StopSignal;
 use crate::sim::{SimMachine, serve};
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use clap::Args;
-use powerlink::link::raw::RawLink;
+use powerlink::link::raw::{RawConfig, RawLink};
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// What is printed once the machine listens.
+pub const READY: &str = "ready";
+/// Look for a frame this long before sleeping for it, ns.
+const SPIN_NS: u64 = 0;
 
 /// Arguments of `simulate`.
 #[derive(Debug, Args)]
@@ -26,7 +33,95 @@ pub struct SimulateArgs {
     /// Record every frame to this file (pcap with nanoseconds).
     #[arg(long, value_name = "FILE")]
     capture: Option<PathBuf>,
-    /// End when the process that started this one does.
+    /// Other end of the veth pair, if there is one on this PC: without it the recording lacks what this end sends.
+    #[arg(long, value_name = "INTERFACE")]
+    other_end: Option<String>,
+    /// End with the process that started this one, and leave Ctrl-C to it.
     #[arg(long, hide = true)]
     with_parent: bool,
+}
+
+/// Simulates until a signal ends it.
+pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
+    let config = match config::read(&args.machine) {
+        Ok(config) => config,
+        Err(errors) => {
+            eprint!("{errors}");
+            return Ok(ExitCode::FAILURE);
+        }
+    };
+    let signal = StopSignal::install().context("signals")?;
+    if args.with_parent {
+        stay_with_parent();
+    }
+    let mut machine = SimMachine::new(&config).map_err(|error| anyhow!("{error}"))?;
+    let mut link = RawLink::open(
+        &args.interface,
+        RawConfig {
+            spin_ns: SPIN_NS,
+            promiscuous: true,
+            ..RawConfig::default()
+        },
+    )?;
+    let analyser = match (&args.analyse, &args.capture) {
+        (None, None) => None,
+        (_, capture) => {
+            let other_end = args.other_end.as_deref().filter(|_| capture.is_some());
+            Some(Analyser::start(
+                &args.interface,
+                other_end,
+                config.cycle_us,
+                capture.as_deref(),
+            )?)
+        }
+    };
+    // The control of the same PC says what is missing; a machine alone on its PC may be late at no harm.
+    let process = setup::prepare_process(&Rt {
+        require: Require::Warn,
+        keep_awake: false,
+        ..config.rt.clone()
+    })?;
+    let stop = AtomicBool::new(false);
+    let served = std::thread::scope(|scope| -> anyhow::Result<_> {
+        let machine_thread = std::thread::Builder::new()
+            .name("machine".into())
+            .stack_size(STACK_SIZE)
+            .spawn_scoped(scope, || {
+                drop(enter_thread(Role::Machine, &process));
+                serve(&mut link, &mut machine, &stop, &mut |_, _| {})
+            })?;
+        println!("{READY}");
+        std::io::stdout().flush()?;
+        while !machine_thread.is_finished() && (signal.caught().is_none() || only_interrupted(args, &signal)) {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        stop.store(true, Ordering::Release);
+        let served = machine_thread
+            .join()
+            .map_err(|_| anyhow!("the simulated machine panicked"))?;
+        served.with_context(|| args.interface.clone())
+    })?;
+    if let Some(analyser) = analyser {
+        let measured = analyser.stop()?;
+        if let Some(path) = &args.analyse {
+            std::fs::write(path, serde_json::to_string(&measured)?).with_context(|| path.display().to_string())?;
+        }
+    }
+    if !args.with_parent {
+        println!(
+            "{} frames received, {} sent, {} dropped",
+            served.received, served.sent, served.dropped
+        );
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Ctrl-C reaches every process of the terminal; the machine must live on until the control has stopped.
+fn only_interrupted(args: &SimulateArgs, signal: &StopSignal) -> bool {
+    args.with_parent && signal.caught() == Some(libc::SIGINT)
+}
+
+fn stay_with_parent() {
+    // SAFETY: takes two numbers and touches no memory.
+    unsafe { libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGTERM as libc::c_ulong) };
 }

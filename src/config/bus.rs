@@ -71,6 +71,7 @@ pub(super) fn bus(section: &mut Section<'_, '_>, cycle_us: Option<u32>) -> Optio
     let interface = interface(section, kind);
     let async_slot_timeout_us = section.integer("async_slot_timeout_us", 1..=cycle_or_most_us, 150);
     let pres_lost_max = section.integer("pres_lost_max", 0..=1000, 3);
+    let soc_lost_max = section.integer("soc_lost_max", 0..=100, 3);
     let mut nodes = Vec::new();
     let mut used = Names::default();
     let tables = section.some_sections("node");
@@ -91,6 +92,7 @@ pub(super) fn bus(section: &mut Section<'_, '_>, cycle_us: Option<u32>) -> Optio
         interface: interface?,
         async_slot_timeout_us: async_slot_timeout_us? as u32,
         pres_lost_max: pres_lost_max? as u32,
+        soc_lost_max: soc_lost_max? as u32,
         nodes,
     };
     let budget = CycleBudget::of(&bus);

@@ -162,7 +162,7 @@ fn rt(mut section: Section<'_, '_>, cycle_us: Option<u32>) -> Option<Rt> {
         None => Some(None),
         Some(item) => item.integer("rt.cpu", 0..=CPU_MAX).map(|cpu| Some(cpu as usize)),
     };
-    let priority = section.integer("priority", 1..=97, 80);
+    let priority = section.integer("priority", 1..=96, 80);
     let timeout_us = section.integer("timeout_us", 20..=cycle_us, 50);
     // Off the scheduler tick, which stands on whole milliseconds or parts of them.
     let phase_us = section.integer("phase_us", 0..=cycle_us - 1, cycle_us * 37 / 100);

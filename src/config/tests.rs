@@ -232,7 +232,7 @@ fn rules_of_machine_and_rt() {
         ("\n[bus]", "\ncycle_us = 99999999999999999999\n[bus]", &[
             "m.toml:4:12: machine.cycle_us = 99999999999999999999: must be an integer from 250 to 10000",
         ]),
-        ("\n[bus]", "\n[rt]\npriority = 98\n[bus]", &["m.toml:5:12: rt.priority = 98: must be an integer from 1 to 97"]),
+        ("\n[bus]", "\n[rt]\npriority = 98\n[bus]", &["m.toml:5:12: rt.priority = 98: must be an integer from 1 to 96"]),
         ("\n[bus]", "\n[rt]\ntimeout_us = 19\n[bus]", &[
             "m.toml:5:14: rt.timeout_us = 19: must be an integer from 20 to 1000",
         ]),

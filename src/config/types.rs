@@ -43,7 +43,7 @@ pub struct Config {
 pub struct Rt {
     /// Core of the real-time threads; `None`: the last one online.
     pub cpu: Option<usize>,
-    /// SCHED_FIFO priority of the cycle thread, 1 to 97; the time-out thread runs one above.
+    /// SCHED_FIFO priority of the cycle thread, 1 to 96; the time-out thread runs one above, a simulated machine two.
     pub priority: u8,
     /// Period of the time-out thread, µs.
     pub timeout_us: u32,
@@ -79,6 +79,8 @@ pub struct Bus {
     pub async_slot_timeout_us: u32,
     /// Polls lost in a row that are ridden out.
     pub pres_lost_max: u32,
+    /// Cycles without a SoC that the nodes ride out with their last set-point before they stop by themselves (1C14).
+    pub soc_lost_max: u32,
     /// Nodes in polling order.
     pub nodes: Vec<Node>,
 }

@@ -1,1 +1,271 @@
 //! From the program file to the ring: interpretation and planning, outside real time.
+//!
+//! In:  program text; the machine position from which it starts.
+//! Out: elements in the ring, as many as fit, until the program is planned.
+
+use crate::config::Config;
+use motion::canon::{Event, Position};
+use motion::element::Element;
+use motion::plan::{AxisLimits, PlanError, Planner, Programmed, Pumped, Settings};
+use motion::ring::{Publish, Sink};
+use motion::rt::{MotionLimits, ScaleRamp, StopLimits};
+use std::fmt;
+
+/// Canonical calls that one call of [`Feeder::pump`] takes at the most.
+const EVENTS_PER_PUMP: usize = 256;
+
+/// Why a program cannot be run; shown with its place in the text.
+#[derive(Debug)]
+pub struct ProgramErrors {
+    shown: String,
+    count: usize,
+}
+
+impl fmt::Display for ProgramErrors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.shown)
+    }
+}
+
+impl std::error::Error for ProgramErrors {}
+
+impl ProgramErrors {
+    /// How many.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+}
+
+/// What a whole program comes to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Overview {
+    /// Last line with something to do.
+    pub lines: u32,
+    /// Planned time, s.
+    pub time_s: f64,
+}
+
+/// Interprets and plans the whole program without moving anything, so that all errors are found before it starts.
+///
+/// # Errors
+/// All errors of the text, or the first one of the plan (a limit of the machine).
+pub fn check(config: &Config, path: &str, text: &[u8]) -> Result<Overview, ProgramErrors> {
+    let errors = gcode::check(text, interpreter_settings(config, home(config)));
+    if !errors.is_empty() {
+        let shown: Vec<String> = errors.iter().map(|error| error.render(path, text)).collect();
+        return Err(ProgramErrors {
+            shown: shown.join("\n\n"),
+            count: errors.len(),
+        });
+    }
+    let mut overview = Overview::default();
+    let mut feeder = Feeder::new(
+        config,
+        text,
+        home(config),
+        Measure {
+            time_s: 0.0,
+            tail_s: 0.0,
+        },
+    );
+    loop {
+        match feeder.pump() {
+            Ok(Progress::Done) => break,
+            Ok(Progress::Working | Progress::RingFull) => {}
+            Err(error) => {
+                return Err(ProgramErrors {
+                    shown: error.located(path),
+                    count: 1,
+                });
+            }
+        }
+        feeder.ideal_path();
+        overview.lines = overview.lines.max(feeder.line());
+    }
+    overview.lines = overview.lines.max(feeder.line());
+    let measure = feeder.planner.sink();
+    overview.time_s = measure.time_s + measure.tail_s;
+    Ok(overview)
+}
+
+/// Takes a plan for its duration only.
+struct Measure {
+    time_s: f64,
+    tail_s: f64,
+}
+
+impl Sink<Element> for Measure {
+    fn free(&self) -> usize {
+        usize::MAX / 2
+    }
+
+    fn publish(&mut self, committed: &[Element], tail: &[Element]) -> Publish {
+        use motion::ring::Timed;
+        self.time_s += committed.iter().map(Timed::duration_s).sum::<f64>();
+        self.tail_s = tail.iter().map(Timed::duration_s).sum();
+        Publish::Done
+    }
+}
+
+/// Why the program cannot go on.
+#[derive(Debug)]
+pub enum FeedError {
+    /// The text.
+    Text(Box<gcode::Error>),
+    /// The plan: a limit of the machine.
+    Plan(PlanError),
+}
+
+impl FeedError {
+    /// `file:line: what`.
+    pub fn located(&self, path: &str) -> String {
+        match self {
+            FeedError::Text(error) => format!("{path}:{error}"),
+            FeedError::Plan(error) => format!("{path}:{}: {}", error.source.line, error.kind),
+        }
+    }
+}
+
+/// How far a call of [`Feeder::pump`] came.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Progress {
+    /// There is more to do at once.
+    Working,
+    /// The ring is full: try again when the machine has moved on.
+    RingFull,
+    /// The whole program is in the ring.
+    Done,
+}
+
+/// A program on its way into the ring.
+pub struct Feeder<'t, S: Sink<Element>> {
+    events: gcode::Run<'t>,
+    planner: Planner<S>,
+    waiting: Option<Event>,
+    line: u32,
+    ended: bool,
+}
+
+impl<'t, S: Sink<Element>> Feeder<'t, S> {
+    /// Begins at `start`, a machine position at rest.
+    pub fn new(config: &Config, text: &'t [u8], start: Position, sink: S) -> Feeder<'t, S> {
+        Feeder {
+            events: gcode::Interpreter::new(interpreter_settings(config, start)).run(text),
+            planner: Planner::new(plan_settings(config, start), sink),
+            waiting: None,
+            line: 0,
+            ended: false,
+        }
+    }
+
+    /// Plans a part of the program.
+    ///
+    /// # Errors
+    /// The first thing that is wrong; what was planned before it stays in the ring and ends at rest.
+    pub fn pump(&mut self) -> Result<Progress, FeedError> {
+        for _ in 0..EVENTS_PER_PUMP {
+            if self.planner.pump() == Pumped::Blocked {
+                return Ok(Progress::RingFull);
+            }
+            if self.ended {
+                return Ok(if self.planner.is_done() {
+                    Progress::Done
+                } else {
+                    Progress::Working
+                });
+            }
+            match self.waiting.take().map(Ok).or_else(|| self.events.next()) {
+                Some(Ok(event)) => {
+                    self.line = event.source.line;
+                    self.planner.push(&event).map_err(FeedError::Plan)?;
+                }
+                Some(Err(error)) => {
+                    self.planner.finish();
+                    self.ended = true;
+                    return Err(FeedError::Text(Box::new(error)));
+                }
+                None => {
+                    self.planner.finish();
+                    self.ended = true;
+                }
+            }
+        }
+        Ok(Progress::Working)
+    }
+
+    /// Programmed path since the last call, before corners were rounded; machine coordinates.
+    pub fn ideal_path(&mut self) -> std::vec::Drain<'_, Programmed> {
+        self.planner.ideal_path()
+    }
+
+    /// Line that was interpreted last.
+    pub fn line(&self) -> u32 {
+        self.line
+    }
+}
+
+/// Machine position after homing.
+pub fn home(config: &Config) -> Position {
+    let mut home = Position::ZERO;
+    for map in &config.axes {
+        home[map.axis] = config.joints[map.joints[0]].homing.position_mm;
+    }
+    home
+}
+
+fn interpreter_settings(config: &Config, start: Position) -> gcode::Settings {
+    gcode::Settings {
+        start,
+        work_offsets: config.work_offsets,
+        ..gcode::Settings::default()
+    }
+}
+
+/// What the planner is told of a machine that stands at `start`.
+pub fn plan_settings(config: &Config, start: Position) -> Settings {
+    let mut axes = [const { None }; motion::canon::AXES];
+    for map in &config.axes {
+        // Several joints of an axis move together: the weakest says what it may do.
+        let joints = || map.joints.iter().map(|&joint| &config.joints[joint]);
+        let least = |value: fn(&crate::config::Joint) -> f64| joints().map(value).fold(f64::INFINITY, f64::min);
+        axes[map.axis as usize] = Some(AxisLimits {
+            velocity: least(|joint| joint.limits.velocity_mm_s),
+            acceleration: least(|joint| joint.limits.acceleration_mm_s2),
+            jerk: least(|joint| joint.limits.jerk_mm_s3),
+            travel: [
+                joints()
+                    .map(|joint| joint.travel_mm[0])
+                    .fold(f64::NEG_INFINITY, f64::max),
+                least(|joint| joint.travel_mm[1]),
+            ],
+        });
+    }
+    Settings {
+        axes,
+        cycle_s: f64::from(config.cycle_us) * 1e-6,
+        tolerance_mm: config.program.tolerance_mm,
+        look_ahead_blocks: config.program.look_ahead_blocks,
+        start,
+    }
+}
+
+/// The ramp of holds and stops of a machine.
+pub fn stop_ramp(config: &Config) -> ScaleRamp {
+    let axes: Vec<(MotionLimits, StopLimits)> = config
+        .joints
+        .iter()
+        .map(|joint| {
+            let plan = MotionLimits {
+                velocity: joint.limits.velocity_mm_s,
+                acceleration: joint.limits.acceleration_mm_s2,
+                jerk: joint.limits.jerk_mm_s3,
+            };
+            let stop = StopLimits {
+                acceleration: joint.stop.acceleration_mm_s2,
+                jerk: joint.stop.jerk_mm_s3,
+            };
+            (plan, stop)
+        })
+        .collect();
+    ScaleRamp::new(&axes, f64::from(config.cycle_us) * 1e-6)
+}

@@ -295,6 +295,7 @@ impl<B: Fieldbus> Control<B> {
                 self.hold = false;
                 self.waiting = None;
                 self.program_cycles = 0;
+                self.sample.state = SampleState::Starved;
                 self.enter(State::Running);
             }
             (Command::Start(program), _) => self.give_back(program),

@@ -16,6 +16,9 @@ use motion::canon::{Axis, SpindleDirection};
 use motion::element::Action;
 use motion::rt::Sample;
 
+/// Pins and nets that there is room for.
+pub const CAPACITY: usize = 2048;
+
 struct JointPins {
     motor_pos_cmd: Output<f64>,
     motor_pos_fb: Output<f64>,

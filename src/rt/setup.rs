@@ -118,6 +118,9 @@ pub enum Role {
     Cycle,
     /// The time limits; runs one above.
     Timeout,
+    /// The simulated machine on the same PC: two above, so that it answers at once while the cycle thread waits for it,
+    /// as real nodes do, whatever else the PC is busy with. Its answers take microseconds.
+    Machine,
 }
 
 /// A process that is ready to start real-time threads. Keep it as long as they run.
@@ -190,6 +193,7 @@ pub fn enter_thread(role: Role, process: &Process) -> Vec<Finding> {
     let priority = match role {
         Role::Cycle => process.priority,
         Role::Timeout => process.priority + 1,
+        Role::Machine => process.priority + 2,
     };
     findings.extend(set_fifo(priority));
     // SAFETY: PR_SET_TIMERSLACK takes one number and touches no memory. FIFO threads have no slack; this is for the others.

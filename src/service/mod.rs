@@ -4,4 +4,8 @@ pub mod analyser;
 pub mod netns;
 pub mod operator;
 pub mod plot;
+pub mod process;
+pub mod progress;
 pub mod recorder;
+pub mod report;
+pub mod signals;

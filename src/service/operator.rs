@@ -12,6 +12,7 @@ use crate::machine::faults::Fault;
 use crate::machine::sequence::{Order, Outcome, Sequence, Step};
 use crate::machine::state::State;
 use crate::rt::shared::{Command, Live, Notice, Snapshot, TimedNotice, Trace};
+use crate::rt::timeout;
 use motion::canon::{Axis, Position};
 use motion::rt::Interpolator;
 use serde::Serialize;
@@ -138,6 +139,23 @@ impl Operator {
     /// Wants the machine at rest and off; may be called again and again.
     pub fn stop(&mut self, now_ns: u64) {
         self.sequence.stop(now_ns);
+    }
+
+    /// Takes in what the time-out thread saw.
+    pub fn hear(&mut self, report: &timeout::Report) {
+        match report.event {
+            // These are counted where they happen, and judged by the managing node.
+            timeout::Event::PresTimeout { .. }
+            | timeout::Event::AsyncTimeout { .. }
+            | timeout::Event::CycleLate { .. } => {}
+            timeout::Event::CycleHung { cycle, overdue_ns } => {
+                let text = format!(
+                    "cycle thread hung for {} ms; no SoC is sent any more",
+                    overdue_ns / 1_000_000
+                );
+                self.note(cycle as f64 * self.cycle_s, text);
+            }
+        }
     }
 
     /// Something outside the cycle thread went wrong: stop and say why.

@@ -27,12 +27,14 @@ pub struct Recorder {
     cycles: u64,
     following_error_max_mm: f64,
     following_error_line: u32,
+    line: u32,
 }
 
 impl Recorder {
     /// Takes one cycle.
     pub fn add(&mut self, record: &Trace) {
         self.cycles += 1;
+        self.line = self.line.max(record.line);
         if record.following_error_mm > self.following_error_max_mm {
             self.following_error_max_mm = record.following_error_mm;
             self.following_error_line = record.line;
@@ -55,6 +57,11 @@ impl Recorder {
     /// Cycles of the program, kept or not.
     pub fn cycles(&self) -> u64 {
         self.cycles
+    }
+
+    /// Last line that was run.
+    pub fn line(&self) -> u32 {
+        self.line
     }
 
     /// Greatest following error of any joint, mm, and the program line of that cycle.

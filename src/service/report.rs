@@ -3,12 +3,174 @@
 //! In:  what the operator, the recorder, the bus and the analyser at the far end know at the end.
 //! Out: `run.json`, `toolpath.svg`, `soc-period.svg` in the output folder; a summary for the terminal.
 
-use super::analyser::SocPeriod;
-use super::operator::{Alarm, Entry};
+use super::analyser::SocReport;
+use super::operator::{Alarm, Entry, Operator};
+use super::plot;
+use super::recorder::PathSample;
 use crate::bus::NodeStatistics;
+use crate::config::{Config, Joint};
+use crate::machine::sequence::Outcome;
+use crate::program::Overview;
+use crate::rt::jitter::Summary;
 use crate::rt::setup::Finding;
+use crate::rt::thread::CycleFigures;
+use crate::rt::timeout;
+use anyhow::Context;
+use motion::canon::Position;
+use motion::plan::Programmed;
+use motion::rt::Peaks;
 use serde::Serialize;
 use std::fmt;
+use std::path::Path;
+
+/// Whoever measures at the far end of the wire.
+pub trait FarEnd {
+    /// Ends the measurement; `None` if there is none to be had.
+    fn finish(&mut self) -> Option<SocReport>;
+}
+
+/// What pictures are drawn of; kept out of the report itself.
+#[derive(Clone, Debug, Default)]
+pub struct Pictures {
+    /// Samples of the program.
+    pub samples: Vec<PathSample>,
+}
+
+/// Everything that is known at the end of a run.
+pub struct Facts<'a> {
+    /// The machine.
+    pub config: &'a Config,
+    /// Name of the program.
+    pub program: &'a str,
+    /// What the whole program comes to.
+    pub overview: Overview,
+    /// The operator after the run.
+    pub operator: &'a Operator,
+    /// The programmed path.
+    pub path: &'a [Programmed],
+    /// How the cycle thread ran.
+    pub figures: &'a CycleFigures,
+    /// Peaks of each joint.
+    pub peaks: &'a [Peaks],
+    /// Frames of each node.
+    pub statistics: &'a [NodeStatistics],
+    /// What the time-out thread counted.
+    pub timeouts: timeout::Counters,
+    /// What this PC lacks.
+    pub findings: &'a [Finding],
+    /// Measured at the far end of the wire.
+    pub soc_period: Option<SocReport>,
+}
+
+impl Facts<'_> {
+    /// The report, and what its pictures are drawn of.
+    pub fn report(self) -> (RunReport, Pictures) {
+        let recorder = &self.operator.recorder;
+        let (following_error_max_mm, following_error_max_line) = recorder.following_error_max();
+        let result = match self.operator.outcome() {
+            Some(Outcome::Completed) => "completed",
+            Some(Outcome::Stopped) => "stopped",
+            Some(Outcome::TimedOut(_)) => "timed out",
+            Some(Outcome::Faulted) | None => "faulted",
+        };
+        let report = RunReport {
+            machine: self.config.name.clone(),
+            program: self.program.into(),
+            result: result.into(),
+            timed_out_step: match self.operator.outcome() {
+                Some(Outcome::TimedOut(step)) => Some(step.name().into()),
+                _ => None,
+            },
+            alarms: self.operator.alarms().to_vec(),
+            operational_s: self.operator.operational_s(),
+            line_reached: recorder.line(),
+            lines: self.overview.lines,
+            planned_time_s: self.overview.time_s,
+            motion_time_s: recorder.cycles() as f64 * f64::from(self.config.cycle_us) * 1e-6,
+            following_error_max_mm,
+            following_error_max_line,
+            deviation: deviation(self.path, recorder.samples(), self.config.program.tolerance_mm),
+            peaks: self
+                .peaks
+                .iter()
+                .zip(&self.config.joints)
+                .map(|(peaks, joint)| JointPeaks::new(peaks, joint))
+                .collect(),
+            nodes: self
+                .config
+                .bus
+                .nodes
+                .iter()
+                .zip(self.statistics)
+                .map(|(node, frames)| NodeReport {
+                    name: node.name.clone(),
+                    id: node.id,
+                    frames: *frames,
+                })
+                .collect(),
+            cycle: CycleReport {
+                period: self.figures.period,
+                lateness: self.figures.lateness,
+                busy: self.figures.busy,
+                skipped: self.figures.skipped,
+            },
+            timeout_thread: self.timeouts,
+            soc_period: self.soc_period,
+            findings: self.findings.iter().map(ToString::to_string).collect(),
+            journal: self.operator.journal().to_vec(),
+        };
+        (
+            report,
+            Pictures {
+                samples: recorder.samples().to_vec(),
+            },
+        )
+    }
+}
+
+/// Writes `run.json` and the pictures into a folder, which is made if it is not there.
+///
+/// # Errors
+/// What the file system refuses.
+pub fn write(folder: &Path, report: &RunReport, pictures: &Pictures) -> anyhow::Result<()> {
+    let put = |name: &str, text: String| {
+        let path = folder.join(name);
+        std::fs::write(&path, text).with_context(|| path.display().to_string())
+    };
+    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    put("run.json", serde_json::to_string_pretty(report)?)?;
+    if !pictures.samples.is_empty() {
+        let title = format!("{} on {}", report.program, report.machine);
+        put("toolpath.svg", plot::toolpath_svg(&title, &pictures.samples)?)?;
+    }
+    if let Some(soc_period) = &report.soc_period {
+        put("soc-period.svg", plot::soc_period_svg(soc_period)?)?;
+    }
+    Ok(())
+}
+
+/// How far the actual path may leave the programmed one and still be found on it, mm.
+const AROUND_MM: f64 = 0.5;
+
+/// Greatest distances from the programmed path; `None` without a path or samples.
+fn deviation(path: &[Programmed], samples: &[PathSample], tolerance_mm: f64) -> Option<Deviation> {
+    if path.is_empty() || samples.is_empty() {
+        return None;
+    }
+    let from_path = |position: fn(&PathSample) -> [f64; 3], around_mm: f64| {
+        let positions: Vec<Position> = samples
+            .iter()
+            .map(position)
+            .map(|[x, y, z]| Position::xyz(x, y, z))
+            .collect();
+        motion::plan::deviation(&positions, path, around_mm).off_mm
+    };
+    Some(Deviation {
+        command_max_mm: from_path(|sample| sample.command, tolerance_mm),
+        actual_max_mm: from_path(|sample| sample.actual, AROUND_MM),
+        tolerance_mm,
+    })
+}
 
 /// Everything there is to say of a run.
 #[derive(Clone, Debug, Serialize)]
@@ -19,15 +181,19 @@ pub struct RunReport {
     pub program: String,
     /// `completed`, `stopped`, `faulted` or `timed out`.
     pub result: String,
+    /// The step that took too long, if one did.
+    pub timed_out_step: Option<String>,
     /// Why, if it did not complete.
     pub alarms: Vec<Alarm>,
     /// Seconds from the first cycle to OPERATIONAL of the whole network.
     pub operational_s: Option<f64>,
-    /// Blocks of the program that were run.
-    pub blocks_done: u32,
-    /// Blocks of the program.
-    pub blocks: u32,
-    /// Seconds from the first to the last cycle of the program.
+    /// Last line of the program that was run.
+    pub line_reached: u32,
+    /// Last line of the program with something to do.
+    pub lines: u32,
+    /// Seconds that the program was planned to take.
+    pub planned_time_s: f64,
+    /// Seconds that it took, holds and waits included.
     pub motion_time_s: f64,
     /// Greatest distance between command and actual position of any joint, mm.
     pub following_error_max_mm: f64,
@@ -39,18 +205,29 @@ pub struct RunReport {
     pub peaks: Vec<JointPeaks>,
     /// Frames per node.
     pub nodes: Vec<NodeReport>,
-    /// Cycles of the whole run.
-    pub cycles: u64,
-    /// Cycles left out because the thread came too late.
-    pub cycles_skipped: u64,
-    /// Worst lateness of a cycle that was not left out, µs.
-    pub late_max_us: f64,
+    /// How the cycle thread ran, by its own clock.
+    pub cycle: CycleReport,
+    /// What the time-out thread counted.
+    pub timeout_thread: timeout::Counters,
     /// SoC period at the far end of the wire, from kernel receive stamps.
-    pub soc_period: Option<SocPeriod>,
+    pub soc_period: Option<SocReport>,
     /// What this PC does not give to real time.
-    pub findings: Vec<Finding>,
+    pub findings: Vec<String>,
     /// What happened when.
     pub journal: Vec<Entry>,
+}
+
+/// How the cycle thread ran.
+#[derive(Clone, Debug, Serialize)]
+pub struct CycleReport {
+    /// Distance from one cycle's beginning to the next one's.
+    pub period: Summary,
+    /// How late cycles began.
+    pub lateness: Summary,
+    /// From the beginning of a cycle to the end of its computing.
+    pub busy: Summary,
+    /// Cycles left out.
+    pub skipped: u64,
 }
 
 /// Distance from the programmed path, mm.
@@ -79,6 +256,25 @@ pub struct JointPeaks {
     pub over: u64,
 }
 
+impl JointPeaks {
+    fn new(peaks: &Peaks, joint: &Joint) -> JointPeaks {
+        let [velocity_mm_s, acceleration_mm_s2, jerk_mm_s3] = peaks.of_order;
+        let limits = &joint.limits;
+        let uses = [
+            velocity_mm_s / limits.velocity_mm_s,
+            acceleration_mm_s2 / limits.acceleration_mm_s2,
+            jerk_mm_s3 / limits.jerk_mm_s3,
+        ];
+        JointPeaks {
+            velocity_mm_s,
+            acceleration_mm_s2,
+            jerk_mm_s3,
+            use_max: uses.into_iter().fold(0.0, f64::max),
+            over: peaks.over.iter().sum(),
+        }
+    }
+}
+
 /// Frames of one node.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NodeReport {
@@ -93,14 +289,17 @@ pub struct NodeReport {
 
 impl fmt::Display for RunReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "result                 {}", self.result)?;
+        match &self.timed_out_step {
+            Some(step) => writeln!(f, "result                 {}: {step}", self.result)?,
+            None => writeln!(f, "result                 {}", self.result)?,
+        }
         for alarm in &self.alarms {
             writeln!(f, "  alarm at {:8.3} s    {}", alarm.time_s, alarm.cause)?;
         }
         writeln!(
             f,
-            "program                {}: {} of {} blocks, {:.1} s of motion",
-            self.program, self.blocks_done, self.blocks, self.motion_time_s
+            "program                {}: line {} of {}, {:.2} s ({:.2} s planned)",
+            self.program, self.line_reached, self.lines, self.motion_time_s, self.planned_time_s
         )?;
         if let Some(operational_s) = self.operational_s {
             writeln!(f, "network operational    after {operational_s:.2} s")?;
@@ -130,8 +329,13 @@ impl fmt::Display for RunReport {
         }
         writeln!(
             f,
-            "cycles                 {}, {} left out, latest {:.1} us late",
-            self.cycles, self.cycles_skipped, self.late_max_us
+            "cycles                 {}, {} left out; begun {:.1} us late on average, {:.1} at most; {:.1} us busy, {:.1} at most",
+            self.cycle.lateness.n,
+            self.cycle.skipped,
+            self.cycle.lateness.mean_us,
+            self.cycle.lateness.max_us,
+            self.cycle.busy.mean_us,
+            self.cycle.busy.max_us
         )?;
         writeln!(f, "\nnode                       polled    answered    lost")?;
         for node in &self.nodes {
@@ -142,7 +346,10 @@ impl fmt::Display for RunReport {
             )?;
         }
         if let Some(soc_period) = &self.soc_period {
-            writeln!(f, "\nSoC period at the far end of the wire (kernel receive stamps)\n{soc_period}")?;
+            writeln!(
+                f,
+                "\nSoC period at the far end of the wire (kernel receive stamps)\n{soc_period}"
+            )?;
         }
         Ok(())
     }

@@ -4,7 +4,8 @@
 //!
 //! The drive lives by the SoC: each one closes a period of the motor and opens the next. The work of a period is done
 //! once the SoA has been answered, when nobody waits for this drive. When the SoC stays away for
-//! [`FREE_RUN_PERIODS`] the drive takes itself for left alone: it stops as 6007 says, and its periods go by the clock.
+//! [`FREE_RUN_PERIODS`] its periods go by its own clock; once its node gives the managing node up (1C0B, 1C14) it stops
+//! as 6007 says.
 
 use super::SimError;
 use super::motor::{Motor, MotorConfig};
@@ -214,7 +215,8 @@ impl Drive {
             self.demand = Demand::default();
             return;
         }
-        let led = self.cn.nmt_state() == NmtState::Operational && !self.free_running && !self.reset_due;
+        // How long the drive trusts its last set-point without a SoC is the business of its node: 1C14 and 1C0B.
+        let led = self.cn.nmt_state() == NmtState::Operational && !self.reset_due;
         self.demand = self.device.cycle(self.cn.dictionary_mut(), &sensors, led);
         let stopping = matches!(self.device.state(), State::QuickStopActive | State::FaultReactionActive);
         if self.reset_due && !stopping {

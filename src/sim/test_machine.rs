@@ -78,6 +78,7 @@ pub(super) fn test_config() -> Config {
             interface: String::new(),
             async_slot_timeout_us: 150,
             pres_lost_max: 3,
+            soc_lost_max: 3,
             nodes: vec![
                 drive(1, "x-drive"),
                 drive(2, "y-drive"),

@@ -123,6 +123,21 @@ impl Arc {
         self.length
     }
 
+    /// A point on the axis of the circle, at the height of the start point.
+    pub fn centre_mm(&self) -> [f64; 3] {
+        [0, 1, 2].map(|i| self.start[i] - self.radius * self.radial[i])
+    }
+
+    /// Unit vector about which the arc turns by the right-hand rule.
+    pub fn turns_about(&self) -> [f64; 3] {
+        let (a, b) = (self.radial, self.tangential);
+        [
+            a[1] * b[2] - a[2] * b[1],
+            a[2] * b[0] - a[0] * b[2],
+            a[0] * b[1] - a[1] * b[0],
+        ]
+    }
+
     /// Whether the radius is the same all along.
     pub fn is_round(&self) -> bool {
         self.table.is_none()

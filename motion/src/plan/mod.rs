@@ -37,6 +37,7 @@ use std::fmt;
 use crate::canon::{AXES, Axis, Position, Source};
 use crate::path::Piece;
 
+pub use deviation::{Deviation, deviation};
 pub use offline::{Offline, plan_offline};
 pub use planner::{Planner, Pumped};
 

@@ -1,0 +1,158 @@
+//! `isocnc demo`: the whole control on a private wire, with a simulated machine at the far end.
+
+use super::simulate::READY;
+use crate::config;
+use crate::service::analyser::SocReport;
+use crate::service::netns;
+use crate::service::process::{self, Job, Wire};
+use crate::service::report::FarEnd;
+use anyhow::{Context, ensure};
+use clap::Args;
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitCode, Stdio};
+use std::time::{Duration, Instant};
+
+const MACHINE: &str = include_str!("../../configs/mill3-demo.toml");
+const PROGRAM: &[u8] = include_bytes!("../../configs/sample-part.ngc");
+const PROGRAM_NAME: &str = "sample-part.ngc";
+/// Ends of the private wire: the control's, which the machine file names, and the machine's.
+const INTERFACES: [&str; 2] = ["plk0", "plk1"];
+/// Longest wait for the simulated machine to write its measurement down.
+const FAR_END_WAIT: Duration = Duration::from_secs(5);
+
+/// Arguments of `demo`.
+#[derive(Debug, Args)]
+pub struct DemoArgs {
+    /// Part program instead of the sample part.
+    #[arg(long, value_name = "FILE")]
+    program: Option<PathBuf>,
+    /// Folder for the report and its pictures.
+    #[arg(long, default_value = "isocnc-out")]
+    out: PathBuf,
+    /// Record every frame on the wire to this file (pcap, decoded by Wireshark).
+    #[arg(long, value_name = "FILE")]
+    capture: Option<PathBuf>,
+    /// Use the wire in memory even where a private network would be allowed.
+    #[arg(long)]
+    memory: bool,
+    /// Print the report as JSON instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the demo.
+pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
+    let (name, text) = match &args.program {
+        Some(path) => (
+            path.display().to_string(),
+            std::fs::read(path).with_context(|| path.display().to_string())?,
+        ),
+        None => (PROGRAM_NAME.to_owned(), PROGRAM.to_vec()),
+    };
+    std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
+    let machine = args.out.join("machine.toml");
+    std::fs::write(&machine, MACHINE).with_context(|| machine.display().to_string())?;
+    let config = config::parse(MACHINE, &machine)?;
+
+    // First of all: a namespace can be entered by a process of one thread only.
+    let network = if args.memory {
+        None
+    } else {
+        Some(netns::private_wire(INTERFACES[0], INTERFACES[1]))
+    };
+    let far_end = match &network {
+        None => None,
+        Some(Ok(_)) => Some(FarMachine::start(&machine, args)?),
+        Some(Err(error)) => {
+            eprintln!("no private network, so the same over a wire in memory: {error}");
+            None
+        }
+    };
+    ensure!(
+        far_end.is_some() || args.capture.is_none(),
+        "--capture needs the private network: in memory nothing passes a network interface"
+    );
+    let wire = if far_end.is_some() {
+        Wire::Interface(INTERFACES[0].into())
+    } else {
+        Wire::Memory
+    };
+    if !args.json {
+        println!(
+            "isocnc demo: {} cuts {name}, report in {}",
+            config.name,
+            args.out.display()
+        );
+    }
+    let job = Job {
+        config: &config,
+        program: &name,
+        text: &text,
+        out: &args.out,
+        quiet: args.json,
+        far_end: far_end.map(|machine| Box::new(machine) as Box<dyn FarEnd>),
+    };
+    process::run_and_report(job, wire, args.json)
+}
+
+/// The simulated machine in a process of its own at the far end of the wire.
+struct FarMachine {
+    process: Child,
+    measurement: PathBuf,
+}
+
+impl FarMachine {
+    fn start(machine: &Path, args: &DemoArgs) -> anyhow::Result<FarMachine> {
+        let measurement = args.out.join("soc-period.json");
+        let mut command = Command::new("/proc/self/exe");
+        command
+            .arg("simulate")
+            .arg(machine)
+            .args(["--interface", INTERFACES[1], "--with-parent"]);
+        command.arg("--analyse").arg(&measurement);
+        if let Some(capture) = &args.capture {
+            command
+                .arg("--capture")
+                .arg(capture)
+                .args(["--other-end", INTERFACES[0]]);
+        }
+        let mut process = command
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .spawn()
+            .context("simulated machine")?;
+        let mut line = String::new();
+        if let Some(output) = process.stdout.take() {
+            BufReader::new(output).read_line(&mut line)?;
+        }
+        ensure!(line.trim() == READY, "the simulated machine did not start");
+        Ok(FarMachine { process, measurement })
+    }
+}
+
+impl FarEnd for FarMachine {
+    fn finish(&mut self) -> Option<SocReport> {
+        // A machine that is gone already has left no measurement.
+        kill(Pid::from_raw(self.process.id() as i32), Signal::SIGTERM).ok()?;
+        let give_up = Instant::now() + FAR_END_WAIT;
+        while self.process.try_wait().ok()?.is_none() {
+            if Instant::now() > give_up {
+                self.process.kill().ok()?;
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        let text = std::fs::read_to_string(&self.measurement).ok()?;
+        serde_json::from_str(&text).ok()
+    }
+}
+
+impl Drop for FarMachine {
+    fn drop(&mut self) {
+        // Gone already in the ordinary case.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}

@@ -1,0 +1,285 @@
+//! The running process: threads, the operator's loop, the end in good order.
+//!
+//! In:  a machine, a program, a wire.
+//! Out: the report of the run.
+
+use super::operator::{Operator, Wish};
+use super::progress::Progress;
+use super::report::{self, Facts, FarEnd, Pictures, RunReport};
+use super::signals::{self, StopSignal};
+use crate::bus::network;
+use crate::bus::powerlink::{NODES_MAX, Powerlink, mn_config, node_configs, wall_clock};
+use crate::bus::{Fieldbus, NodeStatistics};
+use crate::config::Config;
+use crate::program::{self, FeedError, Feeder, Overview, stop_ramp};
+use crate::rt::assemble::assemble;
+use crate::rt::pins::CAPACITY;
+use crate::rt::setup::{self, Role, STACK_SIZE, enter_thread};
+use crate::rt::thread::{self, grid};
+use crate::rt::timeout::{self, Limits, TimeoutThread, Watch};
+use crate::rt::wait::monotonic_ns;
+use crate::sim::{SimMachine, serve};
+use anyhow::{Context, anyhow};
+use hal_pins::Hal;
+use motion::element::Element;
+use motion::plan::Programmed;
+use motion::ring::{self, Producer};
+use motion::rt::Interpolator;
+use powerlink::link::Link;
+use powerlink::link::memory;
+use powerlink::link::raw::{RawConfig, RawLink};
+use std::path::Path;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{Scope, ScopedJoinHandle};
+use std::time::Duration;
+
+/// Elements in the ring: seconds of motion even where every element is a cycle long.
+const RING: usize = 4096;
+/// Pause of the operator's loop.
+const OPERATOR_PAUSE: Duration = Duration::from_millis(10);
+/// Pause of the planner while the ring is full.
+const PLANNER_PAUSE: Duration = Duration::from_millis(5);
+/// Look for an answer this long before sleeping for it, ns: longer than a quick node takes, too short to matter.
+const ANSWER_SPIN_NS: u64 = 20_000;
+
+/// Address of the managing node on the wire in memory.
+const MEMORY_MAC: [u8; 6] = [0x02, 0, 0, 0, 0, 0xF0];
+/// Pieces of the programmed path that are kept for the report.
+const PATH_MAX: usize = 500_000;
+
+/// What is to be done.
+pub struct Job<'a> {
+    /// The machine.
+    pub config: &'a Config,
+    /// Name of the program, for messages.
+    pub program: &'a str,
+    /// Its text.
+    pub text: &'a [u8],
+    /// Folder for the report.
+    pub out: &'a Path,
+    /// Show no progress: the output is for a program.
+    pub quiet: bool,
+    /// Who measures at the far end of the wire, if somebody does.
+    pub far_end: Option<Box<dyn FarEnd + 'a>>,
+}
+
+/// The wire to the drives.
+pub enum Wire {
+    /// A network interface.
+    Interface(String),
+    /// Memory; the simulated machine of the machine file is at the other end, in this process.
+    Memory,
+}
+
+/// Runs a job and writes its report. The exit code says how it ended.
+///
+/// # Errors
+/// What keeps it from starting, or its report from being written.
+pub fn run_and_report(job: Job<'_>, wire: Wire, json: bool) -> anyhow::Result<ExitCode> {
+    let overview = match program::check(job.config, job.program, job.text) {
+        Ok(overview) => overview,
+        Err(errors) => {
+            eprintln!("{errors}\n\nnothing was moved");
+            return Ok(ExitCode::FAILURE);
+        }
+    };
+    let out = job.out;
+    let (report, pictures, signal) = run(job, wire, overview)?;
+    report::write(out, &report, &pictures)?;
+    if json {
+        println!("{}", serde_json::to_string_pretty(&report)?);
+    } else {
+        println!("\n{report}\nreport                 {}", out.display());
+    }
+    Ok(match (signal, report.result.as_str()) {
+        (Some(signal), _) if report.alarms.is_empty() => ExitCode::from(signals::exit_code(signal)),
+        (None, "completed") => ExitCode::SUCCESS,
+        _ => ExitCode::FAILURE,
+    })
+}
+
+type Done = (RunReport, Pictures, Option<i32>);
+
+fn run(job: Job<'_>, wire: Wire, overview: Overview) -> anyhow::Result<Done> {
+    let signal = StopSignal::install().context("signals")?;
+    let process = Arc::new(setup::prepare_process(&job.config.rt)?);
+    if !job.quiet {
+        for finding in &process.findings {
+            eprintln!("warning: {finding}");
+        }
+    }
+    match wire {
+        Wire::Interface(interface) => {
+            let config = RawConfig {
+                spin_ns: ANSWER_SPIN_NS,
+                ..RawConfig::default()
+            };
+            let link = RawLink::open(&interface, config)?;
+            let mac = link.mac();
+            run_on(job, overview, &process, link, mac, &signal)
+        }
+        Wire::Memory => {
+            let (near, mut far) = memory::pair(ANSWER_SPIN_NS);
+            let mut machine = SimMachine::new(job.config).map_err(|error| anyhow!("{error}"))?;
+            let stop = AtomicBool::new(false);
+            std::thread::scope(|scope| {
+                let machine_thread = std::thread::Builder::new()
+                    .name("machine".into())
+                    .stack_size(STACK_SIZE)
+                    .spawn_scoped(scope, || {
+                        drop(enter_thread(Role::Machine, &process));
+                        serve(&mut far, &mut machine, &stop, &mut |_, _| {})
+                    })?;
+                let done = run_on(job, overview, &process, near, MEMORY_MAC, &signal);
+                stop.store(true, Ordering::Release);
+                // Our end of its link is gone by now: an error it gives is that.
+                let _ = machine_thread.join();
+                done
+            })
+        }
+    }
+}
+
+fn run_on<L: Link + Send>(
+    mut job: Job<'_>,
+    overview: Overview,
+    process: &Arc<setup::Process>,
+    link: L,
+    mac: [u8; 6],
+    signal: &StopSignal,
+) -> anyhow::Result<Done> {
+    let config = job.config;
+    let plans = network::plan(config);
+    let nodes = node_configs(&config.bus, &plans);
+    let watch = Arc::new(Watch::default());
+    let bus = Powerlink::<L, NODES_MAX>::new(mn_config(config, &nodes, mac), link, Arc::clone(&watch), wall_clock)
+        .map_err(|error| anyhow!("network: {error}"))?;
+    let mut hal = Hal::create(&config.name, CAPACITY).context("pins")?;
+    let (control, inlets) = assemble(config, &plans, bus, &mut hal)?;
+    // On the heap: it is larger than the stack of a real-time thread, which is locked in memory as a whole.
+    let mut control = Box::new(control);
+    let mut operator = Operator::new(config, inlets, monotonic_ns());
+
+    let stop = AtomicBool::new(false);
+    let (figures, path) = std::thread::scope(|scope| -> anyhow::Result<_> {
+        let (reports, mut watch_reports) = rtrb::RingBuffer::new(timeout::REPORTS);
+        let limits = Limits::new(grid(config).period_ns, u64::from(config.rt.timeout_us) * 1000);
+        let timeouts = TimeoutThread::spawn(Arc::clone(process), Arc::clone(&watch), limits, reports)?;
+        let cycle = std::thread::Builder::new()
+            .name("rt-cycle".into())
+            .stack_size(STACK_SIZE)
+            .spawn_scoped(scope, || {
+                // What is missing has been told by `prepare_process`.
+                drop(enter_thread(Role::Cycle, process));
+                thread::run(&mut control, grid(config), &config.rt, &watch, &stop)
+            })?;
+        let path = attend(scope, &job, &overview, &mut operator, &mut watch_reports, signal, &stop);
+        stop.store(true, Ordering::Release);
+        let figures = cycle
+            .join()
+            .map_err(|_| anyhow!("the cycle thread panicked; the drives stop for want of SoC"));
+        drop(timeouts);
+        Ok((figures?, path?))
+    })?;
+
+    let soc_period = job.far_end.as_mut().and_then(|far_end| far_end.finish());
+    let statistics: Vec<NodeStatistics> = (0..config.bus.nodes.len())
+        .map(|node| control.bus_mut().statistics(node))
+        .collect();
+    let facts = Facts {
+        config,
+        program: job.program,
+        overview,
+        operator: &operator,
+        path: &path,
+        figures: &figures,
+        peaks: &control.peaks(),
+        statistics: &statistics,
+        timeouts: watch.counters(),
+        findings: &process.findings,
+        soc_period,
+    };
+    let (report, pictures) = facts.report();
+    Ok((report, pictures, signal.caught()))
+}
+
+/// The operator's loop, until everything is over; returns the programmed path as far as it was planned.
+fn attend<'scope, 'env>(
+    scope: &'scope Scope<'scope, 'env>,
+    job: &Job<'env>,
+    overview: &Overview,
+    operator: &mut Operator,
+    watch_reports: &mut rtrb::Consumer<timeout::Report>,
+    signal: &StopSignal,
+    stop: &'scope AtomicBool,
+) -> anyhow::Result<Vec<Programmed>> {
+    let mut planner: Option<PlannerThread<'scope>> = None;
+    let mut path = Vec::new();
+    let mut progress = Progress::new(*overview, job.quiet);
+    while operator.outcome().is_none() {
+        let now_ns = monotonic_ns();
+        if signal.caught().is_some() {
+            operator.stop(now_ns);
+        }
+        while let Ok(report) = watch_reports.pop() {
+            operator.hear(&report);
+        }
+        if let Wish::PlanFrom(position) = operator.poll(now_ns) {
+            let (producer, consumer) = ring::channel(RING);
+            let feeder = Feeder::new(job.config, job.text, position, producer);
+            planner = Some(
+                std::thread::Builder::new()
+                    .name("program".into())
+                    .spawn_scoped(scope, move || feed(feeder, stop))?,
+            );
+            operator.start(Box::new(Interpolator::new(consumer, position, stop_ramp(job.config))));
+        }
+        if planner.as_ref().is_some_and(ScopedJoinHandle::is_finished)
+            && let Some(planner) = planner.take()
+        {
+            match planner.join() {
+                Ok((pieces, error)) => {
+                    path = pieces;
+                    if let Some(error) = error {
+                        operator.fail(now_ns, error.located(job.program));
+                    }
+                }
+                Err(_) => operator.fail(
+                    now_ns,
+                    "the planner panicked; the machine rests at the end of its plan".into(),
+                ),
+            }
+        }
+        progress.show(operator);
+        std::thread::sleep(OPERATOR_PAUSE);
+    }
+    progress.show(operator);
+    stop.store(true, Ordering::Release);
+    if let Some(planner) = planner
+        && let Ok((pieces, _)) = planner.join()
+    {
+        path = pieces;
+    }
+    Ok(path)
+}
+
+type PlannerThread<'scope> = ScopedJoinHandle<'scope, (Vec<Programmed>, Option<FeedError>)>;
+
+/// The program thread: plans until the program is in the ring or nobody wants it any more.
+fn feed(mut feeder: Feeder<'_, Producer<Element>>, stop: &AtomicBool) -> (Vec<Programmed>, Option<FeedError>) {
+    let mut path = Vec::new();
+    while !stop.load(Ordering::Acquire) {
+        let progress = feeder.pump();
+        let room = PATH_MAX.saturating_sub(path.len());
+        path.extend(feeder.ideal_path().take(room));
+        match progress {
+            Ok(program::Progress::Working) => {}
+            Ok(program::Progress::RingFull) => std::thread::sleep(PLANNER_PAUSE),
+            Ok(program::Progress::Done) => break,
+            Err(error) => return (path, Some(error)),
+        }
+    }
+    (path, None)
+}

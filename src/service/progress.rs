@@ -1,0 +1,89 @@
+//! One line that says how far the program is, and journal lines as they come.
+//!
+//! In:  the operator. Out: the terminal, or plain lines now and then where the output is none.
+
+use super::operator::Operator;
+use crate::machine::state::State;
+use crate::program::Overview;
+use motion::canon::Axis;
+use std::io::{IsTerminal, Write, stdout};
+use std::time::{Duration, Instant};
+
+/// Pause between two lines on a terminal, and elsewhere.
+const PAUSE: [Duration; 2] = [Duration::from_millis(100), Duration::from_secs(5)];
+
+/// Shows progress.
+pub struct Progress {
+    overview: Overview,
+    quiet: bool,
+    terminal: bool,
+    next: Instant,
+    /// A progress line stands on the terminal and must be wiped before anything else is printed.
+    standing: bool,
+}
+
+impl Progress {
+    /// `quiet`: shows nothing at all.
+    pub fn new(overview: Overview, quiet: bool) -> Progress {
+        Progress {
+            overview,
+            quiet,
+            terminal: stdout().is_terminal(),
+            next: Instant::now(),
+            standing: false,
+        }
+    }
+
+    /// Prints what is new.
+    pub fn show(&mut self, operator: &mut Operator) {
+        let entries: Vec<String> = operator
+            .new_entries()
+            .iter()
+            .map(|entry| format!("{:9.3} s  {}", entry.time_s, entry.text))
+            .collect();
+        if self.quiet {
+            return;
+        }
+        for entry in entries {
+            self.wipe();
+            println!("{entry}");
+        }
+        let live = operator.live();
+        if !matches!(live.state, State::Running | State::Held | State::Stopping) || Instant::now() < self.next {
+            return;
+        }
+        self.next = Instant::now() + PAUSE[usize::from(!self.terminal)];
+        let axis = |axis: Axis| live.position[axis];
+        let line = format!(
+            "line {:>5} of {}  {:6.1} / {:.1} s  X {:8.3} Y {:8.3} Z {:8.3}  {:6.0} mm/min  SoC late {:.1} us at most",
+            live.line,
+            self.overview.lines,
+            live.elapsed_s,
+            self.overview.time_s,
+            axis(Axis::X),
+            axis(Axis::Y),
+            axis(Axis::Z),
+            live.velocity_mm_s * 60.0,
+            live.late_max_ns as f64 / 1000.0,
+        );
+        if self.terminal {
+            print!("\r\x1b[2K{line}");
+            self.standing = true;
+        } else {
+            println!("{line}");
+        }
+        let _ = stdout().flush();
+    }
+
+    fn wipe(&mut self) {
+        if std::mem::take(&mut self.standing) {
+            print!("\r\x1b[2K");
+        }
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.wipe();
+    }
+}

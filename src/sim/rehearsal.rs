@@ -1,0 +1,195 @@
+//! A whole run on virtual time: control, bus, simulated machine and planner in one thread.
+//!
+//! In:  a machine file, a program, a wire with a seed and disturbances.
+//! Out: everything that a real run gives, the same bits each time.
+//!
+//! The cycle is the very same code as in real time; only the clock and the wire differ.
+
+use super::{NetConfig, SimMachine, VirtualNet};
+use crate::bus::Fieldbus;
+use crate::bus::network;
+use crate::bus::powerlink::{NODES_MAX, Powerlink, mn_config, node_configs};
+use crate::config::Config;
+use crate::machine::sequence::Outcome;
+use crate::program::{Feeder, Progress, stop_ramp};
+use crate::rt::assemble::assemble;
+use crate::rt::cycle::Control;
+use crate::rt::pins::CAPACITY;
+use crate::rt::thread::grid;
+use crate::rt::timeout::Watch;
+use crate::rt::wait::Grid;
+use crate::service::operator::{Operator, Wish};
+use anyhow::anyhow;
+use hal_pins::Hal;
+use motion::element::Element;
+use motion::ring::{self, Producer};
+use motion::rt::Interpolator;
+use powerlink::wire::NetTime;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+/// Elements in the ring of a rehearsal.
+const RING: usize = 4096;
+/// Cycles between two looks of the operator.
+const OPERATOR_CYCLES: u64 = 10;
+/// Address of the managing node.
+const MAC: [u8; 6] = [0x02, 0, 0, 0, 0, 0xF0];
+
+/// A run on virtual time.
+pub struct Rehearsal<'a> {
+    /// The cycle thread's part.
+    pub control: Box<Control<Powerlink<'a, VirtualNet, NODES_MAX>>>,
+    /// The operator's part.
+    pub operator: Operator,
+    /// The pins.
+    pub hal: Hal,
+    config: &'a Config,
+    text: &'a [u8],
+    feeder: Option<Feeder<'a, Producer<Element>>>,
+    grid: Grid,
+    deadline_ns: u64,
+    skipped: u64,
+    cycles: u64,
+    /// The planner works in every cycle of this number only: 1, unless it shall be short of time.
+    pub feed_every: u64,
+}
+
+/// Builds a run and hands it to `act`.
+///
+/// # Errors
+/// If the machine file describes no machine that can be simulated, or what `act` gives.
+pub fn rehearse<T>(
+    config: &Config,
+    text: &[u8],
+    net: NetConfig,
+    act: impl FnOnce(&mut Rehearsal<'_>) -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
+    let machine = SimMachine::new(config).map_err(|error| anyhow!("{error}"))?;
+    let plans = network::plan(config);
+    let nodes = node_configs(&config.bus, &plans);
+    let link = VirtualNet::new(machine, net);
+    let bus = Powerlink::new(
+        mn_config(config, &nodes, MAC),
+        link,
+        Arc::new(Watch::default()),
+        NetTime::default,
+    )
+    .map_err(|error| anyhow!("{error}"))?;
+    let mut hal = private_pins()?;
+    let (control, inlets) = assemble(config, &plans, bus, &mut hal)?;
+    let grid = grid(config);
+    let mut rehearsal = Rehearsal {
+        control: Box::new(control),
+        operator: Operator::new(config, inlets, 0),
+        hal,
+        config,
+        text,
+        feeder: None,
+        grid,
+        deadline_ns: grid.first_after(0),
+        skipped: 0,
+        cycles: 0,
+        feed_every: 1,
+    };
+    act(&mut rehearsal)
+}
+
+impl<'a> Rehearsal<'a> {
+    /// The wire and the simulated machine behind it.
+    pub fn net(&mut self) -> &mut VirtualNet {
+        self.control.bus_mut().link_mut()
+    }
+
+    /// Virtual time, ns.
+    pub fn now_ns(&mut self) -> u64 {
+        self.control.bus_mut().now_ns()
+    }
+
+    /// One cycle, `late_ns` after its date.
+    ///
+    /// # Errors
+    /// If the program turns out to be wrong.
+    pub fn cycle(&mut self, late_ns: u64) -> anyhow::Result<()> {
+        let deadline_ns = self.deadline_ns;
+        self.control.bus_mut().serve(deadline_ns);
+        let behind_ns = deadline_ns.saturating_sub(self.now_ns());
+        self.net().advance(behind_ns + late_ns);
+        let began_ns = self.now_ns();
+        self.control.cycle(
+            began_ns - deadline_ns,
+            self.skipped,
+            deadline_ns + self.grid.period_ns * 9 / 10,
+        );
+        let now_ns = self.now_ns();
+        let next = self.grid.next(deadline_ns, now_ns);
+        (self.deadline_ns, self.skipped) = (next.deadline_ns, next.skipped);
+        self.cycles += 1;
+        if self.cycles.is_multiple_of(OPERATOR_CYCLES) {
+            self.attend(now_ns);
+        }
+        if self.cycles.is_multiple_of(self.feed_every) {
+            self.feed()?;
+        }
+        Ok(())
+    }
+
+    /// Cycles until `done` says so; `false`: it did not within `cycles_max`.
+    ///
+    /// # Errors
+    /// As [`Rehearsal::cycle`].
+    pub fn run_until(
+        &mut self,
+        cycles_max: u64,
+        mut done: impl FnMut(&mut Rehearsal<'a>) -> bool,
+    ) -> anyhow::Result<bool> {
+        for _ in 0..cycles_max {
+            self.cycle(0)?;
+            if done(self) {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// Runs to the end of everything.
+    ///
+    /// # Errors
+    /// If it does not end within `cycles_max`.
+    pub fn run(&mut self, cycles_max: u64) -> anyhow::Result<Outcome> {
+        self.run_until(cycles_max, |rehearsal| rehearsal.operator.outcome().is_some())?;
+        self.operator.outcome().ok_or_else(|| {
+            anyhow!(
+                "no end within {cycles_max} cycles; the journal says\n{:#?}",
+                self.operator.journal()
+            )
+        })
+    }
+
+    fn attend(&mut self, now_ns: u64) {
+        match self.operator.poll(now_ns) {
+            Wish::Nothing => {}
+            Wish::PlanFrom(position) => {
+                let (producer, consumer) = ring::channel(RING);
+                self.feeder = Some(Feeder::new(self.config, self.text, position, producer));
+                let program = Interpolator::new(consumer, position, stop_ramp(self.config));
+                self.operator.start(Box::new(program));
+            }
+        }
+    }
+
+    fn feed(&mut self) -> anyhow::Result<()> {
+        if let Some(feeder) = &mut self.feeder
+            && feeder.pump().map_err(|error| anyhow!(error.located("program")))? == Progress::Done
+        {
+            self.feeder = None;
+        }
+        Ok(())
+    }
+}
+
+/// Pins under a name of their own, so that any number of rehearsals can run side by side.
+fn private_pins() -> anyhow::Result<Hal> {
+    static RUNS: AtomicU64 = AtomicU64::new(0);
+    let name = format!("rehearsal-{}-{}", std::process::id(), RUNS.fetch_add(1, Relaxed));
+    Ok(Hal::create_in(&[std::env::temp_dir()], &name, CAPACITY)?)
+}
