@@ -1,7 +1,12 @@
-//! The files that ship: every machine file is good; the rules are tested one by one beside the reader.
+//! The files that ship: every machine file is good, every program runs on the demo machine within its limits.
+//!
+//! The rules of the machine file are tested one by one beside its reader.
 
+use gcode::Interpreter;
 use isocnc::config::{self, Config, ConfigErrors};
-use std::path::Path;
+use motion::canon::{Call, Event, Position};
+use motion::plan::{AxisLimits, Settings, check::check, deviation::deviation, plan_offline};
+use std::path::{Path, PathBuf};
 
 const DEMO: &str = include_str!("../configs/mill3-demo.toml");
 
@@ -9,17 +14,122 @@ fn parse(text: &str) -> Result<Config, ConfigErrors> {
     config::parse(text, Path::new("m.toml"))
 }
 
+/// All files in `configs` whose names end so, by name.
+fn shipped(extension: &str) -> Vec<PathBuf> {
+    let folder = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/configs")).unwrap();
+    let mut paths: Vec<PathBuf> = folder.map(|entry| entry.unwrap().path()).collect();
+    paths.retain(|path| path.extension().is_some_and(|found| found == extension));
+    paths.sort();
+    paths
+}
+
 #[test]
-fn every_file_that_ships_is_good() {
-    let mut seen = 0;
-    for entry in std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/configs")).unwrap() {
-        let path = entry.unwrap().path();
-        if path.extension().is_some_and(|extension| extension == "toml") {
-            config::read(&path).unwrap_or_else(|errors| panic!("{errors}"));
-            seen += 1;
-        }
+fn every_machine_file_that_ships_is_good() {
+    let files = shipped("toml");
+    assert!(files.len() >= 2, "{files:?}");
+    for file in files {
+        config::read(&file).unwrap_or_else(|errors| panic!("{errors}"));
     }
-    assert!(seen >= 2, "{seen} machine files");
+}
+
+/// The demo machine as the planner sees it, standing at its home points.
+fn demo_machine() -> (Config, Settings) {
+    let config = parse(DEMO).unwrap_or_else(|errors| panic!("{errors}"));
+    let mut settings = Settings {
+        axes: [None; 9],
+        cycle_s: f64::from(config.cycle_us) * 1e-6,
+        tolerance_mm: config.program.tolerance_mm,
+        look_ahead_blocks: config.program.look_ahead_blocks,
+        start: Position::ZERO,
+    };
+    for map in &config.axes {
+        let joint = &config.joints[map.joints[0]];
+        settings.start[map.axis] = joint.homing.position_mm;
+        settings.axes[map.axis as usize] = Some(AxisLimits {
+            velocity: joint.limits.velocity_mm_s,
+            acceleration: joint.limits.acceleration_mm_s2,
+            jerk: joint.limits.jerk_mm_s3,
+            travel: joint.travel_mm,
+        });
+    }
+    (config, settings)
+}
+
+/// Interprets and plans a program on the demo machine; its set-points must keep travel, speed, acceleration, jerk and
+/// tolerance. Returns what it does and how long it moves.
+fn run(program: &Path) -> (Vec<Event>, f64) {
+    let (config, settings) = demo_machine();
+    let of_gcode = gcode::Settings {
+        start: settings.start,
+        work_offsets: config.work_offsets,
+        ..gcode::Settings::default()
+    };
+    let name = program.display();
+    let text = std::fs::read(program).unwrap();
+    let errors = gcode::check(&text, of_gcode.clone());
+    let shown: Vec<String> = errors
+        .iter()
+        .map(|error| error.render(&name.to_string(), &text))
+        .collect();
+    assert!(shown.is_empty(), "{}", shown.join("\n"));
+    let events: Result<Vec<Event>, _> = Interpreter::new(of_gcode).run(&text).collect();
+    let events = events.unwrap();
+    let plan = plan_offline(&events, settings).unwrap_or_else(|error| panic!("{name}: {error}"));
+    for (axis, limits) in settings.axes.iter().enumerate() {
+        let Some(AxisLimits {
+            travel: [low, high], ..
+        }) = *limits
+        else {
+            continue;
+        };
+        let outside = plan
+            .samples
+            .iter()
+            .find(|position| !(low..=high).contains(&position.0[axis]));
+        assert_eq!(outside, None, "{name}: axis {axis}");
+    }
+    assert_eq!(
+        check(&plan.samples, settings.cycle_s, &settings.axes).over(),
+        0,
+        "{name}"
+    );
+    let path = deviation(&plan.samples, &plan.ideal, settings.tolerance_mm);
+    // A chord of the polygon of set-points lies inside its arc by less than this at the feeds in use.
+    const CHORD_MM: f64 = 0.001;
+    assert!(path.off_mm <= settings.tolerance_mm + CHORD_MM, "{name}: {path:?}");
+    assert!(path.missed_mm <= settings.tolerance_mm + CHORD_MM, "{name}: {path:?}");
+    assert!(path.length_mm - path.reached_mm < 0.1, "{name}: {path:?}");
+    (events, plan.motion_time_s)
+}
+
+#[test]
+fn every_program_that_ships_runs_on_the_demo_machine() {
+    let programs = shipped("ngc");
+    assert!(programs.len() >= 2, "{programs:?}");
+    for program in programs {
+        let (events, _) = run(&program);
+        let last = &events.last().unwrap().call;
+        assert!(matches!(last, Call::ProgramEnd), "{}: {last:?}", program.display());
+    }
+}
+
+#[test]
+fn the_sample_part_takes_one_to_two_minutes_and_the_short_one_seconds() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs");
+    let (events, time_s) = run(&folder.join("sample-part.ngc"));
+    assert!((60.0..=120.0).contains(&time_s), "{time_s} s");
+    // A part that shows what the control can do: straight lines, arcs, helices, tool lifts.
+    let arcs = events
+        .iter()
+        .filter(|event| matches!(event.call, Call::ArcFeed { .. }))
+        .count();
+    let lifts = events
+        .iter()
+        .filter(|event| matches!(event.call, Call::StraightTraverse { .. }))
+        .count();
+    assert!(arcs >= 20 && lifts >= 10, "{arcs} arcs, {lifts} rapids");
+    let (_, time_s) = run(&folder.join("short-part.ngc"));
+    assert!((3.0..=10.0).contains(&time_s), "{time_s} s");
 }
 
 #[test]
