@@ -65,7 +65,7 @@ pub fn plan_offline<'a>(events: impl IntoIterator<Item = &'a Event>, settings: S
 pub fn sample(elements: &[Element], start: Position, cycle_s: f64) -> Vec<Position> {
     let mut samples = vec![start];
     let mut rest = start;
-    // Time by count and not by sum, so that no error grows; element ends relative to the last sample.
+    // Time from the last sample to the beginning of the element.
     let mut before = 0.0;
     for element in elements {
         let duration = element.duration_s();

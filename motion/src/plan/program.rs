@@ -236,3 +236,187 @@ impl Program {
         Piece::arc(&circle).filter(|_| turns != 0).ok_or(PlanErrorKind::BadArc)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canon::AXES;
+    use crate::plan::AxisLimits;
+    use std::f64::consts::PI;
+
+    fn settings() -> Settings {
+        let axis = AxisLimits {
+            velocity: 1.0,
+            acceleration: 1.0,
+            jerk: 1.0,
+            travel: [-1e3, 1e3],
+        };
+        let axes = [Some(axis); AXES];
+        Settings {
+            axes,
+            cycle_s: 1e-3,
+            tolerance_mm: 0.1,
+            look_ahead_blocks: 9,
+            start: Position::ZERO,
+        }
+    }
+
+    fn moved(program: &mut Program, call: Call) -> Move {
+        match program.take(1, &call, &settings()) {
+            Ok(Some(Entry::Move(part))) => part,
+            other => panic!("a move expected: {other:?}"),
+        }
+    }
+
+    fn with_feed() -> Program {
+        let mut program = Program::new(Position::ZERO);
+        program
+            .take(1, &Call::SetFeedRate { per_second: 5.0 }, &settings())
+            .unwrap();
+        program
+    }
+
+    fn arc(to: Position, plane: Plane, centre_mm: [f64; 2], turns: i32) -> Call {
+        Call::ArcFeed {
+            to,
+            plane,
+            centre_mm,
+            turns,
+        }
+    }
+
+    #[test]
+    fn equal_end_points_are_a_full_turn_and_turns_count() {
+        for (turns, times) in [(1, 1.0), (-1, 1.0), (3, 3.0), (-2, 2.0)] {
+            let part = moved(&mut with_feed(), arc(Position::ZERO, Plane::Xy, [10.0, 0.0], turns));
+            assert!((part.piece.length() - times * 20.0 * PI).abs() < 1e-9, "{turns}");
+            // Counter-clockwise from (0, 0) about (10, 0) begins downwards.
+            let down = part.piece.jet(0.0).d1[1];
+            assert!((down + f64::from(turns.signum())).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn direction_decides_which_part_of_the_circle_is_meant() {
+        let quarter = Position::xyz(10.0, -10.0, 0.0);
+        let part = moved(&mut with_feed(), arc(quarter, Plane::Xy, [10.0, 0.0], 1));
+        assert!((part.piece.length() - 5.0 * PI).abs() < 1e-9);
+        let part = moved(&mut with_feed(), arc(quarter, Plane::Xy, [10.0, 0.0], -1));
+        assert!((part.piece.length() - 15.0 * PI).abs() < 1e-9);
+    }
+
+    #[test]
+    fn an_arc_turns_and_shifts_with_its_frame() {
+        let mut program = with_feed();
+        let offset = Call::SetG5xOffset {
+            system: 1,
+            origin: Position::xyz(100.0, 0.0, 7.0),
+        };
+        program.take(1, &offset, &settings()).unwrap();
+        program
+            .take(1, &Call::SetXyRotation { degrees: 90.0 }, &settings())
+            .unwrap();
+        moved(&mut program, Call::StraightTraverse { to: Position::ZERO });
+        // G18: Z is first, X second; the half turn from X0 to X20 bulges to Z-10 or Z+10. X of the work is Y here.
+        let part = moved(
+            &mut program,
+            arc(Position::xyz(20.0, 0.0, 0.0), Plane::Zx, [0.0, 10.0], 1),
+        );
+        let middle = part.piece.position(part.piece.length() / 2.0);
+        for (got, want) in middle.0.iter().zip([100.0, 10.0, 17.0]) {
+            assert!((got - want).abs() < 1e-9, "{middle:?}");
+        }
+    }
+
+    #[test]
+    fn modes_decide_what_may_happen_to_a_corner() {
+        let mut program = with_feed();
+        let modes = [
+            (PathMode::ExactPath, Corner::Exact),
+            (PathMode::ExactStop, Corner::Stop),
+            (
+                PathMode::Continuous {
+                    tolerance_mm: Some(0.02),
+                    naive_cam_tolerance_mm: None,
+                },
+                Corner::Round(0.02),
+            ),
+            (
+                PathMode::Continuous {
+                    tolerance_mm: None,
+                    naive_cam_tolerance_mm: None,
+                },
+                Corner::Round(0.1),
+            ),
+        ];
+        for (x, (mode, corner)) in (1..).zip(modes) {
+            program.take(1, &Call::SetPathMode(mode), &settings()).unwrap();
+            let part = moved(
+                &mut program,
+                Call::StraightFeed {
+                    to: Position::xyz(f64::from(x), 0.0, 0.0),
+                },
+            );
+            assert_eq!((part.corner, part.feed, part.rapid), (corner, 5.0, false));
+        }
+    }
+
+    #[test]
+    fn a_spindle_speed_is_an_action_only_while_the_spindle_turns() {
+        let mut program = with_feed();
+        let mut take = |call| match program.take(4, &call, &settings()).unwrap() {
+            Some(Entry::Rest(Element::Action { action, line: 4 })) => Some(action),
+            None => None,
+            other => panic!("an action expected: {other:?}"),
+        };
+        let direction = SpindleDirection::Counterclockwise;
+        assert_eq!(take(Call::SetSpindleSpeed { rpm: 500.0 }), None);
+        assert_eq!(
+            take(Call::StartSpindle(direction)),
+            Some(Action::SpindleOn { rpm: 500.0, direction })
+        );
+        assert_eq!(
+            take(Call::SetSpindleSpeed { rpm: 9.0 }),
+            Some(Action::SpindleOn { rpm: 9.0, direction })
+        );
+        assert_eq!(take(Call::StopSpindle), Some(Action::SpindleOff));
+        assert_eq!(take(Call::SetSpindleSpeed { rpm: 8.0 }), None);
+        assert_eq!(take(Call::Message("a".into())), Some(Action::Message { number: 0 }));
+        assert_eq!(take(Call::Message("b".into())), Some(Action::Message { number: 1 }));
+    }
+
+    #[test]
+    fn a_refused_move_leaves_the_program_where_it_is() {
+        let mut program = with_feed();
+        let far = Call::StraightFeed {
+            to: Position::xyz(2e3, 0.0, 0.0),
+        };
+        assert!(matches!(
+            program.take(1, &far, &settings()),
+            Err(PlanErrorKind::Travel {
+                axis: Axis::X,
+                limit: 1e3,
+                ..
+            })
+        ));
+        let part = moved(
+            &mut program,
+            Call::StraightFeed {
+                to: Position::xyz(3.0, 4.0, 0.0),
+            },
+        );
+        assert_eq!(part.piece.length(), 5.0);
+        let none = Call::StraightFeed {
+            to: Position::xyz(f64::NAN, 0.0, 0.0),
+        };
+        assert_eq!(
+            program.take(1, &none, &settings()).unwrap_err(),
+            PlanErrorKind::NotFinite
+        );
+        let centre = arc(Position::xyz(5.0, 5.0, 0.0), Plane::Xy, [3.0, 4.0], 1);
+        assert_eq!(
+            program.take(1, &centre, &settings()).unwrap_err(),
+            PlanErrorKind::BadArc
+        );
+    }
+}

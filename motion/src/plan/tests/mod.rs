@@ -4,7 +4,7 @@ use super::check::check;
 use super::deviation::deviation;
 use super::round::distance;
 use super::*;
-use crate::canon::{Call, Event, PathMode};
+use crate::canon::{Call, Event, PathMode, Plane};
 
 mod random;
 
@@ -115,4 +115,59 @@ fn errors_say_line_axis_value_and_limit() {
     to.0[4] = 1.0;
     let error = plan_offline(&events([Call::StraightTraverse { to }]), settings()).unwrap_err();
     assert_eq!(error.to_string(), "line 1: this machine has no axis B");
+}
+
+#[test]
+fn tangent_arcs_are_run_through_on_the_exact_path() {
+    // An S of two half circles: direction is continuous, curvature jumps from 1/10 to -1/10.
+    let half = |x: f64, centre: f64, turns| Call::ArcFeed {
+        to: Position::xyz(x, 0.0, 0.0),
+        plane: Plane::Xy,
+        centre_mm: [centre, 0.0],
+        turns,
+    };
+    let exact = [F, half(20.0, 10.0, 1), half(40.0, 30.0, -1)];
+    let plan = proven(&events(exact.clone()), settings(), 0.0);
+    let speed = |k: usize| distance(&plan.samples[k].0, &plan.samples[k - 1].0) / 1e-3;
+    let slowest = (200..plan.samples.len() - 200).map(speed).fold(f64::INFINITY, f64::min);
+    // 0.75 * 0.2 * v^2 / T <= 0.6 * 0.985 * J, less what the arcs take themselves: v is about 8 mm/s.
+    assert!(slowest > 5.0 && slowest < 9.0, "{slowest}");
+    // Where it may be rounded, the curvature changes over a stretch and not at once.
+    let rounded = proven(&events([ROUND].into_iter().chain(exact)), settings(), 0.01);
+    assert!(rounded.motion_time_s < plan.motion_time_s);
+}
+
+#[test]
+fn exact_stop_rests_at_every_corner() {
+    let calls = [
+        F,
+        Call::SetPathMode(PathMode::ExactStop),
+        feed(10.0, 0.0, 0.0),
+        feed(20.0, 0.0, 0.0),
+    ];
+    let plan = proven(&events(calls), settings(), 0.0);
+    let rest = plan.samples.iter().position(|q| (q.0[0] - 10.0).abs() < 1e-3).unwrap();
+    let step = distance(&plan.samples[rest + 1].0, &plan.samples[rest].0);
+    assert!(step < 1e-3, "{step}");
+    let through = proven(
+        &events([F, feed(10.0, 0.0, 0.0), feed(20.0, 0.0, 0.0)]),
+        settings(),
+        0.0,
+    );
+    assert!(through.motion_time_s < plan.motion_time_s - 0.05);
+}
+
+#[test]
+fn waits_take_their_time_at_rest() {
+    let dwell = Call::Dwell { seconds: 0.5 };
+    let with = proven(
+        &events([F, feed(1.0, 0.0, 0.0), dwell.clone(), feed(2.0, 0.0, 0.0)]),
+        settings(),
+        0.0,
+    );
+    let halves = proven(&events([F, feed(1.0, 0.0, 0.0)]), settings(), 0.0);
+    assert!((with.motion_time_s - 2.0 * halves.motion_time_s - 0.5).abs() < 1e-9);
+    let only = proven(&events([dwell]), settings(), 0.0);
+    assert_eq!(only.motion_time_s, 0.5);
+    assert!(only.samples.len() >= 501 && only.samples.iter().all(|q| *q == Position::ZERO));
 }

@@ -1,7 +1,7 @@
 //! Random programs, random look-ahead, random consumers.
 
 use super::*;
-use crate::canon::{Axis, Plane, SpindleDirection};
+use crate::canon::{Axis, SpindleDirection};
 use crate::element::Element;
 use crate::plan::offline::sample;
 use crate::ring::{Publish, Sink};
