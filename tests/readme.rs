@@ -1,0 +1,151 @@
+//! README.md names only what exists: commands, options, files, pins of the sections that it lists.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::process::Command;
+
+const README: &str = include_str!("../README.md");
+
+/// What stands between back-ticks on one line.
+fn code_spans() -> Vec<&'static str> {
+    let mut spans = Vec::new();
+    for line in outside_blocks() {
+        spans.extend(line.split('`').skip(1).step_by(2));
+    }
+    spans
+}
+
+/// Lines that are not in a fenced block.
+fn outside_blocks() -> Vec<&'static str> {
+    fenced(false)
+}
+
+fn fenced(wanted: bool) -> Vec<&'static str> {
+    let mut inside = false;
+    let mut lines = Vec::new();
+    for line in README.lines() {
+        if line.starts_with("```") {
+            inside = !inside;
+        } else if inside == wanted {
+            lines.push(line);
+        }
+    }
+    assert!(!inside, "a block without end");
+    lines
+}
+
+/// Command lines that begin with this word, in blocks and in the text, without the word and without comments.
+fn command_lines(program: &str) -> Vec<Vec<&'static str>> {
+    let lines = fenced(true).into_iter().chain(code_spans());
+    lines
+        .filter_map(|line| line.split(" #").next()?.trim().strip_prefix(program)?.strip_prefix(' '))
+        .map(|line| line.split_whitespace().collect())
+        .collect()
+}
+
+/// Help text of a command of isocnc; fails if there is no such command.
+fn help(command: &[&str]) -> String {
+    let output = Command::new(env!("CARGO_BIN_EXE_isocnc"))
+        .args(command)
+        .arg("--help")
+        .output()
+        .expect("isocnc");
+    assert!(output.status.success(), "isocnc {command:?}: {output:?}");
+    String::from_utf8(output.stdout).expect("text")
+}
+
+/// Fails unless a command line of isocnc is one: subcommands, options, files.
+fn check_command_line(words: &[&str]) {
+    let depth = if words[0] == "hal" { 2 } else { 1 };
+    let (command, rest) = words.split_at(depth.min(words.len()));
+    let help = help(command);
+    let usage = format!("isocnc {}", command.join(" "));
+    assert!(help.contains(&usage), "{words:?}: {usage:?} is not in\n{help}");
+    for word in rest {
+        if word.starts_with("--") {
+            assert!(help.contains(word), "{words:?}: no option {word} in\n{help}");
+        } else if word.contains('/') {
+            assert!(exists(word), "{words:?}: no {word}");
+        }
+    }
+}
+
+fn exists(path: &str) -> bool {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path).exists()
+}
+
+#[test]
+fn it_opens_with_the_two_commands() {
+    let block = fenced(true);
+    assert!(block[0].starts_with("cargo run --release -- demo "), "{}", block[0]);
+    assert!(block[1].starts_with("cargo test --workspace "), "{}", block[1]);
+}
+
+#[test]
+fn every_command_exists() {
+    let mut seen = BTreeSet::new();
+    for words in command_lines("isocnc") {
+        check_command_line(&words);
+        seen.insert(words[0]);
+    }
+    // Whatever else there is, is told.
+    let help = help(&[]);
+    let listed = help
+        .lines()
+        .skip_while(|line| *line != "Commands:")
+        .skip(1)
+        .take_while(|line| !line.is_empty())
+        .filter_map(|line| line.split_whitespace().next());
+    assert_eq!(seen, listed.collect::<BTreeSet<_>>(), "README.md and `isocnc --help`");
+
+    for words in command_lines("cargo") {
+        match words[..] {
+            ["run", "--release", "--", ..] => check_command_line(&words[3..]),
+            ["test", "--workspace"] => {}
+            _ => panic!("cargo {words:?}: nobody knows whether it works"),
+        }
+    }
+}
+
+#[test]
+fn every_option_of_the_text_exists() {
+    let mut seen = 0;
+    for span in code_spans() {
+        // The script's own options are tested with the script.
+        let Some(option) = span.strip_prefix("--").and_then(|rest| rest.split(' ').next()) else {
+            continue;
+        };
+        let option = format!("--{option}");
+        let known = ["demo", "run", "check", "plan", "interpret", "simulate"];
+        assert!(
+            known.iter().any(|command| help(&[command]).contains(&option)),
+            "{option}"
+        );
+        seen += 1;
+    }
+    assert!(seen >= 4, "{seen} options");
+}
+
+#[test]
+fn every_file_exists() {
+    let mut seen = 0;
+    let links = README.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+    for path in links.chain(code_spans()) {
+        let is_path = path.contains('/') && !path.contains(' ') && !path.contains("isocnc-out");
+        if is_path || path.ends_with(".md") {
+            assert!(exists(path), "{path}");
+            seen += 1;
+        }
+    }
+    assert!(seen >= 8, "{seen} files");
+}
+
+#[test]
+fn every_section_of_the_machine_file_is_in_the_demo_machine() {
+    let machine = include_str!("../configs/mill3-demo.toml");
+    let sections: Vec<&str> = code_spans().into_iter().filter(|span| span.starts_with('[')).collect();
+    assert!(sections.len() >= 9, "{sections:?}");
+    for section in sections {
+        assert!(machine.lines().any(|line| line.trim() == section), "{section}");
+    }
+}
