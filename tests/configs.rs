@@ -55,6 +55,24 @@ fn demo_machine() -> (Config, Settings) {
     (config, settings)
 }
 
+/// Distance of a point from the polygon of set-points.
+fn distance_mm(samples: &[Position], point: Position) -> f64 {
+    let distance_mm = |pair: &[Position]| {
+        let along = [0, 1, 2].map(|i| pair[1].0[i] - pair[0].0[i]);
+        let to_point = [0, 1, 2].map(|i| point.0[i] - pair[0].0[i]);
+        let square = along.iter().map(|a| a * a).sum::<f64>();
+        let dot = along.iter().zip(&to_point).map(|(a, b)| a * b).sum::<f64>();
+        let share = if square > 0.0 {
+            (dot / square).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        let off = [0, 1, 2].map(|i| to_point[i] - share * along[i]);
+        off.iter().map(|a| a * a).sum::<f64>().sqrt()
+    };
+    samples.windows(2).map(distance_mm).fold(f64::INFINITY, f64::min)
+}
+
 /// Interprets and plans a program on the demo machine; its set-points must keep travel, speed, acceleration, jerk and
 /// tolerance. Returns what it does and how long it moves.
 fn run(program: &Path) -> (Vec<Event>, f64) {
@@ -94,11 +112,17 @@ fn run(program: &Path) -> (Vec<Event>, f64) {
         "{name}"
     );
     let path = deviation(&plan.samples, &plan.ideal, settings.tolerance_mm);
-    // A chord of the polygon of set-points lies inside its arc by less than this at the feeds in use.
-    const CHORD_MM: f64 = 0.001;
-    assert!(path.off_mm <= settings.tolerance_mm + CHORD_MM, "{name}: {path:?}");
-    assert!(path.missed_mm <= settings.tolerance_mm + CHORD_MM, "{name}: {path:?}");
+    assert!(path.off_mm <= settings.tolerance_mm, "{name}: {path:?}");
     assert!(path.length_mm - path.reached_mm < 0.1, "{name}: {path:?}");
+    for part in &plan.ideal {
+        let end = part.piece.position(part.piece.length());
+        let missed_mm = distance_mm(&plan.samples, end);
+        assert!(
+            missed_mm <= settings.tolerance_mm,
+            "{name}:{}: end missed by {missed_mm} mm",
+            part.line
+        );
+    }
     (events, plan.motion_time_s)
 }
 
