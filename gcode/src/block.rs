@@ -54,6 +54,8 @@ pub(crate) struct Codes {
     pub(crate) unit: Option<Coded<LengthUnit>>,
     pub(crate) system: Option<Coded<u8>>,
     pub(crate) path: Option<Coded<PathCode>>,
+    cutter_compensation: Option<Coded<()>>,
+    tool_length_offset: Option<Coded<()>>,
     pub(crate) stop: Option<Coded<Stop>>,
     pub(crate) tool_change: Option<Coded<()>>,
     pub(crate) spindle: Option<Coded<Option<SpindleDirection>>>,
@@ -165,6 +167,20 @@ impl Block {
             GCode::Unit(code) => put(&mut self.codes.unit, word, code, "units", g_name),
             GCode::System(code) => put(&mut self.codes.system, word, code, "coordinate system", g_name),
             GCode::Path(code) => put(&mut self.codes.path, word, code, "path control", g_name),
+            GCode::NoCutterCompensation => put(
+                &mut self.codes.cutter_compensation,
+                word,
+                (),
+                "cutter compensation",
+                g_name,
+            ),
+            GCode::NoToolLengthOffset => put(
+                &mut self.codes.tool_length_offset,
+                word,
+                (),
+                "tool length offset",
+                g_name,
+            ),
         }
     }
 

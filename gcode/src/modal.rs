@@ -107,6 +107,10 @@ pub(crate) enum GCode {
     /// 1 for G54 to 9 for G59.3.
     System(u8),
     Path(PathCode),
+    /// G40: there is no cutter compensation to switch off.
+    NoCutterCompensation,
+    /// G49: there is no tool length offset to switch off.
+    NoToolLengthOffset,
 }
 
 /// M group 4.
@@ -142,7 +146,7 @@ pub(crate) enum MCode {
 }
 
 /// Supported G codes in ascending order of ten times their number.
-const G_CODES: [(u16, GCode); 32] = [
+const G_CODES: [(u16, GCode); 34] = [
     (0, GCode::Motion(Some(Motion::Traverse))),
     (10, GCode::Motion(Some(Motion::Feed))),
     (20, GCode::Motion(Some(Motion::ArcClockwise))),
@@ -155,6 +159,8 @@ const G_CODES: [(u16, GCode); 32] = [
     (210, GCode::Unit(LengthUnit::Millimetre)),
     (280, GCode::NonModal(NonModal::Return(StoredPoint::G28))),
     (300, GCode::NonModal(NonModal::Return(StoredPoint::G30))),
+    (400, GCode::NoCutterCompensation),
+    (490, GCode::NoToolLengthOffset),
     (530, GCode::NonModal(NonModal::MachineCoordinates)),
     (540, GCode::System(1)),
     (550, GCode::System(2)),
@@ -178,10 +184,10 @@ const G_CODES: [(u16, GCode); 32] = [
 ];
 
 /// G codes of LinuxCNC that are refused by name, times ten.
-const G_REFUSED: [u16; 58] = [
-    50, 51, 52, 53, 62, 63, 70, 80, 100, 171, 181, 191, 281, 301, 330, 331, 382, 383, 384, 385, 400, 410, 411, 420,
-    421, 430, 431, 432, 490, 520, 700, 710, 711, 712, 720, 721, 722, 730, 740, 760, 810, 820, 830, 840, 850, 860, 870,
-    880, 890, 920, 921, 922, 923, 950, 960, 970, 980, 990,
+const G_REFUSED: [u16; 56] = [
+    50, 51, 52, 53, 62, 63, 70, 80, 100, 171, 181, 191, 281, 301, 330, 331, 382, 383, 384, 385, 410, 411, 420, 421,
+    430, 431, 432, 520, 700, 710, 711, 712, 720, 721, 722, 730, 740, 760, 810, 820, 830, 840, 850, 860, 870, 880, 890,
+    920, 921, 922, 923, 950, 960, 970, 980, 990,
 ];
 
 /// Supported M codes in ascending order.
@@ -357,7 +363,7 @@ mod tests {
             GCode::of(38.2),
             Err(ErrorKind::UnsupportedG {
                 code: "G38.2".into(),
-                nearest: "G30".into()
+                nearest: "G40".into()
             })
         );
         assert_eq!(

@@ -232,6 +232,11 @@ fn g80_gives_way_to_another_motion_code_on_its_line() {
 }
 
 #[test]
+fn switching_off_what_is_never_on_is_allowed_and_does_nothing() {
+    expect(&[("G21 G90 G17 G94 G40 G49 G80", &[Call::SelectPlane(Plane::Xy), MM])]);
+}
+
+#[test]
 fn nine_axes_and_only_lengths_are_converted() {
     let all = "X1 Y2 Z3 A4 B5 C6 U7 V8 W9";
     let to = Position([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]);

@@ -203,7 +203,7 @@ fn codes() {
         ),
         (
             "G38.2 X1",
-            "1:1: G38.2 is not supported: the nearest G code that is, is G30",
+            "1:1: G38.2 is not supported: the nearest G code that is, is G40",
             "G38.2",
         ),
         (
