@@ -1,7 +1,7 @@
 //! `isocnc plan`: a whole program planned off line.
 
 use crate::config;
-use crate::program::{Feeder, Progress, home, stop_ramp};
+use crate::program::{Feeder, Progress, home, ring_capacity, stop_ramp};
 use anyhow::{Context, anyhow};
 use clap::Args;
 use motion::canon::Axis;
@@ -14,9 +14,6 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
-
-/// Elements in the ring.
-const RING: usize = 4096;
 
 /// Arguments of `plan`.
 #[derive(Debug, Args)]
@@ -67,7 +64,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
 
     let began = Instant::now();
     let start = home(&config);
-    let (producer, consumer) = ring::channel(RING);
+    let (producer, consumer) = ring::channel(ring_capacity(&config));
     let mut feeder = Feeder::new(&config, &text, start, producer);
     let mut interpolator = Interpolator::new(consumer, start, stop_ramp(&config));
     let axes: Vec<Axis> = config.axes.iter().map(|map| map.axis).collect();

@@ -249,6 +249,11 @@ pub fn plan_settings(config: &Config, start: Position) -> Settings {
     }
 }
 
+/// Elements that the ring must hold, so that the planner can hand in whatever it plans at once; many seconds of motion.
+pub fn ring_capacity(config: &Config) -> usize {
+    plan_settings(config, Position::ZERO).largest_publication()
+}
+
 /// The ramp of holds and stops of a machine.
 pub fn stop_ramp(config: &Config) -> ScaleRamp {
     let axes: Vec<(MotionLimits, StopLimits)> = config

@@ -11,7 +11,7 @@ use crate::bus::network;
 use crate::bus::powerlink::{NODES_MAX, Powerlink, mn_config, node_configs, wall_clock};
 use crate::bus::{Fieldbus, NodeStatistics};
 use crate::config::Config;
-use crate::program::{self, FeedError, Feeder, Overview, stop_ramp};
+use crate::program::{self, FeedError, Feeder, Overview, ring_capacity, stop_ramp};
 use crate::rt::assemble::assemble;
 use crate::rt::pins::CAPACITY;
 use crate::rt::setup::{self, Role, STACK_SIZE, enter_thread};
@@ -35,8 +35,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{Scope, ScopedJoinHandle};
 use std::time::Duration;
 
-/// Elements in the ring: seconds of motion even where every element is a cycle long.
-const RING: usize = 4096;
 /// Pause of the operator's loop.
 const OPERATOR_PAUSE: Duration = Duration::from_millis(10);
 /// Pause of the planner while the ring is full.
@@ -227,7 +225,7 @@ fn attend<'scope, 'env>(
             operator.hear(&report);
         }
         if let Wish::PlanFrom(position) = operator.poll(now_ns) {
-            let (producer, consumer) = ring::channel(RING);
+            let (producer, consumer) = ring::channel(ring_capacity(job.config));
             let feeder = Feeder::new(job.config, job.text, position, producer);
             planner = Some(
                 std::thread::Builder::new()

@@ -11,7 +11,7 @@ use crate::bus::network;
 use crate::bus::powerlink::{NODES_MAX, Powerlink, mn_config, node_configs};
 use crate::config::Config;
 use crate::machine::sequence::Outcome;
-use crate::program::{Feeder, Progress, stop_ramp};
+use crate::program::{Feeder, Progress, ring_capacity, stop_ramp};
 use crate::rt::assemble::assemble;
 use crate::rt::cycle::Control;
 use crate::rt::pins::CAPACITY;
@@ -28,8 +28,6 @@ use powerlink::wire::NetTime;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// Elements in the ring of a rehearsal.
-const RING: usize = 4096;
 /// Cycles between two looks of the operator.
 const OPERATOR_CYCLES: u64 = 10;
 /// Address of the managing node.
@@ -169,7 +167,7 @@ impl<'a> Rehearsal<'a> {
         match self.operator.poll(now_ns) {
             Wish::Nothing => {}
             Wish::PlanFrom(position) => {
-                let (producer, consumer) = ring::channel(RING);
+                let (producer, consumer) = ring::channel(ring_capacity(self.config));
                 self.feeder = Some(Feeder::new(self.config, self.text, position, producer));
                 let program = Interpolator::new(consumer, position, stop_ramp(self.config));
                 self.operator.start(Box::new(program));
