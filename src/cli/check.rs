@@ -5,17 +5,14 @@
 
 use crate::bus::network::{self, NodePlan};
 use crate::config::{self, BusKind, Config, Joint, Profile};
-use crate::rt::pins::Pins;
+use crate::rt::pins::{CAPACITY, Pins};
 use anyhow::Context;
 use hal_pins::Hal;
 use serde_json::{Value as Json, json};
 use std::fmt::{self, Write as _};
-use std::io::Write as _;
+use std::io::{ErrorKind, Write as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
-
-/// Room for the pins and nets of one machine.
-const PINS_MAX: usize = 4096;
 
 /// Arguments of `check`.
 #[derive(Debug, clap::Args)]
@@ -32,43 +29,52 @@ pub struct CheckArgs {
 /// # Errors
 /// Output that cannot be written.
 pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
-    let mut out = std::io::stdout().lock();
     let config = match config::read(&args.machine) {
         Ok(config) => config,
-        Err(errors) if args.json => {
-            writeln!(out, "{:#}", errors.to_json())?;
-            return Ok(ExitCode::FAILURE);
-        }
         Err(errors) => {
-            eprint!("{errors}");
+            if args.json {
+                print(&format!("{:#}\n", errors.to_json()))?;
+            } else {
+                eprint!("{errors}");
+            }
             return Ok(ExitCode::FAILURE);
         }
     };
     let plans = network::plan(&config);
-    match (connections(&config, &plans), args.json) {
-        (Ok(()), false) => write!(out, "{}", Summary(&config, &plans))?,
-        (Ok(()), true) => writeln!(out, "{:#}", to_json(&config, &plans))?,
-        (Err(error), false) => {
-            eprintln!("{}: {error:#}\n1 error in {0}", args.machine.display());
-            return Ok(ExitCode::FAILURE);
+    if let Err(error) = connections(&config, &plans) {
+        let file = args.machine.display();
+        if args.json {
+            let errors = json!([{ "rule": format!("{error:#}") }]);
+            print(&format!(
+                "{:#}\n",
+                json!({ "file": file.to_string(), "errors": errors })
+            ))?;
+        } else {
+            eprintln!("{file}: {error:#}\n1 error in {file}");
         }
-        (Err(error), true) => {
-            let errors = json!({
-                "file": args.machine.display().to_string(),
-                "errors": [{ "rule": format!("{error:#}") }],
-            });
-            writeln!(out, "{errors:#}")?;
-            return Ok(ExitCode::FAILURE);
-        }
+        return Ok(ExitCode::FAILURE);
     }
+    print(&if args.json {
+        format!("{:#}\n", to_json(&config, &plans))
+    } else {
+        Summary(&config, &plans).to_string()
+    })?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Writes to standard output; the reader of a pipe may have seen enough.
+fn print(text: &str) -> std::io::Result<()> {
+    match std::io::stdout().write_all(text.as_bytes()) {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        result => result,
+    }
 }
 
 /// What shows only when the parts are put together: whether the pins exist that nets name.
 fn connections(config: &Config, plans: &[NodePlan]) -> anyhow::Result<()> {
     // A control of this machine may be running: not under its name, and not where it would be found.
     let name = format!("check-{}", std::process::id());
-    Hal::create_in(&[std::env::temp_dir()], &name, PINS_MAX)
+    Hal::create_in(&[std::env::temp_dir()], &name, CAPACITY)
         .and_then(|mut hal| Pins::new(&mut hal, config, plans).map(drop))
         .context("hal")
 }
