@@ -8,7 +8,7 @@
 use super::{NetConfig, SimMachine, VirtualNet};
 use crate::bus::Fieldbus;
 use crate::bus::network;
-use crate::bus::powerlink::{NODES_MAX, Powerlink, mn_config, node_configs};
+use crate::bus::powerlink::{Powerlink, mn_config, node_configs};
 use crate::config::Config;
 use crate::machine::sequence::Outcome;
 use crate::program::{Feeder, Progress, ring_capacity, stop_ramp};
@@ -22,12 +22,15 @@ use crate::service::operator::{Operator, Wish};
 use anyhow::anyhow;
 use hal_pins::Hal;
 use motion::element::Element;
+use motion::plan::Programmed;
 use motion::ring::{self, Producer};
 use motion::rt::Interpolator;
 use powerlink::wire::NetTime;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
+/// Most nodes of a machine that can be rehearsed. A managing node for all ids is too large for the stack of a test thread.
+pub const NODES: usize = 32;
 /// Cycles between two looks of the operator.
 const OPERATOR_CYCLES: u64 = 10;
 /// Address of the managing node.
@@ -36,7 +39,7 @@ const MAC: [u8; 6] = [0x02, 0, 0, 0, 0, 0xF0];
 /// A run on virtual time.
 pub struct Rehearsal<'a> {
     /// The cycle thread's part.
-    pub control: Box<Control<Powerlink<'a, VirtualNet, NODES_MAX>>>,
+    pub control: Box<Control<Powerlink<'a, VirtualNet, NODES>>>,
     /// The operator's part.
     pub operator: Operator,
     /// The pins.
@@ -44,6 +47,7 @@ pub struct Rehearsal<'a> {
     config: &'a Config,
     text: &'a [u8],
     feeder: Option<Feeder<'a, Producer<Element>>>,
+    path: Vec<Programmed>,
     grid: Grid,
     deadline_ns: u64,
     skipped: u64,
@@ -83,6 +87,7 @@ pub fn rehearse<T>(
         config,
         text,
         feeder: None,
+        path: Vec::new(),
         grid,
         deadline_ns: grid.first_after(0),
         skipped: 0,
@@ -101,6 +106,11 @@ impl<'a> Rehearsal<'a> {
     /// Virtual time, ns.
     pub fn now_ns(&mut self) -> u64 {
         self.control.bus_mut().now_ns()
+    }
+
+    /// Programmed path as far as it was planned, before corners were rounded.
+    pub fn path(&self) -> &[Programmed] {
+        &self.path
     }
 
     /// One cycle, `late_ns` after its date.
@@ -176,10 +186,12 @@ impl<'a> Rehearsal<'a> {
     }
 
     fn feed(&mut self) -> anyhow::Result<()> {
-        if let Some(feeder) = &mut self.feeder
-            && feeder.pump().map_err(|error| anyhow!(error.located("program")))? == Progress::Done
-        {
-            self.feeder = None;
+        if let Some(feeder) = &mut self.feeder {
+            let progress = feeder.pump().map_err(|error| anyhow!(error.located("program")))?;
+            self.path.extend(feeder.ideal_path());
+            if progress == Progress::Done {
+                self.feeder = None;
+            }
         }
         Ok(())
     }

@@ -1,0 +1,610 @@
+//! The whole path on virtual time: program text to simulated drives and back, with faults at chosen moments.
+//!
+//! Every run prints its seed; the same seed gives the same octets on the wire and the same bits in the trace.
+
+use cia402::State as Power;
+use isocnc::bus::Fieldbus;
+use isocnc::config::{self, Config};
+use isocnc::machine::sequence::{Outcome, Step};
+use isocnc::machine::state::State;
+use isocnc::program::home;
+use isocnc::sim::rehearsal::{Rehearsal, rehearse};
+use isocnc::sim::{Disturbance, NetConfig};
+use motion::canon::{Axis, Position};
+use motion::plan::deviation;
+use powerlink::nmt::NmtState;
+use std::fmt::Write as _;
+use std::hash::{DefaultHasher, Hasher};
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+const MACHINE: &str = include_str!("../configs/mill3-demo.toml");
+const PART: &str = include_str!("../configs/short-part.ngc");
+/// Node ids of the demo machine's drives: X, Y, Z.
+const DRIVES: [u8; 3] = [1, 2, 3];
+/// Where [`PART`] ends, machine coordinates: work X21 Y16 Z20 plus G54.
+const PART_END: [f64; 3] = [41.0, 36.0, -40.0];
+/// A line of [`PART`] in the midst of the first contour.
+const MIDST: u32 = 18;
+/// No run of these programs takes longer, waits of the sequence included.
+const CYCLES_MAX: u64 = 60_000;
+/// Time after which drives without a managing node have stopped and reset.
+const AFTERMATH_NS: u64 = 1_000_000_000;
+const CYCLE_S: f64 = 1e-3;
+/// Positions are numbers around 100: their rounding, in a difference of third order.
+const ROUNDING_MM: f64 = 1e-12;
+
+fn machine() -> Config {
+    config::parse(MACHINE, Path::new("mill3-demo.toml")).expect("a good machine file")
+}
+
+/// Rehearses `text` on the demo machine.
+fn rehearse_part<T>(net: NetConfig, text: &str, act: impl FnOnce(&mut Rehearsal<'_>) -> T) -> T {
+    rehearse_on(&machine(), net, text, act)
+}
+
+fn rehearse_on<T>(config: &Config, net: NetConfig, text: &str, act: impl FnOnce(&mut Rehearsal<'_>) -> T) -> T {
+    println!("seed {}", net.seed);
+    rehearse(config, text.as_bytes(), net, |run| Ok(act(run))).expect("a machine that can be rehearsed")
+}
+
+/// To the end of everything; a panic with the journal if there is none.
+fn finish(run: &mut Rehearsal<'_>) -> Outcome {
+    let outcome = run.run(CYCLES_MAX).expect("an end");
+    println!("{outcome:?}\n{}", journal(run));
+    assert_eq!((run.control.notices_lost(), run.control.trace_lost()), (0, 0));
+    outcome
+}
+
+/// Up to the moment at which `done` holds.
+fn reach(run: &mut Rehearsal<'_>, what: &str, done: impl FnMut(&mut Rehearsal<'_>) -> bool) {
+    let reached = run.run_until(CYCLES_MAX, done).expect("a good program");
+    assert!(reached, "never {what}:\n{}", journal(run));
+}
+
+fn reach_state(run: &mut Rehearsal<'_>, state: State) {
+    reach(run, state.name(), |run| run.control.state() == state);
+}
+
+fn reach_midst(run: &mut Rehearsal<'_>) {
+    reach(run, "in the midst of the program", |run| {
+        run.operator.live().line >= MIDST
+    });
+}
+
+fn journal(run: &Rehearsal<'_>) -> String {
+    let mut text = String::new();
+    for entry in run.operator.journal() {
+        writeln!(text, "{:9.3} {}", entry.time_s, entry.text).expect("a string takes everything");
+    }
+    text
+}
+
+fn commands(run: &Rehearsal<'_>) -> Vec<[f64; 3]> {
+    let samples = run.operator.recorder.samples();
+    samples.iter().map(|sample| sample.command).collect()
+}
+
+/// Greatest velocity, acceleration and jerk of each joint, from differences of neighbouring cycles.
+fn peaks(commands: &[[f64; 3]]) -> [[f64; 3]; 3] {
+    let mut peaks = [[0.0_f64; 3]; 3];
+    for window in commands.windows(4) {
+        for (joint, peaks) in peaks.iter_mut().enumerate() {
+            let [a, b, c, d] = [0, 1, 2, 3].map(|index: usize| window[index][joint]);
+            let differences = [d - c, d - 2.0 * c + b, d - 3.0 * c + 3.0 * b - a];
+            let mut power = 1.0;
+            for (peak, difference) in peaks.iter_mut().zip(differences) {
+                power *= CYCLE_S;
+                *peak = peak.max((difference.abs() - 8.0 * ROUNDING_MM) / power);
+            }
+        }
+    }
+    peaks
+}
+
+/// Joints follow the axes X, Y, Z on this machine. `stop`: within the limits of stops, else within those of programs.
+fn assert_within_limits(commands: &[[f64; 3]], stop: bool) {
+    assert!(commands.len() > 100, "a program ran: {} cycles", commands.len());
+    for (joint, (peaks, limits)) in peaks(commands).iter().zip(&machine().joints).enumerate() {
+        let [acceleration, jerk] = if stop {
+            [limits.stop.acceleration_mm_s2, limits.stop.jerk_mm_s3]
+        } else {
+            [limits.limits.acceleration_mm_s2, limits.limits.jerk_mm_s3]
+        };
+        for (peak, limit) in peaks.iter().zip([limits.limits.velocity_mm_s, acceleration, jerk]) {
+            assert!(*peak <= limit * (1.0 + 1e-6), "joint {joint}: {peak} above {limit}");
+        }
+    }
+}
+
+fn assert_on_path(run: &Rehearsal<'_>) {
+    let tolerance_mm = machine().program.tolerance_mm;
+    let points: Vec<Position> = commands(run).iter().map(|&[x, y, z]| Position::xyz(x, y, z)).collect();
+    let off_mm = deviation(&points, run.path(), tolerance_mm).off_mm;
+    assert!(off_mm <= tolerance_mm + 1e-9, "{off_mm} mm off the path");
+}
+
+/// Ends of the command: at rest, for the last two samples are one.
+fn assert_ends_at_rest(commands: &[[f64; 3]]) {
+    let [.., before, last] = commands else {
+        panic!("no program ran")
+    };
+    assert_eq!(before, last, "moving when the program was given up");
+}
+
+/// The network is down: whatever still had power gives it up by itself.
+fn assert_powerless(run: &mut Rehearsal<'_>) {
+    run.net().advance(AFTERMATH_NS);
+    for id in DRIVES {
+        let machine = run.net().machine();
+        if machine.nmt_state(id) == Some(NmtState::Off) {
+            continue;
+        }
+        let power = machine.drive_state(id).expect("a drive");
+        assert!(
+            matches!(power, Power::SwitchOnDisabled | Power::Fault),
+            "drive {id} ends in {power:?}"
+        );
+    }
+}
+
+fn assert_part_cut(run: &mut Rehearsal<'_>) {
+    let last = *commands(run).last().expect("a program ran");
+    for (joint, (at_mm, end_mm)) in last.into_iter().zip(PART_END).enumerate() {
+        assert!((at_mm - end_mm).abs() < 1e-9, "joint {joint} at {at_mm}, not {end_mm}");
+        let load_mm = run.net().machine().joint_position_mm(joint).expect("a joint");
+        assert!(
+            (load_mm - end_mm).abs() < 0.01,
+            "load {joint} at {load_mm}, not {end_mm}"
+        );
+    }
+    assert_on_path(run);
+}
+
+fn lost(run: &mut Rehearsal<'_>) -> [u64; 3] {
+    [0, 1, 2].map(|node| run.control.bus_mut().statistics(node).lost)
+}
+
+/// Disturbs the program in its midst now; it must come to rest on its path within the stop limits before any drive is
+/// switched off by the control, and the whole run to an end. Returns the causes of all alarms.
+fn fails_in_order(run: &mut Rehearsal<'_>, disturbance: Disturbance, alive: &[usize]) -> Vec<String> {
+    reach_midst(run);
+    assert_eq!(run.control.state(), State::Running);
+    let now_ns = run.now_ns();
+    run.net().at(now_ns, disturbance);
+    reach_state(run, State::Stopping);
+    reach(run, "at rest", |run| {
+        for &joint in alive {
+            let power = run.net().machine().drive_state(DRIVES[joint]);
+            assert_eq!(power, Some(Power::OperationEnabled), "joint {joint} while stopping");
+        }
+        run.control.state() != State::Stopping
+    });
+    assert_eq!(run.control.state(), State::Faulted);
+    assert_eq!(finish(run), Outcome::Faulted);
+    let commands = commands(run);
+    assert_ends_at_rest(&commands);
+    assert_within_limits(&commands, true);
+    assert_on_path(run);
+    // Where the stop left them.
+    let last = commands[commands.len() - 1];
+    for &joint in alive {
+        let load_mm = run.net().machine().joint_position_mm(joint).expect("a joint");
+        assert!(
+            (load_mm - last[joint]).abs() < 0.05,
+            "load {joint} at {load_mm}, not {}",
+            last[joint]
+        );
+    }
+    assert_powerless(run);
+    run.operator.alarms().iter().map(|alarm| alarm.cause.clone()).collect()
+}
+
+#[test]
+fn a_clean_run_cuts_the_part_and_goes_through_every_step_once() {
+    rehearse_part(NetConfig::clean(1), PART, |run| {
+        let homed = [0, 1, 2].map(|joint| {
+            run.hal
+                .reader::<bool>(&format!("joint.{joint}.homed"))
+                .expect("a pin of every joint")
+        });
+        let mut homed_at = [None; 3];
+        let mut cycle = 0;
+        reach(run, "running", |run| {
+            cycle += 1;
+            for (at, pin) in homed_at.iter_mut().zip(&homed) {
+                if pin.get() {
+                    at.get_or_insert(cycle);
+                }
+            }
+            run.control.state() == State::Running
+        });
+        let [Some(x), Some(y), Some(z)] = homed_at else {
+            panic!("not all homed: {homed_at:?}")
+        };
+        assert!(z < x && z < y, "Z clears the work first: {homed_at:?}");
+
+        assert_eq!(finish(run), Outcome::Completed);
+        assert_eq!(run.operator.alarms(), []);
+        let steps: Vec<&str> = run
+            .operator
+            .journal()
+            .iter()
+            .map(|entry| entry.text.as_str())
+            .filter(|text| text.starts_with("network") || text.starts_with("machine"))
+            .collect();
+        assert_eq!(
+            steps,
+            [
+                "network booting",
+                "network operational",
+                "machine disabled",
+                "machine enabling",
+                "machine ready",
+                "machine homing",
+                "machine ready",
+                "machine homing",
+                "machine ready",
+                "machine running",
+                "machine ready",
+                "machine disabling",
+                "machine disabled",
+                "machine shutting down",
+                "network down",
+                "machine down",
+            ]
+        );
+        assert_part_cut(run);
+        let commands = commands(run);
+        // Homing comes to rest a little behind the switch, and the program starts where the machine stands.
+        for (at_mm, home_mm) in commands[0].into_iter().zip(home(&machine()).0) {
+            assert!((at_mm - home_mm).abs() < 0.1, "starts at {at_mm}");
+        }
+        assert_within_limits(&commands, false);
+        assert_ends_at_rest(&commands);
+        for peaks in run.control.peaks() {
+            assert_eq!(peaks.over, [0; 3], "{peaks:?}");
+        }
+        run.net().advance(AFTERMATH_NS);
+        for id in DRIVES {
+            assert_eq!(run.net().machine().drive_state(id), Some(Power::SwitchOnDisabled));
+        }
+        assert_eq!(lost(run), [0; 3]);
+        assert_eq!(run.operator.late_cycles(), 0);
+        // The relays of spindle and coolant are open again.
+        assert_eq!(run.net().machine().outputs(10), Some([0, 0]));
+    });
+}
+
+/// What a run left: a digest of all frames with their times, the journal, the commands.
+fn traces(seed: u64) -> (u64, String, Vec<[f64; 3]>) {
+    rehearse_part(NetConfig::clean(seed), PART, |run| {
+        let digest = Arc::new(Mutex::new(DefaultHasher::new()));
+        let sink = Arc::clone(&digest);
+        run.net().set_tap(Box::new(move |at_ns, frame| {
+            let mut digest = sink.lock().expect("one thread");
+            digest.write_u64(at_ns);
+            digest.write(frame);
+        }));
+        assert_eq!(finish(run), Outcome::Completed);
+        let digest = digest.lock().expect("one thread").finish();
+        (digest, journal(run), commands(run))
+    })
+}
+
+#[test]
+fn one_seed_gives_one_run_and_another_the_same_path() {
+    let (first, again, other) = (traces(7), traces(7), traces(8));
+    assert!(first == again, "the same seed, another run");
+    assert_ne!(first.0, other.0, "another seed, the same times on the wire");
+    assert!(first.2 == other.2, "the wire has no say in the path");
+}
+
+#[test]
+fn lost_answers_up_to_the_limit_are_counted_and_ridden_out() {
+    let limit = machine().bus.pres_lost_max;
+    assert_eq!(limit, 3);
+    for count in [1, limit] {
+        rehearse_part(NetConfig::clean(2), PART, |run| {
+            reach_midst(run);
+            let before = lost(run);
+            assert_eq!(before, [0; 3]);
+            let now_ns = run.now_ns();
+            run.net().at(now_ns, Disturbance::DropPres { node: 2, count });
+            assert_eq!(finish(run), Outcome::Completed);
+            assert_eq!(lost(run), [0, u64::from(count), 0]);
+            assert_eq!(run.operator.alarms(), []);
+            assert_part_cut(run);
+            assert_within_limits(&commands(run), false);
+        });
+    }
+}
+
+#[test]
+fn more_lost_answers_than_the_limit_stop_all_joints_on_the_path() {
+    rehearse_part(NetConfig::clean(3), PART, |run| {
+        let causes = fails_in_order(run, Disturbance::DropPres { node: 2, count: 5 }, &[0, 2]);
+        assert_eq!(causes, ["y-drive (node 2): lost, it does not answer any more"]);
+        assert_eq!(lost(run)[0], 0);
+    });
+}
+
+#[test]
+fn a_node_dead_in_mid_program_stops_the_others_on_the_path() {
+    for (node, alive, cause) in [
+        (1, &[1, 2][..], "x-drive (node 1): lost, it does not answer any more"),
+        (3, &[0, 1][..], "z-drive (node 3): lost, it does not answer any more"),
+        (10, &[0, 1, 2][..], "io (node 10): lost, it does not answer any more"),
+    ] {
+        for disturbance in [Disturbance::PowerOff { node }, Disturbance::Unplug { node }] {
+            rehearse_part(NetConfig::clean(4), PART, |run| {
+                let causes = fails_in_order(run, disturbance, alive);
+                assert_eq!(causes, [cause], "{disturbance:?}");
+            });
+        }
+    }
+}
+
+#[test]
+fn a_mandatory_node_that_never_answers_ends_the_boot_and_is_named() {
+    rehearse_part(NetConfig::clean(5), PART, |run| {
+        run.net().at(0, Disturbance::PowerOff { node: 2 });
+        assert_eq!(finish(run), Outcome::TimedOut(Step::Network));
+        assert!(journal(run).contains("y-drive (node 2) does not answer"));
+        assert_eq!(commands(run), [[0.0; 3]; 0]);
+    });
+}
+
+#[test]
+fn a_mandatory_node_that_dies_during_boot_ends_it_and_is_named() {
+    for at_ms in [655, 700, 800, 900, 963] {
+        rehearse_part(NetConfig::clean(6), PART, |run| {
+            println!("dies at {at_ms} ms");
+            run.net().at(at_ms * 1_000_000, Disturbance::PowerOff { node: 2 });
+            let outcome = finish(run);
+            assert!(
+                matches!(outcome, Outcome::TimedOut(Step::Network) | Outcome::Faulted),
+                "{outcome:?}"
+            );
+            let named = journal(run).lines().any(|line| {
+                line.contains("y-drive (node 2)") && !line.ends_with("found") && !line.ends_with("operational")
+            });
+            assert!(named, "{}", journal(run));
+            assert_eq!(commands(run), [[0.0; 3]; 0]);
+        });
+    }
+}
+
+#[test]
+fn a_drive_fault_names_axis_and_cause() {
+    rehearse_part(NetConfig::clean(9), PART, |run| {
+        let fault = Disturbance::DriveFault {
+            node: 1,
+            error_code: 0x2310,
+        };
+        let causes = fails_in_order(run, fault, &[1, 2]);
+        assert_eq!(causes.len(), 1, "{causes:?}");
+        let text = cia402::error_text(0x2310);
+        assert!(
+            causes[0].starts_with("axis X (joint 0): ") && causes[0].contains("2310") && causes[0].contains(text),
+            "{causes:?}"
+        );
+    });
+}
+
+#[test]
+fn a_following_error_above_the_limit_stops_the_machine_and_names_the_axis() {
+    let mut config = machine();
+    // The simulated loads lag more than this behind a feed of 60 mm/s.
+    config.joints[1].following_error_mm = 0.05;
+    rehearse_on(&config, NetConfig::clean(10), PART, |run| {
+        assert_eq!(finish(run), Outcome::Faulted);
+        let cause = &run.operator.alarms()[0].cause;
+        assert!(
+            cause.starts_with("axis Y (joint 1): ") && cause.contains("ollowing error"),
+            "{cause}"
+        );
+        assert_powerless(run);
+    });
+}
+
+#[test]
+fn a_fault_during_homing_ends_it_and_is_named() {
+    let fault = Disturbance::DriveFault {
+        node: 1,
+        error_code: 0x7300,
+    };
+    for (disturbance, cause) in [
+        (fault, "axis X (joint 0): drive fault 7300h"),
+        (Disturbance::Unplug { node: 3 }, "z-drive (node 3): lost"),
+    ] {
+        rehearse_part(NetConfig::clean(16), PART, |run| {
+            reach_state(run, State::Homing);
+            run.run_until(300, |_| false).expect("a good program");
+            let now_ns = run.now_ns();
+            run.net().at(now_ns, disturbance);
+            assert_eq!(finish(run), Outcome::Faulted);
+            let first = &run.operator.alarms()[0].cause;
+            assert!(first.starts_with(cause), "{first}");
+            assert_eq!(commands(run), [[0.0; 3]; 0]);
+            assert_powerless(run);
+        });
+    }
+}
+
+#[test]
+fn late_cycles_cost_time_and_no_jump() {
+    let clean = rehearse_part(NetConfig::clean(11), PART, |run| {
+        assert_eq!(finish(run), Outcome::Completed);
+        commands(run)
+    });
+    // A cycle takes 0.2 ms; a date that has passed by less than 0.25 ms is still kept.
+    for (late_us, skipped) in [(300, 0), (5_000, 4)] {
+        rehearse_part(NetConfig::clean(11), PART, |run| {
+            reach_midst(run);
+            run.cycle(late_us * 1000).expect("a good program");
+            assert_eq!(finish(run), Outcome::Completed);
+            assert_eq!(run.operator.late_cycles(), skipped, "late by {late_us} us");
+            assert_eq!(run.operator.live().late_max_ns, late_us * 1000);
+            // One step of the trajectory for every cycle that ran: the very same set-points, only later.
+            assert!(commands(run) == clean, "late by {late_us} us");
+            assert_part_cut(run);
+        });
+    }
+}
+
+/// A wave of short lines, far more of them than the planner takes at a time.
+fn wave(lines: u32) -> String {
+    let mut text = String::from("G21 G90 G94 G54 G64 P0.01\nG0 X0 Y50 Z0\nG1 F6000\n");
+    for line in 1..=lines {
+        let x = f64::from(line) * 0.2;
+        writeln!(text, "X{x:.2} Y{:.4}", 50.0 + 20.0 * (x / 40.0).sin()).expect("a string takes everything");
+    }
+    text + "G0 X10 Y10\nM2\n"
+}
+
+#[test]
+fn a_starving_planner_makes_the_machine_rest_and_go_on() {
+    let text = wave(1200);
+    let [fed, starved] = [1, 1500].map(|feed_every| {
+        rehearse_part(NetConfig::clean(12), &text, |run| {
+            run.feed_every = feed_every;
+            assert_eq!(finish(run), Outcome::Completed);
+            let commands = commands(run);
+            assert_within_limits(&commands, false);
+            assert_on_path(run);
+            commands
+        })
+    });
+    for commands in [&fed, &starved] {
+        let last = commands[commands.len() - 1];
+        let off_mm = [30.0, 30.0, -60.0].iter().zip(last).map(|(end, at)| (end - at).abs());
+        assert!(off_mm.fold(0.0, f64::max) < 1e-9, "ends at {last:?}");
+    }
+    // Rests between the first and the last motion.
+    let rests = |commands: &[[f64; 3]]| {
+        let moves: Vec<bool> = commands.windows(2).map(|pair| pair[0] != pair[1]).collect();
+        moves.windows(2).filter(|pair| pair[0] && !pair[1]).count()
+    };
+    assert!(
+        rests(&starved) > rests(&fed),
+        "{} rests, fed well {}",
+        rests(&starved),
+        rests(&fed)
+    );
+}
+
+#[test]
+fn a_stop_in_mid_program_is_on_the_path_within_the_stop_limits() {
+    for after in [1, 137, 333] {
+        rehearse_part(NetConfig::clean(13), PART, |run| {
+            reach_midst(run);
+            run.run_until(after, |_| false).expect("a good program");
+            let now_ns = run.now_ns();
+            run.operator.stop(now_ns);
+            reach_state(run, State::Stopping);
+            reach(run, "at rest", |run| {
+                for id in DRIVES {
+                    let power = run.net().machine().drive_state(id);
+                    assert_eq!(power, Some(Power::OperationEnabled), "drive {id} while stopping");
+                }
+                run.control.state() != State::Stopping
+            });
+            assert_eq!(run.control.state(), State::Ready);
+            assert_eq!(finish(run), Outcome::Stopped);
+            let commands = commands(run);
+            assert_ends_at_rest(&commands);
+            assert_within_limits(&commands, true);
+            assert_on_path(run);
+            assert_eq!(run.operator.alarms(), []);
+            assert_powerless(run);
+            assert_eq!(run.net().machine().outputs(10), Some([0, 0]));
+        });
+    }
+}
+
+#[test]
+fn a_stop_before_the_program_ends_in_order_wherever_it_comes() {
+    let mut stopped_in = Vec::new();
+    for at_ms in [1, 300, 700, 960, 966, 971, 985, 1_500, 3_000, 3_085, 5_000, 6_625] {
+        rehearse_part(NetConfig::clean(14), PART, |run| {
+            println!("stop at {at_ms} ms");
+            reach(run, "so late", |run| run.now_ns() >= at_ms * 1_000_000);
+            stopped_in.push(run.operator.step());
+            let now_ns = run.now_ns();
+            run.operator.stop(now_ns);
+            assert_eq!(finish(run), Outcome::Stopped);
+            assert_eq!(run.control.state(), State::Down);
+            assert_eq!(run.operator.alarms(), []);
+            assert_eq!(commands(run), [[0.0; 3]; 0]);
+            run.net().advance(AFTERMATH_NS);
+            for id in DRIVES {
+                assert_eq!(run.net().machine().drive_state(id), Some(Power::SwitchOnDisabled));
+            }
+        });
+    }
+    for step in [Step::Network, Step::Enable, Step::Home] {
+        assert!(stopped_in.contains(&step), "none in {step:?}: {stopped_in:?}");
+    }
+}
+
+#[test]
+fn hold_and_override_keep_the_path_and_the_end() {
+    rehearse_part(NetConfig::clean(15), PART, |run| {
+        reach_midst(run);
+        run.hal.set("motion.adaptive-feed", 0.4).expect("a pin");
+        run.run_until(400, |_| false).expect("a good program");
+        run.hal.set("motion.feed-hold", true).expect("a pin");
+        run.run_until(400, |_| false).expect("a good program");
+        let held = run.operator.live();
+        assert_eq!(held.velocity_mm_s, 0.0);
+        run.run_until(100, |_| false).expect("a good program");
+        assert_eq!(run.operator.live().position, held.position);
+        run.hal.set("motion.feed-hold", false).expect("a pin");
+        run.hal.set("motion.adaptive-feed", 1.0).expect("a pin");
+        assert_eq!(finish(run), Outcome::Completed);
+        assert_part_cut(run);
+        assert_within_limits(&commands(run), true);
+    });
+}
+
+#[test]
+fn a_noisy_wire_never_hangs_the_machine() {
+    for seed in [101, 102, 103] {
+        let net = NetConfig {
+            loss: 0.01,
+            ..NetConfig::clean(seed)
+        };
+        rehearse_part(net, PART, |run| match finish(run) {
+            Outcome::Completed => {
+                assert_part_cut(run);
+                assert!(lost(run).iter().sum::<u64>() > 0);
+            }
+            Outcome::Faulted => assert!(!run.operator.alarms().is_empty()),
+            Outcome::TimedOut(step) => assert_eq!(step, Step::Network),
+            Outcome::Stopped => panic!("nobody stopped it"),
+        });
+    }
+}
+
+#[test]
+fn a_wire_that_corrupts_doubles_and_reorders_never_hangs_the_machine() {
+    for seed in [201, 202, 203] {
+        let net = NetConfig {
+            loss: 0.002,
+            duplicate: 0.01,
+            reorder: 0.005,
+            corrupt: 0.002,
+            ..NetConfig::clean(seed)
+        };
+        rehearse_part(net, PART, |run| match finish(run) {
+            Outcome::Completed => {
+                let last = *commands(run).last().expect("a program ran");
+                assert_eq!(last[Axis::X as usize], PART_END[0]);
+            }
+            Outcome::Faulted => assert!(!run.operator.alarms().is_empty()),
+            Outcome::TimedOut(_) => {}
+            Outcome::Stopped => panic!("nobody stopped it"),
+        });
+    }
+}
