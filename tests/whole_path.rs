@@ -569,17 +569,31 @@ fn hold_and_override_keep_the_path_and_the_end() {
 }
 
 #[test]
-fn a_noisy_wire_never_hangs_the_machine() {
+fn a_noisy_wire_is_ridden_out() {
     for seed in [101, 102, 103] {
         let net = NetConfig {
             loss: 0.01,
             ..NetConfig::clean(seed)
         };
+        // Losses of that share hit neighbouring polls all the time, but hardly ever more than the limit in a row.
+        rehearse_part(net, PART, |run| {
+            assert_eq!(finish(run), Outcome::Completed);
+            assert_part_cut(run);
+            assert_within_limits(&commands(run), false);
+            assert!(lost(run).iter().sum::<u64>() > 100, "{:?}", lost(run));
+        });
+    }
+}
+
+#[test]
+fn a_very_noisy_wire_never_hangs_the_machine() {
+    for seed in 111..117 {
+        let net = NetConfig {
+            loss: 0.08,
+            ..NetConfig::clean(seed)
+        };
         rehearse_part(net, PART, |run| match finish(run) {
-            Outcome::Completed => {
-                assert_part_cut(run);
-                assert!(lost(run).iter().sum::<u64>() > 0);
-            }
+            Outcome::Completed => assert_part_cut(run),
             Outcome::Faulted => assert!(!run.operator.alarms().is_empty()),
             Outcome::TimedOut(step) => assert_eq!(step, Step::Network),
             Outcome::Stopped => panic!("nobody stopped it"),
