@@ -1,0 +1,365 @@
+//! Both real-time threads ask nothing of the allocator after start-up, faults included.
+//!
+//! A counting allocator stands in front of the system's; it counts for one thread, and only while the code of that
+//! thread is real-time code. The wire and the simulated machine behind it stand for the kernel and are left out.
+
+use isocnc::bus::network;
+use isocnc::bus::powerlink::{Powerlink, mn_config, node_configs};
+use isocnc::bus::{BusState, Fieldbus};
+use isocnc::config;
+use isocnc::machine::state::State;
+use isocnc::program::{Feeder, Progress, ring_capacity, stop_ramp};
+use isocnc::rt::assemble::assemble;
+use isocnc::rt::jitter::Jitter;
+use isocnc::rt::pins::CAPACITY;
+use isocnc::rt::shared::Command;
+use isocnc::rt::thread::grid;
+use isocnc::rt::timeout::{Event, Limits, REPORTS, Watch, Watchdog};
+use isocnc::service::operator::{Operator, Wish};
+use isocnc::sim::{Disturbance, NetConfig, SimMachine, VirtualNet};
+use motion::ring;
+use motion::rt::Interpolator;
+use powerlink::link::memory;
+use powerlink::link::raw::{RawConfig, RawLink};
+use powerlink::link::{Link, LinkError, Received};
+use powerlink::wire::NetTime;
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::fmt::Write as _;
+use std::path::Path;
+use std::sync::Arc;
+
+thread_local! {
+    static COUNTING: Cell<bool> = const { Cell::new(false) };
+    static CALLS: Cell<u64> = const { Cell::new(0) };
+}
+
+/// Counts what asks the system's allocator for something or gives it back.
+struct Counting;
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn count() {
+    if COUNTING.get() {
+        CALLS.set(CALLS.get() + 1);
+    }
+}
+
+// SAFETY: every call goes to the system's allocator as it came; counting touches two cells that need no allocation.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller keeps the contract of this very method.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller keeps the contract of this very method.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count();
+        // SAFETY: the caller keeps the contract of this very method.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        count();
+        // SAFETY: the caller keeps the contract of this very method.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+/// Calls of the allocator, frees included, while `work` runs.
+fn calls(work: impl FnOnce()) -> u64 {
+    CALLS.set(0);
+    COUNTING.set(true);
+    work();
+    COUNTING.set(false);
+    CALLS.get()
+}
+
+/// A link whose own work is not counted.
+struct Aside<L>(L);
+
+fn aside<T>(work: impl FnOnce() -> T) -> T {
+    let counting = COUNTING.replace(false);
+    let done = work();
+    COUNTING.set(counting);
+    done
+}
+
+impl<L: Link> Link for Aside<L> {
+    fn now_ns(&mut self) -> u64 {
+        aside(|| self.0.now_ns())
+    }
+
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        aside(|| self.0.send(frame))
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], deadline_ns: u64) -> Result<Option<Received>, LinkError> {
+        aside(|| self.0.receive(buffer, deadline_ns))
+    }
+}
+
+#[test]
+fn the_counter_counts() {
+    assert_eq!(calls(|| drop(std::hint::black_box(Box::new(1)))), 2);
+    assert_eq!(calls(|| aside(|| drop(std::hint::black_box(vec![0; 9])))), 0);
+}
+
+/// Squares of 100 mm with rounded corners, spindle and coolant, some 40 s long.
+fn squares() -> String {
+    let mut text = String::from("G21 G90 G94 G54 G64 P0.01 T1 M6\nS1000 M3\nG0 X0 Y0 Z5\nG1 Z0 F6000\n");
+    for _ in 0..8 {
+        writeln!(
+            text,
+            "X100\nG3 X110 Y10 J10\nG1 Y100\nM8\nG2 X100 Y110 I-10 F3000\nG1 X0 F6000\nM9\nY0"
+        )
+        .expect("a string takes everything");
+    }
+    text + "G4 P0.1\nM5\nM2\n"
+}
+
+#[test]
+fn the_cycle_never_allocates() {
+    const NODES: usize = 8;
+    const SEED: u64 = 20;
+    println!("seed {SEED}");
+    let config = config::parse(include_str!("../configs/mill3-demo.toml"), Path::new("m.toml")).expect("good");
+    let text = squares();
+    let plans = network::plan(&config);
+    let nodes = node_configs(&config.bus, &plans);
+    let net = VirtualNet::new(SimMachine::new(&config).expect("simulated"), NetConfig::clean(SEED));
+    let bus = Powerlink::<_, NODES>::new(
+        mn_config(&config, &nodes, [2, 0, 0, 0, 0, 0xF0]),
+        Aside(net),
+        Arc::new(Watch::default()),
+        NetTime::default,
+    )
+    .expect("a network");
+    let name = format!("no-allocation-{}", std::process::id());
+    let mut hal = hal_pins::Hal::create_in(&[std::env::temp_dir()], &name, CAPACITY).expect("pins");
+    let (control, inlets) = assemble(&config, &plans, bus, &mut hal).expect("a control");
+    let mut control = Box::new(control);
+    let mut operator = Operator::new(&config, inlets, 0);
+
+    let grid = grid(&config);
+    let (mut deadline_ns, mut skipped) = (grid.first_after(0), 0);
+    let mut allocations = 0;
+    // One cycle, as the cycle thread does it.
+    let mut cycle = |control: &mut isocnc::rt::cycle::Control<Powerlink<'_, Aside<VirtualNet>, NODES>>, late_ns| {
+        allocations += calls(|| control.bus_mut().serve(deadline_ns));
+        let net = &mut control.bus_mut().link_mut().0;
+        let behind_ns = deadline_ns.saturating_sub(net.now_ns());
+        net.advance(behind_ns + late_ns);
+        let late_ns = net.now_ns() - deadline_ns;
+        allocations += calls(|| control.cycle(late_ns, skipped, deadline_ns + grid.period_ns * 9 / 10));
+        let next = grid.next(deadline_ns, control.bus_mut().now_ns());
+        (deadline_ns, skipped) = (next.deadline_ns, next.skipped);
+    };
+
+    // Boot, enabling and homing: counted as well.
+    let mut feeder = None;
+    for _ in 0..20_000 {
+        cycle(&mut control, 0);
+        let now_ns = control.bus_mut().now_ns();
+        if let Wish::PlanFrom(position) = operator.poll(now_ns) {
+            let (producer, consumer) = ring::channel(ring_capacity(&config));
+            feeder = Some(Feeder::new(&config, text.as_bytes(), position, producer));
+            operator.start(Box::new(Interpolator::new(consumer, position, stop_ramp(&config))));
+        }
+        if control.state() == State::Running {
+            break;
+        }
+    }
+    assert_eq!(control.state(), State::Running, "{:?}", operator.journal());
+    let mut feeder = feeder.expect("a program");
+    let mut planned = false;
+
+    // The program, with all that can happen to it. Every ring that leads out of real time runs full meanwhile.
+    let mut cycles = 0_u32;
+    while cycles < 12_000 {
+        if !planned {
+            planned = feeder.pump().expect("a good program") == Progress::Done;
+        }
+        let now_ns = control.bus_mut().now_ns();
+        let net = &mut control.bus_mut().link_mut().0;
+        match cycles {
+            1_000 => net.at(now_ns, Disturbance::DropPres { node: 1, count: 1 }),
+            1_500 => net.at(now_ns, Disturbance::DropPres { node: 10, count: 3 }),
+            2_500 => hal.set("motion.adaptive-feed", 0.5).expect("a pin"),
+            4_000 => hal.set("motion.adaptive-feed", 1.0).expect("a pin"),
+            5_000 => operator.give(Command::Hold),
+            6_000 => {
+                assert_eq!(control.state(), State::Held);
+                operator.give(Command::Resume);
+            }
+            7_000 => hal.set("motion.feed-hold", true).expect("a pin"),
+            7_500 => hal.set("motion.feed-hold", false).expect("a pin"),
+            _ => {}
+        }
+        cycle(
+            &mut control,
+            match cycles {
+                2_000 => 300_000,
+                2_200 => 5_000_000,
+                _ => 0,
+            },
+        );
+        assert!(
+            matches!(control.state(), State::Running | State::Held),
+            "cycle {cycles}: {:?}",
+            control.state()
+        );
+        cycles += 1;
+    }
+    let live = operator.live();
+    assert!(live.line > 10 && live.cycles_skipped == 4, "{live:?}");
+    assert!(control.trace_lost() > 0, "a full ring was part of it");
+
+    // A node dies: alarm, controlled stop, quick stop; then power off and network down.
+    let now_ns = control.bus_mut().now_ns();
+    control
+        .bus_mut()
+        .link_mut()
+        .0
+        .at(now_ns, Disturbance::PowerOff { node: 2 });
+    for _ in 0..500 {
+        cycle(&mut control, 0);
+    }
+    assert_eq!(control.state(), State::Faulted);
+    operator.give(Command::Acknowledge);
+    for _ in 0..100 {
+        cycle(&mut control, 0);
+    }
+    operator.give(Command::ShutDown);
+    for _ in 0..500 {
+        cycle(&mut control, 0);
+    }
+    assert_eq!(
+        (control.state(), control.bus_mut().state()),
+        (State::Down, BusState::Down)
+    );
+    assert_eq!(allocations, 0, "calls of the allocator in real time");
+}
+
+#[test]
+fn the_time_out_thread_never_allocates() {
+    const TICK_NS: u64 = 50_000;
+    const CYCLE_NS: u64 = 1_000_000;
+    let watch = Arc::new(Watch::default());
+    let mut watchdog = Watchdog::new(Arc::clone(&watch), Limits::new(CYCLE_NS, TICK_NS));
+    let (mut reports, mut seen) = rtrb::RingBuffer::new(REPORTS);
+    let mut full = 0;
+    let allocations = calls(|| {
+        for tick in 0..20_000_u64 {
+            let now_ns = (tick + 20) * TICK_NS;
+            let cycle = now_ns / CYCLE_NS;
+            // The cycle thread hangs through the last tenth; some of its polls and slots stay unanswered before.
+            if tick.is_multiple_of(20) && tick < 18_000 {
+                watch.begin_cycle(cycle, now_ns);
+                watch.begin_poll(1, now_ns + 120_000);
+                watch.begin_async(2, now_ns + 300_000);
+                if cycle.is_multiple_of(3) {
+                    watch.end_poll();
+                    watch.end_async();
+                }
+                watch.end_cycle(cycle);
+            }
+            watchdog.tick(now_ns, |report| full += u64::from(reports.push(report).is_err()));
+        }
+    });
+    assert_eq!(allocations, 0, "calls of the allocator in real time");
+    let counters = watch.counters();
+    assert_eq!(
+        (counters.ticks, counters.polls_lost, counters.async_lost),
+        (20_000, 600, 600)
+    );
+    assert!(full > 0, "a full ring was part of it");
+    assert!(!watch.soc_allowed(), "a hung cycle thread was part of it");
+    let first = seen.pop().expect("a report");
+    assert!(matches!(first.event, Event::PresTimeout { node: 1 }), "{first:?}");
+}
+
+#[test]
+fn statistics_of_jitter_never_allocate() {
+    let mut jitter = Jitter::new(1_000_000);
+    let allocations = calls(|| {
+        for exponent in 0..64 {
+            for _ in 0..200 {
+                jitter.record(1 << exponent);
+            }
+        }
+    });
+    assert_eq!(allocations, 0, "calls of the allocator in real time");
+}
+
+/// Calls of the allocator for 10,000 frames from `near` to `far` and as many answers.
+fn frames(near: &mut impl Link, far: &mut impl Link) -> u64 {
+    const WAIT_NS: u64 = 5_000_000_000;
+    let mut frame = [0x5A; 300];
+    frame[..6].copy_from_slice(&[0x01, 0x11, 0x1E, 0, 0, 1]);
+    frame[6..12].copy_from_slice(&[0x02, 0, 0, 0, 0, 0xF0]);
+    frame[12..14].copy_from_slice(&[0x88, 0xAB]);
+    let mut buffer = [0; 1514];
+    let mut received = 0;
+    let allocations = calls(|| {
+        for number in 0..10_000_u32 {
+            frame[20..24].copy_from_slice(&number.to_le_bytes());
+            for far_to_near in [false, true] {
+                let now_ns = far.now_ns();
+                let got = if far_to_near {
+                    far.send(&frame)
+                        .and_then(|()| near.receive(&mut buffer, now_ns + WAIT_NS))
+                } else {
+                    near.send(&frame)
+                        .and_then(|()| far.receive(&mut buffer, now_ns + WAIT_NS))
+                };
+                received +=
+                    u32::from(matches!(got, Ok(Some(Received { length: 300, .. })) if buffer[20..24] == frame[20..24]));
+            }
+            // Nothing there: the receiver looks in vain.
+            let now_ns = near.now_ns();
+            received += u32::from(matches!(near.receive(&mut buffer, now_ns), Ok(Some(_))));
+        }
+    });
+    assert_eq!(received, 20_000);
+    allocations
+}
+
+#[test]
+fn the_wire_in_memory_never_allocates() {
+    let (mut near, mut far) = memory::pair(1000);
+    assert_eq!(frames(&mut near, &mut far), 0, "calls of the allocator in real time");
+}
+
+#[test]
+fn a_raw_socket_never_allocates() {
+    // Its own frames come back on the loopback interface; other traffic there is not POWERLINK.
+    let mut link = match RawLink::open("lo", RawConfig::default()) {
+        Ok(link) => link,
+        Err(error) => {
+            println!("SKIPPED: {error}");
+            return;
+        }
+    };
+    let mut frame = [0x5A; 300];
+    frame[..6].copy_from_slice(&[0x01, 0x11, 0x1E, 0, 0, 1]);
+    frame[12..14].copy_from_slice(&[0x88, 0xAB]);
+    let mut buffer = [0; 1514];
+    let (mut sent, mut received) = (0, 0);
+    let allocations = calls(|| {
+        for _ in 0..10_000 {
+            sent += u32::from(link.send(&frame).is_ok());
+            let now_ns = link.now_ns();
+            received += u32::from(matches!(link.receive(&mut buffer, now_ns + 1_000_000_000), Ok(Some(_))));
+        }
+    });
+    assert_eq!(allocations, 0, "calls of the allocator in real time");
+    assert_eq!((sent, received), (10_000, 10_000));
+}
