@@ -1,0 +1,180 @@
+//! The sources of both real-time threads name nothing that locks, allocates or writes files, but at start-up.
+//!
+//! In:  the text of the files that run in real time, tests left out.
+//! Out: every use of a word of [`FORBIDDEN`] in a function that is not in [`START_UP`].
+//!
+//! What a file does not name can still be hidden behind a call: `no_allocation.rs` counts. This test finds what a run
+//! may happen not to pass.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Files, and folders with all that is in them.
+const REAL_TIME: [&str; 12] = [
+    "src/rt/cycle.rs",
+    "src/rt/drives.rs",
+    "src/rt/pins.rs",
+    "src/rt/thread.rs",
+    "src/rt/timeout.rs",
+    "src/rt/wait.rs",
+    "src/rt/jitter.rs",
+    "src/bus/powerlink.rs",
+    "motion/src/rt",
+    "motion/src/ring.rs",
+    "powerlink/src/mn",
+    "cia402/src/axis",
+];
+
+const FORBIDDEN: [&str; 31] = [
+    // Locks and queues that lock.
+    "Mutex",
+    "RwLock",
+    "Condvar",
+    "Barrier",
+    "OnceLock",
+    "LazyLock",
+    "mpsc",
+    "park(",
+    "thread::sleep",
+    "thread::spawn",
+    "thread::Builder",
+    "JoinHandle",
+    // Allocation.
+    "vec!",
+    "Vec::new",
+    "with_capacity",
+    "Box::new",
+    "Arc::new",
+    "Rc::new",
+    "String::",
+    "format!",
+    "to_string(",
+    "to_owned(",
+    "to_vec(",
+    ".collect(",
+    "HashMap",
+    "BTreeMap",
+    // Files and terminals.
+    "println!",
+    "eprint",
+    "std::fs",
+    "std::io",
+    "std::net",
+];
+
+/// What runs before real time begins or after it has ended: file, function, why.
+const START_UP: [(&str, &str, &str); 10] = [
+    (
+        "src/rt/cycle.rs",
+        "peaks",
+        "read by the report when the cycle thread is gone",
+    ),
+    ("src/rt/drives.rs", "new", "makes the list of drives"),
+    ("src/rt/pins.rs", "object_name", "names are given when pins are made"),
+    ("src/rt/pins.rs", "new", "makes and links the pins"),
+    (
+        "src/rt/timeout.rs",
+        "",
+        "the handle of the thread, in imports and the type that ordinary threads hold",
+    ),
+    ("src/rt/timeout.rs", "spawn", "starts the thread"),
+    (
+        "src/bus/powerlink.rs",
+        "node_configs",
+        "made of the machine file at start-up",
+    ),
+    ("src/bus/powerlink.rs", "new", "makes the bus"),
+    ("motion/src/rt/monitor.rs", "new", "makes the monitor"),
+    ("motion/src/ring.rs", "channel", "makes the ring"),
+];
+
+fn files(root: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for name in REAL_TIME {
+        let path = root.join(name);
+        if path.is_file() {
+            files.push(path);
+            continue;
+        }
+        let before = files.len();
+        for entry in std::fs::read_dir(&path).unwrap_or_else(|error| panic!("{name}: {error}")) {
+            let path = entry.expect("a readable folder").path();
+            let is_test = path.file_stem().is_some_and(|stem| stem == "tests");
+            if path.extension().is_some_and(|extension| extension == "rs") && !is_test {
+                files.push(path);
+            }
+        }
+        assert!(files.len() > before, "{name}: no source in it");
+    }
+    files
+}
+
+/// Name of the function that a line begins.
+fn function(line: &str) -> Option<&str> {
+    let line = line.trim_start();
+    let (before, after) = line.split_once("fn ")?;
+    let introduces = before
+        .split_whitespace()
+        .all(|word| matches!(word, "pub" | "const" | "unsafe" | "pub(crate)" | "pub(super)"));
+    introduces.then(|| after.split(['(', '<']).next().unwrap_or(after))
+}
+
+/// Line number, function and word of each forbidden use before the tests of a file.
+fn uses(text: &str) -> Vec<(usize, String, &'static str)> {
+    let mut uses = Vec::new();
+    let mut current = String::new();
+    for (number, line) in (1..).zip(text.lines()) {
+        if line.trim_start().starts_with("#[cfg(test)]") {
+            break;
+        }
+        if let Some(name) = function(line) {
+            current = name.to_owned();
+        } else if line.starts_with("pub struct") || line.starts_with("impl") || line.starts_with("use ") {
+            current.clear();
+        }
+        let code = line.split("//").next().unwrap_or(line);
+        let found = FORBIDDEN.into_iter().filter(|word| code.contains(word));
+        uses.extend(found.map(|word| (number, current.clone(), word)));
+    }
+    uses
+}
+
+#[test]
+fn real_time_sources_name_no_lock_no_allocation_no_file() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut needed = BTreeSet::new();
+    let mut found = Vec::new();
+    for path in files(root) {
+        let name = path.strip_prefix(root).expect("inside").display().to_string();
+        let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{name}: {error}"));
+        for (line, function, word) in uses(&text) {
+            match START_UP
+                .iter()
+                .find(|(file, known, _)| *file == name && *known == function)
+            {
+                Some((file, known, _)) => _ = needed.insert((*file, *known)),
+                None => found.push(format!("{name}:{line}: `{word}` in `{function}`")),
+            }
+        }
+    }
+    assert!(
+        found.is_empty(),
+        "real-time code that may lock, allocate or wait:\n{}",
+        found.join("\n")
+    );
+    let idle: Vec<_> = START_UP
+        .iter()
+        .filter(|(file, function, _)| !needed.contains(&(*file, *function)))
+        .collect();
+    assert!(idle.is_empty(), "exceptions that nothing needs: {idle:?}");
+}
+
+#[test]
+fn uses_are_found_with_their_function_and_comments_and_tests_are_not() {
+    let text = "use std::sync::Mutex;\nimpl X {\n    pub fn step(&self) { // no vec!\n        let a = vec![1];\n    }\n}\n\
+                #[cfg(test)]\nmod tests { fn t() { format!(); } }\n";
+    assert_eq!(
+        uses(text),
+        [(1, String::new(), "Mutex"), (4, "step".to_owned(), "vec!")]
+    );
+}
