@@ -193,12 +193,13 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// Limits for a cycle and a tick: late by a quarter cycle, hung after 5 cycles.
-    pub fn new(period_ns: u64, tick_ns: u64) -> Limits {
+    /// Limits for a cycle and a tick: late by a quarter cycle; hung two cycles after the nodes have given up waiting for
+    /// the SoC, which they do after `soc_lost_max` cycles.
+    pub fn new(period_ns: u64, tick_ns: u64, soc_lost_max: u32) -> Limits {
         Limits {
             period_ns,
             late_ns: period_ns / 4,
-            hung_cycles: 5,
+            hung_cycles: soc_lost_max + 2,
             tick_ns,
         }
     }
