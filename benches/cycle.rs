@@ -39,7 +39,10 @@ fn median_ns(calls: u32, mut act: impl FnMut()) -> f64 {
 
 fn main() -> anyhow::Result<()> {
     let config = config::parse(MACHINE, Path::new("mill3-demo.toml"))?;
-    println!("load average       {}", std::fs::read_to_string("/proc/loadavg").unwrap_or_default().trim());
+    println!(
+        "load average       {}",
+        std::fs::read_to_string("/proc/loadavg").unwrap_or_default().trim()
+    );
 
     let (producer, consumer) = ring::channel(ring_capacity(&config));
     let mut feeder = Feeder::new(&config, PROGRAM, home(&config), producer);

@@ -317,24 +317,26 @@ fn length_of(index: u16, sub: u8) -> Option<u8> {
     })
 }
 
+/// What is mapped where the machine file does not say. Positions stand last: network analysers guess safety frames from
+/// the first octets of a payload, and a position can look like one.
 fn default_mapping(key: &str, profile: Profile) -> Vec<Mapped> {
     let object = |index, sub, bits| Mapped { index, sub, bits };
     match (profile, key) {
         (Profile::Cia402, "outputs") => {
             vec![
                 object(0x6040, 0, 16),
-                object(0x607A, 0, 32),
                 object(0x6060, 0, 8),
                 object(0x60FE, 1, 32),
+                object(0x607A, 0, 32),
             ]
         }
         (Profile::Cia402, _) => vec![
             object(0x6041, 0, 16),
-            object(0x6064, 0, 32),
-            object(0x60F4, 0, 32),
             object(0x6061, 0, 8),
             object(0x60FD, 0, 32),
             object(0x603F, 0, 16),
+            object(0x6064, 0, 32),
+            object(0x60F4, 0, 32),
         ],
         (Profile::Io, "outputs") => vec![object(0x6200, 1, 8), object(0x6200, 2, 8)],
         (Profile::Io, _) => vec![object(0x6000, 1, 8), object(0x6000, 2, 8)],

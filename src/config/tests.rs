@@ -90,7 +90,7 @@ fn the_demo_machine_is_read_whole() {
     assert_eq!(x.identity.device_type, Some(0x0002_0192));
     assert_eq!((x.identity.vendor_id, x.identity.product_code), (Some(0), None));
     assert_eq!(
-        x.outputs[3],
+        x.outputs[2],
         Mapped {
             index: 0x60FE,
             sub: 1,
@@ -173,9 +173,9 @@ fn what_is_left_out_has_its_default() {
         config.bus.nodes[0].outputs,
         [
             object(0x6040, 0, 16),
-            object(0x607A, 0, 32),
             object(0x6060, 0, 8),
-            object(0x60FE, 1, 32)
+            object(0x60FE, 1, 32),
+            object(0x607A, 0, 32)
         ]
     );
     assert_eq!(

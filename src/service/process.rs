@@ -163,7 +163,11 @@ fn run_on<L: Link + Send>(
     let stop = AtomicBool::new(false);
     let (figures, path) = std::thread::scope(|scope| -> anyhow::Result<_> {
         let (reports, mut watch_reports) = rtrb::RingBuffer::new(timeout::REPORTS);
-        let limits = Limits::new(grid(config).period_ns, u64::from(config.rt.timeout_us) * 1000, config.bus.soc_lost_max);
+        let limits = Limits::new(
+            grid(config).period_ns,
+            u64::from(config.rt.timeout_us) * 1000,
+            config.bus.soc_lost_max,
+        );
         let timeouts = TimeoutThread::spawn(Arc::clone(process), Arc::clone(&watch), limits, reports)?;
         let cycle = std::thread::Builder::new()
             .name("rt-cycle".into())
