@@ -253,7 +253,7 @@ fn the_time_out_thread_never_allocates() {
     const TICK_NS: u64 = 50_000;
     const CYCLE_NS: u64 = 1_000_000;
     let watch = Arc::new(Watch::default());
-    let mut watchdog = Watchdog::new(Arc::clone(&watch), Limits::new(CYCLE_NS, TICK_NS));
+    let mut watchdog = Watchdog::new(Arc::clone(&watch), Limits::new(CYCLE_NS, TICK_NS, 3));
     let (mut reports, mut seen) = rtrb::RingBuffer::new(REPORTS);
     let mut full = 0;
     let allocations = calls(|| {

@@ -50,7 +50,7 @@ fn moves(text: &str) -> [usize; 3] {
 
 #[test]
 fn the_sample_part_is_whole() {
-    assert_eq!(moves(include_str!("../configs/sample-part.ngc")), [87, 49, 20]);
+    assert_eq!(moves(include_str!("../configs/sample-part.ngc")), [88, 49, 20]);
 }
 
 #[test]
