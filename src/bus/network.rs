@@ -32,8 +32,10 @@ pub fn plan(config: &Config) -> Vec<NodePlan> {
             let mut dcf = configuration(&mut octets);
             dcf.write(0x1006, 0, config.cycle_us);
             dcf.write(0x1C14, 0, config.bus.soc_lost_max * config.cycle_us * 1000);
-            // The node gives a run of lost polls up when the control does; its default is two within eight cycles.
-            dcf.write(0x1C0D, 3, LOSS_COUNT * (config.bus.pres_lost_max + 1));
+            // Polls that get lost on the wire are judged by the control, which misses the answers. To a node, a control
+            // too late to poll is one too late for its SoC; by default it would bear only one within eight cycles.
+            let polls_lost_max = config.bus.soc_lost_max.max(config.bus.pres_lost_max + 1);
+            dcf.write(0x1C0D, 3, LOSS_COUNT * polls_lost_max);
             dcf.map(0x1400, 0x1600, &node.outputs);
             dcf.map(0x1800, 0x1A00, &node.inputs);
             if node.profile == Profile::Cia402
