@@ -178,9 +178,10 @@ impl Ended {
         without
     }
 
-    /// Another control of the same name was running on this PC, not one of ours.
+    /// Another control of the same name was running on this PC, of this user or of another one; not one of ours.
     fn was_taken(&self) -> bool {
-        self.status.code() == Some(1) && self.errors.contains(TAKEN)
+        let foreign = self.errors.contains("isocnc-hal.") && self.errors.contains("Permission denied");
+        self.status.code() == Some(1) && (foreign || self.errors.contains(TAKEN))
     }
 
     fn report(&self) -> Value {
@@ -210,16 +211,23 @@ fn binary() -> &'static Path {
     Path::new(env!("CARGO_BIN_EXE_isocnc"))
 }
 
-/// Runs a demo, with `act` while the program moves the machine; again while another control of the name runs.
+/// Runs a demo, with `act` while the program moves the machine.
 fn demo(program: &str, arguments: &[&str], mut act: impl FnMut(&mut Demo)) -> (TempDir, Ended) {
-    let give_up = Instant::now() + PATIENCE;
-    loop {
-        let folder = folder();
-        let mut demo = Demo::start(binary(), folder.path(), program, arguments, None);
+    unless_taken(|folder| {
+        let mut demo = Demo::start(binary(), folder, program, arguments, None);
         if demo.wait_for("machine running") {
             act(&mut demo);
         }
-        let ended = demo.end();
+        demo.end()
+    })
+}
+
+/// Does it again while another control of the name runs.
+fn unless_taken(mut run: impl FnMut(&Path) -> Ended) -> (TempDir, Ended) {
+    let give_up = Instant::now() + PATIENCE;
+    loop {
+        let folder = folder();
+        let ended = run(folder.path());
         if !ended.was_taken() || Instant::now() > give_up {
             return (folder, ended);
         }
@@ -319,16 +327,15 @@ fn signals_stop_the_program_in_order() {
 #[test]
 fn a_signal_during_boot_ends_the_demo_in_order() {
     let _alone = alone();
-    let folder = folder();
-    let mut demo = Demo::start(binary(), folder.path(), LONG, &[], None);
-    if demo.wait_for("network booting") {
-        demo.signal(Signal::SIGINT);
-    }
-    let ended = demo.end();
-    if !ended.was_taken() {
-        assert_eq!(ended.status.code(), Some(130));
-        assert_eq!(ended.report()["result"], "stopped");
-    }
+    let (_folder, ended) = unless_taken(|folder| {
+        let mut demo = Demo::start(binary(), folder, LONG, &[], None);
+        if demo.wait_for("network booting") {
+            demo.signal(Signal::SIGINT);
+        }
+        demo.end()
+    });
+    assert_eq!(ended.status.code(), Some(130));
+    assert_eq!(ended.report()["result"], "stopped");
 }
 
 #[test]
@@ -412,14 +419,12 @@ fn an_ordinary_user_runs_the_same_or_is_told_what_is_missing() {
         println!("SKIPPED: only root can become another user, and this test runs as an ordinary one already");
         return;
     }
-    let folder = folder();
-    let copy = folder.path().join("isocnc");
-    std::fs::copy(binary(), &copy).expect("our folder");
-    std::fs::set_permissions(&copy, PermissionsExt::from_mode(0o755)).expect("our file");
-    let ended = Demo::start(&copy, folder.path(), SHORT, &[], Some(NOBODY)).end();
-    if ended.was_taken() {
-        return;
-    }
+    let (_folder, ended) = unless_taken(|folder| {
+        let copy = folder.join("isocnc");
+        std::fs::copy(binary(), &copy).expect("our folder");
+        std::fs::set_permissions(&copy, PermissionsExt::from_mode(0o755)).expect("our file");
+        Demo::start(&copy, folder, SHORT, &[], Some(NOBODY)).end()
+    });
     // Without real time the drives may be lost to a busy PC; then the alarm says so, and the warning why.
     if ended.status.code() == Some(0) {
         assert_completed(&ended);
