@@ -517,6 +517,8 @@ fn a_stop_in_mid_program_is_on_the_path_within_the_stop_limits() {
             assert_within_limits(&commands, true);
             assert_on_path(run);
             assert_eq!(run.operator.alarms(), []);
+            // The control's own monitor judges a stop by the limits of stops.
+            assert!(run.control.peaks().iter().all(|peaks| peaks.over == [0; 3]));
             assert_powerless(run);
             assert_eq!(run.net().machine().outputs(10), Some([0, 0]));
         });
@@ -565,6 +567,7 @@ fn hold_and_override_keep_the_path_and_the_end() {
         assert_eq!(finish(run), Outcome::Completed);
         assert_part_cut(run);
         assert_within_limits(&commands(run), true);
+        assert!(run.control.peaks().iter().all(|peaks| peaks.over == [0; 3]));
     });
 }
 

@@ -74,8 +74,10 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
         .iter()
         .map(|map| {
             let limits = &config.joints[map.joints[0]].limits;
+            let of_order = [limits.velocity_mm_s, limits.acceleration_mm_s2, limits.jerk_mm_s3];
             MonitorLimits {
-                of_order: [limits.velocity_mm_s, limits.acceleration_mm_s2, limits.jerk_mm_s3],
+                of_order,
+                scaling: of_order,
             }
         })
         .collect();
@@ -97,7 +99,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
             interpolator.acknowledge_action();
         }
         let values: Vec<f64> = axes.iter().map(|axis| sample.position[*axis]).collect();
-        monitor.see(&values);
+        monitor.see(&values, false);
         samples.push(sample.position);
         match sample.state {
             SampleState::Finished => break,

@@ -75,6 +75,11 @@ fn monitor_limits(joint: &Joint) -> MonitorLimits {
     let limits = &joint.limits;
     MonitorLimits {
         of_order: [limits.velocity_mm_s, limits.acceleration_mm_s2, limits.jerk_mm_s3],
+        scaling: [
+            limits.velocity_mm_s,
+            joint.stop.acceleration_mm_s2,
+            joint.stop.jerk_mm_s3,
+        ],
     }
 }
 

@@ -451,12 +451,13 @@ impl<B: Fieldbus> Control<B> {
 
     /// The last look at what leaves for the drives: numbers, inside the travel, within the limits.
     fn check_commands(&mut self) {
-        if self.program.is_none() {
+        let Some(program) = &self.program else {
             self.parts.monitor.restart();
             return;
-        }
+        };
+        let scaling = program.is_scaling();
         const SLACK_MM: f64 = 1e-6;
-        if let Some(joint) = self.parts.monitor.see(&self.command_mm[..self.joints]) {
+        if let Some(joint) = self.parts.monitor.see(&self.command_mm[..self.joints], scaling) {
             self.fault(Fault::IllegalCommand { joint });
         }
         for joint in 0..self.joints {

@@ -146,6 +146,11 @@ impl Interpolator {
         self.ramp.is_at_rest() || self.at_planned_rest()
     }
 
+    /// Whether the share of the planned speed is on its way to another one. RT.
+    pub fn is_scaling(&self) -> bool {
+        !self.at_planned_rest() && self.ramp.is_changing()
+    }
+
     /// Time from full speed to rest in a hold, s.
     pub fn ramp_s(&self) -> f64 {
         self.ramp.ramp_s()

@@ -5,25 +5,31 @@
 //!
 //! For a true motion with |jerk| <= J the third difference divided by T³ is a weighted mean of the jerk and never above
 //! J, and likewise for velocity and acceleration: what is over is really over, but for rounding. RT.
+//!
+//! While the speed of the plan is being scaled (a hold, a stop, an override on its way), the limits of stops count.
 
 /// Limits of one joint: mm (degrees) and seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MonitorLimits {
-    /// Velocity, acceleration and jerk.
+    /// Velocity, acceleration and jerk of a plan.
     pub of_order: [f64; 3],
+    /// The same while its speed is being scaled.
+    pub scaling: [f64; 3],
 }
 
 /// Greatest differences of one joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Peaks {
-    /// Velocity, acceleration and jerk.
+    /// Velocity, acceleration and jerk while the plan ran at a steady share of its speed.
     pub of_order: [f64; 3],
-    /// Cycles over a limit, for each of them.
+    /// Cycles over the limit of that moment, for each of them.
     pub over: [u64; 3],
 }
 
 /// Share by which a difference may pass its limit before it counts: rounding of positions.
 const SLACK: f64 = 1e-6;
+/// Cycles for which a change of scale is seen in a difference of third order.
+const SCALING_SEEN: u8 = 4;
 /// Rounding of a commanded position, mm.
 const ROUNDING_MM: f64 = 1e-11;
 
@@ -41,6 +47,8 @@ struct JointMonitor {
 pub struct Monitor {
     joints: Box<[JointMonitor]>,
     cycle_s: f64,
+    /// Cycles for which the scaling of the plan's speed is still seen.
+    scaling: u8,
 }
 
 impl Monitor {
@@ -55,7 +63,11 @@ impl Monitor {
                 peaks: Peaks::default(),
             })
             .collect();
-        Monitor { joints, cycle_s }
+        Monitor {
+            joints,
+            cycle_s,
+            scaling: 0,
+        }
     }
 
     /// Forgets the last positions, not the peaks: after a jump that is none, such as homing. RT.
@@ -65,9 +77,16 @@ impl Monitor {
         }
     }
 
-    /// Takes the positions of a cycle; returns the first joint whose position is no number. RT.
-    pub fn see(&mut self, positions: &[f64]) -> Option<usize> {
+    /// Takes the positions of a cycle, `scaling` if the plan's speed is being scaled; returns the first joint whose
+    /// position is no number. RT.
+    pub fn see(&mut self, positions: &[f64], scaling: bool) -> Option<usize> {
         let mut illegal = None;
+        self.scaling = if scaling {
+            SCALING_SEEN
+        } else {
+            self.scaling.saturating_sub(1)
+        };
+        let steady = self.scaling == 0;
         for (index, (joint, &position)) in self.joints.iter_mut().zip(positions).enumerate() {
             if !position.is_finite() {
                 illegal = illegal.or(Some(index));
@@ -85,8 +104,13 @@ impl Monitor {
                 power *= self.cycle_s;
                 let value = (difference / power).abs();
                 let rounding = f64::from(1_u32 << (order + 1)) * ROUNDING_MM / power;
-                joint.peaks.of_order[order] = joint.peaks.of_order[order].max(value);
-                let over = value > joint.limits.of_order[order] * (1.0 + SLACK) + rounding;
+                let limit = if steady {
+                    joint.peaks.of_order[order] = joint.peaks.of_order[order].max(value);
+                    joint.limits.of_order[order]
+                } else {
+                    joint.limits.scaling[order]
+                };
+                let over = value > limit * (1.0 + SLACK) + rounding;
                 joint.peaks.over[order] += u64::from(over);
             }
             joint.last = [position, q1, q2];
@@ -107,6 +131,7 @@ mod tests {
 
     const LIMITS: MonitorLimits = MonitorLimits {
         of_order: [10.0, 100.0, 1000.0],
+        scaling: [10.0, 200.0, 4000.0],
     };
 
     #[test]
@@ -114,7 +139,7 @@ mod tests {
         let mut monitor = Monitor::new(&[LIMITS], 0.01);
         for cycle in 0..20 {
             let t = f64::from(cycle) * 0.01;
-            monitor.see(&[500.0 * t.powi(3) / 6.0]);
+            monitor.see(&[500.0 * t.powi(3) / 6.0], false);
         }
         let (_, peaks) = monitor.peaks().next().unwrap();
         assert!((peaks.of_order[2] - 500.0).abs() < 1e-3, "{peaks:?}");
@@ -125,7 +150,7 @@ mod tests {
     fn a_jump_is_over_every_limit_and_counted() {
         let mut monitor = Monitor::new(&[LIMITS], 0.01);
         for position in [0.0, 0.0, 0.0, 0.0, 1.0] {
-            monitor.see(&[position]);
+            monitor.see(&[position], false);
         }
         assert_eq!(monitor.peaks().next().unwrap().1.over, [1, 1, 1]);
     }
@@ -133,6 +158,21 @@ mod tests {
     #[test]
     fn what_is_no_number_is_named() {
         let mut monitor = Monitor::new(&[LIMITS, LIMITS], 0.01);
-        assert_eq!(monitor.see(&[0.0, f64::NAN]), Some(1));
+        assert_eq!(monitor.see(&[0.0, f64::NAN], false), Some(1));
+    }
+
+    #[test]
+    fn a_change_of_scale_is_judged_by_the_limits_of_stops() {
+        // 3000 mm/s3: above the plan's limit, within that of stops.
+        for (scaling, over) in [(false, 17), (true, 0)] {
+            let mut monitor = Monitor::new(&[LIMITS], 0.01);
+            for cycle in 0..20 {
+                let t = f64::from(cycle) * 0.01;
+                monitor.see(&[3000.0 * t.powi(3) / 6.0], scaling);
+            }
+            let (_, peaks) = monitor.peaks().next().unwrap();
+            assert_eq!(peaks.over[2], over, "{peaks:?}");
+            assert_eq!(peaks.of_order[2] > 0.0, !scaling);
+        }
     }
 }

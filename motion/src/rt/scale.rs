@@ -79,6 +79,11 @@ impl ScaleRamp {
         self.share == 0.0 && self.rate == 0.0
     }
 
+    /// Whether the share is on its way to another one.
+    pub fn is_changing(&self) -> bool {
+        self.rate != 0.0
+    }
+
     /// Takes a share at once: where the plan itself is at rest.
     pub fn jump(&mut self, share: f64) {
         self.share = share.clamp(0.0, 1.0);
