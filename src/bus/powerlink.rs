@@ -218,6 +218,10 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
                     let now_ns = self.link.now_ns();
                     self.mn.receive(now_ns, &self.buffer[..received.length]);
                     self.show_outstanding();
+                    // A wire that is flooded with frames must not keep this thread beyond its date.
+                    if now_ns >= deadline_ns {
+                        return;
+                    }
                 }
                 Ok(None) if wait_ns >= deadline_ns => return,
                 Ok(None) => {}
