@@ -7,12 +7,15 @@ use isocnc::bus::Fieldbus;
 use isocnc::config::{self, Config};
 use isocnc::machine::sequence::{Outcome, Step};
 use isocnc::machine::state::State;
-use isocnc::program::home;
+use isocnc::program::{home, stop_ramp};
+use isocnc::rt::shared::Command;
 use isocnc::sim::rehearsal::{Rehearsal, rehearse};
 use isocnc::sim::{Disturbance, NetConfig};
 use motion::canon::{Axis, Position};
 use motion::plan::deviation;
+use motion::rt::Interpolator;
 use powerlink::nmt::NmtState;
+use powerlink::wire::{Header, Soc, multicast};
 use std::fmt::Write as _;
 use std::hash::{DefaultHasher, Hasher};
 use std::path::Path;
@@ -624,4 +627,212 @@ fn a_wire_that_corrupts_doubles_and_reorders_never_hangs_the_machine() {
             Outcome::Stopped => panic!("nobody stopped it"),
         });
     }
+}
+
+/// Orders outside the sequence, and cycles until the machine has got where they lead.
+fn order(run: &mut Rehearsal<'_>, command: Command, state: State) {
+    run.operator.give(command);
+    reach_state(run, state);
+}
+
+fn loads(run: &mut Rehearsal<'_>) -> [f64; 3] {
+    [0, 1, 2].map(|joint| run.net().machine().joint_position_mm(joint).expect("a joint"))
+}
+
+/// Switches the drives off in mid-program: on the path to rest first, power off then.
+fn disable_in_midst(run: &mut Rehearsal<'_>) {
+    reach_midst(run);
+    order(run, Command::Disable, State::Stopping);
+    reach(run, "at rest", |run| {
+        for id in DRIVES {
+            let power = run.net().machine().drive_state(id);
+            assert_eq!(power, Some(Power::OperationEnabled), "drive {id} while stopping");
+        }
+        run.control.state() != State::Stopping
+    });
+    let commands = commands(run);
+    assert_ends_at_rest(&commands);
+    assert_within_limits(&commands, true);
+    assert_on_path(run);
+    reach_state(run, State::Disabled);
+    assert_eq!(run.net().machine().outputs(10), Some([0, 0]));
+}
+
+#[test]
+fn drives_switched_off_in_mid_program_rest_first_and_no_old_program_moves_them_when_they_are_on_again() {
+    rehearse_part(NetConfig::clean(21), PART, |run| {
+        disable_in_midst(run);
+        let cycles = commands(run).len();
+        let before = loads(run);
+        order(run, Command::Enable, State::Ready);
+        run.run_until(500, |_| false).expect("a good program");
+        assert_eq!(commands(run).len(), cycles, "the program has gone on");
+        for (at_mm, before_mm) in loads(run).into_iter().zip(before) {
+            assert!((at_mm - before_mm).abs() < 0.01, "moved from {before_mm} to {at_mm}");
+        }
+        assert_eq!(run.operator.alarms(), []);
+    });
+}
+
+#[test]
+fn a_shut_down_in_mid_program_rests_on_the_path_first() {
+    rehearse_part(NetConfig::clean(22), PART, |run| {
+        reach_midst(run);
+        order(run, Command::ShutDown, State::Stopping);
+        // A later, lesser wish changes nothing.
+        run.operator.give(Command::Disable);
+        reach_state(run, State::ShuttingDown);
+        let commands = commands(run);
+        assert_ends_at_rest(&commands);
+        assert_within_limits(&commands, true);
+        assert_on_path(run);
+        reach_state(run, State::Down);
+        assert_powerless(run);
+        assert_eq!(run.operator.alarms(), []);
+    });
+}
+
+#[test]
+fn a_program_from_elsewhere_is_refused_before_anything_moves() {
+    rehearse_part(NetConfig::clean(23), PART, |run| {
+        disable_in_midst(run);
+        order(run, Command::Enable, State::Ready);
+        let before = loads(run);
+        let (_producer, consumer) = motion::ring::channel(4);
+        let config = machine();
+        let mut elsewhere = run.operator.live().position;
+        elsewhere[Axis::X] += 1.0;
+        let program = Interpolator::new(consumer, elsewhere, stop_ramp(&config));
+        order(run, Command::Start(Box::new(program)), State::Faulted);
+        run.run_until(100, |_| false).expect("a good program");
+        for (at_mm, before_mm) in loads(run).into_iter().zip(before) {
+            assert!((at_mm - before_mm).abs() < 0.01, "moved from {before_mm} to {at_mm}");
+        }
+        assert!(run.operator.alarms()[0].cause.starts_with("axis X (joint 0): command"));
+    });
+}
+
+#[test]
+fn a_node_lost_while_the_drives_are_off_wants_an_acknowledge() {
+    rehearse_part(NetConfig::clean(24), PART, |run| {
+        disable_in_midst(run);
+        let now_ns = run.now_ns();
+        run.net().at(now_ns, Disturbance::Unplug { node: 10 });
+        reach_state(run, State::Faulted);
+        assert_eq!(finish(run), Outcome::Faulted);
+        let causes: Vec<&str> = run.operator.alarms().iter().map(|alarm| alarm.cause.as_str()).collect();
+        assert_eq!(causes, ["io (node 10): lost, it does not answer any more"]);
+    });
+}
+
+#[test]
+fn a_held_machine_begins_nothing_and_a_feed_that_is_no_number_holds_it() {
+    let text = "G21 G90 G94 G54\nG1 X5 F600\nM3 S1000\nG1 X10\nM2\n";
+    for not_moving in [0.0, f64::NAN] {
+        rehearse_part(NetConfig::clean(25), text, |run| {
+            let spindle = run.hal.reader::<bool>("spindle.0.on").expect("a pin");
+            // So near the end of the first move that the ramp reaches it.
+            reach(run, "near the end of the first move", |run| {
+                run.operator.live().line == 2 && run.operator.live().position[Axis::X] > 25.0 - 0.01
+            });
+            run.hal.set("motion.adaptive-feed", not_moving).expect("a pin");
+            run.run_until(500, |_| false).expect("a good program");
+            let held = run.operator.live();
+            assert_eq!(
+                (held.line, held.velocity_mm_s),
+                (3, 0.0),
+                "rests before the spindle's line"
+            );
+            assert!(!spindle.get(), "the spindle started in a hold");
+            run.hal.set("motion.adaptive-feed", 1.0).expect("a pin");
+            reach(run, "at the second move", |run| run.operator.live().line == 4);
+            assert!(spindle.get());
+            assert_eq!(finish(run), Outcome::Completed);
+            assert!(!spindle.get());
+        });
+    }
+}
+
+#[test]
+fn the_answer_to_the_last_tool_change_does_not_answer_the_next() {
+    let mut config = machine();
+    config.nets.retain(|net| net.name != "tool-change-loop");
+    rehearse_on(&config, NetConfig::clean(26), "G21 G90\nT1 M6\nM2\n", |run| {
+        run.hal.set("iocontrol.0.tool-changed", true).expect("a pin");
+        let asked = run.hal.reader::<bool>("iocontrol.0.tool-change").expect("a pin");
+        reach_state(run, State::Running);
+        run.run_until(300, |_| false).expect("a good program");
+        assert_eq!((run.control.state(), asked.get()), (State::Running, false));
+        run.hal.set("iocontrol.0.tool-changed", false).expect("a pin");
+        reach(run, "asked for a tool", |_| asked.get());
+        run.run_until(300, |_| false).expect("a good program");
+        assert_eq!((run.control.state(), asked.get()), (State::Running, true));
+        run.hal.set("iocontrol.0.tool-changed", true).expect("a pin");
+        assert_eq!(finish(run), Outcome::Completed);
+        assert!(!asked.get());
+    });
+}
+
+/// A SoC of another managing node arrives.
+fn hear_foreign_master(run: &mut Rehearsal<'_>) {
+    let header = Header::multicast(multicast::SOC, [2, 0, 0, 0, 0, 9], 240);
+    let mut frame = [0; 60];
+    let length = Soc::default().emit(&header, &mut frame).expect("room for a SoC");
+    run.net().inject(&frame[..length]);
+}
+
+#[test]
+fn another_managing_node_is_told_of_and_nothing_starts_beside_it() {
+    for at_ms in [300, 700, 800, 960] {
+        rehearse_part(NetConfig::clean(27), PART, |run| {
+            println!("heard at {at_ms} ms");
+            reach(run, "so late", |run| run.now_ns() >= at_ms * 1_000_000);
+            assert_eq!(run.control.state(), State::Booting);
+            hear_foreign_master(run);
+            assert_eq!(finish(run), Outcome::Faulted);
+            assert!(
+                run.operator.alarms()[0]
+                    .cause
+                    .starts_with("another managing node is on the wire: 02:00:00:00:00:09")
+            );
+            assert_eq!(commands(run), [[0.0; 3]; 0]);
+        });
+    }
+}
+
+#[test]
+fn another_managing_node_in_mid_program_stops_the_machine_on_the_path() {
+    rehearse_part(NetConfig::clean(28), PART, |run| {
+        reach_midst(run);
+        hear_foreign_master(run);
+        reach_state(run, State::Stopping);
+        assert_eq!(finish(run), Outcome::Faulted);
+        let commands = commands(run);
+        assert_ends_at_rest(&commands);
+        assert_within_limits(&commands, true);
+        assert_on_path(run);
+        assert_powerless(run);
+    });
+}
+
+#[test]
+fn after_an_acknowledge_the_machine_is_enabled_anew_and_stands_still() {
+    rehearse_part(NetConfig::clean(29), PART, |run| {
+        reach_midst(run);
+        let now_ns = run.now_ns();
+        let fault = Disturbance::DriveFault {
+            node: 1,
+            error_code: 0x2310,
+        };
+        run.net().at(now_ns, fault);
+        reach(run, "faulted", |run| run.control.state() == State::Faulted);
+        // Before the sequence, which looks every ten cycles, switches off.
+        run.operator.give(Command::Acknowledge);
+        reach_state(run, State::Disabled);
+        let before = loads(run);
+        order(run, Command::Enable, State::Ready);
+        for (at_mm, before_mm) in loads(run).into_iter().zip(before) {
+            assert!((at_mm - before_mm).abs() < 0.01, "moved from {before_mm} to {at_mm}");
+        }
+    });
 }

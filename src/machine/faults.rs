@@ -2,6 +2,9 @@
 //!
 //! In:  a fault, from wherever it was seen.
 //! Out: the reaction of the whole machine, and a sentence for the operator.
+//!
+//! What is ridden out by itself is no fault: answers lost up to the limit are counted by the managing node, cycles that
+//! begin late by the cycle thread.
 
 use crate::bus::NodeIndex;
 use cia402::axis::AxisFault;
@@ -10,13 +13,6 @@ use powerlink::link::LinkError;
 /// Something that is wrong. Joints and nodes by their place in the machine file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
-    /// A polled node did not answer this many times in a row, but not too many.
-    AnswerLost {
-        /// The node.
-        node: NodeIndex,
-        /// Polls in a row.
-        in_row: u32,
-    },
     /// A mandatory node did not answer more polls in a row than are ridden out, or left the network.
     NodeLost {
         /// The node.
@@ -49,11 +45,6 @@ pub enum Fault {
     IllegalCommand {
         /// The joint.
         joint: usize,
-    },
-    /// The cycle began late, but within its period.
-    CycleLate {
-        /// Lateness, ns.
-        late_ns: u64,
     },
     /// Whole cycles had to be left out.
     CyclesSkipped {
@@ -91,9 +82,7 @@ impl Fault {
     pub fn reaction(&self) -> Reaction {
         match self {
             // A full queue loses one frame, which shows as an answer lost.
-            Fault::AnswerLost { .. }
-            | Fault::CycleLate { .. }
-            | Fault::CyclesSkipped { .. }
+            Fault::CyclesSkipped { .. }
             | Fault::LinkFailed {
                 error: LinkError::NoBuffers,
             } => Reaction::Count,
@@ -110,10 +99,24 @@ impl Fault {
         }
     }
 
+    /// Whether boot-up goes on in spite of it: the time limit of boot-up is the operator's, and what stays wrong shows again
+    /// behind it. Another managing node is no such thing: it is told of once and may only fall silent by itself.
+    pub fn is_usual_in_boot(&self) -> bool {
+        match self {
+            Fault::NodeLost { .. } | Fault::LinkFailed { .. } => true,
+            Fault::Drive { .. }
+            | Fault::FollowingError { .. }
+            | Fault::SoftLimit { .. }
+            | Fault::IllegalCommand { .. }
+            | Fault::CyclesSkipped { .. }
+            | Fault::CycleHung
+            | Fault::ForeignMaster { .. } => false,
+        }
+    }
+
     /// A sentence for the operator; `node` and `joint` name those of the machine file.
     pub fn text(&self, node: impl Fn(NodeIndex) -> String, joint: impl Fn(usize) -> String) -> String {
         match *self {
-            Fault::AnswerLost { node: index, in_row } => format!("{}: {in_row} polls in a row unanswered", node(index)),
             Fault::NodeLost { node: index } => format!("{}: lost, it does not answer any more", node(index)),
             Fault::Drive { joint: index, fault } => format!("{}: {fault}", joint(index)),
             Fault::FollowingError {
@@ -138,7 +141,6 @@ impl Fault {
                     joint(index)
                 )
             }
-            Fault::CycleLate { late_ns } => format!("cycle {} us late", late_ns / 1000),
             Fault::CyclesSkipped { cycles } => format!("{cycles} cycles left out"),
             Fault::CycleHung => "cycle thread hung; the network was silenced".into(),
             Fault::ForeignMaster {

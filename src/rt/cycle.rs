@@ -6,14 +6,14 @@
 //! RT: nothing in [`Control::cycle`] allocates, locks, waits for another thread or touches a file; every loop is
 //! bounded by the number of nodes, joints or ring slots. Budget in `benches/cycle.rs`.
 
-use super::drives::Drives;
+use super::drives::{Drive, Drives};
 use super::pins::Pins;
 use super::shared::{Command, Live, Notice, Snapshot, TimedNotice, Trace};
-use crate::bus::{BusEvent, BusState, CycleReport, Fieldbus, InputImage, NodeState, OutputImage};
+use crate::bus::{BusEvent, BusState, CycleReport, Fieldbus, InputImage, NodeIndex, NodeState, OutputImage};
 use crate::config::JOINTS_MAX;
 use crate::machine::faults::{Fault, Reaction};
 use crate::machine::state::State;
-use cia402::axis::{Request, Status};
+use cia402::axis::{AxisFault, Request, Status};
 use motion::canon::Position;
 use motion::element::Action;
 use motion::rt::{Interpolator, Kinematics, Monitor, Peaks, Sample, SampleState};
@@ -23,6 +23,22 @@ use std::sync::Arc;
 const COMMANDS_PER_CYCLE: usize = 4;
 /// Bus events that are passed on in one cycle at the most.
 const BUS_EVENTS_PER_CYCLE: usize = 8;
+
+/// Distance between the place where a program begins and the place where a joint stands, mm, that is rounding only.
+const START_SLACK_MM: f64 = 1e-3;
+/// Rounding of a commanded position against the travel, mm.
+const TRAVEL_SLACK_MM: f64 = 1e-6;
+
+/// What follows once a moving machine has come to rest; of two wishes the one that goes further counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum AfterStop {
+    /// Drives hold their position.
+    Ready,
+    /// Drives are switched off.
+    Disable,
+    /// Drives are switched off, then the network goes down.
+    ShutDown,
+}
 
 /// Ends of the rings that lead out of real time.
 pub struct Outlets {
@@ -66,6 +82,8 @@ pub struct Control<B> {
     joints: usize,
 
     state: State,
+    after_stop: AfterStop,
+    /// Present while running, held or stopping and never else, so that no old program commands drives switched on anew.
     program: Option<Box<Interpolator>>,
     sample: Sample,
     command_mm: [f64; JOINTS_MAX],
@@ -85,13 +103,14 @@ pub struct Control<B> {
 impl<B: Fieldbus> Control<B> {
     /// A machine whose network is down.
     pub fn new(bus: B, parts: Parts, outlets: Outlets) -> Control<B> {
-        let joints = parts.drives.iter().count();
+        let joints = parts.drives.iter().len();
         Control {
             bus,
             parts,
             outlets,
             joints,
             state: State::Booting,
+            after_stop: AfterStop::Ready,
             program: None,
             sample: Sample::resting(Position::ZERO),
             command_mm: [0.0; JOINTS_MAX],
@@ -172,7 +191,7 @@ impl<B: Fieldbus> Control<B> {
             let Some(event) = self.bus.pop_event() else { break };
             self.notice(Notice::Bus(event));
             match event {
-                BusEvent::NodeLost(node) if self.parts.mandatory[node] && self.state != State::Booting => {
+                BusEvent::NodeLost(node) if self.parts.mandatory[node] => {
                     self.fault(Fault::NodeLost { node });
                 }
                 BusEvent::ForeignMaster(mac) => self.fault(Fault::ForeignMaster { mac }),
@@ -191,22 +210,13 @@ impl<B: Fieldbus> Control<B> {
         if !self.under_command() {
             return;
         }
-        for joint in 0..self.joints {
-            let Some(drive) = self.parts.drives.iter().nth(joint) else {
-                break;
-            };
-            if let Some(fault) = drive.fault() {
-                self.fault(Fault::Drive { joint, fault });
-            } else if drive.status() == Status::Enabled {
-                let (error_mm, limit_mm) = (drive.following_error_mm(), drive.following_error_max_mm());
-                if error_mm.abs() > limit_mm {
-                    self.fault(Fault::FollowingError {
-                        joint,
-                        error_mm,
-                        limit_mm,
-                    });
-                }
-            }
+        // Beside the events, of which a burst may lose some.
+        if let Some(node) = self.mandatory_node_down() {
+            self.fault(Fault::NodeLost { node });
+        }
+        let mut drives = self.parts.drives.iter().enumerate();
+        if let Some(fault) = drives.find_map(|(joint, drive)| drive_fault(joint, drive)) {
+            self.fault(fault);
         }
     }
 
@@ -225,40 +235,75 @@ impl<B: Fieldbus> Control<B> {
 
     /// Does what the table of faults says.
     fn fault(&mut self, fault: Fault) {
-        let first = !self.fault_seen && fault.reaction() > Reaction::Count;
-        match fault.reaction() {
+        let reaction = fault.reaction();
+        match reaction {
             Reaction::Count => {
                 self.notice(Notice::Fault { fault, first: false });
                 return;
             }
-            Reaction::ControlledStop if self.state == State::Booting => return,
             Reaction::ControlledStop | Reaction::Silence => {}
         }
-        if !first {
+        if self.state == State::Booting && fault.is_usual_in_boot() {
             return;
         }
-        self.fault_seen = true;
-        self.notice(Notice::Fault { fault, first });
-        if fault.reaction() == Reaction::Silence {
-            self.enter(State::Faulted);
+        if !self.fault_seen {
+            self.fault_seen = true;
+            self.notice(Notice::Fault { fault, first: true });
+        } else if reaction == Reaction::ControlledStop {
+            // The first cause has set everything going.
             return;
         }
-        match self.state {
+        match (reaction, self.state) {
+            (Reaction::Count, _) | (_, State::Faulted | State::ShuttingDown | State::Down) => {}
+            (Reaction::Silence, _) => {
+                self.end_program();
+                self.enter(State::Faulted);
+            }
             // To rest on the path first; `step_state` goes on to the quick stop.
-            State::Running | State::Held | State::Stopping => self.enter(State::Stopping),
-            State::Enabling | State::Ready | State::Homing => self.quick_stop(),
-            State::Booting
-            | State::Disabled
-            | State::Disabling
-            | State::Faulted
-            | State::ShuttingDown
-            | State::Down => {}
+            (Reaction::ControlledStop, State::Running | State::Held | State::Stopping) => {
+                self.stop_then(AfterStop::Ready);
+            }
+            (
+                Reaction::ControlledStop,
+                State::Booting | State::Disabled | State::Enabling | State::Ready | State::Homing | State::Disabling,
+            ) => self.quick_stop(),
         }
     }
 
     fn quick_stop(&mut self) {
         self.parts.drives.request(u64::MAX, Request::QuickStop);
         self.enter(State::Faulted);
+    }
+
+    /// Brings a machine that moves to rest on its path; `step_state` goes on from there.
+    fn stop_then(&mut self, then: AfterStop) {
+        self.after_stop = if self.state == State::Stopping {
+            self.after_stop.max(then)
+        } else {
+            then
+        };
+        self.enter(State::Stopping);
+    }
+
+    /// Goes on from rest, as the wish was or as the fault wants it.
+    fn after_stop(&mut self) {
+        self.end_program();
+        match (self.after_stop, self.fault_seen) {
+            (AfterStop::Ready | AfterStop::Disable, true) => self.quick_stop(),
+            (AfterStop::Ready, false) => self.enter(State::Ready),
+            (AfterStop::Disable, false) => self.switch_off(State::Disabling),
+            (AfterStop::ShutDown, false) => self.switch_off(State::ShuttingDown),
+            (AfterStop::ShutDown, true) => {
+                self.quick_stop();
+                self.enter(State::ShuttingDown);
+            }
+        }
+    }
+
+    fn switch_off(&mut self, next: State) {
+        self.parts.pins.all_off();
+        self.parts.drives.request(u64::MAX, Request::Disable);
+        self.enter(next);
     }
 
     fn take_orders(&mut self) {
@@ -289,14 +334,7 @@ impl<B: Fieldbus> Control<B> {
                 self.enter(State::Homing);
             }
             (Command::Start(program), State::Ready) if self.parts.drives.all(|drive| drive.is_homed()) => {
-                if let Some(before) = self.program.replace(program) {
-                    self.give_back(before);
-                }
-                self.hold = false;
-                self.waiting = None;
-                self.program_cycles = 0;
-                self.sample.state = SampleState::Starved;
-                self.enter(State::Running);
+                self.start(program);
             }
             (Command::Start(program), _) => self.give_back(program),
             (Command::Hold, State::Running) => self.hold = true,
@@ -309,16 +347,11 @@ impl<B: Fieldbus> Control<B> {
                     self.enter(State::Running);
                 }
             }
-            (Command::Stop, State::Running | State::Held) => self.enter(State::Stopping),
-            (Command::Stop, State::Homing) => {
-                self.parts.drives.request(u64::MAX, Request::Disable);
-                self.enter(State::Disabling);
-            }
-            (Command::Disable, State::Enabling | State::Ready | State::Homing | State::Running | State::Held)
-            | (Command::Disable, State::Stopping) => {
-                self.parts.pins.all_off();
-                self.parts.drives.request(u64::MAX, Request::Disable);
-                self.enter(State::Disabling);
+            (Command::Stop, State::Running | State::Held) => self.stop_then(AfterStop::Ready),
+            (Command::Disable, State::Running | State::Held | State::Stopping) => self.stop_then(AfterStop::Disable),
+            // A drive that homes is on no path: it stops by its own ramp.
+            (Command::Stop, State::Homing) | (Command::Disable, State::Enabling | State::Ready | State::Homing) => {
+                self.switch_off(State::Disabling)
             }
             (Command::Acknowledge, State::Faulted) => {
                 self.fault_seen = false;
@@ -326,12 +359,9 @@ impl<B: Fieldbus> Control<B> {
                 self.enter(State::Disabling);
             }
             (Command::ShutDown, State::ShuttingDown | State::Down) => {}
-            (Command::ShutDown, _) => {
-                // The network follows once the drives are without power: see `step_state`.
-                self.parts.pins.all_off();
-                self.parts.drives.request(u64::MAX, Request::Disable);
-                self.enter(State::ShuttingDown);
-            }
+            (Command::ShutDown, State::Running | State::Held | State::Stopping) => self.stop_then(AfterStop::ShutDown),
+            // The network follows once the drives are without power: see `step_state`.
+            (Command::ShutDown, _) => self.switch_off(State::ShuttingDown),
             (Command::Enable, _)
             | (Command::Home(_), _)
             | (Command::Hold, _)
@@ -342,26 +372,47 @@ impl<B: Fieldbus> Control<B> {
         }
     }
 
+    /// Runs a program, if it begins where every joint stands: one planned from elsewhere would begin with a jump.
+    fn start(&mut self, program: Box<Interpolator>) {
+        let mut begin_mm = [0.0; JOINTS_MAX];
+        let begin_mm = &mut begin_mm[..self.joints];
+        self.parts.kinematics.inverse(&program.position(), begin_mm);
+        let mut joints = begin_mm.iter().zip(self.parts.drives.iter());
+        let far = joints.position(|(begin_mm, drive)| {
+            let off_mm = (begin_mm - drive.command_mm()).abs();
+            off_mm.is_nan() || off_mm > START_SLACK_MM
+        });
+        if let Some(joint) = far {
+            self.give_back(program);
+            self.fault(Fault::IllegalCommand { joint });
+            return;
+        }
+        self.program = Some(program);
+        self.hold = false;
+        self.waiting = None;
+        self.program_cycles = 0;
+        self.sample.state = SampleState::Starved;
+        self.enter(State::Running);
+    }
+
     /// Goes on to the next state where the drives and the network are ready for it.
     fn step_state(&mut self) {
         let all = |wanted: Status| self.parts.drives.all(|drive| drive.status() == wanted);
         match self.state {
-            State::Booting if self.bus.state() == BusState::Operational && self.mandatory_nodes_up() => {
-                self.enter(State::Disabled);
-            }
+            State::Booting if self.network_up() && self.drives_off() => self.enter(State::Disabled),
             State::Enabling if all(Status::Enabled) => self.enter(State::Ready),
             State::Homing if all(Status::Enabled) => self.enter(State::Ready),
             State::Running if self.hold && self.at_rest() => self.enter(State::Held),
-            State::Running if self.sample.state == SampleState::Finished => self.end_program(State::Ready),
-            State::Stopping if self.at_rest() => {
-                if self.fault_seen {
-                    self.end_program(State::Faulted);
-                    self.quick_stop();
-                } else {
-                    self.end_program(State::Ready);
-                }
+            State::Running if self.sample.state == SampleState::Finished => {
+                self.end_program();
+                self.enter(State::Ready);
             }
-            State::Disabling if self.drives_off() => self.enter(State::Disabled),
+            State::Stopping if self.at_rest() => self.after_stop(),
+            State::Disabling if self.drives_off() => self.enter(if self.network_up() {
+                State::Disabled
+            } else {
+                State::Booting
+            }),
             State::ShuttingDown if self.bus.state() == BusState::Down => self.enter(State::Down),
             State::ShuttingDown if self.drives_off() && !self.network_closing => {
                 self.network_closing = true;
@@ -383,30 +434,32 @@ impl<B: Fieldbus> Control<B> {
     }
 
     fn drives_off(&self) -> bool {
-        self.parts.drives.all(|drive| match drive.status() {
-            Status::Disabled | Status::Offline | Status::Faulted(_) => true,
-            Status::Enabling | Status::Enabled | Status::Homing | Status::Disabling | Status::QuickStopping => false,
-        })
+        self.parts.drives.all(Drive::is_off)
     }
 
-    fn mandatory_nodes_up(&self) -> bool {
+    fn network_up(&self) -> bool {
+        self.bus.state() == BusState::Operational && self.mandatory_node_down().is_none()
+    }
+
+    /// The first node without which the machine cannot run and that is not operational.
+    fn mandatory_node_down(&self) -> Option<NodeIndex> {
         let mut nodes = self.parts.mandatory.iter().enumerate();
-        nodes.all(|(node, &mandatory)| !mandatory || self.bus.node_state(node) == NodeState::Operational)
+        nodes
+            .find(|&(node, &mandatory)| mandatory && self.bus.node_state(node) != NodeState::Operational)
+            .map(|(node, _)| node)
     }
 
     fn at_rest(&self) -> bool {
         self.program.as_ref().is_none_or(|program| program.is_at_rest())
     }
 
-    fn end_program(&mut self, next: State) {
-        if let Some(program) = self.program.take() {
-            self.give_back(program);
-        }
+    fn end_program(&mut self) {
+        self.parts.pins.all_off();
+        let Some(program) = self.program.take() else { return };
+        self.give_back(program);
         self.waiting = None;
         self.sample = Sample::resting(self.sample.position);
-        self.parts.pins.all_off();
         self.notice(Notice::ProgramEnded);
-        self.enter(next);
     }
 
     /// Next set-points of all joints.
@@ -418,7 +471,9 @@ impl<B: Fieldbus> Control<B> {
         if let Some(program) = &mut self.program {
             self.sample = program.step(scale);
             self.program_cycles += 1;
-            if self.waiting.is_none()
+            // A ramp to rest may just reach the end of a move: what stands behind it, a spindle say, must not begin then.
+            if scale > 0.0
+                && self.waiting.is_none()
                 && let Some(action) = self.sample.action
             {
                 self.waiting = Some(action);
@@ -456,20 +511,20 @@ impl<B: Fieldbus> Control<B> {
             return;
         };
         let scaling = program.is_scaling();
-        const SLACK_MM: f64 = 1e-6;
         if let Some(joint) = self.parts.monitor.see(&self.command_mm[..self.joints], scaling) {
             self.fault(Fault::IllegalCommand { joint });
         }
-        for joint in 0..self.joints {
-            let Some(drive) = self.parts.drives.iter().nth(joint) else {
-                break;
-            };
-            let (position_mm, [low_mm, high_mm]) = (self.command_mm[joint], drive.travel_mm());
+        let mut beyond = None;
+        for (joint, (command_mm, drive)) in self.command_mm.iter_mut().zip(self.parts.drives.iter()).enumerate() {
+            let (position_mm, [low_mm, high_mm]) = (*command_mm, drive.travel_mm());
             if !position_mm.is_finite() {
-                self.command_mm[joint] = drive.command_mm();
-            } else if position_mm < low_mm - SLACK_MM || position_mm > high_mm + SLACK_MM {
-                self.fault(Fault::SoftLimit { joint, position_mm });
+                *command_mm = drive.command_mm();
+            } else if position_mm < low_mm - TRAVEL_SLACK_MM || position_mm > high_mm + TRAVEL_SLACK_MM {
+                beyond = beyond.or(Some(Fault::SoftLimit { joint, position_mm }));
             }
+        }
+        if let Some(fault) = beyond {
+            self.fault(fault);
         }
     }
 
@@ -540,5 +595,26 @@ impl<B: Fieldbus> Control<B> {
         if let Err(rtrb::PushError::Full(program)) = self.outlets.finished.push(program) {
             std::mem::forget(program);
         }
+    }
+}
+
+/// What is wrong with a drive that is or should be under power.
+fn drive_fault(joint: usize, drive: &Drive) -> Option<Fault> {
+    match drive.status() {
+        Status::Faulted(fault) => Some(Fault::Drive { joint, fault }),
+        // It was not there when the drives were switched on: a drive lost later is in fault.
+        Status::Offline => Some(Fault::Drive {
+            joint,
+            fault: AxisFault::Lost,
+        }),
+        Status::Enabled => {
+            let (error_mm, limit_mm) = (drive.following_error_mm(), drive.following_error_max_mm());
+            (error_mm.abs() > limit_mm).then_some(Fault::FollowingError {
+                joint,
+                error_mm,
+                limit_mm,
+            })
+        }
+        Status::Disabled | Status::Enabling | Status::Homing | Status::Disabling | Status::QuickStopping => None,
     }
 }

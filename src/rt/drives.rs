@@ -9,7 +9,7 @@ use crate::bus::layout::{Field, Layout};
 use crate::bus::network::NodePlan;
 use crate::bus::{InputImage, NodeIndex, NodeState, OutputImage};
 use crate::config::{Config, Joint};
-use cia402::axis::{Axis, AxisConfig, AxisFault, Feedback, HomingState, Request, Setpoint, Status};
+use cia402::axis::{Axis, AxisConfig, Feedback, HomingState, Request, Setpoint, Status};
 
 /// Objects of one drive in its payloads; those that are not mapped are `None`.
 #[derive(Clone, Copy, Debug)]
@@ -168,9 +168,15 @@ impl Drive {
         self.axis.homing() == HomingState::Homed
     }
 
-    /// The fault of the drive, if it is in one.
-    pub fn fault(&self) -> Option<AxisFault> {
-        self.axis.fault()
+    /// Whether the drive is without power as far as can be known, and no fault reset is under way in it.
+    pub fn is_off(&self) -> bool {
+        match self.axis.status() {
+            Status::Disabled => true,
+            Status::Faulted(_) => !self.axis.is_resetting(),
+            // A drive that has just come on line may be under power still, from an earlier run.
+            Status::Offline => !self.online,
+            Status::Enabling | Status::Enabled | Status::Homing | Status::Disabling | Status::QuickStopping => false,
+        }
     }
 
     /// What came from the drive last.

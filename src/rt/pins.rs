@@ -106,6 +106,8 @@ pub struct Pins {
     tool_change: Output<bool>,
     tool_number: Output<u32>,
     tool_changed: Input<bool>,
+    /// The change under way has been asked for.
+    tool_change_asked: bool,
 
     jitter_ns: Output<i64>,
     late_max_ns: Output<i64>,
@@ -255,6 +257,7 @@ impl Pins {
             tool_change: hal.output("iocontrol.0.tool-change")?,
             tool_number: hal.output("iocontrol.0.tool-number")?,
             tool_changed: hal.input("iocontrol.0.tool-changed", false)?,
+            tool_change_asked: false,
             jitter_ns: hal.output("rt.servo-jitter-ns")?,
             late_max_ns: hal.output("rt.servo-late-max-ns")?,
             exchange_ns: hal.output("rt.exchange-ns")?,
@@ -270,13 +273,14 @@ impl Pins {
         Ok(pins)
     }
 
-    /// Share of the programmed speed that the pins allow, 0 to 1.
+    /// Share of the programmed speed that the pins allow, 0 to 1. What is no number holds the machine.
     pub fn feed_scale(&self) -> f64 {
         if self.feed_hold.get() {
-            0.0
-        } else {
-            self.adaptive_feed.get().clamp(0.0, 1.0)
+            return 0.0;
         }
+        // Not `clamp`, which lets NaN pass: any component may write this pin.
+        #[allow(clippy::manual_clamp, reason = "max and min turn NaN into 0")]
+        self.adaptive_feed.get().max(0.0).min(1.0)
     }
 
     /// Whether the resume pin has risen since the last call.
@@ -312,7 +316,7 @@ impl Pins {
             Action::SelectTool { tool } => self.tool_number.set(tool),
             Action::ChangeTool { tool } => {
                 self.tool_number.set(tool);
-                self.tool_change.set(true);
+                self.tool_change_asked = false;
             }
             Action::ProgramEnd => self.all_off(),
             Action::ProgramStop | Action::OptionalStop | Action::Message { .. } => {}
@@ -323,6 +327,12 @@ impl Pins {
     pub fn action_done(&mut self, action: Action) -> bool {
         match action {
             Action::ChangeTool { .. } => {
+                // `tool-changed` still up from the change before must not answer for this one: it has to fall first.
+                if !self.tool_change_asked {
+                    self.tool_change_asked = !self.tool_changed.get();
+                    self.tool_change.set(self.tool_change_asked);
+                    return false;
+                }
                 let done = self.tool_changed.get();
                 if done {
                     self.tool_change.set(false);

@@ -202,6 +202,11 @@ impl VirtualNet {
         self.lost
     }
 
+    /// Puts a frame of somebody else on the wire, to the managing node.
+    pub fn inject(&mut self, frame: &[u8]) {
+        self.launch(To::ManagingNode, frame.to_vec());
+    }
+
     /// Puts a frame on the wire.
     fn launch(&mut self, to: To, mut frame: Vec<u8>) {
         if self.random.happens(self.config.loss) {

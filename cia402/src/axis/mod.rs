@@ -315,6 +315,20 @@ impl Axis {
         }
     }
 
+    /// Whether an acknowledged fault is being reset: the drive has neither obeyed nor refused yet.
+    pub fn is_resetting(&self) -> bool {
+        match self.phase {
+            Phase::Faulted { reset, .. } => matches!(reset, Reset::Low(_) | Reset::High),
+            Phase::Offline
+            | Phase::Disabled
+            | Phase::Enabling
+            | Phase::Enabled
+            | Phase::Homing(_)
+            | Phase::Disabling
+            | Phase::QuickStopping => false,
+        }
+    }
+
     /// The drive's state as its last statusword showed it; `None`: offline or a pattern that is no state.
     pub fn drive_state(&self) -> Option<State> {
         self.drive

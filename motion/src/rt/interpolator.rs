@@ -123,6 +123,11 @@ impl Interpolator {
         self.sample
     }
 
+    /// Where the axes are, machine position. RT.
+    pub fn position(&self) -> Position {
+        self.sample.position
+    }
+
     /// The action of the last sample is done. RT.
     pub fn acknowledge_action(&mut self) {
         if let Some(Element::Action { action, .. }) = self.current {
