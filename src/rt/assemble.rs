@@ -90,6 +90,5 @@ fn kinematics(config: &Config) -> Kinematics {
             axis_of_joint[joint] = Some(map.axis);
         }
     }
-    // A joint without an axis stands still: it follows no letter of the program.
     Kinematics::trivial(&axis_of_joint)
 }
