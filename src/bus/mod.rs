@@ -191,6 +191,41 @@ pub trait Fieldbus {
     fn statistics(&self, node: NodeIndex) -> NodeStatistics;
 }
 
+/// A bus on the heap: one for many nodes is larger than what a stack should move about.
+impl<B: Fieldbus + ?Sized> Fieldbus for Box<B> {
+    fn exchange(&mut self, deadline_ns: u64, outputs: &OutputImage, inputs: &mut InputImage) -> CycleReport {
+        (**self).exchange(deadline_ns, outputs, inputs)
+    }
+
+    fn serve(&mut self, until_ns: u64) {
+        (**self).serve(until_ns);
+    }
+
+    fn now_ns(&mut self) -> u64 {
+        (**self).now_ns()
+    }
+
+    fn node_state(&self, node: NodeIndex) -> NodeState {
+        (**self).node_state(node)
+    }
+
+    fn state(&self) -> BusState {
+        (**self).state()
+    }
+
+    fn pop_event(&mut self) -> Option<BusEvent> {
+        (**self).pop_event()
+    }
+
+    fn shut_down(&mut self) {
+        (**self).shut_down();
+    }
+
+    fn statistics(&self, node: NodeIndex) -> NodeStatistics {
+        (**self).statistics(node)
+    }
+}
+
 /// Polls of one node so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct NodeStatistics {

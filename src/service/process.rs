@@ -28,6 +28,7 @@ use motion::rt::Interpolator;
 use powerlink::link::Link;
 use powerlink::link::memory;
 use powerlink::link::raw::{RawConfig, RawLink};
+use powerlink::mn::MnConfig;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -152,8 +153,7 @@ fn run_on<L: Link + Send>(
     let plans = network::plan(config);
     let nodes = node_configs(&config.bus, &plans);
     let watch = Arc::new(Watch::default());
-    let bus = Powerlink::<L, NODES_MAX>::new(mn_config(config, &nodes, mac), link, Arc::clone(&watch), wall_clock)
-        .map_err(|error| anyhow!("network: {error}"))?;
+    let bus = managing_node(mn_config(config, &nodes, mac), link, Arc::clone(&watch))?;
     let mut hal = Hal::create(&config.name, CAPACITY).context("pins")?;
     let (control, inlets) = assemble(config, &plans, bus, &mut hal)?;
     // On the heap: it is larger than the stack of a real-time thread, which is locked in memory as a whole.
@@ -205,6 +205,20 @@ fn run_on<L: Link + Send>(
     };
     let (report, pictures) = facts.report();
     Ok((report, pictures, signal.caught()))
+}
+
+/// The managing node, with room for every node there can be. It takes close to a megabyte: made in a frame of its own and
+/// kept on the heap, so that moving it does not fill the stack of the caller.
+#[inline(never)]
+fn managing_node<'a, L: Link>(
+    config: MnConfig<'a>,
+    link: L,
+    watch: Arc<Watch>,
+) -> anyhow::Result<Box<Powerlink<'a, L, NODES_MAX>>> {
+    match Powerlink::new(config, link, watch, wall_clock) {
+        Ok(bus) => Ok(Box::new(bus)),
+        Err(error) => Err(anyhow!("network: {error}")),
+    }
 }
 
 /// The operator's loop, until everything is over; returns the programmed path as far as it was planned.
