@@ -22,8 +22,6 @@ use tempfile::TempDir;
 const PATIENCE: Duration = Duration::from_secs(120);
 /// What the demo says where it falls back to the wire in memory.
 const NO_NETWORK: &str = "no private network";
-/// What it says while another control of the same name runs.
-const TAKEN: &str = "is running";
 /// Runs of a program on a PC that may stand still for longer than lost polls are ridden out.
 const ATTEMPTS: u32 = 4;
 const NOBODY: u32 = 65_534;
@@ -178,12 +176,6 @@ impl Ended {
         without
     }
 
-    /// Another control of the same name was running on this PC, of this user or of another one; not one of ours.
-    fn was_taken(&self) -> bool {
-        let foreign = self.errors.contains("isocnc-hal.") && self.errors.contains("Permission denied");
-        self.status.code() == Some(1) && (foreign || self.errors.contains(TAKEN))
-    }
-
     fn report(&self) -> Value {
         let text = read_to_string(self.out.join("run.json")).expect("run.json is written");
         serde_json::from_str(&text).expect("run.json is JSON")
@@ -213,26 +205,13 @@ fn binary() -> &'static Path {
 
 /// Runs a demo, with `act` while the program moves the machine.
 fn demo(program: &str, arguments: &[&str], mut act: impl FnMut(&mut Demo)) -> (TempDir, Ended) {
-    unless_taken(|folder| {
-        let mut demo = Demo::start(binary(), folder, program, arguments, None);
-        if demo.wait_for("machine running") {
-            act(&mut demo);
-        }
-        demo.end()
-    })
-}
-
-/// Does it again while another control of the name runs.
-fn unless_taken(mut run: impl FnMut(&Path) -> Ended) -> (TempDir, Ended) {
-    let give_up = Instant::now() + PATIENCE;
-    loop {
-        let folder = folder();
-        let ended = run(folder.path());
-        if !ended.was_taken() || Instant::now() > give_up {
-            return (folder, ended);
-        }
-        sleep(Duration::from_secs(1));
+    let folder = folder();
+    let mut demo = Demo::start(binary(), folder.path(), program, arguments, None);
+    if demo.wait_for("machine running") {
+        act(&mut demo);
     }
+    let ended = demo.end();
+    (folder, ended)
 }
 
 /// Runs a program to its end; again if the PC itself stood still for so long that a drive was lost.
@@ -327,15 +306,37 @@ fn signals_stop_the_program_in_order() {
 #[test]
 fn a_signal_during_boot_ends_the_demo_in_order() {
     let _alone = alone();
-    let (_folder, ended) = unless_taken(|folder| {
-        let mut demo = Demo::start(binary(), folder, LONG, &[], None);
-        if demo.wait_for("network booting") {
-            demo.signal(Signal::SIGINT);
-        }
-        demo.end()
-    });
+    let folder = folder();
+    let mut demo = Demo::start(binary(), folder.path(), LONG, &[], None);
+    if demo.wait_for("network booting") {
+        demo.signal(Signal::SIGINT);
+    }
+    let ended = demo.end();
     assert_eq!(ended.status.code(), Some(130));
     assert_eq!(ended.report()["result"], "stopped");
+}
+
+#[test]
+fn a_reader_that_goes_away_stops_nothing() {
+    let _alone = alone();
+    let folder = folder();
+    let (program, out) = (folder.path().join("program.ngc"), folder.path().join("out"));
+    std::fs::write(&program, SHORT).expect("our folder");
+    let mut process = Command::new(binary())
+        .arg("demo")
+        .arg("--program")
+        .arg(&program)
+        .arg("--out")
+        .arg(&out)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the binary runs");
+    // As `isocnc demo | head` does: nobody reads any more.
+    drop(process.stdout.take());
+    process.wait().expect("it ends");
+    let report: Value = serde_json::from_str(&read_to_string(out.join("run.json")).expect("the report")).expect("JSON");
+    assert!(report["alarms"].as_array().is_some(), "{report:#}");
 }
 
 #[test]
@@ -363,11 +364,12 @@ fn a_machine_that_dies_stops_the_control_with_an_alarm() {
 fn another_process_sees_the_pins() {
     let _alone = alone();
     let (_folder, ended) = demo(LONG, &[], |demo| {
+        let machine = format!("mill3-demo-{}", demo.process.id());
         let hal = |arguments: &[&str]| {
             let output = Command::new(binary())
                 .arg("hal")
                 .args(arguments)
-                .args(["--machine", "mill3-demo", "--json"])
+                .args(["--machine", &machine, "--json"])
                 .output()
                 .expect("the binary runs");
             assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -419,12 +421,11 @@ fn an_ordinary_user_runs_the_same_or_is_told_what_is_missing() {
         println!("SKIPPED: only root can become another user, and this test runs as an ordinary one already");
         return;
     }
-    let (_folder, ended) = unless_taken(|folder| {
-        let copy = folder.join("isocnc");
-        std::fs::copy(binary(), &copy).expect("our folder");
-        std::fs::set_permissions(&copy, PermissionsExt::from_mode(0o755)).expect("our file");
-        Demo::start(&copy, folder, SHORT, &[], Some(NOBODY)).end()
-    });
+    let folder = folder();
+    let copy = folder.path().join("isocnc");
+    std::fs::copy(binary(), &copy).expect("our folder");
+    std::fs::set_permissions(&copy, PermissionsExt::from_mode(0o755)).expect("our file");
+    let ended = Demo::start(&copy, folder.path(), SHORT, &[], Some(NOBODY)).end();
     // Without real time the drives may be lost to a busy PC; then the alarm says so, and the warning why.
     if ended.status.code() == Some(0) {
         assert_completed(&ended);

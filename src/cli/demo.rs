@@ -5,6 +5,7 @@ use crate::config;
 use crate::service::analyser::SocReport;
 use crate::service::netns;
 use crate::service::process::{self, Job, Wire};
+use crate::service::progress::say;
 use crate::service::report::FarEnd;
 use anyhow::{Context, ensure};
 use clap::Args;
@@ -55,7 +56,9 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
     let machine = args.out.join("machine.toml");
     std::fs::write(&machine, MACHINE).with_context(|| machine.display().to_string())?;
-    let config = config::parse(MACHINE, &machine)?;
+    let mut config = config::parse(MACHINE, &machine)?;
+    // The name is also that of the shared pins: any number of demos may run side by side.
+    config.name = format!("{}-{}", config.name, std::process::id());
 
     // First of all: a namespace can be entered by a process of one thread only.
     let network = if args.memory {
@@ -81,11 +84,11 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
         Wire::Memory
     };
     if !args.json {
-        println!(
-            "isocnc demo: {} cuts {name}, report in {}",
+        say(&format!(
+            "isocnc demo: {} cuts {name}, report in {}\n",
             config.name,
             args.out.display()
-        );
+        ));
     }
     let job = Job {
         config: &config,

@@ -4,7 +4,7 @@
 //! Out: the report of the run.
 
 use super::operator::{Operator, Wish};
-use super::progress::Progress;
+use super::progress::{Progress, say};
 use super::report::{self, Facts, FarEnd, Pictures, RunReport};
 use super::signals::{self, StopSignal};
 use crate::bus::network;
@@ -29,6 +29,7 @@ use powerlink::link::Link;
 use powerlink::link::memory;
 use powerlink::link::raw::{RawConfig, RawLink};
 use powerlink::mn::MnConfig;
+use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -45,6 +46,10 @@ const ANSWER_SPIN_NS: u64 = 20_000;
 
 /// Address of the managing node on the wire in memory.
 const MEMORY_MAC: [u8; 6] = [0x02, 0, 0, 0, 0, 0xF0];
+/// A cycle thread that has ended leaves this long to see what it ended with, ns.
+const ENDED_NS: u64 = 500_000_000;
+/// A cycle thread without a cycle for this long is given up, ns.
+const DEAD_NS: u64 = 5_000_000_000;
 /// Pieces of the programmed path that are kept for the report.
 const PATH_MAX: usize = 500_000;
 
@@ -88,9 +93,9 @@ pub fn run_and_report(job: Job<'_>, wire: Wire, json: bool) -> anyhow::Result<Ex
     let (report, pictures, signal) = run(job, wire, overview)?;
     report::write(out, &report, &pictures)?;
     if json {
-        println!("{}", serde_json::to_string_pretty(&report)?);
+        say(&format!("{}\n", serde_json::to_string_pretty(&report)?));
     } else {
-        println!("\n{report}\nreport                 {}", out.display());
+        say(&format!("\n{report}\nreport                 {}\n", out.display()));
     }
     Ok(match (signal, report.result.as_str()) {
         (Some(signal), _) if report.alarms.is_empty() => ExitCode::from(signals::exit_code(signal)),
@@ -106,7 +111,8 @@ fn run(job: Job<'_>, wire: Wire, overview: Overview) -> anyhow::Result<Done> {
     let process = Arc::new(setup::prepare_process(&job.config.rt)?);
     if !job.quiet {
         for finding in &process.findings {
-            eprintln!("warning: {finding}");
+            // As with `say`: nobody need be there to read it.
+            let _ = writeln!(std::io::stderr(), "warning: {finding}");
         }
     }
     match wire {
@@ -131,8 +137,9 @@ fn run(job: Job<'_>, wire: Wire, overview: Overview) -> anyhow::Result<Done> {
                         drop(enter_thread(Role::Machine, &process));
                         serve(&mut far, &mut machine, &stop, &mut |_, _| {})
                     })?;
+                let ended = StopOnDrop(&stop);
                 let done = run_on(job, overview, &process, near, MEMORY_MAC, &signal);
-                stop.store(true, Ordering::Release);
+                drop(ended);
                 // Our end of its link is gone by now: an error it gives is that.
                 let _ = machine_thread.join();
                 done
@@ -177,8 +184,19 @@ fn run_on<L: Link + Send>(
                 drop(enter_thread(Role::Cycle, process));
                 thread::run(&mut control, grid(config), &config.rt, &watch, &stop)
             })?;
-        let path = attend(scope, &job, &overview, &mut operator, &mut watch_reports, signal, &stop);
-        stop.store(true, Ordering::Release);
+        let ended = StopOnDrop(&stop);
+        let lives = || !cycle.is_finished();
+        let path = attend(
+            scope,
+            &job,
+            &overview,
+            &mut operator,
+            &mut watch_reports,
+            signal,
+            &stop,
+            &lives,
+        );
+        drop(ended);
         let figures = cycle
             .join()
             .map_err(|_| anyhow!("the cycle thread panicked; the drives stop for want of SoC"));
@@ -221,7 +239,20 @@ fn managing_node<'a, L: Link>(
     }
 }
 
+/// Ends threads also where the one that would end them panics: a scope waits for all of them.
+struct StopOnDrop<'a>(&'a AtomicBool);
+
+impl Drop for StopOnDrop<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Release);
+    }
+}
+
 /// The operator's loop, until everything is over; returns the programmed path as far as it was planned.
+#[allow(
+    clippy::too_many_arguments,
+    reason = "called from one place, which owns all of these"
+)]
 fn attend<'scope, 'env>(
     scope: &'scope Scope<'scope, 'env>,
     job: &Job<'env>,
@@ -230,14 +261,28 @@ fn attend<'scope, 'env>(
     watch_reports: &mut rtrb::Consumer<timeout::Report>,
     signal: &StopSignal,
     stop: &'scope AtomicBool,
+    cycle_thread_lives: &dyn Fn() -> bool,
 ) -> anyhow::Result<Vec<Programmed>> {
     let mut planner: Option<PlannerThread<'scope>> = None;
     let mut path = Vec::new();
     let mut progress = Progress::new(*overview, job.quiet);
+    let (mut cycles, mut cycles_since_ns) = (0, monotonic_ns());
     while operator.outcome().is_none() {
         let now_ns = monotonic_ns();
         if signal.caught().is_some() {
             operator.stop(now_ns);
+        }
+        if operator.live().cycles != cycles {
+            (cycles, cycles_since_ns) = (operator.live().cycles, now_ns);
+        } else if now_ns - cycles_since_ns > ENDED_NS && !cycle_thread_lives() {
+            break;
+        } else if now_ns - cycles_since_ns > DEAD_NS {
+            // It cannot be joined either: the end of the process is what is left.
+            let _ = writeln!(
+                std::io::stderr(),
+                "isocnc: the cycle thread has stopped; the drives stop for want of SoC"
+            );
+            std::process::exit(1);
         }
         while let Ok(report) = watch_reports.pop() {
             operator.hear(&report);

@@ -46,7 +46,7 @@ impl Progress {
         }
         for entry in entries {
             self.wipe();
-            println!("{entry}");
+            say(&format!("{entry}\n"));
         }
         let live = operator.live();
         if !matches!(live.state, State::Running | State::Held | State::Stopping) || Instant::now() < self.next {
@@ -67,19 +67,24 @@ impl Progress {
             live.late_max_ns as f64 / 1000.0,
         );
         if self.terminal {
-            print!("\r\x1b[2K{line}");
+            say(&format!("\r\x1b[2K{line}"));
             self.standing = true;
         } else {
-            println!("{line}");
+            say(&format!("{line}\n"));
         }
-        let _ = stdout().flush();
     }
 
     fn wipe(&mut self) {
         if std::mem::take(&mut self.standing) {
-            print!("\r\x1b[2K");
+            say("\r\x1b[2K");
         }
     }
+}
+
+/// Prints. A reader that has gone away must not stop a machine in motion: what cannot be printed is not.
+pub fn say(text: &str) {
+    let mut out = stdout().lock();
+    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
 }
 
 impl Drop for Progress {
