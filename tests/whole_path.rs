@@ -396,6 +396,19 @@ fn a_drive_fault_names_axis_and_cause() {
 }
 
 #[test]
+fn a_drive_that_warns_stops_the_machine_in_order() {
+    rehearse_part(NetConfig::clean(19), PART, |run| {
+        reach_state(run, State::Running);
+        run.run_until(200, |_| false).expect("a good program");
+        run.net().machine_mut().drive_injected(2).expect("a drive").warning = true;
+        assert_eq!(finish(run), Outcome::Faulted);
+        let first = &run.operator.alarms()[0].cause;
+        assert!(first.starts_with("axis Y (joint 1): the drive warns"), "{first}");
+        assert_powerless(run);
+    });
+}
+
+#[test]
 fn a_following_error_above_the_limit_stops_the_machine_and_names_the_axis() {
     let mut config = machine();
     // The simulated loads lag more than this behind a feed of 60 mm/s.

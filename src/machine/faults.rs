@@ -25,6 +25,11 @@ pub enum Fault {
         /// What the drive supervisor saw.
         fault: AxisFault,
     },
+    /// A drive warns (bit 7 of the statusword): it goes on now and says that it may not for long.
+    DriveWarning {
+        /// The joint.
+        joint: usize,
+    },
     /// Distance between command and actual position above the limit.
     FollowingError {
         /// The joint.
@@ -88,6 +93,7 @@ impl Fault {
             } => Reaction::Count,
             Fault::NodeLost { .. }
             | Fault::Drive { .. }
+            | Fault::DriveWarning { .. }
             | Fault::FollowingError { .. }
             | Fault::SoftLimit { .. }
             | Fault::IllegalCommand { .. }
@@ -105,6 +111,7 @@ impl Fault {
         match self {
             Fault::NodeLost { .. } | Fault::LinkFailed { .. } => true,
             Fault::Drive { .. }
+            | Fault::DriveWarning { .. }
             | Fault::FollowingError { .. }
             | Fault::SoftLimit { .. }
             | Fault::IllegalCommand { .. }
@@ -119,6 +126,12 @@ impl Fault {
         match *self {
             Fault::NodeLost { node: index } => format!("{}: lost, it does not answer any more", node(index)),
             Fault::Drive { joint: index, fault } => format!("{}: {fault}", joint(index)),
+            Fault::DriveWarning { joint: index } => {
+                format!(
+                    "{}: the drive warns (bit 7 of its statusword): look at its display",
+                    joint(index)
+                )
+            }
             Fault::FollowingError {
                 joint: index,
                 error_mm,

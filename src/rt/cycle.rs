@@ -607,6 +607,7 @@ fn drive_fault(joint: usize, drive: &Drive) -> Option<Fault> {
             joint,
             fault: AxisFault::Lost,
         }),
+        Status::Enabled if drive.warns() => Some(Fault::DriveWarning { joint }),
         Status::Enabled => {
             let (error_mm, limit_mm) = (drive.following_error_mm(), drive.following_error_max_mm());
             (error_mm.abs() > limit_mm).then_some(Fault::FollowingError {

@@ -148,6 +148,11 @@ impl Drive {
         }
     }
 
+    /// Whether the drive shows a warning.
+    pub fn warns(&self) -> bool {
+        self.axis.warning()
+    }
+
     /// Greatest following error allowed, mm.
     pub fn following_error_max_mm(&self) -> f64 {
         self.following_error_max_mm
