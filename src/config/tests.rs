@@ -68,7 +68,7 @@ fn the_demo_machine_is_read_whole() {
     assert_eq!(config.rt, rt);
     assert_eq!(config.bus.kind, BusKind::Powerlink);
     assert_eq!(config.bus.interface, "plk0");
-    assert_eq!((config.bus.async_slot_timeout_us, config.bus.pres_lost_max), (150, 3));
+    assert_eq!((config.bus.async_slot_timeout_us, config.bus.pres_lost_max), (150, 20));
     let nodes: Vec<_> = config
         .bus
         .nodes
