@@ -3,7 +3,7 @@
 //! Where the system refuses private networks the tests say so and pass. They run one at a time: a machine's name belongs
 //! to one control only. Nothing here looks at times: the PC may be busy.
 
-use nix::sys::signal::{Signal, kill};
+use nix::sys::signal::{Signal, kill, killpg};
 use nix::unistd::Pid;
 use serde_json::Value;
 use std::fs::read_to_string;
@@ -71,6 +71,8 @@ impl Demo {
         command.arg("demo").arg("--program").arg(&path).arg("--out").arg(&out);
         command.args(arguments).current_dir("/").stdin(Stdio::null());
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        // As a shell starts it: a signal from the terminal then reaches all that it has started, too.
+        command.process_group(0);
         if let Some(id) = user {
             command.uid(id).gid(id);
         }
@@ -117,7 +119,7 @@ impl Demo {
     }
 
     fn signal(&self, signal: Signal) {
-        kill(Pid::from_raw(self.process.id() as i32), signal).expect("our own child");
+        killpg(Pid::from_raw(self.process.id() as i32), signal).expect("our own child");
     }
 
     fn end(mut self) -> Ended {
@@ -369,7 +371,7 @@ fn a_machine_that_dies_stops_the_control_with_an_alarm() {
 }
 
 #[test]
-fn another_process_sees_the_pins() {
+fn another_process_sees_the_pins_and_stops_the_program() {
     let _alone = alone();
     let (_folder, ended) = demo(LONG, &[], |demo| {
         let machine = format!("mill3-demo-{}", demo.process.id());
@@ -396,9 +398,13 @@ fn another_process_sees_the_pins() {
         }
         let enabled = hal(&["get", "joint.0.amp-enabled"]);
         assert!(enabled.to_string().contains("true"), "{enabled}");
-        demo.signal(Signal::SIGINT);
+        hal(&["set", "halui.program.stop", "true"]);
     });
-    assert_eq!(ended.status.code(), Some(130));
+    // Stopped as ordered, yet not done.
+    assert_eq!(ended.status.code(), Some(1));
+    let report = ended.report();
+    assert_eq!(report["result"], "stopped");
+    assert_eq!(report["alarms"], Value::Array(Vec::new()));
 }
 
 #[test]

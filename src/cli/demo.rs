@@ -6,12 +6,14 @@ use crate::service::analyser::SocReport;
 use crate::service::netns;
 use crate::service::process::{self, Job, Wire};
 use crate::service::progress::say;
-use crate::service::report::FarEnd;
+use crate::service::report::{FarEnd, SOC_PERIOD_DATA};
+use crate::service::signals::StopSignal;
 use anyhow::{Context, ensure};
 use clap::Args;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use std::io::{BufRead, BufReader};
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitCode, Stdio};
 use std::time::{Duration, Instant};
@@ -46,6 +48,7 @@ pub struct DemoArgs {
 
 /// Runs the demo.
 pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
+    let signal = StopSignal::install().context("signals")?;
     let (name, text) = match &args.program {
         Some(path) => (
             path.display().to_string(),
@@ -96,6 +99,7 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
         text: &text,
         out: &args.out,
         quiet: args.json,
+        signal,
         far_end: far_end.map(|machine| Box::new(machine) as Box<dyn FarEnd>),
     };
     process::run_and_report(job, wire, args.json)
@@ -109,7 +113,7 @@ struct FarMachine {
 
 impl FarMachine {
     fn start(machine: &Path, args: &DemoArgs) -> anyhow::Result<FarMachine> {
-        let measurement = args.out.join("soc-period.json");
+        let measurement = args.out.join(SOC_PERIOD_DATA);
         let mut command = Command::new("/proc/self/exe");
         command
             .arg("simulate")
@@ -123,6 +127,8 @@ impl FarMachine {
                 .args(["--other-end", INTERFACES[0]]);
         }
         let mut process = command
+            // A signal to all processes of the terminal is for the control: the machine lives on until that has stopped.
+            .process_group(0)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .spawn()

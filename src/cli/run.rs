@@ -2,6 +2,7 @@
 
 use crate::config;
 use crate::service::process::{self, Job, Wire};
+use crate::service::signals::StopSignal;
 use anyhow::Context;
 use clap::Args;
 use std::path::PathBuf;
@@ -24,6 +25,7 @@ pub struct RunArgs {
 
 /// Runs a part program from power-on to power-off.
 pub fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
+    let signal = StopSignal::install().context("signals")?;
     let config = match config::read(&args.machine) {
         Ok(config) => config,
         Err(errors) => {
@@ -42,6 +44,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
         text: &text,
         out: &args.out,
         quiet: args.json,
+        signal,
         far_end: None,
     };
     process::run_and_report(job, wire, args.json)

@@ -136,6 +136,13 @@ impl Sequence {
         }
     }
 
+    /// The machine stops the program without an order of this sequence, because a pin asked for it.
+    pub fn stopped(&mut self) {
+        if self.step == Step::Program && self.outcome == Outcome::Completed {
+            self.outcome = Outcome::Stopped;
+        }
+    }
+
     /// What to order now, given the state of the machine and whether the program has ended.
     pub fn poll(&mut self, now_ns: u64, state: State, program_ended: bool) -> Option<Order> {
         if state == State::Faulted && !matches!(self.step, Step::Disable | Step::ShutDown | Step::Done) {
@@ -239,6 +246,20 @@ mod tests {
             ]
         );
         assert_eq!(sequence.outcome(), Some(Outcome::Completed));
+    }
+
+    #[test]
+    fn a_program_that_a_pin_stops_is_not_completed() {
+        let mut sequence = Sequence::new(0, &[]);
+        for state in [State::Disabled, State::Ready, State::Running] {
+            sequence.poll(SECOND, state, false);
+        }
+        sequence.stopped();
+        assert_eq!(sequence.poll(2 * SECOND, State::Ready, true), Some(Order::Disable));
+        assert_eq!(sequence.outcome(), None);
+        sequence.poll(2 * SECOND, State::Disabled, true);
+        sequence.poll(2 * SECOND, State::Down, true);
+        assert_eq!(sequence.outcome(), Some(Outcome::Stopped));
     }
 
     #[test]

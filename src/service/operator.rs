@@ -227,6 +227,9 @@ impl Operator {
                 if state == State::Disabled && self.operational_s.is_none() {
                     self.operational_s = Some(time_s);
                 }
+                if state == State::Stopping {
+                    self.sequence.stopped();
+                }
                 self.note(time_s, format!("machine {}", state.name()));
             }
             Notice::Bus(event) => self.take_bus(time_s, event),

@@ -65,6 +65,8 @@ pub struct Job<'a> {
     pub out: &'a Path,
     /// Show no progress: the output is for a program.
     pub quiet: bool,
+    /// Asks for a stop; caught since the command began, so that at no moment a signal just ends the process.
+    pub signal: StopSignal,
     /// Who measures at the far end of the wire, if somebody does.
     pub far_end: Option<Box<dyn FarEnd + 'a>>,
 }
@@ -90,6 +92,7 @@ pub fn run_and_report(job: Job<'_>, wire: Wire, json: bool) -> anyhow::Result<Ex
         }
     };
     let out = job.out;
+    report::prepare(out)?;
     let (report, pictures, signal) = run(job, wire, overview)?;
     report::write(out, &report, &pictures)?;
     if json {
@@ -107,7 +110,7 @@ pub fn run_and_report(job: Job<'_>, wire: Wire, json: bool) -> anyhow::Result<Ex
 type Done = (RunReport, Pictures, Option<i32>);
 
 fn run(job: Job<'_>, wire: Wire, overview: Overview) -> anyhow::Result<Done> {
-    let signal = StopSignal::install().context("signals")?;
+    let signal = job.signal.clone();
     let process = Arc::new(setup::prepare_process(&job.config.rt)?);
     if !job.quiet {
         for finding in &process.findings {

@@ -21,6 +21,7 @@ use motion::plan::Programmed;
 use motion::rt::Peaks;
 use serde::Serialize;
 use std::fmt;
+use std::io::ErrorKind;
 use std::path::Path;
 
 /// Whoever measures at the far end of the wire.
@@ -128,6 +129,34 @@ impl Facts<'_> {
     }
 }
 
+/// Files of a report.
+const RUN: &str = "run.json";
+const TOOLPATH: &str = "toolpath.svg";
+const SOC_PERIOD: &str = "soc-period.svg";
+/// What a measurement at the far end is handed over in.
+pub const SOC_PERIOD_DATA: &str = "soc-period.json";
+
+/// Makes the folder of a report ready before anything moves: it can be written, and holds no file of an earlier run that
+/// would pass for one of this run.
+///
+/// # Errors
+/// What the file system refuses.
+pub fn prepare(folder: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    let path = folder.join(RUN);
+    std::fs::write(&path, "").with_context(|| path.display().to_string())?;
+    for name in [RUN, TOOLPATH, SOC_PERIOD, SOC_PERIOD_DATA] {
+        let path = folder.join(name);
+        match std::fs::remove_file(&path) {
+            Err(error) if error.kind() != ErrorKind::NotFound => {
+                return Err(error).with_context(|| path.display().to_string());
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
 /// Writes `run.json` and the pictures into a folder, which is made if it is not there.
 ///
 /// # Errors
@@ -138,13 +167,13 @@ pub fn write(folder: &Path, report: &RunReport, pictures: &Pictures) -> anyhow::
         std::fs::write(&path, text).with_context(|| path.display().to_string())
     };
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    put("run.json", serde_json::to_string_pretty(report)?)?;
+    put(RUN, serde_json::to_string_pretty(report)?)?;
     if !pictures.samples.is_empty() {
         let title = format!("{} on {}", report.program, report.machine);
-        put("toolpath.svg", plot::toolpath_svg(&title, &pictures.samples)?)?;
+        put(TOOLPATH, plot::toolpath_svg(&title, &pictures.samples)?)?;
     }
     if let Some(soc_period) = &report.soc_period {
-        put("soc-period.svg", plot::soc_period_svg(soc_period)?)?;
+        put(SOC_PERIOD, plot::soc_period_svg(soc_period)?)?;
     }
     Ok(())
 }
@@ -352,5 +381,37 @@ impl fmt::Display for RunReport {
             )?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_is_rid_of_earlier_reports_and_of_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("a/b");
+        prepare(&out).unwrap();
+        assert_eq!(std::fs::read_dir(&out).unwrap().count(), 0);
+        for name in [RUN, TOOLPATH, SOC_PERIOD, SOC_PERIOD_DATA, "machine.toml"] {
+            std::fs::write(out.join(name), "old").unwrap();
+        }
+        prepare(&out).unwrap();
+        let left: Vec<_> = std::fs::read_dir(&out)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name())
+            .collect();
+        assert_eq!(left, ["machine.toml"]);
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_is_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("taken");
+        std::fs::write(&file, "").unwrap();
+        assert!(prepare(&file).unwrap_err().to_string().contains("taken"));
+        std::fs::create_dir(folder.path().join(RUN)).unwrap();
+        assert!(prepare(folder.path()).unwrap_err().to_string().contains(RUN));
     }
 }
