@@ -58,11 +58,8 @@ impl fmt::Display for OpenError {
     }
 }
 
-impl std::error::Error for OpenError {
-    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        Some(&self.source)
-    }
-}
+// Its text holds that of `source`: given as the source as well, it would be printed twice.
+impl std::error::Error for OpenError {}
 
 /// A socket that hears POWERLINK on one interface, before it is used by a link.
 pub(super) struct Socket {
