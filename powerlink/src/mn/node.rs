@@ -604,14 +604,7 @@ impl<'a> Node<'a> {
             }
             Stage::Enable { deadline_ns } => {
                 if self.polled && self.nmt_state == NmtState::PreOperational2 {
-                    self.order = Some(Order {
-                        command: NmtCommand::EnableReadyToOperate,
-                        reason: reset_reason::NONE,
-                    });
-                    self.stage = Stage::WaitReady {
-                        deadline_ns,
-                        again_ns: now_ns + COMMAND_RETRY_NS,
-                    };
+                    self.ask_ready(now_ns, deadline_ns);
                 } else {
                     self.check_time(now_ns, deadline_ns, NmtState::PreOperational2, network, events);
                 }
@@ -622,14 +615,7 @@ impl<'a> Node<'a> {
                     let deadline_ns = now_ns + us(network.boot.timeout_ready_to_operate_us);
                     self.stage = Stage::Check { deadline_ns, good: 0 };
                 } else if now_ns >= again_ns && now_ns < deadline_ns {
-                    self.order = Some(Order {
-                        command: NmtCommand::EnableReadyToOperate,
-                        reason: reset_reason::NONE,
-                    });
-                    self.stage = Stage::WaitReady {
-                        deadline_ns,
-                        again_ns: now_ns + COMMAND_RETRY_NS,
-                    };
+                    self.ask_ready(now_ns, deadline_ns);
                 } else {
                     self.check_time(now_ns, deadline_ns, NmtState::ReadyToOperate, network, events);
                 }
@@ -674,6 +660,18 @@ impl<'a> Node<'a> {
             }
             Stage::Operational => {}
         }
+    }
+
+    /// Orders READY_TO_OPERATE; again after a while, as an NMT command is never acknowledged.
+    fn ask_ready(&mut self, now_ns: u64, deadline_ns: u64) {
+        self.order = Some(Order {
+            command: NmtCommand::EnableReadyToOperate,
+            reason: reset_reason::NONE,
+        });
+        self.stage = Stage::WaitReady {
+            deadline_ns,
+            again_ns: now_ns + COMMAND_RETRY_NS,
+        };
     }
 
     fn check_time(
