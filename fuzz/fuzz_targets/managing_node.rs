@@ -4,7 +4,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use powerlink::mn::{BootTimes, Identity, Mn, MnConfig, NodeConfig, Step};
+use powerlink::mn::{Assignment, BootTimes, Identity, Mn, MnConfig, NodeConfig, Step};
 use powerlink::wire::{Frame, NetTime};
 
 const CYCLE_NS: u64 = 1_000_000;
@@ -14,12 +14,13 @@ const CONFIGURATION: &[u8] = &[1, 0, 0, 0, 0x06, 0x10, 0, 4, 0, 0, 0, 0xE8, 0x03
 fuzz_target!(|input: &[u8]| {
     let nodes = [1, 2].map(|id| NodeConfig {
         id,
-        mandatory: id == 1,
+        assignment: Assignment { mandatory: id == 1, ..Assignment::default() },
         pres_timeout_ns: 100_000,
         identity: Identity::default(),
         preq_bytes: 4,
         pres_bytes: 4,
         configuration: CONFIGURATION,
+        ..NodeConfig::default()
     });
     let boot = BootTimes { wait_not_active_us: 0, wait_pre_op_1_us: 0, reset_pause_us: 0, ..BootTimes::default() };
     let config = MnConfig {
@@ -29,6 +30,7 @@ fuzz_target!(|input: &[u8]| {
         pres_lost_max: 3,
         nodes: &nodes,
         mac: [2, 0, 0, 0, 0, 0xF0],
+        ..MnConfig::default()
     };
     let mut mn = Mn::<2>::new(config).expect("a valid configuration");
     let (mut now_ns, mut start_ns, mut rest) = (0, 0, input);

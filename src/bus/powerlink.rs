@@ -10,7 +10,7 @@ use super::{BusEvent, BusState, CycleReport, Fieldbus, InputImage, NodeIndex, No
 use crate::config::{Bus, Config, Identity};
 use crate::rt::timeout::Watch;
 use powerlink::link::{Link, LinkError};
-use powerlink::mn::{self, BootTimes, IdentityField, Mn, MnConfig, MnEvent, NodeConfig, Step};
+use powerlink::mn::{self, Assignment, BootTimes, IdentityField, Mn, MnConfig, MnEvent, NodeConfig, Step};
 use powerlink::nmt::NmtState;
 use powerlink::wire::NetTime;
 use std::sync::Arc;
@@ -30,6 +30,7 @@ pub fn mn_config<'a>(config: &Config, nodes: &'a [NodeConfig<'a>], mac: [u8; 6])
         pres_lost_max: config.bus.pres_lost_max,
         nodes,
         mac,
+        ..MnConfig::default()
     }
 }
 
@@ -51,12 +52,16 @@ pub fn node_configs<'a>(bus: &Bus, plans: &'a [NodePlan]) -> Vec<NodeConfig<'a>>
         .zip(plans)
         .map(|(node, plan)| NodeConfig {
             id: node.id,
-            mandatory: node.mandatory,
+            assignment: Assignment {
+                mandatory: node.mandatory,
+                ..Assignment::default()
+            },
             pres_timeout_ns: node.pres_timeout_us * 1000,
             identity: identity(node.identity),
             preq_bytes: plan.outputs.octets as u16,
             pres_bytes: plan.inputs.octets as u16,
             configuration: &plan.configuration,
+            ..NodeConfig::default()
         })
         .collect()
 }

@@ -8,7 +8,7 @@ use obd::cdc::CdcWriter;
 use obd::mapping::MappingEntry;
 use powerlink::link::Link;
 use powerlink::link::pcap::{PcapReader, PcapWriter};
-use powerlink::mn::{BootTimes, Mn, MnConfig, NodeConfig, NodeState, Step};
+use powerlink::mn::{Assignment, BootTimes, Mn, MnConfig, NodeConfig, NodeState, Step};
 use powerlink::nmt::NmtState;
 use powerlink::wire::NetTime;
 use std::hash::{DefaultHasher, Hasher};
@@ -75,7 +75,10 @@ impl Rig {
             .iter()
             .map(|node| NodeConfig {
                 id: node.id,
-                mandatory: node.mandatory,
+                assignment: Assignment {
+                    mandatory: node.mandatory,
+                    ..Assignment::default()
+                },
                 pres_timeout_ns: node.pres_timeout_us * 1000,
                 identity: powerlink::mn::Identity {
                     device_type: node.identity.device_type,
@@ -84,6 +87,7 @@ impl Rig {
                 preq_bytes: octets(&node.outputs),
                 pres_bytes: octets(&node.inputs),
                 configuration: configuration(node, config.cycle_us).leak(),
+                ..NodeConfig::default()
             })
             .collect();
         let boot = BootTimes {
@@ -99,6 +103,7 @@ impl Rig {
             pres_lost_max: config.bus.pres_lost_max,
             nodes: nodes.leak(),
             mac: [0x02, 0, 0, 0, 0, 0xF0],
+            ..MnConfig::default()
         })
         .unwrap();
         let drives = config

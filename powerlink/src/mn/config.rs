@@ -6,6 +6,7 @@ use core::fmt;
 
 use obd::cdc::{CdcError, CdcReader};
 
+use super::startup::{Assignment, StartUp};
 use crate::sdo::EXPEDITED_WRITE_MAX;
 use crate::wire::{self, Mac, PAYLOAD_LIMIT_MIN, PAYLOAD_MAX, POLL_HEADER_LEN};
 
@@ -24,23 +25,70 @@ pub struct Identity {
     pub serial: Option<u32>,
 }
 
+/// Date and time as a node keeps them beside its software (0x1F52) or its configuration (0x1020).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stamp {
+    /// Days since 1984-01-01.
+    pub date: u32,
+    /// Milliseconds since midnight.
+    pub time: u32,
+}
+
 /// One controlled node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NodeConfig<'a> {
     /// Node id, 1..=239.
     pub id: u8,
-    /// The network waits for this node before it goes on; others join when they come.
-    pub mandatory: bool,
+    /// What the node is to the network (object 0x1F81).
+    pub assignment: Assignment,
+    /// Cycle of the round in which a multiplexed node is polled, from 1 (object 0x1F9B); 0 for all others.
+    pub multiplex_cycle: u8,
     /// From the end of the PReq to the PRes (object 0x1F92).
     pub pres_timeout_ns: u32,
     /// What the node must say it is.
     pub identity: Identity,
+    /// Its software (objects 0x1F53, 0x1F54); `None` is not checked.
+    pub software: Option<Stamp>,
+    /// A node that reports this configuration (objects 0x1F26, 0x1F27) is not configured again. `None`: the values of 0x1020 in
+    /// the concise DCF, where it has them.
+    pub configuration_stamp: Option<Stamp>,
+    /// Mapping version of the PReq (its PDOVersion).
+    pub preq_version: u8,
+    /// Mapping version that the PRes must have in its high nibble; 0 is not checked.
+    pub pres_version: u8,
+    /// Threshold of lost PRes (object 0x1C09): each adds 8, each good one takes 1 away; 0 switches it off. Beside it stands
+    /// [`MnConfig::pres_lost_max`].
+    pub pres_threshold: u32,
+    /// Threshold of unanswered StatusRequests (object 0x1C17), counted in the same way.
+    pub status_threshold: u32,
     /// Process data in the PReq, in octets, at most 1490.
     pub preq_bytes: u16,
     /// Process data expected in the PRes, in octets, at most 1490.
     pub pres_bytes: u16,
     /// Concise DCF to write into the node (object 0x1F22); empty: nothing to write.
     pub configuration: &'a [u8],
+}
+
+impl Default for NodeConfig<'_> {
+    /// A mandatory node without process data, identity or configuration; the id is still to be given.
+    fn default() -> Self {
+        NodeConfig {
+            id: 0,
+            assignment: Assignment::default(),
+            multiplex_cycle: 0,
+            pres_timeout_ns: 25_000,
+            identity: Identity::default(),
+            software: None,
+            configuration_stamp: None,
+            preq_version: 0,
+            pres_version: 0,
+            pres_threshold: 0,
+            status_threshold: 8 * 15,
+            preq_bytes: 0,
+            pres_bytes: 0,
+            configuration: &[],
+        }
+    }
 }
 
 /// Times of the boot-up (object 0x1F89, and one of our own).
@@ -78,16 +126,59 @@ impl Default for BootTimes {
 pub struct MnConfig<'a> {
     /// Cycle length (object 0x1006), whole microseconds, in ns.
     pub cycle_ns: u32,
+    /// From the SoC to the first PReq (object 0x1F8A/1).
+    pub soc_preq_wait_ns: u32,
     /// Longest wait for the answer in the asynchronous slot, from the SoA on (object 0x1F8A/2).
     pub async_slot_timeout_ns: u32,
+    /// Longest ASnd, octets after the Ethernet header (object 0x1F98/8), 300..=1500.
+    pub async_mtu: u16,
+    /// Cycles of a multiplexed round (object 0x1F98/7); 0: no node is multiplexed.
+    pub multiplex_cycles: u8,
+    /// The PS flag of the SoC toggles every so many cycles (object 0x1F98/9), at most 1000; 0: never.
+    pub prescaler: u16,
+    /// Process data that the managing node sends to all in a PRes of its own, in octets (object 0x1F81/240 bit 12); `None`: it
+    /// sends none. Chained nodes need it.
+    pub pres_mn_bytes: Option<u16>,
+    /// Mapping version of that PRes.
+    pub pres_mn_version: u8,
+    /// How the network starts (object 0x1F80).
+    pub startup: StartUp,
     /// Times of the boot-up.
     pub boot: BootTimes,
+    /// Threshold of frames with a wrong check sum (object 0x1C00/3); 0 switches it off.
+    pub crc_threshold: u32,
+    /// Threshold of cycles that were not over in time (object 0x1C02/3); 0 switches it off: late cycles are counted, and the
+    /// network goes on.
+    pub cycle_threshold: u32,
     /// PRes lost in a row that are ridden out with the last value; one more, and the node is lost.
     pub pres_lost_max: u32,
     /// The controlled nodes in polling order.
     pub nodes: &'a [NodeConfig<'a>],
     /// MAC of the interface.
     pub mac: Mac,
+}
+
+impl Default for MnConfig<'_> {
+    /// A cycle of 1 ms without nodes; the MAC is still to be given.
+    fn default() -> Self {
+        MnConfig {
+            cycle_ns: 1_000_000,
+            soc_preq_wait_ns: 0,
+            async_slot_timeout_ns: 100_000,
+            async_mtu: 1500,
+            multiplex_cycles: 0,
+            prescaler: 2,
+            pres_mn_bytes: None,
+            pres_mn_version: 0,
+            startup: StartUp::default(),
+            boot: BootTimes::default(),
+            crc_threshold: 0,
+            cycle_threshold: 0,
+            pres_lost_max: 3,
+            nodes: &[],
+            mac: [0; 6],
+        }
+    }
 }
 
 /// Which of the two directions of process data.

@@ -26,9 +26,11 @@ mod event;
 mod node;
 mod signalling;
 mod slot;
+mod startup;
 
-pub use config::{BootTimes, Direction, Identity, MnConfig, MnConfigError, NodeConfig};
+pub use config::{BootTimes, Direction, Identity, MnConfig, MnConfigError, NodeConfig, Stamp};
 pub use event::{Counters, EVENTS_MAX, IdentityField, Malformed, MnEvent, NodeStatistics};
+pub use startup::{Assignment, RefusedBit, StartUp};
 
 use crate::nmt::{self, MnTrigger, NmtState};
 use crate::wire::{
@@ -691,8 +693,13 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         for node in self.nodes.iter_mut().flatten() {
             node.step(now_ns, &network, &mut self.events);
         }
-        let mandatory =
-            |is: fn(&Node<'a>) -> bool| self.nodes.iter().flatten().filter(|node| node.config.mandatory).all(is);
+        let mandatory = |is: fn(&Node<'a>) -> bool| {
+            self.nodes
+                .iter()
+                .flatten()
+                .filter(|node| node.config.assignment.mandatory)
+                .all(is)
+        };
         match self.state {
             NmtState::PreOperational1 if self.reduced == Reduced::Ident => {
                 let stayed_ns = now_ns.saturating_sub(self.pre_op_1_since_ns);
@@ -705,7 +712,12 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     }
                 } else if stayed_ns >= us(self.config.boot.timeout_pre_op_1_us) && !self.missing_reported {
                     self.missing_reported = true;
-                    for node in self.nodes.iter().flatten().filter(|node| node.config.mandatory) {
+                    for node in self
+                        .nodes
+                        .iter()
+                        .flatten()
+                        .filter(|node| node.config.assignment.mandatory)
+                    {
                         if !node.is_identified() {
                             self.events.push(MnEvent::Missing { node: node.config.id });
                         }

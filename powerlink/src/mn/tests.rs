@@ -67,7 +67,6 @@ fn configuration() -> Vec<u8> {
 fn node_config(id: u8, configuration: &[u8]) -> NodeConfig<'_> {
     NodeConfig {
         id,
-        mandatory: true,
         pres_timeout_ns: 100_000,
         identity: Identity {
             device_type: Some(0x0002_0192),
@@ -76,6 +75,7 @@ fn node_config(id: u8, configuration: &[u8]) -> NodeConfig<'_> {
         preq_bytes: 6,
         pres_bytes: 6,
         configuration,
+        ..NodeConfig::default()
     }
 }
 
@@ -87,6 +87,7 @@ fn mn_config<'a>(nodes: &'a [NodeConfig<'a>]) -> MnConfig<'a> {
         pres_lost_max: 3,
         nodes,
         mac: MN_MAC,
+        ..MnConfig::default()
     }
 }
 

@@ -169,7 +169,10 @@ fn a_mandatory_node_holds_the_network_and_an_optional_one_does_not() {
     let nodes = [
         node_config(1, &configuration),
         NodeConfig {
-            mandatory: false,
+            assignment: Assignment {
+                mandatory: false,
+                ..Assignment::default()
+            },
             ..node_config(2, &configuration)
         },
     ];

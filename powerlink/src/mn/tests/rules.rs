@@ -126,7 +126,10 @@ fn a_node_that_always_wants_the_slot_starves_nobody() {
     let configuration = configuration();
     let nodes = [
         NodeConfig {
-            mandatory: false,
+            assignment: Assignment {
+                mandatory: false,
+                ..Assignment::default()
+            },
             ..node_config(1, &configuration)
         },
         node_config(2, &configuration),
