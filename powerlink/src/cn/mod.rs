@@ -324,6 +324,7 @@ impl<const E: usize, const B: usize> Cn<E, B> {
                 | Asnd::IdentResponse(_)
                 | Asnd::StatusResponse(_)
                 | Asnd::NmtRequest(_)
+                | Asnd::SyncResponse(_)
                 | Asnd::Other(_),
             )
             | Frame::Amni(_)

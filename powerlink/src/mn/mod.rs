@@ -530,7 +530,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             Asnd::StatusResponse(status) => node.status(now_ns, status, &network, &mut self.events),
             Asnd::Sdo(data) => node.sdo.receive(now_ns, data),
             Asnd::NmtRequest(request) => self.nmt_requested(index, request),
-            Asnd::NmtCommand(_) | Asnd::Other(_) => self.counters.unexpected += u64::from(granted),
+            Asnd::NmtCommand(_) | Asnd::SyncResponse(_) | Asnd::Other(_) => {
+                self.counters.unexpected += u64::from(granted)
+            }
         }
     }
 

@@ -1,8 +1,8 @@
 //! ASnd: everything that is sent in the asynchronous slot.
 
 use super::{
-    FRAME_LEN_MIN, Header, IDENT_RESPONSE_LEN, IdentResponse, StatusResponse, WireError, array, check_len, message,
-    start,
+    FRAME_LEN_MIN, Header, IDENT_RESPONSE_LEN, IdentResponse, StatusResponse, SyncResponse, WireError, array,
+    check_len, message, start,
 };
 use crate::nmt::{NmtCommand, NodeList};
 
@@ -67,6 +67,8 @@ pub enum Asnd<'a> {
     NmtCommand(NmtCommandFrame),
     /// SDO container: from the first octet of the sequence layer (octet 18) to the end of the frame, padding included.
     Sdo(&'a [u8]),
+    /// Times of PRes chaining that a node measured or holds.
+    SyncResponse(SyncResponse),
     /// Any other service, kept as it came.
     Other(Service<'a>),
 }
@@ -89,7 +91,8 @@ impl<'a> Asnd<'a> {
             ServiceId::NmtRequest => NmtRequestFrame::parse(frame).map(Asnd::NmtRequest),
             ServiceId::NmtCommand => NmtCommandFrame::parse(frame).map(Asnd::NmtCommand),
             ServiceId::Sdo => Ok(Asnd::Sdo(&frame[DATA_AT..])),
-            id @ (ServiceId::SyncResponse | ServiceId::Unknown(_)) => Ok(Asnd::Other(Service {
+            ServiceId::SyncResponse => SyncResponse::parse(frame).map(Asnd::SyncResponse),
+            id @ ServiceId::Unknown(_) => Ok(Asnd::Other(Service {
                 id,
                 data: &frame[DATA_AT..],
             })),
@@ -104,6 +107,7 @@ impl<'a> Asnd<'a> {
             Asnd::NmtRequest(_) => ServiceId::NmtRequest,
             Asnd::NmtCommand(_) => ServiceId::NmtCommand,
             Asnd::Sdo(_) => ServiceId::Sdo,
+            Asnd::SyncResponse(_) => ServiceId::SyncResponse,
             Asnd::Other(service) => service.id,
         }
     }
@@ -113,7 +117,7 @@ impl<'a> Asnd<'a> {
         let len = match self {
             Asnd::IdentResponse(_) => IDENT_RESPONSE_LEN,
             Asnd::StatusResponse(status) => status.frame_len(),
-            Asnd::NmtRequest(_) | Asnd::NmtCommand(_) => FRAME_LEN_MIN,
+            Asnd::NmtRequest(_) | Asnd::NmtCommand(_) | Asnd::SyncResponse(_) => FRAME_LEN_MIN,
             Asnd::Sdo(data) => DATA_AT + data.len(),
             Asnd::Other(service) => DATA_AT + service.data.len(),
         };
@@ -125,6 +129,7 @@ impl<'a> Asnd<'a> {
             Asnd::NmtRequest(request) => request.write(frame),
             Asnd::NmtCommand(command) => command.write(frame),
             Asnd::Sdo(data) => frame[DATA_AT..DATA_AT + data.len()].copy_from_slice(data),
+            Asnd::SyncResponse(response) => response.write(frame),
             Asnd::Other(service) => frame[DATA_AT..DATA_AT + service.data.len()].copy_from_slice(service.data),
         }
         Ok(frame.len())

@@ -7,12 +7,14 @@
 //! Offsets count from the first octet of the Ethernet header; numbers are little endian, only the EtherType is not.
 
 mod asnd;
+mod chaining;
 mod ident;
 mod poll;
 mod status;
 mod sync;
 
 pub use asnd::{Asnd, COMMAND_DATA_LEN, NmtCommandFrame, NmtRequestFrame, Service, ServiceId};
+pub use chaining::{SYNC_RESPONSE_LEN, SyncRequest, SyncResponse};
 pub use ident::{IDENT_RESPONSE_LEN, IdentResponse};
 pub use poll::{POLL_HEADER_LEN, Preq, Pres};
 pub use status::{

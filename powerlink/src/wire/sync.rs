@@ -1,6 +1,6 @@
 //! SoC and SoA: the two multicasts by which the managing node times the network.
 
-use super::{EPL_VERSION, Header, WireError, array, check_len, flag, message, put, start, u32_at};
+use super::{EPL_VERSION, Header, SyncRequest, WireError, array, check_len, flag, message, put, start, u32_at};
 use crate::nmt::NmtState;
 
 /// Octets of a SoC before padding.
@@ -105,7 +105,7 @@ impl From<RequestedService> for u8 {
     }
 }
 
-/// Start of asynchronous phase. The SyncRequest area (PRes chaining) is sent as zeros and not read.
+/// Start of asynchronous phase.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Soa {
     /// State of the managing node.
@@ -122,6 +122,8 @@ pub struct Soa {
     pub epl_version: u8,
     /// MR: a redundant managing node is active.
     pub redundancy_active: bool,
+    /// What a [`RequestedService::SyncRequest`] says; read and sent with that service only, else the area is zero.
+    pub sync: SyncRequest,
 }
 
 impl Soa {
@@ -135,19 +137,26 @@ impl Soa {
             target,
             epl_version: EPL_VERSION,
             redundancy_active: false,
+            sync: SyncRequest::default(),
         }
     }
 
     pub(super) fn parse(frame: &[u8]) -> Result<Soa, WireError> {
         check_len(frame, SOA_LEN_MIN)?;
+        let service = RequestedService::from(frame[20]);
         Ok(Soa {
             nmt_state: NmtState::from(frame[17]),
             exception_acknowledge: frame[18] & flag::EA != 0,
             exception_reset: frame[18] & flag::ER != 0,
-            service: RequestedService::from(frame[20]),
+            service,
             target: frame[21],
             epl_version: frame[22],
             redundancy_active: frame[23] & flag::MR != 0,
+            sync: if service == RequestedService::SyncRequest {
+                SyncRequest::read(frame)
+            } else {
+                SyncRequest::default()
+            },
         })
     }
 
@@ -160,6 +169,9 @@ impl Soa {
         frame[21] = self.target;
         frame[22] = self.epl_version;
         frame[23] = flag::bit(self.redundancy_active, flag::MR);
+        if self.service == RequestedService::SyncRequest {
+            self.sync.write(frame);
+        }
         Ok(frame.len())
     }
 }
