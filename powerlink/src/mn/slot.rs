@@ -6,9 +6,11 @@
 //! when somebody else waits), then in turn: StatusRequests, invitations of nodes with something to send, SDO of the
 //! managing node, IdentRequests. Within each kind the nodes take turns.
 
+use super::Mn;
+use super::cycle::Phase;
 use super::event::MnEvent;
-use super::node::{Node, Order};
-use super::{Mn, Phase, Reduced, us};
+use super::network::Reduced;
+use super::node::{Node, Order, us};
 use crate::nmt::{NmtCommand, NmtState};
 use crate::sdo::SERVICE_DATA_MAX;
 use crate::wire::{

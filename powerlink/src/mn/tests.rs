@@ -14,7 +14,7 @@ use super::*;
 use crate::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
 use crate::cn::{Cn, CnConfig};
 use crate::nmt::NmtCommand;
-use crate::wire::{NmtCommandFrame, RequestedService, Soa};
+use crate::wire::{Asnd, Frame, Header, Mac, NmtCommandFrame, Pres, RequestedService, Soa, Soc, multicast};
 
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;

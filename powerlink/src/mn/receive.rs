@@ -1,0 +1,136 @@
+//! What arrives: frames of the nodes, of another managing node, garbage.
+//!
+//! In:  any octets, and when they came. Out: the node they belong to is told; everything else is counted by reason.
+//! RT: no allocation, no locks, bounded; never panics.
+
+use super::Mn;
+use super::cycle::Phase;
+use super::event::MnEvent;
+use super::node::us;
+use super::slot::Grant;
+use crate::nmt::NmtState;
+use crate::wire::{self, Asnd, Frame, Header, Mac, Pres};
+
+/// Another managing node is reported again after it was silent for this time.
+const FOREIGN_SILENCE_NS: u64 = 1_000_000_000;
+
+impl<'a, const NODES: usize> Mn<'a, NODES> {
+    /// Hands in a frame that arrived. Garbage is counted by reason and does nothing else; never panics.
+    pub fn receive(&mut self, now_ns: u64, frame: &[u8]) {
+        let (header, body) = match Header::parse(frame).and_then(|header| Ok((header, Frame::parse(frame)?))) {
+            Ok(parsed) => parsed,
+            Err(error) => return self.counters.malformed.count(error),
+        };
+        if header.source == self.config.mac {
+            self.counters.own_frames += 1;
+            return;
+        }
+        match body {
+            Frame::Soc(_) | Frame::Soa(_) | Frame::Preq(_) | Frame::Amni(_) => self.foreign_mn(now_ns, header.source),
+            Frame::Pres(pres) => self.receive_pres(now_ns, &header, &pres),
+            Frame::Asnd(asnd) => self.receive_asnd(now_ns, &header, &asnd),
+            Frame::Ainv(_) => self.counters.unexpected += 1,
+        }
+    }
+
+    fn foreign_mn(&mut self, now_ns: u64, mac: Mac) {
+        self.counters.foreign_mn_frames += 1;
+        let silent = self
+            .foreign_heard_ns
+            .is_none_or(|heard_ns| now_ns >= heard_ns + FOREIGN_SILENCE_NS);
+        self.foreign_heard_ns = Some(now_ns);
+        if silent {
+            self.events.push(MnEvent::ForeignMn { mac });
+        }
+        if self.state == NmtState::NotActive {
+            self.listen_until_ns = Some(now_ns + us(self.config.boot.wait_not_active_us));
+        }
+    }
+
+    fn receive_pres(&mut self, now_ns: u64, header: &Header, pres: &Pres<'_>) {
+        let Some(index) = self.index_of(header.source_node) else {
+            self.counters.unknown_node += 1;
+            return;
+        };
+        let sent_ns = match self.phase {
+            Phase::AwaitPres {
+                index: awaited,
+                sent_ns,
+                ..
+            } if awaited == index => sent_ns,
+            // It was faster than our return from sending.
+            Phase::PreqSent { index: awaited } if awaited == index => now_ns,
+            Phase::AwaitPres { .. }
+            | Phase::PreqSent { .. }
+            | Phase::Idle
+            | Phase::SocDue
+            | Phase::NextPreq { .. }
+            | Phase::SoaDue
+            | Phase::SoaSent { .. }
+            | Phase::AsndSent
+            | Phase::AwaitAsnd { .. } => {
+                match self.nodes.get_mut(index).and_then(Option::as_mut) {
+                    Some(node) if node.lost_in_row > 0 => node.statistics.pres_late += 1,
+                    Some(_) | None => self.counters.unexpected += 1,
+                }
+                return;
+            }
+        };
+        self.phase = Phase::NextPreq { index: index + 1 };
+        let network = self.network();
+        if let Some(node) = self.nodes.get_mut(index).and_then(Option::as_mut) {
+            let response_ns = u32::try_from(now_ns.saturating_sub(sent_ns)).unwrap_or(u32::MAX);
+            node.statistics.response_ns_max = node.statistics.response_ns_max.max(response_ns);
+            node.polled_well(now_ns, pres, &network, &mut self.events);
+        }
+    }
+
+    fn receive_asnd(&mut self, now_ns: u64, header: &Header, asnd: &Asnd<'_>) {
+        let Some(index) = self.index_of(header.source_node) else {
+            self.counters.unknown_node += 1;
+            return;
+        };
+        let granted = match self.phase {
+            Phase::AwaitAsnd {
+                grant: Grant::Node { index: target, .. },
+                ..
+            }
+            | Phase::SoaSent {
+                grant: Grant::Node { index: target, .. },
+            } => target == index,
+            Phase::AwaitAsnd { .. }
+            | Phase::SoaSent { .. }
+            | Phase::Idle
+            | Phase::SocDue
+            | Phase::NextPreq { .. }
+            | Phase::PreqSent { .. }
+            | Phase::AwaitPres { .. }
+            | Phase::SoaDue
+            | Phase::AsndSent => false,
+        };
+        // An answer that comes late is still true and is taken; only the slot is over.
+        if granted {
+            self.phase = Phase::Idle;
+        } else {
+            self.counters.unexpected += 1;
+        }
+        if !matches!(header.destination_node, wire::node::MN | wire::node::BROADCAST) {
+            return;
+        }
+        let network = self.network();
+        let Some(node) = self.nodes.get_mut(index).and_then(Option::as_mut) else {
+            return;
+        };
+        match asnd {
+            Asnd::IdentResponse(ident) => {
+                node.identified(now_ns, header.source, ident, &network, &mut self.events);
+            }
+            Asnd::StatusResponse(status) => node.status(now_ns, status, &network, &mut self.events),
+            Asnd::Sdo(data) => node.sdo.receive(now_ns, data),
+            Asnd::NmtRequest(request) => self.nmt_requested(index, request),
+            Asnd::NmtCommand(_) | Asnd::SyncResponse(_) | Asnd::Other(_) => {
+                self.counters.unexpected += u64::from(granted)
+            }
+        }
+    }
+}
