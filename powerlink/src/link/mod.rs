@@ -1,4 +1,4 @@
-//! What carries frames: one trait, and behind it a raw socket, a second one on libpnet, memory.
+//! What carries frames: one trait, and behind it a raw socket, a second one on libpnet, memory; and a simulated network.
 //!
 //! In:  whole Ethernet frames without FCS to send. Out: frames of others, each with the time it was received, if known.
 //! Nothing in `send` and `receive` allocates or locks (except in `pnet`, which is no RT link and says so).
@@ -13,6 +13,8 @@ pub mod pcap;
 pub mod pnet;
 #[cfg(feature = "std")]
 pub mod raw;
+#[cfg(feature = "std")]
+pub mod simulated;
 
 /// Why a frame could not be sent or awaited.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
