@@ -153,7 +153,11 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
     fn translate(&self, event: MnEvent) -> Option<BusEvent> {
         let index = |id: u8| self.node_ids.iter().position(|own| *own == id);
         Some(match event {
-            MnEvent::NmtStateChanged { .. } | MnEvent::Configuring { .. } => return None,
+            // After a threshold the network starts again: every node is lost, and says so.
+            MnEvent::NmtStateChanged { .. }
+            | MnEvent::Configuring { .. }
+            | MnEvent::CycleThreshold
+            | MnEvent::CrcThreshold => return None,
             MnEvent::Identified { node } => BusEvent::Identified(index(node)?),
             MnEvent::IdentityMismatch {
                 node,

@@ -229,6 +229,35 @@ pub enum MnConfigError {
         /// As configured.
         got: u16,
     },
+    /// A multiplexed node needs a cycle of the round (0x1F9B) that exists (0x1F98/7), all others must have none.
+    MultiplexCycle {
+        /// Node id.
+        id: u8,
+        /// As configured.
+        got: u8,
+        /// Cycles of the round.
+        most: u8,
+    },
+    /// Two of the ways to exchange process data that exclude each other: polled each cycle, multiplexed, chained, or none.
+    Exchange {
+        /// Node id.
+        id: u8,
+    },
+    /// A chained node answers to the PRes of the managing node, which sends none.
+    ChainedWithoutPresMn {
+        /// Node id.
+        id: u8,
+    },
+    /// AsyncMTU (0x1F98/8) is 300..=1500.
+    AsyncMtu {
+        /// As configured.
+        got: u16,
+    },
+    /// The prescaler (0x1F98/9) is at most 1000.
+    Prescaler {
+        /// As configured.
+        got: u16,
+    },
     /// A time-out of zero.
     NoTimeout {
         /// Node id; 240 for the asynchronous slot.
@@ -282,6 +311,20 @@ impl fmt::Display for MnConfigError {
                     "node {id}: {direction:?} of {got} octets, at most {PAYLOAD_MAX} fit into a frame"
                 )
             }
+            MnConfigError::MultiplexCycle { id, got, most } => write!(
+                f,
+                "node {id}: multiplexed cycle {got}: expected 1..={most} for a multiplexed node and 0 for another"
+            ),
+            MnConfigError::Exchange { id } => write!(
+                f,
+                "node {id}: multiplexed, chained and asynchronous only exclude each other"
+            ),
+            MnConfigError::ChainedWithoutPresMn { id } => write!(
+                f,
+                "node {id}: chained, and needs a PRes of the managing node, which sends none"
+            ),
+            MnConfigError::AsyncMtu { got } => write!(f, "AsyncMTU of {got} octets: expected 300..=1500"),
+            MnConfigError::Prescaler { got } => write!(f, "prescaler {got}: expected 0..=1000"),
             MnConfigError::NoTimeout { id } => write!(f, "node {id}: a time-out of 0 ns can never be met"),
             MnConfigError::CycleTooShort { sum_ns, cycle_ns } => write!(
                 f,
@@ -339,6 +382,17 @@ pub(super) fn check(config: &MnConfig<'_>, most: usize) -> Result<(), MnConfigEr
     if config.async_slot_timeout_ns == 0 {
         return Err(MnConfigError::NoTimeout { id: wire::node::MN });
     }
+    if !(300..=1500).contains(&config.async_mtu) {
+        return Err(MnConfigError::AsyncMtu { got: config.async_mtu });
+    }
+    if config.prescaler > 1000 {
+        return Err(MnConfigError::Prescaler { got: config.prescaler });
+    }
+    if let Some(got) = config.pres_mn_bytes.filter(|octets| usize::from(*octets) > PAYLOAD_MAX) {
+        let direction = Direction::Pres;
+        let id = wire::node::MN;
+        return Err(MnConfigError::PayloadLength { id, direction, got });
+    }
     for (position, node) in nodes.iter().enumerate() {
         let id = node.id;
         if !(1..=wire::node::CN_MAX).contains(&id) {
@@ -355,11 +409,34 @@ pub(super) fn check(config: &MnConfig<'_>, most: usize) -> Result<(), MnConfigEr
         if node.pres_timeout_ns == 0 {
             return Err(MnConfigError::NoTimeout { id });
         }
+        check_exchange(config, node)?;
         check_configuration(node)?;
     }
     let sum_ns = slots_ns(config);
     if sum_ns > u64::from(cycle_ns) {
         return Err(MnConfigError::CycleTooShort { sum_ns, cycle_ns });
+    }
+    Ok(())
+}
+
+/// How a node exchanges process data.
+fn check_exchange(config: &MnConfig<'_>, node: &NodeConfig<'_>) -> Result<(), MnConfigError> {
+    let id = node.id;
+    let Assignment {
+        multiplexed,
+        chained,
+        async_only,
+        ..
+    } = node.assignment;
+    if u8::from(multiplexed) + u8::from(chained) + u8::from(async_only) > 1 {
+        return Err(MnConfigError::Exchange { id });
+    }
+    let (got, most) = (node.multiplex_cycle, config.multiplex_cycles);
+    if multiplexed != (got != 0) || got > most {
+        return Err(MnConfigError::MultiplexCycle { id, got, most });
+    }
+    if chained && config.pres_mn_bytes.is_none() {
+        return Err(MnConfigError::ChainedWithoutPresMn { id });
     }
     Ok(())
 }

@@ -3,14 +3,12 @@
 //! In:  the start of each cycle, the time. Out: frames in the order in which they may be on the wire.
 //! RT: no allocation, no locks, bounded by the number of nodes.
 
+use super::event::MnEvent;
 use super::node::us;
 use super::slot::Grant;
 use super::{Mn, Step};
 use crate::nmt::{MnTrigger, NmtState};
-use crate::wire::{self, Header, NetTime, PAYLOAD_LIMIT_MIN, Preq, Soc, multicast};
-
-/// The PS flag of the SoC toggles every so many cycles (object 0x1F98/9, its default).
-const PRESCALER: u64 = 2;
+use crate::wire::{self, Header, NetTime, PAYLOAD_LIMIT_MIN, Preq, Pres, Requests, Soc, multicast};
 
 /// Where the cycle stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +17,10 @@ pub(super) enum Phase {
     Idle,
     /// The SoC is to be sent.
     SocDue,
+    /// The SoC was handed out.
+    SocSent,
+    /// The first PReq has to wait until then.
+    AfterSoc { until_ns: u64 },
     /// The next PReq goes to this node or one behind it.
     NextPreq { index: usize },
     /// The PReq was handed out; its time-out starts when the caller comes back from sending.
@@ -29,6 +31,8 @@ pub(super) enum Phase {
         sent_ns: u64,
         deadline_ns: u64,
     },
+    /// The PRes of the managing node, if it sends one, and then the SoA are to be sent.
+    PresMnDue,
     /// The SoA is to be sent.
     SoaDue,
     /// The SoA was handed out.
@@ -82,6 +86,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         for node in self.nodes.iter_mut().flatten() {
             node.start_cycle();
         }
+        self.begin_round();
         self.phase = Phase::SocDue;
     }
 
@@ -91,14 +96,48 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             Phase::Idle | Phase::AsndSent => {}
             Phase::AwaitAsnd { grant, .. } => self.slot_over(now_ns, grant),
             Phase::PreqSent { index } | Phase::AwaitPres { index, .. } => {
-                self.counters.cycles_overrun += 1;
+                self.cycle_exceeded();
                 self.poll_lost(now_ns, index);
             }
-            Phase::SocDue | Phase::NextPreq { .. } | Phase::SoaDue | Phase::SoaSent { .. } => {
-                self.counters.cycles_overrun += 1;
-            }
+            Phase::SocDue
+            | Phase::SocSent
+            | Phase::AfterSoc { .. }
+            | Phase::NextPreq { .. }
+            | Phase::PresMnDue
+            | Phase::SoaDue
+            | Phase::SoaSent { .. } => self.cycle_exceeded(),
         }
         self.phase = Phase::Idle;
+    }
+
+    /// The next cycle of the multiplexed round.
+    fn begin_round(&mut self) {
+        if self.config.multiplex_cycles == 0 {
+            return;
+        }
+        self.multiplex_cycle += 1;
+        if self.multiplex_cycle > self.config.multiplex_cycles {
+            self.multiplex_cycle = 1;
+            self.round_toggle = !self.round_toggle;
+        }
+    }
+
+    /// The node at this position is polled in this cycle.
+    fn is_polled_now(&self, index: usize) -> bool {
+        self.node(index).is_some_and(|node| {
+            let cycle = node.config.multiplex_cycle;
+            node.polled && (cycle == 0 || cycle == self.multiplex_cycle)
+        })
+    }
+
+    /// A cycle was not over when the next one began (E_DLL_CYCLE_EXCEED). It is counted and the network goes on, unless the
+    /// configuration gives a threshold.
+    fn cycle_exceeded(&mut self) {
+        self.counters.cycles_overrun += 1;
+        if self.counters.cycle_exceeded.error(self.config.cycle_threshold) {
+            self.events.push(MnEvent::CycleThreshold);
+            self.trigger(MnTrigger::CycleError);
+        }
     }
 
     /// What to do now. To be called again after each step but [`Step::Idle`].
@@ -121,14 +160,29 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     None => self.phase = Phase::SoaDue,
                 },
                 Phase::SocDue => {
-                    self.phase = Phase::NextPreq { index: 0 };
+                    self.phase = Phase::SocSent;
                     if let Some(len) = self.write_soc() {
                         return Action::Send(Buffer::Cycle, len);
                     }
                 }
+                Phase::SocSent => {
+                    let wait_ns = u64::from(self.config.soc_preq_wait_ns);
+                    self.phase = if wait_ns == 0 {
+                        Phase::NextPreq { index: 0 }
+                    } else {
+                        let until_ns = now_ns + wait_ns;
+                        Phase::AfterSoc { until_ns }
+                    };
+                }
+                Phase::AfterSoc { until_ns } => {
+                    if now_ns < until_ns {
+                        return Action::WaitUntil(until_ns);
+                    }
+                    self.phase = Phase::NextPreq { index: 0 };
+                }
                 Phase::NextPreq { index } => {
-                    let Some(index) = (index..NODES).find(|at| self.node(*at).is_some_and(|node| node.polled)) else {
-                        self.phase = Phase::SoaDue;
+                    let Some(index) = (index..self.config.nodes.len()).find(|at| self.is_polled_now(*at)) else {
+                        self.phase = Phase::PresMnDue;
                         continue;
                     };
                     self.phase = Phase::PreqSent { index };
@@ -153,6 +207,12 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     }
                     self.poll_lost(now_ns, index);
                     self.phase = Phase::NextPreq { index: index + 1 };
+                }
+                Phase::PresMnDue => {
+                    self.phase = Phase::SoaDue;
+                    if let Some(len) = self.write_pres_mn() {
+                        return Action::Send(Buffer::Cycle, len);
+                    }
                 }
                 Phase::SoaDue => {
                     let (grant, len) = self.write_soa(now_ns);
@@ -262,12 +322,14 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     }
 
     fn write_soc(&mut self) -> Option<usize> {
-        if self.counters.cycles.is_multiple_of(PRESCALER) {
+        let prescaler = u64::from(self.config.prescaler);
+        // A multiple of 0 is only 0 itself: without a prescaler the flag stays as it is after the first cycle.
+        if self.counters.cycles.is_multiple_of(prescaler) {
             self.prescaled_slot = !self.prescaled_slot;
         }
         self.counters.cycles += 1;
         let soc = Soc {
-            multiplexed_cycle: false,
+            multiplexed_cycle: self.round_toggle,
             prescaled_slot: self.prescaled_slot,
             net_time: self.net_time,
             relative_time_us: self.relative_time_us,
@@ -290,14 +352,31 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         };
         let node_takes_data = matches!(node.nmt_state, NmtState::ReadyToOperate | NmtState::Operational);
         let preq = Preq {
-            multiplexed: false,
+            multiplexed: node.config.multiplex_cycle != 0,
             exception_acknowledge: node.signalling.exception_acknowledge(),
             ready: self.outputs_valid && node_takes_data,
-            pdo_version: 0,
+            pdo_version: node.config.preq_version,
             payload: node.output(),
         };
         let limit = usize::from(node.config.preq_bytes).max(PAYLOAD_LIMIT_MIN);
         preq.emit(&header, limit, &mut self.cycle_frame).ok()
+    }
+
+    /// The managing node's own process data for all; `None`: it sends none.
+    fn write_pres_mn(&mut self) -> Option<usize> {
+        let octets = usize::from(self.config.pres_mn_bytes?);
+        let pres = Pres {
+            nmt_state: self.state,
+            multiplexed: false,
+            exception_new: false,
+            ready: self.outputs_valid && self.state == NmtState::Operational,
+            requests: Requests::default(),
+            pdo_version: self.config.pres_mn_version,
+            payload: &self.pres_mn[..octets],
+        };
+        let header = Header::multicast(multicast::PRES, self.config.mac, wire::node::MN);
+        pres.emit(&header, octets.max(PAYLOAD_LIMIT_MIN), &mut self.cycle_frame)
+            .ok()
     }
 
     /// Decides who gets the slot and writes the SoA that says so.
@@ -307,6 +386,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         }
         let (grant, soa) = self.grant(now_ns);
         self.counters.soa_sent += 1;
+        self.counters.cycle_exceeded.good();
+        self.counters.crc_errors.good();
         let header = Header::multicast(multicast::SOA, self.config.mac, wire::node::MN);
         (grant, soa.emit(&header, &mut self.cycle_frame).ok())
     }

@@ -7,7 +7,7 @@ use core::fmt;
 
 use obd::AbortCode;
 
-use super::NodeState;
+use super::{NodeState, Threshold};
 use crate::nmt::NmtState;
 use crate::wire::{ErrorEntry, Mac, WireError};
 
@@ -122,6 +122,10 @@ pub enum MnEvent {
         /// The entry.
         entry: ErrorEntry,
     },
+    /// The threshold of cycles that were not over in time (0x1C02/3) was reached; the network starts again.
+    CycleThreshold,
+    /// The threshold of frames with a wrong check sum (0x1C00/3) was reached; the network starts again.
+    CrcThreshold,
     /// Another managing node is on the wire.
     ForeignMn {
         /// Its MAC.
@@ -175,6 +179,12 @@ impl fmt::Display for MnEvent {
                     "node {node}: error {:#06x} (entry type {:#06x})",
                     entry.code, entry.entry_type
                 )
+            }
+            MnEvent::CycleThreshold => {
+                f.write_str("the threshold of exceeded cycles (1C02h/03h) is reached; starting the network again")
+            }
+            MnEvent::CrcThreshold => {
+                f.write_str("the threshold of check sum errors (1C00h/03h) is reached; starting the network again")
             }
             MnEvent::ForeignMn { mac } => write!(f, "another managing node is on the wire, MAC {mac:02x?}"),
         }
@@ -271,6 +281,12 @@ pub struct Counters {
     pub cycles_skipped: u64,
     /// Cycles that were cut off by the next one before their SoA was sent.
     pub cycles_overrun: u64,
+    /// The same as threshold counter (0x1C02).
+    pub cycle_exceeded: Threshold,
+    /// Frames with a wrong check sum, where the driver tells (0x1C00).
+    pub crc_errors: Threshold,
+    /// Collisions, where the driver tells.
+    pub collisions: u64,
     /// SoAs sent.
     pub soa_sent: u64,
     /// ASnds of our own sent.

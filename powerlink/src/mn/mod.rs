@@ -30,13 +30,15 @@ mod receive;
 mod signalling;
 mod slot;
 mod startup;
+mod threshold;
 
 pub use config::{BootTimes, Direction, Identity, MnConfig, MnConfigError, NodeConfig, Stamp};
 pub use event::{Counters, EVENTS_MAX, IdentityField, Malformed, MnEvent, NodeStatistics};
 pub use startup::{Assignment, RefusedBit, StartUp};
+pub use threshold::Threshold;
 
 use crate::nmt::{self, MnTrigger, NmtState};
-use crate::wire::{self, FRAME_LEN_MAX, NetTime};
+use crate::wire::{self, FRAME_LEN_MAX, NetTime, PAYLOAD_MAX};
 use config::check;
 use cycle::Phase;
 use event::Events;
@@ -110,10 +112,16 @@ pub struct Mn<'a, const NODES: usize> {
     net_time: NetTime,
     relative_time_us: u64,
     prescaled_slot: bool,
+    /// Cycle of the multiplexed round, from 1; 0 before the first.
+    multiplex_cycle: u8,
+    /// MC of the SoC.
+    round_toggle: bool,
     turn: Turn,
     shutdown: Shutdown,
     events: Events,
     counters: Counters,
+    /// Payload of our own PRes.
+    pres_mn: [u8; PAYLOAD_MAX],
     cycle_frame: [u8; FRAME_LEN_MAX],
     asnd_frame: [u8; FRAME_LEN_MAX],
     asnd_len: usize,
@@ -145,10 +153,13 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             net_time: NetTime::default(),
             relative_time_us: 0,
             prescaled_slot: false,
+            multiplex_cycle: 0,
+            round_toggle: false,
             turn: Turn::default(),
             shutdown: Shutdown::No,
             events: Events::new(),
             counters: Counters::default(),
+            pres_mn: [0; PAYLOAD_MAX],
             cycle_frame: [0; FRAME_LEN_MAX],
             asnd_frame: [0; FRAME_LEN_MAX],
             asnd_len: 0,
@@ -161,6 +172,25 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             Some(Some(node)) => &mut node.output[..usize::from(node.config.preq_bytes)],
             Some(None) | None => &mut [],
         }
+    }
+
+    /// Payload of the managing node's own PRes, which all nodes may read; empty where it sends none.
+    pub fn pres_mn_output_mut(&mut self) -> &mut [u8] {
+        &mut self.pres_mn[..usize::from(self.config.pres_mn_bytes.unwrap_or(0))]
+    }
+
+    /// The driver has seen a frame with a wrong check sum (E_DLL_CRC). It is counted; what a threshold does is the
+    /// configuration's choice.
+    pub fn crc_error(&mut self) {
+        if self.counters.crc_errors.error(self.config.crc_threshold) {
+            self.events.push(MnEvent::CrcThreshold);
+            self.trigger(MnTrigger::CycleError);
+        }
+    }
+
+    /// The driver has seen a collision (E_DLL_COLLISION).
+    pub fn collision(&mut self) {
+        self.counters.collisions += 1;
     }
 
     /// Whether the outputs may be used (RD of the PReq). It is sent only to nodes in READY_TO_OPERATE or OPERATIONAL.
@@ -262,8 +292,11 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             Phase::AwaitPres { index, deadline_ns, .. } => self.node(index).map(|node| (node.config.id, deadline_ns)),
             Phase::Idle
             | Phase::SocDue
+            | Phase::SocSent
+            | Phase::AfterSoc { .. }
             | Phase::NextPreq { .. }
             | Phase::PreqSent { .. }
+            | Phase::PresMnDue
             | Phase::SoaDue
             | Phase::SoaSent { .. }
             | Phase::AsndSent

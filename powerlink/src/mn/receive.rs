@@ -64,7 +64,10 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             | Phase::PreqSent { .. }
             | Phase::Idle
             | Phase::SocDue
+            | Phase::SocSent
+            | Phase::AfterSoc { .. }
             | Phase::NextPreq { .. }
+            | Phase::PresMnDue
             | Phase::SoaDue
             | Phase::SoaSent { .. }
             | Phase::AsndSent
@@ -102,7 +105,10 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             | Phase::SoaSent { .. }
             | Phase::Idle
             | Phase::SocDue
+            | Phase::SocSent
+            | Phase::AfterSoc { .. }
             | Phase::NextPreq { .. }
+            | Phase::PresMnDue
             | Phase::PreqSent { .. }
             | Phase::AwaitPres { .. }
             | Phase::SoaDue

@@ -1,6 +1,7 @@
 //! The managing node against controlled nodes of this crate, on virtual time; the test is the wire.
 
 mod boot;
+mod cycle;
 mod faults;
 mod rules;
 
@@ -145,8 +146,13 @@ struct Net<'a> {
 
 impl<'a> Net<'a> {
     fn new(nodes: &'a [NodeConfig<'a>]) -> Net<'a> {
+        Net::with(mn_config(nodes))
+    }
+
+    fn with(config: MnConfig<'a>) -> Net<'a> {
+        let nodes = config.nodes;
         Net {
-            mn: Mn::new(mn_config(nodes)).unwrap(),
+            mn: Mn::new(config).unwrap(),
             drives: nodes.iter().map(|node| (node.id, drive(node.id, 0))).collect(),
             now_ns: 0,
             log: Vec::new(),

@@ -1,0 +1,234 @@
+//! What a cycle is made of: multiplexed rounds, the managing node's own PRes, prescaler, waits, thresholds.
+
+use super::*;
+
+fn multiplexed(id: u8, cycle: u8, configuration: &[u8]) -> NodeConfig<'_> {
+    NodeConfig {
+        assignment: Assignment {
+            multiplexed: true,
+            ..Assignment::default()
+        },
+        multiplex_cycle: cycle,
+        ..node_config(id, configuration)
+    }
+}
+
+/// Frames of the last cycles: for each SoC its MC flag, and the nodes polled after it.
+fn rounds(log: &[OnWire]) -> Vec<(bool, Vec<u8>)> {
+    let mut rounds: Vec<(bool, Vec<u8>)> = Vec::new();
+    for sent in log {
+        match sent.frame() {
+            Frame::Soc(soc) => rounds.push((soc.multiplexed_cycle, Vec::new())),
+            Frame::Preq(preq) => {
+                let node = sent.octets[15];
+                assert_eq!(preq.multiplexed, node != 1, "MS is for multiplexed nodes");
+                rounds.last_mut().unwrap().1.push(node);
+            }
+            _ => {}
+        }
+    }
+    rounds
+}
+
+#[test]
+fn multiplexed_nodes_are_polled_once_a_round_and_the_flag_toggles_with_it() {
+    let configuration = configuration();
+    let nodes = [
+        node_config(1, &configuration),
+        multiplexed(2, 1, &configuration),
+        multiplexed(3, 3, &configuration),
+        multiplexed(4, 3, &configuration),
+    ];
+    let mut net = Net::with(MnConfig {
+        multiplex_cycles: 3,
+        ..mn_config(&nodes)
+    });
+    net.boot();
+    net.cycles(60);
+    let before = net.mn.statistics(1).preq_sent;
+    net.log.clear();
+    net.cycles(300);
+    assert_eq!(net.mn.statistics(1).preq_sent - before, 100);
+    let rounds = rounds(&net.log);
+    let first = rounds.iter().position(|round| round.1 == [1, 2]).unwrap();
+    for (at, (toggle, polled)) in rounds[first..].iter().enumerate() {
+        let expected: &[u8] = [&[1, 2][..], &[1], &[1, 3, 4]][at % 3];
+        assert_eq!(polled, expected, "cycle {at}");
+        assert_eq!(*toggle, rounds[first].0 ^ (at / 3 % 2 == 1), "cycle {at}");
+    }
+    check_order(&net.log, 0);
+    assert!(net.all_operational());
+    for (id, drive) in &net.drives {
+        assert_eq!(
+            drive.dictionary().read(0x1C0D, 1).unwrap(),
+            [0; 4],
+            "node {id} missed no PReq"
+        );
+    }
+}
+
+#[test]
+fn a_lost_multiplexed_node_is_judged_by_its_own_polls() {
+    let configuration = configuration();
+    let nodes = [node_config(1, &configuration), multiplexed(2, 2, &configuration)];
+    let mut net = Net::with(MnConfig {
+        multiplex_cycles: 4,
+        ..mn_config(&nodes)
+    });
+    net.boot();
+    net.lose_pres.insert(2, 3);
+    net.cycles(12);
+    assert_eq!(net.mn.statistics(1).pres_lost, 3);
+    assert_eq!(
+        net.mn.node_state(1),
+        NodeState::Operational,
+        "three in a row are ridden out"
+    );
+    net.cycles(4);
+    net.lose_pres.insert(2, 4);
+    net.cycles(16);
+    assert_eq!(net.mn.statistics(1).pres_lost, 7);
+    assert_eq!(net.mn.statistics(1).faults, 1);
+}
+
+#[test]
+fn the_own_pres_carries_data_for_all_behind_the_polls() {
+    let configuration = configuration();
+    let nodes = [node_config(1, &configuration)];
+    let mut net = Net::with(MnConfig {
+        pres_mn_bytes: Some(3),
+        pres_mn_version: 0x21,
+        ..mn_config(&nodes)
+    });
+    net.mn.set_outputs_valid(true);
+    net.mn.pres_mn_output_mut().copy_from_slice(&[7, 8, 9]);
+    net.boot();
+    net.log.clear();
+    net.cycle();
+    let order: Vec<(u8, u8)> = net.log.iter().map(|sent| (sent.octets[14], sent.source)).collect();
+    assert_eq!(order[..5], [(1, 240), (3, 240), (4, 1), (4, 240), (5, 240)]);
+    let Frame::Pres(pres) = net.log[3].frame() else {
+        panic!()
+    };
+    assert_eq!(
+        (pres.payload, pres.ready, pres.pdo_version),
+        (&[7, 8, 9][..], true, 0x21)
+    );
+    assert_eq!(pres.nmt_state, NmtState::Operational);
+    assert_eq!(net.log[3].octets.len(), 60);
+    assert_eq!(net.log[3].octets[..6], multicast::PRES);
+}
+
+#[test]
+fn the_prescaler_flag_toggles_every_so_many_cycles() {
+    for (prescaler, toggles) in [(0, 0), (1, 12), (2, 6), (4, 3)] {
+        let mut net = Net::with(MnConfig {
+            prescaler,
+            ..mn_config(&[])
+        });
+        net.until(300, |net| net.mn.nmt_state() == NmtState::Operational);
+        net.cycles(12);
+        net.log.clear();
+        net.cycles(13);
+        let flags: Vec<bool> = net
+            .log
+            .iter()
+            .filter_map(|sent| match sent.frame() {
+                Frame::Soc(soc) => Some(soc.prescaled_slot),
+                _ => None,
+            })
+            .collect();
+        assert_eq!(flags.len(), 13);
+        let changes = flags.windows(2).filter(|pair| pair[0] != pair[1]).count();
+        assert_eq!(changes, toggles, "prescaler {prescaler}");
+    }
+}
+
+#[test]
+fn the_first_preq_waits_after_the_soc() {
+    let configuration = configuration();
+    let nodes = [node_config(1, &configuration)];
+    let mut net = Net::with(MnConfig {
+        soc_preq_wait_ns: 30_000,
+        ..mn_config(&nodes)
+    });
+    net.boot();
+    net.log.clear();
+    net.cycle();
+    // The wire of this test needs 7 µs a frame.
+    assert_eq!(net.log[1].now_ns - net.log[0].now_ns, 37 * US);
+    assert!(matches!(net.log[1].frame(), Frame::Preq(_)));
+}
+
+#[test]
+fn exceeded_cycles_are_counted_and_only_a_threshold_starts_the_network_again() {
+    for (threshold, survives) in [(0, true), (40, false)] {
+        let mut net = Net::with(MnConfig {
+            cycle_threshold: threshold,
+            ..mn_config(&[])
+        });
+        net.until(300, |net| net.mn.nmt_state() == NmtState::Operational);
+        net.cycles(10);
+        for _ in 0..5 {
+            // The next cycle begins before anything of this one was sent.
+            net.mn.start_cycle(net.now_ns, NetTime::default());
+            net.now_ns += CYCLE_NS;
+        }
+        net.mn.start_cycle(net.now_ns, NetTime::default());
+        let counters = net.mn.counters();
+        assert_eq!((counters.cycles_overrun, counters.cycle_exceeded.cumulative), (5, 5));
+        assert_eq!(net.mn.nmt_state() == NmtState::Operational, survives);
+        let expected = if survives { 0 } else { 1 };
+        while let Some(event) = net.mn.pop_event() {
+            net.events.push(event);
+        }
+        assert_eq!(net.count_events(|event| *event == MnEvent::CycleThreshold), expected);
+        net.until(600, |net| net.mn.nmt_state() == NmtState::Operational);
+    }
+}
+
+#[test]
+fn check_sum_errors_are_counted_against_their_threshold() {
+    let mut net = Net::with(MnConfig {
+        crc_threshold: 15,
+        ..mn_config(&[])
+    });
+    net.until(300, |net| net.mn.nmt_state() == NmtState::Operational);
+    net.mn.crc_error();
+    net.cycles(8);
+    net.mn.crc_error();
+    assert_eq!(net.mn.nmt_state(), NmtState::Operational, "far apart");
+    assert_eq!(
+        net.mn.counters().crc_errors,
+        Threshold {
+            cumulative: 2,
+            count: 8
+        }
+    );
+    net.mn.crc_error();
+    assert_eq!(net.mn.nmt_state(), NmtState::PreOperational1);
+    net.until(600, |net| net.mn.nmt_state() == NmtState::Operational);
+}
+
+#[test]
+fn ways_to_exchange_data_that_exclude_each_other_are_refused() {
+    let text = |node: NodeConfig<'_>, multiplex_cycles| {
+        let nodes = [node];
+        let config = MnConfig {
+            multiplex_cycles,
+            ..mn_config(&nodes)
+        };
+        std::string::ToString::to_string(&Mn::<NODES>::new(config).expect_err("must be refused"))
+    };
+    assert_eq!(
+        text(multiplexed(5, 4, &[]), 3),
+        "node 5: multiplexed cycle 4: expected 1..=3 for a multiplexed node and 0 for another"
+    );
+    assert!(text(multiplexed(5, 0, &[]), 3).contains("multiplexed cycle 0"));
+    let mut both = multiplexed(5, 1, &[]);
+    both.assignment.chained = true;
+    assert!(text(both, 3).contains("exclude each other"));
+    let mut chained = node_config(5, &[]);
+    chained.assignment.chained = true;
+    assert!(text(chained, 0).contains("needs a PRes of the managing node"));
+}
