@@ -21,7 +21,9 @@
 //! The network is never restarted because of one node: a node that is lost is reset and booted again while the others go
 //! on (NMT_StartUp object 0x1F80, bit 12 set); what a lost mandatory node means for the machine is up to the application.
 
+mod boot;
 mod config;
+mod configure;
 mod cycle;
 mod event;
 mod network;

@@ -7,10 +7,11 @@
 //! managing node, IdentRequests. Within each kind the nodes take turns.
 
 use super::Mn;
+use super::boot::Order;
 use super::cycle::Phase;
 use super::event::MnEvent;
 use super::network::Reduced;
-use super::node::{Node, Order, us};
+use super::node::{Node, us};
 use crate::nmt::{NmtCommand, NmtState};
 use crate::sdo::SERVICE_DATA_MAX;
 use crate::wire::{

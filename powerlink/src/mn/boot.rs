@@ -1,0 +1,347 @@
+//! The boot-up of one controlled node, stage by stage.
+//!
+//! In:  IdentResponses, the NMT state the node reports, the time, the state of the network.
+//! Out: the node's stage, NMT commands to it, events.
+//! RT: no allocation, no locks, bounded.
+//!
+//! ```text
+//! Search -> Configure -> CloseSdo -> ResetConfiguration -> Reidentify -> Enable -> WaitReady -> Check -> Ready
+//!    ^                                                                                                     |
+//!    |  lost, wrong state, time-out: ResetNode, and from the start                  WaitOperational <------+
+//!    +-------------------------------------------------------------- Operational <--------+
+//! ```
+
+use super::NodeState;
+use super::event::{Events, MnEvent};
+use super::node::{Network, Node, us};
+use crate::nmt::{NmtCommand, NmtState};
+use crate::wire::{IdentResponse, Mac};
+
+/// Good PRes in a row that the communication check asks for.
+const CHECK_CYCLES: u32 = 3;
+/// An NMT command that has shown no effect is sent again after this time.
+const COMMAND_RETRY_NS: u64 = 50_000_000;
+/// A node that was refused (identity, configuration) is looked at again after this time.
+const REFUSED_RETRY_NS: u64 = 5_000_000_000;
+
+/// Error codes sent in the data of a ResetNode.
+pub(super) mod reset_reason {
+    /// The application or the boot-up asks for it.
+    pub(in crate::mn) const NONE: u16 = 0;
+    /// E_NMT_BPO2: a step of the boot-up failed.
+    pub(in crate::mn) const BOOT_FAILED: u16 = 0x8430;
+    /// E_DLL_LOSS_PRES_TH.
+    pub(in crate::mn) const LOSS_OF_PRES: u16 = 0x8243;
+    /// E_NMT_NO_STATUS_RES.
+    pub(in crate::mn) const NO_STATUS_RESPONSE: u16 = 0xF002;
+    /// E_NMT_WRONG_STATE.
+    pub(in crate::mn) const WRONG_STATE: u16 = 0x8480;
+}
+
+/// Where the boot-up of a node stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Stage {
+    /// IdentRequests until it answers.
+    Search,
+    /// Wrong identity, or it refused its configuration; looked at again later.
+    Refused { until_ns: u64 },
+    /// Identified; the configuration is being written.
+    Configure,
+    /// Everything is written; the SDO connection is being closed.
+    CloseSdo,
+    /// ResetConfiguration waits for a slot.
+    ResetConfiguration,
+    /// ResetConfiguration was sent; IdentRequests until the node is back.
+    Reidentify { deadline_ns: u64 },
+    /// Configured; waits for PRE_OPERATIONAL_2.
+    Enable { deadline_ns: u64 },
+    /// EnableReadyToOperate was ordered; waits for READY_TO_OPERATE.
+    WaitReady { deadline_ns: u64, again_ns: u64 },
+    /// Communication check: good PRes in a row.
+    Check { deadline_ns: u64, good: u32 },
+    /// Ready; waits for the network.
+    Ready,
+    /// StartNode was ordered; waits for OPERATIONAL.
+    WaitOperational { deadline_ns: u64, again_ns: u64 },
+    /// Done.
+    Operational,
+}
+
+/// An NMT command that waits for a slot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Order {
+    pub(super) command: NmtCommand,
+    /// Error code for the data of a ResetNode; 0: none.
+    pub(super) reason: u16,
+}
+
+impl<'a> Node<'a> {
+    /// The node answers IdentRequests and is what it shall be.
+    pub(super) fn is_identified(&self) -> bool {
+        !matches!(self.stage, Stage::Search | Stage::Refused { .. })
+    }
+
+    /// The node holds its configuration.
+    pub(super) fn is_configured(&self) -> bool {
+        match self.stage {
+            Stage::Search
+            | Stage::Refused { .. }
+            | Stage::Configure
+            | Stage::CloseSdo
+            | Stage::ResetConfiguration
+            | Stage::Reidentify { .. } => false,
+            Stage::Enable { .. }
+            | Stage::WaitReady { .. }
+            | Stage::Check { .. }
+            | Stage::Ready
+            | Stage::WaitOperational { .. }
+            | Stage::Operational => true,
+        }
+    }
+
+    /// The node is READY_TO_OPERATE or further, and its communication was checked.
+    pub(super) fn is_ready(&self) -> bool {
+        matches!(
+            self.stage,
+            Stage::Ready | Stage::WaitOperational { .. } | Stage::Operational
+        )
+    }
+
+    /// The node must not go on as it is; it stays out for some seconds.
+    pub(super) fn refuse(&mut self, now_ns: u64, network: &Network, events: &mut Events) {
+        self.forget(now_ns, network);
+        self.stage = Stage::Refused {
+            until_ns: now_ns + REFUSED_RETRY_NS,
+        };
+        self.statistics.faults += 1;
+        self.set_state(NodeState::Faulted, events);
+    }
+
+    /// An IdentResponse came.
+    pub(super) fn identified(
+        &mut self,
+        now_ns: u64,
+        mac: Mac,
+        ident: &IdentResponse,
+        network: &Network,
+        events: &mut Events,
+    ) {
+        match self.stage {
+            Stage::Search => {}
+            Stage::Reidentify { .. } => {
+                self.requests = ident.requests;
+                self.restart_signalling(now_ns);
+                self.enable(now_ns, network);
+                self.reported(ident.nmt_state, network);
+                return;
+            }
+            Stage::Refused { .. }
+            | Stage::Configure
+            | Stage::CloseSdo
+            | Stage::ResetConfiguration
+            | Stage::Enable { .. }
+            | Stage::WaitReady { .. }
+            | Stage::Check { .. }
+            | Stage::Ready
+            | Stage::WaitOperational { .. }
+            | Stage::Operational => return,
+        }
+        if self.order.is_some() {
+            // It is about to be reset; what it says now is void.
+            return;
+        }
+        if let Some((field, expected, got)) = self.mismatch(ident) {
+            events.push(MnEvent::IdentityMismatch {
+                node: self.config.id,
+                field,
+                expected,
+                got,
+            });
+            self.refuse(now_ns, network, events);
+            return;
+        }
+        match ident.nmt_state {
+            NmtState::PreOperational1 | NmtState::PreOperational2 => {}
+            // It runs with what some earlier network gave it, or is stopped: from the start.
+            NmtState::ReadyToOperate
+            | NmtState::Operational
+            | NmtState::Stopped
+            | NmtState::Off
+            | NmtState::Initialising
+            | NmtState::ResetApplication
+            | NmtState::ResetCommunication
+            | NmtState::ResetConfiguration
+            | NmtState::NotActive
+            | NmtState::BasicEthernet
+            | NmtState::Unknown(_) => {
+                self.order = Some(Order {
+                    command: NmtCommand::ResetNode,
+                    reason: reset_reason::WRONG_STATE,
+                });
+                return;
+            }
+        }
+        self.mac = mac;
+        self.requests = ident.requests;
+        self.statistics.boots += 1;
+        self.status_unanswered = 0;
+        self.lost_in_row = 0;
+        self.restart_signalling(now_ns);
+        events.push(MnEvent::Identified { node: self.config.id });
+        self.set_state(NodeState::Configuring, events);
+        if self.begin_configuration(ident, network) {
+            self.stage = Stage::Configure;
+        } else {
+            self.enable(now_ns, network);
+        }
+        self.reported(ident.nmt_state, network);
+    }
+
+    /// The isochronous cycle begins: what a node that was identified long ago has to do in time counts from now.
+    pub(super) fn cycle_begins(&mut self, now_ns: u64, network: &Network) {
+        if matches!(self.stage, Stage::Enable { .. }) {
+            self.enable(now_ns, network);
+        }
+    }
+
+    pub(super) fn enable(&mut self, now_ns: u64, network: &Network) {
+        self.stage = Stage::Enable {
+            deadline_ns: now_ns + us(network.boot.timeout_pre_op_2_us),
+        };
+    }
+
+    /// The ordered NMT command is on the wire.
+    pub(super) fn order_sent(&mut self, now_ns: u64, network: &Network) {
+        let Some(order) = self.order.take() else { return };
+        if order.command == NmtCommand::ResetConfiguration && self.stage == Stage::ResetConfiguration {
+            self.polled = false;
+            self.ident_due_ns = now_ns;
+            self.stage = Stage::Reidentify {
+                deadline_ns: now_ns + us(network.boot.timeout_pre_op_2_us),
+            };
+        }
+    }
+
+    /// The next step of the boot-up, once a slot.
+    pub(super) fn step(&mut self, now_ns: u64, network: &Network, events: &mut Events) {
+        // In the reduced cycle nodes are only looked for.
+        if !network.state.is_isochronous() && !matches!(self.stage, Stage::Refused { .. }) {
+            return;
+        }
+        match self.stage {
+            Stage::Search => {}
+            Stage::Refused { until_ns } => {
+                if now_ns >= until_ns {
+                    self.stage = Stage::Search;
+                    self.ident_due_ns = now_ns;
+                }
+            }
+            // A node that is not polled yet has not seen a SoC; its RS would not be seen either.
+            Stage::Configure => {
+                if self.polled {
+                    self.configure(now_ns, network, events);
+                }
+            }
+            Stage::CloseSdo => {
+                if !self.sdo.wants_to_transmit(now_ns) {
+                    self.order = Some(Order {
+                        command: NmtCommand::ResetConfiguration,
+                        reason: reset_reason::NONE,
+                    });
+                    self.stage = Stage::ResetConfiguration;
+                }
+            }
+            Stage::ResetConfiguration => {}
+            Stage::Reidentify { deadline_ns } => {
+                self.check_time(now_ns, deadline_ns, NmtState::PreOperational1, network, events)
+            }
+            Stage::Enable { deadline_ns } => {
+                if self.polled && self.nmt_state == NmtState::PreOperational2 {
+                    self.ask_ready(now_ns, deadline_ns);
+                } else {
+                    self.check_time(now_ns, deadline_ns, NmtState::PreOperational2, network, events);
+                }
+            }
+            Stage::WaitReady { deadline_ns, again_ns } => {
+                if self.nmt_state == NmtState::ReadyToOperate {
+                    self.order = None;
+                    let deadline_ns = now_ns + us(network.boot.timeout_ready_to_operate_us);
+                    self.stage = Stage::Check { deadline_ns, good: 0 };
+                } else if now_ns >= again_ns && now_ns < deadline_ns {
+                    self.ask_ready(now_ns, deadline_ns);
+                } else {
+                    self.check_time(now_ns, deadline_ns, NmtState::ReadyToOperate, network, events);
+                }
+            }
+            Stage::Check { deadline_ns, good } => {
+                if good >= CHECK_CYCLES {
+                    self.stage = Stage::Ready;
+                    self.set_state(NodeState::Ready, events);
+                } else {
+                    self.check_time(now_ns, deadline_ns, NmtState::ReadyToOperate, network, events);
+                }
+            }
+            Stage::Ready => {
+                if network.state == NmtState::Operational {
+                    self.order = Some(Order {
+                        command: NmtCommand::StartNode,
+                        reason: reset_reason::NONE,
+                    });
+                    self.stage = Stage::WaitOperational {
+                        deadline_ns: now_ns + us(network.boot.timeout_ready_to_operate_us),
+                        again_ns: now_ns + COMMAND_RETRY_NS,
+                    };
+                }
+            }
+            Stage::WaitOperational { deadline_ns, again_ns } => {
+                if self.nmt_state == NmtState::Operational {
+                    self.order = None;
+                    self.stage = Stage::Operational;
+                    self.set_state(NodeState::Operational, events);
+                } else if now_ns >= again_ns && now_ns < deadline_ns {
+                    self.order = Some(Order {
+                        command: NmtCommand::StartNode,
+                        reason: reset_reason::NONE,
+                    });
+                    self.stage = Stage::WaitOperational {
+                        deadline_ns,
+                        again_ns: now_ns + COMMAND_RETRY_NS,
+                    };
+                } else {
+                    self.check_time(now_ns, deadline_ns, NmtState::Operational, network, events);
+                }
+            }
+            Stage::Operational => {}
+        }
+    }
+
+    /// Orders READY_TO_OPERATE; again after a while, as an NMT command is never acknowledged.
+    fn ask_ready(&mut self, now_ns: u64, deadline_ns: u64) {
+        self.order = Some(Order {
+            command: NmtCommand::EnableReadyToOperate,
+            reason: reset_reason::NONE,
+        });
+        self.stage = Stage::WaitReady {
+            deadline_ns,
+            again_ns: now_ns + COMMAND_RETRY_NS,
+        };
+    }
+
+    fn check_time(
+        &mut self,
+        now_ns: u64,
+        deadline_ns: u64,
+        expected: NmtState,
+        network: &Network,
+        events: &mut Events,
+    ) {
+        if now_ns >= deadline_ns {
+            events.push(MnEvent::BootTimeout {
+                node: self.config.id,
+                expected,
+                got: self.nmt_state,
+            });
+            self.fail(now_ns, network, reset_reason::BOOT_FAILED, events);
+        }
+    }
+}
