@@ -5,14 +5,14 @@
 
 use std::boxed::Box;
 use std::io;
-use std::os::fd::IntoRawFd;
+use std::os::fd::{IntoRawFd, OwnedFd};
 use std::thread::sleep;
 use std::time::Duration;
 
 use pnet::datalink::{self, Channel, ChannelType, Config, DataLinkReceiver, DataLinkSender};
 
 use super::clock::monotonic_ns;
-use super::raw::{OpenError, RawConfig, Socket, error};
+use super::raw::{OpenError, RawConfig, Socket, error, socket_error};
 use super::{Link, LinkError, Received};
 use crate::wire::{ETHER_TYPE, FRAME_LEN_MAX, Mac};
 
@@ -23,6 +23,8 @@ const STEP_NS: u64 = 50_000;
 pub struct PnetLink {
     sender: Box<dyn DataLinkSender>,
     receiver: Box<dyn DataLinkReceiver>,
+    /// The socket once more: libpnet does not say which error it met.
+    socket: OwnedFd,
     mac: Mac,
 }
 
@@ -39,7 +41,11 @@ impl PnetLink {
             .find(|found| found.name == interface)
             .ok_or_else(|| failed("find it", io::Error::from_raw_os_error(libc::ENODEV)))?;
         // Our own socket: libpnet's hears its own frames.
-        let Socket { fd, mac } = Socket::open(interface, RawConfig::default())?;
+        let options = RawConfig::default();
+        let socket = Socket::open(interface, options)?;
+        socket.bind(interface, options)?;
+        let Socket { fd, mac, .. } = socket;
+        let socket = fd.try_clone().map_err(|error| failed("keep its socket", error))?;
         let config = Config {
             // libpnet closes it.
             socket_fd: Some(fd.into_raw_fd()),
@@ -52,7 +58,12 @@ impl PnetLink {
             ..Config::default()
         };
         match datalink::channel(&found, config).map_err(|error| failed("open a channel", error))? {
-            Channel::Ethernet(sender, receiver) => Ok(PnetLink { sender, receiver, mac }),
+            Channel::Ethernet(sender, receiver) => Ok(PnetLink {
+                sender,
+                receiver,
+                socket,
+                mac,
+            }),
             _ => Err(failed(
                 "open a channel",
                 io::Error::from_raw_os_error(libc::EPROTONOSUPPORT),
@@ -63,6 +74,14 @@ impl PnetLink {
     /// MAC of the interface.
     pub fn mac(&self) -> Mac {
         self.mac
+    }
+
+    fn link_error(&self, failed: &io::Error) -> LinkError {
+        match (failed.raw_os_error(), socket_error(&self.socket)) {
+            (Some(errno), _) => error(errno),
+            (None, Err(waiting)) => waiting,
+            (None, Ok(())) => error(libc::EIO),
+        }
     }
 }
 
@@ -79,7 +98,7 @@ impl Link for PnetLink {
             });
         }
         match self.sender.send_to(frame, None) {
-            Some(sent) => sent.map_err(|failed| link_error(&failed)),
+            Some(sent) => sent.map_err(|failed| self.link_error(&failed)),
             None => Err(LinkError::FrameLength {
                 got: frame.len(),
                 max: FRAME_LEN_MAX,
@@ -97,7 +116,7 @@ impl Link for PnetLink {
                 }
                 Err(none) if matches!(none.kind(), io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock) => {}
                 Err(none) if none.kind() == io::ErrorKind::Interrupted => {}
-                Err(failed) => return Err(link_error(&failed)),
+                Err(failed) => return Err(self.link_error(&failed)),
             }
             let now_ns = monotonic_ns();
             if now_ns >= deadline_ns {
@@ -106,8 +125,4 @@ impl Link for PnetLink {
             sleep(Duration::from_nanos((deadline_ns - now_ns).min(STEP_NS)));
         }
     }
-}
-
-fn link_error(failed: &io::Error) -> LinkError {
-    error(failed.raw_os_error().unwrap_or(libc::EIO))
 }

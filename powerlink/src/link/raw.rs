@@ -1,147 +1,128 @@
 //! A network interface through an AF_PACKET socket.
 //!
 //! In:  whole Ethernet frames to send. Out: POWERLINK frames that arrive at the interface, with the kernel's stamp.
-//! RT after [`RawLink::open`]: `send` is one system call, `receive` reads without waiting, spins if told to, then waits in
-//! `ppoll`; no allocation, no lock.
+//! RT after [`RawLink::open`]: `send` is one system call. `receive` looks into memory shared with the kernel, without a
+//! system call; where the system refuses that memory, it reads by `recvmsg` ([`RawLink::reception`] says which and why).
+//! With nothing there it spins if told to, then waits in `ppoll`. No allocation, no lock.
 //!
 //! Needs the right to open raw sockets (CAP_NET_RAW) in the network namespace of the interface.
 
-use std::ffi::CString;
+mod ring;
+mod socket;
+
 use std::fmt;
-use std::io;
+use std::format;
 use std::mem;
-use std::os::fd::{AsRawFd, FromRawFd, OwnedFd, RawFd};
+use std::os::fd::{AsRawFd, OwnedFd};
 use std::string::String;
 
 use super::clock::{from_timespec, monotonic_ns, to_timespec};
 use super::{Link, LinkError, Received};
-use crate::wire::{ETHER_TYPE, FRAME_LEN_MAX, Mac, multicast};
+use crate::wire::{FRAME_LEN_MAX, Mac};
+use ring::Ring;
+pub use socket::OpenError;
+use socket::{PACKET_OUTGOING, errno};
+pub(super) use socket::{Socket, error, socket_error};
 
-/// `PACKET_IGNORE_OUTGOING`, since Linux 4.20; not in the libc crate.
-const PACKET_IGNORE_OUTGOING: libc::c_int = 23;
-/// `sll_pkttype` of a frame that this host sent.
-const PACKET_OUTGOING: libc::c_uchar = 4;
+/// How often a look that finds nothing asks for the state of the interface.
+const STATE_LOOK_NS: u64 = 1_000_000;
 
 /// How a socket is used.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RawConfig {
     /// Look for frames this long before sleeping, in ns; 0: sleep at once.
     pub spin_ns: u64,
-    /// Ask the kernel for receive stamps.
+    /// Look instead of sleeping where the deadline is nearer than this, in ns: what waking up takes on this PC. 0: never.
+    pub near_ns: u64,
+    /// Frames must carry receive stamps. Through a ring they always do.
     pub receive_stamps: bool,
     /// Receive frames for other stations too: for a process that is several nodes, each with a MAC of its own, on one real
     /// interface. A veth passes them anyway.
     pub promiscuous: bool,
+    /// Receive frames of every EtherType, not only of POWERLINK: for other traffic in the asynchronous slot.
+    pub every_ether_type: bool,
+    /// Frames that may wait in memory shared with the kernel; 0: read each by a system call. 2 KiB each, rounded up to
+    /// whole pages; what the kernel queues without a ring is a few hundred small frames.
+    pub ring_frames: usize,
 }
 
-/// What could not be done with which interface, and why.
-#[derive(Debug)]
-pub struct OpenError {
-    /// Name of the interface.
-    pub interface: String,
-    /// What was tried.
-    pub what: &'static str,
-    /// Why it failed.
-    pub source: io::Error,
-}
-
-impl fmt::Display for OpenError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "interface {}: {}: {}", self.interface, self.what, self.source)?;
-        match self.source.raw_os_error() {
-            Some(libc::EPERM | libc::EACCES) => {
-                f.write_str(" (raw sockets need CAP_NET_RAW: run as root or in a private namespace)")
-            }
-            Some(libc::ENODEV) => f.write_str(" (no interface has this name)"),
-            _ => Ok(()),
+impl Default for RawConfig {
+    fn default() -> Self {
+        RawConfig {
+            spin_ns: 0,
+            near_ns: 0,
+            receive_stamps: false,
+            promiscuous: false,
+            every_ether_type: false,
+            ring_frames: 256,
         }
     }
 }
 
-// Its text holds that of `source`: given as the source as well, it would be printed twice.
-impl std::error::Error for OpenError {}
-
-/// A socket that hears POWERLINK on one interface, before it is used by a link.
-pub(super) struct Socket {
-    pub(super) fd: OwnedFd,
-    pub(super) mac: Mac,
+/// How frames come from the kernel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Reception {
+    /// Through memory shared with the kernel.
+    Ring {
+        /// Frames that it holds.
+        frames: usize,
+    },
+    /// Each by a system call.
+    Calls {
+        /// What refused the ring.
+        why: String,
+    },
 }
 
-impl Socket {
-    /// Opens and binds. Deaf until bound, so that nothing of other interfaces is ever received.
-    pub(super) fn open(interface: &str, config: RawConfig) -> Result<Socket, OpenError> {
-        let failed = |what, source| OpenError {
-            interface: interface.into(),
-            what,
-            source,
-        };
-        let flags = libc::SOCK_RAW | libc::SOCK_NONBLOCK | libc::SOCK_CLOEXEC;
-        // SAFETY: takes no pointers.
-        let fd = unsafe { libc::socket(libc::AF_PACKET, flags, 0) };
-        if fd < 0 {
-            return Err(failed("open a raw socket", io::Error::last_os_error()));
+impl fmt::Display for Reception {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Reception::Ring { frames } => write!(f, "frames are received through a ring of {frames}"),
+            Reception::Calls { why } => write!(f, "each frame is received by a system call: {why}"),
         }
-        // SAFETY: `fd` was just opened and nobody else owns it.
-        let fd = unsafe { OwnedFd::from_raw_fd(fd) };
-        let raw = fd.as_raw_fd();
-        let index = interface_index(raw, interface).map_err(|error| failed("find its index", error))?;
-        let mac = interface_mac(raw, interface).map_err(|error| failed("read its MAC", error))?;
-
-        // Older kernels do not know it; then `receive` drops our own frames by their packet type.
-        let _ = set_option(raw, libc::SOL_PACKET, PACKET_IGNORE_OUTGOING, &1i32);
-        set_option(raw, libc::SOL_PACKET, libc::PACKET_QDISC_BYPASS, &1i32)
-            .map_err(|error| failed("bypass the queueing discipline", error))?;
-        if config.receive_stamps {
-            set_option(raw, libc::SOL_SOCKET, libc::SO_TIMESTAMPNS, &1i32)
-                .map_err(|error| failed("ask for receive stamps", error))?;
-        }
-        for address in [
-            multicast::SOC,
-            multicast::PRES,
-            multicast::SOA,
-            multicast::ASND,
-            multicast::AMNI,
-        ] {
-            join(raw, index, libc::PACKET_MR_MULTICAST, &address)
-                .map_err(|error| failed("join the POWERLINK multicast groups", error))?;
-        }
-        if config.promiscuous {
-            join(raw, index, libc::PACKET_MR_PROMISC, &[0; 6])
-                .map_err(|error| failed("switch to promiscuous", error))?;
-        }
-
-        // SAFETY: all-zero is a valid sockaddr_ll.
-        let mut address: libc::sockaddr_ll = unsafe { mem::zeroed() };
-        address.sll_family = libc::AF_PACKET as libc::c_ushort;
-        address.sll_protocol = ETHER_TYPE.to_be();
-        address.sll_ifindex = index;
-        // SAFETY: the address lives through the call and its length is given.
-        let bound = unsafe {
-            libc::bind(
-                raw,
-                (&raw const address).cast(),
-                mem::size_of::<libc::sockaddr_ll>() as libc::socklen_t,
-            )
-        };
-        if bound < 0 {
-            return Err(failed("bind to it", io::Error::last_os_error()));
-        }
-        Ok(Socket { fd, mac })
     }
 }
 
 /// One interface.
 pub struct RawLink {
+    /// Unmapped before the socket is closed.
+    ring: Option<Ring>,
     socket: Socket,
+    reception: Reception,
     spin_ns: u64,
+    near_ns: u64,
+    /// When the state of the interface is asked for again.
+    state_look_ns: u64,
+    dropped: u64,
 }
 
 impl RawLink {
     /// Opens an interface by its name.
     pub fn open(interface: &str, config: RawConfig) -> Result<RawLink, OpenError> {
+        let socket = Socket::open(interface, config)?;
+        let calls = |why| (None, Reception::Calls { why });
+        let (ring, reception) = match config.ring_frames {
+            0 => calls(String::from("no ring is wanted")),
+            frames => match Ring::map(&socket.fd, frames) {
+                Ok(ring) => {
+                    let frames = ring.places();
+                    (Some(ring), Reception::Ring { frames })
+                }
+                Err((what, error)) => calls(format!("{what}: {error}")),
+            },
+        };
+        if ring.is_none() && config.receive_stamps {
+            socket.switch_stamps_on(interface)?;
+        }
+        socket.bind(interface, config)?;
         Ok(RawLink {
-            socket: Socket::open(interface, config)?,
+            ring,
+            socket,
+            reception,
             spin_ns: config.spin_ns,
+            near_ns: config.near_ns,
+            state_look_ns: 0,
+            dropped: 0,
         })
     }
 
@@ -150,39 +131,23 @@ impl RawLink {
         self.socket.mac
     }
 
-    /// Reads one frame if there is one. RT.
-    fn read(&self, buffer: &mut [u8]) -> Result<Option<Received>, LinkError> {
-        let mut control = Control([0; CONTROL_LEN]);
-        // SAFETY: all-zero is a valid sockaddr_ll and a valid msghdr.
-        let (mut from, mut message): (libc::sockaddr_ll, libc::msghdr) = unsafe { (mem::zeroed(), mem::zeroed()) };
-        let mut octets = libc::iovec {
-            iov_base: buffer.as_mut_ptr().cast(),
-            iov_len: buffer.len(),
-        };
-        loop {
-            message.msg_name = (&raw mut from).cast();
-            message.msg_namelen = mem::size_of::<libc::sockaddr_ll>() as libc::socklen_t;
-            message.msg_iov = &raw mut octets;
-            message.msg_iovlen = 1;
-            message.msg_control = (&raw mut control).cast();
-            message.msg_controllen = CONTROL_LEN as _;
-            // SAFETY: `message` points to `from`, `octets`, `buffer` and `control`, which all live through the call, with
-            // their lengths.
-            let length = unsafe { libc::recvmsg(self.socket.fd.as_raw_fd(), &raw mut message, libc::MSG_DONTWAIT) };
-            if length < 0 {
-                match errno() {
-                    libc::EINTR => continue,
-                    libc::EAGAIN => return Ok(None),
-                    errno => return Err(error(errno)),
-                }
-            }
-            if from.sll_pkttype == PACKET_OUTGOING {
-                continue;
-            }
-            return Ok(Some(Received {
-                length: length as usize,
-                stamp_ns: stamp(&message),
-            }));
+    /// How frames come from the kernel, and why not through a ring if they do not; for one line to the user.
+    pub fn reception(&self) -> &Reception {
+        &self.reception
+    }
+
+    /// Frames that found no room in the ring or queue since the link was opened. A system call, not for every cycle.
+    pub fn dropped(&mut self) -> Result<u64, LinkError> {
+        // The kernel counts from the last question on.
+        self.dropped += u64::from(self.socket.take_drops().map_err(error)?);
+        Ok(self.dropped)
+    }
+
+    /// Takes one frame if there is one. RT.
+    fn take(&mut self, buffer: &mut [u8]) -> Result<Option<Received>, LinkError> {
+        match &mut self.ring {
+            Some(ring) => Ok(ring.take(buffer)),
+            None => read(&self.socket.fd, buffer),
         }
     }
 }
@@ -212,21 +177,28 @@ impl Link for RawLink {
         }
     }
 
+    /// An interface that went down is reported once: at the next wait, or by looks alone within a millisecond.
     fn receive(&mut self, buffer: &mut [u8], deadline_ns: u64) -> Result<Option<Received>, LinkError> {
         let mut spin_until_ns = None;
         loop {
-            if let Some(received) = self.read(buffer)? {
+            if let Some(received) = self.take(buffer)? {
                 return Ok(Some(received));
             }
             let now_ns = monotonic_ns();
+            if now_ns >= self.state_look_ns && self.ring.is_some() {
+                // A ring says nothing about the interface.
+                self.state_look_ns = now_ns.saturating_add(STATE_LOOK_NS);
+                socket_error(&self.socket.fd)?;
+            }
             if now_ns >= deadline_ns {
                 return Ok(None);
             }
-            if now_ns < *spin_until_ns.get_or_insert(now_ns.saturating_add(self.spin_ns)) {
+            let span_ns = deadline_ns - now_ns;
+            if span_ns <= self.near_ns || now_ns < *spin_until_ns.get_or_insert(now_ns.saturating_add(self.spin_ns)) {
                 core::hint::spin_loop();
                 continue;
             }
-            wait(&self.socket.fd, deadline_ns - now_ns)?;
+            wait(&self.socket.fd, span_ns - self.near_ns)?;
         }
     }
 }
@@ -243,7 +215,44 @@ fn wait(fd: &OwnedFd, span_ns: u64) -> Result<(), LinkError> {
     let ready = unsafe { libc::ppoll(&raw mut poll, 1, &raw const span, core::ptr::null()) };
     match ready {
         -1 if errno() != libc::EINTR => Err(error(errno())),
+        1 if poll.revents & libc::POLLERR != 0 => socket_error(fd),
         _ => Ok(()),
+    }
+}
+
+/// Reads one frame by a system call, if there is one. RT.
+fn read(fd: &OwnedFd, buffer: &mut [u8]) -> Result<Option<Received>, LinkError> {
+    let mut control = Control([0; CONTROL_LEN]);
+    // SAFETY: all-zero is a valid sockaddr_ll and a valid msghdr.
+    let (mut from, mut message): (libc::sockaddr_ll, libc::msghdr) = unsafe { (mem::zeroed(), mem::zeroed()) };
+    let mut octets = libc::iovec {
+        iov_base: buffer.as_mut_ptr().cast(),
+        iov_len: buffer.len(),
+    };
+    loop {
+        message.msg_name = (&raw mut from).cast();
+        message.msg_namelen = mem::size_of::<libc::sockaddr_ll>() as libc::socklen_t;
+        message.msg_iov = &raw mut octets;
+        message.msg_iovlen = 1;
+        message.msg_control = (&raw mut control).cast();
+        message.msg_controllen = CONTROL_LEN as _;
+        // SAFETY: `message` points to `from`, `octets`, `buffer` and `control`, which all live through the call, with
+        // their lengths.
+        let length = unsafe { libc::recvmsg(fd.as_raw_fd(), &raw mut message, libc::MSG_DONTWAIT) };
+        if length < 0 {
+            match errno() {
+                libc::EINTR => continue,
+                libc::EAGAIN => return Ok(None),
+                errno => return Err(error(errno)),
+            }
+        }
+        if from.sll_pkttype == PACKET_OUTGOING {
+            continue;
+        }
+        return Ok(Some(Received {
+            length: length as usize,
+            stamp_ns: stamp(&message),
+        }));
     }
 }
 
@@ -269,76 +278,4 @@ fn stamp(message: &libc::msghdr) -> Option<u64> {
         }
     }
     None
-}
-
-fn errno() -> i32 {
-    io::Error::last_os_error().raw_os_error().unwrap_or(0)
-}
-
-pub(super) fn error(errno: i32) -> LinkError {
-    match errno {
-        libc::ENETDOWN | libc::ENXIO | libc::ENODEV => LinkError::Down,
-        libc::ENOBUFS | libc::EAGAIN => LinkError::NoBuffers,
-        errno => LinkError::Os { errno },
-    }
-}
-
-fn set_option<T>(fd: RawFd, level: libc::c_int, name: libc::c_int, value: &T) -> io::Result<()> {
-    // SAFETY: pointer and length are those of `value`, which lives through the call.
-    let done = unsafe {
-        libc::setsockopt(
-            fd,
-            level,
-            name,
-            (value as *const T).cast(),
-            mem::size_of::<T>() as libc::socklen_t,
-        )
-    };
-    if done < 0 {
-        Err(io::Error::last_os_error())
-    } else {
-        Ok(())
-    }
-}
-
-fn join(fd: RawFd, index: libc::c_int, kind: libc::c_int, address: &Mac) -> io::Result<()> {
-    // SAFETY: all-zero is a valid packet_mreq.
-    let mut membership: libc::packet_mreq = unsafe { mem::zeroed() };
-    membership.mr_ifindex = index;
-    membership.mr_type = kind as libc::c_ushort;
-    membership.mr_alen = address.len() as libc::c_ushort;
-    membership.mr_address[..address.len()].copy_from_slice(address);
-    set_option(fd, libc::SOL_PACKET, libc::PACKET_ADD_MEMBERSHIP, &membership)
-}
-
-/// An ioctl on an interface by its name.
-fn interface_ioctl(fd: RawFd, interface: &str, request: libc::c_ulong) -> io::Result<libc::ifreq> {
-    let name = CString::new(interface).map_err(|_| io::Error::from_raw_os_error(libc::ENODEV))?;
-    let name = name.as_bytes();
-    // SAFETY: all-zero is a valid ifreq.
-    let mut query: libc::ifreq = unsafe { mem::zeroed() };
-    if name.is_empty() || name.len() >= query.ifr_name.len() {
-        return Err(io::Error::from_raw_os_error(libc::ENODEV));
-    }
-    for (to, from) in query.ifr_name.iter_mut().zip(name) {
-        *to = *from as libc::c_char;
-    }
-    // SAFETY: both requests used here read the name and write the union of this ifreq, which lives through the call.
-    if unsafe { libc::ioctl(fd, request as _, &raw mut query) } < 0 {
-        return Err(io::Error::last_os_error());
-    }
-    Ok(query)
-}
-
-fn interface_index(fd: RawFd, interface: &str) -> io::Result<libc::c_int> {
-    let query = interface_ioctl(fd, interface, libc::SIOCGIFINDEX)?;
-    // SAFETY: SIOCGIFINDEX has filled this field.
-    Ok(unsafe { query.ifr_ifru.ifru_ifindex })
-}
-
-fn interface_mac(fd: RawFd, interface: &str) -> io::Result<Mac> {
-    let query = interface_ioctl(fd, interface, libc::SIOCGIFHWADDR)?;
-    // SAFETY: SIOCGIFHWADDR has filled this field.
-    let octets = unsafe { query.ifr_ifru.ifru_hwaddr }.sa_data;
-    Ok(core::array::from_fn(|at| octets[at] as u8))
 }

@@ -1,0 +1,252 @@
+//! The socket behind a raw link: opened, told what to hear, bound; what the system says when it cannot be.
+
+use std::ffi::CString;
+use std::fmt;
+use std::io;
+use std::mem;
+use std::os::fd::{AsRawFd, FromRawFd, OwnedFd, RawFd};
+use std::string::String;
+use std::thread::sleep;
+use std::time::Duration;
+
+use super::RawConfig;
+use crate::link::LinkError;
+use crate::wire::{ETHER_TYPE, Mac, multicast};
+
+/// `PACKET_IGNORE_OUTGOING`, since Linux 4.20; not in the libc crate.
+const PACKET_IGNORE_OUTGOING: libc::c_int = 23;
+/// `sll_pkttype` of a frame that this host sent.
+pub(super) const PACKET_OUTGOING: libc::c_uchar = 4;
+
+/// Time in which the kernel has switched stamping on.
+const STAMPS_ON: Duration = Duration::from_millis(20);
+
+/// What could not be done with which interface, and why.
+#[derive(Debug)]
+pub struct OpenError {
+    /// Name of the interface.
+    pub interface: String,
+    /// What was tried.
+    pub what: &'static str,
+    /// Why it failed.
+    pub source: io::Error,
+}
+
+impl OpenError {
+    pub(in crate::link) fn new(interface: &str, what: &'static str, source: io::Error) -> OpenError {
+        OpenError {
+            interface: interface.into(),
+            what,
+            source,
+        }
+    }
+}
+
+impl fmt::Display for OpenError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "interface {}: {}: {}", self.interface, self.what, self.source)?;
+        match self.source.raw_os_error() {
+            Some(libc::EPERM | libc::EACCES) => {
+                f.write_str(" (raw sockets need CAP_NET_RAW: run as root or in a private namespace)")
+            }
+            Some(libc::ENODEV) => f.write_str(" (no interface has this name)"),
+            _ => Ok(()),
+        }
+    }
+}
+
+// Its text holds that of `source`: given as the source as well, it would be printed twice.
+impl std::error::Error for OpenError {}
+
+/// A socket for one interface, before it is used by a link.
+pub(in crate::link) struct Socket {
+    pub(in crate::link) fd: OwnedFd,
+    pub(in crate::link) mac: Mac,
+    index: libc::c_int,
+}
+
+impl Socket {
+    /// Opens. Deaf until bound, so that nothing of other interfaces is ever received.
+    pub(in crate::link) fn open(interface: &str, config: RawConfig) -> Result<Socket, OpenError> {
+        let failed = |what, source| OpenError::new(interface, what, source);
+        let flags = libc::SOCK_RAW | libc::SOCK_NONBLOCK | libc::SOCK_CLOEXEC;
+        // SAFETY: takes no pointers.
+        let fd = unsafe { libc::socket(libc::AF_PACKET, flags, 0) };
+        if fd < 0 {
+            return Err(failed("open a raw socket", io::Error::last_os_error()));
+        }
+        // SAFETY: `fd` was just opened and nobody else owns it.
+        let fd = unsafe { OwnedFd::from_raw_fd(fd) };
+        let raw = fd.as_raw_fd();
+        let index = interface_index(raw, interface).map_err(|error| failed("find its index", error))?;
+        let mac = interface_mac(raw, interface).map_err(|error| failed("read its MAC", error))?;
+
+        // Older kernels do not know it; then `receive` drops our own frames by their packet type.
+        let _ = set_option(raw, libc::SOL_PACKET, PACKET_IGNORE_OUTGOING, &1i32);
+        set_option(raw, libc::SOL_PACKET, libc::PACKET_QDISC_BYPASS, &1i32)
+            .map_err(|error| failed("bypass the queueing discipline", error))?;
+        for address in [
+            multicast::SOC,
+            multicast::PRES,
+            multicast::SOA,
+            multicast::ASND,
+            multicast::AMNI,
+        ] {
+            join(raw, index, libc::PACKET_MR_MULTICAST, &address)
+                .map_err(|error| failed("join the POWERLINK multicast groups", error))?;
+        }
+        if config.promiscuous {
+            join(raw, index, libc::PACKET_MR_PROMISC, &[0; 6])
+                .map_err(|error| failed("switch to promiscuous", error))?;
+        }
+
+        Ok(Socket { fd, mac, index })
+    }
+
+    /// Frames of the interface arrive from now on.
+    pub(in crate::link) fn bind(&self, interface: &str, config: RawConfig) -> Result<(), OpenError> {
+        let protocol = if config.every_ether_type {
+            libc::ETH_P_ALL as u16
+        } else {
+            ETHER_TYPE
+        };
+        // SAFETY: all-zero is a valid sockaddr_ll.
+        let mut address: libc::sockaddr_ll = unsafe { mem::zeroed() };
+        address.sll_family = libc::AF_PACKET as libc::c_ushort;
+        address.sll_protocol = protocol.to_be();
+        address.sll_ifindex = self.index;
+        // SAFETY: the address lives through the call and its length is given.
+        let bound = unsafe {
+            libc::bind(
+                self.fd.as_raw_fd(),
+                (&raw const address).cast(),
+                mem::size_of::<libc::sockaddr_ll>() as libc::socklen_t,
+            )
+        };
+        if bound < 0 {
+            return Err(OpenError::new(interface, "bind to it", io::Error::last_os_error()));
+        }
+        Ok(())
+    }
+
+    /// Has frames that are read by system calls stamped as they arrive.
+    pub(super) fn switch_stamps_on(&self, interface: &str) -> Result<(), OpenError> {
+        set_option(self.fd.as_raw_fd(), libc::SOL_SOCKET, libc::SO_TIMESTAMPNS, &1i32)
+            .map_err(|error| OpenError::new(interface, "ask for receive stamps", error))?;
+        // The kernel switches stamping on a little later, by a work item of its own. A frame that arrives before carries
+        // no stamp, and the kernel fills in the time at which it is read: plausible, and wrong.
+        sleep(STAMPS_ON);
+        Ok(())
+    }
+
+    /// Frames dropped for lack of room since the last question.
+    pub(super) fn take_drops(&self) -> Result<u32, i32> {
+        // SAFETY: all-zero is a valid tpacket_stats.
+        let mut counted: libc::tpacket_stats = unsafe { mem::zeroed() };
+        let mut length = mem::size_of::<libc::tpacket_stats>() as libc::socklen_t;
+        // SAFETY: the kernel writes at most `length` octets into `counted`; both live through the call.
+        let done = unsafe {
+            libc::getsockopt(
+                self.fd.as_raw_fd(),
+                libc::SOL_PACKET,
+                libc::PACKET_STATISTICS,
+                (&raw mut counted).cast(),
+                &raw mut length,
+            )
+        };
+        if done < 0 { Err(errno()) } else { Ok(counted.tp_drops) }
+    }
+}
+
+/// The error that waits at the socket, as after the interface went down; told once. RT.
+pub(in crate::link) fn socket_error(fd: &OwnedFd) -> Result<(), LinkError> {
+    let mut waiting: libc::c_int = 0;
+    let mut length = mem::size_of::<libc::c_int>() as libc::socklen_t;
+    // SAFETY: the kernel writes at most `length` octets into `waiting`; both live through the call.
+    let done = unsafe {
+        libc::getsockopt(
+            fd.as_raw_fd(),
+            libc::SOL_SOCKET,
+            libc::SO_ERROR,
+            (&raw mut waiting).cast(),
+            &raw mut length,
+        )
+    };
+    match (done, waiting) {
+        (0, 0) => Ok(()),
+        (0, errno) => Err(error(errno)),
+        _ => Err(error(errno())),
+    }
+}
+
+pub(super) fn errno() -> i32 {
+    io::Error::last_os_error().raw_os_error().unwrap_or(0)
+}
+
+pub(in crate::link) fn error(errno: i32) -> LinkError {
+    match errno {
+        libc::ENETDOWN | libc::ENXIO | libc::ENODEV => LinkError::Down,
+        libc::ENOBUFS | libc::EAGAIN => LinkError::NoBuffers,
+        errno => LinkError::Os { errno },
+    }
+}
+
+pub(super) fn set_option<T>(fd: RawFd, level: libc::c_int, name: libc::c_int, value: &T) -> io::Result<()> {
+    // SAFETY: pointer and length are those of `value`, which lives through the call.
+    let done = unsafe {
+        libc::setsockopt(
+            fd,
+            level,
+            name,
+            (value as *const T).cast(),
+            mem::size_of::<T>() as libc::socklen_t,
+        )
+    };
+    if done < 0 {
+        Err(io::Error::last_os_error())
+    } else {
+        Ok(())
+    }
+}
+
+fn join(fd: RawFd, index: libc::c_int, kind: libc::c_int, address: &Mac) -> io::Result<()> {
+    // SAFETY: all-zero is a valid packet_mreq.
+    let mut membership: libc::packet_mreq = unsafe { mem::zeroed() };
+    membership.mr_ifindex = index;
+    membership.mr_type = kind as libc::c_ushort;
+    membership.mr_alen = address.len() as libc::c_ushort;
+    membership.mr_address[..address.len()].copy_from_slice(address);
+    set_option(fd, libc::SOL_PACKET, libc::PACKET_ADD_MEMBERSHIP, &membership)
+}
+
+/// An ioctl on an interface by its name.
+fn interface_ioctl(fd: RawFd, interface: &str, request: libc::c_ulong) -> io::Result<libc::ifreq> {
+    let name = CString::new(interface).map_err(|_| io::Error::from_raw_os_error(libc::ENODEV))?;
+    let name = name.as_bytes();
+    // SAFETY: all-zero is a valid ifreq.
+    let mut query: libc::ifreq = unsafe { mem::zeroed() };
+    if name.is_empty() || name.len() >= query.ifr_name.len() {
+        return Err(io::Error::from_raw_os_error(libc::ENODEV));
+    }
+    for (to, from) in query.ifr_name.iter_mut().zip(name) {
+        *to = *from as libc::c_char;
+    }
+    // SAFETY: both requests used here read the name and write the union of this ifreq, which lives through the call.
+    if unsafe { libc::ioctl(fd, request as _, &raw mut query) } < 0 {
+        return Err(io::Error::last_os_error());
+    }
+    Ok(query)
+}
+
+fn interface_index(fd: RawFd, interface: &str) -> io::Result<libc::c_int> {
+    let query = interface_ioctl(fd, interface, libc::SIOCGIFINDEX)?;
+    // SAFETY: SIOCGIFINDEX has filled this field.
+    Ok(unsafe { query.ifr_ifru.ifru_ifindex })
+}
+
+fn interface_mac(fd: RawFd, interface: &str) -> io::Result<Mac> {
+    let query = interface_ioctl(fd, interface, libc::SIOCGIFHWADDR)?;
+    // SAFETY: SIOCGIFHWADDR has filled this field.
+    let octets = unsafe { query.ifr_ifru.ifru_hwaddr }.sa_data;
+    Ok(core::array::from_fn(|at| octets[at] as u8))
+}
