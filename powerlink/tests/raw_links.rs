@@ -76,6 +76,15 @@ fn inside() {
     assert!(unknown.to_string().contains("no-such-if") && unknown.to_string().contains("no interface has this name"));
 
     let raw = |interface, config| RawLink::open(interface, config).unwrap();
+    let by_calls = RawConfig {
+        ring_frames: 0,
+        ..stamped
+    };
+    // First of all: nobody has asked the kernel for stamps in this namespace yet.
+    for config in [by_calls, stamped] {
+        stamps_are_of_the_arrival(raw("plk-a", RawConfig::default()), raw("plk-b", config));
+    }
+
     let (a, b) = (raw("plk-a", stamped), raw("plk-b", stamped));
     assert_eq!((a.mac(), b.mac()), ([2, 0, 0, 0, 0, 0xF0], [2, 0, 0, 0, 0, 1]));
     assert!(
@@ -84,10 +93,6 @@ fn inside() {
         a.reception()
     );
     exchange("ring, ring", a, b, true);
-    let by_calls = RawConfig {
-        ring_frames: 0,
-        ..stamped
-    };
     exchange("ring, calls", raw("plk-a", stamped), raw("plk-b", by_calls), true);
     exchange("calls, ring", raw("plk-a", by_calls), raw("plk-b", spinning), true);
     exchange(
@@ -103,9 +108,6 @@ fn inside() {
         true,
     );
 
-    for config in [stamped, by_calls] {
-        stamps_are_of_the_arrival(raw("plk-a", stamped), raw("plk-b", config));
-    }
     overflow(raw("plk-a", stamped), |ring_frames| {
         raw("plk-b", RawConfig { ring_frames, ..stamped })
     });
