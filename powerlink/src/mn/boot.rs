@@ -12,6 +12,7 @@
 //! ```
 
 use super::NodeState;
+use super::chaining::Chain;
 use super::event::{Events, MnEvent};
 use super::node::{Network, Node, us};
 use crate::nmt::{NmtCommand, NmtState};
@@ -215,6 +216,7 @@ impl<'a> Node<'a> {
         let Some(order) = self.order.take() else { return };
         if order.command == NmtCommand::ResetConfiguration && self.stage == Stage::ResetConfiguration {
             self.polled = false;
+            self.chain = Chain::NEW;
             self.ident_due_ns = now_ns;
             self.stage = Stage::Reidentify {
                 deadline_ns: now_ns + us(network.boot.timeout_pre_op_2_us),

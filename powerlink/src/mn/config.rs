@@ -61,8 +61,10 @@ pub struct NodeConfig<'a> {
     pub pres_threshold: u32,
     /// Threshold of unanswered StatusRequests (object 0x1C17), counted in the same way.
     pub status_threshold: u32,
-    /// Process data in the PReq, in octets, at most 1490.
+    /// Process data for the node, in octets, at most 1490: in its PReq; for a chained node in the PRes of the managing node.
     pub preq_bytes: u16,
+    /// Where the process data for a chained node begin in the PRes of the managing node, octets; 0 for all others.
+    pub pres_mn_offset: u16,
     /// Process data expected in the PRes, in octets, at most 1490.
     pub pres_bytes: u16,
     /// Concise DCF to write into the node (object 0x1F22); empty: nothing to write.
@@ -85,6 +87,7 @@ impl Default for NodeConfig<'_> {
             pres_threshold: 0,
             status_threshold: 8 * 15,
             preq_bytes: 0,
+            pres_mn_offset: 0,
             pres_bytes: 0,
             configuration: &[],
         }
@@ -248,6 +251,15 @@ pub enum MnConfigError {
         /// Node id.
         id: u8,
     },
+    /// The process data of a chained node reach beyond the PRes of the managing node.
+    BeyondPresMn {
+        /// Node id.
+        id: u8,
+        /// Where they end.
+        end: u32,
+        /// Octets of the PRes.
+        most: u16,
+    },
     /// AsyncMTU (0x1F98/8) is 300..=1500.
     AsyncMtu {
         /// As configured.
@@ -323,6 +335,10 @@ impl fmt::Display for MnConfigError {
                 f,
                 "node {id}: chained, and needs a PRes of the managing node, which sends none"
             ),
+            MnConfigError::BeyondPresMn { id, end, most } => write!(
+                f,
+                "node {id}: process data end at octet {end} of the managing node's PRes, which has {most}"
+            ),
             MnConfigError::AsyncMtu { got } => write!(f, "AsyncMTU of {got} octets: expected 300..=1500"),
             MnConfigError::Prescaler { got } => write!(f, "prescaler {got}: expected 0..=1000"),
             MnConfigError::NoTimeout { id } => write!(f, "node {id}: a time-out of 0 ns can never be met"),
@@ -348,7 +364,7 @@ impl fmt::Display for MnConfigError {
 impl core::error::Error for MnConfigError {}
 
 /// Wire time of a frame at 100 Mbit/s with preamble, FCS and inter-frame gap, in ns.
-fn wire_time_ns(frame_len: usize) -> u64 {
+pub(super) fn wire_time_ns(frame_len: usize) -> u64 {
     (frame_len as u64 + 4) * 80 + 640 + 960
 }
 
@@ -435,8 +451,12 @@ fn check_exchange(config: &MnConfig<'_>, node: &NodeConfig<'_>) -> Result<(), Mn
     if multiplexed != (got != 0) || got > most {
         return Err(MnConfigError::MultiplexCycle { id, got, most });
     }
-    if chained && config.pres_mn_bytes.is_none() {
-        return Err(MnConfigError::ChainedWithoutPresMn { id });
+    if chained {
+        let most = config.pres_mn_bytes.ok_or(MnConfigError::ChainedWithoutPresMn { id })?;
+        let end = u32::from(node.pres_mn_offset) + u32::from(node.preq_bytes);
+        if end > u32::from(most) {
+            return Err(MnConfigError::BeyondPresMn { id, end, most });
+        }
     }
     Ok(())
 }

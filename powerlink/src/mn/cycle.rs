@@ -21,6 +21,12 @@ pub(super) enum Phase {
     SocSent,
     /// The first PReq has to wait until then.
     AfterSoc { until_ns: u64 },
+    /// The PRes of the managing node, which triggers the chain, is to be sent.
+    ChainDue,
+    /// It was handed out.
+    ChainSent,
+    /// The chained nodes have to send until then.
+    AwaitChain { sent_ns: u64, deadline_ns: u64 },
     /// The next PReq goes to this node or one behind it.
     NextPreq { index: usize },
     /// The PReq was handed out; its time-out starts when the caller comes back from sending.
@@ -99,9 +105,14 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 self.cycle_exceeded();
                 self.poll_lost(now_ns, index);
             }
+            Phase::ChainSent | Phase::AwaitChain { .. } => {
+                self.cycle_exceeded();
+                self.chain_over(now_ns);
+            }
             Phase::SocDue
             | Phase::SocSent
             | Phase::AfterSoc { .. }
+            | Phase::ChainDue
             | Phase::NextPreq { .. }
             | Phase::PresMnDue
             | Phase::SoaDue
@@ -126,7 +137,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     fn is_polled_now(&self, index: usize) -> bool {
         self.node(index).is_some_and(|node| {
             let cycle = node.config.multiplex_cycle;
-            node.polled && (cycle == 0 || cycle == self.multiplex_cycle)
+            node.polled && !node.config.assignment.chained && (cycle == 0 || cycle == self.multiplex_cycle)
         })
     }
 
@@ -168,7 +179,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 Phase::SocSent => {
                     let wait_ns = u64::from(self.config.soc_preq_wait_ns);
                     self.phase = if wait_ns == 0 {
-                        Phase::NextPreq { index: 0 }
+                        self.first_phase()
                     } else {
                         let until_ns = now_ns + wait_ns;
                         Phase::AfterSoc { until_ns }
@@ -178,6 +189,28 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     if now_ns < until_ns {
                         return Action::WaitUntil(until_ns);
                     }
+                    self.phase = self.first_phase();
+                }
+                Phase::ChainDue => {
+                    self.phase = Phase::ChainSent;
+                    if let Some(len) = self.write_pres_mn() {
+                        return Action::Send(Buffer::Cycle, len);
+                    }
+                }
+                Phase::ChainSent => {
+                    self.phase = match self.chain_deadline_ns(now_ns) {
+                        Some(deadline_ns) => Phase::AwaitChain {
+                            sent_ns: now_ns,
+                            deadline_ns,
+                        },
+                        None => Phase::NextPreq { index: 0 },
+                    };
+                }
+                Phase::AwaitChain { deadline_ns, .. } => {
+                    if now_ns < deadline_ns && self.first_unheard().is_some() {
+                        return Action::WaitUntil(deadline_ns);
+                    }
+                    self.chain_over(now_ns);
                     self.phase = Phase::NextPreq { index: 0 };
                 }
                 Phase::NextPreq { index } => {
@@ -210,7 +243,10 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 }
                 Phase::PresMnDue => {
                     self.phase = Phase::SoaDue;
-                    if let Some(len) = self.write_pres_mn() {
+                    // With a chain it went out before the polls.
+                    if !self.has_chain
+                        && let Some(len) = self.write_pres_mn()
+                    {
                         return Action::Send(Buffer::Cycle, len);
                     }
                 }
@@ -272,6 +308,15 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     self.phase = Phase::Idle;
                 }
             }
+        }
+    }
+
+    /// What follows the SoC.
+    fn first_phase(&self) -> Phase {
+        if self.has_chain {
+            Phase::ChainDue
+        } else {
+            Phase::NextPreq { index: 0 }
         }
     }
 
@@ -383,6 +428,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     fn write_soa(&mut self, now_ns: u64) -> (Grant, Option<usize>) {
         if self.state.is_isochronous() {
             self.step_network(now_ns);
+            self.step_chain(now_ns);
         }
         let (grant, soa) = self.grant(now_ns);
         self.counters.soa_sent += 1;

@@ -22,6 +22,7 @@
 //! on (NMT_StartUp object 0x1F80, bit 12 set); what a lost mandatory node means for the machine is up to the application.
 
 mod boot;
+mod chaining;
 mod config;
 mod configure;
 mod cycle;
@@ -122,6 +123,8 @@ pub struct Mn<'a, const NODES: usize> {
     shutdown: Shutdown,
     events: Events,
     counters: Counters,
+    /// Any node is chained: our PRes goes before the polls, to trigger the chain.
+    has_chain: bool,
     /// Payload of our own PRes.
     pres_mn: [u8; PAYLOAD_MAX],
     cycle_frame: [u8; FRAME_LEN_MAX],
@@ -161,6 +164,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             shutdown: Shutdown::No,
             events: Events::new(),
             counters: Counters::default(),
+            has_chain: config.nodes.iter().any(|node| node.assignment.chained),
             pres_mn: [0; PAYLOAD_MAX],
             cycle_frame: [0; FRAME_LEN_MAX],
             asnd_frame: [0; FRAME_LEN_MAX],
@@ -168,9 +172,14 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         })
     }
 
-    /// Payload of the next PReq to a node, by its position in the configuration; empty for a position without a node.
+    /// Process data for a node, by its position in the configuration: the payload of its next PReq, its part of our PRes for a
+    /// chained node; empty for a position without a node.
     pub fn output_mut(&mut self, node: usize) -> &mut [u8] {
         match self.nodes.get_mut(node) {
+            Some(Some(node)) if node.config.assignment.chained => {
+                let start = usize::from(node.config.pres_mn_offset);
+                &mut self.pres_mn[start..start + usize::from(node.config.preq_bytes)]
+            }
             Some(Some(node)) => &mut node.output[..usize::from(node.config.preq_bytes)],
             Some(None) | None => &mut [],
         }
@@ -292,10 +301,16 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     pub fn outstanding(&self) -> Option<(u8, u64)> {
         match self.phase {
             Phase::AwaitPres { index, deadline_ns, .. } => self.node(index).map(|node| (node.config.id, deadline_ns)),
+            Phase::AwaitChain { deadline_ns, .. } => self
+                .first_unheard()
+                .and_then(|index| self.node(index))
+                .map(|node| (node.config.id, deadline_ns)),
             Phase::Idle
             | Phase::SocDue
             | Phase::SocSent
             | Phase::AfterSoc { .. }
+            | Phase::ChainDue
+            | Phase::ChainSent
             | Phase::NextPreq { .. }
             | Phase::PreqSent { .. }
             | Phase::PresMnDue

@@ -8,6 +8,7 @@ use obd::cdc::CdcReader;
 
 use super::NodeState;
 use super::boot::{Order, Stage, reset_reason};
+use super::chaining::Chain;
 use super::config::{BootTimes, NodeConfig};
 use super::event::{Events, MnEvent, NodeStatistics};
 use super::signalling::Signalling;
@@ -42,6 +43,8 @@ pub(super) struct Node<'a> {
     pub(super) mac: Mac,
     /// PReqs are sent.
     pub(super) polled: bool,
+    /// Set-up of a chained node.
+    pub(super) chain: Chain,
     pub(super) order: Option<Order>,
     /// An NMT request of this node that is answered with InvalidService.
     pub(super) reject: Option<NmtCommand>,
@@ -75,6 +78,7 @@ impl<'a> Node<'a> {
             nmt_state: NmtState::Off,
             mac: [0; 6],
             polled: false,
+            chain: Chain::NEW,
             order: None,
             reject: None,
             requests: Requests::default(),
@@ -110,6 +114,7 @@ impl<'a> Node<'a> {
     /// A new cycle begins.
     pub(super) fn start_cycle(&mut self) {
         self.fresh = false;
+        self.chain.heard = false;
     }
 
     pub(super) fn set_state(&mut self, state: NodeState, events: &mut Events) {
@@ -126,6 +131,7 @@ impl<'a> Node<'a> {
     pub(super) fn forget(&mut self, now_ns: u64, network: &Network) {
         self.stage = Stage::Search;
         self.polled = false;
+        self.chain = Chain::NEW;
         self.requests = Requests::default();
         self.reject = None;
         self.fresh = false;
@@ -218,7 +224,14 @@ impl<'a> Node<'a> {
     pub(super) fn reported(&mut self, state: NmtState, network: &Network) {
         self.nmt_state = state;
         let waits_for_reset = matches!(self.stage, Stage::ResetConfiguration);
-        if network.state.is_isochronous() && state.is_isochronous() && self.is_identified() && !waits_for_reset {
+        // A chained node counts as polled from the answer on by which it takes its time.
+        let by_poll = !self.config.assignment.chained;
+        if network.state.is_isochronous()
+            && state.is_isochronous()
+            && self.is_identified()
+            && !waits_for_reset
+            && by_poll
+        {
             self.polled = true;
         }
     }

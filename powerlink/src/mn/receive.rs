@@ -52,6 +52,12 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             self.counters.unknown_node += 1;
             return;
         };
+        if let Some(sent_ns) = self.awaits_chained(index) {
+            if let Some(Some(node)) = self.nodes.get_mut(index) {
+                node.chain.heard = true;
+            }
+            return self.polled_well(index, now_ns, sent_ns, pres);
+        }
         let sent_ns = match self.phase {
             Phase::AwaitPres {
                 index: awaited,
@@ -66,6 +72,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             | Phase::SocDue
             | Phase::SocSent
             | Phase::AfterSoc { .. }
+            | Phase::ChainDue
+            | Phase::ChainSent
+            | Phase::AwaitChain { .. }
             | Phase::NextPreq { .. }
             | Phase::PresMnDue
             | Phase::SoaDue
@@ -80,6 +89,11 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             }
         };
         self.phase = Phase::NextPreq { index: index + 1 };
+        self.polled_well(index, now_ns, sent_ns, pres);
+    }
+
+    /// The PRes of a node came in time; `sent_ns`: when it was asked for.
+    fn polled_well(&mut self, index: usize, now_ns: u64, sent_ns: u64, pres: &Pres<'_>) {
         let network = self.network();
         if let Some(node) = self.nodes.get_mut(index).and_then(Option::as_mut) {
             let response_ns = u32::try_from(now_ns.saturating_sub(sent_ns)).unwrap_or(u32::MAX);
@@ -107,6 +121,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             | Phase::SocDue
             | Phase::SocSent
             | Phase::AfterSoc { .. }
+            | Phase::ChainDue
+            | Phase::ChainSent
+            | Phase::AwaitChain { .. }
             | Phase::NextPreq { .. }
             | Phase::PresMnDue
             | Phase::PreqSent { .. }
@@ -134,9 +151,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             Asnd::StatusResponse(status) => node.status(now_ns, status, &network, &mut self.events),
             Asnd::Sdo(data) => node.sdo.receive(now_ns, data),
             Asnd::NmtRequest(request) => self.nmt_requested(index, request),
-            Asnd::NmtCommand(_) | Asnd::SyncResponse(_) | Asnd::Other(_) => {
-                self.counters.unexpected += u64::from(granted)
-            }
+            Asnd::SyncResponse(response) => self.sync_response(index, response, now_ns),
+            Asnd::NmtCommand(_) | Asnd::Other(_) => self.counters.unexpected += u64::from(granted),
         }
     }
 }

@@ -50,13 +50,14 @@ pub(super) enum Own {
 /// Kinds of use of the slot that take turns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
+    Sync,
     Status,
     Invite,
     Sdo,
     Ident,
 }
 
-const KINDS: [Kind; 4] = [Kind::Status, Kind::Invite, Kind::Sdo, Kind::Ident];
+const KINDS: [Kind; 5] = [Kind::Sync, Kind::Status, Kind::Invite, Kind::Sdo, Kind::Ident];
 
 /// Whose turn it is.
 #[derive(Clone, Copy, Debug, Default)]
@@ -121,16 +122,20 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 Soa::new(self.state, RequestedService::NmtRequestInvite, wire::node::MN)
             }
             Grant::Own(Own::Sdo) => Soa::new(self.state, RequestedService::UnspecifiedInvite, wire::node::MN),
-            Grant::Node { index, service } => self.grant_node(index, service),
+            Grant::Node { index, service } => self.grant_node(now_ns, index, service),
         };
         (grant, soa)
     }
 
-    fn grant_node(&mut self, index: usize, service: RequestedService) -> Soa {
+    fn grant_node(&mut self, now_ns: u64, index: usize, service: RequestedService) -> Soa {
         let mut soa = Soa::new(self.state, service, 0);
+        let network = self.network();
         if let Some(Some(node)) = self.nodes.get_mut(index) {
             soa.target = node.config.id;
             node.statistics.slots_granted += 1;
+            if service == RequestedService::SyncRequest {
+                soa.sync = node.sync_request(now_ns, &network);
+            }
             if service == RequestedService::StatusRequest {
                 soa.exception_reset = node.signalling.exception_reset();
                 soa.exception_acknowledge = node.signalling.exception_acknowledge();
@@ -227,6 +232,17 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     fn choose_kind(&mut self, kind: Kind, at: usize, now_ns: u64) -> Option<Grant> {
         let start = self.turn.node[at];
         let (index, grant) = match kind {
+            Kind::Sync => {
+                let isochronous = self.state.is_isochronous();
+                let index = self.find(start, |node| isochronous && node.wants_sync(now_ns))?;
+                (
+                    index,
+                    Grant::Node {
+                        index,
+                        service: RequestedService::SyncRequest,
+                    },
+                )
+            }
             Kind::Status => {
                 let isochronous = self.state.is_isochronous();
                 let index = self.find(start, |node| isochronous && node.wants_status(now_ns))?;
