@@ -157,7 +157,8 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
             MnEvent::NmtStateChanged { .. }
             | MnEvent::Configuring { .. }
             | MnEvent::CycleThreshold
-            | MnEvent::CrcThreshold => return None,
+            | MnEvent::CrcThreshold
+            | MnEvent::MappingVersion { .. } => return None,
             MnEvent::Identified { node } => BusEvent::Identified(index(node)?),
             MnEvent::IdentityMismatch {
                 node,

@@ -115,6 +115,15 @@ pub enum MnEvent {
         /// The state it reports.
         got: NmtState,
     },
+    /// Process data of the node have another mapping version than configured (E_PDO_MAP_VERS) and are not used; reported once.
+    MappingVersion {
+        /// Node id.
+        node: u8,
+        /// As configured.
+        expected: u8,
+        /// As received.
+        got: u8,
+    },
     /// The node signalled an error (EN) and this is one of its entries.
     ErrorEntry {
         /// Node id.
@@ -173,6 +182,10 @@ impl fmt::Display for MnEvent {
             MnEvent::WrongState { node, expected, got } => {
                 write!(f, "node {node}: is in {got:?}, expected {expected:?}; booting it again")
             }
+            MnEvent::MappingVersion { node, expected, got } => write!(
+                f,
+                "node {node}: process data of mapping version {got:#04x}, expected {expected:#04x}; not used"
+            ),
             MnEvent::ErrorEntry { node, entry } => {
                 write!(
                     f,
@@ -310,6 +323,10 @@ pub struct NodeStatistics {
     pub pres_late: u64,
     /// PRes with RD and less process data than configured, whose data were discarded.
     pub pres_short: u64,
+    /// PRes with RD and another mapping version than configured, whose data were discarded.
+    pub pres_version: u64,
+    /// Lost PRes as threshold counter (0x1C07, 0x1C08).
+    pub loss_of_pres: Threshold,
     /// Longest row of lost PRes.
     pub lost_in_row_max: u32,
     /// Longest time from a sent PReq to its PRes, as seen by the managing node, in ns.

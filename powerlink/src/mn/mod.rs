@@ -246,6 +246,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             pres_lost: 0,
             pres_late: 0,
             pres_short: 0,
+            pres_version: 0,
+            loss_of_pres: Threshold::ZERO,
             lost_in_row_max: 0,
             response_ns_max: 0,
             slots_granted: 0,

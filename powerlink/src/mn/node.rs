@@ -16,6 +16,8 @@ use crate::nmt::{NmtCommand, NmtState};
 use crate::sdo::{Client, Timing};
 use crate::wire::{Mac, PAYLOAD_MAX, Pres, Requests, StatusResponse};
 
+/// Main version within a mapping version: only this is compared.
+const MAIN_VERSION: u8 = 0xF0;
 /// PRes in a row with a wrong NMT state that are tolerated (C_NMT_STATE_TOLERANCE).
 const STATE_TOLERANCE_CYCLES: u32 = 5;
 /// StatusRequests in a row without an answer after which a node that is not polled yet counts as lost.
@@ -260,8 +262,19 @@ impl<'a> Node<'a> {
         self.nmt_state = pres.nmt_state;
         self.requests = pres.requests;
         self.signalling.polled(pres.exception_new);
+        self.statistics.loss_of_pres.good();
         let length = usize::from(self.config.pres_bytes);
-        if pres.ready {
+        let versions = (self.config.pres_version & MAIN_VERSION, pres.pdo_version & MAIN_VERSION);
+        if pres.ready && versions.0 != 0 && versions.0 != versions.1 {
+            if self.statistics.pres_version == 0 {
+                events.push(MnEvent::MappingVersion {
+                    node: self.config.id,
+                    expected: self.config.pres_version,
+                    got: pres.pdo_version,
+                });
+            }
+            self.statistics.pres_version += 1;
+        } else if pres.ready {
             match pres.payload.get(..length) {
                 Some(data) => {
                     self.input[..length].copy_from_slice(data);
@@ -320,7 +333,8 @@ impl<'a> Node<'a> {
         if let Stage::Check { good, .. } = &mut self.stage {
             *good = 0;
         }
-        if self.lost_in_row > lost_max {
+        let threshold_reached = self.statistics.loss_of_pres.error(self.config.pres_threshold);
+        if self.lost_in_row > lost_max || threshold_reached {
             let in_row = self.lost_in_row;
             events.push(MnEvent::Lost {
                 node: self.config.id,

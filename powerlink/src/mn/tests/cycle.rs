@@ -232,3 +232,51 @@ fn ways_to_exchange_data_that_exclude_each_other_are_refused() {
     chained.assignment.chained = true;
     assert!(text(chained, 0).contains("needs a PRes of the managing node"));
 }
+
+#[test]
+fn scattered_losses_reach_a_threshold_and_a_threshold_of_zero_never_does() {
+    let configuration = configuration();
+    for (threshold, faults) in [(0, 0), (15, 1)] {
+        let nodes = [NodeConfig {
+            pres_threshold: threshold,
+            ..node_config(1, &configuration)
+        }];
+        let mut net = Net::new(&nodes);
+        net.boot();
+        net.lose_pres.insert(1, 1);
+        net.cycles(2);
+        assert_eq!(net.mn.statistics(0).faults, 0);
+        net.lose_pres.insert(1, 1);
+        net.cycles(1);
+        assert_eq!(net.mn.statistics(0).faults, faults, "8 - 1 + 8 = 15");
+        assert_eq!(net.mn.statistics(0).loss_of_pres.cumulative, 2);
+    }
+}
+
+#[test]
+fn data_of_another_main_version_are_never_used() {
+    let configuration = configuration();
+    // The drives of these tests send version 0.
+    for (version, fresh) in [(0x00, true), (0x0F, true), (0x10, false)] {
+        let nodes = [NodeConfig {
+            pres_version: version,
+            ..node_config(1, &configuration)
+        }];
+        let mut net = Net::new(&nodes);
+        net.boot();
+        net.cycles(3);
+        assert_eq!(net.mn.input(0).fresh, fresh, "version {version:#x}");
+        assert_eq!(net.mn.statistics(0).pres_version > 0, !fresh);
+        let reported = net.count_events(|event| {
+            matches!(
+                event,
+                MnEvent::MappingVersion {
+                    expected: 0x10,
+                    got: 0,
+                    ..
+                }
+            )
+        });
+        assert_eq!(reported, usize::from(!fresh), "once");
+    }
+}
