@@ -468,6 +468,8 @@ pub fn cn_next(state: NmtState, event: CnEvent) -> Option<NmtState> {
 pub enum MnTrigger {
     /// MNWaitNotAct (object 0x1F89/1) passed and no other managing node was heard.
     ListenOver,
+    /// The same, where the managing node shall be an ordinary Ethernet station (object 0x1F80, bit 13).
+    ListenOverBasicEthernet,
     /// Every mandatory node is identified and checked, and MNWaitPreOp1 (0x1F89/3) has passed.
     MandatoryIdentified,
     /// Every mandatory node holds its configuration.
@@ -484,8 +486,9 @@ pub enum MnTrigger {
 
 impl MnTrigger {
     /// Every event.
-    pub const ALL: [MnTrigger; 10] = [
+    pub const ALL: [MnTrigger; 11] = [
         MnTrigger::ListenOver,
+        MnTrigger::ListenOverBasicEthernet,
         MnTrigger::MandatoryIdentified,
         MnTrigger::MandatoryConfigured,
         MnTrigger::MandatoryReady,
@@ -515,6 +518,7 @@ pub fn mn_next(state: NmtState, event: MnTrigger) -> Option<NmtState> {
         ) => Some(reset.entry()),
 
         (S::NotActive, E::ListenOver) => Some(S::PreOperational1),
+        (S::NotActive, E::ListenOverBasicEthernet) => Some(S::BasicEthernet),
         (S::PreOperational1, E::MandatoryIdentified) => Some(S::PreOperational2),
         (S::PreOperational2, E::MandatoryConfigured) => Some(S::ReadyToOperate),
         (S::ReadyToOperate, E::MandatoryReady) => Some(S::Operational),
@@ -527,14 +531,15 @@ pub fn mn_next(state: NmtState, event: MnTrigger) -> Option<NmtState> {
         )
         | (
             S::PreOperational1,
-            E::ListenOver | E::MandatoryConfigured | E::MandatoryReady | E::MandatoryLost | E::CycleError,
+            E::ListenOver | E::ListenOverBasicEthernet | E::MandatoryConfigured | E::MandatoryReady | E::MandatoryLost | E::CycleError,
         )
-        | (S::PreOperational2, E::ListenOver | E::MandatoryIdentified | E::MandatoryReady | E::MandatoryLost)
-        | (S::ReadyToOperate, E::ListenOver | E::MandatoryIdentified | E::MandatoryConfigured | E::MandatoryLost)
-        | (S::Operational, E::ListenOver | E::MandatoryIdentified | E::MandatoryConfigured | E::MandatoryReady)
+        | (S::PreOperational2, E::ListenOver | E::ListenOverBasicEthernet | E::MandatoryIdentified | E::MandatoryReady | E::MandatoryLost)
+        | (S::ReadyToOperate, E::ListenOver | E::ListenOverBasicEthernet | E::MandatoryIdentified | E::MandatoryConfigured | E::MandatoryLost)
+        | (S::Operational, E::ListenOver | E::ListenOverBasicEthernet | E::MandatoryIdentified | E::MandatoryConfigured | E::MandatoryReady)
         | (
             S::BasicEthernet,
             E::ListenOver
+            | E::ListenOverBasicEthernet
             | E::MandatoryIdentified
             | E::MandatoryConfigured
             | E::MandatoryReady
@@ -551,6 +556,7 @@ pub fn mn_next(state: NmtState, event: MnTrigger) -> Option<NmtState> {
             | S::Stopped
             | S::Unknown(_),
             E::ListenOver
+            | E::ListenOverBasicEthernet
             | E::MandatoryIdentified
             | E::MandatoryConfigured
             | E::MandatoryReady
@@ -679,6 +685,7 @@ mod tests {
         use NmtState::*;
         let mut table = std::vec![
             (NotActive, MnTrigger::ListenOver, PreOperational1),
+            (NotActive, MnTrigger::ListenOverBasicEthernet, BasicEthernet),
             (PreOperational1, MnTrigger::MandatoryIdentified, PreOperational2),
             (PreOperational2, MnTrigger::MandatoryConfigured, ReadyToOperate),
             (ReadyToOperate, MnTrigger::MandatoryReady, Operational),

@@ -332,6 +332,10 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 if now_ns < until_ns {
                     return Some(Action::WaitUntil(until_ns));
                 }
+                if self.config.startup.basic_ethernet {
+                    self.trigger(MnTrigger::ListenOverBasicEthernet);
+                    return Some(Action::Idle);
+                }
                 self.trigger(MnTrigger::ListenOver);
                 self.pre_op_1_since_ns = now_ns;
                 None

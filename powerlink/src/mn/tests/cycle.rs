@@ -280,3 +280,22 @@ fn data_of_another_main_version_are_never_used() {
         assert_eq!(reported, usize::from(!fresh), "once");
     }
 }
+
+#[test]
+fn an_ordinary_ethernet_station_listens_and_then_sends_nothing() {
+    let nodes = [node_config(1, &[])];
+    let mut net = Net::with(MnConfig {
+        startup: StartUp {
+            basic_ethernet: true,
+            ..StartUp::default()
+        },
+        ..mn_config(&nodes)
+    });
+    net.cycles(15);
+    assert_eq!(net.mn.nmt_state(), NmtState::NotActive);
+    net.cycles(200);
+    assert_eq!(net.mn.nmt_state(), NmtState::BasicEthernet);
+    assert!(net.log.is_empty());
+    net.mn.shut_down();
+    assert!(net.mn.is_shut_down());
+}
