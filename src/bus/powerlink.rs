@@ -10,7 +10,7 @@ use super::{BusEvent, BusState, CycleReport, Fieldbus, InputImage, NodeIndex, No
 use crate::config::{Bus, Config, Identity};
 use crate::rt::timeout::Watch;
 use powerlink::link::{Link, LinkError};
-use powerlink::mn::{self, Assignment, BootTimes, IdentityField, Mn, MnConfig, MnEvent, NodeConfig, Step};
+use powerlink::mn::{self, Assignment, BootTimes, Mn, MnConfig, MnEvent, NodeConfig, Step};
 use powerlink::nmt::NmtState;
 use powerlink::wire::NetTime;
 use std::sync::Arc;
@@ -165,17 +165,21 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
                 field,
                 expected,
                 got,
-            } => {
-                let object = match field {
-                    IdentityField::DeviceType => (0x1000, 0),
-                    IdentityField::VendorId => (0x1018, 1),
-                    IdentityField::ProductCode => (0x1018, 2),
-                    IdentityField::Revision => (0x1018, 3),
-                    IdentityField::Serial => (0x1018, 4),
+            } => BusEvent::WrongIdentity {
+                node: index(node)?,
+                object: field.object(),
+                expected,
+                got,
+            },
+            MnEvent::SoftwareMismatch { node, expected, got } => {
+                let (sub, expected, got) = if expected.date != got.date {
+                    (1, expected.date, got.date)
+                } else {
+                    (2, expected.time, got.time)
                 };
                 BusEvent::WrongIdentity {
                     node: index(node)?,
-                    object,
+                    object: (0x1F52, sub),
                     expected,
                     got,
                 }

@@ -14,6 +14,7 @@
 use super::NodeState;
 use super::chaining::Chain;
 use super::event::{Events, MnEvent};
+use super::fault::{Fault, reset_reason};
 use super::node::{Network, Node, us};
 use crate::nmt::{NmtCommand, NmtState};
 use crate::wire::{IdentResponse, Mac};
@@ -24,20 +25,6 @@ const CHECK_CYCLES: u32 = 3;
 const COMMAND_RETRY_NS: u64 = 50_000_000;
 /// A node that was refused (identity, configuration) is looked at again after this time.
 const REFUSED_RETRY_NS: u64 = 5_000_000_000;
-
-/// Error codes sent in the data of a ResetNode.
-pub(super) mod reset_reason {
-    /// The application or the boot-up asks for it.
-    pub(in crate::mn) const NONE: u16 = 0;
-    /// E_NMT_BPO2: a step of the boot-up failed.
-    pub(in crate::mn) const BOOT_FAILED: u16 = 0x8430;
-    /// E_DLL_LOSS_PRES_TH.
-    pub(in crate::mn) const LOSS_OF_PRES: u16 = 0x8243;
-    /// E_NMT_NO_STATUS_RES.
-    pub(in crate::mn) const NO_STATUS_RESPONSE: u16 = 0xF002;
-    /// E_NMT_WRONG_STATE.
-    pub(in crate::mn) const WRONG_STATE: u16 = 0x8480;
-}
 
 /// Where the boot-up of a node stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -109,12 +96,11 @@ impl<'a> Node<'a> {
     }
 
     /// The node must not go on as it is; it stays out for some seconds.
-    pub(super) fn refuse(&mut self, now_ns: u64, network: &Network, events: &mut Events) {
-        self.forget(now_ns, network);
+    pub(super) fn refuse(&mut self, now_ns: u64, network: &Network, fault: Fault, events: &mut Events) {
+        self.give_up(now_ns, network, fault, events);
         self.stage = Stage::Refused {
             until_ns: now_ns + REFUSED_RETRY_NS,
         };
-        self.statistics.faults += 1;
         self.set_state(NodeState::Faulted, events);
     }
 
@@ -152,13 +138,8 @@ impl<'a> Node<'a> {
             return;
         }
         if let Some((field, expected, got)) = self.mismatch(ident) {
-            events.push(MnEvent::IdentityMismatch {
-                node: self.config.id,
-                field,
-                expected,
-                got,
-            });
-            self.refuse(now_ns, network, events);
+            let fault = Fault::WrongIdentity { field, expected, got };
+            self.refuse(now_ns, network, fault, events);
             return;
         }
         match ident.nmt_state {
@@ -338,12 +319,8 @@ impl<'a> Node<'a> {
         events: &mut Events,
     ) {
         if now_ns >= deadline_ns {
-            events.push(MnEvent::BootTimeout {
-                node: self.config.id,
-                expected,
-                got: self.nmt_state,
-            });
-            self.fail(now_ns, network, reset_reason::BOOT_FAILED, events);
+            let got = self.nmt_state;
+            self.fail(now_ns, network, Fault::BootTimeout { expected, got }, events);
         }
     }
 }

@@ -9,12 +9,10 @@
 //! latency is learned later may shift those behind it, which are then given their new times while they run.
 
 use super::Mn;
-use super::boot::reset_reason;
 use super::config::wire_time_ns;
 use super::cycle::Phase;
-use super::event::MnEvent;
+use super::fault::Fault;
 use super::node::{Network, Node};
-use crate::nmt::NmtState;
 use crate::wire::{PAYLOAD_LIMIT_MIN, POLL_HEADER_LEN, SyncRequest, SyncResponse};
 
 /// Room between two frames of the chain beyond the gap of Ethernet: for different lengths of cable, in ns.
@@ -190,12 +188,8 @@ impl<const NODES: usize> Mn<'_, NODES> {
         let network = self.network();
         for node in self.nodes.iter_mut().flatten() {
             if node.chain.tries > TRIES_MAX {
-                self.events.push(MnEvent::BootTimeout {
-                    node: node.config.id,
-                    expected: NmtState::PreOperational2,
-                    got: node.nmt_state,
-                });
-                node.fail(now_ns, &network, reset_reason::BOOT_FAILED, &mut self.events);
+                let (requests, got) = (node.chain.tries, node.nmt_state);
+                node.fail(now_ns, &network, Fault::ChainFailed { requests, got }, &mut self.events);
             }
         }
     }

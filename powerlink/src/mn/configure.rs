@@ -7,11 +7,12 @@
 use obd::AbortCode;
 use obd::cdc::CdcReader;
 
-use super::boot::{Order, Stage, reset_reason};
+use super::boot::{Order, Stage};
 use super::event::{Events, IdentityField, MnEvent};
+use super::fault::Fault;
 use super::node::{Network, Node};
 use crate::nmt::NmtCommand;
-use crate::sdo::{Client, Timing};
+use crate::sdo::{Client, ClientError, Timing};
 use crate::wire::IdentResponse;
 
 /// A configuration value without an answer for this time has failed.
@@ -70,28 +71,28 @@ impl<'a> Node<'a> {
             let aborted = match self.sdo.result() {
                 None => return,
                 Some(Ok(_)) => None,
-                Some(Err(crate::sdo::ClientError::Aborted(code))) => Some(code),
-                Some(Err(
-                    crate::sdo::ClientError::TimedOut { .. }
-                    | crate::sdo::ClientError::BadAnswer(_)
-                    | crate::sdo::ClientError::Busy
-                    | crate::sdo::ClientError::TooLong { .. },
-                )) => {
-                    events.push(MnEvent::SdoFailed { node, index, sub });
-                    self.fail(now_ns, network, reset_reason::BOOT_FAILED, events);
+                Some(Err(ClientError::Aborted(code))) => Some(code),
+                Some(Err(error)) => {
+                    self.fail(
+                        now_ns,
+                        network,
+                        Fault::ConfigurationFailed { index, sub, error },
+                        events,
+                    );
                     return;
                 }
             };
             if let Some(code) = aborted {
-                events.push(MnEvent::SdoAbort { node, index, sub, code });
+                let fault = Fault::ConfigurationRefused { index, sub, code };
                 if !may_be_refused(index, code) {
-                    self.refuse(now_ns, network, events);
+                    self.refuse(now_ns, network, fault, events);
                     self.order = Some(Order {
                         command: NmtCommand::ResetNode,
-                        reason: reset_reason::BOOT_FAILED,
+                        reason: fault.reset_reason(),
                     });
                     return;
                 }
+                events.push(fault.event(node));
             } else {
                 self.statistics.objects_written += 1;
             }
@@ -105,13 +106,14 @@ impl<'a> Node<'a> {
             return;
         };
         self.writing = (write.index, write.sub);
-        if self.sdo.start_write(write.index, write.sub, write.value).is_err() {
-            events.push(MnEvent::SdoFailed {
-                node,
-                index: write.index,
-                sub: write.sub,
-            });
-            self.fail(now_ns, network, reset_reason::BOOT_FAILED, events);
+        if let Err(error) = self.sdo.start_write(write.index, write.sub, write.value) {
+            let (index, sub) = self.writing;
+            self.fail(
+                now_ns,
+                network,
+                Fault::ConfigurationFailed { index, sub, error },
+                events,
+            );
         }
     }
 }

@@ -7,7 +7,7 @@ use core::fmt;
 
 use obd::AbortCode;
 
-use super::{NodeState, Threshold};
+use super::{NodeState, Stamp, Threshold};
 use crate::nmt::NmtState;
 use crate::wire::{ErrorEntry, Mac, WireError};
 
@@ -52,6 +52,15 @@ pub enum MnEvent {
         expected: u32,
         /// As reported.
         got: u32,
+    },
+    /// The software of the node is not the expected one; it is not configured.
+    SoftwareMismatch {
+        /// Node id.
+        node: u8,
+        /// As configured.
+        expected: Stamp,
+        /// As reported.
+        got: Stamp,
     },
     /// A mandatory node was not identified within MNTimeoutPreOp1.
     Missing {
@@ -155,6 +164,11 @@ impl fmt::Display for MnEvent {
             } => {
                 write!(f, "node {node}: {field:?} is {got:#010x}, expected {expected:#010x}")
             }
+            MnEvent::SoftwareMismatch { node, expected, got } => write!(
+                f,
+                "node {node}: software of date {} time {}, expected date {} time {}",
+                got.date, got.time, expected.date, expected.time
+            ),
             MnEvent::Missing { node } => write!(f, "node {node}: mandatory, and does not answer the IdentRequest"),
             MnEvent::Configuring { node } => write!(f, "node {node}: writing the configuration"),
             MnEvent::SdoAbort { node, index, sub, code } => {

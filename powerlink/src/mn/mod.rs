@@ -27,6 +27,7 @@ mod config;
 mod configure;
 mod cycle;
 mod event;
+mod fault;
 mod network;
 mod node;
 mod receive;
@@ -37,6 +38,7 @@ mod threshold;
 
 pub use config::{BootTimes, Direction, Identity, MnConfig, MnConfigError, NodeConfig, Stamp};
 pub use event::{Counters, EVENTS_MAX, IdentityField, Malformed, MnEvent, NodeStatistics};
+pub use fault::Fault;
 pub use startup::{Assignment, RefusedBit, StartUp};
 pub use threshold::Threshold;
 

@@ -7,10 +7,11 @@
 use obd::cdc::CdcReader;
 
 use super::NodeState;
-use super::boot::{Order, Stage, reset_reason};
+use super::boot::{Order, Stage};
 use super::chaining::Chain;
 use super::config::{BootTimes, NodeConfig};
 use super::event::{Events, MnEvent, NodeStatistics};
+use super::fault::{Fault, reset_reason};
 use super::signalling::Signalling;
 use crate::nmt::{NmtCommand, NmtState};
 use crate::sdo::{Client, Timing};
@@ -153,14 +154,19 @@ impl<'a> Node<'a> {
     }
 
     /// Gives the node up; it is reset and booted from the start.
-    pub(super) fn fail(&mut self, now_ns: u64, network: &Network, reason: u16, events: &mut Events) {
-        self.forget(now_ns, network);
-        self.statistics.faults += 1;
+    pub(super) fn fail(&mut self, now_ns: u64, network: &Network, fault: Fault, events: &mut Events) {
+        self.give_up(now_ns, network, fault, events);
         self.order = Some(Order {
             command: NmtCommand::ResetNode,
-            reason,
+            reason: fault.reset_reason(),
         });
         self.set_state(NodeState::Faulted, events);
+    }
+
+    pub(super) fn give_up(&mut self, now_ns: u64, network: &Network, fault: Fault, events: &mut Events) {
+        events.push(fault.event(self.config.id));
+        self.forget(now_ns, network);
+        self.statistics.faults += 1;
     }
 
     /// As `fail`, but by wish of the application.
@@ -172,6 +178,7 @@ impl<'a> Node<'a> {
         });
         self.set_state(NodeState::Absent, events);
     }
+
     /// The node needs an IdentRequest.
     pub(super) fn wants_ident(&self, now_ns: u64) -> bool {
         let searching = matches!(self.stage, Stage::Search | Stage::Reidentify { .. });
@@ -214,11 +221,8 @@ impl<'a> Node<'a> {
             self.signalling.give_up();
             self.status_unanswered = 0;
         } else {
-            events.push(MnEvent::Lost {
-                node: self.config.id,
-                in_row: self.status_unanswered,
-            });
-            self.fail(now_ns, network, reset_reason::NO_STATUS_RESPONSE, events);
+            let in_row = self.status_unanswered;
+            self.fail(now_ns, network, Fault::StatusLost { in_row }, events);
         }
     }
 
@@ -316,12 +320,7 @@ impl<'a> Node<'a> {
         }
         self.wrong_state += 1;
         if self.wrong_state > STATE_TOLERANCE_CYCLES {
-            events.push(MnEvent::WrongState {
-                node: self.config.id,
-                expected,
-                got,
-            });
-            self.fail(now_ns, network, reset_reason::WRONG_STATE, events);
+            self.fail(now_ns, network, Fault::WrongState { expected, got }, events);
         }
     }
 
@@ -336,11 +335,7 @@ impl<'a> Node<'a> {
         let threshold_reached = self.statistics.loss_of_pres.error(self.config.pres_threshold);
         if self.lost_in_row > lost_max || threshold_reached {
             let in_row = self.lost_in_row;
-            events.push(MnEvent::Lost {
-                node: self.config.id,
-                in_row,
-            });
-            self.fail(now_ns, network, reset_reason::LOSS_OF_PRES, events);
+            self.fail(now_ns, network, Fault::PresLost { in_row }, events);
             // The application still sees how long the data have been old.
             self.lost_in_row = in_row;
         }

@@ -1,0 +1,212 @@
+//! Why a controlled node was given up, in one value: from it follow the event, the error code in the ResetNode and the words.
+//!
+//! In:  what the boot-up or the watch of a node found. Out: the same for the wire, the application and people.
+
+use core::fmt;
+
+use obd::AbortCode;
+
+use super::config::Stamp;
+use super::event::{IdentityField, MnEvent};
+use crate::nmt::NmtState;
+use crate::sdo::ClientError;
+
+/// Error codes sent in the data of a ResetNode.
+pub(super) mod reset_reason {
+    /// The application or the boot-up asks for it.
+    pub(in crate::mn) const NONE: u16 = 0;
+    /// E_NMT_BPO1_DEVICE_TYPE.
+    pub(in crate::mn) const DEVICE_TYPE: u16 = 0x8422;
+    /// E_NMT_BPO1_VENDOR_ID.
+    pub(in crate::mn) const VENDOR_ID: u16 = 0x8423;
+    /// E_NMT_BPO1_PRODUCT_CODE.
+    pub(in crate::mn) const PRODUCT_CODE: u16 = 0x8424;
+    /// E_NMT_BPO1_REVISION_NO.
+    pub(in crate::mn) const REVISION: u16 = 0x8425;
+    /// E_NMT_BPO1_SERIAL_NO.
+    pub(in crate::mn) const SERIAL: u16 = 0x8426;
+    /// E_NMT_BPO1_SW_UPDATE.
+    pub(in crate::mn) const SOFTWARE: u16 = 0x842B;
+    /// E_NMT_BPO2: a step of the boot-up failed.
+    pub(in crate::mn) const BOOT_FAILED: u16 = 0x8430;
+    /// E_DLL_LOSS_PRES_TH.
+    pub(in crate::mn) const LOSS_OF_PRES: u16 = 0x8243;
+    /// E_NMT_NO_STATUS_RES.
+    pub(in crate::mn) const NO_STATUS_RESPONSE: u16 = 0xF002;
+    /// E_NMT_WRONG_STATE.
+    pub(in crate::mn) const WRONG_STATE: u16 = 0x8480;
+}
+
+/// Why a node was given up. It is booted again by itself in any case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// It is not what it shall be.
+    WrongIdentity {
+        /// The first value that differs.
+        field: IdentityField,
+        /// As configured (0x1F84..0x1F88).
+        expected: u32,
+        /// As reported.
+        got: u32,
+    },
+    /// Its software is not the expected one.
+    WrongSoftware {
+        /// As configured (0x1F53, 0x1F54).
+        expected: Stamp,
+        /// As reported (0x1F52/1, /2).
+        got: Stamp,
+    },
+    /// It refused a value of its configuration.
+    ConfigurationRefused {
+        /// Object.
+        index: u16,
+        /// Sub-index.
+        sub: u8,
+        /// Why.
+        code: AbortCode,
+    },
+    /// A value of its configuration could not be written.
+    ConfigurationFailed {
+        /// Object.
+        index: u16,
+        /// Sub-index.
+        sub: u8,
+        /// What went wrong.
+        error: ClientError,
+    },
+    /// A step of the boot-up took too long.
+    BootTimeout {
+        /// The NMT state it should have reached.
+        expected: NmtState,
+        /// The one it reported last.
+        got: NmtState,
+    },
+    /// It did not take its time in the PRes chain.
+    ChainFailed {
+        /// SyncRequests without the right answer.
+        requests: u32,
+        /// The NMT state it reported last.
+        got: NmtState,
+    },
+    /// Polls stayed unanswered.
+    PresLost {
+        /// So many in a row.
+        in_row: u32,
+    },
+    /// StatusRequests stayed unanswered, and it was not polled.
+    StatusLost {
+        /// So many in a row.
+        in_row: u32,
+    },
+    /// It was in a wrong NMT state for longer than the tolerance.
+    WrongState {
+        /// The state it should be in.
+        expected: NmtState,
+        /// The state it reported.
+        got: NmtState,
+    },
+}
+
+impl Fault {
+    /// The event that tells the application.
+    pub(super) fn event(self, node: u8) -> MnEvent {
+        match self {
+            Fault::WrongIdentity { field, expected, got } => MnEvent::IdentityMismatch {
+                node,
+                field,
+                expected,
+                got,
+            },
+            Fault::WrongSoftware { expected, got } => MnEvent::SoftwareMismatch { node, expected, got },
+            Fault::ConfigurationRefused { index, sub, code } => MnEvent::SdoAbort { node, index, sub, code },
+            Fault::ConfigurationFailed { index, sub, .. } => MnEvent::SdoFailed { node, index, sub },
+            Fault::BootTimeout { expected, got } => MnEvent::BootTimeout { node, expected, got },
+            Fault::ChainFailed { got, .. } => MnEvent::BootTimeout {
+                node,
+                expected: NmtState::PreOperational2,
+                got,
+            },
+            Fault::PresLost { in_row } | Fault::StatusLost { in_row } => MnEvent::Lost { node, in_row },
+            Fault::WrongState { expected, got } => MnEvent::WrongState { node, expected, got },
+        }
+    }
+
+    /// The error code for the ResetNode.
+    pub(super) fn reset_reason(self) -> u16 {
+        match self {
+            Fault::WrongIdentity { field, .. } => match field {
+                IdentityField::DeviceType => reset_reason::DEVICE_TYPE,
+                IdentityField::VendorId => reset_reason::VENDOR_ID,
+                IdentityField::ProductCode => reset_reason::PRODUCT_CODE,
+                IdentityField::Revision => reset_reason::REVISION,
+                IdentityField::Serial => reset_reason::SERIAL,
+            },
+            Fault::WrongSoftware { .. } => reset_reason::SOFTWARE,
+            Fault::ConfigurationRefused { .. }
+            | Fault::ConfigurationFailed { .. }
+            | Fault::BootTimeout { .. }
+            | Fault::ChainFailed { .. } => reset_reason::BOOT_FAILED,
+            Fault::PresLost { .. } => reset_reason::LOSS_OF_PRES,
+            Fault::StatusLost { .. } => reset_reason::NO_STATUS_RESPONSE,
+            Fault::WrongState { .. } => reset_reason::WRONG_STATE,
+        }
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Fault::WrongIdentity { field, expected, got } => {
+                let (index, sub) = field.object();
+                write!(
+                    f,
+                    "{field} ({index:04X}h/{sub:02X}h) is {got:#010x}, expected {expected:#010x}"
+                )
+            }
+            Fault::WrongSoftware { expected, got } => write!(
+                f,
+                "software (1F52h/01h, /02h) is of date {} time {}, expected date {} time {}",
+                got.date, got.time, expected.date, expected.time
+            ),
+            Fault::ConfigurationRefused { index, sub, code } => {
+                write!(f, "refused the configured value of {index:04X}h/{sub:02X}h: {code}")
+            }
+            Fault::ConfigurationFailed { index, sub, error } => {
+                write!(f, "configuration failed at {index:04X}h/{sub:02X}h: {error}")
+            }
+            Fault::BootTimeout { expected, got } => write!(f, "still {got:?}, expected {expected:?} by now"),
+            Fault::ChainFailed { requests, got } => write!(
+                f,
+                "did not take its time in the PRes chain: {requests} SyncRequests without the right answer, in {got:?}"
+            ),
+            Fault::PresLost { in_row } => write!(f, "lost: {in_row} polls in a row without a PRes"),
+            Fault::StatusLost { in_row } => write!(f, "lost: {in_row} StatusRequests in a row without an answer"),
+            Fault::WrongState { expected, got } => write!(f, "is in {got:?}, expected {expected:?}"),
+        }
+    }
+}
+
+impl IdentityField {
+    /// The object of the node that holds the value.
+    pub fn object(self) -> (u16, u8) {
+        match self {
+            IdentityField::DeviceType => (0x1000, 0),
+            IdentityField::VendorId => (0x1018, 1),
+            IdentityField::ProductCode => (0x1018, 2),
+            IdentityField::Revision => (0x1018, 3),
+            IdentityField::Serial => (0x1018, 4),
+        }
+    }
+}
+
+impl fmt::Display for IdentityField {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            IdentityField::DeviceType => "device type",
+            IdentityField::VendorId => "vendor id",
+            IdentityField::ProductCode => "product code",
+            IdentityField::Revision => "revision number",
+            IdentityField::Serial => "serial number",
+        })
+    }
+}
