@@ -1,5 +1,6 @@
 //! The command line: arguments to one command each.
 
+pub mod bus;
 pub mod check;
 pub mod demo;
 pub mod hal;
@@ -35,6 +36,8 @@ enum Command {
     Simulate(simulate::SimulateArgs),
     /// List, read, set or watch the pins of a running control.
     Hal(hal::HalArgs),
+    /// Look at the network: who is on it, how it is, what went over the wire.
+    Bus(bus::BusArgs),
 }
 
 /// Runs the command of the process's arguments. Exit code 0: ok, 1: trouble found, 2: wrong usage.
@@ -48,6 +51,7 @@ pub fn main() -> ExitCode {
         Command::Plan(args) => plan::plan(args),
         Command::Simulate(args) => simulate::simulate(args),
         Command::Hal(args) => hal::hal(args),
+        Command::Bus(args) => bus::bus(args),
     };
     result.unwrap_or_else(|error| {
         eprintln!("isocnc: {error:#}");
