@@ -9,7 +9,8 @@ use powerlink::sdo::command::{Address, Command, Content as SdoContent, Segmentat
 use powerlink::sdo::sequence::{self, Con, Sequence};
 use powerlink::wire::{
     Asnd, ETHER_TYPE, ErrorEntry, Frame, Header, IdentResponse, NmtCommandFrame, NmtRequestFrame, Preq, Pres,
-    RequestedService, Requests, ServiceId, Soa, Soc, StatusResponse, WireError, message, node,
+    RequestedService, Requests, ServiceId, Soa, Soc, StatusResponse, SyncRequest, SyncResponse, WireError, message,
+    node,
 };
 use std::collections::HashMap;
 
@@ -163,6 +164,7 @@ impl Decoder {
                 marked("ASnd", (nmt_command(to, frame), trouble))
             }
             Asnd::Sdo(service_data) => marked("ASnd", self.sdo(from, to, service_data)),
+            Asnd::SyncResponse(frame) => plain("ASnd", sync_response(frame)),
             Asnd::Other(service) => plain("ASnd", format!("service 0x{:02X}", u8::from(service.id))),
         }
     }
@@ -302,7 +304,7 @@ fn soa(frame: &Soa) -> Line {
         RequestedService::StatusRequest => format!("StatusRequest to {target}"),
         RequestedService::NmtRequestInvite if own => "will send an NMT command itself".into(),
         RequestedService::NmtRequestInvite => format!("invites {target} to send an NMT request"),
-        RequestedService::SyncRequest => format!("SyncRequest to {target}"),
+        RequestedService::SyncRequest => format!("SyncRequest to {target}{}", sync_request(&frame.sync)),
         RequestedService::UnspecifiedInvite if own => "will send itself".into(),
         RequestedService::UnspecifiedInvite => format!("invites {target} to send"),
         RequestedService::Unknown(service) => format!("unknown service 0x{service:02X} to {target}"),
@@ -316,6 +318,29 @@ fn soa(frame: &Soa) -> Line {
         ]),
         ..plain("SoA", what)
     }
+}
+
+/// PRes chaining: what a SyncRequest sets.
+fn sync_request(sync: &SyncRequest) -> String {
+    let mut text = String::new();
+    if let Some(time_ns) = sync.pres_time_first_ns {
+        text += &format!(", to answer {time_ns} ns after the PRes of the managing node");
+    }
+    if sync.mode_set {
+        text += ", by time from now on";
+    }
+    if sync.mode_reset {
+        text += ", when polled from now on";
+    }
+    text
+}
+
+fn sync_response(frame: &SyncResponse) -> String {
+    let mode = if frame.mode_set { "by time" } else { "when polled" };
+    format!(
+        "SyncResponse: {} ns behind node {}, needs {} ns, answers {mode}",
+        frame.delay_ns, frame.sync_node, frame.latency_ns
+    )
 }
 
 fn ident_response(frame: &IdentResponse) -> Line {

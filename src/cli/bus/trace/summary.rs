@@ -160,7 +160,11 @@ impl Summary {
                         self.state(from, t_ns, ident.nmt_state);
                     }
                     Asnd::StatusResponse(status) => self.state(from, t_ns, status.nmt_state),
-                    Asnd::NmtRequest(_) | Asnd::NmtCommand(_) | Asnd::Sdo(_) | Asnd::Other(_) => {}
+                    Asnd::NmtRequest(_)
+                    | Asnd::NmtCommand(_)
+                    | Asnd::Sdo(_)
+                    | Asnd::SyncResponse(_)
+                    | Asnd::Other(_) => {}
                 }
             }
             Frame::Amni(_) | Frame::Ainv(_) => self.frames.other += 1,
