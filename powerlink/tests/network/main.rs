@@ -1,0 +1,10 @@
+//! A whole network of one managing node and several controlled nodes on virtual time.
+#![cfg(feature = "std")]
+#![allow(unreachable_pub, reason = "the modules of a test have no outside")]
+
+mod boot;
+mod device;
+mod endurance;
+mod watch;
+mod weather;
+mod world;
