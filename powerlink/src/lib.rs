@@ -12,6 +12,7 @@
 extern crate std;
 
 pub mod cn;
+pub mod error_code;
 pub mod link;
 pub mod mn;
 pub mod nmt;

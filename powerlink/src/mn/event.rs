@@ -201,11 +201,7 @@ impl fmt::Display for MnEvent {
                 "node {node}: process data of mapping version {got:#04x}, expected {expected:#04x}; not used"
             ),
             MnEvent::ErrorEntry { node, entry } => {
-                write!(
-                    f,
-                    "node {node}: error {:#06x} (entry type {:#06x})",
-                    entry.code, entry.entry_type
-                )
+                write!(f, "node {node}: error {entry}")
             }
             MnEvent::CycleThreshold => {
                 f.write_str("the threshold of exceeded cycles (1C02h/03h) is reached; starting the network again")
