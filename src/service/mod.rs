@@ -9,3 +9,4 @@ pub mod progress;
 pub mod recorder;
 pub mod report;
 pub mod signals;
+pub mod tap;
