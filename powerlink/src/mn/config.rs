@@ -7,7 +7,6 @@ use core::fmt;
 use obd::cdc::{CdcError, CdcReader};
 
 use super::startup::{Assignment, StartUp};
-use crate::sdo::EXPEDITED_WRITE_MAX;
 use crate::wire::{self, Mac, PAYLOAD_LIMIT_MIN, PAYLOAD_MAX, POLL_HEADER_LEN};
 
 /// Values an IdentResponse must carry; `None` is not checked.
@@ -289,19 +288,6 @@ pub enum MnConfigError {
         /// What is wrong, and where.
         error: CdcError,
     },
-    /// A value in the concise DCF is too long for one SDO frame.
-    ConfigurationValue {
-        /// Node id.
-        id: u8,
-        /// Object.
-        index: u16,
-        /// Sub-index.
-        sub: u8,
-        /// Octets of the value.
-        got: usize,
-        /// Octets that one frame holds.
-        most: usize,
-    },
 }
 
 impl fmt::Display for MnConfigError {
@@ -347,16 +333,6 @@ impl fmt::Display for MnConfigError {
                 "polls and asynchronous slot can take {sum_ns} ns together, the cycle has {cycle_ns} ns"
             ),
             MnConfigError::Configuration { id, error } => write!(f, "node {id}: concise DCF: {error}"),
-            MnConfigError::ConfigurationValue {
-                id,
-                index,
-                sub,
-                got,
-                most,
-            } => write!(
-                f,
-                "node {id}: concise DCF: value of {index:04X}h/{sub:02X}h has {got} octets, one SDO frame holds {most}"
-            ),
         }
     }
 }
@@ -468,16 +444,7 @@ fn check_configuration(node: &NodeConfig<'_>) -> Result<(), MnConfigError> {
     let id = node.id;
     let unreadable = |error| MnConfigError::Configuration { id, error };
     for write in CdcReader::new(node.configuration).map_err(unreadable)? {
-        let write = write.map_err(unreadable)?;
-        if write.value.len() > EXPEDITED_WRITE_MAX {
-            return Err(MnConfigError::ConfigurationValue {
-                id,
-                index: write.index,
-                sub: write.sub,
-                got: write.value.len(),
-                most: EXPEDITED_WRITE_MAX,
-            });
-        }
+        write.map_err(unreadable)?;
     }
     Ok(())
 }

@@ -5,18 +5,24 @@
 //! RT: no allocation, no locks; one write a step.
 
 use obd::AbortCode;
-use obd::cdc::CdcReader;
+use obd::cdc::{CdcReader, CdcWrite};
 
 use super::boot::{Order, Stage};
 use super::event::{Events, IdentityField, MnEvent};
 use super::fault::Fault;
 use super::node::{Network, Node};
 use crate::nmt::NmtCommand;
-use crate::sdo::{Client, ClientError, Timing};
+use crate::sdo::{Client, ClientError, SERVICE_DATA_MAX, Timing};
 use crate::wire::IdentResponse;
 
 /// A configuration value without an answer for this time has failed.
 const SDO_GIVE_UP_NS: u64 = 5_000_000_000;
+/// Before the first write of the configuration.
+pub(super) const NOTHING_WRITTEN: CdcWrite<'static> = CdcWrite {
+    index: 0,
+    sub: 0,
+    value: &[],
+};
 
 impl<'a> Node<'a> {
     /// The first value of the identity that is not as expected: (which, expected, got).
@@ -63,9 +69,14 @@ impl<'a> Node<'a> {
         count == 0 || (date != 0 && time != 0 && current == (date, time))
     }
 
+    /// The SDO frame that is due, see [`Client::poll_transmit`].
+    pub(super) fn transmit_sdo(&mut self, now_ns: u64, out: &mut [u8; SERVICE_DATA_MAX]) -> Option<usize> {
+        self.sdo.poll_transmit(now_ns, self.writing.value, out)
+    }
+
     /// Takes the result of the last write and starts the next one.
     pub(super) fn configure(&mut self, now_ns: u64, network: &Network, events: &mut Events) {
-        let (index, sub) = self.writing;
+        let CdcWrite { index, sub, .. } = self.writing;
         let node = self.config.id;
         if self.sdo.is_busy() {
             let aborted = match self.sdo.result() {
@@ -105,9 +116,9 @@ impl<'a> Node<'a> {
             self.stage = Stage::CloseSdo;
             return;
         };
-        self.writing = (write.index, write.sub);
-        if let Err(error) = self.sdo.start_write(write.index, write.sub, write.value) {
-            let (index, sub) = self.writing;
+        self.writing = write;
+        let CdcWrite { index, sub, value } = write;
+        if let Err(error) = self.sdo.start_write(index, sub, value.len()) {
             self.fail(
                 now_ns,
                 network,

@@ -4,7 +4,7 @@
 //! Out: input data, whether it needs an IdentRequest or a StatusRequest, events.
 //! RT: no allocation, no locks, bounded. The way through the boot-up is in `boot`, what is written into it in `configure`.
 
-use obd::cdc::CdcReader;
+use obd::cdc::{CdcReader, CdcWrite};
 
 use super::NodeState;
 use super::boot::{Order, Stage};
@@ -61,7 +61,7 @@ pub(super) struct Node<'a> {
     pub(super) ident_due_ns: u64,
     /// Writes of the concise DCF that are still to come.
     pub(super) writes: Option<CdcReader<'a>>,
-    pub(super) writing: (u16, u8),
+    pub(super) writing: CdcWrite<'a>,
     pub(super) written: u32,
     pub(super) sdo: Client,
     pub(super) wrong_state: u32,
@@ -92,7 +92,7 @@ impl<'a> Node<'a> {
             ident_asked: false,
             ident_due_ns: 0,
             writes: None,
-            writing: (0, 0),
+            writing: super::configure::NOTHING_WRITTEN,
             written: 0,
             sdo: Client::new(Timing::default()),
             wrong_state: 0,

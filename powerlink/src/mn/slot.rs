@@ -360,7 +360,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         let node = self.nodes.get_mut(index)?.as_mut()?;
         let mut data = [0; SERVICE_DATA_MAX];
         // `None`: the command has just run out of time; there is nothing to send.
-        let len = node.sdo.poll_transmit(now_ns, &mut data)?;
+        let len = node.transmit_sdo(now_ns, &mut data)?;
         let id = node.config.id;
         Some(self.write_asnd(id, &Asnd::Sdo(&data[..len]), Own::Sdo))
     }

@@ -1,7 +1,12 @@
 //! The client's end: one connection to one node, one command at a time.
 //!
-//! In:  [`Client::start_write`] or [`Client::start_read`], service data of the node's SDO frames, the time.
+//! In:  [`Client::start_write`], [`Client::start_read`] and the two for several objects, service data of the node's SDO
+//!      frames, the time.
 //! Out: service data to be sent ([`Client::poll_transmit`]), then one [`Client::result`].
+//!
+//! The caller holds all data: it hands in what is written at each [`Client::poll_transmit`] and the buffer for what is read at
+//! each [`Client::receive`], the same ones until the command ends. So a client has no buffer of its own, and a frame that has to
+//! go out again is made again.
 //!
 //! The connection is opened by the first command. What is lost is repeated after a short time-out that doubles, so that one
 //! lost frame costs a few cycles. The next command carries the acknowledge of the last answer if it is started in time;
@@ -11,9 +16,12 @@ use core::fmt;
 
 use obd::AbortCode;
 
-use super::command::{self, Address, CommandId, Content, Header, Segmentation};
-use super::sequence::{self, Con, Number, Sequence};
-use super::{EMPTY_LEN, EXPEDITED_READ_MAX, EXPEDITED_WRITE_MAX, SERVICE_DATA_MAX};
+use super::command::{self, Address, Command, CommandId, Content, Header, Segmentation};
+use super::sequence::{self, Arrival, Con, Flow, Number, Sequence};
+use super::{EMPTY_LEN, SERVICE_DATA_MAX};
+
+/// Segments of an answer that are left unacknowledged at most. The other stack sends four and then waits.
+const UNACKNOWLEDGED_MAX: u8 = 2;
 
 /// Time limits of a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,7 +30,7 @@ pub struct Timing {
     pub first_timeout_ns: u64,
     /// Each further repetition waits twice as long, but never longer than this.
     pub longest_timeout_ns: u64,
-    /// A command that was not answered in this time, counted from its first frame, has failed (0x1300 gives it in ms).
+    /// A command fails when nothing new came from the node for this time (0x1300 gives it in ms).
     pub give_up_ns: u64,
     /// An answer is acknowledged by a frame of its own when no command follows within this time.
     pub acknowledge_delay_ns: u64,
@@ -44,21 +52,30 @@ impl Default for Timing {
 pub enum ClientError {
     /// The node refused the command.
     Aborted(AbortCode),
-    /// No answer came within [`Timing::give_up_ns`], though the frames were sent this many times.
+    /// Nothing new came within [`Timing::give_up_ns`], though the frames were sent this many times.
     TimedOut {
         /// Frames sent for this command.
         frames: u32,
     },
-    /// The answer does not follow the protocol, or announces segments.
+    /// The node has forgotten the connection after the command was sent more than once: it may have been carried out.
+    ConnectionLost,
+    /// The answer does not follow the protocol.
     BadAnswer(&'static str),
     /// The last command has not ended, or its result was not taken.
     Busy,
-    /// The value does not fit in one frame.
+    /// The answer does not fit in the caller's buffer.
     TooLong {
-        /// Octets of the value.
+        /// Octets of the answer.
         got: usize,
-        /// Octets that fit.
+        /// Octets of the buffer.
         most: usize,
+    },
+    /// What is to be written has another length than when the command was started.
+    WrongLength {
+        /// Octets as started.
+        expected: usize,
+        /// Octets handed in.
+        got: usize,
     },
 }
 
@@ -67,12 +84,24 @@ impl fmt::Display for ClientError {
         match self {
             ClientError::Aborted(code) => write!(f, "aborted by the node: {code}"),
             ClientError::TimedOut { frames } => write!(f, "no answer, {frames} frames were sent"),
+            ClientError::ConnectionLost => {
+                write!(
+                    f,
+                    "the node lost the connection and may or may not have carried out the command"
+                )
+            }
             ClientError::BadAnswer(what) => write!(f, "bad answer: {what}"),
             ClientError::Busy => write!(f, "the command before has not ended"),
             ClientError::TooLong { got, most } => {
                 write!(
                     f,
-                    "a value of {got} octets does not fit in one frame, which holds {most}"
+                    "an answer of {got} octets does not fit in the {most} octets there are for it"
+                )
+            }
+            ClientError::WrongLength { expected, got } => {
+                write!(
+                    f,
+                    "{got} octets were handed in to be written, announced were {expected}"
                 )
             }
         }
@@ -97,17 +126,59 @@ enum State {
 enum Progress {
     Idle,
     Running,
-    /// Octets of the value that was read.
+    /// Octets of the answer.
     Done(Result<usize, ClientError>),
 }
 
-/// The frame that waits for an answer.
+/// The command that runs.
+#[derive(Clone, Copy, Debug)]
+struct Request {
+    id: CommandId,
+    /// In front of what the caller hands in.
+    address: Option<Address>,
+    /// Octets that the caller hands in.
+    len: usize,
+    /// Segments that have a number on this connection.
+    numbered: usize,
+    /// Segments that the server has.
+    arrived: usize,
+    /// How often the last segment was sent on this connection: from then on the command may be carried out.
+    completed: u32,
+}
+
+impl Request {
+    fn prefix(&self) -> usize {
+        self.address.map_or(0, |_| command::ADDRESS_LEN)
+    }
+
+    fn segments(&self) -> usize {
+        command::segments(self.prefix() + self.len)
+    }
+
+    fn is_read(&self) -> bool {
+        matches!(self.id, CommandId::ReadByIndex | CommandId::ReadMultipleByIndex)
+    }
+
+    fn restart(&mut self) {
+        (self.numbered, self.arrived, self.completed) = (0, 0, 0);
+    }
+}
+
+/// A segmented answer under way.
+#[derive(Clone, Copy, Debug)]
+struct Incoming {
+    len: usize,
+    done: usize,
+}
+
+/// Frames of the server are missing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Outstanding {
-    /// Nothing was sent yet, or it has to be sent at once.
-    Due,
-    /// Sent; to be repeated at this time.
-    Sent { again_at_ns: u64 },
+enum Missing {
+    No,
+    /// The server has to be told.
+    Tell,
+    /// It was told.
+    Told,
 }
 
 /// SDO client of one node.
@@ -115,26 +186,26 @@ enum Outstanding {
 pub struct Client {
     timing: Timing,
     state: State,
-    received: Number,
-    sent: Number,
+    flow: Flow,
     transaction: u8,
     progress: Progress,
-    outstanding: Outstanding,
+    request: Request,
+    incoming: Option<Incoming>,
+    /// When the next frame goes out if nothing comes before; `None`: at once.
+    again_at_ns: Option<u64>,
     timeout_ns: u64,
     /// Frames sent for this command.
     frames: u32,
-    /// When the first frame of this command was sent.
-    started_ns: Option<u64>,
-    /// The command has a number of its own since it was sent on this connection.
-    numbered: bool,
-    /// When the last answer has to be acknowledged at the latest.
+    /// When the first frame of this command was sent, or something new came from the server.
+    alive_ns: Option<u64>,
+    /// When the frames of the server have to be acknowledged at the latest.
     acknowledge_at_ns: Option<u64>,
+    unacknowledged: u8,
+    missing: Missing,
+    /// Why the server has to give up the command.
+    abort: Option<AbortCode>,
     /// Close the connection when there is nothing else to do.
     closing: bool,
-    id: CommandId,
-    /// Command data of the request, later the value of the answer.
-    data: [u8; SERVICE_DATA_MAX],
-    data_len: usize,
 }
 
 impl Client {
@@ -143,59 +214,73 @@ impl Client {
         Client {
             timing,
             state: State::Closed,
-            received: Number::default(),
-            sent: Number::default(),
+            flow: Flow::new(Number::new(0)),
             transaction: 0,
             progress: Progress::Idle,
-            outstanding: Outstanding::Due,
+            request: Request {
+                id: CommandId::ReadByIndex,
+                address: None,
+                len: 0,
+                numbered: 0,
+                arrived: 0,
+                completed: 0,
+            },
+            incoming: None,
+            again_at_ns: None,
             timeout_ns: timing.first_timeout_ns,
             frames: 0,
-            started_ns: None,
-            numbered: false,
+            alive_ns: None,
             acknowledge_at_ns: None,
+            unacknowledged: 0,
+            missing: Missing::No,
+            abort: None,
             closing: false,
-            id: CommandId::ReadByIndex,
-            data: [0; SERVICE_DATA_MAX],
-            data_len: 0,
         }
     }
 
-    /// Starts to write one object of the node.
-    pub fn start_write(&mut self, index: u16, sub: u8, value: &[u8]) -> Result<(), ClientError> {
-        if value.len() > EXPEDITED_WRITE_MAX {
-            return Err(ClientError::TooLong {
-                got: value.len(),
-                most: EXPEDITED_WRITE_MAX,
-            });
-        }
-        self.start(CommandId::WriteByIndex, Address { index, sub }, value)
+    /// Starts to write one object of the node with a value of `len` octets.
+    pub fn start_write(&mut self, index: u16, sub: u8, len: usize) -> Result<(), ClientError> {
+        self.start(CommandId::WriteByIndex, Some(Address { index, sub }), len)
     }
 
-    /// Starts to read one object of the node.
+    /// Starts to read one object of the node; nothing is handed in.
     pub fn start_read(&mut self, index: u16, sub: u8) -> Result<(), ClientError> {
-        self.start(CommandId::ReadByIndex, Address { index, sub }, &[])
+        self.start(CommandId::ReadByIndex, Some(Address { index, sub }), 0)
     }
 
-    fn start(&mut self, id: CommandId, address: Address, value: &[u8]) -> Result<(), ClientError> {
+    /// Starts to write several objects. `len` octets made by a [`BlockWriter`](super::multiple::BlockWriter) are handed in; the
+    /// answer is for [`Failures`](super::multiple::Failures).
+    pub fn start_write_multiple(&mut self, len: usize) -> Result<(), ClientError> {
+        self.start(CommandId::WriteMultipleByIndex, None, len)
+    }
+
+    /// Starts to read several objects. Their addresses are handed in, [`ADDRESS_LEN`](command::ADDRESS_LEN) octets each
+    /// ([`Address::emit`]), `len` octets in all; the answer is for [`Blocks`](super::multiple::Blocks).
+    pub fn start_read_multiple(&mut self, len: usize) -> Result<(), ClientError> {
+        self.start(CommandId::ReadMultipleByIndex, None, len)
+    }
+
+    fn start(&mut self, id: CommandId, address: Option<Address>, len: usize) -> Result<(), ClientError> {
         if self.progress != Progress::Idle {
             return Err(ClientError::Busy);
         }
-        let mut octets = [0; command::ADDRESS_LEN];
-        address.emit(&mut octets);
-        self.data[..octets.len()].copy_from_slice(&octets);
-        self.data_len = octets.len() + value.len();
-        self.data[octets.len()..self.data_len].copy_from_slice(value);
-        self.id = id;
+        self.request = Request {
+            id,
+            address,
+            len,
+            numbered: 0,
+            arrived: 0,
+            completed: 0,
+        };
         self.transaction = self.transaction.wrapping_add(1);
         self.progress = Progress::Running;
         self.frames = 0;
-        self.started_ns = None;
-        self.numbered = false;
-        if self.closing {
+        self.alive_ns = None;
+        self.send_now();
+        if self.closing || self.flow.in_flight() > 0 {
             // The server may or may not know the last command, so the numbers cannot go on.
             self.reset_connection();
         }
-        self.send_now();
         Ok(())
     }
 
@@ -204,17 +289,31 @@ impl Client {
         self.progress != Progress::Idle
     }
 
-    /// Takes the result of the command: `None` while it runs, else the value that was read (empty after a write).
-    pub fn result(&mut self) -> Option<Result<&[u8], ClientError>> {
+    /// Takes the result of the command: `None` while it runs, else the octets of the answer in the caller's buffer (0 after a
+    /// write).
+    pub fn result(&mut self) -> Option<Result<usize, ClientError>> {
         let Progress::Done(result) = self.progress else {
             return None;
         };
         self.progress = Progress::Idle;
-        Some(result.map(|len| &self.data[..len]))
+        Some(result)
     }
 
-    /// Gives up the command that runs, if any, and closes the connection with the next frame.
+    /// Octets of the request that the node has and octets of the answer that have come, to show how far a long transfer is.
+    pub fn transferred(&self) -> (usize, usize) {
+        let request = &self.request;
+        let sent = match request.arrived.checked_sub(1) {
+            Some(last) => command::segment(request.prefix() + request.len, last).1.end - request.prefix(),
+            None => 0,
+        };
+        (sent, self.incoming.map_or(0, |incoming| incoming.done))
+    }
+
+    /// Gives up the command that runs, if any, and closes the connection with the next frames.
     pub fn close(&mut self) {
+        if self.progress == Progress::Running && self.request.numbered > 0 {
+            self.abort = Some(AbortCode::GENERAL);
+        }
         self.progress = Progress::Idle;
         self.closing = self.state != State::Closed;
     }
@@ -222,43 +321,66 @@ impl Client {
     /// Forgets the connection, as when the node was reset; a running command starts anew on a new connection.
     pub fn reset_connection(&mut self) {
         self.state = State::Closed;
+        self.flow = Flow::new(Number::new(0));
         self.closing = false;
+        self.abort = None;
         self.acknowledge_at_ns = None;
-        self.numbered = false;
+        self.unacknowledged = 0;
+        self.missing = Missing::No;
+        self.incoming = None;
+        self.request.restart();
         self.send_now();
     }
 
     fn send_now(&mut self) {
-        self.outstanding = Outstanding::Due;
+        self.again_at_ns = None;
         self.timeout_ns = self.timing.first_timeout_ns;
     }
 
-    /// Takes the service data of an SDO frame sent by the node. Frames that make no sense are dropped; never panics.
-    pub fn receive(&mut self, now_ns: u64, service_data: &[u8]) {
+    /// Something new came: the time-outs start anew.
+    fn alive(&mut self, now_ns: u64) {
+        self.alive_ns = Some(now_ns);
+        self.timeout_ns = self.timing.first_timeout_ns;
+        self.again_at_ns = Some(now_ns.saturating_add(self.timeout_ns));
+    }
+
+    /// Ends the command; the server is told why unless it knows.
+    fn fail(&mut self, error: ClientError, tell: Option<AbortCode>) {
+        self.progress = Progress::Done(Err(error));
+        self.incoming = None;
+        if tell.is_some() {
+            self.abort = tell;
+            self.closing = self.state != State::Closed;
+        }
+    }
+
+    /// Takes the service data of an SDO frame sent by the node; what is read goes into `sink`. Frames that make no sense are
+    /// dropped; never panics.
+    pub fn receive(&mut self, now_ns: u64, service_data: &[u8], sink: &mut [u8]) {
         let Some(sequence) = Sequence::parse(service_data) else {
             return;
         };
         let content = Content::parse(&service_data[sequence::HEADER_LEN..]);
         match (self.state, sequence.received_con, sequence.sent_con) {
             (State::Opening, Con::Init, Con::Init) => {
-                self.received = sequence.sent;
+                self.flow = Flow::new(sequence.sent);
                 self.state = State::Confirming;
                 self.send_now();
             }
             // The server repeats its agreement: our confirmation got lost.
-            (State::Confirming, Con::Init, Con::Init) => self.outstanding = Outstanding::Due,
+            (State::Confirming, Con::Init, Con::Init) => self.again_at_ns = None,
             (State::Confirming, Con::Valid, Con::Valid | Con::Request) => {
-                self.received = sequence.sent;
                 self.state = State::Open;
+                self.alive_ns = Some(now_ns);
                 self.send_now();
             }
             (State::Open, Con::Valid | Con::Request, Con::Valid | Con::Request) => {
-                self.receive_open(now_ns, sequence, content);
+                self.receive_open(now_ns, sequence, content, sink);
             }
             // The server has no connection (any more). A running command opens a new one, no faster than the time-out allows
             // when the server keeps refusing.
             (State::Opening | State::Confirming, Con::None, Con::None) => self.state = State::Closed,
-            (State::Open, Con::None, Con::None) => self.reset_connection(),
+            (State::Open, Con::None, Con::None) => self.connection_lost(),
             // Late or foreign frames.
             (State::Closed, _, _)
             | (State::Opening | State::Confirming, Con::None, Con::Init | Con::Valid | Con::Request)
@@ -272,157 +394,336 @@ impl Client {
         }
     }
 
-    fn receive_open(&mut self, now_ns: u64, sequence: Sequence, content: Content<'_>) {
-        if sequence.received_con == Con::Request && self.numbered && self.progress == Progress::Running {
-            self.outstanding = Outstanding::Due;
-        }
-        if sequence.sent == self.received.next() {
-            if content == Content::Malformed {
-                return;
-            }
-            self.received = sequence.sent;
-            self.acknowledge_at_ns = Some(now_ns.saturating_add(self.timing.acknowledge_delay_ns));
-            if let Content::Command(command) = content
-                && self.progress == Progress::Running
-                && self.numbered
-                && command.header.response
-                && command.header.transaction == self.transaction
-            {
-                self.progress = Progress::Done(self.take_answer(command));
-            }
-        }
-        if sequence.sent_con == Con::Request {
-            self.acknowledge_at_ns = Some(now_ns);
+    /// The command starts anew, unless the server may have carried it out already: a copy that it refuses for lack of a
+    /// connection tells nothing of the copies before.
+    fn connection_lost(&mut self) {
+        let carried_out = !self.request.is_read() && self.request.completed > 1;
+        self.reset_connection();
+        if self.progress == Progress::Running && carried_out {
+            self.fail(ClientError::ConnectionLost, None);
         }
     }
 
-    fn take_answer(&mut self, command: command::Command<'_>) -> Result<usize, ClientError> {
-        let header = command.header;
+    fn receive_open(&mut self, now_ns: u64, sequence: Sequence, content: Content<'_>, sink: &mut [u8]) {
+        let Some(arrived) = self.flow.acknowledge(sequence.received) else {
+            return;
+        };
+        if arrived > 0 {
+            self.request.arrived += usize::from(arrived);
+            self.alive(now_ns);
+        }
+        if sequence.received_con == Con::Request {
+            self.flow.repeat();
+        }
+        let arrival = match content {
+            // An acknowledge repeats the number of the last command.
+            Content::Empty if self.flow.arrival(sequence.sent) == Arrival::Next => Arrival::Gap,
+            Content::Malformed => return,
+            Content::Empty | Content::Command(_) => self.flow.arrival(sequence.sent),
+        };
+        match (arrival, content) {
+            (Arrival::Next, Content::Command(command)) => {
+                self.flow.accept();
+                self.missing = Missing::No;
+                self.unacknowledged += 1;
+                self.alive(now_ns);
+                self.take_command(command, sink);
+                let segments_follow = self.incoming.is_some() && self.unacknowledged >= UNACKNOWLEDGED_MAX;
+                let delay_ns = if segments_follow || sequence.sent_con == Con::Request {
+                    0
+                } else {
+                    self.timing.acknowledge_delay_ns
+                };
+                self.acknowledge_by(now_ns.saturating_add(delay_ns));
+            }
+            (Arrival::Gap, _) => {
+                if self.missing == Missing::No || sequence.sent_con == Con::Request {
+                    self.missing = Missing::Tell;
+                }
+            }
+            (Arrival::Known | Arrival::Next, _) => {
+                // A repeated answer shows that our acknowledge got lost.
+                if sequence.sent_con == Con::Request || matches!(content, Content::Command(_)) {
+                    self.acknowledge_by(now_ns);
+                }
+            }
+        }
+    }
+
+    fn acknowledge_by(&mut self, at_ns: u64) {
+        self.acknowledge_at_ns = Some(self.acknowledge_at_ns.map_or(at_ns, |earlier_ns| earlier_ns.min(at_ns)));
+    }
+
+    fn take_command(&mut self, command: Command<'_>, sink: &mut [u8]) {
+        let ours = command.header.response && command.header.transaction == self.transaction;
+        if self.progress != Progress::Running || self.request.numbered == 0 || !ours {
+            return;
+        }
+        match self.take_answer(command, sink) {
+            Ok(Some(len)) => {
+                self.progress = Progress::Done(Ok(len));
+                self.incoming = None;
+            }
+            Ok(None) => {}
+            Err(error @ ClientError::Aborted(_)) => self.fail(error, None),
+            Err(error @ ClientError::TooLong { .. }) => self.fail(error, Some(AbortCode::OUT_OF_MEMORY)),
+            Err(
+                error @ (ClientError::BadAnswer(_)
+                | ClientError::TimedOut { .. }
+                | ClientError::ConnectionLost
+                | ClientError::Busy
+                | ClientError::WrongLength { .. }),
+            ) => self.fail(error, Some(AbortCode::GENERAL)),
+        }
+    }
+
+    /// Octets of the answer when it is complete.
+    fn take_answer(&mut self, command: Command<'_>, sink: &mut [u8]) -> Result<Option<usize>, ClientError> {
+        let Command { header, data } = command;
         if header.abort {
-            let code = command::abort_code(command.data).ok_or(ClientError::BadAnswer("an abort without a code"))?;
+            let code = command::abort_code(data).ok_or(ClientError::BadAnswer("an abort without a code"))?;
             return Err(ClientError::Aborted(code));
         }
-        if header.id != self.id {
+        if header.id != self.request.id {
             return Err(ClientError::BadAnswer("another command than the one that was sent"));
         }
-        if header.segmentation != Segmentation::Expedited {
-            return Err(ClientError::BadAnswer(
-                "a segmented transfer, which this client does not support",
-            ));
+        if self.request.arrived < self.request.segments() {
+            return Err(ClientError::BadAnswer("an answer before the request was complete"));
         }
-        if command.data.len() > EXPEDITED_READ_MAX {
-            return Err(ClientError::BadAnswer("more data than one frame holds"));
+        let (len, at, data) = match (header.segmentation, self.incoming) {
+            // The answer to a write carries nothing.
+            (Segmentation::Expedited, None) if self.request.id == CommandId::WriteByIndex => return Ok(Some(0)),
+            (Segmentation::Expedited, None) => (data.len(), 0, data),
+            (Segmentation::Initiate, None) => {
+                let (len, data) = command::split_initiate(data)
+                    .ok_or(ClientError::BadAnswer("a first segment that contradicts its own size"))?;
+                (len, 0, data)
+            }
+            (Segmentation::Segment | Segmentation::Complete, Some(Incoming { len, done })) => (len, done, data),
+            (Segmentation::Expedited | Segmentation::Initiate, Some(_)) => {
+                return Err(ClientError::BadAnswer("a second answer begins within the first"));
+            }
+            (Segmentation::Segment | Segmentation::Complete, None) => {
+                return Err(ClientError::BadAnswer("a segment without a first one"));
+            }
+        };
+        if len > sink.len() {
+            let most = sink.len();
+            return Err(ClientError::TooLong { got: len, most });
         }
-        self.data[..command.data.len()].copy_from_slice(command.data);
-        Ok(command.data.len())
+        let done = at + data.len();
+        if done > len {
+            return Err(ClientError::BadAnswer("more data than were announced"));
+        }
+        sink[at..done].copy_from_slice(data);
+        match header.segmentation {
+            Segmentation::Expedited => Ok(Some(done)),
+            Segmentation::Complete if done == len => Ok(Some(done)),
+            Segmentation::Complete => Err(ClientError::BadAnswer("fewer data than were announced")),
+            Segmentation::Initiate | Segmentation::Segment => {
+                self.incoming = Some(Incoming { len, done });
+                Ok(None)
+            }
+        }
     }
 
     /// Whether [`poll_transmit`](Self::poll_transmit) has a frame to send at this time: then the node needs the asynchronous
     /// slot.
     pub fn wants_to_transmit(&self, now_ns: u64) -> bool {
+        let owes = self.missing == Missing::Tell || self.acknowledge_at_ns.is_some_and(|at_ns| now_ns >= at_ns);
         match self.progress {
-            Progress::Running => match self.outstanding {
-                Outstanding::Due => true,
-                Outstanding::Sent { again_at_ns } => now_ns >= again_at_ns,
-            },
-            Progress::Idle | Progress::Done(_) => {
-                self.closing || self.acknowledge_at_ns.is_some_and(|at_ns| now_ns >= at_ns)
+            Progress::Running => {
+                let timer = self.again_at_ns.is_none_or(|at_ns| now_ns >= at_ns);
+                timer || (self.state == State::Open && (owes || self.flow.due() > 0 || self.can_number()))
             }
+            Progress::Idle | Progress::Done(_) => self.closing || (self.state == State::Open && owes),
         }
     }
 
-    /// Writes the service data of the frame that is due into `out` (at least [`SERVICE_DATA_MAX`] octets are always enough)
-    /// and returns its length. `None`: nothing to send now, or `out` is too short. A command whose time is over fails here.
-    pub fn poll_transmit(&mut self, now_ns: u64, out: &mut [u8]) -> Option<usize> {
-        if self.progress == Progress::Running
-            && self
-                .started_ns
-                .is_some_and(|started_ns| now_ns.saturating_sub(started_ns) >= self.timing.give_up_ns)
-        {
-            self.progress = Progress::Done(Err(ClientError::TimedOut { frames: self.frames }));
-            self.closing = self.state != State::Closed;
+    /// When [`wants_to_transmit`](Self::wants_to_transmit) becomes true if nothing is received before; `None`: not at all.
+    pub fn next_deadline_ns(&self) -> Option<u64> {
+        if self.wants_to_transmit(0) {
+            return Some(0);
+        }
+        let again_ns = self.again_at_ns.filter(|_| self.progress == Progress::Running);
+        let acknowledge_ns = self.acknowledge_at_ns.filter(|_| self.state == State::Open);
+        match (again_ns, acknowledge_ns) {
+            (Some(again_ns), Some(acknowledge_ns)) => Some(again_ns.min(acknowledge_ns)),
+            (at_ns, None) | (None, at_ns) => at_ns,
+        }
+    }
+
+    /// Whether a further segment of the request may follow.
+    fn can_number(&self) -> bool {
+        self.flow.has_room() && self.request.numbered < self.request.segments()
+    }
+
+    /// Writes the service data of the frame that is due into `out` and returns its length. `value` is what is written, as long
+    /// as announced at the start; empty when an object is read. `None`: nothing to send now. A command whose time is over fails
+    /// here.
+    pub fn poll_transmit(&mut self, now_ns: u64, value: &[u8], out: &mut [u8; SERVICE_DATA_MAX]) -> Option<usize> {
+        if self.progress == Progress::Running {
+            if value.len() != self.request.len {
+                let (expected, got) = (self.request.len, value.len());
+                self.fail(ClientError::WrongLength { expected, got }, Some(AbortCode::GENERAL));
+            } else if self
+                .alive_ns
+                .is_some_and(|alive_ns| now_ns.saturating_sub(alive_ns) >= self.timing.give_up_ns)
+            {
+                self.fail(ClientError::TimedOut { frames: self.frames }, None);
+                self.closing = self.state != State::Closed;
+            }
         }
         if !self.wants_to_transmit(now_ns) {
             return None;
         }
         match self.progress {
-            Progress::Running => self.transmit_command(now_ns, out),
-            Progress::Idle | Progress::Done(_) => self.transmit_alone(out),
+            Progress::Running => {
+                if self.again_at_ns.is_some_and(|at_ns| now_ns >= at_ns) {
+                    self.timeout_ns = self.timeout_ns.saturating_mul(2).min(self.timing.longest_timeout_ns);
+                    self.flow.repeat_last();
+                }
+                self.alive_ns.get_or_insert(now_ns);
+                self.frames += 1;
+                let again_at_ns = now_ns.saturating_add(self.timeout_ns);
+                let timer = self
+                    .again_at_ns
+                    .replace(again_at_ns)
+                    .is_none_or(|at_ns| now_ns >= at_ns);
+                self.transmit_running(now_ns, timer, value, out)
+            }
+            Progress::Idle | Progress::Done(_) if self.closing => self.transmit_close(out),
+            Progress::Idle | Progress::Done(_) => self.transmit_acknowledge(Con::Valid, out),
         }
     }
 
-    /// Acknowledges or closes.
-    fn transmit_alone(&mut self, out: &mut [u8]) -> Option<usize> {
-        let con = if self.closing { Con::None } else { Con::Valid };
-        let len = self.emit(out, con, con, false)?;
-        self.acknowledge_at_ns = None;
-        if self.closing {
-            self.closing = false;
-            self.state = State::Closed;
-        }
-        Some(len)
-    }
-
-    /// The next step towards the answer: opens the connection, or sends the command.
-    fn transmit_command(&mut self, now_ns: u64, out: &mut [u8]) -> Option<usize> {
-        let repeated = matches!(self.outstanding, Outstanding::Sent { .. });
-        if out.len() < SERVICE_DATA_MAX.min(EMPTY_LEN + self.data_len) {
-            return None;
-        }
-        let len = match self.state {
+    /// The next step towards the answer: opens the connection, or sends a part of the command.
+    fn transmit_running(
+        &mut self,
+        now_ns: u64,
+        timer: bool,
+        value: &[u8],
+        out: &mut [u8; SERVICE_DATA_MAX],
+    ) -> Option<usize> {
+        match self.state {
             State::Closed | State::Opening => {
                 self.state = State::Opening;
-                (self.received, self.sent) = (Number::default(), Number::default());
-                self.emit(out, Con::None, Con::Init, false)
+                self.flow = Flow::new(Number::new(0));
+                return self.emit_empty(Con::None, Con::Init, out);
             }
-            State::Confirming => self.emit(out, Con::Init, Con::Valid, false),
-            State::Open => {
-                let again = self.numbered;
-                if !again {
-                    self.sent = self.sent.next();
-                    self.numbered = true;
-                }
-                self.acknowledge_at_ns = None;
-                self.emit(out, Con::Valid, if again { Con::Request } else { Con::Valid }, true)
-            }
-        }?;
-        if repeated {
-            self.timeout_ns = self.timeout_ns.saturating_mul(2).min(self.timing.longest_timeout_ns);
+            State::Confirming => return self.emit_empty(Con::Init, Con::Valid, out),
+            State::Open => {}
         }
-        self.started_ns.get_or_insert(now_ns);
-        self.frames += 1;
-        self.outstanding = Outstanding::Sent {
-            again_at_ns: now_ns.saturating_add(self.timeout_ns),
+        if self.missing == Missing::Tell {
+            return self.transmit_acknowledge(Con::Valid, out);
+        }
+        if self.flow.due() == 0 && self.can_number() {
+            self.flow.add();
+            self.request.numbered += 1;
+        }
+        if let Some(outgoing) = self.flow.transmit() {
+            let segment = self.request.arrived + usize::from(outgoing.place);
+            let last = segment + 1 == self.request.segments();
+            let full = !last && !self.flow.has_room();
+            let asks = outgoing.number == self.flow.sent() && (outgoing.repeated || full);
+            if last {
+                self.request.completed += 1;
+            }
+            let sent_con = if asks { Con::Request } else { Con::Valid };
+            self.emit_sequence(Con::Valid, outgoing.number, sent_con, out)?;
+            self.acknowledge_at_ns = None;
+            self.unacknowledged = 0;
+            return self.emit_segment(segment, value, &mut out[sequence::HEADER_LEN..]);
+        }
+        // Nothing left to say: the answer is late, or has to be acknowledged.
+        let owes = self.acknowledge_at_ns.is_some_and(|at_ns| now_ns >= at_ns);
+        let sent_con = if timer && !owes { Con::Request } else { Con::Valid };
+        self.transmit_acknowledge(sent_con, out)
+    }
+
+    fn emit_segment(&self, at: usize, value: &[u8], out: &mut [u8]) -> Option<usize> {
+        let prefix = self.request.prefix();
+        let len = prefix + self.request.len;
+        let (segmentation, range) = command::segment(len, at);
+        let header = Header {
+            transaction: self.transaction,
+            response: false,
+            abort: false,
+            segmentation,
+            id: self.request.id,
         };
+        let written = command::emit_segment(header, len, range.len(), out, |data| {
+            let address = if at == 0 { self.request.address } else { None };
+            let value_at = range.start.saturating_sub(prefix);
+            match address.and_then(|address| Some((address, data.split_first_chunk_mut()?))) {
+                Some((address, (octets, rest))) => {
+                    address.emit(octets);
+                    rest.copy_from_slice(&value[..rest.len()]);
+                }
+                None => data.copy_from_slice(&value[value_at..value_at + data.len()]),
+            }
+        })?;
+        Some(sequence::HEADER_LEN + written)
+    }
+
+    /// Acknowledges without a command, asks for missing frames or for an acknowledge.
+    fn transmit_acknowledge(&mut self, sent_con: Con, out: &mut [u8; SERVICE_DATA_MAX]) -> Option<usize> {
+        let received_con = if self.missing == Missing::Tell {
+            self.missing = Missing::Told;
+            Con::Request
+        } else {
+            Con::Valid
+        };
+        self.acknowledge_at_ns = None;
+        self.unacknowledged = 0;
+        self.emit_empty(received_con, sent_con, out)
+    }
+
+    /// Tells the server why the command ends, if it does not know; then closes.
+    fn transmit_close(&mut self, out: &mut [u8; SERVICE_DATA_MAX]) -> Option<usize> {
+        if let (Some(code), State::Open) = (self.abort.take(), self.state) {
+            let number = self.flow.add();
+            self.emit_sequence(Con::Valid, number, Con::Valid, out)?;
+            let header = Header {
+                transaction: self.transaction,
+                response: false,
+                abort: true,
+                segmentation: Segmentation::Expedited,
+                id: self.request.id,
+            };
+            let octets = code.0.to_le_bytes();
+            let out = &mut out[sequence::HEADER_LEN..];
+            let written = command::emit_segment(header, octets.len(), octets.len(), out, |data| {
+                data.copy_from_slice(&octets);
+            })?;
+            return Some(sequence::HEADER_LEN + written);
+        }
+        let len = self.emit_empty(Con::None, Con::None, out)?;
+        self.reset_connection();
         Some(len)
     }
 
-    fn emit(&self, out: &mut [u8], received_con: Con, sent_con: Con, with_command: bool) -> Option<usize> {
-        let data = if with_command { &self.data[..self.data_len] } else { &[] };
-        let len = EMPTY_LEN + data.len();
-        let (sequence, rest) = out.get_mut(..len)?.split_first_chunk_mut()?;
-        let (header, rest) = rest.split_first_chunk_mut()?;
+    fn emit_empty(&self, received_con: Con, sent_con: Con, out: &mut [u8; SERVICE_DATA_MAX]) -> Option<usize> {
+        out[..EMPTY_LEN].fill(0);
+        self.emit_sequence(received_con, self.flow.sent(), sent_con, out)?;
+        Some(EMPTY_LEN)
+    }
+
+    fn emit_sequence(
+        &self,
+        received_con: Con,
+        sent: Number,
+        sent_con: Con,
+        out: &mut [u8; SERVICE_DATA_MAX],
+    ) -> Option<()> {
         Sequence {
-            received: self.received,
+            received: self.flow.received(),
             received_con,
-            sent: self.sent,
+            sent,
             sent_con,
         }
-        .emit(sequence);
-        if with_command {
-            Header {
-                transaction: self.transaction,
-                response: false,
-                abort: false,
-                segmentation: Segmentation::Expedited,
-                id: self.id,
-            }
-            .emit(data.len() as u16, header);
-        } else {
-            header.fill(0);
-        }
-        rest.copy_from_slice(data);
-        Some(len)
+        .emit(out.first_chunk_mut()?);
+        Some(())
     }
 }
 

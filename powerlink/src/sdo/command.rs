@@ -1,7 +1,10 @@
 //! Command layer: what one SDO frame asks or answers.
 //!
 //! Fixed header of 8 octets behind the sequence header: reserved, transaction id, flags, command id, segment size u16,
-//! reserved u16; then `segment size` octets of command data.
+//! reserved u16; then `segment size` octets. Command data that do not fit in one frame are cut into segments; the first
+//! one begins with their total size u32, which counts itself.
+
+use core::ops::Range;
 
 use obd::AbortCode;
 
@@ -14,13 +17,38 @@ const FLAG_RESPONSE: u8 = 0x80;
 const FLAG_ABORT: u8 = 0x40;
 const SEGMENTATION: u8 = 0x30;
 
-/// Commands this crate carries out; others are kept as numbers.
+/// Octets of the size field that only the first segment of several carries; the field counts itself.
+pub const TOTAL_LEN: usize = 4;
+/// Most command data this crate sends in one frame, see [`SERVICE_DATA_MAX`](super::SERVICE_DATA_MAX).
+pub const SEGMENT_MAX: usize = 256;
+
+/// Commands; this crate carries out those by index and aborts all others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CommandId {
     /// Write one object.
     WriteByIndex,
     /// Read one object.
     ReadByIndex,
+    /// Write all sub-indices of an object.
+    WriteAllByIndex,
+    /// Read all sub-indices of an object.
+    ReadAllByIndex,
+    /// Write an object by its name.
+    WriteByName,
+    /// Read an object by its name.
+    ReadByName,
+    /// Write a file.
+    FileWrite,
+    /// Read a file.
+    FileRead,
+    /// Write several objects.
+    WriteMultipleByIndex,
+    /// Read several objects.
+    ReadMultipleByIndex,
+    /// Agree on the segment size.
+    MaximumSegmentSize,
+    /// Link a name to an index.
+    LinkNameToIndex,
     /// Any other command.
     Other(u8),
 }
@@ -30,6 +58,16 @@ impl From<u8> for CommandId {
         match octet {
             0x01 => CommandId::WriteByIndex,
             0x02 => CommandId::ReadByIndex,
+            0x03 => CommandId::WriteAllByIndex,
+            0x04 => CommandId::ReadAllByIndex,
+            0x05 => CommandId::WriteByName,
+            0x06 => CommandId::ReadByName,
+            0x20 => CommandId::FileWrite,
+            0x21 => CommandId::FileRead,
+            0x31 => CommandId::WriteMultipleByIndex,
+            0x32 => CommandId::ReadMultipleByIndex,
+            0x70 => CommandId::MaximumSegmentSize,
+            0x71 => CommandId::LinkNameToIndex,
             other => CommandId::Other(other),
         }
     }
@@ -40,6 +78,16 @@ impl From<CommandId> for u8 {
         match id {
             CommandId::WriteByIndex => 0x01,
             CommandId::ReadByIndex => 0x02,
+            CommandId::WriteAllByIndex => 0x03,
+            CommandId::ReadAllByIndex => 0x04,
+            CommandId::WriteByName => 0x05,
+            CommandId::ReadByName => 0x06,
+            CommandId::FileWrite => 0x20,
+            CommandId::FileRead => 0x21,
+            CommandId::WriteMultipleByIndex => 0x31,
+            CommandId::ReadMultipleByIndex => 0x32,
+            CommandId::MaximumSegmentSize => 0x70,
+            CommandId::LinkNameToIndex => 0x71,
             CommandId::Other(other) => other,
         }
     }
@@ -91,6 +139,64 @@ pub struct Header {
     pub segmentation: Segmentation,
     /// What to do.
     pub id: CommandId,
+}
+
+/// Frames that command data of this length need.
+pub const fn segments(len: usize) -> usize {
+    if len <= SEGMENT_MAX {
+        1
+    } else {
+        1 + (len - (SEGMENT_MAX - TOTAL_LEN)).div_ceil(SEGMENT_MAX)
+    }
+}
+
+/// Segment `at` (from 0) of command data of `len` octets: its place in the transfer and the octets it carries.
+pub fn segment(len: usize, at: usize) -> (Segmentation, Range<usize>) {
+    let first = SEGMENT_MAX - TOTAL_LEN;
+    if len <= SEGMENT_MAX {
+        (Segmentation::Expedited, 0..len)
+    } else if at == 0 {
+        (Segmentation::Initiate, 0..first)
+    } else {
+        let start = (first + (at - 1) * SEGMENT_MAX).min(len);
+        let end = (start + SEGMENT_MAX).min(len);
+        let place = if end == len {
+            Segmentation::Complete
+        } else {
+            Segmentation::Segment
+        };
+        (place, start..end)
+    }
+}
+
+/// Writes the command header, the total size `len` if this is the first segment of several, and has `write` fill in
+/// the `size` octets of data; returns the octets written. `None`: `out` is too short.
+pub fn emit_segment(
+    header: Header,
+    len: usize,
+    size: usize,
+    out: &mut [u8],
+    write: impl FnOnce(&mut [u8]),
+) -> Option<usize> {
+    let total = (len + TOTAL_LEN) as u32;
+    let variable = match header.segmentation {
+        Segmentation::Initiate => TOTAL_LEN,
+        Segmentation::Expedited | Segmentation::Segment | Segmentation::Complete => 0,
+    };
+    let (fixed, rest) = out.split_first_chunk_mut()?;
+    header.emit((variable + size) as u16, fixed);
+    let rest = rest.get_mut(..variable + size)?;
+    rest[..variable].copy_from_slice(&total.to_le_bytes()[..variable]);
+    write(&mut rest[variable..]);
+    Some(HEADER_LEN + variable + size)
+}
+
+/// Splits the data of the first segment of several into the length of all command data and those that it carries.
+/// `None`: they are too short, or carry more than they announce.
+pub fn split_initiate(data: &[u8]) -> Option<(usize, &[u8])> {
+    let (total, data) = data.split_first_chunk::<TOTAL_LEN>()?;
+    let len = (u32::from_le_bytes(*total) as usize).checked_sub(TOTAL_LEN)?;
+    (data.len() <= len).then_some((len, data))
 }
 
 /// A received command with its data.

@@ -7,6 +7,9 @@
 /// Octets of the sequence header.
 pub const HEADER_LEN: usize = 4;
 
+/// Frames with a command that one side sends without an acknowledge of the other. The other stack keeps as many.
+pub const WINDOW: u8 = 5;
+
 /// State of a connection as one side tells it; two bits on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Con {
@@ -65,6 +68,160 @@ impl Number {
     pub const fn get(self) -> u8 {
         self.0
     }
+
+    /// Steps from `earlier` to this number.
+    pub const fn since(self, earlier: Number) -> u8 {
+        self.0.wrapping_sub(earlier.0) & 0x3F
+    }
+}
+
+/// What the number of a received frame says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Arrival {
+    /// The number of a frame that we have: an acknowledge, or a duplicate.
+    Known,
+    /// The frame we wait for.
+    Next,
+    /// A frame before this one is missing.
+    Gap,
+}
+
+/// Numbers of an open connection as one of its ends keeps them: what came in order, and which frames of our own are on
+/// their way. It keeps no frames: whoever sends can make each of them again from its number.
+///
+/// ```text
+/// acknowledged < frames in flight, at most WINDOW <= sent
+///                  ^ next: what goes out next; behind `transmitted` while frames are repeated
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Flow {
+    received: Number,
+    acknowledged: Number,
+    sent: Number,
+    transmitted: Number,
+    next: Number,
+}
+
+impl Flow {
+    /// A connection that has just been opened; the peer counts from `received`.
+    pub const fn new(received: Number) -> Flow {
+        Flow {
+            received,
+            acknowledged: Number::new(0),
+            sent: Number::new(0),
+            transmitted: Number::new(0),
+            next: Number::new(1),
+        }
+    }
+
+    /// Last frame of the peer that came in order.
+    pub const fn received(&self) -> Number {
+        self.received
+    }
+
+    /// Last frame of ours that has a number.
+    pub const fn sent(&self) -> Number {
+        self.sent
+    }
+
+    /// Our frames that the peer has not acknowledged.
+    pub const fn in_flight(&self) -> u8 {
+        self.sent.since(self.acknowledged)
+    }
+
+    /// Whether another frame of ours may get a number.
+    pub const fn has_room(&self) -> bool {
+        self.in_flight() < WINDOW
+    }
+
+    /// Numbers one more frame, which is then due; the caller has asked [`has_room`](Self::has_room).
+    pub fn add(&mut self) -> Number {
+        self.sent = self.sent.next();
+        self.sent
+    }
+
+    /// Frames that have to go out, new ones and repeated ones.
+    pub const fn due(&self) -> u8 {
+        self.sent.next().since(self.next)
+    }
+
+    /// The next frame that has to go out: its number, its place among the frames in flight (from 0), and whether it is
+    /// repeated.
+    pub fn transmit(&mut self) -> Option<Outgoing> {
+        if self.due() == 0 {
+            return None;
+        }
+        let number = self.next;
+        self.next = number.next();
+        let repeated = !self.is_new(number);
+        if !repeated {
+            self.transmitted = number;
+        }
+        Some(Outgoing {
+            number,
+            place: number.since(self.acknowledged) - 1,
+            repeated,
+        })
+    }
+
+    const fn is_new(&self, number: Number) -> bool {
+        number.since(self.acknowledged) > self.transmitted.since(self.acknowledged)
+    }
+
+    /// The peer says up to which number it has our frames; returns how many have newly arrived. `None`: it cannot have
+    /// said that on this connection lately.
+    pub fn acknowledge(&mut self, number: Number) -> Option<u8> {
+        let arrived = number.since(self.acknowledged);
+        if arrived > self.transmitted.since(self.acknowledged) {
+            return None;
+        }
+        // What was to be repeated and has arrived need not be repeated.
+        let next = self.next.since(self.acknowledged);
+        self.acknowledged = number;
+        if next <= arrived {
+            self.next = number.next();
+        }
+        Some(arrived)
+    }
+
+    /// Everything the peer lacks goes out again; nothing changes while that is under way.
+    pub fn repeat(&mut self) {
+        if self.is_new(self.next) {
+            self.next = self.acknowledged.next();
+        }
+    }
+
+    /// The last frame goes out again, to ask what the peer has.
+    pub fn repeat_last(&mut self) {
+        if self.transmitted != self.acknowledged && self.is_new(self.next) {
+            self.next = self.transmitted;
+        }
+    }
+
+    /// Tells what a received frame is; the caller takes the next one by [`accept`](Self::accept).
+    pub const fn arrival(&self, number: Number) -> Arrival {
+        match number.since(self.received) {
+            0 | 33..=63 => Arrival::Known,
+            1 => Arrival::Next,
+            _ => Arrival::Gap,
+        }
+    }
+
+    /// The next frame was taken.
+    pub fn accept(&mut self) {
+        self.received = self.received.next();
+    }
+}
+
+/// A frame that goes out now.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Outgoing {
+    /// Its number.
+    pub number: Number,
+    /// 0: the first that is not acknowledged.
+    pub place: u8,
+    /// It went out before.
+    pub repeated: bool,
 }
 
 /// The sequence header.

@@ -120,9 +120,9 @@ impl<const CONNECTIONS: usize> Server<CONNECTIONS> {
             .count()
     }
 
-    /// Writes the service data of the next frame into `out` (at least [`SERVICE_DATA_MAX`] octets are always enough) and
-    /// returns the node id of its receiver and the length. `None`: nothing to send, or `out` is too short for it.
-    pub fn poll_transmit(&mut self, out: &mut [u8]) -> Option<(u8, usize)> {
+    /// Writes the service data of the next frame into `out` and returns the node id of its receiver and the length. `None`:
+    /// nothing to send.
+    pub fn poll_transmit(&mut self, out: &mut [u8; SERVICE_DATA_MAX]) -> Option<(u8, usize)> {
         let at = (0..CONNECTIONS)
             .map(|step| (self.turn + step) % CONNECTIONS)
             .find(|at| self.connections[*at].pending != Pending::Nothing)?;
@@ -294,7 +294,17 @@ fn execute(command: Command<'_>, objects: &mut impl Objects, out: &mut [u8]) -> 
             let (Address { index, sub }, _) = address()?;
             objects.sdo_read(index, sub, out)
         }
-        CommandId::Other(_) => Err(AbortCode::UNKNOWN_COMMAND),
+        CommandId::WriteAllByIndex
+        | CommandId::ReadAllByIndex
+        | CommandId::WriteByName
+        | CommandId::ReadByName
+        | CommandId::FileWrite
+        | CommandId::FileRead
+        | CommandId::WriteMultipleByIndex
+        | CommandId::ReadMultipleByIndex
+        | CommandId::MaximumSegmentSize
+        | CommandId::LinkNameToIndex
+        | CommandId::Other(_) => Err(AbortCode::UNKNOWN_COMMAND),
     }
 }
 

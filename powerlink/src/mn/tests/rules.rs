@@ -49,19 +49,9 @@ fn a_configuration_is_refused_with_the_reason() {
     let mut long = std::vec![1, 0, 0, 0, 0x34, 0x12, 1, 0, 2, 0, 0];
     long.extend([0; 512]);
     let nodes = [node_config(4, &long)];
-    let error = Mn::<NODES>::new(mn_config(&nodes)).err().unwrap();
     assert!(
-        matches!(
-            error,
-            MnConfigError::ConfigurationValue {
-                id: 4,
-                index: 0x1234,
-                sub: 1,
-                got: 512,
-                ..
-            }
-        ),
-        "{error}"
+        Mn::<NODES>::new(mn_config(&nodes)).is_ok(),
+        "long values go in segments"
     );
 }
 

@@ -210,12 +210,3 @@ fn two_clients_are_served_in_turn_and_a_third_replaces_the_one_silent_longest() 
     bench.receive_from(253, &[0x01, 0x02]);
     assert_eq!(bench.transmit().unwrap(), (253, sequence_only(0x00, 0x00)));
 }
-
-#[test]
-fn an_answer_waits_for_a_buffer_that_holds_it() {
-    let mut bench = Bench::new();
-    bench.receive_from(240, &[0x00, 0x01]);
-    assert_eq!(bench.server.poll_transmit(&mut [0; 11]), None);
-    assert_eq!(bench.server.pending(), 1);
-    assert!(bench.transmit().is_some());
-}
