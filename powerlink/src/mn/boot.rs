@@ -137,8 +137,7 @@ impl<'a> Node<'a> {
             // It is about to be reset; what it says now is void.
             return;
         }
-        if let Some((field, expected, got)) = self.mismatch(ident) {
-            let fault = Fault::WrongIdentity { field, expected, got };
+        if let Some(fault) = self.mismatch(ident, network) {
             self.refuse(now_ns, network, fault, events);
             return;
         }

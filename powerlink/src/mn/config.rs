@@ -6,7 +6,7 @@ use core::fmt;
 
 use obd::cdc::{CdcError, CdcReader};
 
-use super::startup::{Assignment, StartUp};
+use super::startup::{self, Assignment, StartUp};
 use crate::wire::{self, Mac, PAYLOAD_LIMIT_MIN, PAYLOAD_MAX, POLL_HEADER_LEN};
 
 /// Values an IdentResponse must carry; `None` is not checked.
@@ -281,6 +281,13 @@ pub enum MnConfigError {
         /// As configured.
         cycle_ns: u32,
     },
+    /// Two things that cannot go together, or one without the other it needs.
+    Conflict {
+        /// Node id; 240 for the network.
+        id: u8,
+        /// What is wrong.
+        reason: &'static str,
+    },
     /// The concise DCF cannot be read.
     Configuration {
         /// Node id.
@@ -332,6 +339,7 @@ impl fmt::Display for MnConfigError {
                 f,
                 "polls and asynchronous slot can take {sum_ns} ns together, the cycle has {cycle_ns} ns"
             ),
+            MnConfigError::Conflict { id, reason } => write!(f, "node {id}: {reason}"),
             MnConfigError::Configuration { id, error } => write!(f, "node {id}: concise DCF: {error}"),
         }
     }
@@ -403,7 +411,12 @@ pub(super) fn check(config: &MnConfig<'_>, most: usize) -> Result<(), MnConfigEr
         }
         check_exchange(config, node)?;
         check_configuration(node)?;
+        startup::check_node(config, node).map_err(|reason| MnConfigError::Conflict { id, reason })?;
     }
+    startup::check_network(&config.startup).map_err(|reason| MnConfigError::Conflict {
+        id: wire::node::MN,
+        reason,
+    })?;
     let sum_ns = slots_ns(config);
     if sum_ns > u64::from(cycle_ns) {
         return Err(MnConfigError::CycleTooShort { sum_ns, cycle_ns });

@@ -8,6 +8,7 @@ use obd::AbortCode;
 use obd::cdc::{CdcReader, CdcWrite};
 
 use super::boot::{Order, Stage};
+use super::config::{Identity, NodeConfig, Stamp};
 use super::event::{Events, IdentityField, MnEvent};
 use super::fault::Fault;
 use super::node::{Network, Node};
@@ -25,18 +26,43 @@ pub(super) const NOTHING_WRITTEN: CdcWrite<'static> = CdcWrite {
 };
 
 impl<'a> Node<'a> {
-    /// The first value of the identity that is not as expected: (which, expected, got).
-    pub(super) fn mismatch(&self, ident: &IdentResponse) -> Option<(IdentityField, u32, u32)> {
-        let identity = &self.config.identity;
-        [
-            (IdentityField::DeviceType, identity.device_type, ident.device_type),
-            (IdentityField::VendorId, identity.vendor_id, ident.vendor_id),
-            (IdentityField::ProductCode, identity.product_code, ident.product_code),
-            (IdentityField::Revision, identity.revision, ident.revision),
-            (IdentityField::Serial, identity.serial, ident.serial),
+    /// The first value of identity and software that is not as expected. What is compared is up to bits 9 and 10 of 0x1F80 and
+    /// bit 5 of the assignment.
+    pub(super) fn mismatch(&self, ident: &IdentResponse, network: &Network) -> Option<Fault> {
+        let Identity {
+            device_type,
+            vendor_id,
+            product_code,
+            revision,
+            serial,
+        } = self.config.identity;
+        let whole = network.startup.check_identity;
+        let identity = [
+            (IdentityField::DeviceType, device_type, ident.device_type),
+            (IdentityField::VendorId, vendor_id.filter(|_| whole), ident.vendor_id),
+            (
+                IdentityField::ProductCode,
+                product_code.filter(|_| whole),
+                ident.product_code,
+            ),
+            (IdentityField::Revision, revision.filter(|_| whole), ident.revision),
+            (IdentityField::Serial, serial.filter(|_| whole), ident.serial),
         ]
         .into_iter()
-        .find_map(|(field, expected, got)| expected.filter(|value| *value != got).map(|value| (field, value, got)))
+        .find_map(|(field, expected, got)| {
+            let expected = expected.filter(|value| *value != got)?;
+            Some(Fault::WrongIdentity { field, expected, got })
+        });
+        let check_software = network.startup.check_software && self.config.assignment.check_software;
+        let got = Stamp {
+            date: ident.software_date,
+            time: ident.software_time,
+        };
+        let software = self
+            .config
+            .software
+            .filter(|expected| check_software && *expected != got);
+        identity.or(software.map(|expected| Fault::WrongSoftware { expected, got }))
     }
 
     /// Gets ready to write the concise DCF; `false`: there is nothing to write.
@@ -44,29 +70,24 @@ impl<'a> Node<'a> {
         // Checked when the managing node was made; an empty one has nothing to read.
         self.writes = CdcReader::new(self.config.configuration).ok();
         self.written = 0;
-        if self.configuration_is_current(ident) {
+        if self.configuration_is_current(ident, network) {
             return false;
         }
         self.sdo = Client::new(timing(network.cycle_ns));
         true
     }
 
-    /// Nothing to write: the configuration is empty, or the node reports the date and time (0x1020/1, /2) that it sets.
-    fn configuration_is_current(&self, ident: &IdentResponse) -> bool {
-        let Some(writes) = self.writes.clone() else { return true };
-        let (mut date, mut time, mut count) = (0, 0, 0u32);
-        for write in writes.flatten() {
-            count += 1;
-            if let (0x1020, Ok(value)) = (write.index, write.value.try_into()) {
-                match write.sub {
-                    1 => date = u32::from_le_bytes(value),
-                    2 => time = u32::from_le_bytes(value),
-                    _ => {}
-                }
-            }
-        }
-        let current = (ident.configuration_date, ident.configuration_time);
-        count == 0 || (date != 0 && time != 0 && current == (date, time))
+    /// Nothing to write: the configuration is empty, or bit 11 of 0x1F80 is set and the node reports the stamp it shall have.
+    pub(super) fn configuration_is_current(&self, ident: &IdentResponse, network: &Network) -> bool {
+        let Some(writes) = CdcReader::new(self.config.configuration).ok() else {
+            return true;
+        };
+        let expected = expected_stamp(&self.config);
+        let got = Stamp {
+            date: ident.configuration_date,
+            time: ident.configuration_time,
+        };
+        writes.flatten().next().is_none() || (network.startup.check_configuration && expected == Some(got))
     }
 
     /// The SDO frame that is due, see [`Client::poll_transmit`].
@@ -127,6 +148,26 @@ impl<'a> Node<'a> {
             );
         }
     }
+}
+
+/// The date and time (0x1020/1, /2) that a configured node reports: as configured (0x1F26, 0x1F27), else as the concise DCF
+/// writes them. `None`: it cannot be told, as a date or a time of zero is what a node without configuration has.
+pub(super) fn expected_stamp(config: &NodeConfig<'_>) -> Option<Stamp> {
+    let stamp = config.configuration_stamp.unwrap_or_else(|| {
+        let mut stamp = Stamp { date: 0, time: 0 };
+        // An empty configuration has nothing to read.
+        for write in CdcReader::new(config.configuration).into_iter().flatten().flatten() {
+            if let (0x1020, Ok(value)) = (write.index, write.value.try_into()) {
+                match write.sub {
+                    1 => stamp.date = u32::from_le_bytes(value),
+                    2 => stamp.time = u32::from_le_bytes(value),
+                    _ => {}
+                }
+            }
+        }
+        stamp
+    });
+    (stamp.date != 0 && stamp.time != 0).then_some(stamp)
 }
 
 /// Storing and restoring parameters is optional: a node without these objects is configured all the same.

@@ -341,6 +341,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             state: self.state,
             cycle_ns: u64::from(self.config.cycle_ns),
             boot: self.config.boot,
+            startup: self.config.startup,
         }
     }
 

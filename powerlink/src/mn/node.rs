@@ -13,6 +13,7 @@ use super::config::{BootTimes, NodeConfig};
 use super::event::{Events, MnEvent, NodeStatistics};
 use super::fault::{Fault, reset_reason};
 use super::signalling::Signalling;
+use super::startup::StartUp;
 use crate::nmt::{NmtCommand, NmtState};
 use crate::sdo::{Client, Timing};
 use crate::wire::{Mac, PAYLOAD_MAX, Pres, Requests, StatusResponse};
@@ -32,6 +33,7 @@ pub(super) struct Network {
     pub(super) state: NmtState,
     pub(super) cycle_ns: u64,
     pub(super) boot: BootTimes,
+    pub(super) startup: StartUp,
 }
 
 /// One controlled node.

@@ -1,9 +1,11 @@
 //! The managing node against controlled nodes of this crate, on virtual time; the test is the wire.
 
+mod assignment;
 mod boot;
 mod cycle;
 mod faults;
 mod rules;
+mod startup;
 
 use std::collections::BTreeMap;
 use std::vec::Vec;
