@@ -113,6 +113,7 @@ impl<'a> Node<'a> {
         network: &Network,
         events: &mut Events,
     ) {
+        self.record.identified(now_ns, ident);
         match self.stage {
             Stage::Search => {}
             Stage::Reidentify { .. } => {

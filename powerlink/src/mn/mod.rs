@@ -26,24 +26,28 @@ mod chaining;
 mod config;
 mod configure;
 mod cycle;
+mod diagnosis;
 mod event;
 mod fault;
 mod network;
 mod node;
 mod receive;
+mod record;
 mod signalling;
 mod slot;
 mod startup;
 mod threshold;
 
 pub use config::{BootTimes, Direction, Identity, MnConfig, MnConfigError, NodeConfig, Stamp};
+pub use diagnosis::{BootStage, Diagnosis, ForeignMn, NetworkDiagnosis, NetworkReason, Reason};
 pub use event::{Counters, EVENTS_MAX, IdentityField, Malformed, MnEvent, NodeStatistics};
 pub use fault::Fault;
+pub use record::{ERRORS_KEPT, ErrorLog, LastFault, LoggedError};
 pub use startup::{Assignment, RefusedBit, StartUp};
 pub use threshold::Threshold;
 
 use crate::nmt::{self, MnTrigger, NmtState};
-use crate::wire::{self, FRAME_LEN_MAX, NetTime, PAYLOAD_MAX};
+use crate::wire::{self, FRAME_LEN_MAX, Mac, NetTime, PAYLOAD_MAX};
 use config::check;
 use cycle::Phase;
 use event::Events;
@@ -113,6 +117,7 @@ pub struct Mn<'a, const NODES: usize> {
     pre_op_1_since_ns: u64,
     missing_reported: bool,
     foreign_heard_ns: Option<u64>,
+    foreign_mac: Mac,
     cycle_started_ns: Option<u64>,
     net_time: NetTime,
     relative_time_us: u64,
@@ -156,6 +161,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             pre_op_1_since_ns: 0,
             missing_reported: false,
             foreign_heard_ns: None,
+            foreign_mac: [0; 6],
             cycle_started_ns: None,
             net_time: NetTime::default(),
             relative_time_us: 0,

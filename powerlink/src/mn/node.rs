@@ -12,6 +12,7 @@ use super::chaining::Chain;
 use super::config::{BootTimes, NodeConfig};
 use super::event::{Events, MnEvent, NodeStatistics};
 use super::fault::{Fault, reset_reason};
+use super::record::Record;
 use super::signalling::Signalling;
 use super::startup::StartUp;
 use crate::nmt::{NmtCommand, NmtState};
@@ -72,6 +73,7 @@ pub(super) struct Node<'a> {
     pub(super) fresh: bool,
     pub(super) lost_in_row: u32,
     pub(super) statistics: NodeStatistics,
+    pub(super) record: Record,
 }
 
 impl<'a> Node<'a> {
@@ -103,6 +105,7 @@ impl<'a> Node<'a> {
             fresh: false,
             lost_in_row: 0,
             statistics: NodeStatistics::default(),
+            record: Record::NEW,
         }
     }
 
@@ -135,6 +138,7 @@ impl<'a> Node<'a> {
     /// Everything that was learned from the node is void.
     pub(super) fn forget(&mut self, now_ns: u64, network: &Network) {
         self.stage = Stage::Search;
+        self.record.searched_since_ns = now_ns;
         self.polled = false;
         self.chain = Chain::NEW;
         self.requests = Requests::default();
@@ -166,6 +170,7 @@ impl<'a> Node<'a> {
     }
 
     pub(super) fn give_up(&mut self, now_ns: u64, network: &Network, fault: Fault, events: &mut Events) {
+        self.record.fault(now_ns, fault);
         events.push(fault.event(self.config.id));
         self.forget(now_ns, network);
         self.statistics.faults += 1;
@@ -253,6 +258,7 @@ impl<'a> Node<'a> {
         self.reported(status.nmt_state, network);
         if self.signalling.status(status) {
             for entry in status.entries.iter() {
+                self.record.error(now_ns, entry);
                 events.push(MnEvent::ErrorEntry {
                     node: self.config.id,
                     entry,

@@ -39,6 +39,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             .foreign_heard_ns
             .is_none_or(|heard_ns| now_ns >= heard_ns + FOREIGN_SILENCE_NS);
         self.foreign_heard_ns = Some(now_ns);
+        self.foreign_mac = mac;
         if silent {
             self.events.push(MnEvent::ForeignMn { mac });
         }

@@ -3,6 +3,7 @@
 mod assignment;
 mod boot;
 mod cycle;
+mod diagnosis;
 mod faults;
 mod rules;
 mod startup;
