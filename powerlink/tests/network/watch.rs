@@ -4,7 +4,7 @@
 //! In:  what the managing node and the nodes send and hear. Out: nothing, or a panic that says what is wrong and when.
 //!
 //! A frame that was sent because of a fault (its cause was doubled, held back, damaged, or sent by an intruder) is excused
-//! from the rules of order; everything else has to keep them whatever the wire does.
+//! from the rules of order, and so is for a cycle what a managing node sends that such a frame has misled; everything else has to keep them whatever the wire does.
 
 use std::collections::VecDeque;
 
@@ -143,8 +143,8 @@ impl Watch {
     /// The caller begins a cycle; `late`: it was kept from doing so in time.
     pub fn cycle_starts(&mut self, now_ns: u64, late: bool) {
         if late {
-            // A late cycle that is cut off may leave an answer on its way.
-            self.misled_until_ns = now_ns + self.timeout_ns;
+            // A late cycle that is cut off may leave an answer on its way, which is then taken for that of the next poll.
+            self.misled_until_ns = now_ns + self.cycle_ns;
         }
         if self.mn_state.is_isochronous() {
             if let Some(Outstanding { node, .. }) = self.outstanding.take() {
@@ -272,7 +272,7 @@ impl Watch {
     /// The managing node is handed a frame.
     pub fn mn_hears(&mut self, now_ns: u64, octets: &[u8], arrival: &Arrival, intruder: bool) {
         self.note(now_ns, "MN hears, from", arrival.from, octets, arrival.faults);
-        if arrival.faults.any() || intruder {
+        if arrival.faults.any() || intruder || self.excused[arrival.from.index()] {
             self.misled_until_ns = now_ns + self.cycle_ns;
         }
         let Ok(frame) = Frame::parse(octets) else {
@@ -427,10 +427,12 @@ impl Watch {
                     state == NmtState::Operational,
                     "{now_ns}: RD of node {id} in {state:?}"
                 );
-                let index = self.index(id).unwrap();
-                let asked = &mut self.nodes[index].asked;
-                assert!(excused || *asked > 0, "{now_ns}: PRes of node {id} unasked");
-                *asked = asked.saturating_sub(1);
+                if !excused {
+                    let index = self.index(id).unwrap();
+                    let asked = &mut self.nodes[index].asked;
+                    assert!(*asked > 0, "{now_ns}: PRes of node {id} unasked");
+                    *asked -= 1;
+                }
             }
             Frame::Asnd(asnd) => {
                 assert!(
@@ -488,7 +490,9 @@ impl Watch {
 
     /// Two frames have met on the wire.
     pub fn collision(&self, collision: Collision) {
-        let excused = collision.stations.iter().any(|station| self.excused[station.index()]);
+        let excused = |station: &Station| self.excused[station.index()];
+        let misled = collision.at_ns < self.misled_until_ns;
+        let excused = misled || collision.stations.iter().any(excused);
         assert!(excused, "two frames on the wire at once: {collision:?}");
     }
 
