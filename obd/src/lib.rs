@@ -7,13 +7,15 @@
 //! in every cycle looks it up once ([`Dictionary::key`], [`mapping::CopyPlan`]) and then reads and writes without look-up.
 #![no_std]
 
-#[cfg(test)]
+#[cfg(any(test, feature = "device"))]
 extern crate std;
 
 mod abort;
 pub mod cdc;
 mod data_type;
 mod definition;
+#[cfg(feature = "device")]
+pub mod device;
 mod dictionary;
 pub mod mapping;
 
