@@ -323,7 +323,7 @@ pub struct Counters {
 /// Figures of one node. Nothing is ever reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct NodeStatistics {
-    /// PReqs sent.
+    /// PReqs sent; of a chained node: PRes of the managing node to which it had to answer.
     pub preq_sent: u64,
     /// PRes that answered in time.
     pub pres_received: u64,
