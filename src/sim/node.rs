@@ -12,9 +12,14 @@ const PRES_MAX_LATENCY_NS: u32 = 100_000;
 pub(super) fn build<const ENTRIES: usize, const OCTETS: usize>(
     node: &Node,
     device_type: u32,
-    objects: Dictionary<ENTRIES, OCTETS>,
+    mut objects: Dictionary<ENTRIES, OCTETS>,
     now_ns: u64,
 ) -> Result<Cn<ENTRIES, OCTETS>, SimError> {
+    // Lost SoAs are counted only (1C0Ch/3 = 0): how long a node goes on alone is configured by its SoC and its polls.
+    objects
+        .find(0x1C0C, 3)
+        .and_then(|threshold| objects.set_default(threshold, &[0; 4]))
+        .map_err(|error| SimError::new(node, error))?;
     let identity = &node.identity;
     // Names beyond the length of the objects are cut; they are for people.
     let name = node

@@ -1,10 +1,10 @@
 //! SDO access to the objects of a controlled node: what the dictionary checks, and what the node adds to some objects.
 
-use obd::mapping::Direction;
 use obd::{AbortCode, Dictionary, Objects};
 
-use super::objects::{HISTORY_ENTRIES, Keys};
-use super::{WriteCheck, pdo};
+use super::keys::Keys;
+use super::objects::{HISTORY_ENTRIES, LOAD, SAVE};
+use super::{Storage, StorageGroup, WriteCheck, pdo};
 use crate::nmt::{CnEvent, NmtCommand, NmtState, Reset};
 
 /// First object of the device; those before belong to the communication profile.
@@ -20,21 +20,20 @@ pub(super) struct Access<'a, const E: usize, const B: usize> {
     pub(super) written: Option<(u16, u8)>,
     /// The reset that a write to 0x1F9E asks for.
     pub(super) reset: Option<Reset>,
+    /// What a write to 0x1010 or 0x1011 asks for.
+    pub(super) storage: Option<Storage>,
 }
 
 impl<const E: usize, const B: usize> Access<'_, E, B> {
     fn check_effect(&mut self, index: u16, sub: u8, value: &[u8]) -> Result<(), AbortCode> {
+        if pdo::is_fixed_in_use(index, sub) && self.exchanges_pdos() {
+            return Err(AbortCode::DEVICE_STATE);
+        }
         let dictionary = &*self.dictionary;
-        match (index, sub) {
-            (0x1400 | 0x1600 | 0x1800 | 0x1A00, _) | (0x1F98, 4 | 5) if self.exchanges_pdos() => {
-                Err(AbortCode::DEVICE_STATE)
-            }
-            (0x1600, _) => pdo::check_mapping_write(dictionary, &self.keys.receive, Direction::Receive, sub, value),
-            (0x1A00, _) => pdo::check_mapping_write(dictionary, &self.keys.transmit, Direction::Transmit, sub, value),
-            (0x1F98, 4) => pdo::check_limit_write(dictionary, &self.keys.receive, Direction::Receive, value),
-            (0x1F98, 5) => pdo::check_limit_write(dictionary, &self.keys.transmit, Direction::Transmit, value),
-            (FIRST_DEVICE_OBJECT.., _) => self.check.map_or(Ok(()), |check| check(dictionary, index, sub, value)),
-            _ => Ok(()),
+        match (self.check, index) {
+            (Some(check), FIRST_DEVICE_OBJECT..) => check(dictionary, index, sub, value),
+            (None, FIRST_DEVICE_OBJECT..) => Ok(()),
+            (_, _) => pdo::check_write(dictionary, self.keys, (index, sub), value),
         }
     }
 
@@ -55,6 +54,21 @@ impl<const E: usize, const B: usize> Access<'_, E, B> {
         }
     }
 
+    /// 0x1010 and 0x1011: the value is the signature; what is read stays what the device can do.
+    fn storage_command(&mut self, index: u16, sub: u8, value: &[u8]) -> Result<(), AbortCode> {
+        let (signature, make): (u32, fn(StorageGroup) -> Storage) = if index == 0x1010 {
+            (SAVE, Storage::Store)
+        } else {
+            (LOAD, Storage::Restore)
+        };
+        let group = StorageGroup::from_sub(sub).ok_or(AbortCode::NO_SUB_INDEX)?;
+        if value != signature.to_le_bytes() {
+            return Err(AbortCode::NOT_STORED);
+        }
+        self.storage = Some(make(group));
+        Ok(())
+    }
+
     /// 0x1003/0 takes only 0: the history is emptied.
     fn clear_history(&mut self) {
         for sub in 1..=HISTORY_ENTRIES as u8 {
@@ -73,8 +87,10 @@ impl<const E: usize, const B: usize> Objects for Access<'_, E, B> {
 
     fn sdo_write(&mut self, index: u16, sub: u8, value: &[u8]) -> Result<(), AbortCode> {
         self.dictionary.check_write(index, sub, value)?;
-        if (index, sub) == (0x1F9E, 0) {
-            return self.reset_command(value);
+        match index {
+            0x1F9E => return self.reset_command(value),
+            0x1010 | 0x1011 => return self.storage_command(index, sub, value),
+            _ => {}
         }
         self.check_effect(index, sub, value)?;
         self.dictionary.write(index, sub, value)?;

@@ -5,19 +5,28 @@
 
 use obd::Dictionary;
 
-use super::objects::{CounterKeys, HISTORY_ENTRIES, Keys};
-use crate::wire::{ERROR_ENTRY_LEN, ErrorEntry};
+use super::keys::{CounterKeys, Keys};
+use super::objects::HISTORY_ENTRIES;
+use crate::wire::{ERROR_ENTRIES_MAX, ERROR_ENTRY_LEN, ErrorEntry, STATUS_RESPONSE_LEN_MIN};
 
 /// Codes of errors that the communication profile defines (profile 2 in the entry type).
 pub mod code {
+    /// Threshold of collisions reached.
+    pub const COLLISION_THRESHOLD: u16 = 0x8163;
+    /// Threshold of frames with a wrong CRC reached.
+    pub const CRC_THRESHOLD: u16 = 0x8164;
     /// A received PDO is shorter than its mapping.
     pub const PDO_SHORT_RX: u16 = 0x8210;
     /// A received PDO has another mapping version.
     pub const PDO_MAP_VERSION: u16 = 0x8211;
     /// A PReq is longer than its payload limit.
     pub const PREQ_LIMIT: u16 = 0x8238;
+    /// A PRes of another node is longer than its payload limit.
+    pub const PRES_RX_LIMIT: u16 = 0x823A;
     /// Threshold of lost PReqs reached.
     pub const LOSS_PREQ_THRESHOLD: u16 = 0x8242;
+    /// Threshold of lost SoAs reached.
+    pub const LOSS_SOA_THRESHOLD: u16 = 0x8244;
     /// Threshold of lost SoCs reached.
     pub const LOSS_SOC_THRESHOLD: u16 = 0x8245;
 }
@@ -80,9 +89,9 @@ pub(super) fn record<const E: usize, const B: usize>(
 }
 
 /// Errors that wait for the MN; the first causes are kept when it is full.
-const QUEUE_LEN: usize = 8;
-/// Entries in one StatusResponse: as many as fit in its shortest form.
-const BATCH_LEN: usize = 2;
+const QUEUE_LEN: usize = 16;
+/// Octets of entries in the shortest StatusResponse: room for two.
+const ENTRIES_LEN_MIN: usize = STATUS_RESPONSE_LEN_MIN - 32;
 
 /// Error signalling: entries are shown in the StatusResponse, EN flips, the MN reads them and answers with EA = EN.
 #[derive(Clone, Debug)]
@@ -93,7 +102,9 @@ pub(super) struct Signalling {
     acknowledged: bool,
     queue: [ErrorEntry; QUEUE_LEN],
     queued: usize,
-    batch: [u8; BATCH_LEN * ERROR_ENTRY_LEN],
+    /// The entries that are shown, zeros behind them.
+    batch: [u8; ERROR_ENTRIES_MAX * ERROR_ENTRY_LEN],
+    batch_len: usize,
 }
 
 impl Signalling {
@@ -105,7 +116,8 @@ impl Signalling {
             acknowledged: false,
             queue: [ErrorEntry::default(); QUEUE_LEN],
             queued: 0,
-            batch: [0; BATCH_LEN * ERROR_ENTRY_LEN],
+            batch: [0; ERROR_ENTRIES_MAX * ERROR_ENTRY_LEN],
+            batch_len: 0,
         }
     }
 
@@ -117,24 +129,27 @@ impl Signalling {
         self.exception_clear
     }
 
-    /// Octets of the entries to be shown now; zeros when there are none.
+    /// Octets of the entries to be shown now, filled up with zeros to the length of the shortest StatusResponse.
     pub(super) fn entries(&self) -> &[u8] {
-        &self.batch
+        &self.batch[..self.batch_len.max(ENTRIES_LEN_MIN)]
     }
 
-    pub(super) fn push(&mut self, entry: ErrorEntry) {
-        if self.queued < QUEUE_LEN {
+    /// Queues an entry; false when there is no room for it.
+    pub(super) fn push(&mut self, entry: ErrorEntry) -> bool {
+        let room = self.queued < QUEUE_LEN;
+        if room {
             self.queue[self.queued] = entry;
             self.queued += 1;
         }
         self.show_next();
+        room
     }
 
     /// EA came in a PReq, or in a SoA with a StatusRequest to this node.
     pub(super) fn acknowledge(&mut self, exception_acknowledge: bool) {
         self.acknowledged = exception_acknowledge;
         if self.acknowledged == self.exception_new {
-            self.batch.fill(0);
+            self.clear_batch();
         }
         self.show_next();
     }
@@ -144,10 +159,15 @@ impl Signalling {
         if exception_reset {
             self.exception_new = false;
             self.acknowledged = false;
-            self.batch.fill(0);
+            self.clear_batch();
         }
         self.exception_clear = exception_reset;
         self.show_next();
+    }
+
+    fn clear_batch(&mut self) {
+        self.batch.fill(0);
+        self.batch_len = 0;
     }
 
     /// Shows the next entries when the MN has read the last ones.
@@ -155,8 +175,9 @@ impl Signalling {
         if self.exception_clear || self.queued == 0 || self.acknowledged != self.exception_new {
             return;
         }
-        let shown = self.queued.min(BATCH_LEN);
-        self.batch.fill(0);
+        let shown = self.queued.min(ERROR_ENTRIES_MAX);
+        self.clear_batch();
+        self.batch_len = shown * ERROR_ENTRY_LEN;
         for (octets, entry) in self.batch.chunks_exact_mut(ERROR_ENTRY_LEN).zip(&self.queue[..shown]) {
             octets.copy_from_slice(&entry.to_octets());
         }
@@ -167,116 +188,4 @@ impl Signalling {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
-    use crate::wire::ErrorEntries;
-    use std::vec::Vec;
-
-    fn entry(code: u16) -> ErrorEntry {
-        ErrorEntry {
-            entry_type: TYPE_OCCURRED | PROFILE_COMMUNICATION,
-            code,
-            ..ErrorEntry::default()
-        }
-    }
-
-    fn shown(signalling: &Signalling) -> Vec<u16> {
-        ErrorEntries(signalling.entries())
-            .iter()
-            .map(|entry| entry.code)
-            .collect()
-    }
-
-    #[test]
-    fn counters_weigh_errors_by_eight_and_start_again_at_the_threshold() {
-        let mut dictionary =
-            Dictionary::<COMMUNICATION_ENTRIES, COMMUNICATION_BYTES>::new(&[COMMUNICATION_PROFILE]).unwrap();
-        let counter = Keys::find(&dictionary).unwrap().loss_of_soc;
-        let read = |dictionary: &Dictionary<_, _>| (dictionary.get(counter.cumulative), dictionary.get(counter.count));
-        // The default of 15: two errors close together.
-        assert!(!counter.error(&mut dictionary));
-        assert_eq!(read(&dictionary), (1, 8));
-        counter.good(&mut dictionary);
-        assert!(counter.error(&mut dictionary), "7 + 8 reaches 15");
-        assert_eq!(read(&dictionary), (2, 0));
-        assert!(!counter.error(&mut dictionary));
-        for _ in 0..9 {
-            counter.good(&mut dictionary);
-        }
-        assert_eq!(read(&dictionary), (3, 0));
-        // 80: the tenth error in a row.
-        dictionary.set(counter.threshold, 80);
-        let reached: Vec<u32> = (1..=20).filter(|_| counter.error(&mut dictionary)).collect();
-        assert_eq!(reached, [10, 20]);
-        dictionary.set(counter.threshold, 0);
-        assert!((0..100).all(|_| !counter.error(&mut dictionary)));
-        assert_eq!(read(&dictionary), (123, 0));
-    }
-
-    #[test]
-    fn the_history_shows_the_newest_first() {
-        let mut dictionary =
-            Dictionary::<COMMUNICATION_ENTRIES, COMMUNICATION_BYTES>::new(&[COMMUNICATION_PROFILE]).unwrap();
-        let keys = Keys::find(&dictionary).unwrap();
-        for code in 1..=10 {
-            record(&mut dictionary, &keys, &entry(code));
-        }
-        assert_eq!(dictionary.read(0x1003, 0).unwrap(), [8]);
-        for sub in 1..=8 {
-            assert_eq!(
-                dictionary.read(0x1003, sub).unwrap(),
-                entry(11 - u16::from(sub)).to_octets()
-            );
-        }
-    }
-
-    #[test]
-    fn entries_wait_until_the_handshake_is_over_and_each_batch_until_the_last_was_read() {
-        let mut signalling = Signalling::new();
-        for code in 1..=3 {
-            signalling.push(entry(code));
-        }
-        signalling.reset(true);
-        assert_eq!(
-            (
-                signalling.exception_clear(),
-                signalling.exception_new(),
-                shown(&signalling).len()
-            ),
-            (true, false, 0)
-        );
-        signalling.reset(false);
-        assert_eq!(
-            (signalling.exception_clear(), signalling.exception_new()),
-            (false, true)
-        );
-        assert_eq!(shown(&signalling), [1, 2]);
-        signalling.acknowledge(false);
-        assert_eq!(
-            (signalling.exception_new(), shown(&signalling)),
-            (true, std::vec![1, 2])
-        );
-        signalling.acknowledge(true);
-        assert_eq!((signalling.exception_new(), shown(&signalling)), (false, std::vec![3]));
-        signalling.acknowledge(true);
-        assert_eq!(shown(&signalling), [3]);
-        signalling.acknowledge(false);
-        assert_eq!((signalling.exception_new(), shown(&signalling).len()), (false, 0));
-    }
-
-    #[test]
-    fn a_full_queue_keeps_the_first_causes() {
-        let mut signalling = Signalling::new();
-        for code in 1..=20 {
-            signalling.push(entry(code));
-        }
-        signalling.reset(false);
-        let mut seen = Vec::new();
-        while !shown(&signalling).is_empty() {
-            seen.extend(shown(&signalling));
-            signalling.acknowledge(signalling.exception_new());
-        }
-        assert_eq!(seen, [1, 2, 3, 4, 5, 6, 7, 8]);
-    }
-}
+mod tests;

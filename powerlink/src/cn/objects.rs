@@ -1,304 +1,190 @@
-//! Objects of the communication profile (0x1000..0x1FFF) that a controlled node has, and where the node keeps them.
+//! The objects of the communication profile (0x1000..0x1FFF) of a controlled node, one line each.
 //!
-//! Not here: 0x1010 and 0x1011 (nothing is stored on the device), MN objects, IP routing. An access to them is aborted with
-//! 0x06020000, which managing nodes know to expect.
+//! Access, ranges and defaults are those of DS 301 as openPOWERLINK's controlled nodes have them; units stand behind the
+//! line. Who changes a value: `const` nobody, `ro` the node itself, `rw` and `rws` an SDO; `rws` is what 0x1010 stores.
+//! What differs from node to node (identity, names, addresses) is set by [`super::Cn::new`].
+//!
+//! Not here: objects of a managing node, routing, SDO parameters of a client. An access to them is aborted with
+//! 0x06020000, which managing nodes know to expect. [`STORAGE`] is for devices that can store parameters.
 
-use obd::{DataType, Dictionary, EntryDef, Key, Scalar};
+use obd::{DataType, EntryDef};
 
-use super::CnError;
 use crate::wire::{EPL_VERSION, ERROR_ENTRY_LEN, PAYLOAD_LIMIT_MIN, PAYLOAD_MAX};
 
-/// Entries of each PDO mapping (0x1600, 0x1A00).
+/// PDOs that the node receives: 0x1400..0x1403, 0x1600..0x1603.
+pub const RPDOS: usize = 4;
+/// Entries of each PDO mapping (0x1600.., 0x1A00).
 pub const MAPPING_ENTRIES: usize = 32;
 /// Errors kept in the history (0x1003).
 pub const HISTORY_ENTRIES: usize = 8;
-/// Bits of 0x1F82: isochronous, SDO by ASnd, extended NMT commands, dynamic PDO mapping, multiplexed.
-pub const FEATURE_FLAGS: u32 = 1 | 1 << 2 | 1 << 5 | 1 << 6 | 1 << 9;
+/// Bits of 0x1F82: isochronous, SDO by ASnd, extended NMT commands, dynamic PDO mapping, multiplexed, PRes chaining.
+pub const FEATURE_FLAGS: u32 = 1 | 1 << 2 | 1 << 5 | 1 << 6 | 1 << 9 | 1 << 18;
 /// Most octets of a host name.
 pub const HOST_NAME_LEN: usize = 32;
 
 const U32_MAX: i64 = u32::MAX as i64;
 const LIMIT_MIN: i64 = PAYLOAD_LIMIT_MIN as i64;
 const LIMIT_MAX: i64 = PAYLOAD_MAX as i64;
+const ENTRIES_MAX: i64 = MAPPING_ENTRIES as i64;
 
-const fn u8_(index: u16, name: &'static str) -> EntryDef {
-    EntryDef::ro(index, DataType::U8, name)
+use DataType::{Bool, Ip, Mac, OctetString, U8, U16, U32, U64, VisibleString};
+
+const fn constant(index: u16, sub: u8, data_type: DataType, name: &'static str) -> EntryDef {
+    EntryDef::constant(index, data_type, name).sub(sub)
+}
+const fn ro(index: u16, sub: u8, data_type: DataType, name: &'static str) -> EntryDef {
+    EntryDef::ro(index, data_type, name).sub(sub)
+}
+const fn rw(index: u16, sub: u8, data_type: DataType, name: &'static str) -> EntryDef {
+    EntryDef::rw(index, data_type, name).sub(sub)
+}
+const fn rws(index: u16, sub: u8, data_type: DataType, name: &'static str) -> EntryDef {
+    EntryDef::rws(index, data_type, name).sub(sub)
+}
+const fn text(index: u16, sub: u8, capacity: u16, name: &'static str) -> EntryDef {
+    constant(index, sub, VisibleString, name).capacity(capacity)
+}
+/// Entries of a mapping object.
+const fn mapping(index: u16) -> EntryDef {
+    EntryDef::rws(index, U64, "ObjectMapping").subs(1, MAPPING_ENTRIES as u8)
+}
+/// One value for each node id.
+const fn per_node(def: EntryDef) -> EntryDef {
+    def.subs(1, 254)
 }
 
-/// The table. Values that differ from node to node (identity, names, addresses) are set by [`super::Cn::new`].
+/// The table.
+#[rustfmt::skip]
 pub const COMMUNICATION_PROFILE: &[EntryDef] = &[
-    EntryDef::ro(0x1000, DataType::U32, "NMT_DeviceType_U32"),
-    EntryDef::ro(0x1001, DataType::U8, "ERR_ErrorRegister_U8").tpdo(),
-    EntryDef::rw(0x1003, DataType::U8, "NumberOfEntries").limits(0, 0),
-    EntryDef::ro(0x1003, DataType::OctetString, "ErrorEntry_DOM")
-        .subs(1, HISTORY_ENTRIES as u8)
-        .capacity(ERROR_ENTRY_LEN as u16),
-    EntryDef::rws(0x1006, DataType::U32, "NMT_CycleLen_U32").limits(100, U32_MAX), // us
-    EntryDef::constant(0x1008, DataType::VisibleString, "NMT_ManufactDevName_VS").capacity(32),
-    EntryDef::constant(0x1009, DataType::VisibleString, "NMT_ManufactHwVers_VS").capacity(16),
-    EntryDef::constant(0x100A, DataType::VisibleString, "NMT_ManufactSwVers_VS")
-        .capacity(16)
-        .default_octets(env!("CARGO_PKG_VERSION").as_bytes()),
-    EntryDef::ro(0x1018, DataType::U32, "VendorId_U32").sub(1),
-    EntryDef::ro(0x1018, DataType::U32, "ProductCode_U32").sub(2),
-    EntryDef::ro(0x1018, DataType::U32, "RevisionNo_U32").sub(3),
-    EntryDef::ro(0x1018, DataType::U32, "SerialNo_U32").sub(4),
-    EntryDef::rws(0x1020, DataType::U32, "ConfDate_U32").sub(1),
-    EntryDef::rws(0x1020, DataType::U32, "ConfTime_U32").sub(2),
-    EntryDef::ro(0x1030, DataType::U16, "InterfaceIndex_U16")
-        .sub(1)
-        .default(1),
-    EntryDef::constant(0x1030, DataType::VisibleString, "InterfaceDescription_VSTR")
-        .sub(2)
-        .capacity(16)
-        .default_octets(b"Interface 1"),
-    EntryDef::constant(0x1030, DataType::U8, "InterfaceType_U8")
-        .sub(3)
-        .default(6), // ethernetCsmacd
-    EntryDef::constant(0x1030, DataType::U16, "InterfaceMtu_U16")
-        .sub(4)
-        .default(1518),
-    EntryDef::constant(0x1030, DataType::Mac, "InterfacePhysAddress_OSTR").sub(5),
-    EntryDef::constant(0x1030, DataType::VisibleString, "InterfaceName_VSTR")
-        .sub(6)
-        .capacity(16)
-        .default_octets(b"Interface 1"),
-    u8_(0x1030, "InterfaceOperStatus_U8").sub(7).default(1),
-    EntryDef::rw(0x1030, DataType::U8, "InterfaceAdminState_U8")
-        .sub(8)
-        .default(1)
-        .limits(1, 1),
-    EntryDef::ro(0x1030, DataType::Bool, "Valid_BOOL").sub(9).default(1),
-    EntryDef::rws(0x1300, DataType::U32, "SDO_SequLayerTimeout_U32")
-        .default(15_000)
-        .limits(100, U32_MAX), // ms
-    EntryDef::rws(0x1400, DataType::U8, "NodeID_U8").sub(1).limits(0, 254), // 0: the PReq; else whose PRes
-    EntryDef::rws(0x1400, DataType::U8, "MappingVersion_U8").sub(2),
-    EntryDef::rws(0x1600, DataType::U8, "NumberOfEntries").limits(0, MAPPING_ENTRIES as i64),
-    EntryDef::rws(0x1600, DataType::U64, "ObjectMapping").subs(1, MAPPING_ENTRIES as u8),
-    EntryDef::rws(0x1800, DataType::U8, "NodeID_U8").sub(1).limits(0, 0), // a CN has only its own PRes
-    EntryDef::rws(0x1800, DataType::U8, "MappingVersion_U8").sub(2),
-    EntryDef::rws(0x1A00, DataType::U8, "NumberOfEntries").limits(0, MAPPING_ENTRIES as i64),
-    EntryDef::rws(0x1A00, DataType::U64, "ObjectMapping").subs(1, MAPPING_ENTRIES as u8),
-    EntryDef::rw(0x1C0B, DataType::U32, "LossSoC CumulativeCnt_U32").sub(1),
-    EntryDef::ro(0x1C0B, DataType::U32, "LossSoC ThresholdCnt_U32").sub(2),
-    EntryDef::rws(0x1C0B, DataType::U32, "LossSoC Threshold_U32")
-        .sub(3)
-        .default(15),
-    EntryDef::rw(0x1C0D, DataType::U32, "LossPReq CumulativeCnt_U32").sub(1),
-    EntryDef::ro(0x1C0D, DataType::U32, "LossPReq ThresholdCnt_U32").sub(2),
-    EntryDef::rws(0x1C0D, DataType::U32, "LossPReq Threshold_U32")
-        .sub(3)
-        .default(15),
-    // Stays at 0: the network adapter drops frames with a wrong CRC before they come here.
-    EntryDef::rw(0x1C0F, DataType::U32, "CRCError CumulativeCnt_U32").sub(1),
-    EntryDef::ro(0x1C0F, DataType::U32, "CRCError ThresholdCnt_U32").sub(2),
-    EntryDef::rws(0x1C0F, DataType::U32, "CRCError Threshold_U32")
-        .sub(3)
-        .default(15),
-    EntryDef::rws(0x1C14, DataType::U32, "DLL_CNLossOfSocTolerance_U32").default(100_000), // ns
-    EntryDef::ro(0x1E40, DataType::U16, "IfIndex_U16").sub(1).default(1),
-    EntryDef::ro(0x1E40, DataType::Ip, "Addr_IPAD").sub(2),
-    EntryDef::ro(0x1E40, DataType::Ip, "NetMask_IPAD")
-        .sub(3)
-        .default(0xFFFF_FF00),
-    EntryDef::ro(0x1E40, DataType::U16, "ReasmMaxSize_U16")
-        .sub(4)
-        .default(50_000),
-    EntryDef::rws(0x1E40, DataType::Ip, "DefaultGateway_IPAD")
-        .sub(5)
-        .default(0xC0A8_64FE), // 192.168.100.254
-    EntryDef::ro(0x1F52, DataType::U32, "ApplSwDate_U32").sub(1),
-    EntryDef::ro(0x1F52, DataType::U32, "ApplSwTime_U32").sub(2),
-    EntryDef::constant(0x1F82, DataType::U32, "NMT_FeatureFlags_U32").default(FEATURE_FLAGS as i64),
-    EntryDef::constant(0x1F83, DataType::U8, "NMT_EPLVersion_U8").default(EPL_VERSION as i64),
-    u8_(0x1F8C, "NMT_CurrNMTState_U8").tpdo().default(0x1C),
-    u8_(0x1F93, "NodeID_U8").sub(1),
-    EntryDef::ro(0x1F93, DataType::Bool, "NodeIDByHW_BOOL").sub(2),
-    EntryDef::constant(0x1F98, DataType::U16, "IsochrTxMaxPayload_U16")
-        .sub(1)
-        .default(LIMIT_MAX),
-    EntryDef::constant(0x1F98, DataType::U16, "IsochrRxMaxPayload_U16")
-        .sub(2)
-        .default(LIMIT_MAX),
-    EntryDef::constant(0x1F98, DataType::U32, "PResMaxLatency_U32").sub(3), // ns
-    EntryDef::rws(0x1F98, DataType::U16, "PReqActPayloadLimit_U16")
-        .sub(4)
-        .default(LIMIT_MIN)
-        .limits(LIMIT_MIN, LIMIT_MAX),
-    EntryDef::rws(0x1F98, DataType::U16, "PResActPayloadLimit_U16")
-        .sub(5)
-        .default(LIMIT_MIN)
-        .limits(LIMIT_MIN, LIMIT_MAX),
-    EntryDef::constant(0x1F98, DataType::U32, "ASndMaxLatency_U32").sub(6), // ns
-    EntryDef::rws(0x1F98, DataType::U8, "MultiplCycleCnt_U8").sub(7),
-    EntryDef::rws(0x1F98, DataType::U16, "AsyncMTU_U16")
-        .sub(8)
-        .default(300)
-        .limits(300, 1500),
-    EntryDef::rws(0x1F98, DataType::U16, "Prescaler_U16")
-        .sub(9)
-        .default(2)
-        .limits(0, 1000),
-    EntryDef::rws(0x1F99, DataType::U32, "NMT_CNBasicEthernetTimeout_U32").default(5_000_000), // us
-    EntryDef::rws(0x1F9A, DataType::VisibleString, "NMT_HostName_VSTR").capacity(HOST_NAME_LEN as u16),
-    EntryDef::rw(0x1F9E, DataType::U8, "NMT_ResetCmd_U8").default(0xFF),
+    ro(0x1000, 0, U32, "NMT_DeviceType_U32"),
+    ro(0x1001, 0, U8, "ERR_ErrorRegister_U8").tpdo(),
+    rw(0x1003, 0, U8, "NumberOfEntries").limits(0, 0), // 0 empties the history
+    EntryDef::ro(0x1003, OctetString, "ErrorEntry_DOM").subs(1, HISTORY_ENTRIES as u8).capacity(ERROR_ENTRY_LEN as u16),
+    rws(0x1006, 0, U32, "NMT_CycleLen_U32").limits(100, U32_MAX), // us; 0 until it is written
+    text(0x1008, 0, 32, "NMT_ManufactDevName_VS"),
+    text(0x1009, 0, 16, "NMT_ManufactHwVers_VS"),
+    text(0x100A, 0, 16, "NMT_ManufactSwVers_VS").default_octets(env!("CARGO_PKG_VERSION").as_bytes()),
+    ro(0x1018, 1, U32, "VendorId_U32"),
+    ro(0x1018, 2, U32, "ProductCode_U32"),
+    ro(0x1018, 3, U32, "RevisionNo_U32"),
+    ro(0x1018, 4, U32, "SerialNo_U32"),
+    rws(0x1020, 1, U32, "ConfDate_U32"), // days since 1984-01-01
+    rws(0x1020, 2, U32, "ConfTime_U32"), // ms since midnight
+    ro(0x1030, 1, U16, "InterfaceIndex_U16").default(1),
+    text(0x1030, 2, 16, "InterfaceDescription_VSTR").default_octets(b"Interface 1"),
+    constant(0x1030, 3, U8, "InterfaceType_U8").default(6), // ethernetCsmacd
+    constant(0x1030, 4, U16, "InterfaceMtu_U16").default(1518),
+    constant(0x1030, 5, Mac, "InterfacePhysAddress_OSTR"),
+    text(0x1030, 6, 16, "InterfaceName_VSTR").default_octets(b"Interface 1"),
+    ro(0x1030, 7, U8, "InterfaceOperStatus_U8").default(1),
+    rw(0x1030, 8, U8, "InterfaceAdminState_U8").default(1).limits(1, 1), // cannot be switched off
+    ro(0x1030, 9, Bool, "Valid_BOOL").default(1),
+    per_node(EntryDef::ro(0x1050, U32, "NMT_RelativeLatencyDiff_AU32")), // ns
+    ro(0x1101, 1, U32, "IsochrCyc_U32"), // SoC received
+    ro(0x1101, 2, U32, "IsochrRx_U32"), // PReq and PRes received
+    ro(0x1101, 3, U32, "IsochrTx_U32"), // PRes sent
+    ro(0x1101, 4, U32, "AsyncRx_U32"), // ASnd received
+    ro(0x1101, 5, U32, "AsyncTx_U32"), // frames sent in the asynchronous slot
+    ro(0x1101, 6, U32, "SdoRx_U32"),
+    ro(0x1101, 7, U32, "SdoTx_U32"),
+    ro(0x1101, 8, U32, "Status_U32"), // StatusRequests received
+    ro(0x1102, 1, U32, "HistoryEntryWrite_U32"),
+    ro(0x1102, 2, U32, "EmergencyQueueWrite_U32"),
+    ro(0x1102, 3, U32, "EmergencyQueueOverflow_U32"),
+    ro(0x1102, 4, U32, "StatusEntryChanged_U32"), // stays 0: there are no status entries
+    ro(0x1102, 5, U32, "StaticErrorBitFieldChanged_U32"),
+    ro(0x1102, 6, U32, "ExceptionResetEdgePos_U32"),
+    ro(0x1102, 7, U32, "ExceptionNewEdge_U32"),
+    rws(0x1300, 0, U32, "SDO_SequLayerTimeout_U32").default(15_000).limits(100, U32_MAX), // ms
+    rws(0x1400, 1, U8, "NodeID_U8").limits(0, 254), // 0: the PReq of the MN; else whose PRes, 240: the PResMN
+    rws(0x1400, 2, U8, "MappingVersion_U8"), // main version in the high nibble; 0: not checked
+    rws(0x1401, 1, U8, "NodeID_U8").limits(0, 254),
+    rws(0x1401, 2, U8, "MappingVersion_U8"),
+    rws(0x1402, 1, U8, "NodeID_U8").limits(0, 254),
+    rws(0x1402, 2, U8, "MappingVersion_U8"),
+    rws(0x1403, 1, U8, "NodeID_U8").limits(0, 254),
+    rws(0x1403, 2, U8, "MappingVersion_U8"),
+    rws(0x1600, 0, U8, "NumberOfEntries").limits(0, ENTRIES_MAX),
+    mapping(0x1600),
+    rws(0x1601, 0, U8, "NumberOfEntries").limits(0, ENTRIES_MAX),
+    mapping(0x1601),
+    rws(0x1602, 0, U8, "NumberOfEntries").limits(0, ENTRIES_MAX),
+    mapping(0x1602),
+    rws(0x1603, 0, U8, "NumberOfEntries").limits(0, ENTRIES_MAX),
+    mapping(0x1603),
+    rws(0x1800, 1, U8, "NodeID_U8").limits(0, 0), // a CN has only its own PRes
+    rws(0x1800, 2, U8, "MappingVersion_U8"),
+    rws(0x1A00, 0, U8, "NumberOfEntries").limits(0, ENTRIES_MAX),
+    mapping(0x1A00),
+    rw(0x1C0A, 1, U32, "Collision CumulativeCnt_U32"),
+    ro(0x1C0A, 2, U32, "Collision ThresholdCnt_U32"),
+    rws(0x1C0A, 3, U32, "Collision Threshold_U32").default(15),
+    rw(0x1C0B, 1, U32, "LossSoC CumulativeCnt_U32"),
+    ro(0x1C0B, 2, U32, "LossSoC ThresholdCnt_U32"),
+    rws(0x1C0B, 3, U32, "LossSoC Threshold_U32").default(15),
+    rw(0x1C0C, 1, U32, "LossSoA CumulativeCnt_U32"),
+    ro(0x1C0C, 2, U32, "LossSoA ThresholdCnt_U32"),
+    rws(0x1C0C, 3, U32, "LossSoA Threshold_U32").default(15),
+    rw(0x1C0D, 1, U32, "LossPReq CumulativeCnt_U32"),
+    ro(0x1C0D, 2, U32, "LossPReq ThresholdCnt_U32"),
+    rws(0x1C0D, 3, U32, "LossPReq Threshold_U32").default(15),
+    rw(0x1C0F, 1, U32, "CRCError CumulativeCnt_U32"),
+    ro(0x1C0F, 2, U32, "CRCError ThresholdCnt_U32"),
+    rws(0x1C0F, 3, U32, "CRCError Threshold_U32").default(15),
+    rws(0x1C14, 0, U32, "DLL_CNLossOfSocTolerance_U32").default(100_000), // ns
+    ro(0x1E40, 1, U16, "IfIndex_U16").default(1),
+    ro(0x1E40, 2, Ip, "Addr_IPAD"), // 192.168.100.node
+    ro(0x1E40, 3, Ip, "NetMask_IPAD").default(0xFFFF_FF00),
+    ro(0x1E40, 4, U16, "ReasmMaxSize_U16").default(50_000), // octets
+    rws(0x1E40, 5, Ip, "DefaultGateway_IPAD").default(0xC0A8_64FE), // 192.168.100.254
+    ro(0x1E4A, 1, Bool, "Forwarding_BOOL"), // never
+    rws(0x1E4A, 2, U16, "DefaultTTL_U16").default(64).limits(1, 255),
+    ro(0x1E4A, 3, U32, "ForwardDatagrams_U32"),
+    ro(0x1F52, 1, U32, "ApplSwDate_U32"),
+    ro(0x1F52, 2, U32, "ApplSwTime_U32"),
+    constant(0x1F82, 0, U32, "NMT_FeatureFlags_U32").default(FEATURE_FLAGS as i64),
+    constant(0x1F83, 0, U8, "NMT_EPLVersion_U8").default(EPL_VERSION as i64),
+    ro(0x1F8C, 0, U8, "NMT_CurrNMTState_U8").tpdo().default(0x1C),
+    // Longest payload of the PRes of each node, for RPDOs that read it; octets.
+    per_node(EntryDef::rws(0x1F8D, U16, "NMT_PResPayloadLimitList_AU16")).default(LIMIT_MIN).limits(0, LIMIT_MAX),
+    ro(0x1F93, 1, U8, "NodeID_U8"),
+    ro(0x1F93, 2, Bool, "NodeIDByHW_BOOL"),
+    constant(0x1F98, 1, U16, "IsochrTxMaxPayload_U16").default(LIMIT_MAX), // octets
+    constant(0x1F98, 2, U16, "IsochrRxMaxPayload_U16").default(LIMIT_MAX), // octets
+    constant(0x1F98, 3, U32, "PResMaxLatency_U32"), // ns
+    rws(0x1F98, 4, U16, "PReqActPayloadLimit_U16").default(LIMIT_MIN).limits(LIMIT_MIN, LIMIT_MAX), // octets
+    rws(0x1F98, 5, U16, "PResActPayloadLimit_U16").default(LIMIT_MIN).limits(LIMIT_MIN, LIMIT_MAX), // octets
+    constant(0x1F98, 6, U32, "ASndMaxLatency_U32"), // ns
+    rws(0x1F98, 7, U8, "MultiplCycleCnt_U8"), // cycles; 0: nobody is multiplexed
+    rws(0x1F98, 8, U16, "AsyncMTU_U16").default(300).limits(300, 1500), // octets behind the Ethernet header
+    rws(0x1F98, 9, U16, "Prescaler_U16").default(2).limits(0, 1000), // cycles
+    ro(0x1F98, 10, U8, "PResMode_U8"), // 1: the PRes follows the PResMN
+    ro(0x1F98, 11, U32, "PResTimeFirst_U32"), // ns
+    ro(0x1F98, 12, U32, "PResTimeSecond_U32"), // ns
+    ro(0x1F98, 13, U32, "SyncMNDelayFirst_U32"), // ns
+    ro(0x1F98, 14, U32, "SyncMNDelaySecond_U32"), // ns
+    rws(0x1F99, 0, U32, "NMT_CNBasicEthernetTimeout_U32").default(5_000_000), // us; 0: never
+    EntryDef::rws(0x1F9A, VisibleString, "NMT_HostName_VSTR").capacity(HOST_NAME_LEN as u16),
+    rw(0x1F9E, 0, U8, "NMT_ResetCmd_U8").default(0xFF),
 ];
 
-/// Lines a [`Dictionary`] needs for [`COMMUNICATION_PROFILE`]; add [`obd::lines_of`] of the device's table.
+/// Lines a [`Dictionary`](obd::Dictionary) needs for [`COMMUNICATION_PROFILE`]; add [`obd::lines_of`] of the device's table.
 pub const COMMUNICATION_ENTRIES: usize = obd::lines_of(COMMUNICATION_PROFILE);
-/// Octets a [`Dictionary`] needs for [`COMMUNICATION_PROFILE`]; add [`obd::octets_of`] of the device's table.
+/// Octets a [`Dictionary`](obd::Dictionary) needs for [`COMMUNICATION_PROFILE`]; add [`obd::octets_of`] of the device's table.
 pub const COMMUNICATION_BYTES: usize = obd::octets_of(COMMUNICATION_PROFILE);
 
-/// Handles of the objects that the node itself uses.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Keys {
-    pub(super) device_type: Key<u32>,
-    pub(super) error_register: Key<u8>,
-    pub(super) history_count: Key<u8>,
-    pub(super) cycle_us: Key<u32>,
-    pub(super) identity: [Key<u32>; 4],
-    pub(super) configuration_date: Key<u32>,
-    pub(super) configuration_time: Key<u32>,
-    pub(super) software_date: Key<u32>,
-    pub(super) software_time: Key<u32>,
-    pub(super) receive: PdoKeys,
-    pub(super) transmit: PdoKeys,
-    pub(super) loss_of_soc: CounterKeys,
-    pub(super) loss_of_preq: CounterKeys,
-    pub(super) soc_tolerance_ns: Key<u32>,
-    pub(super) ip_address: Key<u32>,
-    pub(super) subnet_mask: Key<u32>,
-    pub(super) default_gateway: Key<u32>,
-    pub(super) feature_flags: Key<u32>,
-    pub(super) nmt_state: Key<u8>,
-    pub(super) pres_max_latency_ns: Key<u32>,
-    pub(super) async_mtu: Key<u16>,
-    pub(super) basic_ethernet_us: Key<u32>,
-}
-
-/// Objects of one PDO.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct PdoKeys {
-    pub(super) node: Key<u8>,
-    pub(super) version: Key<u8>,
-    pub(super) count: Key<u8>,
-    pub(super) entries: [Key<u64>; MAPPING_ENTRIES],
-    pub(super) payload_limit: Key<u16>,
-}
-
-/// Sub-indices 1..3 of a threshold counter.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct CounterKeys {
-    pub(super) cumulative: Key<u32>,
-    pub(super) count: Key<u32>,
-    pub(super) threshold: Key<u32>,
-}
-
-impl Keys {
-    pub(super) fn find<const E: usize, const B: usize>(dictionary: &Dictionary<E, B>) -> Result<Keys, CnError> {
-        let d = dictionary;
-        Ok(Keys {
-            device_type: key(d, 0x1000, 0)?,
-            error_register: key(d, 0x1001, 0)?,
-            history_count: key(d, 0x1003, 0)?,
-            cycle_us: key(d, 0x1006, 0)?,
-            identity: [
-                key(d, 0x1018, 1)?,
-                key(d, 0x1018, 2)?,
-                key(d, 0x1018, 3)?,
-                key(d, 0x1018, 4)?,
-            ],
-            configuration_date: key(d, 0x1020, 1)?,
-            configuration_time: key(d, 0x1020, 2)?,
-            software_date: key(d, 0x1F52, 1)?,
-            software_time: key(d, 0x1F52, 2)?,
-            receive: PdoKeys::find(d, 0x1400, 0x1600, 4)?,
-            transmit: PdoKeys::find(d, 0x1800, 0x1A00, 5)?,
-            loss_of_soc: CounterKeys::find(d, 0x1C0B)?,
-            loss_of_preq: CounterKeys::find(d, 0x1C0D)?,
-            soc_tolerance_ns: key(d, 0x1C14, 0)?,
-            ip_address: key(d, 0x1E40, 2)?,
-            subnet_mask: key(d, 0x1E40, 3)?,
-            default_gateway: key(d, 0x1E40, 5)?,
-            feature_flags: key(d, 0x1F82, 0)?,
-            nmt_state: key(d, 0x1F8C, 0)?,
-            pres_max_latency_ns: key(d, 0x1F98, 3)?,
-            async_mtu: key(d, 0x1F98, 8)?,
-            basic_ethernet_us: key(d, 0x1F99, 0)?,
-        })
-    }
-}
-
-impl PdoKeys {
-    fn find<const E: usize, const B: usize>(
-        dictionary: &Dictionary<E, B>,
-        communication: u16,
-        mapping: u16,
-        limit_sub: u8,
-    ) -> Result<PdoKeys, CnError> {
-        let first = key(dictionary, mapping, 1)?;
-        let mut entries = [first; MAPPING_ENTRIES];
-        for (sub, entry) in (1..).zip(&mut entries) {
-            *entry = key(dictionary, mapping, sub)?;
-        }
-        Ok(PdoKeys {
-            node: key(dictionary, communication, 1)?,
-            version: key(dictionary, communication, 2)?,
-            count: key(dictionary, mapping, 0)?,
-            entries,
-            payload_limit: key(dictionary, 0x1F98, limit_sub)?,
-        })
-    }
-}
-
-impl CounterKeys {
-    fn find<const E: usize, const B: usize>(dictionary: &Dictionary<E, B>, index: u16) -> Result<CounterKeys, CnError> {
-        Ok(CounterKeys {
-            cumulative: key(dictionary, index, 1)?,
-            count: key(dictionary, index, 2)?,
-            threshold: key(dictionary, index, 3)?,
-        })
-    }
-}
-
-fn key<T: Scalar, const E: usize, const B: usize>(
-    dictionary: &Dictionary<E, B>,
-    index: u16,
-    sub: u8,
-) -> Result<Key<T>, CnError> {
-    dictionary
-        .key(index, sub)
-        .map_err(|code| CnError::Object { index, sub, code })
-}
+/// Store and restore parameters, for a device that has where to store them. Sub-indices: 1 all, 2 communication,
+/// 3 application, 4 manufacturer. A signature written here comes to the device as
+/// [`Events::storage`](super::Events::storage); any other value is aborted.
+#[rustfmt::skip]
+pub const STORAGE: &[EntryDef] = &[
+    EntryDef::rw(0x1010, U32, "NMT_StoreParam_REC").subs(1, 4).default(1), // 1: stores on command
+    EntryDef::rw(0x1011, U32, "NMT_RestoreDefParam_REC").subs(1, 4).default(1), // 1: restores on command
+];
+/// What is written to 0x1010: "save", little endian.
+pub const SAVE: u32 = u32::from_le_bytes(*b"save");
+/// What is written to 0x1011: "load", little endian.
+pub const LOAD: u32 = u32::from_le_bytes(*b"load");
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_constants_say_what_the_table_needs() {
-        let dictionary =
-            Dictionary::<COMMUNICATION_ENTRIES, COMMUNICATION_BYTES>::new(&[COMMUNICATION_PROFILE]).unwrap();
-        assert_eq!(dictionary.used(), (COMMUNICATION_ENTRIES, COMMUNICATION_BYTES));
-        Keys::find(&dictionary).unwrap();
-    }
-
-    #[test]
-    fn defaults_of_the_reference_dictionary() {
-        let dictionary =
-            Dictionary::<COMMUNICATION_ENTRIES, COMMUNICATION_BYTES>::new(&[COMMUNICATION_PROFILE]).unwrap();
-        let read = |index, sub| dictionary.read(index, sub).unwrap();
-        assert_eq!(read(0x1300, 0), [0x98, 0x3A, 0, 0]);
-        assert_eq!(read(0x1C0B, 3), [15, 0, 0, 0]);
-        assert_eq!(read(0x1C14, 0), [0xA0, 0x86, 1, 0]);
-        assert_eq!(read(0x1E40, 5), [0xFE, 0x64, 0xA8, 0xC0]);
-        assert_eq!(read(0x1F83, 0), [0x20]);
-        assert_eq!(read(0x1F98, 0), [9]);
-        assert_eq!(read(0x1F98, 4), [36, 0]);
-        assert_eq!(read(0x1F98, 8), [0x2C, 0x01]);
-        assert_eq!(read(0x1F99, 0), [0x40, 0x4B, 0x4C, 0x00]);
-        assert_eq!(read(0x1F9E, 0), [0xFF]);
-        assert_eq!(read(0x1600, 0), [0]);
-    }
-}
+mod tests;

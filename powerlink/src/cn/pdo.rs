@@ -1,26 +1,58 @@
-//! The two PDOs of a controlled node: what arrives in the PReq (or in another node's PRes) and what leaves in the PRes.
+//! The PDOs of a controlled node: what arrives in the PReq, the PResMN or another node's PRes, and what leaves in the PRes.
+//!
+//! In:  mapping and communication objects of the dictionary, payloads as they arrive.
+//! Out: values in the dictionary, the payload of the PRes; faults of received PDOs, each once.
 
 use obd::mapping::{CopyPlan, Direction, MappingEntry, MappingError};
 use obd::{AbortCode, Dictionary};
 
 use super::error::code;
-use super::objects::{MAPPING_ENTRIES, PdoKeys};
+use super::keys::{Keys, PdoKeys};
+use super::objects::{MAPPING_ENTRIES, RPDOS};
+use crate::wire::node;
 
 pub(super) type Plan = CopyPlan<MAPPING_ENTRIES>;
+
+/// What an RPDO is read from: 0x1400/1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Source(pub(super) u8);
+
+impl Source {
+    /// The PReq of the managing node.
+    pub(super) const PREQ: Source = Source(0);
+}
+
+/// A received PDO.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pdo<'a> {
+    pub(super) source: Source,
+    pub(super) version: u8,
+    /// RD.
+    pub(super) ready: bool,
+    pub(super) payload: &'a [u8],
+}
+
+/// One RPDO as it is in use.
+#[derive(Clone, Copy, Debug)]
+struct Rpdo {
+    plan: Plan,
+    version: u8,
+    source: Source,
+    /// Longest payload its source may send, in octets.
+    limit: usize,
+    /// The fault of the last received PDO, so that a lasting fault is reported once.
+    fault: Option<u16>,
+}
 
 /// The PDOs as they are in use; what the dictionary says becomes active by [`Pdos::activate`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pdos {
-    receive: Plan,
-    receive_version: u8,
-    receive_limit: usize,
-    /// 0: the PReq of the MN; else the node whose PRes is read.
-    pub(super) receive_from: u8,
+    receive: [Rpdo; RPDOS],
     transmit: Plan,
     pub(super) transmit_version: u8,
     pub(super) transmit_limit: usize,
-    /// The fault of the last received PDO, so that a lasting fault is reported once.
-    fault: Option<u16>,
+    preq_limit: usize,
+    preq_too_long: bool,
 }
 
 /// What became of a received PDO.
@@ -28,7 +60,7 @@ pub(super) struct Pdos {
 pub(super) enum Received {
     /// Copied into the dictionary.
     Valid,
-    /// Not for the dictionary: RD is 0, or nothing is mapped.
+    /// Not for the dictionary: from elsewhere, RD is 0, or nothing is mapped.
     Ignored,
     /// Dropped for this reason, which is new.
     NewFault(u16),
@@ -39,38 +71,49 @@ pub(super) enum Received {
 impl Pdos {
     /// Nothing is mapped.
     pub(super) const EMPTY: Pdos = Pdos {
-        receive: Plan::EMPTY,
-        receive_version: 0,
-        receive_limit: 0,
-        receive_from: 0,
+        receive: [Rpdo {
+            plan: Plan::EMPTY,
+            version: 0,
+            source: Source::PREQ,
+            limit: 0,
+            fault: None,
+        }; RPDOS],
         transmit: Plan::EMPTY,
         transmit_version: 0,
         transmit_limit: 0,
-        fault: None,
+        preq_limit: 0,
+        preq_too_long: false,
     };
 
     /// Takes over what the dictionary says. A mapping that cannot be carried out (SDO writes are checked, so only the
     /// application can have made it) maps nothing.
-    pub(super) fn activate<const E: usize, const B: usize>(
-        dictionary: &Dictionary<E, B>,
-        receive: &PdoKeys,
-        transmit: &PdoKeys,
-    ) -> Pdos {
-        let mapped = |keys: &PdoKeys, direction| {
-            let count = dictionary.get(keys.count);
-            let limit = usize::from(dictionary.get(keys.payload_limit));
-            plan(dictionary, keys, direction, count, limit).unwrap_or_default()
-        };
-        Pdos {
-            receive: mapped(receive, Direction::Receive),
-            receive_version: dictionary.get(receive.version),
-            receive_limit: usize::from(dictionary.get(receive.payload_limit)),
-            receive_from: dictionary.get(receive.node),
-            transmit: mapped(transmit, Direction::Transmit),
-            transmit_version: dictionary.get(transmit.version),
-            transmit_limit: usize::from(dictionary.get(transmit.payload_limit)),
-            fault: None,
+    pub(super) fn activate<const E: usize, const B: usize>(dictionary: &Dictionary<E, B>, keys: &Keys) -> Pdos {
+        let mut pdos = Pdos::EMPTY;
+        for (rpdo, keys_of) in pdos.receive.iter_mut().zip(&keys.receive) {
+            let source = Source(dictionary.get(keys_of.node));
+            let limit = source_limit(dictionary, keys, source);
+            let count = dictionary.get(keys_of.count);
+            *rpdo = Rpdo {
+                plan: plan(dictionary, keys_of, Direction::Receive, count, limit).unwrap_or_default(),
+                version: dictionary.get(keys_of.version),
+                source,
+                limit,
+                fault: None,
+            };
         }
+        let count = dictionary.get(keys.transmit.count);
+        pdos.transmit_limit = usize::from(dictionary.get(keys.pres_limit));
+        pdos.transmit_version = dictionary.get(keys.transmit.version);
+        let transmit = plan(
+            dictionary,
+            &keys.transmit,
+            Direction::Transmit,
+            count,
+            pdos.transmit_limit,
+        );
+        pdos.transmit = transmit.unwrap_or_default();
+        pdos.preq_limit = usize::from(dictionary.get(keys.preq_limit));
+        pdos
     }
 
     /// Octets of payload in the PRes.
@@ -84,33 +127,51 @@ impl Pdos {
         let _ = self.transmit.gather(dictionary, payload);
     }
 
-    /// Checks a received PDO and copies it into the dictionary if `ready` (RD) and `wanted` (the node is OPERATIONAL).
-    /// RT: no allocation, no locks, bounded.
+    /// Checks the length of a PReq, mapped or not; the error holds the fault unless it was reported before.
+    pub(super) fn check_preq(&mut self, pdo: &Pdo<'_>) -> Result<(), Option<u16>> {
+        if pdo.source != Source::PREQ {
+            return Ok(());
+        }
+        let known = core::mem::replace(&mut self.preq_too_long, pdo.payload.len() > self.preq_limit);
+        match (self.preq_too_long, known) {
+            (false, _) => Ok(()),
+            (true, false) => Err(Some(code::PREQ_LIMIT)),
+            (true, true) => Err(None),
+        }
+    }
+
+    /// Checks what RPDO `number` has to do with a received PDO and copies it into the dictionary if `wanted` (the node is
+    /// OPERATIONAL). RT: no look-up, no allocation, no locks, bounded.
     pub(super) fn receive<const E: usize, const B: usize>(
         &mut self,
+        number: usize,
         dictionary: &mut Dictionary<E, B>,
-        version: u8,
-        payload: &[u8],
-        ready: bool,
+        pdo: &Pdo<'_>,
         wanted: bool,
     ) -> Received {
-        let fault = if self.receive_from == 0 && payload.len() > self.receive_limit {
-            Some(code::PREQ_LIMIT)
-        } else if self.receive.is_empty() || !ready {
+        let Some(rpdo) = self.receive.get_mut(number) else {
+            return Received::Ignored;
+        };
+        if rpdo.source != pdo.source || rpdo.plan.is_empty() {
+            return Received::Ignored;
+        }
+        let fault = if pdo.payload.len() > rpdo.limit {
+            Some(code::PRES_RX_LIMIT)
+        } else if !pdo.ready {
             None
-        } else if self.receive_version != 0 && main_version(self.receive_version) != main_version(version) {
+        } else if rpdo.version != 0 && main_version(rpdo.version) != main_version(pdo.version) {
             Some(code::PDO_MAP_VERSION)
-        } else if payload.len() < self.receive.payload_octets() {
+        } else if pdo.payload.len() < rpdo.plan.payload_octets() {
             Some(code::PDO_SHORT_RX)
         } else {
             None
         };
-        let known = core::mem::replace(&mut self.fault, fault);
+        let known = core::mem::replace(&mut rpdo.fault, fault);
         match fault {
             Some(code) if known == Some(code) => Received::SameFault,
             Some(code) => Received::NewFault(code),
-            None if self.receive.is_empty() || !ready || !wanted => Received::Ignored,
-            None => match self.receive.scatter(payload, dictionary) {
+            None if !pdo.ready || !wanted => Received::Ignored,
+            None => match rpdo.plan.scatter(pdo.payload, dictionary) {
                 Ok(()) => Received::Valid,
                 Err(_) => Received::Ignored,
             },
@@ -122,8 +183,20 @@ const fn main_version(version: u8) -> u8 {
     version >> 4
 }
 
+/// Longest payload of a source in octets: 0x1F98/4 for the PReq, 0x1F8D/n for the PRes of node n.
+fn source_limit<const E: usize, const B: usize>(dictionary: &Dictionary<E, B>, keys: &Keys, source: Source) -> usize {
+    if source == Source::PREQ {
+        return usize::from(dictionary.get(keys.preq_limit));
+    }
+    // Sub-indices 1..=254 are those of the node ids that 0x1400/1 takes.
+    match dictionary.read(0x1F8D, source.0) {
+        Ok(&[low, high]) => usize::from(u16::from_le_bytes([low, high])),
+        Ok(_) | Err(_) => 0,
+    }
+}
+
 /// The first `count` entries of a mapping object, checked.
-pub(super) fn plan<const E: usize, const B: usize>(
+fn plan<const E: usize, const B: usize>(
     dictionary: &Dictionary<E, B>,
     keys: &PdoKeys,
     direction: Direction,
@@ -138,43 +211,94 @@ pub(super) fn plan<const E: usize, const B: usize>(
     Plan::new(dictionary, direction, entries, limit_octets)
 }
 
-/// Whether an SDO may write sub-index `sub` of a mapping object: the count last, and only if the mapping can be carried out;
-/// entries only while the count is 0.
-pub(super) fn check_mapping_write<const E: usize, const B: usize>(
+/// Whether an SDO may write an object that PDOs depend on: communication and mapping objects and payload limits. The order is
+/// that of the profile: count 0, the entries, then the count, which is refused unless the mapping can be carried out.
+pub(super) fn check_write<const E: usize, const B: usize>(
     dictionary: &Dictionary<E, B>,
-    keys: &PdoKeys,
-    direction: Direction,
-    sub: u8,
+    keys: &Keys,
+    (index, sub): (u16, u8),
     value: &[u8],
 ) -> Result<(), AbortCode> {
-    if sub != 0 {
-        let in_use = dictionary.get(keys.count) != 0;
-        return if in_use {
-            Err(AbortCode::PARAMETER_INCOMPATIBLE)
-        } else {
-            Ok(())
-        };
+    let first = value.first().copied().unwrap_or(0);
+    let number = usize::from(index & 0xFF);
+    match (index, sub) {
+        (0x1400..=0x14FF, 1) => {
+            let limit = source_limit(dictionary, keys, Source(first));
+            keys.receive
+                .get(number)
+                .map_or(Ok(()), |rpdo| still_fits(dictionary, rpdo, Direction::Receive, limit))
+        }
+        (0x1600..=0x16FF, _) => keys.receive.get(number).map_or(Ok(()), |rpdo| {
+            let limit = source_limit(dictionary, keys, Source(dictionary.get(rpdo.node)));
+            check_mapping(dictionary, rpdo, Direction::Receive, (sub, first), limit)
+        }),
+        (0x1A00, _) => {
+            let limit = usize::from(dictionary.get(keys.pres_limit));
+            check_mapping(dictionary, &keys.transmit, Direction::Transmit, (sub, first), limit)
+        }
+        (0x1F98, 5) => still_fits(dictionary, &keys.transmit, Direction::Transmit, octets_of(value)?),
+        (0x1F98, 4) => check_source(dictionary, keys, Source::PREQ, octets_of(value)?),
+        (0x1F8D, from @ 1..=node::MN) => check_source(dictionary, keys, Source(from), octets_of(value)?),
+        _ => Ok(()),
     }
-    let count = value.first().copied().unwrap_or(0);
-    let limit_octets = usize::from(dictionary.get(keys.payload_limit));
-    plan(dictionary, keys, direction, count, limit_octets)
-        .map(|_| ())
-        .map_err(|error| error.code)
 }
 
-/// Whether an SDO may set a payload limit: what is mapped must still fit.
-pub(super) fn check_limit_write<const E: usize, const B: usize>(
+/// Whether a write to this object is refused while PDOs are exchanged.
+pub(super) const fn is_fixed_in_use(index: u16, sub: u8) -> bool {
+    matches!(
+        (index, sub),
+        (0x1400..=0x14FF | 0x1600..=0x16FF | 0x1800 | 0x1A00 | 0x1F8D, _) | (0x1F98, 4 | 5)
+    )
+}
+
+fn octets_of(value: &[u8]) -> Result<usize, AbortCode> {
+    match *value {
+        [low, high] => Ok(usize::from(u16::from_le_bytes([low, high]))),
+        _ => Err(AbortCode::LENGTH_MISMATCH),
+    }
+}
+
+/// The count last, and only if the mapping can be carried out; entries only while the count is 0.
+fn check_mapping<const E: usize, const B: usize>(
     dictionary: &Dictionary<E, B>,
     keys: &PdoKeys,
     direction: Direction,
-    value: &[u8],
+    (sub, count): (u8, u8),
+    limit_octets: usize,
 ) -> Result<(), AbortCode> {
-    let &[low, high] = value else {
-        return Err(AbortCode::LENGTH_MISMATCH);
-    };
-    let limit_octets = usize::from(u16::from_le_bytes([low, high]));
-    let count = dictionary.get(keys.count);
-    match plan(dictionary, keys, direction, count, limit_octets) {
+    if sub == 0 {
+        return plan(dictionary, keys, direction, count, limit_octets)
+            .map(|_| ())
+            .map_err(|error| error.code);
+    }
+    match dictionary.get(keys.count) {
+        0 => Ok(()),
+        1.. => Err(AbortCode::PARAMETER_INCOMPATIBLE),
+    }
+}
+
+/// Every RPDO that reads from `source` must still fit.
+fn check_source<const E: usize, const B: usize>(
+    dictionary: &Dictionary<E, B>,
+    keys: &Keys,
+    source: Source,
+    limit_octets: usize,
+) -> Result<(), AbortCode> {
+    let readers = keys.receive.iter().filter(|rpdo| dictionary.get(rpdo.node) == source.0);
+    for rpdo in readers {
+        still_fits(dictionary, rpdo, Direction::Receive, limit_octets)?;
+    }
+    Ok(())
+}
+
+/// What is mapped must fit in another limit.
+fn still_fits<const E: usize, const B: usize>(
+    dictionary: &Dictionary<E, B>,
+    keys: &PdoKeys,
+    direction: Direction,
+    limit_octets: usize,
+) -> Result<(), AbortCode> {
+    match plan(dictionary, keys, direction, dictionary.get(keys.count), limit_octets) {
         Ok(_) => Ok(()),
         Err(_) => Err(AbortCode::PARAMETER_INCOMPATIBLE),
     }

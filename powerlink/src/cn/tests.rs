@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::nmt::NodeList;
+use crate::wire::{Asnd, Frame, Header, NmtCommandFrame, Preq, Pres, RequestedService, Requests, multicast};
 use obd::{DataType, EntryDef, lines_of, octets_of};
 use objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
 use proptest::prelude::*;
@@ -52,7 +53,10 @@ struct Bench {
 
 impl Bench {
     fn new() -> Bench {
-        let dictionary = Dictionary::new(&[COMMUNICATION_PROFILE, DEVICE]).unwrap();
+        let mut dictionary = Dictionary::new(&[COMMUNICATION_PROFILE, DEVICE]).unwrap();
+        // Most cycles here have no SoA; the tests of its loss set a threshold.
+        let threshold = dictionary.find(0x1C0C, 3).unwrap();
+        dictionary.set_default(threshold, &[0; 4]).unwrap();
         let node = Node::new(&config(), dictionary, 0).unwrap();
         Bench {
             node,
@@ -132,6 +136,7 @@ impl Bench {
             check: node.check,
             written: None,
             reset: None,
+            storage: None,
         };
         obd::Objects::sdo_write(&mut access, index, sub, value)
     }

@@ -12,13 +12,16 @@ fn missed_socs_count_and_at_the_threshold_the_node_leaves() {
     // Due at 2000 us + 100 us tolerance, then every 1000 us.
     assert_eq!(bench.node.next_deadline_ns(), Some(2100 * US));
     assert_eq!(bench.node.poll(2100 * US - 1), Events::default());
-    let missed = |events: Events| (events.soc_missed, events.communication_lost, events.nmt_state);
+    let missed = |events: Events| (events.soc_missed, events.cycle_error, events.nmt_state);
     assert_eq!(missed(bench.node.poll(2100 * US)), (1, None, None));
     assert_eq!(missed(bench.node.poll(2101 * US)), (0, None, None));
     assert_eq!(missed(bench.node.poll(3100 * US)), (1, None, None));
     assert_eq!((bench.u32_of(0x1C0B, 1), bench.u32_of(0x1C0B, 2)), (2, 16));
     let lost = bench.node.poll(4100 * US);
-    assert_eq!(missed(lost), (1, Some(Loss::Soc), Some(NmtState::PreOperational1)));
+    assert_eq!(
+        missed(lost),
+        (1, Some(CycleError::LossOfSoc), Some(NmtState::PreOperational1))
+    );
     assert_eq!(bench.u32_of(0x1C0B, 1), 3);
     assert_eq!(bench.node.next_deadline_ns(), None);
     assert_eq!(bench.node.dictionary().read(0x1001, 0).unwrap(), [0x11]);
@@ -91,7 +94,7 @@ fn a_long_pause_is_bounded_work() {
     bench.start();
     bench.write(0x1C0B, 3, &0_u32.to_le_bytes()).unwrap();
     bench.soc();
-    assert_eq!(bench.node.poll(u64::MAX / 2).soc_missed, MISSED_PER_LOOK);
+    assert_eq!(bench.node.poll(u64::MAX / 2).soc_missed, supervision::MISSED_PER_LOOK);
     assert_eq!(
         bench.node.nmt_state(),
         NmtState::Operational,
@@ -105,7 +108,7 @@ fn missing_polls_count_in_the_states_that_exchange_data() {
     bench.start();
     let mut cycle = |polled: bool, multiplexed: bool| {
         bench.now_ns += 1000 * US;
-        let lost = bench.soc().communication_lost;
+        let lost = bench.soc().cycle_error;
         if polled {
             bench.preq(Preq {
                 multiplexed,
@@ -129,7 +132,7 @@ fn missing_polls_count_in_the_states_that_exchange_data() {
     );
     assert_eq!((cycle(true, false), cycle(false, false)), (None, None));
     assert_eq!(cycle(false, false), None, "8 of 15");
-    assert_eq!(cycle(false, false), Some(Loss::Preq), "16 of 15");
+    assert_eq!(cycle(false, false), Some(CycleError::LossOfPreq), "16 of 15");
     assert_eq!(bench.node.nmt_state(), NmtState::PreOperational1);
     assert_eq!(bench.u32_of(0x1C0D, 1), 2);
 }
@@ -141,7 +144,7 @@ fn good_polls_take_back_lost_ones() {
     let mut cycles = |polled: &[bool]| {
         for polled in polled {
             bench.now_ns += 1000 * US;
-            assert_eq!(bench.soc().communication_lost, None);
+            assert_eq!(bench.soc().cycle_error, None);
             if *polled {
                 bench.poll_with(&OUTPUTS);
             }

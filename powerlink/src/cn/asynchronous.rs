@@ -1,0 +1,299 @@
+//! What a controlled node sends in the asynchronous slot.
+//!
+//! In:  invitations of the managing node (SoA), answers of the SDO server, NMT requests and Ethernet frames of the application.
+//! Out: exactly one frame for an invitation, or none where nothing waits; RS and PR, by which the node asks for invitations.
+//!
+//! NMT requests go before everything else (PR 7); SDO answers and the application's frames take turns.
+
+use core::fmt;
+
+use super::objects::HOST_NAME_LEN;
+use super::{Access, Cn, Events, FIRST_DEVICE_OBJECT};
+use crate::nmt::{NmtCommand, NmtState};
+use crate::sdo::SERVICE_DATA_MAX;
+use crate::wire::{
+    Asnd, ETHER_TYPE, ErrorEntries, FRAME_LEN_MAX, FRAME_LEN_MIN, Header, IdentResponse, NmtRequestFrame,
+    RequestedService, Requests, Soa, StatusResponse, multicast, node,
+};
+
+/// NMT requests that can wait.
+pub const NMT_REQUESTS: usize = 8;
+/// Ethernet frames that can wait.
+pub const ETHERNET_FRAMES: usize = 4;
+/// Octets of an Ethernet header.
+const ETHERNET_HEADER_LEN: usize = 14;
+
+/// Why something of the application was not queued for the asynchronous slot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum QueueError {
+    /// As many wait as there is room for.
+    Full,
+    /// The frame is no Ethernet frame, or longer than AsyncMTU (0x1F98/8) allows.
+    Length {
+        /// Octets of the frame.
+        octets: usize,
+        /// Octets a frame may have, Ethernet header included.
+        most: usize,
+    },
+    /// POWERLINK frames are the node's own.
+    Powerlink,
+}
+
+impl fmt::Display for QueueError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            QueueError::Full => write!(f, "no more room in the queue for the asynchronous slot"),
+            QueueError::Length { octets, most } => {
+                write!(
+                    f,
+                    "an Ethernet frame of {octets} octets, {ETHERNET_HEADER_LEN}..={most} can be sent"
+                )
+            }
+            QueueError::Powerlink => write!(f, "a POWERLINK frame cannot be sent by the application"),
+        }
+    }
+}
+
+impl core::error::Error for QueueError {}
+
+/// What the application wants to be sent.
+#[derive(Clone, Debug)]
+pub(super) struct Outbox {
+    requests: [NmtRequestFrame; NMT_REQUESTS],
+    requests_len: usize,
+    frames: [[u8; FRAME_LEN_MAX]; ETHERNET_FRAMES],
+    /// Octets of each frame.
+    lengths: [usize; ETHERNET_FRAMES],
+    first: usize,
+    frames_len: usize,
+    /// The last generic frame was one of the application's.
+    frame_was_last: bool,
+}
+
+impl Outbox {
+    pub(super) fn new() -> Outbox {
+        Outbox {
+            requests: [NmtRequestFrame::plain(NmtCommand::IdentRequest, node::INVALID); NMT_REQUESTS],
+            requests_len: 0,
+            frames: [[0; FRAME_LEN_MAX]; ETHERNET_FRAMES],
+            lengths: [0; ETHERNET_FRAMES],
+            first: 0,
+            frames_len: 0,
+            frame_was_last: false,
+        }
+    }
+
+    /// Forgets what waits.
+    pub(super) fn clear(&mut self) {
+        self.requests_len = 0;
+        self.frames_len = 0;
+    }
+
+    pub(super) fn has_frame(&self) -> bool {
+        self.frames_len > 0
+    }
+
+    fn push_request(&mut self, request: NmtRequestFrame) -> Result<(), QueueError> {
+        let place = self.requests.get_mut(self.requests_len).ok_or(QueueError::Full)?;
+        *place = request;
+        self.requests_len += 1;
+        Ok(())
+    }
+
+    fn pop_request(&mut self) -> Option<NmtRequestFrame> {
+        let request = *self.requests[..self.requests_len].first()?;
+        self.requests.copy_within(1..self.requests_len, 0);
+        self.requests_len -= 1;
+        Some(request)
+    }
+
+    /// The caller has checked the length.
+    fn push_frame(&mut self, frame: &[u8]) -> Result<(), QueueError> {
+        if self.frames_len == ETHERNET_FRAMES {
+            return Err(QueueError::Full);
+        }
+        let at = (self.first + self.frames_len) % ETHERNET_FRAMES;
+        let len = frame.len().max(FRAME_LEN_MIN);
+        self.frames[at][..frame.len()].copy_from_slice(frame);
+        self.frames[at][frame.len()..len].fill(0);
+        self.lengths[at] = len;
+        self.frames_len += 1;
+        Ok(())
+    }
+
+    pub(super) fn pop_frame(&mut self, response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
+        if self.frames_len == 0 {
+            return None;
+        }
+        let len = self.lengths[self.first];
+        response[..len].copy_from_slice(&self.frames[self.first][..len]);
+        self.first = (self.first + 1) % ETHERNET_FRAMES;
+        self.frames_len -= 1;
+        Some(len)
+    }
+}
+
+impl<const E: usize, const B: usize> Cn<E, B> {
+    /// Asks the managing node for an NMT service: the request is sent when the node is invited to. Requests that still wait at
+    /// a ResetConfiguration or a deeper reset are forgotten.
+    pub fn request_nmt(&mut self, request: NmtRequestFrame) -> Result<(), QueueError> {
+        self.outbox.push_request(request)
+    }
+
+    /// Has an Ethernet frame that is not POWERLINK sent (IP, for instance): in an asynchronous slot when the node is invited
+    /// to, or at once in BASIC_ETHERNET (see [`poll_transmit`](Self::poll_transmit)). Short frames are padded. Frames that still
+    /// wait at a ResetConfiguration or a deeper reset are forgotten. RT: no allocation, no locks, bounded.
+    pub fn send_ethernet(&mut self, frame: &[u8]) -> Result<(), QueueError> {
+        let octets = frame.len();
+        let most = (ETHERNET_HEADER_LEN + usize::from(self.async_mtu)).min(FRAME_LEN_MAX);
+        if !(ETHERNET_HEADER_LEN..=most).contains(&octets) {
+            return Err(QueueError::Length { octets, most });
+        }
+        if frame[12..14] == ETHER_TYPE.to_be_bytes() {
+            return Err(QueueError::Powerlink);
+        }
+        self.outbox.push_frame(frame)
+    }
+
+    /// RS and PR: how many requests of the highest priority wait.
+    pub(super) fn requests(&self) -> Requests {
+        let generic = self.sdo.pending() + self.outbox.frames_len;
+        let (waiting, priority) = match (self.outbox.requests_len, generic) {
+            (0, 0) => return Requests::default(),
+            (0, generic) => (generic, Requests::PRIORITY_GENERIC),
+            (requests, _) => (requests, Requests::PRIORITY_NMT),
+        };
+        Requests {
+            count: waiting.min(7) as u8,
+            priority,
+        }
+    }
+
+    /// The one frame that answers an invitation to this node; `None` where nothing waits.
+    pub(super) fn answer_invitation(&mut self, soa: &Soa, response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
+        let len = match soa.service {
+            RequestedService::IdentRequest => self.emit_ident(response),
+            RequestedService::StatusRequest => {
+                // The answer still shows the flags as they were before this request.
+                let len = self.emit_status(response);
+                self.take_status_request(soa);
+                len
+            }
+            RequestedService::NmtRequestInvite => self.emit_nmt_request(response),
+            RequestedService::UnspecifiedInvite => self.emit_generic(response),
+            RequestedService::SyncRequest => self.emit_sync(response),
+            RequestedService::NoService | RequestedService::Unknown(_) => None,
+        };
+        if len.is_some() {
+            self.count(self.keys.telegrams.asynchronous_sent);
+        }
+        len
+    }
+
+    pub(super) fn receive_sdo(&mut self, client: u8, service_data: &[u8], events: &mut Events) {
+        self.count(self.keys.telegrams.sdo_received);
+        let mut access = Access {
+            dictionary: &mut self.dictionary,
+            keys: &self.keys,
+            state: self.state,
+            check: self.check,
+            written: None,
+            reset: None,
+            storage: None,
+        };
+        self.sdo.receive(client, service_data, &mut access);
+        let Access {
+            written,
+            reset,
+            storage,
+            ..
+        } = access;
+        events.written = written.filter(|(index, _)| *index >= FIRST_DEVICE_OBJECT);
+        events.storage = storage;
+        if reset.is_some() {
+            self.reset_requested = reset;
+        }
+    }
+
+    fn emit_ident(&self, response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
+        let (dictionary, keys) = (&self.dictionary, &self.keys);
+        let mut host_name = [0; HOST_NAME_LEN];
+        let name = dictionary.read(0x1F9A, 0).unwrap_or(&[]);
+        host_name[..name.len()].copy_from_slice(name);
+        let ident = IdentResponse {
+            requests: self.requests(),
+            nmt_state: self.state,
+            feature_flags: dictionary.get(keys.feature_flags),
+            mtu: dictionary.get(keys.async_mtu),
+            poll_in_size: dictionary.get(keys.preq_limit),
+            poll_out_size: dictionary.get(keys.pres_limit),
+            response_time_ns: dictionary.get(keys.pres_max_latency_ns),
+            device_type: dictionary.get(keys.device_type),
+            vendor_id: dictionary.get(keys.identity[0]),
+            product_code: dictionary.get(keys.identity[1]),
+            revision: dictionary.get(keys.identity[2]),
+            serial: dictionary.get(keys.identity[3]),
+            configuration_date: dictionary.get(keys.configuration_date),
+            configuration_time: dictionary.get(keys.configuration_time),
+            software_date: dictionary.get(keys.software_date),
+            software_time: dictionary.get(keys.software_time),
+            ip_address: dictionary.get(keys.ip_address),
+            subnet_mask: dictionary.get(keys.subnet_mask),
+            default_gateway: dictionary.get(keys.default_gateway),
+            host_name,
+            ..IdentResponse::default()
+        };
+        self.emit_asnd(node::BROADCAST, &Asnd::IdentResponse(ident), response)
+    }
+
+    fn emit_status(&self, response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
+        let mut static_errors = [0; 8];
+        static_errors[0] = self.dictionary.get(self.keys.error_register);
+        let status = StatusResponse {
+            exception_clear: self.signalling.exception_clear(),
+            exception_new: self.signalling.exception_new(),
+            requests: self.requests(),
+            nmt_state: self.state,
+            static_errors,
+            entries: ErrorEntries(self.signalling.entries()),
+        };
+        self.emit_asnd(node::BROADCAST, &Asnd::StatusResponse(status), response)
+    }
+
+    fn emit_nmt_request(&mut self, response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
+        let request = self.outbox.pop_request()?;
+        self.emit_asnd(node::MN, &Asnd::NmtRequest(request), response)
+    }
+
+    fn emit_generic(&mut self, response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
+        let frame_first = self.outbox.has_frame() && (!self.outbox.frame_was_last || self.sdo.pending() == 0);
+        self.outbox.frame_was_last = frame_first;
+        if frame_first {
+            return self.outbox.pop_frame(response);
+        }
+        let mut service_data = [0; SERVICE_DATA_MAX];
+        let (client, len) = self.sdo.poll_transmit(&mut service_data)?;
+        self.count(self.keys.telegrams.sdo_sent);
+        self.emit_asnd(client, &Asnd::Sdo(&service_data[..len]), response)
+    }
+
+    pub(super) fn emit_asnd(
+        &self,
+        destination_node: u8,
+        asnd: &Asnd<'_>,
+        response: &mut [u8; FRAME_LEN_MAX],
+    ) -> Option<usize> {
+        let header = Header {
+            destination: multicast::ASND,
+            source: self.mac,
+            destination_node,
+            source_node: self.node_id,
+        };
+        asnd.emit(&header, response).ok()
+    }
+
+    /// Whether the node may send when it is invited.
+    pub(super) fn communicates(&self) -> bool {
+        self.state == NmtState::PreOperational1 || self.expects_soc()
+    }
+}
