@@ -341,7 +341,7 @@ impl<const ENTRIES: usize, const BYTES: usize> Dictionary<ENTRIES, BYTES> {
 
     /// Writes the octets of a value as the application: only the length is checked. RT: no look-up, no allocation, bounded.
     pub fn set_octets(&mut self, handle: Handle, octets: &[u8]) -> Result<(), AbortCode> {
-        check_length(handle, octets)?;
+        check_length(handle, octets.len())?;
         self.store(handle, octets);
         Ok(())
     }
@@ -374,14 +374,20 @@ impl<const ENTRIES: usize, const BYTES: usize> Dictionary<ENTRIES, BYTES> {
         Ok(self.octets(handle))
     }
 
-    /// Whether an SDO may write `value` to an object; nothing is changed.
-    pub fn check_write(&self, index: u16, sub: u8, value: &[u8]) -> Result<Handle, AbortCode> {
+    /// Whether an SDO may write a value of `len` octets to an object, as far as can be told before they come.
+    pub fn check_write_length(&self, index: u16, sub: u8, len: usize) -> Result<Handle, AbortCode> {
         let handle = self.find(index, sub)?;
-        let def = self.def(handle);
-        if !def.access.writable() {
+        if !self.def(handle).access.writable() {
             return Err(AbortCode::WRITE_OF_READ_ONLY);
         }
-        check_length(handle, value)?;
+        check_length(handle, len)?;
+        Ok(handle)
+    }
+
+    /// Whether an SDO may write `value` to an object; nothing is changed.
+    pub fn check_write(&self, index: u16, sub: u8, value: &[u8]) -> Result<Handle, AbortCode> {
+        let handle = self.check_write_length(index, sub, value.len())?;
+        let def = self.def(handle);
         if let Some(number) = def.data_type.integer(value) {
             if def.data_type == DataType::Bool && number > 1 {
                 return Err(AbortCode::VALUE_RANGE);
@@ -451,12 +457,17 @@ impl<const ENTRIES: usize, const BYTES: usize> Objects for Dictionary<ENTRIES, B
     fn sdo_write(&mut self, index: u16, sub: u8, value: &[u8]) -> Result<(), AbortCode> {
         self.write(index, sub, value).map(|_| ())
     }
+
+    /// Always as a whole; but what cannot be written is refused at once.
+    fn sdo_write_parts(&mut self, index: u16, sub: u8, len: usize) -> Result<bool, AbortCode> {
+        self.check_write_length(index, sub, len).map(|_| false)
+    }
 }
 
-fn check_length(handle: Handle, octets: &[u8]) -> Result<(), AbortCode> {
-    if octets.len() > handle.size() {
+fn check_length(handle: Handle, len: usize) -> Result<(), AbortCode> {
+    if len > handle.size() {
         Err(AbortCode::TOO_LONG)
-    } else if octets.len() < handle.size() && !handle.variable {
+    } else if len < handle.size() && !handle.variable {
         Err(AbortCode::TOO_SHORT)
     } else {
         Ok(())

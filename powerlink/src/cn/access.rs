@@ -85,6 +85,10 @@ impl<const E: usize, const B: usize> Objects for Access<'_, E, B> {
         self.dictionary.sdo_read(index, sub, out)
     }
 
+    fn sdo_write_parts(&mut self, index: u16, sub: u8, len: usize) -> Result<bool, AbortCode> {
+        self.dictionary.sdo_write_parts(index, sub, len)
+    }
+
     fn sdo_write(&mut self, index: u16, sub: u8, value: &[u8]) -> Result<(), AbortCode> {
         self.dictionary.check_write(index, sub, value)?;
         match index {

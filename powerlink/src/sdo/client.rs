@@ -249,7 +249,7 @@ impl Client {
     }
 
     /// Starts to write several objects. `len` octets made by a [`BlockWriter`](super::multiple::BlockWriter) are handed in; the
-    /// answer is for [`Failures`](super::multiple::Failures).
+    /// answer is for [`failures`](super::multiple::failures).
     pub fn start_write_multiple(&mut self, len: usize) -> Result<(), ClientError> {
         self.start(CommandId::WriteMultipleByIndex, None, len)
     }

@@ -7,11 +7,13 @@
 //! Three layers, each in its own file: [`sequence`] (numbers that find losses and duplicates), [`command`] (what is read or
 //! written), and the two ends of a connection, [`Server`] and [`Client`]. Nothing here does I/O, waits or allocates.
 //!
-//! Commands are WriteByIndex and ReadByIndex in one frame (expedited). The server answers every other command and every
-//! segmented transfer with abort [`AbortCode::UNKNOWN_COMMAND`](obd::AbortCode::UNKNOWN_COMMAND).
+//! Commands are WriteByIndex and ReadByIndex, WriteMultipleByIndex and ReadMultipleByIndex ([`multiple`]), in one frame or in
+//! segments. The server answers every other command with abort
+//! [`AbortCode::UNKNOWN_COMMAND`](obd::AbortCode::UNKNOWN_COMMAND).
 
 pub mod client;
 pub mod command;
+pub mod multiple;
 pub mod sequence;
 pub mod server;
 
@@ -35,3 +37,6 @@ pub const EXPEDITED_READ_MAX: usize = command::SEGMENT_MAX;
 
 /// Length of service data without a command: the command header is sent as zero.
 pub(crate) const EMPTY_LEN: usize = sequence::HEADER_LEN + command::HEADER_LEN;
+
+#[cfg(test)]
+mod tests;

@@ -1,7 +1,7 @@
 //! Server against the frames of a captured connection.
 
 use super::*;
-use obd::{DataType, Dictionary, EntryDef};
+use obd::{AbortCode, DataType, Dictionary, EntryDef};
 use std::vec::Vec;
 
 const TABLE: &[EntryDef] = &[
@@ -157,18 +157,31 @@ fn what_is_not_supported_is_aborted_by_name() {
         octets.extend(code.0.to_le_bytes());
         octets
     };
-    // Segmented write, multiple write, read of an address that is cut off.
+    // A value longer than the object, in segments; then the second segment, which was on its way.
     let initiate = [
         0x02, 0x06, 0, 0, 0, 9, 0x10, 1, 8, 0, 0, 0, 0xFF, 0, 0, 0, 0x06, 0x10, 0, 0,
     ];
     assert_eq!(
         bench.exchange(&initiate).unwrap(),
-        aborted(1, 9, 1, AbortCode::UNKNOWN_COMMAND)
+        aborted(1, 9, 1, AbortCode::TOO_LONG)
+    );
+    let second = [0x06, 0x0A, 0, 0, 0, 9, 0x20, 1, 2, 0, 0, 0, 1, 2];
+    assert_eq!(bench.exchange(&second).unwrap(), sequence_only(0x0A, 0x06));
+    // A segment that nothing comes before, the segment size, several objects without a block, an address that is cut off.
+    let stray = [0x06, 0x0E, 0, 0, 0, 10, 0x20, 1, 2, 0, 0, 0, 1, 2];
+    let expected = [0x0E, 0x0A, 0, 0, 0, 10, 0xC0, 1, 4, 0, 0, 0, 0x01, 0x00, 0x04, 0x05];
+    assert_eq!(bench.exchange(&stray).unwrap(), expected);
+    let mut bench = Bench::new();
+    bench.open();
+    let segment_size = [0x02, 0x06, 0, 0, 0, 9, 0, 0x70, 4, 0, 0, 0, 0, 1, 0, 0];
+    assert_eq!(
+        bench.exchange(&segment_size).unwrap(),
+        aborted(1, 9, 0x70, AbortCode::UNKNOWN_COMMAND)
     );
     let multiple = [0x06, 0x0A, 0, 0, 0, 10, 0, 0x31, 4, 0, 0, 0, 0, 0, 0, 0];
     assert_eq!(
         bench.exchange(&multiple).unwrap(),
-        aborted(2, 10, 0x31, AbortCode::UNKNOWN_COMMAND)
+        aborted(2, 10, 0x31, AbortCode::BLOCK_SIZE)
     );
     let cut = [0x0A, 0x0E, 0, 0, 0, 11, 0, 2, 3, 0, 0, 0, 0x06, 0x10, 0];
     assert_eq!(bench.exchange(&cut).unwrap(), aborted(3, 11, 2, AbortCode::BLOCK_SIZE));
