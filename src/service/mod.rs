@@ -1,6 +1,7 @@
 //! Events, logs and reports: everything that may wait.
 
 pub mod analyser;
+pub mod control;
 pub mod netns;
 pub mod operator;
 pub mod plot;

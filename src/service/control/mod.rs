@@ -1,0 +1,8 @@
+//! The control socket: a running control answers questions and takes orders of other processes.
+//!
+//! In:  JSON-RPC 2.0 requests, one a line, over a Unix stream socket that only the control's user may open.
+//! Out: answers, one a line. What real time knows comes from what it publishes; orders to it go through rings. The
+//! service thread may wait, allocate and fail: nothing in real time waits for it.
+
+pub mod rpc;
+pub mod socket;
