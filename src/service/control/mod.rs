@@ -5,4 +5,5 @@
 //! service thread may wait, allocate and fail: nothing in real time waits for it.
 
 pub mod rpc;
+pub mod server;
 pub mod socket;

@@ -1,0 +1,236 @@
+//! The service thread: clients, their lines, their answers.
+//!
+//! In:  connections, lines of any octets.
+//! Out: one answer for each request, in any order. Everything a client can make grow has a limit: a client that does not
+//! read is not read any more either, and the others do not notice.
+
+use super::rpc::{self, Request, RpcError, code};
+use super::socket::Socket;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use serde_json::Value;
+use std::io::{ErrorKind, Read, Write};
+use std::os::fd::AsFd;
+use std::os::unix::net::UnixStream;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Clients at the same time.
+pub const CLIENTS_MAX: usize = 16;
+/// Octets of a line without its end.
+pub const LINE_MAX: usize = 64 * 1024;
+/// With so many octets of answers waiting, a client is not served before it has read.
+const OUTPUT_HIGH: usize = 256 * 1024;
+/// Requests of one client that wait for a node.
+const PENDING_MAX: usize = 8;
+/// Octets read at once.
+const CHUNK: usize = 4096;
+/// Longest time between two looks at what real time has to say, ms.
+const PERIOD_MS: u16 = 20;
+
+/// Names a request whose answer comes later.
+pub type Ticket = u64;
+
+/// What the requests are about.
+pub trait Serve {
+    /// Answers a request; `None`: [`later`](Self::later) brings the answer with this ticket.
+    fn call(&mut self, request: &Request, ticket: Ticket) -> Option<Result<Value, RpcError>>;
+
+    /// Takes in what has come since the last call and gives an answer that is ready.
+    fn later(&mut self) -> Option<(Ticket, Result<Value, RpcError>)>;
+}
+
+/// Serves until `stop`.
+pub fn serve(socket: &Socket, service: &mut impl Serve, stop: &AtomicBool) {
+    let mut clients: Vec<Client> = Vec::new();
+    let mut next_ticket = 0;
+    while !stop.load(Ordering::Acquire) {
+        while let Some((ticket, result)) = service.later() {
+            for client in &mut clients {
+                client.answer_later(ticket, &result);
+            }
+        }
+        for client in &mut clients {
+            client.serve_lines(service, &mut next_ticket);
+            client.write();
+        }
+        clients.retain(|client| !client.is_over());
+        wait(socket, &mut clients);
+        accept(socket, &mut clients);
+    }
+    // What is ready should still arrive.
+    clients.iter_mut().for_each(Client::write);
+}
+
+/// Waits for clients; those that have something to say are read.
+fn wait(socket: &Socket, clients: &mut [Client]) {
+    let ready: Vec<bool> = {
+        let mut fds = vec![PollFd::new(socket.listener().as_fd(), PollFlags::POLLIN)];
+        fds.extend(clients.iter().map(|client| {
+            let mut wanted = PollFlags::empty();
+            wanted.set(PollFlags::POLLIN, client.wants_to_read());
+            wanted.set(PollFlags::POLLOUT, !client.output.is_empty());
+            PollFd::new(client.stream.as_fd(), wanted)
+        }));
+        // An interrupted or failed wait is a short one.
+        let _ = poll(&mut fds, PollTimeout::from(PERIOD_MS));
+        fds[1..].iter().map(|fd| fd.any().unwrap_or(false)).collect()
+    };
+    for (client, _) in clients.iter_mut().zip(ready).filter(|(_, ready)| *ready) {
+        client.read();
+    }
+}
+
+fn accept(socket: &Socket, clients: &mut Vec<Client>) {
+    while let Ok((stream, _)) = socket.listener().accept() {
+        if stream.set_nonblocking(true).is_err() {
+            continue;
+        }
+        let mut client = Client::new(stream);
+        if clients.len() >= CLIENTS_MAX {
+            let what = format!("{CLIENTS_MAX} clients are connected already");
+            client.answer(&Value::Null, Err(RpcError::new(code::REFUSED, what)));
+            client.write();
+            continue;
+        }
+        clients.push(client);
+    }
+}
+
+/// One connection.
+struct Client {
+    stream: UnixStream,
+    /// What has come and is not served yet: at most a line and a chunk.
+    input: Vec<u8>,
+    /// A line that is too long has been refused; its rest is passed over.
+    skipping: bool,
+    output: Vec<u8>,
+    /// Requests that wait for their answer: ticket and id.
+    pending: Vec<(Ticket, Option<Value>)>,
+    /// Nothing more will come.
+    ended: bool,
+    broken: bool,
+}
+
+impl Client {
+    fn new(stream: UnixStream) -> Client {
+        Client {
+            stream,
+            input: Vec::new(),
+            skipping: false,
+            output: Vec::new(),
+            pending: Vec::new(),
+            ended: false,
+            broken: false,
+        }
+    }
+
+    fn is_over(&self) -> bool {
+        let served = self.ended && self.pending.is_empty() && self.output.is_empty() && !self.has_line();
+        self.broken || served
+    }
+
+    fn has_line(&self) -> bool {
+        self.input.contains(&b'\n')
+    }
+
+    fn wants_to_read(&self) -> bool {
+        !self.ended && self.may_be_served() && !self.has_line()
+    }
+
+    fn may_be_served(&self) -> bool {
+        self.output.len() < OUTPUT_HIGH && self.pending.len() < PENDING_MAX
+    }
+
+    fn read(&mut self) {
+        if !self.wants_to_read() {
+            return;
+        }
+        let mut chunk = [0; CHUNK];
+        match self.stream.read(&mut chunk) {
+            Ok(0) => {
+                self.ended = true;
+                // The last line may lack its end.
+                if !self.input.is_empty() || self.skipping {
+                    self.input.push(b'\n');
+                }
+            }
+            Ok(length) => self.input.extend_from_slice(&chunk[..length]),
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {}
+            Err(_) => self.broken = true,
+        }
+    }
+
+    /// Serves whole lines while the client takes the answers.
+    fn serve_lines(&mut self, service: &mut impl Serve, next_ticket: &mut Ticket) {
+        while self.may_be_served() {
+            let Some(end) = self.input.iter().position(|octet| *octet == b'\n') else {
+                if self.input.len() > LINE_MAX {
+                    self.input.clear();
+                    if !std::mem::replace(&mut self.skipping, true) {
+                        self.refuse_long_line();
+                    }
+                }
+                return;
+            };
+            let line: Vec<u8> = self.input.drain(..=end).collect();
+            let line = line[..end].strip_suffix(b"\r").unwrap_or(&line[..end]);
+            if std::mem::take(&mut self.skipping) {
+                continue;
+            }
+            if line.len() > LINE_MAX {
+                self.refuse_long_line();
+            } else if !line.iter().all(u8::is_ascii_whitespace) {
+                *next_ticket += 1;
+                self.serve_line(line, service, *next_ticket);
+            }
+        }
+    }
+
+    fn serve_line(&mut self, line: &[u8], service: &mut impl Serve, ticket: Ticket) {
+        match rpc::parse(line) {
+            Err((id, error)) => self.answer(&id, Err(error)),
+            Ok(request) => match (service.call(&request, ticket), request.id) {
+                (Some(result), Some(id)) => self.answer(&id, result),
+                // A notification is carried out and not answered.
+                (Some(_), None) => {}
+                (None, id) => self.pending.push((ticket, id)),
+            },
+        }
+    }
+
+    fn refuse_long_line(&mut self) {
+        let what = format!("the line is longer than {LINE_MAX} octets");
+        self.answer(&Value::Null, Err(RpcError::new(code::INVALID_REQUEST, what)));
+    }
+
+    fn answer_later(&mut self, ticket: Ticket, result: &Result<Value, RpcError>) {
+        let Some(at) = self.pending.iter().position(|(own, _)| *own == ticket) else {
+            return;
+        };
+        if let (_, Some(id)) = self.pending.swap_remove(at) {
+            self.answer(&id, result.clone());
+        }
+    }
+
+    fn answer(&mut self, id: &Value, result: Result<Value, RpcError>) {
+        self.output.extend_from_slice(rpc::answer(id, result).as_bytes());
+    }
+
+    fn write(&mut self) {
+        while !self.output.is_empty() {
+            match self.stream.write(&self.output) {
+                Ok(0) => self.broken = true,
+                Ok(length) => drop(self.output.drain(..length)),
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return,
+                Err(_) => self.broken = true,
+            }
+            if self.broken {
+                return;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "server_tests.rs"]
+mod tests;

@@ -1,0 +1,189 @@
+use super::*;
+use serde_json::json;
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Echoes parameters; "later" answers when as many requests wait as its parameter says, the last one first.
+#[derive(Default)]
+struct Echo {
+    waiting: Vec<(Ticket, Value)>,
+    wanted: usize,
+}
+
+impl Serve for Echo {
+    fn call(&mut self, request: &Request, ticket: Ticket) -> Option<Result<Value, RpcError>> {
+        let params = Value::Object(request.params.0.clone());
+        match request.method.as_str() {
+            "echo" => Some(Ok(params)),
+            "later" => {
+                self.wanted = params["of"].as_u64().unwrap_or(1) as usize;
+                self.waiting.push((ticket, params));
+                None
+            }
+            other => Some(Err(RpcError::new(code::METHOD_NOT_FOUND, format!("no {other}")))),
+        }
+    }
+
+    fn later(&mut self) -> Option<(Ticket, Result<Value, RpcError>)> {
+        if self.wanted == 0 || self.waiting.len() < self.wanted {
+            return None;
+        }
+        self.wanted = usize::MAX;
+        let (ticket, params) = self.waiting.pop()?;
+        Some((ticket, Ok(params)))
+    }
+}
+
+/// Runs a server beside `clients`.
+fn beside<R>(clients: impl FnOnce(&PathBuf) -> R) -> R {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("isocnc-control.test");
+    let socket = Socket::bind(&path).unwrap();
+    let stop = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| serve(&socket, &mut Echo::default(), &stop));
+        // The server must end also where a client's assertion fails.
+        let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| clients(&path)));
+        stop.store(true, Ordering::Release);
+        result.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })
+}
+
+struct Peer(BufReader<UnixStream>);
+
+impl Peer {
+    fn connect(path: &PathBuf) -> Peer {
+        let stream = UnixStream::connect(path).unwrap();
+        // Far beyond anything a server may take: a test fails and does not hang.
+        stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        stream.set_write_timeout(Some(Duration::from_secs(20))).unwrap();
+        Peer(BufReader::new(stream))
+    }
+
+    fn send(&mut self, text: impl AsRef<[u8]>) {
+        self.0.get_mut().write_all(text.as_ref()).unwrap();
+    }
+
+    fn line(&mut self) -> Value {
+        let mut line = String::new();
+        self.0.read_line(&mut line).unwrap();
+        serde_json::from_str(&line).unwrap_or_else(|error| panic!("{line:?}: {error}"))
+    }
+
+    fn ask(&mut self, id: u64, method: &str, params: Value) {
+        self.send(format!("{}\n", json!({"jsonrpc": "2.0", "id": id, "method": method, "params": params})));
+    }
+
+    fn ends(&mut self) -> bool {
+        self.0.read_line(&mut String::new()).unwrap() == 0
+    }
+}
+
+#[test]
+fn every_line_gets_its_answer_and_nothing_is_lost() {
+    beside(|path| {
+        let mut peer = Peer::connect(path);
+        // In one write: requests, rubbish, an empty line, a notification, a request without its end.
+        peer.send("{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"echo\"}\nrubbish\n\r\n");
+        peer.send(b"{\"jsonrpc\":\"2.0\",\"method\":\"echo\"}\n\xFF\n");
+        peer.send("{\"jsonrpc\":\"2.0\",\"id\":\"two\",\"method\":\"nothing\"}\r\n{\"jsonrpc\":\"2.0\",");
+        assert_eq!(peer.line(), json!({"jsonrpc": "2.0", "id": 1, "result": {}}));
+        assert_eq!(peer.line()["error"]["code"], code::PARSE);
+        assert_eq!(peer.line()["error"]["code"], code::PARSE);
+        let answer = peer.line();
+        assert_eq!((&answer["id"], &answer["error"]["code"]), (&json!("two"), &json!(code::METHOD_NOT_FOUND)));
+        peer.send("\"id\":3,\"method\":\"echo\",\"params\":{\"a\":[1]}}\n");
+        assert_eq!(peer.line(), json!({"jsonrpc": "2.0", "id": 3, "result": {"a": [1]}}));
+    });
+}
+
+#[test]
+fn a_last_line_without_its_end_is_served() {
+    beside(|path| {
+        let mut peer = Peer::connect(path);
+        peer.send("{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"echo\"}");
+        peer.0.get_mut().shutdown(std::net::Shutdown::Write).unwrap();
+        assert_eq!(peer.line()["id"], 1);
+        assert!(peer.ends());
+    });
+}
+
+#[test]
+fn a_line_that_is_too_long_is_refused_and_passed_over() {
+    beside(|path| {
+        let mut peer = Peer::connect(path);
+        peer.send(vec![b'x'; 3 * LINE_MAX]);
+        peer.send("\n{\"jsonrpc\":\"2.0\",\"id\":2,\"method\":\"echo\"}\n");
+        let expected = format!("the line is longer than {LINE_MAX} octets");
+        assert_eq!(peer.line()["error"]["message"], expected);
+        assert_eq!(peer.line()["id"], 2);
+    });
+}
+
+#[test]
+fn answers_that_come_later_find_their_request() {
+    beside(|path| {
+        let (mut first, mut second) = (Peer::connect(path), Peer::connect(path));
+        first.ask(1, "later", json!({"who": "first", "of": 99}));
+        first.ask(2, "echo", json!({}));
+        // What waits holds nobody up.
+        assert_eq!(first.line()["id"], 2);
+        second.ask(1, "later", json!({"who": "second", "of": 2}));
+        assert_eq!(second.line()["result"]["who"], "second");
+        second.ask(5, "later", json!({"who": "again", "of": 2}));
+        assert_eq!(second.line()["result"]["who"], "again");
+        second.ask(6, "later", json!({"who": "third", "of": 1}));
+        assert_eq!(second.line()["id"], 6);
+    });
+}
+
+#[test]
+fn a_client_that_does_not_read_holds_nobody_up() {
+    beside(|path| {
+        let mut deaf = Peer::connect(path);
+        deaf.0.get_mut().set_write_timeout(Some(Duration::from_millis(300))).unwrap();
+        let text = "t".repeat(LINE_MAX / 2);
+        let line = format!("{}\n", json!({"jsonrpc": "2.0", "id": 1, "method": "echo", "params": {"text": text}}));
+        // Until the server reads no more: its memory for one client is bounded, far below what is sent.
+        let mut sent = 0;
+        while sent < 1000 && deaf.0.get_mut().write_all(line.as_bytes()).is_ok() {
+            sent += 1;
+        }
+        assert!(sent < 1000, "{sent} lines were taken from a client that reads nothing");
+        let mut other = Peer::connect(path);
+        for id in 0..50 {
+            other.ask(id, "echo", json!({}));
+            assert_eq!(other.line()["id"], id);
+        }
+        // Once it reads, it gets everything that was sent whole.
+        for _ in 0..sent {
+            assert_eq!(deaf.line()["result"]["text"].as_str().map(str::len), Some(text.len()));
+        }
+    });
+}
+
+#[test]
+fn clients_beyond_the_limit_are_told_and_those_that_go_make_room() {
+    beside(|path| {
+        let mut peers: Vec<Peer> = (0..CLIENTS_MAX).map(|_| Peer::connect(path)).collect();
+        for peer in &mut peers {
+            peer.ask(1, "echo", json!({}));
+            assert_eq!(peer.line()["id"], 1);
+        }
+        let mut one_more = Peer::connect(path);
+        assert_eq!(one_more.line()["error"]["message"], "16 clients are connected already");
+        assert!(one_more.ends());
+        peers.pop();
+        // The server hears of it with its next look.
+        let served = (0..100).any(|_| {
+            let mut peer = Peer::connect(path);
+            if peer.0.get_mut().write_all(b"{\"jsonrpc\":\"2.0\",\"id\":9,\"method\":\"echo\"}\n").is_err() {
+                return false;
+            }
+            let mut line = String::new();
+            peer.0.read_line(&mut line).is_ok_and(|_| line.contains("\"id\":9"))
+        });
+        assert!(served);
+    });
+}
