@@ -4,6 +4,7 @@
 //! where it is needed to look further.
 
 use obd::mapping::MappingEntry;
+use powerlink::error_code::ErrorCode;
 use powerlink::nmt::NmtState;
 use powerlink::wire::{Mac, node};
 use std::fmt::Write as _;
@@ -141,9 +142,9 @@ pub fn object_name(index: u16) -> &'static str {
     series.unwrap_or_else(|| named(&OBJECTS, index))
 }
 
-/// Name of an error code of an error entry or a ResetNode; empty where the standard gives none.
+/// What an error code of an error entry or a ResetNode means; empty where the standard gives none.
 pub fn error_name(code: u16) -> &'static str {
-    named(&ERRORS, code)
+    ErrorCode::find(code).map_or("", |known| known.text)
 }
 
 fn named(table: &[(u16, &'static str)], number: u16) -> &'static str {
@@ -204,66 +205,16 @@ pub const OBJECTS: [(u16, &str); 47] = [
     (0x1F9B, "multiplexed cycle"),
 ];
 
-/// (code, meaning): error codes of the communication profile.
-const ERRORS: [(u16, &str); 44] = [
-    (0x8161, "bad physical mode"),
-    (0x8162, "collision"),
-    (0x8163, "too many collisions"),
-    (0x8164, "too many CRC errors"),
-    (0x8165, "loss of link"),
-    (0x8166, "MAC buffer overrun"),
-    (0x8201, "another node has the same id"),
-    (0x8202, "several managing nodes"),
-    (0x8210, "process data shorter than mapped"),
-    (0x8211, "mapping version differs"),
-    (0x8212, "ASnd MTU differs"),
-    (0x8213, "ASnd longer than the MTU"),
-    (0x8214, "ASnd to send longer than the MTU"),
-    (0x8231, "cycle length not possible"),
-    (0x8232, "cycle time exceeded"),
-    (0x8233, "cycle time exceeded too often"),
-    (0x8234, "idle time limit"),
-    (0x8235, "too much jitter"),
-    (0x8236, "PRes too late too often"),
-    (0x8237, "PReq of a controlled node"),
-    (0x8238, "PReq longer than its limit"),
-    (0x8239, "PRes of an unknown node"),
-    (0x823A, "PRes longer than its limit"),
-    (0x823B, "PRes to send longer than its limit"),
-    (0x8241, "invalid format"),
-    (0x8242, "loss of PReq"),
-    (0x8243, "loss of PRes"),
-    (0x8244, "loss of SoA"),
-    (0x8245, "loss of SoC"),
-    (0x8410, "another managing node is on the network"),
-    (0x8411, "another managing node is on the network"),
-    (0x8420, "boot step 1 failed"),
-    (0x8421, "no IdentResponse in boot step 1"),
-    (0x8422, "wrong device type"),
-    (0x8423, "wrong vendor id"),
-    (0x8424, "wrong product code"),
-    (0x8425, "wrong revision"),
-    (0x8426, "wrong serial number"),
-    (0x8428, "configuration could not be verified"),
-    (0x842B, "software has to be updated"),
-    (0x8430, "boot step 2 failed"),
-    (0x8480, "wrong NMT state"),
-    (0xF001, "no IdentResponse"),
-    (0xF002, "no StatusResponse"),
-];
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn tables_are_in_order_so_that_nothing_stands_twice() {
-        for table in [&OBJECTS[..], &ERRORS[..]] {
-            assert!(table.is_sorted_by(|a, b| a.0 < b.0));
-        }
+    fn the_table_is_in_order_so_that_nothing_stands_twice() {
+        assert!(OBJECTS.is_sorted_by(|a, b| a.0 < b.0));
         assert_eq!(object_name(0x1A05), "TPDO mapping");
         assert_eq!(object_name(0x2000), "");
-        assert_eq!(error_name(0x8243), "loss of PRes");
+        assert_eq!(error_name(0x8243), "too many answers to polls were missed");
     }
 
     #[test]

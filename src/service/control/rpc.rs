@@ -131,8 +131,8 @@ pub fn to_hex(octets: &[u8]) -> String {
 /// # Errors
 /// The id to answer to (null where none can be read) and what is wrong.
 pub fn parse(line: &[u8]) -> Result<Request, (Value, RpcError)> {
-    let value: Value =
-        serde_json::from_slice(line).map_err(|error| (Value::Null, RpcError::new(code::PARSE, format!("no JSON: {error}"))))?;
+    let value: Value = serde_json::from_slice(line)
+        .map_err(|error| (Value::Null, RpcError::new(code::PARSE, format!("no JSON: {error}"))))?;
     let mut object = match value {
         Value::Object(object) => object,
         Value::Array(_) => {
@@ -209,16 +209,36 @@ mod tests {
     #[test]
     fn what_is_no_request_says_why() {
         for (line, id, code, message) in [
-            ("", json!(null), code::PARSE, "no JSON: EOF while parsing a value at line 1 column 0"),
-            ("{", json!(null), code::PARSE, "no JSON: EOF while parsing an object at line 1 column 1"),
-            ("[]", json!(null), code::INVALID_REQUEST, "a batch is not served: one request a line"),
+            (
+                "",
+                json!(null),
+                code::PARSE,
+                "no JSON: EOF while parsing a value at line 1 column 0",
+            ),
+            (
+                "{",
+                json!(null),
+                code::PARSE,
+                "no JSON: EOF while parsing an object at line 1 column 1",
+            ),
+            (
+                "[]",
+                json!(null),
+                code::INVALID_REQUEST,
+                "a batch is not served: one request a line",
+            ),
             (
                 "3",
                 json!(null),
                 code::INVALID_REQUEST,
                 "expected an object with \"jsonrpc\", \"method\" and \"id\"",
             ),
-            (r#"{"id":4,"method":"x"}"#, json!(4), code::INVALID_REQUEST, "\"jsonrpc\": expected \"2.0\""),
+            (
+                r#"{"id":4,"method":"x"}"#,
+                json!(4),
+                code::INVALID_REQUEST,
+                "\"jsonrpc\": expected \"2.0\"",
+            ),
             (
                 r#"{"jsonrpc":"2.0","id":[1],"method":"x"}"#,
                 json!(null),
@@ -238,7 +258,11 @@ mod tests {
                 "\"params\": expected an object, parameters go by name",
             ),
         ] {
-            assert_eq!(parse(line.as_bytes()), Err((id, RpcError::new(code, message))), "{line}");
+            assert_eq!(
+                parse(line.as_bytes()),
+                Err((id, RpcError::new(code, message))),
+                "{line}"
+            );
         }
         assert_eq!(parse(b"\xFF").unwrap_err().1.code, code::PARSE);
     }
@@ -248,10 +272,16 @@ mod tests {
         let params = |text: &str| Params(serde_json::from_str(text).unwrap());
         let message = |result: Result<u64, RpcError>| result.unwrap_err().message;
         let expected = "parameter \"node\": expected a whole number from 1 to 239";
-        assert_eq!(message(params("{}").number("node", 1, 239)), format!("{expected}, it is missing"));
+        assert_eq!(
+            message(params("{}").number("node", 1, 239)),
+            format!("{expected}, it is missing")
+        );
         for value in ["0", "240", "-1", "1.5", "\"3\"", "null"] {
             let params = params(&format!("{{\"node\":{value}}}"));
-            assert_eq!(message(params.number("node", 1, 239)), format!("{expected}, got {value}"));
+            assert_eq!(
+                message(params.number("node", 1, 239)),
+                format!("{expected}, got {value}")
+            );
         }
         assert_eq!(params(r#"{"v":"0aFF"}"#).octets("v", 2), Ok(vec![0x0A, 0xFF]));
         assert_eq!(params(r#"{"v":""}"#).octets("v", 2), Ok(vec![]));
@@ -268,7 +298,10 @@ mod tests {
     #[test]
     fn answers_are_one_line() {
         let line = answer(&json!(1), Ok(json!({ "text": "two\nlines" })));
-        assert_eq!(line, "{\"id\":1,\"jsonrpc\":\"2.0\",\"result\":{\"text\":\"two\\nlines\"}}\n");
+        assert_eq!(
+            line,
+            "{\"id\":1,\"jsonrpc\":\"2.0\",\"result\":{\"text\":\"two\\nlines\"}}\n"
+        );
         let line = answer(&Value::Null, Err(RpcError::new(code::PARSE, "no JSON")));
         assert_eq!(
             line,

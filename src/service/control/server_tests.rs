@@ -72,7 +72,10 @@ impl Peer {
     }
 
     fn ask(&mut self, id: u64, method: &str, params: Value) {
-        self.send(format!("{}\n", json!({"jsonrpc": "2.0", "id": id, "method": method, "params": params})));
+        self.send(format!(
+            "{}\n",
+            json!({"jsonrpc": "2.0", "id": id, "method": method, "params": params})
+        ));
     }
 
     fn ends(&mut self) -> bool {
@@ -92,7 +95,10 @@ fn every_line_gets_its_answer_and_nothing_is_lost() {
         assert_eq!(peer.line()["error"]["code"], code::PARSE);
         assert_eq!(peer.line()["error"]["code"], code::PARSE);
         let answer = peer.line();
-        assert_eq!((&answer["id"], &answer["error"]["code"]), (&json!("two"), &json!(code::METHOD_NOT_FOUND)));
+        assert_eq!(
+            (&answer["id"], &answer["error"]["code"]),
+            (&json!("two"), &json!(code::METHOD_NOT_FOUND))
+        );
         peer.send("\"id\":3,\"method\":\"echo\",\"params\":{\"a\":[1]}}\n");
         assert_eq!(peer.line(), json!({"jsonrpc": "2.0", "id": 3, "result": {"a": [1]}}));
     });
@@ -142,9 +148,15 @@ fn answers_that_come_later_find_their_request() {
 fn a_client_that_does_not_read_holds_nobody_up() {
     beside(|path| {
         let mut deaf = Peer::connect(path);
-        deaf.0.get_mut().set_write_timeout(Some(Duration::from_millis(300))).unwrap();
+        deaf.0
+            .get_mut()
+            .set_write_timeout(Some(Duration::from_millis(300)))
+            .unwrap();
         let text = "t".repeat(LINE_MAX / 2);
-        let line = format!("{}\n", json!({"jsonrpc": "2.0", "id": 1, "method": "echo", "params": {"text": text}}));
+        let line = format!(
+            "{}\n",
+            json!({"jsonrpc": "2.0", "id": 1, "method": "echo", "params": {"text": text}})
+        );
         // Until the server reads no more: its memory for one client is bounded, far below what is sent.
         let mut sent = 0;
         while sent < 1000 && deaf.0.get_mut().write_all(line.as_bytes()).is_ok() {
@@ -178,7 +190,12 @@ fn clients_beyond_the_limit_are_told_and_those_that_go_make_room() {
         // The server hears of it with its next look.
         let served = (0..100).any(|_| {
             let mut peer = Peer::connect(path);
-            if peer.0.get_mut().write_all(b"{\"jsonrpc\":\"2.0\",\"id\":9,\"method\":\"echo\"}\n").is_err() {
+            if peer
+                .0
+                .get_mut()
+                .write_all(b"{\"jsonrpc\":\"2.0\",\"id\":9,\"method\":\"echo\"}\n")
+                .is_err()
+            {
                 return false;
             }
             let mut line = String::new();

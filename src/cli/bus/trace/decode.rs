@@ -8,9 +8,8 @@ use powerlink::nmt::{NmtCommand, NmtState};
 use powerlink::sdo::command::{Address, Command, Content as SdoContent, Segmentation, abort_code};
 use powerlink::sdo::sequence::{self, Con, Sequence};
 use powerlink::wire::{
-    Asnd, ETHER_TYPE, ErrorEntry, Frame, Header, IdentResponse, NmtCommandFrame, NmtRequestFrame, Preq, Pres,
-    RequestedService, Requests, ServiceId, Soa, Soc, StatusResponse, SyncRequest, SyncResponse, WireError, message,
-    node,
+    Asnd, ETHER_TYPE, Frame, Header, IdentResponse, NmtCommandFrame, NmtRequestFrame, Preq, Pres, RequestedService,
+    Requests, ServiceId, Soa, Soc, StatusResponse, SyncRequest, SyncResponse, WireError, message, node,
 };
 use std::collections::HashMap;
 
@@ -364,7 +363,7 @@ fn ident_response(frame: &IdentResponse) -> Line {
 }
 
 fn status_response(frame: &StatusResponse<'_>) -> Line {
-    let mut errors: Vec<String> = frame.entries.iter().map(|entry| error_entry(&entry)).collect();
+    let mut errors: Vec<String> = frame.entries.iter().map(|entry| format!("error {entry}")).collect();
     if frame.static_errors[0] != 0 {
         errors.insert(0, format!("error register 0x{:02X}", frame.static_errors[0]));
     }
@@ -380,19 +379,8 @@ fn status_response(frame: &StatusResponse<'_>) -> Line {
     }
 }
 
-/// `error 0x8245 (loss of SoC) occurred`
-pub(super) fn error_entry(entry: &ErrorEntry) -> String {
-    let mode = match entry.entry_type & 0x3000 {
-        0x1000 => " is active",
-        0x2000 => " has gone",
-        0x3000 => " occurred",
-        _ => "",
-    };
-    format!("error {}{mode}", error_code(entry.code))
-}
-
-/// `0x8245 (loss of SoC)`
-pub(super) fn error_code(code: u16) -> String {
+/// The code, and what it means where the communication profile says so.
+fn error_code(code: u16) -> String {
     match words::error_name(code) {
         "" => format!("0x{code:04X}"),
         name => format!("0x{code:04X} ({name})"),

@@ -270,14 +270,14 @@ fn what_is_rare_on_the_wire_has_words_too() {
     assert_eq!(
         meanings,
         [
-            "ResetNode to node 3 because of 0x8243 (loss of PRes)",
+            "ResetNode to node 3 because of 0x8243 (too many answers to polls were missed)",
             "StartNodeEx to nodes 3, 110",
             "PublishActiveNodes: nodes 3, 110",
             "StopNodeEx to no node",
             "refuses the request StartNode of node 3",
             "unknown NMT command 0x77 to node 3",
             "asks the managing node for IdentRequest to node 4",
-            "StatusResponse: error register 0x81; error 0x8245 (loss of SoC) occurred",
+            "StatusResponse: error register 0x81; error 8245h E_DLL_LOSS_SOC_TH: too many starts of cycle were missed (occurred)",
             "unknown service 0x33 to node 3",
             "invites node 3 to send an NMT request",
             "EN  1 octet: ab, mapping version 2.1; wants to send 7 or more, NMT first",
