@@ -13,7 +13,7 @@ use super::event::{Events, IdentityField, MnEvent};
 use super::fault::Fault;
 use super::node::{Network, Node};
 use crate::nmt::NmtCommand;
-use crate::sdo::{Client, ClientError, SERVICE_DATA_MAX, Timing};
+use crate::sdo::{Client, ClientError, Timing};
 use crate::wire::IdentResponse;
 
 /// A configuration value without an answer for this time has failed.
@@ -70,11 +70,9 @@ impl<'a> Node<'a> {
         // Checked when the managing node was made; an empty one has nothing to read.
         self.writes = CdcReader::new(self.config.configuration).ok();
         self.written = 0;
-        if self.configuration_is_current(ident, network) {
-            return false;
-        }
+        // The connection of the last boot is void, also for the application.
         self.sdo = Client::new(timing(network.cycle_ns));
-        true
+        !self.configuration_is_current(ident, network)
     }
 
     /// Nothing to write: the configuration is empty, or bit 11 of 0x1F80 is set and the node reports the stamp it shall have.
@@ -88,11 +86,6 @@ impl<'a> Node<'a> {
             time: ident.configuration_time,
         };
         writes.flatten().next().is_none() || (network.startup.check_configuration && expected == Some(got))
-    }
-
-    /// The SDO frame that is due, see [`Client::poll_transmit`].
-    pub(super) fn transmit_sdo(&mut self, now_ns: u64, out: &mut [u8; SERVICE_DATA_MAX]) -> Option<usize> {
-        self.sdo.poll_transmit(now_ns, self.writing.value, out)
     }
 
     /// Takes the result of the last write and starts the next one.

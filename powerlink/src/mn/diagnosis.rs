@@ -405,7 +405,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         }
     }
 
-    fn reason(&self, node: &Node<'a>) -> Option<Reason> {
+    pub(super) fn reason(&self, node: &Node<'a>) -> Option<Reason> {
         let given_up = node.record.last_fault.map(|last| last.fault);
         let since_ns = node.record.searched_since_ns;
         let stage = node.boot_stage();

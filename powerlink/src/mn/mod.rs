@@ -33,6 +33,7 @@ mod network;
 mod node;
 mod receive;
 mod record;
+mod service;
 mod signalling;
 mod slot;
 mod startup;
@@ -43,6 +44,7 @@ pub use diagnosis::{BootStage, Diagnosis, ForeignMn, NetworkDiagnosis, NetworkRe
 pub use event::{Counters, EVENTS_MAX, IdentityField, Malformed, MnEvent, NodeStatistics};
 pub use fault::Fault;
 pub use record::{ERRORS_KEPT, ErrorLog, LastFault, LoggedError};
+pub use service::{SdoCommand, SdoError, SdoRefused, SdoResult};
 pub use startup::{Assignment, RefusedBit, StartUp};
 pub use threshold::Threshold;
 
@@ -101,7 +103,7 @@ pub struct Input<'a> {
 }
 
 /// Managing node with room for `NODES` controlled nodes (about 4 kB each).
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Mn<'a, const NODES: usize> {
     config: MnConfig<'a>,
     state: NmtState,

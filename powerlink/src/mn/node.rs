@@ -13,6 +13,7 @@ use super::config::{BootTimes, NodeConfig};
 use super::event::{Events, MnEvent, NodeStatistics};
 use super::fault::{Fault, reset_reason};
 use super::record::Record;
+use super::service::{Job, SdoError};
 use super::signalling::Signalling;
 use super::startup::StartUp;
 use crate::nmt::{NmtCommand, NmtState};
@@ -38,7 +39,7 @@ pub(super) struct Network {
 }
 
 /// One controlled node.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct Node<'a> {
     pub(super) config: NodeConfig<'a>,
     pub(super) stage: Stage,
@@ -67,6 +68,8 @@ pub(super) struct Node<'a> {
     pub(super) writing: CdcWrite<'a>,
     pub(super) written: u32,
     pub(super) sdo: Client,
+    /// What the application does with it.
+    pub(super) job: Option<Job<'a>>,
     pub(super) wrong_state: u32,
     pub(super) output: [u8; PAYLOAD_MAX],
     pub(super) input: [u8; PAYLOAD_MAX],
@@ -99,6 +102,7 @@ impl<'a> Node<'a> {
             writing: super::configure::NOTHING_WRITTEN,
             written: 0,
             sdo: Client::new(Timing::default()),
+            job: None,
             wrong_state: 0,
             output: [0; PAYLOAD_MAX],
             input: [0; PAYLOAD_MAX],
@@ -137,6 +141,7 @@ impl<'a> Node<'a> {
 
     /// Everything that was learned from the node is void.
     pub(super) fn forget(&mut self, now_ns: u64, network: &Network) {
+        self.end_job(SdoError::NodeReset);
         self.stage = Stage::Search;
         self.record.searched_since_ns = now_ns;
         self.polled = false;

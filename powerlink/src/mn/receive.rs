@@ -150,7 +150,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 node.identified(now_ns, header.source, ident, &network, &mut self.events);
             }
             Asnd::StatusResponse(status) => node.status(now_ns, status, &network, &mut self.events),
-            Asnd::Sdo(data) => node.sdo.receive(now_ns, data, &mut []),
+            Asnd::Sdo(data) => node.receive_sdo(now_ns, data),
             Asnd::NmtRequest(request) => self.nmt_requested(index, request),
             Asnd::SyncResponse(response) => self.sync_response(index, response, now_ns),
             Asnd::NmtCommand(_) | Asnd::Other(_) => self.counters.unexpected += u64::from(granted),

@@ -6,6 +6,7 @@ mod cycle;
 mod diagnosis;
 mod faults;
 mod rules;
+mod service;
 mod startup;
 
 use std::collections::BTreeMap;
