@@ -9,14 +9,14 @@
 //! latency is learned later may shift those behind it, which are then given their new times while they run.
 
 use super::Mn;
-use super::config::wire_time_ns;
+use super::budget::wire_time_ns;
 use super::cycle::Phase;
 use super::fault::Fault;
 use super::node::{Network, Node};
 use crate::wire::{PAYLOAD_LIMIT_MIN, POLL_HEADER_LEN, SyncRequest, SyncResponse};
 
 /// Room between two frames of the chain beyond the gap of Ethernet: for different lengths of cable, in ns.
-const GUARD_NS: u32 = 1_000;
+pub(super) const GUARD_NS: u32 = 1_000;
 /// Cycles that a node goes on by its time without hearing our PRes.
 const FALL_BACK_CYCLES: u64 = 5;
 /// Cycles between two SyncRequests that stay without the right answer.

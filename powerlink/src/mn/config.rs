@@ -6,8 +6,9 @@ use core::fmt;
 
 use obd::cdc::{CdcError, CdcReader};
 
+use super::budget::{Budget, WorstCycle};
 use super::startup::{self, Assignment, StartUp};
-use crate::wire::{self, Mac, PAYLOAD_LIMIT_MIN, PAYLOAD_MAX, POLL_HEADER_LEN};
+use crate::wire::{self, Mac, PAYLOAD_MAX};
 
 /// Values an IdentResponse must carry; `None` is not checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -276,8 +277,8 @@ pub enum MnConfigError {
     },
     /// All polls timing out and the asynchronous slot do not fit into the cycle.
     CycleTooShort {
-        /// SoC, SoA, PReqs at 100 Mbit/s, PRes time-outs and asynchronous slot.
-        sum_ns: u64,
+        /// What the longest cycle can take.
+        worst: WorstCycle,
         /// As configured.
         cycle_ns: u32,
     },
@@ -335,9 +336,10 @@ impl fmt::Display for MnConfigError {
             MnConfigError::AsyncMtu { got } => write!(f, "AsyncMTU of {got} octets: expected 300..=1500"),
             MnConfigError::Prescaler { got } => write!(f, "prescaler {got}: expected 0..=1000"),
             MnConfigError::NoTimeout { id } => write!(f, "node {id}: a time-out of 0 ns can never be met"),
-            MnConfigError::CycleTooShort { sum_ns, cycle_ns } => write!(
+            MnConfigError::CycleTooShort { worst, cycle_ns } => write!(
                 f,
-                "polls and asynchronous slot can take {sum_ns} ns together, the cycle has {cycle_ns} ns"
+                "the time-outs do not fit the cycle of {} us: {worst}",
+                cycle_ns / 1000
             ),
             MnConfigError::Conflict { id, reason } => write!(f, "node {id}: {reason}"),
             MnConfigError::Configuration { id, error } => write!(f, "node {id}: concise DCF: {error}"),
@@ -346,24 +348,6 @@ impl fmt::Display for MnConfigError {
 }
 
 impl core::error::Error for MnConfigError {}
-
-/// Wire time of a frame at 100 Mbit/s with preamble, FCS and inter-frame gap, in ns.
-pub(super) fn wire_time_ns(frame_len: usize) -> u64 {
-    (frame_len as u64 + 4) * 80 + 640 + 960
-}
-
-/// Longest time a cycle can need when every poll times out, in ns.
-pub(super) fn slots_ns(config: &MnConfig<'_>) -> u64 {
-    let polls: u64 = config
-        .nodes
-        .iter()
-        .map(|node| {
-            let payload = usize::from(node.preq_bytes).max(PAYLOAD_LIMIT_MIN);
-            wire_time_ns(POLL_HEADER_LEN + payload) + u64::from(node.pres_timeout_ns)
-        })
-        .sum();
-    2 * wire_time_ns(wire::FRAME_LEN_MIN) + polls + u64::from(config.async_slot_timeout_ns)
-}
 
 /// Everything a managing node relies on later.
 pub(super) fn check(config: &MnConfig<'_>, most: usize) -> Result<(), MnConfigError> {
@@ -417,9 +401,9 @@ pub(super) fn check(config: &MnConfig<'_>, most: usize) -> Result<(), MnConfigEr
         id: wire::node::MN,
         reason,
     })?;
-    let sum_ns = slots_ns(config);
-    if sum_ns > u64::from(cycle_ns) {
-        return Err(MnConfigError::CycleTooShort { sum_ns, cycle_ns });
+    let worst = Budget::new(config, &[]).worst();
+    if worst.total_ns() > u64::from(cycle_ns) {
+        return Err(MnConfigError::CycleTooShort { worst, cycle_ns });
     }
     Ok(())
 }

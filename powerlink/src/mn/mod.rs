@@ -22,6 +22,7 @@
 //! on (NMT_StartUp object 0x1F80, bit 12 set); what a lost mandatory node means for the machine is up to the application.
 
 mod boot;
+mod budget;
 mod chaining;
 mod config;
 mod configure;
@@ -39,6 +40,7 @@ mod slot;
 mod startup;
 mod threshold;
 
+pub use budget::{Budget, BudgetLine, Part, WorstCycle, wire_time_ns};
 pub use config::{BootTimes, Direction, Identity, MnConfig, MnConfigError, NodeConfig, Stamp};
 pub use diagnosis::{BootStage, Diagnosis, ForeignMn, NetworkDiagnosis, NetworkReason, Reason};
 pub use event::{Counters, EVENTS_MAX, IdentityField, Malformed, MnEvent, NodeStatistics};
