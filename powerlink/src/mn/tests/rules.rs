@@ -40,7 +40,7 @@ fn a_configuration_is_refused_with_the_reason() {
     // Four minimum frames at 6720 ns, 100 + 900 µs, 150 µs.
     assert_eq!(
         refused(|_, nodes| nodes[1].pres_timeout_ns = 900_000),
-        "polls and asynchronous slot can take 1176880 ns together, the cycle has 1000000 ns"
+        "the time-outs do not fit the cycle of 1000 us: 27 (frames) + 1000 (PRes) + 150 (async slot) = 1177 us"
     );
     assert!(refused(|_, nodes| nodes[0].configuration = &[1, 0, 0, 0, 5]).contains("concise DCF"));
     let many = [node_config(1, &[]); 9];
