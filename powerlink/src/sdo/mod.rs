@@ -13,9 +13,12 @@
 
 pub mod client;
 pub mod command;
+pub mod datagram;
 pub mod multiple;
 pub mod sequence;
 pub mod server;
+#[cfg(feature = "std")]
+pub mod udp;
 
 pub use client::{Client, ClientError, Timing};
 pub use server::Server;
