@@ -103,14 +103,12 @@ impl Node<'_> {
 
 impl<const NODES: usize> Mn<'_, NODES> {
     /// Our PRes is on the wire: the time until which the chain has to be through; `None` where no node of it is running.
-    pub(super) fn chain_deadline_ns(&self, now_ns: u64) -> Option<u64> {
-        let running = self
-            .nodes
-            .iter()
-            .flatten()
-            .filter(|node| node.is_chained() && node.polled);
-        running
+    pub(super) fn chain_deadline_ns(&mut self, now_ns: u64) -> Option<u64> {
+        let nodes = self.nodes.iter_mut().flatten();
+        nodes
+            .filter(|node| node.is_chained() && node.polled)
             .map(|node| {
+                node.statistics.preq_sent += 1;
                 let pres_ns = u64::from(node.chain.pres_time_ns) + u64::from(node.pres_wire_ns());
                 now_ns + pres_ns + u64::from(node.config.pres_timeout_ns)
             })
