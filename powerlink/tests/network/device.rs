@@ -30,7 +30,6 @@ const DEVICE: &[EntryDef] = &[
     EntryDef::ro(0x2001, DataType::U32, "number").sub(1).tpdo(),
     EntryDef::ro(0x2001, DataType::U32, "complement").sub(2).tpdo(),
     EntryDef::ro(0x2001, DataType::U16, "mix").sub(3).tpdo(),
-    EntryDef::rw(0x2002, DataType::U32, "parameter").subs(1, 8),
 ];
 /// A controlled node with that device.
 pub type Node = Cn<{ COMMUNICATION_ENTRIES + lines_of(DEVICE) }, { COMMUNICATION_BYTES + octets_of(DEVICE) }>;
@@ -143,6 +142,7 @@ pub fn configuration(cycle_ns: u64) -> Vec<u8> {
     let mut writer = CdcWriter::new(&mut octets).unwrap();
     let mut push = |index, sub, value: &[u8]| writer.push(index, sub, value).unwrap();
     for (mapping, object) in [(0x1600, 0x2000_u64), (0x1A00, 0x2001)] {
+        push(mapping, 0, &[0]);
         for (sub, offset, length) in [(1_u8, 0_u64, 32_u64), (2, 32, 32), (3, 64, 16)] {
             let entry = object | u64::from(sub) << 16 | offset << 32 | length << 48;
             push(mapping, sub, &entry.to_le_bytes());
@@ -154,9 +154,6 @@ pub fn configuration(cycle_ns: u64) -> Vec<u8> {
     push(0x1C0B, 3, &80_u32.to_le_bytes());
     push(0x1C0D, 3, &80_u32.to_le_bytes());
     push(0x1C14, 0, &((cycle_ns * 3 / 10) as u32).to_le_bytes());
-    for sub in 1..=2 {
-        push(0x2002, sub, &0x1234_5678_u32.to_le_bytes());
-    }
     push(0x1020, 1, &20_000_u32.to_le_bytes());
     push(0x1020, 2, &1_u32.to_le_bytes());
     let octets = writer.finish().to_vec();

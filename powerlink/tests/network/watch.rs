@@ -63,9 +63,9 @@ struct MnModel {
 }
 
 /// Lines of the log that a failed test shows.
-const LOG_LEN: usize = 60;
+const LOG_LEN: usize = 100;
 /// Octets of each frame in the log, from the message type on.
-const LOG_OCTETS: std::ops::Range<usize> = 14..30;
+const LOG_OCTETS: std::ops::Range<usize> = 14..40;
 
 /// One frame, sent or heard.
 struct Line {
@@ -360,6 +360,8 @@ impl Watch {
             MnEvent::Identified { node }
             | MnEvent::IdentityMismatch { node, .. }
             | MnEvent::BootTimeout { node, .. }
+            | MnEvent::SdoAbort { node, .. }
+            | MnEvent::SdoFailed { node, .. }
             | MnEvent::WrongState { node, .. } => {
                 let index = self.index(node).unwrap();
                 self.nodes[index].lost_in_row = 0;
