@@ -156,6 +156,8 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
             // After a threshold the network starts again: every node is lost, and says so.
             MnEvent::NmtStateChanged { .. }
             | MnEvent::Configuring { .. }
+            | MnEvent::WaitsForApplication { .. }
+            | MnEvent::AllOnError { .. }
             | MnEvent::CycleThreshold
             | MnEvent::CrcThreshold
             | MnEvent::MappingVersion { .. } => return None,
@@ -287,10 +289,10 @@ impl<L: Link, const NODES: usize> Fieldbus for Powerlink<'_, L, NODES> {
     fn node_state(&self, node: NodeIndex) -> NodeState {
         match self.mn.node_state(node) {
             mn::NodeState::Absent => NodeState::Absent,
-            mn::NodeState::Configuring => NodeState::Configuring,
+            mn::NodeState::Held | mn::NodeState::Configuring => NodeState::Configuring,
             mn::NodeState::Ready => NodeState::Ready,
             mn::NodeState::Operational => NodeState::Operational,
-            mn::NodeState::Faulted => NodeState::Faulted,
+            mn::NodeState::Faulted | mn::NodeState::Stopped => NodeState::Faulted,
         }
     }
 

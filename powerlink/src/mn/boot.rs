@@ -16,6 +16,7 @@ use super::chaining::Chain;
 use super::event::{Events, MnEvent};
 use super::fault::{Fault, reset_reason};
 use super::node::{Network, Node, us};
+use super::service::SdoError;
 use crate::nmt::{NmtCommand, NmtState};
 use crate::wire::{IdentResponse, Mac};
 
@@ -33,6 +34,8 @@ pub(super) enum Stage {
     Search,
     /// Wrong identity, or it refused its configuration; looked at again later.
     Refused { until_ns: u64 },
+    /// Identified; the application has to let it boot (bit 2 of its assignment is clear).
+    Held,
     /// Identified; the configuration is being written.
     Configure,
     /// Everything is written; the SDO connection is being closed.
@@ -53,6 +56,12 @@ pub(super) enum Stage {
     WaitOperational { deadline_ns: u64, again_ns: u64 },
     /// Done.
     Operational,
+    /// Found OPERATIONAL with the right configuration, and kept alive; waits for the network.
+    TakenOver,
+    /// In PRE_OPERATIONAL_2 by order of the application, until it orders READY_TO_OPERATE.
+    BackInPreOperational2 { again_ns: u64 },
+    /// Stopped by order of the application, or with all others because of an error.
+    Stopped { again_ns: u64 },
 }
 
 /// An NMT command that waits for a slot.
@@ -74,6 +83,7 @@ impl<'a> Node<'a> {
         match self.stage {
             Stage::Search
             | Stage::Refused { .. }
+            | Stage::Held
             | Stage::Configure
             | Stage::CloseSdo
             | Stage::ResetConfiguration
@@ -83,7 +93,10 @@ impl<'a> Node<'a> {
             | Stage::Check { .. }
             | Stage::Ready
             | Stage::WaitOperational { .. }
-            | Stage::Operational => true,
+            | Stage::Operational
+            | Stage::TakenOver
+            | Stage::BackInPreOperational2 { .. }
+            | Stage::Stopped { .. } => true,
         }
     }
 
@@ -91,7 +104,7 @@ impl<'a> Node<'a> {
     pub(super) fn is_ready(&self) -> bool {
         matches!(
             self.stage,
-            Stage::Ready | Stage::WaitOperational { .. } | Stage::Operational
+            Stage::Ready | Stage::WaitOperational { .. } | Stage::Operational | Stage::TakenOver
         )
     }
 
@@ -124,6 +137,7 @@ impl<'a> Node<'a> {
                 return;
             }
             Stage::Refused { .. }
+            | Stage::Held
             | Stage::Configure
             | Stage::CloseSdo
             | Stage::ResetConfiguration
@@ -132,7 +146,10 @@ impl<'a> Node<'a> {
             | Stage::Check { .. }
             | Stage::Ready
             | Stage::WaitOperational { .. }
-            | Stage::Operational => return,
+            | Stage::Operational
+            | Stage::TakenOver
+            | Stage::BackInPreOperational2 { .. }
+            | Stage::Stopped { .. } => return,
         }
         if self.order.is_some() {
             // It is about to be reset; what it says now is void.
@@ -142,8 +159,10 @@ impl<'a> Node<'a> {
             self.refuse(now_ns, network, fault, events);
             return;
         }
+        let keep_alive = self.config.assignment.keep_alive && self.configuration_is_current(ident, network);
         match ident.nmt_state {
             NmtState::PreOperational1 | NmtState::PreOperational2 => {}
+            NmtState::Operational if keep_alive => {}
             // It runs with what some earlier network gave it, or is stopped: from the start.
             NmtState::ReadyToOperate
             | NmtState::Operational
@@ -171,7 +190,12 @@ impl<'a> Node<'a> {
         self.restart_signalling(now_ns);
         events.push(MnEvent::Identified { node: self.config.id });
         self.set_state(NodeState::Configuring, events);
-        if self.begin_configuration(ident, network) {
+        if ident.nmt_state == NmtState::Operational {
+            self.stage = Stage::TakenOver;
+        } else if !self.config.assignment.automatic_start && !core::mem::take(&mut self.boot_asked) {
+            self.stage = Stage::Held;
+            self.set_state(NodeState::Held, events);
+        } else if self.begin_configuration(ident, network) {
             self.stage = Stage::Configure;
         } else {
             self.enable(now_ns, network);
@@ -179,10 +203,22 @@ impl<'a> Node<'a> {
         self.reported(ident.nmt_state, network);
     }
 
+    /// The application lets a held node boot; it is looked for once more, as it may have changed.
+    pub(super) fn boot_held(&mut self, now_ns: u64) {
+        self.boot_asked = true;
+        self.end_job(SdoError::NodeReset);
+        self.stage = Stage::Search;
+        self.polled = false;
+        self.ident_due_ns = now_ns;
+    }
+
     /// The isochronous cycle begins: what a node that was identified long ago has to do in time counts from now.
     pub(super) fn cycle_begins(&mut self, now_ns: u64, network: &Network) {
         if matches!(self.stage, Stage::Enable { .. }) {
             self.enable(now_ns, network);
+        }
+        if self.stage == Stage::TakenOver {
+            self.polled = !self.config.assignment.async_only;
         }
     }
 
@@ -195,6 +231,11 @@ impl<'a> Node<'a> {
     /// The ordered NMT command is on the wire.
     pub(super) fn order_sent(&mut self, now_ns: u64, network: &Network) {
         let Some(order) = self.order.take() else { return };
+        if matches!(self.stage, Stage::Stopped { .. }) {
+            // A stopped node answers no polls.
+            self.polled = false;
+            self.status_due_ns = now_ns;
+        }
         if order.command == NmtCommand::ResetConfiguration && self.stage == Stage::ResetConfiguration {
             self.polled = false;
             self.chain = Chain::NEW;
@@ -212,7 +253,7 @@ impl<'a> Node<'a> {
             return;
         }
         match self.stage {
-            Stage::Search => {}
+            Stage::Search | Stage::Held => {}
             Stage::Refused { until_ns } => {
                 if now_ns >= until_ns {
                     self.stage = Stage::Search;
@@ -221,16 +262,13 @@ impl<'a> Node<'a> {
             }
             // A node that is not polled yet has not seen a SoC; its RS would not be seen either.
             Stage::Configure => {
-                if self.polled {
+                if self.takes_part() {
                     self.configure(now_ns, network, events);
                 }
             }
             Stage::CloseSdo => {
                 if !self.sdo.wants_to_transmit(now_ns) {
-                    self.order = Some(Order {
-                        command: NmtCommand::ResetConfiguration,
-                        reason: reset_reason::NONE,
-                    });
+                    self.command(NmtCommand::ResetConfiguration);
                     self.stage = Stage::ResetConfiguration;
                 }
             }
@@ -239,7 +277,7 @@ impl<'a> Node<'a> {
                 self.check_time(now_ns, deadline_ns, NmtState::PreOperational1, network, events)
             }
             Stage::Enable { deadline_ns } => {
-                if self.polled && self.nmt_state == NmtState::PreOperational2 {
+                if self.takes_part() && self.nmt_state == NmtState::PreOperational2 {
                     self.ask_ready(now_ns, deadline_ns);
                 } else {
                     self.check_time(now_ns, deadline_ns, NmtState::PreOperational2, network, events);
@@ -257,7 +295,8 @@ impl<'a> Node<'a> {
                 }
             }
             Stage::Check { deadline_ns, good } => {
-                if good >= CHECK_CYCLES {
+                // Without polls there is no communication that could be checked.
+                if good >= CHECK_CYCLES || self.config.assignment.async_only {
                     self.stage = Stage::Ready;
                     self.set_state(NodeState::Ready, events);
                 } else {
@@ -265,15 +304,9 @@ impl<'a> Node<'a> {
                 }
             }
             Stage::Ready => {
-                if network.state == NmtState::Operational {
-                    self.order = Some(Order {
-                        command: NmtCommand::StartNode,
-                        reason: reset_reason::NONE,
-                    });
-                    self.stage = Stage::WaitOperational {
-                        deadline_ns: now_ns + us(network.boot.timeout_ready_to_operate_us),
-                        again_ns: now_ns + COMMAND_RETRY_NS,
-                    };
+                if network.state == NmtState::Operational && network.starts_nodes {
+                    self.command(NmtCommand::StartNode);
+                    self.started(now_ns, network);
                 }
             }
             Stage::WaitOperational { deadline_ns, again_ns } => {
@@ -282,10 +315,7 @@ impl<'a> Node<'a> {
                     self.stage = Stage::Operational;
                     self.set_state(NodeState::Operational, events);
                 } else if now_ns >= again_ns && now_ns < deadline_ns {
-                    self.order = Some(Order {
-                        command: NmtCommand::StartNode,
-                        reason: reset_reason::NONE,
-                    });
+                    self.command(NmtCommand::StartNode);
                     self.stage = Stage::WaitOperational {
                         deadline_ns,
                         again_ns: now_ns + COMMAND_RETRY_NS,
@@ -295,15 +325,73 @@ impl<'a> Node<'a> {
                 }
             }
             Stage::Operational => {}
+            Stage::TakenOver => {
+                if network.state == NmtState::Operational && self.nmt_state == NmtState::Operational {
+                    self.stage = Stage::Operational;
+                    self.set_state(NodeState::Operational, events);
+                }
+            }
+            Stage::BackInPreOperational2 { again_ns } => {
+                if self.nmt_state != NmtState::PreOperational2 && now_ns >= again_ns {
+                    self.back_in_pre_operational_2(now_ns);
+                }
+            }
+            Stage::Stopped { again_ns } => {
+                if self.nmt_state.is_isochronous() && now_ns >= again_ns {
+                    self.stop(now_ns);
+                }
+            }
         }
+    }
+
+    /// What the managing node learns of it does not have to wait for a first poll.
+    fn takes_part(&self) -> bool {
+        self.polled || self.config.assignment.async_only
+    }
+
+    /// Orders an NMT command.
+    pub(super) fn command(&mut self, command: NmtCommand) {
+        let reason = reset_reason::NONE;
+        self.order = Some(Order { command, reason });
+    }
+
+    /// StartNode is on its way, to this node alone or to all.
+    pub(super) fn started(&mut self, now_ns: u64, network: &Network) {
+        self.stage = Stage::WaitOperational {
+            deadline_ns: now_ns + us(network.boot.timeout_ready_to_operate_us),
+            again_ns: now_ns + COMMAND_RETRY_NS,
+        };
+    }
+
+    /// Orders PRE_OPERATIONAL_2 after STOPPED or OPERATIONAL; again after a while.
+    pub(super) fn back_in_pre_operational_2(&mut self, now_ns: u64) {
+        self.command(NmtCommand::EnterPreOperational2);
+        self.stage = Stage::BackInPreOperational2 {
+            again_ns: now_ns + COMMAND_RETRY_NS,
+        };
+    }
+
+    /// Orders STOPPED; again after a while.
+    pub(super) fn stop(&mut self, now_ns: u64) {
+        self.command(NmtCommand::StopNode);
+        self.stopped(now_ns);
+    }
+
+    /// StopNode is on its way, to this node alone or to all.
+    pub(super) fn stopped(&mut self, now_ns: u64) {
+        self.stage = Stage::Stopped {
+            again_ns: now_ns + COMMAND_RETRY_NS,
+        };
+    }
+
+    /// The application lets a node go on that it had taken back to PRE_OPERATIONAL_2.
+    pub(super) fn enable_again(&mut self, now_ns: u64, network: &Network) {
+        self.ask_ready(now_ns, now_ns + us(network.boot.timeout_pre_op_2_us));
     }
 
     /// Orders READY_TO_OPERATE; again after a while, as an NMT command is never acknowledged.
     fn ask_ready(&mut self, now_ns: u64, deadline_ns: u64) {
-        self.order = Some(Order {
-            command: NmtCommand::EnableReadyToOperate,
-            reason: reset_reason::NONE,
-        });
+        self.command(NmtCommand::EnableReadyToOperate);
         self.stage = Stage::WaitReady {
             deadline_ns,
             again_ns: now_ns + COMMAND_RETRY_NS,

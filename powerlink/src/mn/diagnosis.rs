@@ -22,6 +22,8 @@ pub enum BootStage {
     Searching,
     /// It was refused, and is looked at again later.
     Refused,
+    /// Identified; waits for the application to let it boot (0x1F81 bit 2 is clear).
+    Held,
     /// Its configuration is being written.
     Configuring {
         /// Objects written so far.
@@ -47,6 +49,12 @@ pub enum BootStage {
     WaitingOperational,
     /// Done.
     Operational,
+    /// Found OPERATIONAL and kept alive (0x1F81 bit 4); waits for the network.
+    TakenOver,
+    /// In PRE_OPERATIONAL_2 by order of the application, until it orders READY_TO_OPERATE.
+    BackInPreOperational2,
+    /// Stopped, by order of the application or because a mandatory node dropped out (0x1F80 bit 6).
+    Stopped,
 }
 
 impl fmt::Display for BootStage {
@@ -54,6 +62,7 @@ impl fmt::Display for BootStage {
         match *self {
             BootStage::Searching => f.write_str("being looked for"),
             BootStage::Refused => f.write_str("refused"),
+            BootStage::Held => f.write_str("waits for the application to boot it (1F81h bit 2 is clear)"),
             BootStage::Configuring {
                 written: 0, index: 0, ..
             } => f.write_str("about to be configured"),
@@ -69,6 +78,9 @@ impl fmt::Display for BootStage {
             BootStage::Ready => f.write_str("ready"),
             BootStage::WaitingOperational => f.write_str("ordered to OPERATIONAL"),
             BootStage::Operational => f.write_str("operational"),
+            BootStage::TakenOver => f.write_str("taken over as it was"),
+            BootStage::BackInPreOperational2 => f.write_str("in PRE_OPERATIONAL_2 by order of the application"),
+            BootStage::Stopped => f.write_str("stopped by order"),
         }
     }
 }
@@ -332,6 +344,7 @@ impl Node<'_> {
         match self.stage {
             Stage::Search => BootStage::Searching,
             Stage::Refused { .. } => BootStage::Refused,
+            Stage::Held => BootStage::Held,
             Stage::Configure => {
                 let writing = self.sdo.is_busy().then_some((self.writing.index, self.writing.sub));
                 let (index, sub) = writing.unwrap_or((0, 0));
@@ -349,6 +362,9 @@ impl Node<'_> {
             Stage::Ready => BootStage::Ready,
             Stage::WaitOperational { .. } => BootStage::WaitingOperational,
             Stage::Operational => BootStage::Operational,
+            Stage::TakenOver => BootStage::TakenOver,
+            Stage::BackInPreOperational2 { .. } => BootStage::BackInPreOperational2,
+            Stage::Stopped { .. } => BootStage::Stopped,
         }
     }
 
@@ -356,11 +372,13 @@ impl Node<'_> {
     pub(super) fn expected_nmt_state(&self, network: NmtState) -> NmtState {
         match self.stage {
             Stage::Search | Stage::Refused { .. } => NmtState::NotActive,
-            Stage::Configure
+            Stage::Held
+            | Stage::Configure
             | Stage::CloseSdo
             | Stage::ResetConfiguration
             | Stage::Reidentify { .. }
-            | Stage::Enable { .. } => {
+            | Stage::Enable { .. }
+            | Stage::BackInPreOperational2 { .. } => {
                 if network.is_isochronous() {
                     NmtState::PreOperational2
                 } else {
@@ -368,7 +386,8 @@ impl Node<'_> {
                 }
             }
             Stage::WaitReady { .. } | Stage::Check { .. } | Stage::Ready => NmtState::ReadyToOperate,
-            Stage::WaitOperational { .. } | Stage::Operational => NmtState::Operational,
+            Stage::WaitOperational { .. } | Stage::Operational | Stage::TakenOver => NmtState::Operational,
+            Stage::Stopped { .. } => NmtState::Stopped,
         }
     }
 }
@@ -427,8 +446,14 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             Stage::Configure | Stage::Enable { .. } if !self.state.is_isochronous() => {
                 self.waiting_for(NmtState::PreOperational2)
             }
-            Stage::Ready if self.state != NmtState::Operational => self.waiting_for(NmtState::Operational),
-            Stage::Configure
+            Stage::Ready | Stage::TakenOver if self.state != NmtState::Operational => {
+                self.waiting_for(NmtState::Operational)
+            }
+            Stage::Held
+            | Stage::TakenOver
+            | Stage::BackInPreOperational2 { .. }
+            | Stage::Stopped { .. }
+            | Stage::Configure
             | Stage::CloseSdo
             | Stage::ResetConfiguration
             | Stage::Reidentify { .. }

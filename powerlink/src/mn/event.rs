@@ -8,7 +8,7 @@ use core::fmt;
 use obd::AbortCode;
 
 use super::{NodeState, Stamp, Threshold};
-use crate::nmt::NmtState;
+use crate::nmt::{NmtCommand, NmtState};
 use crate::wire::{ErrorEntry, Mac, WireError};
 
 /// Events the ring holds.
@@ -144,6 +144,17 @@ pub enum MnEvent {
     CycleThreshold,
     /// The threshold of frames with a wrong check sum (0x1C00/3) was reached; the network starts again.
     CrcThreshold,
+    /// The network could enter this state; it waits for the application to let it (0x1F80 bits 2, 7 and 8, and bit 6 after an
+    /// error).
+    WaitsForApplication {
+        /// The next state.
+        next: NmtState,
+    },
+    /// A mandatory node dropped out of the OPERATIONAL network, and all nodes get this command (0x1F80 bits 4 and 6).
+    AllOnError {
+        /// ResetNode or StopNode.
+        command: NmtCommand,
+    },
     /// Another managing node is on the wire.
     ForeignMn {
         /// Its MAC.
@@ -209,6 +220,10 @@ impl fmt::Display for MnEvent {
             MnEvent::CrcThreshold => {
                 f.write_str("the threshold of check sum errors (1C00h/03h) is reached; starting the network again")
             }
+            MnEvent::WaitsForApplication { next } => {
+                write!(f, "managing node: {next:?} would be next; waits for the application")
+            }
+            MnEvent::AllOnError { command } => write!(f, "a mandatory node dropped out: {command:?} to all"),
             MnEvent::ForeignMn { mac } => write!(f, "another managing node is on the wire, MAC {mac:02x?}"),
         }
     }
@@ -345,6 +360,8 @@ pub struct NodeStatistics {
     pub slots_granted: u64,
     /// Granted slots in which nothing came.
     pub slots_unused: u64,
+    /// StatusRequests without an answer, as threshold counter (0x1C15, 0x1C16; the threshold is 0x1C17).
+    pub loss_of_status: Threshold,
     /// Boots begun.
     pub boots: u64,
     /// Objects written by SDO.

@@ -21,6 +21,7 @@
 //! The network is never restarted because of one node: a node that is lost is reset and booted again while the others go
 //! on (NMT_StartUp object 0x1F80, bit 12 set); what a lost mandatory node means for the machine is up to the application.
 
+mod application;
 mod boot;
 mod budget;
 mod chaining;
@@ -40,6 +41,7 @@ mod slot;
 mod startup;
 mod threshold;
 
+pub use application::NodeCommandError;
 pub use budget::{Budget, BudgetLine, Part, WorstCycle, wire_time_ns};
 pub use config::{BootTimes, Direction, Identity, MnConfig, MnConfigError, NodeConfig, Stamp};
 pub use diagnosis::{BootStage, Diagnosis, ForeignMn, NetworkDiagnosis, NetworkReason, Reason};
@@ -55,7 +57,7 @@ use crate::wire::{self, FRAME_LEN_MAX, Mac, NetTime, PAYLOAD_MAX};
 use config::check;
 use cycle::Phase;
 use event::Events;
-use network::Reduced;
+use network::{Gate, Reduced, ToAll};
 use node::{Network, Node};
 use slot::{Shutdown, Turn};
 
@@ -69,6 +71,8 @@ const NOBODY: u8 = u8::MAX;
 pub enum NodeState {
     /// Not heard of yet.
     Absent,
+    /// Identified; boots when the application lets it (0x1F81 bit 2 is clear).
+    Held,
     /// Identified; being booted.
     Configuring,
     /// READY_TO_OPERATE, communication checked; waits for the network.
@@ -77,6 +81,8 @@ pub enum NodeState {
     Operational,
     /// Lost, refused or failed; it is being looked for and booted again.
     Faulted,
+    /// STOPPED by order: no process data, until it is ordered otherwise.
+    Stopped,
 }
 
 /// What the caller does next.
@@ -120,6 +126,11 @@ pub struct Mn<'a, const NODES: usize> {
     listen_until_ns: Option<u64>,
     pre_op_1_since_ns: u64,
     missing_reported: bool,
+    /// The network fell back to PRE_OPERATIONAL_1; what that begins with is still to be done.
+    entered_pre_op_1: bool,
+    gate: Gate,
+    /// Command to all that waits for a slot.
+    to_all: Option<ToAll>,
     foreign_heard_ns: Option<u64>,
     foreign_mac: Mac,
     cycle_started_ns: Option<u64>,
@@ -164,6 +175,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             listen_until_ns: None,
             pre_op_1_since_ns: 0,
             missing_reported: false,
+            entered_pre_op_1: false,
+            gate: Gate::default(),
+            to_all: None,
             foreign_heard_ns: None,
             foreign_mac: [0; 6],
             cycle_started_ns: None,
@@ -260,6 +274,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             pres_short: 0,
             pres_version: 0,
             loss_of_pres: Threshold::ZERO,
+            loss_of_status: Threshold::ZERO,
             lost_in_row_max: 0,
             response_ns_max: 0,
             slots_granted: 0,
@@ -352,12 +367,15 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             cycle_ns: u64::from(self.config.cycle_ns),
             boot: self.config.boot,
             startup: self.config.startup,
+            // After an error that stopped all, nothing starts before the application says so.
+            starts_nodes: !self.config.startup.application_starts_nodes && self.gate.next.is_none(),
         }
     }
 
     /// Takes the managing node to the state the standard's table gives, if any.
     fn trigger(&mut self, trigger: MnTrigger) {
         if let Some(state) = nmt::mn_next(self.state, trigger) {
+            self.entered_pre_op_1 = self.state.is_isochronous() && state == NmtState::PreOperational1;
             self.state = state;
             self.events.push(MnEvent::NmtStateChanged { state });
         }

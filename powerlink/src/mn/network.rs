@@ -1,13 +1,15 @@
-//! The network as a whole: when the managing node itself takes the next step of the boot-up.
+//! The network as a whole: when the managing node itself takes the next step of the boot-up, and what the loss of a mandatory
+//! node does to all.
 //!
-//! In:  the stages of all nodes, the time. Out: the managing node's own NMT state.
+//! In:  the stages of all nodes, the time, the application's leave. Out: the managing node's own NMT state, commands to all.
 //! RT: no allocation, no locks, bounded by the number of nodes.
 
-use super::Mn;
+use super::boot::Stage;
 use super::event::MnEvent;
 use super::node::{Node, us};
-use super::slot::Shutdown;
-use crate::nmt::{MnTrigger, NmtState};
+use super::slot::{BROADCAST_REPEAT, Shutdown};
+use super::{Mn, NodeState};
+use crate::nmt::{MnTrigger, NmtCommand, NmtState};
 
 /// Where the start of PRE_OPERATIONAL_1 stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,10 +18,46 @@ pub(super) enum Reduced {
     Wake { left: u8 },
     /// The ResetNode broadcast is next.
     Reset,
+    /// As some node is kept alive, ResetNode goes to the others one by one; this one is next.
+    ResetEach { index: usize },
     /// The nodes restart.
     Pause { until_ns: u64 },
     /// IdentRequests.
     Ident,
+}
+
+/// A step that needs the application's leave.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Gate {
+    /// The network would enter this state.
+    pub(super) next: Option<NmtState>,
+    /// The application lets it.
+    pub(super) open: bool,
+}
+
+/// What all nodes are told at once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Everyone {
+    Start,
+    Stop,
+    Reset,
+}
+
+impl Everyone {
+    pub(super) fn command(self) -> NmtCommand {
+        match self {
+            Everyone::Start => NmtCommand::StartNode,
+            Everyone::Stop => NmtCommand::StopNode,
+            Everyone::Reset => NmtCommand::ResetNode,
+        }
+    }
+}
+
+/// A command to all nodes, sent a few times because nobody acknowledges it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct ToAll {
+    pub(super) what: Everyone,
+    pub(super) left: u8,
 }
 
 impl<'a, const NODES: usize> Mn<'a, NODES> {
@@ -28,22 +66,26 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         if self.shutdown != Shutdown::No {
             return;
         }
+        if core::mem::take(&mut self.entered_pre_op_1) {
+            self.begin_pre_op_1(now_ns);
+        }
         let network = self.network();
+        let mut dropped_out = false;
         for node in self.nodes.iter_mut().flatten() {
             node.step(now_ns, &network, &mut self.events);
+            dropped_out |= core::mem::take(&mut node.dropped_out) && node.config.assignment.mandatory;
         }
-        let mandatory = |is: fn(&Node<'a>) -> bool| {
-            self.nodes
-                .iter()
-                .flatten()
-                .filter(|node| node.config.assignment.mandatory)
-                .all(is)
-        };
+        if dropped_out {
+            self.mandatory_dropped_out();
+        }
+        let startup = self.config.startup;
         match self.state {
             NmtState::PreOperational1 if self.reduced == Reduced::Ident => {
                 let stayed_ns = now_ns.saturating_sub(self.pre_op_1_since_ns);
-                if mandatory(Node::is_identified) {
-                    if stayed_ns >= us(self.config.boot.wait_pre_op_1_us) {
+                if self.mandatory(Node::is_identified) {
+                    if stayed_ns >= us(self.config.boot.wait_pre_op_1_us)
+                        && self.passes(startup.application_enters_pre_operational_2, NmtState::PreOperational2)
+                    {
                         self.trigger(MnTrigger::MandatoryIdentified);
                         for node in self.nodes.iter_mut().flatten() {
                             node.cycle_begins(now_ns, &network);
@@ -51,22 +93,27 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     }
                 } else if stayed_ns >= us(self.config.boot.timeout_pre_op_1_us) && !self.missing_reported {
                     self.missing_reported = true;
-                    for node in self
-                        .nodes
-                        .iter()
-                        .flatten()
-                        .filter(|node| node.config.assignment.mandatory)
-                    {
-                        if !node.is_identified() {
-                            self.events.push(MnEvent::Missing { node: node.config.id });
-                        }
+                    self.report_missing();
+                }
+            }
+            NmtState::PreOperational2 if self.mandatory(Node::is_configured) => {
+                if self.passes(startup.application_enters_ready_to_operate, NmtState::ReadyToOperate) {
+                    self.trigger(MnTrigger::MandatoryConfigured);
+                }
+            }
+            NmtState::ReadyToOperate if self.mandatory(Node::is_ready) => {
+                if self.passes(startup.application_enters_operational, NmtState::Operational) {
+                    self.trigger(MnTrigger::MandatoryReady);
+                    if startup.broadcast_start {
+                        self.order_all(Everyone::Start, 1);
                     }
                 }
             }
-            NmtState::PreOperational2 if mandatory(Node::is_configured) => {
-                self.trigger(MnTrigger::MandatoryConfigured);
+            // All were stopped because of an error, and may come up again now.
+            NmtState::Operational if self.gate.open => {
+                self.gate = Gate::default();
+                self.start_again();
             }
-            NmtState::ReadyToOperate if mandatory(Node::is_ready) => self.trigger(MnTrigger::MandatoryReady),
             NmtState::PreOperational1
             | NmtState::PreOperational2
             | NmtState::ReadyToOperate
@@ -80,6 +127,141 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             | NmtState::BasicEthernet
             | NmtState::Stopped
             | NmtState::Unknown(_) => {}
+        }
+    }
+
+    /// Whether this holds for every mandatory node.
+    fn mandatory(&self, is: impl Fn(&Node<'a>) -> bool) -> bool {
+        let mut mandatory = self
+            .nodes
+            .iter()
+            .flatten()
+            .filter(|node| node.config.assignment.mandatory);
+        mandatory.all(is)
+    }
+
+    fn report_missing(&mut self) {
+        for node in self.nodes.iter().flatten() {
+            if node.config.assignment.mandatory && !node.is_identified() {
+                self.events.push(MnEvent::Missing { node: node.config.id });
+            }
+        }
+    }
+
+    /// Whether the next state may be entered: at once, or, where the application has a say, when it has said so.
+    fn passes(&mut self, gated: bool, next: NmtState) -> bool {
+        if !gated || (self.gate.open && self.gate.next == Some(next)) {
+            self.gate = Gate::default();
+            return true;
+        }
+        self.wait_for_application(next);
+        false
+    }
+
+    fn wait_for_application(&mut self, next: NmtState) {
+        if self.gate.next != Some(next) {
+            self.gate = Gate {
+                next: Some(next),
+                open: false,
+            };
+            self.events.push(MnEvent::WaitsForApplication { next });
+        }
+    }
+
+    fn order_all(&mut self, what: Everyone, left: u8) {
+        self.to_all = Some(ToAll { what, left });
+    }
+
+    /// A mandatory node that was ready has failed while the network was OPERATIONAL; it is reset and booted again in any case.
+    fn mandatory_dropped_out(&mut self) {
+        let startup = self.config.startup;
+        if startup.reset_all_on_error {
+            let command = NmtCommand::ResetNode;
+            self.events.push(MnEvent::AllOnError { command });
+            self.start_again();
+        } else if startup.stop_all_on_error {
+            let command = NmtCommand::StopNode;
+            self.events.push(MnEvent::AllOnError { command });
+            self.order_all(Everyone::Stop, BROADCAST_REPEAT);
+            self.wait_for_application(self.state_after_error());
+        } else if !startup.stay_operational {
+            self.reduced = Reduced::Ident;
+            self.trigger(MnTrigger::MandatoryLost);
+        }
+    }
+
+    fn state_after_error(&self) -> NmtState {
+        if self.config.startup.stay_operational {
+            NmtState::Operational
+        } else {
+            NmtState::PreOperational1
+        }
+    }
+
+    /// Resets all nodes and boots them again: in the running network, or from PRE_OPERATIONAL_1.
+    fn start_again(&mut self) {
+        if self.config.startup.stay_operational {
+            self.order_all(Everyone::Reset, BROADCAST_REPEAT);
+        } else {
+            self.reduced = Reduced::Reset;
+            self.trigger(MnTrigger::MandatoryLost);
+        }
+    }
+
+    /// PRE_OPERATIONAL_1 begins: every node is looked for. Nodes that a lost mandatory node or an error of our own has left
+    /// without SoC are asked what they are, and reset where they still run.
+    fn begin_pre_op_1(&mut self, now_ns: u64) {
+        self.pre_op_1_since_ns = now_ns;
+        self.missing_reported = false;
+        self.cycle_started_ns = None;
+        self.to_all = None;
+        self.gate = Gate::default();
+        self.forget_all(now_ns);
+    }
+
+    fn forget_all(&mut self, now_ns: u64) {
+        let network = self.network();
+        for node in self.nodes.iter_mut().flatten() {
+            node.forget(now_ns, &network);
+            node.dropped_out = false;
+            // A ResetNode that is due says why; every other order is void.
+            node.order = node.order.filter(|order| order.command == NmtCommand::ResetNode);
+            if node.state != NodeState::Faulted {
+                node.set_state(NodeState::Absent, &mut self.events);
+            }
+        }
+    }
+
+    /// A command to all is on the wire.
+    pub(super) fn sent_to_all(&mut self, now_ns: u64) {
+        let Some(ToAll { what, left }) = self.to_all else {
+            return;
+        };
+        self.to_all = (left > 1).then_some(ToAll {
+            what,
+            left: left.saturating_sub(1),
+        });
+        let network = self.network();
+        match what {
+            Everyone::Start => {
+                for node in self
+                    .nodes
+                    .iter_mut()
+                    .flatten()
+                    .filter(|node| node.stage == Stage::Ready)
+                {
+                    node.started(now_ns, &network);
+                }
+            }
+            Everyone::Stop => {
+                for node in self.nodes.iter_mut().flatten().filter(|node| node.is_configured()) {
+                    node.stopped(now_ns);
+                    node.order = None;
+                    node.polled = false;
+                    node.set_state(NodeState::Stopped, &mut self.events);
+                }
+            }
+            Everyone::Reset => self.forget_all(now_ns),
         }
     }
 }

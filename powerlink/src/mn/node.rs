@@ -11,7 +11,7 @@ use super::boot::{Order, Stage};
 use super::chaining::Chain;
 use super::config::{BootTimes, NodeConfig};
 use super::event::{Events, MnEvent, NodeStatistics};
-use super::fault::{Fault, reset_reason};
+use super::fault::Fault;
 use super::record::Record;
 use super::service::{Job, SdoError};
 use super::signalling::Signalling;
@@ -24,8 +24,8 @@ use crate::wire::{Mac, PAYLOAD_MAX, Pres, Requests, StatusResponse};
 const MAIN_VERSION: u8 = 0xF0;
 /// PRes in a row with a wrong NMT state that are tolerated (C_NMT_STATE_TOLERANCE).
 const STATE_TOLERANCE_CYCLES: u32 = 5;
-/// StatusRequests in a row without an answer after which a node that is not polled yet counts as lost.
-const STATUS_UNANSWERED_MAX: u32 = 15;
+/// Between two StatusRequests to a node that has settled and is not polled: its only sign of life.
+const SUPERVISION_NS: u64 = 100_000_000;
 /// Cycles between two requests to a node that does not answer.
 const RETRY_CYCLES: u64 = 5;
 
@@ -36,6 +36,8 @@ pub(super) struct Network {
     pub(super) cycle_ns: u64,
     pub(super) boot: BootTimes,
     pub(super) startup: StartUp,
+    /// Ready nodes are started by the managing node.
+    pub(super) starts_nodes: bool,
 }
 
 /// One controlled node.
@@ -63,6 +65,10 @@ pub(super) struct Node<'a> {
     pub(super) status_asked: bool,
     pub(super) ident_asked: bool,
     pub(super) ident_due_ns: u64,
+    /// The application lets the node boot (bit 2 of its assignment is clear).
+    pub(super) boot_asked: bool,
+    /// It was ready, and failed in an OPERATIONAL network.
+    pub(super) dropped_out: bool,
     /// Writes of the concise DCF that are still to come.
     pub(super) writes: Option<CdcReader<'a>>,
     pub(super) writing: CdcWrite<'a>,
@@ -98,6 +104,8 @@ impl<'a> Node<'a> {
             status_asked: false,
             ident_asked: false,
             ident_due_ns: 0,
+            boot_asked: false,
+            dropped_out: false,
             writes: None,
             writing: super::configure::NOTHING_WRITTEN,
             written: 0,
@@ -177,6 +185,7 @@ impl<'a> Node<'a> {
     pub(super) fn give_up(&mut self, now_ns: u64, network: &Network, fault: Fault, events: &mut Events) {
         self.record.fault(now_ns, fault);
         events.push(fault.event(self.config.id));
+        self.dropped_out |= self.is_ready() && network.state == NmtState::Operational;
         self.forget(now_ns, network);
         self.statistics.faults += 1;
     }
@@ -184,10 +193,7 @@ impl<'a> Node<'a> {
     /// As `fail`, but by wish of the application.
     pub(super) fn reset(&mut self, now_ns: u64, network: &Network, events: &mut Events) {
         self.forget(now_ns, network);
-        self.order = Some(Order {
-            command: NmtCommand::ResetNode,
-            reason: reset_reason::NONE,
-        });
+        self.command(NmtCommand::ResetNode);
         self.set_state(NodeState::Absent, events);
     }
 
@@ -225,7 +231,7 @@ impl<'a> Node<'a> {
         self.status_due_ns = now_ns + RETRY_CYCLES * network.cycle_ns;
         self.status_asked = false;
         self.status_unanswered += 1;
-        if self.status_unanswered < STATUS_UNANSWERED_MAX {
+        if !self.statistics.loss_of_status.error(self.config.status_threshold) {
             return;
         }
         if self.polled {
@@ -243,7 +249,7 @@ impl<'a> Node<'a> {
         self.nmt_state = state;
         let waits_for_reset = matches!(self.stage, Stage::ResetConfiguration);
         // A chained node counts as polled from the answer on by which it takes its time.
-        let by_poll = !self.config.assignment.chained;
+        let by_poll = !self.config.assignment.chained && !self.config.assignment.async_only;
         if network.state.is_isochronous()
             && state.is_isochronous()
             && self.is_identified()
@@ -257,10 +263,12 @@ impl<'a> Node<'a> {
     /// A StatusResponse came.
     pub(super) fn status(&mut self, now_ns: u64, status: &StatusResponse<'_>, network: &Network, events: &mut Events) {
         self.status_unanswered = 0;
+        self.statistics.loss_of_status.good();
         self.status_asked = false;
         self.requests = status.requests;
-        self.status_due_ns = now_ns;
         self.reported(status.nmt_state, network);
+        let pause_ns = if self.is_settled() { SUPERVISION_NS } else { 0 };
+        self.status_due_ns = now_ns + pause_ns;
         if self.signalling.status(status) {
             for entry in status.entries.iter() {
                 self.record.error(now_ns, entry);
@@ -269,6 +277,31 @@ impl<'a> Node<'a> {
                     entry,
                 });
             }
+        }
+        let stopped = matches!(self.stage, Stage::Stopped { .. });
+        if network.state.is_isochronous() && (self.config.assignment.async_only || stopped) {
+            self.check_state(now_ns, network, events);
+        }
+    }
+
+    /// Nothing is expected to change, and nobody polls it.
+    fn is_settled(&self) -> bool {
+        match self.stage {
+            Stage::Held | Stage::Ready | Stage::Operational | Stage::TakenOver => {
+                self.config.assignment.async_only && !self.signalling.wants_status()
+            }
+            Stage::Stopped { .. } => self.nmt_state == NmtState::Stopped,
+            Stage::Search
+            | Stage::Refused { .. }
+            | Stage::Configure
+            | Stage::CloseSdo
+            | Stage::ResetConfiguration
+            | Stage::Reidentify { .. }
+            | Stage::Enable { .. }
+            | Stage::WaitReady { .. }
+            | Stage::Check { .. }
+            | Stage::WaitOperational { .. }
+            | Stage::BackInPreOperational2 { .. } => false,
         }
     }
 
@@ -313,9 +346,15 @@ impl<'a> Node<'a> {
         let got = self.nmt_state;
         let (expected, right) = match self.stage {
             Stage::Search | Stage::Refused { .. } | Stage::Reidentify { .. } => return,
-            Stage::Configure | Stage::CloseSdo | Stage::ResetConfiguration | Stage::Enable { .. } => {
+            Stage::Held | Stage::Configure | Stage::CloseSdo | Stage::ResetConfiguration | Stage::Enable { .. } => {
                 (NmtState::PreOperational2, got == NmtState::PreOperational2)
             }
+            // Ordered again until it happens.
+            Stage::BackInPreOperational2 { .. } => (
+                NmtState::PreOperational2,
+                got.is_isochronous() || got == NmtState::Stopped,
+            ),
+            Stage::Stopped { .. } => (NmtState::Stopped, got.is_isochronous() || got == NmtState::Stopped),
             Stage::WaitReady { .. } => (
                 NmtState::ReadyToOperate,
                 got == NmtState::PreOperational2 || got == NmtState::ReadyToOperate,
@@ -325,7 +364,7 @@ impl<'a> Node<'a> {
                 NmtState::Operational,
                 got == NmtState::ReadyToOperate || got == NmtState::Operational,
             ),
-            Stage::Operational => (NmtState::Operational, got == NmtState::Operational),
+            Stage::Operational | Stage::TakenOver => (NmtState::Operational, got == NmtState::Operational),
         };
         if right {
             self.wrong_state = 0;

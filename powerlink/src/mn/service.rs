@@ -175,7 +175,11 @@ impl<'a> Node<'a> {
             | Stage::Check { .. }
             | Stage::Ready
             | Stage::WaitOperational { .. }
-            | Stage::Operational => true,
+            | Stage::Operational
+            | Stage::Held
+            | Stage::TakenOver
+            | Stage::BackInPreOperational2 { .. }
+            | Stage::Stopped { .. } => true,
         }
     }
 }

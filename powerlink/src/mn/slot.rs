@@ -10,7 +10,7 @@ use super::Mn;
 use super::boot::Order;
 use super::cycle::Phase;
 use super::event::MnEvent;
-use super::network::Reduced;
+use super::network::{Reduced, ToAll};
 use super::node::{Node, us};
 use crate::nmt::{NmtCommand, NmtState};
 use crate::sdo::SERVICE_DATA_MAX;
@@ -19,7 +19,7 @@ use crate::wire::{
 };
 
 /// A broadcast that matters is sent so often, because nobody acknowledges it.
-const BROADCAST_REPEAT: u8 = 2;
+pub(super) const BROADCAST_REPEAT: u8 = 2;
 
 /// Who may send in the slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,6 +39,10 @@ pub(super) enum Own {
     Order { index: usize },
     /// ResetNode to all, at the start.
     ResetAll,
+    /// ResetNode to one node, at the start.
+    ResetEach { index: usize },
+    /// Command to all.
+    ToAll,
     /// StopNode or ResetNode to all, at the end.
     ShutDown,
     /// InvalidService to one node.
@@ -118,9 +122,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         let grant = self.choose(now_ns);
         let soa = match grant {
             Grant::Nobody => Soa::new(self.state, RequestedService::NoService, 0),
-            Grant::Own(Own::Order { .. } | Own::Reject | Own::ResetAll | Own::ShutDown) => {
-                Soa::new(self.state, RequestedService::NmtRequestInvite, wire::node::MN)
-            }
+            Grant::Own(
+                Own::Order { .. } | Own::Reject | Own::ResetAll | Own::ResetEach { .. } | Own::ToAll | Own::ShutDown,
+            ) => Soa::new(self.state, RequestedService::NmtRequestInvite, wire::node::MN),
             Grant::Own(Own::Sdo) => Soa::new(self.state, RequestedService::UnspecifiedInvite, wire::node::MN),
             Grant::Node { index, service } => self.grant_node(now_ns, index, service),
         };
@@ -156,6 +160,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         {
             return grant;
         }
+        if let Some(ToAll { what, .. }) = self.to_all {
+            return self.broadcast(what.command(), Own::ToAll);
+        }
         if let Some(index) = self.find(self.turn.order, |node| node.order.is_some()) {
             self.turn.order = index + 1;
             return self.order(index);
@@ -183,13 +190,21 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     fn choose_reduced(&mut self, now_ns: u64) -> Option<Grant> {
         match self.reduced {
             Reduced::Wake { left } => {
+                let keeps_alive = self
+                    .nodes
+                    .iter()
+                    .flatten()
+                    .any(|node| node.config.assignment.keep_alive);
                 self.reduced = if left > 1 {
                     Reduced::Wake { left: left - 1 }
+                } else if keeps_alive {
+                    Reduced::ResetEach { index: 0 }
                 } else {
                     Reduced::Reset
                 };
                 Some(Grant::Nobody)
             }
+            Reduced::ResetEach { index } => Some(self.reset_each(now_ns, index)),
             Reduced::Reset => Some(self.broadcast(NmtCommand::ResetNode, Own::ResetAll)),
             Reduced::Pause { until_ns } if now_ns < until_ns => Some(Grant::Nobody),
             Reduced::Pause { .. } => {
@@ -198,6 +213,26 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             }
             Reduced::Ident => None,
         }
+    }
+
+    /// ResetNode to the next node that is not kept alive; a pause after the last one.
+    fn reset_each(&mut self, now_ns: u64, from: usize) -> Grant {
+        let next = (from..NODES).find_map(|index| {
+            let node = self.node(index)?;
+            (!node.config.assignment.keep_alive).then_some((index, node.config.id))
+        });
+        let Some((index, id)) = next else {
+            self.pause_after_reset(now_ns);
+            return Grant::Nobody;
+        };
+        let reset = Asnd::NmtCommand(NmtCommandFrame::plain(NmtCommand::ResetNode));
+        self.write_asnd(id, &reset, Own::ResetEach { index })
+    }
+
+    fn pause_after_reset(&mut self, now_ns: u64) {
+        self.reduced = Reduced::Pause {
+            until_ns: now_ns + us(self.config.boot.reset_pause_us),
+        };
     }
 
     /// The next node from `start` on, in a circle, for which `wants` holds.
@@ -374,11 +409,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     node.order_sent(now_ns, &network);
                 }
             }
-            Own::ResetAll => {
-                self.reduced = Reduced::Pause {
-                    until_ns: now_ns + us(self.config.boot.reset_pause_us),
-                };
-            }
+            Own::ResetAll => self.pause_after_reset(now_ns),
+            Own::ResetEach { index } => self.reduced = Reduced::ResetEach { index: index + 1 },
+            Own::ToAll => self.sent_to_all(now_ns),
             Own::ShutDown => {
                 self.shutdown = self.shutdown.next();
                 for node in self.nodes.iter_mut().flatten() {

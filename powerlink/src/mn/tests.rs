@@ -70,6 +70,17 @@ fn configuration() -> Vec<u8> {
     writer.finish().to_vec()
 }
 
+/// The same for a node that may hold a mapping already: it is switched off first; eleven writes.
+fn configuration_anew() -> Vec<u8> {
+    let mut octets = std::vec![11, 0, 0, 0];
+    for index in [0x1600_u16, 0x1A00] {
+        octets.extend(index.to_le_bytes());
+        octets.extend([0, 1, 0, 0, 0, 0]);
+    }
+    octets.extend(&configuration()[4..]);
+    octets
+}
+
 fn node_config(id: u8, configuration: &[u8]) -> NodeConfig<'_> {
     NodeConfig {
         id,

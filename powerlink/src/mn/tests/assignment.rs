@@ -35,3 +35,182 @@ fn bits_that_cannot_go_together_are_refused_by_name() {
         "node 1: a node that is kept alive (1F81h bit 4) needs the configuration check (1F80h bit 11)"
     );
 }
+
+fn optional_bits(bits: u32) -> Assignment {
+    Assignment::from_bits(1, 0x8000_0003 | bits).unwrap().unwrap()
+}
+
+#[test]
+fn bit_2_clear_holds_a_node_until_the_application_boots_it() {
+    let configuration = configuration();
+    let nodes = [
+        NodeConfig {
+            assignment: optional_bits(0),
+            ..node_config(1, &configuration)
+        },
+        node_config(2, &configuration),
+    ];
+    let mut net = Net::new(&nodes);
+    net.until(600, |net| net.mn.node_state(1) == NodeState::Operational);
+    net.cycles(100);
+    assert_eq!(net.mn.node_state(0), NodeState::Held);
+    assert_eq!(net.mn.statistics(0).objects_written, 0);
+    assert_eq!(net.mn.node_command(0, NmtCommand::StartNode).is_err(), true);
+    assert_eq!(net.mn.boot_node(0), Ok(()));
+    net.boot();
+    assert_eq!(net.mn.statistics(0).objects_written, 9);
+    assert_eq!(
+        net.mn.boot_node(0),
+        Err(NodeCommandError::NotHeld {
+            state: NodeState::Operational
+        })
+    );
+    assert_eq!(net.mn.boot_node(7), Err(NodeCommandError::NoSuchNode { position: 7 }));
+    check_order(&net.log, 0);
+    // When it is lost, the application is asked again.
+    net.lose_pres.insert(1, 4);
+    net.until(500, |net| net.mn.node_state(0) == NodeState::Held);
+}
+
+#[test]
+fn bit_4_takes_a_running_node_over_as_it_is() {
+    let stamp = Stamp { date: 15_000, time: 77 };
+    let configuration = configuration();
+    let mut nodes = [
+        NodeConfig {
+            configuration_stamp: Some(stamp),
+            ..node_config(1, &configuration)
+        },
+        node_config(2, &configuration),
+    ];
+    nodes[0].assignment.keep_alive = true;
+    for (time, kept) in [(77, true), (78, false)] {
+        let mut before = Net::new(&nodes);
+        before.boot();
+        // The managing node is started anew; the nodes do not watch the SoC.
+        let mut net = Net::new(&nodes);
+        net.drives = before.drives;
+        net.now_ns = before.now_ns;
+        for drive in net.drives.values_mut() {
+            let dictionary = drive.dictionary_mut();
+            for (index, sub, octets) in [
+                (0x1020, 1, &stamp.date.to_le_bytes()[..]),
+                (0x1020, 2, &u32::to_le_bytes(time)),
+                (0x1C0B, 3, &[0; 4]),
+            ] {
+                let handle = dictionary.find(index, sub).unwrap();
+                dictionary.set_octets(handle, octets).unwrap();
+            }
+        }
+        net.boot();
+        let statistics = net.mn.statistics(0);
+        assert_eq!((statistics.boots, statistics.faults), (1, 0));
+        assert_eq!(statistics.objects_written, if kept { 0 } else { 9 });
+        let commands = net.commands();
+        assert!(commands.iter().all(|(target, _)| *target != 255), "no reset of all");
+        assert_eq!(commands.iter().all(|(target, _)| *target != 1), kept, "{commands:?}");
+        assert_eq!(commands[0], (2, NmtCommand::ResetNode));
+        check_order(&net.log, 0);
+    }
+}
+
+#[test]
+fn bit_8_boots_and_watches_a_node_without_polls() {
+    let configuration = configuration();
+    let nodes = [
+        NodeConfig {
+            assignment: optional_bits(1 << 2 | 1 << 3 | 1 << 8),
+            preq_bytes: 0,
+            pres_bytes: 0,
+            status_threshold: 15,
+            ..node_config(1, &configuration)
+        },
+        node_config(2, &configuration),
+    ];
+    let mut net = Net::new(&nodes);
+    net.boot();
+    assert_eq!(net.mn.statistics(0).objects_written, 9);
+    assert_eq!(net.mn.statistics(0).preq_sent, 0);
+    assert_eq!(net.drives[&1].nmt_state(), NmtState::Operational);
+    net.log.clear();
+    net.cycles(1000);
+    let asked = net
+        .log
+        .iter()
+        .filter(|sent| matches!(sent.frame(), Frame::Soa(Soa { target: 1, .. })))
+        .count();
+    assert_eq!(asked, 10, "a StatusRequest every 100 ms");
+    // Two unanswered requests reach the threshold of 15; it comes back by itself.
+    net.dead = std::vec![1];
+    net.until(200, |net| net.mn.node_state(0) == NodeState::Faulted);
+    let loss = net.mn.statistics(0).loss_of_status;
+    assert_eq!((loss.cumulative, loss.count), (2, 0));
+    assert_eq!(
+        net.count_events(|event| *event == MnEvent::Lost { node: 1, in_row: 2 }),
+        1
+    );
+    net.dead.clear();
+    net.boot();
+    // It leaves OPERATIONAL by itself.
+    let stop = NmtCommandFrame::plain(NmtCommand::EnterPreOperational2);
+    let header = Header::multicast(multicast::ASND, MN_MAC, 240);
+    let mut octets = [0; FRAME_LEN_MAX];
+    let len = Frame::Asnd(Asnd::NmtCommand(stop)).emit(&header, &mut octets).unwrap();
+    octets[15] = 1;
+    let now_ns = net.now_ns;
+    let mut response = [0; FRAME_LEN_MAX];
+    net.drives
+        .get_mut(&1)
+        .unwrap()
+        .receive(now_ns, &octets[..len], &mut response);
+    net.until(1000, |net| net.mn.node_state(0) == NodeState::Faulted);
+    net.boot();
+}
+
+#[test]
+fn nodes_take_nmt_commands_of_the_application() {
+    let configuration = configuration_anew();
+    let nodes = [node_config(1, &configuration), node_config(2, &configuration)];
+    let mut net = Net::new(&nodes);
+    net.boot();
+    net.log.clear();
+    let give = |net: &mut Net<'_>, command, state, drive| {
+        assert_eq!(net.mn.node_command(0, command), Ok(()));
+        net.until(300, |net| {
+            net.mn.node_state(0) == state && net.drives[&1].nmt_state() == drive
+        });
+        net.cycles(200);
+        assert_eq!((net.mn.node_state(0), net.drives[&1].nmt_state()), (state, drive));
+    };
+    let (node, cn) = (NodeState::Operational, NmtState::Operational);
+    give(&mut net, NmtCommand::StopNode, NodeState::Stopped, NmtState::Stopped);
+    let refused = net.mn.node_command(0, NmtCommand::StartNode);
+    assert_eq!(
+        refused.unwrap_err().to_string(),
+        "StartNode means nothing to a node in Stopped while the network is Operational"
+    );
+    let back = NmtCommand::EnterPreOperational2;
+    give(&mut net, back, NodeState::Configuring, NmtState::PreOperational2);
+    give(&mut net, NmtCommand::EnableReadyToOperate, node, cn);
+    give(&mut net, back, NodeState::Configuring, NmtState::PreOperational2);
+    give(&mut net, NmtCommand::EnableReadyToOperate, node, cn);
+    for reset in [
+        NmtCommand::ResetNode,
+        NmtCommand::ResetCommunication,
+        NmtCommand::ResetConfiguration,
+        NmtCommand::SwReset,
+    ] {
+        let boots = net.mn.statistics(0).boots;
+        give(&mut net, reset, node, cn);
+        assert_eq!(net.mn.statistics(0).boots, boots + 1);
+        assert!(net.commands().contains(&(1, reset)));
+    }
+    let extended = NmtCommand::StopNodeEx;
+    assert_eq!(
+        net.mn.node_command(0, extended),
+        Err(NodeCommandError::NoStateCommand { command: extended })
+    );
+    assert_eq!(net.mn.statistics(0).faults, 0, "{:?}", net.events);
+    assert_eq!((net.mn.statistics(1).faults, net.mn.statistics(1).pres_lost), (0, 0));
+    check_order(&net.log, 0);
+}

@@ -139,3 +139,175 @@ fn a_start_by_broadcast_and_by_the_application_is_refused() {
         "node 240: nodes are started by a broadcast (1F80h bit 1), or by the application (bit 3), not by both"
     );
 }
+
+#[test]
+fn bit_1_starts_all_ready_nodes_by_one_broadcast() {
+    let configuration = configuration();
+    let nodes = [1, 2, 3].map(|id| node_config(id, &configuration));
+    let mut net = network(&nodes, STAY | 1 << 1);
+    net.boot();
+    let starts: Vec<_> = net
+        .commands()
+        .into_iter()
+        .filter(|(_, command)| *command == NmtCommand::StartNode)
+        .collect();
+    assert_eq!(starts, [(255, NmtCommand::StartNode)]);
+    // One that comes later is started alone.
+    net.mn.reset_node(1);
+    net.log.clear();
+    net.boot();
+    assert_eq!(net.commands().last(), Some(&(2, NmtCommand::StartNode)));
+    check_order(&net.log, 0);
+}
+
+#[test]
+fn bits_7_8_and_2_let_the_application_take_the_steps_of_the_network() {
+    let configuration = configuration();
+    let nodes = [node_config(1, &configuration)];
+    let mut net = network(&nodes, STAY | 1 << 7 | 1 << 8 | 1 << 2);
+    assert!(!net.mn.go_on(), "it does not wait yet");
+    for (stays, next) in [
+        (NmtState::PreOperational1, NmtState::PreOperational2),
+        (NmtState::PreOperational2, NmtState::ReadyToOperate),
+        (NmtState::ReadyToOperate, NmtState::Operational),
+    ] {
+        net.until(600, |net| net.mn.waits_for_application() == Some(next));
+        net.cycles(50);
+        assert_eq!(net.mn.nmt_state(), stays);
+        assert_eq!(
+            net.count_events(|event| *event == MnEvent::WaitsForApplication { next }),
+            1
+        );
+        assert!(net.mn.go_on());
+        net.cycles(2);
+        assert_eq!(net.mn.nmt_state(), next);
+    }
+    net.boot();
+    assert_eq!(net.mn.statistics(0).faults, 0);
+}
+
+#[test]
+fn bit_3_leaves_the_start_of_nodes_to_the_application() {
+    let configuration = configuration();
+    let nodes = [node_config(1, &configuration), node_config(2, &configuration)];
+    let mut net = network(&nodes, STAY | 1 << 3);
+    net.until(600, |net| net.mn.nmt_state() == NmtState::Operational);
+    net.cycles(100);
+    assert_eq!(net.mn.node_state(0), NodeState::Ready);
+    assert!(
+        net.commands()
+            .iter()
+            .all(|(_, command)| *command != NmtCommand::StartNode)
+    );
+    assert_eq!(net.mn.node_command(1, NmtCommand::StartNode), Ok(()));
+    net.cycles(20);
+    assert_eq!(net.mn.node_state(0), NodeState::Ready);
+    assert_eq!(net.mn.node_state(1), NodeState::Operational);
+    assert_eq!(
+        net.mn.node_command(1, NmtCommand::StartNode).unwrap_err().to_string(),
+        "StartNode means nothing to a node in Operational while the network is Operational"
+    );
+}
+
+/// Node 1 is dead from now on; runs until it is given up.
+fn lose_node_1(net: &mut Net<'_>) {
+    net.events.clear();
+    net.log.clear();
+    net.dead = std::vec![1];
+    net.until(20, |net| net.mn.node_state(0) == NodeState::Faulted);
+    net.dead.clear();
+}
+
+#[test]
+fn bit_12_clear_starts_the_network_again_when_a_mandatory_node_is_lost() {
+    let configuration = configuration_anew();
+    let nodes = [1, 2, 3].map(|id| node_config(id, &configuration));
+    let mut net = network(&nodes, CHECK_CONFIGURATION);
+    net.boot();
+    lose_node_1(&mut net);
+    net.until(3, |net| net.mn.nmt_state() == NmtState::PreOperational1);
+    net.boot();
+    assert_eq!(net.mn.nmt_state(), NmtState::Operational);
+    assert!(
+        net.commands().iter().all(|(target, _)| *target != 255),
+        "no reset of all"
+    );
+    assert_eq!(net.mn.statistics(0).faults, 1);
+    assert_eq!(net.mn.statistics(1).faults, 0);
+    assert_eq!(net.mn.statistics(1).boots, 2);
+    assert_eq!(net.mn.counters().cycles_skipped, 0, "the pause is no loss of cycles");
+
+    // An optional node that is lost takes nobody with it, neither does one when the bit is set.
+    let mut optional = nodes;
+    optional[0].assignment.mandatory = false;
+    for (nodes, bits) in [(&optional, 0), (&nodes, STAY)] {
+        let mut net = network(nodes, bits);
+        net.boot();
+        lose_node_1(&mut net);
+        net.boot();
+        assert_eq!(
+            net.count_events(|event| matches!(event, MnEvent::NmtStateChanged { .. })),
+            0
+        );
+        assert_eq!(net.mn.statistics(1).boots, 1);
+    }
+}
+
+#[test]
+fn bit_4_resets_all_nodes_when_a_mandatory_one_is_lost() {
+    let configuration = configuration();
+    let nodes = [1, 2, 3].map(|id| node_config(id, &configuration));
+    for (stay, resets) in [(STAY, 2), (0, 1)] {
+        // Bit 6 counts for nothing beside it.
+        let mut net = network(&nodes, stay | 1 << 4 | 1 << 6);
+        net.boot();
+        lose_node_1(&mut net);
+        let command = NmtCommand::ResetNode;
+        net.until(5, |net| net.commands().contains(&(255, command)));
+        net.boot();
+        let to_all = net.commands().iter().filter(|sent| **sent == (255, command)).count();
+        assert_eq!(to_all, resets);
+        assert_eq!(net.count_events(|event| *event == MnEvent::AllOnError { command }), 1);
+        let went_back = net.count_events(|event| {
+            *event
+                == MnEvent::NmtStateChanged {
+                    state: NmtState::PreOperational1,
+                }
+        });
+        assert_eq!(went_back, usize::from(stay == 0));
+        for node in 0..3 {
+            assert_eq!(net.mn.statistics(node).boots, 2);
+        }
+    }
+}
+
+#[test]
+fn bit_6_stops_all_nodes_when_a_mandatory_one_is_lost_until_the_application_goes_on() {
+    let configuration = configuration();
+    let nodes = [1, 2, 3].map(|id| node_config(id, &configuration));
+    for (stay, after) in [(STAY, NmtState::Operational), (0, NmtState::PreOperational1)] {
+        let mut net = network(&nodes, stay | 1 << 6);
+        net.boot();
+        lose_node_1(&mut net);
+        net.until(5, |net| net.mn.node_state(1) == NodeState::Stopped);
+        net.cycles(500);
+        assert_eq!(net.mn.nmt_state(), NmtState::Operational);
+        for (node, state) in [NodeState::Ready, NodeState::Stopped, NodeState::Stopped]
+            .iter()
+            .enumerate()
+        {
+            assert_eq!(net.mn.node_state(node), *state, "{:?}", net.events);
+        }
+        assert_eq!(net.drives[&2].nmt_state(), NmtState::Stopped);
+        assert!(
+            net.commands()
+                .iter()
+                .all(|(_, command)| *command != NmtCommand::StartNode)
+        );
+        assert_eq!(net.mn.waits_for_application(), Some(after));
+        assert!(net.mn.go_on());
+        net.boot();
+        assert_eq!(net.mn.nmt_state(), NmtState::Operational);
+        assert_eq!(net.mn.statistics(1).faults, 0);
+    }
+}
