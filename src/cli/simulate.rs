@@ -4,7 +4,8 @@ use crate::config::{self, Require, Rt};
 use crate::rt::setup::{self, Role, STACK_SIZE, enter_thread};
 use crate::service::analyser::Analyser;
 use crate::service::signals::StopSignal;
-use crate::sim::{SimMachine, serve};
+use crate::service::tap::Tap;
+use crate::sim::{self, SimMachine, serve};
 use anyhow::{Context, anyhow};
 use clap::Args;
 use powerlink::link::raw::{RawConfig, RawLink};
@@ -16,6 +17,8 @@ use std::time::Duration;
 
 /// What is printed once the machine listens.
 pub const READY: &str = "ready";
+/// Longest IP packet: AsyncMTU of a node that nobody told another (0x1F98/8), octets.
+const TAP_MTU: u16 = 300;
 /// Look for a frame this long before sleeping for it, ns.
 const SPIN_NS: u64 = 0;
 
@@ -36,6 +39,12 @@ pub struct SimulateArgs {
     /// Other end of the veth pair, if there is one on this PC: without it the recording lacks what this end sends.
     #[arg(long, value_name = "INTERFACE")]
     other_end: Option<String>,
+    /// Give one node an IP address, 192.168.100.ID, on a TAP device of this name; its frames use the asynchronous slot.
+    #[arg(long, value_name = "NAME", requires = "tap_node")]
+    tap: Option<String>,
+    /// The node (id) whose address the TAP device has.
+    #[arg(long, value_name = "ID", requires = "tap")]
+    tap_node: Option<u8>,
     /// End with the process that started this one, and leave Ctrl-C to it.
     #[arg(long, hide = true)]
     with_parent: bool,
@@ -81,6 +90,24 @@ pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
         keep_awake: false,
         ..config.rt.clone()
     })?;
+    let mut tap = match (&args.tap, args.tap_node) {
+        (Some(name), Some(id)) => {
+            if !config.bus.nodes.iter().any(|node| node.id == id) {
+                return Err(anyhow!("--tap-node {id}: the machine file has no such node"));
+            }
+            let tap = Tap::open(name, &args.interface, sim::node_mac(id), id, TAP_MTU)?;
+            let (bridge, frames) = tap.start().context("TAP device")?;
+            Some((id, bridge, frames))
+        }
+        _ => None,
+    };
+    let mut hand_in = |machine: &mut SimMachine| {
+        if let Some((id, _, frames)) = &mut tap {
+            while let Ok(frame) = frames.pop() {
+                machine.send_ethernet(*id, frame.octets());
+            }
+        }
+    };
     let stop = AtomicBool::new(false);
     let served = std::thread::scope(|scope| -> anyhow::Result<_> {
         let machine_thread = std::thread::Builder::new()
@@ -88,7 +115,7 @@ pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
             .stack_size(STACK_SIZE)
             .spawn_scoped(scope, || {
                 drop(enter_thread(Role::Machine, &process));
-                serve(&mut link, &mut machine, &stop, &mut |_, _| {})
+                serve(&mut link, &mut machine, &stop, &mut hand_in, &mut |_, _| {})
             })?;
         println!("{READY}");
         std::io::stdout().flush()?;

@@ -138,7 +138,7 @@ fn run(job: Job<'_>, wire: Wire, overview: Overview) -> anyhow::Result<Done> {
                     .stack_size(STACK_SIZE)
                     .spawn_scoped(scope, || {
                         drop(enter_thread(Role::Machine, &process));
-                        serve(&mut far, &mut machine, &stop, &mut |_, _| {})
+                        serve(&mut far, &mut machine, &stop, &mut |_| {}, &mut |_, _| {})
                     })?;
                 let ended = StopOnDrop(&stop);
                 let done = run_on(job, overview, &process, near, MEMORY_MAC, &signal);

@@ -15,7 +15,7 @@ use cia402::State;
 use cia402::device::{DEVICE_TYPE, DRIVE_OBJECTS, Delays, Demand, Device, Injected, check_write};
 use obd::{AbortCode, Dictionary, Key};
 use powerlink::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
-use powerlink::cn::{Cn, Events};
+use powerlink::cn::{Cn, Events, QueueError};
 use powerlink::nmt::{NmtState, Reset};
 use powerlink::wire::FRAME_LEN_MAX;
 
@@ -178,6 +178,16 @@ impl Drive {
             self.step();
         }
         self.period_start_ns = now_ns;
+    }
+
+    /// The octets of `response` that are to be sent by the clock: the PRes of a chained node.
+    pub(super) fn poll_transmit(&mut self, now_ns: u64, response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
+        self.powered.then(|| self.cn.poll_transmit(now_ns, response)).flatten()
+    }
+
+    /// Has a frame that is not POWERLINK sent when the node is invited to.
+    pub(super) fn send_ethernet(&mut self, frame: &[u8]) -> Result<(), QueueError> {
+        self.cn.send_ethernet(frame)
     }
 
     pub(super) fn next_poll_ns(&self) -> u64 {

@@ -9,6 +9,7 @@ use super::SimError;
 use crate::config::Node;
 use obd::{DataType, Dictionary, EntryDef, Key};
 use powerlink::cn::Cn;
+use powerlink::cn::QueueError;
 use powerlink::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
 use powerlink::nmt::NmtState;
 use powerlink::wire::FRAME_LEN_MAX;
@@ -85,6 +86,16 @@ impl Io {
         if self.powered && self.cn.poll(now_ns).nmt_state.is_some() {
             self.work();
         }
+    }
+
+    /// The octets of `response` that are to be sent by the clock: the PRes of a chained node.
+    pub(super) fn poll_transmit(&mut self, now_ns: u64, response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
+        self.powered.then(|| self.cn.poll_transmit(now_ns, response)).flatten()
+    }
+
+    /// Has a frame that is not POWERLINK sent when the node is invited to.
+    pub(super) fn send_ethernet(&mut self, frame: &[u8]) -> Result<(), QueueError> {
+        self.cn.send_ethernet(frame)
     }
 
     pub(super) fn next_poll_ns(&self) -> Option<u64> {

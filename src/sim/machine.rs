@@ -44,11 +44,31 @@ impl Place {
             Device::Drive(drive) => drive.receive(now_ns, frame, response),
             Device::Io(io) => io.receive(now_ns, frame, response),
         }?;
+        self.on_the_wire(length, response)
+    }
+
+    /// What is due by the clock.
+    fn poll(&mut self, now_ns: u64, response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
+        let length = match &mut self.device {
+            Device::Drive(drive) => {
+                drive.poll(now_ns);
+                drive.poll_transmit(now_ns, response)
+            }
+            Device::Io(io) => {
+                io.poll(now_ns);
+                io.poll_transmit(now_ns, response)
+            }
+        }?;
+        self.on_the_wire(length, response)
+    }
+
+    /// What of an answer really leaves the node.
+    fn on_the_wire(&mut self, length: usize, response: &[u8; FRAME_LEN_MAX]) -> Option<usize> {
         if self.pres_to_drop > 0 && message_type(&response[..length]) == Some(message::PRES) {
             self.pres_to_drop -= 1;
             return None;
         }
-        Some(length)
+        self.plugged.then_some(length)
     }
 }
 
@@ -100,13 +120,7 @@ impl SimMachine {
             let Some(length) = self.places[index].receive(now_ns, frame, &mut self.response) else {
                 continue;
             };
-            let mut answer = [0; FRAME_LEN_MAX];
-            answer[..length].copy_from_slice(&self.response[..length]);
-            send(&answer[..length]);
-            for other in (0..self.places.len()).filter(|other| *other != index) {
-                // Nodes answer the managing node only; what they hear of each other is for cross traffic.
-                self.places[other].receive(now_ns, &answer[..length], &mut self.response);
-            }
+            self.send(now_ns, index, length, send);
         }
         if message_type(frame) == Some(message::SOA) {
             for place in &mut self.places {
@@ -118,18 +132,39 @@ impl SimMachine {
         }
     }
 
-    /// Looks at the clock: losses of the managing node, and drives that go on by themselves. Nodes of this machine never
-    /// send without being asked, so nothing is sent now.
+    /// Sends what a node has written into `response`; the others hear it.
+    fn send(&mut self, now_ns: u64, from: usize, length: usize, send: &mut dyn FnMut(&[u8])) {
+        let mut frame = [0; FRAME_LEN_MAX];
+        frame[..length].copy_from_slice(&self.response[..length]);
+        send(&frame[..length]);
+        for other in (0..self.places.len()).filter(|other| *other != from) {
+            // Nodes answer the managing node only; what they hear of each other is for cross traffic.
+            self.places[other].receive(now_ns, &frame[..length], &mut self.response);
+        }
+    }
+
+    /// Looks at the clock: losses of the managing node, drives that go on by themselves, chained nodes that send by time.
     ///
     /// RT: no allocation, no locks; bounded by the number of nodes.
-    pub fn poll(&mut self, now_ns: u64, _send: &mut dyn FnMut(&[u8])) {
+    pub fn poll(&mut self, now_ns: u64, send: &mut dyn FnMut(&[u8])) {
         self.now_ns = now_ns;
-        for place in &mut self.places {
-            match &mut place.device {
-                Device::Drive(drive) => drive.poll(now_ns),
-                Device::Io(io) => io.poll(now_ns),
+        for index in 0..self.places.len() {
+            if let Some(length) = self.places[index].poll(now_ns, &mut self.response) {
+                self.send(now_ns, index, length, send);
             }
         }
+    }
+
+    /// Has a node send a frame that is not POWERLINK (IP) in its next asynchronous slot; false: there is no such node.
+    /// What finds no room is lost, as on any network that is too slow for its traffic.
+    pub fn send_ethernet(&mut self, node_id: u8, frame: &[u8]) -> bool {
+        let device = self.place(node_id).map(|place| &mut place.device);
+        device
+            .map(|device| match device {
+                Device::Drive(drive) => drive.send_ethernet(frame),
+                Device::Io(io) => io.send_ethernet(frame),
+            })
+            .is_some()
     }
 
     /// When [`SimMachine::poll`] is due if no frame comes before.

@@ -14,6 +14,7 @@ mod track;
 mod virtual_net;
 
 pub use machine::SimMachine;
+pub use node::node_mac;
 pub use run::{Served, serve};
 pub use virtual_net::{Disturbance, NetConfig, Tap, VirtualNet};
 

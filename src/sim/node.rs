@@ -4,9 +4,15 @@ use super::SimError;
 use crate::config::Node;
 use obd::Dictionary;
 use powerlink::cn::{Cn, CnConfig};
+use powerlink::wire::Mac;
 
 /// 1F98h/3 of simulated nodes: they answer as soon as their process is woken.
 const PRES_MAX_LATENCY_NS: u32 = 100_000;
+
+/// MAC of a simulated node: locally administered, the node id last.
+pub fn node_mac(id: u8) -> Mac {
+    [0x02, 0x00, 0x00, 0x45, 0x50, id]
+}
 
 /// The controlled node of a node of the machine file: it shows the identity that the file expects.
 pub(super) fn build<const ENTRIES: usize, const OCTETS: usize>(
@@ -30,8 +36,7 @@ pub(super) fn build<const ENTRIES: usize, const OCTETS: usize>(
     let name = &node.name[..name.map_or(0, |(at, char)| at + char.len_utf8())];
     let config = CnConfig {
         node_id: node.id,
-        // Locally administered, the node id last.
-        mac: [0x02, 0x00, 0x00, 0x45, 0x50, node.id],
+        mac: node_mac(node.id),
         device_type: identity.device_type.unwrap_or(device_type),
         vendor_id: identity.vendor_id.unwrap_or(0),
         product_code: identity.product_code.unwrap_or(0),

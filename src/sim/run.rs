@@ -21,7 +21,8 @@ pub struct Served {
     pub dropped: u64,
 }
 
-/// Switches the machine on and answers on `link` until `stop` is set. Every frame that arrives is first answered and then shown to `observe`, with
+/// Switches the machine on and answers on `link` until `stop` is set. `prepare` is called before each wait: to hand in what
+/// else the nodes shall send. Every frame that arrives is first answered and then shown to `observe`, with
 /// the link's own receive stamp. Sleeps in the link while nothing is due. An interface that goes down ends it.
 ///
 /// RT as far as the link is: no allocation, no locks.
@@ -29,12 +30,14 @@ pub fn serve(
     link: &mut dyn Link,
     machine: &mut SimMachine,
     stop: &AtomicBool,
+    prepare: &mut dyn FnMut(&mut SimMachine),
     observe: &mut dyn FnMut(&[u8], &Received),
 ) -> Result<Served, LinkError> {
     let mut served = Served::default();
     let mut buffer = [0; FRAME_LEN_MAX];
     machine.switch_on(link.now_ns());
     while !stop.load(Ordering::Relaxed) {
+        prepare(machine);
         let deadline_ns = machine.next_poll_ns().min(link.now_ns() + STOP_LOOK_NS);
         let received = link.receive(&mut buffer, deadline_ns)?;
         let now_ns = link.now_ns();

@@ -572,7 +572,7 @@ fn the_machine_on_a_link_answers_each_node_and_shows_what_came() {
     };
     let mut machine = SimMachine::new(&test_config()).unwrap();
     let mut seen = 0;
-    let served = super::serve(&mut link, &mut machine, &stop, &mut |frame, received| {
+    let served = super::serve(&mut link, &mut machine, &stop, &mut |_| {}, &mut |frame, received| {
         assert_eq!((frame.len(), received.stamp_ns.is_some()), (60, true));
         seen += 1;
     });

@@ -168,7 +168,7 @@ impl Default for MnConfig<'_> {
             cycle_ns: 1_000_000,
             soc_preq_wait_ns: 0,
             async_slot_timeout_ns: 100_000,
-            async_mtu: 1500,
+            async_mtu: 300,
             multiplex_cycles: 0,
             prescaler: 2,
             pres_mn_bytes: None,
