@@ -9,8 +9,13 @@ use proptest::prelude::*;
 use std::string::ToString;
 use std::vec::Vec;
 
+mod chained;
 mod errors;
+mod losses;
 mod process_data;
+mod queues;
+mod rpdos;
+mod states;
 
 const US: u64 = 1000;
 const NODE: u8 = 5;
@@ -114,6 +119,29 @@ impl Bench {
             pdo_version: 0,
             payload,
         })
+    }
+
+    /// A PRes of another node, or of the managing node.
+    fn pres_from(&mut self, from: u8, payload: &[u8], ready: bool) -> Events {
+        let pres = Pres {
+            nmt_state: NmtState::Operational,
+            multiplexed: false,
+            exception_new: false,
+            ready,
+            requests: Requests::default(),
+            pdo_version: 0,
+            payload,
+        };
+        let mut octets = [0; FRAME_LEN_MAX];
+        let header = Header::multicast(multicast::PRES, [7; 6], from);
+        let len = pres.emit(&header, 36, &mut octets).unwrap();
+        let reaction = self.node.receive(self.now_ns, &octets[..len], &mut self.response);
+        assert_eq!(reaction.transmit, None);
+        reaction.events
+    }
+
+    fn cumulative(&self, index: u16) -> (u32, u32) {
+        (self.u32_of(index, 1), self.u32_of(index, 2))
     }
 
     fn command(&mut self, destination_node: u8, command: NmtCommandFrame) -> Events {
