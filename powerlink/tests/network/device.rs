@@ -150,12 +150,12 @@ pub fn configuration(cycle_ns: u64) -> Vec<u8> {
         push(mapping, 0, &[3]);
     }
     push(0x1006, 0, &((cycle_ns / 1_000) as u32).to_le_bytes());
-    // Ten lost SoCs or PReqs close together, as a real network sets it; the default of 15 means two.
-    push(0x1C0B, 3, &80_u32.to_le_bytes());
-    push(0x1C0D, 3, &80_u32.to_le_bytes());
+    // Ten lost SoCs, SoAs or PReqs close together, as a real network sets it; the default of 15 means two.
+    for counter in [0x1C0B, 0x1C0C, 0x1C0D] {
+        push(counter, 3, &80_u32.to_le_bytes());
+    }
     push(0x1C14, 0, &((cycle_ns * 3 / 10) as u32).to_le_bytes());
     push(0x1020, 1, &20_000_u32.to_le_bytes());
-    push(0x1020, 2, &1_u32.to_le_bytes());
     let octets = writer.finish().to_vec();
     assert_eq!(octets[0], 16);
     octets

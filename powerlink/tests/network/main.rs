@@ -5,6 +5,7 @@
 mod boot;
 mod device;
 mod endurance;
+mod robustness;
 mod watch;
 mod weather;
 mod world;

@@ -17,7 +17,7 @@ use super::watch::Watch;
 pub type Mn = powerlink::mn::Mn<'static, 8>;
 
 /// Boot times of the tests: short, all different.
-const BOOT: BootTimes = BootTimes {
+pub const BOOT: BootTimes = BootTimes {
     wait_not_active_us: 20_000,
     timeout_pre_op_1_us: 80_000,
     wait_pre_op_1_us: 30_000,
@@ -40,6 +40,7 @@ pub struct Setup {
     pub optional: Vec<u8>,
     pub cycle_ns: u64,
     pub path: Path,
+    pub boot: BootTimes,
 }
 
 impl Setup {
@@ -54,6 +55,7 @@ impl Setup {
                 jitter_ns: 2_000,
                 ..Path::default()
             },
+            boot: BOOT,
         }
     }
 }
@@ -131,7 +133,7 @@ impl World {
             .collect();
         let config = MnConfig {
             cycle_ns: setup.cycle_ns as u32,
-            boot: BOOT,
+            boot: setup.boot,
             pres_lost_max: PRES_LOST_MAX,
             nodes: nodes.leak(),
             mac: MN_MAC,
@@ -453,6 +455,17 @@ impl World {
             self.now_ns,
             self.mn.nmt_state()
         );
+    }
+
+    /// Events of the managing node that say something is wrong.
+    pub fn troubles(&self) -> Vec<&MnEvent> {
+        let events = self.events.iter().map(|(_, event)| event);
+        let is_trouble = |event: &&MnEvent| match event {
+            MnEvent::NmtStateChanged { .. } | MnEvent::Identified { .. } | MnEvent::Configuring { .. } => false,
+            MnEvent::NodeStateChanged { state, .. } => *state == NodeState::Faulted,
+            _ => true,
+        };
+        events.filter(is_trouble).collect()
     }
 
     /// Runs so many cycles.
