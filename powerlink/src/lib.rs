@@ -13,6 +13,7 @@ extern crate std;
 
 pub mod cn;
 pub mod error_code;
+mod ethernet_queue;
 pub mod link;
 pub mod mn;
 pub mod nmt;

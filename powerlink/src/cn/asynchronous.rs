@@ -5,67 +5,24 @@
 //!
 //! NMT requests go before everything else (PR 7); SDO answers and the application's frames take turns.
 
-use core::fmt;
-
 use super::objects::HOST_NAME_LEN;
 use super::{Access, Cn, Events, FIRST_DEVICE_OBJECT};
+use crate::ethernet_queue::{EthernetQueue, QueueError};
 use crate::nmt::{NmtCommand, NmtState};
 use crate::sdo::SERVICE_DATA_MAX;
 use crate::wire::{
-    Asnd, ETHER_TYPE, ErrorEntries, FRAME_LEN_MAX, FRAME_LEN_MIN, Header, IdentResponse, NmtRequestFrame,
-    RequestedService, Requests, Soa, StatusResponse, multicast, node,
+    Asnd, ErrorEntries, FRAME_LEN_MAX, Header, IdentResponse, NmtRequestFrame, RequestedService, Requests, Soa,
+    StatusResponse, multicast, node,
 };
 
 /// NMT requests that can wait.
 pub const NMT_REQUESTS: usize = 8;
-/// Ethernet frames that can wait.
-pub const ETHERNET_FRAMES: usize = 4;
-/// Octets of an Ethernet header.
-const ETHERNET_HEADER_LEN: usize = 14;
-
-/// Why something of the application was not queued for the asynchronous slot.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum QueueError {
-    /// As many wait as there is room for.
-    Full,
-    /// The frame is no Ethernet frame, or longer than AsyncMTU (0x1F98/8) allows.
-    Length {
-        /// Octets of the frame.
-        octets: usize,
-        /// Octets a frame may have, Ethernet header included.
-        most: usize,
-    },
-    /// POWERLINK frames are the node's own.
-    Powerlink,
-}
-
-impl fmt::Display for QueueError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            QueueError::Full => write!(f, "no more room in the queue for the asynchronous slot"),
-            QueueError::Length { octets, most } => {
-                write!(
-                    f,
-                    "an Ethernet frame of {octets} octets, {ETHERNET_HEADER_LEN}..={most} can be sent"
-                )
-            }
-            QueueError::Powerlink => write!(f, "a POWERLINK frame cannot be sent by the application"),
-        }
-    }
-}
-
-impl core::error::Error for QueueError {}
-
 /// What the application wants to be sent.
 #[derive(Clone, Debug)]
 pub(super) struct Outbox {
     requests: [NmtRequestFrame; NMT_REQUESTS],
     requests_len: usize,
-    frames: [[u8; FRAME_LEN_MAX]; ETHERNET_FRAMES],
-    /// Octets of each frame.
-    lengths: [usize; ETHERNET_FRAMES],
-    first: usize,
-    frames_len: usize,
+    frames: EthernetQueue,
     /// The last generic frame was one of the application's.
     frame_was_last: bool,
 }
@@ -75,10 +32,7 @@ impl Outbox {
         Outbox {
             requests: [NmtRequestFrame::plain(NmtCommand::IdentRequest, node::INVALID); NMT_REQUESTS],
             requests_len: 0,
-            frames: [[0; FRAME_LEN_MAX]; ETHERNET_FRAMES],
-            lengths: [0; ETHERNET_FRAMES],
-            first: 0,
-            frames_len: 0,
+            frames: EthernetQueue::new(),
             frame_was_last: false,
         }
     }
@@ -86,11 +40,11 @@ impl Outbox {
     /// Forgets what waits.
     pub(super) fn clear(&mut self) {
         self.requests_len = 0;
-        self.frames_len = 0;
+        self.frames.clear();
     }
 
     pub(super) fn has_frame(&self) -> bool {
-        self.frames_len > 0
+        self.frames.len() > 0
     }
 
     fn push_request(&mut self, request: NmtRequestFrame) -> Result<(), QueueError> {
@@ -107,29 +61,8 @@ impl Outbox {
         Some(request)
     }
 
-    /// The caller has checked the length.
-    fn push_frame(&mut self, frame: &[u8]) -> Result<(), QueueError> {
-        if self.frames_len == ETHERNET_FRAMES {
-            return Err(QueueError::Full);
-        }
-        let at = (self.first + self.frames_len) % ETHERNET_FRAMES;
-        let len = frame.len().max(FRAME_LEN_MIN);
-        self.frames[at][..frame.len()].copy_from_slice(frame);
-        self.frames[at][frame.len()..len].fill(0);
-        self.lengths[at] = len;
-        self.frames_len += 1;
-        Ok(())
-    }
-
     pub(super) fn pop_frame(&mut self, response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
-        if self.frames_len == 0 {
-            return None;
-        }
-        let len = self.lengths[self.first];
-        response[..len].copy_from_slice(&self.frames[self.first][..len]);
-        self.first = (self.first + 1) % ETHERNET_FRAMES;
-        self.frames_len -= 1;
-        Some(len)
+        self.frames.pop(response)
     }
 }
 
@@ -144,20 +77,12 @@ impl<const E: usize, const B: usize> Cn<E, B> {
     /// to, or at once in BASIC_ETHERNET (see [`poll_transmit`](Self::poll_transmit)). Short frames are padded. Frames that still
     /// wait at a ResetConfiguration or a deeper reset are forgotten. RT: no allocation, no locks, bounded.
     pub fn send_ethernet(&mut self, frame: &[u8]) -> Result<(), QueueError> {
-        let octets = frame.len();
-        let most = (ETHERNET_HEADER_LEN + usize::from(self.async_mtu)).min(FRAME_LEN_MAX);
-        if !(ETHERNET_HEADER_LEN..=most).contains(&octets) {
-            return Err(QueueError::Length { octets, most });
-        }
-        if frame[12..14] == ETHER_TYPE.to_be_bytes() {
-            return Err(QueueError::Powerlink);
-        }
-        self.outbox.push_frame(frame)
+        self.outbox.frames.push(frame, self.async_mtu)
     }
 
     /// RS and PR: how many requests of the highest priority wait.
     pub(super) fn requests(&self) -> Requests {
-        let generic = self.sdo.pending() + self.outbox.frames_len;
+        let generic = self.sdo.pending() + self.outbox.frames.len();
         let (waiting, priority) = match (self.outbox.requests_len, generic) {
             (0, 0) => return Requests::default(),
             (0, generic) => (generic, Requests::PRIORITY_GENERIC),

@@ -37,12 +37,13 @@ use core::fmt;
 
 use obd::{AbortCode, Dictionary, Key};
 
+pub use crate::ethernet_queue::{ETHERNET_FRAMES, QueueError};
 use crate::nmt::{NmtCommand, NmtState, Reset};
 use crate::sdo::Server;
 use crate::wire::{ErrorEntry, FRAME_LEN_MAX, Mac, NetTime, Soa, Soc, node};
 use access::{Access, FIRST_DEVICE_OBJECT};
+pub use asynchronous::NMT_REQUESTS;
 use asynchronous::Outbox;
-pub use asynchronous::{ETHERNET_FRAMES, NMT_REQUESTS, QueueError};
 use chaining::Chaining;
 pub use error::code as error_code;
 use error::{Signalling, TYPE_OCCURRED};

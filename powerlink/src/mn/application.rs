@@ -8,6 +8,7 @@ use core::fmt;
 use super::Mn;
 use super::NodeState;
 use super::boot::Stage;
+use crate::ethernet_queue::QueueError;
 use crate::nmt::{NmtCommand, NmtState};
 
 /// Why a node is not given an NMT command.
@@ -60,6 +61,12 @@ impl fmt::Display for NodeCommandError {
 impl core::error::Error for NodeCommandError {}
 
 impl<const NODES: usize> Mn<'_, NODES> {
+    /// Has an Ethernet frame that is not POWERLINK (IP, for instance) sent in an asynchronous slot of our own. Short frames are
+    /// padded; what waits at the end of the network is forgotten.
+    pub fn send_ethernet(&mut self, frame: &[u8]) -> Result<(), QueueError> {
+        self.ethernet.push(frame, self.config.async_mtu)
+    }
+
     /// The state that the network would enter if the application let it (0x1F80 bits 2, 7 and 8; bit 6 after an error).
     pub fn waits_for_application(&self) -> Option<NmtState> {
         self.gate.next

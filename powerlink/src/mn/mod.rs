@@ -52,6 +52,8 @@ pub use service::{SdoCommand, SdoError, SdoRefused, SdoResult};
 pub use startup::{Assignment, RefusedBit, StartUp};
 pub use threshold::Threshold;
 
+use crate::ethernet_queue::EthernetQueue;
+pub use crate::ethernet_queue::{ETHERNET_FRAMES, QueueError};
 use crate::nmt::{self, MnTrigger, NmtState};
 use crate::wire::{self, FRAME_LEN_MAX, Mac, NetTime, PAYLOAD_MAX};
 use config::check;
@@ -152,6 +154,8 @@ pub struct Mn<'a, const NODES: usize> {
     cycle_frame: [u8; FRAME_LEN_MAX],
     asnd_frame: [u8; FRAME_LEN_MAX],
     asnd_len: usize,
+    /// Frames of the application that wait for a slot.
+    ethernet: EthernetQueue,
 }
 
 impl<'a, const NODES: usize> Mn<'a, NODES> {
@@ -195,6 +199,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             cycle_frame: [0; FRAME_LEN_MAX],
             asnd_frame: [0; FRAME_LEN_MAX],
             asnd_len: 0,
+            ethernet: EthernetQueue::new(),
         })
     }
 

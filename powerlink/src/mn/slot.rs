@@ -4,7 +4,7 @@
 //!
 //! One ASnd a slot. NMT commands of the managing node go first, NMT requests of the nodes next (but never twice in a row
 //! when somebody else waits), then in turn: StatusRequests, invitations of nodes with something to send, SDO of the
-//! managing node, IdentRequests. Within each kind the nodes take turns.
+//! managing node, Ethernet frames of the application, IdentRequests. Within each kind the nodes take turns.
 
 use super::Mn;
 use super::boot::Order;
@@ -49,6 +49,8 @@ pub(super) enum Own {
     Reject,
     /// SDO to one node.
     Sdo,
+    /// A frame of the application that is not POWERLINK.
+    Ethernet,
 }
 
 /// Kinds of use of the slot that take turns.
@@ -58,10 +60,18 @@ enum Kind {
     Status,
     Invite,
     Sdo,
+    Ethernet,
     Ident,
 }
 
-const KINDS: [Kind; 5] = [Kind::Sync, Kind::Status, Kind::Invite, Kind::Sdo, Kind::Ident];
+const KINDS: [Kind; 6] = [
+    Kind::Sync,
+    Kind::Status,
+    Kind::Invite,
+    Kind::Sdo,
+    Kind::Ethernet,
+    Kind::Ident,
+];
 
 /// Whose turn it is.
 #[derive(Clone, Copy, Debug, Default)]
@@ -125,7 +135,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             Grant::Own(
                 Own::Order { .. } | Own::Reject | Own::ResetAll | Own::ResetEach { .. } | Own::ToAll | Own::ShutDown,
             ) => Soa::new(self.state, RequestedService::NmtRequestInvite, wire::node::MN),
-            Grant::Own(Own::Sdo) => Soa::new(self.state, RequestedService::UnspecifiedInvite, wire::node::MN),
+            Grant::Own(Own::Sdo | Own::Ethernet) => {
+                Soa::new(self.state, RequestedService::UnspecifiedInvite, wire::node::MN)
+            }
             Grant::Node { index, service } => self.grant_node(now_ns, index, service),
         };
         (grant, soa)
@@ -308,6 +320,10 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 let index = self.find(start, |node| node.is_identified() && node.sdo.wants_to_transmit(now_ns))?;
                 (index, self.sdo(index, now_ns)?)
             }
+            Kind::Ethernet => {
+                self.asnd_len = self.ethernet.pop(&mut self.asnd_frame)?;
+                return Some(Grant::Own(Own::Ethernet));
+            }
             Kind::Ident => {
                 let index = self.find(start, |node| node.wants_ident(now_ns))?;
                 let network = self.network();
@@ -423,7 +439,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     self.events.push(MnEvent::NmtStateChanged { state: self.state });
                 }
             }
-            Own::Reject | Own::Sdo => {}
+            Own::Reject | Own::Sdo | Own::Ethernet => {}
         }
     }
 

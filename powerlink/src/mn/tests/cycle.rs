@@ -299,3 +299,30 @@ fn an_ordinary_ethernet_station_listens_and_then_sends_nothing() {
     net.mn.shut_down();
     assert!(net.mn.is_shut_down());
 }
+
+#[test]
+fn a_frame_of_the_application_goes_out_in_a_slot_of_our_own() {
+    let configuration = configuration();
+    let nodes = [node_config(1, &configuration)];
+    let mut net = Net::new(&nodes);
+    net.boot();
+    net.cycles(60);
+    net.log.clear();
+    let mut frame = [0; 60];
+    frame[12..14].copy_from_slice(&[0x08, 0x06]);
+    for number in 0..2 {
+        frame[20] = number;
+        net.mn.send_ethernet(&frame).unwrap();
+    }
+    net.cycles(4);
+    let sent: Vec<usize> = (0..net.log.len())
+        .filter(|at| net.log[*at].octets[12] == 0x08)
+        .collect();
+    assert_eq!(sent.len(), 2);
+    for (number, at) in sent.into_iter().enumerate() {
+        assert_eq!(usize::from(net.log[at].octets[20]), number);
+        let invited = Soa::new(NmtState::Operational, RequestedService::UnspecifiedInvite, 240);
+        assert_eq!(net.log[at - 1].frame(), Frame::Soa(invited));
+    }
+    assert!(net.all_operational());
+}
