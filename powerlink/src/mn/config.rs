@@ -7,6 +7,7 @@ use core::fmt;
 use obd::cdc::{CdcError, CdcReader};
 
 use super::budget::{Budget, WorstCycle};
+use super::objects::DeviceInfo;
 use super::startup::{self, Assignment, StartUp};
 use crate::wire::{self, Mac, PAYLOAD_MAX};
 
@@ -159,6 +160,10 @@ pub struct MnConfig<'a> {
     pub nodes: &'a [NodeConfig<'a>],
     /// MAC of the interface.
     pub mac: Mac,
+    /// What the managing node says of itself in its dictionary.
+    pub device: DeviceInfo<'a>,
+    /// A diagnostic device (node 253) is looked for now and then, and may use the asynchronous slot.
+    pub diagnostic_device: bool,
 }
 
 impl Default for MnConfig<'_> {
@@ -180,6 +185,8 @@ impl Default for MnConfig<'_> {
             pres_lost_max: 3,
             nodes: &[],
             mac: [0; 6],
+            device: DeviceInfo::default(),
+            diagnostic_device: false,
         }
     }
 }

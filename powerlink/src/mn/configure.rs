@@ -17,7 +17,7 @@ use crate::sdo::{Client, ClientError, Timing};
 use crate::wire::IdentResponse;
 
 /// A configuration value without an answer for this time has failed.
-const SDO_GIVE_UP_NS: u64 = 5_000_000_000;
+pub(super) const SDO_GIVE_UP_NS: u64 = 5_000_000_000;
 /// Before the first write of the configuration.
 pub(super) const NOTHING_WRITTEN: CdcWrite<'static> = CdcWrite {
     index: 0,
@@ -113,7 +113,7 @@ impl<'a> Node<'a> {
                     self.refuse(now_ns, network, fault, events);
                     self.order = Some(Order {
                         command: NmtCommand::ResetNode,
-                        reason: fault.reset_reason(),
+                        reason: fault.error_code(),
                     });
                     return;
                 }

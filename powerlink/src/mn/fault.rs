@@ -131,8 +131,8 @@ impl Fault {
         }
     }
 
-    /// The error code for the ResetNode.
-    pub(super) fn reset_reason(self) -> u16 {
+    /// The error code of the profile: for the ResetNode, and for the error history.
+    pub fn error_code(self) -> u16 {
         match self {
             Fault::WrongIdentity { field, .. } => match field {
                 IdentityField::DeviceType => reset_reason::DEVICE_TYPE,

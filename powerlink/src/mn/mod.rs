@@ -33,6 +33,7 @@ mod event;
 mod fault;
 mod network;
 mod node;
+mod objects;
 mod receive;
 mod record;
 mod service;
@@ -47,6 +48,7 @@ pub use config::{BootTimes, Direction, Identity, MnConfig, MnConfigError, NodeCo
 pub use diagnosis::{BootStage, Diagnosis, ForeignMn, NetworkDiagnosis, NetworkReason, Reason};
 pub use event::{Counters, EVENTS_MAX, IdentityField, Malformed, MnEvent, NodeStatistics};
 pub use fault::Fault;
+pub use objects::{DeviceInfo, FEATURE_FLAGS, HISTORY_ENTRIES, MN_PROFILE, MnObjects};
 pub use record::{ERRORS_KEPT, ErrorLog, LastFault, LoggedError};
 pub use service::{SdoCommand, SdoError, SdoRefused, SdoResult};
 pub use startup::{Assignment, RefusedBit, StartUp};
@@ -61,6 +63,7 @@ use cycle::Phase;
 use event::Events;
 use network::{Gate, Reduced, ToAll};
 use node::{Network, Node};
+use objects::RequestCommand;
 use slot::{Shutdown, Turn};
 
 /// NoService SoAs at the start of PRE_OPERATIONAL_1 that wake the nodes (C_DLL_PREOP1_START_CYCLES).
@@ -147,6 +150,10 @@ pub struct Mn<'a, const NODES: usize> {
     shutdown: Shutdown,
     events: Events,
     counters: Counters,
+    /// What 0x1F9F asks for.
+    request: RequestCommand,
+    /// Faults before this time are no longer in the error history (0x1003).
+    history_from_ns: u64,
     /// Any node is chained: our PRes goes before the polls, to trigger the chain.
     has_chain: bool,
     /// Payload of our own PRes.
@@ -194,6 +201,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             shutdown: Shutdown::No,
             events: Events::new(),
             counters: Counters::default(),
+            request: RequestCommand::default(),
+            history_from_ns: 0,
             has_chain: config.nodes.iter().any(|node| node.assignment.chained),
             pres_mn: [0; PAYLOAD_MAX],
             cycle_frame: [0; FRAME_LEN_MAX],

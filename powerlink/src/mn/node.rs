@@ -177,7 +177,7 @@ impl<'a> Node<'a> {
         self.give_up(now_ns, network, fault, events);
         self.order = Some(Order {
             command: NmtCommand::ResetNode,
-            reason: fault.reset_reason(),
+            reason: fault.error_code(),
         });
         self.set_state(NodeState::Faulted, events);
     }

@@ -6,6 +6,7 @@ mod chaining;
 mod cycle;
 mod diagnosis;
 mod faults;
+mod objects;
 mod rules;
 mod service;
 mod startup;
