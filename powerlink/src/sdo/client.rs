@@ -12,13 +12,16 @@
 //! lost frame costs a few cycles. The next command carries the acknowledge of the last answer if it is started in time;
 //! otherwise a frame of its own does.
 
-use core::fmt;
+mod answer;
+mod error;
 
 use obd::AbortCode;
 
-use super::command::{self, Address, Command, CommandId, Content, Header, Segmentation};
+use super::command::{self, Address, CommandId, Content, Header, Segmentation};
 use super::sequence::{self, Arrival, Con, Flow, Number, Sequence};
 use super::{EMPTY_LEN, SERVICE_DATA_MAX};
+use answer::Incoming;
+pub use error::ClientError;
 
 /// Segments of an answer that are left unacknowledged at most. The other stack sends four and then waits.
 const UNACKNOWLEDGED_MAX: u8 = 2;
@@ -46,69 +49,6 @@ impl Default for Timing {
         }
     }
 }
-
-/// Why a command failed, or was not started.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ClientError {
-    /// The node refused the command.
-    Aborted(AbortCode),
-    /// Nothing new came within [`Timing::give_up_ns`], though the frames were sent this many times.
-    TimedOut {
-        /// Frames sent for this command.
-        frames: u32,
-    },
-    /// The node has forgotten the connection after the command was sent more than once: it may have been carried out.
-    ConnectionLost,
-    /// The answer does not follow the protocol.
-    BadAnswer(&'static str),
-    /// The last command has not ended, or its result was not taken.
-    Busy,
-    /// The answer does not fit in the caller's buffer.
-    TooLong {
-        /// Octets of the answer.
-        got: usize,
-        /// Octets of the buffer.
-        most: usize,
-    },
-    /// What is to be written has another length than when the command was started.
-    WrongLength {
-        /// Octets as started.
-        expected: usize,
-        /// Octets handed in.
-        got: usize,
-    },
-}
-
-impl fmt::Display for ClientError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            ClientError::Aborted(code) => write!(f, "aborted by the node: {code}"),
-            ClientError::TimedOut { frames } => write!(f, "no answer, {frames} frames were sent"),
-            ClientError::ConnectionLost => {
-                write!(
-                    f,
-                    "the node lost the connection and may or may not have carried out the command"
-                )
-            }
-            ClientError::BadAnswer(what) => write!(f, "bad answer: {what}"),
-            ClientError::Busy => write!(f, "the command before has not ended"),
-            ClientError::TooLong { got, most } => {
-                write!(
-                    f,
-                    "an answer of {got} octets does not fit in the {most} octets there are for it"
-                )
-            }
-            ClientError::WrongLength { expected, got } => {
-                write!(
-                    f,
-                    "{got} octets were handed in to be written, announced were {expected}"
-                )
-            }
-        }
-    }
-}
-
-impl core::error::Error for ClientError {}
 
 /// Where the connection stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -162,13 +102,6 @@ impl Request {
     fn restart(&mut self) {
         (self.numbered, self.arrived, self.completed) = (0, 0, 0);
     }
-}
-
-/// A segmented answer under way.
-#[derive(Clone, Copy, Debug)]
-struct Incoming {
-    len: usize,
-    done: usize,
 }
 
 /// Frames of the server are missing.
@@ -452,79 +385,6 @@ impl Client {
 
     fn acknowledge_by(&mut self, at_ns: u64) {
         self.acknowledge_at_ns = Some(self.acknowledge_at_ns.map_or(at_ns, |earlier_ns| earlier_ns.min(at_ns)));
-    }
-
-    fn take_command(&mut self, command: Command<'_>, sink: &mut [u8]) {
-        let ours = command.header.response && command.header.transaction == self.transaction;
-        if self.progress != Progress::Running || self.request.numbered == 0 || !ours {
-            return;
-        }
-        match self.take_answer(command, sink) {
-            Ok(Some(len)) => {
-                self.progress = Progress::Done(Ok(len));
-                self.incoming = None;
-            }
-            Ok(None) => {}
-            Err(error @ ClientError::Aborted(_)) => self.fail(error, None),
-            Err(error @ ClientError::TooLong { .. }) => self.fail(error, Some(AbortCode::OUT_OF_MEMORY)),
-            Err(
-                error @ (ClientError::BadAnswer(_)
-                | ClientError::TimedOut { .. }
-                | ClientError::ConnectionLost
-                | ClientError::Busy
-                | ClientError::WrongLength { .. }),
-            ) => self.fail(error, Some(AbortCode::GENERAL)),
-        }
-    }
-
-    /// Octets of the answer when it is complete.
-    fn take_answer(&mut self, command: Command<'_>, sink: &mut [u8]) -> Result<Option<usize>, ClientError> {
-        let Command { header, data } = command;
-        if header.abort {
-            let code = command::abort_code(data).ok_or(ClientError::BadAnswer("an abort without a code"))?;
-            return Err(ClientError::Aborted(code));
-        }
-        if header.id != self.request.id {
-            return Err(ClientError::BadAnswer("another command than the one that was sent"));
-        }
-        if self.request.arrived < self.request.segments() {
-            return Err(ClientError::BadAnswer("an answer before the request was complete"));
-        }
-        let (len, at, data) = match (header.segmentation, self.incoming) {
-            // The answer to a write carries nothing.
-            (Segmentation::Expedited, None) if self.request.id == CommandId::WriteByIndex => return Ok(Some(0)),
-            (Segmentation::Expedited, None) => (data.len(), 0, data),
-            (Segmentation::Initiate, None) => {
-                let (len, data) = command::split_initiate(data)
-                    .ok_or(ClientError::BadAnswer("a first segment that contradicts its own size"))?;
-                (len, 0, data)
-            }
-            (Segmentation::Segment | Segmentation::Complete, Some(Incoming { len, done })) => (len, done, data),
-            (Segmentation::Expedited | Segmentation::Initiate, Some(_)) => {
-                return Err(ClientError::BadAnswer("a second answer begins within the first"));
-            }
-            (Segmentation::Segment | Segmentation::Complete, None) => {
-                return Err(ClientError::BadAnswer("a segment without a first one"));
-            }
-        };
-        if len > sink.len() {
-            let most = sink.len();
-            return Err(ClientError::TooLong { got: len, most });
-        }
-        let done = at + data.len();
-        if done > len {
-            return Err(ClientError::BadAnswer("more data than were announced"));
-        }
-        sink[at..done].copy_from_slice(data);
-        match header.segmentation {
-            Segmentation::Expedited => Ok(Some(done)),
-            Segmentation::Complete if done == len => Ok(Some(done)),
-            Segmentation::Complete => Err(ClientError::BadAnswer("fewer data than were announced")),
-            Segmentation::Initiate | Segmentation::Segment => {
-                self.incoming = Some(Incoming { len, done });
-                Ok(None)
-            }
-        }
     }
 
     /// Whether [`poll_transmit`](Self::poll_transmit) has a frame to send at this time: then the node needs the asynchronous

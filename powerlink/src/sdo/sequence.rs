@@ -264,6 +264,7 @@ impl Sequence {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::vec::Vec;
 
     #[test]
     fn headers_of_a_captured_connection() {
@@ -301,5 +302,83 @@ mod tests {
     fn numbers_wrap_after_63() {
         assert_eq!(Number::new(63).next(), Number::new(0));
         assert_eq!(Number::new(62).next().get(), 63);
+    }
+
+    fn out(flow: &mut Flow) -> Vec<(u8, u8, bool)> {
+        core::iter::from_fn(|| flow.transmit())
+            .map(|outgoing| (outgoing.number.get(), outgoing.place, outgoing.repeated))
+            .collect()
+    }
+
+    /// A flow whose frames up to `number` have all arrived.
+    fn at(number: u8) -> Flow {
+        let mut flow = Flow::new(Number::new(0));
+        while flow.sent() != Number::new(number) {
+            let sent = flow.add();
+            assert!(flow.transmit().is_some());
+            assert_eq!(flow.acknowledge(sent), Some(1));
+        }
+        flow
+    }
+
+    #[test]
+    fn exactly_what_the_peer_lacks_goes_out_again_wherever_the_numbers_wrap() {
+        for start in 0..64 {
+            let mut flow = at(start);
+            let number = |step| Number::new(start.wrapping_add(step));
+            while flow.has_room() {
+                flow.add();
+            }
+            let first: Vec<_> = (1..=5).map(|step| (number(step).get(), step - 1, false)).collect();
+            assert_eq!(out(&mut flow), first);
+            assert_eq!(flow.acknowledge(number(2)), Some(2));
+            assert_eq!(flow.due(), 0);
+            flow.repeat();
+            flow.repeat(); // asked twice
+            let again: Vec<_> = (3..=5).map(|step| (number(step).get(), step - 3, true)).collect();
+            assert_eq!(out(&mut flow), again);
+            // While they go out again, two arrive: they are left out.
+            flow.repeat();
+            assert_eq!(flow.transmit().map(|outgoing| outgoing.number), Some(number(3)));
+            assert_eq!(flow.acknowledge(number(4)), Some(2));
+            flow.add();
+            assert_eq!(
+                out(&mut flow),
+                [(number(5).get(), 0, true), (number(6).get(), 1, false)]
+            );
+            flow.repeat_last();
+            assert_eq!(out(&mut flow), [(number(6).get(), 1, true)]);
+            assert_eq!(flow.acknowledge(number(6)), Some(2));
+            flow.repeat_last();
+            assert_eq!((flow.in_flight(), out(&mut flow)), (0, Vec::new()));
+        }
+    }
+
+    #[test]
+    fn an_acknowledge_of_what_was_not_sent_is_none() {
+        for start in 0..64 {
+            let mut flow = at(start);
+            flow.add();
+            flow.add();
+            flow.transmit();
+            for step in 0..64 {
+                let mut flow = flow;
+                let expected = if step <= 1 { Some(step) } else { None };
+                assert_eq!(flow.acknowledge(Number::new(start.wrapping_add(step))), expected);
+            }
+        }
+    }
+
+    #[test]
+    fn half_the_numbers_are_new_and_half_are_known() {
+        for received in 0..64 {
+            let flow = Flow::new(Number::new(received));
+            let count = |arrival| {
+                let numbers = (0..64).map(Number::new);
+                numbers.filter(|number| flow.arrival(*number) == arrival).count()
+            };
+            assert_eq!(flow.arrival(Number::new(received + 1)), Arrival::Next);
+            assert_eq!((count(Arrival::Known), count(Arrival::Gap)), (32, 31));
+        }
     }
 }

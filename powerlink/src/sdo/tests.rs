@@ -321,6 +321,77 @@ fn a_faulty_channel_changes_nothing() {
     );
 }
 
+/// Sequence octets of the frames that one side has to send now.
+fn sequences(net: &mut Net, from_client: bool, value: &[u8]) -> Vec<[u8; 2]> {
+    let (mut out, mut sequences) = ([0; SERVICE_DATA_MAX], Vec::new());
+    loop {
+        let len = if from_client {
+            net.client.poll_transmit(net.now_ns, value, &mut out)
+        } else {
+            net.server.poll_transmit(&mut out).map(|(_, len)| len)
+        };
+        let Some(len) = len else { return sequences };
+        net.sent.push((from_client, out[..len].to_vec()));
+        sequences.push([out[0], out[1]]);
+    }
+}
+
+#[test]
+fn the_window_and_the_repetition_of_what_is_missing_octet_by_octet() {
+    let mut net = Net::new(8, Faults::default());
+    net.write(PARTS, &[0; 4]).unwrap();
+    // Client to server: five frames, the last asks for an acknowledge.
+    let value = vec![7; 2000];
+    net.client.start_write(PARTS, 0, value.len()).unwrap();
+    net.sent.clear();
+    let window = [[0x06, 0x0A], [0x06, 0x0E], [0x06, 0x12], [0x06, 0x16], [0x06, 0x1B]];
+    assert_eq!(sequences(&mut net, true, &value), window);
+    // The third one gets lost: the server has up to number 3 and says so once, though two frames came behind the gap.
+    for at in [0, 1, 3] {
+        let frame = net.sent[at].1.clone();
+        net.server.receive(240, &frame, &mut net.store);
+    }
+    assert_eq!(sequences(&mut net, false, &[]), [[0x0F, 0x06]]);
+    let missing = net.sent.last().unwrap().1.clone();
+    net.client.receive(net.now_ns, &missing, &mut []);
+    // Two have arrived, so two more may go. The last one repeated asks what the server has now.
+    let again = [[0x06, 0x12], [0x06, 0x16], [0x06, 0x1B], [0x06, 0x1E], [0x06, 0x23]];
+    assert_eq!(sequences(&mut net, true, &value), again);
+    net.sent.drain(..6);
+    for (_, frame) in core::mem::take(&mut net.sent) {
+        net.server.receive(240, &frame, &mut net.store);
+    }
+    // Seven segments have come; the answer to the eighth acknowledges all.
+    assert_eq!(
+        net.store.coming.as_ref().map(|(_, octets)| octets.len()),
+        Some(248 + 6 * 256)
+    );
+    assert_eq!(net.run(&value, &mut []), Ok(0));
+    assert_eq!(net.store.parts, value);
+
+    // Server to client: the same. The first frame gets lost.
+    let mut sink = [0; 2000];
+    net.client.start_read(PARTS, 0).unwrap();
+    assert_eq!(sequences(&mut net, true, &[]), [[0x0A, 0x2A]]);
+    let command = net.sent.last().unwrap().1.clone();
+    net.server.receive(240, &command, &mut net.store);
+    net.sent.clear();
+    let window = [[0x2A, 0x0E], [0x2A, 0x12], [0x2A, 0x16], [0x2A, 0x1A], [0x2A, 0x1F]];
+    assert_eq!(sequences(&mut net, false, &[]), window);
+    for (_, frame) in net.sent.drain(1..4) {
+        net.client.receive(net.now_ns, &frame, &mut sink);
+    }
+    assert_eq!(sequences(&mut net, true, &[]), [[0x0B, 0x2A]]);
+    let missing = net.sent.last().unwrap().1.clone();
+    net.server.receive(240, &missing, &mut net.store);
+    assert_eq!(sequences(&mut net, false, &[]), window);
+    // The client asks when nothing comes.
+    net.now_ns += 50 * MS;
+    assert_eq!(sequences(&mut net, true, &[]), [[0x0A, 0x2B]]);
+    assert_eq!(net.run(&[], &mut sink), Ok(2000));
+    assert_eq!(sink[..], value);
+}
+
 #[test]
 fn a_transfer_that_breaks_off_leaves_the_old_value() {
     let mut net = Net::new(3, Faults::default());
