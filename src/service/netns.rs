@@ -71,6 +71,24 @@ pub fn private_wire(near: &str, far: &str) -> Result<Wire, NetnsError> {
     check_interface_name(near)?;
     check_interface_name(far)?;
     let user_namespace = enter()?;
+    let notes = add_wire(near, far)?;
+    Netlink::open()?.set_flags("lo", libc::IFF_UP)?;
+    Ok(Wire {
+        near: near.to_owned(),
+        far: far.to_owned(),
+        user_namespace,
+        notes,
+    })
+}
+
+/// Makes one more wire in the network namespace of the process, up and quiet; gives what could not be done (see
+/// [`Wire::notes`]).
+///
+/// # Errors
+/// As [`private_wire`].
+pub fn add_wire(near: &str, far: &str) -> Result<Vec<String>, NetnsError> {
+    check_interface_name(near)?;
+    check_interface_name(far)?;
     let netlink = Netlink::open()?;
     netlink.request(
         &veth_request(near, far),
@@ -82,13 +100,7 @@ pub fn private_wire(near: &str, far: &str) -> Result<Wire, NetnsError> {
         // NOARP, and no address is ever given: the PC itself has nothing to say on this wire.
         netlink.set_flags(interface, libc::IFF_UP | libc::IFF_NOARP)?;
     }
-    netlink.set_flags("lo", libc::IFF_UP)?;
-    Ok(Wire {
-        near: near.to_owned(),
-        far: far.to_owned(),
-        user_namespace,
-        notes,
-    })
+    Ok(notes)
 }
 
 /// Enters a new network namespace; true: with a user namespace around it.

@@ -1,0 +1,462 @@
+//! Cycles over a veth pair, all nodes on the core of the managing node.
+//!
+//! In:  number of nodes, cycle, how many cycles, where the nodes run. Out: how long SoC to SoA took, which cycles were not
+//! over in time and what kept them.
+//!
+//! The nodes run in a thread of their own above the managing node, which costs two changes of thread a node (several
+//! microseconds in a virtual machine), or within the managing node's thread, which shows what the wire and both stacks
+//! cost without them.
+//!
+//! The minimal loop has a wire and a responder of its own and takes turns with ours.
+
+use super::minimal::{self, Minimal, Short};
+use super::network::{Responder, mn_config, node_configs};
+use super::socket::Socket;
+use anyhow::{Context, ensure};
+use isocnc::bus::powerlink::{Powerlink, wall_clock};
+use isocnc::bus::{BusState, Fieldbus, InputImage, OutputImage};
+use isocnc::config;
+use isocnc::rt::setup::{Process, Role, STACK_SIZE, enter_thread, prepare_process};
+use isocnc::rt::timeout::{self, Limits, TimeoutThread, Watch};
+use isocnc::rt::wait::{Grid, monotonic_ns};
+use isocnc::service::netns::{add_wire, private_wire};
+use nix::errno::Errno;
+use nix::sys::time::TimeSpec;
+use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
+use powerlink::link::raw::{RawConfig, RawLink};
+use powerlink::link::{Link, LinkError, Received};
+use powerlink::wire::message;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+const MACHINE: &str = include_str!("../../configs/mill3-demo.toml");
+const PAYLOAD: usize = super::network::PAYLOAD;
+/// As the control does it.
+const ANSWER_SPIN_NS: u64 = 20_000;
+const SPIN_NS: u64 = 50_000;
+const QUIET_NS: u64 = 30_000;
+const BOOT_LIMIT_NS: u64 = 20_000_000_000;
+
+/// One cycle as it ran.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Cycle {
+    /// From the beginning of the exchange to its end.
+    pub(crate) exchange_ns: u64,
+    /// From the date of the cycle to the end of its exchange.
+    pub(crate) done_ns: u64,
+    /// The thread was woken so much later than it had asked for.
+    pub(crate) woken_late_ns: u64,
+    /// Time from the wake-up to the end in which no thread of ours ran: the host had the core.
+    pub(crate) stolen_ns: u64,
+    /// Cycles left out after this one.
+    pub(crate) skipped: u64,
+}
+
+/// Something that exchanges process data once a cycle.
+trait Exchange {
+    fn exchange(&mut self, deadline_ns: u64);
+    /// What is left to do until then.
+    fn serve(&mut self, until_ns: u64);
+}
+
+/// Where the nodes run.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Nodes {
+    /// In a thread above the managing node.
+    Above,
+    /// In the thread of the managing node, which calls them after each of its frames.
+    Within,
+}
+
+/// The near end of the wire; whatever is sent is answered at the far end before `send` returns.
+struct Near {
+    near: RawLink,
+    /// Far end and the nodes there, unless they have a thread of their own.
+    far: Option<(RawLink, Responder)>,
+    buffer: [u8; 1514],
+}
+
+impl Link for Near {
+    fn now_ns(&mut self) -> u64 {
+        self.near.now_ns()
+    }
+
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        self.near.send(frame)?;
+        if let Some((far, responder)) = &mut self.far {
+            answer(far, responder, &mut self.buffer, 0)?;
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], deadline_ns: u64) -> Result<Option<Received>, LinkError> {
+        self.near.receive(buffer, deadline_ns)
+    }
+}
+
+/// Answers one frame at the far end, or looks at the clock if none comes by the deadline.
+fn answer(far: &mut RawLink, responder: &mut Responder, buffer: &mut [u8], deadline_ns: u64) -> Result<(), LinkError> {
+    let received = far.receive(buffer, deadline_ns)?;
+    let now_ns = far.now_ns();
+    match received {
+        Some(received) => responder.receive(now_ns, &buffer[..received.length], |answer| {
+            let _ = far.send(answer);
+        }),
+        None => responder.poll(now_ns),
+    }
+    Ok(())
+}
+
+struct Ours<'a, const N: usize> {
+    bus: Box<Powerlink<'a, Near, N>>,
+    outputs: OutputImage,
+    inputs: InputImage,
+    lost: u64,
+}
+
+impl<const N: usize> Exchange for Ours<'_, N> {
+    fn exchange(&mut self, deadline_ns: u64) {
+        for node in 0..N {
+            self.outputs.node_mut(node)[0] = self.outputs.node(node)[0].wrapping_add(1);
+        }
+        let report = self.bus.exchange(deadline_ns, &self.outputs, &mut self.inputs);
+        self.lost += u64::from(report.lost);
+    }
+
+    fn serve(&mut self, until_ns: u64) {
+        self.bus.serve(until_ns);
+        while self.bus.pop_event().is_some() {}
+    }
+}
+
+struct Least {
+    mn: Minimal,
+    socket: Socket,
+    /// Far end and the answers of the nodes, unless they have a thread of their own.
+    far: Option<(Socket, Vec<Short>)>,
+    lost: u64,
+}
+
+impl Least {
+    fn send(&self, frame: &Short) {
+        self.socket.send(frame);
+        if let Some((far, answers)) = &self.far {
+            answer_least(far, answers);
+        }
+    }
+}
+
+fn answer_least(far: &Socket, answers: &[Short]) {
+    let mut buffer = [0; 1514];
+    if far.recv(&mut buffer).is_some() && buffer[14] == message::PREQ {
+        far.send(&answers[usize::from(buffer[15]) - 1]);
+    }
+}
+
+impl Exchange for Least {
+    fn exchange(&mut self, _: u64) {
+        let mut buffer = [0; 1514];
+        let soc = *self.mn.soc(monotonic_ns(), 1000);
+        self.send(&soc);
+        for node in 0..self.mn.outputs.len() {
+            self.mn.outputs[node] = [self.mn.outputs[node][0].wrapping_add(1); PAYLOAD];
+            let preq = *self.mn.preq(node);
+            self.send(&preq);
+            match self.socket.recv(&mut buffer) {
+                Some(length) => self.mn.pres(node, &buffer[..length]),
+                None => self.lost += 1,
+            }
+        }
+        self.send(self.mn.soa());
+    }
+
+    fn serve(&mut self, _: u64) {}
+}
+
+/// Processor time of all threads of this process.
+fn process_cpu_ns() -> u64 {
+    clock_gettime(ClockId::CLOCK_PROCESS_CPUTIME_ID)
+        .map_or(0, |time| time.tv_sec() as u64 * 1_000_000_000 + time.tv_nsec() as u64)
+}
+
+/// Runs one cycle at its date.
+fn run_cycle(exchange: &mut dyn Exchange, deadline_ns: u64, limit_ns: u64) -> Cycle {
+    exchange.serve(deadline_ns.saturating_sub(SPIN_NS + QUIET_NS));
+    let asked_ns = (deadline_ns - SPIN_NS).max(monotonic_ns());
+    let wake = TimeSpec::from_duration(Duration::from_nanos(asked_ns));
+    while clock_nanosleep(ClockId::CLOCK_MONOTONIC, ClockNanosleepFlags::TIMER_ABSTIME, &wake) == Err(Errno::EINTR) {}
+    let (woken_ns, woken_cpu_ns) = (monotonic_ns(), process_cpu_ns());
+    let began_ns = loop {
+        let now_ns = monotonic_ns();
+        if now_ns >= deadline_ns {
+            break now_ns;
+        }
+        std::hint::spin_loop();
+    };
+    exchange.exchange(limit_ns);
+    let ended_ns = monotonic_ns();
+    let ran_ns = process_cpu_ns() - woken_cpu_ns;
+    Cycle {
+        exchange_ns: ended_ns - began_ns,
+        done_ns: ended_ns - deadline_ns,
+        woken_late_ns: woken_ns - asked_ns,
+        stolen_ns: (ended_ns - woken_ns).saturating_sub(ran_ns),
+        skipped: 0,
+    }
+}
+
+/// Cycles of both, in turns of `turn` cycles.
+fn run_turns(
+    ours: &mut dyn Exchange,
+    least: &mut dyn Exchange,
+    grid: Grid,
+    cycles: usize,
+    turn: usize,
+) -> [Vec<Cycle>; 2] {
+    let mut ran = [Vec::with_capacity(cycles + turn), Vec::with_capacity(cycles + turn)];
+    let mut deadline_ns = grid.first_after(monotonic_ns() + grid.period_ns);
+    while ran[0].len() < cycles {
+        let exchanges: [&mut dyn Exchange; 2] = [ours, least];
+        for (exchange, ran) in exchanges.into_iter().zip(&mut ran) {
+            for _ in 0..turn {
+                let mut cycle = run_cycle(exchange, deadline_ns, deadline_ns + grid.period_ns - SPIN_NS);
+                let next = grid.next(deadline_ns, monotonic_ns());
+                (deadline_ns, cycle.skipped) = (next.deadline_ns, next.skipped);
+                ran.push(cycle);
+            }
+        }
+    }
+    ran
+}
+
+/// The core, the threads and both wires, once for all.
+pub(crate) struct Bench {
+    process: Arc<Process>,
+    tick_ns: u64,
+}
+
+impl Bench {
+    /// Makes the namespace: before any thread is started.
+    pub(crate) fn prepare() -> anyhow::Result<Bench> {
+        private_wire("plk0", "plk1")?;
+        add_wire("raw0", "raw1")?;
+        let config = config::parse(MACHINE, Path::new("mill3-demo.toml"))?;
+        let process = prepare_process(&config.rt)?;
+        for finding in &process.findings {
+            println!("warning            {finding}");
+        }
+        println!("core               {}, priority {}", process.cpu, process.priority);
+        let probe = RawLink::open("plk0", RawConfig::default())?;
+        println!("link               {}", probe.reception());
+        Ok(Bench {
+            process: Arc::new(process),
+            tick_ns: u64::from(config.rt.timeout_us) * 1000,
+        })
+    }
+
+    /// Boots `N` nodes and runs `cycles` cycles of ours and of the minimal loop, in turns. With `timeouts` the time-out
+    /// thread of the control runs as well.
+    pub(crate) fn run<const N: usize>(
+        &self,
+        cycle_us: u32,
+        pres_timeout_ns: u32,
+        cycles: usize,
+        turn: usize,
+        place: Nodes,
+        timeouts: bool,
+    ) -> anyhow::Result<[Vec<Cycle>; 2]> {
+        let period_ns = u64::from(cycle_us) * 1000;
+        let nodes = node_configs(N, pres_timeout_ns);
+        let config = RawConfig {
+            spin_ns: ANSWER_SPIN_NS,
+            ..RawConfig::default()
+        };
+        let link = RawLink::open("plk0", config)?;
+        let (far, responder) = (RawLink::open("plk1", RawConfig::default())?, Responder::new(N));
+        let (least_far, answers) = (Socket::open("raw1")?, (1..=N as u8).map(minimal::pres).collect());
+        let watch = Arc::new(Watch::default());
+        let mac = link.mac();
+        let (within, above) = match place {
+            Nodes::Within => (Some(((far, responder), (least_far, answers))), None),
+            Nodes::Above => (None, Some(((far, responder), (least_far, answers)))),
+        };
+        let (far, least_far) = within.unzip();
+        let link = Near {
+            near: link,
+            far,
+            buffer: [0; 1514],
+        };
+        let bus = Powerlink::<_, N>::new(mn_config(&nodes, cycle_us, mac), link, Arc::clone(&watch), wall_clock)?;
+        let lengths = [PAYLOAD; N];
+        let mut ours = Ours {
+            bus: Box::new(bus),
+            outputs: OutputImage::new(lengths),
+            inputs: InputImage::new(lengths),
+            lost: 0,
+        };
+        let mut least = Least {
+            mn: Minimal::new(N),
+            socket: Socket::open("raw0")?,
+            far: least_far,
+            lost: 0,
+        };
+        let (reports, _reports) = rtrb::RingBuffer::new(timeout::REPORTS);
+        let stop = AtomicBool::new(false);
+        let thread = |name: &str| std::thread::Builder::new().name(name.into()).stack_size(STACK_SIZE);
+        std::thread::scope(|scope| {
+            if let Some(((mut far, mut responder), (least_far, answers))) = above {
+                let stop = &stop;
+                thread("nodes").spawn_scoped(scope, move || {
+                    drop(enter_thread(Role::Machine, &self.process));
+                    let mut buffer = [0; 1514];
+                    while !stop.load(Ordering::Relaxed) {
+                        let deadline_ns = far.now_ns() + 50_000_000;
+                        answer(&mut far, &mut responder, &mut buffer, deadline_ns).expect("the interface is up");
+                    }
+                })?;
+                thread("least-nodes").spawn_scoped(scope, move || {
+                    drop(enter_thread(Role::Machine, &self.process));
+                    while !stop.load(Ordering::Relaxed) {
+                        answer_least(&least_far, &answers);
+                    }
+                })?;
+            }
+            let limits = Limits::new(period_ns, self.tick_ns, u32::MAX);
+            let timeouts = timeouts
+                .then(|| TimeoutThread::spawn(Arc::clone(&self.process), Arc::clone(&watch), limits, reports))
+                .transpose()?;
+            let managing = thread("managing").spawn_scoped(scope, || {
+                drop(enter_thread(Role::Cycle, &self.process));
+                let grid = Grid {
+                    period_ns,
+                    phase_ns: 37_000,
+                    late_max_ns: period_ns / 4,
+                };
+                boot(&mut ours, grid)?;
+                ours.lost = 0;
+                let ran = run_turns(&mut ours, &mut least, grid, cycles, turn);
+                let lost = (ours.lost, least.lost, least.mn.wrong);
+                anyhow::Ok((ran, lost))
+            })?;
+            let ran = managing.join();
+            stop.store(true, Ordering::Relaxed);
+            drop(timeouts);
+            let (ran, lost) = ran.map_err(|_| anyhow::anyhow!("the managing node panicked"))??;
+            println!(
+                "                   answers lost: {} of ours, {} of the minimal loop",
+                lost.0, lost.1
+            );
+            ensure!(lost.2 == 0, "{} wrong answers in the minimal loop", lost.2);
+            Ok(ran)
+        })
+    }
+}
+
+/// Until all nodes are operational.
+fn boot<const N: usize>(ours: &mut Ours<'_, N>, grid: Grid) -> anyhow::Result<()> {
+    let began_ns = monotonic_ns();
+    let mut deadline_ns = grid.first_after(began_ns);
+    let up = |ours: &Ours<'_, N>| {
+        ours.bus.state() == BusState::Operational
+            && (0..N).all(|node| ours.bus.node_state(node) == isocnc::bus::NodeState::Operational)
+    };
+    while !up(ours) {
+        run_cycle(ours, deadline_ns, deadline_ns + grid.period_ns - SPIN_NS);
+        deadline_ns = grid.next(deadline_ns, monotonic_ns()).deadline_ns;
+        ensure!(
+            deadline_ns - began_ns < BOOT_LIMIT_NS,
+            "not operational after 20 s: {:?}",
+            ours.bus.mn().counters()
+        );
+    }
+    Ok(())
+}
+
+fn percentile(sorted: &[u64], share: f64) -> f64 {
+    let at = ((sorted.len() - 1) as f64 * share) as usize;
+    sorted[at] as f64 / 1000.0
+}
+
+fn median_p99_max(ran: &[Cycle]) -> [f64; 3] {
+    let mut times: Vec<u64> = ran.iter().map(|cycle| cycle.exchange_ns).collect();
+    times.sort_unstable();
+    [0.5, 0.99, 1.0].map(|share| percentile(&times, share))
+}
+
+/// SoC to SoA on a relaxed cycle.
+pub(crate) fn exchange<const N: usize>(bench: &Bench, cycle_us: u32, cycles: usize, goal: &str) -> anyhow::Result<()> {
+    let arrangements = [
+        (Nodes::Within, false, "in this thread"),
+        (Nodes::Above, false, "in a thread above"),
+        (Nodes::Above, true, "above, and time-outs"),
+    ];
+    for (place, timeouts, name) in arrangements {
+        let [ours, least] = bench
+            .run::<N>(cycle_us, 5_000, cycles, 1, place, timeouts)
+            .with_context(|| format!("{N} nodes {name}"))?;
+        let (ours, least) = (median_p99_max(&ours), median_p99_max(&least));
+        println!(
+            "SoC to SoA         {N:3} nodes {name:20} median {:6.1} us, p99 {:6.1}, max {:7.1}; minimal {:6.1}, {:6.1}, \
+             {:7.1}; ratio {:.2}{goal}",
+            ours[0],
+            ours[1],
+            ours[2],
+            least[0],
+            least[1],
+            least[2],
+            ours[0] / least[0]
+        );
+    }
+    Ok(())
+}
+
+/// How many cycles are not over in time, and why.
+pub(crate) fn shortest<const N: usize>(
+    bench: &Bench,
+    cycle_us: u32,
+    pres_timeout_ns: u32,
+    cycles: usize,
+) -> anyhow::Result<()> {
+    for (place, where_) in [(Nodes::Within, "in this thread"), (Nodes::Above, "in a thread above")] {
+        let ran = bench.run::<N>(cycle_us, pres_timeout_ns, cycles, 500, place, false);
+        let ran = match ran {
+            Ok(ran) => ran,
+            Err(why) => {
+                println!("cycle of {cycle_us:4} us   {N:3} nodes {where_}: {why:#}");
+                continue;
+            }
+        };
+        for (name, ran) in ["ours", "minimal"].into_iter().zip(&ran) {
+            print_overruns(&format!("{N:3} nodes {where_:17} {name:7}"), cycle_us, ran);
+        }
+    }
+    Ok(())
+}
+
+fn print_overruns(name: &str, cycle_us: u32, ran: &[Cycle]) {
+    let period_ns = u64::from(cycle_us) * 1000;
+    let (mut own, mut woken, mut stolen, mut all) = (0, 0, 0, 0);
+    for cycle in ran {
+        let overruns = cycle.skipped + u64::from(cycle.skipped == 0 && cycle.done_ns > period_ns);
+        all += 1 + cycle.skipped;
+        // Would it have been in time without what the host took?
+        if cycle.done_ns.saturating_sub(cycle.woken_late_ns + cycle.stolen_ns) > period_ns {
+            own += overruns;
+        } else if cycle.woken_late_ns > cycle.stolen_ns {
+            woken += overruns;
+        } else {
+            stolen += overruns;
+        }
+    }
+    let share = |count: u64| 100.0 * count as f64 / all as f64;
+    let [median, p99, max] = median_p99_max(ran);
+    println!(
+        "cycle of {cycle_us:4} us   {name} {all} cycles: {:.3} % overrun by themselves (goal <= 0.1), {:.3} % woken late, \
+         {:.3} % while the host had the core; SoC to SoA median {median:.1} us, p99 {p99:.1}, max {max:.1}",
+        share(own),
+        share(woken),
+        share(stolen),
+    );
+}
