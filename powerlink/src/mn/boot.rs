@@ -13,6 +13,7 @@
 
 use super::NodeState;
 use super::chaining::Chain;
+use super::configure::timing;
 use super::event::{Events, MnEvent};
 use super::fault::{Fault, reset_reason};
 use super::node::{Network, Node, us};
@@ -24,6 +25,8 @@ use crate::wire::{IdentResponse, Mac};
 const CHECK_CYCLES: u32 = 3;
 /// An NMT command that has shown no effect is sent again after this time.
 const COMMAND_RETRY_NS: u64 = 50_000_000;
+/// A node is not asked who it is for this time after ResetConfiguration: the answer could be from before the reset.
+const RESTART_NS: u64 = 4_000_000;
 /// A node that was refused (identity, configuration) is looked at again after this time.
 const REFUSED_RETRY_NS: u64 = 5_000_000_000;
 
@@ -98,6 +101,14 @@ impl<'a> Node<'a> {
             | Stage::BackInPreOperational2 { .. }
             | Stage::Stopped { .. } => true,
         }
+    }
+
+    /// The configuration manager is at work with the node.
+    pub(super) fn is_being_configured(&self) -> bool {
+        matches!(
+            self.stage,
+            Stage::Configure | Stage::CloseSdo | Stage::ResetConfiguration | Stage::Reidentify { .. }
+        )
     }
 
     /// The node is READY_TO_OPERATE or further, and its communication was checked.
@@ -217,6 +228,7 @@ impl<'a> Node<'a> {
         if matches!(self.stage, Stage::Enable { .. }) {
             self.enable(now_ns, network);
         }
+        self.sdo.set_timing(timing(network));
         if self.stage == Stage::TakenOver {
             self.polled = !self.config.assignment.async_only;
         }
@@ -239,7 +251,7 @@ impl<'a> Node<'a> {
         if order.command == NmtCommand::ResetConfiguration && self.stage == Stage::ResetConfiguration {
             self.polled = false;
             self.chain = Chain::NEW;
-            self.ident_due_ns = now_ns;
+            self.ident_due_ns = now_ns + RESTART_NS;
             self.stage = Stage::Reidentify {
                 deadline_ns: now_ns + us(network.boot.timeout_pre_op_2_us),
             };
@@ -248,8 +260,9 @@ impl<'a> Node<'a> {
 
     /// The next step of the boot-up, once a slot.
     pub(super) fn step(&mut self, now_ns: u64, network: &Network, events: &mut Events) {
-        // In the reduced cycle nodes are only looked for.
-        if !network.state.is_isochronous() && !matches!(self.stage, Stage::Refused { .. }) {
+        // In the reduced cycle nodes are looked for and configured, as its slots follow each other without a pause.
+        let reduced = !network.state.is_isochronous();
+        if reduced && !self.is_being_configured() && !matches!(self.stage, Stage::Refused { .. }) {
             return;
         }
         match self.stage {
@@ -260,9 +273,9 @@ impl<'a> Node<'a> {
                     self.ident_due_ns = now_ns;
                 }
             }
-            // A node that is not polled yet has not seen a SoC; its RS would not be seen either.
+            // In the cycle a node that is not polled yet is about to be.
             Stage::Configure => {
-                if self.takes_part() {
+                if self.takes_part() || reduced {
                     self.configure(now_ns, network, events);
                 }
             }

@@ -18,6 +18,8 @@ use crate::wire::IdentResponse;
 
 /// A configuration value without an answer for this time has failed.
 pub(super) const SDO_GIVE_UP_NS: u64 = 5_000_000_000;
+/// What a node may take for an answer without being asked again.
+const FIRST_TIMEOUT_MIN_NS: u64 = 20_000_000;
 /// Before the first write of the configuration.
 pub(super) const NOTHING_WRITTEN: CdcWrite<'static> = CdcWrite {
     index: 0,
@@ -71,7 +73,7 @@ impl<'a> Node<'a> {
         self.writes = CdcReader::new(self.config.configuration).ok();
         self.written = 0;
         // The connection of the last boot is void, also for the application.
-        self.sdo = Client::new(timing(network.cycle_ns));
+        self.sdo = Client::new(timing(network));
         !self.configuration_is_current(ident, network)
     }
 
@@ -132,6 +134,7 @@ impl<'a> Node<'a> {
         };
         self.writing = write;
         let CdcWrite { index, sub, value } = write;
+        self.sdo.set_timing(timing(network));
         if let Err(error) = self.sdo.start_write(index, sub, value.len()) {
             self.fail(
                 now_ns,
@@ -168,9 +171,11 @@ fn may_be_refused(index: u16, code: AbortCode) -> bool {
     (index == 0x1010 || index == 0x1011) && code == AbortCode::NO_OBJECT
 }
 
-/// Time limits of the SDO clients: a lost frame is repeated after a few rounds of the asynchronous slot.
-fn timing(cycle_ns: u64) -> Timing {
-    let first_timeout_ns = (20 * cycle_ns).max(20_000_000);
+/// Time limits of the SDO clients: a frame is repeated when all nodes that are being configured could have had their command
+/// and their answer twice, and a few others their slot.
+pub(super) fn timing(network: &Network) -> Timing {
+    let slots = 8 + 4 * u64::from(network.being_configured);
+    let first_timeout_ns = (slots * network.slot_ns).max(FIRST_TIMEOUT_MIN_NS);
     Timing {
         first_timeout_ns,
         longest_timeout_ns: 8 * first_timeout_ns,

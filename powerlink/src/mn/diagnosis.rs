@@ -442,10 +442,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 },
                 None => Reason::Booting { stage },
             },
-            // Nothing is configured and no PRE_OPERATIONAL_2 is entered before the network has left the reduced cycle.
-            Stage::Configure | Stage::Enable { .. } if !self.state.is_isochronous() => {
-                self.waiting_for(NmtState::PreOperational2)
-            }
+            // No PRE_OPERATIONAL_2 is entered before the network has left the reduced cycle.
+            Stage::Enable { .. } if !self.state.is_isochronous() => self.waiting_for(NmtState::PreOperational2),
             Stage::Ready | Stage::TakenOver if self.state != NmtState::Operational => {
                 self.waiting_for(NmtState::Operational)
             }
@@ -495,7 +493,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         let next = self.next_state()?;
         let far_enough = |node: &Node<'a>| {
             if next == NmtState::PreOperational2 {
-                node.is_identified()
+                node.is_identified() && !node.is_being_configured()
             } else if next == NmtState::ReadyToOperate {
                 node.is_configured()
             } else {

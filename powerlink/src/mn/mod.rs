@@ -133,6 +133,10 @@ pub struct Mn<'a, const NODES: usize> {
     missing_reported: bool,
     /// The network fell back to PRE_OPERATIONAL_1; what that begins with is still to be done.
     entered_pre_op_1: bool,
+    /// Since when all mandatory nodes are identified, in PRE_OPERATIONAL_1.
+    identified_since_ns: Option<u64>,
+    /// Nodes the configuration manager is at work with.
+    being_configured: u32,
     gate: Gate,
     /// Command to all that waits for a slot.
     to_all: Option<ToAll>,
@@ -187,6 +191,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             pre_op_1_since_ns: 0,
             missing_reported: false,
             entered_pre_op_1: false,
+            identified_since_ns: None,
+            being_configured: 0,
             gate: Gate::default(),
             to_all: None,
             foreign_heard_ns: None,
@@ -379,6 +385,12 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         Network {
             state: self.state,
             cycle_ns: u64::from(self.config.cycle_ns),
+            slot_ns: u64::from(if self.state.is_isochronous() {
+                self.config.cycle_ns
+            } else {
+                self.config.async_slot_timeout_ns
+            }),
+            being_configured: self.being_configured,
             boot: self.config.boot,
             startup: self.config.startup,
             // After an error that stopped all, nothing starts before the application says so.

@@ -71,8 +71,10 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         }
         let network = self.network();
         let mut dropped_out = false;
+        self.being_configured = 0;
         for node in self.nodes.iter_mut().flatten() {
             node.step(now_ns, &network, &mut self.events);
+            self.being_configured += u32::from(node.is_being_configured());
             dropped_out |= core::mem::take(&mut node.dropped_out) && node.config.assignment.mandatory;
         }
         if dropped_out {
@@ -83,10 +85,15 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             NmtState::PreOperational1 if self.reduced == Reduced::Ident => {
                 let stayed_ns = now_ns.saturating_sub(self.pre_op_1_since_ns);
                 if self.mandatory(Node::is_identified) {
+                    // A node that takes no configuration here gets it in PRE_OPERATIONAL_2.
+                    let since_ns = *self.identified_since_ns.get_or_insert(now_ns);
+                    let waited = now_ns.saturating_sub(since_ns) >= us(self.config.boot.timeout_pre_op_1_us);
                     if stayed_ns >= us(self.config.boot.wait_pre_op_1_us)
+                        && (waited || self.mandatory(|node| !node.is_being_configured()))
                         && self.passes(startup.application_enters_pre_operational_2, NmtState::PreOperational2)
                     {
                         self.trigger(MnTrigger::MandatoryIdentified);
+                        let network = self.network();
                         for node in self.nodes.iter_mut().flatten() {
                             node.cycle_begins(now_ns, &network);
                         }
@@ -213,6 +220,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     fn begin_pre_op_1(&mut self, now_ns: u64) {
         self.pre_op_1_since_ns = now_ns;
         self.missing_reported = false;
+        self.identified_since_ns = None;
         self.cycle_started_ns = None;
         self.to_all = None;
         self.gate = Gate::default();

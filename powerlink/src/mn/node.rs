@@ -26,6 +26,8 @@ const MAIN_VERSION: u8 = 0xF0;
 const STATE_TOLERANCE_CYCLES: u32 = 5;
 /// Between two StatusRequests to a node that has settled and is not polled: its only sign of life.
 const SUPERVISION_NS: u64 = 100_000_000;
+/// Longest pause between two invitations of a node that owes an SDO answer and is not polled.
+const INVITE_PAUSE_SLOTS: u64 = 16;
 /// Cycles between two requests to a node that does not answer.
 const RETRY_CYCLES: u64 = 5;
 
@@ -34,6 +36,10 @@ const RETRY_CYCLES: u64 = 5;
 pub(super) struct Network {
     pub(super) state: NmtState,
     pub(super) cycle_ns: u64,
+    /// From one asynchronous slot to the next.
+    pub(super) slot_ns: u64,
+    /// Nodes the configuration manager is at work with.
+    pub(super) being_configured: u32,
     pub(super) boot: BootTimes,
     pub(super) startup: StartUp,
     /// Ready nodes are started by the managing node.
@@ -69,6 +75,9 @@ pub(super) struct Node<'a> {
     pub(super) boot_asked: bool,
     /// It was ready, and failed in an OPERATIONAL network.
     pub(super) dropped_out: bool,
+    /// A node that is not polled shows no RS when its SDO answer is ready: it is invited at this time, later again.
+    pub(super) invite_due_ns: u64,
+    pub(super) invite_pause_ns: u64,
     /// Writes of the concise DCF that are still to come.
     pub(super) writes: Option<CdcReader<'a>>,
     pub(super) writing: CdcWrite<'a>,
@@ -106,6 +115,8 @@ impl<'a> Node<'a> {
             ident_due_ns: 0,
             boot_asked: false,
             dropped_out: false,
+            invite_due_ns: 0,
+            invite_pause_ns: 0,
             writes: None,
             writing: super::configure::NOTHING_WRITTEN,
             written: 0,
@@ -224,6 +235,25 @@ impl<'a> Node<'a> {
             && self.order.is_none();
         let wanted = self.signalling.wants_status() || !self.polled || self.status_asked;
         alive && wanted && now_ns >= self.status_due_ns
+    }
+
+    /// The node has something to send: it says so, or it owes an SDO answer and has no PRes to say so.
+    pub(super) fn wants_invitation(&self, now_ns: u64) -> bool {
+        let asks = self.requests.count > 0 && self.requests.priority != Requests::PRIORITY_NMT;
+        let owes = !self.polled && now_ns >= self.invite_due_ns && self.sdo.awaits_answer(now_ns);
+        self.is_identified() && (asks || owes)
+    }
+
+    /// An SDO frame goes out to the node; it may be invited at once.
+    pub(super) fn sdo_sent(&mut self, now_ns: u64) {
+        self.invite_due_ns = now_ns;
+        self.invite_pause_ns = 0;
+    }
+
+    /// The node was invited and sent nothing.
+    pub(super) fn invitation_unused(&mut self, now_ns: u64, network: &Network) {
+        self.invite_pause_ns = (2 * self.invite_pause_ns).clamp(network.slot_ns, INVITE_PAUSE_SLOTS * network.slot_ns);
+        self.invite_due_ns = now_ns + self.invite_pause_ns;
     }
 
     /// The StatusRequest got no answer.

@@ -302,11 +302,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 )
             }
             Kind::Invite => {
-                let wants = |node: &Node<'a>| {
-                    let generic = node.requests.priority != Requests::PRIORITY_NMT;
-                    node.is_identified() && node.requests.count > 0 && generic
-                };
-                let index = self.find(start, wants)?;
+                let index = self.find(start, |node| node.wants_invitation(now_ns))?;
                 self.take_request(index);
                 (
                     index,
@@ -412,6 +408,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         let mut data = [0; SERVICE_DATA_MAX];
         // `None`: the command has just run out of time; there is nothing to send.
         let len = node.transmit_sdo(now_ns, &mut data)?;
+        node.sdo_sent(now_ns);
         let id = node.config.id;
         Some(self.write_asnd(id, &Asnd::Sdo(&data[..len]), Own::Sdo))
     }
@@ -452,6 +449,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             node.statistics.slots_unused += 1;
             if service == RequestedService::StatusRequest {
                 node.status_missed(now_ns, &network, &mut self.events);
+            }
+            if service == RequestedService::UnspecifiedInvite {
+                node.invitation_unused(now_ns, &network);
             }
         }
     }

@@ -9,6 +9,7 @@ mod faults;
 mod objects;
 mod rules;
 mod service;
+mod speed;
 mod startup;
 
 use std::collections::BTreeMap;
@@ -20,6 +21,7 @@ use obd::{DataType, Dictionary, EntryDef, lines_of, octets_of};
 use super::*;
 use crate::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
 use crate::cn::{Cn, CnConfig};
+use crate::link::simulated::SplitMix64;
 use crate::nmt::NmtCommand;
 use crate::wire::{Asnd, Frame, Header, Mac, NmtCommandFrame, Pres, RequestedService, Soa, Soc, multicast};
 
@@ -159,6 +161,8 @@ struct Net<'a> {
     events: Vec<MnEvent>,
     /// SyncResponses are lost.
     refuse_sync: bool,
+    /// Share of the ASnd frames that are lost, at each receiver by itself.
+    lose_asnd: Option<(SplitMix64, f64)>,
     /// Answers on their way, with the time they arrive.
     coming: Vec<(u64, Vec<u8>)>,
 }
@@ -179,6 +183,7 @@ impl<'a> Net<'a> {
             dead: Vec::new(),
             events: Vec::new(),
             refuse_sync: false,
+            lose_asnd: None,
             coming: Vec::new(),
         }
     }
@@ -193,10 +198,10 @@ impl<'a> Net<'a> {
                 nanoseconds: 0,
             },
         );
-        let end_ns = start_ns + CYCLE_NS;
+        let end_ns = start_ns + u64::from(self.mn.config.cycle_ns);
         let mut done = 0;
         // Bounded, so that a loop in the managing node is a failed test.
-        for _ in 0..2000 {
+        for _ in 0..4000 {
             match self.mn.poll(self.now_ns) {
                 Step::Send(frame) => {
                     let frame = frame.to_vec();
@@ -246,7 +251,12 @@ impl<'a> Net<'a> {
         });
         let mut response = [0; FRAME_LEN_MAX];
         for (id, drive) in &mut self.drives {
-            if self.dead.contains(id) {
+            let is_asnd = frame[14] == 0x06;
+            let mut lost = |is_asnd: bool| match &mut self.lose_asnd {
+                Some((random, share)) => is_asnd && random.happens(*share),
+                None => false,
+            };
+            if self.dead.contains(id) || lost(is_asnd) {
                 continue;
             }
             let reaction = drive.receive(self.now_ns, &frame, &mut response);
@@ -259,6 +269,9 @@ impl<'a> Net<'a> {
                 && let Some(left) = self.lose_pres.get_mut(id).filter(|left| **left > 0)
             {
                 *left -= 1;
+                continue;
+            }
+            if lost(answer[14] == 0x06) {
                 continue;
             }
             let at_ns = self.now_ns + ANSWER_NS;

@@ -222,6 +222,16 @@ impl Client {
         self.progress != Progress::Idle
     }
 
+    /// Whether the node has to send next: a command is running, and it has all that may be sent now.
+    pub fn awaits_answer(&self, now_ns: u64) -> bool {
+        self.progress == Progress::Running && !self.wants_to_transmit(now_ns)
+    }
+
+    /// Other time limits from the next frame on, as when the asynchronous slot comes at another pace.
+    pub fn set_timing(&mut self, timing: Timing) {
+        self.timing = timing;
+    }
+
     /// Takes the result of the command: `None` while it runs, else the octets of the answer in the caller's buffer (0 after a
     /// write).
     pub fn result(&mut self) -> Option<Result<usize, ClientError>> {

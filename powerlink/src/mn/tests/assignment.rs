@@ -139,7 +139,7 @@ fn bit_8_boots_and_watches_a_node_without_polls() {
         .iter()
         .filter(|sent| matches!(sent.frame(), Frame::Soa(Soa { target: 1, .. })))
         .count();
-    assert_eq!(asked, 10, "a StatusRequest every 100 ms");
+    assert!((9..=10).contains(&asked), "{asked} StatusRequests, one every 100 ms");
     // Two unanswered requests reach the threshold of 15; it comes back by itself.
     net.dead = std::vec![1];
     net.until(200, |net| net.mn.node_state(0) == NodeState::Faulted);

@@ -250,7 +250,7 @@ fn a_value_the_node_refuses_is_named() {
     };
     assert_eq!(net.count_events(|event| *event == abort), 1);
     assert_eq!(net.mn.statistics(0).objects_written, 9);
-    assert_eq!(net.mn.nmt_state(), NmtState::PreOperational2);
+    assert_eq!(net.mn.nmt_state(), NmtState::PreOperational1);
     check_order(&net.log, 0);
 }
 

@@ -131,7 +131,8 @@ fn a_refused_value_is_named_with_its_abort_code() {
     );
     let network = net.mn.network_diagnosis().to_string();
     assert!(
-        network.starts_with("network: PreOperational2: ReadyToOperate waits for mandatory node 1: node 1 refused the "),
+        network
+            .starts_with("network: PreOperational1: PreOperational2 waits for mandatory node 1: node 1 refused the "),
         "{network}"
     );
 }
@@ -147,6 +148,9 @@ fn the_object_that_is_written_at_the_moment_is_named() {
             BootStage::Configuring { written: 4, .. }
         )
     };
+    // In the running network a write takes two cycles.
+    net.boot();
+    net.mn.reset_node(0);
     net.until(1000, writes);
     let stage = BootStage::Configuring {
         written: 4,

@@ -81,6 +81,9 @@ fn what_cannot_be_taken_is_refused_with_the_buffer() {
         state: NmtState::NotActive,
     };
     assert_eq!(refused.error, SdoError::NotConfigured { why });
+    // In the running network a write takes two cycles.
+    net.boot();
+    net.mn.reset_node(0);
     net.until(1000, |net| {
         matches!(
             net.mn.diagnosis(0).unwrap().stage,
