@@ -5,10 +5,10 @@ use crate::nmt::NodeList;
 use crate::wire::{Asnd, Frame, Header, NmtCommandFrame, Preq, Pres, RequestedService, Requests, multicast};
 use obd::{DataType, EntryDef, lines_of, octets_of};
 use objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
-use proptest::prelude::*;
 use std::string::ToString;
 use std::vec::Vec;
 
+mod any_frames;
 mod chained;
 mod errors;
 mod losses;
@@ -447,34 +447,4 @@ fn only_node_240_manages() {
         Reaction::default()
     );
     assert_eq!(bench.node.nmt_state(), NmtState::NotActive);
-}
-
-proptest! {
-    #[test]
-    fn arbitrary_frames_never_panic(
-        frames in proptest::collection::vec(
-            (proptest::collection::vec(any::<u8>(), 0..120), 0_u8..8, 0_u8..7, any::<bool>(), 0_u64..5_000_000), 1..60,
-        ),
-    ) {
-        let mut bench = Bench::new();
-        bench.start();
-        for (mut octets, message, service, to_us, step_ns) in frames {
-            if octets.len() > 21 {
-                octets[12..14].copy_from_slice(&[0x88, 0xAB]);
-                octets[14] = message;
-                octets[15] = if to_us { NODE } else { 255 };
-                octets[16] = node::MN;
-                if message == 5 {
-                    octets[20] = [0, 1, 2, 3, 6, 0xFF, 0x77][usize::from(service)];
-                    octets[21] = NODE;
-                } else if message == 6 {
-                    octets[17] = service;
-                }
-            }
-            bench.now_ns += step_ns;
-            let reaction = bench.node.receive(bench.now_ns, &octets, &mut bench.response);
-            prop_assert!(reaction.transmit.is_none_or(|len| (60..=FRAME_LEN_MAX).contains(&len)));
-            bench.node.poll(bench.now_ns);
-        }
-    }
 }
