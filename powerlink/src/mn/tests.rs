@@ -45,6 +45,7 @@ const BOOT: BootTimes = BootTimes {
 };
 
 const DEVICE: &[EntryDef] = &[
+    EntryDef::rw(0x2F00, DataType::Domain, "motor data").capacity(1000),
     EntryDef::rw(0x6040, DataType::U16, "controlword").rpdo(),
     EntryDef::ro(0x6041, DataType::U16, "statusword").tpdo(),
     EntryDef::rw(0x6060, DataType::I8, "mode").rpdo(),

@@ -261,6 +261,19 @@ fn one_mebibyte_there_and_back() {
 }
 
 #[test]
+fn a_client_is_small_and_a_server_bounded() {
+    // 239 clients live in a managing node.
+    assert!(size_of::<Client>() <= 200, "{}", size_of::<Client>());
+    // Two connections, each with its window of frames and its staging area.
+    let connection = 5 * 272 + STAGING + 128;
+    assert!(
+        size_of::<Server<2, STAGING>>() <= 2 * connection,
+        "{}",
+        size_of::<Server<2, STAGING>>()
+    );
+}
+
+#[test]
 fn every_length_around_the_segment_boundaries() {
     let mut net = Net::new(2, Faults::default());
     for len in (0..8).chain(250..262).chain(500..520).chain(1270..1290) {

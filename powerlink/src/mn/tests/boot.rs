@@ -327,3 +327,27 @@ fn a_long_wait_for_one_node_does_not_use_up_the_time_of_another() {
     );
     assert_eq!(net.mn.statistics(0).boots, 1);
 }
+
+#[test]
+fn a_long_value_of_the_configuration_goes_in_segments() {
+    let value: Vec<u8> = (0..900_u32).map(|at| at as u8).collect();
+    let mut long = configuration();
+    long[0] += 1;
+    long.extend([0x00, 0x2F, 0, 0x84, 3, 0, 0]);
+    long.extend(&value);
+    let nodes = [node_config(1, &long)];
+    let mut net = Net::new(&nodes);
+    net.boot();
+    assert_eq!(net.drives[&1].dictionary().read(0x2F00, 0), Ok(&value[..]));
+    let statistics = net.mn.statistics(0);
+    assert_eq!((statistics.objects_written, statistics.faults), (10, 0));
+    // Sent once each: 900 octets and the address in four frames, flags 0x10, 0x20, 0x20, 0x30.
+    let flags: Vec<_> = net
+        .log
+        .iter()
+        .filter(|sent| sent.source == 240 && matches!(sent.frame(), Frame::Asnd(Asnd::Sdo(_))))
+        .map(|sent| sent.octets[24])
+        .filter(|flags| *flags != 0)
+        .collect();
+    assert_eq!(flags, [0x10, 0x20, 0x20, 0x30]);
+}
