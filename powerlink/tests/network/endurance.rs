@@ -31,6 +31,7 @@ fn endure(seed: u64, cycles: u64) -> World {
     let mut random = SplitMix64::new(seed);
     let mut setup = Setup::new(seed, 1 + random.below(4) as u8);
     setup.optional = (0..random.below(2)).map(|index| 110 + index as u8).collect();
+    setup.pres_threshold = [0, 15, 40][random.below(3) as usize];
     let mut world = World::new(&setup);
     // Trouble begins before the boot, or after it.
     if random.below(2) == 0 {

@@ -6,6 +6,7 @@ mod boot;
 mod device;
 mod endurance;
 mod robustness;
+mod supervision;
 mod watch;
 mod weather;
 mod world;

@@ -13,8 +13,9 @@ use powerlink::mn::MnEvent;
 use powerlink::nmt::{NmtCommand, NmtState};
 use powerlink::wire::{Asnd, Frame, Header, node};
 
-use super::device::{ANSWER_NS, MN_MAC, Pattern};
-use super::world::Mn;
+use super::device::{ANSWER_NS, MN_MAC, PRES_TIMEOUT_NS, Pattern};
+use super::supervision::Counter;
+use super::world::{Mn, PRES_LOST_MAX, Setup};
 
 /// A poll that is not over yet.
 #[derive(Clone, Copy, Debug)]
@@ -39,6 +40,7 @@ struct NodeModel {
     pres_lost: u64,
     lost_in_row: u32,
     lost_in_row_max: u32,
+    loss_of_pres: Counter,
     polled_in_cycle: bool,
     /// PReqs that may still be answered on the wire: two only if a late cycle was cut off.
     asked: u32,
@@ -83,6 +85,7 @@ pub struct Watch {
     timeout_ns: u64,
     cycle_ns: u64,
     pres_lost_max: u32,
+    pres_threshold: u32,
     cycle_started_ns: u64,
     relative_time_us: Option<(u64, u64)>,
     soc_seen: bool,
@@ -98,13 +101,14 @@ pub struct Watch {
 }
 
 impl Watch {
-    pub fn new(ids: &[u8], stations: usize, cycle_ns: u64, timeout_ns: u32, pres_lost_max: u32) -> Watch {
+    pub fn new(ids: &[u8], stations: usize, setup: &Setup) -> Watch {
         Watch {
             log: VecDeque::with_capacity(LOG_LEN),
             ids: ids.to_vec(),
-            timeout_ns: u64::from(timeout_ns),
-            cycle_ns,
-            pres_lost_max,
+            timeout_ns: u64::from(PRES_TIMEOUT_NS),
+            cycle_ns: setup.cycle_ns,
+            pres_lost_max: PRES_LOST_MAX,
+            pres_threshold: setup.pres_threshold,
             cycle_started_ns: 0,
             relative_time_us: None,
             soc_seen: false,
@@ -182,12 +186,13 @@ impl Watch {
     }
 
     fn poll_lost(&mut self, node: usize) {
-        let pres_lost_max = self.pres_lost_max;
+        let (pres_lost_max, threshold) = (self.pres_lost_max, self.pres_threshold);
         let node = &mut self.nodes[node];
         node.pres_lost += 1;
         node.lost_in_row += 1;
         node.lost_in_row_max = node.lost_in_row_max.max(node.lost_in_row);
-        if node.lost_in_row > pres_lost_max {
+        let reached = node.loss_of_pres.error(threshold);
+        if node.lost_in_row > pres_lost_max || reached {
             node.lost = Some(node.lost_in_row);
         }
     }
@@ -293,6 +298,7 @@ impl Watch {
                     self.outstanding = None;
                     let node = &mut self.nodes[node];
                     node.pres_received += 1;
+                    node.loss_of_pres.good();
                     node.lost_in_row = 0;
                     node.misled = arrival.faults.any() || intruder;
                 }
@@ -409,6 +415,9 @@ impl Watch {
                 counted, expected,
                 "{now_ns}: PReq, PRes, lost, longest row of node {id}"
             );
+            let counted = (statistics.loss_of_pres.cumulative, statistics.loss_of_pres.count);
+            let expected = (model.loss_of_pres.cumulative, model.loss_of_pres.count);
+            assert_eq!(counted, expected, "{now_ns}: 0x1C07, 0x1C08 of node {id}");
             assert_eq!(model.lost, None, "{now_ns}: node {id} was lost, and no event says so");
         }
     }

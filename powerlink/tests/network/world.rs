@@ -10,7 +10,8 @@ use powerlink::mn::{BootTimes, MnConfig, MnEvent, NodeConfig, NodeState};
 use powerlink::nmt::NmtState;
 use powerlink::wire::{FRAME_LEN_MAX, NetTime};
 
-use super::device::{self, ANSWER_NS, Fields, MN_MAC, Node, PRES_TIMEOUT_NS, Pattern};
+use super::device::{self, ANSWER_NS, Fields, MN_MAC, Node, Pattern};
+use super::supervision::Supervision;
 use super::watch::Watch;
 
 /// The managing node of these tests.
@@ -41,6 +42,8 @@ pub struct Setup {
     pub cycle_ns: u64,
     pub path: Path,
     pub boot: BootTimes,
+    /// Threshold of lost PRes, 0x1C09; 0: only those in a row count.
+    pub pres_threshold: u32,
 }
 
 impl Setup {
@@ -56,6 +59,7 @@ impl Setup {
                 ..Path::default()
             },
             boot: BOOT,
+            pres_threshold: 0,
         }
     }
 }
@@ -68,6 +72,7 @@ pub struct Device {
     pub node: Option<Box<Node>>,
     outputs: Fields,
     inputs: Fields,
+    supervision: Supervision,
     /// Cycle of the newest outputs.
     output_cycle: Option<u32>,
 }
@@ -129,7 +134,10 @@ impl World {
         ids.extend(setup.optional.iter().map(|id| (*id, false)));
         let nodes: Vec<NodeConfig<'static>> = ids
             .iter()
-            .map(|(id, mandatory)| device::node_config(*id, *mandatory, configuration))
+            .map(|(id, mandatory)| NodeConfig {
+                pres_threshold: setup.pres_threshold,
+                ..device::node_config(*id, *mandatory, configuration)
+            })
             .collect();
         let config = MnConfig {
             cycle_ns: setup.cycle_ns as u32,
@@ -150,6 +158,7 @@ impl World {
                     station: hub.attach(setup.path.clone()),
                     outputs: Fields::of(&node, 0x2000),
                     inputs: Fields::of(&node, 0x2001),
+                    supervision: Supervision::new(&node, *id),
                     node: Some(Box::new(node)),
                     output_cycle: None,
                 }
@@ -158,7 +167,7 @@ impl World {
         let intruder = hub.attach(Path::default());
         let ids: Vec<u8> = ids.iter().map(|(id, _)| *id).collect();
         World {
-            watch: Watch::new(&ids, ids.len() + 2, setup.cycle_ns, PRES_TIMEOUT_NS, PRES_LOST_MAX),
+            watch: Watch::new(&ids, ids.len() + 2, setup),
             hub,
             mn: Box::new(Mn::new(config).unwrap()),
             mn_station,
@@ -375,7 +384,9 @@ impl World {
         let device = &mut self.devices[index];
         let Some(node) = &mut device.node else { return };
         let before = node.nmt_state();
+        device.supervision.time(self.now_ns);
         node.poll(self.now_ns);
+        device.supervision.compare(self.now_ns, node);
         let after = node.nmt_state();
         if before != after {
             self.watch.node_state(self.now_ns, device.id, before, after, None);
@@ -388,7 +399,9 @@ impl World {
         let Some(node) = &mut device.node else { return };
         let octets = &self.buffer[..arrival.length];
         let before = node.nmt_state();
+        device.supervision.frame(self.now_ns, octets);
         let reaction = node.receive(self.now_ns, octets, &mut self.response);
+        device.supervision.compare(self.now_ns, node);
         let after = node.nmt_state();
         if before != after {
             self.watch
@@ -424,6 +437,9 @@ impl World {
         let device = &mut self.devices[index];
         device.node = on.then(|| Box::new(device::node(device.id, self.now_ns)));
         device.output_cycle = None;
+        if let Some(node) = &device.node {
+            device.supervision = Supervision::new(node, device.id);
+        }
         self.hub.plug(device.station, on);
     }
 
