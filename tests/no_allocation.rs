@@ -144,7 +144,7 @@ fn the_cycle_never_allocates() {
     .expect("a network");
     let name = format!("no-allocation-{}", std::process::id());
     let mut hal = hal_pins::Hal::create_in(&[std::env::temp_dir()], &name, CAPACITY).expect("pins");
-    let (control, inlets) = assemble(&config, &plans, bus, &mut hal).expect("a control");
+    let (control, inlets, _diagnosis) = assemble(&config, &plans, bus, &mut hal).expect("a control");
     let mut control = Box::new(control);
     let mut operator = Operator::new(&config, inlets, 0);
 

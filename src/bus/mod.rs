@@ -10,8 +10,14 @@ pub mod network;
 pub mod powerlink;
 
 use ::powerlink::link::LinkError;
+use ::powerlink::mn::{Counters, Diagnosis, NetworkDiagnosis, SdoCommand, SdoError};
 use obd::AbortCode;
 use std::ops::Range;
+
+/// Octets of the longest value that is read or written while the bus runs.
+pub const SDO_VALUE_MAX: usize = 4096;
+/// Values that may be on their way at once.
+pub const SDO_ORDERS: usize = 4;
 
 /// A node by its place in the machine file.
 pub type NodeIndex = usize;
@@ -189,6 +195,20 @@ pub trait Fieldbus {
 
     /// Frames sent and lost so far for a node: polls, answers that did not come.
     fn statistics(&self, node: NodeIndex) -> NodeStatistics;
+
+    /// All that is known of a node; `None` behind the last one.
+    fn diagnosis(&self, node: NodeIndex) -> Option<Diagnosis>;
+
+    /// State of the network, why it is not operational, and what was counted.
+    fn network_diagnosis(&self) -> (NetworkDiagnosis, Counters);
+
+    /// Begins to read or write an object of a node; the octets to write stand at the start of `value`. Goes on within the
+    /// following cycles.
+    fn sdo_request(&mut self, node: NodeIndex, command: SdoCommand, value: &[u8]) -> Result<(), SdoError>;
+
+    /// What became of it: octets that were read, now at the start of `value`, 0 after a write. `None` while it runs, or when
+    /// there is none.
+    fn sdo_result(&mut self, node: NodeIndex, value: &mut [u8]) -> Option<Result<usize, SdoError>>;
 }
 
 /// A bus on the heap: one for many nodes is larger than what a stack should move about.
@@ -223,6 +243,22 @@ impl<B: Fieldbus + ?Sized> Fieldbus for Box<B> {
 
     fn statistics(&self, node: NodeIndex) -> NodeStatistics {
         (**self).statistics(node)
+    }
+
+    fn diagnosis(&self, node: NodeIndex) -> Option<Diagnosis> {
+        (**self).diagnosis(node)
+    }
+
+    fn network_diagnosis(&self) -> (NetworkDiagnosis, Counters) {
+        (**self).network_diagnosis()
+    }
+
+    fn sdo_request(&mut self, node: NodeIndex, command: SdoCommand, value: &[u8]) -> Result<(), SdoError> {
+        (**self).sdo_request(node, command, value)
+    }
+
+    fn sdo_result(&mut self, node: NodeIndex, value: &mut [u8]) -> Option<Result<usize, SdoError>> {
+        (**self).sdo_result(node, value)
     }
 }
 

@@ -6,11 +6,11 @@
 //! RT except for [`node_configs`] and [`Powerlink::new`].
 
 use super::network::NodePlan;
-use super::{BusEvent, BusState, CycleReport, Fieldbus, InputImage, NodeIndex, NodeState, NodeStatistics, OutputImage};
+use super::{BusEvent, BusState, CycleReport, Fieldbus, InputImage, NodeIndex, NodeState, NodeStatistics, OutputImage, SDO_ORDERS, SDO_VALUE_MAX};
 use crate::config::{Bus, Config, Identity};
 use crate::rt::timeout::Watch;
 use powerlink::link::{Link, LinkError};
-use powerlink::mn::{self, Assignment, BootTimes, Mn, MnConfig, MnEvent, NodeConfig, Step};
+use powerlink::mn::{self, Counters, Diagnosis, NetworkDiagnosis, SdoCommand, SdoError, Assignment, BootTimes, Mn, MnConfig, MnEvent, NodeConfig, Step};
 use powerlink::nmt::NmtState;
 use powerlink::wire::NetTime;
 use std::sync::Arc;
@@ -97,6 +97,8 @@ pub struct Powerlink<'a, L, const NODES: usize> {
     link_error: Option<LinkError>,
     outstanding: Option<(u8, u64)>,
     node_ids: Box<[u8]>,
+    /// Values of SDO commands; those that are missing are with the managing node.
+    sdo_buffers: [Option<&'a mut [u8]>; SDO_ORDERS],
     reported: BusState,
 }
 
@@ -121,6 +123,8 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
             buffer: [0; FRAME_OCTETS_MAX],
             link_error: None,
             outstanding: None,
+            // They go to the managing node and back, which borrows them for as long as its configuration: they are never freed.
+            sdo_buffers: std::array::from_fn(|_| Some(&mut *vec![0; SDO_VALUE_MAX].leak())),
             reported: BusState::Down,
         })
     }
@@ -345,5 +349,37 @@ impl<L: Link, const NODES: usize> Fieldbus for Powerlink<'_, L, NODES> {
             answers: of_node.pres_received,
             lost: of_node.pres_lost,
         }
+    }
+
+    fn diagnosis(&self, node: NodeIndex) -> Option<Diagnosis> {
+        self.mn.diagnosis(node)
+    }
+
+    fn network_diagnosis(&self) -> (NetworkDiagnosis, Counters) {
+        (self.mn.network_diagnosis(), *self.mn.counters())
+    }
+
+    fn sdo_request(&mut self, node: NodeIndex, command: SdoCommand, value: &[u8]) -> Result<(), SdoError> {
+        let slot = self.sdo_buffers.iter_mut().find(|slot| slot.is_some());
+        let Some((slot, buffer)) = slot.and_then(|slot| slot.take().map(|buffer| (slot, buffer))) else {
+            return Err(SdoError::Busy);
+        };
+        let length = value.len().min(buffer.len());
+        buffer[..length].copy_from_slice(&value[..length]);
+        self.mn.sdo_request(node, command, buffer).map_err(|refused| {
+            *slot = Some(refused.buffer);
+            refused.error
+        })
+    }
+
+    fn sdo_result(&mut self, node: NodeIndex, value: &mut [u8]) -> Option<Result<usize, SdoError>> {
+        let ended = self.mn.sdo_result(node)?;
+        let length = ended.result.unwrap_or(0).min(value.len()).min(ended.buffer.len());
+        value[..length].copy_from_slice(&ended.buffer[..length]);
+        // As many places as buffers.
+        if let Some(slot) = self.sdo_buffers.iter_mut().find(|slot| slot.is_none()) {
+            *slot = Some(ended.buffer);
+        }
+        Some(ended.result.map(|_| length))
     }
 }

@@ -4,6 +4,7 @@
 //! Out: a [`Control`] for the cycle thread and the other ends of its rings for the operator.
 
 use super::cycle::{Control, Outlets, Parts};
+use super::diagnosis;
 use super::drives::Drives;
 use super::pins::Pins;
 use super::shared::Live;
@@ -25,13 +26,13 @@ const TRACES: usize = 4096;
 /// Programs on their way back.
 const PROGRAMS: usize = 32;
 
-/// The cycle of a machine, and the operator's ends of its rings.
+/// The cycle of a machine, and the other ends of its rings: the operator's, and those for diagnosis.
 pub fn assemble<B: Fieldbus>(
     config: &Config,
     plans: &[NodePlan],
     bus: B,
     hal: &mut Hal,
-) -> anyhow::Result<(Control<B>, Inlets)> {
+) -> anyhow::Result<(Control<B>, Inlets, diagnosis::Inlet)> {
     let (commands, commands_out) = rtrb::RingBuffer::new(COMMANDS);
     let (notices_in, notices) = rtrb::RingBuffer::new(NOTICES);
     let (trace_in, trace) = rtrb::RingBuffer::new(TRACES);
@@ -51,12 +52,14 @@ pub fn assemble<B: Fieldbus>(
         mandatory: config.bus.nodes.iter().map(|node| node.mandatory).collect(),
         cycle_s,
     };
+    let (diagnosis, diagnosis_inlet) = diagnosis::rings(config.bus.nodes.len());
     let outlets = Outlets {
         commands: commands_out,
         notices: notices_in,
         trace: trace_in,
         finished: finished_in,
         live: live.clone(),
+        diagnosis,
     };
     let control = Control::new(bus, parts, outlets);
     Ok((
@@ -68,6 +71,7 @@ pub fn assemble<B: Fieldbus>(
             finished,
             live,
         },
+        diagnosis_inlet,
     ))
 }
 

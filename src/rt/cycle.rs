@@ -6,6 +6,7 @@
 //! RT: nothing in [`Control::cycle`] allocates, locks, waits for another thread or touches a file; every loop is
 //! bounded by the number of nodes, joints or ring slots. Budget in `benches/cycle.rs`.
 
+use super::diagnosis;
 use super::drives::{Drive, Drives};
 use super::pins::Pins;
 use super::shared::{Command, Live, Notice, Snapshot, TimedNotice, Trace};
@@ -52,6 +53,8 @@ pub struct Outlets {
     pub finished: rtrb::Producer<Box<Interpolator>>,
     /// Latest values.
     pub live: Arc<Live>,
+    /// What the bus is like, and access to parameters of its nodes.
+    pub diagnosis: diagnosis::Outlet,
 }
 
 /// What a machine file makes of a machine.
@@ -147,6 +150,7 @@ impl<B: Fieldbus> Control<B> {
             .write(report.sent_ns, &self.command_mm[..self.joints], &mut self.parts.outputs);
         self.parts.pins.write_outputs(&mut self.parts.outputs);
         self.show(&report, late_ns);
+        self.outlets.diagnosis.attend(self.cycle, &mut self.bus);
         self.cycle += 1;
     }
 

@@ -2,6 +2,7 @@
 
 pub mod assemble;
 pub mod cycle;
+pub mod diagnosis;
 pub mod drives;
 pub mod jitter;
 pub mod pins;

@@ -165,7 +165,7 @@ fn run_on<L: Link + Send>(
     let watch = Arc::new(Watch::default());
     let bus = managing_node(mn_config(config, &nodes, mac), link, Arc::clone(&watch))?;
     let mut hal = Hal::create(&config.name, CAPACITY).context("pins")?;
-    let (control, inlets) = assemble(config, &plans, bus, &mut hal)?;
+    let (control, inlets, _diagnosis) = assemble(config, &plans, bus, &mut hal)?;
     // On the heap: it is larger than the stack of a real-time thread, which is locked in memory as a whole.
     let mut control = Box::new(control);
     let mut operator = Operator::new(config, inlets, monotonic_ns());

@@ -78,7 +78,7 @@ pub fn rehearse<T>(
     )
     .map_err(|error| anyhow!("{error}"))?;
     let mut hal = private_pins()?;
-    let (control, inlets) = assemble(config, &plans, bus, &mut hal)?;
+    let (control, inlets, _) = assemble(config, &plans, bus, &mut hal)?;
     let grid = grid(config);
     let mut rehearsal = Rehearsal {
         control: Box::new(control),
