@@ -6,11 +6,17 @@
 //! RT except for [`node_configs`] and [`Powerlink::new`].
 
 use super::network::NodePlan;
-use super::{BusEvent, BusState, CycleReport, Fieldbus, InputImage, NodeIndex, NodeState, NodeStatistics, OutputImage, SDO_ORDERS, SDO_VALUE_MAX};
+use super::{
+    BusEvent, BusState, CycleReport, Fieldbus, InputImage, NodeIndex, NodeState, NodeStatistics, OutputImage,
+    SDO_ORDERS, SDO_VALUE_MAX,
+};
 use crate::config::{Bus, Config, Identity};
 use crate::rt::timeout::Watch;
 use powerlink::link::{Link, LinkError};
-use powerlink::mn::{self, Counters, Diagnosis, NetworkDiagnosis, SdoCommand, SdoError, Assignment, BootTimes, Mn, MnConfig, MnEvent, NodeConfig, Step};
+use powerlink::mn::{
+    self, Assignment, BootTimes, Counters, Diagnosis, Mn, MnConfig, MnEvent, NetworkDiagnosis, NodeConfig, SdoCommand,
+    SdoError, Step,
+};
 use powerlink::nmt::NmtState;
 use powerlink::wire::NetTime;
 use std::sync::Arc;

@@ -122,7 +122,11 @@ impl Outlet {
                 Record::Network(network, counters)
             }
         };
-        self.next = if matches!(record, Record::Network(..)) { 0 } else { self.next + 1 };
+        self.next = if matches!(record, Record::Network(..)) {
+            0
+        } else {
+            self.next + 1
+        };
         // There is room; should it be gone, the next one tells more anyway.
         let _ = self.records.push(record);
     }

@@ -3,6 +3,7 @@
 pub mod analyser;
 pub mod control;
 pub mod netns;
+pub mod network_view;
 pub mod operator;
 pub mod plot;
 pub mod process;

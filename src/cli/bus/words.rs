@@ -6,8 +6,10 @@
 use obd::mapping::MappingEntry;
 use powerlink::error_code::ErrorCode;
 use powerlink::nmt::NmtState;
-use powerlink::wire::{Mac, node};
+use powerlink::wire::node;
 use std::fmt::Write as _;
+
+pub use crate::service::network_view::{mac, object};
 
 /// Most octets of a value that are printed.
 const OCTETS_SHOWN: usize = 16;
@@ -46,19 +48,6 @@ pub fn node_column(id: u8) -> String {
     match id {
         node::BROADCAST => "all".into(),
         id => id.to_string(),
-    }
-}
-
-/// `01:11:1e:00:00:01`
-pub fn mac(mac: Mac) -> String {
-    mac.map(|octet| format!("{octet:02x}")).join(":")
-}
-
-/// `0x1006` or `0x1018/1`.
-pub fn object(index: u16, sub: u8) -> String {
-    match sub {
-        0 => format!("0x{index:04X}"),
-        sub => format!("0x{index:04X}/{sub}"),
     }
 }
 

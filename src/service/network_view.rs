@@ -1,0 +1,598 @@
+//! The network in words and numbers, as it is shown to people and other programs.
+//!
+//! In:  the machine file; what the managing node knows of each node, where a control runs.
+//! Out: a [`NetworkView`], which goes through the control socket as JSON and is printed by `isocnc bus`.
+
+use crate::config::{BusKind, Config, Identity, Mapped, Node, Profile};
+use powerlink::mn::{
+    self, BootStage, Counters, Diagnosis, Fault, IdentityField, NetworkDiagnosis, NetworkReason, Reason,
+};
+use powerlink::nmt::NmtState;
+use powerlink::wire::IdentResponse;
+use serde::{Deserialize, Serialize};
+use toml::de::DeTable;
+
+/// The whole network.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NetworkView {
+    /// Name of the machine.
+    pub machine: String,
+    /// Machine file.
+    pub file: String,
+    /// Network interface; "memory" for the wire in memory.
+    pub interface: String,
+    /// Cycle, us.
+    pub cycle_us: u32,
+    /// AsyncSlotTimeout (0x1F8A/2), us.
+    pub async_slot_timeout_us: u32,
+    /// Polls lost in a row that are ridden out.
+    pub pres_lost_max: u32,
+    /// What is known while a control runs.
+    pub live: Option<NetworkLive>,
+    /// Controlled nodes in polling order.
+    pub nodes: Vec<NodeView>,
+}
+
+/// The network as it is now.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NetworkLive {
+    /// State of the managing node.
+    pub nmt_state: String,
+    /// Why it is not OPERATIONAL.
+    pub why: Option<String>,
+    /// Another managing node that was heard: its MAC and how many frames.
+    pub foreign: Option<String>,
+    /// SoCs sent.
+    pub cycles: u64,
+    /// Cycles left out because the next one was started too late.
+    pub cycles_skipped: u64,
+    /// Cycles cut off by the next one.
+    pub cycles_overrun: u64,
+    /// Asynchronous slots whose answer did not come in time.
+    pub async_timeouts: u64,
+    /// Frames that could not be read, or that nobody had asked for.
+    pub bad_frames: u64,
+}
+
+/// One controlled node.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NodeView {
+    /// Node id.
+    pub id: u8,
+    /// Its name.
+    pub name: String,
+    /// Line of its `[[bus.node]]` in the machine file.
+    pub line: Option<usize>,
+    /// The machine cannot run without it.
+    pub mandatory: bool,
+    /// "drive" or "io".
+    pub profile: String,
+    /// PRes time-out (0x1F92), us.
+    pub pres_timeout_us: u32,
+    /// Identity that the machine file asks for.
+    pub expected: ExpectedIdentity,
+    /// Objects in its PReq.
+    pub outputs: Vec<MappedView>,
+    /// Objects in its PRes.
+    pub inputs: Vec<MappedView>,
+    /// What is known while a control runs.
+    pub live: Option<NodeLive>,
+}
+
+/// Identity that a node must have; `None`: any.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ExpectedIdentity {
+    /// 0x1000.
+    pub device_type: Option<u32>,
+    /// 0x1018/1.
+    pub vendor_id: Option<u32>,
+    /// 0x1018/2.
+    pub product_code: Option<u32>,
+    /// 0x1018/3.
+    pub revision: Option<u32>,
+    /// 0x1018/4.
+    pub serial: Option<u32>,
+}
+
+/// One object in a payload.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MappedView {
+    /// Object.
+    pub index: u16,
+    /// Sub-index.
+    pub sub: u8,
+    /// First bit in the payload.
+    pub offset_bits: u32,
+    /// Length in bits.
+    pub bits: u8,
+}
+
+/// A node as it is now.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NodeLive {
+    /// Process data are valid.
+    pub operational: bool,
+    /// State that the node reported last.
+    pub nmt_state: String,
+    /// State it should be in (0x1F8F).
+    pub expected_nmt_state: String,
+    /// Where its boot-up stands.
+    pub stage: String,
+    /// Why it is not operational.
+    pub why: Option<Why>,
+    /// The last thing that went wrong, also when it is operational again.
+    pub last_fault: Option<String>,
+    /// What it said it is.
+    pub identity: Option<IdentityView>,
+    /// The last errors it signalled, the newest first.
+    pub errors: Vec<String>,
+    /// Errors it signalled since the start.
+    pub errors_total: u64,
+    /// PReqs sent.
+    pub polls: u64,
+    /// PReqs without a PRes in time.
+    pub lost: u64,
+    /// Longest row of lost PRes.
+    pub lost_in_row_max: u32,
+    /// PRes that came too late.
+    pub late: u64,
+    /// PRes whose data were too short or of another mapping version.
+    pub refused: u64,
+    /// Longest time from PReq to PRes, us.
+    pub response_max_us: f64,
+    /// Boots begun.
+    pub boots: u64,
+    /// Times it was given up.
+    pub faults: u64,
+}
+
+/// Why a node is not operational.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Why {
+    /// In words.
+    pub text: String,
+    /// The object that it is about.
+    pub object: Option<String>,
+    /// Its value as it should be.
+    pub expected: Option<String>,
+    /// Its value as it is.
+    pub actual: Option<String>,
+}
+
+/// An IdentResponse.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs, reason = "named as the fields of the IdentResponse")]
+pub struct IdentityView {
+    pub device_type: u32,
+    pub vendor_id: u32,
+    pub product_code: u32,
+    pub revision: u32,
+    pub serial: u32,
+    pub feature_flags: u32,
+    pub response_time_us: f64,
+    pub mtu: u16,
+    pub poll_in_octets: u16,
+    pub poll_out_octets: u16,
+    pub configuration_date: u32,
+    pub configuration_time: u32,
+    pub software_date: u32,
+    pub software_time: u32,
+    pub ip_address: String,
+    pub host_name: String,
+}
+
+impl From<&IdentResponse> for IdentityView {
+    fn from(ident: &IdentResponse) -> IdentityView {
+        let [a, b, c, d] = ident.ip_address.to_be_bytes();
+        let name = &ident.host_name;
+        let end = name.iter().position(|octet| *octet == 0).unwrap_or(name.len());
+        IdentityView {
+            device_type: ident.device_type,
+            vendor_id: ident.vendor_id,
+            product_code: ident.product_code,
+            revision: ident.revision,
+            serial: ident.serial,
+            feature_flags: ident.feature_flags,
+            response_time_us: f64::from(ident.response_time_ns) / 1e3,
+            mtu: ident.mtu,
+            poll_in_octets: ident.poll_in_size,
+            poll_out_octets: ident.poll_out_size,
+            configuration_date: ident.configuration_date,
+            configuration_time: ident.configuration_time,
+            software_date: ident.software_date,
+            software_time: ident.software_time,
+            ip_address: format!("{a}.{b}.{c}.{d}"),
+            // Whatever a node says: no control characters on a terminal.
+            host_name: name[..end].escape_ascii().to_string(),
+        }
+    }
+}
+
+impl NetworkView {
+    /// What the machine file says.
+    pub fn of(config: &Config) -> NetworkView {
+        let lines = node_lines(config);
+        let nodes = config.bus.nodes.iter().enumerate();
+        NetworkView {
+            machine: config.name.clone(),
+            file: config.path.display().to_string(),
+            interface: match config.bus.kind {
+                BusKind::Powerlink => config.bus.interface.clone(),
+                BusKind::Memory => "memory".into(),
+            },
+            cycle_us: config.cycle_us,
+            async_slot_timeout_us: config.bus.async_slot_timeout_us,
+            pres_lost_max: config.bus.pres_lost_max,
+            live: None,
+            nodes: nodes
+                .map(|(place, node)| NodeView::of(node, lines.get(place).copied()))
+                .collect(),
+        }
+    }
+}
+
+/// Line of each `[[bus.node]]`, from 1; empty where the file is gone or not the same any more.
+fn node_lines(config: &Config) -> Vec<usize> {
+    let Ok(text) = std::fs::read_to_string(&config.path) else {
+        return Vec::new();
+    };
+    let (document, _) = DeTable::parse_recoverable(&text);
+    let nodes = document.get_ref().get("bus").and_then(|bus| {
+        let nodes = bus.get_ref().get("node")?.get_ref().as_array()?;
+        Some(nodes.iter().map(|node| node.span().start).collect::<Vec<_>>())
+    });
+    let nodes = nodes.unwrap_or_default();
+    if nodes.len() != config.bus.nodes.len() {
+        return Vec::new();
+    }
+    let line = |at: usize| {
+        1 + text.as_bytes()[..at.min(text.len())]
+            .iter()
+            .filter(|octet| **octet == b'\n')
+            .count()
+    };
+    nodes.into_iter().map(line).collect()
+}
+
+impl NodeView {
+    fn of(node: &Node, line: Option<usize>) -> NodeView {
+        let Identity {
+            device_type,
+            vendor_id,
+            product_code,
+            revision,
+            serial,
+        } = node.identity;
+        NodeView {
+            id: node.id,
+            name: node.name.clone(),
+            line,
+            mandatory: node.mandatory,
+            profile: match node.profile {
+                Profile::Cia402 => "drive".into(),
+                Profile::Io => "io".into(),
+            },
+            pres_timeout_us: node.pres_timeout_us,
+            expected: ExpectedIdentity {
+                device_type,
+                vendor_id,
+                product_code,
+                revision,
+                serial,
+            },
+            outputs: mapped(&node.outputs),
+            inputs: mapped(&node.inputs),
+            live: None,
+        }
+    }
+}
+
+fn mapped(objects: &[Mapped]) -> Vec<MappedView> {
+    let mut offset_bits = 0;
+    let place = |object: &Mapped| {
+        let view = MappedView {
+            index: object.index,
+            sub: object.sub,
+            offset_bits,
+            bits: object.bits,
+        };
+        offset_bits += u32::from(object.bits);
+        view
+    };
+    objects.iter().map(place).collect()
+}
+
+impl NodeLive {
+    /// A node as the managing node knows it; `now_ns` by its clock.
+    pub fn of(node: &Diagnosis, now_ns: u64) -> NodeLive {
+        let statistics = &node.statistics;
+        NodeLive {
+            operational: node.state == mn::NodeState::Operational,
+            nmt_state: state_name(node.nmt_state),
+            expected_nmt_state: state_name(node.expected_nmt_state),
+            stage: stage(node.stage),
+            why: node.reason.map(|reason| why(reason, now_ns)),
+            last_fault: node.last_fault.map(|last| {
+                let times = if last.count > 1 {
+                    format!(", {} times in a row", last.count)
+                } else {
+                    String::new()
+                };
+                format!("{}{times}, {}", fault(last.fault).text, ago(now_ns, last.at_ns))
+            }),
+            identity: node.ident.as_ref().map(|(_, ident)| ident.into()),
+            errors: node
+                .errors
+                .newest_first()
+                .map(|error| format!("{}, {}", error.entry, ago(now_ns, error.at_ns)))
+                .collect(),
+            errors_total: node.errors.total(),
+            polls: statistics.preq_sent,
+            lost: statistics.pres_lost,
+            lost_in_row_max: statistics.lost_in_row_max,
+            late: statistics.pres_late,
+            refused: statistics.pres_short + statistics.pres_version,
+            response_max_us: f64::from(statistics.response_ns_max) / 1e3,
+            boots: statistics.boots,
+            faults: statistics.faults,
+        }
+    }
+}
+
+impl NetworkLive {
+    /// The network as the managing node knows it; `now_ns` by its clock.
+    pub fn of(network: &NetworkDiagnosis, counters: &Counters, now_ns: u64) -> NetworkLive {
+        NetworkLive {
+            nmt_state: state_name(network.state),
+            why: network.reason.map(|reason| network_why(reason, now_ns)),
+            foreign: network.foreign_mn.map(|foreign| {
+                format!(
+                    "{}, {} frames, the last {}",
+                    mac(foreign.mac),
+                    foreign.frames,
+                    ago(now_ns, foreign.heard_ns)
+                )
+            }),
+            cycles: counters.cycles,
+            cycles_skipped: counters.cycles_skipped,
+            cycles_overrun: counters.cycles_overrun,
+            async_timeouts: counters.async_timeouts,
+            bad_frames: counters.malformed.total() + counters.unexpected + counters.unknown_node,
+        }
+    }
+}
+
+/// Why a node is not operational, in words.
+fn why(reason: Reason, now_ns: u64) -> Why {
+    match reason {
+        Reason::NetworkNotRunning { state } => plain(format!(
+            "the managing node is in {} and does not look for nodes",
+            state_name(state)
+        )),
+        Reason::NotAnswering { since_ns } => plain(format!(
+            "does not answer IdentRequests; looked for since {}: is it on, connected, and set to this node id?",
+            span(now_ns.saturating_sub(since_ns))
+        )),
+        Reason::GivenUp { fault: cause, since_ns } => {
+            let why = fault(cause);
+            let since = span(now_ns.saturating_sub(since_ns));
+            let text = format!("{}; was reset and has not answered for {since}", why.text);
+            Why { text, ..why }
+        }
+        Reason::Refused { fault: cause, again_ns } => {
+            let why = fault(cause);
+            let again = span(again_ns.saturating_sub(now_ns));
+            let text = format!("{}; tried again in {again}", why.text);
+            Why { text, ..why }
+        }
+        Reason::Booting { stage: at } => plain(stage(at)),
+        Reason::WaitingForNetwork { state, held_by } => plain(match held_by {
+            Some(node) => format!(
+                "ready, but the network is not {}: mandatory node {node} holds it back",
+                state_name(state)
+            ),
+            None => format!("ready; waits for the network to be {}", state_name(state)),
+        }),
+    }
+}
+
+fn plain(text: String) -> Why {
+    Why {
+        text,
+        object: None,
+        expected: None,
+        actual: None,
+    }
+}
+
+/// What went wrong with a node: object, what was expected, what came.
+fn fault(fault: Fault) -> Why {
+    match fault {
+        Fault::WrongIdentity { field, expected, got } => {
+            let (index, sub) = field.object();
+            about(
+                object(index, sub),
+                &field.to_string(),
+                number(field, expected),
+                number(field, got),
+            )
+        }
+        Fault::WrongSoftware { expected, got } => about(
+            "0x1F52".into(),
+            "software date and time",
+            format!("{} d {} ms", expected.date, expected.time),
+            format!("{} d {} ms", got.date, got.time),
+        ),
+        Fault::ConfigurationRefused { index, sub, code } => Why {
+            object: Some(object(index, sub)),
+            actual: Some(format!("0x{:08X}", code.0)),
+            ..plain(format!(
+                "refused the configured value of {}: {} (0x{:08X})",
+                object(index, sub),
+                code.text(),
+                code.0
+            ))
+        },
+        Fault::ConfigurationFailed { index, sub, error } => Why {
+            object: Some(object(index, sub)),
+            ..plain(format!("{} could not be written: {error}", object(index, sub)))
+        },
+        Fault::BootTimeout { expected, got } => in_state(
+            format!("still {}, expected {} by now", state_name(got), state_name(expected)),
+            expected,
+            got,
+        ),
+        Fault::ChainFailed { requests, got } => plain(format!(
+            "did not take its time in the PRes chain: {requests} SyncRequests without the right answer, in {}",
+            state_name(got)
+        )),
+        Fault::PresLost { in_row } => plain(format!("lost: {in_row} polls in a row without an answer")),
+        Fault::StatusLost { in_row } => plain(format!("lost: {in_row} StatusRequests in a row without an answer")),
+        Fault::WrongState { expected, got } => in_state(
+            format!("is in {}, expected {}", state_name(got), state_name(expected)),
+            expected,
+            got,
+        ),
+    }
+}
+
+/// `0x1018/1 vendor id is 0x00000000, expected 0x0000012D`
+fn about(object: String, name: &str, expected: String, actual: String) -> Why {
+    Why {
+        text: format!("{object} {name} is {actual}, expected {expected}"),
+        object: Some(object),
+        expected: Some(expected),
+        actual: Some(actual),
+    }
+}
+
+fn in_state(text: String, expected: NmtState, actual: NmtState) -> Why {
+    Why {
+        object: Some(object(0x1F8C, 0)),
+        expected: Some(state_name(expected)),
+        actual: Some(state_name(actual)),
+        ..plain(text)
+    }
+}
+
+fn number(field: IdentityField, value: u32) -> String {
+    match field {
+        IdentityField::DeviceType | IdentityField::VendorId | IdentityField::ProductCode | IdentityField::Revision => {
+            format!("0x{value:08X}")
+        }
+        // As printed on the type plate.
+        IdentityField::Serial => value.to_string(),
+    }
+}
+
+fn stage(stage: BootStage) -> String {
+    match stage {
+        BootStage::Configuring { index: 0, .. } => "about to be configured".into(),
+        BootStage::Configuring { written, index, sub } => {
+            format!(
+                "being configured: {written} objects written, now {}",
+                object(index, sub)
+            )
+        }
+        BootStage::Searching
+        | BootStage::Refused
+        | BootStage::ResettingConfiguration
+        | BootStage::Reidentifying
+        | BootStage::WaitingPreOperational2
+        | BootStage::WaitingReadyToOperate
+        | BootStage::CheckingCommunication
+        | BootStage::Ready
+        | BootStage::WaitingOperational
+        | BootStage::Operational => stage.to_string(),
+    }
+}
+
+fn network_why(reason: NetworkReason, now_ns: u64) -> String {
+    let left = |until_ns: u64| span(until_ns.saturating_sub(now_ns));
+    match reason {
+        NetworkReason::Listening { until_ns } => format!("listens for another managing node for {}", left(until_ns)),
+        NetworkReason::ForeignMn { mac: foreign } => format!(
+            "another managing node is on the wire: {}; silent until it has gone",
+            mac(foreign)
+        ),
+        NetworkReason::Starting => "wakes and resets the nodes".into(),
+        NetworkReason::MinimumStay { until_ns } => {
+            format!(
+                "stays in {} for {}",
+                state_name(NmtState::PreOperational1),
+                left(until_ns)
+            )
+        }
+        NetworkReason::WaitingForNode {
+            state,
+            node,
+            why: cause,
+            others,
+        } => {
+            let more = match others {
+                0 => String::new(),
+                1 => " and 1 other".into(),
+                others => format!(" and {others} others"),
+            };
+            format!(
+                "{} waits for mandatory node {node}{more}: {}",
+                state_name(state),
+                why(cause, now_ns).text
+            )
+        }
+        NetworkReason::Due {
+            state,
+            by_application: false,
+        } => format!("{} is next", state_name(state)),
+        NetworkReason::Due {
+            state,
+            by_application: true,
+        } => format!("waits for the application to enter {}", state_name(state)),
+        NetworkReason::ShuttingDown => "is being taken down".into(),
+        NetworkReason::NotRunning { state } => format!("the managing node is in {}", state_name(state)),
+    }
+}
+
+/// State by its name in the standard.
+pub fn state_name(state: NmtState) -> String {
+    match state {
+        NmtState::Off => "OFF".into(),
+        NmtState::Initialising => "INITIALISING".into(),
+        NmtState::ResetApplication => "RESET_APPLICATION".into(),
+        NmtState::ResetCommunication => "RESET_COMMUNICATION".into(),
+        NmtState::ResetConfiguration => "RESET_CONFIGURATION".into(),
+        NmtState::NotActive => "NOT_ACTIVE".into(),
+        NmtState::PreOperational1 => "PRE_OPERATIONAL_1".into(),
+        NmtState::PreOperational2 => "PRE_OPERATIONAL_2".into(),
+        NmtState::ReadyToOperate => "READY_TO_OPERATE".into(),
+        NmtState::Operational => "OPERATIONAL".into(),
+        NmtState::Stopped => "STOPPED".into(),
+        NmtState::BasicEthernet => "BASIC_ETHERNET".into(),
+        NmtState::Unknown(octet) => format!("unknown state 0x{octet:02X}"),
+    }
+}
+
+/// `0x1006` or `0x1018/1`.
+pub fn object(index: u16, sub: u8) -> String {
+    match sub {
+        0 => format!("0x{index:04X}"),
+        sub => format!("0x{index:04X}/{sub}"),
+    }
+}
+
+/// `01:11:1e:00:00:01`
+pub fn mac(mac: [u8; 6]) -> String {
+    mac.map(|octet| format!("{octet:02x}")).join(":")
+}
+
+fn span(ns: u64) -> String {
+    format!("{}.{} s", ns / 1_000_000_000, ns / 100_000_000 % 10)
+}
+
+fn ago(now_ns: u64, at_ns: u64) -> String {
+    format!("{} ago", span(now_ns.saturating_sub(at_ns)))
+}
+
+#[cfg(test)]
+#[path = "network_view_tests.rs"]
+mod tests;
