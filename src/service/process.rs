@@ -3,6 +3,10 @@
 //! In:  a machine, a program, a wire.
 //! Out: the report of the run.
 
+use super::control::methods::Methods;
+use super::control::server;
+use super::control::socket::{BindError, Socket, path_beside};
+use super::network_view::NetworkView;
 use super::operator::{Operator, Wish};
 use super::progress::{Progress, say};
 use super::report::{self, Facts, FarEnd, Pictures, RunReport};
@@ -165,10 +169,12 @@ fn run_on<L: Link + Send>(
     let watch = Arc::new(Watch::default());
     let bus = managing_node(mn_config(config, &nodes, mac), link, Arc::clone(&watch))?;
     let mut hal = Hal::create(&config.name, CAPACITY).context("pins")?;
-    let (control, inlets, _diagnosis) = assemble(config, &plans, bus, &mut hal)?;
+    let (control, inlets, diagnosis) = assemble(config, &plans, bus, &mut hal)?;
     // On the heap: it is larger than the stack of a real-time thread, which is locked in memory as a whole.
     let mut control = Box::new(control);
+    let methods = Methods::new(NetworkView::of(config), inlets.live.clone(), diagnosis, monotonic_ns);
     let mut operator = Operator::new(config, inlets, monotonic_ns());
+    let socket = control_socket(hal.path(), &config.name)?;
 
     let stop = AtomicBool::new(false);
     let (figures, path) = std::thread::scope(|scope| -> anyhow::Result<_> {
@@ -187,6 +193,15 @@ fn run_on<L: Link + Send>(
                 drop(enter_thread(Role::Cycle, process));
                 thread::run(&mut control, grid(config), &config.rt, &watch, &stop)
             })?;
+        if let Some(socket) = &socket {
+            std::thread::Builder::new()
+                .name("service".into())
+                .stack_size(STACK_SIZE)
+                .spawn_scoped(scope, || {
+                    let mut methods = methods;
+                    server::serve(socket, &mut methods, &stop);
+                })?;
+        }
         let ended = StopOnDrop(&stop);
         let lives = || !cycle.is_finished();
         let path = attend(
@@ -226,6 +241,21 @@ fn run_on<L: Link + Send>(
     };
     let (report, pictures) = facts.report();
     Ok((report, pictures, signal.caught()))
+}
+
+/// The socket by which other processes reach this control. A control that cannot have one still cuts.
+///
+/// # Errors
+/// Another control of this machine runs.
+fn control_socket(pins: &Path, machine: &str) -> anyhow::Result<Option<Socket>> {
+    match Socket::bind(&path_beside(pins, machine)) {
+        Ok(socket) => Ok(Some(socket)),
+        Err(error @ BindError::Running { .. }) => Err(error.into()),
+        Err(error @ (BindError::NoSocket { .. } | BindError::System { .. })) => {
+            let _ = writeln!(std::io::stderr(), "warning: no control socket: {error}");
+            Ok(None)
+        }
+    }
 }
 
 /// The managing node, with room for every node there can be. It takes close to a megabyte: made in a frame of its own and

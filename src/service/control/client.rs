@@ -1,0 +1,167 @@
+//! The other end of the socket: a process that asks a running control.
+//!
+//! In:  the name of a machine, or none where only one control runs.
+//! Out: answers, or why there are none.
+
+use super::rpc::{RpcError, code};
+use super::socket::find_in;
+use serde_json::{Value, json};
+use std::fmt;
+use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
+use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Longest wait for an answer: more than a node is given for an SDO.
+const ANSWER_WAIT: Duration = Duration::from_secs(30);
+/// Octets of the longest answer.
+const ANSWER_MAX: u64 = 64 * 1024 * 1024;
+
+/// Why a control gave no answer.
+#[derive(Debug)]
+pub enum ClientError {
+    /// No control runs, or none of this name.
+    NotRunning {
+        /// The machine that was asked for.
+        machine: Option<String>,
+    },
+    /// Several controls run.
+    Several {
+        /// Their machines.
+        machines: Vec<String>,
+    },
+    /// The socket failed.
+    Io {
+        /// The socket.
+        path: PathBuf,
+        /// Why.
+        cause: io::Error,
+    },
+    /// The answer is none.
+    BadAnswer {
+        /// What is wrong with it.
+        what: String,
+    },
+    /// The control has refused.
+    Refused(RpcError),
+}
+
+impl fmt::Display for ClientError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            ClientError::NotRunning { machine: None } => write!(
+                f,
+                "no control is running (or it runs as another user): start one with 'isocnc run' or 'isocnc demo'"
+            ),
+            ClientError::NotRunning { machine: Some(machine) } => {
+                write!(
+                    f,
+                    "no control of machine \"{machine}\" is running (or it runs as another user)"
+                )
+            }
+            ClientError::Several { machines } => write!(
+                f,
+                "several controls are running: choose one with --machine: {}",
+                machines.join(", ")
+            ),
+            ClientError::Io { path, cause } if cause.kind() == ErrorKind::WouldBlock => {
+                write!(f, "{}: no answer within {} s", path.display(), ANSWER_WAIT.as_secs())
+            }
+            ClientError::Io { path, cause } => write!(f, "{}: {cause}", path.display()),
+            ClientError::BadAnswer { what } => write!(f, "the control's answer cannot be understood: {what}"),
+            ClientError::Refused(error) => error.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for ClientError {}
+
+/// A connection to a control.
+#[derive(Debug)]
+pub struct Client {
+    path: PathBuf,
+    stream: BufReader<UnixStream>,
+    id: u64,
+}
+
+impl Client {
+    /// Connects to the control of a machine, or to the only one.
+    ///
+    /// # Errors
+    /// None or several run.
+    pub fn connect(machine: Option<&str>) -> Result<Client, ClientError> {
+        Client::connect_in(&hal_pins::directories(), machine)
+    }
+
+    /// As [`connect`](Self::connect), for sockets in these folders.
+    pub fn connect_in(directories: &[PathBuf], machine: Option<&str>) -> Result<Client, ClientError> {
+        let mut found: Vec<(String, Client)> = find_in(directories)
+            .into_iter()
+            .filter(|(name, _)| machine.is_none_or(|machine| machine == name))
+            // Those of dead processes, and of other users, do not answer.
+            .filter_map(|(name, path)| Some((name, Client::open(&path).ok()?)))
+            .collect();
+        match found.len() {
+            0 => Err(ClientError::NotRunning {
+                machine: machine.map(str::to_owned),
+            }),
+            1 => Ok(found.remove(0).1),
+            _ => Err(ClientError::Several {
+                machines: found.into_iter().map(|(name, _)| name).collect(),
+            }),
+        }
+    }
+
+    fn open(path: &Path) -> io::Result<Client> {
+        let stream = UnixStream::connect(path)?;
+        stream.set_read_timeout(Some(ANSWER_WAIT))?;
+        stream.set_write_timeout(Some(ANSWER_WAIT))?;
+        Ok(Client {
+            path: path.to_owned(),
+            stream: BufReader::new(stream),
+            id: 0,
+        })
+    }
+
+    /// Calls a method and waits for its answer.
+    ///
+    /// # Errors
+    /// The control has gone, refuses, or answers something else.
+    pub fn call(&mut self, method: &str, params: Value) -> Result<Value, ClientError> {
+        self.id += 1;
+        let request = json!({ "jsonrpc": "2.0", "id": self.id, "method": method, "params": params });
+        let mut line = String::new();
+        let done = (self.stream.get_mut())
+            .write_all(format!("{request}\n").as_bytes())
+            .and_then(|()| (&mut self.stream).take(ANSWER_MAX).read_line(&mut line));
+        done.map_err(|cause| ClientError::Io {
+            path: self.path.clone(),
+            cause,
+        })?;
+        self.read(&line)
+    }
+
+    fn read(&self, line: &str) -> Result<Value, ClientError> {
+        let bad = |what: &str| Err(ClientError::BadAnswer { what: what.into() });
+        if line.is_empty() {
+            return bad("the control has closed the connection");
+        }
+        let mut answer: Value = match serde_json::from_str(line) {
+            Ok(answer) => answer,
+            Err(error) => return bad(&error.to_string()),
+        };
+        if let Some(error) = answer.get("error") {
+            let number = error["code"].as_i64().and_then(|code| i32::try_from(code).ok());
+            let message = error["message"].as_str().unwrap_or("no reason given");
+            let error = RpcError::new(number.unwrap_or(code::REFUSED), message);
+            return Err(ClientError::Refused(error));
+        }
+        if answer["id"].as_u64() != Some(self.id) {
+            return bad("it belongs to another request");
+        }
+        match answer.get_mut("result") {
+            Some(result) => Ok(result.take()),
+            None => bad("it has no result"),
+        }
+    }
+}

@@ -1,0 +1,231 @@
+//! What a running control can be asked for: the table of methods.
+//!
+//! In:  requests of clients; records and replies of the cycle thread.
+//! Out: answers, at once or when the bus has carried an order out.
+//!
+//! To add a method: a line in [`METHODS`] and its function.
+
+use super::rpc::{Params, Request, RpcError, code, from_hex, to_hex};
+use super::server::{Serve, Ticket};
+use crate::bus::SDO_VALUE_MAX;
+use crate::rt::diagnosis::{Inlet, Record, SdoOrder};
+use crate::rt::shared::Live;
+use crate::service::network_view::{NetworkLive, NetworkView, NodeLive};
+use powerlink::mn::{Counters, Diagnosis, NetworkDiagnosis, SdoCommand};
+use serde_json::{Value, json};
+use std::sync::Arc;
+
+/// One method.
+pub struct Method {
+    /// Its name.
+    pub name: &'static str,
+    /// Names of its parameters.
+    pub params: &'static [&'static str],
+    /// What it does.
+    pub does: &'static str,
+    call: fn(&mut Methods, &Params, Ticket) -> Answer,
+}
+
+/// `None`: comes when the bus has done it.
+type Answer = Option<Result<Value, RpcError>>;
+
+/// All methods.
+pub const METHODS: [Method; 5] = [
+    Method {
+        name: "methods",
+        params: &[],
+        does: "this table",
+        call: |_, _, _| Some(Ok(table())),
+    },
+    Method {
+        name: "status",
+        params: &[],
+        does: "machine, process, state, cycles, position",
+        call: |methods, _, _| Some(Ok(methods.status())),
+    },
+    Method {
+        name: "bus.network",
+        params: &[],
+        does: "the network and its nodes: what they are, how they are, why they are not operational",
+        call: |methods, _, _| Some(methods.network()),
+    },
+    Method {
+        name: "bus.sdo_read",
+        params: &["node", "index", "sub"],
+        does: "reads an object of a node; its octets as hexadecimal digits in \"value\"",
+        call: |methods, params, ticket| methods.sdo(params, ticket, false),
+    },
+    Method {
+        name: "bus.sdo_write",
+        params: &["node", "index", "sub", "value"],
+        does: "writes an object of a node; \"value\" holds its octets as hexadecimal digits",
+        call: |methods, params, ticket| methods.sdo(params, ticket, true),
+    },
+];
+
+fn table() -> Value {
+    let methods = METHODS
+        .iter()
+        .map(|method| json!({ "name": method.name, "params": method.params, "does": method.does }));
+    methods.collect()
+}
+
+/// Everything that methods can reach.
+pub struct Methods {
+    live: Arc<Live>,
+    bus: Inlet,
+    /// What the machine file says.
+    network: NetworkView,
+    /// The latest record of the network and of each node.
+    latest: Option<(NetworkDiagnosis, Counters)>,
+    nodes: Vec<Option<Diagnosis>>,
+    /// Orders under way that read: the others answer without a value.
+    reading: Vec<Ticket>,
+    now_ns: fn() -> u64,
+}
+
+impl Methods {
+    /// Methods of a control; `now_ns`: the clock of its bus.
+    pub fn new(network: NetworkView, live: Arc<Live>, bus: Inlet, now_ns: fn() -> u64) -> Methods {
+        Methods {
+            live,
+            bus,
+            nodes: vec![None; network.nodes.len()],
+            network,
+            latest: None,
+            reading: Vec::new(),
+            now_ns,
+        }
+    }
+
+    fn status(&self) -> Value {
+        let live = self.live.snapshot();
+        json!({
+            "version": env!("CARGO_PKG_VERSION"),
+            "machine": self.network.machine,
+            "file": self.network.file,
+            "pid": std::process::id(),
+            "state": format!("{:?}", live.state).to_lowercase(),
+            "cycles": live.cycles,
+            "cycles_skipped": live.cycles_skipped,
+            "late_max_us": live.late_max_ns as f64 / 1e3,
+            "line": live.line,
+            "velocity_mm_s": live.velocity_mm_s,
+            "position_mm": live.position.0,
+        })
+    }
+
+    fn network(&self) -> Result<Value, RpcError> {
+        let now_ns = (self.now_ns)();
+        let mut view = self.network.clone();
+        view.live = (self.latest.as_ref()).map(|(network, counters)| NetworkLive::of(network, counters, now_ns));
+        for (node, diagnosis) in view.nodes.iter_mut().zip(&self.nodes) {
+            node.live = diagnosis.as_ref().map(|diagnosis| NodeLive::of(diagnosis, now_ns));
+        }
+        serde_json::to_value(view).map_err(|error| RpcError::new(code::REFUSED, error.to_string()))
+    }
+
+    fn sdo(&mut self, params: &Params, ticket: Ticket, write: bool) -> Answer {
+        match self.sdo_order(params, ticket, write) {
+            Ok(()) => None,
+            Err(error) => Some(Err(error)),
+        }
+    }
+
+    fn sdo_order(&mut self, params: &Params, ticket: Ticket, write: bool) -> Result<(), RpcError> {
+        let id = params.number("node", 1, 239)?;
+        let index = params.number("index", 0, 0xFFFF)? as u16;
+        let sub = params.number("sub", 0, 0xFF)? as u8;
+        let value = match write {
+            true => params.octets("value", SDO_VALUE_MAX)?,
+            false => Vec::new(),
+        };
+        let node = self.network.nodes.iter().position(|node| u64::from(node.id) == id);
+        let Some(node) = node else {
+            let ids: Vec<String> = self.network.nodes.iter().map(|node| node.id.to_string()).collect();
+            let what = format!("no node has the id {id}; nodes are {}", ids.join(", "));
+            return Err(RpcError::new(code::INVALID_PARAMS, what));
+        };
+        let busy = || {
+            RpcError::new(
+                code::REFUSED,
+                "as many objects as possible are being read or written already",
+            )
+        };
+        if self.bus.orders.is_full() {
+            return Err(busy());
+        }
+        let mut buffer = self.bus.buffers.pop().ok_or_else(busy)?;
+        buffer[..value.len()].copy_from_slice(&value);
+        let command = match write {
+            true => SdoCommand::Write {
+                index,
+                sub,
+                octets: value.len(),
+            },
+            false => SdoCommand::Read { index, sub },
+        };
+        let order = SdoOrder {
+            ticket,
+            node,
+            command,
+            buffer,
+        };
+        // There is room: nobody else puts anything in.
+        if self.bus.orders.push(order).is_err() {
+            return Err(busy());
+        }
+        if !write {
+            self.reading.push(ticket);
+        }
+        Ok(())
+    }
+}
+
+impl Serve for Methods {
+    fn call(&mut self, request: &Request, ticket: Ticket) -> Option<Result<Value, RpcError>> {
+        let Some(method) = METHODS.iter().find(|method| method.name == request.method) else {
+            let known: Vec<&str> = METHODS.iter().map(|method| method.name).collect();
+            let what = format!("no method \"{}\"; there are {}", request.method, known.join(", "));
+            return Some(Err(RpcError::new(code::METHOD_NOT_FOUND, what)));
+        };
+        if let Err(error) = request.params.only(method.params) {
+            return Some(Err(error));
+        }
+        (method.call)(self, &request.params, ticket)
+    }
+
+    fn later(&mut self) -> Option<(Ticket, Result<Value, RpcError>)> {
+        while let Ok(record) = self.bus.records.pop() {
+            match record {
+                Record::Node(node, diagnosis) => {
+                    if let Some(latest) = self.nodes.get_mut(node) {
+                        *latest = Some(diagnosis);
+                    }
+                }
+                Record::Network(network, counters) => self.latest = Some((network, counters)),
+            }
+        }
+        let reply = self.bus.replies.pop().ok()?;
+        let read = self.reading.iter().position(|ticket| *ticket == reply.ticket);
+        if let Some(at) = read {
+            self.reading.swap_remove(at);
+        }
+        let result = match reply.result {
+            Ok(octets) if read.is_some() => Ok(json!({ "value": to_hex(&reply.buffer[..octets]) })),
+            Ok(_) => Ok(json!({})),
+            Err(error) => Err(RpcError::new(code::NODE, error.to_string())),
+        };
+        self.bus.buffers.push(reply.buffer);
+        Some((reply.ticket, result))
+    }
+}
+
+/// The value of an answer to "bus.sdo_read".
+pub fn value_of(answer: &Value) -> Option<Vec<u8>> {
+    from_hex(answer.get("value")?.as_str()?)
+}
+
+#[cfg(test)]
+#[path = "methods_tests.rs"]
+mod tests;

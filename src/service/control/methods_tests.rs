@@ -1,0 +1,109 @@
+use super::*;
+use crate::bus::{SDO_ORDERS, SDO_VALUE_MAX};
+use crate::config;
+use crate::rt::diagnosis::rings;
+use crate::service::control::rpc;
+use powerlink::mn::NetworkReason;
+use powerlink::nmt::NmtState;
+use std::path::Path;
+
+fn methods() -> Methods {
+    let machine = include_str!("../../../configs/mill3-demo.toml");
+    let config = config::parse(machine, Path::new("demo.toml")).unwrap();
+    let (_, inlet) = rings(config.bus.nodes.len());
+    Methods::new(NetworkView::of(&config), Arc::new(Live::default()), inlet, || 0)
+}
+
+fn call(methods: &mut Methods, method: &str, params: Value) -> Option<Result<Value, RpcError>> {
+    let line = json!({ "jsonrpc": "2.0", "id": 1, "method": method, "params": params }).to_string();
+    methods.call(&rpc::parse(line.as_bytes()).unwrap(), 7)
+}
+
+fn refusal(methods: &mut Methods, method: &str, params: Value) -> String {
+    call(methods, method, params).unwrap().unwrap_err().message
+}
+
+#[test]
+fn names_are_given_once_and_the_table_tells_them() {
+    for (place, method) in METHODS.iter().enumerate() {
+        assert!(METHODS[..place].iter().all(|other| other.name != method.name));
+    }
+    let table = call(&mut methods(), "methods", json!({})).unwrap().unwrap();
+    assert_eq!(table.as_array().unwrap().len(), METHODS.len());
+    assert_eq!(table[3]["name"], "bus.sdo_read");
+    assert_eq!(table[3]["params"], json!(["node", "index", "sub"]));
+}
+
+#[test]
+fn refusals_say_what_there_is() {
+    let mut methods = methods();
+    assert_eq!(
+        refusal(&mut methods, "bus.nodes", json!({})),
+        "no method \"bus.nodes\"; there are methods, status, bus.network, bus.sdo_read, bus.sdo_write"
+    );
+    assert_eq!(
+        refusal(&mut methods, "status", json!({ "x": 1 })),
+        "unknown parameter \"x\": it takes none"
+    );
+    assert_eq!(
+        refusal(
+            &mut methods,
+            "bus.sdo_read",
+            json!({ "node": 99, "index": 0x1000, "sub": 0 })
+        ),
+        "no node has the id 99; nodes are 1, 2, 3, 10"
+    );
+    assert_eq!(
+        refusal(
+            &mut methods,
+            "bus.sdo_read",
+            json!({ "node": 1, "index": 0x10000, "sub": 0 })
+        ),
+        "parameter \"index\": expected a whole number from 0 to 65535, got 65536"
+    );
+    let long = "00".repeat(SDO_VALUE_MAX + 1);
+    let refusal = refusal(
+        &mut methods,
+        "bus.sdo_write",
+        json!({ "node": 1, "index": 1, "sub": 0, "value": long }),
+    );
+    assert!(refusal.starts_with("parameter \"value\": expected up to 4096 octets"));
+    assert_eq!(methods.bus.buffers.len(), SDO_ORDERS, "no buffer is lost");
+}
+
+#[test]
+fn before_the_first_record_only_the_machine_file_is_told() {
+    let mut methods = methods();
+    let network = call(&mut methods, "bus.network", json!({})).unwrap().unwrap();
+    let view: NetworkView = serde_json::from_value(network).unwrap();
+    assert_eq!(view, methods.network);
+    let status = call(&mut methods, "status", json!({})).unwrap().unwrap();
+    assert_eq!((&status["state"], &status["cycles"]), (&json!("booting"), &json!(0)));
+}
+
+#[test]
+fn records_are_told_as_soon_as_they_are_taken_in() {
+    let mut methods = methods();
+    let network = NetworkDiagnosis {
+        state: NmtState::NotActive,
+        reason: Some(NetworkReason::Starting),
+        foreign_mn: None,
+    };
+    methods.latest = Some((network, Counters::default()));
+    let view = call(&mut methods, "bus.network", json!({})).unwrap().unwrap();
+    assert_eq!(view["live"]["nmt_state"], "NOT_ACTIVE");
+    assert_eq!(view["live"]["why"], "wakes and resets the nodes");
+    assert_eq!(view["nodes"][0]["live"], Value::Null);
+}
+
+#[test]
+fn orders_wait_for_a_buffer_and_no_longer() {
+    let mut methods = methods();
+    let read = json!({ "node": 1, "index": 0x1018, "sub": 1 });
+    for _ in 0..SDO_ORDERS {
+        assert_eq!(call(&mut methods, "bus.sdo_read", read.clone()), None);
+    }
+    let full = "as many objects as possible are being read or written already";
+    assert_eq!(refusal(&mut methods, "bus.sdo_read", read), full);
+    assert!(methods.later().is_none());
+}
