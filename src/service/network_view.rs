@@ -494,16 +494,7 @@ fn stage(stage: BootStage) -> String {
                 object(index, sub)
             )
         }
-        BootStage::Searching
-        | BootStage::Refused
-        | BootStage::ResettingConfiguration
-        | BootStage::Reidentifying
-        | BootStage::WaitingPreOperational2
-        | BootStage::WaitingReadyToOperate
-        | BootStage::CheckingCommunication
-        | BootStage::Ready
-        | BootStage::WaitingOperational
-        | BootStage::Operational => stage.to_string(),
+        other => other.to_string(),
     }
 }
 
