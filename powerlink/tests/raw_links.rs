@@ -88,7 +88,7 @@ fn inside() {
     let (a, b) = (raw("plk-a", stamped), raw("plk-b", stamped));
     assert_eq!((a.mac(), b.mac()), ([2, 0, 0, 0, 0, 0xF0], [2, 0, 0, 0, 0, 1]));
     assert!(
-        matches!(a.reception(), Reception::Ring { frames: 256.. }),
+        matches!(a.reception(), Reception::Ring { frames: 64.. }),
         "{}",
         a.reception()
     );
