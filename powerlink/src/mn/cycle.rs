@@ -265,7 +265,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                         return Action::Send(Buffer::Asnd, self.asnd_len);
                     }
                     Grant::Nobody if self.state.is_isochronous() => self.phase = Phase::Idle,
-                    Grant::Nobody | Grant::Node { .. } => {
+                    Grant::Nobody | Grant::Node { .. } | Grant::Guest { .. } => {
                         let deadline_ns = now_ns + u64::from(self.config.async_slot_timeout_ns);
                         self.phase = Phase::AwaitAsnd {
                             grant,

@@ -36,6 +36,7 @@ mod node;
 mod objects;
 mod receive;
 mod record;
+mod server;
 mod service;
 mod signalling;
 mod slot;
@@ -64,6 +65,7 @@ use event::Events;
 use network::{Gate, Reduced, ToAll};
 use node::{Network, Node};
 use objects::RequestCommand;
+use server::{Guest, OwnServer};
 use slot::{Shutdown, Turn};
 
 /// NoService SoAs at the start of PRE_OPERATIONAL_1 that wake the nodes (C_DLL_PREOP1_START_CYCLES).
@@ -154,6 +156,8 @@ pub struct Mn<'a, const NODES: usize> {
     shutdown: Shutdown,
     events: Events,
     counters: Counters,
+    server: OwnServer,
+    guest: Guest,
     /// What 0x1F9F asks for.
     request: RequestCommand,
     /// Faults before this time are no longer in the error history (0x1003).
@@ -207,6 +211,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             shutdown: Shutdown::No,
             events: Events::new(),
             counters: Counters::default(),
+            server: OwnServer::new(),
+            guest: Guest::default(),
             request: RequestCommand::default(),
             history_from_ns: 0,
             has_chain: config.nodes.iter().any(|node| node.assignment.chained),

@@ -101,6 +101,7 @@ macro_rules! objects_of {
         }
     }};
 }
+pub(super) use objects_of;
 
 impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// Its object dictionary, as an SDO sees it.

@@ -105,37 +105,14 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     fn receive_asnd(&mut self, now_ns: u64, header: &Header, asnd: &Asnd<'_>) {
         let Some(index) = self.index_of(header.source_node) else {
+            if header.source_node == wire::node::DIAGNOSTIC && self.config.diagnostic_device {
+                return self.receive_guest(now_ns, header.destination_node, asnd);
+            }
             self.counters.unknown_node += 1;
             return;
         };
-        let granted = match self.phase {
-            Phase::AwaitAsnd {
-                grant: Grant::Node { index: target, .. },
-                ..
-            }
-            | Phase::SoaSent {
-                grant: Grant::Node { index: target, .. },
-            } => target == index,
-            Phase::AwaitAsnd { .. }
-            | Phase::SoaSent { .. }
-            | Phase::Idle
-            | Phase::SocDue
-            | Phase::SocSent
-            | Phase::AfterSoc { .. }
-            | Phase::ChainDue
-            | Phase::ChainSent
-            | Phase::AwaitChain { .. }
-            | Phase::NextPreq { .. }
-            | Phase::PresMnDue
-            | Phase::PreqSent { .. }
-            | Phase::AwaitPres { .. }
-            | Phase::SoaDue
-            | Phase::AsndSent => false,
-        };
-        // An answer that comes late is still true and is taken; only the slot is over.
-        if granted {
-            self.phase = Phase::Idle;
-        } else {
+        let granted = self.close_slot_of(|grant| matches!(grant, Grant::Node { index: target, .. } if target == index));
+        if !granted {
             self.counters.unexpected += 1;
         }
         if !matches!(header.destination_node, wire::node::MN | wire::node::BROADCAST) {
@@ -150,10 +127,35 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 node.identified(now_ns, header.source, ident, &network, &mut self.events);
             }
             Asnd::StatusResponse(status) => node.status(now_ns, status, &network, &mut self.events),
-            Asnd::Sdo(data) => node.receive_sdo(now_ns, data),
+            Asnd::Sdo(data) => self.receive_sdo(now_ns, index, data),
             Asnd::NmtRequest(request) => self.nmt_requested(index, request),
             Asnd::SyncResponse(response) => self.sync_response(index, response, now_ns),
             Asnd::NmtCommand(_) | Asnd::Other(_) => self.counters.unexpected += u64::from(granted),
         }
+    }
+
+    /// Ends the slot that was granted to the sender, if it was; whether it was. An answer that comes late is still true and is
+    /// taken; only the slot is over.
+    pub(super) fn close_slot_of(&mut self, is_sender: impl Fn(Grant) -> bool) -> bool {
+        let granted = match self.phase {
+            Phase::AwaitAsnd { grant, .. } | Phase::SoaSent { grant } => is_sender(grant),
+            Phase::Idle
+            | Phase::SocDue
+            | Phase::SocSent
+            | Phase::AfterSoc { .. }
+            | Phase::ChainDue
+            | Phase::ChainSent
+            | Phase::AwaitChain { .. }
+            | Phase::NextPreq { .. }
+            | Phase::PresMnDue
+            | Phase::PreqSent { .. }
+            | Phase::AwaitPres { .. }
+            | Phase::SoaDue
+            | Phase::AsndSent => false,
+        };
+        if granted {
+            self.phase = Phase::Idle;
+        }
+        granted
     }
 }

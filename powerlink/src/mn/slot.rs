@@ -4,7 +4,7 @@
 //!
 //! One ASnd a slot. NMT commands of the managing node go first, NMT requests of the nodes next (but never twice in a row
 //! when somebody else waits), then in turn: StatusRequests, invitations of nodes with something to send, SDO of the
-//! managing node, Ethernet frames of the application, IdentRequests. Within each kind the nodes take turns.
+//! managing node, answers of its SDO server, the diagnostic device, Ethernet frames of the application, IdentRequests. Within each kind the nodes take turns.
 
 use super::Mn;
 use super::boot::Order;
@@ -30,6 +30,8 @@ pub(super) enum Grant {
     Own(Own),
     /// A controlled node, by position.
     Node { index: usize, service: RequestedService },
+    /// The diagnostic device.
+    Guest { service: RequestedService },
 }
 
 /// What the managing node sends.
@@ -60,15 +62,19 @@ enum Kind {
     Status,
     Invite,
     Sdo,
+    Server,
+    Guest,
     Ethernet,
     Ident,
 }
 
-const KINDS: [Kind; 6] = [
+const KINDS: [Kind; 8] = [
     Kind::Sync,
     Kind::Status,
     Kind::Invite,
     Kind::Sdo,
+    Kind::Server,
+    Kind::Guest,
     Kind::Ethernet,
     Kind::Ident,
 ];
@@ -138,6 +144,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             Grant::Own(Own::Sdo | Own::Ethernet) => {
                 Soa::new(self.state, RequestedService::UnspecifiedInvite, wire::node::MN)
             }
+            Grant::Guest { service } => Soa::new(self.state, service, wire::node::DIAGNOSTIC),
             Grant::Node { index, service } => self.grant_node(now_ns, index, service),
         };
         (grant, soa)
@@ -320,6 +327,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 self.asnd_len = self.ethernet.pop(&mut self.asnd_frame)?;
                 return Some(Grant::Own(Own::Ethernet));
             }
+            Kind::Server => return self.grant_server(),
+            Kind::Guest => return self.grant_guest(now_ns),
             Kind::Ident => {
                 let index = self.find(start, |node| node.wants_ident(now_ns))?;
                 let network = self.network();
@@ -340,7 +349,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     }
 
     /// Writes an ASnd of our own.
-    fn write_asnd(&mut self, destination_node: u8, asnd: &Asnd<'_>, own: Own) -> Grant {
+    pub(super) fn write_asnd(&mut self, destination_node: u8, asnd: &Asnd<'_>, own: Own) -> Grant {
         let header = Header {
             destination: multicast::ASND,
             source: self.config.mac,
@@ -442,6 +451,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     /// The slot ended without an answer.
     pub(super) fn slot_over(&mut self, now_ns: u64, grant: Grant) {
+        if matches!(grant, Grant::Guest { .. }) {
+            self.guest_missed();
+        }
         let Grant::Node { index, service } = grant else { return };
         self.counters.async_timeouts += 1;
         let network = self.network();

@@ -8,6 +8,7 @@ mod diagnosis;
 mod faults;
 mod objects;
 mod rules;
+mod server;
 mod service;
 mod speed;
 mod startup;
@@ -164,6 +165,8 @@ struct Net<'a> {
     refuse_sync: bool,
     /// Share of the ASnd frames that are lost, at each receiver by itself.
     lose_asnd: Option<(SplitMix64, f64)>,
+    /// Asks the managing node by SDO.
+    tool: Option<server::Tool>,
     /// Answers on their way, with the time they arrive.
     coming: Vec<(u64, Vec<u8>)>,
 }
@@ -185,6 +188,7 @@ impl<'a> Net<'a> {
             events: Vec::new(),
             refuse_sync: false,
             lose_asnd: None,
+            tool: None,
             coming: Vec::new(),
         }
     }
@@ -279,6 +283,17 @@ impl<'a> Net<'a> {
             self.log.push(OnWire {
                 now_ns: at_ns,
                 source: *id,
+                octets: answer.clone(),
+            });
+            self.coming.push((at_ns, answer));
+        }
+        if let Some(tool) = &mut self.tool
+            && let Some(answer) = tool.hear(self.now_ns, &frame)
+        {
+            let at_ns = self.now_ns + ANSWER_NS;
+            self.log.push(OnWire {
+                now_ns: at_ns,
+                source: answer[16],
                 octets: answer.clone(),
             });
             self.coming.push((at_ns, answer));

@@ -128,6 +128,13 @@ impl<const CONNECTIONS: usize, const STAGING: usize> Server<CONNECTIONS, STAGING
         })
     }
 
+    /// Whether there is a connection with this client.
+    pub fn serves(&self, client: u8) -> bool {
+        self.connections
+            .iter()
+            .any(|connection| connection.client == client && connection.state != State::Closed)
+    }
+
     /// Number of frames that wait for the asynchronous slot.
     pub fn pending(&self) -> usize {
         self.connections.iter().map(Connection::pending).sum()

@@ -55,7 +55,7 @@ fn bit_2_clear_holds_a_node_until_the_application_boots_it() {
     net.cycles(100);
     assert_eq!(net.mn.node_state(0), NodeState::Held);
     assert_eq!(net.mn.statistics(0).objects_written, 0);
-    assert_eq!(net.mn.node_command(0, NmtCommand::StartNode).is_err(), true);
+    assert!(net.mn.node_command(0, NmtCommand::StartNode).is_err());
     assert_eq!(net.mn.boot_node(0), Ok(()));
     net.boot();
     assert_eq!(net.mn.statistics(0).objects_written, 9);

@@ -184,6 +184,7 @@ fn the_configuration_is_shown_as_it_is() {
             ..DeviceInfo::default()
         },
         pres_mn_bytes: Some(12),
+        async_mtu: 1200,
         ..mn_config(&nodes)
     });
     for (index, sub, expected) in [
@@ -209,7 +210,7 @@ fn the_configuration_is_shown_as_it_is() {
         (0x1F92, 1, 100_000),
         (0x1F92, 9, 25_000),
         (0x1F98, 5, 36),
-        (0x1F98, 8, 1500),
+        (0x1F98, 8, 1200),
         (0x1C09, 9, 15),
         // Channels: 0 our own PRes, then the nodes.
         (0x1800, 1, 0),
