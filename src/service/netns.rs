@@ -103,6 +103,38 @@ pub fn add_wire(near: &str, far: &str) -> Result<Vec<String>, NetnsError> {
     Ok(notes)
 }
 
+/// Enters a new, empty network namespace; into it [`give_interface`] can bring one end of a wire.
+///
+/// # Errors
+/// As [`private_wire`].
+pub fn private_namespace() -> Result<(), NetnsError> {
+    enter().map(drop)
+}
+
+/// Gives an interface of this namespace to the namespace of the process `pid`. It is down there until [`start_interface`].
+///
+/// # Errors
+/// [`NetnsError::Forbidden`] or [`NetnsError::System`], with what was tried.
+pub fn give_interface(interface: &str, pid: u32) -> Result<(), NetnsError> {
+    check_interface_name(interface)?;
+    let doing = format!("giving the interface {interface} to the namespace of process {pid}");
+    let index = if_nametoindex(interface).map_err(|errno| refused(&doing, errno))?;
+    let mut message = Message::new_link(0, index as i32, 0, 0);
+    message.attribute(rt::IFLA_NET_NS_PID, |content| content.0.extend(pid.to_ne_bytes()));
+    Netlink::open()?.request(&message.finish(), &doing)
+}
+
+/// Starts an interface of this namespace that answers no ARP and has no IPv6; what could not be done is told.
+///
+/// # Errors
+/// [`NetnsError::Forbidden`] or [`NetnsError::System`], with what was tried.
+pub fn start_interface(interface: &str) -> Result<Option<String>, NetnsError> {
+    check_interface_name(interface)?;
+    let note = disable_ipv6(interface);
+    Netlink::open()?.set_flags(interface, libc::IFF_UP | libc::IFF_NOARP)?;
+    Ok(note)
+}
+
 /// Enters a new network namespace; true: with a user namespace around it.
 fn enter() -> Result<bool, NetnsError> {
     let threads = std::fs::read_dir("/proc/self/task").map_or(1, Iterator::count);
@@ -197,6 +229,7 @@ mod rt {
     pub(super) const NLM_F_ACK: u16 = 0x004;
     pub(super) const NLM_F_EXCL: u16 = 0x200;
     pub(super) const NLM_F_CREATE: u16 = 0x400;
+    pub(super) const IFLA_NET_NS_PID: u16 = 19;
     pub(super) const IFLA_IFNAME: u16 = 3;
     pub(super) const IFLA_LINKINFO: u16 = 18;
     pub(super) const IFLA_INFO_KIND: u16 = 1;
