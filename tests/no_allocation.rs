@@ -340,8 +340,18 @@ fn the_wire_in_memory_never_allocates() {
 
 #[test]
 fn a_raw_socket_never_allocates() {
+    for ring_frames in [0, 64] {
+        raw_socket(RawConfig {
+            ring_frames,
+            receive_stamps: true,
+            ..RawConfig::default()
+        });
+    }
+}
+
+fn raw_socket(config: RawConfig) {
     // Its own frames come back on the loopback interface; other traffic there is not POWERLINK.
-    let mut link = match RawLink::open("lo", RawConfig::default()) {
+    let mut link = match RawLink::open("lo", config) {
         Ok(link) => link,
         Err(error) => {
             println!("SKIPPED: {error}");

@@ -31,7 +31,7 @@ use motion::ring::{self, Producer};
 use motion::rt::Interpolator;
 use powerlink::link::Link;
 use powerlink::link::memory;
-use powerlink::link::raw::{RawConfig, RawLink};
+use powerlink::link::raw::{RawConfig, RawLink, Reception};
 use powerlink::mn::MnConfig;
 use std::io::Write;
 use std::path::Path;
@@ -129,6 +129,9 @@ fn run(job: Job<'_>, wire: Wire, overview: Overview) -> anyhow::Result<Done> {
                 ..RawConfig::default()
             };
             let link = RawLink::open(&interface, config)?;
+            if let reception @ Reception::Calls { .. } = link.reception() {
+                let _ = writeln!(std::io::stderr(), "warning: {interface}: {reception}");
+            }
             let mac = link.mac();
             run_on(job, overview, &process, link, mac, &signal)
         }
