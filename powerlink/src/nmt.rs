@@ -224,6 +224,15 @@ impl NmtCommand {
         }
     }
 
+    /// The extended form of a plain command that changes the state of nodes; `None` for all others.
+    pub fn extended(self) -> Option<NmtCommand> {
+        let octet = u8::from(self);
+        match octet {
+            0x21..=0x2B => Some(NmtCommand::from(octet + 0x20)).filter(|extended| extended.plain() == Some(self)),
+            _ => None,
+        }
+    }
+
     /// What this command asks of a CN's state machine, extended forms included (whether the node is on the list is
     /// for the caller to check); `None` for commands that are no state change.
     pub fn cn_event(self) -> Option<CnEvent> {
@@ -593,6 +602,18 @@ mod tests {
 
     #[test]
     fn extended_commands_carry_their_plain_ones() {
+        for octet in 0..=u8::MAX {
+            let command = NmtCommand::from(octet);
+            match command.plain() {
+                Some(plain) => assert_eq!(plain.extended(), Some(command)),
+                None => assert!(
+                    command
+                        .extended()
+                        .is_none_or(|extended| extended.plain() == Some(command))
+                ),
+            }
+        }
+        assert_eq!(NmtCommand::GoToStandby.extended(), None);
         assert_eq!(NmtCommand::StartNodeEx.plain(), Some(NmtCommand::StartNode));
         assert_eq!(NmtCommand::SwResetEx.plain(), Some(NmtCommand::SwReset));
         assert_eq!(NmtCommand::StartNode.plain(), None);

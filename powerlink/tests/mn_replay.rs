@@ -172,7 +172,11 @@ impl Recorded {
             Frame::Asnd(Asnd::NmtCommand(command))
                 if matches!(header.destination_node, 255) || header.destination_node == self.id =>
             {
-                self.command(now_ns, command.command);
+                match command.command.plain() {
+                    Some(plain) if command.nodes().contains(self.id) => self.command(now_ns, plain),
+                    Some(_) => {}
+                    None => self.command(now_ns, command.command),
+                }
                 None
             }
             Frame::Asnd(Asnd::Sdo(data)) if header.destination_node == self.id => {
@@ -337,7 +341,14 @@ fn boot(mandatory: bool) -> Boot {
                     if let (header, Frame::Asnd(Asnd::NmtCommand(command))) =
                         (Header::parse(frame).unwrap(), Frame::parse(frame).unwrap())
                     {
-                        boot.commands.push((header.destination_node, command.command));
+                        // An extended command is one to each node of its list.
+                        match command.command.plain() {
+                            Some(plain) => {
+                                let listed = (1..=239).filter(|id| command.nodes().contains(*id));
+                                boot.commands.extend(listed.map(|id| (id, plain)));
+                            }
+                            None => boot.commands.push((header.destination_node, command.command)),
+                        }
                     }
                     for node in &mut boot.nodes {
                         answer = node

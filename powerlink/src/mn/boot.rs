@@ -23,8 +23,9 @@ use crate::wire::{IdentResponse, Mac};
 
 /// Good PRes in a row that the communication check asks for.
 const CHECK_CYCLES: u32 = 3;
-/// An NMT command that has shown no effect is sent again after this time.
-const COMMAND_RETRY_NS: u64 = 50_000_000;
+/// An NMT command that has shown no effect is sent again after this time, or after some cycles if they take longer.
+const COMMAND_RETRY_NS: u64 = 15_000_000;
+const COMMAND_RETRY_CYCLES: u64 = 4;
 /// A node is not asked who it is for this time after ResetConfiguration: the answer could be from before the reset.
 const RESTART_NS: u64 = 4_000_000;
 /// A node that was refused (identity, configuration) is looked at again after this time.
@@ -248,6 +249,25 @@ impl<'a> Node<'a> {
             self.polled = false;
             self.status_due_ns = now_ns;
         }
+        match &mut self.stage {
+            // The wait for the slot does not count.
+            Stage::WaitReady { again_ns, .. }
+            | Stage::WaitOperational { again_ns, .. }
+            | Stage::BackInPreOperational2 { again_ns }
+            | Stage::Stopped { again_ns } => *again_ns = now_ns + command_retry_ns(network),
+            Stage::Search
+            | Stage::Refused { .. }
+            | Stage::Held
+            | Stage::Configure
+            | Stage::CloseSdo
+            | Stage::ResetConfiguration
+            | Stage::Reidentify { .. }
+            | Stage::Enable { .. }
+            | Stage::Check { .. }
+            | Stage::Ready
+            | Stage::Operational
+            | Stage::TakenOver => {}
+        }
         if order.command == NmtCommand::ResetConfiguration && self.stage == Stage::ResetConfiguration {
             self.polled = false;
             self.chain = Chain::NEW;
@@ -362,6 +382,13 @@ impl<'a> Node<'a> {
         self.polled || self.config.assignment.async_only
     }
 
+    /// Bit 5 of its feature flags (0x1F82), as last reported.
+    pub(super) fn understands_extended_commands(&self) -> bool {
+        const EXTENDED_COMMANDS: u32 = 1 << 5;
+        let flags = self.record.ident.map_or(0, |(_, ident)| ident.feature_flags);
+        flags & EXTENDED_COMMANDS != 0
+    }
+
     /// Orders an NMT command.
     pub(super) fn command(&mut self, command: NmtCommand) {
         let reason = reset_reason::NONE;
@@ -372,7 +399,7 @@ impl<'a> Node<'a> {
     pub(super) fn started(&mut self, now_ns: u64, network: &Network) {
         self.stage = Stage::WaitOperational {
             deadline_ns: now_ns + us(network.boot.timeout_ready_to_operate_us),
-            again_ns: now_ns + COMMAND_RETRY_NS,
+            again_ns: now_ns + command_retry_ns(network),
         };
     }
 
@@ -424,4 +451,8 @@ impl<'a> Node<'a> {
             self.fail(now_ns, network, Fault::BootTimeout { expected, got }, events);
         }
     }
+}
+
+fn command_retry_ns(network: &Network) -> u64 {
+    COMMAND_RETRY_NS.max(COMMAND_RETRY_CYCLES * network.cycle_ns)
 }

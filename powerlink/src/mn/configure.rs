@@ -19,7 +19,7 @@ use crate::wire::IdentResponse;
 /// A configuration value without an answer for this time has failed.
 pub(super) const SDO_GIVE_UP_NS: u64 = 5_000_000_000;
 /// What a node may take for an answer without being asked again.
-const FIRST_TIMEOUT_MIN_NS: u64 = 20_000_000;
+const FIRST_TIMEOUT_MIN_NS: u64 = 10_000_000;
 /// Before the first write of the configuration.
 pub(super) const NOTHING_WRITTEN: CdcWrite<'static> = CdcWrite {
     index: 0,

@@ -15,11 +15,11 @@
 //! ```
 //!
 //! A cycle is SoC, then PReq and PRes of each node, then SoA, then one asynchronous slot. In PRE_OPERATIONAL_1 there is
-//! only the reduced cycle: SoA and slot, one after the other at their own pace. What a node needs is in `node`, who gets
-//! the asynchronous slot in `slot`.
+//! only the reduced cycle: SoA and slot, one after the other at their own pace; nodes are found and configured there, and those
+//! that come later in the running network. What a node needs is in `node`, who gets the asynchronous slot in `slot`.
 //!
-//! The network is never restarted because of one node: a node that is lost is reset and booted again while the others go
-//! on (NMT_StartUp object 0x1F80, bit 12 set); what a lost mandatory node means for the machine is up to the application.
+//! A node that is lost is reset and booted again while the others go on (NMT_StartUp object 0x1F80, bit 12 set, the default);
+//! what a lost mandatory node means for the machine is up to the application. Bits 4, 6 and 12 choose otherwise: see `network`.
 
 mod application;
 mod boot;

@@ -2,7 +2,7 @@
 //!
 //! In:  what every node needs, the time. Out: the SoA with its grant; the managing node's own ASnd.
 //!
-//! One ASnd a slot. NMT commands of the managing node go first, NMT requests of the nodes next (but never twice in a row
+//! One ASnd a slot. NMT commands of the managing node go first (one frame for all nodes that wait for the same), NMT requests of the nodes next (but never twice in a row
 //! when somebody else waits), then in turn: StatusRequests, invitations of nodes with something to send, SDO of the
 //! managing node, answers of its SDO server, the diagnostic device, Ethernet frames of the application, IdentRequests. Within each kind the nodes take turns.
 
@@ -10,9 +10,10 @@ use super::Mn;
 use super::boot::Order;
 use super::cycle::Phase;
 use super::event::MnEvent;
+use super::fault::reset_reason;
 use super::network::{Reduced, ToAll};
 use super::node::{Node, us};
-use crate::nmt::{NmtCommand, NmtState};
+use crate::nmt::{NmtCommand, NmtState, NodeList};
 use crate::sdo::SERVICE_DATA_MAX;
 use crate::wire::{
     self, Asnd, COMMAND_DATA_LEN, Header, NmtCommandFrame, NmtRequestFrame, RequestedService, Requests, Soa, multicast,
@@ -39,6 +40,8 @@ pub(super) enum Grant {
 pub(super) enum Own {
     /// NMT command to one node.
     Order { index: usize },
+    /// Extended NMT command to several nodes.
+    Orders { list: NodeList },
     /// ResetNode to all, at the start.
     ResetAll,
     /// ResetNode to one node, at the start.
@@ -139,7 +142,13 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         let soa = match grant {
             Grant::Nobody => Soa::new(self.state, RequestedService::NoService, 0),
             Grant::Own(
-                Own::Order { .. } | Own::Reject | Own::ResetAll | Own::ResetEach { .. } | Own::ToAll | Own::ShutDown,
+                Own::Order { .. }
+                | Own::Orders { .. }
+                | Own::Reject
+                | Own::ResetAll
+                | Own::ResetEach { .. }
+                | Own::ToAll
+                | Own::ShutDown,
             ) => Soa::new(self.state, RequestedService::NmtRequestInvite, wire::node::MN),
             Grant::Own(Own::Sdo | Own::Ethernet) => {
                 Soa::new(self.state, RequestedService::UnspecifiedInvite, wire::node::MN)
@@ -374,22 +383,38 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         )
     }
 
+    /// The NMT command that a node waits for. Where others wait for the same, and all understand it, they get it in one frame.
     fn order(&mut self, index: usize) -> Grant {
-        let Some(Some(Node {
-            config,
-            order: Some(Order { command, reason }),
-            ..
-        })) = self.nodes.get(index)
-        else {
+        let Some(node) = self.node(index) else {
             return Grant::Nobody;
         };
-        let mut data = [0; COMMAND_DATA_LEN];
-        data[..2].copy_from_slice(&reason.to_le_bytes());
-        let frame = NmtCommandFrame {
-            command: *command,
-            data,
+        let (id, Some(order)) = (node.config.id, node.order) else {
+            return Grant::Nobody;
         };
-        self.write_asnd(config.id, &Asnd::NmtCommand(frame), Own::Order { index })
+        let (list, count) = self.with_the_same_order(order);
+        if let Some(command) = order.command.extended().filter(|_| count > 1 && list.contains(id)) {
+            let frame = NmtCommandFrame { command, data: list.0 };
+            return self.write_asnd(wire::node::BROADCAST, &Asnd::NmtCommand(frame), Own::Orders { list });
+        }
+        let mut data = [0; COMMAND_DATA_LEN];
+        data[..2].copy_from_slice(&order.reason.to_le_bytes());
+        let command = order.command;
+        self.write_asnd(
+            id,
+            &Asnd::NmtCommand(NmtCommandFrame { command, data }),
+            Own::Order { index },
+        )
+    }
+
+    /// Nodes that understand extended commands and wait for this one, and how many there are. In their frame is no room for a
+    /// reason.
+    fn with_the_same_order(&self, order: Order) -> (NodeList, usize) {
+        let mut list = NodeList::default();
+        let same = self.nodes.iter().flatten().filter(|node| {
+            node.order == Some(order) && order.reason == reset_reason::NONE && node.understands_extended_commands()
+        });
+        let count = same.map(|node| list.insert(node.config.id)).count();
+        (list, count)
     }
 
     fn reject(&mut self, index: usize) -> Grant {
@@ -428,6 +453,13 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             Own::Order { index } => {
                 let network = self.network();
                 if let Some(Some(node)) = self.nodes.get_mut(index) {
+                    node.order_sent(now_ns, &network);
+                }
+            }
+            Own::Orders { list } => {
+                let network = self.network();
+                let nodes = self.nodes.iter_mut().flatten();
+                for node in nodes.filter(|node| list.contains(node.config.id)) {
                     node.order_sent(now_ns, &network);
                 }
             }

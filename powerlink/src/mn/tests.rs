@@ -368,15 +368,31 @@ impl<'a> Net<'a> {
         self.until(2000, Net::all_operational)
     }
 
-    /// NMT commands that were sent, and to whom.
+    /// NMT commands that were sent, and to whom; an extended one as plain ones to each node of its list.
     fn commands(&self) -> Vec<(u8, NmtCommand)> {
-        self.log
-            .iter()
-            .filter_map(|sent| match sent.frame() {
-                Frame::Asnd(Asnd::NmtCommand(NmtCommandFrame { command, .. })) => Some((sent.octets[15], command)),
-                _ => None,
-            })
-            .collect()
+        let mut commands = Vec::new();
+        for sent in &self.log {
+            if let Frame::Asnd(Asnd::NmtCommand(frame)) = sent.frame() {
+                match frame.command.plain() {
+                    None => commands.push((sent.octets[15], frame.command)),
+                    Some(plain) => {
+                        assert_eq!(sent.octets[15], 255);
+                        let listed = (1..=239).filter(|id| frame.nodes().contains(*id));
+                        commands.extend(listed.map(|id| (id, plain)));
+                    }
+                }
+            }
+        }
+        commands
+    }
+
+    /// Extended NMT commands that were sent.
+    fn extended_commands(&self) -> Vec<NmtCommand> {
+        let sent = self.log.iter().filter_map(|sent| match sent.frame() {
+            Frame::Asnd(Asnd::NmtCommand(frame)) => frame.command.plain().and(Some(frame.command)),
+            _ => None,
+        });
+        sent.collect()
     }
 
     fn count_events(&self, is: impl Fn(&MnEvent) -> bool) -> usize {

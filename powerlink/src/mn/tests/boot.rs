@@ -351,3 +351,38 @@ fn a_long_value_of_the_configuration_goes_in_segments() {
         .collect();
     assert_eq!(flags, [0x10, 0x20, 0x20, 0x30]);
 }
+
+/// Bit 5 of 0x1F82 decides who is told by a list and who alone.
+#[test]
+fn nodes_that_wait_for_the_same_command_get_it_in_one_frame() {
+    let nodes = [1, 2, 3, 4].map(|id| NodeConfig {
+        preq_bytes: 0,
+        pres_bytes: 0,
+        ..node_config(id, &[])
+    });
+    for plain_only in [None, Some(3)] {
+        let mut net = Net::new(&nodes);
+        if let Some(id) = plain_only {
+            let dictionary = net.drives.get_mut(&id).unwrap().dictionary_mut();
+            let handle = dictionary.find(0x1F82, 0).unwrap();
+            dictionary.set_default(handle, &5_u32.to_le_bytes()).unwrap();
+        }
+        net.boot();
+        let extended = net.extended_commands();
+        assert!(extended.contains(&NmtCommand::StartNodeEx), "{extended:?}");
+        let starts = |id| {
+            net.commands()
+                .iter()
+                .filter(|sent| **sent == (id, NmtCommand::StartNode))
+                .count()
+        };
+        assert_eq!([1, 2, 3, 4].map(starts), [1; 4]);
+        let alone = net.log.iter().filter(|sent| {
+            let start = NmtCommandFrame::plain(NmtCommand::StartNode);
+            matches!(sent.frame(), Frame::Asnd(Asnd::NmtCommand(frame)) if frame == start)
+        });
+        let alone: Vec<_> = alone.map(|sent| sent.octets[15]).collect();
+        assert_eq!(alone, Vec::from_iter(plain_only));
+        check_order(&net.log, 0);
+    }
+}
