@@ -3,6 +3,8 @@
 //! In:  the machine file; what the managing node knows of each node, where a control runs.
 //! Out: a [`NetworkView`], which goes through the control socket as JSON and is printed by `isocnc bus`.
 
+use crate::bus::network;
+use crate::bus::powerlink::{mn_config, node_configs};
 use crate::config::{BusKind, Config, Identity, Mapped, Node, Profile};
 use powerlink::mn::{
     self, BootStage, Counters, Diagnosis, Fault, IdentityField, NetworkDiagnosis, NetworkReason, Reason,
@@ -27,10 +29,27 @@ pub struct NetworkView {
     pub async_slot_timeout_us: u32,
     /// Polls lost in a row that are ridden out.
     pub pres_lost_max: u32,
+    /// How the cycle is spent, part by part.
+    pub budget: Vec<BudgetView>,
     /// What is known while a control runs.
     pub live: Option<NetworkLive>,
     /// Controlled nodes in polling order.
     pub nodes: Vec<NodeView>,
+}
+
+/// One part of the cycle, us.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BudgetView {
+    /// What it is for.
+    pub part: String,
+    /// The node that it is for.
+    pub node: Option<u8>,
+    /// Frames on the wire.
+    pub wire_us: f64,
+    /// Latency of the node; where it has not told one, what its time-out leaves for it.
+    pub latency_us: f64,
+    /// The longest it can take.
+    pub worst_us: f64,
 }
 
 /// The network as it is now.
@@ -223,12 +242,57 @@ impl NetworkView {
             cycle_us: config.cycle_us,
             async_slot_timeout_us: config.bus.async_slot_timeout_us,
             pres_lost_max: config.bus.pres_lost_max,
+            budget: budget(config),
             live: None,
             nodes: nodes
                 .map(|(place, node)| NodeView::of(node, lines.get(place).copied()))
                 .collect(),
         }
     }
+}
+
+/// What the cycle is made of. Latencies are those that the time-outs allow.
+fn budget(config: &Config) -> Vec<BudgetView> {
+    let plans = network::plan(config);
+    let nodes = node_configs(&config.bus, &plans);
+    // No address counts in it.
+    let managing = mn_config(config, &nodes, [0; 6]);
+    let us = |ns: u64| ns as f64 / 1e3;
+    let view = |line: mn::BudgetLine| {
+        let node = |place: usize| nodes.get(place).map(|node| node.id);
+        let (part, node) = match line.part {
+            mn::Part::Soc => ("SoC".into(), None),
+            mn::Part::SocToPreq => ("pause before the first PReq".into(), None),
+            mn::Part::Poll {
+                node: place,
+                preq_octets,
+                pres_octets,
+                multiplex_cycle,
+            } => {
+                let cycle = match multiplex_cycle {
+                    0 => String::new(),
+                    cycle => format!(", in cycle {cycle} of the round"),
+                };
+                (
+                    format!("PReq of {preq_octets} and PRes of {pres_octets} octets{cycle}"),
+                    node(place),
+                )
+            }
+            mn::Part::PresMn { octets } => (format!("PRes of the managing node, {octets} octets"), None),
+            mn::Part::Chained { node: place, octets } => (format!("chained PRes of {octets} octets"), node(place)),
+            mn::Part::Chain => ("wait for the PRes chain".into(), None),
+            mn::Part::Soa => ("SoA".into(), None),
+            mn::Part::AsyncSlot { octets } => (format!("asynchronous slot, ASnd of up to {octets} octets"), None),
+        };
+        BudgetView {
+            part,
+            node,
+            wire_us: us(line.wire_ns),
+            latency_us: us(line.latency_ns),
+            worst_us: us(line.worst_ns),
+        }
+    };
+    mn::Budget::new(&managing, &[]).lines().map(view).collect()
 }
 
 /// Line of each `[[bus.node]]`, from 1; empty where the file is gone or not the same any more.

@@ -175,7 +175,11 @@ fn run_on<L: Link + Send>(
     let (control, inlets, diagnosis) = assemble(config, &plans, bus, &mut hal)?;
     // On the heap: it is larger than the stack of a real-time thread, which is locked in memory as a whole.
     let mut control = Box::new(control);
-    let methods = Methods::new(NetworkView::of(config), inlets.live.clone(), diagnosis, monotonic_ns);
+    let mut network = NetworkView::of(config);
+    if mac == MEMORY_MAC {
+        network.interface = "a wire in memory".into();
+    }
+    let methods = Methods::new(network, inlets.live.clone(), diagnosis, monotonic_ns);
     let mut operator = Operator::new(config, inlets, monotonic_ns());
     let socket = control_socket(hal.path(), &config.name)?;
 

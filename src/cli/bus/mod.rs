@@ -3,10 +3,12 @@
 //! In:  a capture, an interface, or a running control.
 //! Out: tables and sentences, or JSON, on standard output. Exit code 0: all is well, 1: trouble found, 2: wrong usage.
 
+pub mod network;
 pub mod trace;
 pub mod words;
 
 use clap::{Args, Subcommand};
+use network::{NetworkArgs, Topic};
 use std::io::{BufWriter, ErrorKind};
 use std::process::ExitCode;
 
@@ -22,6 +24,14 @@ pub struct BusArgs {
 
 #[derive(Clone, Debug, Subcommand)]
 enum BusCommand {
+    /// Who is on the network of a machine: identity, and whether it is the expected one
+    Nodes(NetworkArgs),
+    /// How they are: states, lost answers, errors, and why a node is not operational
+    State(NetworkArgs),
+    /// Which object is where in the cyclic frames
+    Pdo(NetworkArgs),
+    /// Everything about the network on one page, to paste
+    Report(NetworkArgs),
     /// A capture in words: one line a frame, or a summary
     Trace(trace::TraceArgs),
 }
@@ -33,6 +43,10 @@ enum BusCommand {
 pub fn bus(args: &BusArgs) -> anyhow::Result<ExitCode> {
     let mut out = BufWriter::new(std::io::stdout().lock());
     let done = match &args.command {
+        BusCommand::Nodes(network) => network::show(network, Topic::Nodes, args.json, &mut out),
+        BusCommand::State(network) => network::show(network, Topic::State, args.json, &mut out),
+        BusCommand::Pdo(network) => network::show(network, Topic::Pdo, args.json, &mut out),
+        BusCommand::Report(network) => network::show(network, Topic::Report, args.json, &mut out),
         BusCommand::Trace(trace) => trace::trace(trace, args.json, &mut out),
     };
     match done {

@@ -136,12 +136,41 @@ pub fn error_name(code: u16) -> &'static str {
     ErrorCode::find(code).map_or("", |known| known.text)
 }
 
+/// Name of an object of the device profiles that drives and I/O have; empty for all others.
+pub fn profile_object_name(index: u16) -> &'static str {
+    named(&PROFILE_OBJECTS, index)
+}
+
 fn named(table: &[(u16, &'static str)], number: u16) -> &'static str {
     table
         .iter()
         .find(|(own, _)| *own == number)
         .map_or("", |(_, name)| name)
 }
+
+/// (index, name): objects of CiA 401 and CiA 402 that are often mapped.
+const PROFILE_OBJECTS: [(u16, &str); 20] = [
+    (0x6000, "digital inputs"),
+    (0x6200, "digital outputs"),
+    (0x6401, "analogue inputs"),
+    (0x6411, "analogue outputs"),
+    (0x603F, "error code"),
+    (0x6040, "controlword"),
+    (0x6041, "statusword"),
+    (0x6060, "mode of operation"),
+    (0x6061, "mode displayed"),
+    (0x6064, "actual position"),
+    (0x606C, "actual velocity"),
+    (0x6071, "target torque"),
+    (0x6077, "actual torque"),
+    (0x607A, "target position"),
+    (0x60B1, "velocity offset"),
+    (0x60B2, "torque offset"),
+    (0x60F4, "following error"),
+    (0x60FD, "digital inputs"),
+    (0x60FE, "digital outputs"),
+    (0x60FF, "target velocity"),
+];
 
 /// (index, name): objects of the communication profile.
 pub const OBJECTS: [(u16, &str); 47] = [

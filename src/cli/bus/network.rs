@@ -1,0 +1,408 @@
+//! `isocnc bus nodes|state|pdo|report`: the network of a machine, beside its running control or from its machine file.
+//!
+//! In:  a control's socket; or a machine file, where no control runs.
+//! Out: tables and sentences, or JSON. What is wrong with a node is told with object, expected and actual value, and with
+//! the line of the machine file.
+
+use super::words::counted;
+use crate::config;
+use crate::service::control::client::{Client, ClientError};
+use crate::service::network_view::{BudgetView, MappedView, NetworkView, NodeView};
+use anyhow::{Context, bail};
+use clap::Args;
+use serde_json::{Value, json};
+use std::io::{self, Write};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Which network.
+#[derive(Clone, Debug, Args)]
+pub struct NetworkArgs {
+    /// Machine file; may be left out while exactly one control runs
+    machine_file: Option<PathBuf>,
+    /// Name of the machine of a running control, where it is not that of the machine file
+    #[arg(long, value_name = "NAME")]
+    machine: Option<String>,
+}
+
+/// What of it is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Topic {
+    /// Who is there.
+    Nodes,
+    /// How they are.
+    State,
+    /// Which object is where in the payloads.
+    Pdo,
+    /// All of it on one page.
+    Report,
+}
+
+/// Runs the command. Exit code 1: a node is not operational, or no control runs whose nodes could be.
+///
+/// # Errors
+/// No control and no machine file; an answer that cannot be understood.
+pub(super) fn show(args: &NetworkArgs, topic: Topic, as_json: bool, out: &mut impl Write) -> anyhow::Result<ExitCode> {
+    let (view, status) = match look(args)? {
+        Ok(found) => found,
+        Err(errors) => {
+            eprint!("{errors}");
+            return Ok(ExitCode::FAILURE);
+        }
+    };
+    match (as_json, topic) {
+        (true, _) => {
+            let mut value = serde_json::to_value(&view)?;
+            value["control"] = status;
+            value["trouble"] = troubles(&view).into();
+            writeln!(out, "{value:#}")?;
+        }
+        (false, Topic::Nodes) => nodes(&view, &status, out)?,
+        (false, Topic::State) => state(&view, &status, out)?,
+        (false, Topic::Pdo) => pdo(&view, &status, out)?,
+        (false, Topic::Report) => report(&view, &status, out)?,
+    }
+    out.flush()?;
+    // The mapping is as the machine file says, whatever the nodes do.
+    let trouble = topic != Topic::Pdo && !troubles(&view).is_empty();
+    Ok(if trouble { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+}
+
+/// The network, and the status of its control (null where none runs).
+fn look(args: &NetworkArgs) -> anyhow::Result<Result<(NetworkView, Value), config::ConfigErrors>> {
+    let from_file = match args.machine_file.as_deref().map(config::read) {
+        Some(Err(errors)) => return Ok(Err(errors)),
+        Some(Ok(config)) => Some(NetworkView::of(&config)),
+        None => None,
+    };
+    let in_file = from_file.as_ref().map(|view| view.machine.as_str());
+    match Client::connect(args.machine.as_deref().or(in_file)) {
+        Ok(mut client) => {
+            let status = client.call("status", json!({}))?;
+            let network = client.call("bus.network", json!({}))?;
+            let view = serde_json::from_value(network).context("the control's answer cannot be understood")?;
+            Ok(Ok((view, status)))
+        }
+        Err(error @ ClientError::NotRunning { .. }) if args.machine.is_none() => match from_file {
+            Some(view) => Ok(Ok((view, Value::Null))),
+            None => bail!("{error}; or name a machine file to see what it says"),
+        },
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// `node 3 (z-drive)`
+fn who(node: &NodeView) -> String {
+    format!("node {} ({})", node.id, node.name)
+}
+
+/// What is wrong, in sentences.
+fn troubles(view: &NetworkView) -> Vec<String> {
+    let Some(live) = &view.live else {
+        return Vec::new();
+    };
+    let mut list = Vec::new();
+    if let Some(foreign) = &live.foreign {
+        list.push(format!("another managing node was heard: {foreign}"));
+    }
+    if live.nmt_state != "OPERATIONAL" {
+        let why = live.why.as_deref().unwrap_or("no reason is known");
+        list.push(format!("the network is {}: {why}", live.nmt_state));
+    }
+    for node in &view.nodes {
+        let place = match node.line {
+            Some(line) => format!(" ([[bus.node]] line {line})"),
+            None => String::new(),
+        };
+        match &node.live {
+            Some(live) if live.operational => {}
+            Some(live) => {
+                let why = live.why.as_ref().map_or("no reason is known", |why| why.text.as_str());
+                list.push(format!("{} not operational: {why}{place}", who(node)));
+            }
+            None => list.push(format!("{}: nothing is known yet{place}", who(node))),
+        }
+    }
+    list
+}
+
+/// One line above everything: whose network, and where it is told from.
+fn head(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<()> {
+    match (&view.live, status) {
+        (_, Value::Null) => writeln!(
+            out,
+            "{}: no control is running; this is what {} says",
+            view.machine, view.file
+        ),
+        (None, _) => writeln!(
+            out,
+            "{}: the control has just started, the network is not known yet",
+            view.machine
+        ),
+        (Some(live), status) => writeln!(
+            out,
+            "{}: network {} on {}, machine {}, process {}",
+            view.machine,
+            live.nmt_state,
+            view.interface,
+            status["state"].as_str().unwrap_or("in an unknown state"),
+            status["pid"]
+        ),
+    }
+}
+
+fn tail(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
+    let troubles = troubles(view);
+    if troubles.is_empty() {
+        return Ok(());
+    }
+    writeln!(out)?;
+    troubles.iter().try_for_each(|trouble| writeln!(out, "{trouble}"))
+}
+
+fn width<'a>(names: impl Iterator<Item = &'a str>, least: usize) -> usize {
+    names.map(|name| name.chars().count()).max().unwrap_or(0).max(least)
+}
+
+fn nodes(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<()> {
+    head(view, status, out)?;
+    node_table(view, out)?;
+    tail(view, out)
+}
+
+/// Identity as reported, or as expected where nothing was reported.
+fn node_table(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
+    let name = width(view.nodes.iter().map(|node| node.name.as_str()), 4);
+    writeln!(
+        out,
+        "\n  id  {:name$}           device type  vendor      product     revision    serial      state",
+        "name"
+    )?;
+    for node in &view.nodes {
+        let expected = &node.expected;
+        let hex = |value: Option<u32>| value.map_or("any".into(), |value| format!("0x{value:08X}"));
+        let decimal = |value: Option<u32>| value.map_or("any".into(), |value| value.to_string());
+        let row = |f: &mut dyn Write,
+                   lead: &str,
+                   what: &str,
+                   [kind, vendor, product, revision, serial]: [String; 5],
+                   state: &str| {
+            let text =
+                format!("{lead}  {what:8}  {kind:11}  {vendor:10}  {product:10}  {revision:10}  {serial:10}  {state}");
+            writeln!(f, "{}", text.trim_end())
+        };
+        let lead = format!("{:>4}  {:name$}", node.id, node.name);
+        let wanted = [
+            hex(expected.device_type),
+            hex(expected.vendor_id),
+            hex(expected.product_code),
+            hex(expected.revision),
+            decimal(expected.serial),
+        ];
+        let Some(live) = &node.live else {
+            row(out, &lead, "expected", wanted, "")?;
+            continue;
+        };
+        let Some(identity) = &live.identity else {
+            row(out, &lead, "expected", wanted, "not heard of")?;
+            continue;
+        };
+        let reported = [
+            hex(Some(identity.device_type)),
+            hex(Some(identity.vendor_id)),
+            hex(Some(identity.product_code)),
+            hex(Some(identity.revision)),
+            identity.serial.to_string(),
+        ];
+        let differs = wanted
+            .iter()
+            .zip(&reported)
+            .any(|(wanted, got)| wanted != "any" && wanted != got);
+        row(out, &lead, "is", reported, &live.nmt_state)?;
+        if differs {
+            row(out, &format!("{:4}  {:name$}", "", ""), "expected", wanted, "")?;
+        }
+    }
+    Ok(())
+}
+
+fn state(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<()> {
+    head(view, status, out)?;
+    state_table(view, out)?;
+    errors(view, out)?;
+    tail(view, out)
+}
+
+fn state_table(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
+    if let Some(live) = &view.live {
+        writeln!(
+            out,
+            "{} of {} us; {} skipped, {} cut off; {} silent in the asynchronous slot, {}",
+            counted(live.cycles, "cycle"),
+            view.cycle_us,
+            live.cycles_skipped,
+            live.cycles_overrun,
+            live.async_timeouts,
+            counted(live.bad_frames, "unusable frame")
+        )?;
+    }
+    let name = width(view.nodes.iter().map(|node| node.name.as_str()), 4);
+    writeln!(
+        out,
+        "\n  id  {:name$}  state              polls       lost  in row  late  PRes after  boots  given up",
+        "name"
+    )?;
+    for node in &view.nodes {
+        match &node.live {
+            None => writeln!(out, "{:>4}  {:name$}  -", node.id, node.name)?,
+            Some(live) => writeln!(
+                out,
+                "{:>4}  {:name$}  {:17}  {:<10}  {:<4}  {:<6}  {:<4}  {:<10}  {:<5}  {}",
+                node.id,
+                node.name,
+                live.nmt_state,
+                live.polls,
+                live.lost,
+                live.lost_in_row_max,
+                live.late,
+                format!("{:.1} us", live.response_max_us),
+                live.boots,
+                live.faults
+            )?,
+        }
+    }
+    Ok(())
+}
+
+/// What the nodes signalled, and what went wrong with them before.
+fn errors(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
+    let mut first = true;
+    let mut line = |out: &mut dyn Write, text: String| {
+        if std::mem::take(&mut first) {
+            writeln!(out, "\nhistory")?;
+        }
+        writeln!(out, "{text}")
+    };
+    for node in &view.nodes {
+        let Some(live) = &node.live else { continue };
+        if let Some(fault) = &live.last_fault {
+            line(out, format!("  {}: {fault}", who(node)))?;
+        }
+        for error in &live.errors {
+            line(out, format!("  {}: signalled {error}", who(node)))?;
+        }
+        let older = live.errors_total.saturating_sub(live.errors.len() as u64);
+        if older > 0 {
+            line(out, format!("  {}: and {}", who(node), counted(older, "older error")))?;
+        }
+    }
+    Ok(())
+}
+
+fn pdo(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<()> {
+    head(view, status, out)?;
+    mapping(view, out)
+}
+
+fn mapping(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
+    for node in &view.nodes {
+        writeln!(out, "\n{}", who(node))?;
+        let octets = |objects: &[MappedView]| {
+            objects
+                .iter()
+                .map(|object| u64::from(object.bits))
+                .sum::<u64>()
+                .div_ceil(8)
+        };
+        let left = format!("PReq, to the node: {}", counted(octets(&node.outputs), "octet"));
+        let right = format!("PRes, from the node: {}", counted(octets(&node.inputs), "octet"));
+        writeln!(out, "  {left:44}  {right}")?;
+        let cell = |object: Option<&MappedView>| {
+            object.map_or(String::new(), |object| {
+                let first = object.offset_bits / 8;
+                let last = (object.offset_bits + u32::from(object.bits)).div_ceil(8).max(first + 1) - 1;
+                let place = if first == last {
+                    first.to_string()
+                } else {
+                    format!("{first}..{last}")
+                };
+                let name = super::words::profile_object_name(object.index);
+                let at = crate::service::network_view::object(object.index, object.sub);
+                format!("{place:>7} | {at:9} | {name:20}")
+            })
+        };
+        for row in 0..node.outputs.len().max(node.inputs.len()) {
+            let text = format!("  {:44}  {}", cell(node.outputs.get(row)), cell(node.inputs.get(row)));
+            writeln!(out, "{}", text.trim_end())?;
+        }
+    }
+    Ok(())
+}
+
+/// How the cycle is spent, with the latencies that the nodes have told.
+fn budget(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
+    writeln!(
+        out,
+        "\ncycle of {} us          wire us  latency us   worst us  for",
+        view.cycle_us
+    )?;
+    let told = |line: &BudgetView| {
+        let node = view.nodes.iter().find(|node| Some(node.id) == line.node)?;
+        Some(node.live.as_ref()?.identity.as_ref()?.response_time_us)
+    };
+    let (mut expected_us, mut worst_us) = (0.0, 0.0);
+    for line in &view.budget {
+        let latency_us = told(line).unwrap_or(line.latency_us);
+        expected_us += line.wire_us + latency_us;
+        worst_us += line.worst_us;
+        let node = view.nodes.iter().find(|node| Some(node.id) == line.node);
+        writeln!(
+            out,
+            "  {:20} {:>8.1}  {:>10.1}  {:>9.1}  {}",
+            node.map_or("all".into(), |node| node.name.clone()),
+            line.wire_us,
+            latency_us,
+            line.worst_us,
+            line.part
+        )?;
+    }
+    let share = |us: f64| 100.0 * us / f64::from(view.cycle_us);
+    writeln!(
+        out,
+        "  together             {expected_us:.1} us when all goes well ({:.0} %), {worst_us:.1} us at worst ({:.0} %)",
+        share(expected_us),
+        share(worst_us)
+    )
+}
+
+fn report(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<()> {
+    writeln!(out, "isocnc {} bus report", env!("CARGO_PKG_VERSION"))?;
+    head(view, status, out)?;
+    if !status.is_null() {
+        writeln!(out, "machine file {}", view.file)?;
+        writeln!(
+            out,
+            "cycles begin up to {:.1} us late, {} were left out",
+            status["late_max_us"].as_f64().unwrap_or(0.0),
+            status["cycles_skipped"]
+        )?;
+    }
+    if view.live.is_some() {
+        match &troubles(view)[..] {
+            [] => writeln!(out, "\nno trouble: every node is operational")?,
+            _ => tail(view, out)?,
+        }
+    }
+    node_table(view, out)?;
+    if view.live.is_some() {
+        writeln!(out)?;
+        state_table(view, out)?;
+        errors(view, out)?;
+    }
+    budget(view, out)?;
+    mapping(view, out)
+}
+
+#[cfg(test)]
+#[path = "network_tests.rs"]
+mod tests;
