@@ -3,8 +3,9 @@
 //! A counting allocator stands in front of the system's; it counts for one thread, and only while the code of that
 //! thread is real-time code. The wire and the simulated machine behind it stand for the kernel and are left out.
 
+use isocnc::bus::managing_node::{mn_config, node_configs};
 use isocnc::bus::network;
-use isocnc::bus::powerlink::{Powerlink, mn_config, node_configs};
+use isocnc::bus::powerlink::Powerlink;
 use isocnc::bus::{BusState, Fieldbus};
 use isocnc::config;
 use isocnc::machine::state::State;

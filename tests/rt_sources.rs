@@ -64,7 +64,7 @@ const FORBIDDEN: [&str; 31] = [
 ];
 
 /// What runs before real time begins or after it has ended: file, function, why.
-const START_UP: [(&str, &str, &str); 11] = [
+const START_UP: [(&str, &str, &str); 10] = [
     ("src/rt/diagnosis.rs", "rings", "makes the rings and buffers"),
     (
         "src/rt/cycle.rs",
@@ -80,11 +80,6 @@ const START_UP: [(&str, &str, &str); 11] = [
         "the handle of the thread, in imports and the type that ordinary threads hold",
     ),
     ("src/rt/timeout.rs", "spawn", "starts the thread"),
-    (
-        "src/bus/powerlink.rs",
-        "node_configs",
-        "made of the machine file at start-up",
-    ),
     ("src/bus/powerlink.rs", "new", "makes the bus"),
     ("motion/src/rt/monitor.rs", "new", "makes the monitor"),
     ("motion/src/ring.rs", "channel", "makes the ring"),

@@ -6,6 +6,7 @@
 //! [`powerlink`] is the only bus yet; another one implements [`Fieldbus`] and nothing else changes.
 
 pub mod layout;
+pub mod managing_node;
 pub mod network;
 pub mod powerlink;
 

@@ -1,13 +1,16 @@
 //! What each node is told before it may take part: its concise DCF.
 //!
-//! In:  the checked machine description.
-//! Out: payload layouts and configuration writes per node, in the order in which the nodes want them.
+//! In:  the checked machine description, with the device files of the nodes.
+//! Out: payload layouts and configuration writes per node, in the order in which the nodes want them: what the network needs,
+//! process data, what the device file holds, the drive, what the machine file adds. Of two writes of one object the later counts.
 
 use super::layout::Layout;
-use crate::config::{Config, Joint, Mapped, Profile};
-use obd::Scalar;
+use super::managing_node::exchanges;
+use crate::config::{Bus, Config, ConfigurationWrite, DeviceDescription, Exchange, Joint, Mapped, Node, Profile};
 use obd::cdc::CdcWriter;
 use obd::mapping::MappingEntry;
+use obd::{Access, Scalar};
+use powerlink::wire::{PAYLOAD_LIMIT_MIN, node::MN};
 
 /// One node of the network, ready for the managing node.
 #[derive(Clone, Debug)]
@@ -18,80 +21,235 @@ pub struct NodePlan {
     pub inputs: Layout,
     /// Concise DCF: configuration writes, downloaded by SDO.
     pub configuration: Vec<u8>,
+    /// What stands in the concise DCF.
+    pub writes: Vec<ConfigurationWrite>,
+    /// What was not written, and why.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// A value that is not written into a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Object index.
+    pub index: u16,
+    /// Sub-index.
+    pub sub: u8,
+    /// Why.
+    pub reason: LeftOutReason,
+}
+
+/// Why a value is not written into a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LeftOutReason {
+    /// The control would set it, and the device does not have it or lets nobody write it.
+    NotInDevice,
+    /// The device file wants it, and it is the managing node's own.
+    ManagingNodeSets,
+    /// The device file wants it, and no SDO can write it.
+    NotWritable,
 }
 
 /// Plans of all nodes, in the order of the machine file.
 pub fn plan(config: &Config) -> Vec<NodePlan> {
-    config
-        .bus
-        .nodes
-        .iter()
-        .enumerate()
-        .map(|(index, node)| {
-            let mut octets = vec![0; DCF_OCTETS_MAX];
-            let mut dcf = configuration(&mut octets);
-            dcf.write(0x1006, 0, config.cycle_us);
-            dcf.write(0x1C14, 0, config.bus.soc_lost_max * config.cycle_us * 1000);
-            // Polls that get lost on the wire are judged by the control, which misses the answers. To a node, a control
-            // too late to poll is one too late for its SoC; by default it would bear only one within eight cycles.
-            let polls_lost_max = config.bus.soc_lost_max.max(config.bus.pres_lost_max + 1);
-            dcf.write(0x1C0D, 3, LOSS_COUNT * polls_lost_max);
-            dcf.map(0x1400, 0x1600, &node.outputs);
-            dcf.map(0x1800, 0x1A00, &node.inputs);
-            if node.profile == Profile::Cia402
-                && let Some(joint) = config.joints.iter().find(|joint| joint.node == index)
-            {
+    let offsets = exchanges(&config.bus).into_iter().map(|node| node.pres_mn_offset);
+    let nodes = config.bus.nodes.iter().zip(offsets).enumerate();
+    nodes
+        .map(|(index, (node, pres_mn_offset))| {
+            let joint = config.joints.iter().find(|joint| joint.node == index);
+            let mut dcf = Configuration::new(node.device.as_ref());
+            dcf.network(config, node);
+            dcf.process_data(&config.bus, node, pres_mn_offset);
+            dcf.device_file(node);
+            if let Some(joint) = joint.filter(|_| node.profile == Profile::Cia402) {
                 dcf.drive(joint, config.cycle_us);
+            }
+            for write in &node.writes {
+                dcf.push(write.clone());
             }
             NodePlan {
                 outputs: Layout::new(&node.outputs),
                 inputs: Layout::new(&node.inputs),
-                configuration: dcf.0.finish().to_vec(),
+                configuration: concise_dcf(&dcf.writes),
+                writes: dcf.writes,
+                left_out: dcf.left_out,
             }
         })
         .collect()
 }
 
-fn configuration(octets: &mut [u8]) -> Configuration<'_> {
-    Configuration(CdcWriter::new(octets).expect("there is room for the count"))
+/// The octets of a concise DCF.
+fn concise_dcf(writes: &[ConfigurationWrite]) -> Vec<u8> {
+    /// Count in front of all, header of each write.
+    const OCTETS: [usize; 2] = [4, 7];
+    let length: usize = writes.iter().map(|write| OCTETS[1] + write.value.len()).sum();
+    let mut octets = vec![0; OCTETS[0] + length];
+    let mut dcf = CdcWriter::new(&mut octets).expect("there is room for the count");
+    for write in writes {
+        dcf.push(write.index, write.sub, &write.value)
+            .expect("the length was summed up");
+    }
+    dcf.finish().to_vec()
 }
 
 /// What the error counters of POWERLINK add for each loss; each good cycle takes one back.
 const LOSS_COUNT: u32 = 8;
-
-/// Room for the concise DCF of one node: each mapped object takes 15 octets, all the rest under 400.
-const DCF_OCTETS_MAX: usize = 8192;
+/// Value of 0x1F98/9 that every node starts with.
+const PRESCALER_DEFAULT: u16 = 2;
 
 /// Configuration writes of one node.
-struct Configuration<'a>(CdcWriter<'a>);
+struct Configuration<'a> {
+    device: Option<&'a DeviceDescription>,
+    writes: Vec<ConfigurationWrite>,
+    left_out: Vec<LeftOut>,
+}
 
-impl Configuration<'_> {
+impl<'a> Configuration<'a> {
+    fn new(device: Option<&'a DeviceDescription>) -> Configuration<'a> {
+        Configuration {
+            device,
+            writes: Vec::new(),
+            left_out: Vec::new(),
+        }
+    }
+
+    /// A value that every node must take.
     fn write<T: Scalar>(&mut self, index: u16, sub: u8, value: T) {
         let mut octets = [0; 8];
         value.store(&mut octets[..T::SIZE]);
-        self.0
-            .push(index, sub, &octets[..T::SIZE])
-            .expect("DCF_OCTETS_MAX holds the longest payload");
+        let value = octets[..T::SIZE].to_vec();
+        self.writes.push(ConfigurationWrite { index, sub, value });
+    }
+
+    /// Whether a device that is described has an object that may be written; a device without file is believed to have all.
+    fn has(&self, index: u16, sub: u8) -> bool {
+        self.device.is_none_or(|device| {
+            let object = device.object(index, sub);
+            object.is_some_and(|object| object.access.is_none_or(Access::writable))
+        })
+    }
+
+    /// A value for devices that have the object.
+    fn set<T: Scalar>(&mut self, index: u16, sub: u8, value: T) {
+        if self.has(index, sub) {
+            self.forget(index, sub);
+            self.write(index, sub, value);
+        } else {
+            let reason = LeftOutReason::NotInDevice;
+            self.left_out.push(LeftOut { index, sub, reason });
+        }
+    }
+
+    /// A value in the place of any before.
+    fn push(&mut self, write: ConfigurationWrite) {
+        self.forget(write.index, write.sub);
+        self.writes.push(write);
+    }
+
+    fn forget(&mut self, index: u16, sub: u8) {
+        self.writes.retain(|write| (write.index, write.sub) != (index, sub));
+    }
+
+    /// What a node must know of the network.
+    fn network(&mut self, config: &Config, node: &Node) {
+        let bus = &config.bus;
+        self.write(0x1006, 0, config.cycle_us);
+        self.set(0x1C14, 0, bus.soc_lost_max * config.cycle_us * 1000);
+        // Polls that get lost on the wire are judged by the control, which misses the answers. To a node, a control too late to
+        // poll is one too late for its SoC; by default it would bear only one within eight cycles.
+        let polls_lost_max = bus.soc_lost_max.max(bus.pres_lost_max + 1);
+        self.set(0x1C0D, 3, LOSS_COUNT * polls_lost_max);
+        let octets = |objects: &[Mapped]| objects.iter().map(|object| usize::from(object.bits / 8)).sum::<usize>();
+        // The limits a node starts with hold 36 octets; a mapping beyond them would be refused.
+        for (sub, octets) in [(4, octets(&node.outputs)), (5, octets(&node.inputs))] {
+            if octets > PAYLOAD_LIMIT_MIN {
+                self.write(0x1F98, sub, octets as u16);
+            }
+        }
+        if bus.multiplex_cycles > 0 {
+            self.set(0x1F98, 7, bus.multiplex_cycles);
+        }
+        if let Exchange::Multiplexed(cycle) = node.exchange
+            && self.device.is_some()
+        {
+            // Only nodes whose file says so keep the table of the round themselves.
+            self.set(0x1F9B, node.id, cycle);
+        }
+        self.set(0x1F98, 8, bus.async_mtu);
+        if bus.prescaler != PRESCALER_DEFAULT {
+            self.set(0x1F98, 9, bus.prescaler);
+        }
     }
 
     /// PDO mapping: switched off, entries, switched on (order of DS 301).
-    fn map(&mut self, communication: u16, mapping: u16, objects: &[Mapped]) {
-        self.write(mapping, 0, 0_u8);
-        self.write(communication, 1, 0_u8);
-        self.write(communication, 2, 0_u8);
-        let mut bit_offset = 0;
-        for (entry, object) in (1_u8..).zip(objects) {
-            let bit_length = u16::from(object.bits);
-            let mapped = MappingEntry {
-                index: object.index,
-                sub: object.sub,
-                bit_offset,
-                bit_length,
-            };
-            self.write(mapping, entry, mapped.to_u64());
-            bit_offset += bit_length;
+    fn process_data(&mut self, bus: &Bus, node: &Node, pres_mn_offset: u16) {
+        let source = match node.exchange {
+            Exchange::AsyncOnly => return,
+            Exchange::Polled | Exchange::Multiplexed(_) => 0,
+            Exchange::Chained => MN,
+        };
+        let outputs = in_order(&node.outputs, 8 * pres_mn_offset);
+        self.map(0x1400, 0x1600, source, node.pdo_version, &outputs);
+        self.map(0x1800, 0x1A00, 0, node.pdo_version, &in_order(&node.inputs, 0));
+        let mut sources: Vec<usize> = node.cross.iter().map(|cross| cross.from).collect();
+        sources.sort_unstable();
+        sources.dedup();
+        for (channel, source) in (1_u16..).zip(sources) {
+            let source_node = &bus.nodes[source];
+            let sent = in_order(&source_node.inputs, 0);
+            let entries: Vec<MappingEntry> = node
+                .cross
+                .iter()
+                .filter(|cross| cross.from == source)
+                .filter_map(|cross| {
+                    let read = sent
+                        .iter()
+                        .find(|entry| (entry.index, entry.sub) == (cross.read.index, cross.read.sub))?;
+                    Some(MappingEntry {
+                        index: cross.into.index,
+                        sub: cross.into.sub,
+                        ..*read
+                    })
+                })
+                .collect();
+            self.map(
+                0x1400 + channel,
+                0x1600 + channel,
+                source_node.id,
+                source_node.pdo_version,
+                &entries,
+            );
         }
-        self.write(mapping, 0, objects.len() as u8);
+    }
+
+    fn map(&mut self, communication: u16, mapping: u16, node: u8, version: u8, entries: &[MappingEntry]) {
+        self.write(mapping, 0, 0_u8);
+        self.write(communication, 1, node);
+        self.write(communication, 2, version);
+        for (sub, entry) in (1_u8..).zip(entries) {
+            self.write(mapping, sub, entry.to_u64());
+        }
+        self.write(mapping, 0, entries.len() as u8);
+    }
+
+    /// What a configured device file (XDC, DCF) wants to have written.
+    fn device_file(&mut self, node: &Node) {
+        let Some(device) = self.device else { return };
+        let mut stored = device.stored_parameters(node.id);
+        if !node.cross.is_empty() {
+            // The machine file says what is read from other nodes.
+            stored
+                .writes
+                .retain(|write| !matches!(write.index, 0x1401..=0x14FF | 0x1601..=0x16FF));
+        }
+        self.writes.append(&mut stored.writes);
+        let reasons = [
+            (stored.left_to_managing_node, LeftOutReason::ManagingNodeSets),
+            (stored.not_writable, LeftOutReason::NotWritable),
+        ];
+        for (objects, reason) in reasons {
+            let left_out = objects.into_iter().map(|(index, sub)| LeftOut { index, sub, reason });
+            self.left_out.extend(left_out);
+        }
     }
 
     /// What a servo drive must know: interpolation time, following error, ramps, homing.
@@ -106,18 +264,34 @@ impl Configuration<'_> {
         } else {
             (cycle_us / 10, -5)
         };
-        self.write(0x60C2, 1, digits.min(255) as u8);
-        self.write(0x60C2, 2, exponent as i8);
+        self.set(0x60C2, 1, digits.min(255) as u8);
+        self.set(0x60C2, 2, exponent as i8);
         // The drive's own watch is wider than ours: it is the second line of defence.
-        self.write(0x6065, 0, increments(2.0 * joint.following_error_mm));
-        self.write(0x605A, 0, 2_i16);
-        self.write(0x6085, 0, increments(joint.stop.acceleration_mm_s2));
-        self.write(0x6098, 0, joint.homing.method);
-        self.write(0x6099, 1, increments(joint.homing.search_mm_s));
-        self.write(0x6099, 2, increments(joint.homing.latch_mm_s));
-        self.write(0x609A, 0, increments(joint.homing.acceleration_mm_s2));
-        self.write(0x607C, 0, 0_i32);
+        self.set(0x6065, 0, increments(2.0 * joint.following_error_mm));
+        self.set(0x605A, 0, 2_i16);
+        self.set(0x6085, 0, increments(joint.stop.acceleration_mm_s2));
+        self.set(0x6098, 0, joint.homing.method);
+        self.set(0x6099, 1, increments(joint.homing.search_mm_s));
+        self.set(0x6099, 2, increments(joint.homing.latch_mm_s));
+        self.set(0x609A, 0, increments(joint.homing.acceleration_mm_s2));
+        self.set(0x607C, 0, 0_i32);
     }
+}
+
+/// Objects one behind the other.
+fn in_order(objects: &[Mapped], bit_offset: u16) -> Vec<MappingEntry> {
+    let mut end = bit_offset;
+    let place = |object: &Mapped| {
+        let entry = MappingEntry {
+            index: object.index,
+            sub: object.sub,
+            bit_offset: end,
+            bit_length: u16::from(object.bits),
+        };
+        end += entry.bit_length;
+        entry
+    };
+    objects.iter().map(place).collect()
 }
 
 #[cfg(test)]
@@ -126,18 +300,14 @@ mod tests {
 
     #[test]
     fn a_mapping_is_switched_off_written_and_switched_on() {
-        let mut octets = [0; 256];
-        let mut dcf = configuration(&mut octets);
-        dcf.map(
-            0x1400,
-            0x1600,
-            &[Mapped {
-                index: 0x6200,
-                sub: 1,
-                bits: 8,
-            }],
-        );
-        let octets = dcf.0.finish();
+        let mut dcf = Configuration::new(None);
+        let output = Mapped {
+            index: 0x6200,
+            sub: 1,
+            bits: 8,
+        };
+        dcf.map(0x1400, 0x1600, 0, 0, &in_order(&[output], 0));
+        let octets = concise_dcf(&dcf.writes);
         assert_eq!(octets[..4], 5_u32.to_le_bytes());
         assert_eq!(octets[4..12], [0x00, 0x16, 0, 1, 0, 0, 0, 0]);
         // The entry recorded from another vendor's network: 8 bits at bit 0 of 6200:1.

@@ -3,20 +3,15 @@
 //! In:  images once a cycle.
 //! Out: frames on the link; the managing node decides which and when, this file only waits and hands over.
 //!
-//! RT except for [`node_configs`] and [`Powerlink::new`].
+//! RT except for [`Powerlink::new`].
 
-use super::network::NodePlan;
 use super::{
     BusEvent, BusState, CycleReport, Fieldbus, InputImage, NodeIndex, NodeState, NodeStatistics, OutputImage,
     SDO_ORDERS, SDO_VALUE_MAX,
 };
-use crate::config::{Bus, Config, Identity};
 use crate::rt::timeout::Watch;
 use powerlink::link::{Link, LinkError};
-use powerlink::mn::{
-    self, Assignment, BootTimes, Counters, Diagnosis, Mn, MnConfig, MnEvent, NetworkDiagnosis, NodeConfig, SdoCommand,
-    SdoError, Step,
-};
+use powerlink::mn::{self, Counters, Diagnosis, Mn, MnConfig, MnEvent, NetworkDiagnosis, SdoCommand, SdoError, Step};
 use powerlink::nmt::NmtState;
 use powerlink::wire::NetTime;
 use std::sync::Arc;
@@ -26,61 +21,6 @@ use std::time::{SystemTime, UNIX_EPOCH};
 pub const NODES_MAX: usize = 239;
 /// Longest frame without check sum.
 const FRAME_OCTETS_MAX: usize = 1514;
-
-/// What the managing node is told of the network.
-pub fn mn_config<'a>(config: &Config, nodes: &'a [NodeConfig<'a>], mac: [u8; 6]) -> MnConfig<'a> {
-    MnConfig {
-        cycle_ns: config.cycle_us * 1000,
-        async_slot_timeout_ns: config.bus.async_slot_timeout_us * 1000,
-        boot: boot_times(),
-        pres_lost_max: config.bus.pres_lost_max,
-        nodes,
-        mac,
-        ..MnConfig::default()
-    }
-}
-
-/// Times of the boot-up: shorter than the defaults of the standard where waiting serves nobody. Another managing node
-/// with a cycle of up to half a second is still heard.
-fn boot_times() -> BootTimes {
-    BootTimes {
-        wait_not_active_us: 500_000,
-        wait_pre_op_1_us: 200_000,
-        reset_pause_us: 150_000,
-        ..BootTimes::default()
-    }
-}
-
-/// What the managing node is told of each node.
-pub fn node_configs<'a>(bus: &Bus, plans: &'a [NodePlan]) -> Vec<NodeConfig<'a>> {
-    bus.nodes
-        .iter()
-        .zip(plans)
-        .map(|(node, plan)| NodeConfig {
-            id: node.id,
-            assignment: Assignment {
-                mandatory: node.mandatory,
-                ..Assignment::default()
-            },
-            pres_timeout_ns: node.pres_timeout_us * 1000,
-            identity: identity(node.identity),
-            preq_bytes: plan.outputs.octets as u16,
-            pres_bytes: plan.inputs.octets as u16,
-            configuration: &plan.configuration,
-            ..NodeConfig::default()
-        })
-        .collect()
-}
-
-fn identity(wanted: Identity) -> mn::Identity {
-    mn::Identity {
-        device_type: wanted.device_type,
-        vendor_id: wanted.vendor_id,
-        product_code: wanted.product_code,
-        revision: wanted.revision,
-        serial: wanted.serial,
-    }
-}
 
 /// Time of day by the system's clock, for SoC frames on a real wire.
 pub fn wall_clock() -> NetTime {

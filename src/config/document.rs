@@ -204,7 +204,9 @@ impl<'d, 'l> Section<'d, 'l> {
 
     /// The value of a key if it stands here.
     pub(super) fn optional(&mut self, key: &'static str) -> Option<Item<'d, 'l>> {
-        self.known.push(key);
+        if !self.known.contains(&key) {
+            self.known.push(key);
+        }
         self.table.get(key).map(|value| Item { log: self.log, value })
     }
 

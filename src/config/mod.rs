@@ -5,15 +5,20 @@
 //! with line, column, key path, value and the rule that it breaks. Where the text is no TOML at all, only the errors
 //! of its syntax are told.
 //!
-//! To add a key: a field in `types.rs`, a line in the reader of its section (`bus.rs`, `joints.rs` or here), a row in
+//! To add a key: a field in `types.rs`, a line in the reader of its section (`bus.rs`, `node.rs`, `joints.rs` or here), a row in
 //! `tests.rs`.
 
 mod bus;
+mod device;
 mod document;
 mod error;
 mod joints;
+mod mapping;
+mod node;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tests_devices;
 mod types;
 
 pub use error::{ConfigError, ConfigErrors};
@@ -40,7 +45,7 @@ pub fn read(path: &Path) -> Result<Config, ConfigErrors> {
     }
 }
 
-/// Checks the text of a machine file; `path` is for messages.
+/// Checks the text of a machine file; `path` is for messages, and device files are looked for beside it.
 ///
 /// # Errors
 /// Every error in the text.
@@ -89,7 +94,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     let (name, cycle_us) = machine.unwrap_or((None, None));
     let rt = root.section("rt").and_then(|section| rt(section, cycle_us));
     let bus = root.section("bus").and_then(|mut section| {
-        let bus = bus::bus(&mut section, cycle_us);
+        let bus = bus::bus(&mut section, cycle_us, path.parent().unwrap_or(Path::new("")));
         section.done();
         bus
     });

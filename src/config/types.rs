@@ -4,6 +4,8 @@
 //! Out: to every part of the process. Nothing here is ever invalid: ranges, references and names are checked.
 
 use motion::canon::{Axis, Position};
+pub use obd::device::{ConfigurationWrite, DeviceDescription};
+pub use powerlink::mn::{Stamp, StartUp};
 use std::path::PathBuf;
 
 /// Most joints that one machine can have.
@@ -81,6 +83,14 @@ pub struct Bus {
     pub pres_lost_max: u32,
     /// Cycles without a SoC that the nodes ride out with their last set-point before they stop by themselves (1C14).
     pub soc_lost_max: u32,
+    /// Cycles of a multiplexed round (1F98:7); 0: none.
+    pub multiplex_cycles: u8,
+    /// Longest ASnd, octets after the Ethernet header (1F98:8); it fits the asynchronous slot.
+    pub async_mtu: u16,
+    /// The PS flag of the SoC toggles every so many cycles (1F98:9); 0: never.
+    pub prescaler: u16,
+    /// How the network starts (1F80).
+    pub startup: StartUp,
     /// Nodes in polling order.
     pub nodes: Vec<Node>,
 }
@@ -113,6 +123,42 @@ pub struct Node {
     pub outputs: Vec<Mapped>,
     /// PRes payload: objects that the node sends, in order.
     pub inputs: Vec<Mapped>,
+    /// How process data are exchanged.
+    pub exchange: Exchange,
+    /// Date and time that its software must have (1F53, 1F54); `None`: not checked.
+    pub software: Option<Stamp>,
+    /// Mapping version of its PDOs (1400:2, 1800:2); 0: not checked.
+    pub pdo_version: u8,
+    /// What its device file says; everything above fits it.
+    pub device: Option<DeviceDescription>,
+    /// Values that are written besides those that the control itself needs, in order.
+    pub writes: Vec<ConfigurationWrite>,
+    /// What it reads from the PRes of other nodes.
+    pub cross: Vec<Cross>,
+}
+
+/// How a node exchanges process data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exchange {
+    /// A PReq and a PRes in each cycle.
+    Polled,
+    /// A PReq and a PRes in this cycle of a round only, from 1.
+    Multiplexed(u8),
+    /// No PReq: its outputs stand in the PRes of the managing node, and its PRes follows at a time of its own.
+    Chained,
+    /// None at all.
+    AsyncOnly,
+}
+
+/// Cross traffic: an object of one node that another reads from its PRes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cross {
+    /// Index into [`Bus::nodes`] of the node that sends it.
+    pub from: usize,
+    /// Object of that node; it stands among its inputs.
+    pub read: Mapped,
+    /// Object of this node that takes the value; of the same length.
+    pub into: Mapped,
 }
 
 /// Expected values of the IdentResponse; `None`: not checked.
@@ -148,6 +194,16 @@ pub struct Mapped {
     pub sub: u8,
     /// Length in bits: 8, 16, 32 or 64.
     pub bits: u8,
+}
+
+/// As it is written in a machine file.
+impl std::fmt::Display for Mapped {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.sub {
+            0 => write!(f, "0x{:04X}/{}", self.index, self.bits),
+            sub => write!(f, "0x{:04X}:{sub}/{}", self.index, self.bits),
+        }
+    }
 }
 
 /// `[[joint]]`; lengths in mm, or degrees for a rotary joint.

@@ -3,8 +3,8 @@
 //! In:  the machine file; what the managing node knows of each node, where a control runs.
 //! Out: a [`NetworkView`], which goes through the control socket as JSON and is printed by `isocnc bus`.
 
+use crate::bus::managing_node::{mn_config, node_configs};
 use crate::bus::network;
-use crate::bus::powerlink::{mn_config, node_configs};
 use crate::config::{BusKind, Config, Identity, Mapped, Node, Profile};
 use powerlink::mn::{
     self, BootStage, Counters, Diagnosis, Fault, IdentityField, NetworkDiagnosis, NetworkReason, Reason,

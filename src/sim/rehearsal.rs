@@ -7,8 +7,9 @@
 
 use super::{NetConfig, SimMachine, VirtualNet};
 use crate::bus::Fieldbus;
+use crate::bus::managing_node::{mn_config, node_configs};
 use crate::bus::network;
-use crate::bus::powerlink::{Powerlink, mn_config, node_configs};
+use crate::bus::powerlink::Powerlink;
 use crate::config::Config;
 use crate::machine::sequence::Outcome;
 use crate::program::{Feeder, Progress, ring_capacity, stop_ramp};

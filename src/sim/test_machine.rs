@@ -17,6 +17,12 @@ pub(super) fn test_config() -> Config {
         },
         outputs,
         inputs,
+        exchange: Exchange::Polled,
+        software: None,
+        pdo_version: 0,
+        device: None,
+        writes: Vec::new(),
+        cross: Vec::new(),
     };
     let drive = |id, name| {
         let outputs = vec![
@@ -79,6 +85,10 @@ pub(super) fn test_config() -> Config {
             async_slot_timeout_us: 150,
             pres_lost_max: 3,
             soc_lost_max: 3,
+            multiplex_cycles: 0,
+            async_mtu: 1500,
+            prescaler: 2,
+            startup: StartUp::default(),
             nodes: vec![
                 drive(1, "x-drive"),
                 drive(2, "y-drive"),

@@ -1,0 +1,223 @@
+//! The device file of a node, and the values that are written into the node besides those that the control needs itself.
+//!
+//! In:  `device_file`, `sdo` and the identity keys of a `[[bus.node]]`.
+//! Out: the description, read once; writes that fit it. A mistake in a device file is noted at the line of the machine file
+//! that names it, with its own place in the device file.
+
+use super::document::{Item, Section};
+use super::mapping::parse_object;
+use super::types::{ConfigurationWrite, DeviceDescription, Identity};
+use obd::device::{self, Object, TypeCode};
+use obd::{Access, DataType};
+use std::path::Path;
+use toml::de::DeValue;
+
+/// Mistakes of a device file that are told.
+const MISTAKES_TOLD: usize = 10;
+
+/// Reads the device file; `Some(None)`: there is none. Its path is relative to the machine file, which is in `folder`.
+pub(super) fn file(
+    section: &mut Section<'_, '_>,
+    folder: &Path,
+    cycle_us: Option<u32>,
+) -> Option<Option<DeviceDescription>> {
+    let Some(item) = section.optional("device_file") else {
+        return Some(None);
+    };
+    let text = item.text(&section.key("device_file"))?;
+    let path = folder.join(text);
+    let octets = match std::fs::read(&path) {
+        Ok(octets) => octets,
+        Err(error) => {
+            section.wrong("device_file", format!("cannot be read: {error}"));
+            return None;
+        }
+    };
+    let description = match device::parse(&path.display().to_string(), &octets) {
+        Ok(description) => description,
+        Err(errors) => {
+            for line in errors.lines().take(MISTAKES_TOLD) {
+                section.wrong(
+                    "device_file",
+                    format!("is no device description that can be used: {line}"),
+                );
+            }
+            let more = (errors.mistakes.len() + errors.more).saturating_sub(MISTAKES_TOLD);
+            if more > 0 {
+                section.wrong("device_file", format!("has {more} more mistakes"));
+            }
+            return None;
+        }
+    };
+    let (least, most) = (description.features.cycle_us_min, description.features.cycle_us_max);
+    let within =
+        |cycle_us: u32| least.is_none_or(|least| least <= cycle_us) && most.is_none_or(|most| cycle_us <= most);
+    if let Some(cycle_us) = cycle_us.filter(|cycle_us| !within(*cycle_us)) {
+        let side = |limit: Option<u32>| limit.map_or_else(|| "any".to_owned(), |limit| limit.to_string());
+        let (least, most) = (side(least), side(most));
+        let rule = format!("describes a device for cycles from {least} to {most} us, machine.cycle_us is {cycle_us}");
+        section.wrong("device_file", rule);
+        return None;
+    }
+    Some(Some(description))
+}
+
+/// What the node must say it is: the keys, and what they leave out from the device file. The revision is only checked where the
+/// machine file asks for it: a newer one is no other device.
+pub(super) fn identity(section: &mut Section<'_, '_>, device: Option<&DeviceDescription>) -> Option<Identity> {
+    let file = device.map(|device| &device.identity);
+    let device_type = number(section, "device_type", device, file.and_then(|file| file.device_type));
+    let vendor_id = number(section, "vendor_id", device, file.and_then(|file| file.vendor_id));
+    let product_code = number(section, "product_code", device, file.and_then(|file| file.product_code));
+    let (revision, serial) = (
+        number(section, "revision", None, None),
+        number(section, "serial", None, None),
+    );
+    Some(Identity {
+        device_type: device_type?,
+        vendor_id: vendor_id?,
+        product_code: product_code?,
+        revision: revision?,
+        serial: serial?,
+    })
+}
+
+fn number(
+    section: &mut Section<'_, '_>,
+    key: &'static str,
+    device: Option<&DeviceDescription>,
+    in_file: Option<u32>,
+) -> Option<Option<u32>> {
+    let Some(item) = section.optional(key) else {
+        return Some(in_file);
+    };
+    let number = item.integer(&section.key(key), 0..=i64::from(u32::MAX))? as u32;
+    if let (Some(device), Some(other)) = (device, in_file.filter(|other| *other != number)) {
+        section.wrong(key, format!("must be what {} says: 0x{other:08X}", device.file));
+        return None;
+    }
+    Some(Some(number))
+}
+
+/// `sdo = [{ object = "0x2010:3", value = 5, bits = 16 }]`.
+pub(super) fn writes(
+    section: &mut Section<'_, '_>,
+    device: Option<&DeviceDescription>,
+) -> Option<Vec<ConfigurationWrite>> {
+    let written = section
+        .optional("sdo")
+        .is_some_and(|item| item.value.get_ref().as_array().is_none());
+    let mut writes: Vec<ConfigurationWrite> = Vec::new();
+    let tables = section.sections("sdo");
+    let mut complete = !written;
+    for mut table in tables {
+        match write(&mut table, device) {
+            Some(write)
+                if writes
+                    .iter()
+                    .any(|other| (other.index, other.sub) == (write.index, write.sub)) =>
+            {
+                table.wrong("object", "is written by an entry above");
+                complete = false;
+            }
+            Some(write) => writes.push(write),
+            None => complete = false,
+        }
+        table.done();
+    }
+    complete.then_some(writes)
+}
+
+fn write(table: &mut Section<'_, '_>, device: Option<&DeviceDescription>) -> Option<ConfigurationWrite> {
+    let object = table.required("object", "an object, like \"0x2010:3\"");
+    let value = table.required("value", "a number");
+    let bits = match table.optional("bits") {
+        None => Some(None),
+        Some(item) => item.integer(&table.key("bits"), 8..=64).map(|bits| Some(bits as u16)),
+    };
+    let text = object?.text(&table.key("object"))?;
+    let Some((index, sub)) = parse_object(text).filter(|(index, _)| *index >= 0x1000) else {
+        table.wrong("object", "must be an object, like \"0x2010:3\" or \"0x6065\"");
+        return None;
+    };
+    if device::set_by_managing_node(index, sub) {
+        table.wrong("object", "is set by the managing node from the other keys of this file");
+        return None;
+    }
+    let described = match device.map(|device| (device, device.object(index, sub))) {
+        None => None,
+        Some((_, Some(object))) => Some(object),
+        Some((device, None)) => {
+            table.wrong("object", format!("does not stand in {}", device.file));
+            return None;
+        }
+    };
+    if let Some(object) = described.filter(|object| !object.access.is_none_or(Access::writable)) {
+        table.wrong("object", format!("cannot be written: {} is read only", object.name));
+        return None;
+    }
+    let own_bits = described.and_then(Object::bits);
+    let bits = match (bits?, own_bits) {
+        (Some(bits), Some(own)) if bits != own => {
+            table.wrong(
+                "bits",
+                format!("must be {own}, the length that the device file gives it"),
+            );
+            return None;
+        }
+        (Some(bits), _) if !bits.is_multiple_of(8) => {
+            table.wrong("bits", "must be whole octets");
+            return None;
+        }
+        (Some(bits), _) | (None, Some(bits)) => bits,
+        (None, None) => {
+            table.wrong(
+                "bits",
+                "is missing: the length of the object, which no device file tells",
+            );
+            return None;
+        }
+    };
+    let octets = octets(value?, &table.key("value"), bits, described)?;
+    Some(ConfigurationWrite {
+        index,
+        sub,
+        value: octets,
+    })
+}
+
+/// The value as it stands on the wire.
+fn octets(item: Item<'_, '_>, key: &str, bits: u16, described: Option<&Object>) -> Option<Vec<u8>> {
+    let real = described.and_then(|object| object.data_type).and_then(TypeCode::known);
+    let real = real.filter(|real| matches!(real, DataType::Real32 | DataType::Real64));
+    if matches!(item.value.get_ref(), DeValue::Float(_)) || real.is_some() {
+        let number = item.number(key, super::document::Bound::Size(f64::MAX))?;
+        return match real {
+            Some(DataType::Real64) => Some(number.to_le_bytes().to_vec()),
+            Some(_) => Some((number as f32).to_le_bytes().to_vec()),
+            None => {
+                item.log.wrong(
+                    item.value.span(),
+                    key,
+                    "must be an integer: no device file says that it is a real number",
+                    None,
+                );
+                None
+            }
+        };
+    }
+    // Signed or not is all the same to the octets.
+    let (least, most) = match bits {
+        64 => (i64::MIN, i64::MAX),
+        bits => (-(1 << (bits - 1)), (1 << bits) - 1),
+    };
+    let limit = |value: Option<&device::Value>| {
+        value
+            .and_then(device::Value::integer)
+            .and_then(|value| i64::try_from(value).ok())
+    };
+    let least = limit(described.and_then(|object| object.low.as_ref())).unwrap_or(least);
+    let most = limit(described.and_then(|object| object.high.as_ref())).unwrap_or(most);
+    let number = item.integer(key, least..=most)?;
+    Some(number.to_le_bytes()[..usize::from(bits / 8)].to_vec())
+}
