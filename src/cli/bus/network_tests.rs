@@ -94,7 +94,7 @@ fn printed(
 
 #[test]
 fn nodes_with_their_identity_and_what_is_wrong() {
-    let text = printed(|v, s, o| nodes(v, s, o), &view(), &status());
+    let text = printed(nodes, &view(), &status());
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(
         lines,
@@ -118,7 +118,7 @@ fn nodes_with_their_identity_and_what_is_wrong() {
 
 #[test]
 fn states_figures_and_history() {
-    let text = printed(|v, s, o| state(v, s, o), &view(), &status());
+    let text = printed(state, &view(), &status());
     for line in [
         "1234 cycles of 1000 us; 2 skipped, 1 cut off; 3 silent in the asynchronous slot, 1 unusable frame",
         "   1  x-drive  OPERATIONAL        1200        4     2       1     41.2 us     1      0",
@@ -133,7 +133,7 @@ fn states_figures_and_history() {
 
 #[test]
 fn the_mapping_is_a_table() {
-    let text = printed(|v, s, o| pdo(v, s, o), &view(), &status());
+    let text = printed(pdo, &view(), &status());
     let lines: Vec<&str> = text.lines().skip(1).take(5).collect();
     assert_eq!(
         lines,
@@ -171,7 +171,7 @@ fn without_a_control_it_says_so_and_finds_no_trouble() {
     view.live = None;
     view.nodes.iter_mut().for_each(|node| node.live = None);
     assert!(troubles(&view).is_empty());
-    let text = printed(|v, s, o| report(v, s, o), &view, &Value::Null);
+    let text = printed(report, &view, &Value::Null);
     assert!(
         text.contains("mill3-demo: no control is running; this is what demo.toml says\n"),
         "{text}"
@@ -181,7 +181,7 @@ fn without_a_control_it_says_so_and_finds_no_trouble() {
 
 #[test]
 fn a_report_fits_a_page() {
-    let text = printed(|v, s, o| report(v, s, o), &view(), &status());
+    let text = printed(report, &view(), &status());
     assert!(text.lines().count() <= 75, "{} lines", text.lines().count());
     let too_long: Vec<&str> = text.lines().filter(|line| line.len() > 140).collect();
     assert!(too_long.is_empty(), "{too_long:?}");
