@@ -1,28 +1,4 @@
-//! Any octets as a device description: read or refused with places, and what is read can be used.
+//! See `src/device_files.rs`.
 #![no_main]
 
-use libfuzzer_sys::fuzz_target;
-use obd::device;
-use obd::mapping::Direction;
-
-fuzz_target!(|octets: &[u8]| {
-    match device::parse("file", octets) {
-        Ok(description) => {
-            for object in &description.objects {
-                let bits = object.bits().unwrap_or(8);
-                let _ = description.may_map(object.index, object.sub, bits, Direction::Receive);
-                let _ = description.may_map(object.index, object.sub, bits, Direction::Transmit);
-                let _ = object.octets(1);
-            }
-            for node in [1, 239] {
-                let stored = description.stored_parameters(node);
-                assert!(stored.writes.iter().all(|write| !device::set_by_managing_node(write.index, write.sub)));
-            }
-            let _ = (description.mapping(0x1600), description.mapping(0x1A00));
-        }
-        Err(errors) => {
-            assert!(!errors.mistakes.is_empty());
-            assert!(!errors.to_string().contains("was lost"));
-        }
-    }
-});
+libfuzzer_sys::fuzz_target!(|octets: &[u8]| isocnc_fuzz::device_files::run(octets));

@@ -1,0 +1,8 @@
+//! What the fuzzers run, one module each. The same modules are part of an ordinary test (`tests/fuzz_corpus.rs`), which replays
+//! the inputs kept in `corpus/`.
+
+pub mod controlled_node;
+pub mod device_files;
+pub mod frame;
+pub mod managing_node;
+pub mod sdo_server;
