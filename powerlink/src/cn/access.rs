@@ -16,8 +16,9 @@ pub(super) struct Access<'a, const E: usize, const B: usize> {
     pub(super) keys: &'a Keys,
     pub(super) state: NmtState,
     pub(super) check: Option<WriteCheck<E, B>>,
-    /// The object that was written.
+    /// The last object of the device that was written, and whether it was not the only one.
     pub(super) written: Option<(u16, u8)>,
+    pub(super) written_several: bool,
     /// The reset that a write to 0x1F9E asks for.
     pub(super) reset: Option<Reset>,
     /// What a write to 0x1010 or 0x1011 asks for.
@@ -101,7 +102,10 @@ impl<const E: usize, const B: usize> Objects for Access<'_, E, B> {
         if (index, sub) == (0x1003, 0) {
             self.clear_history();
         }
-        self.written = Some((index, sub));
+        if index >= FIRST_DEVICE_OBJECT {
+            self.written_several |= self.written.is_some();
+            self.written = Some((index, sub));
+        }
         Ok(())
     }
 }

@@ -6,7 +6,7 @@
 //! NMT requests go before everything else (PR 7); SDO answers and the application's frames take turns.
 
 use super::objects::HOST_NAME_LEN;
-use super::{Access, Cn, Events, FIRST_DEVICE_OBJECT};
+use super::{Access, Cn, Events};
 use crate::ethernet_queue::{EthernetQueue, QueueError};
 use crate::nmt::{NmtCommand, NmtState};
 use crate::sdo::SERVICE_DATA_MAX;
@@ -123,17 +123,20 @@ impl<const E: usize, const B: usize> Cn<E, B> {
             state: self.state,
             check: self.check,
             written: None,
+            written_several: false,
             reset: None,
             storage: None,
         };
         self.sdo.receive(client, service_data, &mut access);
         let Access {
             written,
+            written_several,
             reset,
             storage,
             ..
         } = access;
-        events.written = written.filter(|(index, _)| *index >= FIRST_DEVICE_OBJECT);
+        events.written = written;
+        events.written_several = written_several;
         events.storage = storage;
         if reset.is_some() {
             self.reset_requested = reset;

@@ -41,7 +41,7 @@ pub use crate::ethernet_queue::{ETHERNET_FRAMES, QueueError};
 use crate::nmt::{NmtCommand, NmtState, Reset};
 use crate::sdo::Server;
 use crate::wire::{ErrorEntry, FRAME_LEN_MAX, Mac, NetTime, Soa, Soc, node};
-use access::{Access, FIRST_DEVICE_OBJECT};
+use access::Access;
 pub use asynchronous::NMT_REQUESTS;
 use asynchronous::Outbox;
 use chaining::Chaining;
@@ -158,8 +158,10 @@ pub struct Events {
     pub soc_missed: u32,
     /// A counter reached its threshold and the node has left the isochronous states; the first one, where there are several.
     pub cycle_error: Option<CycleError>,
-    /// An SDO wrote this object of the device (index from 0x2000).
+    /// An SDO wrote this object of the device (index from 0x2000); the last one, if several.
     pub written: Option<(u16, u8)>,
+    /// The frame wrote other objects of the device before (WriteMultipleByIndex).
+    pub written_several: bool,
     /// An SDO asks for parameters to be stored or restored.
     pub storage: Option<Storage>,
     /// The managing node does not serve this NMT request of the node (InvalidService).

@@ -17,8 +17,9 @@ pub const RPDOS: usize = 4;
 pub const MAPPING_ENTRIES: usize = 32;
 /// Errors kept in the history (0x1003).
 pub const HISTORY_ENTRIES: usize = 8;
-/// Bits of 0x1F82: isochronous, SDO by ASnd, extended NMT commands, dynamic PDO mapping, multiplexed, PRes chaining.
-pub const FEATURE_FLAGS: u32 = 1 | 1 << 2 | 1 << 5 | 1 << 6 | 1 << 9 | 1 << 18;
+/// Bits of 0x1F82: isochronous, SDO by ASnd, extended NMT commands, dynamic PDO mapping, multiplexed, SDO of several
+/// objects, PRes chaining.
+pub const FEATURE_FLAGS: u32 = 1 | 1 << 2 | 1 << 5 | 1 << 6 | 1 << 9 | 1 << 15 | 1 << 18;
 /// Most octets of a host name.
 pub const HOST_NAME_LEN: usize = 32;
 

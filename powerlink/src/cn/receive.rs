@@ -55,7 +55,7 @@ impl<const E: usize, const B: usize> Cn<E, B> {
         self.net_time = soc.net_time;
         self.chaining.cancel();
         self.hear(CnEvent::Soc, now_ns, events);
-        if !self.expects_soc() {
+        if !self.expects_soc() || self.watch.is_repeated_soc(now_ns, &soc) {
             return;
         }
         self.count(self.keys.telegrams.cycles);
@@ -157,7 +157,9 @@ impl<const E: usize, const B: usize> Cn<E, B> {
         self.chaining.cancel();
         self.take_soa();
         self.hear(CnEvent::Soa, now_ns, events);
-        if !self.communicates() {
+        // In the reduced cycle of PRE_OPERATIONAL_1 the next SoA may follow at once.
+        let repeated = self.expects_soc() && self.watch.is_repeated_soa(now_ns, soa);
+        if !self.communicates() || repeated {
             return None;
         }
         if soa.service == RequestedService::SyncRequest {

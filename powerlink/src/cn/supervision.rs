@@ -8,6 +8,7 @@ use super::error::{PROFILE_COMMUNICATION, code};
 use super::keys::CounterKeys;
 use super::{Cn, Events};
 use crate::nmt::{CnEvent, NmtState};
+use crate::wire::{Soa, Soc};
 
 /// Bits of the error register 0x1001 that a cycle error sets: generic and communication.
 const REGISTER_COMMUNICATION: u8 = 0x11;
@@ -72,6 +73,9 @@ pub(super) struct Watch {
     crc_failed: bool,
     /// A frame collided since the last SoC.
     collided: bool,
+    /// The last SoC and SoA and when they came: the wire may double a frame.
+    last_soc: Option<(u64, Soc)>,
+    last_soa: Option<(u64, Soa)>,
 }
 
 impl Watch {
@@ -84,6 +88,8 @@ impl Watch {
         polling: Polling::Never,
         crc_failed: false,
         collided: false,
+        last_soc: None,
+        last_soa: None,
     };
 
     pub(super) fn configure(&mut self, cycle_us: u32, multiplexed_cycles: u8) {
@@ -102,6 +108,32 @@ impl Watch {
 
     pub(super) fn soc_due_ns(&self) -> Option<u64> {
         self.soc_due_ns
+    }
+
+    /// Whether a SoC is not that of a new cycle: less than half a cycle after the last one, and its time does not go on.
+    pub(super) fn is_repeated_soc(&mut self, now_ns: u64, soc: &Soc) -> bool {
+        let repeated = self.last_soc.is_some_and(|(at_ns, last)| {
+            self.is_too_soon(at_ns, now_ns) && soc.relative_time_us <= last.relative_time_us
+        });
+        if !repeated {
+            self.last_soc = Some((now_ns, *soc));
+        }
+        repeated
+    }
+
+    /// Whether a SoA is the last one again: the same within half a cycle. Its invitation was answered.
+    pub(super) fn is_repeated_soa(&mut self, now_ns: u64, soa: &Soa) -> bool {
+        let repeated = self
+            .last_soa
+            .is_some_and(|(at_ns, last)| self.is_too_soon(at_ns, now_ns) && *soa == last);
+        if !repeated {
+            self.last_soa = Some((now_ns, *soa));
+        }
+        repeated
+    }
+
+    fn is_too_soon(&self, last_ns: u64, now_ns: u64) -> bool {
+        now_ns.saturating_sub(last_ns) < self.cycle_ns / 2
     }
 
     fn take_preq(&mut self, multiplexed: bool) {

@@ -52,6 +52,7 @@ fn config() -> CnConfig<'static> {
 struct Bench {
     node: Node,
     now_ns: u64,
+    relative_time_us: u64,
     response: [u8; FRAME_LEN_MAX],
     events: Vec<Events>,
 }
@@ -66,6 +67,7 @@ impl Bench {
         Bench {
             node,
             now_ns: 0,
+            relative_time_us: 0,
             response: [0xA5; FRAME_LEN_MAX],
             events: Vec::new(),
         }
@@ -86,10 +88,12 @@ impl Bench {
     }
 
     fn soc(&mut self) -> Events {
-        assert_eq!(
-            self.send(multicast::SOC, node::BROADCAST, &Frame::Soc(Soc::default())),
-            None
-        );
+        self.relative_time_us += 1000;
+        let soc = Soc {
+            relative_time_us: self.relative_time_us,
+            ..Soc::default()
+        };
+        assert_eq!(self.send(multicast::SOC, node::BROADCAST, &Frame::Soc(soc)), None);
         *self.events.last().unwrap()
     }
 
@@ -163,6 +167,7 @@ impl Bench {
             state: node.state,
             check: node.check,
             written: None,
+            written_several: false,
             reset: None,
             storage: None,
         };

@@ -55,6 +55,8 @@ pub struct Supervision {
     cycle_ns: u64,
     tolerance_ns: u64,
     soc_due_ns: Option<u64>,
+    /// When the last one came, and its RelativeTime.
+    last_soc: Option<(u64, u64)>,
     soa_due: bool,
     polled: bool,
     /// The last PReq was one of every cycle.
@@ -77,6 +79,7 @@ impl Supervision {
             cycle_ns: 0,
             tolerance_ns: 0,
             soc_due_ns: None,
+            last_soc: None,
             soa_due: false,
             polled: false,
             every_cycle: false,
@@ -112,7 +115,15 @@ impl Supervision {
             return;
         }
         match frame {
-            Frame::Soc(_) => {
+            Frame::Soc(soc) => {
+                // A doubled SoC is no new cycle: it comes within half a cycle and its time does not go on.
+                let repeated = self.last_soc.is_some_and(|(at_ns, time_us)| {
+                    now_ns - at_ns < self.cycle_ns / 2 && soc.relative_time_us <= time_us
+                });
+                if repeated {
+                    return;
+                }
+                self.last_soc = Some((now_ns, soc.relative_time_us));
                 if self.running {
                     self.soc.good();
                     self.judge_soa();
@@ -162,6 +173,7 @@ impl Supervision {
         if !node.nmt_state().is_isochronous() {
             // Out of the cycle nothing is due, and who polls is forgotten.
             (self.soc_due_ns, self.soa_due, self.polled, self.every_cycle) = (None, false, false, false);
+            self.last_soc = None;
         }
         self.running = exchanges;
         self.reached = false;

@@ -74,7 +74,7 @@ const EXPECTED: &[Line] = &[
     (0x1E4A, 2, 2, U16, RWS, Some(64)),
     (0x1E4A, 3, 3, U32, RO, Some(0)),
     (0x1F52, 1, 2, U32, RO, Some(0)),
-    (0x1F82, 0, 0, U32, CONST, Some(0x0004_0265)),
+    (0x1F82, 0, 0, U32, CONST, Some(0x0004_8265)),
     (0x1F83, 0, 0, U8, CONST, Some(0x20)),
     (0x1F8C, 0, 0, U8, RO, Some(0x1C)),
     (0x1F8D, 1, 254, U16, RWS, Some(36)),

@@ -167,3 +167,47 @@ fn telegrams_are_counted() {
     // SoC; PReq and PRes; PRes sent; ASnd; two answers; SDO; SDO; StatusRequest.
     assert_eq!(grown, [3, 4, 3, 1, 2, 1, 1, 1]);
 }
+
+#[test]
+fn a_doubled_soc_is_no_second_cycle() {
+    let mut bench = Bench::new();
+    bench.start();
+    bench.soa(RequestedService::NoService, 0);
+    bench.write(0x1C0C, 3, &15_u32.to_le_bytes()).unwrap();
+    for _ in 0..20 {
+        cycle(&mut bench, true, false, false);
+        // The doubled one comes before and after the SoA; without it this cycle is complete.
+        bench.relative_time_us -= 1000;
+        assert_eq!(bench.soc().sync, None);
+        bench.poll_with(&OUTPUTS);
+        bench.soa(RequestedService::NoService, 0);
+        bench.relative_time_us -= 1000;
+        assert_eq!(bench.soc().sync, None);
+    }
+    assert_eq!((bench.cumulative(0x1C0C), bench.cumulative(0x1C0D)), ((0, 0), (0, 0)));
+    assert_eq!(bench.node.nmt_state(), NmtState::Operational);
+    // A cycle that begins early is a cycle: the last one was late.
+    bench.now_ns += 400 * US;
+    assert!(bench.soc().sync.is_some());
+    // Half a cycle later the same time is that of a managing node that does not count it.
+    bench.now_ns += 500 * US;
+    bench.relative_time_us -= 1000;
+    assert!(bench.soc().sync.is_some());
+}
+
+#[test]
+fn a_doubled_soa_is_answered_once() {
+    let mut bench = Bench::new();
+    bench.start();
+    for mark in [1, 2, 3] {
+        bench.node.send_ethernet(&[mark; 60]).unwrap();
+    }
+    cycle(&mut bench, true, false, false);
+    let mut invite = |pause_ns| {
+        bench.now_ns += pause_ns;
+        bench.soa(RequestedService::UnspecifiedInvite, NODE).map(|sent| sent[0])
+    };
+    assert_eq!((invite(0), invite(10_000)), (Some(1), None));
+    assert_eq!(invite(1000 * US), Some(2));
+    assert_eq!((invite(499_999), invite(500_000)), (None, Some(3)), "half a cycle");
+}

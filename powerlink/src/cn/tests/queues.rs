@@ -197,6 +197,7 @@ fn parameters_are_stored_and_restored_by_the_device() {
             state: node.state,
             check: None,
             written: None,
+            written_several: false,
             reset: None,
             storage: None,
         };
