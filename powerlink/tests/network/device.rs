@@ -20,9 +20,12 @@ pub const MN_MAC: Mac = [2, 0, 0, 0, 0, 0xF0];
 /// Octets of process data in each direction.
 pub const PDO_BYTES: usize = 10;
 
+/// Room in the object 0x2002: takes several segments.
+pub const BLOB_BYTES: usize = 1_000;
+
 const DEVICE_TYPE: u32 = 0x000F_0191;
 const PRODUCT: u32 = 0x50;
-/// Outputs 0x2000, inputs 0x2001: number, its complement, and a mix of both.
+/// Outputs 0x2000, inputs 0x2001: number, its complement, and a mix of both. 0x2002 has nothing to do with them.
 const DEVICE: &[EntryDef] = &[
     EntryDef::rw(0x2000, DataType::U32, "number").sub(1).rpdo(),
     EntryDef::rw(0x2000, DataType::U32, "complement").sub(2).rpdo(),
@@ -30,6 +33,7 @@ const DEVICE: &[EntryDef] = &[
     EntryDef::ro(0x2001, DataType::U32, "number").sub(1).tpdo(),
     EntryDef::ro(0x2001, DataType::U32, "complement").sub(2).tpdo(),
     EntryDef::ro(0x2001, DataType::U16, "mix").sub(3).tpdo(),
+    EntryDef::rw(0x2002, DataType::Domain, "blob").capacity(BLOB_BYTES as u16),
 ];
 /// A controlled node with that device.
 pub type Node = Cn<{ COMMUNICATION_ENTRIES + lines_of(DEVICE) }, { COMMUNICATION_BYTES + octets_of(DEVICE) }>;
@@ -136,15 +140,38 @@ pub fn node(id: u8, now_ns: u64) -> Node {
     Node::new(&config, dictionary, now_ns).unwrap()
 }
 
-/// Concise DCF of a node: 16 writes, the mapping among them. The times fit the length of the cycle.
-pub fn configuration(cycle_ns: u64) -> Vec<u8> {
+/// How a node takes part in the cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Polling {
+    /// In every cycle.
+    EveryCycle,
+    /// In this cycle of a round of so many.
+    Multiplexed { cycle: u8, of: u8 },
+    /// Not at all: it sends by time after the PRes of the managing node, where its outputs begin at this octet.
+    Chained { offset: u16 },
+}
+
+/// Concise DCF of a node: 16 writes, the mapping among them, and one more where the node is not polled in every cycle. The
+/// times fit the length of the cycle.
+pub fn configuration(cycle_ns: u64, polling: Polling) -> Vec<u8> {
     let mut octets = [0; 600];
     let mut writer = CdcWriter::new(&mut octets).unwrap();
     let mut push = |index, sub, value: &[u8]| writer.push(index, sub, value).unwrap();
-    for (mapping, object) in [(0x1600, 0x2000_u64), (0x1A00, 0x2001)] {
+    let (first_bit, writes) = match polling {
+        Polling::EveryCycle => (0, 16),
+        Polling::Multiplexed { of, .. } => {
+            push(0x1F98, 7, &[of]);
+            (0, 17)
+        }
+        Polling::Chained { offset } => {
+            push(0x1400, 1, &[powerlink::wire::node::MN]);
+            (u64::from(offset) * 8, 17)
+        }
+    };
+    for (mapping, object, first_bit) in [(0x1600, 0x2000_u64, first_bit), (0x1A00, 0x2001, 0)] {
         push(mapping, 0, &[0]);
         for (sub, offset, length) in [(1_u8, 0_u64, 32_u64), (2, 32, 32), (3, 64, 16)] {
-            let entry = object | u64::from(sub) << 16 | offset << 32 | length << 48;
+            let entry = object | u64::from(sub) << 16 | (first_bit + offset) << 32 | length << 48;
             push(mapping, sub, &entry.to_le_bytes());
         }
         push(mapping, 0, &[3]);
@@ -157,16 +184,26 @@ pub fn configuration(cycle_ns: u64) -> Vec<u8> {
     push(0x1C14, 0, &((cycle_ns * 3 / 10) as u32).to_le_bytes());
     push(0x1020, 1, &20_000_u32.to_le_bytes());
     let octets = writer.finish().to_vec();
-    assert_eq!(octets[0], 16);
+    assert_eq!(octets[0], writes);
     octets
 }
 
 /// What the managing node is told about a node.
-pub fn node_config(id: u8, mandatory: bool, configuration: &[u8]) -> NodeConfig<'_> {
+pub fn node_config(id: u8, mandatory: bool, polling: Polling, configuration: &[u8]) -> NodeConfig<'_> {
     NodeConfig {
         id,
+        multiplex_cycle: match polling {
+            Polling::Multiplexed { cycle, .. } => cycle,
+            Polling::EveryCycle | Polling::Chained { .. } => 0,
+        },
+        pres_mn_offset: match polling {
+            Polling::Chained { offset } => offset,
+            Polling::EveryCycle | Polling::Multiplexed { .. } => 0,
+        },
         assignment: Assignment {
             mandatory,
+            multiplexed: matches!(polling, Polling::Multiplexed { .. }),
+            chained: matches!(polling, Polling::Chained { .. }),
             ..Assignment::default()
         },
         pres_timeout_ns: PRES_TIMEOUT_NS,

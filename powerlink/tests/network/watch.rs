@@ -13,7 +13,7 @@ use powerlink::mn::MnEvent;
 use powerlink::nmt::{NmtCommand, NmtState};
 use powerlink::wire::{Asnd, Frame, Header, node};
 
-use super::device::{ANSWER_NS, MN_MAC, PRES_TIMEOUT_NS, Pattern};
+use super::device::{ANSWER_NS, MN_MAC, PRES_TIMEOUT_NS, Pattern, Polling};
 use super::supervision::Counter;
 use super::world::{Mn, PRES_LOST_MAX, Setup};
 
@@ -82,6 +82,9 @@ struct Line {
 pub struct Watch {
     log: VecDeque<Line>,
     ids: Vec<u8>,
+    chained: Vec<bool>,
+    /// The managing node has sent a PRes of its own in this cycle.
+    pres_mn_seen: bool,
     timeout_ns: u64,
     cycle_ns: u64,
     pres_lost_max: u32,
@@ -105,6 +108,11 @@ impl Watch {
         Watch {
             log: VecDeque::with_capacity(LOG_LEN),
             ids: ids.to_vec(),
+            chained: ids
+                .iter()
+                .map(|id| matches!(setup.polling_of(*id), Polling::Chained { .. }))
+                .collect(),
+            pres_mn_seen: false,
             timeout_ns: u64::from(PRES_TIMEOUT_NS),
             cycle_ns: setup.cycle_ns,
             pres_lost_max: PRES_LOST_MAX,
@@ -168,6 +176,7 @@ impl Watch {
         self.cycle_started_ns = now_ns;
         self.soc_seen = false;
         self.soa_seen = false;
+        self.pres_mn_seen = false;
         for node in &mut self.nodes {
             node.polled_in_cycle = false;
         }
@@ -269,7 +278,13 @@ impl Watch {
                 self.slot.used = true;
                 self.mn.asnd_sent += 1;
             }
-            Frame::Pres(_) => assert!(self.soc_seen && !self.soa_seen, "{now_ns}: PRes of the MN"),
+            Frame::Pres(_) => {
+                assert!(
+                    self.soc_seen && !self.soa_seen && !self.pres_mn_seen,
+                    "{now_ns}: PRes of the MN"
+                );
+                self.pres_mn_seen = true;
+            }
             Frame::Amni(_) | Frame::Ainv(_) => panic!("{now_ns}: the MN sent {octets:02x?}"),
         }
     }
@@ -311,6 +326,9 @@ impl Watch {
     /// Inputs are complete.
     pub fn inputs(&mut self, now_ns: u64, mn: &Mn) {
         for (index, (id, model)) in self.ids.iter().zip(&mut self.nodes).enumerate() {
+            if self.chained[index] {
+                continue;
+            }
             let input = mn.input(index);
             let pattern = Pattern::from_octets(input.data);
             if input.data.iter().all(|octet| *octet == 0) || model.misled {
@@ -398,6 +416,9 @@ impl Watch {
         );
         assert_eq!(counters.events_dropped, 0, "{now_ns}");
         for (index, (id, model)) in self.ids.iter().zip(&self.nodes).enumerate() {
+            if self.chained[index] {
+                continue;
+            }
             let statistics = mn.statistics(index);
             let counted = (
                 statistics.preq_sent,
@@ -460,6 +481,24 @@ impl Watch {
                 panic!("{now_ns}: node {id} sent {octets:02x?}")
             }
         }
+    }
+
+    /// A chained node sends by time.
+    pub fn chained_sends(&mut self, now_ns: u64, id: u8, station: Station, state: NmtState, octets: &[u8]) {
+        self.note(now_ns, "node sends", station, octets, Faults::default());
+        self.excused[station.index()] = false;
+        let Frame::Pres(pres) = Frame::parse(octets).unwrap() else {
+            panic!("{now_ns}: node {id} sent {octets:02x?} by time")
+        };
+        assert!(
+            self.pres_mn_seen && !self.soa_seen,
+            "{now_ns}: node {id} out of the chain"
+        );
+        assert_eq!(
+            (pres.nmt_state, pres.ready),
+            (state, state == NmtState::Operational),
+            "{now_ns}: node {id}"
+        );
     }
 
     /// A controlled node is in a new state, because of a frame or (without one) because of the time.

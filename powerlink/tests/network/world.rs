@@ -10,7 +10,7 @@ use powerlink::mn::{BootTimes, MnConfig, MnEvent, NodeConfig, NodeState};
 use powerlink::nmt::NmtState;
 use powerlink::wire::{FRAME_LEN_MAX, NetTime};
 
-use super::device::{self, ANSWER_NS, Fields, MN_MAC, Node, Pattern};
+use super::device::{self, ANSWER_NS, Fields, MN_MAC, Node, PDO_BYTES, Pattern, Polling};
 use super::supervision::Supervision;
 use super::watch::Watch;
 
@@ -44,6 +44,8 @@ pub struct Setup {
     pub boot: BootTimes,
     /// Threshold of lost PRes, 0x1C09; 0: only those in a row count.
     pub pres_threshold: u32,
+    /// Nodes that are not polled in every cycle.
+    pub polling: Vec<(u8, Polling)>,
 }
 
 impl Setup {
@@ -60,7 +62,13 @@ impl Setup {
             },
             boot: BOOT,
             pres_threshold: 0,
+            polling: Vec::new(),
         }
+    }
+
+    pub fn polling_of(&self, id: u8) -> Polling {
+        let own = self.polling.iter().find(|(node, _)| *node == id);
+        own.map_or(Polling::EveryCycle, |(_, polling)| *polling)
     }
 }
 
@@ -129,17 +137,31 @@ pub struct World {
 impl World {
     pub fn new(setup: &Setup) -> World {
         // The managing node borrows its configuration; a test ends before that counts as a leak.
-        let configuration: &'static [u8] = device::configuration(setup.cycle_ns).leak();
         let mut ids: Vec<_> = setup.mandatory.iter().map(|id| (*id, true)).collect();
         ids.extend(setup.optional.iter().map(|id| (*id, false)));
         let nodes: Vec<NodeConfig<'static>> = ids
             .iter()
-            .map(|(id, mandatory)| NodeConfig {
-                pres_threshold: setup.pres_threshold,
-                ..device::node_config(*id, *mandatory, configuration)
+            .map(|(id, mandatory)| {
+                let polling = setup.polling_of(*id);
+                let configuration = device::configuration(setup.cycle_ns, polling).leak();
+                NodeConfig {
+                    pres_threshold: setup.pres_threshold,
+                    ..device::node_config(*id, *mandatory, polling, configuration)
+                }
             })
             .collect();
+        let mut pres_mn_bytes = None;
+        let mut multiplex_cycles = 0;
+        for (_, polling) in &setup.polling {
+            match *polling {
+                Polling::EveryCycle => {}
+                Polling::Multiplexed { of, .. } => multiplex_cycles = of,
+                Polling::Chained { offset } => pres_mn_bytes = pres_mn_bytes.max(Some(offset + PDO_BYTES as u16)),
+            }
+        }
         let config = MnConfig {
+            pres_mn_bytes,
+            multiplex_cycles,
             cycle_ns: setup.cycle_ns as u32,
             boot: setup.boot,
             pres_lost_max: PRES_LOST_MAX,
@@ -390,6 +412,15 @@ impl World {
         let after = node.nmt_state();
         if before != after {
             self.watch.node_state(self.now_ns, device.id, before, after, None);
+        }
+        if let Some(length) = node.poll_transmit(self.now_ns, &mut self.response) {
+            let octets = &self.response[..length];
+            if !(self.vanish)(device.id, octets) {
+                self.watch
+                    .chained_sends(self.now_ns, device.id, device.station, after, octets);
+                let _ = self.hub.send(device.station, self.now_ns, octets);
+                self.look_for_collision();
+            }
         }
     }
 
