@@ -5,6 +5,7 @@
 //!
 //! [`powerlink`] is the only bus yet; another one implements [`Fieldbus`] and nothing else changes.
 
+pub mod cdc;
 pub mod layout;
 pub mod managing_node;
 pub mod network;
