@@ -13,6 +13,7 @@ pub mod powerlink;
 
 use ::powerlink::link::LinkError;
 use ::powerlink::mn::{Counters, Diagnosis, NetworkDiagnosis, SdoCommand, SdoError};
+use ::powerlink::wire::FRAME_LEN_MAX;
 use obd::AbortCode;
 use std::ops::Range;
 
@@ -96,6 +97,31 @@ pub enum BusEvent {
     ForeignMaster([u8; 6]),
     /// The network adapter does not send or receive.
     LinkFailed(LinkError),
+}
+
+/// An Ethernet frame of another program of this PC, on its way to the asynchronous slot.
+#[derive(Clone, Copy, Debug)]
+pub struct EthernetFrame {
+    length: u16,
+    octets: [u8; FRAME_LEN_MAX],
+}
+
+impl EthernetFrame {
+    /// A frame without check sum; what is longer than Ethernet allows is cut.
+    pub fn new(frame: &[u8]) -> EthernetFrame {
+        let length = frame.len().min(FRAME_LEN_MAX);
+        let mut octets = [0; FRAME_LEN_MAX];
+        octets[..length].copy_from_slice(&frame[..length]);
+        EthernetFrame {
+            length: length as u16,
+            octets,
+        }
+    }
+
+    /// The frame.
+    pub fn octets(&self) -> &[u8] {
+        &self.octets[..usize::from(self.length)]
+    }
 }
 
 /// Payloads of all nodes in one piece of memory.

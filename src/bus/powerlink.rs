@@ -6,14 +6,18 @@
 //! RT except for [`Powerlink::new`].
 
 use super::{
-    BusEvent, BusState, CycleReport, Fieldbus, InputImage, NodeIndex, NodeState, NodeStatistics, OutputImage,
-    SDO_ORDERS, SDO_VALUE_MAX,
+    BusEvent, BusState, CycleReport, EthernetFrame, Fieldbus, InputImage, NodeIndex, NodeState, NodeStatistics,
+    OutputImage, SDO_ORDERS, SDO_VALUE_MAX,
 };
 use crate::rt::timeout::Watch;
 use powerlink::link::{Link, LinkError};
-use powerlink::mn::{self, Counters, Diagnosis, Mn, MnConfig, MnEvent, NetworkDiagnosis, SdoCommand, SdoError, Step};
+use powerlink::mn::{
+    self, Counters, Diagnosis, ETHERNET_FRAMES, Mn, MnConfig, MnEvent, NetworkDiagnosis, QueueError, SdoCommand,
+    SdoError, Step,
+};
 use powerlink::nmt::NmtState;
 use powerlink::wire::NetTime;
+use rtrb::Consumer;
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -46,6 +50,8 @@ pub struct Powerlink<'a, L, const NODES: usize> {
     /// Values of SDO commands; those that are missing are with the managing node.
     sdo_buffers: [Option<&'a mut [u8]>; SDO_ORDERS],
     reported: BusState,
+    /// Frames of other programs that wait for an asynchronous slot.
+    ethernet: Option<Consumer<EthernetFrame>>,
 }
 
 impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
@@ -72,7 +78,27 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
             // They go to the managing node and back, which borrows them for as long as its configuration: they are never freed.
             sdo_buffers: std::array::from_fn(|_| Some(&mut *vec![0; SDO_VALUE_MAX].leak())),
             reported: BusState::Down,
+            ethernet: None,
         })
+    }
+
+    /// Frames that are not POWERLINK, to be sent in asynchronous slots.
+    pub fn set_ethernet_source(&mut self, frames: Consumer<EthernetFrame>) {
+        self.ethernet = Some(frames);
+    }
+
+    /// Hands waiting frames of other programs to the managing node, as many as it has room for.
+    fn hand_in_ethernet(&mut self) {
+        let Some(frames) = &mut self.ethernet else { return };
+        for _ in 0..ETHERNET_FRAMES {
+            let Ok(frame) = frames.peek() else { return };
+            match self.mn.send_ethernet(frame.octets()) {
+                // It stays for a later cycle.
+                Err(QueueError::Full) => return,
+                // What the bus cannot carry is dropped, as any network does.
+                Ok(()) | Err(QueueError::Length { .. } | QueueError::Powerlink) => _ = frames.pop(),
+            }
+        }
     }
 
     /// The link, for tests that steer a simulated wire.
@@ -229,6 +255,7 @@ impl<L: Link, const NODES: usize> Fieldbus for Powerlink<'_, L, NODES> {
     }
 
     fn serve(&mut self, until_ns: u64) {
+        self.hand_in_ethernet();
         self.run_until(until_ns, false);
     }
 

@@ -17,8 +17,6 @@ use std::time::Duration;
 
 /// What is printed once the machine listens.
 pub const READY: &str = "ready";
-/// Longest IP packet: AsyncMTU of a node that nobody told another (0x1F98/8), octets.
-const TAP_MTU: u16 = 300;
 /// Look for a frame this long before sleeping for it, ns.
 const SPIN_NS: u64 = 0;
 
@@ -95,7 +93,7 @@ pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
             if !config.bus.nodes.iter().any(|node| node.id == id) {
                 return Err(anyhow!("--tap-node {id}: the machine file has no such node"));
             }
-            let tap = Tap::open(name, &args.interface, sim::node_mac(id), id, TAP_MTU)?;
+            let tap = Tap::open(name, &args.interface, sim::node_mac(id), id, config.bus.async_mtu)?;
             let (bridge, frames) = tap.start().context("TAP device")?;
             Some((id, bridge, frames))
         }

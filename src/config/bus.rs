@@ -30,6 +30,7 @@ pub(super) fn bus(section: &mut Section<'_, '_>, cycle_us: Option<u32>, folder: 
         .integer("multiplex_cycles", 0..=254, 0)
         .map(|cycles| cycles as u8);
     let prescaler = section.integer("prescaler", 0..=1000, 2);
+    let tap = tap(section, kind);
     let startup = startup(section);
     let around = Network {
         folder,
@@ -70,6 +71,7 @@ pub(super) fn bus(section: &mut Section<'_, '_>, cycle_us: Option<u32>, folder: 
         multiplex_cycles: multiplex_cycles?,
         async_mtu: async_mtu?,
         prescaler: prescaler? as u16,
+        tap: tap?,
         startup: startup?,
         nodes,
     };
@@ -104,6 +106,24 @@ fn fits(section: &Section<'_, '_>, bus: &Bus, cycle_us: Option<u32>) -> bool {
 }
 
 /// The longest ASnd; left out: as long as the asynchronous slot allows.
+/// The name of a TAP device; a wire in memory has no other end that could answer.
+fn tap(section: &mut Section<'_, '_>, kind: Option<BusKind>) -> Option<Option<String>> {
+    let Some(item) = section.optional("tap") else {
+        return Some(None);
+    };
+    let name = item.text(&section.key("tap"))?;
+    let legal = |octet: u8| octet.is_ascii_alphanumeric() || b"-_.".contains(&octet);
+    if !(1..=15).contains(&name.len()) || !name.bytes().all(legal) {
+        section.wrong("tap", "must be 1 to 15 letters, digits, dashes, underscores or dots");
+        return None;
+    }
+    if kind == Some(BusKind::Memory) {
+        section.wrong("tap", "needs a bus on a network interface");
+        return None;
+    }
+    Some(Some(name.to_owned()))
+}
+
 fn async_mtu(section: &mut Section<'_, '_>, slot_us: Option<i64>) -> Option<u16> {
     let [least, most] = ASYNC_MTU;
     let slot_ns = slot_us? as u64 * 1000;

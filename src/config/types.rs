@@ -89,6 +89,8 @@ pub struct Bus {
     pub async_mtu: u16,
     /// The PS flag of the SoC toggles every so many cycles (1F98:9); 0: never.
     pub prescaler: u16,
+    /// TAP device by which programs of this PC reach the nodes over IP, in asynchronous slots; `None`: they do not.
+    pub tap: Option<String>,
     /// How the network starts (1F80).
     pub startup: StartUp,
     /// Nodes in polling order.

@@ -11,10 +11,11 @@ use super::operator::{Operator, Wish};
 use super::progress::{Progress, say};
 use super::report::{self, Facts, FarEnd, Pictures, RunReport};
 use super::signals::{self, StopSignal};
+use super::tap::{Tap, TapBridge};
 use crate::bus::managing_node::{mn_config, node_configs};
 use crate::bus::network;
 use crate::bus::powerlink::{NODES_MAX, Powerlink, wall_clock};
-use crate::bus::{Fieldbus, NodeStatistics};
+use crate::bus::{EthernetFrame, Fieldbus, NodeStatistics};
 use crate::config::Config;
 use crate::program::{self, FeedError, Feeder, Overview, ring_capacity, stop_ramp};
 use crate::rt::assemble::assemble;
@@ -34,6 +35,7 @@ use powerlink::link::Link;
 use powerlink::link::memory;
 use powerlink::link::raw::{RawConfig, RawLink, Reception};
 use powerlink::mn::MnConfig;
+use powerlink::wire;
 use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
@@ -134,7 +136,14 @@ fn run(job: Job<'_>, wire: Wire, overview: Overview) -> anyhow::Result<Done> {
                 let _ = writeln!(std::io::stderr(), "warning: {interface}: {reception}");
             }
             let mac = link.mac();
-            run_on(job, overview, &process, link, mac, &signal)
+            let tap = match &job.config.bus.tap {
+                Some(name) => {
+                    let tap = Tap::open(name, &interface, mac, wire::node::MN, job.config.bus.async_mtu)?;
+                    Some(tap.start().context("TAP device")?)
+                }
+                None => None,
+            };
+            run_on(job, overview, &process, link, mac, tap, &signal)
         }
         Wire::Memory => {
             let (near, mut far) = memory::pair(ANSWER_SPIN_NS);
@@ -149,7 +158,7 @@ fn run(job: Job<'_>, wire: Wire, overview: Overview) -> anyhow::Result<Done> {
                         serve(&mut far, &mut machine, &stop, &mut |_| {}, &mut |_, _| {})
                     })?;
                 let ended = StopOnDrop(&stop);
-                let done = run_on(job, overview, &process, near, MEMORY_MAC, &signal);
+                let done = run_on(job, overview, &process, near, MEMORY_MAC, None, &signal);
                 drop(ended);
                 // Our end of its link is gone by now: an error it gives is that.
                 let _ = machine_thread.join();
@@ -165,13 +174,18 @@ fn run_on<L: Link + Send>(
     process: &Arc<setup::Process>,
     link: L,
     mac: [u8; 6],
+    tap: Option<(TapBridge, rtrb::Consumer<EthernetFrame>)>,
     signal: &StopSignal,
 ) -> anyhow::Result<Done> {
     let config = job.config;
     let plans = network::plan(config);
     let nodes = node_configs(&config.bus, &plans);
     let watch = Arc::new(Watch::default());
-    let bus = managing_node(mn_config(config, &nodes, mac), link, Arc::clone(&watch))?;
+    let mut bus = managing_node(mn_config(config, &nodes, mac), link, Arc::clone(&watch))?;
+    let _tap = tap.map(|(bridge, frames)| {
+        bus.set_ethernet_source(frames);
+        bridge
+    });
     let mut hal = Hal::create(&config.name, CAPACITY).context("pins")?;
     let (control, inlets, diagnosis) = assemble(config, &plans, bus, &mut hal)?;
     // On the heap: it is larger than the stack of a real-time thread, which is locked in memory as a whole.

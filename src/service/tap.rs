@@ -7,6 +7,7 @@
 //! address and answer no ARP, or the PC would talk on the wire outside of its slot ([`Tap::open`] sees to ARP). Needs the right
 //! to configure the network (CAP_NET_ADMIN) and `/dev/net/tun`.
 
+use crate::bus::EthernetFrame;
 use nix::errno::Errno;
 use nix::fcntl::OFlag;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
@@ -26,20 +27,6 @@ const WAITING: usize = 32;
 const STOP_LOOK_MS: u16 = 50;
 const ETH_P_IP: u16 = libc::ETH_P_IP as u16;
 const ETH_P_ARP: u16 = libc::ETH_P_ARP as u16;
-
-/// A frame on its way to the asynchronous slot.
-#[derive(Clone, Copy, Debug)]
-pub struct GenericFrame {
-    length: u16,
-    octets: [u8; FRAME_LEN_MAX],
-}
-
-impl GenericFrame {
-    /// The frame, without check sum.
-    pub fn octets(&self) -> &[u8] {
-        &self.octets[..usize::from(self.length)]
-    }
-}
 
 /// What could not be set up.
 #[derive(Debug, thiserror::Error)]
@@ -153,7 +140,7 @@ impl Tap {
     }
 
     /// Runs the device in a thread of its own. The other end of the ring belongs to the bus thread.
-    pub fn start(self) -> std::io::Result<(TapBridge, Consumer<GenericFrame>)> {
+    pub fn start(self) -> std::io::Result<(TapBridge, Consumer<EthernetFrame>)> {
         let (producer, consumer) = RingBuffer::new(WAITING);
         let shared = Arc::new(Shared::default());
         let inside = Arc::clone(&shared);
@@ -164,7 +151,7 @@ impl Tap {
         Ok((TapBridge { shared, thread }, consumer))
     }
 
-    fn run(self, mut outgoing: Producer<GenericFrame>, shared: &Shared) {
+    fn run(self, mut outgoing: Producer<EthernetFrame>, shared: &Shared) {
         let mut buffer = [0; FRAME_LEN_MAX];
         while !shared.stop.load(Ordering::Relaxed) {
             let [ip, arp] = &self.wire;
@@ -244,14 +231,8 @@ struct Shared {
 }
 
 impl Shared {
-    fn enqueue(&self, outgoing: &mut Producer<GenericFrame>, frame: &[u8]) {
-        let mut generic = GenericFrame {
-            // At most 1514, the length of the buffer.
-            length: frame.len() as u16,
-            octets: [0; FRAME_LEN_MAX],
-        };
-        generic.octets[..frame.len()].copy_from_slice(frame);
-        let counter = match outgoing.push(generic) {
+    fn enqueue(&self, outgoing: &mut Producer<EthernetFrame>, frame: &[u8]) {
+        let counter = match outgoing.push(EthernetFrame::new(frame)) {
             Ok(()) => &self.queued,
             Err(_) => &self.dropped,
         };

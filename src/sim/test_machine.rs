@@ -80,6 +80,7 @@ pub(super) fn test_config() -> Config {
             require: Require::Warn,
         },
         bus: Bus {
+            tap: None,
             kind: BusKind::Memory,
             interface: String::new(),
             async_slot_timeout_us: 150,
