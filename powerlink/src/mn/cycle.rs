@@ -79,6 +79,10 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             return;
         }
         self.cut_off(now_ns);
+        if !self.state.is_isochronous() {
+            // The threshold of exceeded cycles was reached.
+            return;
+        }
         let cycle_ns = u64::from(self.config.cycle_ns);
         let mut passed = 1;
         if let Some(last_ns) = self.cycle_started_ns {

@@ -178,6 +178,8 @@ fn exceeded_cycles_are_counted_and_only_a_threshold_starts_the_network_again() {
         let counters = net.mn.counters();
         assert_eq!((counters.cycles_overrun, counters.cycle_exceeded.cumulative), (5, 5));
         assert_eq!(net.mn.nmt_state() == NmtState::Operational, survives);
+        let soc = matches!(net.mn.poll(net.now_ns), Step::Send(frame) if frame[14] == 1);
+        assert_eq!(soc, survives, "no SoC once the network starts again");
         let expected = if survives { 0 } else { 1 };
         while let Some(event) = net.mn.pop_event() {
             net.events.push(event);
