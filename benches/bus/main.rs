@@ -69,7 +69,7 @@ fn main() -> anyhow::Result<()> {
     let cycles = if arguments.iter().any(|argument| argument == "--quick") {
         300
     } else {
-        4000
+        2500
     };
     let bench = match wire::Bench::prepare() {
         Ok(bench) => bench,
