@@ -4,6 +4,8 @@
 //! Out: tables and sentences, or JSON, on standard output. Exit code 0: all is well, 1: trouble found, 2: wrong usage.
 
 pub mod network;
+pub mod scan;
+pub mod station;
 pub mod trace;
 pub mod words;
 
@@ -24,6 +26,8 @@ pub struct BusArgs {
 
 #[derive(Clone, Debug, Subcommand)]
 enum BusCommand {
+    /// Who is on an interface: asks every node id; only listens where a managing node is at work
+    Scan(scan::ScanArgs),
     /// Who is on the network of a machine: identity, and whether it is the expected one
     Nodes(NetworkArgs),
     /// How they are: states, lost answers, errors, and why a node is not operational
@@ -43,6 +47,7 @@ enum BusCommand {
 pub fn bus(args: &BusArgs) -> anyhow::Result<ExitCode> {
     let mut out = BufWriter::new(std::io::stdout().lock());
     let done = match &args.command {
+        BusCommand::Scan(scan) => scan::scan(scan, args.json, &mut out),
         BusCommand::Nodes(network) => network::show(network, Topic::Nodes, args.json, &mut out),
         BusCommand::State(network) => network::show(network, Topic::State, args.json, &mut out),
         BusCommand::Pdo(network) => network::show(network, Topic::Pdo, args.json, &mut out),
@@ -53,6 +58,14 @@ pub fn bus(args: &BusArgs) -> anyhow::Result<ExitCode> {
         // The reader of a pipe may have seen enough.
         Err(error) if is_broken_pipe(&error) => Ok(ExitCode::SUCCESS),
         done => done,
+    }
+}
+
+/// Seconds to listen before anything is sent: never so short that a managing node with a slow cycle is missed.
+fn listen_time(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.3..=3600.0).contains(&seconds) => Ok(seconds),
+        _ => Err("expected seconds from 0.3 to 3600".into()),
     }
 }
 

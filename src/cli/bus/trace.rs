@@ -208,6 +208,40 @@ fn to_json(frame: &Placed, line: &Line) -> serde_json::Value {
     })
 }
 
+/// Frames that are heard live, as a summary.
+#[derive(Default)]
+pub(super) struct Heard {
+    decoder: Decoder,
+    summary: Summary,
+    start_ns: Option<u64>,
+    number: u64,
+}
+
+impl Heard {
+    /// Takes the next frame.
+    pub(super) fn take(&mut self, now_ns: u64, frame: &[u8]) {
+        let content = decode::parse(frame);
+        let line = self.decoder.line(&content);
+        self.number += 1;
+        let placed = Placed {
+            number: self.number,
+            t_ns: now_ns as i64 - *self.start_ns.get_or_insert(now_ns) as i64,
+            cycle: None,
+        };
+        self.summary.take(&placed, &content, &line, frame.len());
+    }
+
+    /// Prints what was heard.
+    pub(super) fn print(self, out: &mut impl Write) -> std::io::Result<()> {
+        write!(out, "{}", self.summary.finish(None, None))
+    }
+
+    /// The same for programs.
+    pub(super) fn to_json(self) -> serde_json::Result<serde_json::Value> {
+        serde_json::to_value(self.summary.finish(None, None))
+    }
+}
+
 /// For callers that hold octets already.
 #[cfg(test)]
 fn trace_octets(args: &TraceArgs, octets: &[u8], as_json: bool) -> anyhow::Result<(String, Ended)> {

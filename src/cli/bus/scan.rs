@@ -1,0 +1,181 @@
+//! `isocnc bus scan`: who is on an interface.
+//!
+//! In:  an interface. Out: where a managing node is at work, what is heard of it and its nodes; else every node that answers
+//! an IdentRequest.
+
+use super::station::{ForeignMaster, Found, Station, listen};
+use super::trace::Heard;
+use super::words;
+use clap::Args;
+use powerlink::link::Link;
+use powerlink::link::raw::{RawConfig, RawLink};
+use powerlink::wire::Mac;
+use serde_json::json;
+use std::io::{IsTerminal, Write};
+use std::process::ExitCode;
+
+/// Arguments of `bus scan`.
+#[derive(Clone, Debug, Args)]
+pub struct ScanArgs {
+    /// Network interface
+    #[arg(long, value_name = "IF")]
+    interface: String,
+    /// Listen this long for a managing node before sending anything, and where there is one, to it
+    #[arg(long, value_name = "S", default_value = "1", value_parser = super::listen_time)]
+    listen: f64,
+    /// Give each node this long to answer
+    #[arg(long, value_name = "US", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(100..=1_000_000))]
+    answer_us: u32,
+}
+
+/// Runs the command. Exit code 1: a managing node is at work, nobody answers, or two nodes have the same id.
+///
+/// # Errors
+/// The interface.
+pub(super) fn scan(args: &ScanArgs, as_json: bool, out: &mut impl Write) -> anyhow::Result<ExitCode> {
+    let link = open(&args.interface)?;
+    let mac = link.mac();
+    scan_on(link, mac, args, as_json, out)
+}
+
+/// A link that hears all nodes, also what is sent to another one.
+pub(super) fn open(interface: &str) -> anyhow::Result<RawLink> {
+    let config = RawConfig {
+        promiscuous: true,
+        ..RawConfig::default()
+    };
+    Ok(RawLink::open(interface, config)?)
+}
+
+fn scan_on(
+    mut link: impl Link,
+    mac: Mac,
+    args: &ScanArgs,
+    as_json: bool,
+    out: &mut impl Write,
+) -> anyhow::Result<ExitCode> {
+    let mut heard = Heard::default();
+    let listen_ns = (args.listen * 1e9) as u64;
+    let foreign = listen(&mut link, listen_ns, &mut |now_ns, frame| heard.take(now_ns, frame))?;
+    if let Some(foreign) = foreign {
+        tell_foreign(foreign, heard, args, as_json, out)?;
+        return Ok(ExitCode::FAILURE);
+    }
+    // Listened already.
+    let mut station = Station::take_over(link, mac, 0)?;
+    let shows_progress = std::io::stderr().is_terminal() && !as_json;
+    let found = station.scan(u64::from(args.answer_us) * 1000, &mut |id| {
+        if shows_progress {
+            eprint!("\rasking node {id:<3}");
+        }
+    })?;
+    if shows_progress {
+        eprint!("\r               \r");
+    }
+    let trouble = troubles(&found);
+    match as_json {
+        true => {
+            let nodes = found.iter().map(|found| {
+                json!({
+                    "node": found.id,
+                    "mac": words::mac(found.mac),
+                    "nmt_state": words::state(found.ident.nmt_state),
+                    "identity": crate::service::network_view::IdentityView::from(&found.ident),
+                })
+            });
+            let nodes = nodes.collect::<Vec<_>>();
+            writeln!(
+                out,
+                "{:#}",
+                json!({ "interface": args.interface, "nodes": nodes, "trouble": trouble })
+            )?;
+        }
+        false => table(&args.interface, &found, &trouble, out)?,
+    }
+    out.flush()?;
+    Ok(if trouble.is_empty() {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    })
+}
+
+fn tell_foreign(
+    foreign: ForeignMaster,
+    heard: Heard,
+    args: &ScanArgs,
+    as_json: bool,
+    out: &mut impl Write,
+) -> anyhow::Result<()> {
+    if as_json {
+        let report = heard.to_json()?;
+        let foreign = words::mac(foreign.mac);
+        writeln!(
+            out,
+            "{:#}",
+            json!({ "interface": args.interface, "managing_node": foreign, "heard": report })
+        )?;
+    } else {
+        writeln!(out, "{foreign}.")?;
+        writeln!(
+            out,
+            "Beside a control of this PC, 'isocnc bus nodes' shows more. Heard within {} s:\n",
+            args.listen
+        )?;
+        heard.print(out)?;
+    }
+    Ok(out.flush()?)
+}
+
+fn troubles(found: &[Found]) -> Vec<String> {
+    if found.is_empty() {
+        return vec![
+            "nobody answers: are the nodes on, connected to this interface, and its link up? ('ip link')".into(),
+        ];
+    }
+    found
+        .windows(2)
+        .filter(|pair| pair[0].id == pair[1].id)
+        .map(|pair| {
+            format!(
+                "two nodes have the id {}: {} and {}; give one of them another id",
+                pair[0].id,
+                words::mac(pair[0].mac),
+                words::mac(pair[1].mac)
+            )
+        })
+        .collect()
+}
+
+fn table(interface: &str, found: &[Found], trouble: &[String], out: &mut impl Write) -> std::io::Result<()> {
+    if !found.is_empty() {
+        let nodes = words::counted(found.len() as u64, "node");
+        writeln!(out, "{nodes} on {interface}\n")?;
+        writeln!(
+            out,
+            "  id  address            state      device type  vendor      product     revision    serial      name"
+        )?;
+    }
+    for Found { id, mac, ident } in found {
+        let row = format!(
+            "{id:>4}  {:17}  {:9}  0x{:08X}   0x{:08X}  0x{:08X}  0x{:08X}  {:<10}  {}",
+            words::mac(*mac),
+            words::state(ident.nmt_state),
+            ident.device_type,
+            ident.vendor_id,
+            ident.product_code,
+            ident.revision,
+            ident.serial,
+            words::text(&ident.host_name)
+        );
+        writeln!(out, "{}", row.trim_end())?;
+    }
+    if !trouble.is_empty() && !found.is_empty() {
+        writeln!(out)?;
+    }
+    trouble.iter().try_for_each(|trouble| writeln!(out, "{trouble}"))
+}
+
+#[cfg(test)]
+#[path = "scan_tests.rs"]
+mod tests;

@@ -1,0 +1,124 @@
+use super::*;
+use crate::config;
+use crate::sim::{SimMachine, serve};
+use powerlink::link::memory;
+use powerlink::nmt::NmtState;
+use powerlink::wire::RequestedService;
+use powerlink::wire::{Frame, Header, Soa, multicast, node};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+const MAC: Mac = [0x02, 0, 0, 0, 0, 0xF0];
+const FOREIGN: Mac = [0x02, 0, 0, 0, 0, 0xEE];
+
+fn args() -> ScanArgs {
+    ScanArgs {
+        interface: "eth7".into(),
+        listen: 0.3,
+        answer_us: 2000,
+    }
+}
+
+fn printed(link: impl Link, as_json: bool) -> (String, ExitCode) {
+    let mut out = Vec::new();
+    let code = scan_on(link, MAC, &args(), as_json, &mut out).unwrap();
+    (String::from_utf8(out).unwrap(), code)
+}
+
+fn is(code: ExitCode, expected: ExitCode) -> bool {
+    format!("{code:?}") == format!("{expected:?}")
+}
+
+#[test]
+fn every_node_of_a_machine_is_found() {
+    let machine = include_str!("../../../configs/mill3-demo.toml");
+    let config = config::parse(machine, Path::new("demo.toml")).unwrap();
+    let mut machine = SimMachine::new(&config).unwrap();
+    let (near, mut far) = memory::pair(0);
+    let stop = AtomicBool::new(false);
+    let (text, code) = std::thread::scope(|scope| {
+        let machine = scope.spawn(|| serve(&mut far, &mut machine, &stop, &mut |_| {}, &mut |_, _| {}));
+        let printed = printed(near, false);
+        stop.store(true, Ordering::Relaxed);
+        // Our end of the wire is gone, which may end it, too.
+        let _ = machine.join().unwrap();
+        printed
+    });
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines[0], "4 nodes on eth7");
+    let head = "  id  address            state      device type  vendor      product     revision    serial      name";
+    assert_eq!(lines[2], head);
+    let ids: Vec<&str> = lines[3..]
+        .iter()
+        .map(|line| line.split_whitespace().next().unwrap())
+        .collect();
+    assert_eq!(ids, ["1", "2", "3", "10"]);
+    assert!(
+        lines[3].ends_with("PreOp1     0x00020192   0x00000000  0x00000000  0x00000000  1           x-drive"),
+        "{}",
+        lines[3]
+    );
+    assert!(is(code, ExitCode::SUCCESS));
+}
+
+#[test]
+fn beside_a_managing_node_nothing_is_sent() {
+    let (near, mut far) = memory::pair(0);
+    let (stop, sent) = (AtomicBool::new(false), AtomicU32::new(0));
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let header = Header::multicast(multicast::SOA, FOREIGN, node::MN);
+            let soa = Soa::new(NmtState::Operational, RequestedService::IdentRequest, 5);
+            let mut buffer = [0; 1514];
+            let length = Frame::Soa(soa).emit(&header, &mut buffer).unwrap();
+            let mut heard = [0; 1514];
+            while !stop.load(Ordering::Relaxed) {
+                let _ = far.send(&buffer[..length]);
+                let until_ns = far.now_ns() + 5_000_000;
+                if let Ok(Some(_)) = far.receive(&mut heard, until_ns) {
+                    sent.fetch_add(1, Ordering::Relaxed);
+                }
+            }
+        });
+        let (text, code) = printed(near, false);
+        stop.store(true, Ordering::Relaxed);
+        assert!(is(code, ExitCode::FAILURE));
+        let first = "a managing node is at work on this wire (02:00:00:00:00:ee): nothing was sent.";
+        assert_eq!(text.lines().next(), Some(first));
+        assert!(text.lines().any(|line| line == " 240  Operational 0.000"), "{text}");
+    });
+    assert_eq!(sent.into_inner(), 0, "frames were sent");
+}
+
+#[test]
+fn an_empty_wire_says_what_to_look_at() {
+    let (near, mut far) = memory::pair(0);
+    let reader = std::thread::spawn(move || {
+        // Takes what is sent, until the other end is gone, and says nothing.
+        let mut buffer = [0; 1514];
+        while far.receive(&mut buffer, u64::MAX).is_ok() {}
+    });
+    let (text, code) = printed(near, true);
+    reader.join().unwrap();
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(value["nodes"], json!([]));
+    assert!(value["trouble"][0].as_str().unwrap().starts_with("nobody answers: "));
+    assert!(is(code, ExitCode::FAILURE));
+}
+
+#[test]
+fn two_nodes_with_one_id_are_trouble() {
+    let mut octets = [0; 176];
+    octets[12..18].copy_from_slice(&[0x88, 0xAB, 0x06, 0xFF, 3, 0x01]);
+    let Ok(Frame::Asnd(powerlink::wire::Asnd::IdentResponse(ident))) = Frame::parse(&octets) else {
+        panic!("no IdentResponse")
+    };
+    let found = |id, last| Found {
+        id,
+        mac: [2, 0, 0, 0, 0, last],
+        ident,
+    };
+    let expected = "two nodes have the id 3: 02:00:00:00:00:01 and 02:00:00:00:00:02; give one of them another id";
+    assert_eq!(troubles(&[found(3, 1), found(3, 2), found(4, 2)]), [expected]);
+    assert!(troubles(&[found(3, 1), found(4, 1)]).is_empty());
+}
