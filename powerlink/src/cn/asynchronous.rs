@@ -17,6 +17,7 @@ use crate::wire::{
 
 /// NMT requests that can wait.
 pub const NMT_REQUESTS: usize = 8;
+
 /// What the application wants to be sent.
 #[derive(Clone, Debug)]
 pub(super) struct Outbox {

@@ -109,11 +109,12 @@ pub struct SyncResponse {
     pub pres_time_second_valid: bool,
     /// PResModeStatus: the node sends by time.
     pub mode_set: bool,
-    /// The longest time the node takes from the end of a SyncRequest to the start of this answer, in ns.
+    /// How long the node takes from the end of a frame that asks for an answer to the start of that answer, in ns.
     pub latency_ns: u32,
-    /// The node whose PRes `delay_ns` was measured against.
+    /// The other node whose SyncResponse was heard last, 0 where there was none.
     pub sync_node: u32,
-    /// Time from the end of the PRes of `sync_node` to the end of the SoA that carried the request, in ns.
+    /// Time from the end of the SyncRequest to `sync_node` to the beginning of its SyncResponse, as heard by this node, in ns:
+    /// the latency of `sync_node` and twice the way between the two.
     pub delay_ns: u32,
     /// The time that is set, in ns.
     pub pres_time_first_ns: u32,
