@@ -1,27 +1,35 @@
 //! `isocnc check`: is this machine file good, and what machine does it describe?
 //!
-//! In:  a machine file.
-//! Out: every mistake with its place, or a summary of the machine. Nothing is opened, sent or moved.
+//! In:  a machine file; or the concise DCF of a managing node (.cdc).
+//! Out: every mistake with its place, or a summary of the machine, and its concise DCF; of a .cdc its listing. Nothing is
+//! opened, sent or moved.
 
-use crate::bus::network::{self, NodePlan};
-use crate::config::{self, BusKind, Config, Joint, Profile};
+mod network;
+
+use crate::bus::cdc;
+use crate::bus::network::{NodePlan, plan};
+use crate::config::{self, BusKind, Config, Joint};
 use crate::rt::pins::{CAPACITY, Pins};
 use anyhow::Context;
 use hal_pins::Hal;
+use network::{budget_json, node_json, with_mn_config, write_budget, write_node};
 use serde_json::{Value as Json, json};
 use std::fmt::{self, Write as _};
 use std::io::{ErrorKind, Write as _};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Arguments of `check`.
 #[derive(Debug, clap::Args)]
 pub struct CheckArgs {
-    /// Machine file.
+    /// Machine file, or a .cdc file to be listed.
     machine: PathBuf,
     /// Print JSON.
     #[arg(long)]
     json: bool,
+    /// Write the managing node's concise DCF of a good machine file, to compare with other tools.
+    #[arg(long, value_name = "FILE")]
+    cdc: Option<PathBuf>,
 }
 
 /// Checks a machine file: exit code 0 if it is good, 1 if it is not.
@@ -29,6 +37,9 @@ pub struct CheckArgs {
 /// # Errors
 /// Output that cannot be written.
 pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
+    if args.machine.extension().is_some_and(|extension| extension == "cdc") {
+        return list_cdc(&args.machine);
+    }
     let config = match config::read(&args.machine) {
         Ok(config) => config,
         Err(errors) => {
@@ -40,7 +51,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
             return Ok(ExitCode::FAILURE);
         }
     };
-    let plans = network::plan(&config);
+    let plans = plan(&config);
     if let Err(error) = connections(&config, &plans) {
         let file = args.machine.display();
         if args.json {
@@ -54,11 +65,38 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
         }
         return Ok(ExitCode::FAILURE);
     }
+    if let Some(path) = &args.cdc {
+        let octets = with_mn_config(&config, &plans, cdc::write);
+        std::fs::write(path, octets).with_context(|| format!("{}: cannot be written", path.display()))?;
+    }
     print(&if args.json {
         format!("{:#}\n", to_json(&config, &plans))
     } else {
         Summary(&config, &plans).to_string()
     })?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Lists a concise DCF: exit code 0 if it can be read as one, 1 if not. What our managing node would refuse of it is told, too.
+fn list_cdc(path: &Path) -> anyhow::Result<ExitCode> {
+    let file = path.display();
+    let octets = std::fs::read(path).with_context(|| format!("{file}: cannot be read"))?;
+    match cdc::listing(&octets) {
+        Ok(listing) => print(&listing)?,
+        Err(error) => {
+            eprintln!("{file}: {error}");
+            return Ok(ExitCode::FAILURE);
+        }
+    }
+    match cdc::read(&octets) {
+        Ok(network) if network.others.is_empty() => {}
+        Ok(network) => {
+            let others = network.others.iter().map(|(index, sub)| format!("0x{index:04X}:{sub}"));
+            let others = others.collect::<Vec<_>>().join(", ");
+            eprintln!("{file}: our managing node has no use for {others}");
+        }
+        Err(error) => eprintln!("{file}: our managing node would refuse it: {error}"),
+    }
     Ok(ExitCode::SUCCESS)
 }
 
@@ -77,32 +115,6 @@ fn connections(config: &Config, plans: &[NodePlan]) -> anyhow::Result<()> {
     Hal::create_in(&[std::env::temp_dir()], &name, CAPACITY)
         .and_then(|mut hal| Pins::new(&mut hal, config, plans).map(drop))
         .context("hal")
-}
-
-/// How a cycle is spent if every node leaves its poll unanswered, µs.
-struct CycleUse {
-    timeouts_us: u32,
-    async_slot_us: u32,
-    left_us: u32,
-}
-
-impl CycleUse {
-    fn of(config: &Config) -> CycleUse {
-        let timeouts_us = config.bus.nodes.iter().map(|node| node.pres_timeout_us).sum();
-        let async_slot_us = config.bus.async_slot_timeout_us;
-        CycleUse {
-            timeouts_us,
-            async_slot_us,
-            left_us: config.cycle_us.saturating_sub(timeouts_us + async_slot_us),
-        }
-    }
-}
-
-fn profile_name(profile: Profile) -> &'static str {
-    match profile {
-        Profile::Cia402 => "cia402",
-        Profile::Io => "io",
-    }
 }
 
 fn bus_name(kind: BusKind) -> &'static str {
@@ -125,11 +137,6 @@ struct Summary<'a>(&'a Config, &'a [NodePlan]);
 impl fmt::Display for Summary<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Summary(config, plans) = *self;
-        let CycleUse {
-            timeouts_us,
-            async_slot_us,
-            left_us,
-        } = CycleUse::of(config);
         writeln!(f, "{} is good\n", config.path.display())?;
         writeln!(f, "machine   {}", config.name)?;
         let interface = match config.bus.kind {
@@ -137,30 +144,10 @@ impl fmt::Display for Summary<'_> {
             BusKind::Memory => "memory: the simulated machine inside the control".into(),
         };
         writeln!(f, "bus       {interface}")?;
-        writeln!(f, "cycle     {} us, if no node answers:", config.cycle_us)?;
-        writeln!(
-            f,
-            "          {timeouts_us:>5} us time-outs of {} nodes",
-            config.bus.nodes.len()
-        )?;
-        writeln!(f, "          {async_slot_us:>5} us asynchronous slot")?;
-        writeln!(
-            f,
-            "          {left_us:>5} us left for the frames themselves and for computing"
-        )?;
+        write_budget(f, config, plans)?;
         writeln!(f, "nodes")?;
         for (node, plan) in config.bus.nodes.iter().zip(plans) {
-            writeln!(
-                f,
-                "  {:>3}  {:<12} {:<7} {:<9} PRes within {} us, {} octets out, {} in",
-                node.id,
-                node.name,
-                profile_name(node.profile),
-                if node.mandatory { "mandatory" } else { "optional" },
-                node.pres_timeout_us,
-                plan.outputs.octets,
-                plan.inputs.octets,
-            )?;
+            write_node(f, config, node, plan)?;
         }
         writeln!(f, "joints")?;
         for (number, joint) in config.joints.iter().enumerate() {
@@ -203,18 +190,8 @@ impl Summary<'_> {
 }
 
 fn to_json(config: &Config, plans: &[NodePlan]) -> Json {
-    let spent = CycleUse::of(config);
-    let nodes = config.bus.nodes.iter().zip(plans).map(|(node, plan)| {
-        json!({
-            "id": node.id,
-            "name": node.name,
-            "profile": profile_name(node.profile),
-            "mandatory": node.mandatory,
-            "pres_timeout_us": node.pres_timeout_us,
-            "output_octets": plan.outputs.octets,
-            "input_octets": plan.inputs.octets,
-        })
-    });
+    let nodes = config.bus.nodes.iter().zip(plans);
+    let nodes = nodes.map(|(node, plan)| node_json(node, plan));
     let joints = config.joints.iter().enumerate().map(|(number, joint)| {
         json!({
             "node": config.bus.nodes[joint.node].id,
@@ -241,9 +218,8 @@ fn to_json(config: &Config, plans: &[NodePlan]) -> Json {
         "bus": bus_name(config.bus.kind),
         "interface": config.bus.interface,
         "cycle_us": config.cycle_us,
-        "pres_timeouts_us": spent.timeouts_us,
-        "async_slot_timeout_us": spent.async_slot_us,
-        "cycle_left_us": spent.left_us,
+        "async_slot_timeout_us": config.bus.async_slot_timeout_us,
+        "budget": budget_json(config, plans),
         "nodes": nodes.collect::<Vec<_>>(),
         "joints": joints.collect::<Vec<_>>(),
         "axes": axes.collect::<Vec<_>>(),
@@ -266,17 +242,22 @@ mod tests {
     #[test]
     fn the_summary_says_how_a_cycle_is_spent_and_what_moves() {
         let config = demo("", "");
-        let plans = network::plan(&config);
+        let plans = plan(&config);
         let text = Summary(&config, &plans).to_string();
         let mut lines = text.lines();
         for expected in [
             "m.toml is good",
             "machine   mill3-demo",
-            "cycle     1000 us, if no node answers:",
-            "            600 us time-outs of 4 nodes",
-            "            150 us asynchronous slot",
-            "            250 us left for the frames themselves and for computing",
+            "cycle     1000 us                                          expected    worst",
+            "          SoC                                                   6.7      6.7",
+            "          x-drive      60 + 60 octets, latency unknown        156.7    156.7",
+            "          asynchronous slot, ASnd of up to 1514 octets        123.0    150.0",
+            "          sum                                                 763.4    790.3",
+            "          left for computing                                  236.6    209.7",
             "    1  x-drive      cia402  mandatory PRes within 150 us, 11 octets out, 17 in",
+            "       identity  device type 0x00020192, vendor 0x00000000",
+            "       out       bit    0  16 bits  0x6040:0",
+            "       in        bit   72  32 bits  0x6064:0",
             "    2  z-drive      -105 to 5 mm, 100 mm/s, 1000 mm/s2, 20000 mm/s3, homing method 23",
             "    Z  joint 2",
             "       spindle-run: spindle.0.on -> io.10.out-00",
@@ -291,8 +272,10 @@ mod tests {
     #[test]
     fn json_holds_the_same() {
         let config = demo("", "");
-        let json = to_json(&config, &network::plan(&config));
-        assert_eq!(json["cycle_left_us"], 250);
+        let json = to_json(&config, &plan(&config));
+        assert_eq!(json["budget"]["left_ns"], 209_680);
+        assert_eq!(json["nodes"][0]["inputs"][4]["bit_offset"], 72);
+        assert_eq!(json["nodes"][3]["identity"]["device_type"], 0x000F_0191);
         assert_eq!(json["nodes"][3]["id"], 10);
         assert_eq!(json["joints"][1]["axes"], "Y");
         assert_eq!(json["joints"][0]["travel_mm"], json!([-5.0, 305.0]));
@@ -300,11 +283,54 @@ mod tests {
     }
 
     #[test]
+    fn a_device_file_gives_names_and_says_what_is_not_written() {
+        let drive = "profile = \"cia402\"\nmandatory = true\npres_timeout_us = 150\ndevice_type = 0x00020192        # checked against what the device reports; left out: not checked\nvendor_id = 0x00000000\n";
+        let config = demo(
+            drive,
+            "profile = \"cia402\"\ndevice_file = \"obd/tests/data/servo.xdc\"\n",
+        );
+        let text = Summary(&config, &plan(&config)).to_string();
+        let mut lines = text.lines();
+        for expected in [
+            "          pause before the first PReq                           1.0      1.0",
+            // 30 us latency and two frames; 137 us time-out and a PReq.
+            "          x-drive      60 + 60 octets                          43.4    143.7",
+            "       device    obd/tests/data/servo.xdc: Example Drives ED-402",
+            "       identity  device type 0x00020192, vendor 0x0000FACE, product 0x00000402",
+            "       out       bit   56  32 bits  0x607A:0   Target position",
+            "       without   0x1C14:0: left to the managing node",
+            "       without   0x2030:0: cannot be written",
+        ] {
+            assert!(
+                lines.any(|line| line == expected),
+                "no {expected:?}, in this order, in\n{text}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_concise_dcf_is_written_and_listed() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("mn.cdc");
+        let args = CheckArgs {
+            machine: "configs/mill3-demo.toml".into(),
+            json: true,
+            cdc: Some(path.clone()),
+        };
+        assert_eq!(check(&args).expect("it is written"), ExitCode::SUCCESS);
+        let octets = std::fs::read(&path).expect("it is there");
+        assert!(cdc::listing(&octets).expect("it can be read").contains("0x1F22:10 "));
+        assert_eq!(list_cdc(&path).expect("it is listed"), ExitCode::SUCCESS);
+        std::fs::write(&path, &octets[..20]).expect("it is cut");
+        assert_eq!(list_cdc(&path).expect("it is told"), ExitCode::FAILURE);
+    }
+
+    #[test]
     fn a_net_to_a_pin_that_does_not_exist_is_an_error() {
         let good = demo("", "");
-        connections(&good, &network::plan(&good)).expect("nets between pins that exist");
+        connections(&good, &plan(&good)).expect("nets between pins that exist");
         let config = demo("source = \"spindle.0.on\"", "source = \"spindle.0.onn\"");
-        let error = connections(&config, &network::plan(&config)).expect_err("no such pin");
+        let error = connections(&config, &plan(&config)).expect_err("no such pin");
         let text = format!("{error:#}");
         assert!(text.starts_with("hal: ") && text.contains("spindle.0.onn"), "{text}");
     }

@@ -1,0 +1,278 @@
+//! The network in words: how a cycle is spent, and of each node what it is expected to be, what is mapped and what is written.
+//!
+//! In:  the checked machine description, the plans of its nodes.
+//! Out: text for a terminal, and the same as JSON.
+
+use crate::bus::layout::Layout;
+use crate::bus::managing_node::{latencies, mn_config, node_configs};
+use crate::bus::network::{LeftOut, LeftOutReason, NodePlan};
+use crate::config::{Config, Exchange, Mapped, Node, Profile};
+use powerlink::mn::{Budget, BudgetLine, MnConfig, NodeConfig, Part};
+use serde_json::{Value as Json, json};
+use std::fmt;
+
+/// An address, as a managing node must have one; it takes no part in what is shown.
+const ANY_MAC: [u8; 6] = [2, 0, 0, 0, 0, 0xF0];
+/// Objects of one kind that are named where values are not written.
+const LEFT_OUT_NAMED: usize = 6;
+
+/// What the managing node would be told.
+pub(super) fn with_mn_config<R>(config: &Config, plans: &[NodePlan], then: impl FnOnce(&MnConfig<'_>) -> R) -> R {
+    let nodes: Vec<NodeConfig<'_>> = node_configs(&config.bus, plans);
+    then(&mn_config(config, &nodes, ANY_MAC))
+}
+
+pub(super) fn profile_name(profile: Profile) -> &'static str {
+    match profile {
+        Profile::Cia402 => "cia402",
+        Profile::Io => "io",
+    }
+}
+
+/// How a node exchanges process data, where it is not polled in each cycle.
+fn exchange(node: &Node) -> String {
+    match node.exchange {
+        Exchange::Polled => String::new(),
+        Exchange::Multiplexed(cycle) => format!(", in cycle {cycle} of a round"),
+        Exchange::Chained => ", chained".to_owned(),
+        Exchange::AsyncOnly => ", asynchronous only".to_owned(),
+    }
+}
+
+/// The budget of the cycle as a table.
+pub(super) fn write_budget(f: &mut fmt::Formatter<'_>, config: &Config, plans: &[NodePlan]) -> fmt::Result {
+    let latencies_ns = latencies(&config.bus);
+    with_mn_config(config, plans, |mn| {
+        let budget = Budget::new(mn, &latencies_ns);
+        let us = |ns: u64| ns as f64 / 1000.0;
+        let of_round = match budget.longest_cycle() {
+            0 => String::new(),
+            cycle => format!(", cycle {cycle} of a round of {}", mn.multiplex_cycles),
+        };
+        writeln!(
+            f,
+            "{:<10}{:<48}{:>9}{:>9}",
+            "cycle",
+            format!("{} us{of_round}", config.cycle_us),
+            "expected",
+            "worst"
+        )?;
+        let takes_part = |line: &BudgetLine| match line.part {
+            Part::Poll { multiplex_cycle, .. } => multiplex_cycle == 0 || multiplex_cycle == budget.longest_cycle(),
+            Part::Soc | Part::SocToPreq | Part::PresMn { .. } => true,
+            Part::Chained { .. } | Part::Chain | Part::Soa | Part::AsyncSlot { .. } => true,
+        };
+        for line in budget.lines().filter(takes_part) {
+            let part = part(&line, config, &latencies_ns);
+            writeln!(
+                f,
+                "          {part:<48}{:>9.1}{:>9.1}",
+                us(line.expected_ns()),
+                us(line.worst_ns)
+            )?;
+        }
+        let (expected_ns, worst_ns) = (budget.expected_ns(), budget.worst().total_ns());
+        let left = |ns: u64| us(u64::from(mn.cycle_ns)) - us(ns);
+        writeln!(
+            f,
+            "          {:<48}{:>9.1}{:>9.1}",
+            "sum",
+            us(expected_ns),
+            us(worst_ns)
+        )?;
+        writeln!(
+            f,
+            "          {:<48}{:>9.1}{:>9.1}",
+            "left for computing",
+            left(expected_ns),
+            left(worst_ns)
+        )
+    })
+}
+
+/// What a line of the budget is for.
+fn part(line: &BudgetLine, config: &Config, latencies_ns: &[Option<u32>]) -> String {
+    let name = |node: usize| config.bus.nodes.get(node).map_or("", |node| node.name.as_str());
+    match line.part {
+        Part::Soc => "SoC".to_owned(),
+        Part::SocToPreq => "pause before the first PReq".to_owned(),
+        Part::Poll {
+            node,
+            preq_octets,
+            pres_octets,
+            ..
+        } => {
+            let unknown = latencies_ns.get(node).copied().flatten().is_none();
+            let by_timeout = if unknown { ", latency unknown" } else { "" };
+            format!("{:<12} {preq_octets} + {pres_octets} octets{by_timeout}", name(node))
+        }
+        Part::PresMn { octets } => format!("PRes of the managing node, {octets} octets"),
+        Part::Chained { node, octets } => format!("{:<12} chained, {octets} octets", name(node)),
+        Part::Chain => "wait for the chain".to_owned(),
+        Part::Soa => "SoA".to_owned(),
+        Part::AsyncSlot { octets } => format!("asynchronous slot, ASnd of up to {octets} octets"),
+    }
+}
+
+/// One node with everything that it will be told.
+pub(super) fn write_node(f: &mut fmt::Formatter<'_>, config: &Config, node: &Node, plan: &NodePlan) -> fmt::Result {
+    writeln!(
+        f,
+        "  {:>3}  {:<12} {:<7} {:<9} PRes within {} us, {} octets out, {} in{}",
+        node.id,
+        node.name,
+        profile_name(node.profile),
+        if node.mandatory { "mandatory" } else { "optional" },
+        node.pres_timeout_us,
+        plan.outputs.octets,
+        plan.inputs.octets,
+        exchange(node),
+    )?;
+    if let Some(device) = &node.device {
+        let identity = &device.identity;
+        writeln!(
+            f,
+            "       device    {}: {} {}",
+            device.file, identity.vendor_name, identity.product_name
+        )?;
+        for note in &device.notes {
+            writeln!(f, "                 {}", note.line(&device.file))?;
+        }
+    }
+    let expected: Vec<String> = identity(node)
+        .into_iter()
+        .filter_map(|(name, value)| Some(format!("{name} 0x{:08X}", value?)))
+        .collect();
+    let expected = if expected.is_empty() {
+        "not checked".to_owned()
+    } else {
+        expected.join(", ")
+    };
+    writeln!(f, "       identity  {expected}")?;
+    if let Some(software) = node.software {
+        writeln!(f, "       software  date {}, time {}", software.date, software.time)?;
+    }
+    write_layout(f, "out", &plan.outputs, node)?;
+    write_layout(f, "in", &plan.inputs, node)?;
+    for cross in &node.cross {
+        let source = &config.bus.nodes[cross.from].name;
+        writeln!(f, "       cross     {} of {source} into {}", cross.read, cross.into)?;
+    }
+    let octets = plan.configuration.len();
+    writeln!(
+        f,
+        "       writes    {} values, {octets} octets of concise DCF",
+        plan.writes.len()
+    )?;
+    for (reason, why) in [
+        (LeftOutReason::NotInDevice, "not in the device"),
+        (LeftOutReason::ManagingNodeSets, "left to the managing node"),
+        (LeftOutReason::NotWritable, "cannot be written"),
+    ] {
+        let left_out: Vec<&LeftOut> = plan
+            .left_out
+            .iter()
+            .filter(|left_out| left_out.reason == reason)
+            .collect();
+        if !left_out.is_empty() {
+            let named = left_out.iter().take(LEFT_OUT_NAMED);
+            let named: Vec<String> = named
+                .map(|object| format!("0x{:04X}:{}", object.index, object.sub))
+                .collect();
+            let more = left_out.len().saturating_sub(LEFT_OUT_NAMED);
+            let more = if more > 0 {
+                format!(" and {more} more")
+            } else {
+                String::new()
+            };
+            writeln!(f, "       without   {}{more}: {why}", named.join(", "))?;
+        }
+    }
+    Ok(())
+}
+
+fn identity(node: &Node) -> [(&'static str, Option<u32>); 5] {
+    let identity = &node.identity;
+    [
+        ("device type", identity.device_type),
+        ("vendor", identity.vendor_id),
+        ("product", identity.product_code),
+        ("revision", identity.revision),
+        ("serial", identity.serial),
+    ]
+}
+
+/// What a device file calls an object.
+fn name<'a>(node: &'a Node, object: &Mapped) -> Option<&'a str> {
+    let object = node.device.as_ref()?.object(object.index, object.sub)?;
+    Some(object.name.as_str())
+}
+
+/// One line for each object: direction, first bit, length, object and its name.
+fn write_layout(f: &mut fmt::Formatter<'_>, direction: &str, layout: &Layout, node: &Node) -> fmt::Result {
+    for field in &layout.fields {
+        let Mapped { index, sub, bits } = field.object;
+        let object = format!("0x{index:04X}:{sub}");
+        let line = format!(
+            "       {direction:<9} bit {:>4}  {bits:>2} bits  {object:<10} {}",
+            8 * field.offset,
+            name(node, &field.object).unwrap_or("")
+        );
+        writeln!(f, "{}", line.trim_end())?;
+    }
+    Ok(())
+}
+
+/// The budget as JSON, times in ns.
+pub(super) fn budget_json(config: &Config, plans: &[NodePlan]) -> Json {
+    let latencies_ns = latencies(&config.bus);
+    with_mn_config(config, plans, |mn| {
+        let budget = Budget::new(mn, &latencies_ns);
+        let lines = budget.lines().map(|line| {
+            json!({
+                "part": part(&line, config, &latencies_ns),
+                "wire_ns": line.wire_ns,
+                "expected_ns": line.expected_ns(),
+                "worst_ns": line.worst_ns,
+            })
+        });
+        json!({
+            "parts": lines.collect::<Vec<_>>(),
+            "longest_cycle_of_round": budget.longest_cycle(),
+            "expected_ns": budget.expected_ns(),
+            "worst_ns": budget.worst().total_ns(),
+            "left_ns": u64::from(mn.cycle_ns).saturating_sub(budget.worst().total_ns()),
+        })
+    })
+}
+
+/// One node as JSON.
+pub(super) fn node_json(node: &Node, plan: &NodePlan) -> Json {
+    let layout = |layout: &Layout| {
+        let fields = layout.fields.iter().map(|field| {
+            json!({
+                "object": format!("0x{:04X}:{}", field.object.index, field.object.sub),
+                "name": name(node, &field.object),
+                "bits": field.object.bits,
+                "bit_offset": 8 * field.offset,
+            })
+        });
+        fields.collect::<Vec<_>>()
+    };
+    let identity = identity(node).map(|(name, value)| (name.replace(' ', "_"), json!(value)));
+    json!({
+        "id": node.id,
+        "name": node.name,
+        "profile": profile_name(node.profile),
+        "mandatory": node.mandatory,
+        "device_file": node.device.as_ref().map(|device| &device.file),
+        "identity": identity.into_iter().collect::<serde_json::Map<_, _>>(),
+        "pres_timeout_us": node.pres_timeout_us,
+        "output_octets": plan.outputs.octets,
+        "input_octets": plan.inputs.octets,
+        "outputs": layout(&plan.outputs),
+        "inputs": layout(&plan.inputs),
+        "configuration_writes": plan.writes.len(),
+        "configuration_left_out": plan.left_out.len(),
+    })
+}
