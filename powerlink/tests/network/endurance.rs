@@ -46,6 +46,7 @@ fn endure(seed: u64, cycles: u64) -> World {
         }
         Weather::end(&mut world);
         world.run_until_operational(RECOVERY_CYCLES);
+        world.check_data();
         world.run(random.below(200));
         world.events.clear();
     }

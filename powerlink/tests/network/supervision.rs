@@ -90,7 +90,12 @@ impl Supervision {
     /// Time has come this far, before the node is told so.
     pub fn time(&mut self, now_ns: u64) {
         self.reached = false;
-        while let Some(due_ns) = self.soc_due_ns.filter(|due_ns| self.running && *due_ns <= now_ns) {
+        // A length of 0 switches the watch off.
+        let watched = self.running && self.cycle_ns > 0;
+        while let Some(due_ns) = self
+            .soc_due_ns
+            .filter(|due_ns| watched && self.running && *due_ns <= now_ns)
+        {
             self.soc_due_ns = Some(due_ns + self.cycle_ns);
             self.reached |= self.soc.error(self.thresholds[0]);
             if !self.reached {
@@ -170,6 +175,10 @@ impl Supervision {
         if exchanges && !self.running {
             self.take_over(node);
         }
+        if node.nmt_state() == NmtState::NotActive {
+            // Where every reset ends.
+            self.activate(node);
+        }
         if !node.nmt_state().is_isochronous() {
             // Out of the cycle nothing is due, and who polls is forgotten.
             (self.soc_due_ns, self.soa_due, self.polled, self.every_cycle) = (None, false, false, false);
@@ -189,14 +198,19 @@ impl Supervision {
             .map(|[cumulative, count]| Counter { cumulative, count });
         (self.soc, self.soa, self.preq) = (soc, soa, preq);
         self.thresholds = self.read(node, [2]).map(|[threshold]| threshold);
+        // The last SoC came before these were known; without a cycle length it was no start of a watch.
+        let last_ns = self.soc_due_ns.map(|due_ns| due_ns - self.cycle_ns - self.tolerance_ns);
+        let last_ns = last_ns.filter(|_| self.cycle_ns > 0);
+        self.activate(node);
+        self.soc_due_ns = last_ns.map(|last_ns| last_ns + self.cycle_ns + self.tolerance_ns);
+    }
+
+    /// The values of the dictionary hold from now on.
+    fn activate(&mut self, node: &Node) {
         let read = |index| {
             let octets = node.dictionary().read(index, 0).unwrap();
             u64::from(u32::from_le_bytes(octets.try_into().unwrap()))
         };
-        let (cycle_ns, tolerance_ns) = (read(0x1006) * 1_000, read(0x1C14));
-        // The last SoC came before these were known.
-        let last_ns = self.soc_due_ns.map(|due_ns| due_ns - self.cycle_ns - self.tolerance_ns);
-        (self.cycle_ns, self.tolerance_ns) = (cycle_ns, tolerance_ns);
-        self.soc_due_ns = last_ns.map(|last_ns| last_ns + cycle_ns + tolerance_ns);
+        (self.cycle_ns, self.tolerance_ns) = (read(0x1006) * 1_000, read(0x1C14));
     }
 }

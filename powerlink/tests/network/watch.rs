@@ -69,6 +69,10 @@ const LOG_LEN: usize = 100;
 /// Octets of each frame in the log, from the message type on.
 const LOG_OCTETS: std::ops::Range<usize> = 14..40;
 
+/// How long a frame that was sent because of a fault is on the wire and in the way of others, at most: the longest frame there and
+/// through.
+const EXCUSED_NS: u64 = 200_000;
+
 /// One frame, sent or heard.
 struct Line {
     now_ns: u64,
@@ -100,7 +104,8 @@ pub struct Watch {
     nodes: Vec<NodeModel>,
     /// The managing node was shown a frame that should not have been there, and may send too early until then.
     misled_until_ns: u64,
-    excused: Vec<bool>,
+    /// What each station sends may be the consequence of a fault until then.
+    excused_until_ns: Vec<u64>,
 }
 
 impl Watch {
@@ -127,7 +132,7 @@ impl Watch {
             mn_state: NmtState::NotActive,
             nodes: vec![NodeModel::default(); ids.len()],
             misled_until_ns: 0,
-            excused: vec![false; stations],
+            excused_until_ns: vec![0; stations],
         }
     }
 
@@ -146,6 +151,10 @@ impl Watch {
             octets,
             faults,
         });
+    }
+
+    fn excuse(&mut self, now_ns: u64, station: Station) {
+        self.excused_until_ns[station.index()] = now_ns + EXCUSED_NS;
     }
 
     fn index(&self, id: u8) -> Option<usize> {
@@ -211,7 +220,9 @@ impl Watch {
         let header =
             Header::parse(octets).unwrap_or_else(|error| panic!("{now_ns}: the MN sent {octets:02x?}: {error}"));
         assert_eq!((header.source, header.source_node), (MN_MAC, node::MN), "{now_ns}");
-        self.excused[station.index()] = now_ns < self.misled_until_ns;
+        if now_ns < self.misled_until_ns {
+            self.excuse(now_ns, station);
+        }
         self.note(now_ns, "MN sends", station, octets, Faults::default());
         if let Some(Outstanding { node, .. }) = self.outstanding {
             panic!(
@@ -292,7 +303,7 @@ impl Watch {
     /// The managing node is handed a frame.
     pub fn mn_hears(&mut self, now_ns: u64, octets: &[u8], arrival: &Arrival, intruder: bool) {
         self.note(now_ns, "MN hears, from", arrival.from, octets, arrival.faults);
-        if arrival.faults.any() || intruder || self.excused[arrival.from.index()] {
+        if arrival.faults.any() || intruder || now_ns < self.excused_until_ns[arrival.from.index()] {
             self.misled_until_ns = now_ns + self.cycle_ns;
         }
         let Ok(frame) = Frame::parse(octets) else {
@@ -447,7 +458,9 @@ impl Watch {
     pub fn node_sends(&mut self, now_ns: u64, id: u8, state: NmtState, octets: &[u8], cause: &Arrival, excused: bool) {
         self.note(now_ns, "node sends", cause.to, octets, cause.faults);
         let excused = excused || cause.faults.any();
-        self.excused[cause.to.index()] = excused;
+        if excused {
+            self.excuse(now_ns, cause.to);
+        }
         let header = Header::parse(octets).unwrap();
         assert_eq!(header.source_node, id, "{now_ns}");
         match Frame::parse(octets).unwrap() {
@@ -486,7 +499,6 @@ impl Watch {
     /// A chained node sends by time.
     pub fn chained_sends(&mut self, now_ns: u64, id: u8, station: Station, state: NmtState, octets: &[u8]) {
         self.note(now_ns, "node sends", station, octets, Faults::default());
-        self.excused[station.index()] = false;
         let Frame::Pres(pres) = Frame::parse(octets).unwrap() else {
             panic!("{now_ns}: node {id} sent {octets:02x?} by time")
         };
@@ -540,7 +552,7 @@ impl Watch {
 
     /// Two frames have met on the wire.
     pub fn collision(&self, collision: Collision) {
-        let excused = |station: &Station| self.excused[station.index()];
+        let excused = |station: &Station| collision.at_ns < self.excused_until_ns[station.index()];
         let misled = collision.at_ns < self.misled_until_ns;
         let excused = misled || collision.stations.iter().any(excused);
         assert!(excused, "two frames on the wire at once: {collision:?}");
@@ -549,7 +561,7 @@ impl Watch {
     /// A station that keeps no rules sends.
     pub fn intruder_sends(&mut self, now_ns: u64, station: Station, octets: &[u8]) {
         self.note(now_ns, "intruder sends", station, octets, Faults::default());
-        self.excused[station.index()] = true;
+        self.excuse(now_ns, station);
     }
 }
 

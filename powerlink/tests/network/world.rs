@@ -504,6 +504,22 @@ impl World {
         );
     }
 
+    /// Runs some cycles; data go both ways, to and from every node.
+    pub fn check_data(&mut self) {
+        self.run(10);
+        for (index, device) in self.devices.iter().enumerate() {
+            let input = Pattern::from_octets(self.mn.input(index).data).cycle();
+            let output = device.output_cycle.unwrap_or(0);
+            let oldest = self.cycle as u32 - 5;
+            let (now_ns, id) = (self.now_ns, device.id);
+            assert!(
+                input >= oldest && output >= oldest,
+                "{now_ns}: node {id} is OPERATIONAL, but its data are old: {input}, {output} in cycle {}",
+                self.cycle
+            );
+        }
+    }
+
     /// Events of the managing node that say something is wrong.
     pub fn troubles(&self) -> Vec<&MnEvent> {
         let events = self.events.iter().map(|(_, event)| event);
