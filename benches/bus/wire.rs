@@ -49,6 +49,8 @@ pub(crate) struct Cycle {
     /// The thread was woken so much later than it had asked for, its own work before left out: the timer of the kernel or
     /// the host was late, or the kernel gave the core to others.
     pub(crate) woken_late_ns: u64,
+    /// Processor time of this thread for what was left to do before the cycle.
+    pub(crate) serving_ns: u64,
     /// Time from the wake-up to the end in which no thread of the cycle ran: the host had the core, or the kernel gave
     /// ordinary threads the share of time that it keeps for them.
     pub(crate) stolen_ns: u64,
@@ -227,6 +229,7 @@ fn run_cycle(exchange: &mut dyn Exchange, clocks: &Clocks, deadline_ns: u64, lim
         done_ns: ended_ns - deadline_ns,
         // What this thread did itself in the time before is no one else's fault.
         woken_late_ns: woken_ns.saturating_sub(asked_ns + serving_ns),
+        serving_ns,
         stolen_ns: (ended_ns - woken_ns).saturating_sub(ran_ns),
         skipped: 0,
     }
@@ -477,6 +480,17 @@ fn print_overruns(name: &str, cycle_us: u32, ran: &[Cycle]) {
         // Would it have been in time without what others took?
         if cycle.done_ns.saturating_sub(cycle.woken_late_ns + cycle.stolen_ns) > period_ns {
             own += overruns;
+            if overruns > 0 {
+                println!(
+                    "                   {overruns} overruns: over after {} us, of it {} us exchange; before {} us of serving, woken {} us \
+                     late, others {} us",
+                    cycle.done_ns / 1000,
+                    cycle.exchange_ns / 1000,
+                    cycle.serving_ns / 1000,
+                    cycle.woken_late_ns / 1000,
+                    cycle.stolen_ns / 1000
+                );
+            }
         } else if cycle.woken_late_ns > cycle.stolen_ns {
             woken += overruns;
         } else {
