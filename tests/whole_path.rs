@@ -547,7 +547,7 @@ fn a_stop_in_mid_program_is_on_the_path_within_the_stop_limits() {
 #[test]
 fn a_stop_before_the_program_ends_in_order_wherever_it_comes() {
     let mut stopped_in = Vec::new();
-    for at_ms in [1, 300, 700, 960, 966, 971, 985, 1_500, 3_000, 3_085, 5_000, 6_625] {
+    for at_ms in [1, 300, 655, 711, 716, 721, 735, 1_250, 2_750, 2_835, 4_750, 6_375] {
         rehearse_part(NetConfig::clean(14), PART, |run| {
             println!("stop at {at_ms} ms");
             reach(run, "so late", |run| run.now_ns() >= at_ms * 1_000_000);
@@ -799,7 +799,7 @@ fn hear_foreign_master(run: &mut Rehearsal<'_>) {
 
 #[test]
 fn another_managing_node_is_told_of_and_nothing_starts_beside_it() {
-    for at_ms in [300, 700, 800, 960] {
+    for at_ms in [300, 655, 690, 711] {
         rehearse_part(NetConfig::clean(27), PART, |run| {
             println!("heard at {at_ms} ms");
             reach(run, "so late", |run| run.now_ns() >= at_ms * 1_000_000);
