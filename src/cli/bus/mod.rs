@@ -5,8 +5,10 @@
 
 pub mod network;
 pub mod scan;
+pub mod sdo;
 pub mod station;
 pub mod trace;
+pub mod value;
 pub mod words;
 
 use clap::{Args, Subcommand};
@@ -34,6 +36,8 @@ enum BusCommand {
     State(NetworkArgs),
     /// Which object is where in the cyclic frames
     Pdo(NetworkArgs),
+    /// Read and write objects of a node
+    Sdo(sdo::SdoArgs),
     /// Everything about the network on one page, to paste
     Report(NetworkArgs),
     /// A capture in words: one line a frame, or a summary
@@ -51,6 +55,7 @@ pub fn bus(args: &BusArgs) -> anyhow::Result<ExitCode> {
         BusCommand::Nodes(network) => network::show(network, Topic::Nodes, args.json, &mut out),
         BusCommand::State(network) => network::show(network, Topic::State, args.json, &mut out),
         BusCommand::Pdo(network) => network::show(network, Topic::Pdo, args.json, &mut out),
+        BusCommand::Sdo(sdo) => sdo::sdo(sdo, args.json, &mut out),
         BusCommand::Report(network) => network::show(network, Topic::Report, args.json, &mut out),
         BusCommand::Trace(trace) => trace::trace(trace, args.json, &mut out),
     };

@@ -35,7 +35,7 @@ pub struct ScanArgs {
 pub(super) fn scan(args: &ScanArgs, as_json: bool, out: &mut impl Write) -> anyhow::Result<ExitCode> {
     let link = open(&args.interface)?;
     let mac = link.mac();
-    scan_on(link, mac, args, as_json, out)
+    scan_on(Box::new(link), mac, args, as_json, out)
 }
 
 /// A link that hears all nodes, also what is sent to another one.
@@ -48,7 +48,7 @@ pub(super) fn open(interface: &str) -> anyhow::Result<RawLink> {
 }
 
 fn scan_on(
-    mut link: impl Link,
+    mut link: Box<dyn Link>,
     mac: Mac,
     args: &ScanArgs,
     as_json: bool,
@@ -56,7 +56,7 @@ fn scan_on(
 ) -> anyhow::Result<ExitCode> {
     let mut heard = Heard::default();
     let listen_ns = (args.listen * 1e9) as u64;
-    let foreign = listen(&mut link, listen_ns, &mut |now_ns, frame| heard.take(now_ns, frame))?;
+    let foreign = listen(&mut *link, listen_ns, &mut |now_ns, frame| heard.take(now_ns, frame))?;
     if let Some(foreign) = foreign {
         tell_foreign(foreign, heard, args, as_json, out)?;
         return Ok(ExitCode::FAILURE);
@@ -108,7 +108,7 @@ fn tell_foreign(
     out: &mut impl Write,
 ) -> anyhow::Result<()> {
     if as_json {
-        let report = heard.to_json()?;
+        let report = heard.into_json()?;
         let foreign = words::mac(foreign.mac);
         writeln!(
             out,

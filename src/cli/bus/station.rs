@@ -56,7 +56,7 @@ pub struct Found {
 
 /// Listens for `span_ns`, hands every frame to `hear`; the first managing node that was heard comes back.
 pub fn listen(
-    link: &mut impl Link,
+    link: &mut dyn Link,
     span_ns: u64,
     hear: &mut dyn FnMut(u64, &[u8]),
 ) -> Result<Option<ForeignMaster>, LinkError> {
@@ -86,19 +86,19 @@ fn master(frame: &[u8]) -> Option<ForeignMaster> {
 }
 
 /// The station.
-pub struct Station<L> {
-    link: L,
+pub struct Station {
+    link: Box<dyn Link>,
     mac: Mac,
     buffer: [u8; FRAME_LEN_MAX],
 }
 
-impl<L: Link> Station<L> {
+impl Station {
     /// Takes the wire over after listening for `listen_ns`, and wakes the nodes.
     ///
     /// # Errors
     /// A managing node is there; the link fails.
-    pub fn take_over(mut link: L, mac: Mac, listen_ns: u64) -> anyhow::Result<Station<L>> {
-        if let Some(foreign) = listen(&mut link, listen_ns, &mut |_, _| {})? {
+    pub fn take_over(mut link: Box<dyn Link>, mac: Mac, listen_ns: u64) -> anyhow::Result<Station> {
+        if let Some(foreign) = listen(&mut *link, listen_ns, &mut |_, _| {})? {
             return Err(foreign.into());
         }
         let mut station = Station {
@@ -219,15 +219,15 @@ impl<L: Link> Station<L> {
 }
 
 /// Parameters of one node through a [`Station`].
-pub struct Parameters<L> {
-    station: Station<L>,
+pub struct Parameters {
+    station: Station,
     target: Found,
     client: Client,
 }
 
-impl<L: Link> Parameters<L> {
+impl Parameters {
     /// Parameters of a node that was found.
-    pub fn of(station: Station<L>, target: Found) -> Parameters<L> {
+    pub fn of(station: Station, target: Found) -> Parameters {
         let timing = Timing {
             first_timeout_ns: 50 * MS,
             give_up_ns: SDO_GIVE_UP_NS,

@@ -237,7 +237,7 @@ impl Heard {
     }
 
     /// The same for programs.
-    pub(super) fn to_json(self) -> serde_json::Result<serde_json::Value> {
+    pub(super) fn into_json(self) -> serde_json::Result<serde_json::Value> {
         serde_json::to_value(self.summary.finish(None, None))
     }
 }

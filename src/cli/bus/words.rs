@@ -3,6 +3,7 @@
 //! In:  what a frame or a node reports. Out: text that a person understands without the standard in hand, with the number
 //! where it is needed to look further.
 
+use obd::DataType;
 use obd::mapping::MappingEntry;
 use powerlink::error_code::ErrorCode;
 use powerlink::nmt::NmtState;
@@ -139,6 +140,16 @@ pub fn error_name(code: u16) -> &'static str {
 /// Name of an object of the device profiles that drives and I/O have; empty for all others.
 pub fn profile_object_name(index: u16) -> &'static str {
     named(&PROFILE_OBJECTS, index)
+}
+
+/// Type of an object of the communication profile that its length does not tell.
+pub fn object_type(index: u16, sub: u8) -> Option<DataType> {
+    match (index, sub) {
+        (0x1008..=0x100A | 0x1F9A, 0) | (0x1030, 2 | 6) => Some(DataType::VisibleString),
+        (0x1030, 5) => Some(DataType::Mac),
+        (0x1E40, 2 | 3 | 5) => Some(DataType::Ip),
+        _ => None,
+    }
 }
 
 fn named(table: &[(u16, &'static str)], number: u16) -> &'static str {

@@ -11,7 +11,8 @@ use crate::bus::SDO_VALUE_MAX;
 use crate::rt::diagnosis::{Inlet, Record, SdoOrder};
 use crate::rt::shared::Live;
 use crate::service::network_view::{NetworkLive, NetworkView, NodeLive};
-use powerlink::mn::{Counters, Diagnosis, NetworkDiagnosis, SdoCommand};
+use powerlink::mn::{Counters, Diagnosis, NetworkDiagnosis, SdoCommand, SdoError};
+use powerlink::sdo::ClientError;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -214,6 +215,10 @@ impl Serve for Methods {
         let result = match reply.result {
             Ok(octets) if read.is_some() => Ok(json!({ "value": to_hex(&reply.buffer[..octets]) })),
             Ok(_) => Ok(json!({})),
+            Err(SdoError::Client(ClientError::Aborted(abort))) => {
+                let what = format!("{} (0x{:08X})", abort.text(), abort.0);
+                Err(RpcError::new(code::NODE_ABORT, what))
+            }
             Err(error) => Err(RpcError::new(code::NODE, error.to_string())),
         };
         self.bus.buffers.push(reply.buffer);

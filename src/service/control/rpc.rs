@@ -18,8 +18,10 @@ pub mod code {
     pub const INVALID_PARAMS: i32 = -32602;
     /// What was asked for cannot be done now.
     pub const REFUSED: i32 = -32000;
-    /// A node has refused it or does not answer.
+    /// A node does not answer, or cannot be asked now.
     pub const NODE: i32 = -32001;
+    /// A node has refused it, with an abort code.
+    pub const NODE_ABORT: i32 = -32002;
 }
 
 /// An error that goes back to the client.
