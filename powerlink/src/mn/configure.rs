@@ -111,7 +111,7 @@ impl<'a> Node<'a> {
             };
             if let Some(code) = aborted {
                 let fault = Fault::ConfigurationRefused { index, sub, code };
-                if !may_be_refused(index, code) {
+                if !may_be_refused(index, sub, code) {
                     self.refuse(now_ns, network, fault, events);
                     self.order = Some(Order {
                         command: NmtCommand::ResetNode,
@@ -166,9 +166,17 @@ pub(super) fn expected_stamp(config: &NodeConfig<'_>) -> Option<Stamp> {
     (stamp.date != 0 && stamp.time != 0).then_some(stamp)
 }
 
-/// Storing and restoring parameters is optional: a node without these objects is configured all the same.
-fn may_be_refused(index: u16, code: AbortCode) -> bool {
-    (index == 0x1010 || index == 0x1011) && code == AbortCode::NO_OBJECT
+/// A node without these objects is configured all the same: they store parameters, tune its watch over the network, or tell
+/// it of other nodes and of slots it may have no part in. What it lacks is told as an event. A node that has the object and
+/// refuses the value is refused.
+fn may_be_refused(index: u16, sub: u8, code: AbortCode) -> bool {
+    let optional = match index {
+        0x1010 | 0x1011 | 0x1C0A..=0x1C14 | 0x1F81 | 0x1F8D | 0x1F9B => true,
+        // Length of the multiplexed round, AsyncMTU, prescaler.
+        0x1F98 => matches!(sub, 7..=9),
+        _ => false,
+    };
+    optional && (code == AbortCode::NO_OBJECT || code == AbortCode::NO_SUB_INDEX)
 }
 
 /// Time limits of the SDO clients: a frame is repeated when all nodes that are being configured could have had their command

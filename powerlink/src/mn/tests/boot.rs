@@ -254,20 +254,54 @@ fn a_value_the_node_refuses_is_named() {
     check_order(&net.log, 0);
 }
 
-#[test]
-fn storing_parameters_is_optional() {
+/// The configuration of a drive with further writes of four octets.
+fn configuration_with(writes: &[(u16, u8, [u8; 4])]) -> Vec<u8> {
     let mut octets = configuration();
-    octets[0] = 10;
-    octets.extend([0x10, 0x10, 1, 4, 0, 0, 0]);
-    octets.extend(*b"save");
+    octets[0] += writes.len() as u8;
+    for (index, sub, value) in writes {
+        octets.extend(index.to_le_bytes());
+        octets.extend([*sub, 4, 0, 0, 0]);
+        octets.extend(value);
+    }
+    octets
+}
+
+#[test]
+fn what_a_node_may_lack_does_not_stop_its_boot_up() {
+    let lacks = [
+        (0x1010, 1, *b"save"),
+        (0x1C0E, 3, [40, 0, 0, 0]),
+        (0x1C0D, 4, [40, 0, 0, 0]),
+    ];
+    let octets = configuration_with(&lacks);
     let nodes = [node_config(1, &octets)];
     let mut net = Net::new(&nodes);
     net.boot();
-    assert_eq!(
-        net.count_events(|event| matches!(event, MnEvent::SdoAbort { index: 0x1010, .. })),
-        1
-    );
+    for (index, sub, _) in lacks {
+        let named = |event: &MnEvent| matches!(event, MnEvent::SdoAbort { index: at, sub: part, .. } if (*at, *part) == (index, sub));
+        assert_eq!(net.count_events(named), 1, "0x{index:04X}/{sub}");
+    }
     assert_eq!(net.mn.statistics(0).objects_written, 9);
+}
+
+#[test]
+fn an_optional_object_that_refuses_its_value_does() {
+    // A multiplexed round of four octets: the object has one.
+    let octets = configuration_with(&[(0x1F98, 7, [4, 0, 0, 0])]);
+    let nodes = [node_config(1, &octets)];
+    let mut net = Net::new(&nodes);
+    net.until(600, |net| net.mn.node_state(0) == NodeState::Faulted);
+    let abort = |event: &MnEvent| {
+        matches!(
+            event,
+            MnEvent::SdoAbort {
+                index: 0x1F98,
+                sub: 7,
+                ..
+            }
+        )
+    };
+    assert_eq!(net.count_events(abort), 1);
 }
 
 #[test]
