@@ -248,7 +248,7 @@ mod tests {
         for expected in [
             "m.toml is good",
             "machine   mill3-demo",
-            "cycle     1000 us                                          expected    worst",
+            "cycle     1000 us                                       expected us worst us",
             "          SoC                                                   6.7      6.7",
             "          x-drive      60 + 60 octets, latency unknown        156.7    156.7",
             "          asynchronous slot, ASnd of up to 1514 octets        123.0    150.0",

@@ -316,13 +316,18 @@ impl Reader<'_, '_, '_, '_> {
 
     fn value(&mut self, section: &Section<'_>, key: &str, data_type: Option<TypeCode>, what: &str) -> Option<Value> {
         let entry = section.entries.get(key).filter(|entry| !entry.text.is_empty())?;
-        let value = Value::parse(entry.text, data_type);
-        value
-            .map_err(|rule| {
-                self.log
-                    .wrong(entry.at, std::format!("{what} {key}"), Some(entry.text), rule)
-            })
-            .ok()
+        let subject = || std::format!("{what} {key}");
+        match Value::parse(entry.text, data_type) {
+            Ok(value) => Some(value),
+            Err(rule) if key == "defaultvalue" && Value::may_be_any_text(data_type) => {
+                self.log.odd(entry.at, subject(), Some(entry.text), rule);
+                Some(Value::unknown(entry.text))
+            }
+            Err(rule) => {
+                self.log.wrong(entry.at, subject(), Some(entry.text), rule);
+                None
+            }
+        }
     }
 
     /// An array whose entries share one section; names and values may stand in sections of their own.

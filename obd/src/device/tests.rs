@@ -285,6 +285,24 @@ fn a_default_outside_its_limits_is_odd_but_no_reason_to_refuse_a_device() {
 }
 
 #[test]
+fn any_text_may_stand_as_the_default_of_octets_but_not_as_what_is_written() {
+    let octets = |key: &str| format!("{TERMINAL}\n[2003]\nDataType=0x000A\nAccessType=rw\n{key}=@ABCD\n");
+    let default = read(&octets("DefaultValue"));
+    assert_eq!(default.notes.len(), 1);
+    assert_eq!(default.object(0x2003, 0).unwrap().octets(1), None);
+    let actual = mistakes(&octets("ParameterValue"));
+    assert_eq!(actual.len(), 1);
+    assert!(
+        actual[0].ends_with("object 0x2003 parametervalue = \"@ABCD\": expected octets as pairs of hex digits"),
+        "{actual:?}"
+    );
+    let xml = "name=\"SerialText\" objectType=\"7\" dataType=\"0009\"";
+    assert_eq!(read(&changed(SERVO, xml, &xml.replace("0009", "000A"))).notes, []);
+    let text = changed(SERVO, xml, &xml.replace("0009", "000A")).replace("defaultValue=\"A1\"", "defaultValue=\"?\"");
+    assert_eq!(read(&text).notes.len(), 1);
+}
+
+#[test]
 fn what_is_no_device_description_is_refused() {
     assert_eq!(mistakes(""), ["d: expected a device description, is empty"]);
     assert_eq!(mistakes("\u{feff} \n"), ["d: expected a device description, is empty"]);

@@ -67,7 +67,7 @@ enum Kind {
     Known(Vec<u8>, Option<i128>),
     /// This plus the node id, in so many octets.
     NodeId { plus: i128, octets: usize },
-    /// Of a type that only the file defines.
+    /// Of a type that only the file defines, or a text that stands for octets.
     Unknown,
 }
 
@@ -87,6 +87,21 @@ impl Value {
         match self.kind {
             Kind::Known(_, number) => number,
             Kind::NodeId { .. } | Kind::Unknown => None,
+        }
+    }
+
+    /// Whether a default that cannot be read may stand: it is never written, and tools put any text into those of octet strings
+    /// and domains.
+    pub(super) fn may_be_any_text(data_type: Option<TypeCode>) -> bool {
+        let known = data_type.and_then(TypeCode::known);
+        matches!(known, Some(DataType::OctetString | DataType::Domain))
+    }
+
+    /// A default of which only the text is known.
+    pub(super) fn unknown(text: &str) -> Value {
+        Value {
+            text: text.to_string(),
+            kind: Kind::Unknown,
         }
     }
 

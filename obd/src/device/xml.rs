@@ -390,13 +390,14 @@ impl<'a, 'i> Reader<'_, '_, 'a, 'i> {
         let text = place.attribute(name).filter(|text| !text.trim().is_empty())?;
         match Value::parse(text, data_type) {
             Ok(value) => Some(value),
+            Err(rule) if attribute == "defaultValue" && Value::may_be_any_text(data_type) => {
+                let subject = std::format!("{what} {attribute}");
+                self.log.odd(value_at(place, name), subject, Some(text), rule);
+                Some(Value::unknown(text))
+            }
             Err(rule) => {
-                self.log.wrong(
-                    value_at(place, name),
-                    std::format!("{what} {attribute}"),
-                    Some(text),
-                    rule,
-                );
+                let subject = std::format!("{what} {attribute}");
+                self.log.wrong(value_at(place, name), subject, Some(text), rule);
                 None
             }
         }

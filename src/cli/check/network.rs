@@ -51,11 +51,11 @@ pub(super) fn write_budget(f: &mut fmt::Formatter<'_>, config: &Config, plans: &
         };
         writeln!(
             f,
-            "{:<10}{:<48}{:>9}{:>9}",
+            "{:<10}{:<46}{:>11}{:>9}",
             "cycle",
             format!("{} us{of_round}", config.cycle_us),
-            "expected",
-            "worst"
+            "expected us",
+            "worst us"
         )?;
         let takes_part = |line: &BudgetLine| match line.part {
             Part::Poll { multiplex_cycle, .. } => multiplex_cycle == 0 || multiplex_cycle == budget.longest_cycle(),
