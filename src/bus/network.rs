@@ -317,4 +317,99 @@ mod tests {
         assert!(octets.windows(entry.len()).any(|window| window == entry));
         assert_eq!(octets[octets.len() - 8..], [0x00, 0x16, 0, 1, 0, 0, 0, 1]);
     }
+
+    const MACHINE: &str = include_str!("../../configs/mill3-demo.toml");
+    const DRIVE_1: &str = "profile = \"cia402\"\nmandatory = true\npres_timeout_us = 150\n";
+    const IO: &str = "profile = \"io\"\npres_timeout_us = 150\n";
+
+    /// The demo machine with lines for its first drive and for its I/O node; the drive's own identity keys are dropped.
+    fn machine(drive: &str, io: &str) -> Config {
+        assert!(MACHINE.contains(DRIVE_1) && MACHINE.contains(IO));
+        let text = MACHINE.replacen(DRIVE_1, &format!("profile = \"cia402\"\n{drive}\n"), 1);
+        let text = text
+            .replacen(IO, &format!("{IO}{io}\n"), 1)
+            .replace("vendor_id = 0x00000000", "");
+        let text = text.replace("kind = \"powerlink\"", "kind = \"powerlink\"\nmultiplex_cycles = 2");
+        crate::config::parse(&text, std::path::Path::new("m.toml")).unwrap_or_else(|errors| panic!("{errors}"))
+    }
+
+    fn position(plan: &NodePlan, index: u16, sub: u8) -> usize {
+        let at = |write: &ConfigurationWrite| (write.index, write.sub) == (index, sub);
+        assert_eq!(
+            plan.writes.iter().filter(|write| at(write)).count(),
+            1,
+            "0x{index:04X}:{sub}"
+        );
+        plan.writes.iter().position(at).unwrap()
+    }
+
+    #[test]
+    fn the_device_file_is_written_before_what_the_machine_file_says() {
+        let config = machine(
+            "device_file = \"obd/tests/data/servo.xdc\"\nmultiplex = 2\npdo_version = 0x10\nsdo = [{ object = \"0x2010:1\", value = 7 }]",
+            "",
+        );
+        let plan = &plan(&config)[0];
+        let value = |index, sub| &plan.writes[position(plan, index, sub)].value[..];
+        // From the file, from the machine file in its place, and from the joint.
+        assert_eq!(value(0x2010, 4), [0xFE, 0xFF]);
+        assert_eq!(value(0x2010, 1), [7, 0]);
+        assert_eq!(value(0x2020, 0), [0x41], "the node's own id and 0x40");
+        assert_eq!(value(0x6098, 0), [21]);
+        assert_eq!(value(0x1400, 2), [0x10]);
+        assert_eq!(value(0x1F98, 7), [2]);
+        assert!(position(plan, 0x2010, 4) < position(plan, 0x6098, 0));
+        assert!(position(plan, 0x6098, 0) < position(plan, 0x2010, 1));
+        // The second RPDO of the file: off before, on after its entries.
+        let of_second: Vec<_> = plan.writes.iter().filter(|write| write.index == 0x1601).collect();
+        let order: Vec<_> = of_second.iter().map(|write| (write.sub, write.value[0])).collect();
+        assert_eq!(order, [(0, 0), (1, 0x10), (0, 1)]);
+        let left_out: Vec<_> = plan.left_out.iter().map(|it| (it.index, it.sub, it.reason)).collect();
+        assert_eq!(
+            left_out,
+            [
+                (0x1F9B, 1, LeftOutReason::NotInDevice),
+                (0x1C14, 0, LeftOutReason::ManagingNodeSets),
+                (0x2030, 0, LeftOutReason::NotWritable),
+            ]
+        );
+    }
+
+    #[test]
+    fn cross_traffic_and_a_chain_are_mapped_where_their_data_lie() {
+        let config = machine(
+            "pres_timeout_us = 150\nchained = true\ncross = [{ from = \"io\", read = \"0x6000:2/8\", into = \"0x2000/8\" }]",
+            "chained = true",
+        );
+        let plans = plan(&config);
+        let entry = |plan: &NodePlan, index, sub| {
+            let value = &plan.writes[position(plan, index, sub)].value;
+            let entry = MappingEntry::from_u64(u64::from_le_bytes(value[..].try_into().unwrap()));
+            (entry.index, entry.sub, entry.bit_offset, entry.bit_length)
+        };
+        let drive = &plans[0];
+        assert_eq!(drive.writes[position(drive, 0x1400, 1)].value, [240]);
+        assert_eq!(entry(drive, 0x1600, 4), (0x607A, 0, 56, 32));
+        assert_eq!(drive.writes[position(drive, 0x1401, 1)].value, [10]);
+        assert_eq!(entry(drive, 0x1601, 1), (0x2000, 0, 8, 8));
+        // Behind the eleven octets of the drive.
+        assert_eq!(entry(&plans[3], 0x1600, 1), (0x6200, 1, 88, 8));
+        let nodes = crate::bus::managing_node::node_configs(&config.bus, &plans);
+        let mn = crate::bus::managing_node::mn_config(&config, &nodes, [2, 0, 0, 0, 0, 1]);
+        assert_eq!(
+            (mn.pres_mn_bytes, nodes[3].pres_mn_offset, nodes[3].preq_bytes),
+            (Some(13), 11, 2)
+        );
+        assert!(powerlink::mn::Mn::<4>::new(mn).is_ok());
+    }
+
+    #[test]
+    fn a_long_payload_raises_the_limit_before_its_mapping() {
+        let inputs: Vec<String> = (1..=5).map(|sub| format!("\"0x2000:{sub}/64\"")).collect();
+        let config = machine("pres_timeout_us = 150", &format!("inputs = [{}]", inputs.join(", ")));
+        let plan = &plan(&config)[3];
+        assert_eq!(plan.writes[position(plan, 0x1F98, 5)].value, [40, 0]);
+        let first = plan.writes.iter().position(|write| write.index == 0x1A00).unwrap();
+        assert!(position(plan, 0x1F98, 5) < first);
+    }
 }
