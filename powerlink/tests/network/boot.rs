@@ -1,5 +1,6 @@
 //! Booting on good wires.
 
+use super::device::WRITES;
 use super::world::{Setup, World};
 
 #[test]
@@ -12,6 +13,6 @@ fn a_clean_network_boots_and_runs() {
     for index in 0..3 {
         let statistics = world.mn.statistics(index);
         assert_eq!((statistics.pres_lost, statistics.boots, statistics.faults), (0, 1, 0));
-        assert_eq!(statistics.objects_written, 16);
+        assert_eq!(statistics.objects_written, WRITES);
     }
 }

@@ -17,6 +17,8 @@ pub const ANSWER_NS: u64 = 15_000;
 pub const PRES_TIMEOUT_NS: u32 = 60_000;
 /// MAC of the managing node.
 pub const MN_MAC: Mac = [2, 0, 0, 0, 0, 0xF0];
+/// Writes of the configuration of a node that is polled in every cycle.
+pub const WRITES: u64 = 17;
 /// Octets of process data in each direction.
 pub const PDO_BYTES: usize = 10;
 
@@ -151,21 +153,21 @@ pub enum Polling {
     Chained { offset: u16 },
 }
 
-/// Concise DCF of a node: 16 writes, the mapping among them, and one more where the node is not polled in every cycle. The
+/// Concise DCF of a node: [`WRITES`], the mapping among them, and one more where the node is not polled in every cycle. The
 /// times fit the length of the cycle.
 pub fn configuration(cycle_ns: u64, polling: Polling) -> Vec<u8> {
     let mut octets = [0; 600];
     let mut writer = CdcWriter::new(&mut octets).unwrap();
     let mut push = |index, sub, value: &[u8]| writer.push(index, sub, value).unwrap();
     let (first_bit, writes) = match polling {
-        Polling::EveryCycle => (0, 16),
+        Polling::EveryCycle => (0, WRITES as u8),
         Polling::Multiplexed { of, .. } => {
             push(0x1F98, 7, &[of]);
-            (0, 17)
+            (0, WRITES as u8 + 1)
         }
         Polling::Chained { offset } => {
             push(0x1400, 1, &[powerlink::wire::node::MN]);
-            (u64::from(offset) * 8, 17)
+            (u64::from(offset) * 8, WRITES as u8 + 1)
         }
     };
     for (mapping, object, first_bit) in [(0x1600, 0x2000_u64, first_bit), (0x1A00, 0x2001, 0)] {
@@ -183,6 +185,7 @@ pub fn configuration(cycle_ns: u64, polling: Polling) -> Vec<u8> {
     }
     push(0x1C14, 0, &((cycle_ns * 3 / 10) as u32).to_le_bytes());
     push(0x1020, 1, &20_000_u32.to_le_bytes());
+    push(0x1020, 2, &1_u32.to_le_bytes());
     let octets = writer.finish().to_vec();
     assert_eq!(octets[0], writes);
     octets
