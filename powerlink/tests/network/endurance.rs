@@ -45,6 +45,8 @@ fn endure(seed: u64, cycles: u64) -> World {
             world.cycle();
         }
         Weather::end(&mut world);
+        // A node that was just switched on again is still thought to run.
+        world.run(20);
         world.run_until_operational(RECOVERY_CYCLES);
         world.check_data();
         world.run(random.below(200));
