@@ -315,7 +315,7 @@ fn late_cycles_are_counted_and_never_restart_anything() {
 }
 
 #[test]
-fn three_nodes_with_17_writes_each_are_operational_in_two_seconds_at_10_ms() {
+fn three_nodes_with_17_writes_each_are_operational_in_one_and_a_half_seconds_at_10_ms() {
     let mut setup = Setup::new(11, 3);
     setup.cycle_ns = 10_000_000;
     // Times as they are by default; listening for another managing node comes before the first frame, and is not counted.
@@ -326,7 +326,7 @@ fn three_nodes_with_17_writes_each_are_operational_in_two_seconds_at_10_ms() {
     let mut world = World::new(&setup);
     let cycles = world.run_until_operational(BOOT_CYCLES);
     println!("OPERATIONAL after {} ms", cycles * 10);
-    assert!(cycles * 10 <= 2_000, "{} ms", cycles * 10);
+    assert!(cycles * 10 <= 1_500, "{} ms", cycles * 10);
     for index in 0..3 {
         assert_eq!(world.mn.statistics(index).objects_written, WRITES);
     }
@@ -338,7 +338,7 @@ fn three_nodes_with_17_writes_each_are_operational_in_two_seconds_at_10_ms() {
         "OPERATIONAL after {} ms if PRE_OPERATIONAL_1 is left at once",
         cycles * 10
     );
-    assert!(cycles * 10 <= 2_000, "{} ms", cycles * 10);
+    assert!(cycles * 10 <= 1_500, "{} ms", cycles * 10);
 }
 
 #[test]
@@ -360,4 +360,46 @@ fn a_node_that_is_switched_off_and_on_comes_back_and_an_optional_one_holds_nobod
     let cycles = world.run_until_operational(BOOT_CYCLES);
     println!("plugged in and OPERATIONAL after {cycles} ms");
     assert!(cycles < 500, "{cycles} ms");
+}
+
+#[test]
+fn doubled_and_reordered_frames_disturb_nobody() {
+    let mut world = operational(6, 3);
+    world.set_paths(|path| {
+        path.duplicate = 0.2;
+        path.jitter_ns = 5_000;
+    });
+    // The observer stops the test if anybody uses old or torn data.
+    world.run(5_000);
+    assert_eq!((world.is_operational(), world.troubles().len()), (true, 0));
+    world.set_paths(|path| {
+        path.reorder = 0.02;
+        path.reorder_ns = 10_000;
+    });
+    world.run(5_000);
+    assert_eq!((world.is_operational(), world.troubles().len()), (true, 0));
+}
+
+#[test]
+fn mandatory_nodes_are_configured_in_pre_operational_1_at_any_rate() {
+    for cycle_ns in [500_000, 1_000_000, 10_000_000, 50_000_000] {
+        let mut setup = Setup::new(9, 5);
+        setup.cycle_ns = cycle_ns;
+        // Long enough for everything: no SoC before all nodes are configured.
+        setup.boot.wait_pre_op_1_us = 3_000_000;
+        let mut world = World::new(&setup);
+        while world.mn.nmt_state() != NmtState::PreOperational2 {
+            world.cycle();
+            assert!(world.now_ns < 4_000_000_000);
+        }
+        for index in 0..5 {
+            assert_eq!(
+                world.mn.statistics(index).objects_written,
+                WRITES,
+                "node {index}, cycle {cycle_ns} ns"
+            );
+        }
+        world.run_until_operational(BOOT_CYCLES);
+        assert_eq!(world.troubles(), Vec::<&MnEvent>::new());
+    }
 }
