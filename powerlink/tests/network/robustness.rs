@@ -386,7 +386,11 @@ fn mandatory_nodes_are_configured_in_pre_operational_1_at_any_rate() {
         let mut setup = Setup::new(9, 5);
         setup.cycle_ns = cycle_ns;
         // Long enough for everything: no SoC before all nodes are configured.
-        setup.boot.wait_pre_op_1_us = 3_000_000;
+        setup.boot = BootTimes {
+            wait_not_active_us: 0,
+            wait_pre_op_1_us: 3_000_000,
+            ..BootTimes::default()
+        };
         let mut world = World::new(&setup);
         while world.mn.nmt_state() != NmtState::PreOperational2 {
             world.cycle();
