@@ -852,3 +852,58 @@ fn after_an_acknowledge_the_machine_is_enabled_anew_and_stands_still() {
         }
     });
 }
+
+/// The demo machine with other ways to exchange process data: Y and Z chained, the I/O node in one cycle of four.
+fn mixed_machine() -> Config {
+    let text = MACHINE
+        .replacen(
+            "interface = \"plk0\"\n",
+            "interface = \"plk0\"\nmultiplex_cycles = 4\n",
+            1,
+        )
+        .replacen("name = \"y-drive\"\n", "name = \"y-drive\"\nchained = true\n", 1)
+        .replacen("name = \"z-drive\"\n", "name = \"z-drive\"\nchained = true\n", 1)
+        .replacen("name = \"io\"\n", "name = \"io\"\nmultiplex = 2\n", 1);
+    let mut config = config::parse(&text, Path::new("mixed.toml")).unwrap_or_else(|errors| panic!("{errors}"));
+    config.bus.pres_lost_max = 3;
+    config
+}
+
+#[test]
+fn chained_drives_and_a_multiplexed_node_cut_the_same_part() {
+    let polled = rehearse_part(NetConfig::clean(41), PART, |run| {
+        assert_eq!(finish(run), Outcome::Completed);
+        commands(run)
+    });
+    rehearse_on(&mixed_machine(), NetConfig::clean(41), PART, |run| {
+        assert_eq!(finish(run), Outcome::Completed);
+        assert_part_cut(run);
+        assert_on_path(run);
+        assert_eq!(lost(run), [0; 3]);
+        let polls: Vec<u64> = (0..4)
+            .map(|node| run.control.bus_mut().statistics(node).polls)
+            .collect();
+        let cycles = polls[0];
+        assert!(
+            polls[1].abs_diff(cycles) < 100 && polls[2].abs_diff(cycles) < 100,
+            "{polls:?}"
+        );
+        assert!(polls[3].abs_diff(cycles / 4) < 100, "one cycle of four: {polls:?}");
+        let mixed = commands(run);
+        // The network boots at another pace, the program is the same to the last bit.
+        assert_eq!(mixed[mixed.len() - 1000..], polled[polled.len() - 1000..]);
+    });
+}
+
+#[test]
+fn a_chained_drive_that_dies_stops_the_machine_and_is_named() {
+    rehearse_on(&mixed_machine(), NetConfig::clean(42), PART, |run| {
+        reach_midst(run);
+        let now_ns = run.now_ns();
+        run.net().at(now_ns, Disturbance::Unplug { node: 2 });
+        assert_eq!(finish(run), Outcome::Faulted);
+        let cause = run.operator.alarms()[0].cause.clone();
+        assert!(cause.contains("y-drive"), "{cause}");
+        assert_within_limits(&commands(run), true);
+    });
+}
