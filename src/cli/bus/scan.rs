@@ -6,6 +6,8 @@
 use super::station::{ForeignMaster, Found, Station, listen};
 use super::trace::Heard;
 use super::words;
+use crate::service::control::client::Client;
+use anyhow::ensure;
 use clap::Args;
 use powerlink::link::Link;
 use powerlink::link::raw::{RawConfig, RawLink};
@@ -39,12 +41,35 @@ pub(super) fn scan(args: &ScanArgs, as_json: bool, out: &mut impl Write) -> anyh
 }
 
 /// A link that hears all nodes, also what is sent to another one.
+///
+/// # Errors
+/// A control of this PC is at work on it: it would not be heard, because a socket does not hear what its own PC sends.
 pub(super) fn open(interface: &str) -> anyhow::Result<RawLink> {
+    for (machine, mut client) in Client::all() {
+        // A control that does not answer is not known to be at work here.
+        let (Ok(status), Ok(network)) = (client.call("status", json!({})), client.call("bus.network", json!({})))
+        else {
+            continue;
+        };
+        ensure!(
+            network["interface"] != interface || !sees_our_interfaces(&status["pid"]),
+            "the control of machine \"{machine}\" is at work on {interface}: ask it, without --interface and with \
+             --machine {machine}"
+        );
+    }
     let config = RawConfig {
         promiscuous: true,
         ..RawConfig::default()
     };
     Ok(RawLink::open(interface, config)?)
+}
+
+/// Whether a process is in our network namespace: in another one, interfaces of the same name are others.
+fn sees_our_interfaces(pid: &serde_json::Value) -> bool {
+    let namespace = |process: &str| std::fs::read_link(format!("/proc/{process}/ns/net")).ok();
+    let (own, other) = (namespace("self"), namespace(&pid.to_string()));
+    // What cannot be told apart is taken for the same.
+    own.is_none() || other.is_none() || own == other
 }
 
 fn scan_on(
@@ -109,7 +134,7 @@ fn tell_foreign(
 ) -> anyhow::Result<()> {
     if as_json {
         let report = heard.into_json()?;
-        let foreign = words::mac(foreign.mac);
+        let foreign = foreign.to_string();
         writeln!(
             out,
             "{:#}",

@@ -26,18 +26,32 @@ const INVITE_PAUSE_NS: u64 = MS;
 
 /// Another managing node is at work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ForeignMaster {
-    /// Its address.
-    pub mac: Mac,
+pub enum ForeignMaster {
+    /// It was heard.
+    Heard {
+        /// Its address.
+        mac: Mac,
+    },
+    /// Only a node that answers it was heard: what this PC itself sends on an interface is not heard on it.
+    Answered {
+        /// Id of that node.
+        node: u8,
+    },
 }
 
 impl std::fmt::Display for ForeignMaster {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "a managing node is at work on this wire ({}): nothing was sent",
-            super::words::mac(self.mac)
-        )
+        match self {
+            ForeignMaster::Heard { mac } => write!(
+                f,
+                "a managing node is at work on this wire ({}): nothing was sent",
+                super::words::mac(*mac)
+            ),
+            ForeignMaster::Answered { node } => write!(
+                f,
+                "node {node} answers a managing node, perhaps on this very interface: nothing was sent"
+            ),
+        }
     }
 }
 
@@ -68,21 +82,30 @@ pub fn listen(
             let frame = &buffer[..received.length.min(FRAME_LEN_MAX)];
             let now_ns = link.now_ns();
             hear(received.stamp_ns.unwrap_or(now_ns), frame);
-            foreign = foreign.or(master(frame));
+            foreign = match (foreign, master(frame)) {
+                // Who is heard says more than who answers.
+                (None | Some(ForeignMaster::Answered { .. }), Some(mac)) => Some(ForeignMaster::Heard { mac }),
+                (None, None) => node_of(frame).map(|node| ForeignMaster::Answered { node }),
+                (known @ Some(_), _) => known,
+            };
         }
     }
     Ok(foreign)
 }
 
 /// Who sends what only a managing node sends.
-fn master(frame: &[u8]) -> Option<ForeignMaster> {
+fn master(frame: &[u8]) -> Option<Mac> {
     let mac = Header::parse(frame).ok()?.source;
     match Frame::parse(frame) {
-        Ok(Frame::Soc(_) | Frame::Soa(_) | Frame::Preq(_) | Frame::Amni(_) | Frame::Ainv(_)) => {
-            Some(ForeignMaster { mac })
-        }
+        Ok(Frame::Soc(_) | Frame::Soa(_) | Frame::Preq(_) | Frame::Amni(_) | Frame::Ainv(_)) => Some(mac),
         Ok(Frame::Pres(_) | Frame::Asnd(_)) | Err(_) => None,
     }
+}
+
+/// The node that sent a frame. No node sends anything unless a managing node asks for it.
+fn node_of(frame: &[u8]) -> Option<u8> {
+    Frame::parse(frame).ok()?;
+    Header::parse(frame).ok().map(|header| header.source_node)
 }
 
 /// The station.
@@ -138,10 +161,10 @@ impl Station {
             let (Ok(header), Ok(parsed)) = (Header::parse(frame), Frame::parse(frame)) else {
                 continue;
             };
-            if let Some(foreign) = master(frame).filter(|foreign| foreign.mac != self.mac) {
+            if let Some(foreign) = master(frame).filter(|foreign| *foreign != self.mac) {
                 bail!(
                     "another managing node began to send ({}): stopped at once",
-                    super::words::mac(foreign.mac)
+                    super::words::mac(foreign)
                 );
             }
             if let Frame::Asnd(asnd) = parsed

@@ -93,14 +93,23 @@ impl Client {
         Client::connect_in(&hal_pins::directories(), machine)
     }
 
+    /// The controls that can be reached, by machine.
+    pub fn all() -> Vec<(String, Client)> {
+        Client::open_all(&hal_pins::directories())
+    }
+
+    fn open_all(directories: &[PathBuf]) -> Vec<(String, Client)> {
+        let sockets = find_in(directories).into_iter();
+        // Those of dead processes, and of other users, do not answer.
+        sockets
+            .filter_map(|(name, path)| Some((name, Client::open(&path).ok()?)))
+            .collect()
+    }
+
     /// As [`connect`](Self::connect), for sockets in these folders.
     pub fn connect_in(directories: &[PathBuf], machine: Option<&str>) -> Result<Client, ClientError> {
-        let mut found: Vec<(String, Client)> = find_in(directories)
-            .into_iter()
-            .filter(|(name, _)| machine.is_none_or(|machine| machine == name))
-            // Those of dead processes, and of other users, do not answer.
-            .filter_map(|(name, path)| Some((name, Client::open(&path).ok()?)))
-            .collect();
+        let mut found = Client::open_all(directories);
+        found.retain(|(name, _)| machine.is_none_or(|machine| machine == name));
         match found.len() {
             0 => Err(ClientError::NotRunning {
                 machine: machine.map(str::to_owned),
