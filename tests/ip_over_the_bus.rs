@@ -152,7 +152,7 @@ fn line(from: &mut impl BufRead) -> String {
     text.trim_end().to_owned()
 }
 
-/// The demo machine on the wire of this test.
+/// The demo machine on the wire of this test, with every way to exchange process data.
 fn machine_file(with_tap: bool) -> String {
     let demo = include_str!("../configs/mill3-demo.toml");
     let tap = if with_tap { "\ntap = \"isoplk\"" } else { "" };
@@ -170,6 +170,17 @@ fn machine_file(with_tap: bool) -> String {
         .map(|line| format!("{line}\n"))
         .collect();
     let head = head.replace("mill3-demo\"", "ip-over-the-bus\"");
+    let mut nodes = nodes.to_owned();
+    for (name, exchange) in [
+        ("y-drive", "chained = true"),
+        ("z-drive", "chained = true"),
+        ("io", "multiplex = 2"),
+    ] {
+        let line = format!("name = \"{name}\"\n");
+        assert!(nodes.contains(&line));
+        nodes = nodes.replacen(&line, &format!("{line}{exchange}\n"), 1);
+    }
+    let bus = format!("\nmultiplex_cycles = 4{bus}");
     format!("{head}[bus]{tap}{bus}[[bus.node]]{nodes}")
 }
 
