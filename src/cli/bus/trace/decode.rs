@@ -5,7 +5,7 @@
 
 use super::super::words::{self, counted, node_name, object};
 use powerlink::nmt::{NmtCommand, NmtState};
-use powerlink::sdo::command::{Address, Command, Content as SdoContent, Segmentation, abort_code};
+use powerlink::sdo::command::{Address, Command, Content as SdoContent, Segmentation, abort_code, split_initiate};
 use powerlink::sdo::sequence::{self, Con, Sequence};
 use powerlink::wire::{
     Asnd, ETHER_TYPE, Frame, Header, IdentResponse, NmtCommandFrame, NmtRequestFrame, Preq, Pres, RequestedService,
@@ -477,7 +477,20 @@ fn request(command: &Command<'_>, to: u8) -> (String, Option<Address>) {
                 _ => (format!("SDO {what} to {to}"), None),
             };
         }
-        Segmentation::Initiate => "first frame of several",
+        Segmentation::Initiate => {
+            let whole = split_initiate(command.data);
+            if let (WRITE, Some((total, data))) = (id, whole)
+                && let Some((address, _)) = Address::split(data)
+            {
+                let value = counted((total as u64).saturating_sub(4), "octet");
+                let object = object(address.index, address.sub);
+                return (
+                    format!("SDO write {object} = {value} in several frames to {to}"),
+                    Some(address),
+                );
+            }
+            "first frame of several"
+        }
         Segmentation::Segment => "next frame",
         Segmentation::Complete => "last frame",
     };
@@ -507,7 +520,14 @@ fn answer(command: &Command<'_>, asked: Option<Asked>) -> String {
             format!("SDO answer: {about} = {value}")
         }
         (_, Segmentation::Expedited, _) => format!("SDO answer: {about}: {}", words::octets(command.data)),
-        (_, Segmentation::Initiate | Segmentation::Segment | Segmentation::Complete, _) => {
+        (_, Segmentation::Initiate, _) => match split_initiate(command.data) {
+            Some((total, _)) => {
+                let length = counted(total as u64, "octet");
+                format!("SDO answer: {about} = {length} in several frames")
+            }
+            None => format!("SDO answer: {about}: a first frame that announces less than it holds"),
+        },
+        (_, Segmentation::Segment | Segmentation::Complete, _) => {
             let length = counted(command.data.len() as u64, "octet");
             format!("SDO answer: {about}, {length} of several frames")
         }

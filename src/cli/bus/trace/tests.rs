@@ -236,7 +236,9 @@ fn what_is_rare_on_the_wire_has_words_too() {
         entries: powerlink::wire::ErrorEntries(&entries),
     };
     // Initiate of a segmented write, then a segment; answer to a read that was never seen.
-    let initiate = [2, 6, 0, 0, 0, 9, 0x10, 1, 2, 0, 0, 0, 0xAA, 0xBB];
+    let initiate = [
+        2, 6, 0, 0, 0, 9, 0x10, 1, 10, 0, 0, 0, 0xE8, 3, 0, 0, 0x22, 0x1F, 1, 0, 0xAA, 0xBB,
+    ];
     let segment = [2, 10, 0, 0, 0, 9, 0x20, 1, 1, 0, 0, 0, 0xCC];
     let answered = [2, 10, 0, 0, 0, 1, 0x80, 2, 2, 0, 0, 0, 0x11, 0x22];
     let short = [2, 6, 0, 0, 0, 9, 0, 1, 0xFF, 0xFF, 0, 0];
@@ -281,7 +283,7 @@ fn what_is_rare_on_the_wire_has_words_too() {
             "unknown service 0x33 to node 3",
             "invites node 3 to send an NMT request",
             "EN  1 octet: ab, mapping version 2.1; wants to send 7 or more, NMT first",
-            "SDO write to node 3, first frame of several, 2 octets",
+            "SDO write 0x1F22/1 = 992 octets in several frames to node 3",
             "SDO write to node 3, next frame, 1 octet",
             "SDO answer: read: 11 22",
             "SDO command cut off: it announces more octets than there are",
