@@ -233,17 +233,20 @@ impl<L: Link, const NODES: usize> Fieldbus for Powerlink<'_, L, NODES> {
             self.mn.output_mut(node).copy_from_slice(outputs.node(node));
         }
         let sent_ns = self.link.now_ns();
-        if self.watch.soc_allowed() {
+        let soc_allowed = self.watch.soc_allowed();
+        if soc_allowed {
             self.mn.start_cycle(sent_ns, (self.net_time)());
             self.run_until(deadline_ns, true);
         }
         let mut lost = 0;
         for node in 0..nodes {
             let input = self.mn.input(node);
-            if input.fresh {
+            // Without a cycle the managing node still holds what came in the last one.
+            let fresh = soc_allowed && input.fresh;
+            if fresh {
                 inputs.payload.node_mut(node).copy_from_slice(input.data);
             }
-            inputs.fresh[node] = input.fresh;
+            inputs.fresh[node] = fresh;
             inputs.lost_in_row[node] = input.lost_in_row;
             lost += u32::from(input.lost_in_row > 0);
         }

@@ -245,8 +245,7 @@ impl<'a> Node<'a> {
     pub(super) fn order_sent(&mut self, now_ns: u64, network: &Network) {
         let Some(order) = self.order.take() else { return };
         if matches!(self.stage, Stage::Stopped { .. }) {
-            // A stopped node answers no polls.
-            self.polled = false;
+            self.silence();
             self.status_due_ns = now_ns;
         }
         match &mut self.stage {
@@ -415,6 +414,12 @@ impl<'a> Node<'a> {
     pub(super) fn stop(&mut self, now_ns: u64) {
         self.command(NmtCommand::StopNode);
         self.stopped(now_ns);
+    }
+
+    /// A stopped node answers no polls, and leaves its chain after a few cycles: it is set up anew if it goes on.
+    pub(super) fn silence(&mut self) {
+        self.polled = false;
+        self.chain = Chain::NEW;
     }
 
     /// StopNode is on its way, to this node alone or to all.

@@ -138,17 +138,24 @@ impl<const NODES: usize> Mn<'_, NODES> {
         let Some(Some(node)) = self.nodes.get_mut(index) else {
             return;
         };
-        if !node.is_chained() {
+        if !node.is_chained() || !node.is_identified() {
             self.counters.unexpected += 1;
             return;
         }
         match node.chain.step {
             Step::Measure => {
+                let before = node.chain;
                 node.chain.latency_ns = response.latency_ns;
                 node.chain.step = Step::Set;
                 node.chain.due_ns = now_ns;
                 node.chain.tries = 0;
-                self.compute_pres_times(now_ns);
+                if self.chain_fits() {
+                    self.compute_pres_times(now_ns);
+                } else if let Some(Some(node)) = self.nodes.get_mut(index) {
+                    // Waiting for it would use up the cycle of all: it is asked again, and given up in the end.
+                    node.chain = before;
+                    self.counters.unexpected += 1;
+                }
             }
             Step::Set if response.mode_set && response.pres_time_first_ns == node.chain.pres_time_ns => {
                 node.chain.step = Step::Running;
@@ -159,6 +166,21 @@ impl<const NODES: usize> Mn<'_, NODES> {
             }
             Step::Set | Step::Running => {}
         }
+    }
+
+    /// Whether the nodes whose latency is known would all be through, or their time-outs over, before the cycle ends.
+    fn chain_fits(&self) -> bool {
+        let mut next_ns = 0;
+        let mut known = self
+            .nodes
+            .iter()
+            .flatten()
+            .filter(|node| node.is_chained() && node.chain.step != Step::Measure);
+        known.all(|node| {
+            let end_ns = u64::from(node.chain.latency_ns).max(next_ns) + u64::from(node.pres_wire_ns());
+            next_ns = end_ns + u64::from(GUARD_NS);
+            end_ns + u64::from(node.config.pres_timeout_ns) <= u64::from(self.config.cycle_ns)
+        })
     }
 
     /// One node behind the other, in the order of the configuration.

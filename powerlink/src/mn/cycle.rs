@@ -75,6 +75,10 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     pub fn start_cycle(&mut self, now_ns: u64, net_time: NetTime) {
         self.done_due = true;
         self.counters.events_dropped = self.events.dropped;
+        // Also where no cycle runs (any more): what came in an earlier one is old.
+        for node in self.nodes.iter_mut().flatten() {
+            node.fresh = false;
+        }
         if !self.state.is_isochronous() {
             return;
         }
@@ -94,7 +98,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         self.cycle_started_ns = Some(now_ns);
         self.net_time = net_time;
         for node in self.nodes.iter_mut().flatten() {
-            node.start_cycle();
+            node.chain.heard = false;
         }
         self.begin_round();
         self.phase = Phase::SocDue;
@@ -130,10 +134,11 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         if self.config.multiplex_cycles == 0 {
             return;
         }
-        self.multiplex_cycle += 1;
-        if self.multiplex_cycle > self.config.multiplex_cycles {
+        if self.multiplex_cycle >= self.config.multiplex_cycles {
             self.multiplex_cycle = 1;
             self.round_toggle = !self.round_toggle;
+        } else {
+            self.multiplex_cycle += 1;
         }
     }
 

@@ -265,7 +265,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 for node in self.nodes.iter_mut().flatten().filter(|node| node.is_configured()) {
                     node.stopped(now_ns);
                     node.order = None;
-                    node.polled = false;
+                    node.silence();
                     node.set_state(NodeState::Stopped, &mut self.events);
                 }
             }

@@ -142,12 +142,6 @@ impl<'a> Node<'a> {
         &self.output[..usize::from(self.config.preq_bytes)]
     }
 
-    /// A new cycle begins.
-    pub(super) fn start_cycle(&mut self) {
-        self.fresh = false;
-        self.chain.heard = false;
-    }
-
     pub(super) fn set_state(&mut self, state: NodeState, events: &mut Events) {
         if self.state != state {
             self.state = state;
@@ -260,7 +254,7 @@ impl<'a> Node<'a> {
     pub(super) fn status_missed(&mut self, now_ns: u64, network: &Network, events: &mut Events) {
         self.status_due_ns = now_ns + RETRY_CYCLES * network.cycle_ns;
         self.status_asked = false;
-        self.status_unanswered += 1;
+        self.status_unanswered = self.status_unanswered.saturating_add(1);
         if !self.statistics.loss_of_status.error(self.config.status_threshold) {
             return;
         }
@@ -409,7 +403,7 @@ impl<'a> Node<'a> {
     /// The PRes of this cycle did not come in time.
     pub(super) fn poll_lost(&mut self, now_ns: u64, lost_max: u32, network: &Network, events: &mut Events) {
         self.statistics.pres_lost += 1;
-        self.lost_in_row += 1;
+        self.lost_in_row = self.lost_in_row.saturating_add(1);
         self.statistics.lost_in_row_max = self.statistics.lost_in_row_max.max(self.lost_in_row);
         if let Stage::Check { good, .. } = &mut self.stage {
             *good = 0;

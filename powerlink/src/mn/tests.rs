@@ -24,7 +24,9 @@ use crate::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATI
 use crate::cn::{Cn, CnConfig};
 use crate::link::simulated::SplitMix64;
 use crate::nmt::NmtCommand;
-use crate::wire::{Asnd, Frame, Header, Mac, NmtCommandFrame, Pres, RequestedService, Soa, Soc, multicast};
+use crate::wire::{
+    Asnd, Frame, Header, Mac, NmtCommandFrame, Pres, RequestedService, Soa, Soc, SyncResponse, multicast,
+};
 
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;

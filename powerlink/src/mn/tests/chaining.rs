@@ -129,3 +129,72 @@ fn a_node_that_never_answers_a_sync_request_is_given_up_and_tried_again() {
     net.refuse_sync = false;
     net.boot();
 }
+
+#[test]
+fn a_latency_that_does_not_fit_the_cycle_costs_the_node_and_not_the_network() {
+    let configurations = [chained_configuration(0), configuration()];
+    let nodes = [chained(1, 0, &configurations[0]), node_config(2, &configurations[1])];
+    let mut net = Net::with(config(&nodes));
+    for latency_ns in [u32::MAX, CYCLE_NS as u32] {
+        let handle = net.drives[&1].dictionary().find(0x1F98, 3).unwrap();
+        let drive = net.drives.get_mut(&1).unwrap();
+        drive
+            .dictionary_mut()
+            .set_default(handle, &latency_ns.to_le_bytes())
+            .unwrap();
+        let (overruns, faults) = (net.mn.counters().cycles_overrun, net.mn.statistics(0).faults);
+        net.cycles(1500);
+        assert!(net.mn.statistics(0).faults > faults, "{latency_ns} ns");
+        assert_eq!(net.mn.counters().cycles_overrun, overruns, "{latency_ns} ns");
+        assert_eq!(net.mn.input(1).lost_in_row, 0);
+    }
+}
+
+#[test]
+fn an_unasked_sync_response_of_a_node_that_was_not_found_does_nothing() {
+    let configuration = chained_configuration(0);
+    let nodes = [chained(1, 0, &configuration)];
+    let mut net = Net::with(config(&nodes));
+    net.dead.push(1);
+    net.cycles(100);
+    let answer = SyncResponse {
+        mode_set: true,
+        pres_time_first_ns: 20_000,
+        latency_ns: 20_000,
+        ..SyncResponse::default()
+    };
+    let header = Header {
+        destination: multicast::ASND,
+        source: [2, 0, 0, 0, 0, 1],
+        destination_node: 240,
+        source_node: 1,
+    };
+    let before = net.mn.counters().unexpected;
+    net.hear(header, &Frame::Asnd(Asnd::SyncResponse(answer)));
+    net.hear(header, &Frame::Asnd(Asnd::SyncResponse(answer)));
+    assert!(net.mn.counters().unexpected >= before + 2);
+    net.dead.clear();
+    net.boot();
+    assert_eq!(net.mn.statistics(0).faults, 0);
+}
+
+#[test]
+fn a_chained_node_that_was_stopped_is_set_up_again_when_it_goes_on() {
+    let configuration = chained_configuration(0);
+    let nodes = [chained(1, 0, &configuration)];
+    let mut net = Net::with(config(&nodes));
+    net.boot();
+    for command in [
+        NmtCommand::StopNode,
+        NmtCommand::EnterPreOperational2,
+        NmtCommand::EnableReadyToOperate,
+    ] {
+        net.mn.node_command(0, command).unwrap();
+        // A stopped node is asked every 100 ms only.
+        net.cycles(150);
+    }
+    net.until(50, Net::all_operational);
+    assert_eq!(net.mn.statistics(0).faults, 0);
+    net.cycle();
+    assert!(net.mn.input(0).fresh);
+}

@@ -328,3 +328,47 @@ fn a_frame_of_the_application_goes_out_in_a_slot_of_our_own() {
     }
     assert!(net.all_operational());
 }
+
+#[test]
+fn a_round_may_be_as_long_as_its_octet_counts() {
+    let configuration = configuration();
+    let nodes = [NodeConfig {
+        assignment: Assignment {
+            multiplexed: true,
+            ..Assignment::default()
+        },
+        multiplex_cycle: 255,
+        ..node_config(1, &configuration)
+    }];
+    let mut net = Net::with(MnConfig {
+        multiplex_cycles: 255,
+        ..mn_config(&nodes)
+    });
+    net.until(4000, |net| net.mn.nmt_state() == NmtState::PreOperational2);
+    net.until(1000, |net| net.mn.statistics(0).preq_sent == 1);
+    let apart = net.until(1000, |net| net.mn.statistics(0).preq_sent == 2);
+    assert_eq!(apart, 255);
+}
+
+#[test]
+fn what_came_in_a_cycle_that_ended_the_network_is_not_fresh_in_the_next() {
+    let configuration = configuration();
+    let nodes = [node_config(1, &configuration)];
+    let mut net = Net::with(MnConfig {
+        cycle_threshold: 8,
+        ..mn_config(&nodes)
+    });
+    net.boot();
+    net.mn.start_cycle(net.now_ns, NetTime::default());
+    while let Step::Send(frame) = net.mn.poll(net.now_ns) {
+        let frame = frame.to_vec();
+        net.transmit(frame);
+    }
+    assert!(net.deliver(net.now_ns + CYCLE_NS), "its PRes");
+    assert!(net.mn.input(0).fresh);
+    // The caller comes back too late for the rest of the cycle.
+    net.now_ns += CYCLE_NS;
+    net.mn.start_cycle(net.now_ns, NetTime::default());
+    assert_eq!(net.mn.nmt_state(), NmtState::PreOperational1);
+    assert!(!net.mn.input(0).fresh);
+}
