@@ -235,6 +235,17 @@ impl<'a> Budget<'a> {
             .unwrap_or(0)
     }
 
+    /// What the longest cycle leaves for the chain, from the end of the managing node's PRes to the last time-out, when nothing
+    /// else goes well, in ns.
+    pub(super) fn chain_room_ns(&self) -> u64 {
+        let others_ns = self.sum(self.longest_cycle(), |line| match line.part {
+            Part::Chain | Part::Chained { .. } => 0,
+            Part::Soc | Part::SocToPreq | Part::PresMn { .. } => line.worst_ns,
+            Part::Poll { .. } | Part::Soa | Part::AsyncSlot { .. } => line.worst_ns,
+        });
+        u64::from(self.config.cycle_ns).saturating_sub(others_ns)
+    }
+
     /// The longest cycle when nothing goes well.
     pub fn worst(&self) -> WorstCycle {
         let cycle = self.longest_cycle();

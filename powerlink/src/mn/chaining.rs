@@ -168,7 +168,8 @@ impl<const NODES: usize> Mn<'_, NODES> {
         }
     }
 
-    /// Whether the nodes whose latency is known would all be through, or their time-outs over, before the cycle ends.
+    /// Whether the nodes whose latency is known would all be through, or their time-outs over, in what the cycle leaves for the
+    /// chain.
     fn chain_fits(&self) -> bool {
         let mut next_ns = 0;
         let mut known = self
@@ -179,7 +180,7 @@ impl<const NODES: usize> Mn<'_, NODES> {
         known.all(|node| {
             let end_ns = u64::from(node.chain.latency_ns).max(next_ns) + u64::from(node.pres_wire_ns());
             next_ns = end_ns + u64::from(GUARD_NS);
-            end_ns + u64::from(node.config.pres_timeout_ns) <= u64::from(self.config.cycle_ns)
+            end_ns + u64::from(node.config.pres_timeout_ns) <= self.chain_room_ns
         })
     }
 

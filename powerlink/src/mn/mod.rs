@@ -164,6 +164,8 @@ pub struct Mn<'a, const NODES: usize> {
     history_from_ns: u64,
     /// Any node is chained: our PRes goes before the polls, to trigger the chain.
     has_chain: bool,
+    /// What the cycle leaves for it, in ns.
+    chain_room_ns: u64,
     /// Payload of our own PRes.
     pres_mn: [u8; PAYLOAD_MAX],
     cycle_frame: [u8; FRAME_LEN_MAX],
@@ -216,6 +218,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             request: RequestCommand::default(),
             history_from_ns: 0,
             has_chain: config.nodes.iter().any(|node| node.assignment.chained),
+            chain_room_ns: Budget::new(&config, &[]).chain_room_ns(),
             pres_mn: [0; PAYLOAD_MAX],
             cycle_frame: [0; FRAME_LEN_MAX],
             asnd_frame: [0; FRAME_LEN_MAX],

@@ -135,7 +135,8 @@ fn a_latency_that_does_not_fit_the_cycle_costs_the_node_and_not_the_network() {
     let configurations = [chained_configuration(0), configuration()];
     let nodes = [chained(1, 0, &configurations[0]), node_config(2, &configurations[1])];
     let mut net = Net::with(config(&nodes));
-    for latency_ns in [u32::MAX, CYCLE_NS as u32] {
+    // The last would be over within the cycle, but leave no time for the poll and the asynchronous slot.
+    for latency_ns in [u32::MAX, CYCLE_NS as u32, 800_000] {
         let handle = net.drives[&1].dictionary().find(0x1F98, 3).unwrap();
         let drive = net.drives.get_mut(&1).unwrap();
         drive
