@@ -5,7 +5,8 @@
 //! What differs from node to node (identity, names, addresses) is set by [`super::Cn::new`].
 //!
 //! Not here: objects of a managing node, routing, SDO parameters of a client. An access to them is aborted with
-//! 0x06020000, which managing nodes know to expect. [`STORAGE`] is for devices that can store parameters.
+//! 0x06020000, which ends the configuration by most managing nodes. So what configuration tools write into every node of a
+//! network with cross traffic or multiplexing (0x1F81, 0x1F9B) is here, although this node does without. [`STORAGE`] is for devices that can store parameters.
 
 use obd::{DataType, EntryDef};
 
@@ -143,6 +144,7 @@ pub const COMMUNICATION_PROFILE: &[EntryDef] = &[
     ro(0x1E4A, 3, U32, "ForwardDatagrams_U32"),
     ro(0x1F52, 1, U32, "ApplSwDate_U32"),
     ro(0x1F52, 2, U32, "ApplSwTime_U32"),
+    per_node(EntryDef::rws(0x1F81, U32, "NMT_NodeAssignment_AU32")), // kept for who reads it: a node reads any PRes
     constant(0x1F82, 0, U32, "NMT_FeatureFlags_U32").default(FEATURE_FLAGS as i64),
     constant(0x1F83, 0, U8, "NMT_EPLVersion_U8").default(EPL_VERSION as i64),
     ro(0x1F8C, 0, U8, "NMT_CurrNMTState_U8").tpdo().default(0x1C),
@@ -166,6 +168,7 @@ pub const COMMUNICATION_PROFILE: &[EntryDef] = &[
     ro(0x1F98, 14, U32, "SyncMNDelaySecond_U32"), // ns
     rws(0x1F99, 0, U32, "NMT_CNBasicEthernetTimeout_U32").default(5_000_000), // us; 0: never
     EntryDef::rws(0x1F9A, VisibleString, "NMT_HostName_VSTR").capacity(HOST_NAME_LEN as u16),
+    per_node(EntryDef::rws(0x1F9B, U8, "NMT_MultiplCycleAssign_AU8")), // kept for who reads it: the PReq shows the slot
     rw(0x1F9E, 0, U8, "NMT_ResetCmd_U8").default(0xFF),
 ];
 

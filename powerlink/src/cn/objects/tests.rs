@@ -74,6 +74,7 @@ const EXPECTED: &[Line] = &[
     (0x1E4A, 2, 2, U16, RWS, Some(64)),
     (0x1E4A, 3, 3, U32, RO, Some(0)),
     (0x1F52, 1, 2, U32, RO, Some(0)),
+    (0x1F81, 1, 254, U32, RWS, Some(0)),
     (0x1F82, 0, 0, U32, CONST, Some(0x0004_8265)),
     (0x1F83, 0, 0, U8, CONST, Some(0x20)),
     (0x1F8C, 0, 0, U8, RO, Some(0x1C)),
@@ -91,6 +92,7 @@ const EXPECTED: &[Line] = &[
     (0x1F98, 11, 14, U32, RO, Some(0)),
     (0x1F99, 0, 0, U32, RWS, Some(5_000_000)),
     (0x1F9A, 0, 0, VisibleString, RWS, None),
+    (0x1F9B, 1, 254, U8, RWS, Some(0)),
     (0x1F9E, 0, 0, U8, RW, Some(0xFF)),
 ];
 const CONST: Access = Access::Const;
