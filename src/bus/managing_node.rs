@@ -19,10 +19,6 @@ pub fn mn_config<'a>(config: &Config, nodes: &'a [NodeConfig<'a>], mac: [u8; 6])
 
 /// What `[bus]` says of the network.
 pub(crate) fn network<'a>(bus: &Bus, nodes: &'a [NodeConfig<'a>]) -> MnConfig<'a> {
-    let of_chained = nodes.iter().filter(|node| node.assignment.chained);
-    let pres_mn_bytes = of_chained
-        .map(|node| node.pres_mn_offset.saturating_add(node.preq_bytes))
-        .max();
     let features = bus
         .nodes
         .iter()
@@ -37,7 +33,7 @@ pub(crate) fn network<'a>(bus: &Bus, nodes: &'a [NodeConfig<'a>]) -> MnConfig<'a
         async_mtu: bus.async_mtu,
         multiplex_cycles: bus.multiplex_cycles,
         prescaler: bus.prescaler,
-        pres_mn_bytes,
+        pres_mn_bytes: pres_mn_octets(nodes),
         startup: bus.startup,
         pres_lost_max: bus.pres_lost_max,
         nodes,
@@ -71,6 +67,14 @@ pub fn node_configs<'a>(bus: &Bus, plans: &'a [NodePlan]) -> Vec<NodeConfig<'a>>
             ..node
         })
         .collect()
+}
+
+/// Octets of the managing node's own PRes; `None`: no node is chained.
+pub(super) fn pres_mn_octets(nodes: &[NodeConfig<'_>]) -> Option<u16> {
+    let of_chained = nodes.iter().filter(|node| node.assignment.chained);
+    of_chained
+        .map(|node| node.pres_mn_offset.saturating_add(node.preq_bytes))
+        .max()
 }
 
 /// Each node without its configuration. The outputs of chained nodes lie one behind the other in the managing node's own PRes.

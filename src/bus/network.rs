@@ -5,7 +5,7 @@
 //! process data, what the device file holds, the drive, what the machine file adds. Of two writes of one object the later counts.
 
 use super::layout::Layout;
-use super::managing_node::exchanges;
+use super::managing_node::{exchanges, pres_mn_octets};
 use crate::config::{Bus, Config, ConfigurationWrite, DeviceDescription, Exchange, Joint, Mapped, Node, Profile};
 use obd::cdc::CdcWriter;
 use obd::mapping::MappingEntry;
@@ -51,14 +51,19 @@ pub enum LeftOutReason {
 
 /// Plans of all nodes, in the order of the machine file.
 pub fn plan(config: &Config) -> Vec<NodePlan> {
-    let offsets = exchanges(&config.bus).into_iter().map(|node| node.pres_mn_offset);
-    let nodes = config.bus.nodes.iter().zip(offsets).enumerate();
+    let exchanges = exchanges(&config.bus);
+    let pres_mn_octets = pres_mn_octets(&exchanges).unwrap_or(0);
+    let nodes = config.bus.nodes.iter().zip(&exchanges).enumerate();
     nodes
-        .map(|(index, (node, pres_mn_offset))| {
+        .map(|(index, (node, exchange))| {
             let joint = config.joints.iter().find(|joint| joint.node == index);
             let mut dcf = Configuration::new(node.device.as_ref());
             dcf.network(config, node);
-            dcf.process_data(&config.bus, node, pres_mn_offset);
+            let pres_mn = PresMn {
+                octets: pres_mn_octets,
+                offset: exchange.pres_mn_offset,
+            };
+            dcf.process_data(&config.bus, node, pres_mn);
             dcf.device_file(node);
             if let Some(joint) = joint.filter(|_| node.profile == Profile::Cia402) {
                 dcf.drive(joint, config.cycle_us);
@@ -95,6 +100,29 @@ fn concise_dcf(writes: &[ConfigurationWrite]) -> Vec<u8> {
 const LOSS_COUNT: u32 = 8;
 /// Value of 0x1F98/9 that every node starts with.
 const PRESCALER_DEFAULT: u16 = 2;
+
+/// Values of 0x1F81 in a node that reads the PRes of others: that there is such a node, and that it is a controlled one.
+const OTHER_NODE: u32 = 1 | 1 << 1;
+/// Value of 0x1F81/240 in a chained node: that there is a managing node, and that it sends a PRes.
+const MN_THAT_SENDS: u32 = 1 | 1 << 12;
+
+/// Where a PDO comes from, with the octets of its whole payload.
+#[derive(Clone, Copy)]
+enum Source {
+    /// The PReq to the node.
+    Preq(u16),
+    /// The node: it sends the PDO in its PRes.
+    Own(u16),
+    /// The PRes of another node, or of the managing node.
+    Pres(u8, u16),
+}
+
+/// The managing node's own PRes: its octets, and where those for one node begin.
+#[derive(Clone, Copy)]
+struct PresMn {
+    octets: u16,
+    offset: u16,
+}
 
 /// Configuration writes of one node.
 struct Configuration<'a> {
@@ -155,16 +183,15 @@ impl<'a> Configuration<'a> {
         self.write(0x1006, 0, config.cycle_us);
         self.set(0x1C14, 0, bus.soc_lost_max * config.cycle_us * 1000);
         // Polls that get lost on the wire are judged by the control, which misses the answers. To a node, a control too late to
-        // poll is one too late for its SoC; by default it would bear only one within eight cycles.
-        let polls_lost_max = bus.soc_lost_max.max(bus.pres_lost_max + 1);
-        self.set(0x1C0D, 3, LOSS_COUNT * polls_lost_max);
-        let octets = |objects: &[Mapped]| objects.iter().map(|object| usize::from(object.bits / 8)).sum::<usize>();
-        // The limits a node starts with hold 36 octets; a mapping beyond them would be refused.
-        for (sub, octets) in [(4, octets(&node.outputs)), (5, octets(&node.inputs))] {
-            if octets > PAYLOAD_LIMIT_MIN {
-                self.write(0x1F98, sub, octets as u16);
+        // poll is one too late for its SoC; by default it would bear only one within eight cycles. A node that is never polled
+        // must not wait for polls: 0 switches the watch off.
+        let polls_lost_max = match node.exchange {
+            Exchange::AsyncOnly => 0,
+            Exchange::Polled | Exchange::Multiplexed(_) | Exchange::Chained => {
+                bus.soc_lost_max.max(bus.pres_lost_max + 1)
             }
-        }
+        };
+        self.set(0x1C0D, 3, LOSS_COUNT * polls_lost_max);
         if bus.multiplex_cycles > 0 {
             self.set(0x1F98, 7, bus.multiplex_cycles);
         }
@@ -181,15 +208,22 @@ impl<'a> Configuration<'a> {
     }
 
     /// PDO mapping: switched off, entries, switched on (order of DS 301).
-    fn process_data(&mut self, bus: &Bus, node: &Node, pres_mn_offset: u16) {
-        let source = match node.exchange {
+    fn process_data(&mut self, bus: &Bus, node: &Node, pres_mn: PresMn) {
+        let inputs = in_order(&node.inputs, 0);
+        let (source, bit_offset) = match node.exchange {
             Exchange::AsyncOnly => return,
-            Exchange::Polled | Exchange::Multiplexed(_) => 0,
-            Exchange::Chained => MN,
+            Exchange::Polled | Exchange::Multiplexed(_) => (Source::Preq(octets(&node.outputs)), 0),
+            Exchange::Chained => (Source::Pres(MN, pres_mn.octets), 8 * pres_mn.offset),
         };
-        let outputs = in_order(&node.outputs, 8 * pres_mn_offset);
+        let outputs = in_order(&node.outputs, bit_offset);
         self.map(0x1400, 0x1600, source, node.pdo_version, &outputs);
-        self.map(0x1800, 0x1A00, 0, node.pdo_version, &in_order(&node.inputs, 0));
+        self.map(
+            0x1800,
+            0x1A00,
+            Source::Own(octets(&node.inputs)),
+            node.pdo_version,
+            &inputs,
+        );
         let mut sources: Vec<usize> = node.cross.iter().map(|cross| cross.from).collect();
         sources.sort_unstable();
         sources.dedup();
@@ -214,21 +248,44 @@ impl<'a> Configuration<'a> {
             self.map(
                 0x1400 + channel,
                 0x1600 + channel,
-                source_node.id,
+                Source::Pres(source_node.id, octets(&source_node.inputs)),
                 source_node.pdo_version,
                 &entries,
             );
         }
     }
 
-    fn map(&mut self, communication: u16, mapping: u16, node: u8, version: u8, entries: &[MappingEntry]) {
+    fn map(&mut self, communication: u16, mapping: u16, source: Source, version: u8, entries: &[MappingEntry]) {
         self.write(mapping, 0, 0_u8);
+        let node = match source {
+            Source::Preq(octets) => {
+                self.limit((0x1F98, 4), octets);
+                0
+            }
+            Source::Own(octets) => {
+                self.limit((0x1F98, 5), octets);
+                0
+            }
+            Source::Pres(node, octets) => {
+                // Some nodes listen only to those that this object tells them of.
+                self.set(0x1F81, node, if node == MN { MN_THAT_SENDS } else { OTHER_NODE });
+                self.limit((0x1F8D, node), octets);
+                node
+            }
+        };
         self.write(communication, 1, node);
         self.write(communication, 2, version);
         for (sub, entry) in (1_u8..).zip(entries) {
             self.write(mapping, sub, entry.to_u64());
         }
         self.write(mapping, 0, entries.len() as u8);
+    }
+
+    /// The limits a node starts with hold 36 octets; a mapping beyond them would be refused.
+    fn limit(&mut self, (index, sub): (u16, u8), octets: u16) {
+        if usize::from(octets) > PAYLOAD_LIMIT_MIN {
+            self.write(index, sub, octets);
+        }
     }
 
     /// What a configured device file (XDC, DCF) wants to have written.
@@ -278,6 +335,10 @@ impl<'a> Configuration<'a> {
     }
 }
 
+fn octets(objects: &[Mapped]) -> u16 {
+    objects.iter().map(|object| u16::from(object.bits / 8)).sum()
+}
+
 /// Objects one behind the other.
 fn in_order(objects: &[Mapped], bit_offset: u16) -> Vec<MappingEntry> {
     let mut end = bit_offset;
@@ -295,6 +356,9 @@ fn in_order(objects: &[Mapped], bit_offset: u16) -> Vec<MappingEntry> {
 }
 
 #[cfg(test)]
+mod others_tests;
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
@@ -306,7 +370,7 @@ mod tests {
             sub: 1,
             bits: 8,
         };
-        dcf.map(0x1400, 0x1600, 0, 0, &in_order(&[output], 0));
+        dcf.map(0x1400, 0x1600, Source::Preq(1), 0, &in_order(&[output], 0));
         let octets = concise_dcf(&dcf.writes);
         assert_eq!(octets[..4], 5_u32.to_le_bytes());
         assert_eq!(octets[4..12], [0x00, 0x16, 0, 1, 0, 0, 0, 0]);
@@ -409,7 +473,13 @@ mod tests {
         let config = machine("pres_timeout_us = 150", &format!("inputs = [{}]", inputs.join(", ")));
         let plan = &plan(&config)[3];
         assert_eq!(plan.writes[position(plan, 0x1F98, 5)].value, [40, 0]);
-        let first = plan.writes.iter().position(|write| write.index == 0x1A00).unwrap();
-        assert!(position(plan, 0x1F98, 5) < first);
+        // Behind the count of 0, as a limit must not cut off what is mapped.
+        let mapping = |sub| {
+            let mut writes = plan.writes.iter();
+            writes
+                .position(|write| (write.index, write.sub) == (0x1A00, sub))
+                .unwrap()
+        };
+        assert!(mapping(0) < position(plan, 0x1F98, 5) && position(plan, 0x1F98, 5) < mapping(1));
     }
 }
