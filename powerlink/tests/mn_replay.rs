@@ -401,6 +401,7 @@ fn three_recorded_nodes_reach_operational() {
                 .collect();
             let expected = [
                 NmtCommand::ResetConfiguration,
+                NmtCommand::ResetConfiguration,
                 NmtCommand::EnableReadyToOperate,
                 NmtCommand::StartNode,
             ];

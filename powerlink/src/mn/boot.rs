@@ -26,6 +26,9 @@ const CHECK_CYCLES: u32 = 3;
 /// An NMT command that has shown no effect is sent again after this time, or after some cycles if they take longer.
 const COMMAND_RETRY_NS: u64 = 15_000_000;
 const COMMAND_RETRY_CYCLES: u64 = 4;
+/// ResetConfiguration goes out so often: a node that has not heard it answers afterwards like one that has, but goes on with
+/// the cycle length it had, or without a watch over the SoC.
+const RESET_CONFIGURATION_REPEAT: u8 = 2;
 /// A node is not asked who it is for this time after ResetConfiguration: the answer could be from before the reset.
 const RESTART_NS: u64 = 4_000_000;
 /// A node that was refused (identity, configuration) is looked at again after this time.
@@ -44,8 +47,8 @@ pub(super) enum Stage {
     Configure,
     /// Everything is written; the SDO connection is being closed.
     CloseSdo,
-    /// ResetConfiguration waits for a slot.
-    ResetConfiguration,
+    /// ResetConfiguration waits for a slot, and goes out so many times more.
+    ResetConfiguration { left: u8 },
     /// ResetConfiguration was sent; IdentRequests until the node is back.
     Reidentify { deadline_ns: u64 },
     /// Configured; waits for PRE_OPERATIONAL_2.
@@ -90,7 +93,7 @@ impl<'a> Node<'a> {
             | Stage::Held
             | Stage::Configure
             | Stage::CloseSdo
-            | Stage::ResetConfiguration
+            | Stage::ResetConfiguration { .. }
             | Stage::Reidentify { .. } => false,
             Stage::Enable { .. }
             | Stage::WaitReady { .. }
@@ -108,7 +111,7 @@ impl<'a> Node<'a> {
     pub(super) fn is_being_configured(&self) -> bool {
         matches!(
             self.stage,
-            Stage::Configure | Stage::CloseSdo | Stage::ResetConfiguration | Stage::Reidentify { .. }
+            Stage::Configure | Stage::CloseSdo | Stage::ResetConfiguration { .. } | Stage::Reidentify { .. }
         )
     }
 
@@ -152,7 +155,7 @@ impl<'a> Node<'a> {
             | Stage::Held
             | Stage::Configure
             | Stage::CloseSdo
-            | Stage::ResetConfiguration
+            | Stage::ResetConfiguration { .. }
             | Stage::Enable { .. }
             | Stage::WaitReady { .. }
             | Stage::Check { .. }
@@ -259,7 +262,7 @@ impl<'a> Node<'a> {
             | Stage::Held
             | Stage::Configure
             | Stage::CloseSdo
-            | Stage::ResetConfiguration
+            | Stage::ResetConfiguration { .. }
             | Stage::Reidentify { .. }
             | Stage::Enable { .. }
             | Stage::Check { .. }
@@ -267,9 +270,13 @@ impl<'a> Node<'a> {
             | Stage::Operational
             | Stage::TakenOver => {}
         }
-        if order.command == NmtCommand::ResetConfiguration && self.stage == Stage::ResetConfiguration {
-            self.polled = false;
-            self.chain = Chain::NEW;
+        if let (NmtCommand::ResetConfiguration, Stage::ResetConfiguration { left }) = (order.command, self.stage) {
+            self.silence();
+            if left > 1 {
+                self.command(NmtCommand::ResetConfiguration);
+                self.stage = Stage::ResetConfiguration { left: left - 1 };
+                return;
+            }
             self.ident_due_ns = now_ns + RESTART_NS;
             self.stage = Stage::Reidentify {
                 deadline_ns: now_ns + us(network.boot.timeout_pre_op_2_us),
@@ -301,10 +308,12 @@ impl<'a> Node<'a> {
             Stage::CloseSdo => {
                 if !self.sdo.wants_to_transmit(now_ns) {
                     self.command(NmtCommand::ResetConfiguration);
-                    self.stage = Stage::ResetConfiguration;
+                    self.stage = Stage::ResetConfiguration {
+                        left: RESET_CONFIGURATION_REPEAT,
+                    };
                 }
             }
-            Stage::ResetConfiguration => {}
+            Stage::ResetConfiguration { .. } => {}
             Stage::Reidentify { deadline_ns } => {
                 self.check_time(now_ns, deadline_ns, NmtState::PreOperational1, network, events)
             }
@@ -416,7 +425,7 @@ impl<'a> Node<'a> {
         self.stopped(now_ns);
     }
 
-    /// A stopped node answers no polls, and leaves its chain after a few cycles: it is set up anew if it goes on.
+    /// A stopped or reset node answers no polls, and leaves its chain, at the latest after a few cycles: it is set up anew.
     pub(super) fn silence(&mut self) {
         self.polled = false;
         self.chain = Chain::NEW;

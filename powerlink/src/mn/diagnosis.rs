@@ -354,7 +354,7 @@ impl Node<'_> {
                     sub,
                 }
             }
-            Stage::CloseSdo | Stage::ResetConfiguration => BootStage::ResettingConfiguration,
+            Stage::CloseSdo | Stage::ResetConfiguration { .. } => BootStage::ResettingConfiguration,
             Stage::Reidentify { .. } => BootStage::Reidentifying,
             Stage::Enable { .. } => BootStage::WaitingPreOperational2,
             Stage::WaitReady { .. } => BootStage::WaitingReadyToOperate,
@@ -375,7 +375,7 @@ impl Node<'_> {
             Stage::Held
             | Stage::Configure
             | Stage::CloseSdo
-            | Stage::ResetConfiguration
+            | Stage::ResetConfiguration { .. }
             | Stage::Reidentify { .. }
             | Stage::Enable { .. }
             | Stage::BackInPreOperational2 { .. } => {
@@ -453,7 +453,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             | Stage::Stopped { .. }
             | Stage::Configure
             | Stage::CloseSdo
-            | Stage::ResetConfiguration
+            | Stage::ResetConfiguration { .. }
             | Stage::Reidentify { .. }
             | Stage::Enable { .. }
             | Stage::WaitReady { .. }

@@ -225,7 +225,7 @@ impl<'a> Node<'a> {
     /// known because it is not polled yet.
     pub(super) fn wants_status(&self, now_ns: u64) -> bool {
         let alive = self.is_identified()
-            && !matches!(self.stage, Stage::ResetConfiguration | Stage::Reidentify { .. })
+            && !matches!(self.stage, Stage::ResetConfiguration { .. } | Stage::Reidentify { .. })
             && self.order.is_none();
         let wanted = self.signalling.wants_status() || !self.polled || self.status_asked;
         alive && wanted && now_ns >= self.status_due_ns
@@ -271,7 +271,7 @@ impl<'a> Node<'a> {
     /// The node reported its NMT state in an IdentResponse or StatusResponse.
     pub(super) fn reported(&mut self, state: NmtState, network: &Network) {
         self.nmt_state = state;
-        let waits_for_reset = matches!(self.stage, Stage::ResetConfiguration);
+        let waits_for_reset = matches!(self.stage, Stage::ResetConfiguration { .. });
         // A chained node counts as polled from the answer on by which it takes its time.
         let by_poll = !self.config.assignment.chained && !self.config.assignment.async_only;
         if network.state.is_isochronous()
@@ -319,7 +319,7 @@ impl<'a> Node<'a> {
             | Stage::Refused { .. }
             | Stage::Configure
             | Stage::CloseSdo
-            | Stage::ResetConfiguration
+            | Stage::ResetConfiguration { .. }
             | Stage::Reidentify { .. }
             | Stage::Enable { .. }
             | Stage::WaitReady { .. }
@@ -370,9 +370,11 @@ impl<'a> Node<'a> {
         let got = self.nmt_state;
         let (expected, right) = match self.stage {
             Stage::Search | Stage::Refused { .. } | Stage::Reidentify { .. } => return,
-            Stage::Held | Stage::Configure | Stage::CloseSdo | Stage::ResetConfiguration | Stage::Enable { .. } => {
-                (NmtState::PreOperational2, got == NmtState::PreOperational2)
-            }
+            Stage::Held
+            | Stage::Configure
+            | Stage::CloseSdo
+            | Stage::ResetConfiguration { .. }
+            | Stage::Enable { .. } => (NmtState::PreOperational2, got == NmtState::PreOperational2),
             // Ordered again until it happens.
             Stage::BackInPreOperational2 { .. } => (
                 NmtState::PreOperational2,

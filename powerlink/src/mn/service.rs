@@ -168,7 +168,7 @@ impl<'a> Node<'a> {
             | Stage::Refused { .. }
             | Stage::Configure
             | Stage::CloseSdo
-            | Stage::ResetConfiguration
+            | Stage::ResetConfiguration { .. }
             | Stage::Reidentify { .. } => false,
             Stage::Enable { .. }
             | Stage::WaitReady { .. }

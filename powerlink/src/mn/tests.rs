@@ -23,7 +23,7 @@ use super::*;
 use crate::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
 use crate::cn::{Cn, CnConfig};
 use crate::link::simulated::SplitMix64;
-use crate::nmt::NmtCommand;
+use crate::nmt::{NmtCommand, Reset};
 use crate::wire::{
     Asnd, Frame, Header, Mac, NmtCommandFrame, Pres, RequestedService, Soa, Soc, SyncResponse, multicast,
 };
@@ -165,6 +165,10 @@ struct Net<'a> {
     events: Vec<MnEvent>,
     /// SyncResponses are lost.
     refuse_sync: bool,
+    /// The next such NMT command is lost to all.
+    lose_command: Option<NmtCommand>,
+    /// Resets that nodes ran through.
+    resets: Vec<(u8, Reset)>,
     /// Share of the ASnd frames that are lost, at each receiver by itself.
     lose_asnd: Option<(SplitMix64, f64)>,
     /// Asks the managing node by SDO.
@@ -189,6 +193,8 @@ impl<'a> Net<'a> {
             dead: Vec::new(),
             events: Vec::new(),
             refuse_sync: false,
+            lose_command: None,
+            resets: Vec::new(),
             lose_asnd: None,
             tool: None,
             coming: Vec::new(),
@@ -256,6 +262,12 @@ impl<'a> Net<'a> {
             source: 240,
             octets: frame.clone(),
         });
+        if let Ok(Frame::Asnd(Asnd::NmtCommand(sent))) = Frame::parse(&frame)
+            && self.lose_command == Some(sent.command)
+        {
+            self.lose_command = None;
+            return;
+        }
         let mut response = [0; FRAME_LEN_MAX];
         for (id, drive) in &mut self.drives {
             let is_asnd = frame[14] == 0x06;
@@ -267,6 +279,7 @@ impl<'a> Net<'a> {
                 continue;
             }
             let reaction = drive.receive(self.now_ns, &frame, &mut response);
+            self.resets.extend(reaction.events.reset.map(|reset| (*id, reset)));
             let Some(len) = reaction.transmit else { continue };
             let answer = response[..len].to_vec();
             if self.refuse_sync && matches!(Frame::parse(&answer), Ok(Frame::Asnd(Asnd::SyncResponse(_)))) {

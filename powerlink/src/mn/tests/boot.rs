@@ -38,19 +38,20 @@ fn four_drives_come_up_in_the_order_of_the_standard() {
             .all(|sent| !matches!(sent.frame(), Frame::Soa(soa) if soa.nmt_state == NmtState::PreOperational1))
     );
 
-    // Each node: its configuration active, ready, started; once each.
+    // Each node: its configuration active, twice, as it cannot be seen whether it has heard; ready, started; once each.
     let mut commands = net.commands();
     assert_eq!(commands.remove(0), (255, NmtCommand::ResetNode));
     for id in [1, 2, 3, 10] {
         let to_node: Vec<_> = commands.iter().filter(|sent| sent.0 == id).map(|sent| sent.1).collect();
         let expected = [
             NmtCommand::ResetConfiguration,
+            NmtCommand::ResetConfiguration,
             NmtCommand::EnableReadyToOperate,
             NmtCommand::StartNode,
         ];
         assert_eq!(to_node, expected, "node {id}");
     }
-    assert_eq!(commands.len(), 12);
+    assert_eq!(commands.len(), 16);
     for (node, config) in nodes.iter().enumerate() {
         let statistics = net.mn.statistics(node);
         assert_eq!(
@@ -419,4 +420,17 @@ fn nodes_that_wait_for_the_same_command_get_it_in_one_frame() {
         assert_eq!(alone, Vec::from_iter(plain_only));
         check_order(&net.log, 0);
     }
+}
+
+#[test]
+fn a_lost_reset_configuration_leaves_no_node_with_what_it_had_before() {
+    let configuration = configuration();
+    let nodes = [node_config(1, &configuration)];
+    let mut net = Net::new(&nodes);
+    net.lose_command = Some(NmtCommand::ResetConfiguration);
+    net.boot();
+    assert_eq!(net.lose_command, None);
+    // By it the cycle length becomes active: without, a node may have no watch over the SoC.
+    assert_eq!(net.resets, [(1, Reset::Node), (1, Reset::Configuration)]);
+    assert_eq!((net.mn.statistics(0).boots, net.mn.statistics(0).faults), (1, 0));
 }

@@ -66,6 +66,7 @@ fn one_more_and_the_node_is_lost_and_booted_again_while_the_others_go_on() {
     let expected = [
         (1, NmtCommand::ResetNode),
         (1, NmtCommand::ResetConfiguration),
+        (1, NmtCommand::ResetConfiguration),
         (1, NmtCommand::EnableReadyToOperate),
         (1, NmtCommand::StartNode),
     ];
