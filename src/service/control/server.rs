@@ -62,21 +62,33 @@ pub fn serve(socket: &Socket, service: &mut impl Serve, stop: &AtomicBool) {
 
 /// Waits for clients; those that have something to say are read.
 fn wait(socket: &Socket, clients: &mut [Client]) {
-    let ready: Vec<bool> = {
-        let mut fds = vec![PollFd::new(socket.listener().as_fd(), PollFlags::POLLIN)];
-        fds.extend(clients.iter().map(|client| {
+    for at in ready(socket, clients) {
+        clients[at].read();
+    }
+}
+
+/// Waits; the positions of the clients for which something can be done.
+fn ready(socket: &Socket, clients: &[Client]) -> Vec<usize> {
+    let (watched, watched_fds): (Vec<usize>, Vec<PollFd<'_>>) = clients
+        .iter()
+        .enumerate()
+        .filter(|(_, client)| client.is_watched())
+        .map(|(at, client)| {
             let mut wanted = PollFlags::empty();
             wanted.set(PollFlags::POLLIN, client.wants_to_read());
             wanted.set(PollFlags::POLLOUT, !client.output.is_empty());
-            PollFd::new(client.stream.as_fd(), wanted)
-        }));
-        // An interrupted or failed wait is a short one.
-        let _ = poll(&mut fds, PollTimeout::from(PERIOD_MS));
-        fds[1..].iter().map(|fd| fd.any().unwrap_or(false)).collect()
-    };
-    for (client, _) in clients.iter_mut().zip(ready).filter(|(_, ready)| *ready) {
-        client.read();
-    }
+            (at, PollFd::new(client.stream.as_fd(), wanted))
+        })
+        .unzip();
+    let mut fds = vec![PollFd::new(socket.listener().as_fd(), PollFlags::POLLIN)];
+    fds.extend(watched_fds);
+    // An interrupted or failed wait is a short one.
+    let _ = poll(&mut fds, PollTimeout::from(PERIOD_MS));
+    let pairs = watched.into_iter().zip(&fds[1..]);
+    pairs
+        .filter(|(_, fd)| fd.any().unwrap_or(false))
+        .map(|(at, _)| at)
+        .collect()
 }
 
 fn accept(socket: &Socket, clients: &mut Vec<Client>) {
@@ -134,6 +146,12 @@ impl Client {
 
     fn wants_to_read(&self) -> bool {
         !self.ended && self.may_be_served() && !self.has_line()
+    }
+
+    /// Whether a wait is for this client, too. The system tells of one that has gone although nothing is asked: while its
+    /// request waits for a node, it would end every wait at once.
+    fn is_watched(&self) -> bool {
+        self.wants_to_read() || !self.output.is_empty()
     }
 
     fn may_be_served(&self) -> bool {

@@ -204,3 +204,20 @@ fn clients_beyond_the_limit_are_told_and_those_that_go_make_room() {
         assert!(served);
     });
 }
+
+#[test]
+fn a_client_that_has_gone_while_its_request_waits_ends_no_wait() {
+    let directory = tempfile::tempdir().unwrap();
+    let socket = Socket::bind(&directory.path().join("isocnc-control.test")).unwrap();
+    let (here, there) = UnixStream::pair().unwrap();
+    here.set_nonblocking(true).unwrap();
+    let mut client = Client::new(here);
+    drop(there);
+    assert_eq!(ready(&socket, std::slice::from_ref(&client)), [0], "that it has gone");
+    client.read();
+    client.pending.push((1, None));
+    assert!(client.ended && !client.is_over());
+    assert_eq!(ready(&socket, std::slice::from_ref(&client)), [0_usize; 0]);
+    client.answer_later(1, &Ok(Value::Null));
+    assert!(client.is_over());
+}
