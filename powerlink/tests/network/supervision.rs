@@ -91,17 +91,18 @@ impl Supervision {
     pub fn time(&mut self, now_ns: u64) {
         self.reached = false;
         // A length of 0 switches the watch off.
-        let watched = self.running && self.cycle_ns > 0;
-        while let Some(due_ns) = self
-            .soc_due_ns
-            .filter(|due_ns| watched && self.running && *due_ns <= now_ns)
-        {
+        let watched = self.cycle_ns > 0;
+        while let Some(due_ns) = self.soc_due_ns.filter(|due_ns| watched && *due_ns <= now_ns) {
             self.soc_due_ns = Some(due_ns + self.cycle_ns);
-            self.reached |= self.soc.error(self.thresholds[0]);
-            if !self.reached {
-                self.judge_soa();
+            if self.running {
+                self.reached |= self.soc.error(self.thresholds[0]);
+                if !self.reached {
+                    self.judge_soa();
+                }
+                self.running &= !self.reached;
+            } else {
+                self.soa_due = false;
             }
-            self.running &= !self.reached;
         }
     }
 

@@ -484,7 +484,8 @@ impl Watch {
                     !matches!(asnd, Asnd::NmtCommand(_)),
                     "{now_ns}: NMT command of node {id}"
                 );
-                if !excused {
+                // A managing node that was misled may have begun the next slot too early.
+                if !excused && now_ns >= self.misled_until_ns {
                     let allowed = self.slot.target == id && !self.slot.used;
                     assert!(allowed, "{now_ns}: ASnd of node {id} in {:?}", self.slot);
                     self.slot.used = true;
