@@ -159,6 +159,11 @@ impl Tap {
             if poll(&mut ready, PollTimeout::from(STOP_LOOK_MS)).unwrap_or(0) == 0 {
                 continue;
             }
+            let gone = PollFlags::POLLERR | PollFlags::POLLHUP | PollFlags::POLLNVAL;
+            if ready[0].revents().is_some_and(|events| events.intersects(gone)) {
+                // Somebody has deleted the device: there is nothing left to carry.
+                return;
+            }
             while let Ok(length) = read(&self.device, &mut buffer) {
                 shared.enqueue(&mut outgoing, &buffer[..length]);
             }
