@@ -141,6 +141,9 @@ impl<'a> Node<'a> {
         network: &Network,
         events: &mut Events,
     ) {
+        if !core::mem::take(&mut self.ident_open) {
+            return;
+        }
         self.record.identified(now_ns, ident);
         match self.stage {
             Stage::Search => {}
@@ -427,6 +430,7 @@ impl<'a> Node<'a> {
 
     /// A stopped or reset node answers no polls, and leaves its chain, at the latest after a few cycles: it is set up anew.
     pub(super) fn silence(&mut self) {
+        self.ident_open = false;
         self.polled = false;
         self.chain = Chain::NEW;
     }

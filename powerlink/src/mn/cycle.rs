@@ -3,12 +3,16 @@
 //! In:  the start of each cycle, the time. Out: frames in the order in which they may be on the wire.
 //! RT: no allocation, no locks, bounded by the number of nodes.
 
+use super::budget::wire_time_ns;
 use super::event::MnEvent;
 use super::node::us;
 use super::slot::Grant;
 use super::{Mn, Step};
 use crate::nmt::{MnTrigger, NmtState};
-use crate::wire::{self, Header, NetTime, PAYLOAD_LIMIT_MIN, Preq, Pres, Requests, Soc, multicast};
+use crate::wire::{
+    self, Header, NetTime, PAYLOAD_LIMIT_MIN, POLL_HEADER_LEN, Preq, Pres, RequestedService, Requests, SOA_LEN, Soa,
+    Soc, multicast,
+};
 
 /// Where the cycle stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,6 +104,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         for node in self.nodes.iter_mut().flatten() {
             node.chain.heard = false;
         }
+        self.exceeded = false;
         self.begin_round();
         self.phase = Phase::SocDue;
     }
@@ -153,6 +158,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// A cycle was not over when the next one began (E_DLL_CYCLE_EXCEED). It is counted and the network goes on, unless the
     /// configuration gives a threshold.
     fn cycle_exceeded(&mut self) {
+        if core::mem::replace(&mut self.exceeded, true) {
+            return;
+        }
         self.counters.cycles_overrun += 1;
         if self.counters.cycle_exceeded.error(self.config.cycle_threshold) {
             self.events.push(MnEvent::CycleThreshold);
@@ -227,6 +235,16 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                         self.phase = Phase::PresMnDue;
                         continue;
                     };
+                    let poll_ns = self.node(index).map_or(0, |node| {
+                        let payload = usize::from(node.config.preq_bytes).max(PAYLOAD_LIMIT_MIN);
+                        wire_time_ns(POLL_HEADER_LEN + payload) + u64::from(node.config.pres_timeout_ns)
+                    });
+                    if !self.fits(now_ns, poll_ns) {
+                        // The caller came late: a poll now would meet the next SoC on the wire.
+                        self.cycle_exceeded();
+                        self.phase = Phase::SoaDue;
+                        continue;
+                    }
                     self.phase = Phase::PreqSent { index };
                     if let Some(len) = self.write_preq(index) {
                         return Action::Send(Buffer::Cycle, len);
@@ -258,6 +276,10 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     {
                         return Action::Send(Buffer::Cycle, len);
                     }
+                }
+                Phase::SoaDue if self.state.is_isochronous() && !self.fits(now_ns, wire_time_ns(SOA_LEN)) => {
+                    self.cycle_exceeded();
+                    self.phase = Phase::Idle;
                 }
                 Phase::SoaDue => {
                     let (grant, len) = self.write_soa(now_ns);
@@ -318,6 +340,13 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 }
             }
         }
+    }
+
+    /// What takes `length_ns` from now on is over before the next cycle is due.
+    fn fits(&self, now_ns: u64, length_ns: u64) -> bool {
+        let cycle_ns = u64::from(self.config.cycle_ns);
+        self.cycle_started_ns
+            .is_none_or(|started_ns| now_ns.saturating_add(length_ns) <= started_ns.saturating_add(cycle_ns))
     }
 
     /// What follows the SoC.
@@ -443,7 +472,12 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             self.step_network(now_ns);
             self.step_chain(now_ns);
         }
-        let (grant, soa) = self.grant(now_ns);
+        let slot_ns = u64::from(self.config.async_slot_timeout_ns);
+        let (grant, soa) = if self.state.is_isochronous() && !self.fits(now_ns, slot_ns) {
+            (Grant::Nobody, Soa::new(self.state, RequestedService::NoService, 0))
+        } else {
+            self.grant(now_ns)
+        };
         self.counters.soa_sent += 1;
         self.counters.cycle_exceeded.good();
         self.counters.crc_errors.good();

@@ -129,6 +129,8 @@ pub struct Mn<'a, const NODES: usize> {
     index_of: [u8; 256],
     outputs_valid: bool,
     done_due: bool,
+    /// This cycle has been counted as exceeded.
+    exceeded: bool,
     /// End of listening in NOT_ACTIVE; set by the first call that brings the time.
     listen_until_ns: Option<u64>,
     pre_op_1_since_ns: u64,
@@ -193,6 +195,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             index_of,
             outputs_valid: false,
             done_due: false,
+            exceeded: false,
             listen_until_ns: None,
             pre_op_1_since_ns: 0,
             missing_reported: false,

@@ -70,6 +70,8 @@ pub(super) struct Node<'a> {
     /// Another node asked for a StatusRequest or an IdentRequest to this one.
     pub(super) status_asked: bool,
     pub(super) ident_asked: bool,
+    /// An IdentRequest was sent and is not answered yet: an answer that nobody asked for is not believed.
+    pub(super) ident_open: bool,
     pub(super) ident_due_ns: u64,
     /// The application lets the node boot (bit 2 of its assignment is clear).
     pub(super) boot_asked: bool,
@@ -112,6 +114,7 @@ impl<'a> Node<'a> {
             status_unanswered: 0,
             status_asked: false,
             ident_asked: false,
+            ident_open: false,
             ident_due_ns: 0,
             boot_asked: false,
             dropped_out: false,
@@ -163,6 +166,7 @@ impl<'a> Node<'a> {
         self.reject = None;
         self.fresh = false;
         self.lost_in_row = 0;
+        self.ident_open = false;
         self.wrong_state = 0;
         self.status_unanswered = 0;
         self.writes = None;
@@ -211,6 +215,7 @@ impl<'a> Node<'a> {
     /// An IdentRequest was sent. In the reduced cycle it may be repeated at once, later after a few cycles.
     pub(super) fn ident_sent(&mut self, now_ns: u64, network: &Network) {
         self.ident_asked = false;
+        self.ident_open = true;
         let pause_cycles = if network.state == NmtState::PreOperational1 {
             0
         } else if matches!(self.stage, Stage::Reidentify { .. }) {
@@ -357,8 +362,10 @@ impl<'a> Node<'a> {
                 None => self.statistics.pres_short += 1,
             }
         }
+        // A node that sends less than was mapped has lost its configuration: its data would never be used.
         if let Stage::Check { good, .. } = &mut self.stage
             && pres.nmt_state == NmtState::ReadyToOperate
+            && pres.payload.len() >= length
         {
             *good += 1;
         }

@@ -96,8 +96,9 @@ fn node_config(id: u8, configuration: &[u8]) -> NodeConfig<'_> {
             device_type: Some(0x0002_0192),
             ..Identity::default()
         },
-        preq_bytes: 6,
-        pres_bytes: 6,
+        // A drive that nobody configures maps nothing.
+        preq_bytes: if configuration.is_empty() { 0 } else { 6 },
+        pres_bytes: if configuration.is_empty() { 0 } else { 6 },
         configuration,
         ..NodeConfig::default()
     }

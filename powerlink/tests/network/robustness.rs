@@ -407,3 +407,33 @@ fn mandatory_nodes_are_configured_in_pre_operational_1_at_any_rate() {
         assert_eq!(world.troubles(), Vec::<&MnEvent>::new());
     }
 }
+#[test]
+fn an_unasked_ident_response_does_nothing() {
+    let mut world = World::new(&Setup::new(1, 3));
+    let mut buffer = [0; FRAME_LEN_MAX];
+    let ident = Frame::Asnd(Asnd::IdentResponse(IdentResponse::default()));
+    let length = ident
+        .emit(&Header::multicast(multicast::ASND, FOREIGN_MAC, 1), &mut buffer)
+        .unwrap();
+    world.intrusions.push_back((700_000, buffer[..length].to_vec()));
+    world.run(2);
+    assert_eq!(world.mn.node_state(0), NodeState::Absent);
+    assert_eq!(world.mn.counters().unexpected, 1);
+}
+
+#[test]
+fn no_poll_begins_that_cannot_end_before_the_next_cycle() {
+    let mut world = operational(1, 3);
+    for wake_ns in (800_000..1_000_000).step_by(5_000) {
+        world.nap = Some((4, wake_ns));
+        // Long enough for the nodes' threshold counters to forget the polls that were left out.
+        world.run(20);
+        for index in 0..3 {
+            assert_eq!(
+                world.mn.statistics(index).pres_lost,
+                0,
+                "woken {wake_ns} ns after the SoC"
+            );
+        }
+    }
+}
