@@ -217,22 +217,12 @@ impl<const NODES: usize> Mn<'_, NODES> {
 
     /// Whether a PRes of this node is welcome now: the chain is running.
     pub(super) fn awaits_chained(&self, index: usize) -> Option<u64> {
-        let sent_ns = match self.phase {
-            Phase::AwaitChain { sent_ns, .. } => sent_ns,
-            Phase::ChainSent => self.cycle_started_ns?,
-            Phase::Idle
-            | Phase::SocDue
-            | Phase::SocSent
-            | Phase::AfterSoc { .. }
-            | Phase::ChainDue
-            | Phase::NextPreq { .. }
-            | Phase::PreqSent { .. }
-            | Phase::AwaitPres { .. }
-            | Phase::PresMnDue
-            | Phase::SoaDue
-            | Phase::SoaSent { .. }
-            | Phase::AsndSent
-            | Phase::AwaitAsnd { .. } => return None,
+        let sent_ns = if let Phase::AwaitChain { sent_ns, .. } = self.phase {
+            sent_ns
+        } else if self.phase == Phase::ChainSent {
+            self.cycle_started_ns?
+        } else {
+            return None;
         };
         let node = self.node(index)?;
         (node.is_chained() && node.polled && !node.chain.heard).then_some(sent_ns)

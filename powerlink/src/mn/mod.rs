@@ -360,26 +360,14 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     /// The node (id) whose PRes is awaited now and when it is due; for a thread that watches this one.
     pub fn outstanding(&self) -> Option<(u8, u64)> {
-        match self.phase {
-            Phase::AwaitPres { index, deadline_ns, .. } => self.node(index).map(|node| (node.config.id, deadline_ns)),
-            Phase::AwaitChain { deadline_ns, .. } => self
-                .first_unheard()
-                .and_then(|index| self.node(index))
-                .map(|node| (node.config.id, deadline_ns)),
-            Phase::Idle
-            | Phase::SocDue
-            | Phase::SocSent
-            | Phase::AfterSoc { .. }
-            | Phase::ChainDue
-            | Phase::ChainSent
-            | Phase::NextPreq { .. }
-            | Phase::PreqSent { .. }
-            | Phase::PresMnDue
-            | Phase::SoaDue
-            | Phase::SoaSent { .. }
-            | Phase::AsndSent
-            | Phase::AwaitAsnd { .. } => None,
-        }
+        let (index, deadline_ns) = if let Phase::AwaitPres { index, deadline_ns, .. } = self.phase {
+            (index, deadline_ns)
+        } else if let Phase::AwaitChain { deadline_ns, .. } = self.phase {
+            (self.first_unheard()?, deadline_ns)
+        } else {
+            return None;
+        };
+        Some((self.node(index)?.config.id, deadline_ns))
     }
 
     fn node(&self, index: usize) -> Option<&Node<'a>> {

@@ -59,35 +59,23 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             }
             return self.polled_well(index, now_ns, sent_ns, pres);
         }
-        let sent_ns = match self.phase {
-            Phase::AwaitPres {
-                index: awaited,
-                sent_ns,
-                ..
-            } if awaited == index => sent_ns,
+        let sent_ns = if let Phase::AwaitPres {
+            index: awaited,
+            sent_ns,
+            ..
+        } = self.phase
+            && awaited == index
+        {
+            sent_ns
+        } else if self.phase == (Phase::PreqSent { index }) {
             // It was faster than our return from sending.
-            Phase::PreqSent { index: awaited } if awaited == index => now_ns,
-            Phase::AwaitPres { .. }
-            | Phase::PreqSent { .. }
-            | Phase::Idle
-            | Phase::SocDue
-            | Phase::SocSent
-            | Phase::AfterSoc { .. }
-            | Phase::ChainDue
-            | Phase::ChainSent
-            | Phase::AwaitChain { .. }
-            | Phase::NextPreq { .. }
-            | Phase::PresMnDue
-            | Phase::SoaDue
-            | Phase::SoaSent { .. }
-            | Phase::AsndSent
-            | Phase::AwaitAsnd { .. } => {
-                match self.nodes.get_mut(index).and_then(Option::as_mut) {
-                    Some(node) if node.lost_in_row > 0 => node.statistics.pres_late += 1,
-                    Some(_) | None => self.counters.unexpected += 1,
-                }
-                return;
+            now_ns
+        } else {
+            match self.nodes.get_mut(index).and_then(Option::as_mut) {
+                Some(node) if node.lost_in_row > 0 => node.statistics.pres_late += 1,
+                Some(_) | None => self.counters.unexpected += 1,
             }
+            return;
         };
         self.phase = Phase::NextPreq { index: index + 1 };
         self.polled_well(index, now_ns, sent_ns, pres);
