@@ -181,11 +181,8 @@ fn run_on<L: Link + Send>(
     let plans = network::plan(config);
     let nodes = node_configs(&config.bus, &plans);
     let watch = Arc::new(Watch::default());
-    let mut bus = managing_node(mn_config(config, &nodes, mac), link, Arc::clone(&watch))?;
-    let _tap = tap.map(|(bridge, frames)| {
-        bus.set_ethernet_source(frames);
-        bridge
-    });
+    let (_tap, ethernet) = tap.unzip();
+    let bus = managing_node(mn_config(config, &nodes, mac), link, Arc::clone(&watch), ethernet)?;
     let mut hal = Hal::create(&config.name, CAPACITY).context("pins")?;
     let (control, inlets, diagnosis) = assemble(config, &plans, bus, &mut hal)?;
     // On the heap: it is larger than the stack of a real-time thread, which is locked in memory as a whole.
@@ -280,18 +277,36 @@ fn control_socket(pins: &Path, machine: &str) -> anyhow::Result<Option<Socket>> 
     }
 }
 
-/// The managing node, with room for every node there can be. It takes close to a megabyte: made in a frame of its own and
-/// kept on the heap, so that moving it does not fill the stack of the caller.
-#[inline(never)]
-fn managing_node<'a, L: Link>(
+/// The managing node, with room for about as many nodes as there are: room for all 239 is over a megabyte, which is locked in
+/// memory. On the heap, so that moving it does not fill the stack of the caller.
+fn managing_node<'a, L: Link + Send + 'a>(
     config: MnConfig<'a>,
     link: L,
     watch: Arc<Watch>,
-) -> anyhow::Result<Box<Powerlink<'a, L, NODES_MAX>>> {
-    match Powerlink::new(config, link, watch, wall_clock) {
-        Ok(bus) => Ok(Box::new(bus)),
-        Err(error) => Err(anyhow!("network: {error}")),
+    ethernet: Option<rtrb::Consumer<EthernetFrame>>,
+) -> anyhow::Result<Box<dyn Fieldbus + Send + 'a>> {
+    match config.nodes.len() {
+        0..=8 => managing_node_of::<L, 8>(config, link, watch, ethernet),
+        9..=32 => managing_node_of::<L, 32>(config, link, watch, ethernet),
+        _ => managing_node_of::<L, NODES_MAX>(config, link, watch, ethernet),
     }
+}
+
+#[inline(never)]
+fn managing_node_of<'a, L: Link + Send + 'a, const NODES: usize>(
+    config: MnConfig<'a>,
+    link: L,
+    watch: Arc<Watch>,
+    ethernet: Option<rtrb::Consumer<EthernetFrame>>,
+) -> anyhow::Result<Box<dyn Fieldbus + Send + 'a>> {
+    let mut bus = match Powerlink::<L, NODES>::new(config, link, watch, wall_clock) {
+        Ok(bus) => Box::new(bus),
+        Err(error) => return Err(anyhow!("network: {error}")),
+    };
+    if let Some(frames) = ethernet {
+        bus.set_ethernet_source(frames);
+    }
+    Ok(bus)
 }
 
 /// Ends threads also where the one that would end them panics: a scope waits for all of them.
