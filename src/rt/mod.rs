@@ -6,6 +6,7 @@ pub mod diagnosis;
 pub mod drives;
 pub mod jitter;
 pub mod pins;
+pub mod rights;
 pub mod setup;
 pub mod shared;
 pub mod thread;
