@@ -43,7 +43,7 @@ pub struct Watch {
 }
 
 /// Counters of the time-out thread.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Counters {
     /// Ticks done.
     pub ticks: u64,

@@ -89,7 +89,7 @@ pub struct FrameCounts {
 }
 
 /// What was measured. Times in µs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SocReport {
     /// Where.
     pub interface: String,

@@ -2,6 +2,7 @@
 
 pub mod analyser;
 pub mod control;
+pub mod jitter;
 pub mod netns;
 pub mod network_view;
 pub mod operator;
