@@ -7,6 +7,7 @@ pub mod drives;
 pub mod jitter;
 pub mod pins;
 pub mod rights;
+pub mod probe;
 pub mod setup;
 pub mod shared;
 pub mod thread;

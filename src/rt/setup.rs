@@ -179,6 +179,16 @@ pub fn prepare_process(rt: &Rt) -> Result<Process, Refusal> {
 /// Makes the calling thread a real-time thread: its core, its priority, no signals, a touched stack. Allocates; nothing
 /// need be allocated after it. Gives what could not be had; [`prepare_process`] has found the same before.
 pub fn enter_thread(role: Role, process: &Process) -> Vec<Finding> {
+    let priority = match role {
+        Role::Cycle => process.priority,
+        Role::Timeout => process.priority + 1,
+        Role::Machine => process.priority + 2,
+    };
+    enter_core(process.cpu, priority)
+}
+
+/// As [`enter_thread`], for a thread that has no part in a control: a probe. `priority` is that of SCHED_FIFO, 1 to 99.
+pub fn enter_core(cpu: usize, priority: u8) -> Vec<Finding> {
     let mut findings = Vec::new();
     if let Err(errno) = SigSet::all().thread_block() {
         let what = format!("signals cannot be blocked ({errno})");
@@ -189,12 +199,7 @@ pub fn enter_thread(role: Role, process: &Process) -> Vec<Finding> {
         });
     }
     // The core before the policy: a FIFO thread must never run, even for a moment, on a core that others need.
-    findings.extend(pin(process.cpu));
-    let priority = match role {
-        Role::Cycle => process.priority,
-        Role::Timeout => process.priority + 1,
-        Role::Machine => process.priority + 2,
-    };
+    findings.extend(pin(cpu));
     findings.extend(set_fifo(priority));
     // SAFETY: PR_SET_TIMERSLACK takes one number and touches no memory. FIFO threads have no slack; this is for the others.
     if unsafe { libc::prctl(libc::PR_SET_TIMERSLACK, 1 as libc::c_ulong) } != 0 {
