@@ -6,6 +6,7 @@
 pub mod bus;
 pub mod cli;
 pub mod config;
+pub mod doctor;
 pub mod machine;
 pub mod program;
 pub mod rt;

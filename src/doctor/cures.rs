@@ -1,0 +1,26 @@
+//! Commands that several lines have in common. The same words for the same cure: the summary counts them as one.
+
+use super::Pc;
+
+/// What can be had without a reboot.
+pub(super) fn apply(pc: &Pc<'_>) -> String {
+    format!("sudo scripts/isolcpus.sh apply --cpus {}", pc.cpu())
+}
+
+/// Another word on the kernel command line.
+pub(super) fn boot_with(word: &str) -> String {
+    format!("add {word} to the kernel command line (GRUB: /etc/default/grub, then sudo update-grub), then reboot")
+}
+
+/// A setting of the running kernel; `/etc/sysctl.d` keeps it over a reboot.
+pub(super) fn sysctl(setting: &str) -> String {
+    format!("sudo sysctl {setting}")
+}
+
+/// A value for a file.
+pub(super) fn write(value: &str, path: &str) -> String {
+    format!("echo {value} | sudo tee {path}")
+}
+
+/// What only root may see.
+pub(super) const AS_ROOT: &str = "run sudo isocnc doctor to see it";

@@ -1,0 +1,194 @@
+//! The PC that is looked at.
+//!
+//! In:  a root folder (`/`, or a copy of some files in a test), what is really tried, which core and interface.
+//! Out: contents of files, as text, numbers and lists of cores, or why there is none.
+
+use super::Cpus;
+use super::tries::Tries;
+use std::fmt;
+use std::fs::File;
+use std::io::{self, ErrorKind, Read as _};
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// No file that is looked at is longer; what is behind it is not read.
+const FILE_LEN_MAX: u64 = 4 << 20;
+
+/// What the control is to use.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Target {
+    /// Core of the real-time threads.
+    pub cpu: usize,
+    /// Why this one.
+    pub cpu_from: String,
+    /// Priority of the thread that has the highest one.
+    pub priority: u8,
+    /// Interface of the field bus.
+    pub interface: Option<String>,
+}
+
+/// Why a file tells nothing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Unread {
+    /// There is none: this kernel or PC does not have it.
+    Absent(String),
+    /// It cannot be read, or holds what was not expected.
+    Refused(String),
+}
+
+impl fmt::Display for Unread {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Unread::Absent(path) => write!(f, "no {path}"),
+            Unread::Refused(why) => f.write_str(why),
+        }
+    }
+}
+
+/// What grows by itself, at two times.
+#[derive(Clone, Debug, Default)]
+pub struct Activity {
+    /// `/proc/stat`.
+    pub stat: [String; 2],
+    /// `/proc/interrupts`.
+    pub interrupts: [String; 2],
+    /// What lies between, s.
+    pub seconds: f64,
+}
+
+/// A PC. All paths are absolute ones, below the root folder.
+pub struct Pc<'a> {
+    root: PathBuf,
+    /// What can only be told by trying it.
+    pub tries: &'a dyn Tries,
+    /// What the control is to use.
+    pub target: Target,
+    /// What has grown while the PC was watched.
+    pub activity: Activity,
+}
+
+impl<'a> Pc<'a> {
+    /// Watches the PC for some time.
+    pub fn new(root: impl Into<PathBuf>, tries: &'a dyn Tries, target: Target, watch: Duration) -> Pc<'a> {
+        let mut pc = Pc {
+            root: root.into(),
+            tries,
+            target,
+            activity: Activity::default(),
+        };
+        let snapshot = |path| pc.text(path).unwrap_or_default();
+        let (stat, interrupts) = (snapshot("/proc/stat"), snapshot("/proc/interrupts"));
+        tries.pause(watch);
+        pc.activity = Activity {
+            stat: [stat, snapshot("/proc/stat")],
+            interrupts: [interrupts, snapshot("/proc/interrupts")],
+            seconds: watch.as_secs_f64(),
+        };
+        pc
+    }
+
+    /// The core of the real-time threads.
+    pub fn cpu(&self) -> usize {
+        self.target.cpu
+    }
+
+    /// Contents of a file, without white space around them. Octets that are no text become replacement characters.
+    pub fn text(&self, path: &str) -> Result<String, Unread> {
+        let mut octets = Vec::new();
+        File::open(self.at(path))
+            .and_then(|file| file.take(FILE_LEN_MAX).read_to_end(&mut octets))
+            .map_err(|error| unread(path, &error))?;
+        Ok(String::from_utf8_lossy(&octets).trim().to_owned())
+    }
+
+    /// A file's only word.
+    pub fn word(&self, path: &str) -> Result<String, Unread> {
+        let text = self.text(path)?;
+        let is_word = !text.is_empty() && text.chars().all(|c| c.is_ascii_graphic());
+        is_word
+            .then(|| text.clone())
+            .ok_or_else(|| unexpected(path, &text, "a word"))
+    }
+
+    /// A whole number.
+    pub fn number(&self, path: &str) -> Result<i64, Unread> {
+        let text = self.text(path)?;
+        text.parse().map_err(|_| unexpected(path, &text, "a number"))
+    }
+
+    /// A list of cores.
+    pub fn cpu_list(&self, path: &str) -> Result<Cpus, Unread> {
+        let text = self.text(path)?;
+        Cpus::parse_list(&text).ok_or_else(|| unexpected(path, &text, "a list of cores"))
+    }
+
+    /// A mask of cores.
+    pub fn cpu_mask(&self, path: &str) -> Result<Cpus, Unread> {
+        let text = self.text(path)?;
+        Cpus::parse_mask(&text).ok_or_else(|| unexpected(path, &text, "a mask of cores"))
+    }
+
+    /// The one of several words that stands in brackets of a kind: `always [madvise] never`.
+    pub fn chosen(&self, path: &str, open: char, close: char) -> Result<String, Unread> {
+        let text = self.text(path)?;
+        let chosen = text.split_once(open).and_then(|(_, rest)| rest.split_once(close));
+        chosen
+            .map(|(word, _)| word.to_owned())
+            .ok_or_else(|| unexpected(path, &text, "a choice of words"))
+    }
+
+    /// Names in a folder, sorted as numbers where they are numbers.
+    pub fn names(&self, path: &str) -> Result<Vec<String>, Unread> {
+        let entries = std::fs::read_dir(self.at(path)).map_err(|error| unread(path, &error))?;
+        let mut names: Vec<String> = entries
+            .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+            .collect();
+        names.sort_by_key(|name| (name.parse::<u64>().unwrap_or(u64::MAX), name.clone()));
+        Ok(names)
+    }
+
+    /// Whether there is such a file or folder.
+    pub fn exists(&self, path: &str) -> bool {
+        self.at(path).exists()
+    }
+
+    /// Where a symbolic link points to: the last part of it.
+    pub fn link_name(&self, path: &str) -> Option<String> {
+        let target = std::fs::read_link(self.at(path)).ok()?;
+        target.file_name()?.to_str().map(str::to_owned)
+    }
+
+    /// Words of the kernel command line.
+    pub fn boot_words(&self) -> Result<Vec<String>, Unread> {
+        Ok(self
+            .text("/proc/cmdline")?
+            .split_whitespace()
+            .map(str::to_owned)
+            .collect())
+    }
+
+    /// Value of the last `name=value` on the kernel command line.
+    pub fn boot_value(&self, name: &str) -> Result<Option<String>, Unread> {
+        let words = self.boot_words()?;
+        let value = |word: &String| Some(word.strip_prefix(name)?.strip_prefix('=')?.to_owned());
+        Ok(words.iter().rev().find_map(value))
+    }
+
+    /// A path below the root folder.
+    pub fn at(&self, path: &str) -> PathBuf {
+        self.root.join(path.trim_start_matches('/'))
+    }
+}
+
+fn unread(path: &str, error: &io::Error) -> Unread {
+    match error.kind() {
+        ErrorKind::NotFound | ErrorKind::NotADirectory => Unread::Absent(path.to_owned()),
+        ErrorKind::PermissionDenied => Unread::Refused(format!("{path} may be read by root only")),
+        _ => Unread::Refused(format!("{path} cannot be read ({error})")),
+    }
+}
+
+fn unexpected(path: &str, text: &str, wanted: &str) -> Unread {
+    let start: String = text.escape_default().take(20).collect();
+    Unread::Refused(format!("{path} holds \"{start}\", not {wanted}"))
+}
