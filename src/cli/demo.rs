@@ -100,6 +100,7 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
         out: &args.out,
         quiet: args.json,
         signal,
+        keep_rights: false,
         far_end: far_end.map(|machine| Box::new(machine) as Box<dyn FarEnd>),
     };
     process::run_and_report(job, wire, args.json)

@@ -45,6 +45,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
         out: &args.out,
         quiet: args.json,
         signal,
+        keep_rights: false,
         far_end: None,
     };
     process::run_and_report(job, wire, args.json)

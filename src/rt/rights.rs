@@ -11,6 +11,7 @@ use caps::errors::CapsError;
 use caps::{CapSet, Capability, CapsHashSet};
 use nix::sys::prctl::set_no_new_privs;
 use nix::sys::resource::{RLIM_INFINITY, Resource, getrlimit, setrlimit};
+use std::io::Write;
 
 /// What a thread does from now on, and so what it keeps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +57,17 @@ pub fn give_up(work: Work) -> Result<(), CapsError> {
     caps::set(None, CapSet::Permitted, &effective.union(&reserve).copied().collect())?;
     // A program that is started from here gets no more either, whatever its file says.
     set_no_new_privs().map_err(|errno| CapsError::from(format!("PR_SET_NO_NEW_PRIVS: {errno}")))
+}
+
+/// As [`give_up`], for a thread that does its work all the same where that fails.
+pub fn give_up_or_warn(work: Work) {
+    if let Err(cause) = give_up(work) {
+        // Nobody need be there to read it.
+        let _ = writeln!(
+            std::io::stderr(),
+            "warning: rights that are no longer needed cannot be given up: {cause}"
+        );
+    }
 }
 
 /// Makes the right effective that [`Work::Closing`] keeps for the report. Without effect for an ordinary user.

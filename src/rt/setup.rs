@@ -6,6 +6,7 @@
 //! [`prepare_process`] runs once, before any thread of the control starts; [`enter_thread`] runs in each real-time thread
 //! before its loop, and after it that thread allocates nothing. With `require = "strict"` anything missing is a refusal.
 
+use super::rights::{self, Work};
 use crate::config::{Require, Rt};
 use core_affinity::CoreId;
 use nix::errno::Errno;
@@ -176,8 +177,8 @@ pub fn prepare_process(rt: &Rt) -> Result<Process, Refusal> {
     }
 }
 
-/// Makes the calling thread a real-time thread: its core, its priority, no signals, a touched stack. Allocates; nothing
-/// need be allocated after it. Gives what could not be had; [`prepare_process`] has found the same before.
+/// Makes the calling thread a real-time thread: its core, its priority, no signals, a touched stack, and then no rights.
+/// Allocates; nothing need be allocated after it. Gives what could not be had; [`prepare_process`] has found the same before.
 pub fn enter_thread(role: Role, process: &Process) -> Vec<Finding> {
     let priority = match role {
         Role::Cycle => process.priority,
@@ -211,6 +212,17 @@ pub fn enter_core(cpu: usize, priority: u8) -> Vec<Finding> {
         });
     }
     prefault_stack();
+    let work = match role {
+        Role::Cycle | Role::Timeout => Work::RealTime,
+        Role::Machine => Work::Ordinary,
+    };
+    if let Err(cause) = rights::give_up(work) {
+        findings.push(Finding {
+            item: Item::Thread,
+            what: format!("rights that are no longer needed cannot be given up ({cause})"),
+            fix: "report this: it should not happen".into(),
+        });
+    }
     findings
 }
 
@@ -456,7 +468,7 @@ impl KeepAwake {
             let nothing = libc::sched_param { sched_priority: 0 };
             // SAFETY: 0 is the calling thread; `nothing` lives through the call.
             let idle = unsafe { libc::sched_setscheduler(0, libc::SCHED_IDLE, &nothing) } == 0;
-            if blocked && idle && pin(cpu).is_none() {
+            if blocked && idle && pin(cpu).is_none() && rights::give_up(Work::RealTime).is_ok() {
                 while !stopped.load(Ordering::Relaxed) {
                     std::hint::spin_loop();
                 }

@@ -20,6 +20,7 @@ use crate::config::Config;
 use crate::program::{self, FeedError, Feeder, Overview, ring_capacity, stop_ramp};
 use crate::rt::assemble::assemble;
 use crate::rt::pins::CAPACITY;
+use crate::rt::rights::{self, Work};
 use crate::rt::setup::{self, Role, STACK_SIZE, enter_thread};
 use crate::rt::thread::{self, grid};
 use crate::rt::timeout::{self, Limits, TimeoutThread, Watch};
@@ -74,6 +75,8 @@ pub struct Job<'a> {
     pub quiet: bool,
     /// Asks for a stop; caught since the command began, so that at no moment a signal just ends the process.
     pub signal: StopSignal,
+    /// Keep the rights of this thread: another job follows in this process.
+    pub keep_rights: bool,
     /// Who measures at the far end of the wire, if somebody does.
     pub far_end: Option<Box<dyn FarEnd + 'a>>,
 }
@@ -217,9 +220,14 @@ fn run_on<L: Link + Send>(
                 .name("service".into())
                 .stack_size(STACK_SIZE)
                 .spawn_scoped(scope, || {
+                    rights::give_up_or_warn(Work::Ordinary);
                     let mut methods = methods;
                     server::serve(socket, &mut methods, &stop);
                 })?;
+        }
+        // Everything is open and every thread of the cycle runs.
+        if !job.keep_rights {
+            rights::give_up_or_warn(Work::Closing);
         }
         let ended = StopOnDrop(&stop);
         let lives = || !cycle.is_finished();
@@ -240,6 +248,10 @@ fn run_on<L: Link + Send>(
         drop(timeouts);
         Ok((figures?, path?))
     })?;
+    if let Err(cause) = rights::use_files() {
+        // Folders that this user may write anyway are none the worse.
+        let _ = writeln!(std::io::stderr(), "warning: {cause}");
+    }
 
     let soc_period = job.far_end.as_mut().and_then(|far_end| far_end.finish());
     let statistics: Vec<NodeStatistics> = (0..config.bus.nodes.len())
@@ -363,7 +375,10 @@ fn attend<'scope, 'env>(
             planner = Some(
                 std::thread::Builder::new()
                     .name("program".into())
-                    .spawn_scoped(scope, move || feed(feeder, stop))?,
+                    .spawn_scoped(scope, move || {
+                        rights::give_up_or_warn(Work::Ordinary);
+                        feed(feeder, stop)
+                    })?,
             );
             operator.start(Box::new(Interpolator::new(consumer, position, stop_ramp(job.config))));
         }

@@ -8,6 +8,7 @@
 //! to configure the network (CAP_NET_ADMIN) and `/dev/net/tun`.
 
 use crate::bus::EthernetFrame;
+use crate::rt::rights::{self, Work};
 use nix::errno::Errno;
 use nix::fcntl::OFlag;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
@@ -144,9 +145,10 @@ impl Tap {
         let (producer, consumer) = RingBuffer::new(WAITING);
         let shared = Arc::new(Shared::default());
         let inside = Arc::clone(&shared);
-        let thread = std::thread::Builder::new()
-            .name("tap".into())
-            .spawn(move || self.run(producer, &inside))?;
+        let thread = std::thread::Builder::new().name("tap".into()).spawn(move || {
+            rights::give_up_or_warn(Work::Ordinary);
+            self.run(producer, &inside);
+        })?;
         let thread = Some(thread);
         Ok((TapBridge { shared, thread }, consumer))
     }
