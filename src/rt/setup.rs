@@ -180,12 +180,20 @@ pub fn prepare_process(rt: &Rt) -> Result<Process, Refusal> {
 /// Makes the calling thread a real-time thread: its core, its priority, no signals, a touched stack, and then no rights.
 /// Allocates; nothing need be allocated after it. Gives what could not be had; [`prepare_process`] has found the same before.
 pub fn enter_thread(role: Role, process: &Process) -> Vec<Finding> {
-    let priority = match role {
-        Role::Cycle => process.priority,
-        Role::Timeout => process.priority + 1,
-        Role::Machine => process.priority + 2,
+    let (priority, work) = match role {
+        Role::Cycle => (process.priority, Work::RealTime),
+        Role::Timeout => (process.priority + 1, Work::RealTime),
+        Role::Machine => (process.priority + 2, Work::Ordinary),
     };
-    enter_core(process.cpu, priority)
+    let mut findings = enter_core(process.cpu, priority);
+    if let Err(cause) = rights::give_up(work) {
+        findings.push(Finding {
+            item: Item::Thread,
+            what: format!("rights that are no longer needed cannot be given up ({cause})"),
+            fix: "report this: it should not happen".into(),
+        });
+    }
+    findings
 }
 
 /// As [`enter_thread`], for a thread that has no part in a control: a probe. `priority` is that of SCHED_FIFO, 1 to 99.
@@ -212,17 +220,6 @@ pub fn enter_core(cpu: usize, priority: u8) -> Vec<Finding> {
         });
     }
     prefault_stack();
-    let work = match role {
-        Role::Cycle | Role::Timeout => Work::RealTime,
-        Role::Machine => Work::Ordinary,
-    };
-    if let Err(cause) = rights::give_up(work) {
-        findings.push(Finding {
-            item: Item::Thread,
-            what: format!("rights that are no longer needed cannot be given up ({cause})"),
-            fix: "report this: it should not happen".into(),
-        });
-    }
     findings
 }
 
