@@ -11,6 +11,7 @@ use isocnc::config;
 use isocnc::machine::state::State;
 use isocnc::program::{Feeder, Progress, ring_capacity, stop_ramp};
 use isocnc::rt::assemble::assemble;
+use isocnc::rt::figures::{CycleTimes, recorder};
 use isocnc::rt::jitter::Jitter;
 use isocnc::rt::pins::CAPACITY;
 use isocnc::rt::shared::Command;
@@ -151,6 +152,8 @@ fn the_cycle_never_allocates() {
 
     let grid = grid(&config);
     let (mut deadline_ns, mut skipped) = (grid.first_after(0), 0);
+    let (mut recorder, mut windows) = recorder(grid.period_ns);
+    let (mut cycles_done, mut windows_taken) = (0, 0);
     let mut allocations = 0;
     // One cycle, as the cycle thread does it.
     let mut cycle = |control: &mut isocnc::rt::cycle::Control<Powerlink<'_, Aside<VirtualNet>, NODES>>, late_ns| {
@@ -159,7 +162,27 @@ fn the_cycle_never_allocates() {
         let behind_ns = deadline_ns.saturating_sub(net.now_ns());
         net.advance(behind_ns + late_ns);
         let late_ns = net.now_ns() - deadline_ns;
-        allocations += calls(|| control.cycle(late_ns, skipped, deadline_ns + grid.period_ns * 9 / 10));
+        let next_ns = deadline_ns + grid.period_ns;
+        if cycles_done % 500 == 0 {
+            // An ordinary thread takes the window before this one and begins another.
+            windows_taken += u32::from(windows.take().is_some());
+            windows.cut();
+        }
+        cycles_done += 1;
+        allocations += calls(|| {
+            let report = control.cycle(late_ns, skipped, deadline_ns + grid.period_ns * 9 / 10);
+            recorder.record(&CycleTimes {
+                deadline_ns,
+                woke_ns: deadline_ns + late_ns,
+                soc_ns: report.soc_ns,
+                exchanged_ns: report.done_ns,
+                ended_ns: report.done_ns + 4000,
+                next_ns,
+                skipped,
+                pres_lost: report.lost,
+            });
+            control.show_timing(recorder.timing());
+        });
         let next = grid.next(deadline_ns, control.bus_mut().now_ns());
         (deadline_ns, skipped) = (next.deadline_ns, next.skipped);
     };
@@ -247,6 +270,10 @@ fn the_cycle_never_allocates() {
         (State::Down, BusState::Down)
     );
     assert_eq!(allocations, 0, "calls of the allocator in real time");
+    assert!(windows_taken > 20, "{windows_taken} windows of the figures were cut");
+    // The last value of what was shown is on the pins.
+    let compute_max = hal.reader::<i64>("rt.compute-max-ns").expect("a pin");
+    assert_eq!(compute_max.get(), 4000);
 }
 
 #[test]

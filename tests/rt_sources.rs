@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Files, and folders with all that is in them.
-const REAL_TIME: [&str; 13] = [
+const REAL_TIME: [&str; 15] = [
     "src/rt/diagnosis.rs",
     "src/rt/cycle.rs",
     "src/rt/drives.rs",
@@ -19,6 +19,8 @@ const REAL_TIME: [&str; 13] = [
     "src/rt/timeout.rs",
     "src/rt/wait.rs",
     "src/rt/jitter.rs",
+    "src/rt/figures.rs",
+    "src/rt/recent.rs",
     "src/bus/powerlink.rs",
     "motion/src/rt",
     "motion/src/ring.rs",
@@ -64,7 +66,7 @@ const FORBIDDEN: [&str; 31] = [
 ];
 
 /// What runs before real time begins or after it has ended: file, function, why.
-const START_UP: [(&str, &str, &str); 10] = [
+const START_UP: [(&str, &str, &str); 11] = [
     ("src/rt/diagnosis.rs", "rings", "makes the rings and buffers"),
     (
         "src/rt/cycle.rs",
@@ -72,6 +74,7 @@ const START_UP: [(&str, &str, &str); 10] = [
         "read by the report when the cycle thread is gone",
     ),
     ("src/rt/drives.rs", "new", "makes the list of drives"),
+    ("src/rt/figures.rs", "new", "makes empty figures"),
     ("src/rt/pins.rs", "object_name", "names are given when pins are made"),
     ("src/rt/pins.rs", "new", "makes and links the pins"),
     (

@@ -192,6 +192,9 @@ impl InputImage {
 pub struct CycleReport {
     /// When the first frame of the cycle left, ns of the bus clock.
     pub sent_ns: u64,
+    /// When the frame that starts the cycle of the nodes (POWERLINK: SoC) was handed to the network adapter; `None` in a
+    /// cycle without one.
+    pub soc_ns: Option<u64>,
     /// When the exchange was over.
     pub done_ns: u64,
     /// Answers that did not come in this cycle.

@@ -16,7 +16,7 @@ use powerlink::mn::{
     SdoError, Step,
 };
 use powerlink::nmt::NmtState;
-use powerlink::wire::NetTime;
+use powerlink::wire::{NetTime, message};
 use rtrb::Consumer;
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -25,6 +25,9 @@ use std::time::{SystemTime, UNIX_EPOCH};
 pub const NODES_MAX: usize = 239;
 /// Longest frame without check sum.
 const FRAME_OCTETS_MAX: usize = 1514;
+
+/// Where a frame says what it is.
+const MESSAGE_TYPE_AT: usize = 14;
 
 /// Time of day by the system's clock, for SoC frames on a real wire.
 pub fn wall_clock() -> NetTime {
@@ -45,6 +48,8 @@ pub struct Powerlink<'a, L, const NODES: usize> {
     net_time: fn() -> NetTime,
     buffer: [u8; FRAME_OCTETS_MAX],
     link_error: Option<LinkError>,
+    /// When the SoC of this cycle was sent.
+    soc_ns: Option<u64>,
     outstanding: Option<(u8, u64)>,
     node_ids: Box<[u8]>,
     /// Values of SDO commands; those that are missing are with the managing node.
@@ -74,6 +79,7 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
             net_time,
             buffer: [0; FRAME_OCTETS_MAX],
             link_error: None,
+            soc_ns: None,
             outstanding: None,
             // They go to the managing node and back, which borrows them for as long as its configuration: they are never freed.
             sdo_buffers: std::array::from_fn(|_| Some(&mut *vec![0; SDO_VALUE_MAX].leak())),
@@ -194,6 +200,9 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
             let now_ns = self.link.now_ns();
             let wait_ns = match self.mn.poll(now_ns) {
                 Step::Send(frame) => {
+                    if frame.get(MESSAGE_TYPE_AT) == Some(&message::SOC) {
+                        self.soc_ns = Some(self.link.now_ns());
+                    }
                     if let Err(error) = self.link.send(frame) {
                         self.link_error = Some(error);
                     }
@@ -238,6 +247,7 @@ impl<L: Link, const NODES: usize> Fieldbus for Powerlink<'_, L, NODES> {
             self.mn.start_cycle(sent_ns, (self.net_time)());
             self.run_until(deadline_ns, true);
         }
+        let soc_ns = self.soc_ns.take();
         let mut lost = 0;
         for node in 0..nodes {
             let input = self.mn.input(node);
@@ -252,6 +262,7 @@ impl<L: Link, const NODES: usize> Fieldbus for Powerlink<'_, L, NODES> {
         }
         CycleReport {
             sent_ns,
+            soc_ns,
             done_ns: self.link.now_ns(),
             lost,
         }

@@ -8,6 +8,7 @@
 
 use super::diagnosis;
 use super::drives::{Drive, Drives};
+use super::figures::Timing;
 use super::pins::Pins;
 use super::shared::{Command, Live, Notice, Snapshot, TimedNotice, Trace};
 use crate::bus::{BusEvent, BusState, CycleReport, Fieldbus, InputImage, NodeIndex, NodeState, OutputImage};
@@ -132,8 +133,8 @@ impl<B: Fieldbus> Control<B> {
     }
 
     /// One cycle. `late_ns`: how late it begins; `skipped`: cycles that had to be left out before it; the exchange is
-    /// over by `deadline_ns`.
-    pub fn cycle(&mut self, late_ns: u64, skipped: u64, deadline_ns: u64) {
+    /// over by `deadline_ns`. Gives what the exchange took.
+    pub fn cycle(&mut self, late_ns: u64, skipped: u64, deadline_ns: u64) -> CycleReport {
         let report = self
             .bus
             .exchange(deadline_ns, &self.parts.outputs, &mut self.parts.inputs);
@@ -149,9 +150,15 @@ impl<B: Fieldbus> Control<B> {
             .drives
             .write(report.sent_ns, &self.command_mm[..self.joints], &mut self.parts.outputs);
         self.parts.pins.write_outputs(&mut self.parts.outputs);
-        self.show(&report, late_ns);
+        self.show();
         self.outlets.diagnosis.attend(self.cycle, &mut self.bus);
         self.cycle += 1;
+        report
+    }
+
+    /// Shows how the last cycle kept its time.
+    pub fn show_timing(&mut self, timing: &Timing) {
+        self.parts.pins.show_timing(timing);
     }
 
     /// The bus, for what is not cyclic between two cycles.
@@ -533,15 +540,13 @@ impl<B: Fieldbus> Control<B> {
     }
 
     /// Tells everyone else what happened.
-    fn show(&mut self, report: &CycleReport, late_ns: u64) {
+    fn show(&mut self) {
         self.parts.pins.publish(
             &mut self.bus,
             &self.parts.inputs,
             &self.parts.drives,
             &self.sample,
             self.state,
-            report,
-            late_ns,
         );
         let (elapsed_s, remaining_s) = match &self.program {
             Some(program) => (self.program_cycles as f64 * self.parts.cycle_s, program.remaining_s()),

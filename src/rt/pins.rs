@@ -6,9 +6,11 @@
 //! Names are LinuxCNC's where LinuxCNC has one. [`Pins::new`] and the links are made at start-up; the rest is RT.
 
 use super::drives::Drives;
+use super::figures::Timing;
+use super::recent::Second;
 use crate::bus::layout::Field;
 use crate::bus::network::NodePlan;
-use crate::bus::{BusState, CycleReport, Fieldbus, InputImage, OutputImage};
+use crate::bus::{BusState, Fieldbus, InputImage, OutputImage};
 use crate::config::{Config, Profile};
 use crate::machine::state::State;
 use hal_pins::{Hal, HalError, Input, Output};
@@ -109,13 +111,74 @@ pub struct Pins {
     /// The change under way has been asked for.
     tool_change_asked: bool,
 
-    jitter_ns: Output<i64>,
+    timing: TimingPins,
+}
+
+/// How the cycle keeps its time.
+struct TimingPins {
+    lateness_ns: Output<i64>,
     late_max_ns: Output<i64>,
     exchange_ns: Output<i64>,
     compute_ns: Output<i64>,
+    free_ns: Output<i64>,
     cycles: Output<u64>,
-    late_max: u64,
-    count: u64,
+    skipped: Output<u64>,
+    pres_lost: Output<u64>,
+    /// The last second: period, lateness, exchange, computing, free time.
+    seconds: [SecondPins; 5],
+}
+
+/// One quantity over the last second.
+struct SecondPins {
+    mean_ns: Output<f64>,
+    std_ns: Output<f64>,
+    min_ns: Output<i64>,
+    p99_ns: Output<i64>,
+    max_ns: Output<i64>,
+}
+
+impl SecondPins {
+    fn new(hal: &mut Hal, quantity: &str) -> Result<SecondPins, HalError> {
+        let name = |figure: &str| format!("rt.{quantity}-{figure}-ns");
+        Ok(SecondPins {
+            mean_ns: hal.output(&name("mean"))?,
+            std_ns: hal.output(&name("std"))?,
+            min_ns: hal.output(&name("min"))?,
+            p99_ns: hal.output(&name("p99"))?,
+            max_ns: hal.output(&name("max"))?,
+        })
+    }
+
+    /// RT.
+    fn show(&mut self, second: &Second) {
+        self.mean_ns.set(second.mean_ns);
+        self.std_ns.set(second.std_ns);
+        self.min_ns.set(second.min_ns as i64);
+        self.p99_ns.set(second.p99_ns as i64);
+        self.max_ns.set(second.max_ns as i64);
+    }
+}
+
+impl TimingPins {
+    fn new(hal: &mut Hal) -> Result<TimingPins, HalError> {
+        Ok(TimingPins {
+            lateness_ns: hal.output("rt.servo-jitter-ns")?,
+            late_max_ns: hal.output("rt.servo-late-max-ns")?,
+            exchange_ns: hal.output("rt.exchange-ns")?,
+            compute_ns: hal.output("rt.compute-ns")?,
+            free_ns: hal.output("rt.free-ns")?,
+            cycles: hal.output("rt.cycles")?,
+            skipped: hal.output("rt.cycles-skipped")?,
+            pres_lost: hal.output("rt.pres-lost")?,
+            seconds: [
+                SecondPins::new(hal, "period")?,
+                SecondPins::new(hal, "servo-jitter")?,
+                SecondPins::new(hal, "exchange")?,
+                SecondPins::new(hal, "compute")?,
+                SecondPins::new(hal, "free")?,
+            ],
+        })
+    }
 }
 
 /// Name of the pin of a CiA 402 object; LinuxCNC drivers' names where there is one.
@@ -258,13 +321,7 @@ impl Pins {
             tool_number: hal.output("iocontrol.0.tool-number")?,
             tool_changed: hal.input("iocontrol.0.tool-changed", false)?,
             tool_change_asked: false,
-            jitter_ns: hal.output("rt.servo-jitter-ns")?,
-            late_max_ns: hal.output("rt.servo-late-max-ns")?,
-            exchange_ns: hal.output("rt.exchange-ns")?,
-            compute_ns: hal.output("rt.compute-ns")?,
-            cycles: hal.output("rt.cycles")?,
-            late_max: 0,
-            count: 0,
+            timing: TimingPins::new(hal)?,
         };
         for net in &config.nets {
             let targets: Vec<&str> = net.targets.iter().map(String::as_str).collect();
@@ -385,11 +442,31 @@ impl Pins {
         }
     }
 
+    /// Shows how the last cycle kept its time.
+    pub fn show_timing(&mut self, timing: &Timing) {
+        let pins = &mut self.timing;
+        pins.lateness_ns.set(timing.lateness_ns as i64);
+        pins.late_max_ns.set(timing.late_max_ns as i64);
+        pins.exchange_ns.set(timing.exchange_ns as i64);
+        pins.compute_ns.set(timing.compute_ns as i64);
+        pins.free_ns.set(timing.free_ns as i64);
+        pins.cycles.set(timing.cycles);
+        pins.skipped.set(timing.skipped);
+        pins.pres_lost.set(timing.pres_lost);
+        let second = &timing.second;
+        let seconds = [
+            &second.period,
+            &second.lateness,
+            &second.exchange,
+            &second.compute,
+            &second.free,
+        ];
+        for (pins, second) in pins.seconds.iter_mut().zip(seconds) {
+            pins.show(second);
+        }
+    }
+
     /// Shows the values of a cycle.
-    #[allow(
-        clippy::too_many_arguments,
-        reason = "one call a cycle that takes everything there is to show"
-    )]
     pub fn publish<B: Fieldbus>(
         &mut self,
         bus: &mut B,
@@ -397,8 +474,6 @@ impl Pins {
         drives: &Drives,
         sample: &Sample,
         state: State,
-        report: &CycleReport,
-        late_ns: u64,
     ) {
         for (pins, drive) in self.joints.iter_mut().zip(drives.iter()) {
             pins.motor_pos_cmd.set(drive.command_mm());
@@ -425,14 +500,6 @@ impl Pins {
         self.machine_state.set(state as u32);
         self.program_line.set(sample.line);
         self.current_vel.set(sample.velocity_mm_s);
-        self.late_max = self.late_max.max(late_ns);
-        self.count += 1;
-        self.jitter_ns.set(late_ns as i64);
-        self.late_max_ns.set(self.late_max as i64);
-        self.exchange_ns
-            .set(report.done_ns.saturating_sub(report.sent_ns) as i64);
-        self.compute_ns.set(bus.now_ns().saturating_sub(report.done_ns) as i64);
-        self.cycles.set(self.count);
     }
 }
 

@@ -19,6 +19,7 @@ use crate::bus::{EthernetFrame, Fieldbus, NodeStatistics};
 use crate::config::Config;
 use crate::program::{self, FeedError, Feeder, Overview, ring_capacity, stop_ramp};
 use crate::rt::assemble::assemble;
+use crate::rt::figures;
 use crate::rt::pins::CAPACITY;
 use crate::rt::rights::{self, Work};
 use crate::rt::setup::{self, Role, STACK_SIZE, enter_thread};
@@ -198,6 +199,7 @@ fn run_on<L: Link + Send>(
     let mut operator = Operator::new(config, inlets, monotonic_ns());
     let socket = control_socket(hal.path(), &config.name)?;
 
+    let (recorder, _windows) = figures::recorder(grid(config).period_ns);
     let stop = AtomicBool::new(false);
     let (figures, path) = std::thread::scope(|scope| -> anyhow::Result<_> {
         let (reports, mut watch_reports) = rtrb::RingBuffer::new(timeout::REPORTS);
@@ -213,7 +215,7 @@ fn run_on<L: Link + Send>(
             .spawn_scoped(scope, || {
                 // What is missing has been told by `prepare_process`.
                 drop(enter_thread(Role::Cycle, process));
-                thread::run(&mut control, grid(config), &config.rt, &watch, &stop)
+                thread::run(&mut control, grid(config), &config.rt, &watch, recorder, &stop)
             })?;
         if let Some(socket) = &socket {
             std::thread::Builder::new()

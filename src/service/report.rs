@@ -11,9 +11,8 @@ use crate::bus::NodeStatistics;
 use crate::config::{Config, Joint};
 use crate::machine::sequence::Outcome;
 use crate::program::Overview;
-use crate::rt::jitter::Summary;
+use crate::rt::figures::{CycleFigures, FiguresSummary};
 use crate::rt::setup::Finding;
-use crate::rt::thread::CycleFigures;
 use crate::rt::timeout;
 use anyhow::Context;
 use motion::canon::Position;
@@ -109,12 +108,7 @@ impl Facts<'_> {
                     frames: *frames,
                 })
                 .collect(),
-            cycle: CycleReport {
-                period: self.figures.period,
-                lateness: self.figures.lateness,
-                busy: self.figures.busy,
-                skipped: self.figures.skipped,
-            },
+            cycle: self.figures.summary(),
             timeout_thread: self.timeouts,
             soc_period: self.soc_period,
             findings: self.findings.iter().map(ToString::to_string).collect(),
@@ -235,7 +229,7 @@ pub struct RunReport {
     /// Frames per node.
     pub nodes: Vec<NodeReport>,
     /// How the cycle thread ran, by its own clock.
-    pub cycle: CycleReport,
+    pub cycle: FiguresSummary,
     /// What the time-out thread counted.
     pub timeout_thread: timeout::Counters,
     /// SoC period at the far end of the wire, from kernel receive stamps.
@@ -244,19 +238,6 @@ pub struct RunReport {
     pub findings: Vec<String>,
     /// What happened when.
     pub journal: Vec<Entry>,
-}
-
-/// How the cycle thread ran.
-#[derive(Clone, Debug, Serialize)]
-pub struct CycleReport {
-    /// Distance from one cycle's beginning to the next one's.
-    pub period: Summary,
-    /// How late cycles began.
-    pub lateness: Summary,
-    /// From the beginning of a cycle to the end of its computing.
-    pub busy: Summary,
-    /// Cycles left out.
-    pub skipped: u64,
 }
 
 /// Distance from the programmed path, mm.
@@ -358,13 +339,22 @@ impl fmt::Display for RunReport {
         }
         writeln!(
             f,
-            "cycles                 {}, {} left out; begun {:.1} us late on average, {:.1} at most; {:.1} us busy, {:.1} at most",
-            self.cycle.lateness.n,
+            "cycles                 {}, {} left out, {} answers lost; SoC {:.1} us late on average, {:.1} at most",
+            self.cycle.cycles,
             self.cycle.skipped,
+            self.cycle.pres_lost,
             self.cycle.lateness.mean_us,
             self.cycle.lateness.max_us,
-            self.cycle.busy.mean_us,
-            self.cycle.busy.max_us
+        )?;
+        writeln!(
+            f,
+            "time of a cycle        exchange {:.1} us (at most {:.1}), computing {:.1} us ({:.1}), free {:.1} us (at least {:.1})",
+            self.cycle.exchange.mean_us,
+            self.cycle.exchange.max_us,
+            self.cycle.compute.mean_us,
+            self.cycle.compute.max_us,
+            self.cycle.free.mean_us,
+            self.cycle.free.min_us,
         )?;
         writeln!(f, "\nnode                       polled    answered    lost")?;
         for node in &self.nodes {
