@@ -3,8 +3,9 @@
 use super::simulate::READY;
 use crate::config;
 use crate::service::analyser::SocReport;
+use crate::service::job::{Job, run_and_report};
 use crate::service::netns;
-use crate::service::process::{self, Job, Wire};
+use crate::service::process::{Program, Wire};
 use crate::service::progress::say;
 use crate::service::report::{FarEnd, SOC_PERIOD_DATA};
 use crate::service::signals::StopSignal;
@@ -95,15 +96,16 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     }
     let job = Job {
         config: &config,
-        program: &name,
-        text: &text,
+        program: Program {
+            name: &name,
+            text: &text,
+        },
         out: &args.out,
-        quiet: args.json,
+        json: args.json,
         signal,
-        keep_rights: false,
         far_end: far_end.map(|machine| Box::new(machine) as Box<dyn FarEnd>),
     };
-    process::run_and_report(job, wire, args.json)
+    run_and_report(job, wire)
 }
 
 /// The simulated machine in a process of its own at the far end of the wire.

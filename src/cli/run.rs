@@ -1,7 +1,8 @@
 //! `isocnc run`: the control.
 
 use crate::config;
-use crate::service::process::{self, Job, Wire};
+use crate::service::job::{Job, run_and_report};
+use crate::service::process::{Program, Wire};
 use crate::service::signals::StopSignal;
 use anyhow::Context;
 use clap::Args;
@@ -40,13 +41,14 @@ pub fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     };
     let job = Job {
         config: &config,
-        program: &args.program.display().to_string(),
-        text: &text,
+        program: Program {
+            name: &args.program.display().to_string(),
+            text: &text,
+        },
         out: &args.out,
-        quiet: args.json,
+        json: args.json,
         signal,
-        keep_rights: false,
         far_end: None,
     };
-    process::run_and_report(job, wire, args.json)
+    run_and_report(job, wire)
 }

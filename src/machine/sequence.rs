@@ -96,6 +96,8 @@ pub struct Sequence {
     /// Groups of joints still to be homed, the next one last.
     homing: Vec<u64>,
     ordered: bool,
+    /// The program is begun again whenever it has ended, until somebody wants an end.
+    repeats: bool,
     outcome: Outcome,
 }
 
@@ -107,8 +109,14 @@ impl Sequence {
             step_since_ns: now_ns,
             homing: homing.iter().rev().copied().collect(),
             ordered: false,
+            repeats: false,
             outcome: Outcome::Completed,
         }
+    }
+
+    /// The same with the program begun again whenever it has ended, until [`Sequence::stop`] or [`Sequence::stopped`].
+    pub fn repeating(self) -> Sequence {
+        Sequence { repeats: true, ..self }
     }
 
     /// Where the sequence is.
@@ -167,7 +175,10 @@ impl Sequence {
                 self.homing.pop();
                 self.ordered = false;
             }
-            (Step::Program, State::Ready) if program_ended => self.enter(Step::Disable, now_ns),
+            (Step::Program, State::Ready) if program_ended && self.ordered => {
+                let again = self.repeats && self.outcome == Outcome::Completed;
+                self.enter(if again { Step::Program } else { Step::Disable }, now_ns);
+            }
             (Step::Stop, State::Ready | State::Disabled) => self.enter(Step::Disable, now_ns),
             (Step::Disable, State::Disabled | State::Booting | State::Faulted | State::Down) => {
                 self.enter(Step::ShutDown, now_ns);
@@ -246,6 +257,32 @@ mod tests {
             ]
         );
         assert_eq!(sequence.outcome(), Some(Outcome::Completed));
+    }
+
+    #[test]
+    fn a_repeated_program_is_ordered_again_until_somebody_wants_an_end() {
+        let mut sequence = Sequence::new(0, &[]).repeating();
+        for state in [State::Disabled, State::Ready] {
+            sequence.poll(SECOND, state, false);
+        }
+        for _ in 0..3 {
+            assert_eq!(sequence.poll(SECOND, State::Running, false), None);
+            assert_eq!(sequence.poll(SECOND, State::Ready, true), Some(Order::Start));
+            assert_eq!(sequence.poll(SECOND, State::Ready, false), None);
+        }
+        sequence.stop(SECOND);
+        assert_eq!(sequence.poll(SECOND, State::Running, false), Some(Order::Stop));
+        assert_eq!(sequence.poll(SECOND, State::Ready, true), Some(Order::Disable));
+        sequence.poll(SECOND, State::Disabled, true);
+        sequence.poll(SECOND, State::Down, true);
+        assert_eq!(sequence.outcome(), Some(Outcome::Stopped));
+
+        let mut sequence = Sequence::new(0, &[]).repeating();
+        for state in [State::Disabled, State::Ready, State::Running] {
+            sequence.poll(SECOND, state, false);
+        }
+        sequence.stopped();
+        assert_eq!(sequence.poll(SECOND, State::Ready, true), Some(Order::Disable));
     }
 
     #[test]

@@ -1,8 +1,10 @@
 //! Events, logs and reports: everything that may wait.
 
 pub mod analyser;
+pub mod attend;
 pub mod control;
 pub mod jitter;
+pub mod job;
 pub mod netns;
 pub mod network_view;
 pub mod operator;

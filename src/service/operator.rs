@@ -18,6 +18,9 @@ use motion::rt::Interpolator;
 use serde::Serialize;
 use std::sync::Arc;
 
+/// Entries of the journal that are kept; older ones go.
+const JOURNAL_MAX: usize = 20_000;
+
 /// Ends of the rings on this side.
 pub struct Inlets {
     /// Orders.
@@ -64,6 +67,9 @@ pub struct Operator {
     inlets: Inlets,
     sequence: Sequence,
     orders_given: u64,
+    /// Whether trace records are kept.
+    records: bool,
+    programs: u64,
     program_ended: bool,
     cycle_s: f64,
     node_names: Vec<String>,
@@ -84,6 +90,7 @@ impl Operator {
         Operator {
             inlets,
             sequence: Sequence::new(now_ns, &homing_order(config)),
+            records: true,
             orders_given: 0,
             program_ended: false,
             cycle_s: f64::from(config.cycle_us) * 1e-6,
@@ -101,6 +108,17 @@ impl Operator {
             alarms: Vec::new(),
             late_cycles: 0,
             recorder: Recorder::default(),
+            programs: 0,
+        }
+    }
+
+    /// The same with the program begun again whenever it has ended, until there is a wish to stop; in constant memory, so
+    /// without records.
+    pub fn repeating(self) -> Operator {
+        Operator {
+            sequence: self.sequence.repeating(),
+            records: false,
+            ..self
         }
     }
 
@@ -110,7 +128,9 @@ impl Operator {
             self.take(notice);
         }
         while let Ok(record) = self.inlets.trace.pop() {
-            self.recorder.add(&record);
+            if self.records {
+                self.recorder.add(&record);
+            }
         }
         while self.inlets.finished.pop().is_ok() {}
         let live = self.live();
@@ -133,6 +153,7 @@ impl Operator {
     /// Hands the program to the cycle thread.
     pub fn start(&mut self, program: Box<Interpolator>) {
         self.program_ended = false;
+        self.programs += 1;
         self.give(Command::Start(program));
     }
 
@@ -199,7 +220,12 @@ impl Operator {
         self.operational_s
     }
 
-    /// Everything noted so far.
+    /// Programs begun so far, each repetition counted.
+    pub fn programs(&self) -> u64 {
+        self.programs
+    }
+
+    /// Everything noted so far, or the latest of it.
     pub fn journal(&self) -> &[Entry] {
         &self.journal
     }
@@ -291,6 +317,12 @@ impl Operator {
     }
 
     fn note(&mut self, time_s: f64, text: String) {
+        if self.journal.len() >= JOURNAL_MAX {
+            // Half at once, so that it costs nothing to speak of; a control may run for months.
+            let gone = self.journal.len() / 2;
+            self.journal.drain(..gone);
+            self.journal_read = self.journal_read.saturating_sub(gone);
+        }
         self.journal.push(Entry { time_s, text });
     }
 }

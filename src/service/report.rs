@@ -4,15 +4,15 @@
 //! Out: `run.json`, `toolpath.svg`, `soc-period.svg` in the output folder; a summary for the terminal.
 
 use super::analyser::SocReport;
-use super::operator::{Alarm, Entry, Operator};
+use super::operator::{Alarm, Entry};
 use super::plot;
+use super::process::Ended;
 use super::recorder::PathSample;
 use crate::bus::NodeStatistics;
 use crate::config::{Config, Joint};
 use crate::machine::sequence::Outcome;
 use crate::program::Overview;
-use crate::rt::figures::{CycleFigures, FiguresSummary};
-use crate::rt::setup::Finding;
+use crate::rt::figures::FiguresSummary;
 use crate::rt::timeout;
 use anyhow::Context;
 use motion::canon::Position;
@@ -44,20 +44,8 @@ pub struct Facts<'a> {
     pub program: &'a str,
     /// What the whole program comes to.
     pub overview: Overview,
-    /// The operator after the run.
-    pub operator: &'a Operator,
-    /// The programmed path.
-    pub path: &'a [Programmed],
-    /// How the cycle thread ran.
-    pub figures: &'a CycleFigures,
-    /// Peaks of each joint.
-    pub peaks: &'a [Peaks],
-    /// Frames of each node.
-    pub statistics: &'a [NodeStatistics],
-    /// What the time-out thread counted.
-    pub timeouts: timeout::Counters,
-    /// What this PC lacks.
-    pub findings: &'a [Finding],
+    /// The control after the run.
+    pub ended: &'a Ended,
     /// Measured at the far end of the wire.
     pub soc_period: Option<SocReport>,
 }
@@ -65,9 +53,19 @@ pub struct Facts<'a> {
 impl Facts<'_> {
     /// The report, and what its pictures are drawn of.
     pub fn report(self) -> (RunReport, Pictures) {
-        let recorder = &self.operator.recorder;
+        let Ended {
+            operator,
+            path,
+            figures,
+            peaks,
+            statistics,
+            timeouts,
+            cpu: _,
+            findings,
+        } = self.ended;
+        let recorder = &operator.recorder;
         let (following_error_max_mm, following_error_max_line) = recorder.following_error_max();
-        let result = match self.operator.outcome() {
+        let result = match operator.outcome() {
             Some(Outcome::Completed) => "completed",
             Some(Outcome::Stopped) => "stopped",
             Some(Outcome::TimedOut(_)) => "timed out",
@@ -77,21 +75,20 @@ impl Facts<'_> {
             machine: self.config.name.clone(),
             program: self.program.into(),
             result: result.into(),
-            timed_out_step: match self.operator.outcome() {
+            timed_out_step: match operator.outcome() {
                 Some(Outcome::TimedOut(step)) => Some(step.name().into()),
                 _ => None,
             },
-            alarms: self.operator.alarms().to_vec(),
-            operational_s: self.operator.operational_s(),
+            alarms: operator.alarms().to_vec(),
+            operational_s: operator.operational_s(),
             line_reached: recorder.line(),
             lines: self.overview.lines,
             planned_time_s: self.overview.time_s,
             motion_time_s: recorder.cycles() as f64 * f64::from(self.config.cycle_us) * 1e-6,
             following_error_max_mm,
             following_error_max_line,
-            deviation: deviation(self.path, recorder.samples(), self.config.program.tolerance_mm),
-            peaks: self
-                .peaks
+            deviation: deviation(path, recorder.samples(), self.config.program.tolerance_mm),
+            peaks: peaks
                 .iter()
                 .zip(&self.config.joints)
                 .map(|(peaks, joint)| JointPeaks::new(peaks, joint))
@@ -101,18 +98,18 @@ impl Facts<'_> {
                 .bus
                 .nodes
                 .iter()
-                .zip(self.statistics)
+                .zip(statistics)
                 .map(|(node, frames)| NodeReport {
                     name: node.name.clone(),
                     id: node.id,
                     frames: *frames,
                 })
                 .collect(),
-            cycle: self.figures.summary(),
-            timeout_thread: self.timeouts,
+            cycle: figures.summary(),
+            timeout_thread: *timeouts,
             soc_period: self.soc_period,
-            findings: self.findings.iter().map(ToString::to_string).collect(),
-            journal: self.operator.journal().to_vec(),
+            findings: findings.iter().map(ToString::to_string).collect(),
+            journal: operator.journal().to_vec(),
         };
         (
             report,

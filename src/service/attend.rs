@@ -1,0 +1,189 @@
+//! The operator's loop of a running control: orders, the program thread, whoever looks after it; until everything is over.
+//!
+//! In:  what the real-time threads show and report, a wish to stop.
+//! Out: orders to the cycle thread; the programmed path as far as it was planned.
+
+use super::operator::{Operator, Wish};
+use super::process::{Session, Task};
+use crate::program::{self, FeedError, Feeder, ring_capacity, stop_ramp};
+use crate::rt::figures::Windows;
+use crate::rt::rights::{self, Work};
+use crate::rt::timeout;
+use crate::rt::wait::monotonic_ns;
+use motion::canon::Position;
+use motion::element::Element;
+use motion::plan::Programmed;
+use motion::ring::{self, Producer};
+use motion::rt::Interpolator;
+use std::io::Write;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{Scope, ScopedJoinHandle};
+use std::time::Duration;
+
+/// Pause of the loop.
+const PAUSE: Duration = Duration::from_millis(10);
+/// Pause of the planner while the ring is full.
+const PLANNER_PAUSE: Duration = Duration::from_millis(5);
+/// A cycle thread that has ended leaves this long to see what it ended with, ns.
+const ENDED_NS: u64 = 500_000_000;
+/// A cycle thread without a cycle for this long is given up, ns.
+const DEAD_NS: u64 = 5_000_000_000;
+/// Pieces of the programmed path that are kept for the report.
+const PATH_MAX: usize = 500_000;
+
+/// A control that runs, as the ordinary threads see it.
+pub struct Running {
+    /// Orders and what came of them.
+    pub operator: Operator,
+    /// What the time-out thread reports.
+    pub reports: rtrb::Consumer<timeout::Report>,
+    /// Cuts the figures of the cycle into windows.
+    pub windows: Windows,
+}
+
+/// Looks after a running control: shows its progress, measures, says when it is enough.
+pub trait Attendant {
+    /// Called every few milliseconds, and once more when all is over. Must not wait for anything.
+    fn attend(&mut self, running: &mut Running, now_ns: u64);
+}
+
+/// The loop of one session.
+pub(super) struct Attendance<'scope, 'env> {
+    scope: &'scope Scope<'scope, 'env>,
+    session: &'scope Session<'env>,
+    /// Ends all threads of the session.
+    stop: &'scope AtomicBool,
+    planner: Option<PlannerThread<'scope>>,
+    path: Vec<Programmed>,
+}
+
+type PlannerThread<'scope> = ScopedJoinHandle<'scope, (Vec<Programmed>, Option<FeedError>)>;
+
+impl<'scope, 'env> Attendance<'scope, 'env> {
+    pub(super) fn new(
+        scope: &'scope Scope<'scope, 'env>,
+        session: &'scope Session<'env>,
+        stop: &'scope AtomicBool,
+    ) -> Attendance<'scope, 'env> {
+        Attendance {
+            scope,
+            session,
+            stop,
+            planner: None,
+            path: Vec::new(),
+        }
+    }
+
+    /// Runs until everything is over; gives the programmed path.
+    pub(super) fn run(
+        mut self,
+        running: &mut Running,
+        attendant: &mut dyn Attendant,
+        cycle_thread_lives: &dyn Fn() -> bool,
+    ) -> anyhow::Result<Vec<Programmed>> {
+        let (mut cycles, mut cycles_since_ns) = (0, monotonic_ns());
+        while running.operator.outcome().is_none() {
+            let now_ns = monotonic_ns();
+            let live = running.operator.live();
+            if live.cycles != cycles {
+                (cycles, cycles_since_ns) = (live.cycles, now_ns);
+            } else if now_ns - cycles_since_ns > ENDED_NS && !cycle_thread_lives() {
+                break;
+            } else if now_ns - cycles_since_ns > DEAD_NS {
+                // It cannot be joined either: the end of the process is what is left.
+                let _ = writeln!(
+                    std::io::stderr(),
+                    "isocnc: the cycle thread has stopped; the drives stop for want of SoC"
+                );
+                std::process::exit(1);
+            }
+            self.step(running, now_ns)?;
+            attendant.attend(running, now_ns);
+            std::thread::sleep(PAUSE);
+        }
+        attendant.attend(running, monotonic_ns());
+        self.stop.store(true, Ordering::Release);
+        // What it may still find wrong concerns nobody any more.
+        if let Some(Ok((path, _))) = self.planner.take().map(ScopedJoinHandle::join) {
+            self.path = path;
+        }
+        Ok(self.path)
+    }
+
+    fn step(&mut self, running: &mut Running, now_ns: u64) -> anyhow::Result<()> {
+        if self.session.signal.caught().is_some() {
+            running.operator.stop(now_ns);
+        }
+        while let Ok(report) = running.reports.pop() {
+            running.operator.hear(&report);
+        }
+        if let Wish::PlanFrom(position) = running.operator.poll(now_ns) {
+            // Of a program that is repeated, all was in the ring long since.
+            self.join_planner(running, now_ns);
+            let program = self.plan_from(position)?;
+            running.operator.start(program);
+        }
+        if self.planner.as_ref().is_some_and(ScopedJoinHandle::is_finished) {
+            self.join_planner(running, now_ns);
+        }
+        Ok(())
+    }
+
+    /// Starts the program thread.
+    fn plan_from(&mut self, position: Position) -> anyhow::Result<Box<Interpolator>> {
+        let Session { config, task, .. } = self.session;
+        let (producer, consumer) = ring::channel(ring_capacity(config));
+        let feeder = Feeder::new(config, task.program().text, position, producer);
+        let path_max = match task {
+            Task::Once(_) => PATH_MAX,
+            Task::Repeat(_) => 0,
+        };
+        let stop = self.stop;
+        let planner = std::thread::Builder::new()
+            .name("program".into())
+            .spawn_scoped(self.scope, move || {
+                rights::give_up_or_warn(Work::Ordinary);
+                feed(feeder, path_max, stop)
+            })?;
+        self.planner = Some(planner);
+        Ok(Box::new(Interpolator::new(consumer, position, stop_ramp(config))))
+    }
+
+    fn join_planner(&mut self, running: &mut Running, now_ns: u64) {
+        match self.planner.take().map(ScopedJoinHandle::join) {
+            None => {}
+            Some(Ok((path, error))) => {
+                self.path = path;
+                if let Some(error) = error {
+                    let name = self.session.task.program().name;
+                    running.operator.fail(now_ns, error.located(name));
+                }
+            }
+            Some(Err(_)) => running.operator.fail(
+                now_ns,
+                "the planner panicked; the machine rests at the end of its plan".into(),
+            ),
+        }
+    }
+}
+
+/// The program thread: plans until the program is in the ring or nobody wants it any more.
+fn feed(
+    mut feeder: Feeder<'_, Producer<Element>>,
+    path_max: usize,
+    stop: &AtomicBool,
+) -> (Vec<Programmed>, Option<FeedError>) {
+    let mut path = Vec::new();
+    while !stop.load(Ordering::Acquire) {
+        let progress = feeder.pump();
+        let room = path_max.saturating_sub(path.len());
+        path.extend(feeder.ideal_path().take(room));
+        match progress {
+            Ok(program::Progress::Working) => {}
+            Ok(program::Progress::RingFull) => std::thread::sleep(PLANNER_PAUSE),
+            Ok(program::Progress::Done) => break,
+            Err(error) => return (path, Some(error)),
+        }
+    }
+    (path, None)
+}

@@ -1,0 +1,83 @@
+//! One program from power-on to power-off, and its report.
+//!
+//! In:  a machine, a program, a wire. Out: the report of the run, on the terminal and in a folder.
+
+use super::attend::{Attendant, Running};
+use super::process::{self, Program, Session, Task, Wire};
+use super::progress::{Progress, say};
+use super::report::{self, Facts, FarEnd};
+use super::signals::{self, StopSignal};
+use crate::config::Config;
+use crate::program::check;
+use std::path::Path;
+use std::process::ExitCode;
+
+/// What is to be done.
+pub struct Job<'a> {
+    /// The machine.
+    pub config: &'a Config,
+    /// The program.
+    pub program: Program<'a>,
+    /// Folder for the report.
+    pub out: &'a Path,
+    /// Print the report as JSON and nothing else.
+    pub json: bool,
+    /// Asks for a stop.
+    pub signal: StopSignal,
+    /// Who measures at the far end of the wire, if somebody does.
+    pub far_end: Option<Box<dyn FarEnd + 'a>>,
+}
+
+/// Runs a job and writes its report. The exit code says how it ended.
+///
+/// # Errors
+/// What keeps it from starting, or its report from being written.
+pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
+    let Job {
+        config, program, out, ..
+    } = job;
+    let overview = match check(config, program.name, program.text) {
+        Ok(overview) => overview,
+        Err(errors) => {
+            eprintln!("{errors}\n\nnothing was moved");
+            return Ok(ExitCode::FAILURE);
+        }
+    };
+    report::prepare(out)?;
+    let session = Session {
+        config,
+        task: Task::Once(program),
+        quiet: job.json,
+        signal: job.signal,
+        keep_rights: false,
+    };
+    let mut progress = Progress::new(overview, job.json);
+    let ended = process::run(&session, wire, &mut progress)?;
+    drop(progress);
+    let soc_period = job.far_end.and_then(|mut far_end| far_end.finish());
+    let facts = Facts {
+        config,
+        program: program.name,
+        overview,
+        ended: &ended,
+        soc_period,
+    };
+    let (report, pictures) = facts.report();
+    report::write(out, &report, &pictures)?;
+    if job.json {
+        say(&format!("{}\n", serde_json::to_string_pretty(&report)?));
+    } else {
+        say(&format!("\n{report}\nreport                 {}\n", out.display()));
+    }
+    Ok(match (session.signal.caught(), report.result.as_str()) {
+        (Some(signal), _) if report.alarms.is_empty() => ExitCode::from(signals::exit_code(signal)),
+        (None, "completed") => ExitCode::SUCCESS,
+        _ => ExitCode::FAILURE,
+    })
+}
+
+impl Attendant for Progress {
+    fn attend(&mut self, running: &mut Running, _now_ns: u64) {
+        self.show(&mut running.operator);
+    }
+}
