@@ -13,6 +13,7 @@ use powerlink::link::raw::{RawConfig, RawLink};
 use std::fs::read_to_string;
 use std::os::unix::process::CommandExt;
 use std::process::Command;
+use std::time::{Duration, Instant};
 
 const ROLE: &str = "ISOCNC_TEST_PRIVATE_WIRE";
 const NOBODY: u32 = 65_534;
@@ -79,17 +80,21 @@ fn make_wire() {
         Err(error) => panic!("{error}"),
     };
     assert_eq!((wire.near.as_str(), wire.far.as_str()), ("plk0", "plk1"));
-    let flags: Vec<_> = getifaddrs()
-        .unwrap()
-        .map(|found| (found.interface_name, found.flags))
-        .collect();
-    for end in ["plk0", "plk1"] {
-        let (_, flags) = flags.iter().find(|(name, _)| name == end).unwrap();
-        assert!(
-            flags.contains(InterfaceFlags::IFF_UP | InterfaceFlags::IFF_NOARP | InterfaceFlags::IFF_RUNNING),
-            "{flags:?}"
-        );
-    }
+    // The kernel says that a link runs some time after it does.
+    let give_up = Instant::now() + Duration::from_secs(10);
+    let flags = loop {
+        let flags: Vec<_> = getifaddrs()
+            .unwrap()
+            .map(|found| (found.interface_name, found.flags))
+            .collect();
+        let good = InterfaceFlags::IFF_UP | InterfaceFlags::IFF_NOARP | InterfaceFlags::IFF_RUNNING;
+        let is_good = |end| flags.iter().any(|(name, flags)| name == end && flags.contains(good));
+        if ["plk0", "plk1"].into_iter().all(is_good) {
+            break flags;
+        }
+        assert!(Instant::now() < give_up, "{flags:?}");
+        std::thread::sleep(Duration::from_millis(20));
+    };
     let (_, lo) = flags.iter().find(|(name, _)| name == "lo").unwrap();
     assert!(lo.contains(InterfaceFlags::IFF_UP));
     if wire.notes.is_empty() {

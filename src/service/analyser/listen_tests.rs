@@ -26,7 +26,7 @@ fn report() -> SocReport {
         cycle_us: 1000,
         n: 600_000,
         duration_s: 600.0,
-        period_mean_us: 1000.000_4,
+        period_mean_us: 1000.0004,
         period_range_us: 11.2,
         period_std_us: 0.64,
         deviation: Summary {

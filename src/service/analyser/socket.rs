@@ -176,6 +176,7 @@ impl Batch {
     fn frames(&self, received: usize) -> impl Iterator<Item = Frame<'_>> {
         (0..received).map(|i| {
             let header = &self.headers[i];
+            #[allow(clippy::unnecessary_cast, reason = "a u32 with musl")]
             let length = (header.msg_hdr.msg_controllen as usize).min(size_of::<Control>());
             // SAFETY: the octets of the control buffer, all of which were given a value when it was made.
             let control = unsafe { std::slice::from_raw_parts(self.controls[i].as_ptr().cast::<u8>(), length) };
