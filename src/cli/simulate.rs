@@ -1,6 +1,6 @@
 //! `isocnc simulate`: the simulated machine as controlled nodes on an interface.
 
-use crate::config::{self, Require, Rt};
+use crate::config::{self, KeepAwake, Require, Rt};
 use crate::rt::setup::{self, Role, STACK_SIZE, enter_thread};
 use crate::service::analyser::Analyser;
 use crate::service::signals::StopSignal;
@@ -85,7 +85,7 @@ pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
     // The control of the same PC says what is missing; a machine alone on its PC may be late at no harm.
     let process = setup::prepare_process(&Rt {
         require: Require::Warn,
-        keep_awake: false,
+        keep_awake: Some(KeepAwake::None),
         ..config.rt.clone()
     })?;
     let mut tap = match (&args.tap, args.tap_node) {

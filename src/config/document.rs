@@ -156,6 +156,21 @@ impl<'d, 'l> Item<'d, 'l> {
         text
     }
 
+    pub(super) fn word<T: Copy>(self, key: &str, words: &[(&'static str, T)]) -> Option<T> {
+        let Some(text) = self.value.get_ref().as_str() else {
+            self.is_no(key, &alternatives(words));
+            return None;
+        };
+        let found = words.iter().find(|(word, _)| *word == text).map(|(_, value)| *value);
+        if found.is_none() {
+            let hint = nearest(text, words.iter().map(|(word, _)| *word));
+            let hint = hint.map(|word| format!("did you mean {word:?}?"));
+            let rule = format!("must be {}", alternatives(words));
+            self.log.wrong(self.value.span(), key, rule, hint);
+        }
+        found
+    }
+
     pub(super) fn flag(self, key: &str) -> Option<bool> {
         let flag = self.value.get_ref().as_bool();
         if flag.is_none() {
@@ -171,6 +186,12 @@ impl<'d, 'l> Item<'d, 'l> {
         }
         Some(array?.iter().map(|value| Item { log: self.log, value }).collect())
     }
+}
+
+/// Words as a message lists them: `"a" or "b"`.
+fn alternatives<T>(words: &[(&'static str, T)]) -> String {
+    let quoted: Vec<String> = words.iter().map(|(word, _)| format!("{word:?}")).collect();
+    quoted.join(" or ")
 }
 
 /// A table whose keys are read one by one; [`Section::done`] then names the keys that nobody asked for.
@@ -264,28 +285,34 @@ impl<'d, 'l> Section<'d, 'l> {
         words: &[(&'static str, T)],
         default: impl Into<Option<T>>,
     ) -> Option<T> {
-        let list = words
-            .iter()
-            .map(|(word, _)| format!("{word:?}"))
-            .collect::<Vec<_>>()
-            .join(" or ");
         let item = match default.into() {
-            None => self.required(key, &list)?,
+            None => self.required(key, &alternatives(words))?,
             Some(default) => match self.optional(key) {
                 None => return Some(default),
                 Some(item) => item,
             },
         };
-        let path = self.key(key);
-        let text = item.text(&path)?;
-        let found = words.iter().find(|(word, _)| *word == text).map(|(_, value)| *value);
-        if found.is_none() {
-            let hint = nearest(text, words.iter().map(|(word, _)| *word));
-            let hint = hint.map(|word| format!("did you mean {word:?}?"));
-            self.log
-                .wrong(item.value.span(), &path, format!("must be {list}"), hint);
+        item.word(&self.key(key), words)
+    }
+
+    /// One of some words; left out: `Some(None)`.
+    pub(super) fn optional_word<T: Copy>(
+        &mut self,
+        key: &'static str,
+        words: &[(&'static str, T)],
+    ) -> Option<Option<T>> {
+        match self.optional(key) {
+            None => Some(None),
+            Some(item) => item.word(&self.key(key), words).map(Some),
         }
-        found
+    }
+
+    /// An integer; left out: `Some(None)`.
+    pub(super) fn optional_integer(&mut self, key: &'static str, range: RangeInclusive<i64>) -> Option<Option<i64>> {
+        match self.optional(key) {
+            None => Some(None),
+            Some(item) => item.integer(&self.key(key), range).map(Some),
+        }
     }
 
     /// A table inside this one; left out: one without keys.

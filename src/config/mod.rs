@@ -163,31 +163,34 @@ fn rt(mut section: Section<'_, '_>, cycle_us: Option<u32>) -> Option<Rt> {
     let cycle_us = i64::from(cycle_us.unwrap_or(10_000));
     /// More cores than any kernel is built for.
     const CPU_MAX: i64 = 8191;
-    let cpu = match section.optional("cpu") {
-        None => Some(None),
-        Some(item) => item.integer("rt.cpu", 0..=CPU_MAX).map(|cpu| Some(cpu as usize)),
-    };
-    let priority = section.integer("priority", 1..=96, 80);
-    let timeout_us = section.integer("timeout_us", 20..=cycle_us, 50);
-    // Off the scheduler tick, which stands on whole milliseconds or parts of them.
-    let phase_us = section.integer("phase_us", 0..=cycle_us - 1, cycle_us * 37 / 100);
-    let spin_us = section.integer("spin_us", 0..=cycle_us - 1, 50);
-    let keep_awake = section.flag("keep_awake", true);
-    let lock_memory = section.flag("lock_memory", true);
+    let defaults = Rt::default();
+    let cpu = section.optional_integer("cpu", 0..=CPU_MAX);
+    let priority = section.integer("priority", 1..=96, i64::from(defaults.priority));
+    let timeout_us = section.integer("timeout_us", 20..=cycle_us, i64::from(defaults.timeout_us));
+    let phase_us = section.optional_integer("phase_us", 0..=cycle_us - 1);
+    // A thread that spins all the time is stopped for 50 ms in each second (throttling, fair server): half is far below.
+    let spin_us = section.optional_integer("spin_us", 0..=cycle_us / 2);
+    let keep_awake = section.optional_word(
+        "keep_awake",
+        &[KeepAwake::DmaLatency, KeepAwake::IdleThread, KeepAwake::None].map(|choice| (choice.name(), choice)),
+    );
+    let calibrate = section.flag("calibrate", defaults.calibrate);
+    let lock_memory = section.flag("lock_memory", defaults.lock_memory);
     let require = section.word(
         "require",
         &[("strict", Require::Strict), ("warn", Require::Warn)],
-        Require::Warn,
+        defaults.require,
     );
     section.not_yet(&["housekeeping_cpus", "late_us_max", "timeout_priority", "timeout_cpu"]);
     section.done();
     Some(Rt {
-        cpu: cpu?,
+        cpu: cpu?.map(|cpu| cpu as usize),
         priority: priority? as u8,
         timeout_us: timeout_us? as u32,
-        phase_us: phase_us? as u32,
-        spin_us: spin_us? as u32,
+        phase_us: phase_us?.map(|phase_us| phase_us as u32),
+        spin_us: spin_us?.map(|spin_us| spin_us as u32),
         keep_awake: keep_awake?,
+        calibrate: calibrate?,
         lock_memory: lock_memory?,
         require: require?,
     })

@@ -55,16 +55,7 @@ fn the_demo_machine_is_read_whole() {
     assert_eq!(config.path, Path::new("demo.toml"));
     assert_eq!(config.name, "mill3-demo");
     assert_eq!(config.cycle_us, 1000);
-    let rt = Rt {
-        cpu: None,
-        priority: 80,
-        timeout_us: 50,
-        phase_us: 370,
-        spin_us: 50,
-        keep_awake: true,
-        lock_memory: true,
-        require: Require::Warn,
-    };
+    let rt = Rt::default();
     assert_eq!(config.rt, rt);
     assert_eq!(config.bus.kind, BusKind::Powerlink);
     assert_eq!(config.bus.interface, "plk0");
@@ -160,8 +151,14 @@ fn what_is_left_out_has_its_default() {
     assert_eq!(config.bus.interface, "");
     assert_eq!((config.bus.async_slot_timeout_us, config.bus.pres_lost_max), (150, 3));
     assert_eq!(
-        (config.rt.priority, config.rt.timeout_us, config.rt.phase_us),
-        (80, 50, 370)
+        (
+            config.rt.priority,
+            config.rt.timeout_us,
+            config.rt.phase_us,
+            config.rt.spin_us,
+            config.rt.calibrate
+        ),
+        (80, 50, None, None, true)
     );
     assert_eq!(config.bus.nodes[0].name, "node-1");
     assert_eq!(
@@ -191,12 +188,27 @@ fn what_is_left_out_has_its_default() {
         }
     );
     assert_eq!(config.joints[0].homing.position_mm, 0.0);
-    let fast = parse(
-        &changed("name = \"small\"", "name = \"small\"\ncycle_us = 500"),
-        Path::new("m.toml"),
-    )
-    .unwrap();
-    assert_eq!(fast.rt.phase_us, 185);
+}
+
+#[test]
+fn what_calibration_may_choose_can_be_given_and_has_a_default() {
+    let given = changed(
+        "\n[bus]",
+        "\n[rt]\nphase_us = 370\nspin_us = 0\nkeep_awake = \"idle-thread\"\ncalibrate = false\n[bus]",
+    );
+    let rt = parse(&given, Path::new("m.toml")).unwrap().rt;
+    assert_eq!(
+        (rt.phase_us(1000), rt.spin_us(), rt.keep_awake, rt.calibrate),
+        (370, 0, Some(KeepAwake::IdleThread), false)
+    );
+    let rt = Rt::default();
+    assert_eq!(rt.spin_us(), 50);
+    // In the middle between two ticks; where these do not meet the cycle regularly, there is no such place.
+    assert_eq!(
+        [250, 500, 1000, 2000].map(|cycle_us| rt.phase_us(cycle_us)),
+        [75, 175, 375, 725]
+    );
+    assert_eq!(Rt { timeout_us: 60, ..rt }.phase_us(1000), 370);
 }
 
 /// Text to replace, its replacement, and the messages.
@@ -239,10 +251,18 @@ fn rules_of_machine_and_rt() {
         ("\n[bus]", "\n[rt]\nphase_us = 1000\n[bus]", &[
             "m.toml:5:12: rt.phase_us = 1000: must be an integer from 0 to 999",
         ]),
-        ("\n[bus]", "\n[rt]\nspin_us = -1\n[bus]", &["m.toml:5:11: rt.spin_us = -1: must be an integer from 0 to 999"]),
+        ("\n[bus]", "\n[rt]\nspin_us = -1\n[bus]", &["m.toml:5:11: rt.spin_us = -1: must be an integer from 0 to 500"]),
         ("\n[bus]", "\n[rt]\ncpu = -1\n[bus]", &["m.toml:5:7: rt.cpu = -1: must be an integer from 0 to 8191"]),
         ("\n[bus]", "\n[rt]\nkeep_awake = 1\n[bus]", &[
-            "m.toml:5:14: rt.keep_awake = 1: must be true or false, is an integer",
+            "m.toml:5:14: rt.keep_awake = 1: must be \"dma-latency\" or \"idle-thread\" or \"none\", is an integer",
+        ]),
+        ("\n[bus]", "\n[rt]\nkeep_awake = true\nspin_us = 501\ncalibrate = \"no\"\n[bus]", &[
+            "m.toml:5:14: rt.keep_awake = true: must be \"dma-latency\" or \"idle-thread\" or \"none\", is a boolean",
+            "m.toml:6:11: rt.spin_us = 501: must be an integer from 0 to 500",
+            "m.toml:7:13: rt.calibrate = \"no\": must be true or false, is a string",
+        ]),
+        ("\n[bus]", "\n[rt]\nkeep_awake = \"idle\"\n[bus]", &[
+            "m.toml:5:14: rt.keep_awake = \"idle\": must be \"dma-latency\" or \"idle-thread\" or \"none\"; did you mean \"idle-thread\"?",
         ]),
         ("\n[bus]", "\n[rt]\nrequire = \"Strict\"\n[bus]", &[
             "m.toml:5:11: rt.require = \"Strict\": must be \"strict\" or \"warn\"; did you mean \"strict\"?",

@@ -6,6 +6,7 @@
 use motion::canon::{Axis, Position};
 pub use obd::device::{ConfigurationWrite, DeviceDescription};
 pub use powerlink::mn::{Stamp, StartUp};
+use serde::Serialize;
 use std::path::PathBuf;
 
 /// Most joints that one machine can have.
@@ -40,25 +41,91 @@ pub struct Config {
     pub sim: Sim,
 }
 
-/// `[rt]`
+/// `[rt]`. What is `None` is found out by a short measurement when the machine starts; the default holds where that is
+/// switched off or cannot be made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rt {
-    /// Core of the real-time threads; `None`: the last one online.
+    /// Core of the real-time threads; `None`: the last isolated one, else the last one online.
     pub cpu: Option<usize>,
     /// SCHED_FIFO priority of the cycle thread, 1 to 96; the time-out thread runs one above, a simulated machine two.
     pub priority: u8,
     /// Period of the time-out thread, µs.
     pub timeout_us: u32,
     /// Cycles start at `k * cycle_us + phase_us` of CLOCK_MONOTONIC.
-    pub phase_us: u32,
+    pub phase_us: Option<u32>,
     /// Spin this long before each cycle, µs.
-    pub spin_us: u32,
-    /// Keep the core from deep idle states.
-    pub keep_awake: bool,
+    pub spin_us: Option<u32>,
+    /// How the core is kept from idle states that take long to leave.
+    pub keep_awake: Option<KeepAwake>,
+    /// Measure what is best for the three above.
+    pub calibrate: bool,
     /// Lock all memory.
     pub lock_memory: bool,
     /// What to do where something is missing.
     pub require: Require,
+}
+
+impl Default for Rt {
+    fn default() -> Rt {
+        Rt {
+            cpu: None,
+            priority: 80,
+            timeout_us: 50,
+            phase_us: None,
+            spin_us: None,
+            keep_awake: None,
+            calibrate: true,
+            lock_memory: true,
+            require: Require::Warn,
+        }
+    }
+}
+
+impl Rt {
+    /// Spin of a machine that says nothing, µs.
+    pub const SPIN_DEFAULT_US: u32 = 50;
+
+    /// The spin without a measurement, µs.
+    pub fn spin_us(&self) -> u32 {
+        self.spin_us.unwrap_or(Rt::SPIN_DEFAULT_US)
+    }
+
+    /// The phase without a measurement, µs: at 37 % of the cycle, far from the scheduler tick, which comes on whole
+    /// milliseconds; there in the middle between two ticks of the time-out thread, where these meet the cycle regularly.
+    pub fn phase_us(&self, cycle_us: u32) -> u32 {
+        self.phase_us.unwrap_or_else(|| {
+            let wanted_us = cycle_us * 37 / 100;
+            if cycle_us.is_multiple_of(self.timeout_us) {
+                wanted_us / self.timeout_us * self.timeout_us + self.timeout_us / 2
+            } else {
+                wanted_us
+            }
+        })
+    }
+}
+
+/// How the core of the real-time threads is kept from idle states that take long to leave.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum KeepAwake {
+    /// `/dev/cpu_dma_latency` is held open at 0: the kernel chooses no idle state that takes time to leave. For PCs whose
+    /// kernel has a driver for idle states.
+    DmaLatency,
+    /// A thread of the lowest priority (SCHED_IDLE) spins on the core. For virtual machines without such a driver.
+    IdleThread,
+    /// Not at all: the ticks of the time-out thread have to do.
+    None,
+}
+
+impl KeepAwake {
+    /// The word of the machine file.
+    pub const fn name(self) -> &'static str {
+        match self {
+            KeepAwake::DmaLatency => "dma-latency",
+            KeepAwake::IdleThread => "idle-thread",
+            KeepAwake::None => "none",
+        }
+    }
 }
 
 /// What to do where the PC cannot give what real time needs.

@@ -23,7 +23,7 @@ pub fn grid(config: &Config) -> Grid {
     let period_ns = u64::from(config.cycle_us) * 1000;
     Grid {
         period_ns,
-        phase_ns: u64::from(config.rt.phase_us) * 1000,
+        phase_ns: u64::from(config.rt.phase_us(config.cycle_us)) * 1000,
         late_max_ns: period_ns / LATE_SHARE,
     }
 }
@@ -37,7 +37,7 @@ pub fn run<B: Fieldbus>(
     mut recorder: Recorder,
     stop: &AtomicBool,
 ) -> Box<CycleFigures> {
-    let spin_ns = u64::from(rt.spin_us) * 1000;
+    let spin_ns = u64::from(rt.spin_us()) * 1000;
     let (mut cycle, mut skipped) = (0, 0);
     let mut deadline_ns = grid.first_after(monotonic_ns());
     recorder.begin();

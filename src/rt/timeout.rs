@@ -533,16 +533,11 @@ mod tests {
 
     #[test]
     fn the_thread_ticks_reports_and_ends() {
-        use crate::config::{Require, Rt};
+        use crate::config::{KeepAwake, Rt};
         let rt = Rt {
-            cpu: None,
-            priority: 80,
-            timeout_us: 50,
-            phase_us: 370,
-            spin_us: 50,
-            keep_awake: false,
+            keep_awake: Some(KeepAwake::None),
             lock_memory: false,
-            require: Require::Warn,
+            ..Rt::default()
         };
         let process = Arc::new(super::super::setup::prepare_process(&rt).unwrap());
         let watch = Arc::new(Watch::default());

@@ -70,14 +70,11 @@ pub(super) fn test_config() -> Config {
         name: "mill3".to_string(),
         cycle_us: 1000,
         rt: Rt {
-            cpu: None,
-            priority: 80,
-            timeout_us: 50,
-            phase_us: 370,
-            spin_us: 50,
-            keep_awake: false,
+            phase_us: Some(370),
+            keep_awake: Some(KeepAwake::None),
+            calibrate: false,
             lock_memory: false,
-            require: Require::Warn,
+            ..Rt::default()
         },
         bus: Bus {
             tap: None,

@@ -1,0 +1,173 @@
+//! A core that never falls into an idle state from which it takes long to wake.
+//!
+//! In:  a choice of the machine file or of the calibration.
+//! Out: [`Awake`], which holds what it takes until it is dropped.
+
+use super::findings::{Finding, Item};
+use super::{STACK_SIZE, cpu};
+use crate::config::KeepAwake;
+use crate::rt::rights::{self, Work};
+use nix::sys::signal::SigSet;
+use std::fs::{File, OpenOptions, read_to_string};
+use std::io::Write;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+
+const CPUIDLE_DRIVER: &str = "/sys/devices/system/cpu/cpuidle/current_driver";
+const DMA_LATENCY: &str = "/dev/cpu_dma_latency";
+
+/// What keeps the core awake; `default()` is nothing.
+#[derive(Debug, Default)]
+pub(super) enum Awake {
+    /// Nothing does.
+    #[default]
+    Nothing,
+    /// Held open at 0: all cores stay out of deep idle states until it is closed.
+    DmaLatency { _file: File },
+    /// Spins.
+    IdleThread { _thread: IdleThread },
+}
+
+impl Awake {
+    /// # Errors
+    /// What cannot be had.
+    pub(super) fn hold(choice: KeepAwake, core: usize) -> Result<Awake, Finding> {
+        match choice {
+            KeepAwake::None => Ok(Awake::Nothing),
+            KeepAwake::DmaLatency => hold_dma_latency(),
+            KeepAwake::IdleThread => IdleThread::spawn(core)
+                .map(|thread| Awake::IdleThread { _thread: thread })
+                .map_err(|what| {
+                    Finding::new(
+                        Item::IdleStates,
+                        format!("no thread can keep core {core} awake: {what}"),
+                        "set rt.keep_awake to \"dma-latency\" or \"none\"",
+                    )
+                }),
+        }
+    }
+
+    pub(super) fn choice(&self) -> KeepAwake {
+        match self {
+            Awake::Nothing => KeepAwake::None,
+            Awake::DmaLatency { .. } => KeepAwake::DmaLatency,
+            Awake::IdleThread { .. } => KeepAwake::IdleThread,
+        }
+    }
+}
+
+/// What most PCs of this kind do best with: without a driver for idle states (most virtual machines) the file would have no
+/// effect, and an idle core is halted, which takes a hypervisor long to end.
+pub(super) fn usual() -> KeepAwake {
+    if has_idle_states(&read_to_string(CPUIDLE_DRIVER).unwrap_or_default()) {
+        KeepAwake::DmaLatency
+    } else {
+        KeepAwake::IdleThread
+    }
+}
+
+/// Whether `/dev/cpu_dma_latency` has any effect, by the name of the idle driver.
+pub(super) fn has_idle_states(driver: &str) -> bool {
+    !matches!(driver.trim(), "" | "none")
+}
+
+fn hold_dma_latency() -> Result<Awake, Finding> {
+    if !has_idle_states(&read_to_string(CPUIDLE_DRIVER).unwrap_or_default()) {
+        return Err(Finding::new(
+            Item::IdleStates,
+            format!("{DMA_LATENCY} has no effect on this PC, whose kernel has no driver for idle states"),
+            "set rt.keep_awake to \"idle-thread\", or leave it out",
+        ));
+    }
+    let held = OpenOptions::new().write(true).open(DMA_LATENCY).and_then(|mut file| {
+        // 0 µs may pass from idle to running, as a number of 4 octets.
+        file.write_all(&0i32.to_ne_bytes())?;
+        Ok(Awake::DmaLatency { _file: file })
+    });
+    held.map_err(|cause| {
+        Finding::new(
+            Item::IdleStates,
+            format!("{DMA_LATENCY} cannot be held ({cause}); a thread spins on the core instead"),
+            "run as root, or open the file to a group with a udev rule",
+        )
+    })
+}
+
+/// A thread of the lowest priority that spins on the real-time core, so that it never halts.
+///
+/// SCHED_IDLE belongs to the fair class, with the least weight there is: every other thread pushes it off, a FIFO thread
+/// within a context switch. It is the one loop of the process that leaves the core no gap, and it may:
+/// - the throttling of real time (up to Linux 6.11) counts FIFO and RR threads only;
+/// - the fair server (from 6.12 on) takes the core for its 50 ms only if the fair class has had less than 50 ms of the last
+///   second. This thread is always ready, so the server is always armed; but our FIFO threads leave more than 5 % of the
+///   core (the spin is bounded, each cycle sleeps), this thread gets that, and the server has nothing to make up for. The same
+///   thread would make it strike if a cycle thread hung in a loop: 50 ms in each second, which does not matter any more then.
+#[derive(Debug)]
+pub(super) struct IdleThread {
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl IdleThread {
+    /// # Errors
+    /// The thread could not be put behind all others: spinning at an ordinary priority, it would do harm.
+    pub(super) fn spawn(core: usize) -> Result<IdleThread, String> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = stop.clone();
+        let (ready, is_ready) = mpsc::sync_channel(1);
+        let run = move || {
+            let entered = enter(core);
+            let spins = entered.is_ok();
+            // Whoever waits for it cannot be gone.
+            let _ = ready.send(entered);
+            while spins && !stopped.load(Ordering::Relaxed) {
+                std::hint::spin_loop();
+            }
+        };
+        let thread = std::thread::Builder::new()
+            .name("keep-awake".into())
+            .stack_size(STACK_SIZE)
+            .spawn(run)
+            .map_err(|error| error.to_string())?;
+        let thread = IdleThread {
+            stop,
+            thread: Some(thread),
+        };
+        is_ready.recv().unwrap_or_else(|_| Err("it ended".into()))?;
+        Ok(thread)
+    }
+
+    #[cfg(test)]
+    pub(super) fn stop_flag(&self) -> Arc<AtomicBool> {
+        self.stop.clone()
+    }
+}
+
+/// Puts the calling thread behind all others of a core, without signals and rights.
+fn enter(core: usize) -> Result<(), String> {
+    SigSet::all()
+        .thread_block()
+        .map_err(|errno| format!("signals cannot be blocked ({errno})"))?;
+    let nothing = libc::sched_param { sched_priority: 0 };
+    // SAFETY: 0 is the calling thread; `nothing` lives through the call.
+    if unsafe { libc::sched_setscheduler(0, libc::SCHED_IDLE, &nothing) } != 0 {
+        return Err(format!("SCHED_IDLE is refused ({})", nix::errno::Errno::last()));
+    }
+    // The core after the policy: until then it is an ordinary thread.
+    if let Some(finding) = cpu::pin(core) {
+        return Err(finding.what);
+    }
+    rights::give_up(Work::RealTime).map_err(|cause| format!("rights cannot be given up ({cause})"))
+}
+
+impl Drop for IdleThread {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // The thread cannot panic; a failed join would change nothing.
+            let _ = thread.join();
+        }
+    }
+}

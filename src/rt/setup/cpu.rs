@@ -1,0 +1,79 @@
+//! The core of the real-time threads: which one, and a thread's way onto it.
+
+use super::findings::{Finding, Item};
+use nix::sched::{CpuSet, sched_getaffinity, sched_setaffinity};
+use nix::unistd::Pid;
+use std::fs::read_to_string;
+
+/// Cores that are online. Not those in the affinity mask of the process, which leaves isolated cores out.
+pub(super) fn online() -> Vec<usize> {
+    let cpus = list(&read_to_string("/sys/devices/system/cpu/online").unwrap_or_default());
+    if cpus.is_empty() { vec![0] } else { cpus }
+}
+
+/// Cores on which nothing runs that does not ask for them (boot parameter `isolcpus`).
+pub(super) fn isolated() -> Vec<usize> {
+    list(&read_to_string("/sys/devices/system/cpu/isolated").unwrap_or_default())
+}
+
+/// Reads the kernel's lists of cores: `0,2-3`.
+pub(super) fn list(list: &str) -> Vec<usize> {
+    let range = |part: &str| -> Option<std::ops::RangeInclusive<usize>> {
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        Some(first.parse().ok()?..=last.parse().ok()?)
+    };
+    list.trim().split(',').filter_map(range).flatten().collect()
+}
+
+/// The wanted core; left out, the last isolated one, else the last one: interrupts and the kernel's own work prefer the
+/// first.
+pub(super) fn choose(
+    wanted: Option<usize>,
+    online: &[usize],
+    isolated: &[usize],
+    findings: &mut Vec<Finding>,
+) -> usize {
+    let last = online.last().copied().unwrap_or(0);
+    let best = isolated
+        .iter()
+        .rfind(|cpu| online.contains(cpu))
+        .copied()
+        .unwrap_or(last);
+    match wanted {
+        Some(cpu) if !online.contains(&cpu) => {
+            let what = format!("core {cpu} is not online, core {best} is taken");
+            let fix = "set rt.cpu to a core that is, or leave it out";
+            findings.push(Finding::new(Item::Core, what, fix));
+            best
+        }
+        Some(cpu) => cpu,
+        None => {
+            if online.len() == 1 {
+                let what = "there is only one core, shared with everything else";
+                findings.push(Finding::new(Item::Core, what, "use a PC with two or more cores"));
+            }
+            best
+        }
+    }
+}
+
+/// Puts the calling thread on one core for good.
+pub(super) fn pin(cpu: usize) -> Option<Finding> {
+    let missing = |what| {
+        let fix = "allow the core to this process: taskset, CPUAffinity= or the cpuset of its cgroup; or set rt.cpu";
+        Some(Finding::new(Item::Core, what, fix))
+    };
+    let this = Pid::from_raw(0);
+    let mut only = CpuSet::new();
+    // Refuses numbers that no set of cores has room for, too.
+    if let Err(errno) = only.set(cpu).and_then(|()| sched_setaffinity(this, &only)) {
+        return missing(format!("core {cpu} cannot be taken ({errno})"));
+    }
+    let only_this =
+        |set: &CpuSet| (0..CpuSet::count()).all(|other| set.is_set(other).unwrap_or(false) == (other == cpu));
+    match sched_getaffinity(this) {
+        Ok(set) if only_this(&set) => None,
+        Ok(_) => missing(format!("core {cpu} was asked for, but the thread may run elsewhere")),
+        Err(errno) => missing(format!("the core of the thread cannot be read ({errno})")),
+    }
+}
