@@ -14,7 +14,7 @@ pub(super) fn watchdog(pc: &Pc<'_>) -> Option<Look> {
                 cures::apply(pc),
             ),
             (Ok(_), Err(_)) => Look::missing("on", cures::apply(pc)),
-            (Err(why), _) => Look::unknown(why.to_string()),
+            (Err(why), _) => Look::unread(pc, &why),
         },
     )
 }
@@ -24,7 +24,7 @@ pub(super) fn nmi_watchdog(pc: &Pc<'_>) -> Option<Look> {
     Some(match pc.number("/proc/sys/kernel/nmi_watchdog") {
         Ok(0) => Look::ok("off"),
         Ok(_) => Look::missing("on", cures::sysctl("kernel.nmi_watchdog=0")),
-        Err(why) => Look::unknown(why.to_string()),
+        Err(why) => Look::unread(pc, &why),
     })
 }
 
@@ -47,7 +47,7 @@ pub(super) fn timer_migration(pc: &Pc<'_>) -> Option<Look> {
     Some(match pc.number("/proc/sys/kernel/timer_migration") {
         Ok(0) => Look::ok("off"),
         Ok(_) => Look::missing("on", cures::apply(pc)),
-        Err(why) => Look::unknown(why.to_string()),
+        Err(why) => Look::unread(pc, &why),
     })
 }
 

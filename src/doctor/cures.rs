@@ -7,6 +7,11 @@ pub(super) fn apply(pc: &Pc<'_>) -> String {
     format!("sudo scripts/isolcpus.sh apply --cpus {}", pc.cpu())
 }
 
+/// What the kernel takes from its command line only.
+pub(super) fn persist(pc: &Pc<'_>) -> String {
+    format!("sudo scripts/isolcpus.sh persist --cpus {}, then reboot", pc.cpu())
+}
+
 /// Another word on the kernel command line.
 pub(super) fn boot_with(word: &str) -> String {
     format!("add {word} to the kernel command line (GRUB: /etc/default/grub, then sudo update-grub), then reboot")

@@ -8,11 +8,19 @@
 //! which refuse a line without a good and a bad case.
 
 mod background;
+mod core;
 mod cpus;
 mod cures;
+mod ethtool;
 mod kernel;
 mod lines;
+mod measure;
+mod memory;
+mod nic;
 mod pc;
+mod power;
+mod rights;
+mod this_pc;
 mod tries;
 
 #[cfg(test)]
@@ -21,7 +29,8 @@ mod tests;
 pub use cpus::Cpus;
 pub use lines::LINES;
 pub use pc::{Pc, Target, Unread};
-pub use tries::{ThisPc, Tries};
+pub use this_pc::ThisPc;
+pub use tries::{Coalescing, Latency, NoAnswer, Offload, TimeStamps, Tries};
 
 /// How much a line matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -155,6 +164,14 @@ impl Look {
             state: State::Unknown,
             found: reason.into(),
             fix: None,
+        }
+    }
+
+    /// A file is not there: good, where the kernel has not been built with what it switches. Otherwise nothing is told.
+    fn unread(pc: &Pc<'_>, why: &Unread) -> Look {
+        match why {
+            Unread::Absent(path) if pc.has_folder_of(path) => Look::ok("not in this kernel"),
+            Unread::Absent(_) | Unread::Refused(_) => Look::unknown(why.to_string()),
         }
     }
 

@@ -8,7 +8,7 @@ use super::tries::Tries;
 use std::fmt;
 use std::fs::File;
 use std::io::{self, ErrorKind, Read as _};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// No file that is looked at is longer; what is behind it is not read.
@@ -25,6 +25,8 @@ pub struct Target {
     pub priority: u8,
     /// Interface of the field bus.
     pub interface: Option<String>,
+    /// How long to measure, twice; `None`: not at all.
+    pub test_time: Option<Duration>,
 }
 
 /// Why a file tells nothing.
@@ -150,6 +152,47 @@ impl<'a> Pc<'a> {
     /// Whether there is such a file or folder.
     pub fn exists(&self, path: &str) -> bool {
         self.at(path).exists()
+    }
+
+    /// Whether there is the folder of a file, or of that folder.
+    pub fn has_folder_of(&self, path: &str) -> bool {
+        Path::new(path).ancestors().skip(1).take(2).any(|folder| {
+            // The root tells nothing.
+            folder.components().count() > 2 && self.at(&folder.to_string_lossy()).is_dir()
+        })
+    }
+
+    /// All processes, kernel threads among them: number and name.
+    pub fn processes(&self) -> Result<Vec<(String, String)>, Unread> {
+        let pids = self
+            .names("/proc")?
+            .into_iter()
+            .filter(|name| name.parse::<u32>().is_ok());
+        let comm = |pid: String| Some((pid.clone(), self.text(&format!("/proc/{pid}/comm")).ok()?));
+        let all: Vec<(String, String)> = pids.filter_map(comm).collect();
+        // The parent of all kernel threads is seen by who sees all.
+        match all.iter().any(|(_, comm)| comm == "kthreadd") {
+            true => Ok(all),
+            false => Err(Unread::Refused(
+                "the processes of the PC are hidden (container, or hidepid)".into(),
+            )),
+        }
+    }
+
+    /// Number of the process of that name.
+    pub fn process(&self, name: &str) -> Result<Option<String>, Unread> {
+        Ok(self
+            .processes()?
+            .into_iter()
+            .find(|(_, comm)| comm == name)
+            .map(|(pid, _)| pid))
+    }
+
+    /// Real-time priority of a process; `None`: it is not told.
+    pub fn realtime_priority(&self, pid: &str) -> Option<i64> {
+        let stat = self.text(&format!("/proc/{pid}/stat")).ok()?;
+        // The second field is a name in brackets, which may hold anything; rt_priority is the 40th.
+        stat.rsplit_once(')')?.1.split_whitespace().nth(37)?.parse().ok()
     }
 
     /// Where a symbolic link points to: the last part of it.

@@ -1,11 +1,13 @@
 //! What only trying it can tell.
 //!
-//! In:  the running PC. Out: whether it was given, or the system's reason. Nothing that is tried sticks: each try has a
-//! thread or a process of its own.
+//! In:  questions of the lines. Out: whether it was given, or the reason in words. `this_pc.rs` answers for the PC that
+//! this runs on; the tests have a PC of their own.
 
+use std::fmt;
+use std::path::Path;
 use std::time::Duration;
 
-/// What is really tried. The tests have a PC of their own.
+/// What is really tried. Nothing that is tried sticks.
 pub trait Tries {
     /// Lets time go by.
     fn pause(&self, time: Duration);
@@ -17,56 +19,146 @@ pub trait Tries {
     fn hypervisor(&self) -> Option<String>;
 
     /// Contents of a compressed file.
-    fn unzip(&self, path: &std::path::Path) -> Result<String, String>;
+    fn unzip(&self, path: &Path) -> Result<String, String>;
+
+    /// A thread on that core and no other.
+    fn take_core(&self, cpu: usize) -> Result<(), String>;
+
+    /// A thread with SCHED_FIFO on that core.
+    fn fifo(&self, cpu: usize, priority: u8) -> Result<(), String>;
+
+    /// All memory of a process, and what it gets later, locked.
+    fn lock_memory(&self) -> Result<(), String>;
+
+    /// A socket for whole Ethernet frames.
+    fn raw_socket(&self) -> Result<(), String>;
+
+    /// The file by which idle states are forbidden, opened for writing.
+    fn dma_latency(&self) -> Result<(), String>;
+
+    /// IP addresses of an interface.
+    fn addresses(&self, interface: &str) -> Result<Vec<String>, String>;
+
+    /// Name of the driver of an interface.
+    fn driver(&self, interface: &str) -> Result<String, NoAnswer>;
+
+    /// How long interrupts of an interface wait for more frames.
+    fn coalescing(&self, interface: &str) -> Result<Coalescing, NoAnswer>;
+
+    /// Offloads of an interface that are on.
+    fn offloads(&self, interface: &str) -> Result<Vec<Offload>, NoAnswer>;
+
+    /// Whether Energy-Efficient Ethernet is on.
+    fn energy_efficient(&self, interface: &str) -> Result<bool, NoAnswer>;
+
+    /// Whether PAUSE frames are sent or obeyed.
+    fn flow_control(&self, interface: &str) -> Result<bool, NoAnswer>;
+
+    /// Who stamps frames of an interface.
+    fn time_stamps(&self, interface: &str) -> Result<TimeStamps, NoAnswer>;
+
+    /// Measures how late a thread is woken up on a core.
+    fn wake_up(&self, cpu: usize, priority: u8, time: Duration) -> Result<Latency, String>;
+
+    /// Measures what takes the core from a thread that never sleeps.
+    fn gaps(&self, cpu: usize, priority: u8, time: Duration) -> Result<Latency, String>;
 }
 
-/// The PC that this runs on.
-#[derive(Clone, Copy, Debug)]
-pub struct ThisPc;
+/// Why a network interface does not tell something.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NoAnswer {
+    /// Its driver has no such thing.
+    NotSupported,
+    /// Another reason, in words.
+    Refused(String),
+}
 
-impl Tries for ThisPc {
-    fn pause(&self, time: Duration) {
-        std::thread::sleep(time);
-    }
+/// How long interrupts wait for more frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Coalescing {
+    /// After a frame has come, us.
+    pub rx_usecs: u32,
+    /// After a frame was sent, us.
+    pub tx_usecs: u32,
+    /// Whether the driver sets either by itself.
+    pub adaptive: bool,
+}
 
-    fn timer_resolution_ns(&self) -> Result<u64, String> {
-        let resolution =
-            nix::time::clock_getres(nix::time::ClockId::CLOCK_MONOTONIC).map_err(|errno| errno.to_string())?;
-        let ns = Duration::from(resolution).as_nanos();
-        Ok(u64::try_from(ns).unwrap_or(u64::MAX))
-    }
+/// What gathers frames on their way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Offload {
+    /// Generic receive offload.
+    Gro,
+    /// Large receive offload.
+    Lro,
+    /// Generic segmentation offload.
+    Gso,
+    /// TCP segmentation offload.
+    Tso,
+    /// VLAN tags taken off by the NIC.
+    RxVlan,
+    /// VLAN tags put in by the NIC.
+    TxVlan,
+}
 
-    #[cfg(target_arch = "x86_64")]
-    fn hypervisor(&self) -> Option<String> {
-        use std::arch::x86_64::__cpuid;
-        /// Leaf 1, ECX: the bit that every hypervisor sets and no processor does.
-        const PRESENT: u32 = 1 << 31;
-        if __cpuid(1).ecx & PRESENT == 0 {
-            return None;
+impl Offload {
+    /// All that are looked at.
+    pub const ALL: [Offload; 6] = [
+        Offload::Gro,
+        Offload::Lro,
+        Offload::Gso,
+        Offload::Tso,
+        Offload::RxVlan,
+        Offload::TxVlan,
+    ];
+
+    /// As `ethtool -K` takes it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Offload::Gro => "gro",
+            Offload::Lro => "lro",
+            Offload::Gso => "gso",
+            Offload::Tso => "tso",
+            Offload::RxVlan => "rxvlan",
+            Offload::TxVlan => "txvlan",
         }
-        let leaf = __cpuid(0x4000_0000);
-        let name: Vec<u8> = [leaf.ebx, leaf.ecx, leaf.edx]
-            .iter()
-            .flat_map(|part| part.to_le_bytes())
-            .collect();
-        let printable = name
-            .iter()
-            .filter(|octet| octet.is_ascii_graphic())
-            .map(|octet| char::from(*octet));
-        Some(printable.collect())
     }
+}
 
-    #[cfg(not(target_arch = "x86_64"))]
-    fn hypervisor(&self) -> Option<String> {
-        None
-    }
+/// Who stamps frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TimeStamps {
+    /// The NIC stamps frames that come; otherwise the kernel does.
+    pub hardware: bool,
+}
 
-    fn unzip(&self, path: &std::path::Path) -> Result<String, String> {
-        let output = std::process::Command::new("gzip").arg("-dc").arg(path).output();
-        let output = output.map_err(|error| format!("gzip cannot be started ({error})"))?;
-        if !output.status.success() {
-            return Err(format!("gzip cannot read {}", path.display()));
-        }
-        Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+/// What a measurement came to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Latency {
+    /// Number of values.
+    pub n: u64,
+    /// Half of the values are at or below this.
+    pub p50_us: f64,
+    /// As `p50_us`, for 99 %.
+    pub p99_us: f64,
+    /// As `p50_us`, for 99.9 %.
+    pub p99_9_us: f64,
+    /// Greatest value.
+    pub max_us: f64,
+}
+
+impl fmt::Display for Latency {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Latency {
+            p50_us,
+            p99_us,
+            p99_9_us,
+            max_us,
+            ..
+        } = self;
+        write!(
+            f,
+            "p50 {p50_us:.1}, p99 {p99_us:.1}, p99.9 {p99_9_us:.1}, max {max_us:.1} us"
+        )
     }
 }

@@ -1,0 +1,34 @@
+//! What all of it comes to: two short measurements on the core of the real-time threads.
+//!
+//! A few seconds show what is wrong, not that all is right: for a maximum take hours, with load on the other cores.
+
+use super::tries::Latency;
+use super::{Look, Pc};
+
+/// A PC that is worse at its worst is of little use for a cycle of 1 ms, us. LinuxCNC's page on latency: up to 20 is very
+/// good, up to 50 usable, above 100 not for pulses made by software.
+const MAX_US: f64 = 50.0;
+
+/// How late a thread wakes up.
+pub(super) fn wake_up(pc: &Pc<'_>) -> Option<Look> {
+    const FIX: &str = "change what is missing above first; then, for hours and with load on the other cores:";
+    let time = pc.target.test_time?;
+    let fix = format!("{FIX} sudo cyclictest -q -m -p90 -i1000 -a{} -t1 -D 1h", pc.cpu());
+    Some(judge(pc.tries.wake_up(pc.cpu(), pc.target.priority, time), fix))
+}
+
+/// What takes the core from a thread that runs.
+pub(super) fn gaps(pc: &Pc<'_>) -> Option<Look> {
+    const FIX: &str = "change what is missing above first; what then stays is firmware (SMI) or the host:";
+    let time = pc.target.test_time?;
+    let fix = format!("{FIX} sudo hwlatdetect --duration=600 --threshold=5");
+    Some(judge(pc.tries.gaps(pc.cpu(), pc.target.priority, time), fix))
+}
+
+fn judge(measured: Result<Latency, String>, fix: String) -> Look {
+    match measured {
+        Ok(latency) if latency.n == 0 => Look::ok("nothing"),
+        Ok(latency) => Look::judge(latency.max_us <= MAX_US, latency.to_string(), fix),
+        Err(why) => Look::unknown(why),
+    }
+}
