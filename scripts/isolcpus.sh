@@ -1,28 +1,60 @@
 #!/usr/bin/env bash
-# Keeps the CPUs of the real-time threads free of other work, without a reboot, and puts everything back.
+# Keeps the CPUs of the real-time threads free of other work, and puts everything back.
 #
 # In:  the CPUs of the real-time threads (--cpus); all other online CPUs do the housekeeping.
-# Out: kernel settings under /proc and /sys; each old value in a state file before it is changed, for `undo`.
-# What only the boot loader can set is printed, never changed. Nothing here outlives a reboot.
+# Out: apply: kernel settings, until the next reboot; each old value in a record before it is changed.
+#      persist: the kernel command line, by the boot loader's configuration; a copy of each file before it is changed.
+#      undo: both as they were.
+# The parts are in the folder isolcpus/ beside this file.
 set -euo pipefail
 export LC_ALL=C
+PATH=$PATH:/usr/sbin:/sbin
+here=$(cd "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")" && pwd)
+# shellcheck source=isolcpus/cpus.sh
+. "$here/isolcpus/cpus.sh"
+# shellcheck source=isolcpus/items.sh
+. "$here/isolcpus/items.sh"
+# shellcheck source=isolcpus/runtime.sh
+. "$here/isolcpus/runtime.sh"
+# shellcheck source=isolcpus/files.sh
+. "$here/isolcpus/files.sh"
+# shellcheck source=isolcpus/boot.sh
+. "$here/isolcpus/boot.sh"
+# shellcheck source=isolcpus/persist.sh
+. "$here/isolcpus/persist.sh"
 
 usage() {
-    cat <<'EOF'
-usage: isolcpus.sh status|apply|undo [--cpus LIST] [--dry-run] [--force] [--root DIR]
+    cat <<'END'
+usage: isolcpus.sh status|apply|persist|undo [OPTION...]
 
-  status       what is set, what apply would change, what the kernel command line lacks
-  apply        move interrupts and kernel work off the CPUs, steady their clock
-  undo         put every value back that apply has changed
+  status     what is set, what apply and persist would change; changes nothing
+  apply      now, until the next reboot: move interrupts and kernel work off the CPUs, steady their clock
+  persist    from the next boot on: take the CPUs out of the kernel's own use, by the kernel command line;
+             shows the exact difference and asks first
+  undo       put back what apply and persist have changed, exactly as it was
 
-  --cpus LIST  CPUs of the real-time threads, for example 3 or 2-3;
-               without it: the CPUs isolated at boot, else the last one that is online
-  --dry-run    say what would be written, write nothing
-  --force      take CPU 0, too
-  --root DIR   use DIR/proc, DIR/sys and DIR/run
+which CPUs:
+  --cpus LIST        CPUs of the real-time threads, for example 3 or 2-3; without it those that are isolated
+                     since boot, else the last one that is online
+  --force            take CPU 0, too; persist, undo: overwrite what somebody else has changed meanwhile
+apply and status:
+  --interface IF     the fieldbus interface: coalescing, offloads, Energy-Efficient Ethernet, flow control (with
+                     ethtool) and IPv6 off
+  --nic-irq WHERE    its interrupts on rt (beside the thread that waits for frames; default) or housekeeping
+  --no-deep-idle     forbid the CPUs idle states that take more than 2 us to leave; isocnc does so itself while it runs
+  --no-throttling    no limit for threads that never sleep; isocnc needs none, and the limit is a safety net
+persist:
+  --reapply          also install a systemd unit that runs apply, with the options above, at each boot
+  --parameter WORD   one more word for the kernel command line, for example tsc=reliable; may be repeated
+  --loader NAME      grub, grubby, systemd-boot or kernelstub; without it the one that is found
+  --yes              do not ask (undo, too)
+all:
+  --dry-run          say what would be changed, change nothing
+  --root DIR         work on the tree below DIR, and only with the tools in it
 
-exit code: 0 done, 1 refused or not everything done, 2 wrong usage
-EOF
+exit code: 0 done, or status: all as wanted; 1 refused or not everything done; 2 wrong usage;
+           3 status: something is not as wanted
+END
 }
 
 wrong_usage() {
@@ -36,317 +68,168 @@ refuse() {
     exit 1
 }
 
-# ---- lists and masks of CPUs ----------------------------------------------------------------------------------------
-
-# expand LIST: "0,2-3" -> "0 2 3", ascending, each once. Fails if LIST is none.
-expand() {
-    local part first last cpu
-    local -a cpus=()
-    [[ $1 =~ ^[0-9]{1,4}(-[0-9]{1,4})?(,[0-9]{1,4}(-[0-9]{1,4})?)*$ ]] || return 1
-    for part in ${1//,/ }; do
-        first=$((10#${part%-*}))
-        last=$((10#${part#*-}))
-        [ "$first" -le "$last" ] || return 1
-        for ((cpu = first; cpu <= last; cpu++)); do cpus[cpu]=$cpu; done
+parse_arguments() {
+    while [ $# -gt 0 ]; do
+        case $1 in
+            status | apply | persist | undo)
+                [ -z "$command" ] || wrong_usage "one command, not $command and $1"
+                command=$1
+                ;;
+            --dry-run) dry_run=yes ;;
+            --force) force=yes ;;
+            --yes) yes=yes ;;
+            --reapply) reapply=yes ;;
+            --no-deep-idle) no_deep_idle=yes ;;
+            --no-throttling) no_throttling=yes ;;
+            --root | --cpus | --interface | --nic-irq | --parameter | --loader)
+                [ $# -ge 2 ] || wrong_usage "$1 needs a value"
+                option "$1" "$2"
+                shift
+                ;;
+            --help | -h)
+                usage
+                exit 0
+                ;;
+            *) wrong_usage "unknown argument $1" ;;
+        esac
+        shift
     done
-    printf '%s' "${cpus[*]}"
+    [ -n "$command" ] || wrong_usage "which command: status, apply, persist or undo?"
 }
 
-# list CPU...: "0 2 3" -> "0,2-3"; ascending numbers.
-list() {
-    local text="" first="" last="" cpu
-    for cpu in "$@" end; do
-        if [ -n "$last" ] && [ "$cpu" = "$((last + 1))" ]; then
-            last=$cpu
-            continue
-        fi
-        if [ -n "$first" ]; then
-            text+=${text:+,}$first
-            [ "$first" = "$last" ] || text+=-$last
-        fi
-        first=$cpu
-        last=$cpu
-    done
-    printf '%s' "$text"
-}
-
-# mask CPU...: "0 2 3" -> "d"; ascending numbers. Hexadecimal, a comma every 32 bits, as the kernel writes it.
-mask() {
-    local -a words=()
-    local cpu word text=""
-    for cpu in "$@"; do
-        words[cpu / 32]=$((${words[cpu / 32]:-0} | 1 << cpu % 32))
-    done
-    # cpu is the highest one now, and its word has a bit set.
-    for ((word = cpu / 32; word >= 0; word--)); do
-        if [ -z "$text" ]; then
-            printf -v text '%x' "${words[word]}"
-        else
-            printf -v text '%s,%08x' "$text" "${words[word]:-0}"
-        fi
-    done
-    printf '%s' "$text"
-}
-
-# same KIND A B: whether two values mean the same.
-same() {
-    local a=$2 b=$3
+option() {
     case $1 in
-        list)
-            a=$(expand "$a") || return 1
-            b=$(expand "$b") || return 1
+        --root)
+            root=$(cd "$2" 2>/dev/null && pwd) || wrong_usage "--root $2: no such folder"
+            root=${root%/}
             ;;
-        mask)
-            a=${a//,/}
-            b=${b//,/}
-            a=${a#"${a%%[!0]*}"}
-            b=${b#"${b%%[!0]*}"}
+        --cpus) realtime_list=$2 ;;
+        --interface)
+            [[ $2 =~ ^[^/[:space:]]{1,15}$ && $2 != .* ]] || wrong_usage "--interface $2: a name such as enp2s0 was expected"
+            interface=$2
             ;;
-        least) [[ $a =~ ^[0-9]{1,9}$ ]] && [ "$a" -ge "$b" ] && a=$b ;;
+        --nic-irq)
+            [[ $2 =~ ^(rt|housekeeping)$ ]] || wrong_usage "--nic-irq $2: rt or housekeeping was expected"
+            nic_irq=$2
+            ;;
+        --parameter)
+            # Nothing that a shell, GRUB or JSON would take for more than a word.
+            [[ $2 =~ ^[A-Za-z0-9_.-]+(=[A-Za-z0-9_.,:/-]+)?$ ]] ||
+                wrong_usage "--parameter $2: one word such as tsc=reliable was expected"
+            parameters+=("$2")
+            ;;
+        --loader)
+            [[ $2 =~ ^(grub|grubby|systemd-boot|kernelstub)$ ]] ||
+                wrong_usage "--loader $2: grub, grubby, systemd-boot or kernelstub was expected"
+            loader=$2
+            ;;
     esac
-    [ "$a" = "$b" ]
 }
 
-# ---- what is to be set ----------------------------------------------------------------------------------------------
-
-# settings: one line each: KIND, path without root, value. The order of apply; undo goes backwards.
-settings() {
-    local file cpu
-    emit list "$housekeeping_list" "$root"/proc/irq/[0-9]*/smp_affinity_list
-    emit mask "$housekeeping_mask" "$root"/proc/irq/default_smp_affinity
-    emit mask "$housekeeping_mask" "$root"/sys/devices/virtual/workqueue/cpumask \
-        "$root"/sys/devices/virtual/workqueue/*/cpumask
-    for cpu in "${realtime[@]}"; do
-        emit text performance "$root/sys/devices/system/cpu/cpu$cpu/cpufreq/scaling_governor"
-    done
-    emit mask 0 "$root"/sys/class/net/*/queues/rx-*/rps_cpus
-    emit text 0 "$root/proc/sys/kernel/timer_migration"
-    # The lock-up detector keeps watch over the other CPUs where the kernel can tell them apart.
-    if [ -e "$root/proc/sys/kernel/watchdog_cpumask" ]; then
-        emit list "$housekeeping_list" "$root/proc/sys/kernel/watchdog_cpumask"
-    else
-        emit text 0 "$root/proc/sys/kernel/watchdog"
+# The real-time CPUs and the others: as lists, as masks, as arrays.
+choose_cpus() {
+    local text online cpu
+    text=$(cat "$cpu_folder/online") || refuse "cannot read $cpu_folder/online"
+    online=$(expand "$text") || refuse "$cpu_folder/online is not understood: $text"
+    if [ -z "$realtime_list" ]; then
+        realtime_list=$(cat "$cpu_folder/isolated" 2>/dev/null) || realtime_list=""
+        [ -n "$realtime_list" ] || realtime_list=${online##* }
     fi
-    emit least 10 "$root/proc/sys/vm/stat_interval"
-}
-
-emit() {
-    local kind=$1 value=$2 file
-    for file in "${@:3}"; do
-        # A pattern without a match stands for itself; not every kernel has every file.
-        if [ -e "$file" ]; then printf '%s\t%s\t%s\n' "$kind" "${file#"$root"}" "$value"; fi
+    text=$(expand "$realtime_list") || wrong_usage "--cpus $realtime_list: a list such as 3 or 2-3,5 was expected"
+    read -ra realtime <<<"$text"
+    read -ra housekeeping <<<"$(without "$online" "${realtime[*]}")"
+    realtime_list=$(list "${realtime[@]}")
+    housekeeping_list=$(list "${housekeeping[@]}")
+    realtime_mask=$(mask "${realtime[@]}")
+    housekeeping_mask=$(mask "${housekeeping[@]}")
+    for cpu in "${realtime[@]}"; do
+        is_in "$cpu" "$online" || refuse "CPU $cpu is not online (online: $(cat "$cpu_folder/online"))"
     done
+    [ ${#housekeeping[@]} -gt 0 ] ||
+        refuse "CPUs $realtime_list are all there are: at least one must do the housekeeping"
+    if [ "${realtime[0]}" -eq 0 ] && [ -z "$force" ]; then
+        refuse "CPU 0 keeps time and boots the others: choose another one, or say --force"
+    fi
+    nic_list=$realtime_list
+    if [ "$nic_irq" = housekeeping ]; then nic_list=$housekeeping_list; fi
 }
 
-# put PATH VALUE: writes; on failure the reason is in `reason`.
-put() {
-    reason=$({ printf '%s\n' "$2" >"$root$1"; } 2>&1) && return 0
-    reason=${reason##*: }
-    return 1
+check_interface() {
+    [ -n "$interface" ] || return 0
+    [ ! -e "$root/sys/class/net/$interface" ] || return 0
+    printf 'isolcpus.sh: no interface %s; there are: %s\n' "$interface" "$(cd "$root/sys/class/net" && echo *)" >&2
+    # At boot the rest is still worth while.
+    [ "$command" = apply ] || exit 1
+    interface_gone=$interface
+    interface=""
 }
-
-# What the kernel answers for interrupts and work that it lets nobody move.
-unmovable() {
-    case $reason in
-        "Input/output error" | "Operation not permitted" | "Invalid argument") return 0 ;;
-        *) return 1 ;;
-    esac
-}
-
-recorded() {
-    # Not grep -q: it may leave before cut has written all, which pipefail takes for "not found".
-    [ -e "$state" ] && cut -f1 "$state" | grep -xF -- "$1" >/dev/null
-}
-
-# ---- commands -------------------------------------------------------------------------------------------------------
 
 status() {
-    local kind path value now
+    local cpu siblings
     printf 'real-time CPUs     %s\n' "$realtime_list"
     printf 'housekeeping CPUs  %s\n' "$housekeeping_list"
-    if [ -e "$state" ]; then
-        printf 'applied            yes, %s old values in %s\n' "$(wc -l <"$state")" "$state"
-    else
-        printf 'applied            no\n'
+    printf 'applied            %s\n' "$([ -e "$state" ] && echo "yes, $(wc -l <"$state") old values in $state" || echo no)"
+    printf 'persisted          %s\n' "$([ -e "$library" ] && echo "yes, the files before it in $library" || echo no)"
+    for cpu in "${realtime[@]}"; do
+        siblings=$(cat "$cpu_folder/cpu$cpu/topology/thread_siblings_list" 2>/dev/null) || continue
+        siblings=$(expand "$siblings") || continue
+        siblings=$(without "$siblings" "${realtime[*]}")
+        [ -z "$siblings" ] || printf 'note: CPU %s shares its core with CPU %s: take both, or switch SMT off in the firmware\n' \
+            "$cpu" "$siblings"
+    done
+    differing=0
+    status_runtime
+    status_boot
+    printf '\n'
+    if [ "$differing" -eq 0 ]; then
+        printf 'all as wanted\n'
+        return
     fi
-    while IFS=$'\t' read -r kind path value; do
-        now=$(cat "$root$path" 2>/dev/null) || now="unreadable"
-        if same "$kind" "$now" "$value"; then
-            printf 'ok      %s = %s\n' "$path" "$now"
-        else
-            printf 'differs %s = %s, apply: %s\n' "$path" "$now" "$value"
-        fi
-    done < <(settings)
-    warn_irqbalance
-    boot
-}
-
-apply() {
-    local kind path value now changed=0 kept=0 skipped=0 failed=0
-    while IFS=$'\t' read -r kind path value; do
-        if ! now=$(cat "$root$path" 2>/dev/null); then
-            printf 'skipped %s: unreadable\n' "$path"
-            skipped=$((skipped + 1))
-            continue
-        fi
-        if same "$kind" "$now" "$value"; then
-            kept=$((kept + 1))
-            continue
-        fi
-        if [ -n "$dry_run" ]; then
-            printf 'would write %s = %s (now %s)\n' "$path" "$value" "$now"
-            continue
-        fi
-        # The old value is safe before the new one is written; one that is there already is older.
-        local new_record=""
-        if ! recorded "$path"; then
-            mkdir -p "${state%/*}"
-            printf '%s\t%s\n' "$path" "$now" >>"$state"
-            new_record=yes
-        fi
-        if put "$path" "$value"; then
-            printf 'set     %s = %s (was %s)\n' "$path" "$value" "$now"
-            changed=$((changed + 1))
-            continue
-        fi
-        [ -z "$new_record" ] || forget_last
-        if unmovable; then
-            printf 'skipped %s: %s\n' "$path" "$reason"
-            skipped=$((skipped + 1))
-        else
-            printf 'FAILED  %s: %s\n' "$path" "$reason" >&2
-            failed=$((failed + 1))
-        fi
-    done < <(settings)
-    warn_irqbalance
-    if [ -z "$dry_run" ]; then
-        printf '%s set, %s as wanted before, %s skipped, %s failed\n' "$changed" "$kept" "$skipped" "$failed"
-    fi
-    boot
-    [ "$failed" -eq 0 ]
-}
-
-# Takes back the record of a value that could not be changed.
-forget_last() {
-    sed -i '$d' "$state"
-    [ -s "$state" ] || rm -f "$state"
+    printf '%s not as wanted. Now: %s apply. For the next boot: %s persist. Back again: %s undo\n' "$differing" "$0" "$0" "$0"
+    exit 3
 }
 
 undo() {
-    local path value line restored=0 failed=0
-    local -a lines=() left=()
-    [ -e "$state" ] || {
-        printf 'nothing to undo: no %s\n' "$state"
-        return 0
-    }
-    mapfile -t lines < <(tac "$state")
-    for line in "${lines[@]}"; do
-        path=${line%%$'\t'*}
-        value=${line#*$'\t'}
-        if [ ! -e "$root$path" ]; then
-            # An interrupt or interface that is no longer there needs nothing.
-            printf 'gone    %s\n' "$path"
-        elif [ -n "$dry_run" ]; then
-            printf 'would write %s = %s\n' "$path" "$value"
-        elif put "$path" "$value"; then
-            printf 'set     %s = %s\n' "$path" "$value"
-            restored=$((restored + 1))
-        else
-            printf 'FAILED  %s: %s\n' "$path" "$reason" >&2
-            failed=$((failed + 1))
-            left=("$line" "${left[@]}")
-        fi
-    done
-    [ -z "$dry_run" ] || return 0
-    if [ "$failed" -eq 0 ]; then
-        rm -f "$state"
-    else
-        printf '%s\n' "${left[@]}" >"$state"
-    fi
-    printf '%s put back, %s failed\n' "$restored" "$failed"
-    [ "$failed" -eq 0 ]
+    # Not in a condition: there bash would ignore a command that fails within.
+    undo_runtime
+    undo_boot
+    [ -z "$undo_failed" ]
 }
 
-warn_irqbalance() {
-    if grep -qsx irqbalance "$root"/proc/[0-9]*/comm; then
-        printf 'warning: irqbalance runs and moves interrupts back: systemctl stop irqbalance\n'
+main() {
+    parse_arguments "$@"
+    state=$root/run/isocnc-isolcpus.state
+    library=$root/var/lib/isocnc/isolcpus
+    cpu_folder=$root/sys/devices/system/cpu
+    # The fake tools of a fake tree find their tree by it.
+    [ -z "$root" ] || export ISOLCPUS_ROOT=$root
+    if [ "$command" != status ] && [ -z "$dry_run" ] && [ -z "$root" ] && [ "$(id -u)" -ne 0 ]; then
+        refuse "$command changes the system: run it as root, or look with --dry-run"
+    fi
+    work=$(mktemp -d)
+    trap 'rm -rf "$work"' EXIT
+    if [ "$command" != status ] && [ -z "$dry_run" ]; then lock; fi
+    if [ "$command" != undo ]; then
+        choose_cpus
+        check_interface
+        boot_words
+        find_loader
+    fi
+    "$command"
+}
+
+# One at a time: the unit at boot and a user may meet.
+lock() {
+    if command -v flock >/dev/null && [ -d "$root/sys" ]; then
+        exec 9<"$root/sys"
+        flock -w 60 9 || refuse "another isolcpus.sh has been running for a minute: wait for it, or end it"
     fi
 }
 
-boot() {
-    local word missing=""
-    local -a words=(
-        "isolcpus=managed_irq,domain,$realtime_list" "nohz_full=$realtime_list" "rcu_nocbs=$realtime_list"
-        "irqaffinity=$housekeeping_list" skew_tick=1 nosoftlockup nmi_watchdog=0 transparent_hugepage=never
-    )
-    for word in "${words[@]}"; do
-        tr -s ' \n' '\n' <"$root/proc/cmdline" | grep -xF -- "$word" >/dev/null || missing+=" $word"
-    done
-    if [ -z "$missing" ]; then
-        printf 'kernel command line: complete\n'
-        return
-    fi
-    printf 'kernel command line, recommended:\n  %s\n' "${words[*]}"
-    printf 'missing now:\n %s\n' "$missing"
-    printf 'where: GRUB_CMDLINE_LINUX_DEFAULT in /etc/default/grub, then update-grub and a reboot\n'
-    printf '       (systemd-boot: the options line in /boot/loader/entries/*.conf)\n'
-}
-
-# ---- arguments ------------------------------------------------------------------------------------------------------
-
-command="" dry_run="" force="" root="" realtime_list="" reason=""
-while [ $# -gt 0 ]; do
-    case $1 in
-        status | apply | undo)
-            [ -z "$command" ] || wrong_usage "one command, not $command and $1"
-            command=$1
-            ;;
-        --dry-run) dry_run=yes ;;
-        --force) force=yes ;;
-        --root | --cpus)
-            [ $# -ge 2 ] || wrong_usage "$1 needs a value"
-            if [ "$1" = --root ]; then root=${2%/}; else realtime_list=$2; fi
-            shift
-            ;;
-        --help | -h)
-            usage
-            exit 0
-            ;;
-        *) wrong_usage "unknown argument $1" ;;
-    esac
-    shift
-done
-[ -n "$command" ] || wrong_usage "which command: status, apply or undo?"
-state=$root/run/isocnc/isolcpus.state
-
-if [ "$command" != status ] && [ -z "$dry_run" ] && [ -z "$root" ] && [ "$(id -u)" -ne 0 ]; then
-    refuse "$command changes kernel settings: run it as root, or look with --dry-run"
-fi
-if [ "$command" = undo ]; then
-    undo
-    exit
-fi
-
-cpu_folder=$root/sys/devices/system/cpu
-online=$(expand "$(cat "$cpu_folder/online")") || refuse "cannot read $cpu_folder/online"
-if [ -z "$realtime_list" ]; then
-    realtime_list=$(cat "$cpu_folder/isolated" 2>/dev/null) || realtime_list=""
-    [ -n "$realtime_list" ] || realtime_list=${online##* }
-fi
-wanted=$(expand "$realtime_list") || wrong_usage "--cpus $realtime_list: a list such as 3 or 2-3,5 was expected"
-read -ra realtime <<<"$wanted"
-realtime_list=$(list "${realtime[@]}")
-housekeeping=()
-for cpu in $online; do
-    [[ " ${realtime[*]} " == *" $cpu "* ]] || housekeeping+=("$cpu")
-done
-for cpu in "${realtime[@]}"; do
-    [[ " $online " == *" $cpu "* ]] || refuse "CPU $cpu is not online"
-done
-[ ${#housekeeping[@]} -gt 0 ] || refuse "CPUs $realtime_list are all there are: at least one must do the housekeeping"
-if [ "${realtime[0]}" -eq 0 ] && [ -z "$force" ]; then
-    refuse "CPU 0 keeps time and boots the others: choose another one, or say --force"
-fi
-housekeeping_list=$(list "${housekeeping[@]}")
-housekeeping_mask=$(mask "${housekeeping[@]}")
-"$command"
+command="" dry_run="" force="" yes="" root="" interface="" interface_gone="" nic_irq=rt
+no_deep_idle="" no_throttling="" undo_failed="" reapply="" with_unit="" loader="" loader_reason=""
+realtime_list="" found="" reason="" differing=0
+parameters=() added=() missing=() conflicts=() words=()
+# Where --reapply puts the copy that the unit runs.
+installed=/usr/local/lib/isocnc
+main "$@"
