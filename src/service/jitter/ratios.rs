@@ -115,11 +115,11 @@ fn stalls(round: &Round) -> Vec<String> {
         }
     }
     if let Some(gaps) = &round.floor.gaps
-        && gaps.longest_us >= STALL_US
+        && gaps.gaps.figures.max_us >= STALL_US
     {
         stalls.push(format!(
             "the core stood still for {:.1} ms while nothing else of ours ran",
-            gaps.longest_us / 1000.0
+            gaps.gaps.figures.max_us / 1000.0
         ));
     }
     let floors = [
@@ -299,7 +299,7 @@ mod tests {
         round.load_at_floor.steal_ms = 10.0;
         round.floor.wakeup = Some(of(0, &[1_000, 2_000_000]));
         round.floor.gaps = Some(Gaps {
-            longest_us: 4100.0,
+            gaps: of(0, &[2_000, 4_100_000]),
             ..Gaps::default()
         });
         judge(&mut round);

@@ -7,7 +7,9 @@
 
 use super::distribution::Distribution;
 use super::ratios::Ratios;
-use crate::rt::jitter::{Bucket, Summary};
+use crate::rt::figures::ThreadUsage;
+use crate::rt::jitter::Summary;
+use crate::rt::probe::{GAP_NS, GapFigures};
 use crate::rt::timeout::Counters;
 use crate::service::analyser::SocReport;
 use serde::{Deserialize, Serialize};
@@ -159,16 +161,20 @@ pub struct ControlFigures {
     pub pres_lost: u64,
     /// Causes of stops.
     pub faults: Vec<String>,
-    /// Distance from one cycle's beginning to the next one's.
+    /// Distance from one SoC to the next one, as sent.
     pub period: Distribution,
-    /// How late cycles began.
+    /// How long after its date the SoC was sent.
     pub lateness: Distribution,
+    /// How long after its date the thread was awake.
+    pub wake_up: Summary,
     /// From the SoC to the last answer.
     pub exchange: Summary,
-    /// Computing of motion after the exchange.
-    pub motion: Summary,
+    /// Computing after the exchange: drives, pins, motion, set-points.
+    pub compute: Summary,
     /// From the end of computing to the next cycle's date.
     pub free: Summary,
+    /// Page faults and preemptions of the cycle thread.
+    pub thread: ThreadUsage,
     /// What the time-out thread counted from power-on to power-off.
     pub timeout_thread: Counters,
 }
@@ -202,18 +208,29 @@ pub struct Cyclictest {
 /// What a thread saw that reads the clock all the time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Gaps {
-    /// How long it looked, s.
-    pub seconds: f64,
     /// Differences of two readings from this on are gaps.
     pub threshold_us: f64,
-    /// Gaps.
-    pub count: u64,
+    /// Time that was looked at, s.
+    pub scanned_s: f64,
     /// Sum of all gaps.
-    pub total_us: f64,
-    /// Longest gap.
-    pub longest_us: f64,
+    pub lost_us: f64,
+    /// Share of the time that was lost, 0 to 1.
+    pub lost_share: f64,
     /// Gaps by length.
-    pub histogram: Vec<Bucket>,
+    pub gaps: Distribution,
+}
+
+impl From<&GapFigures> for Gaps {
+    fn from(figures: &GapFigures) -> Gaps {
+        let summary = figures.summary();
+        Gaps {
+            threshold_us: GAP_NS as f64 / 1000.0,
+            scanned_s: summary.scanned_s,
+            lost_us: summary.lost_us,
+            lost_share: summary.lost_share,
+            gaps: Distribution::from(&figures.gaps),
+        }
+    }
 }
 
 /// Medians over rounds; of an even number the mean of the two in the middle.
