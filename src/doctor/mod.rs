@@ -9,7 +9,7 @@
 
 mod background;
 mod core;
-mod cpus;
+pub mod cpus;
 mod cures;
 mod ethtool;
 mod kernel;

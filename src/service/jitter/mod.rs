@@ -9,6 +9,8 @@
 
 pub mod cyclictest;
 pub mod distribution;
+pub mod pc;
+pub mod program;
 pub mod ratios;
 pub mod report;
 

@@ -60,7 +60,7 @@ pub struct Pc {
     pub virtual_machine: bool,
     /// Model of the processor.
     pub cpu_model: String,
-    /// Cores that are online.
+    /// Cores that are online; 0: not known.
     pub cores: usize,
     /// The core of the real-time threads, on which the floor was measured too.
     pub core: usize,
