@@ -457,14 +457,18 @@ fn late_cycles_cost_time_and_no_jump() {
         assert_eq!(finish(run), Outcome::Completed);
         commands(run)
     });
-    // A cycle takes 0.2 ms; a date that has passed by less than 0.25 ms is still kept.
-    for (late_us, skipped) in [(300, 0), (5_000, 4)] {
+    // A date that has passed by no more than 0.25 ms is still kept; what comes later waits for the next date on the grid.
+    for (late_us, late_max_us, skipped) in [(200, 200, 0), (300, 0, 1), (4_100, 100, 4), (4_300, 0, 5)] {
         rehearse_part(NetConfig::clean(11), PART, |run| {
             reach_midst(run);
             run.cycle(late_us * 1000).expect("a good program");
             assert_eq!(finish(run), Outcome::Completed);
             assert_eq!(run.operator.late_cycles(), skipped, "late by {late_us} us");
-            assert_eq!(run.operator.live().late_max_ns, late_us * 1000);
+            assert_eq!(
+                run.operator.live().late_max_ns,
+                late_max_us * 1000,
+                "late by {late_us} us"
+            );
             // One step of the trajectory for every cycle that ran: the very same set-points, only later.
             assert!(commands(run) == clean, "late by {late_us} us");
             assert_part_cut(run);

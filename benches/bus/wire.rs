@@ -125,7 +125,9 @@ impl<const N: usize> Exchange for Ours<'_, N> {
         for node in 0..N {
             self.outputs.node_mut(node)[0] = self.outputs.node(node)[0].wrapping_add(1);
         }
-        let report = self.bus.exchange(deadline_ns, &self.outputs, &mut self.inputs);
+        let now_ns = self.bus.now_ns();
+        self.bus.prepare(now_ns, &self.outputs);
+        let report = self.bus.exchange(deadline_ns, &mut self.inputs);
         self.lost += u64::from(report.lost);
     }
 

@@ -190,7 +190,7 @@ impl InputImage {
 /// What one exchange took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CycleReport {
-    /// When the first frame of the cycle left, ns of the bus clock.
+    /// When the exchange began, ns of the bus clock.
     pub sent_ns: u64,
     /// When the frame that starts the cycle of the nodes (POWERLINK: SoC) was handed to the network adapter; `None` in a
     /// cycle without one.
@@ -203,8 +203,13 @@ pub struct CycleReport {
 
 /// What the control knows of a bus. RT: no call allocates, locks or waits beyond its deadline.
 pub trait Fieldbus {
-    /// Starts a cycle and returns with what has come by `deadline_ns` at the latest.
-    fn exchange(&mut self, deadline_ns: u64, outputs: &OutputImage, inputs: &mut InputImage) -> CycleReport;
+    /// Makes the cycle of the date `begin_ns` ready, so that its first frame only has to be sent when the date has come.
+    /// Nothing is sent yet. Called again before [`Fieldbus::exchange`], it moves the cycle to a later date.
+    fn prepare(&mut self, begin_ns: u64, outputs: &OutputImage);
+
+    /// Runs the cycle that was made ready, its first frame at once, and returns with what has come by `deadline_ns` at the
+    /// latest.
+    fn exchange(&mut self, deadline_ns: u64, inputs: &mut InputImage) -> CycleReport;
 
     /// Serves what is not cyclic (parameters, alarms, node management) until `until_ns`.
     fn serve(&mut self, until_ns: u64);
@@ -244,8 +249,12 @@ pub trait Fieldbus {
 
 /// A bus on the heap: one for many nodes is larger than what a stack should move about.
 impl<B: Fieldbus + ?Sized> Fieldbus for Box<B> {
-    fn exchange(&mut self, deadline_ns: u64, outputs: &OutputImage, inputs: &mut InputImage) -> CycleReport {
-        (**self).exchange(deadline_ns, outputs, inputs)
+    fn prepare(&mut self, begin_ns: u64, outputs: &OutputImage) {
+        (**self).prepare(begin_ns, outputs);
+    }
+
+    fn exchange(&mut self, deadline_ns: u64, inputs: &mut InputImage) -> CycleReport {
+        (**self).exchange(deadline_ns, inputs)
     }
 
     fn serve(&mut self, until_ns: u64) {

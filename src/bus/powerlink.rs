@@ -38,6 +38,15 @@ pub fn wall_clock() -> NetTime {
     }
 }
 
+/// A time of day that is so far behind another.
+fn later(time: NetTime, by_ns: u64) -> NetTime {
+    let nanoseconds = u64::from(time.nanoseconds) + by_ns;
+    NetTime {
+        seconds: time.seconds.wrapping_add((nanoseconds / 1_000_000_000) as u32),
+        nanoseconds: (nanoseconds % 1_000_000_000) as u32,
+    }
+}
+
 /// The managing node on a link.
 pub struct Powerlink<'a, L, const NODES: usize> {
     mn: Mn<'a, NODES>,
@@ -48,6 +57,8 @@ pub struct Powerlink<'a, L, const NODES: usize> {
     net_time: fn() -> NetTime,
     buffer: [u8; FRAME_OCTETS_MAX],
     link_error: Option<LinkError>,
+    /// A cycle was made ready and has not been run.
+    ready: bool,
     /// When the SoC of this cycle was sent.
     soc_ns: Option<u64>,
     outstanding: Option<(u8, u64)>,
@@ -79,6 +90,7 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
             net_time,
             buffer: [0; FRAME_OCTETS_MAX],
             link_error: None,
+            ready: false,
             soc_ns: None,
             outstanding: None,
             // They go to the managing node and back, which borrows them for as long as its configuration: they are never freed.
@@ -236,17 +248,27 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
 }
 
 impl<L: Link, const NODES: usize> Fieldbus for Powerlink<'_, L, NODES> {
-    fn exchange(&mut self, deadline_ns: u64, outputs: &OutputImage, inputs: &mut InputImage) -> CycleReport {
-        let nodes = inputs.lost_in_row.len();
-        for node in 0..nodes {
+    fn prepare(&mut self, begin_ns: u64, outputs: &OutputImage) {
+        for node in 0..self.node_ids.len() {
             self.mn.output_mut(node).copy_from_slice(outputs.node(node));
         }
+        if self.watch.soc_allowed() {
+            let ahead_ns = begin_ns.saturating_sub(self.link.now_ns());
+            self.mn.start_cycle(begin_ns, later((self.net_time)(), ahead_ns));
+            self.ready = true;
+        }
+    }
+
+    fn exchange(&mut self, deadline_ns: u64, inputs: &mut InputImage) -> CycleReport {
         let sent_ns = self.link.now_ns();
         let soc_allowed = self.watch.soc_allowed();
+        self.ready = false;
         if soc_allowed {
-            self.mn.start_cycle(sent_ns, (self.net_time)());
             self.run_until(deadline_ns, true);
+        } else {
+            self.mn.abandon_cycle();
         }
+        let nodes = inputs.lost_in_row.len();
         let soc_ns = self.soc_ns.take();
         let mut lost = 0;
         for node in 0..nodes {
@@ -269,6 +291,10 @@ impl<L: Link, const NODES: usize> Fieldbus for Powerlink<'_, L, NODES> {
     }
 
     fn serve(&mut self, until_ns: u64) {
+        // A cycle that was made ready waits for its date: its SoC is the next frame, and not before.
+        if self.ready {
+            return;
+        }
         self.hand_in_ethernet();
         self.run_until(until_ns, false);
     }

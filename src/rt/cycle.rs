@@ -132,12 +132,16 @@ impl<B: Fieldbus> Control<B> {
         }
     }
 
-    /// One cycle. `late_ns`: how late it begins; `skipped`: cycles that had to be left out before it; the exchange is
+    /// Makes the cycle of the date `begin_ns` ready, so that its first frame leaves at once when [`Control::cycle`] is called
+    /// at that date. Called again before, it moves the cycle to a later date.
+    pub fn prepare(&mut self, begin_ns: u64) {
+        self.bus.prepare(begin_ns, &self.parts.outputs);
+    }
+
+    /// The cycle that was made ready. `late_ns`: how late it begins; `skipped`: cycles that had to be left out before it; the exchange is
     /// over by `deadline_ns`. Gives what the exchange took.
     pub fn cycle(&mut self, late_ns: u64, skipped: u64, deadline_ns: u64) -> CycleReport {
-        let report = self
-            .bus
-            .exchange(deadline_ns, &self.parts.outputs, &mut self.parts.inputs);
+        let report = self.bus.exchange(deadline_ns, &mut self.parts.inputs);
         self.parts
             .drives
             .read(&self.parts.inputs, |node| self.bus.node_state(node));

@@ -43,11 +43,19 @@ pub fn run<B: Fieldbus>(
     recorder.begin();
     while control.state() != State::Down && !stop.load(Ordering::Acquire) {
         control.bus_mut().serve(deadline_ns.saturating_sub(spin_ns + QUIET_NS));
+        control.prepare(deadline_ns);
         let woke_ns = wait_until(deadline_ns, spin_ns);
-        watch.begin_cycle(cycle, deadline_ns);
+        // What wakes up too late for its date waits for another one: a SoC stands on the grid or is left out.
+        let keep = grid.keep(deadline_ns, woke_ns);
+        if keep.skipped > 0 {
+            deadline_ns = keep.deadline_ns;
+            skipped += keep.skipped;
+            continue;
+        }
         if !watch.soc_allowed() {
             control.silence();
         }
+        watch.begin_cycle(cycle, deadline_ns);
         let next_ns = deadline_ns + grid.period_ns;
         let report = control.cycle(woke_ns - deadline_ns, skipped, next_ns - spin_ns);
         watch.end_cycle(cycle);

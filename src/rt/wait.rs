@@ -55,18 +55,16 @@ impl Grid {
 
     /// RT: the date after `deadline_ns`, on the old grid whatever happened: never `now + period`, which would drift.
     pub fn next(&self, deadline_ns: u64, now_ns: u64) -> Next {
-        let next_ns = deadline_ns + self.period_ns;
-        let late_ns = now_ns.saturating_sub(next_ns);
-        if late_ns <= self.late_max_ns {
-            return Next {
-                deadline_ns: next_ns,
-                skipped: 0,
-            };
-        }
+        self.keep(deadline_ns + self.period_ns, now_ns)
+    }
+
+    /// RT: the date `deadline_ns` itself while it may still be kept, else the next one that may.
+    pub fn keep(&self, deadline_ns: u64, now_ns: u64) -> Next {
+        let late_ns = now_ns.saturating_sub(deadline_ns);
         // The least number of periods after which the date has passed by no more than is allowed.
-        let skipped = (late_ns - self.late_max_ns).div_ceil(self.period_ns);
+        let skipped = late_ns.saturating_sub(self.late_max_ns).div_ceil(self.period_ns);
         Next {
-            deadline_ns: next_ns + skipped * self.period_ns,
+            deadline_ns: deadline_ns + skipped * self.period_ns,
             skipped,
         }
     }

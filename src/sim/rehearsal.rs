@@ -114,15 +114,24 @@ impl<'a> Rehearsal<'a> {
         &self.path
     }
 
-    /// One cycle, `late_ns` after its date.
+    /// One cycle, `late_ns` after its date; where that is too late for the date, at the next one that can be kept.
     ///
     /// # Errors
     /// If the program turns out to be wrong.
     pub fn cycle(&mut self, late_ns: u64) -> anyhow::Result<()> {
-        let deadline_ns = self.deadline_ns;
-        self.control.bus_mut().serve(deadline_ns);
-        let behind_ns = deadline_ns.saturating_sub(self.now_ns());
+        self.control.bus_mut().serve(self.deadline_ns);
+        self.control.prepare(self.deadline_ns);
+        let behind_ns = self.deadline_ns.saturating_sub(self.now_ns());
         self.net().advance(behind_ns + late_ns);
+        let now_ns = self.now_ns();
+        let keep = self.grid.keep(self.deadline_ns, now_ns);
+        if keep.skipped > 0 {
+            (self.deadline_ns, self.skipped) = (keep.deadline_ns, self.skipped + keep.skipped);
+            self.control.prepare(self.deadline_ns);
+            let behind_ns = self.deadline_ns.saturating_sub(self.now_ns());
+            self.net().advance(behind_ns);
+        }
+        let deadline_ns = self.deadline_ns;
         let began_ns = self.now_ns();
         self.control.cycle(
             began_ns - deadline_ns,

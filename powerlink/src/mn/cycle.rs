@@ -19,8 +19,8 @@ use crate::wire::{
 pub(super) enum Phase {
     /// Between cycles; in the reduced cycle the next SoA may go out.
     Idle,
-    /// The SoC is to be sent.
-    SocDue,
+    /// The SoC lies ready in the buffer of the cycle, so many octets long, and is to be sent.
+    SocDue { len: usize },
     /// The SoC was handed out.
     SocSent,
     /// The first PReq has to wait until then.
@@ -74,9 +74,12 @@ pub(super) enum Action {
 }
 
 impl<'a, const NODES: usize> Mn<'a, NODES> {
-    /// Begins the cycle that starts now; `net_time` is the wall clock for the SoC. A cycle that has not ended is cut off
-    /// and counted: what was not sent of it is not sent any more. Cycles left out since the last start are counted.
-    pub fn start_cycle(&mut self, now_ns: u64, net_time: NetTime) {
+    /// Begins the cycle of the date `begin_ns`; `net_time` is the wall clock for the SoC. A cycle that has not ended is cut
+    /// off and counted: what was not sent of it is not sent any more. Cycles left out since the last start are counted.
+    ///
+    /// May be called ahead of the date, once the cycle before has had its time: the SoC then lies ready and the next
+    /// [`Mn::poll`] hands it out at once. Called again before that poll, it moves the very same cycle to a later date.
+    pub fn start_cycle(&mut self, begin_ns: u64, net_time: NetTime) {
         self.done_due = true;
         self.counters.events_dropped = self.events.dropped;
         // Also where no cycle runs (any more): what came in an earlier one is old.
@@ -86,27 +89,43 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         if !self.state.is_isochronous() {
             return;
         }
-        self.cut_off(now_ns);
-        if !self.state.is_isochronous() {
-            // The threshold of exceeded cycles was reached.
-            return;
+        let moved = matches!(self.phase, Phase::SocDue { .. });
+        if !moved {
+            self.cut_off(begin_ns);
+            if !self.state.is_isochronous() {
+                // The threshold of exceeded cycles was reached.
+                return;
+            }
         }
         let cycle_ns = u64::from(self.config.cycle_ns);
         let mut passed = 1;
         if let Some(last_ns) = self.cycle_started_ns {
-            passed = (now_ns.saturating_sub(last_ns) + cycle_ns / 2) / cycle_ns;
-            self.counters.cycles_skipped += passed.saturating_sub(1);
+            passed = (begin_ns.saturating_sub(last_ns) + cycle_ns / 2) / cycle_ns;
+            let skipped = if moved { passed } else { passed.saturating_sub(1) };
+            self.counters.cycles_skipped += skipped;
         }
         // The time base goes on along the grid, also over cycles that were left out.
-        self.relative_time_us += passed.max(1) * (cycle_ns / 1000);
-        self.cycle_started_ns = Some(now_ns);
+        self.relative_time_us += if moved { passed } else { passed.max(1) } * (cycle_ns / 1000);
+        self.cycle_started_ns = Some(begin_ns);
         self.net_time = net_time;
-        for node in self.nodes.iter_mut().flatten() {
-            node.chain.heard = false;
+        if !moved {
+            for node in self.nodes.iter_mut().flatten() {
+                node.chain.heard = false;
+            }
+            self.exceeded = false;
+            self.begin_round();
+            self.turn_prescaled_slot();
         }
-        self.exceeded = false;
-        self.begin_round();
-        self.phase = Phase::SocDue;
+        let len = self.write_soc().unwrap_or(0);
+        self.phase = Phase::SocDue { len };
+    }
+
+    /// Gives up the cycle that [`Mn::start_cycle`] has made ready, if its SoC has not been handed out yet: nothing of it is
+    /// sent.
+    pub fn abandon_cycle(&mut self) {
+        if let Phase::SocDue { .. } = self.phase {
+            self.phase = Phase::Idle;
+        }
     }
 
     /// Ends what is still open of the last cycle.
@@ -122,7 +141,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 self.cycle_exceeded();
                 self.chain_over(now_ns);
             }
-            Phase::SocDue
+            Phase::SocDue { .. }
             | Phase::SocSent
             | Phase::AfterSoc { .. }
             | Phase::ChainDue
@@ -187,9 +206,12 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     Some(action) => return action,
                     None => self.phase = Phase::SoaDue,
                 },
-                Phase::SocDue => {
+                // The network has started again since the cycle was made ready.
+                Phase::SocDue { .. } if !self.state.is_isochronous() => self.phase = Phase::Idle,
+                Phase::SocDue { len } => {
                     self.phase = Phase::SocSent;
-                    if let Some(len) = self.write_soc() {
+                    self.counters.cycles += 1;
+                    if len > 0 {
                         return Action::Send(Buffer::Cycle, len);
                     }
                 }
@@ -408,13 +430,16 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         })
     }
 
-    fn write_soc(&mut self) -> Option<usize> {
+    /// The PS flag of the SoC toggles every so many cycles.
+    fn turn_prescaled_slot(&mut self) {
         let prescaler = u64::from(self.config.prescaler);
         // A multiple of 0 is only 0 itself: without a prescaler the flag stays as it is after the first cycle.
         if self.counters.cycles.is_multiple_of(prescaler) {
             self.prescaled_slot = !self.prescaled_slot;
         }
-        self.counters.cycles += 1;
+    }
+
+    fn write_soc(&mut self) -> Option<usize> {
         let soc = Soc {
             multiplexed_cycle: self.round_toggle,
             prescaled_slot: self.prescaled_slot,

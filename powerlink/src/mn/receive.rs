@@ -128,7 +128,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         let granted = match self.phase {
             Phase::AwaitAsnd { grant, .. } | Phase::SoaSent { grant } => is_sender(grant),
             Phase::Idle
-            | Phase::SocDue
+            | Phase::SocDue { .. }
             | Phase::SocSent
             | Phase::AfterSoc { .. }
             | Phase::ChainDue

@@ -161,6 +161,56 @@ fn the_first_preq_waits_after_the_soc() {
 }
 
 #[test]
+fn a_cycle_that_is_ready_is_moved_to_a_later_date_or_given_up_and_nothing_else_of_it_changes() {
+    let configuration = [];
+    let nodes = [node_config(1, &configuration)];
+    let mut net = Net::with(mn_config(&nodes));
+    net.boot();
+    net.cycles(3);
+    let before = *net.mn.counters();
+    let polled = net.mn.statistics(0).preq_sent;
+    let soc = |net: &mut Net<'_>| match net.mn.poll(net.now_ns) {
+        Step::Send(frame) => match Frame::parse(frame) {
+            Ok(Frame::Soc(soc)) => soc,
+            other => panic!("{other:?}"),
+        },
+        other => panic!("{other:?}"),
+    };
+    net.log.clear();
+    let date_ns = net.now_ns;
+    net.mn.start_cycle(date_ns, NetTime::default());
+    let time = NetTime {
+        seconds: 7,
+        nanoseconds: 8,
+    };
+    net.mn.start_cycle(date_ns + 3 * CYCLE_NS, time);
+    net.now_ns = date_ns + 3 * CYCLE_NS;
+    let moved = soc(&mut net);
+    assert_eq!(moved.net_time, time);
+    let after = *net.mn.counters();
+    assert_eq!(after.cycles, before.cycles + 1);
+    assert_eq!(after.cycles_skipped, before.cycles_skipped + 3);
+    assert_eq!(
+        after.cycles_overrun, before.cycles_overrun,
+        "no error: nothing of the cycle was on the wire"
+    );
+    net.now_ns += CYCLE_NS;
+    net.mn.start_cycle(net.now_ns, NetTime::default());
+    let next = soc(&mut net);
+    assert_eq!(next.relative_time_us - moved.relative_time_us, CYCLE_NS / 1000);
+
+    net.now_ns += CYCLE_NS;
+    net.mn.start_cycle(net.now_ns, NetTime::default());
+    net.mn.abandon_cycle();
+    assert!(matches!(
+        net.mn.poll(net.now_ns),
+        Step::IsochronousDone | Step::Idle | Step::WaitUntil(_)
+    ));
+    assert_eq!(net.mn.counters().cycles, after.cycles + 1);
+    assert_eq!(net.mn.statistics(0).preq_sent, polled, "no poll without its SoC");
+}
+
+#[test]
 fn exceeded_cycles_are_counted_and_only_a_threshold_starts_the_network_again() {
     for (threshold, survives) in [(0, true), (40, false)] {
         let mut net = Net::with(MnConfig {
@@ -170,8 +220,9 @@ fn exceeded_cycles_are_counted_and_only_a_threshold_starts_the_network_again() {
         net.until(300, |net| net.mn.nmt_state() == NmtState::Operational);
         net.cycles(10);
         for _ in 0..5 {
-            // The next cycle begins before anything of this one was sent.
+            // The next cycle begins before anything but the SoC of this one was sent.
             net.mn.start_cycle(net.now_ns, NetTime::default());
+            assert!(matches!(net.mn.poll(net.now_ns), Step::Send(frame) if frame[14] == 1));
             net.now_ns += CYCLE_NS;
         }
         net.mn.start_cycle(net.now_ns, NetTime::default());
