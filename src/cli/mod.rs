@@ -3,6 +3,7 @@
 pub mod bus;
 pub mod check;
 pub mod demo;
+pub mod doctor;
 pub mod hal;
 pub mod interpret;
 pub mod plan;
@@ -26,6 +27,8 @@ enum Command {
     Demo(demo::DemoArgs),
     /// Run a part program on the machine of a machine file.
     Run(run::RunArgs),
+    /// Look at this PC: what stands in the way of real time, and how to change it.
+    Doctor(doctor::DoctorArgs),
     /// Check a machine file: all errors at once, located.
     Check(check::CheckArgs),
     /// Print the canonical calls of a part program, one a line.
@@ -46,6 +49,7 @@ pub fn main() -> ExitCode {
     let result = match &cli.command {
         Command::Demo(args) => demo::demo(args),
         Command::Run(args) => run::run(args),
+        Command::Doctor(args) => doctor::doctor(args),
         Command::Check(args) => check::check(args),
         Command::Interpret(args) => interpret::interpret(args),
         Command::Plan(args) => plan::plan(args),

@@ -1,6 +1,7 @@
 //! The core of the real-time threads, and who else comes there.
 
 use super::cures;
+use super::pc::{ISOLATED, ONLINE};
 use super::{Cpus, Look, Pc, Unread};
 use std::collections::BTreeMap;
 
@@ -8,7 +9,7 @@ const CPU: &str = "/sys/devices/system/cpu";
 
 /// Whether there is such a core, and another one for everything else.
 pub(super) fn core(pc: &Pc<'_>) -> Option<Look> {
-    let online = match pc.cpu_list(&format!("{CPU}/online")) {
+    let online = match pc.cpu_list(ONLINE) {
         Ok(online) => online,
         Err(why) => return Some(Look::unknown(why.to_string())),
     };
@@ -34,7 +35,7 @@ pub(super) fn core(pc: &Pc<'_>) -> Option<Look> {
 /// Cores that the scheduler leaves alone: since boot, or as an isolated partition of control groups.
 fn isolated_cores(pc: &Pc<'_>) -> Result<(Cpus, Cpus), Unread> {
     let partitions = pc.cpu_list("/sys/fs/cgroup/cpuset.cpus.isolated").unwrap_or_default();
-    match pc.cpu_list(&format!("{CPU}/isolated")) {
+    match pc.cpu_list(ISOLATED) {
         Ok(boot) => Ok((boot, partitions)),
         Err(_) if !partitions.is_empty() => Ok((Cpus::default(), partitions)),
         Err(why) => Err(why),
@@ -175,7 +176,7 @@ pub(super) fn interrupts(pc: &Pc<'_>) -> Option<Look> {
     Some(Look::missing(irq_list(&there), cures::apply(pc)))
 }
 
-/// `3: 36 virtio1-req.0 (+120), 26 ttyS0, 31 ...`.
+/// `3 interrupts: 36 virtio1-req.0 (came 120 times), 26 ttyS0, 31 ...`.
 fn irq_list(irqs: &[Irq]) -> String {
     const NAMED: usize = 4;
     let one = |irq: &Irq| match irq.comes {
@@ -187,7 +188,11 @@ fn irq_list(irqs: &[Irq]) -> String {
         0 => String::new(),
         more => format!(" and {more} more"),
     };
-    format!("{}: {}{more}", irqs.len(), named.join(", "))
+    let count = match irqs.len() {
+        1 => "1 interrupt".to_owned(),
+        count => format!("{count} interrupts"),
+    };
+    format!("{count}: {}{more}", named.join(", "))
 }
 
 /// Names of what has asked for an interrupt: folders beside its settings.

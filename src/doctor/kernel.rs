@@ -53,17 +53,19 @@ pub(super) fn preemption(pc: &Pc<'_>) -> Option<Look> {
         Ok(mode) => mode,
         Err(why) => match pc.boot_value("preempt") {
             Ok(Some(mode)) => mode,
-            Ok(None) | Err(_) => return Some(Look::unknown(why.to_string()).with_fix(look_into_debugfs(&why))),
+            Ok(None) | Err(_) => return Some(debugfs_unread(pc, &why)),
         },
     };
     Some(Look::judge(mode == "full", mode, cures::boot_with("preempt=full")))
 }
 
-/// How to see a file below `/sys/kernel/debug`.
-pub(super) fn look_into_debugfs(why: &Unread) -> &'static str {
+/// A file below `/sys/kernel/debug` tells nothing: why, and how to see it.
+pub(super) fn debugfs_unread(pc: &Pc<'_>, why: &Unread) -> Look {
     match why {
-        Unread::Absent(_) => "sudo mount -t debugfs none /sys/kernel/debug, then sudo isocnc doctor",
-        Unread::Refused(_) => cures::AS_ROOT,
+        Unread::Absent(_) if pc.exists("/sys/kernel/debug/sched") => Look::unknown("not in this kernel"),
+        Unread::Absent(_) => Look::unknown("debugfs is not mounted")
+            .with_fix("sudo mount -t debugfs none /sys/kernel/debug, then sudo isocnc doctor"),
+        Unread::Refused(why) => Look::unknown(why).with_fix(cures::AS_ROOT),
     }
 }
 

@@ -27,7 +27,7 @@ use Level::{Info, Must, Should};
 pub static LINES: &[Line] = &[
     line(Kernel, Should, "PREEMPT_RT", "yes", kernel::preempt_rt),
     line(Kernel, Info, "preemption", "full", kernel::preemption),
-    line(Kernel, Info, "kernel options", "timers, isolation, nohz, nocb", kernel::options),
+    line(Kernel, Info, "kernel options", "for isolated real time", kernel::options),
     line(Kernel, Must, "timer resolution", "1 ns", kernel::timers),
 
     line(Machine, Should, "virtual machine", "no", kernel::virtual_machine),
@@ -79,7 +79,7 @@ pub static LINES: &[Line] = &[
     line(Background, Should, "workqueues", "not on the core", background::workqueues),
     line(Background, Info, "timer migration", "off", background::timer_migration),
     line(Background, Info, "vm.stat_interval", "10 s or more", background::stat_interval),
-    line(Background, Info, "RT group scheduling", "none, or time for this group", rights::group_scheduling),
+    line(Background, Info, "RT group scheduling", "none, or time for ours", rights::group_scheduling),
 
     line(Measured, Should, "wake-up latency", "at most 50 us", measure::wake_up),
     line(Measured, Info, "gaps", "at most 50 us", measure::gaps),

@@ -11,24 +11,28 @@ const MAX_US: f64 = 50.0;
 
 /// How late a thread wakes up.
 pub(super) fn wake_up(pc: &Pc<'_>) -> Option<Look> {
-    const FIX: &str = "change what is missing above first; then, for hours and with load on the other cores:";
+    const WHEN: &str = "(when nothing above is missing: for hours, with load on the other cores)";
     let time = pc.target.test_time?;
-    let fix = format!("{FIX} sudo cyclictest -q -m -p90 -i1000 -a{} -t1 -D 1h", pc.cpu());
+    let fix = format!("sudo cyclictest -q -m -p90 -i1000 -a{} -t1 -D 1h {WHEN}", pc.cpu());
     Some(judge(pc.tries.wake_up(pc.cpu(), pc.target.priority, time), fix))
 }
 
 /// What takes the core from a thread that runs.
 pub(super) fn gaps(pc: &Pc<'_>) -> Option<Look> {
-    const FIX: &str = "change what is missing above first; what then stays is firmware (SMI) or the host:";
+    const FIX: &str = "sudo hwlatdetect --duration=600 --threshold=5 (what stays when nothing above is missing is the \
+                       firmware, or the host of a virtual machine)";
     let time = pc.target.test_time?;
-    let fix = format!("{FIX} sudo hwlatdetect --duration=600 --threshold=5");
-    Some(judge(pc.tries.gaps(pc.cpu(), pc.target.priority, time), fix))
+    Some(judge(pc.tries.gaps(pc.cpu(), pc.target.priority, time), FIX.to_owned()))
 }
 
 fn judge(measured: Result<Latency, String>, fix: String) -> Look {
-    match measured {
+    let look = match &measured {
         Ok(latency) if latency.n == 0 => Look::ok("nothing"),
         Ok(latency) => Look::judge(latency.max_us <= MAX_US, latency.to_string(), fix),
         Err(why) => Look::unknown(why),
+    };
+    Look {
+        latency: measured.ok(),
+        ..look
     }
 }

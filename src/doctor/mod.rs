@@ -19,6 +19,7 @@ mod memory;
 mod nic;
 mod pc;
 mod power;
+mod report;
 mod rights;
 mod this_pc;
 mod tries;
@@ -28,7 +29,9 @@ mod tests;
 
 pub use cpus::Cpus;
 pub use lines::LINES;
+pub use nic::is_interface_name;
 pub use pc::{Pc, Target, Unread};
+pub use report::Report;
 pub use this_pc::ThisPc;
 pub use tries::{Coalescing, Latency, NoAnswer, Offload, TimeStamps, Tries};
 
@@ -135,11 +138,12 @@ pub struct Line {
 }
 
 /// What one look has told.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Look {
     state: State,
     found: String,
     fix: Option<String>,
+    latency: Option<Latency>,
 }
 
 impl Look {
@@ -148,6 +152,7 @@ impl Look {
             state: State::Ok,
             found: found.into(),
             fix: None,
+            latency: None,
         }
     }
 
@@ -156,6 +161,7 @@ impl Look {
             state: State::Missing,
             found: found.into(),
             fix: Some(fix.into()),
+            latency: None,
         }
     }
 
@@ -164,6 +170,7 @@ impl Look {
             state: State::Unknown,
             found: reason.into(),
             fix: None,
+            latency: None,
         }
     }
 
@@ -204,6 +211,8 @@ pub struct Finding {
     pub found: String,
     /// How to change it, or how to tell: a command to paste where there is one.
     pub fix: Option<String>,
+    /// The figures of a measurement.
+    pub latency: Option<Latency>,
 }
 
 /// Looks at everything, in the order of [`LINES`].
@@ -215,6 +224,7 @@ pub fn examine(pc: &Pc<'_>) -> Vec<Finding> {
             state: look.state,
             found: look.found,
             fix: look.fix,
+            latency: look.latency,
         })
     };
     LINES.iter().filter_map(finding).collect()

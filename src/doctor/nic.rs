@@ -9,11 +9,11 @@ const LAUNCH_TIME: [&str; 4] = ["igb", "igc", "stmmaceth", "st_gmac"];
 /// The interface, where one is named and there.
 fn present<'a>(pc: &'a Pc<'_>) -> Option<&'a str> {
     let name = pc.target.interface.as_deref()?;
-    (is_name(name) && pc.exists(&format!("/sys/class/net/{name}"))).then_some(name)
+    (is_interface_name(name) && pc.exists(&format!("/sys/class/net/{name}"))).then_some(name)
 }
 
 /// Whether it can be the name of an interface, and so part of a path.
-pub(super) fn is_name(name: &str) -> bool {
+pub fn is_interface_name(name: &str) -> bool {
     (1..16).contains(&name.len())
         && !matches!(name, "." | "..")
         && name.chars().all(|c| c.is_ascii_graphic() && c != '/')
@@ -116,7 +116,9 @@ pub(super) fn speed(pc: &Pc<'_>) -> Option<Look> {
 /// Frames of the IP stack would come between those of the bus.
 pub(super) fn addresses(pc: &Pc<'_>) -> Option<Look> {
     let name = present(pc)?;
-    let fix = format!("sudo ip addr flush dev {name}; sudo sysctl net.ipv6.conf.{name}.disable_ipv6=1");
+    let fix = format!(
+        "sudo ip addr flush dev {name}; sudo sysctl net.ipv6.conf.{name}.disable_ipv6=1 (no IP on it any more)"
+    );
     Some(match pc.tries.addresses(name) {
         Ok(addresses) if addresses.is_empty() => Look::ok("none"),
         Ok(addresses) => Look::missing(addresses.join(", "), fix),

@@ -13,6 +13,10 @@ use std::time::Duration;
 
 /// No file that is looked at is longer; what is behind it is not read.
 const FILE_LEN_MAX: u64 = 4 << 20;
+/// Cores that run.
+pub(super) const ONLINE: &str = "/sys/devices/system/cpu/online";
+/// Cores isolated at boot.
+pub(super) const ISOLATED: &str = "/sys/devices/system/cpu/isolated";
 
 /// What the control is to use.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -87,6 +91,21 @@ impl<'a> Pc<'a> {
             seconds: watch.as_secs_f64(),
         };
         pc
+    }
+
+    /// Processor, number of cores, kernel.
+    pub fn describe(&self) -> String {
+        let cpuinfo = self.text("/proc/cpuinfo").unwrap_or_default();
+        let model = cpuinfo.lines().find(|line| line.starts_with("model name"));
+        let model = model
+            .and_then(|line| line.split_once(':'))
+            .map_or("unknown processor", |(_, model)| model.trim());
+        let cores = match self.cpu_list(ONLINE) {
+            Ok(online) => format!("{} cores", online.len()),
+            Err(_) => "unknown cores".to_owned(),
+        };
+        let release = self.text("/proc/sys/kernel/osrelease").unwrap_or_default();
+        format!("{}, {cores}, Linux {}", model.escape_debug(), release.escape_debug())
     }
 
     /// The core of the real-time threads.
@@ -226,7 +245,9 @@ impl<'a> Pc<'a> {
 fn unread(path: &str, error: &io::Error) -> Unread {
     match error.kind() {
         ErrorKind::NotFound | ErrorKind::NotADirectory => Unread::Absent(path.to_owned()),
-        ErrorKind::PermissionDenied => Unread::Refused(format!("{path} may be read by root only")),
+        // Root gets this where the kernel is locked down.
+        _ if error.raw_os_error() == Some(libc::EPERM) => Unread::Refused("closed by the kernel (lockdown)".into()),
+        ErrorKind::PermissionDenied => Unread::Refused("for root only".into()),
         _ => Unread::Refused(format!("{path} cannot be read ({error})")),
     }
 }

@@ -1,6 +1,6 @@
 //! What the process is given when it asks, and what the scheduler leaves it.
 
-use super::kernel::{config, is_built_in, look_into_debugfs};
+use super::kernel::{config, debugfs_unread, is_built_in};
 use super::{Look, Pc, Unread, cures};
 
 /// All that the control needs, for the program's file: nobody has to be root then.
@@ -71,7 +71,7 @@ pub(super) fn fair_server(pc: &Pc<'_>) -> Option<Look> {
         (Err(why), _) | (_, Err(why)) => {
             return Some(match before_fair_server(pc) {
                 Some(true) => Look::ok("none before Linux 6.12"),
-                Some(false) | None => Look::unknown(why.to_string()).with_fix(look_into_debugfs(&why)),
+                Some(false) | None => debugfs_unread(pc, &why),
             });
         }
     };

@@ -96,6 +96,7 @@ impl Tries for ThisPc {
             }
             ForkResult::Parent { child } => match waitpid(child, None).map_err(in_words)? {
                 WaitStatus::Exited(_, 0) => Ok(()),
+                WaitStatus::Exited(_, libc::ENOMEM | libc::EAGAIN) => Err("more than the limit (ulimit -l)".into()),
                 WaitStatus::Exited(_, errno) => Err(in_words(Errno::from_raw(errno))),
                 other => Err(format!("the try was ended: {other:?}")),
             },

@@ -97,7 +97,8 @@ pub(super) const CASES: &[Case] = &[
     ok("preemption", "full").without(&["/sys/kernel/realtime"])
         .with(&[("/sys/kernel/debug/sched/preempt", "none voluntary (full) lazy")]),
     ok("preemption", "full").without(&["/sys/kernel/realtime"]).with(&[("/proc/cmdline", "quiet preempt=full")]),
-    unknown("preemption", "no /sys/kernel/debug/sched/preempt").without(&["/sys/kernel/realtime"]),
+    unknown("preemption", "not in this kernel").without(&["/sys/kernel/realtime"]),
+    unknown("preemption", "debugfs is not mounted").without(&["/sys/kernel/realtime", "/sys/kernel/debug"]),
 
     missing("kernel options", "without NO_HZ_FULL, RCU_NOCB_CPU", "take a kernel")
         .with(&[("/boot/config-6.12.9-rt-amd64", "CONFIG_HIGH_RES_TIMERS=y\nCONFIG_CPU_ISOLATION=y\n\
@@ -181,15 +182,15 @@ pub(super) const CASES: &[Case] = &[
     ok("SMT sibling", "core 2, isolated, too").with(&[(SIBLINGS, "2-3"), ("/sys/devices/system/cpu/isolated", "2-3")]),
     unknown("SMT sibling", "no /sys").without(&[SIBLINGS]),
 
-    missing("interrupts", "2: 30 nvme0q1 (came 7 times), 24 ahci", APPLY).with(&[
+    missing("interrupts", "2 interrupts: 30 nvme0q1 (came 7 times), 24 ahci", APPLY).with(&[
         ("/proc/irq/24/effective_affinity_list", "3"),
         ("/proc/irq/30/smp_affinity_list", "2-3"), ("/proc/irq/30/nvme0q1/x", ""),
         ("/proc/interrupts", " CPU0 CPU3\n 30: 0 100 MSI"), ("later:/proc/interrupts", " CPU0 CPU3\n 30: 0 107 MSI")]),
-    missing("interrupts", "6: 1 (nobody's), 2 (nobody's), 3 (nobody's), 4 (nobody's) and 2 more", APPLY).with(&[
+    missing("interrupts", "6 interrupts: 1 (nobody's), 2 (nobody's), 3 (nobody's), 4 (nobody's) and 2 more", APPLY).with(&[
         ("/proc/irq/1/smp_affinity_list", "3"), ("/proc/irq/2/smp_affinity_list", "3"),
         ("/proc/irq/3/smp_affinity_list", "3"), ("/proc/irq/4/smp_affinity_list", "3"),
         ("/proc/irq/5/smp_affinity_list", "3"), ("/proc/irq/6/smp_affinity_list", "3")]),
-    missing("interrupts", "1: 130 eth1", APPLY).when(|_, target| target.interface = Some("eth0".into())),
+    missing("interrupts", "1 interrupt: 130 eth1", APPLY).when(|_, target| target.interface = Some("eth0".into())),
     ok("interrupts", "none now; 1 would be allowed to").with(&[("/proc/irq/24/smp_affinity_list", "0-3")]),
     unknown("interrupts", "no /proc/irq").without(&["/proc/irq"]),
 
@@ -230,7 +231,7 @@ pub(super) const CASES: &[Case] = &[
     ok("fair server", "0 of 1000 ms").with(&[(FAIR, "0")]),
     ok("fair server", "none before Linux 6.12").without(&["/sys/kernel/debug"])
         .with(&[("/proc/sys/kernel/osrelease", "6.1.0-31-rt-amd64")]),
-    unknown("fair server", "no /sys/kernel/debug").without(&["/sys/kernel/debug"]),
+    unknown("fair server", "debugfs is not mounted").without(&["/sys/kernel/debug"]),
 
     missing("the core itself", "not allowed", "CPUAffinity=")
         .when(|answers, _| answers.take_core = Err("not allowed".into())),

@@ -3,6 +3,7 @@
 
 mod cases;
 mod fake;
+mod report;
 
 use super::*;
 use cases::CASES;

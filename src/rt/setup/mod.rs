@@ -140,6 +140,11 @@ pub fn enter_thread(role: Role, process: &Process) -> Vec<Finding> {
     findings
 }
 
+/// The core of a machine file that names none: the last isolated one, else the last one online.
+pub fn usual_core() -> usize {
+    cpu::choose(None, &cpu::online(), &cpu::isolated(), &mut Vec::new())
+}
+
 /// As [`enter_thread`], for a thread that has no part in a control: a probe. `priority` is that of SCHED_FIFO, 1 to 99.
 pub fn enter_core(cpu: usize, priority: u8) -> Vec<Finding> {
     let mut findings = Vec::new();

@@ -1,0 +1,129 @@
+//! `isocnc doctor`: what on this PC stands in the way of real time, and how to change it.
+//!
+//! In:  a machine file, a core, an interface: what the control would use.
+//! Out: a line for everything that matters, and what to do first. Exit code 0: no must is missing, 1: one is, 2: wrong usage.
+
+use crate::config::{self, BusKind, Config, Rt};
+use crate::doctor::{Level, Pc, Report, Target, ThisPc, examine, is_interface_name};
+use crate::rt::setup;
+use anyhow::Context as _;
+use std::io::{IsTerminal as _, Write as _};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+/// Exit code of wrong usage, as that of clap.
+const WRONG_USAGE: u8 = 2;
+/// How long the PC is watched before the measurements: steal and interrupts grow by then.
+const WATCH: Duration = Duration::from_secs(1);
+
+/// Arguments of `doctor`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct DoctorArgs {
+    /// Machine file: whose core, priority and interface are looked at.
+    machine: Option<PathBuf>,
+    /// Core of the real-time threads [default: that of the machine file, else the last isolated one, else the last one].
+    #[arg(long, value_name = "N")]
+    cpu: Option<usize>,
+    /// Interface of the field bus [default: that of the machine file].
+    #[arg(long, value_name = "IF", value_parser = interface_name)]
+    interface: Option<String>,
+    /// Look only, measure nothing.
+    #[arg(long, conflicts_with = "seconds")]
+    no_tests: bool,
+    /// Length of each of the two measurements on the core.
+    #[arg(long, value_name = "S", default_value = "5", value_parser = test_time)]
+    seconds: f64,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+fn interface_name(text: &str) -> Result<String, &'static str> {
+    is_interface_name(text)
+        .then(|| text.to_owned())
+        .ok_or("expected the name of a network interface: ip link shows them")
+}
+
+fn test_time(text: &str) -> Result<f64, &'static str> {
+    let seconds = text.parse().ok().filter(|seconds| (0.1..=86_400.0).contains(seconds));
+    seconds.ok_or("expected seconds from 0.1 to 86400")
+}
+
+/// Looks at the PC, measures, prints.
+///
+/// # Errors
+/// Output that cannot be written.
+pub fn doctor(args: &DoctorArgs) -> anyhow::Result<ExitCode> {
+    let config = match args.machine.as_deref().map(config::read).transpose() {
+        Ok(config) => config,
+        Err(errors) => {
+            eprint!("{errors}");
+            return Ok(ExitCode::from(WRONG_USAGE));
+        }
+    };
+    let target = target(args, config.as_ref());
+    if !args.json && std::io::stderr().is_terminal() {
+        let seconds = WATCH.as_secs_f64() + target.test_time.map_or(0.0, |time| 2.0 * time.as_secs_f64());
+        eprintln!("looking at core {} for {seconds:.0} s ...", target.cpu);
+    }
+    let pc = Pc::new("/", &ThisPc, target, WATCH);
+    let report = Report {
+        about: about(&pc),
+        findings: examine(&pc),
+    };
+    let text = if args.json {
+        format!("{:#}\n", report.to_json())
+    } else {
+        report.to_string()
+    };
+    match std::io::stdout().lock().write_all(text.as_bytes()) {
+        // The reader of a pipe may have seen enough.
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {}
+        written => written.context("standard output")?,
+    }
+    Ok(match report.missing(Level::Must) {
+        0 => ExitCode::SUCCESS,
+        _ => ExitCode::FAILURE,
+    })
+}
+
+/// What the control would use.
+fn target(args: &DoctorArgs, config: Option<&Config>) -> Target {
+    let rt = config.map_or_else(Rt::default, |config| config.rt.clone());
+    let (cpu, cpu_from) = match (args.cpu, rt.cpu) {
+        (Some(cpu), _) => (cpu, "--cpu".to_owned()),
+        (None, Some(cpu)) => (cpu, "rt.cpu of the machine file".to_owned()),
+        (None, None) => (
+            setup::usual_core(),
+            "not set: the last isolated one, else the last one".to_owned(),
+        ),
+    };
+    let bus = config
+        .map(|config| &config.bus)
+        .filter(|bus| bus.kind == BusKind::Powerlink);
+    Target {
+        cpu,
+        cpu_from,
+        // The time-out thread runs one above the cycle thread.
+        priority: rt.priority.saturating_add(1),
+        interface: args.interface.clone().or_else(|| bus.map(|bus| bus.interface.clone())),
+        test_time: (!args.no_tests).then(|| Duration::from_secs_f64(args.seconds)),
+    }
+}
+
+/// The PC and what is looked at, in a few lines that make a pasted report complete.
+fn about(pc: &Pc<'_>) -> Vec<String> {
+    let target = &pc.target;
+    let user = match nix::unistd::geteuid() {
+        root if root.is_root() => "root".to_owned(),
+        user => format!("user {user}"),
+    };
+    let interface = target.interface.as_deref().unwrap_or("none");
+    vec![
+        format!("isocnc {} doctor, as {user}", env!("CARGO_PKG_VERSION")),
+        format!("PC:        {}", pc.describe()),
+        format!("core:      {} ({})", target.cpu, target.cpu_from),
+        format!("interface: {interface}"),
+    ]
+}
