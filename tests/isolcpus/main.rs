@@ -1,6 +1,7 @@
 //! `scripts/isolcpus.sh` on a tree that looks like a PC's, with tools that act on that tree: what it writes, to the octet.
 
 mod boot;
+mod interface;
 mod pc;
 mod runtime;
 
