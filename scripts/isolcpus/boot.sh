@@ -68,7 +68,7 @@ configured() {
         kernelstub)
             # In the list kernel_options of the section "user".
             awk '/"user"[[:space:]]*:/ { user = 1 } user && /"kernel_options"/ { list = 1; next } /\]/ { list = 0 } list' "$2" |
-                tr -d '", '
+                sed 's/^[[:space:]]*"\(.*\)",\{0,1\}[[:space:]]*$/\1/'
             ;;
     esac
 }
@@ -155,7 +155,7 @@ plan_systemd_boot() {
     # Without the file kernel-install takes the command line of the running kernel.
     if [ -e "$root$kernel_cmdline" ] || tool kernel-install >/dev/null; then
         add_words "$kernel_cmdline" < <(old_cmdline)
-        note_added
+        added=("${missing[@]}")
         [ ${#missing[@]} -eq 0 ] || printf '%s\n' "$(old_cmdline | tr -s '[:space:]' ' ' | sed 's/ $//') ${missing[*]}" |
             plan "$kernel_cmdline"
     elif [ -n "$uki" ]; then
@@ -164,7 +164,7 @@ plan_systemd_boot() {
     fi
 }
 
-# Kernels that are installed later take these over from /etc/kernel/cmdline: undo has to find them there.
+# What undo takes out of entries that were made meanwhile: what /etc/kernel/cmdline hands on, without it what any has got.
 note_added() {
     local word
     for word in "${missing[@]}"; do

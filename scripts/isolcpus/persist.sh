@@ -310,7 +310,7 @@ status_boot() {
 configured_everywhere() {
     local path
     case $loader in
-        grub) cat "$root$grub_file" "$root${grub_drop_in%/*}"/*.cfg 2>/dev/null | has_word "$1" ;;
+        grub) { cat "$root$grub_file" "$root${grub_drop_in%/*}"/*.cfg 2>/dev/null || true; } | has_word "$1" ;;
         grubby) grubby_words | has_word "$1" ;;
         kernelstub) has_word "$1" <"$root$kernelstub_file" ;;
         systemd-boot)
