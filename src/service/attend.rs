@@ -5,6 +5,7 @@
 
 use super::operator::{Operator, Wish};
 use super::process::{Session, Task};
+use super::systemd::{Service, Sight};
 use crate::program::{self, FeedError, Feeder, ring_capacity, stop_ramp};
 use crate::rt::figures::Windows;
 use crate::rt::rights::{self, Work};
@@ -81,6 +82,7 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
         attendant: &mut dyn Attendant,
         cycle_thread_lives: &dyn Fn() -> bool,
     ) -> anyhow::Result<Vec<Programmed>> {
+        let mut service = Service::from_environment();
         let (mut cycles, mut cycles_since_ns) = (0, monotonic_ns());
         while running.operator.outcome().is_none() {
             let now_ns = monotonic_ns();
@@ -97,11 +99,17 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
                 );
                 std::process::exit(1);
             }
+            if self.session.signal.caught().is_some() {
+                service.stopping();
+            }
             self.step(running, now_ns)?;
             attendant.attend(running, now_ns);
+            self.tell(&mut service, &running.operator, now_ns);
             std::thread::sleep(PAUSE);
         }
+        service.stopping();
         attendant.attend(running, monotonic_ns());
+        self.tell(&mut service, &running.operator, monotonic_ns());
         self.stop.store(true, Ordering::Release);
         // What it may still find wrong concerns nobody any more.
         if let Some(Ok((path, _))) = self.planner.take().map(ScopedJoinHandle::join) {
@@ -127,6 +135,18 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
             self.join_planner(running, now_ns);
         }
         Ok(())
+    }
+
+    /// Tells systemd how things are.
+    fn tell(&self, service: &mut Service, operator: &Operator, now_ns: u64) {
+        let live = operator.live();
+        let sight = Sight {
+            state: live.state,
+            cycles: live.cycles,
+            alarm: operator.alarms().last().map(|alarm| alarm.cause.as_str()),
+            program: Some(self.session.task.program().name),
+        };
+        service.attend(now_ns, &sight);
     }
 
     /// Starts the program thread.
