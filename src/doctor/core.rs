@@ -152,7 +152,9 @@ pub(super) fn interrupts(pc: &Pc<'_>) -> Option<Look> {
     let growth = interrupt_growth(&pc.activity.interrupts, pc.cpu());
     let own = super::nic::interrupts(pc);
     let (mut there, mut allowed) = (Vec::new(), 0);
-    for number in numbers.filter(|number| !own.contains(number)) {
+    // What nothing has asked for does not come.
+    let comes = |number: &String| super::nic::irq_actions(pc, number).as_deref() != Some("");
+    for number in numbers.filter(|number| !own.contains(number) && comes(number)) {
         let list = |file| pc.cpu_list(&format!("{FOLDER}/{number}/{file}")).ok();
         let may = list("smp_affinity_list").is_some_and(|list| list.contains(pc.cpu()));
         // Where an interrupt may go to several cores, the kernel has chosen one; old kernels do not tell.
@@ -195,19 +197,10 @@ fn irq_list(irqs: &[Irq]) -> String {
     format!("{count}: {}{more}", named.join(", "))
 }
 
-/// Names of what has asked for an interrupt: folders beside its settings.
+/// What has asked for an interrupt, for a person.
 fn irq_name(pc: &Pc<'_>, number: &str) -> String {
-    let folder = format!("/proc/irq/{number}");
-    let names = pc.names(&folder).unwrap_or_default();
-    let folders = names
-        .into_iter()
-        .filter(|name| pc.at(&format!("{folder}/{name}")).is_dir());
-    let names: Vec<String> = folders.collect();
-    if names.is_empty() {
-        "(nobody's)".into()
-    } else {
-        names.join(" ")
-    }
+    let actions = super::nic::irq_actions(pc, number).unwrap_or_else(|| "of an unknown device".into());
+    actions.escape_debug().to_string()
 }
 
 /// How often each interrupt came to the core while the PC was watched.
@@ -238,7 +231,6 @@ fn interrupt_growth(interrupts: &[String; 2], cpu: usize) -> BTreeMap<String, u6
 
 /// A daemon that puts interrupts where it likes.
 pub(super) fn irqbalance(pc: &Pc<'_>) -> Option<Look> {
-    const FIX: &str = "sudo systemctl disable --now irqbalance";
     let pid = match pc.process("irqbalance") {
         Ok(Some(pid)) => pid,
         Ok(None) => return Some(Look::ok("not running")),
@@ -256,7 +248,7 @@ pub(super) fn irqbalance(pc: &Pc<'_>) -> Option<Look> {
         None => isolated_cores(pc).unwrap_or_default().0,
     };
     let found = format!("running, leaves out {}", cores(&spared));
-    Some(Look::judge(spared.contains(pc.cpu()), found, FIX))
+    Some(Look::judge(spared.contains(pc.cpu()), found, cures::apply(pc)))
 }
 
 /// From `NAME=value` settings, one a line or with zeros between.

@@ -2,9 +2,12 @@
 
 use super::Pc;
 
-/// What can be had without a reboot.
+/// What can be had without a reboot: interrupts, kernel work, frequency, memory, the interface of the field bus.
 pub(super) fn apply(pc: &Pc<'_>) -> String {
-    format!("sudo scripts/isolcpus.sh apply --cpus {}", pc.cpu())
+    let interface = super::nic::present(pc)
+        .map(|name| format!(" --interface {name}"))
+        .unwrap_or_default();
+    format!("sudo scripts/isolcpus.sh apply --cpus {}{interface}", pc.cpu())
 }
 
 /// What the kernel takes from its command line only.

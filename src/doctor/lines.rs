@@ -77,6 +77,7 @@ pub static LINES: &[Line] = &[
     line(Background, Should, "lock-up watchdog", "off, or not on the core", background::watchdog),
     line(Background, Should, "NMI watchdog", "off", background::nmi_watchdog),
     line(Background, Should, "workqueues", "not on the core", background::workqueues),
+    line(Background, Info, "kernel threads", "none that could go", background::kernel_threads),
     line(Background, Info, "timer migration", "off", background::timer_migration),
     line(Background, Info, "vm.stat_interval", "10 s or more", background::stat_interval),
     line(Background, Info, "RT group scheduling", "none, or time for ours", rights::group_scheduling),

@@ -6,7 +6,7 @@ use super::{Look, Pc, cures};
 pub(super) fn huge_pages(pc: &Pc<'_>) -> Option<Look> {
     const FILE: &str = "/sys/kernel/mm/transparent_hugepage/enabled";
     Some(match pc.chosen(FILE, '[', ']') {
-        Ok(choice) => Look::judge(choice == "never", choice.clone(), cures::write("never", FILE)),
+        Ok(choice) => Look::judge(choice == "never", choice.clone(), cures::apply(pc)),
         Err(why) => Look::unread(pc, &why),
     })
 }
@@ -36,7 +36,7 @@ pub(super) fn same_pages(pc: &Pc<'_>) -> Option<Look> {
     Some(match pc.number(FILE) {
         // 2: it has taken its work back and stopped.
         Ok(0 | 2) => Look::ok("off"),
-        Ok(_) => Look::missing("on", cures::write("0", FILE)),
+        Ok(_) => Look::missing("on", cures::apply(pc)),
         Err(why) => Look::unread(pc, &why),
     })
 }
@@ -45,7 +45,7 @@ pub(super) fn same_pages(pc: &Pc<'_>) -> Option<Look> {
 pub(super) fn numa_balancing(pc: &Pc<'_>) -> Option<Look> {
     Some(match pc.number("/proc/sys/kernel/numa_balancing") {
         Ok(0) => Look::ok("off"),
-        Ok(_) => Look::missing("on", cures::sysctl("kernel.numa_balancing=0")),
+        Ok(_) => Look::missing("on", cures::apply(pc)),
         Err(why) => Look::unread(pc, &why),
     })
 }

@@ -7,7 +7,7 @@ use super::{Look, Pc, cures};
 const LAUNCH_TIME: [&str; 4] = ["igb", "igc", "stmmaceth", "st_gmac"];
 
 /// The interface, where one is named and there.
-fn present<'a>(pc: &'a Pc<'_>) -> Option<&'a str> {
+pub(super) fn present<'a>(pc: &'a Pc<'_>) -> Option<&'a str> {
     let name = pc.target.interface.as_deref()?;
     (is_interface_name(name) && pc.exists(&format!("/sys/class/net/{name}"))).then_some(name)
 }
@@ -24,18 +24,31 @@ pub(super) fn interrupts(pc: &Pc<'_>) -> Vec<String> {
     let Some(name) = present(pc) else {
         return Vec::new();
     };
+    let folder = format!("/sys/class/net/{name}/device");
     // Some drivers are devices on top of the PCI device.
-    let folders = ["device/msi_irqs", "device/../msi_irqs"].map(|folder| format!("/sys/class/net/{name}/{folder}"));
+    let folders = ["msi_irqs", "../msi_irqs"].map(|below| format!("{folder}/{below}"));
     let mut numbers: Vec<String> = folders
         .iter()
         .flat_map(|folder| pc.names(folder).unwrap_or_default())
         .collect();
+    // Others carry its name, as in enp2s0-TxRx-0.
+    let is_ours = |action: &str| {
+        let rest = action.strip_prefix(name);
+        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['-', ':']))
+    };
+    let named = |number: &String| irq_actions(pc, number).is_some_and(|actions| actions.split(',').any(is_ours));
     numbers.extend(
-        pc.text(&format!("/sys/class/net/{name}/device/irq"))
-            .ok()
-            .filter(|number| number != "0"),
+        pc.names("/sys/kernel/irq")
+            .unwrap_or_default()
+            .into_iter()
+            .filter(named),
     );
     numbers
+}
+
+/// What has asked for an interrupt, with commas between; empty: nothing, so that it does not come.
+pub(super) fn irq_actions(pc: &Pc<'_>, number: &str) -> Option<String> {
+    pc.text(&format!("/sys/kernel/irq/{number}/actions")).ok()
 }
 
 /// Whether there is such an interface.
@@ -129,7 +142,7 @@ pub(super) fn addresses(pc: &Pc<'_>) -> Option<Look> {
 /// Whether the NIC waits for more frames before it tells of one.
 pub(super) fn coalescing(pc: &Pc<'_>) -> Option<Look> {
     let name = present(pc)?;
-    let fix = format!("sudo ethtool -C {name} adaptive-rx off adaptive-tx off rx-usecs 0 tx-usecs 0 rx-frames 1");
+    let fix = cures::apply(pc);
     Some(match pc.tries.coalescing(name) {
         Ok(set) => {
             let mut found = format!("rx {} us, tx {} us", set.rx_usecs, set.tx_usecs);
@@ -150,8 +163,7 @@ pub(super) fn offloads(pc: &Pc<'_>) -> Option<Look> {
         Ok(on) if on.is_empty() => Look::ok("off"),
         Ok(on) => {
             let names: Vec<&str> = on.iter().map(|offload| offload.name()).collect();
-            let off: Vec<String> = names.iter().map(|name| format!(" {name} off")).collect();
-            Look::missing(names.join(", "), format!("sudo ethtool -K {name}{}", off.concat()))
+            Look::missing(names.join(", "), cures::apply(pc))
         }
         Err(NoAnswer::NotSupported) => Look::ok("none in this driver"),
         Err(NoAnswer::Refused(why)) => Look::unknown(why),
@@ -160,28 +172,20 @@ pub(super) fn offloads(pc: &Pc<'_>) -> Option<Look> {
 
 /// Whether the link sleeps between frames.
 pub(super) fn energy_efficient(pc: &Pc<'_>) -> Option<Look> {
-    let name = present(pc)?;
-    on_or_off(
-        pc.tries.energy_efficient(name),
-        format!("sudo ethtool --set-eee {name} eee off"),
-    )
+    Some(on_or_off(pc, pc.tries.energy_efficient(present(pc)?)))
 }
 
 /// Whether the far end may stop our frames.
 pub(super) fn flow_control(pc: &Pc<'_>) -> Option<Look> {
-    let name = present(pc)?;
-    on_or_off(
-        pc.tries.flow_control(name),
-        format!("sudo ethtool -A {name} autoneg off rx off tx off"),
-    )
+    Some(on_or_off(pc, pc.tries.flow_control(present(pc)?)))
 }
 
-fn on_or_off(on: Result<bool, NoAnswer>, fix: String) -> Option<Look> {
-    Some(match on {
-        Ok(on) => Look::judge(!on, if on { "on" } else { "off" }, fix),
+fn on_or_off(pc: &Pc<'_>, on: Result<bool, NoAnswer>) -> Look {
+    match on {
+        Ok(on) => Look::judge(!on, if on { "on" } else { "off" }, cures::apply(pc)),
         Err(NoAnswer::NotSupported) => Look::ok("none in this driver"),
         Err(NoAnswer::Refused(why)) => Look::unknown(why),
-    })
+    }
 }
 
 /// One queue has one interrupt to place.
@@ -221,7 +225,9 @@ pub(super) fn packet_steering(pc: &Pc<'_>) -> Option<Look> {
 /// On a kernel with interrupt threads: whether the NIC's comes before the others.
 pub(super) fn interrupt_thread(pc: &Pc<'_>) -> Option<Look> {
     /// Above the default of all interrupt threads, 50.
-    const PRIORITY_MIN: i64 = 85;
+    const PRIORITY_MIN: u64 = 85;
+    /// Its field in `/proc/PID/stat`.
+    const RT_PRIORITY: usize = 40;
     present(pc)?;
     let processes = match pc.processes() {
         Ok(processes) => processes,
@@ -237,7 +243,7 @@ pub(super) fn interrupt_thread(pc: &Pc<'_>) -> Option<Look> {
     if ours.is_empty() {
         return Some(Look::ok("none: frames come in the interrupt"));
     }
-    let priority = |pid: &str| pc.realtime_priority(pid);
+    let priority = |pid: &str| pc.process_field(pid, RT_PRIORITY);
     let low = ours
         .iter()
         .find(|(pid, _)| priority(pid).is_none_or(|priority| priority < PRIORITY_MIN));
@@ -257,16 +263,11 @@ pub(super) fn interrupt_thread(pc: &Pc<'_>) -> Option<Look> {
 pub(super) fn link_power(pc: &Pc<'_>) -> Option<Look> {
     const FILE: &str = "/sys/module/pcie_aspm/parameters/policy";
     present(pc)?;
+    if pc.boot_value("pcie_aspm").ok().flatten().as_deref() == Some("off") {
+        return Some(Look::ok("pcie_aspm=off"));
+    }
     Some(match pc.chosen(FILE, '[', ']') {
-        Ok(policy) => Look::judge(
-            policy == "performance",
-            policy.clone(),
-            cures::write("performance", FILE),
-        ),
-        Err(why) if pc.boot_value("pcie_aspm").ok().flatten().as_deref() == Some("off") => {
-            let _ = why;
-            Look::ok("pcie_aspm=off")
-        }
+        Ok(policy) => Look::judge(policy == "performance", policy.clone(), cures::apply(pc)),
         Err(why) => Look::unread(pc, &why),
     })
 }

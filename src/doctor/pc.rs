@@ -155,6 +155,7 @@ impl<'a> Pc<'a> {
         let chosen = text.split_once(open).and_then(|(_, rest)| rest.split_once(close));
         chosen
             .map(|(word, _)| word.to_owned())
+            .filter(|word| !word.is_empty() && word.chars().all(|c| c.is_ascii_graphic()))
             .ok_or_else(|| unexpected(path, &text, "a choice of words"))
     }
 
@@ -207,11 +208,12 @@ impl<'a> Pc<'a> {
             .map(|(pid, _)| pid))
     }
 
-    /// Real-time priority of a process; `None`: it is not told.
-    pub fn realtime_priority(&self, pid: &str) -> Option<i64> {
+    /// A number of `/proc/PID/stat`, counted as in proc(5), from the third on; `None`: it is not told.
+    pub fn process_field(&self, pid: &str, field: usize) -> Option<u64> {
         let stat = self.text(&format!("/proc/{pid}/stat")).ok()?;
-        // The second field is a name in brackets, which may hold anything; rt_priority is the 40th.
-        stat.rsplit_once(')')?.1.split_whitespace().nth(37)?.parse().ok()
+        // The second field is a name in brackets, which may hold anything.
+        let rest = stat.rsplit_once(')')?.1;
+        rest.split_whitespace().nth(field.checked_sub(3)?)?.parse().ok()
     }
 
     /// Where a symbolic link points to: the last part of it.

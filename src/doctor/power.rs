@@ -64,7 +64,7 @@ pub(super) fn idle_states(pc: &Pc<'_>) -> Option<Look> {
         Ok(()) => Look::ok(format!("{name} {latency_us} us; the control can forbid it")),
         Err(why) => {
             let found = format!("{name} {latency_us} us; /dev/cpu_dma_latency: {why}");
-            Look::missing(found, cures::write("n/a", &limit))
+            Look::missing(found, format!("{} --no-deep-idle", cures::apply(pc)))
         }
     })
 }

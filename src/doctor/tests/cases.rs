@@ -72,7 +72,7 @@ impl Case {
     }
 }
 
-const APPLY: &str = "scripts/isolcpus.sh apply --cpus 3";
+const APPLY: &str = "sudo scripts/isolcpus.sh apply --cpus 3 --interface eth1";
 const PERSIST: &str = "scripts/isolcpus.sh persist --cpus 3, then reboot";
 const GRANT: &str = "sudo setcap cap_sys_nice,cap_ipc_lock,cap_net_raw+ep";
 const SIBLINGS: &str = "/sys/devices/system/cpu/cpu3/topology/thread_siblings_list";
@@ -145,6 +145,15 @@ pub(super) const CASES: &[Case] = &[
     ok("workqueues", "cores 0").with(&[("/sys/devices/virtual/workqueue/cpumask", "00000000,00000001")]),
     unknown("workqueues", "holds \"all\"").with(&[("/sys/devices/virtual/workqueue/cpumask", "all")]),
 
+    missing("kernel threads", "1: kswapd0", APPLY).with(&[("/proc/90/status", "Cpus_allowed_list:\t0-3\n")]),
+    missing("kernel threads", "4: kswapd0, a, b and 1 more", APPLY).with(&[("/proc/90/status", "Cpus_allowed_list:3\n"),
+        ("/proc/91/stat", "91 (a) S 2 0 0 0 -1 0"), ("/proc/91/status", "Cpus_allowed_list: 3"), ("/proc/91/comm", "a"),
+        ("/proc/92/stat", "92 (b) S 2 0 0 0 -1 0"), ("/proc/92/status", "Cpus_allowed_list: 3"), ("/proc/92/comm", "b"),
+        ("/proc/93/stat", "93 (c) S 2 0 0 0 -1 0"), ("/proc/93/status", "Cpus_allowed_list: 3"), ("/proc/93/comm", "c")]),
+    ok("kernel threads", "none").with(&[("/proc/90/status", "Cpus_allowed_list: 3"),
+        ("/proc/90/stat", "90 (kswapd0) S 2 0 0 0 -1 69238848 0")]),
+    unknown("kernel threads", "hidden").without(&["/proc/2"]),
+
     missing("timer migration", "on", APPLY).with(&[("/proc/sys/kernel/timer_migration", "1")]),
     ok("timer migration", "not in this kernel").without(&["/proc/sys/kernel/timer_migration"]),
     unknown("timer migration", "no /proc").without(&["/proc/sys"]),
@@ -184,19 +193,21 @@ pub(super) const CASES: &[Case] = &[
 
     missing("interrupts", "2 interrupts: 30 nvme0q1 (came 7 times), 24 ahci", APPLY).with(&[
         ("/proc/irq/24/effective_affinity_list", "3"),
-        ("/proc/irq/30/smp_affinity_list", "2-3"), ("/proc/irq/30/nvme0q1/x", ""),
+        ("/proc/irq/30/smp_affinity_list", "2-3"), ("/sys/kernel/irq/30/actions", "nvme0q1"),
         ("/proc/interrupts", " CPU0 CPU3\n 30: 0 100 MSI"), ("later:/proc/interrupts", " CPU0 CPU3\n 30: 0 107 MSI")]),
-    missing("interrupts", "6 interrupts: 1 (nobody's), 2 (nobody's), 3 (nobody's), 4 (nobody's) and 2 more", APPLY).with(&[
-        ("/proc/irq/1/smp_affinity_list", "3"), ("/proc/irq/2/smp_affinity_list", "3"),
+    missing("interrupts", "6 interrupts: 1 x,y, 2 of an unknown device, 3 of an unknown device, 4 of an unknown device and 2 more", APPLY).with(&[
+        ("/sys/kernel/irq/1/actions", "x,y"), ("/proc/irq/1/smp_affinity_list", "3"), ("/proc/irq/2/smp_affinity_list", "3"),
         ("/proc/irq/3/smp_affinity_list", "3"), ("/proc/irq/4/smp_affinity_list", "3"),
         ("/proc/irq/5/smp_affinity_list", "3"), ("/proc/irq/6/smp_affinity_list", "3")]),
-    missing("interrupts", "1 interrupt: 130 eth1", APPLY).when(|_, target| target.interface = Some("eth0".into())),
+    missing("interrupts", "1 interrupt: 130 eth1-TxRx-0", "apply --cpus 3 --interface eth0").when(|_, target| target.interface = Some("eth0".into())),
     ok("interrupts", "none now; 1 would be allowed to").with(&[("/proc/irq/24/smp_affinity_list", "0-3")]),
+    ok("interrupts", "none").with(&[("/proc/irq/31/smp_affinity_list", "3"), ("/sys/kernel/irq/31/actions", "\n")]),
+    ok("interrupts", "none").without(&["/sys/class/net/eth1/device"]),
     unknown("interrupts", "no /proc/irq").without(&["/proc/irq"]),
 
-    missing("irqbalance", "running, leaves out none", "disable --now irqbalance")
+    missing("irqbalance", "running, leaves out none", APPLY)
         .with(&[("/proc/50/comm", "irqbalance"), ("/sys/devices/system/cpu/isolated", "")]),
-    missing("irqbalance", "running, leaves out core 2", "disable --now irqbalance")
+    missing("irqbalance", "running, leaves out core 2", APPLY)
         .with(&[("/proc/50/comm", "irqbalance"), ("/proc/50/environ", "A=1\0IRQBALANCE_BANNED_CPULIST=2\0B=\0")]),
     ok("irqbalance", "leaves out cores 2-3")
         .with(&[("/proc/50/comm", "irqbalance"), ("/etc/default/irqbalance", "#x\nIRQBALANCE_BANNED_CPUS=\"c\"\n")]),
@@ -211,7 +222,7 @@ pub(super) const CASES: &[Case] = &[
     ok("governor", "no frequency to set").without(&["/sys/devices/system/cpu/cpu3/cpufreq"]),
     unknown("governor", "not a word").with(&[("/sys/devices/system/cpu/cpu3/cpufreq/scaling_governor", "")]),
 
-    missing("idle states", "C6 170 us; /dev/cpu_dma_latency: not for you", "echo n/a | sudo tee")
+    missing("idle states", "C6 170 us; /dev/cpu_dma_latency: not for you", "scripts/isolcpus.sh apply --cpus 3 --interface eth1 --no-deep-idle")
         .when(|answers, _| answers.dma_latency = Err("not for you".into())),
     ok("idle states", "C6 170 us; the control can forbid it"),
     ok("idle states", "none above 2 us (intel_idle)")
@@ -242,7 +253,7 @@ pub(super) const CASES: &[Case] = &[
     missing("locked memory", "too much", GRANT).when(|answers, _| answers.lock_memory = Err("too much".into())),
     missing("raw socket", "not allowed", GRANT).when(|answers, _| answers.raw_socket = Err("not allowed".into())),
 
-    missing("huge pages", "madvise", "echo never | sudo tee").with(&[(HUGE, "always [madvise] never")]),
+    missing("huge pages", "madvise", APPLY).with(&[(HUGE, "always [madvise] never")]),
     ok("huge pages", "not in this kernel").without(&["/sys/kernel/mm/transparent_hugepage"]),
     unknown("huge pages", "not a choice").with(&[(HUGE, "never")]),
     unknown("huge pages", "no /sys").without(&["/sys/kernel/mm"]),
@@ -253,11 +264,11 @@ pub(super) const CASES: &[Case] = &[
         ("/proc/swaps", "Filename Type Size Used Priority\n/dev/sda2 partition 999 0 -2\n")]),
     unknown("swap", "headings").with(&[("/proc/swaps", "")]),
 
-    missing("same pages (KSM)", "on", "echo 0 | sudo tee").with(&[("/sys/kernel/mm/ksm/run", "1")]),
+    missing("same pages (KSM)", "on", APPLY).with(&[("/sys/kernel/mm/ksm/run", "1")]),
     ok("same pages (KSM)", "not in this kernel").without(&["/sys/kernel/mm/ksm"]),
     unknown("same pages (KSM)", "not a number").with(&[("/sys/kernel/mm/ksm/run", "yes")]),
 
-    missing("NUMA balancing", "on", "kernel.numa_balancing=0").with(&[("/proc/sys/kernel/numa_balancing", "1")]),
+    missing("NUMA balancing", "on", APPLY).with(&[("/proc/sys/kernel/numa_balancing", "1")]),
     ok("NUMA balancing", "not in this kernel").without(&["/proc/sys/kernel/numa_balancing"]),
 
     missing("interface", "plk0 does not exist", "one of eth0, eth1")
@@ -276,21 +287,21 @@ pub(super) const CASES: &[Case] = &[
         .when(|answers, _| answers.driver = Ok("veth".into())),
     unknown("driver", "not here").when(|answers, _| answers.driver = silent()),
 
-    missing("coalescing", "rx 3 us, tx 0 us, adaptive", "ethtool -C eth1 adaptive-rx off")
+    missing("coalescing", "rx 3 us, tx 0 us, adaptive", APPLY)
         .when(|answers, _| answers.coalescing = Ok(Coalescing { rx_usecs: 3, tx_usecs: 0, adaptive: true })),
     ok("coalescing", "none in this driver").when(|answers, _| answers.coalescing = Err(NoAnswer::NotSupported)),
     unknown("coalescing", "not here").when(|answers, _| answers.coalescing = silent()),
 
     missing("offloads", "gro, lro, gso, tso, rxvlan, txvlan",
-        "ethtool -K eth1 gro off lro off gso off tso off rxvlan off txvlan off")
+        APPLY)
         .when(|answers, _| answers.offloads = Ok(Offload::ALL.to_vec())),
     unknown("offloads", "not here").when(|answers, _| answers.offloads = silent()),
 
-    missing("EEE", "on", "--set-eee eth1 eee off").when(|answers, _| answers.energy_efficient = Ok(true)),
+    missing("EEE", "on", APPLY).when(|answers, _| answers.energy_efficient = Ok(true)),
     ok("EEE", "none in this driver").when(|answers, _| answers.energy_efficient = Err(NoAnswer::NotSupported)),
     unknown("EEE", "not here").when(|answers, _| answers.energy_efficient = silent()),
 
-    missing("flow control", "on", "ethtool -A eth1").when(|answers, _| answers.flow_control = Ok(true)),
+    missing("flow control", "on", APPLY).when(|answers, _| answers.flow_control = Ok(true)),
     unknown("flow control", "not here").when(|answers, _| answers.flow_control = silent()),
 
     missing("speed", "1000 Mbit/s full", "speed 100 duplex full").with(&[("/sys/class/net/eth1/speed", "1000")]),
@@ -313,7 +324,7 @@ pub(super) const CASES: &[Case] = &[
     unknown("interrupt thread", "tells no priority").with(&[("/proc/77/stat", "77 (irq")]),
     unknown("interrupt thread", "hidden").without(&["/proc/2"]),
 
-    missing("PCIe link power", "default", "echo performance | sudo tee")
+    missing("PCIe link power", "default", APPLY)
         .with(&[("/sys/module/pcie_aspm/parameters/policy", "[default] performance powersave")]),
     ok("PCIe link power", "pcie_aspm=off").without(&["/sys/module"]).with(&[("/proc/cmdline", "pcie_aspm=off")]),
     unknown("PCIe link power", "no /sys").without(&["/sys/module"]),

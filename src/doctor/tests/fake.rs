@@ -34,16 +34,20 @@ const GOOD: &[(&str, &str)] = &[
         130:  0  0  0  5000  PCI-MSI eth1\nLOC:  9  9  9  9  Local timer interrupts\n"),
     ("/proc/irq/24/smp_affinity_list", "0-2\n"),
     ("/proc/irq/24/effective_affinity_list", "0\n"),
-    ("/proc/irq/24/ahci/nothing", ""),
+    ("/sys/kernel/irq/24/actions", "ahci\n"),
     ("/proc/irq/130/smp_affinity_list", "3\n"),
     ("/proc/irq/130/effective_affinity_list", "3\n"),
-    ("/proc/irq/130/eth1/nothing", ""),
+    ("/sys/kernel/irq/130/actions", "eth1-TxRx-0\n"),
     ("/proc/irq/default_smp_affinity", "7\n"),
     ("/proc/1/comm", "systemd\n"),
     ("/proc/2/comm", "kthreadd\n"),
     ("/proc/77/comm", "irq/130-eth1\n"),
     ("/proc/77/stat", "77 (irq/130-eth1) S 2 0 0 0 -1 2129984 0 0 0 0 0 0 0 0 -86 0 1 0 100 0 0 0 0 0 0 0 0 0 0 \
         2147483647 0 0 0 0 17 3 85 1 0 0 0 0 0 0 0 0 0 0 0\n"),
+
+    ("/proc/90/comm", "kswapd0\n"),
+    ("/proc/90/stat", "90 (kswapd0) S 2 0 0 0 -1 2129984 0\n"),
+    ("/proc/90/status", "Name:\tkswapd0\nCpus_allowed_list:\t0-2\n"),
 
     ("/sys/devices/system/cpu/cpu3/cpufreq/scaling_governor", "performance\n"),
     ("/sys/devices/system/cpu/cpu3/cpufreq/scaling_min_freq", "800000\n"),
