@@ -6,6 +6,7 @@ pub mod demo;
 pub mod doctor;
 pub mod hal;
 pub mod interpret;
+pub mod jitter;
 pub mod plan;
 pub mod run;
 pub mod simulate;
@@ -37,6 +38,8 @@ enum Command {
     Plan(plan::PlanArgs),
     /// Be the machine of a machine file: its drives and I/O as controlled nodes on an interface.
     Simulate(simulate::SimulateArgs),
+    /// Measure how exactly the cycle is kept while a program runs, beside what the PC can do at all.
+    Jitter(jitter::JitterArgs),
     /// List, read, set or watch the pins of a running control.
     Hal(hal::HalArgs),
     /// Look at the network: who is on it, how it is, what went over the wire.
@@ -54,6 +57,7 @@ pub fn main() -> ExitCode {
         Command::Interpret(args) => interpret::interpret(args),
         Command::Plan(args) => plan::plan(args),
         Command::Simulate(args) => simulate::simulate(args),
+        Command::Jitter(args) => jitter::jitter(args),
         Command::Hal(args) => hal::hal(args),
         Command::Bus(args) => bus::bus(args),
     };

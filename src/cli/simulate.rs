@@ -43,6 +43,9 @@ pub struct SimulateArgs {
     /// The node (id) whose address the TAP device has.
     #[arg(long, value_name = "ID", requires = "tap")]
     tap_node: Option<u8>,
+    /// Cycle instead of that of the machine file, µs.
+    #[arg(long, value_name = "P", hide = true)]
+    cycle_us: Option<u32>,
     /// End with the process that started this one, and leave Ctrl-C to it.
     #[arg(long, hide = true)]
     with_parent: bool,
@@ -50,7 +53,7 @@ pub struct SimulateArgs {
 
 /// Simulates until a signal ends it.
 pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
-    let config = match config::read(&args.machine) {
+    let config = match config::read_with_cycle(&args.machine, args.cycle_us) {
         Ok(config) => config,
         Err(errors) => {
             eprint!("{errors}");

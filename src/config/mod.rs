@@ -15,6 +15,7 @@ mod error;
 mod joints;
 mod mapping;
 mod node;
+mod period;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
@@ -42,6 +43,18 @@ pub fn read(path: &Path) -> Result<Config, ConfigErrors> {
                 rule,
             )]))
         }
+    }
+}
+
+/// As [`read`], as if the file said `cycle_us` for the cycle of its machine.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_with_cycle(path: &Path, cycle_us: Option<u32>) -> Result<Config, ConfigErrors> {
+    match (std::fs::read_to_string(path), cycle_us) {
+        (Ok(text), Some(cycle_us)) => parse(&period::with_cycle_us(&text, cycle_us), path),
+        // What cannot be read, or is no text, says so there.
+        (Ok(_) | Err(_), _) => read(path),
     }
 }
 

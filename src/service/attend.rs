@@ -40,6 +40,8 @@ pub struct Running {
     pub reports: rtrb::Consumer<timeout::Report>,
     /// Cuts the figures of the cycle into windows.
     pub windows: Windows,
+    /// The core of the real-time threads.
+    pub cpu: usize,
 }
 
 /// Looks after a running control: shows its progress, measures, says when it is enough.

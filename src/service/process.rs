@@ -15,7 +15,7 @@ use crate::bus::managing_node::{mn_config, node_configs};
 use crate::bus::network;
 use crate::bus::powerlink::{NODES_MAX, Powerlink, wall_clock};
 use crate::bus::{EthernetFrame, Fieldbus, NodeStatistics};
-use crate::config::Config;
+use crate::config::{Config, KeepAwake};
 use crate::rt::assemble::assemble;
 use crate::rt::figures::{self, CycleFigures};
 use crate::rt::pins::CAPACITY;
@@ -109,6 +109,8 @@ pub struct Ended {
     pub timeouts: timeout::Counters,
     /// The core of the real-time threads.
     pub cpu: usize,
+    /// What kept it awake.
+    pub kept_awake: KeepAwake,
     /// What this PC lacks.
     pub findings: Vec<Finding>,
 }
@@ -203,6 +205,7 @@ fn run_on<L: Link + Send>(
         },
         reports: watch_reports,
         windows,
+        cpu: process.cpu,
     };
     let stop = AtomicBool::new(false);
     let (figures, path) = std::thread::scope(|scope| -> anyhow::Result<_> {
@@ -260,6 +263,7 @@ fn run_on<L: Link + Send>(
             .collect(),
         timeouts: watch.counters(),
         cpu: process.cpu,
+        kept_awake: process.kept_awake(),
         findings: process.findings.clone(),
     })
 }

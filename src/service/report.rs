@@ -61,6 +61,7 @@ impl Facts<'_> {
             statistics,
             timeouts,
             cpu: _,
+            kept_awake: _,
             findings,
         } = self.ended;
         let recorder = &operator.recorder;

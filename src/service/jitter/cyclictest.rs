@@ -6,11 +6,18 @@
 use super::distribution::Distribution;
 use super::report::Cyclictest;
 use crate::rt::jitter::{Bucket, Summary};
-use std::io;
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use std::io::{self, Read};
+use std::ops::ControlFlow;
 use std::process::{Command, Stdio};
+use std::thread::JoinHandle;
+use std::time::Duration;
 
 /// Bins of 1 µs: 50 ms. What is beyond is known by number and greatest value.
 const BINS: u32 = 50_000;
+/// Pause between two looks whether it has ended.
+const LOOK: Duration = Duration::from_millis(20);
 
 /// Why there is no figure.
 #[derive(Debug, thiserror::Error)]
@@ -37,18 +44,40 @@ pub enum CyclictestError {
     },
 }
 
-/// Runs `cyclictest` on a core for whole seconds.
+/// Runs `cyclictest` on a core for whole seconds, or until `look`, called every few milliseconds, wants it to end.
 ///
 /// # Errors
 /// It is not installed, may not run with SCHED_FIFO, or prints something unknown.
-pub fn run(core: usize, cycle_us: u32, seconds: u64) -> Result<Cyclictest, CyclictestError> {
+pub fn run(
+    core: usize,
+    cycle_us: u32,
+    seconds: u64,
+    look: &mut dyn FnMut() -> ControlFlow<()>,
+) -> Result<Cyclictest, CyclictestError> {
     let arguments = format!("-q -m -t1 -p90 -i{cycle_us} -a{core} -D{seconds}s -h{BINS}");
-    let output = command().args(arguments.split(' ')).output().map_err(not_installed)?;
-    let (said, complaint) = (
-        String::from_utf8_lossy(&output.stdout),
-        String::from_utf8_lossy(&output.stderr),
-    );
-    if !output.status.success() {
+    let mut child = command()
+        .args(arguments.split(' '))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .map_err(not_installed)?;
+    // Read by threads: it may print more than a pipe holds.
+    let said = read_all(child.stdout.take());
+    let complaint = read_all(child.stderr.take());
+    let status = loop {
+        if let Some(status) = child.try_wait()? {
+            break status;
+        }
+        if look().is_break() {
+            // It prints what it has got until then. Should it have ended in this moment, that is as well.
+            let _ = kill(Pid::from_raw(child.id() as i32), Signal::SIGTERM);
+            break child.wait()?;
+        }
+        std::thread::sleep(LOOK);
+    };
+    let text = |reader: JoinHandle<String>| reader.join().unwrap_or_default();
+    let (said, complaint) = (text(said), text(complaint));
+    if !status.success() {
         let said = complaint
             .lines()
             .chain(said.lines())
@@ -63,6 +92,17 @@ pub fn run(core: usize, cycle_us: u32, seconds: u64) -> Result<Cyclictest, Cycli
         command: format!("cyclictest {arguments}"),
         latency,
         overflows,
+    })
+}
+
+fn read_all(pipe: Option<impl Read + Send + 'static>) -> JoinHandle<String> {
+    std::thread::spawn(move || {
+        let mut octets = Vec::new();
+        if let Some(mut pipe) = pipe {
+            // What came before a broken pipe is what there is.
+            let _ = pipe.read_to_end(&mut octets);
+        }
+        String::from_utf8_lossy(&octets).into_owned()
     })
 }
 

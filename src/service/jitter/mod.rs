@@ -7,12 +7,17 @@
 //! A round is a part of the cycles with the program running, then the floor on the same core with nothing of ours on it, so
 //! that both meet the same neighbours. All of it takes constant memory whatever the number of cycles.
 
+mod bar;
 pub mod cyclictest;
 pub mod distribution;
+pub mod floor;
 pub mod pc;
+mod processes;
 pub mod program;
 pub mod ratios;
 pub mod report;
+pub mod run;
+mod window;
 
 pub use distribution::Distribution;
 pub use report::JitterReport;

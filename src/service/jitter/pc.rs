@@ -50,13 +50,12 @@ impl Facts {
     }
 
     /// Begins to look at what else the PC does.
-    pub fn watch(&self, core: usize) -> LoadWatch {
+    pub fn watch(&self) -> LoadWatch {
         LoadWatch {
             facts: self.clone(),
-            core,
             began: Instant::now(),
             load_average: self.load_average(),
-            steal_ticks: self.steal_ticks(core),
+            stat: self.text("proc/stat"),
         }
     }
 
@@ -69,15 +68,6 @@ impl Facts {
             .unwrap_or(0.0)
     }
 
-    /// What the host has given to others although this core wanted to run.
-    fn steal_ticks(&self, core: usize) -> u64 {
-        let (name, stat) = (format!("cpu{core}"), self.text("proc/stat"));
-        stat.lines()
-            .map(str::split_whitespace)
-            .find_map(|mut words| (words.next() == Some(&name)).then(|| words.nth(7)?.parse().ok())?)
-            .unwrap_or(0)
-    }
-
     fn text(&self, path: &str) -> String {
         let text = std::fs::read_to_string(self.root.join(Path::new(path))).unwrap_or_default();
         text.trim().to_owned()
@@ -85,18 +75,18 @@ impl Facts {
 }
 
 /// A look at what else the PC does.
+#[derive(Clone, Debug)]
 pub struct LoadWatch {
     facts: Facts,
-    core: usize,
     began: Instant,
     load_average: f64,
-    steal_ticks: u64,
+    stat: String,
 }
 
 impl LoadWatch {
-    /// What it did since the look began.
-    pub fn end(&self) -> Load {
-        let stolen = self.facts.steal_ticks(self.core).saturating_sub(self.steal_ticks);
+    /// What it did since the look began; stolen time of one core.
+    pub fn end(&self, core: usize) -> Load {
+        let stolen = steal_ticks(&self.facts.text("proc/stat"), core).saturating_sub(steal_ticks(&self.stat, core));
         Load {
             seconds: self.began.elapsed().as_secs_f64(),
             load_average_before: self.load_average,
@@ -104,6 +94,14 @@ impl LoadWatch {
             steal_ms: stolen as f64 * STEAL_TICK_MS,
         }
     }
+}
+
+/// What the host has given to others although a core wanted to run.
+fn steal_ticks(stat: &str, core: usize) -> u64 {
+    let name = format!("cpu{core}");
+    let mut lines = stat.lines().map(str::split_whitespace);
+    let line = lines.find_map(|mut words| (words.next() == Some(&name)).then_some(words));
+    line.and_then(|mut numbers| numbers.nth(7)?.parse().ok()).unwrap_or(0)
 }
 
 /// The time of day, UTC: `2026-11-21T10:40:03Z`.
@@ -170,7 +168,7 @@ mod tests {
             ("", false, false)
         );
         assert_eq!((nothing.cores, nothing.core, nothing.core_isolated), (0, 1, false));
-        assert_eq!(facts.watch(1).end().steal_ms, 0.0);
+        assert_eq!(facts.watch().end(1).steal_ms, 0.0);
 
         put("proc/sys/kernel/osrelease", "6.12.9-rt\n");
         put("proc/sys/kernel/version", "#1 SMP PREEMPT_RT\n");
@@ -192,13 +190,13 @@ mod tests {
             "proc/stat",
             "cpu  9 9 9 9 9 9 9 99 0 0\ncpu1 1 2 3 4 5 6 7 8 0 0\ncpu12 1 1 1 1 1 1 1 70 0 0\n",
         );
-        let watch = facts.watch(1);
+        let watch = facts.watch();
         put("proc/loadavg", "3.50 1.00 0.50 3/129 4711\n");
         put(
             "proc/stat",
             "cpu  9 9 9 9 9 9 9 99 0 0\ncpu1 1 2 3 4 5 6 7 11 0 0\ncpu12 1 1 1 1 1 1 1 90 0 0\n",
         );
-        let load = watch.end();
+        let load = watch.end(1);
         assert_eq!(
             (load.load_average_before, load.load_average_after, load.steal_ms),
             (2.5, 3.5, 30.0)

@@ -84,10 +84,18 @@ pub fn period_distribution(soc: &SocReport) -> Distribution {
     periods
 }
 
+/// SoC periods of a round: those at the far end of the wire, or where nobody measured there, those of the control's own clock.
+pub fn period(round: &Round) -> Distribution {
+    match &round.soc_period {
+        Some(soc) => period_distribution(soc),
+        None => round.control.period.clone(),
+    }
+}
+
 /// Fills in what follows from the measured parts of a round.
 pub fn judge(round: &mut Round) {
-    let period = round.soc_period.as_ref().map(period_distribution);
-    let over = |latency: Option<&Distribution>| Ratios::of(period.as_ref()?, latency?);
+    let period = period(round);
+    let over = |latency: Option<&Distribution>| Ratios::of(&period, latency?);
     let cyclictest = round.floor.cyclictest.as_ref().map(|cyclictest| &cyclictest.latency);
     let (over_cyclictest, over_wakeup) = (over(cyclictest), over(round.floor.wakeup.as_ref()));
     (round.over_cyclictest, round.over_wakeup) = (over_cyclictest, over_wakeup);
@@ -160,10 +168,7 @@ pub fn good_medians(rounds: &[Round]) -> Option<Medians> {
 
 /// All rounds together.
 pub fn merged(rounds: &[Round]) -> Merged {
-    let periods: Vec<Distribution> = rounds
-        .iter()
-        .filter_map(|round| Some(period_distribution(round.soc_period.as_ref()?)))
-        .collect();
+    let periods: Vec<Distribution> = rounds.iter().map(period).collect();
     let cyclictest = rounds
         .iter()
         .filter_map(|round| Some(&round.floor.cyclictest.as_ref()?.latency));

@@ -249,7 +249,7 @@ pub struct Medians {
 /// All rounds together.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Merged {
-    /// SoC period at the far end.
+    /// SoC period at the far end; where nobody of ours was there, by the control's own clock.
     pub soc_period: Distribution,
     /// How late the control's cycles began.
     pub lateness: Distribution,

@@ -1,0 +1,159 @@
+//! `isocnc jitter`: how exactly the cycle is kept while a program runs, beside what the PC can do at all.
+
+use crate::config;
+use crate::service::analyser::listen;
+use crate::service::jitter::report::Ended;
+use crate::service::jitter::run::{FarEnd, Wanted};
+use crate::service::jitter::{self, JitterReport, program};
+use crate::service::netns;
+use crate::service::process::Program;
+use crate::service::progress::say;
+use crate::service::signals::{self, StopSignal};
+use anyhow::{Context, ensure};
+use clap::Args;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+const MACHINE: &str = include_str!("../../configs/mill3-demo.toml");
+/// Ends of the private wire: the control's and the machine's.
+const INTERFACES: [&str; 2] = ["plk0", "plk1"];
+/// Cycles where nothing is said: with the floor beside them about a minute and a half.
+const CYCLES: u64 = 15_000;
+const REPORT: &str = "jitter.json";
+
+/// Arguments of `jitter`.
+#[derive(Debug, Args)]
+pub struct JitterArgs {
+    /// Cycles to measure in all.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    cycles: Option<u64>,
+    /// Parts into which they are divided; after each the floor of the PC is measured.
+    #[arg(long, value_name = "R", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    rounds: u32,
+    /// Cycle time instead of that of the machine file, µs.
+    #[arg(long, value_name = "P")]
+    period_us: Option<u32>,
+    /// Part program that runs meanwhile, again and again, instead of a generated one.
+    #[arg(long, value_name = "FILE")]
+    program: Option<PathBuf>,
+    /// Machine file instead of that of the demo.
+    #[arg(long, value_name = "FILE")]
+    machine: Option<PathBuf>,
+    /// Run on this network interface, with the nodes that are there, instead of on a private wire with simulated drives. The
+    /// machine moves.
+    #[arg(long, value_name = "IF")]
+    interface: Option<String>,
+    /// Be the analyser: only listen at the interface and measure the SoC period of another PC.
+    #[arg(long, requires = "interface", conflicts_with_all = ["program", "machine", "rounds"])]
+    listen: bool,
+    /// As an analyser, take orders on standard input.
+    #[arg(long, requires = "listen", hide = true)]
+    orders: bool,
+    /// Folder for the report and its pictures.
+    #[arg(long, default_value = "isocnc-out")]
+    out: PathBuf,
+    /// Print the report as JSON instead of a table.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Measures.
+pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
+    if args.listen {
+        return be_the_analyser(args);
+    }
+    let signal = StopSignal::install().context("signals")?;
+    std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
+    let machine = match &args.machine {
+        Some(path) => path.clone(),
+        None => {
+            let path = args.out.join("machine.toml");
+            std::fs::write(&path, MACHINE).with_context(|| path.display().to_string())?;
+            path
+        }
+    };
+    let mut config = match config::read_with_cycle(&machine, args.period_us) {
+        Ok(config) => config,
+        Err(errors) => {
+            eprint!("{errors}");
+            return Ok(ExitCode::FAILURE);
+        }
+    };
+    // The name is also that of the shared pins: a control of this machine may run beside it.
+    config.name = format!("{}-{}", config.name, std::process::id());
+    ensure!(
+        args.interface.is_none() || (args.machine.is_some() && args.program.is_some()),
+        "--interface moves the machine that is there: say which it is with --machine, and with --program what it shall do"
+    );
+    let (name, text) = match &args.program {
+        Some(path) => (
+            path.display().to_string(),
+            std::fs::read(path).with_context(|| path.display().to_string())?,
+        ),
+        None => (
+            program::NAME.to_owned(),
+            program::pocket(&config, program::BLOCKS)?.into_bytes(),
+        ),
+    };
+    if let Err(errors) = crate::program::check(&config, &name, &text) {
+        eprintln!("{errors}\n\nnothing was moved");
+        return Ok(ExitCode::FAILURE);
+    }
+    let far_end = match &args.interface {
+        Some(interface) => FarEnd::Network { interface },
+        None => {
+            // Before any thread is started: a namespace can be entered by a process of one thread only.
+            netns::private_wire(INTERFACES[0], INTERFACES[1]).context(
+                "no private wire to measure on; with a second PC, or two network ports and a cable, measure with --interface",
+            )?;
+            FarEnd::Private {
+                machine: &machine,
+                wire: INTERFACES,
+            }
+        }
+    };
+    let wanted = Wanted {
+        config: &config,
+        program: Program {
+            name: &name,
+            text: &text,
+        },
+        cycles: args.cycles.unwrap_or(CYCLES),
+        rounds: args.rounds,
+        far_end,
+        signal: signal.clone(),
+        quiet: args.json,
+    };
+    let report = jitter::run::run(&wanted)?;
+    write(&args.out, &report)?;
+    if args.json {
+        say(&format!("{}\n", serde_json::to_string_pretty(&report)?));
+    } else {
+        say(&format!("\nreport                 {}\n", args.out.display()));
+    }
+    Ok(match (report.result, signal.caught()) {
+        (Ended::Cut, Some(signal)) => ExitCode::from(signals::exit_code(signal)),
+        (Ended::Completed | Ended::Cut | Ended::Faulted, _) => ExitCode::SUCCESS,
+    })
+}
+
+fn be_the_analyser(args: &JitterArgs) -> anyhow::Result<ExitCode> {
+    let interface = args.interface.clone().unwrap_or_default();
+    if args.orders {
+        return listen::serve(&interface, args.period_us.context("--orders needs --period-us")?);
+    }
+    listen::listen(&listen::Wanted {
+        interface,
+        cycle_us: args.period_us,
+        cycles: args.cycles,
+        json: args.json,
+    })
+}
+
+fn write(out: &Path, report: &JitterReport) -> anyhow::Result<()> {
+    let put = |name: &str, text: String| {
+        let path = out.join(name);
+        std::fs::write(&path, text).with_context(|| path.display().to_string())
+    };
+    put(REPORT, serde_json::to_string_pretty(report)?)
+}

@@ -1,0 +1,361 @@
+//! A whole measurement: round after round the control with its program, then the floor of the PC.
+//!
+//! In:  [`Wanted`]. Out: [`JitterReport`].
+//!
+//! Each round is a session of its own from power-on to power-off, so that while the floor is measured nothing of ours is on
+//! the core: no cycle, no time-out thread, nothing that keeps it awake, no simulated machine.
+
+use super::bar::Bar;
+use super::distribution::Distribution;
+use super::floor;
+use super::pc::{Facts, utc_now};
+use super::processes::{FarAnalyser, FarMachine};
+use super::ratios::{good_medians, judge, medians, merged, per_10000};
+use super::report::{ControlFigures, Ended, JitterReport, Medians, Merged, Round, Settings};
+use super::window::Window;
+use crate::config::Config;
+use crate::service::process::{self, Program, Session, Task, Wire};
+use crate::service::signals::StopSignal;
+use anyhow::{Context, bail};
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Instant;
+
+/// The floor is measured as long as the program ran, but each probe no longer than this, s.
+const PROBE_S_MAX: u64 = 20;
+/// Boot of the network, homing and the way back take about this long, s; for the bar only.
+const AROUND_S: f64 = 5.0;
+/// Probes of a floor.
+const PROBES: u64 = 3;
+
+/// What is to be measured.
+pub struct Wanted<'a> {
+    /// The machine.
+    pub config: &'a Config,
+    /// The program that runs meanwhile, again and again.
+    pub program: Program<'a>,
+    /// Cycles in all.
+    pub cycles: u64,
+    /// Parts into which they are divided.
+    pub rounds: u32,
+    /// Who answers.
+    pub far_end: FarEnd<'a>,
+    /// Cuts the measurement; what was measured is kept.
+    pub signal: StopSignal,
+    /// Show nothing.
+    pub quiet: bool,
+}
+
+/// Who is at the other end of the wire.
+#[derive(Clone, Copy, Debug)]
+pub enum FarEnd<'a> {
+    /// The simulated machine of this file in a process of its own, and an analyser in another one.
+    Private {
+        /// Machine file.
+        machine: &'a Path,
+        /// Our end of the private wire, and theirs.
+        wire: [&'a str; 2],
+    },
+    /// The nodes of the machine on a network of their own.
+    Network {
+        /// Network interface.
+        interface: &'a str,
+    },
+}
+
+impl FarEnd<'_> {
+    fn interface(&self) -> &str {
+        match self {
+            FarEnd::Private { wire, .. } => wire[0],
+            FarEnd::Network { interface } => interface,
+        }
+    }
+
+    fn words(&self) -> String {
+        match self {
+            FarEnd::Private { .. } => {
+                "simulated drives in a process of their own; SoC stamped by the kernel where it arrives, \
+                                       read by an analyser in a third process"
+                    .into()
+            }
+            FarEnd::Network { .. } => {
+                "nodes on the network; the SoC period is that of the control's own clock: measure at the \
+                                       far end with 'isocnc jitter --listen' on another PC"
+                    .into()
+            }
+        }
+    }
+}
+
+/// Measures. Whatever was measured by the time that something went wrong is kept, with a note.
+///
+/// # Errors
+/// Nothing could be measured.
+pub fn run(wanted: &Wanted<'_>) -> anyhow::Result<JitterReport> {
+    let Wanted { config, cycles, .. } = *wanted;
+    if cycles == 0 {
+        bail!("0 cycles: expected 1 or more");
+    }
+    let rounds = u64::from(wanted.rounds.max(1)).min(cycles);
+    let mut report = empty_report(wanted, rounds as u32);
+    let planned_s: f64 = (0..rounds)
+        .map(|round| plan(config, share(cycles, rounds, round)).iter().sum::<f64>())
+        .sum();
+    let mut bar = Bar::new(wanted.quiet, planned_s);
+    for number in 0..rounds {
+        let round = Measured {
+            wanted,
+            number: number as u32 + 1,
+            rounds: rounds as u32,
+            cycles: share(cycles, rounds, number),
+        }
+        .run(&mut bar, &mut report);
+        match round {
+            Ok(round) => {
+                bar.say(&one_line(&round, rounds));
+                report.rounds.push(round);
+            }
+            Err(error) if report.rounds.is_empty() => return Err(error),
+            Err(error) => {
+                report.result = Ended::Faulted;
+                report.notes.push(format!("round {}: {error:#}", number + 1));
+                break;
+            }
+        }
+        if wanted.signal.caught().is_some() {
+            report.result = Ended::Cut;
+            break;
+        }
+    }
+    report.medians = medians(report.rounds.iter());
+    report.medians_good_rounds = good_medians(&report.rounds);
+    report.all = merged(&report.rounds);
+    Ok(report)
+}
+
+fn empty_report(wanted: &Wanted<'_>, rounds: u32) -> JitterReport {
+    let Wanted { config, .. } = wanted;
+    JitterReport {
+        version: env!("CARGO_PKG_VERSION").into(),
+        result: Ended::Completed,
+        notes: Vec::new(),
+        pc: Facts::below("/").pc(0, Vec::new()),
+        settings: Settings {
+            machine: config.name.clone(),
+            program: wanted.program.name.into(),
+            interface: wanted.far_end.interface().into(),
+            far_end: wanted.far_end.words(),
+            cycles: wanted.cycles,
+            rounds,
+            cycle_us: config.cycle_us,
+            timeout_us: config.rt.timeout_us,
+            priority: config.rt.priority,
+            phase_us: config.rt.phase_us(config.cycle_us),
+            spin_us: config.rt.spin_us(),
+            keep_awake: String::new(),
+            calibration: Vec::new(),
+        },
+        rounds: Vec::new(),
+        medians: Medians::default(),
+        medians_good_rounds: None,
+        all: Merged::default(),
+    }
+}
+
+/// Cycles of round `round` (from 0) if all are divided evenly.
+fn share(cycles: u64, rounds: u64, round: u64) -> u64 {
+    cycles / rounds + u64::from(round < cycles % rounds)
+}
+
+/// Time of the program, s.
+fn program_s(config: &Config, cycles: u64) -> f64 {
+    cycles as f64 * f64::from(config.cycle_us) * 1e-6
+}
+
+/// Time of each probe of the floor, s.
+fn probe_s(config: &Config, cycles: u64) -> u64 {
+    (program_s(config, cycles).ceil() as u64).clamp(1, PROBE_S_MAX)
+}
+
+/// Time of a round's parts by plan, s: boot and homing, program, floor.
+fn plan(config: &Config, cycles: u64) -> [f64; 3] {
+    let floor_s = PROBES * probe_s(config, cycles);
+    [AROUND_S, program_s(config, cycles), floor_s as f64]
+}
+
+/// A round under way.
+struct Measured<'a> {
+    wanted: &'a Wanted<'a>,
+    number: u32,
+    rounds: u32,
+    cycles: u64,
+}
+
+impl Measured<'_> {
+    fn run(&self, bar: &mut Bar, report: &mut JitterReport) -> anyhow::Result<Round> {
+        let config = self.wanted.config;
+        let mut round = Round {
+            number: self.number,
+            began: utc_now(),
+            ..Round::default()
+        };
+        let [around_s, program_s, floor_s] = plan(config, self.cycles);
+        let name = |part: &str| format!("round {} of {}: {part}", self.number, self.rounds);
+        let core = {
+            let ran_up = name("network, homing");
+            bar.show(&ran_up, 0.0);
+            let running = name("program");
+            let mut progress = |cycles: u64| {
+                let share = cycles as f64 / self.cycles as f64;
+                bar.show(&running, around_s + program_s * share.min(1.0));
+            };
+            self.program(&mut round, report, &mut progress)?
+        };
+        bar.part_over(around_s + program_s);
+        if self.wanted.signal.caught().is_none() {
+            let load = Facts::below("/").watch();
+            let began = Instant::now();
+            let measuring = name("floor of the PC");
+            let floor_plan = floor::Plan {
+                core,
+                cycle_us: config.cycle_us,
+                seconds: probe_s(config, self.cycles),
+            };
+            round.floor = floor_plan.measure(&mut || {
+                bar.show(&measuring, began.elapsed().as_secs_f64().min(floor_s));
+                match self.wanted.signal.caught() {
+                    Some(_) => ControlFlow::Break(()),
+                    None => ControlFlow::Continue(()),
+                }
+            });
+            round.load_at_floor = load.end(core);
+        }
+        bar.part_over(floor_s);
+        judge(&mut round);
+        Ok(round)
+    }
+
+    /// The control with its program; gives the core of its real-time threads.
+    fn program(
+        &self,
+        round: &mut Round,
+        report: &mut JitterReport,
+        progress: &mut dyn FnMut(u64),
+    ) -> anyhow::Result<usize> {
+        let Wanted {
+            config,
+            program,
+            far_end,
+            ref signal,
+            quiet,
+            ..
+        } = *self.wanted;
+        let (_machine, analyser) = match far_end {
+            FarEnd::Private { machine, wire } => (
+                Some(FarMachine::start(machine, config.cycle_us, wire[1])?),
+                Some(FarAnalyser::start(wire[1], config.cycle_us)?),
+            ),
+            FarEnd::Network { .. } => (None, None),
+        };
+        let session = Session {
+            config,
+            task: Task::Repeat(program),
+            quiet: quiet || self.number > 1,
+            signal: signal.clone(),
+            keep_rights: true,
+        };
+        let mut window = Window::new(self.cycles, analyser, signal.clone(), progress);
+        let wire = Wire::Interface(far_end.interface().to_owned());
+        let ended = process::run(&session, wire, &mut window)?;
+
+        let findings = ended.findings.iter().map(ToString::to_string).collect();
+        report.pc = Facts::below("/").pc(ended.cpu, findings);
+        report.settings.keep_awake = ended.kept_awake.name().into();
+        if !window.was_open() {
+            match ended.operator.alarms().first() {
+                Some(alarm) => bail!("the program did not run: {}", alarm.cause),
+                None if signal.caught().is_some() => bail!("stopped before the program ran"),
+                None => bail!("the program did not run: {:?}", ended.operator.outcome()),
+            }
+        }
+        if let Some(error) = window.error {
+            return Err(error).context("analyser");
+        }
+        round.load_with_program = window.load;
+        // Where the control stopped by itself so early that no window could be cut, all from the beginning on is it.
+        let figures = window.figures.unwrap_or(ended.figures);
+        let faults: Vec<String> = ended
+            .operator
+            .alarms()
+            .iter()
+            .map(|alarm| alarm.cause.clone())
+            .collect();
+        round.control = ControlFigures {
+            cycles: figures.cycles,
+            programs: window.programs,
+            overruns: figures.skipped,
+            overruns_per_10000: per_10000(figures.skipped, figures.cycles),
+            pres_lost: figures.pres_lost,
+            faults,
+            period: Distribution::from(&figures.period),
+            lateness: Distribution::from(&figures.lateness),
+            wake_up: figures.wake_up.summary(),
+            exchange: figures.exchange.summary(),
+            compute: figures.compute.summary(),
+            free: figures.free.summary(),
+            thread: figures.thread,
+            timeout_thread: ended.timeouts,
+        };
+        if let Some(analyser) = window.analyser {
+            round.soc_period = Some(analyser.report()?);
+        }
+        if let Some(fault) = round.control.faults.first() {
+            report.result = Ended::Faulted;
+            report
+                .notes
+                .push(format!("round {}: the machine stopped by itself: {fault}", self.number));
+        }
+        Ok(ended.cpu)
+    }
+}
+
+/// A round as one line.
+fn one_line(round: &Round, rounds: u64) -> String {
+    let control = &round.control;
+    let (n, std_us, max_us) = match &round.soc_period {
+        Some(soc) => (soc.n, soc.period_std_us, soc.period_max_us),
+        None => (
+            control.period.figures.n,
+            control.period.figures.std_us,
+            control.period.figures.max_us,
+        ),
+    };
+    let floor = round.floor.wakeup.as_ref().map_or(String::new(), |wakeup| {
+        format!(
+            "; wake-up std {:.2} us, longest {:.1}",
+            wakeup.figures.std_us, wakeup.figures.max_us
+        )
+    });
+    let stalls = match round.stalls.len() {
+        0 => "",
+        _ => "; the PC stood still",
+    };
+    format!(
+        "round {} of {rounds}: {n} SoC periods, std {std_us:.2} us, longest {max_us:.1}, {} overruns{floor}{stalls}",
+        round.number, control.overruns
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cycles_are_divided_evenly_and_none_is_lost() {
+        for (cycles, rounds) in [(10, 5), (11, 5), (14, 5), (1, 1), (20_000_000, 7)] {
+            let shares: Vec<u64> = (0..rounds).map(|round| share(cycles, rounds, round)).collect();
+            assert_eq!(shares.iter().sum::<u64>(), cycles);
+            assert!(shares.iter().max().unwrap() - shares.iter().min().unwrap() <= 1);
+        }
+    }
+}
