@@ -6,7 +6,7 @@
 use motion::canon::{Axis, Position};
 pub use obd::device::{ConfigurationWrite, DeviceDescription};
 pub use powerlink::mn::{Stamp, StartUp};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 /// Most joints that one machine can have.
@@ -105,7 +105,7 @@ impl Rt {
 }
 
 /// How the core of the real-time threads is kept from idle states that take long to leave.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum KeepAwake {
     /// `/dev/cpu_dma_latency` is held open at 0: the kernel chooses no idle state that takes time to leave. For PCs whose

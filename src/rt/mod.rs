@@ -1,6 +1,7 @@
 //! Real time: the cycle thread, the time-out thread and what they need from the system.
 
 pub mod assemble;
+pub mod calibrate;
 pub mod cycle;
 pub mod diagnosis;
 pub mod drives;

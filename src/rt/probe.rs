@@ -334,14 +334,14 @@ mod tsc {
 }
 
 /// The clock of the wake-up probe; tests have another one.
-trait Clock {
+pub(super) trait Clock {
     fn now_ns(&mut self) -> u64;
     /// Returns at `deadline_ns` or later, with the time now.
     fn wait_until(&mut self, deadline_ns: u64, spin_ns: u64) -> u64;
 }
 
 /// CLOCK_MONOTONIC.
-struct System;
+pub(super) struct System;
 
 impl Clock for System {
     fn now_ns(&mut self) -> u64 {
@@ -354,7 +354,7 @@ impl Clock for System {
 }
 
 /// Runs `probe` in a real-time thread of its own; it is told what the thread could not get.
-fn on_a_thread(cpu: usize, priority: u8, probe: impl FnOnce(Vec<Finding>) + Send) {
+pub(super) fn on_a_thread(cpu: usize, priority: u8, probe: impl FnOnce(Vec<Finding>) + Send) {
     let run = || probe(enter_core(cpu, priority));
     std::thread::scope(|scope| {
         // Where no thread can be had the figures stay as they are: empty, n = 0.

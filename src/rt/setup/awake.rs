@@ -60,7 +60,7 @@ impl Awake {
 
 /// What most PCs of this kind do best with: without a driver for idle states (most virtual machines) the file would have no
 /// effect, and an idle core is halted, which takes a hypervisor long to end.
-pub(super) fn usual() -> KeepAwake {
+pub(crate) fn usual() -> KeepAwake {
     if has_idle_states(&read_to_string(CPUIDLE_DRIVER).unwrap_or_default()) {
         KeepAwake::DmaLatency
     } else {

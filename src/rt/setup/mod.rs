@@ -13,7 +13,8 @@
 //! | locked memory, touched stacks and heap, no trimming | `memory.rs` | page faults in a cycle |
 //! | no idle state that takes long to leave | `awake.rs` | late wake-ups |
 //! | blocked signals, no timer slack | [`enter_core`] | handlers and 50 µs of slack on a real-time thread |
-//! | page faults and switches, counted | `usage.rs` | belief |
+//!
+//! That it holds is counted: page faults and switches of the cycle thread, in [`super::figures`].
 
 mod awake;
 mod cpu;
@@ -22,13 +23,13 @@ mod memory;
 mod priority;
 #[cfg(test)]
 mod tests;
-mod usage;
 
 pub use findings::{Finding, Item, Refusal};
-pub use usage::{ThreadUsage, thread_usage};
 
 use super::rights::{self, Work};
 use crate::config::{KeepAwake, Require, Rt};
+pub(crate) use awake::usual as usual_keep_awake;
+
 use awake::Awake;
 use nix::errno::Errno;
 use nix::sys::signal::SigSet;

@@ -160,29 +160,3 @@ fn idle_states_are_those_of_a_driver() {
     assert!(has_idle_states("intel_idle\n") && has_idle_states("haltpoll\n"));
     assert!(!has_idle_states("none\n") && !has_idle_states(""));
 }
-
-#[test]
-fn usage_is_that_of_the_calling_thread_between_two_looks() {
-    let count = |count| ThreadUsage {
-        minor_faults: count,
-        major_faults: count + 1,
-        sleeps: count + 2,
-        preemptions: count + 3,
-    };
-    let of_two = ThreadUsage {
-        minor_faults: 5,
-        major_faults: 5,
-        sleeps: 5,
-        preemptions: 5,
-    };
-    assert_eq!(count(7).since(count(2)), of_two);
-    let usage = std::thread::scope(|scope| {
-        let slept = || {
-            let before = thread_usage();
-            std::thread::sleep(std::time::Duration::from_millis(1));
-            thread_usage().since(before)
-        };
-        scope.spawn(slept).join().unwrap()
-    });
-    assert!(usage.sleeps >= 1 && usage.major_faults == 0, "{usage:?}");
-}
