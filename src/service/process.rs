@@ -9,6 +9,7 @@ use super::control::server;
 use super::control::socket::{BindError, Socket, path_beside};
 use super::network_view::NetworkView;
 use super::operator::Operator;
+use super::progress::say;
 use super::signals::StopSignal;
 use super::tap::{Tap, TapBridge};
 use crate::bus::managing_node::{mn_config, node_configs};
@@ -17,13 +18,14 @@ use crate::bus::powerlink::{NODES_MAX, Powerlink, wall_clock};
 use crate::bus::{EthernetFrame, Fieldbus, NodeStatistics};
 use crate::config::{Config, KeepAwake};
 use crate::rt::assemble::assemble;
+use crate::rt::calibrate::{Calibration, calibrate};
 use crate::rt::figures::{self, CycleFigures};
 use crate::rt::pins::CAPACITY;
 use crate::rt::rights::{self, Work};
 use crate::rt::setup::{self, Finding, Role, STACK_SIZE, enter_thread};
-use crate::rt::thread::{self, grid};
+use crate::rt::thread;
 use crate::rt::timeout::{self, Limits, TimeoutThread, Watch};
-use crate::rt::wait::monotonic_ns;
+use crate::rt::wait::{Grid, monotonic_ns};
 use crate::sim::{SimMachine, serve};
 use anyhow::{Context, anyhow};
 use hal_pins::Hal;
@@ -113,6 +115,8 @@ pub struct Ended {
     pub kept_awake: KeepAwake,
     /// What this PC lacks.
     pub findings: Vec<Finding>,
+    /// The timing: who chose it, and what was measured for it.
+    pub calibration: Calibration,
 }
 
 /// Runs a control from power-on to power-off; `attendant` looks after it meanwhile.
@@ -120,13 +124,16 @@ pub struct Ended {
 /// # Errors
 /// What keeps it from starting; a thread that panicked. How the machine fared is no error but in [`Ended`].
 pub fn run(session: &Session<'_>, wire: Wire, attendant: &mut dyn Attendant) -> anyhow::Result<Ended> {
-    let process = Arc::new(setup::prepare_process(&session.config.rt)?);
+    let mut process = setup::prepare_process(&session.config.rt)?;
+    let calibration = calibrate(session.config, &mut process);
     if !session.quiet {
         for finding in &process.findings {
             // Nobody need be there to read it.
             let _ = writeln!(std::io::stderr(), "warning: {finding}");
         }
+        say(&format!("{calibration}\n"));
     }
+    let process = Arc::new(process);
     match wire {
         Wire::Interface(interface) => {
             let config = RawConfig {
@@ -145,7 +152,7 @@ pub fn run(session: &Session<'_>, wire: Wire, attendant: &mut dyn Attendant) -> 
                 }
                 None => None,
             };
-            run_on(session, attendant, &process, link, mac, tap)
+            run_on(session, attendant, &process, calibration, link, mac, tap)
         }
         Wire::Memory => {
             let (near, mut far) = memory::pair(ANSWER_SPIN_NS);
@@ -160,7 +167,7 @@ pub fn run(session: &Session<'_>, wire: Wire, attendant: &mut dyn Attendant) -> 
                         serve(&mut far, &mut machine, &stop, &mut |_| {}, &mut |_, _| {})
                     })?;
                 let ended = StopOnDrop(&stop);
-                let done = run_on(session, attendant, &process, near, MEMORY_MAC, None);
+                let done = run_on(session, attendant, &process, calibration, near, MEMORY_MAC, None);
                 drop(ended);
                 // Our end of its link is gone by now: an error it gives is that.
                 let _ = machine_thread.join();
@@ -174,11 +181,17 @@ fn run_on<L: Link + Send>(
     session: &Session<'_>,
     attendant: &mut dyn Attendant,
     process: &Arc<setup::Process>,
+    calibration: Calibration,
     link: L,
     mac: [u8; 6],
     tap: Option<(TapBridge, rtrb::Consumer<EthernetFrame>)>,
 ) -> anyhow::Result<Ended> {
     let config = session.config;
+    let rt = calibration.applied(&config.rt);
+    let grid = Grid {
+        phase_ns: calibration.phase_ns(),
+        ..thread::grid(config)
+    };
     let plans = network::plan(config);
     let nodes = node_configs(&config.bus, &plans);
     let watch = Arc::new(Watch::default());
@@ -195,7 +208,7 @@ fn run_on<L: Link + Send>(
     let methods = Methods::new(network, inlets.live.clone(), diagnosis, monotonic_ns);
     let socket = control_socket(hal.path(), &config.name)?;
 
-    let (recorder, windows) = figures::recorder(grid(config).period_ns);
+    let (recorder, windows) = figures::recorder(grid.period_ns);
     let (reports, watch_reports) = rtrb::RingBuffer::new(timeout::REPORTS);
     let operator = Operator::new(config, inlets, monotonic_ns());
     let mut running = Running {
@@ -209,11 +222,7 @@ fn run_on<L: Link + Send>(
     };
     let stop = AtomicBool::new(false);
     let (figures, path) = std::thread::scope(|scope| -> anyhow::Result<_> {
-        let limits = Limits::new(
-            grid(config).period_ns,
-            u64::from(config.rt.timeout_us) * 1000,
-            config.bus.soc_lost_max,
-        );
+        let limits = Limits::new(grid.period_ns, u64::from(rt.timeout_us) * 1000, config.bus.soc_lost_max);
         let timeouts = TimeoutThread::spawn(Arc::clone(process), Arc::clone(&watch), limits, reports)?;
         let cycle = std::thread::Builder::new()
             .name("rt-cycle".into())
@@ -221,7 +230,7 @@ fn run_on<L: Link + Send>(
             .spawn_scoped(scope, || {
                 // What is missing has been told by `prepare_process`.
                 drop(enter_thread(Role::Cycle, process));
-                thread::run(&mut control, grid(config), &config.rt, &watch, recorder, &stop)
+                thread::run(&mut control, grid, &rt, &watch, recorder, &stop)
             })?;
         if let Some(socket) = &socket {
             std::thread::Builder::new()
@@ -265,6 +274,7 @@ fn run_on<L: Link + Send>(
         cpu: process.cpu,
         kept_awake: process.kept_awake(),
         findings: process.findings.clone(),
+        calibration,
     })
 }
 

@@ -12,6 +12,7 @@ use crate::bus::NodeStatistics;
 use crate::config::{Config, Joint};
 use crate::machine::sequence::Outcome;
 use crate::program::Overview;
+use crate::rt::calibrate::Calibration;
 use crate::rt::figures::FiguresSummary;
 use crate::rt::timeout;
 use anyhow::Context;
@@ -63,6 +64,7 @@ impl Facts<'_> {
             cpu: _,
             kept_awake: _,
             findings,
+            calibration,
         } = self.ended;
         let recorder = &operator.recorder;
         let (following_error_max_mm, following_error_max_line) = recorder.following_error_max();
@@ -110,6 +112,7 @@ impl Facts<'_> {
             timeout_thread: *timeouts,
             soc_period: self.soc_period,
             findings: findings.iter().map(ToString::to_string).collect(),
+            calibration: calibration.clone(),
             journal: operator.journal().to_vec(),
         };
         (
@@ -234,6 +237,8 @@ pub struct RunReport {
     pub soc_period: Option<SocReport>,
     /// What this PC does not give to real time.
     pub findings: Vec<String>,
+    /// The timing: who chose it, and what was measured for it.
+    pub calibration: Calibration,
     /// What happened when.
     pub journal: Vec<Entry>,
 }

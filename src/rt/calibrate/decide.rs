@@ -135,7 +135,7 @@ impl fmt::Display for Calibration {
         let (way, phase, spin) = (self.keep_awake, self.phase_us, self.spin_us);
         write!(
             f,
-            "spin {} µs ({}), phase {} µs ({}), core kept awake by {} ({})",
+            "calibration: spin {} µs ({}), phase {} µs ({}), core kept awake by {} ({})",
             spin.value,
             spin.source,
             phase.value,
@@ -144,23 +144,28 @@ impl fmt::Display for Calibration {
             way.source,
         )?;
         if let Some(reason) = &self.unmeasured {
-            write!(f, "\nnot measured: {reason}")?;
+            write!(f, "\n  not measured: {reason}")?;
         }
         let Some(measured) = &self.measured else {
             return Ok(());
         };
+        let ways = measured.keep_awake.iter();
+        let ways: Vec<String> = ways
+            .map(|way| format!("{} {:.1}", way.value.name(), way.late_us))
+            .collect();
+        let phases = measured.phase_us.iter();
+        let phases: Vec<String> = phases
+            .map(|phase| format!("{}: {:.1}", phase.value, phase.late_us))
+            .collect();
         write!(
             f,
-            "\n{} wake-ups late by p50 {:.1}, p99 {:.1}, p99.9 {:.1} µs; p90 by way:",
-            measured.wake_ups, measured.p50_us, measured.p99_us, measured.p99_9_us
-        )?;
-        for way in &measured.keep_awake {
-            write!(f, " {} {:.1}", way.value.name(), way.late_us)?;
-        }
-        write!(f, "; by phase:")?;
-        measured
-            .phase_us
-            .iter()
-            .try_for_each(|phase| write!(f, " {} µs {:.1}", phase.value, phase.late_us))
+            "\n  {} wake-ups late by p50 {:.1}, p99 {:.1}, p99.9 {:.1} µs; p90 with {}; p90 at phase {} µs",
+            measured.wake_ups,
+            measured.p50_us,
+            measured.p99_us,
+            measured.p99_9_us,
+            ways.join(", "),
+            phases.join(", "),
+        )
     }
 }

@@ -44,9 +44,9 @@ fn equal_measurements_keep_the_defaults() {
     assert_eq!(sources, [Source::Measured; 3]);
     assert_eq!(
         chosen.to_string(),
-        "spin 50 µs (measured), phase 375 µs (measured), core kept awake by dma-latency (measured)\n\
-         300 wake-ups late by p50 4.0, p99 4.0, p99.9 4.0 µs; p90 by way: dma-latency 4.0 idle-thread 4.0 none 4.0; \
-         by phase: 175 µs 4.0 375 µs 4.0 575 µs 4.0"
+        "calibration: spin 50 µs (measured), phase 375 µs (measured), core kept awake by dma-latency (measured)\n  \
+         300 wake-ups late by p50 4.0, p99 4.0, p99.9 4.0 µs; p90 with dma-latency 4.0, idle-thread 4.0, none 4.0; \
+         p90 at phase 175: 4.0, 375: 4.0, 575: 4.0 µs"
     );
 }
 
