@@ -88,10 +88,26 @@ pub(super) fn rcu_nocbs(pc: &Pc<'_>) -> Option<Look> {
     })
 }
 
+fn siblings(pc: &Pc<'_>) -> Result<Cpus, Unread> {
+    pc.cpu_list(&format!("{CPU}/cpu{}/topology/thread_siblings_list", pc.cpu()))
+}
+
+/// The core and those that share its units.
+pub(super) fn with_siblings(pc: &Pc<'_>) -> Cpus {
+    siblings(pc).unwrap_or_default().with(pc.cpu())
+}
+
+/// Whether something is left for all other work when those that share the core's units are isolated with it: not core 0,
+/// which keeps the time, and one more core at least.
+pub(super) fn can_isolate_siblings(pc: &Pc<'_>) -> bool {
+    let taken = with_siblings(pc);
+    let online = pc.cpu_list(ONLINE).unwrap_or_default();
+    !taken.contains(0) && online.iter().any(|cpu| !taken.contains(cpu))
+}
+
 /// Whether another thread shares the core's units.
 pub(super) fn sibling(pc: &Pc<'_>) -> Option<Look> {
-    let path = format!("{CPU}/cpu{}/topology/thread_siblings_list", pc.cpu());
-    let siblings = match pc.cpu_list(&path) {
+    let siblings = match siblings(pc) {
         Ok(all) => all.without(pc.cpu()),
         Err(why) => return Some(Look::unknown(why.to_string())),
     };
@@ -107,7 +123,10 @@ pub(super) fn sibling(pc: &Pc<'_>) -> Option<Look> {
         (false, Some(busy)) => format!("{}, {busy} % busy", cores(&siblings)),
         (false, None) => cores(&siblings),
     };
-    let fix = cures::write("off", "/sys/devices/system/cpu/smt/control");
+    let fix = match can_isolate_siblings(pc) {
+        true => cures::persist(pc),
+        false => cures::boot_with("nosmt"),
+    };
     Some(Look::judge(alone, found, fix))
 }
 

@@ -92,6 +92,12 @@ impl Cpus {
         self.0.iter().copied()
     }
 
+    /// These and one more.
+    pub fn with(mut self, cpu: usize) -> Cpus {
+        self.0.insert(cpu);
+        self
+    }
+
     /// These without one.
     pub fn without(&self, cpu: usize) -> Cpus {
         Cpus(self.iter().filter(|other| *other != cpu).collect())

@@ -1,18 +1,27 @@
 //! Commands that several lines have in common. The same words for the same cure: the summary counts them as one.
 
-use super::Pc;
+use super::{Cpus, Pc};
 
 /// What can be had without a reboot: interrupts, kernel work, frequency, memory, the interface of the field bus.
 pub(super) fn apply(pc: &Pc<'_>) -> String {
     let interface = super::nic::present(pc)
         .map(|name| format!(" --interface {name}"))
         .unwrap_or_default();
-    format!("sudo scripts/isolcpus.sh apply --cpus {}{interface}", pc.cpu())
+    format!("sudo scripts/isolcpus.sh apply --cpus {}{interface}", cpus(pc))
 }
 
 /// What the kernel takes from its command line only.
 pub(super) fn persist(pc: &Pc<'_>) -> String {
-    format!("sudo scripts/isolcpus.sh persist --cpus {}, then reboot", pc.cpu())
+    format!("sudo scripts/isolcpus.sh persist --cpus {}, then reboot", cpus(pc))
+}
+
+/// The core, and what shares its units, unless something else must run there.
+fn cpus(pc: &Pc<'_>) -> Cpus {
+    if super::core::can_isolate_siblings(pc) {
+        super::core::with_siblings(pc)
+    } else {
+        Cpus::default().with(pc.cpu())
+    }
 }
 
 /// Another word on the kernel command line.

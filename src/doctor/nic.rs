@@ -25,12 +25,12 @@ pub(super) fn interrupts(pc: &Pc<'_>) -> Vec<String> {
         return Vec::new();
     };
     let folder = format!("/sys/class/net/{name}/device");
-    // Some drivers are devices on top of the PCI device.
-    let folders = ["msi_irqs", "../msi_irqs"].map(|below| format!("{folder}/{below}"));
-    let mut numbers: Vec<String> = folders
-        .iter()
-        .flat_map(|folder| pc.names(folder).unwrap_or_default())
-        .collect();
+    // The driver of a virtual machine's interface is a device on top of the PCI device.
+    let below = match pc.link_name(&format!("{folder}/subsystem")).as_deref() {
+        Some("virtio") => "../msi_irqs",
+        _ => "msi_irqs",
+    };
+    let mut numbers = pc.names(&format!("{folder}/{below}")).unwrap_or_default();
     // Others carry its name, as in enp2s0-TxRx-0.
     let is_ours = |action: &str| {
         let rest = action.strip_prefix(name);

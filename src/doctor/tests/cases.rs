@@ -185,9 +185,12 @@ pub(super) const CASES: &[Case] = &[
     ok("rcu_nocbs", "cores 0-3").with(&[("/proc/cmdline", "rcu_nocbs=all")]),
     unknown("rcu_nocbs", "no /proc/cmdline").without(&["/proc/cmdline"]),
 
-    missing("SMT sibling", "core 1, 75 % busy", "echo off | sudo tee").with(&[(SIBLINGS, "1,3"),
+    missing("SMT sibling", "core 1, 75 % busy", "persist --cpus 1,3, then reboot").with(&[(SIBLINGS, "1,3"),
         ("/proc/stat", "cpu1 0 0 0 0 0 0 0 0 0 0"), ("later:/proc/stat", "cpu1 50 0 25 20 5 0 0 0 0 0")]),
-    missing("SMT sibling", "core 1", "echo off").with(&[(SIBLINGS, "1,3")]),
+    missing("SMT sibling", "core 1", "persist --cpus 1,3").with(&[(SIBLINGS, "1,3")]),
+    missing("SMT sibling", "core 0", "nosmt").with(&[(SIBLINGS, "0,3")]),
+    missing("SMT sibling", "core 2", "nosmt")
+        .with(&[(SIBLINGS, "2-3"), ("/sys/devices/system/cpu/online", "2-3"), ("/sys/devices/system/cpu/isolated", "")]),
     ok("SMT sibling", "core 2, isolated, too").with(&[(SIBLINGS, "2-3"), ("/sys/devices/system/cpu/isolated", "2-3")]),
     unknown("SMT sibling", "no /sys").without(&[SIBLINGS]),
 
@@ -203,6 +206,10 @@ pub(super) const CASES: &[Case] = &[
     ok("interrupts", "none now; 1 would be allowed to").with(&[("/proc/irq/24/smp_affinity_list", "0-3")]),
     ok("interrupts", "none").with(&[("/proc/irq/31/smp_affinity_list", "3"), ("/sys/kernel/irq/31/actions", "\n")]),
     ok("interrupts", "none").without(&["/sys/class/net/eth1/device"]),
+    ok("interrupts", "none").with(&[("link:/sys/class/net/eth1/device/subsystem", "../../bus/virtio"),
+        ("/sys/class/net/eth1/msi_irqs/131", ""), ("/proc/irq/131/smp_affinity_list", "3")]),
+    missing("interrupts", "1 interrupt: 131 pcieport", APPLY).with(&[("/sys/class/net/eth1/msi_irqs/131", ""),
+        ("/proc/irq/131/smp_affinity_list", "3"), ("/sys/kernel/irq/131/actions", "pcieport")]),
     unknown("interrupts", "no /proc/irq").without(&["/proc/irq"]),
 
     missing("irqbalance", "running, leaves out none", APPLY)
