@@ -116,6 +116,7 @@ fn target(args: &DoctorArgs, config: Option<&Config>) -> Target {
 fn about(pc: &Pc<'_>) -> Vec<String> {
     let target = &pc.target;
     let user = match nix::unistd::geteuid() {
+        root if root.is_root() && pc.is_user_namespace() => "root of a user namespace".to_owned(),
         root if root.is_root() => "root".to_owned(),
         user => format!("user {user}"),
     };

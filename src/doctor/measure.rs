@@ -5,8 +5,10 @@
 use super::tries::Latency;
 use super::{Look, Pc};
 
-/// A PC that is worse at its worst is of little use for a cycle of 1 ms, us. LinuxCNC's page on latency: up to 20 is very
-/// good, up to 50 usable, above 100 not for pulses made by software.
+/// What a greatest value is worth, us, as LinuxCNC's page on latency has it: up to 20 is very good, up to 50 usable, above
+/// 100 not for pulses made by software, above 1000 of no use.
+const WORTH: [(f64, &str); 3] = [(20.0, "very good"), (MAX_US, "usable"), (1000.0, "poor")];
+/// Still usable.
 const MAX_US: f64 = 50.0;
 
 /// How late a thread wakes up.
@@ -28,7 +30,11 @@ pub(super) fn gaps(pc: &Pc<'_>) -> Option<Look> {
 fn judge(measured: Result<Latency, String>, fix: String) -> Look {
     let look = match &measured {
         Ok(latency) if latency.n == 0 => Look::ok("nothing"),
-        Ok(latency) => Look::judge(latency.max_us <= MAX_US, latency.to_string(), fix),
+        Ok(latency) => {
+            let worth = WORTH.iter().find(|(max_us, _)| latency.max_us <= *max_us);
+            let worth = worth.map_or("of no use", |(_, worth)| worth);
+            Look::judge(latency.max_us <= MAX_US, format!("{worth}: {latency}"), fix)
+        }
         Err(why) => Look::unknown(why),
     };
     Look {

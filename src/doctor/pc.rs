@@ -208,6 +208,13 @@ impl<'a> Pc<'a> {
             .map(|(pid, _)| pid))
     }
 
+    /// Whether rights of this process do not count outside of a user namespace.
+    pub fn is_user_namespace(&self) -> bool {
+        let initial = ["0", "0", "4294967295"];
+        self.text("/proc/self/uid_map")
+            .is_ok_and(|map| !map.split_whitespace().eq(initial))
+    }
+
     /// A number of `/proc/PID/stat`, counted as in proc(5), from the third on; `None`: it is not told.
     pub fn process_field(&self, pid: &str, field: usize) -> Option<u64> {
         let stat = self.text(&format!("/proc/{pid}/stat")).ok()?;

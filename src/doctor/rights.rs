@@ -5,6 +5,11 @@ use super::{Look, Pc, Unread, cures};
 
 /// All that the control needs, for the program's file: nobody has to be root then.
 const GRANT: &str = "sudo setcap cap_sys_nice,cap_ipc_lock,cap_net_raw+ep \"$(command -v isocnc)\"";
+/// The same where the process cannot have it, whoever it belongs to.
+const UNCONTAINED: &str = "run it outside of the container, or give that --cap-add SYS_NICE --cap-add IPC_LOCK \
+                           --cap-add NET_RAW --ulimit rtprio=99 --ulimit memlock=-1 (not a rootless one)";
+/// CAP_NET_RAW, CAP_IPC_LOCK, CAP_SYS_NICE, as in `linux/capability.h`.
+const CAPABILITIES: u64 = 1 << 13 | 1 << 14 | 1 << 23;
 const RUNTIME: &str = "/proc/sys/kernel/sched_rt_runtime_us";
 const PERIOD: &str = "/proc/sys/kernel/sched_rt_period_us";
 
@@ -23,7 +28,7 @@ pub(super) fn fifo(pc: &Pc<'_>) -> Option<Look> {
     Some(match pc.tries.fifo(pc.cpu(), priority) {
         Ok(()) => Look::ok(format!("priority {priority} given")),
         // With a group that has no time even root is refused.
-        Err(why) => Look::missing(why, group_without_time(pc).unwrap_or_else(|| GRANT.to_owned())),
+        Err(why) => Look::missing(why, group_without_time(pc).unwrap_or_else(|| grant(pc).to_owned())),
     })
 }
 
@@ -31,7 +36,7 @@ pub(super) fn fifo(pc: &Pc<'_>) -> Option<Look> {
 pub(super) fn locked_memory(pc: &Pc<'_>) -> Option<Look> {
     Some(match pc.tries.lock_memory() {
         Ok(()) => Look::ok("given"),
-        Err(why) => Look::missing(why, GRANT),
+        Err(why) => Look::missing(why, grant(pc)),
     })
 }
 
@@ -39,8 +44,21 @@ pub(super) fn locked_memory(pc: &Pc<'_>) -> Option<Look> {
 pub(super) fn raw_socket(pc: &Pc<'_>) -> Option<Look> {
     Some(match pc.tries.raw_socket() {
         Ok(()) => Look::ok("given"),
-        Err(why) => Look::missing(why, GRANT),
+        Err(why) => Look::missing(why, grant(pc)),
     })
+}
+
+/// How rights are granted: to the file of the program, unless a container keeps them from it.
+fn grant(pc: &Pc<'_>) -> &'static str {
+    let status = pc.text("/proc/self/status").unwrap_or_default();
+    let bounding = status.lines().find_map(|line| line.strip_prefix("CapBnd:"));
+    let bounding = bounding.and_then(|hex| u64::from_str_radix(hex.trim(), 16).ok());
+    let lacks = bounding.is_some_and(|bounding| bounding & CAPABILITIES != CAPABILITIES);
+    if lacks || pc.is_user_namespace() {
+        UNCONTAINED
+    } else {
+        GRANT
+    }
 }
 
 /// How much of each second the kernel leaves to real time. From Linux 6.12 on the fair server does this.

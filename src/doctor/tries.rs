@@ -158,7 +158,7 @@ impl fmt::Display for Latency {
         } = self;
         write!(
             f,
-            "p50 {p50_us:.1}, p99 {p99_us:.1}, p99.9 {p99_9_us:.1}, max {max_us:.1} us"
+            "max {max_us:.1} us, p50 {p50_us:.1}, p99 {p99_us:.1}, p99.9 {p99_9_us:.1}"
         )
     }
 }

@@ -257,6 +257,10 @@ pub(super) const CASES: &[Case] = &[
     missing("SCHED_FIFO", "not allowed", "echo 950000 | sudo tee /sys/fs/cgroup/cpu,cpuacct/x/cpu.rt_runtime_us")
         .with(&[("/proc/self/cgroup", "4:cpu,cpuacct:/x"), ("/sys/fs/cgroup/cpu,cpuacct/x/cpu.rt_runtime_us", "0")])
         .when(|answers, _| answers.fifo = Err("not allowed".into())),
+    missing("SCHED_FIFO", "not allowed", "outside of the container").with(&[("/proc/self/uid_map", "0 1000 1\n")])
+        .when(|answers, _| answers.fifo = Err("not allowed".into())),
+    missing("raw socket", "not allowed", "--cap-add NET_RAW").with(&[("/proc/self/status", "CapBnd:\t00000000a80405fb\n")])
+        .when(|answers, _| answers.raw_socket = Err("not allowed".into())),
     missing("locked memory", "too much", GRANT).when(|answers, _| answers.lock_memory = Err("too much".into())),
     missing("raw socket", "not allowed", GRANT).when(|answers, _| answers.raw_socket = Err("not allowed".into())),
 
@@ -353,13 +357,14 @@ pub(super) const CASES: &[Case] = &[
         .with(&[("/proc/self/cgroup", "1:cpu:/"), ("/sys/fs/cgroup/cpu/cpu.rt_runtime_us", "950000")]),
     unknown("RT group scheduling", "neither /proc/config.gz").without(&["/boot"]),
 
-    missing("wake-up latency", "p50 2.0, p99 4.0, p99.9 6.0, max 50.1 us", "cyclictest -q -m -p90 -i1000 -a3")
+    missing("wake-up latency", "poor: max 50.1 us, p50 2.0, p99 4.0, p99.9 6.0", "cyclictest -q -m -p90 -i1000 -a3")
         .when(|answers, _| answers.wake_up = Ok(Latency { max_us: 50.1, ..LATENCY })),
-    ok("wake-up latency", "max 50.0 us").when(|answers, _| answers.wake_up = Ok(Latency { max_us: 50.0, ..LATENCY })),
+    ok("wake-up latency", "very good: max 9.5 us"),
+    ok("wake-up latency", "usable: max 50.0 us").when(|answers, _| answers.wake_up = Ok(Latency { max_us: 50.0, ..LATENCY })),
     unknown("wake-up latency", "no core").when(|answers, _| answers.wake_up = Err("no core".into())),
 
-    missing("gaps", "max 300.0 us", "hwlatdetect")
-        .when(|answers, _| answers.gaps = Ok(Latency { max_us: 300.0, ..LATENCY })),
+    missing("gaps", "of no use: max 3000.0 us", "hwlatdetect")
+        .when(|answers, _| answers.gaps = Ok(Latency { max_us: 3000.0, ..LATENCY })),
     ok("gaps", "nothing").when(|answers, _| answers.gaps = Ok(Latency::default())),
     unknown("gaps", "no core").when(|answers, _| answers.gaps = Err("no core".into())),
 ];

@@ -65,6 +65,8 @@ const GOOD: &[(&str, &str)] = &[
     ("/proc/sys/kernel/sched_rt_period_us", "1000000\n"),
     ("/sys/kernel/debug/sched/fair_server/cpu3/runtime", "50000000\n"),
     ("/sys/kernel/debug/sched/fair_server/cpu3/period", "1000000000\n"),
+    ("/proc/self/status", "Name:\tisocnc\nCapBnd:\t000001ffffffffff\n"),
+    ("/proc/self/uid_map", "         0          0 4294967295\n"),
     ("/proc/self/cgroup", "0::/user.slice\n"),
 
     ("/sys/kernel/mm/transparent_hugepage/enabled", "always madvise [never]\n"),
