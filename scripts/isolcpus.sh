@@ -228,7 +228,8 @@ lock() {
 
 command="" dry_run="" force="" yes="" root="" interface="" interface_gone="" nic_irq=rt
 no_deep_idle="" no_throttling="" undo_failed="" reapply="" with_unit="" loader="" loader_reason=""
-realtime_list="" found="" reason="" differing=0
+realtime_list="" found="" content="" name="" effective="" reason="" differing=0
+declare -A records=()
 parameters=() added=() missing=() conflicts=() words=()
 # Where --reapply puts the copy that the unit runs.
 installed=/usr/local/lib/isocnc

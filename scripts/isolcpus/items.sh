@@ -22,6 +22,13 @@ items() {
     [ -z "$interface" ] || interface_items
 }
 
+# slurp FILE: what is in it, in `content`, without the last newline. Starts no process: there are hundreds to read.
+slurp() {
+    content=""
+    { IFS= read -r -d '' content <"$1" || [ -n "$content" ]; } 2>/dev/null || return 1
+    content=${content%$'\n'}
+}
+
 # item KIND VALUE FILE...
 item() {
     local file
@@ -32,7 +39,7 @@ item() {
 }
 
 interrupt_items() {
-    local folder number used kept=" "
+    local folder number kept=" "
     # First: it would move them back.
     if irqbalance_runs; then
         printf 'service\tirqbalance\t%s\n' "$(irqbalance_wanted)"
@@ -41,8 +48,10 @@ interrupt_items() {
     for folder in "$root"/proc/irq/[0-9]*; do
         number=${folder##*/}
         # An interrupt without a handler does not come; a handler to come starts from the default affinity.
-        used=$(cat "$root/sys/kernel/irq/$number/actions" 2>/dev/null || echo unknown)
-        [ -n "$used" ] || continue
+        if [ -e "$root/sys/kernel/irq/$number/actions" ]; then
+            slurp "$root/sys/kernel/irq/$number/actions" || true
+            [ -n "$content" ] || continue
+        fi
         if [[ $kept == *" $number "* ]]; then
             item list "$nic_list" "$folder/smp_affinity_list"
         else
@@ -130,28 +139,34 @@ work_items() {
 
 # Kernel threads that may run on a real-time CPU and that may be moved.
 thread_items() {
-    local folder stat allowed comm
+    local folder comm
     local -a field
     for folder in "$root"/proc/[0-9]*; do
         # A process may end while we look at it.
-        stat=$(cat "$folder/stat" 2>/dev/null) || continue
+        slurp "$folder/stat" || continue
         # After the command in parentheses: state, parent, group, session, terminal, its group, flags.
-        read -ra field <<<"${stat##*) }"
+        read -ra field <<<"${content##*) }"
         [ "${field[1]:-}" = 2 ] || continue
         # PF_NO_SETAFFINITY: bound for good, as ksoftirqd is.
         [[ ${field[6]:-} =~ ^[0-9]{1,10}$ ]] || continue
         if ((field[6] & 0x04000000)); then continue; fi
-        comm=$(cat "$folder/comm" 2>/dev/null) || continue
+        comm=${content#*(}
+        comm=${comm%)*}
         # The thread of an interrupt follows the interrupt.
         case $comm in irq/*) continue ;; esac
-        allowed=$(thread_cpus "${folder##*/}") || continue
-        meet "$(expand "$allowed")" "${realtime[*]}" || continue
+        thread_cpus "${folder##*/}" || continue
+        meet "$(expand "$found")" "${realtime[*]}" || continue
         printf 'thread\t%s %s\t%s\n' "${folder##*/}" "$comm" "$housekeeping_list"
     done
 }
 
+# thread_cpus PID: on which it may run, in `found`.
 thread_cpus() {
-    sed -n 's/^Cpus_allowed_list:[[:space:]]*//p' "$root/proc/$1/status" 2>/dev/null
+    slurp "$root/proc/$1/status" || return 1
+    [[ $content == *Cpus_allowed_list:* ]] || return 1
+    found=${content#*Cpus_allowed_list:}
+    found=${found%%$'\n'*}
+    found=${found//[[:space:]]/}
 }
 
 frequency_items() {

@@ -25,14 +25,14 @@ read_item() {
     local group name state
     found=""
     case $1 in
-        thread) found=$(thread_cpus "${2%% *}") || found="" ;;
+        thread) thread_cpus "${2%% *}" || found="" ;;
         nic)
             while read -r group name state; do
                 if [ "$group $name" = "${2#* }" ]; then found=$state; fi
             done < <(nic_state "${2%% *}")
             ;;
         service) if irqbalance_runs; then found=running; else found=stopped; fi ;;
-        *) { found=$(tr -d '\0' <"$root$2"); } 2>/dev/null || found="" ;;
+        *) if slurp "$root$2"; then found=$content; fi ;;
     esac
     if [ "$1" = choice ]; then
         # "always [madvise] never" -> "madvise"
@@ -76,6 +76,7 @@ write_item() {
 # same KIND A B: whether two values mean the same.
 same() {
     local a=$2 b=$3
+    [ "$a" != "$b" ] || return 0
     case $1 in
         list | thread)
             a=$(expand "$a") || return 1
@@ -103,19 +104,26 @@ unchangeable() {
     return 1
 }
 
-# name KIND KEY: what the item is called in messages.
-name() {
+# name_item KIND KEY: what it is called in messages, in `name`.
+name_item() {
     case $1 in
-        thread) printf 'kernel thread %s (pid %s)' "${2#* }" "${2%% *}" ;;
-        nic) printf 'ethtool %s' "$2" ;;
-        service) printf 'service %s' "$2" ;;
-        *) printf '%s' "$2" ;;
+        thread) name="kernel thread ${2#* } (pid ${2%% *})" ;;
+        nic) name="ethtool $2" ;;
+        service) name="service $2" ;;
+        *) name=$2 ;;
     esac
 }
 
+# read_record: what is in the record, for `recorded`.
+read_record() {
+    local kind key value
+    records=()
+    [ -e "$state" ] || return 0
+    while IFS=$'\t' read -r kind key value; do records["$kind $key"]=$value; done <"$state"
+}
+
 recorded() {
-    # Not grep -q: it may leave before cut has written all, which pipefail takes for "not found".
-    [ -e "$state" ] && cut -f1,2 "$state" | grep -xF -- "$1"$'\t'"$2" >/dev/null
+    [ -n "${records["$1 $2"]:-}" ]
 }
 
 # Takes back the last line, of an item that could not be changed.
@@ -145,13 +153,15 @@ Nothing was changed. Repair the line, or remove the file: all of this is gone af
 }
 
 apply() {
-    local kind key value new_record changed=0 kept=0 skipped=0 failed=0
+    local kind key value name new_record changed=0 kept=0 skipped=0 failed=0
     check_record
+    read_record
     # Listed in full first: apply changes what the list is made from.
     items >"$work/items"
     while IFS=$'\t' read -r kind key value; do
+        name_item "$kind" "$key"
         if ! read_item "$kind" "$key"; then
-            printf 'skipped %s: %s\n' "$(name "$kind" "$key")" "$reason"
+            printf 'skipped %s: %s\n' "$name" "$reason"
             skipped=$((skipped + 1))
             continue
         fi
@@ -160,28 +170,27 @@ apply() {
             continue
         fi
         if [ -n "$dry_run" ]; then
-            printf 'would set %s = %s (now %s)\n' "$(name "$kind" "$key")" "$value" "$found"
+            printf 'would set %s = %s (now %s)\n' "$name" "$value" "$found"
             changed=$((changed + 1))
             continue
         fi
         # The old value is safe before the new one is written; one that is there already is older.
         new_record=""
         if ! recorded "$kind" "$key"; then
-            mkdir -p "${state%/*}"
             printf '%s\t%s\t%s\n' "$kind" "$key" "$found" >>"$state"
             new_record=yes
         fi
         if write_item "$kind" "$key" "$value"; then
-            printf 'set     %s = %s (was %s)\n' "$(name "$kind" "$key")" "$value" "$found"
+            printf 'set     %s = %s (was %s)\n' "$name" "$value" "$found"
             changed=$((changed + 1))
             continue
         fi
         [ -z "$new_record" ] || forget_last
         if unchangeable "$kind"; then
-            printf 'skipped %s: %s\n' "$(name "$kind" "$key")" "$reason"
+            printf 'skipped %s: %s\n' "$name" "$reason"
             skipped=$((skipped + 1))
         else
-            printf 'FAILED  %s: %s\n' "$(name "$kind" "$key")" "$reason" >&2
+            printf 'FAILED  %s: %s\n' "$name" "$reason" >&2
             failed=$((failed + 1))
         fi
     done <"$work/items"
@@ -199,7 +208,7 @@ apply() {
 }
 
 undo_runtime() {
-    local kind key value line restored=0 failed=0
+    local kind key value name line restored=0 failed=0
     local -a lines=() left=()
     if [ ! -e "$state" ]; then
         printf 'running kernel: nothing to undo (no %s)\n' "$state"
@@ -209,15 +218,16 @@ undo_runtime() {
     mapfile -t lines < <(tac "$state")
     for line in "${lines[@]}"; do
         IFS=$'\t' read -r kind key value <<<"$line"
+        name_item "$kind" "$key"
         if is_gone "$kind" "$key"; then
-            printf 'gone    %s\n' "$(name "$kind" "$key")"
+            printf 'gone    %s\n' "$name"
         elif [ -n "$dry_run" ]; then
-            printf 'would set %s = %s\n' "$(name "$kind" "$key")" "$value"
+            printf 'would set %s = %s\n' "$name" "$value"
         elif write_item "$kind" "$key" "$value"; then
-            printf 'set     %s = %s\n' "$(name "$kind" "$key")" "$value"
+            printf 'set     %s = %s\n' "$name" "$value"
             restored=$((restored + 1))
         else
-            printf 'FAILED  %s: %s\n' "$(name "$kind" "$key")" "$reason" >&2
+            printf 'FAILED  %s: %s\n' "$name" "$reason" >&2
             failed=$((failed + 1))
             left=("$line" "${left[@]}")
         fi
@@ -248,25 +258,28 @@ is_gone() {
 is_immovable() {
     local cpus
     [[ $1 = list && $2 == */smp_affinity_list ]] && ! recorded "$1" "$2" || return 1
-    effective=$(cat "$root${2%/*}/effective_affinity_list" 2>/dev/null) || return 1
+    slurp "$root${2%/*}/effective_affinity_list" || return 1
+    effective=$content
     cpus=$(expand "$effective") || return 1
     [ -z "$(without "$cpus" "$(expand "$3")")" ]
 }
 
 # status_runtime: each item; counts those that differ in `differing`.
 status_runtime() {
-    local kind key value
+    local kind key value name
     printf '\nRunning kernel (until the next reboot):\n'
+    read_record
     items >"$work/items"
     while IFS=$'\t' read -r kind key value; do
+        name_item "$kind" "$key"
         if ! read_item "$kind" "$key"; then
-            printf '  unknown %s: %s\n' "$(name "$kind" "$key")" "$reason"
+            printf '  unknown %s: %s\n' "$name" "$reason"
         elif same "$kind" "$found" "$value"; then
-            printf '  ok      %s = %s\n' "$(name "$kind" "$key")" "$found"
+            printf '  ok      %s = %s\n' "$name" "$found"
         elif [ -e "$state" ] && is_immovable "$kind" "$key" "$value"; then
             printf '  fixed   %s = %s: the kernel lets nobody move it, but it comes on CPU %s only\n' "$key" "$found" "$effective"
         else
-            printf '  differs %s = %s, wanted %s: apply sets it\n' "$(name "$kind" "$key")" "$found" "$value"
+            printf '  differs %s = %s, wanted %s: apply sets it\n' "$name" "$found" "$value"
             differing=$((differing + 1))
         fi
     done <"$work/items"
