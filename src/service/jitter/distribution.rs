@@ -80,7 +80,10 @@ impl Distribution {
         let Some(to_ns) = quantile_of(self.histogram.iter().copied(), quantile) else {
             return 0.0;
         };
-        (nominal_us + to_ns as f64 / 1000.0).clamp(self.figures.min_us, self.figures.max_us)
+        // Not `clamp`: a report from a file may hold anything.
+        (nominal_us + to_ns as f64 / 1000.0)
+            .max(self.figures.min_us)
+            .min(self.figures.max_us)
     }
 
     /// As [`Distribution::quantile_us`], of the distances from the nominal without their sign.

@@ -8,16 +8,22 @@
 //! that both meet the same neighbours. All of it takes constant memory whatever the number of cycles.
 
 mod bar;
+pub mod csv;
 pub mod cyclictest;
 pub mod distribution;
 pub mod floor;
+pub mod goals;
 pub mod pc;
 mod processes;
 pub mod program;
 pub mod ratios;
 pub mod report;
 pub mod run;
+#[cfg(test)]
+pub(crate) mod samples;
+pub mod table;
 mod window;
+mod words;
 
 pub use distribution::Distribution;
 pub use report::JitterReport;
