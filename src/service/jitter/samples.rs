@@ -153,7 +153,8 @@ pub(crate) fn round(number: u32, kind: Kind) -> Round {
             period: Distribution::from(&periods),
             lateness: Distribution::from(&lateness),
             exchange: small(31.0),
-            motion: small(3.2),
+            wake_up: small(0.4),
+            compute: small(3.2),
             free: small(940.0),
             ..ControlFigures::default()
         },
@@ -166,12 +167,11 @@ pub(crate) fn round(number: u32, kind: Kind) -> Round {
                 overflows: 0,
             }),
             gaps: Some(Gaps {
-                seconds: 5.0,
                 threshold_us: 5.0,
-                count: 120,
-                total_us: 900.0,
-                longest_us: 34.1,
-                histogram: Vec::new(),
+                scanned_s: 5.0,
+                lost_us: 900.0,
+                lost_share: 180e-6,
+                gaps: distribution(0, (0..120).map(|i| 6_000 + i * 236)),
             }),
             notes: Vec::new(),
         },
@@ -335,14 +335,14 @@ pub(crate) fn strange(
     all.wakeup.figures.max_us = floats[1];
     all.overruns_per_10000 = floats[2];
     for round in &mut report.rounds {
-        round.control.motion.n = n;
-        round.control.motion.mean_us = floats[3];
+        round.control.compute.n = n;
+        round.control.compute.mean_us = floats[3];
         round.control.cycles = n;
         round.load_with_program.load_average_after = floats[4];
         round.load_with_program.steal_ms = floats[5];
         round.stalls.push(name.into());
         if let Some(gaps) = &mut round.floor.gaps {
-            (gaps.longest_us, gaps.seconds, gaps.count) = (floats[6], floats[7], n);
+            (gaps.gaps.figures.max_us, gaps.scanned_s, gaps.gaps.figures.n) = (floats[6], floats[7], n);
         }
         if let Some(cyclictest) = &mut round.floor.cyclictest {
             cyclictest.latency.figures.max_us = floats[8];

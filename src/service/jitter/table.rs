@@ -143,19 +143,22 @@ fn lateness(text: &mut Text, report: &JitterReport) {
             text.row(name, [p50, p99, p99_9, p99_99, max, count(figures.n)]);
         }
     }
-    let gaps: Vec<_> = report
+    let scans: Vec<_> = report
         .rounds
         .iter()
         .filter_map(|round| round.floor.gaps.as_ref())
         .collect();
-    if let Some(first) = gaps.first() {
-        let longest_us = gaps.iter().map(|gaps| gaps.longest_us).fold(0.0, f64::max);
-        let seconds: f64 = gaps.iter().map(|gaps| gaps.seconds).sum();
-        let count = gaps.iter().map(|gaps| gaps.count).fold(0, u64::saturating_add);
+    if let Some(first) = scans.first() {
+        let longest_us = scans.iter().map(|scan| scan.gaps.figures.max_us).fold(0.0, f64::max);
+        let seconds: f64 = scans.iter().map(|scan| scan.scanned_s).sum();
+        let gaps = scans
+            .iter()
+            .map(|scan| scan.gaps.figures.n)
+            .fold(0, u64::saturating_add);
         text.say(&format!(
             "  the core by itself stood still for {} at most ({} gaps of {} and more in {seconds:.0} s)",
             short_time(longest_us),
-            grouped(count),
+            grouped(gaps),
             short_time(first.threshold_us),
         ));
     }
@@ -171,9 +174,10 @@ fn inside(text: &mut Text, report: &JitterReport) {
         "Inside a cycle, µs (worst round)",
         ["mean", "p50", "p99", "p99.9", "least", "most"],
     );
-    let parts: [(&str, fn(&Round) -> &Summary); 3] = [
+    let parts: [(&str, fn(&Round) -> &Summary); 4] = [
+        ("  awake after its date", |round| &round.control.wake_up),
         ("  exchange with the drives", |round| &round.control.exchange),
-        ("  computing of motion", |round| &round.control.motion),
+        ("  drives, motion, set-points", |round| &round.control.compute),
         ("  free until the next cycle", |round| &round.control.free),
     ];
     for (name, of) in parts {

@@ -49,7 +49,7 @@ fn figures_stand_under_their_names() {
         ["<", "12", "<", "1", "20,000,000"]
     );
     assert_eq!(
-        cells(&text, "  computing of motion"),
+        cells(&text, "  drives, motion, set-points"),
         ["3.200", "3.200", "4.800", "6.400", "1.600", "12.80"]
     );
     assert!(text.contains("cyclictest is not installed"), "{text}");
