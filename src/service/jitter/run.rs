@@ -92,14 +92,16 @@ impl FarEnd<'_> {
 /// # Errors
 /// Nothing could be measured.
 pub fn run(wanted: &Wanted<'_>) -> anyhow::Result<JitterReport> {
-    let Wanted { config, cycles, .. } = *wanted;
+    let cycles = wanted.cycles;
+    // The first round finds the timing, the others keep it.
+    let mut config = wanted.config.clone();
     if cycles == 0 {
         bail!("0 cycles: expected 1 or more");
     }
     let rounds = u64::from(wanted.rounds.max(1)).min(cycles);
     let mut report = empty_report(wanted, rounds as u32);
     let planned_s: f64 = (0..rounds)
-        .map(|round| plan(config, share(cycles, rounds, round)).iter().sum::<f64>())
+        .map(|round| plan(&config, share(cycles, rounds, round)).iter().sum::<f64>())
         .sum();
     let mut bar = Bar::new(wanted.quiet, planned_s);
     for number in 0..rounds {
@@ -109,7 +111,7 @@ pub fn run(wanted: &Wanted<'_>) -> anyhow::Result<JitterReport> {
             rounds: rounds as u32,
             cycles: share(cycles, rounds, number),
         }
-        .run(&mut bar, &mut report);
+        .run(&mut config, &mut bar, &mut report);
         match round {
             Ok(round) => {
                 bar.say(&one_line(&round, rounds));
@@ -192,8 +194,7 @@ struct Measured<'a> {
 }
 
 impl Measured<'_> {
-    fn run(&self, bar: &mut Bar, report: &mut JitterReport) -> anyhow::Result<Round> {
-        let config = self.wanted.config;
+    fn run(&self, config: &mut Config, bar: &mut Bar, report: &mut JitterReport) -> anyhow::Result<Round> {
         let mut round = Round {
             number: self.number,
             began: utc_now(),
@@ -202,14 +203,16 @@ impl Measured<'_> {
         let [around_s, program_s, floor_s] = plan(config, self.cycles);
         let name = |part: &str| format!("round {} of {}: {part}", self.number, self.rounds);
         let core = {
-            let ran_up = name("network, homing");
-            bar.show(&ran_up, 0.0);
+            // The first round warns of what the PC lacks and tells its timing, and must have the lines for itself.
+            if self.number > 1 {
+                bar.show(&name("network, homing"), 0.0);
+            }
             let running = name("program");
             let mut progress = |cycles: u64| {
                 let share = cycles as f64 / self.cycles as f64;
                 bar.show(&running, around_s + program_s * share.min(1.0));
             };
-            self.program(&mut round, report, &mut progress)?
+            self.program(config, &mut round, report, &mut progress)?
         };
         bar.part_over(around_s + program_s);
         if self.wanted.signal.caught().is_none() {
@@ -238,12 +241,12 @@ impl Measured<'_> {
     /// The control with its program; gives the core of its real-time threads.
     fn program(
         &self,
+        config: &mut Config,
         round: &mut Round,
         report: &mut JitterReport,
         progress: &mut dyn FnMut(u64),
     ) -> anyhow::Result<usize> {
         let Wanted {
-            config,
             program,
             far_end,
             ref signal,
@@ -270,7 +273,14 @@ impl Measured<'_> {
 
         let findings = ended.findings.iter().map(ToString::to_string).collect();
         report.pc = Facts::below("/").pc(ended.cpu, findings);
-        report.settings.keep_awake = ended.kept_awake.name().into();
+        let settings = &mut report.settings;
+        settings.keep_awake = ended.kept_awake.name().into();
+        settings.phase_us = ended.calibration.phase_us.value;
+        settings.spin_us = ended.calibration.spin_us.value;
+        if self.number == 1 {
+            settings.calibration = ended.calibration.to_string().lines().map(str::to_owned).collect();
+            config.rt = ended.calibration.applied(&config.rt);
+        }
         if !window.was_open() {
             match ended.operator.alarms().first() {
                 Some(alarm) => bail!("the program did not run: {}", alarm.cause),
