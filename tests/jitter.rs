@@ -23,8 +23,8 @@ const CYCLES: u64 = 4_000;
 /// Cycles by which windows of the control and the analyser may differ: both are begun and ended by ordinary threads.
 const EDGES: u64 = 700;
 
-/// Some 0.6 s of motion that ends where it begins.
-const SHORT: &str = "G21 G90 G94 G54 G64 P0.01\nG0 X5 Y5 Z0\nG1 X15 F3000\nG3 X20 Y10 J5\nG0 X-20 Y-20 Z60\nM2\n";
+/// Less than a second of motion that begins and ends where the machine stands after homing.
+const SHORT: &str = "G21 G90 G94 G54 G64 P0.01\nG0 X-20 Y-20 Z60\nG1 X-15 F3000\nG3 X-10 Y-15 J5\nG0 X-20 Y-20\nM2\n";
 
 /// A folder that every user may enter and write.
 fn folder() -> TempDir {
@@ -193,6 +193,8 @@ fn ctrl_c_keeps_what_was_measured() {
         let lines = BufReader::new(process.stdout.take().expect("a pipe")).lines();
         let runs = lines.map_while(Result::ok).any(|line| line.contains("program"));
         if runs {
+            // The line comes with the first cycles that count.
+            std::thread::sleep(Duration::from_secs(2));
             nix::sys::signal::killpg(Pid::from_raw(process.id() as i32), Signal::SIGINT).expect("our own child");
         }
         let output = process.wait_with_output().expect("our own child");

@@ -4,14 +4,15 @@ use crate::config;
 use crate::service::analyser::listen;
 use crate::service::jitter::report::Ended;
 use crate::service::jitter::run::{FarEnd, Wanted};
-use crate::service::jitter::{self, JitterReport, program};
+use crate::service::jitter::table::table;
+use crate::service::jitter::{output, program, run};
 use crate::service::netns;
 use crate::service::process::Program;
 use crate::service::progress::say;
 use crate::service::signals::{self, StopSignal};
 use anyhow::{Context, ensure};
 use clap::Args;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 const MACHINE: &str = include_str!("../../configs/mill3-demo.toml");
@@ -19,7 +20,6 @@ const MACHINE: &str = include_str!("../../configs/mill3-demo.toml");
 const INTERFACES: [&str; 2] = ["plk0", "plk1"];
 /// Cycles where nothing is said: with the floor beside them about a minute and a half.
 const CYCLES: u64 = 15_000;
-const REPORT: &str = "jitter.json";
 
 /// Arguments of `jitter`.
 #[derive(Debug, Args)]
@@ -63,7 +63,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
         return be_the_analyser(args);
     }
     let signal = StopSignal::install().context("signals")?;
-    std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
+    output::prepare(&args.out)?;
     let machine = match &args.machine {
         Some(path) => path.clone(),
         None => {
@@ -124,12 +124,12 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
         signal: signal.clone(),
         quiet: args.json,
     };
-    let report = jitter::run::run(&wanted)?;
-    write(&args.out, &report)?;
+    let report = run::run(&wanted)?;
+    output::write(&args.out, &report)?;
     if args.json {
-        say(&format!("{}\n", serde_json::to_string_pretty(&report)?));
+        say(&format!("{}\n", serde_json::to_string(&report)?));
     } else {
-        say(&format!("\nreport                 {}\n", args.out.display()));
+        say(&format!("\n{}\n\nreport in {}\n", table(&report), args.out.display()));
     }
     Ok(match (report.result, signal.caught()) {
         (Ended::Cut, Some(signal)) => ExitCode::from(signals::exit_code(signal)),
@@ -148,12 +148,4 @@ fn be_the_analyser(args: &JitterArgs) -> anyhow::Result<ExitCode> {
         cycles: args.cycles,
         json: args.json,
     })
-}
-
-fn write(out: &Path, report: &JitterReport) -> anyhow::Result<()> {
-    let put = |name: &str, text: String| {
-        let path = out.join(name);
-        std::fs::write(&path, text).with_context(|| path.display().to_string())
-    };
-    put(REPORT, serde_json::to_string_pretty(report)?)
 }

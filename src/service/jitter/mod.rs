@@ -13,6 +13,7 @@ pub mod cyclictest;
 pub mod distribution;
 pub mod floor;
 pub mod goals;
+pub mod output;
 pub mod pc;
 mod processes;
 pub mod program;
