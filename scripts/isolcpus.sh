@@ -8,6 +8,8 @@
 # The parts are in the folder isolcpus/ beside this file.
 set -euo pipefail
 export LC_ALL=C
+# What is written is for all to read, whatever the caller keeps to himself.
+umask 022
 PATH=$PATH:/usr/sbin:/sbin
 here=$(cd "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")" && pwd)
 # shellcheck source=isolcpus/cpus.sh
