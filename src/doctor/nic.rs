@@ -12,6 +12,11 @@ pub(super) fn present<'a>(pc: &'a Pc<'_>) -> Option<&'a str> {
     (is_interface_name(name) && pc.exists(&format!("/sys/class/net/{name}"))).then_some(name)
 }
 
+/// Whether it is made by software (veth, TAP): it has no link of its own.
+fn is_virtual(pc: &Pc<'_>, name: &str) -> bool {
+    !pc.exists(&format!("/sys/class/net/{name}/device"))
+}
+
 /// Whether it can be the name of an interface, and so part of a path.
 pub fn is_interface_name(name: &str) -> bool {
     (1..16).contains(&name.len())
@@ -113,6 +118,9 @@ pub(super) fn driver(pc: &Pc<'_>) -> Option<Look> {
 /// Speed and duplex of the link.
 pub(super) fn speed(pc: &Pc<'_>) -> Option<Look> {
     let name = present(pc)?;
+    if is_virtual(pc, name) {
+        return Some(Look::ok("no device: no wire"));
+    }
     let file = |file: &str| format!("/sys/class/net/{name}/{file}");
     let speed = match pc.number(&file("speed")) {
         Ok(speed) if speed > 0 => speed,
@@ -262,7 +270,10 @@ pub(super) fn interrupt_thread(pc: &Pc<'_>) -> Option<Look> {
 /// Whether the PCI Express link of the NIC sleeps.
 pub(super) fn link_power(pc: &Pc<'_>) -> Option<Look> {
     const FILE: &str = "/sys/module/pcie_aspm/parameters/policy";
-    present(pc)?;
+    let name = present(pc)?;
+    if is_virtual(pc, name) {
+        return Some(Look::ok("no device: no link"));
+    }
     if pc.boot_value("pcie_aspm").ok().flatten().as_deref() == Some("off") {
         return Some(Look::ok("pcie_aspm=off"));
     }

@@ -335,6 +335,8 @@ pub(super) const CASES: &[Case] = &[
     unknown("interrupt thread", "tells no priority").with(&[("/proc/77/stat", "77 (irq")]),
     unknown("interrupt thread", "hidden").without(&["/proc/2"]),
 
+    ok("speed", "no device").without(&["/sys/class/net/eth1/device"]),
+    ok("PCIe link power", "no device").without(&["/sys/class/net/eth1/device"]),
     missing("PCIe link power", "default", APPLY)
         .with(&[("/sys/module/pcie_aspm/parameters/policy", "[default] performance powersave")]),
     ok("PCIe link power", "pcie_aspm=off").without(&["/sys/module"]).with(&[("/proc/cmdline", "pcie_aspm=off")]),
