@@ -306,7 +306,7 @@ fn the_time_out_thread_never_allocates() {
                     watch.end_poll();
                     watch.end_async();
                 }
-                watch.end_cycle(cycle);
+                watch.end_cycle(cycle, true);
             }
             watchdog.tick(now_ns, |report| full += u64::from(reports.push(report).is_err()));
         }

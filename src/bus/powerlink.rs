@@ -61,7 +61,9 @@ pub struct Powerlink<'a, L, const NODES: usize> {
     ready: bool,
     /// When the SoC of this cycle was sent.
     soc_ns: Option<u64>,
-    outstanding: Option<(u8, u64)>,
+    /// What the time-out thread was told: node and date.
+    awaited_poll: Option<(u8, u64)>,
+    awaited_slot: Option<(u8, u64)>,
     node_ids: Box<[u8]>,
     /// Values of SDO commands; those that are missing are with the managing node.
     sdo_buffers: [Option<&'a mut [u8]>; SDO_ORDERS],
@@ -92,7 +94,8 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
             link_error: None,
             ready: false,
             soc_ns: None,
-            outstanding: None,
+            awaited_poll: None,
+            awaited_slot: None,
             // They go to the managing node and back, which borrows them for as long as its configuration: they are never freed.
             sdo_buffers: std::array::from_fn(|_| Some(&mut *vec![0; SDO_VALUE_MAX].leak())),
             reported: BusState::Down,
@@ -129,18 +132,25 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
         &self.mn
     }
 
-    /// Tells the time-out thread which answer is awaited, if that has changed.
-    fn show_outstanding(&mut self) {
-        let outstanding = self.mn.outstanding();
-        if outstanding == self.outstanding {
-            return;
+    /// Tells the time-out thread which answers are awaited, if that has changed. Whether it was quicker to give one up does
+    /// not matter here: the managing node judges by its own clock.
+    fn show_awaited(&mut self) {
+        let poll = self.mn.outstanding();
+        if poll != self.awaited_poll {
+            match poll {
+                Some((node, deadline_ns)) => self.watch.begin_poll(node, deadline_ns),
+                None => _ = self.watch.end_poll(),
+            }
+            self.awaited_poll = poll;
         }
-        match outstanding {
-            Some((node, deadline_ns)) => self.watch.begin_poll(node, deadline_ns),
-            // Whether the time-out thread was quicker does not matter here: the managing node judges by its own clock.
-            None => _ = self.watch.end_poll(),
+        let slot = self.mn.awaited_slot();
+        if slot != self.awaited_slot {
+            match slot {
+                Some((node, deadline_ns)) => self.watch.begin_async(node, deadline_ns),
+                None => _ = self.watch.end_async(),
+            }
+            self.awaited_slot = slot;
         }
-        self.outstanding = outstanding;
     }
 
     /// The event in the words of the control; `None` for what it has no use for.
@@ -220,17 +230,20 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
                     }
                     continue;
                 }
-                Step::IsochronousDone if stop_at_isochronous_end => return,
+                Step::IsochronousDone if stop_at_isochronous_end => {
+                    self.show_awaited();
+                    return;
+                }
                 Step::IsochronousDone => now_ns,
                 Step::WaitUntil(time_ns) => time_ns.min(deadline_ns),
                 Step::Idle => deadline_ns,
             };
-            self.show_outstanding();
+            self.show_awaited();
             match self.link.receive(&mut self.buffer, wait_ns) {
                 Ok(Some(received)) => {
                     let now_ns = self.link.now_ns();
                     self.mn.receive(now_ns, &self.buffer[..received.length]);
-                    self.show_outstanding();
+                    self.show_awaited();
                     // A wire that is flooded with frames must not keep this thread beyond its date.
                     if now_ns >= deadline_ns {
                         return;

@@ -175,6 +175,11 @@ impl<B: Fieldbus> Control<B> {
         self.state
     }
 
+    /// Whether the network is up, where nothing is awaited between the end of a cycle and the next one.
+    pub fn network_is_up(&self) -> bool {
+        self.bus.state() == BusState::Operational
+    }
+
     /// Notices that found their ring full.
     pub fn notices_lost(&self) -> u64 {
         self.notices_lost

@@ -58,7 +58,7 @@ pub fn run<B: Fieldbus>(
         watch.begin_cycle(cycle, deadline_ns);
         let next_ns = deadline_ns + grid.period_ns;
         let report = control.cycle(woke_ns - deadline_ns, skipped, next_ns - spin_ns);
-        watch.end_cycle(cycle);
+        watch.end_cycle(cycle, control.network_is_up());
         let ended_ns = monotonic_ns();
         recorder.record(&CycleTimes {
             deadline_ns,

@@ -1,19 +1,27 @@
-//! The time-out thread: every 50 µs it looks at every time limit, while the cycle thread computes or sleeps.
+//! The time-out thread: every time limit is looked at within 50 µs of its end, while the cycle thread computes or sleeps.
 //!
 //! In:  what the cycle thread says of itself and of the frames it waits for, in [`Watch`] (atomics only).
 //! Out: a poll or async slot that is over is taken away from the cycle thread; late and hung cycles are reported; a hung
 //!      cycle thread may send no SoC any more, and the drives stop by its loss. Reports go through a fixed ring.
 //!
+//! Its ticks lie on a grid in whose gaps the cycle begins. It sleeps over those at which nothing can be due: a tick takes the
+//! core from the cycle thread, in a virtual machine for far longer than the thread itself runs (`benches/timeout.rs`).
+//!
 //! All decisions are in [`Limits`] and [`Watchdog::tick`], which know no clock; [`TimeoutThread`] gives them one.
 
 use super::setup::{Process, Role, STACK_SIZE, enter_thread};
 use super::wait::{Grid, monotonic_ns, thread_cpu_ns, wait_until};
+use crate::config::{Bus, KeepAwake, Rt};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 
 /// Ticks between two looks at the thread's own processor time, which cost a system call each.
 const CPU_TIME_TICKS: u64 = 1024;
+/// No tick comes nearer than this to the beginning of a cycle.
+const CLEAR_NS: u64 = 15_000;
+/// The thread looks at least this often whether it shall end, ns.
+const LOOK_AGAIN_NS: u64 = 10_000_000;
 /// Reports that fit the ring until somebody reads them; more are counted and dropped.
 pub const REPORTS: usize = 256;
 
@@ -27,6 +35,8 @@ pub struct Watch {
     cycle: AtomicU64,
     /// Number of the cycle that has ended last, plus 1.
     finished: AtomicU64,
+    /// No wait begins between that end and the next cycle.
+    rests: AtomicBool,
     /// Outstanding waits: date in the upper 56 bits, node in the lower 8; 0: none. Whoever sets one to 0 has decided it.
     poll: AtomicU64,
     async_slot: AtomicU64,
@@ -68,8 +78,9 @@ impl Watch {
         self.deadline_ns.store(deadline_ns, Ordering::Release);
     }
 
-    /// RT: the cycle thread has done everything of a cycle and goes to sleep.
-    pub fn end_cycle(&self, cycle: u64) {
+    /// RT: the cycle thread has done everything of a cycle and goes to sleep. `rests`: no wait begins before the next cycle.
+    pub fn end_cycle(&self, cycle: u64, rests: bool) {
+        self.rests.store(rests, Ordering::Relaxed);
         self.finished.store(cycle + 1, Ordering::Release);
     }
 
@@ -188,19 +199,61 @@ pub struct Limits {
     pub late_ns: u64,
     /// A cycle thread that has missed this many cycles in a row hangs.
     pub hung_cycles: u32,
-    /// Period of the time-out thread itself.
+    /// Offset of the cycles from whole periods.
+    pub phase_ns: u64,
+    /// Distance of the dates at which the time-out thread may look: its resolution.
     pub tick_ns: u64,
+    /// No wait for a node is shorter; 0: unknown, so that every tick is needed.
+    pub shortest_wait_ns: u64,
+    /// Look at every tick, needed or not: keeps the core awake where nothing else does.
+    pub every_tick: bool,
 }
 
 impl Limits {
     /// Limits for a cycle and a tick: late by a quarter cycle; hung two cycles after the nodes have given up waiting for
-    /// the SoC, which they do after `soc_lost_max` cycles.
+    /// the SoC, which they do after `soc_lost_max` cycles. Every tick is looked at.
     pub fn new(period_ns: u64, tick_ns: u64, soc_lost_max: u32) -> Limits {
         Limits {
             period_ns,
             late_ns: period_ns / 4,
-            hung_cycles: soc_lost_max + 2,
+            hung_cycles: soc_lost_max.saturating_add(2),
+            phase_ns: 0,
             tick_ns,
+            shortest_wait_ns: 0,
+            every_tick: true,
+        }
+    }
+
+    /// The limits of a machine whose cycle runs on this grid, `rt` as it was found best for this PC.
+    pub fn of(bus: &Bus, rt: &Rt, cycle: Grid) -> Limits {
+        let waits_us = bus.nodes.iter().map(|node| node.pres_timeout_us);
+        let shortest_us = waits_us.fold(bus.async_slot_timeout_us, u32::min);
+        Limits {
+            phase_ns: cycle.phase_ns,
+            shortest_wait_ns: u64::from(shortest_us) * 1000,
+            every_tick: rt.keep_awake == Some(KeepAwake::None),
+            ..Limits::new(
+                cycle.period_ns,
+                u64::from(rt.timeout_us) * 1000,
+                bus.soc_lost_max,
+            )
+        }
+    }
+
+    /// RT: the first date of a tick at or after `from_ns`. Ticks lie in the middle between the multiples of their distance
+    /// from the beginning of a cycle; one that would meet a beginning all the same, because the distance does not divide
+    /// the cycle, waits until it has passed.
+    pub fn tick_at_or_after(&self, from_ns: u64) -> u64 {
+        let ceil = |from_ns: u64, period_ns: u64, phase_ns: u64| {
+            let phase_ns = phase_ns % period_ns;
+            phase_ns + from_ns.saturating_sub(phase_ns).div_ceil(period_ns) * period_ns
+        };
+        let tick_ns = ceil(from_ns, self.tick_ns, self.phase_ns + self.tick_ns / 2);
+        let beginning_ns = ceil(tick_ns.saturating_sub(CLEAR_NS), self.period_ns, self.phase_ns);
+        if beginning_ns < tick_ns + CLEAR_NS {
+            beginning_ns + CLEAR_NS
+        } else {
+            tick_ns
         }
     }
 }
@@ -210,6 +263,8 @@ pub struct Watchdog {
     watch: Arc<Watch>,
     limits: Limits,
     last_tick_ns: u64,
+    /// What the last tick gave as the date of the next one.
+    due_ns: u64,
     /// Date of the cycle that is watched, and what has been seen of its successor since.
     deadline_ns: u64,
     late_reported: bool,
@@ -226,6 +281,7 @@ impl Watchdog {
             watch,
             limits,
             last_tick_ns: 0,
+            due_ns: 0,
             deadline_ns: 0,
             late_reported: false,
             hung_reported: false,
@@ -233,34 +289,45 @@ impl Watchdog {
         }
     }
 
-    /// RT: looks at every limit. At most four reports; no system call, no lock, no allocation.
-    pub fn tick(&mut self, now_ns: u64, mut report: impl FnMut(Report)) {
-        let watch = &*self.watch;
-        watch.ticks.fetch_add(1, Ordering::Relaxed);
+    /// RT: looks at every limit and gives the date by which to look again. At most four reports; no system call, no lock, no
+    /// allocation.
+    pub fn tick(&mut self, now_ns: u64, mut report: impl FnMut(Report)) -> u64 {
+        self.watch.ticks.fetch_add(1, Ordering::Relaxed);
         let mut report = |event| report(Report { at_ns: now_ns, event });
-        if let Some(node) = take_expired(&watch.poll, now_ns) {
-            watch.polls_lost.fetch_add(1, Ordering::Relaxed);
+        if let Some(node) = take_expired(&self.watch.poll, now_ns) {
+            self.watch.polls_lost.fetch_add(1, Ordering::Relaxed);
             report(Event::PresTimeout { node });
         }
-        if let Some(node) = take_expired(&watch.async_slot, now_ns) {
-            watch.async_lost.fetch_add(1, Ordering::Relaxed);
+        if let Some(node) = take_expired(&self.watch.async_slot, now_ns) {
+            self.watch.async_lost.fetch_add(1, Ordering::Relaxed);
             report(Event::AsyncTimeout { node });
         }
-
-        let deadline_ns = watch.deadline_ns.load(Ordering::Acquire);
-        let since_last_ns = now_ns.saturating_sub(self.last_tick_ns);
+        let overdue = self.watch_cycle(now_ns, &mut report);
         self.last_tick_ns = now_ns;
+        self.due_ns = if overdue || self.limits.every_tick {
+            now_ns + self.limits.tick_ns
+        } else {
+            self.next_due(now_ns)
+        };
+        self.due_ns
+    }
+
+    /// Looks whether the next cycle has begun in time; whether it is overdue and the cycle thread not yet given up.
+    fn watch_cycle(&mut self, now_ns: u64, report: &mut impl FnMut(Event)) -> bool {
+        let watch = &*self.watch;
+        let deadline_ns = watch.deadline_ns.load(Ordering::Acquire);
         if deadline_ns != self.deadline_ns {
             self.deadline_ns = deadline_ns;
             (self.late_reported, self.hung_reported, self.observed_ns) = (false, false, 0);
         }
         let due_ns = deadline_ns + self.limits.period_ns;
         if deadline_ns == 0 || now_ns <= due_ns {
-            return;
+            return false;
         }
         let overdue_ns = now_ns - due_ns;
-        // A tick that came late has observed no more than the two periods around it.
-        self.observed_ns += since_last_ns.min(2 * self.limits.tick_ns).min(overdue_ns);
+        // A tick that came late has observed no more than up to one tick behind its own date.
+        let observed_to_ns = now_ns.min(self.due_ns + self.limits.tick_ns);
+        self.observed_ns += observed_to_ns.saturating_sub(self.last_tick_ns).min(overdue_ns);
         let cycle = watch.cycle.load(Ordering::Relaxed);
         if overdue_ns > self.limits.late_ns && !self.late_reported {
             self.late_reported = true;
@@ -277,6 +344,31 @@ impl Watchdog {
             watch.soc_forbidden.store(true, Ordering::Release);
             report(Event::CycleHung { cycle, overdue_ns });
         }
+        !self.hung_reported
+    }
+
+    /// The date before which no limit can be over.
+    ///
+    /// A wait that is open now ends at its own date. One that begins after this tick ends no sooner than the shortest of
+    /// all waits, and is seen open by then. So each is looked at within one tick of its end, however few ticks there are.
+    fn next_due(&self, now_ns: u64) -> u64 {
+        let watch = &*self.watch;
+        let cycle_due_ns = self.deadline_ns + self.limits.period_ns;
+        let resting = self.deadline_ns != 0
+            && watch.finished.load(Ordering::Acquire) > watch.cycle.load(Ordering::Relaxed)
+            && watch.rests.load(Ordering::Relaxed);
+        let new_waits_from_ns = if resting { now_ns.max(cycle_due_ns) } else { now_ns };
+        let mut due_ns = new_waits_from_ns + self.limits.shortest_wait_ns;
+        if self.deadline_ns != 0 {
+            due_ns = due_ns.min(cycle_due_ns + self.limits.late_ns);
+        }
+        for wait in [&watch.poll, &watch.async_slot] {
+            match wait.load(Ordering::Acquire) {
+                0 => {}
+                waiting => due_ns = due_ns.min(waiting >> 8),
+            }
+        }
+        due_ns.clamp(now_ns + 1, now_ns + LOOK_AGAIN_NS)
     }
 }
 
@@ -338,18 +430,13 @@ impl Drop for TimeoutThread {
 
 /// RT: the loop of the thread.
 fn run(stop: &AtomicBool, watch: Arc<Watch>, limits: Limits, reports: &mut rtrb::Producer<Report>) {
-    let grid = Grid {
-        period_ns: limits.tick_ns,
-        phase_ns: 0,
-        late_max_ns: limits.tick_ns / 2,
-    };
     let mut watchdog = Watchdog::new(watch.clone(), limits);
     let start_ns = monotonic_ns();
-    let mut deadline_ns = grid.first_after(start_ns);
+    let mut date_ns = limits.tick_at_or_after(start_ns);
     let mut ticks = 0u64;
     while !stop.load(Ordering::Acquire) {
-        let now_ns = wait_until(deadline_ns, 0);
-        watchdog.tick(now_ns, |report| {
+        let now_ns = wait_until(date_ns, 0);
+        let due_ns = watchdog.tick(now_ns, |report| {
             if reports.push(report).is_err() {
                 watch.reports_dropped.fetch_add(1, Ordering::Relaxed);
             }
@@ -359,9 +446,10 @@ fn run(stop: &AtomicBool, watch: Arc<Watch>, limits: Limits, reports: &mut rtrb:
             watch.cpu_ns.store(thread_cpu_ns(), Ordering::Relaxed);
             watch.wall_ns.store(now_ns - start_ns, Ordering::Relaxed);
         }
-        let next = grid.next(deadline_ns, now_ns);
-        watch.missed_ticks.fetch_add(next.skipped, Ordering::Relaxed);
-        deadline_ns = next.deadline_ns;
+        // Later than half a tick: the ticks that would have been there meanwhile are missed, needed or not.
+        let missed = (now_ns - date_ns + limits.tick_ns / 2) / limits.tick_ns;
+        watch.missed_ticks.fetch_add(missed, Ordering::Relaxed);
+        date_ns = limits.tick_at_or_after(due_ns.max(date_ns + 1));
     }
 }
 
@@ -373,7 +461,10 @@ mod tests {
         period_ns: 1_000_000,
         late_ns: 250_000,
         hung_cycles: 5,
+        phase_ns: 0,
         tick_ns: 50_000,
+        shortest_wait_ns: 0,
+        every_tick: true,
     };
 
     struct Rig {
@@ -449,7 +540,7 @@ mod tests {
         for cycle in 1..=100 {
             rig.watch.begin_cycle(cycle, cycle * 1_000_000);
             rig.run(cycle * 1_000_000, cycle * 1_000_000 + 400_000);
-            rig.watch.end_cycle(cycle);
+            rig.watch.end_cycle(cycle, true);
             rig.run(cycle * 1_000_000 + 400_000, (cycle + 1) * 1_000_000);
         }
         assert_eq!(rig.take(), []);
@@ -468,7 +559,7 @@ mod tests {
         };
         assert_eq!(rig.take(), [(9_300_000, late)]);
         rig.watch.begin_cycle(10, 10_000_000);
-        rig.watch.end_cycle(10);
+        rig.watch.end_cycle(10, true);
         rig.run(10_000_000, 11_600_000);
         let late = Event::CycleLate {
             cycle: 11,
@@ -531,9 +622,169 @@ mod tests {
         assert!(rig.watch.soc_allowed());
     }
 
+    /// Limits of the demo's machine.
+    const SPARING: Limits = Limits {
+        phase_ns: 375_000,
+        shortest_wait_ns: 120_000,
+        every_tick: false,
+        ..LIMITS
+    };
+
+    #[test]
+    fn ticks_lie_between_the_beginnings_of_cycles() {
+        let dates = |limits: Limits| {
+            let mut date_ns = limits.tick_at_or_after(0);
+            let mut dates = Vec::new();
+            while date_ns < 7_000_000 {
+                dates.push(date_ns);
+                let next_ns = limits.tick_at_or_after(date_ns + 1);
+                assert!(next_ns > date_ns && next_ns - date_ns <= limits.tick_ns + 2 * CLEAR_NS);
+                date_ns = next_ns;
+            }
+            dates
+        };
+        let regular = dates(SPARING);
+        assert_eq!(regular[..2], [0, 50_000], "25 us from 375 us");
+        assert!(regular.windows(2).all(|pair| pair[1] - pair[0] == 50_000));
+        // Ticks that do not divide the cycle, and ones that are hardly longer than what is kept clear.
+        for (period_ns, tick_ns) in [
+            (1_000_000, 70_000),
+            (333_000, 50_000),
+            (1_000_000, 31_000),
+            (250_000, 20_000),
+        ] {
+            let limits = Limits {
+                period_ns,
+                tick_ns,
+                ..SPARING
+            };
+            for date_ns in dates(limits) {
+                let phase_ns = limits.phase_ns % period_ns;
+                let behind_ns = (date_ns + period_ns - phase_ns) % period_ns;
+                assert!(
+                    behind_ns >= CLEAR_NS && period_ns - behind_ns >= CLEAR_NS,
+                    "{date_ns} in {limits:?}"
+                );
+            }
+        }
+    }
+
+    /// What a cycle thread does at a date.
+    #[derive(Clone, Copy, Debug)]
+    enum Act {
+        BeginCycle(u64),
+        EndCycle(u64),
+        BeginPoll(u8, u64),
+        EndPoll,
+        BeginAsync(u8, u64),
+    }
+
+    /// Ticks as the thread does, over what a cycle thread does; gives the ticks and the reports.
+    fn play(limits: Limits, acts: &[(u64, Act)], to_ns: u64) -> (u64, Vec<(u64, Event)>) {
+        let mut rig = Rig::new();
+        rig.watchdog = Watchdog::new(rig.watch.clone(), limits);
+        let mut acts = acts.iter().peekable();
+        let mut date_ns = limits.tick_at_or_after(1_000_000);
+        let mut ticks = 0;
+        while date_ns < to_ns {
+            while let Some((_, act)) = acts.next_if(|(at_ns, _)| *at_ns <= date_ns) {
+                let watch = &rig.watch;
+                match *act {
+                    Act::BeginCycle(deadline_ns) => watch.begin_cycle(deadline_ns / 1_000_000, deadline_ns),
+                    Act::EndCycle(deadline_ns) => watch.end_cycle(deadline_ns / 1_000_000, true),
+                    Act::BeginPoll(node, due_ns) => watch.begin_poll(node, due_ns),
+                    Act::EndPoll => _ = watch.end_poll(),
+                    Act::BeginAsync(node, due_ns) => watch.begin_async(node, due_ns),
+                }
+            }
+            let due_ns = rig.watchdog.tick(date_ns, |report| rig.seen.push(report));
+            ticks += 1;
+            date_ns = limits.tick_at_or_after(due_ns.max(date_ns + 1));
+        }
+        (ticks, rig.take())
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn no_limit_is_looked_at_later_for_the_ticks_that_are_slept_over(
+            cycles in proptest::collection::vec(
+                (0_u64..60_000, proptest::collection::vec((120_000_u64..200_000, 0_u64..300_000), 0..4), 0_u64..2), 1..12),
+        ) {
+            let mut acts = Vec::new();
+            let mut lost = Vec::new();
+            let mut end_ns = 0;
+            for (k, (late_ns, polls, slot)) in cycles.iter().enumerate() {
+                let deadline_ns = (k as u64 + 2) * 1_000_000 + SPARING.phase_ns;
+                let mut now_ns = deadline_ns + late_ns;
+                acts.push((now_ns, Act::BeginCycle(deadline_ns)));
+                for (node, (wait_ns, answer_ns)) in (1..).zip(polls) {
+                    let due_ns = now_ns + wait_ns;
+                    acts.push((now_ns, Act::BeginPoll(node, due_ns)));
+                    // One that stays unanswered is left behind only when it has been looked at.
+                    let end_ns = if answer_ns < wait_ns { now_ns + answer_ns } else { due_ns + SPARING.tick_ns };
+                    if answer_ns >= wait_ns {
+                        lost.push((due_ns, Event::PresTimeout { node }));
+                    }
+                    acts.push((end_ns, Act::EndPoll));
+                    now_ns = end_ns + 1;
+                    if now_ns + 450_000 > deadline_ns + 1_000_000 {
+                        break;
+                    }
+                }
+                if *slot == 1 {
+                    acts.push((now_ns, Act::BeginAsync(9, now_ns + 150_000)));
+                    lost.push((now_ns + 150_000, Event::AsyncTimeout { node: 9 }));
+                }
+                acts.push((now_ns + 10_000, Act::EndCycle(deadline_ns)));
+                end_ns = deadline_ns + 999_000;
+            }
+            let (_, seen) = play(SPARING, &acts, end_ns);
+            proptest::prop_assert_eq!(seen.len(), lost.len(), "{:?} {:?}", seen, lost);
+            for ((seen_ns, seen), (due_ns, lost)) in seen.iter().zip(&lost) {
+                proptest::prop_assert_eq!(seen, lost);
+                proptest::prop_assert!(seen_ns >= due_ns && seen_ns - due_ns <= SPARING.tick_ns, "{} for {}", seen_ns, due_ns);
+            }
+        }
+    }
+
+    #[test]
+    fn ticks_at_which_nothing_can_be_due_are_slept_over_and_lateness_and_hang_are_seen_all_the_same() {
+        let mut acts = Vec::new();
+        for cycle in 2..102 {
+            let deadline_ns = cycle * 1_000_000 + SPARING.phase_ns;
+            acts.push((deadline_ns, Act::BeginCycle(deadline_ns)));
+            for poll in 0..3 {
+                let now_ns = deadline_ns + poll * 30_000;
+                acts.push((now_ns, Act::BeginPoll(poll as u8 + 1, now_ns + 120_000)));
+                acts.push((now_ns + 25_000, Act::EndPoll));
+            }
+            acts.push((deadline_ns + 95_000, Act::EndCycle(deadline_ns)));
+        }
+        let (ticks, seen) = play(SPARING, &acts, 102_300_000);
+        assert_eq!(seen, []);
+        assert!(ticks < 350, "{ticks} ticks in 100 cycles of 20");
+        // Then it hangs: late by a quarter of a cycle, hung once five cycles have gone by.
+        let (_, seen) = play(SPARING, &acts, 120_000_000);
+        let last_ns = 101_375_000;
+        let [
+            (late_ns, Event::CycleLate { cycle: 102, .. }),
+            (hung_ns, Event::CycleHung { cycle: 101, .. }),
+        ] = seen[..]
+        else {
+            panic!("{seen:?}");
+        };
+        assert!(
+            (last_ns + 1_250_000..=last_ns + 1_350_000).contains(&late_ns),
+            "{late_ns}"
+        );
+        assert!(
+            (last_ns + 6_000_000..=last_ns + 6_200_000).contains(&hung_ns),
+            "{hung_ns}"
+        );
+    }
+
     #[test]
     fn the_thread_ticks_reports_and_ends() {
-        use crate::config::{KeepAwake, Rt};
         let rt = Rt {
             keep_awake: Some(KeepAwake::None),
             lock_memory: false,

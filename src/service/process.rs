@@ -222,7 +222,7 @@ fn run_on<L: Link + Send>(
     };
     let stop = AtomicBool::new(false);
     let (figures, path) = std::thread::scope(|scope| -> anyhow::Result<_> {
-        let limits = Limits::new(grid.period_ns, u64::from(rt.timeout_us) * 1000, config.bus.soc_lost_max);
+        let limits = Limits::of(&config.bus, &rt, grid);
         let timeouts = TimeoutThread::spawn(Arc::clone(process), Arc::clone(&watch), limits, reports)?;
         let cycle = std::thread::Builder::new()
             .name("rt-cycle".into())

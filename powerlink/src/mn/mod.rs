@@ -66,7 +66,7 @@ use network::{Gate, Reduced, ToAll};
 use node::{Network, Node};
 use objects::RequestCommand;
 use server::{Guest, OwnServer};
-use slot::{Shutdown, Turn};
+use slot::{Grant, Shutdown, Turn};
 
 /// NoService SoAs at the start of PRE_OPERATIONAL_1 that wake the nodes (C_DLL_PREOP1_START_CYCLES).
 const WAKE_SOAS: u8 = 10;
@@ -368,6 +368,20 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             return None;
         };
         Some((self.node(index)?.config.id, deadline_ns))
+    }
+
+    /// The node (id) that has the asynchronous slot of this cycle and when the slot is over; for a thread that watches this one.
+    /// `None` also where slots follow each other without cycles: there a slot that stays empty is how the network is searched.
+    pub fn awaited_slot(&self) -> Option<(u8, u64)> {
+        let Phase::AwaitAsnd { grant, deadline_ns, .. } = self.phase else {
+            return None;
+        };
+        let id = match grant {
+            Grant::Node { index, .. } => self.node(index)?.config.id,
+            Grant::Guest { .. } => wire::node::DIAGNOSTIC,
+            Grant::Nobody | Grant::Own(_) => return None,
+        };
+        self.state.is_isochronous().then_some((id, deadline_ns))
     }
 
     fn node(&self, index: usize) -> Option<&Node<'a>> {
