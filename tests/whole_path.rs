@@ -476,6 +476,49 @@ fn late_cycles_cost_time_and_no_jump() {
     }
 }
 
+#[test]
+fn many_overruns_are_told_of_and_too_many_stop_the_machine_on_the_path() {
+    let mut config = machine();
+    (config.rt.overruns_warn, config.rt.overruns_stop) = (5, 20);
+    // Every so many cycles one is late by more than is kept.
+    let mut run_late = |every: u64, outcome: Outcome| {
+        rehearse_on(&config, NetConfig::clean(21), PART, |run| {
+            reach_midst(run);
+            let mut cycle = 0;
+            while run.operator.outcome().is_none() {
+                cycle += 1;
+                let late_ns = if run.control.state() == State::Running && cycle % every == 0 {
+                    300_000
+                } else {
+                    0
+                };
+                run.cycle(late_ns).expect("a good program");
+            }
+            assert_eq!(run.operator.outcome(), Some(outcome), "{}", journal(run));
+            let commands = commands(run);
+            assert_within_limits(&commands, outcome == Outcome::Faulted);
+            assert_on_path(run);
+            assert_ends_at_rest(&commands);
+            let told = journal(run)
+                .matches("warning: 6 of the last 1000 cycles were left out")
+                .count();
+            let alarms: Vec<String> = run.operator.alarms().iter().map(|alarm| alarm.cause.clone()).collect();
+            (told, alarms, run.operator.late_cycles())
+        })
+    };
+    let (told, alarms, late) = run_late(400, Outcome::Completed);
+    assert_eq!((told, alarms.len()), (0, 0));
+    assert!(late > 0);
+    let (told, alarms, _) = run_late(60, Outcome::Completed);
+    assert_eq!((told, alarms.len()), (1, 0));
+    let (told, alarms, late) = run_late(20, Outcome::Faulted);
+    assert_eq!((told, late), (1, 21));
+    assert!(
+        alarms[0].starts_with("21 of the last 1000 cycles were left out"),
+        "{alarms:?}"
+    );
+}
+
 /// A wave of short lines, far more of them than the planner takes at a time.
 fn wave(lines: u32) -> String {
     let mut text = String::from("G21 G90 G94 G54 G64 P0.01\nG0 X0 Y50 Z0\nG1 F6000\n");

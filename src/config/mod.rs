@@ -188,6 +188,8 @@ fn rt(mut section: Section<'_, '_>, cycle_us: Option<u32>) -> Option<Rt> {
         &[KeepAwake::DmaLatency, KeepAwake::IdleThread, KeepAwake::None].map(|choice| (choice.name(), choice)),
     );
     let calibrate = section.flag("calibrate", defaults.calibrate);
+    let overruns_warn = section.integer("overruns_warn", 0..=1000, i64::from(defaults.overruns_warn));
+    let overruns_stop = section.integer("overruns_stop", 0..=1000, i64::from(defaults.overruns_stop));
     let lock_memory = section.flag("lock_memory", defaults.lock_memory);
     let require = section.word(
         "require",
@@ -204,6 +206,8 @@ fn rt(mut section: Section<'_, '_>, cycle_us: Option<u32>) -> Option<Rt> {
         spin_us: spin_us?.map(|spin_us| spin_us as u32),
         keep_awake: keep_awake?,
         calibrate: calibrate?,
+        overruns_warn: overruns_warn? as u32,
+        overruns_stop: overruns_stop? as u32,
         lock_memory: lock_memory?,
         require: require?,
     })

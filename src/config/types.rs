@@ -59,6 +59,10 @@ pub struct Rt {
     pub keep_awake: Option<KeepAwake>,
     /// Measure what is best for the three above.
     pub calibrate: bool,
+    /// Cycles left out of a thousand above which the operator is warned; 0: never.
+    pub overruns_warn: u32,
+    /// Cycles left out of a thousand above which the machine stops with an alarm; 0: never.
+    pub overruns_stop: u32,
     /// Lock all memory.
     pub lock_memory: bool,
     /// What to do where something is missing.
@@ -75,6 +79,8 @@ impl Default for Rt {
             spin_us: None,
             keep_awake: None,
             calibrate: true,
+            overruns_warn: 5,
+            overruns_stop: 200,
             lock_memory: true,
             require: Require::Warn,
         }

@@ -6,6 +6,7 @@
 //! What is ridden out by itself is no fault: answers lost up to the limit are counted by the managing node, cycles that
 //! begin late by the cycle thread.
 
+use super::overruns::CYCLES;
 use crate::bus::NodeIndex;
 use cia402::axis::AxisFault;
 use powerlink::link::LinkError;
@@ -56,6 +57,16 @@ pub enum Fault {
         /// How many in a row.
         cycles: u64,
     },
+    /// More of the last thousand cycles were left out than one should have (`rt.overruns_warn`).
+    ManyOverruns {
+        /// How many.
+        cycles: u64,
+    },
+    /// More of the last thousand cycles were left out than is borne (`rt.overruns_stop`).
+    TooManyOverruns {
+        /// How many.
+        cycles: u64,
+    },
     /// The time-out thread took the cycle thread for hung and forbade further cycles.
     CycleHung,
     /// Another managing node is on the wire.
@@ -75,6 +86,8 @@ pub enum Fault {
 pub enum Reaction {
     /// Counts it and goes on.
     Count,
+    /// Tells the operator and goes on.
+    Warn,
     /// Stops all joints together within the stop limits, then quick stop of the drives; alarm, nothing moves again
     /// before it is acknowledged.
     ControlledStop,
@@ -91,12 +104,14 @@ impl Fault {
             | Fault::LinkFailed {
                 error: LinkError::NoBuffers,
             } => Reaction::Count,
+            Fault::ManyOverruns { .. } => Reaction::Warn,
             Fault::NodeLost { .. }
             | Fault::Drive { .. }
             | Fault::DriveWarning { .. }
             | Fault::FollowingError { .. }
             | Fault::SoftLimit { .. }
             | Fault::IllegalCommand { .. }
+            | Fault::TooManyOverruns { .. }
             | Fault::ForeignMaster { .. }
             | Fault::LinkFailed {
                 error: LinkError::Down | LinkError::FrameLength { .. } | LinkError::Os { .. },
@@ -109,13 +124,15 @@ impl Fault {
     /// behind it. Another managing node is no such thing: it is told of once and may only fall silent by itself.
     pub fn is_usual_in_boot(&self) -> bool {
         match self {
-            Fault::NodeLost { .. } | Fault::LinkFailed { .. } => true,
+            // A control that has just begun may miss cycles until everything of it has run once.
+            Fault::NodeLost { .. } | Fault::LinkFailed { .. } | Fault::TooManyOverruns { .. } => true,
             Fault::Drive { .. }
             | Fault::DriveWarning { .. }
             | Fault::FollowingError { .. }
             | Fault::SoftLimit { .. }
             | Fault::IllegalCommand { .. }
             | Fault::CyclesSkipped { .. }
+            | Fault::ManyOverruns { .. }
             | Fault::CycleHung
             | Fault::ForeignMaster { .. } => false,
         }
@@ -155,6 +172,13 @@ impl Fault {
                 )
             }
             Fault::CyclesSkipped { cycles } => format!("{cycles} cycles left out"),
+            Fault::ManyOverruns { cycles } => format!(
+                "{cycles} of the last {CYCLES} cycles were left out: `isocnc doctor` says what keeps this PC from real time"
+            ),
+            Fault::TooManyOverruns { cycles } => format!(
+                "{cycles} of the last {CYCLES} cycles were left out, more than rt.overruns_stop bears: `isocnc doctor` says what \
+                 keeps this PC from real time"
+            ),
             Fault::CycleHung => "cycle thread hung; the network was silenced".into(),
             Fault::ForeignMaster {
                 mac: [a, b, c, d, e, f],

@@ -1,5 +1,6 @@
 //! Machine state, order of steps and what faults do.
 
 pub mod faults;
+pub mod overruns;
 pub mod sequence;
 pub mod state;

@@ -11,6 +11,7 @@ use super::shared::Live;
 use crate::bus::network::NodePlan;
 use crate::bus::{Fieldbus, InputImage, OutputImage};
 use crate::config::{Config, Joint};
+use crate::machine::overruns::Overruns;
 use crate::service::operator::Inlets;
 use anyhow::{Context, anyhow};
 use hal_pins::Hal;
@@ -49,6 +50,7 @@ pub fn assemble<B: Fieldbus>(
         kinematics: kinematics(config),
         monitor: Monitor::new(&config.joints.iter().map(monitor_limits).collect::<Vec<_>>(), cycle_s),
         pins: Pins::new(hal, config, plans).context("pins")?,
+        overruns: Overruns::new(config.rt.overruns_warn, config.rt.overruns_stop),
         mandatory: config.bus.nodes.iter().map(|node| node.mandatory).collect(),
         cycle_s,
     };

@@ -14,6 +14,7 @@ use super::shared::{Command, Live, Notice, Snapshot, TimedNotice, Trace};
 use crate::bus::{BusEvent, BusState, CycleReport, Fieldbus, InputImage, NodeIndex, NodeState, OutputImage};
 use crate::config::JOINTS_MAX;
 use crate::machine::faults::{Fault, Reaction};
+use crate::machine::overruns::{Overruns, Verdict};
 use crate::machine::state::State;
 use cia402::axis::{AxisFault, Request, Status};
 use motion::canon::Position;
@@ -72,6 +73,8 @@ pub struct Parts {
     pub monitor: Monitor,
     /// The control's pins.
     pub pins: Pins,
+    /// Counts cycles left out.
+    pub overruns: Overruns,
     /// For each node: whether the machine cannot run without it.
     pub mandatory: Box<[bool]>,
     /// Cycle time, s.
@@ -134,12 +137,14 @@ impl<B: Fieldbus> Control<B> {
 
     /// Makes the cycle of the date `begin_ns` ready, so that its first frame leaves at once when [`Control::cycle`] is called
     /// at that date. Called again before, it moves the cycle to a later date.
+    #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
     pub fn prepare(&mut self, begin_ns: u64) {
         self.bus.prepare(begin_ns, &self.parts.outputs);
     }
 
     /// The cycle that was made ready. `late_ns`: how late it begins; `skipped`: cycles that had to be left out before it; the exchange is
     /// over by `deadline_ns`. Gives what the exchange took.
+    #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
     pub fn cycle(&mut self, late_ns: u64, skipped: u64, deadline_ns: u64) -> CycleReport {
         let report = self.bus.exchange(deadline_ns, &mut self.parts.inputs);
         self.parts
@@ -161,6 +166,7 @@ impl<B: Fieldbus> Control<B> {
     }
 
     /// Shows how the last cycle kept its time.
+    #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
     pub fn show_timing(&mut self, timing: &Timing) {
         self.parts.pins.show_timing(timing);
     }
@@ -206,6 +212,11 @@ impl<B: Fieldbus> Control<B> {
         if skipped > 0 {
             self.cycles_skipped += skipped;
             self.fault(Fault::CyclesSkipped { cycles: skipped });
+        }
+        match self.parts.overruns.count(skipped) {
+            Verdict::Fine => {}
+            Verdict::Many { skipped: cycles } => self.fault(Fault::ManyOverruns { cycles }),
+            Verdict::TooMany { skipped: cycles } => self.fault(Fault::TooManyOverruns { cycles }),
         }
         for _ in 0..BUS_EVENTS_PER_CYCLE {
             let Some(event) = self.bus.pop_event() else { break };
@@ -257,7 +268,7 @@ impl<B: Fieldbus> Control<B> {
     fn fault(&mut self, fault: Fault) {
         let reaction = fault.reaction();
         match reaction {
-            Reaction::Count => {
+            Reaction::Count | Reaction::Warn => {
                 self.notice(Notice::Fault { fault, first: false });
                 return;
             }
@@ -274,7 +285,7 @@ impl<B: Fieldbus> Control<B> {
             return;
         }
         match (reaction, self.state) {
-            (Reaction::Count, _) | (_, State::Faulted | State::ShuttingDown | State::Down) => {}
+            (Reaction::Count | Reaction::Warn, _) | (_, State::Faulted | State::ShuttingDown | State::Down) => {}
             (Reaction::Silence, _) => {
                 self.end_program();
                 self.enter(State::Faulted);
@@ -375,6 +386,7 @@ impl<B: Fieldbus> Control<B> {
             }
             (Command::Acknowledge, State::Faulted) => {
                 self.fault_seen = false;
+                self.parts.overruns.clear();
                 self.parts.drives.request(u64::MAX, Request::ResetFault);
                 self.enter(State::Disabling);
             }

@@ -220,6 +220,7 @@ impl Recorder {
     }
 
     /// RT: takes a cycle in, after its end. A constant time; one system call where a window is cut.
+    #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
     pub fn record(&mut self, times: &CycleTimes) {
         if let Ok(fresh) = self.fresh.pop() {
             self.cut(fresh);

@@ -291,6 +291,7 @@ impl Watchdog {
 
     /// RT: looks at every limit and gives the date by which to look again. At most four reports; no system call, no lock, no
     /// allocation.
+    #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
     pub fn tick(&mut self, now_ns: u64, mut report: impl FnMut(Report)) -> u64 {
         self.watch.ticks.fetch_add(1, Ordering::Relaxed);
         let mut report = |event| report(Report { at_ns: now_ns, event });

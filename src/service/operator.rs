@@ -8,7 +8,7 @@
 use super::recorder::Recorder;
 use crate::bus::{BusEvent, BusState};
 use crate::config::Config;
-use crate::machine::faults::Fault;
+use crate::machine::faults::{Fault, Reaction};
 use crate::machine::sequence::{Order, Outcome, Sequence, Step};
 use crate::machine::state::State;
 use crate::rt::shared::{Command, Live, Notice, Snapshot, TimedNotice, Trace};
@@ -270,6 +270,8 @@ impl Operator {
                 if first {
                     self.note(time_s, format!("alarm: {cause}"));
                     self.alarms.push(Alarm { time_s, cause });
+                } else if fault.reaction() == Reaction::Warn {
+                    self.note(time_s, format!("warning: {cause}"));
                 }
             }
             Notice::Action(action) => self.note(time_s, format!("program: {action}")),

@@ -1,0 +1,318 @@
+//! What both real-time threads ask of the kernel, counted by number while a control runs on a real veth pair.
+//!
+//! This program is the tracer (ptrace) of the control that it starts: it attaches to the threads `rt-cycle` and `rt-timeout`
+//! one after the other and lets them run from call to call. That takes time, so the machine runs a cycle of 10 ms, and
+//! nothing here looks at times: only which calls there are and how many to a cycle.
+//!
+//! No test harness, for a namespace is entered by a process of one thread. Where the system allows no private network or no
+//! tracing, it prints the reason and passes.
+
+use hal_pins::Attached;
+use isocnc::machine::state::State;
+use isocnc::service::netns::private_wire;
+use nix::errno::Errno;
+use nix::libc;
+use nix::sys::ptrace::{self, Options};
+use nix::sys::wait::{WaitPidFlag, WaitStatus, waitpid};
+use nix::unistd::Pid;
+use powerlink::wire::message;
+use std::collections::BTreeMap;
+use std::fs::read_to_string;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+const PATIENCE: Duration = Duration::from_secs(120);
+const DEMO: &str = include_str!("../configs/mill3-demo.toml");
+/// Some minutes of motion, cut short by the end of the test.
+const PROGRAM: &str = "G21 G90 G94 G54\nG0 X5 Y5\nG1 X200 F200\nM2\n";
+const NODES: usize = 4;
+/// Cycles that are looked at, and ticks of the time-out thread.
+const CYCLES: usize = 200;
+const TICKS: usize = 400;
+/// Octet of a frame that says what it is.
+const MESSAGE_TYPE_AT: u64 = 14;
+
+/// What the cycle thread may ask for: to sleep, to send, to wait for an answer or fetch it, and whether the interface still runs.
+const CYCLE_CALLS: [i64; 6] = [
+    libc::SYS_clock_nanosleep,
+    libc::SYS_sendto,
+    libc::SYS_ppoll,
+    libc::SYS_recvmsg,
+    libc::SYS_recvfrom,
+    libc::SYS_getsockopt,
+];
+/// What the time-out thread may ask for: to sleep and, once in 1024 ticks, how long it has run.
+const TIMEOUT_CALLS: [i64; 2] = [libc::SYS_clock_nanosleep, libc::SYS_clock_gettime];
+
+fn main() {
+    if let Err(refused) = private_wire("plk0", "plk1") {
+        println!("system_calls ... SKIPPED: {refused}");
+        return;
+    }
+    let clock = read_to_string("/sys/devices/system/clocksource/clocksource0/current_clocksource").unwrap_or_default();
+    if !matches!(
+        clock.trim(),
+        "tsc" | "kvm-clock" | "hyperv_clocksource_tsc_page" | "arch_sys_counter"
+    ) {
+        println!(
+            "system_calls ... SKIPPED: each look at the clock source {} is a system call",
+            clock.trim()
+        );
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let name = format!("system-calls-{}", std::process::id());
+    let machine = folder.path().join("machine.toml");
+    let text = DEMO
+        .replace("name = \"mill3-demo\"", &format!("name = \"{name}\""))
+        .replace("cycle_us = 1000", "cycle_us = 10000")
+        .replace("pres_timeout_us = 150", "pres_timeout_us = 1500")
+        .replace("async_slot_timeout_us = 150", "async_slot_timeout_us = 1500")
+        .replace("pres_lost_max = 20", "pres_lost_max = 900")
+        .replace("following_error_mm = 2.0", "following_error_mm = 20.0")
+        .replace("calibrate = true", "calibrate = false");
+    std::fs::write(&machine, text).expect("our folder");
+    let program = folder.path().join("program.ngc");
+    std::fs::write(&program, PROGRAM).expect("our folder");
+
+    let _simulated = Running::start(&["simulate", path(&machine), "--interface", "plk1"], true);
+    let out = folder.path().join("out");
+    let control = Running::start(&["run", path(&machine), path(&program), "--out", path(&out)], false);
+    wait_for_motion(&name);
+
+    let tid = thread(control.pid(), "rt-cycle").expect("the cycle thread");
+    let Some(calls) = trace(tid, |calls| calls.iter().filter(|call| call.is_soc()).count() > CYCLES) else {
+        return;
+    };
+    let cycles = cycles(&calls);
+    check_cycles(&cycles, &CYCLE_CALLS).unwrap_or_else(|wrong| panic!("{wrong}"));
+    // The same with an expectation that is wrong: it is found.
+    let without_send: Vec<i64> = CYCLE_CALLS
+        .into_iter()
+        .filter(|call| *call != libc::SYS_sendto)
+        .collect();
+    let wrong = check_cycles(&cycles, &without_send).expect_err("a call that is not allowed");
+    assert!(wrong.contains(&format!("system call {}", libc::SYS_sendto)), "{wrong}");
+    let doubled: Vec<Vec<Call>> = cycles.iter().map(|cycle| [&cycle[..], &cycle[..]].concat()).collect();
+    let wrong = check_cycles(&doubled, &CYCLE_CALLS).expect_err("each frame twice");
+    assert!(wrong.contains("frames"), "{wrong}");
+    println!(
+        "rt-cycle: {} cycles; {}",
+        cycles.len(),
+        summary(&cycles.concat(), cycles.len())
+    );
+
+    let tid = thread(control.pid(), "rt-timeout").expect("the time-out thread");
+    let Some(calls) = trace(tid, |calls| calls.len() > TICKS) else {
+        return;
+    };
+    check_calls(&calls, &TIMEOUT_CALLS).unwrap_or_else(|wrong| panic!("{wrong}"));
+    let others = calls
+        .iter()
+        .filter(|call| call.number != libc::SYS_clock_nanosleep)
+        .count();
+    assert!(
+        others <= 1 + TICKS / 1024,
+        "one call a tick: {}",
+        summary(&calls, calls.len() - others)
+    );
+    check_calls(&calls, &[]).expect_err("nothing is allowed");
+    println!(
+        "rt-timeout: {} ticks; {}",
+        calls.len() - others,
+        summary(&calls, calls.len() - others)
+    );
+    println!("system_calls ... ok");
+}
+
+/// One call, as it was entered.
+#[derive(Clone, Copy, Debug)]
+struct Call {
+    number: i64,
+    /// Message type of the frame that is sent.
+    frame: Option<u8>,
+}
+
+impl Call {
+    fn is_soc(&self) -> bool {
+        self.frame == Some(message::SOC)
+    }
+}
+
+/// The calls of each cycle, from one SoC to before the next; what was begun and not ended is left out.
+fn cycles(calls: &[Call]) -> Vec<Vec<Call>> {
+    let begins: Vec<usize> = (0..calls.len()).filter(|at| calls[*at].is_soc()).collect();
+    begins.windows(2).map(|pair| calls[pair[0]..pair[1]].to_vec()).collect()
+}
+
+fn check_calls(calls: &[Call], allowed: &[i64]) -> Result<(), String> {
+    match calls.iter().find(|call| !allowed.contains(&call.number)) {
+        Some(call) => Err(format!(
+            "system call {} is not one that real time may make",
+            call.number
+        )),
+        None => Ok(()),
+    }
+}
+
+fn check_cycles(cycles: &[Vec<Call>], allowed: &[i64]) -> Result<(), String> {
+    let mut complete = 0;
+    for (at, cycle) in cycles.iter().enumerate() {
+        check_calls(cycle, allowed)?;
+        let frames = |kind: u8| cycle.iter().filter(|call| call.frame == Some(kind)).count();
+        let counts = [message::SOC, message::PREQ, message::SOA, message::ASND].map(frames);
+        let sends = cycle.iter().filter(|call| call.number == libc::SYS_sendto).count();
+        // A cycle that the tracer has made late leaves polls out; none sends more than it should.
+        let most = [1, NODES, 1, 1];
+        if counts.iter().zip(most).any(|(count, most)| *count > most) || sends != counts.iter().sum::<usize>() {
+            return Err(format!(
+                "cycle {at}: frames {counts:?} (SoC, PReq, SoA, ASnd) in {sends} sends, at most {most:?}"
+            ));
+        }
+        complete += usize::from(counts[..3] == [1, NODES, 1]);
+        // Each receive sleeps at the most once for its answer and once more for a frame that is none; the look at the
+        // interface comes once a millisecond.
+        let waits = cycle.len() - sends;
+        if waits > 60 {
+            return Err(format!(
+                "cycle {at}: {waits} calls beside the sends: {}",
+                summary(cycle, 1)
+            ));
+        }
+    }
+    if complete == 0 {
+        return Err(format!("no complete cycle among {}", cycles.len()));
+    }
+    Ok(())
+}
+
+/// How often each call was made to a cycle, on average.
+fn summary(calls: &[Call], cycles: usize) -> String {
+    let mut counts = BTreeMap::<i64, usize>::new();
+    for call in calls {
+        *counts.entry(call.number).or_default() += 1;
+    }
+    let name = |number: i64| match number {
+        libc::SYS_clock_nanosleep => "clock_nanosleep".to_owned(),
+        libc::SYS_sendto => "sendto".to_owned(),
+        libc::SYS_ppoll => "ppoll".to_owned(),
+        libc::SYS_recvmsg => "recvmsg".to_owned(),
+        libc::SYS_recvfrom => "recvfrom".to_owned(),
+        libc::SYS_getsockopt => "getsockopt".to_owned(),
+        libc::SYS_clock_gettime => "clock_gettime".to_owned(),
+        number => format!("system call {number}"),
+    };
+    let each = |(number, count): (&i64, &usize)| format!("{} {:.2}", name(*number), *count as f64 / cycles as f64);
+    counts.iter().map(each).collect::<Vec<_>>().join(", ")
+}
+
+/// The calls that a thread makes until there are enough; `None`, with the reason printed, where tracing is not allowed.
+fn trace(tid: Pid, enough: impl Fn(&[Call]) -> bool) -> Option<Vec<Call>> {
+    match ptrace::seize(tid, Options::PTRACE_O_TRACESYSGOOD) {
+        Ok(()) => {}
+        Err(errno @ (Errno::EPERM | Errno::ENOSYS)) => {
+            println!("system_calls ... SKIPPED: tracing is not allowed here ({errno})");
+            return None;
+        }
+        Err(errno) => panic!("thread {tid}: {errno}"),
+    }
+    ptrace::interrupt(tid).expect("our tracee");
+    let mut calls = Vec::new();
+    let give_up = Instant::now() + PATIENCE;
+    loop {
+        match waitpid(tid, Some(WaitPidFlag::__WALL)).expect("our tracee") {
+            WaitStatus::PtraceSyscall(_) => calls.extend(entered(tid)),
+            WaitStatus::Exited(..) | WaitStatus::Signaled(..) => {
+                panic!("thread {tid} ended after {} calls", calls.len())
+            }
+            _ => {}
+        }
+        if enough(&calls) {
+            break;
+        }
+        assert!(Instant::now() < give_up, "only {} calls in {PATIENCE:?}", calls.len());
+        ptrace::syscall(tid, None).expect("our tracee");
+    }
+    ptrace::detach(tid, None).expect("our tracee");
+    Some(calls)
+}
+
+/// The call that a stopped thread is about to make; `None` where it comes back from one.
+fn entered(tid: Pid) -> Option<Call> {
+    let info = ptrace::syscall_info(tid).expect("a stopped thread");
+    if info.op != libc::PTRACE_SYSCALL_INFO_ENTRY {
+        return None;
+    }
+    // SAFETY: `op` says that the kernel has filled in the part of an entry.
+    let entry = unsafe { info.u.entry };
+    let number = entry.nr as i64;
+    let frame = (number == libc::SYS_sendto).then(|| {
+        let word = ptrace::read(tid, (entry.args[1] + MESSAGE_TYPE_AT) as ptrace::AddressType);
+        word.expect("the frame that is sent").to_ne_bytes()[0]
+    });
+    Some(Call { number, frame })
+}
+
+/// The thread of this name in a process.
+fn thread(process: u32, name: &str) -> Option<Pid> {
+    let tasks = std::fs::read_dir(format!("/proc/{process}/task")).ok()?;
+    tasks.flatten().find_map(|task| {
+        let comm = read_to_string(task.path().join("comm")).ok()?;
+        let tid = task.file_name().to_str()?.parse().ok()?;
+        (comm.trim() == name).then(|| Pid::from_raw(tid))
+    })
+}
+
+/// Waits until the program moves the machine.
+fn wait_for_motion(machine: &str) {
+    let give_up = Instant::now() + PATIENCE;
+    let running = (State::Running as u32).to_string();
+    loop {
+        let state = Attached::attach(machine).and_then(|pins| pins.get("motion.machine-state"));
+        if state.is_ok_and(|pin| pin.value.to_string() == running) {
+            return;
+        }
+        assert!(Instant::now() < give_up, "{machine} does not run");
+        sleep(Duration::from_millis(50));
+    }
+}
+
+fn path(path: &Path) -> &str {
+    path.to_str().expect("UTF-8")
+}
+
+/// A process of ours.
+struct Running(Child);
+
+impl Running {
+    fn start(arguments: &[&str], wait_for_ready: bool) -> Running {
+        let mut process = Command::new(env!("CARGO_BIN_EXE_isocnc"))
+            .args(arguments)
+            .stdin(Stdio::null())
+            .stdout(if wait_for_ready { Stdio::piped() } else { Stdio::null() })
+            .spawn()
+            .expect("the binary runs");
+        if wait_for_ready {
+            let mut line = String::new();
+            let stdout = process.stdout.take().expect("a pipe");
+            BufReader::new(stdout).read_line(&mut line).expect("a line");
+            assert_eq!(line.trim(), "ready");
+        }
+        Running(process)
+    }
+
+    fn pid(&self) -> u32 {
+        self.0.id()
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // Ours, and of no more use.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
