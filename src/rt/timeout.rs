@@ -232,11 +232,7 @@ impl Limits {
             phase_ns: cycle.phase_ns,
             shortest_wait_ns: u64::from(shortest_us) * 1000,
             every_tick: rt.keep_awake == Some(KeepAwake::None),
-            ..Limits::new(
-                cycle.period_ns,
-                u64::from(rt.timeout_us) * 1000,
-                bus.soc_lost_max,
-            )
+            ..Limits::new(cycle.period_ns, u64::from(rt.timeout_us) * 1000, bus.soc_lost_max)
         }
     }
 
