@@ -8,8 +8,39 @@
 
 use super::jitter::{Jitter, Summary};
 use super::recent::{Recent, Second};
-use super::setup::{ThreadUsage, thread_usage};
+use nix::sys::resource::{UsageWho, getrusage};
 use serde::{Deserialize, Serialize};
+
+/// What a thread has had to bear since it began.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ThreadUsage {
+    /// Page faults, minor and major: memory that was not there when it was needed.
+    pub page_faults: u64,
+    /// Involuntary context switches: another thread was given the core.
+    pub preemptions: u64,
+}
+
+impl ThreadUsage {
+    /// What has come since an earlier look at the same thread.
+    pub fn since(self, earlier: ThreadUsage) -> ThreadUsage {
+        ThreadUsage {
+            page_faults: self.page_faults.saturating_sub(earlier.page_faults),
+            preemptions: self.preemptions.saturating_sub(earlier.preemptions),
+        }
+    }
+}
+
+/// RT: what the calling thread has had to bear. A system call: not in every cycle.
+pub fn thread_usage() -> ThreadUsage {
+    // Exists on every Linux: an error cannot come.
+    getrusage(UsageWho::RUSAGE_THREAD).map_or_else(
+        |_| ThreadUsage::default(),
+        |usage| ThreadUsage {
+            page_faults: (usage.minor_page_faults() + usage.major_page_faults()) as u64,
+            preemptions: usage.involuntary_context_switches() as u64,
+        },
+    )
+}
 
 /// When what of a cycle happened, ns of CLOCK_MONOTONIC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -412,5 +443,30 @@ mod tests {
             (timing.second.free.min_ns, timing.second.free.max_ns),
             (934_000, 935_000)
         );
+    }
+
+    #[test]
+    fn usage_is_what_the_kernel_counts_for_this_thread() {
+        let kernel = || {
+            let stat = std::fs::read_to_string("/proc/thread-self/stat").expect("Linux");
+            // Behind the name, which may hold blanks: state is the first, minflt the 8th, majflt the 10th.
+            let (_, fields) = stat.rsplit_once(')').expect("a name");
+            let fields: Vec<&str> = fields.split_whitespace().collect();
+            let number = |at: usize| fields[at].parse::<u64>().expect("a number");
+            number(7) + number(9)
+        };
+        let before = kernel();
+        let usage = thread_usage();
+        let after = kernel();
+        assert!(
+            (before..=after).contains(&usage.page_faults),
+            "{before} {usage:?} {after}"
+        );
+        let later = ThreadUsage {
+            page_faults: usage.page_faults + 2,
+            preemptions: usage.preemptions + 1,
+        };
+        let since = later.since(usage);
+        assert_eq!((since.page_faults, since.preemptions), (2, 1));
     }
 }

@@ -7,9 +7,9 @@
 
 use super::distribution::Distribution;
 use super::ratios::Ratios;
+use crate::rt::figures::ThreadUsage;
 use crate::rt::jitter::Summary;
 use crate::rt::probe::{GAP_NS, GapFigures};
-use crate::rt::setup::ThreadUsage;
 use crate::rt::timeout::Counters;
 use crate::service::analyser::SocReport;
 use serde::{Deserialize, Serialize};
