@@ -79,7 +79,7 @@ pub fn listen(wanted: &Wanted) -> anyhow::Result<ExitCode> {
     };
     if wanted.cycle_us.is_none() {
         told(&format!(
-            "cycle {cycle_us} µs, as the first periods are (else say --cycle-us)\n"
+            "cycle {cycle_us} µs, as the first periods are (else say --period-us)\n"
         ));
     }
     let periods_max = wanted.cycles.unwrap_or(u64::MAX);

@@ -15,6 +15,7 @@ pub mod floor;
 pub mod goals;
 pub mod output;
 pub mod pc;
+pub mod plot;
 mod processes;
 pub mod program;
 pub mod ratios;

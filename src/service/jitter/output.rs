@@ -2,8 +2,8 @@
 //!
 //! In:  [`JitterReport`], a folder. Out: the files; none of an earlier measurement is left to pass for one of this.
 
-use super::csv;
 use super::report::JitterReport;
+use super::{csv, plot};
 use anyhow::Context;
 use std::io::ErrorKind;
 use std::path::Path;
@@ -42,7 +42,8 @@ pub fn write(folder: &Path, report: &JitterReport) -> anyhow::Result<()> {
         std::fs::write(&path, text).with_context(|| path.display().to_string())
     };
     put(REPORT, serde_json::to_string(report)?)?;
-    put(HISTOGRAM, csv::histogram(report))
+    put(HISTOGRAM, csv::histogram(report))?;
+    put(PICTURE, plot::svg(report))
 }
 
 #[cfg(test)]

@@ -4,9 +4,9 @@
 
 use super::Distribution;
 use super::goals::{GOALS, Goal, TUNED_CYCLES, TUNED_RANGE_US, TUNED_STD_US};
-use super::ratios::Ratios;
+use super::ratios::{Ratios, period};
 use super::report::{JitterReport, Medians, Round};
-use super::words::{elided, ended, grouped, pc, ratio, short_time, total, us, wrapped};
+use super::words::{elided, ended, far_end_listened, grouped, pc, ratio, short_time, total, us, wrapped};
 use crate::rt::jitter::Summary;
 use std::fmt::Write;
 
@@ -72,12 +72,17 @@ fn head(text: &mut Text, report: &JitterReport) {
 
 /// The form in which such measurements are published.
 fn published(text: &mut Text, report: &JitterReport) {
-    text.row("SoC period at the far end, µs", ["mean", "max range", "std dev", "n"]);
+    let listened = far_end_listened(report);
+    let title = if listened {
+        "SoC period at the far end, µs"
+    } else {
+        "SoC period by its own clock, µs"
+    };
+    text.row(title, ["mean", "max range", "std dev", "n"]);
     let figures = &report.all.soc_period.figures;
     let name = format!("  cycle {}", report.settings.cycle_us);
     if figures.n == 0 {
         text.row(&name, ["-", "-", "-", "0"]);
-        text.say("  nobody of ours listens there; on another PC: isocnc jitter --listen INTERFACE");
     } else {
         text.row(
             &name,
@@ -98,6 +103,9 @@ fn published(text: &mut Text, report: &JitterReport) {
             grouped(TUNED_CYCLES),
         ],
     );
+    if !listened {
+        text.say("  nobody of ours listened at the far end; on a PC there: isocnc jitter --interface IF --listen");
+    }
     text.gap();
 }
 
@@ -225,6 +233,13 @@ fn missed(text: &mut Text, report: &JitterReport) {
         grouped(missing),
         grouped(total(report, |round| round.control.pres_lost)),
     ));
+    let thread =
+        |of: fn(&crate::rt::figures::ThreadUsage) -> u64| grouped(total(report, |round| of(&round.control.thread)));
+    text.say(&format!(
+        "Cycle thread: {} page faults, given way to other threads {} times",
+        thread(|usage| usage.page_faults),
+        thread(|usage| usage.preemptions)
+    ));
     let mut faults: Vec<&String> = report.rounds.iter().flat_map(|round| &round.control.faults).collect();
     faults.dedup();
     faults
@@ -317,8 +332,8 @@ fn rounds(text: &mut Text, report: &JitterReport) {
     ];
     text.line(&line(names.map(str::to_owned)));
     for round in &report.rounds {
-        let soc = round.soc_period.as_ref();
-        let of = |of: fn(&crate::service::analyser::SocReport) -> f64| soc.map_or("-".into(), |soc| us(of(soc)));
+        let period = period(round);
+        let measured = |value: f64| if period.figures.n > 0 { us(value) } else { "-".into() };
         let cyclictest = round
             .floor
             .cyclictest
@@ -328,18 +343,13 @@ fn rounds(text: &mut Text, report: &JitterReport) {
         let floor = cyclictest.or(wakeup);
         let load = round.load_with_program;
         let steal_ms = load.steal_ms + round.load_at_floor.steal_ms;
-        let far = soc.map(super::ratios::period_distribution);
-        let far = |quantile| {
-            far.as_ref()
-                .map_or("-".into(), |far| us(far.deviation_quantile_us(quantile)))
-        };
         let mark = if round.is_bad() { '!' } else { ' ' };
         text.line(&line([
             format!("{}{mark}", round.number),
-            of(|soc| soc.period_std_us),
-            of(|soc| soc.period_range_us),
-            far(0.999),
-            far(1.0),
+            measured(period.figures.std_us),
+            measured(period.figures.range_us),
+            measured(period.deviation_quantile_us(0.999)),
+            measured(period.deviation_quantile_us(1.0)),
             grouped(round.control.overruns),
             floor.map_or("-".into(), |(name, _)| name.into()),
             floor.map_or("-".into(), |(_, figures)| us(figures.p99_9_us)),

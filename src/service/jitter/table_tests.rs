@@ -113,7 +113,8 @@ fn what_was_not_measured_is_said() {
     let mut report = samples::without_far_end();
     report.notes = vec!["the machine stopped".into()];
     let text = table(&report);
-    assert!(text.contains("isocnc jitter --listen INTERFACE"), "{text}");
+    assert!(text.contains("isocnc jitter --interface IF --listen"), "{text}");
+    assert!(text.contains("SoC period by its own clock, µs"), "{text}");
     assert!(text.ends_with("\n\nnote: the machine stopped"));
     assert!(table(&samples::huge()).contains("1.000e11"));
 }

@@ -126,6 +126,11 @@ pub(super) fn pc(report: &JitterReport) -> String {
     )
 }
 
+/// Whether the SoC period is that at the far end of the wire. Else it is by the control's own clock.
+pub(super) fn far_end_listened(report: &JitterReport) -> bool {
+    report.rounds.iter().any(|round| round.soc_period.is_some())
+}
+
 /// Sum over all rounds.
 pub(super) fn total(report: &JitterReport, of: impl Fn(&super::report::Round) -> u64) -> u64 {
     report.rounds.iter().map(of).fold(0, u64::saturating_add)
