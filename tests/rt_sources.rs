@@ -10,11 +10,12 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Files, and folders with all that is in them.
-const REAL_TIME: [&str; 15] = [
+const REAL_TIME: [&str; 16] = [
     "src/rt/diagnosis.rs",
     "src/rt/cycle.rs",
     "src/rt/drives.rs",
     "src/rt/pins.rs",
+    "src/rt/softirq.rs",
     "src/rt/thread.rs",
     "src/rt/timeout.rs",
     "src/rt/wait.rs",
@@ -66,7 +67,7 @@ const FORBIDDEN: [&str; 31] = [
 ];
 
 /// What runs before real time begins or after it has ended: file, function, why.
-const START_UP: [(&str, &str, &str); 11] = [
+const START_UP: [(&str, &str, &str); 13] = [
     ("src/rt/diagnosis.rs", "rings", "makes the rings and buffers"),
     (
         "src/rt/cycle.rs",
@@ -77,6 +78,8 @@ const START_UP: [(&str, &str, &str); 11] = [
     ("src/rt/figures.rs", "new", "makes empty figures"),
     ("src/rt/pins.rs", "object_name", "names are given when pins are made"),
     ("src/rt/pins.rs", "new", "makes and links the pins"),
+    ("src/rt/softirq.rs", "", "reads what kernel it is, in imports"),
+    ("src/rt/softirq.rs", "open", "makes the socket"),
     (
         "src/rt/timeout.rs",
         "",

@@ -2,6 +2,7 @@
 
 use crate::config::{self, KeepAwake, Require, Rt};
 use crate::rt::setup::{self, Role, STACK_SIZE, enter_thread};
+use crate::rt::wait::to_next;
 use crate::service::analyser::Analyser;
 use crate::service::signals::StopSignal;
 use crate::service::tap::Tap;
@@ -121,7 +122,7 @@ pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
         println!("{READY}");
         std::io::stdout().flush()?;
         while !machine_thread.is_finished() && (signal.caught().is_none() || only_interrupted(args, &signal)) {
-            std::thread::sleep(Duration::from_millis(20));
+            std::thread::sleep(to_next(Duration::from_millis(20)));
         }
         stop.store(true, Ordering::Release);
         let served = machine_thread

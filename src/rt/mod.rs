@@ -13,6 +13,7 @@ pub mod recent;
 pub mod rights;
 pub mod setup;
 pub mod shared;
+pub mod softirq;
 pub mod thread;
 pub mod timeout;
 pub mod wait;

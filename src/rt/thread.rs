@@ -5,8 +5,9 @@
 
 use super::cycle::Control;
 use super::figures::{CycleFigures, CycleTimes, Recorder};
+use super::softirq::SoftirqLock;
 use super::timeout::Watch;
-use super::wait::{Grid, monotonic_ns, wait_until};
+use super::wait::{Grid, monotonic_ns, sleep_until, spin_until};
 use crate::bus::Fieldbus;
 use crate::config::{Config, Rt};
 use crate::machine::state::State;
@@ -38,13 +39,16 @@ pub fn run<B: Fieldbus>(
     stop: &AtomicBool,
 ) -> Box<CycleFigures> {
     let spin_ns = u64::from(rt.spin_us()) * 1000;
+    let softirqs = SoftirqLock::open();
     let (mut cycle, mut skipped) = (0, 0);
     let mut deadline_ns = grid.first_after(monotonic_ns());
     recorder.begin();
     while control.state() != State::Down && !stop.load(Ordering::Acquire) {
         control.bus_mut().serve(deadline_ns.saturating_sub(spin_ns + QUIET_NS));
         control.prepare(deadline_ns);
-        let woke_ns = wait_until(deadline_ns, spin_ns);
+        sleep_until(deadline_ns.saturating_sub(spin_ns));
+        softirqs.pass();
+        let woke_ns = spin_until(deadline_ns);
         // What wakes up too late for its date waits for another one: a SoC stands on the grid or is left out.
         let keep = grid.keep(deadline_ns, woke_ns);
         if keep.skipped > 0 {

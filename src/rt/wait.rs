@@ -70,6 +70,14 @@ impl Grid {
     }
 }
 
+/// Time to the next whole multiple of `period` on CLOCK_MONOTONIC, above 0: how long an ordinary thread pauses that looks at
+/// something now and then. It wakes with the scheduler's tick, which the cycle keeps away from; a pause of `period` would wake
+/// it at any phase, and on a core that it shares with the cycle thread, sometimes with an interrupt just at the SoC.
+pub fn to_next(period: Duration) -> Duration {
+    let period_ns = (period.as_nanos() as u64).max(1);
+    Duration::from_nanos(period_ns - monotonic_ns() % period_ns)
+}
+
 /// RT: returns at `deadline_ns` or at once if that has passed; spins for the last `spin_ns`. Gives the time now, ns.
 ///
 /// One system call, and one more for every signal that comes in between (RT threads block them all).
@@ -77,14 +85,26 @@ impl Grid {
 /// The spin does nothing but look at the clock. Sending something that the socket refuses, so that code and caches of the way
 /// to the network are warm at the date, was tried and made the period on a veth pair three times as uneven.
 pub fn wait_until(deadline_ns: u64, spin_ns: u64) -> u64 {
-    let wake = TimeSpec::from_duration(Duration::from_nanos(deadline_ns.saturating_sub(spin_ns)));
+    sleep_until(deadline_ns.saturating_sub(spin_ns));
+    spin_until(deadline_ns)
+}
+
+/// RT: sleeps until `date_ns` or does not if that has passed; the kernel wakes the thread some time after it.
+pub fn sleep_until(date_ns: u64) {
+    let wake = TimeSpec::from_duration(Duration::from_nanos(date_ns));
     while clock_nanosleep(ClockId::CLOCK_MONOTONIC, ClockNanosleepFlags::TIMER_ABSTIME, &wake) == Err(Errno::EINTR) {}
+}
+
+/// RT: reads the clock until it is `deadline_ns`. Gives the time now, ns.
+///
+/// Without the processor's hint for waiting loops: many of them in a row make a hypervisor believe that the thread waits
+/// for a lock, and give the core to another guest in the very last microseconds.
+pub fn spin_until(deadline_ns: u64) -> u64 {
     loop {
         let now_ns = monotonic_ns();
         if now_ns >= deadline_ns {
             return now_ns;
         }
-        std::hint::spin_loop();
     }
 }
 
@@ -149,6 +169,23 @@ mod tests {
                 skipped: 8
             }
         );
+    }
+
+    #[test]
+    fn pauses_end_on_whole_periods() {
+        let period = Duration::from_millis(10);
+        for _ in 0..100 {
+            let before_ns = monotonic_ns();
+            let pause_ns = to_next(period).as_nanos() as u64;
+            let after_ns = monotonic_ns();
+            assert!((1..=10_000_000).contains(&pause_ns));
+            let phase_ns = (before_ns + pause_ns) % 10_000_000;
+            assert!(
+                phase_ns == 0 || phase_ns >= 10_000_000u64.saturating_sub(after_ns - before_ns),
+                "{phase_ns} ns after a whole period, measured within {} ns",
+                after_ns - before_ns
+            );
+        }
     }
 
     #[test]

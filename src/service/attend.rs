@@ -10,7 +10,7 @@ use crate::program::{self, FeedError, Feeder, ring_capacity, stop_ramp};
 use crate::rt::figures::Windows;
 use crate::rt::rights::{self, Work};
 use crate::rt::timeout;
-use crate::rt::wait::monotonic_ns;
+use crate::rt::wait::{monotonic_ns, to_next};
 use motion::canon::Position;
 use motion::element::Element;
 use motion::plan::Programmed;
@@ -107,7 +107,7 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
             self.step(running, now_ns)?;
             attendant.attend(running, now_ns);
             self.tell(&mut service, &running.operator, now_ns);
-            std::thread::sleep(PAUSE);
+            std::thread::sleep(to_next(PAUSE));
         }
         service.stopping();
         attendant.attend(running, monotonic_ns());
@@ -202,7 +202,7 @@ fn feed(
         path.extend(feeder.ideal_path().take(room));
         match progress {
             Ok(program::Progress::Working) => {}
-            Ok(program::Progress::RingFull) => std::thread::sleep(PLANNER_PAUSE),
+            Ok(program::Progress::RingFull) => std::thread::sleep(to_next(PLANNER_PAUSE)),
             Ok(program::Progress::Done) => break,
             Err(error) => return (path, Some(error)),
         }

@@ -12,6 +12,7 @@ use super::socket::{self, Batch};
 use super::stamps::Stamps;
 use super::tally::{Kind, Tally, Window};
 use super::{AnalyserError, Capture, Place, socket_error};
+use crate::rt::wait::to_next;
 use std::os::fd::OwnedFd;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::time::Duration;
@@ -103,7 +104,7 @@ impl Measurement {
         // What was dropped before is not of the first window.
         ears.dropped();
         loop {
-            let order = orders.recv_timeout(LOOK);
+            let order = orders.recv_timeout(to_next(LOOK));
             self.look(ears)?;
             match order {
                 Err(RecvTimeoutError::Timeout) => {}

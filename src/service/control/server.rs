@@ -6,12 +6,15 @@
 
 use super::rpc::{self, Request, RpcError, code};
 use super::socket::Socket;
-use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use crate::rt::wait::to_next;
+use nix::poll::{PollFd, PollFlags, ppoll};
+use nix::sys::time::TimeSpec;
 use serde_json::Value;
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 /// Clients at the same time.
 pub const CLIENTS_MAX: usize = 16;
@@ -24,7 +27,7 @@ const PENDING_MAX: usize = 8;
 /// Octets read at once.
 const CHUNK: usize = 4096;
 /// Longest time between two looks at what real time has to say, ms.
-const PERIOD_MS: u16 = 20;
+const PERIOD: Duration = Duration::from_millis(20);
 
 /// Names a request whose answer comes later.
 pub type Ticket = u64;
@@ -83,7 +86,7 @@ fn ready(socket: &Socket, clients: &[Client]) -> Vec<usize> {
     let mut fds = vec![PollFd::new(socket.listener().as_fd(), PollFlags::POLLIN)];
     fds.extend(watched_fds);
     // An interrupted or failed wait is a short one.
-    let _ = poll(&mut fds, PollTimeout::from(PERIOD_MS));
+    let _ = ppoll(&mut fds, Some(TimeSpec::from_duration(to_next(PERIOD))), None);
     let pairs = watched.into_iter().zip(&fds[1..]);
     pairs
         .filter(|(_, fd)| fd.any().unwrap_or(false))
