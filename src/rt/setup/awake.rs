@@ -152,7 +152,7 @@ fn enter(core: usize) -> Result<(), String> {
         .map_err(|errno| format!("signals cannot be blocked ({errno})"))?;
     let nothing = libc::sched_param { sched_priority: 0 };
     // SAFETY: 0 is the calling thread; `nothing` lives through the call.
-    if unsafe { libc::sched_setscheduler(0, libc::SCHED_IDLE, &nothing) } != 0 {
+    if unsafe { libc::syscall(libc::SYS_sched_setscheduler, 0, libc::SCHED_IDLE, &raw const nothing) } != 0 {
         return Err(format!("SCHED_IDLE is refused ({})", nix::errno::Errno::last()));
     }
     // The core after the policy: until then it is an ordinary thread.

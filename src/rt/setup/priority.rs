@@ -18,10 +18,11 @@ pub(super) fn set_fifo(priority: u8) -> Option<Finding> {
     let set = ThreadPriority::try_from(priority)
         .map_err(str::to_owned)
         .and_then(|value| set_thread_priority_and_policy(thread_native_id(), value, fifo).map_err(refused_priority));
+    // The system call itself: the function of this name refuses in musl.
     // SAFETY: 0 is the calling thread; the call touches no memory.
-    let policy = unsafe { libc::sched_getscheduler(0) };
+    let policy = unsafe { libc::syscall(libc::SYS_sched_getscheduler, 0) };
     let what = match set {
-        Ok(()) if policy == libc::SCHED_FIFO => return None,
+        Ok(()) if policy == libc::c_long::from(libc::SCHED_FIFO) => return None,
         Ok(()) => format!("SCHED_FIFO {priority} was set, but the policy is {policy}"),
         Err(cause) => format!("SCHED_FIFO {priority} is refused ({cause})"),
     };
