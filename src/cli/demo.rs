@@ -33,6 +33,9 @@ pub struct DemoArgs {
     /// Part program instead of the sample part.
     #[arg(long, value_name = "FILE")]
     program: Option<PathBuf>,
+    /// Machine file instead of the demo's own.
+    #[arg(long, value_name = "FILE")]
+    machine: Option<PathBuf>,
     /// Folder for the report and its pictures.
     #[arg(long, default_value = "isocnc-out")]
     out: PathBuf,
@@ -58,9 +61,21 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
         None => (PROGRAM_NAME.to_owned(), PROGRAM.to_vec()),
     };
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
-    let machine = args.out.join("machine.toml");
-    std::fs::write(&machine, MACHINE).with_context(|| machine.display().to_string())?;
-    let mut config = config::parse(MACHINE, &machine)?;
+    let machine = match &args.machine {
+        Some(path) => path.clone(),
+        None => {
+            let path = args.out.join("machine.toml");
+            std::fs::write(&path, MACHINE).with_context(|| path.display().to_string())?;
+            path
+        }
+    };
+    let mut config = match config::read(&machine) {
+        Ok(config) => config,
+        Err(errors) => {
+            eprint!("{errors}");
+            return Ok(ExitCode::FAILURE);
+        }
+    };
     // The name is also that of the shared pins: any number of demos may run side by side.
     config.name = format!("{}-{}", config.name, std::process::id());
 

@@ -30,6 +30,9 @@ pub struct JitterArgs {
     /// Parts into which they are divided; after each the floor of the PC is measured.
     #[arg(long, value_name = "R", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     rounds: u32,
+    /// Measure the cycle only, not what the PC could do at best.
+    #[arg(long)]
+    no_floor: bool,
     /// Cycle time instead of that of the machine file, µs.
     #[arg(long, value_name = "P")]
     period_us: Option<u32>,
@@ -122,6 +125,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
         rounds: args.rounds,
         far_end,
         signal: signal.clone(),
+        floor: !args.no_floor,
         quiet: args.json,
     };
     let report = run::run(&wanted)?;

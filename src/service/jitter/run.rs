@@ -42,6 +42,8 @@ pub struct Wanted<'a> {
     pub far_end: FarEnd<'a>,
     /// Cuts the measurement; what was measured is kept.
     pub signal: StopSignal,
+    /// Measure the floor of the PC after each round.
+    pub floor: bool,
     /// Show nothing.
     pub quiet: bool,
 }
@@ -215,7 +217,7 @@ impl Measured<'_> {
             self.program(config, &mut round, report, &mut progress)?
         };
         bar.part_over(around_s + program_s);
-        if self.wanted.signal.caught().is_none() {
+        if self.wanted.floor && self.wanted.signal.caught().is_none() {
             let load = Facts::below("/").watch();
             let began = Instant::now();
             let measuring = name("floor of the PC");
