@@ -43,6 +43,7 @@ impl Plan {
         let figures = watched(look, |stop| wake_up.lasting(duration).run(stop));
         if figures.lateness.n() > 0 {
             floor.wakeup = Some(Distribution::from(&figures.lateness));
+            floor.wakeup_skipped = figures.skipped;
         }
         floor.notes.extend(figures.findings.iter().map(ToString::to_string));
         if look().is_break() {

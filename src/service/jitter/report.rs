@@ -184,6 +184,8 @@ pub struct ControlFigures {
 pub struct Floor {
     /// Lateness of a thread that only sleeps and wakes up, once a cycle.
     pub wakeup: Option<Distribution>,
+    /// Dates that it had to leave out because they had passed: its overruns, to be held against those of the control.
+    pub wakeup_skipped: u64,
     /// The same by `cyclictest`.
     pub cyclictest: Option<Cyclictest>,
     /// Times in which a spinning thread did not run.

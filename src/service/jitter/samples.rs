@@ -160,6 +160,7 @@ pub(crate) fn round(number: u32, kind: Kind) -> Round {
         },
         floor: Floor {
             wakeup: Some(wakeup),
+            wakeup_skipped: 0,
             cyclictest: Some(Cyclictest {
                 version: "2.40".into(),
                 command: "cyclictest -q -m -t1 -p90 -i1000 -a1 -D10s -h50000".into(),
