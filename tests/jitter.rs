@@ -155,7 +155,12 @@ fn check_measurement(out: &Path, report: &JitterReport) {
     assert_eq!(report.medians.rounds, 2);
     assert!(report.medians.over_wakeup.is_some());
     assert!(!report.pc.kernel.trim().is_empty() && report.pc.cores > 0);
-    assert!(out.join("machine.toml").exists());
+    for name in ["machine.toml", "jitter-histogram.csv", "jitter.svg"] {
+        let octets = std::fs::metadata(out.join(name))
+            .unwrap_or_else(|error| panic!("{name}: {error}"))
+            .len();
+        assert!(octets > 500, "{name}: {octets} octets");
+    }
 }
 
 #[test]
