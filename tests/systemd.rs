@@ -229,16 +229,7 @@ fn the_unit_leaves_real_time_its_rights_and_never_starts_a_program() {
         panic!("one ExecStart")
     };
     let words: Vec<&str> = command.split_whitespace().collect();
-    assert_eq!(
-        words,
-        [
-            "/usr/local/bin/isocnc",
-            "run",
-            "/etc/isocnc/machine.toml",
-            "--out",
-            "/var/lib/isocnc"
-        ]
-    );
+    assert_eq!(words, ["/usr/local/bin/isocnc", "run", "/etc/isocnc/machine.toml"]);
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 pub mod bus;
 pub mod check;
+pub mod control;
 pub mod demo;
 pub mod doctor;
 pub mod hal;
@@ -26,10 +27,22 @@ pub struct Cli {
 enum Command {
     /// Cut a sample part on a simulated machine behind a real POWERLINK wire; needs no hardware.
     Demo(demo::DemoArgs),
-    /// Run a part program on the machine of a machine file.
+    /// Be the control of a machine: run a part program, or stand by for programs.
     Run(run::RunArgs),
     /// Look at this PC: what stands in the way of real time, and how to change it.
     Doctor(doctor::DoctorArgs),
+    /// Show how a running control is.
+    Status(control::ControlArgs),
+    /// Run a program on a control that stands by.
+    Program(control::ProgramArgs),
+    /// Bring the program of a running control to rest on its path, and keep it.
+    Hold(control::ControlArgs),
+    /// Go on after a hold.
+    Resume(control::ControlArgs),
+    /// Bring the program of a running control to rest on its path, give it up, switch drives off.
+    Stop(control::ControlArgs),
+    /// Acknowledge the alarm of a running control.
+    Alarm(control::AlarmArgs),
     /// Check a machine file: all errors at once, located.
     Check(check::CheckArgs),
     /// Print the canonical calls of a part program, one a line.
@@ -53,6 +66,12 @@ pub fn main() -> ExitCode {
         Command::Demo(args) => demo::demo(args),
         Command::Run(args) => run::run(args),
         Command::Doctor(args) => doctor::doctor(args),
+        Command::Status(args) => control::status(args),
+        Command::Program(args) => control::program(args),
+        Command::Hold(args) => control::order(args, control::Order::Hold),
+        Command::Resume(args) => control::order(args, control::Order::Resume),
+        Command::Stop(args) => control::order(args, control::Order::Stop),
+        Command::Alarm(args) => control::alarm(args),
         Command::Check(args) => check::check(args),
         Command::Interpret(args) => interpret::interpret(args),
         Command::Plan(args) => plan::plan(args),

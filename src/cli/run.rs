@@ -4,9 +4,10 @@ use crate::config;
 use crate::service::job::{Job, run_and_report};
 use crate::service::process::{Program, Wire};
 use crate::service::signals::StopSignal;
+use crate::service::standby::stand_by;
 use anyhow::Context;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Arguments of `run`.
@@ -14,17 +15,17 @@ use std::process::ExitCode;
 pub struct RunArgs {
     /// Machine file.
     machine: PathBuf,
-    /// Part program.
-    program: PathBuf,
-    /// Folder for the report and its pictures.
-    #[arg(long, default_value = "isocnc-out")]
-    out: PathBuf,
-    /// Print the report as JSON instead of text.
+    /// Part program; without it the control stands by for 'isocnc program run'.
+    program: Option<PathBuf>,
+    /// Folder for the report and its pictures [default: isocnc-out]
+    #[arg(long, requires = "program")]
+    out: Option<PathBuf>,
+    /// Print the report as JSON instead of text; without a program the journal, one JSON object a line.
     #[arg(long)]
     json: bool,
 }
 
-/// Runs a part program from power-on to power-off.
+/// Runs a part program from power-on to power-off, or stands by for programs.
 pub fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     let signal = StopSignal::install().context("signals")?;
     let config = match config::read(&args.machine) {
@@ -34,18 +35,21 @@ pub fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
             return Ok(ExitCode::FAILURE);
         }
     };
-    let text = std::fs::read(&args.program).with_context(|| args.program.display().to_string())?;
     let wire = match config.bus.kind {
         config::BusKind::Powerlink => Wire::Interface(config.bus.interface.clone()),
         config::BusKind::Memory => Wire::Memory,
     };
+    let Some(program) = &args.program else {
+        return stand_by(&config, wire, args.json, signal);
+    };
+    let text = std::fs::read(program).with_context(|| program.display().to_string())?;
     let job = Job {
         config: &config,
         program: Program {
-            name: &args.program.display().to_string(),
+            name: &program.display().to_string(),
             text: &text,
         },
-        out: &args.out,
+        out: args.out.as_deref().unwrap_or(Path::new("isocnc-out")),
         json: args.json,
         signal,
         far_end: None,

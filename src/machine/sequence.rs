@@ -1,4 +1,4 @@
-//! From power-on to the end of a program and back: the order of steps of `run` and `demo`.
+//! From power-on to the end of a program and back, or to stand-by: the order of steps of `run` and `demo`.
 //!
 //! In:  the state that the cycle thread shows, polled every few cycles; wishes to stop.
 //! Out: one order at a time.
@@ -42,6 +42,8 @@ pub enum Outcome {
 pub enum Step {
     /// Network up to OPERATIONAL.
     Network,
+    /// Drives off; waits for a program, or for the network, or for an acknowledge.
+    StandBy,
     /// Drives to OPERATION ENABLED.
     Enable,
     /// Joints home, one group after the other.
@@ -66,7 +68,7 @@ impl Step {
             Step::Network => 15 * SECOND,
             Step::Enable => 10 * SECOND,
             Step::Home => 120 * SECOND,
-            Step::Program | Step::Done => u64::MAX,
+            Step::StandBy | Step::Program | Step::Done => u64::MAX,
             Step::Stop => 10 * SECOND,
             Step::Disable => 5 * SECOND,
             Step::ShutDown => 3 * SECOND,
@@ -77,6 +79,7 @@ impl Step {
     pub const fn name(self) -> &'static str {
         match self {
             Step::Network => "network boot",
+            Step::StandBy => "standing by",
             Step::Enable => "switching drives on",
             Step::Home => "homing",
             Step::Program => "program",
@@ -93,11 +96,15 @@ impl Step {
 pub struct Sequence {
     step: Step,
     step_since_ns: u64,
+    /// All groups of joints, the first one last.
+    groups: Vec<u64>,
     /// Groups of joints still to be homed, the next one last.
     homing: Vec<u64>,
     ordered: bool,
     /// The program is begun again whenever it has ended, until somebody wants an end.
     repeats: bool,
+    /// Behind a program the network stays up and the next one is waited for.
+    stands_by: bool,
     outcome: Outcome,
 }
 
@@ -107,9 +114,11 @@ impl Sequence {
         Sequence {
             step: Step::Network,
             step_since_ns: now_ns,
+            groups: homing.iter().rev().copied().collect(),
             homing: homing.iter().rev().copied().collect(),
             ordered: false,
             repeats: false,
+            stands_by: false,
             outcome: Outcome::Completed,
         }
     }
@@ -119,9 +128,34 @@ impl Sequence {
         Sequence { repeats: true, ..self }
     }
 
+    /// The same that waits for programs: [`Sequence::begin`] runs one, and behind it drives go off and it waits again, until
+    /// [`Sequence::end`]. There is no time limit on the network: drives may be switched on later than the PC.
+    pub fn standing_by(self) -> Sequence {
+        Sequence {
+            stands_by: true,
+            step: Step::StandBy,
+            ..self
+        }
+    }
+
+    /// Switches drives on, homes and runs a program; only while standing by. All joints are homed each time: whatever moved
+    /// while drives were off has been seen by nobody.
+    pub fn begin(&mut self, now_ns: u64) {
+        if self.step == Step::StandBy {
+            self.homing.clone_from(&self.groups);
+            self.outcome = Outcome::Completed;
+            self.enter(Step::Enable, now_ns);
+        }
+    }
+
     /// Where the sequence is.
     pub fn step(&self) -> Step {
         self.step
+    }
+
+    /// How the last program ended, while standing by.
+    pub fn program_outcome(&self) -> Option<Outcome> {
+        (self.step == Step::StandBy).then_some(self.outcome)
     }
 
     /// How it ended, once it has.
@@ -129,7 +163,16 @@ impl Sequence {
         (self.step == Step::Done).then_some(self.outcome)
     }
 
-    /// The operator wants to end it. May be called again and again.
+    /// The operator wants an end of everything. May be called again and again.
+    pub fn end(&mut self, now_ns: u64) {
+        self.stands_by = false;
+        if self.step == Step::StandBy {
+            self.enter(Step::Disable, now_ns);
+        }
+        self.stop(now_ns);
+    }
+
+    /// The operator wants an end of the program. May be called again and again.
     pub fn stop(&mut self, now_ns: u64) {
         match self.step {
             Step::Home | Step::Program => {
@@ -140,7 +183,7 @@ impl Sequence {
                 self.outcome = Outcome::Stopped;
                 self.enter(Step::Disable, now_ns);
             }
-            Step::Stop | Step::Disable | Step::ShutDown | Step::Done => {}
+            Step::StandBy | Step::Stop | Step::Disable | Step::ShutDown | Step::Done => {}
         }
     }
 
@@ -153,7 +196,8 @@ impl Sequence {
 
     /// What to order now, given the state of the machine and whether the program has ended.
     pub fn poll(&mut self, now_ns: u64, state: State, program_ended: bool) -> Option<Order> {
-        if state == State::Faulted && !matches!(self.step, Step::Disable | Step::ShutDown | Step::Done) {
+        if state == State::Faulted && !matches!(self.step, Step::StandBy | Step::Disable | Step::ShutDown | Step::Done)
+        {
             self.outcome = Outcome::Faulted;
             self.enter(Step::Disable, now_ns);
         }
@@ -163,7 +207,8 @@ impl Sequence {
             }
             let next = match self.step {
                 Step::Network | Step::Enable | Step::Home | Step::Program | Step::Stop => Step::Disable,
-                Step::Disable => Step::ShutDown,
+                Step::StandBy => Step::StandBy,
+                Step::Disable => self.behind_program(),
                 Step::ShutDown | Step::Done => Step::Done,
             };
             self.enter(next, now_ns);
@@ -181,7 +226,7 @@ impl Sequence {
             }
             (Step::Stop, State::Ready | State::Disabled) => self.enter(Step::Disable, now_ns),
             (Step::Disable, State::Disabled | State::Booting | State::Faulted | State::Down) => {
-                self.enter(Step::ShutDown, now_ns);
+                self.enter(self.behind_program(), now_ns);
             }
             (Step::ShutDown, State::Down) => self.enter(Step::Done, now_ns),
             _ => {}
@@ -193,7 +238,7 @@ impl Sequence {
             return None;
         }
         let order = match self.step {
-            Step::Network | Step::Done => return None,
+            Step::Network | Step::StandBy | Step::Done => return None,
             Step::Enable => Order::Enable,
             Step::Home => Order::Home(*self.homing.last()?),
             Step::Program => Order::Start,
@@ -203,6 +248,13 @@ impl Sequence {
         };
         self.ordered = true;
         Some(order)
+    }
+
+    fn behind_program(&self) -> Step {
+        match self.stands_by {
+            true => Step::StandBy,
+            false => Step::ShutDown,
+        }
     }
 
     fn enter(&mut self, step: Step, now_ns: u64) {
@@ -283,6 +335,53 @@ mod tests {
         }
         sequence.stopped();
         assert_eq!(sequence.poll(SECOND, State::Ready, true), Some(Order::Disable));
+    }
+
+    #[test]
+    fn standing_by_gives_no_order_before_a_program_and_waits_again_behind_it() {
+        let mut sequence = Sequence::new(0, &[0b100, 0b011]).standing_by();
+        // However long the network takes, and whatever is acknowledged meanwhile.
+        for state in [State::Booting, State::Faulted, State::Disabling, State::Disabled] {
+            assert_eq!(sequence.poll(3600 * SECOND, state, false), None);
+            assert_eq!(sequence.step(), Step::StandBy);
+        }
+        for _ in 0..2 {
+            sequence.begin(SECOND);
+            sequence.begin(SECOND);
+            let mut orders = Vec::new();
+            for (state, ended) in [
+                (State::Disabled, false),
+                (State::Ready, false),
+                (State::Ready, false),
+                (State::Ready, false),
+                (State::Running, false),
+                (State::Ready, true),
+                (State::Disabled, true),
+            ] {
+                orders.extend(sequence.poll(SECOND, state, ended));
+            }
+            let homed = [Order::Home(0b100), Order::Home(0b011)];
+            assert_eq!(
+                orders,
+                [Order::Enable, homed[0], homed[1], Order::Start, Order::Disable]
+            );
+            assert_eq!(sequence.program_outcome(), Some(Outcome::Completed));
+        }
+        // A stop ends the program, and a fault it, too; neither ends the standing by.
+        sequence.begin(SECOND);
+        sequence.poll(SECOND, State::Disabled, false);
+        sequence.stop(SECOND);
+        assert_eq!(sequence.poll(SECOND, State::Enabling, false), Some(Order::Disable));
+        sequence.poll(SECOND, State::Disabled, false);
+        assert_eq!(sequence.program_outcome(), Some(Outcome::Stopped));
+        sequence.begin(SECOND);
+        sequence.poll(SECOND, State::Disabled, false);
+        assert_eq!(sequence.poll(SECOND, State::Faulted, false), None);
+        assert_eq!(sequence.program_outcome(), Some(Outcome::Faulted));
+        sequence.end(SECOND);
+        assert_eq!(sequence.poll(SECOND, State::Faulted, false), Some(Order::ShutDown));
+        sequence.poll(SECOND, State::Down, false);
+        assert!(sequence.outcome().is_some());
     }
 
     #[test]

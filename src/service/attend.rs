@@ -3,9 +3,12 @@
 //! In:  what the real-time threads show and report, a wish to stop.
 //! Out: orders to the cycle thread; the programmed path as far as it was planned.
 
+use super::desk::Desk;
 use super::operator::{Operator, Wish};
 use super::process::{Session, Task};
+use super::standby::{Clients, Part};
 use super::systemd::{Service, Sight};
+use crate::machine::sequence::Step;
 use crate::program::{self, FeedError, Feeder, ring_capacity, stop_ramp};
 use crate::rt::figures::Windows;
 use crate::rt::rights::{self, Work};
@@ -17,6 +20,7 @@ use motion::plan::Programmed;
 use motion::ring::{self, Producer};
 use motion::rt::Interpolator;
 use std::io::Write;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{Scope, ScopedJoinHandle};
 use std::time::Duration;
@@ -56,7 +60,10 @@ pub(super) struct Attendance<'scope, 'env> {
     session: &'scope Session<'env>,
     /// Ends all threads of the session.
     stop: &'scope AtomicBool,
+    clients: Clients<'scope, 'env>,
     planner: Option<PlannerThread<'scope>>,
+    /// Nobody wants the rest of the program that is being planned.
+    given_up: Arc<AtomicBool>,
     path: Vec<Programmed>,
 }
 
@@ -67,12 +74,16 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
         scope: &'scope Scope<'scope, 'env>,
         session: &'scope Session<'env>,
         stop: &'scope AtomicBool,
+        desk: Desk,
     ) -> Attendance<'scope, 'env> {
+        let stands_by = matches!(session.task, Task::StandBy);
         Attendance {
             scope,
             session,
             stop,
+            clients: Clients::new(scope, session.config, stands_by, desk),
             planner: None,
+            given_up: Arc::default(),
             path: Vec::new(),
         }
     }
@@ -122,10 +133,16 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
 
     fn step(&mut self, running: &mut Running, now_ns: u64) -> anyhow::Result<()> {
         if self.session.signal.caught().is_some() {
-            running.operator.stop(now_ns);
+            running.operator.end(now_ns);
         }
+        self.clients.attend(&mut running.operator, now_ns)?;
         while let Ok(report) = running.reports.pop() {
             running.operator.hear(&report);
+        }
+        match running.operator.step() {
+            // What is left of it to come to rest on is in the ring already.
+            Step::StandBy | Step::Disable | Step::ShutDown | Step::Done => self.given_up.store(true, Ordering::Release),
+            Step::Network | Step::Enable | Step::Home | Step::Program | Step::Stop => {}
         }
         if let Wish::PlanFrom(position) = running.operator.poll(now_ns) {
             // Of a program that is repeated, all was in the ring long since.
@@ -145,27 +162,43 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
         let sight = Sight {
             state: live.state,
             cycles: live.cycles,
-            alarm: operator.alarms().last().map(|alarm| alarm.cause.as_str()),
-            program: Some(self.session.task.program().name),
+            alarm: operator.alarm().map(|alarm| alarm.cause.as_str()),
+            program: match operator.step() {
+                Step::StandBy => None,
+                _ => self.program_name(),
+            },
+            stands_by: operator.step() == Step::StandBy,
         };
         service.attend(now_ns, &sight);
+    }
+
+    fn program_name(&self) -> Option<&str> {
+        match &self.session.task {
+            Task::Once(program) | Task::Repeat(program) => Some(program.name),
+            Task::StandBy => self.clients.part().map(|part| part.name.as_str()),
+        }
     }
 
     /// Starts the program thread.
     fn plan_from(&mut self, position: Position) -> anyhow::Result<Box<Interpolator>> {
         let Session { config, task, .. } = self.session;
         let (producer, consumer) = ring::channel(ring_capacity(config));
-        let feeder = Feeder::new(config, task.program().text, position, producer);
-        let path_max = match task {
-            Task::Once(_) => PATH_MAX,
-            Task::Repeat(_) => 0,
+        let (text, path_max) = match (task, self.clients.part()) {
+            (Task::Once(program), _) => (Text::Given(program.text), PATH_MAX),
+            (Task::Repeat(program), _) => (Text::Given(program.text), 0),
+            (Task::StandBy, Some(part)) => (Text::Asked(Arc::clone(part)), 0),
+            (Task::StandBy, None) => anyhow::bail!("a program was begun that is not there"),
         };
         let stop = self.stop;
+        self.given_up = Arc::default();
+        let given_up = Arc::clone(&self.given_up);
         let planner = std::thread::Builder::new()
             .name("program".into())
             .spawn_scoped(self.scope, move || {
                 rights::give_up_or_warn(Work::Ordinary);
-                feed(feeder, path_max, stop)
+                let feeder = Feeder::new(config, text.octets(), position, producer);
+                let over = || stop.load(Ordering::Acquire) || given_up.load(Ordering::Acquire);
+                feed(feeder, path_max, over)
             })?;
         self.planner = Some(planner);
         Ok(Box::new(Interpolator::new(consumer, position, stop_ramp(config))))
@@ -177,7 +210,7 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
             Some(Ok((path, error))) => {
                 self.path = path;
                 if let Some(error) = error {
-                    let name = self.session.task.program().name;
+                    let name = self.program_name().unwrap_or_default();
                     running.operator.fail(now_ns, error.located(name));
                 }
             }
@@ -189,14 +222,31 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
     }
 }
 
+/// Text of a program.
+enum Text<'env> {
+    /// That of the session.
+    Given(&'env [u8]),
+    /// That of a client.
+    Asked(Arc<Part>),
+}
+
+impl Text<'_> {
+    fn octets(&self) -> &[u8] {
+        match self {
+            Text::Given(text) => text,
+            Text::Asked(part) => &part.text,
+        }
+    }
+}
+
 /// The program thread: plans until the program is in the ring or nobody wants it any more.
 fn feed(
     mut feeder: Feeder<'_, Producer<Element>>,
     path_max: usize,
-    stop: &AtomicBool,
+    over: impl Fn() -> bool,
 ) -> (Vec<Programmed>, Option<FeedError>) {
     let mut path = Vec::new();
-    while !stop.load(Ordering::Acquire) {
+    while !over() {
         let progress = feeder.pump();
         let room = path_max.saturating_sub(path.len());
         path.extend(feeder.ideal_path().take(room));

@@ -3,6 +3,7 @@
 pub mod analyser;
 pub mod attend;
 pub mod control;
+pub mod desk;
 pub mod jitter;
 pub mod job;
 pub mod netns;
@@ -14,5 +15,6 @@ pub mod progress;
 pub mod recorder;
 pub mod report;
 pub mod signals;
+pub mod standby;
 pub mod systemd;
 pub mod tap;

@@ -79,6 +79,8 @@ pub struct Operator {
     journal: Vec<Entry>,
     journal_read: usize,
     alarms: Vec<Alarm>,
+    /// Alarms that somebody has acknowledged, or begun another program after.
+    alarms_over: usize,
     late_cycles: u64,
     /// What the report is made of.
     pub recorder: Recorder,
@@ -106,6 +108,7 @@ impl Operator {
             journal: Vec::new(),
             journal_read: 0,
             alarms: Vec::new(),
+            alarms_over: 0,
             late_cycles: 0,
             recorder: Recorder::default(),
             programs: 0,
@@ -120,6 +123,32 @@ impl Operator {
             records: false,
             ..self
         }
+    }
+
+    /// The same that waits for programs, without records: it may run for months.
+    pub fn standing_by(self) -> Operator {
+        Operator {
+            sequence: self.sequence.standing_by(),
+            records: false,
+            ..self
+        }
+    }
+
+    /// Begins a program while standing by: drives on, homing, then [`Wish::PlanFrom`]. False: the machine is not ready for
+    /// one.
+    pub fn begin(&mut self, now_ns: u64) -> bool {
+        let free = self.sequence.step() == Step::StandBy && self.live().state == State::Disabled;
+        if free {
+            self.alarms_over = self.alarms.len();
+            self.sequence.begin(now_ns);
+        }
+        free
+    }
+
+    /// Allows motion again after a fault.
+    pub fn acknowledge(&mut self) {
+        self.alarms_over = self.alarms.len();
+        self.give(Command::Acknowledge);
     }
 
     /// Takes in what came, gives the next order. `now_ns`: any monotonic clock.
@@ -157,7 +186,12 @@ impl Operator {
         self.give(Command::Start(program));
     }
 
-    /// Wants the machine at rest and off; may be called again and again.
+    /// Wants an end of everything; may be called again and again.
+    pub fn end(&mut self, now_ns: u64) {
+        self.sequence.end(now_ns);
+    }
+
+    /// Wants the machine at rest and off; may be called again and again. Whoever stands by waits for the next program then.
     pub fn stop(&mut self, now_ns: u64) {
         self.sequence.stop(now_ns);
     }
@@ -213,6 +247,20 @@ impl Operator {
         } else {
             Outcome::Faulted
         })
+    }
+
+    /// How the last program ended, while standing by.
+    pub fn program_outcome(&self) -> Option<Outcome> {
+        let outcome = self.sequence.program_outcome()?;
+        Some(match self.alarm() {
+            None => outcome,
+            Some(_) => Outcome::Faulted,
+        })
+    }
+
+    /// First cause since the last acknowledge.
+    pub fn alarm(&self) -> Option<&Alarm> {
+        self.alarms.get(self.alarms_over)
     }
 
     /// Seconds from the first cycle to OPERATIONAL of the whole network.

@@ -7,6 +7,7 @@ use super::attend::{Attendance, Attendant, Running};
 use super::control::methods::Methods;
 use super::control::server;
 use super::control::socket::{BindError, Socket, path_beside};
+use super::desk::desk;
 use super::network_view::NetworkView;
 use super::operator::Operator;
 use super::progress::say;
@@ -76,15 +77,8 @@ pub enum Task<'a> {
     Once(Program<'a>),
     /// Runs a program again and again until it is told to stop, in constant memory.
     Repeat(Program<'a>),
-}
-
-impl<'a> Task<'a> {
-    /// The program.
-    pub fn program(&self) -> Program<'a> {
-        match self {
-            Task::Once(program) | Task::Repeat(program) => *program,
-        }
-    }
+    /// Waits for programs of clients, drives off.
+    StandBy,
 }
 
 /// The wire to the drives.
@@ -205,7 +199,8 @@ fn run_on<L: Link + Send>(
     if mac == MEMORY_MAC {
         network.interface = "a wire in memory".into();
     }
-    let methods = Methods::new(network, inlets.live.clone(), diagnosis, monotonic_ns);
+    let (counter, desk) = desk();
+    let methods = Methods::new(network, inlets.live.clone(), diagnosis, counter, monotonic_ns);
     let socket = control_socket(hal.path(), &config.name)?;
 
     let (recorder, windows) = figures::recorder(grid.period_ns);
@@ -215,6 +210,7 @@ fn run_on<L: Link + Send>(
         operator: match session.task {
             Task::Once(_) => operator,
             Task::Repeat(_) => operator.repeating(),
+            Task::StandBy => operator.standing_by(),
         },
         reports: watch_reports,
         windows,
@@ -248,7 +244,7 @@ fn run_on<L: Link + Send>(
         }
         let ended = StopOnDrop(&stop);
         let lives = || !cycle.is_finished();
-        let attendance = Attendance::new(scope, session, &stop);
+        let attendance = Attendance::new(scope, session, &stop, desk);
         let path = attendance.run(&mut running, attendant, &lives);
         drop(ended);
         let figures = cycle

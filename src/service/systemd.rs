@@ -33,6 +33,8 @@ pub struct Sight<'a> {
     pub alarm: Option<&'a str>,
     /// Name of the program that runs.
     pub program: Option<&'a str>,
+    /// No program is under way; the next one is waited for.
+    pub stands_by: bool,
 }
 
 /// A message to systemd.
@@ -146,7 +148,11 @@ fn is_up(state: State) -> bool {
 fn status(sight: &Sight<'_>) -> String {
     let program = sight.program.map(|name| format!(", {name}")).unwrap_or_default();
     let alarm = sight.alarm.map(|cause| format!("; alarm: {cause}")).unwrap_or_default();
-    let line = format!("{}{program}{alarm}", sight.state.name());
+    let state = match (sight.stands_by, sight.state) {
+        (true, State::Disabled) => "standing by, drives off",
+        (_, state) => state.name(),
+    };
+    let line = format!("{state}{program}{alarm}");
     // A line of its own would be another message.
     line.replace(['\n', '\r'], " ")
 }
@@ -220,6 +226,7 @@ mod tests {
             cycles,
             alarm: None,
             program: None,
+            stands_by: false,
         }
     }
 
@@ -263,6 +270,19 @@ mod tests {
                 Message::Ready,
                 status_of("booting, part.ngc; alarm: x-drive lost READY=1")
             ]
+        );
+    }
+
+    #[test]
+    fn standing_by_is_told_in_words() {
+        let mut notifier = Notifier::new(None);
+        let waiting = Sight {
+            stands_by: true,
+            ..sight(State::Disabled, 1)
+        };
+        assert_eq!(
+            notifier.messages(0, &waiting),
+            [Message::Ready, status_of("standing by, drives off")]
         );
     }
 

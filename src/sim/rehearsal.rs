@@ -67,6 +67,20 @@ pub fn rehearse<T>(
     net: NetConfig,
     act: impl FnOnce(&mut Rehearsal<'_>) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
+    rehearse_with(config, text, net, |operator| operator, act)
+}
+
+/// As [`rehearse`], with an operator who does something else than running the program once: `operator` makes him so.
+///
+/// # Errors
+/// As [`rehearse`].
+pub fn rehearse_with<T>(
+    config: &Config,
+    text: &[u8],
+    net: NetConfig,
+    operator: impl FnOnce(Operator) -> Operator,
+    act: impl FnOnce(&mut Rehearsal<'_>) -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
     let machine = SimMachine::new(config).map_err(|error| anyhow!("{error}"))?;
     let plans = network::plan(config);
     let nodes = node_configs(&config.bus, &plans);
@@ -83,7 +97,7 @@ pub fn rehearse<T>(
     let grid = grid(config);
     let mut rehearsal = Rehearsal {
         control: Box::new(control),
-        operator: Operator::new(config, inlets, 0),
+        operator: operator(Operator::new(config, inlets, 0)),
         hal,
         config,
         text,

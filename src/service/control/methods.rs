@@ -1,7 +1,7 @@
 //! What a running control can be asked for: the table of methods.
 //!
-//! In:  requests of clients; records and replies of the cycle thread.
-//! Out: answers, at once or when the bus has carried an order out.
+//! In:  requests of clients; records and replies of the cycle thread; answers of the operator.
+//! Out: answers, at once or when the bus or the operator has carried an order out.
 //!
 //! To add a method: a line in [`METHODS`] and its function.
 
@@ -10,6 +10,7 @@ use super::server::{Serve, Ticket};
 use crate::bus::SDO_VALUE_MAX;
 use crate::rt::diagnosis::{Inlet, Record, SdoOrder};
 use crate::rt::shared::Live;
+use crate::service::desk::{Counter, Order, Source};
 use crate::service::network_view::{NetworkLive, NetworkView, NodeLive};
 use powerlink::mn::{Counters, Diagnosis, NetworkDiagnosis, SdoCommand, SdoError};
 use powerlink::sdo::ClientError;
@@ -31,7 +32,7 @@ pub struct Method {
 type Answer = Option<Result<Value, RpcError>>;
 
 /// All methods.
-pub const METHODS: [Method; 5] = [
+pub const METHODS: [Method; 10] = [
     Method {
         name: "methods",
         params: &[],
@@ -41,7 +42,7 @@ pub const METHODS: [Method; 5] = [
     Method {
         name: "status",
         params: &[],
-        does: "machine, process, state, cycles, position",
+        does: "machine, process, state, cycles, position, program, alarm",
         call: |methods, _, _| Some(Ok(methods.status())),
     },
     Method {
@@ -62,7 +63,60 @@ pub const METHODS: [Method; 5] = [
         does: "writes an object of a node; \"value\" holds its octets as hexadecimal digits",
         call: |methods, params, ticket| methods.sdo(params, ticket, true),
     },
+    Method {
+        name: "program.run",
+        params: &["path", "name", "text"],
+        does: "checks a program, switches drives on, homes, runs it, switches drives off; only while standing by. A file \
+               that the control may read (\"path\", absolute), or \"text\" and its \"name\"",
+        call: |methods, params, ticket| match source(params) {
+            Ok(source) => methods.order(ticket, Order::Run(source)),
+            Err(error) => Some(Err(error)),
+        },
+    },
+    Method {
+        name: "hold",
+        params: &[],
+        does: "brings the program to rest on its path and keeps it",
+        call: |methods, _, ticket| methods.order(ticket, Order::Hold),
+    },
+    Method {
+        name: "resume",
+        params: &[],
+        does: "goes on after a hold",
+        call: |methods, _, ticket| methods.order(ticket, Order::Resume),
+    },
+    Method {
+        name: "stop",
+        params: &[],
+        does: "brings the program to rest on its path, gives it up and switches drives off",
+        call: |methods, _, ticket| methods.order(ticket, Order::Stop),
+    },
+    Method {
+        name: "alarm.acknowledge",
+        params: &[],
+        does: "allows motion again after a fault whose cause is gone; moves nothing and switches nothing on",
+        call: |methods, _, ticket| methods.order(ticket, Order::Acknowledge),
+    },
 ];
+
+/// The program of "program.run".
+fn source(params: &Params) -> Result<Source, RpcError> {
+    let invalid = |what: &str| Err(RpcError::new(code::INVALID_PARAMS, what));
+    match (params.text("path")?, params.text("name")?, params.text("text")?) {
+        (Some(path), None, None) if path.starts_with('/') => Ok(Source::File(path.into())),
+        (Some(path), None, None) => {
+            let what = format!("parameter \"path\": expected an absolute path, got \"{path}\"");
+            Err(RpcError::new(code::INVALID_PARAMS, what))
+        }
+        (None, name, Some(text)) => {
+            let name = name.unwrap_or("program").to_owned();
+            let text = text.to_owned();
+            Ok(Source::Text { name, text })
+        }
+        (None, _, None) => invalid("expected \"path\", or \"text\" and \"name\""),
+        (Some(_), _, _) => invalid("expected \"path\" alone, or \"text\" and \"name\""),
+    }
+}
 
 fn table() -> Value {
     let methods = METHODS
@@ -82,12 +136,14 @@ pub struct Methods {
     nodes: Vec<Option<Diagnosis>>,
     /// Orders under way that read: the others answer without a value.
     reading: Vec<Ticket>,
+    /// Way to the operator.
+    operator: Counter,
     now_ns: fn() -> u64,
 }
 
 impl Methods {
     /// Methods of a control; `now_ns`: the clock of its bus.
-    pub fn new(network: NetworkView, live: Arc<Live>, bus: Inlet, now_ns: fn() -> u64) -> Methods {
+    pub fn new(network: NetworkView, live: Arc<Live>, bus: Inlet, operator: Counter, now_ns: fn() -> u64) -> Methods {
         Methods {
             live,
             bus,
@@ -95,12 +151,14 @@ impl Methods {
             network,
             latest: None,
             reading: Vec::new(),
+            operator,
             now_ns,
         }
     }
 
     fn status(&self) -> Value {
         let live = self.live.snapshot();
+        let shown = self.operator.shown();
         json!({
             "version": env!("CARGO_PKG_VERSION"),
             "machine": self.network.machine,
@@ -113,7 +171,17 @@ impl Methods {
             "line": live.line,
             "velocity_mm_s": live.velocity_mm_s,
             "position_mm": live.position.0,
+            "step": shown.step,
+            "program": shown.program,
+            "alarm": shown.alarm,
         })
+    }
+
+    fn order(&mut self, ticket: Ticket, order: Order) -> Answer {
+        match self.operator.put(ticket, order) {
+            Ok(()) => None,
+            Err(what) => Some(Err(RpcError::new(code::REFUSED, what))),
+        }
     }
 
     fn network(&self) -> Result<Value, RpcError> {
@@ -206,6 +274,9 @@ impl Serve for Methods {
                 }
                 Record::Network(network, counters) => self.latest = Some((network, counters)),
             }
+        }
+        if let Some(answered) = self.operator.answer() {
+            return Some(answered);
         }
         let reply = self.bus.replies.pop().ok()?;
         let read = self.reading.iter().position(|ticket| *ticket == reply.ticket);

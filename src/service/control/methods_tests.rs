@@ -3,6 +3,7 @@ use crate::bus::{SDO_ORDERS, SDO_VALUE_MAX};
 use crate::config;
 use crate::rt::diagnosis::rings;
 use crate::service::control::rpc;
+use crate::service::desk;
 use powerlink::mn::NetworkReason;
 use powerlink::nmt::NmtState;
 use std::path::Path;
@@ -11,7 +12,14 @@ fn methods() -> Methods {
     let machine = include_str!("../../../configs/mill3-demo.toml");
     let config = config::parse(machine, Path::new("demo.toml")).unwrap();
     let (_, inlet) = rings(config.bus.nodes.len());
-    Methods::new(NetworkView::of(&config), Arc::new(Live::default()), inlet, || 0)
+    let (counter, _) = desk::desk();
+    Methods::new(
+        NetworkView::of(&config),
+        Arc::new(Live::default()),
+        inlet,
+        counter,
+        || 0,
+    )
 }
 
 fn call(methods: &mut Methods, method: &str, params: Value) -> Option<Result<Value, RpcError>> {
@@ -39,7 +47,8 @@ fn refusals_say_what_there_is() {
     let mut methods = methods();
     assert_eq!(
         refusal(&mut methods, "bus.nodes", json!({})),
-        "no method \"bus.nodes\"; there are methods, status, bus.network, bus.sdo_read, bus.sdo_write"
+        "no method \"bus.nodes\"; there are methods, status, bus.network, bus.sdo_read, bus.sdo_write, \
+         program.run, hold, resume, stop, alarm.acknowledge"
     );
     assert_eq!(
         refusal(&mut methods, "status", json!({ "x": 1 })),
@@ -106,4 +115,50 @@ fn orders_wait_for_a_buffer_and_no_longer() {
     let full = "as many objects as possible are being read or written already";
     assert_eq!(refusal(&mut methods, "bus.sdo_read", read), full);
     assert!(methods.later().is_none());
+}
+
+#[test]
+fn programs_come_by_path_or_as_text() {
+    let machine = include_str!("../../../configs/mill3-demo.toml");
+    let config = config::parse(machine, Path::new("demo.toml")).unwrap();
+    let (_, inlet) = rings(config.bus.nodes.len());
+    let (counter, desk) = desk::desk();
+    let mut methods = Methods::new(
+        NetworkView::of(&config),
+        Arc::new(Live::default()),
+        inlet,
+        counter,
+        || 0,
+    );
+    for (params, refused) in [
+        (json!({}), "expected \"path\", or \"text\" and \"name\""),
+        (
+            json!({ "path": "part.ngc" }),
+            "parameter \"path\": expected an absolute path, got \"part.ngc\"",
+        ),
+        (json!({ "path": 5 }), "parameter \"path\": expected a text, got 5"),
+        (
+            json!({ "path": "/part.ngc", "text": "M2" }),
+            "expected \"path\" alone, or \"text\" and \"name\"",
+        ),
+    ] {
+        assert_eq!(refusal(&mut methods, "program.run", params), refused);
+    }
+    assert_eq!(call(&mut methods, "program.run", json!({ "path": "/part.ngc" })), None);
+    assert_eq!(desk.next(), Some((7, Order::Run(Source::File("/part.ngc".into())))));
+    assert_eq!(
+        call(&mut methods, "program.run", json!({ "name": "n", "text": "M2" })),
+        None
+    );
+    let text = Source::Text {
+        name: "n".into(),
+        text: "M2".into(),
+    };
+    assert_eq!(desk.next(), Some((7, Order::Run(text))));
+    assert_eq!(call(&mut methods, "hold", json!({})), None);
+    assert_eq!(desk.next(), Some((7, Order::Hold)));
+    desk.answer(7, Ok(json!({})));
+    assert_eq!(methods.later(), Some((7, Ok(json!({})))));
+    drop(desk);
+    assert_eq!(refusal(&mut methods, "stop", json!({})), "the control is ending");
 }

@@ -92,6 +92,16 @@ impl Params {
             .ok_or_else(|| invalid(format!("{}, got {value}", expected())))
     }
 
+    /// A text, if it is given.
+    pub fn text(&self, name: &str) -> Result<Option<&str>, RpcError> {
+        let Some(value) = self.0.get(name) else {
+            return Ok(None);
+        };
+        let text = value.as_str();
+        text.map(Some)
+            .ok_or_else(|| invalid(format!("parameter \"{name}\": expected a text, got {value}")))
+    }
+
     /// Octets as hexadecimal digits: `"10270000"`.
     pub fn octets(&self, name: &str, most: usize) -> Result<Vec<u8>, RpcError> {
         let expected = || format!("parameter \"{name}\": expected up to {most} octets as pairs of hexadecimal digits");

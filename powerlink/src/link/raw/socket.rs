@@ -46,9 +46,10 @@ impl fmt::Display for OpenError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "interface {}: {}: {}", self.interface, self.what, self.source)?;
         match self.source.raw_os_error() {
-            Some(libc::EPERM | libc::EACCES) => {
-                f.write_str(" (raw sockets need CAP_NET_RAW: run as root or in a private namespace)")
-            }
+            Some(libc::EPERM | libc::EACCES) => f.write_str(
+                " (raw sockets need CAP_NET_RAW: run as root, or \
+                     'setcap cap_sys_nice,cap_ipc_lock,cap_net_raw+ep' on the program)",
+            ),
             Some(libc::ENODEV) => f.write_str(" (no interface has this name)"),
             _ => Ok(()),
         }

@@ -1,0 +1,275 @@
+//! A control that stands by: the network is up, drives are off, nothing moves until a client asks for it.
+//!
+//! In:  a machine, a wire; orders of clients over the desk.
+//! Out: programs checked, begun, held, stopped; answers; the journal on the terminal.
+//!
+//! A program is checked as a whole before it is accepted. Then drives are switched on, all joints are homed, the program
+//! runs, and drives are switched off again: also behind a program that was stopped or that failed. A fault waits for an
+//! acknowledge and lets no program begin before.
+
+use super::attend::{Attendant, Running};
+use super::control::rpc::{RpcError, code};
+use super::control::server::Ticket;
+use super::desk::{Desk, Order, Shown, ShownProgram, Source};
+use super::operator::Operator;
+use super::process::{self, Session, Task, Wire};
+use super::progress::say;
+use super::signals::{self, StopSignal};
+use crate::config::Config;
+use crate::machine::sequence::{Outcome, Step};
+use crate::machine::state::State;
+use crate::program::{Overview, check};
+use crate::rt::rights::{self, Work};
+use crate::rt::shared::Command;
+use serde_json::{Value, json};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::thread::{Scope, ScopedJoinHandle};
+
+/// A program that was accepted.
+#[derive(Debug)]
+pub(super) struct Part {
+    pub(super) name: String,
+    pub(super) text: Vec<u8>,
+    overview: Overview,
+}
+
+type Checked = Result<Part, String>;
+
+/// Serves the clients of one session.
+pub(super) struct Clients<'scope, 'env> {
+    scope: &'scope Scope<'scope, 'env>,
+    config: &'env Config,
+    /// The session waits for programs; else it has its own.
+    stands_by: bool,
+    desk: Desk,
+    checking: Option<(Ticket, ScopedJoinHandle<'scope, Checked>)>,
+    part: Option<Arc<Part>>,
+}
+
+impl<'scope, 'env> Clients<'scope, 'env> {
+    pub(super) fn new(
+        scope: &'scope Scope<'scope, 'env>,
+        config: &'env Config,
+        stands_by: bool,
+        desk: Desk,
+    ) -> Clients<'scope, 'env> {
+        Clients {
+            scope,
+            config,
+            stands_by,
+            desk,
+            checking: None,
+            part: None,
+        }
+    }
+
+    /// The program under way, or the last one.
+    pub(super) fn part(&self) -> Option<&Arc<Part>> {
+        self.part.as_ref()
+    }
+
+    /// Carries out what clients want. Waits for nothing.
+    pub(super) fn attend(&mut self, operator: &mut Operator, now_ns: u64) -> std::io::Result<()> {
+        if self
+            .checking
+            .as_ref()
+            .is_some_and(|(_, checking)| checking.is_finished())
+            && let Some((ticket, checking)) = self.checking.take()
+        {
+            let checked = checking
+                .join()
+                .unwrap_or_else(|_| Err("the check of the program panicked".into()));
+            let answer = checked.and_then(|part| self.begin(part, operator, now_ns));
+            self.desk
+                .answer(ticket, answer.map_err(|what| RpcError::new(code::REFUSED, what)));
+        }
+        while let Some((ticket, order)) = self.desk.next() {
+            let done = match order {
+                Order::Run(source) => match self.may_begin(operator) {
+                    Ok(()) => {
+                        self.checking = Some((ticket, self.check(source)?));
+                        continue;
+                    }
+                    Err(what) => Err(what),
+                },
+                Order::Hold | Order::Resume | Order::Stop | Order::Acknowledge => obey(&order, operator, now_ns),
+            };
+            let done = done
+                .map(|()| json!({}))
+                .map_err(|what| RpcError::new(code::REFUSED, what));
+            self.desk.answer(ticket, done);
+        }
+        let shown = self.shown(operator);
+        self.desk.show(shown);
+        Ok(())
+    }
+
+    fn may_begin(&self, operator: &Operator) -> Result<(), String> {
+        if !self.stands_by {
+            return Err("this control was started for one program; start it without a program to run others".into());
+        }
+        if self.checking.is_some() {
+            return Err("another program is being checked".into());
+        }
+        match (operator.step(), operator.live().state) {
+            (Step::StandBy, State::Disabled) => Ok(()),
+            (Step::StandBy, State::Faulted) => {
+                let cause = operator.alarm().map_or("a fault", |alarm| alarm.cause.as_str());
+                Err(format!("{cause}; acknowledge it first: isocnc alarm acknowledge"))
+            }
+            (Step::StandBy, State::Booting) => Err("the network is not operational yet: isocnc bus state".into()),
+            (step, state) => Err(format!("not while the machine is {} ({})", state.name(), step.name())),
+        }
+    }
+
+    /// Reads and checks a program in a thread of its own: that may take seconds.
+    fn check(&self, source: Source) -> std::io::Result<ScopedJoinHandle<'scope, Checked>> {
+        let config = self.config;
+        let work = move || {
+            rights::give_up_or_warn(Work::Ordinary);
+            let (name, text) = read(source)?;
+            let overview = check(config, &name, &text).map_err(|errors| errors.to_string())?;
+            Ok(Part { name, text, overview })
+        };
+        std::thread::Builder::new()
+            .name("check".into())
+            .spawn_scoped(self.scope, work)
+    }
+
+    fn begin(&mut self, part: Part, operator: &mut Operator, now_ns: u64) -> Result<Value, String> {
+        // Things may have changed during the check.
+        self.may_begin(operator)?;
+        if !operator.begin(now_ns) {
+            return Err("the machine is not ready for a program".into());
+        }
+        let begun = json!({
+            "program": part.name,
+            "lines": part.overview.lines,
+            "planned_time_s": part.overview.time_s,
+        });
+        self.part = Some(Arc::new(part));
+        Ok(begun)
+    }
+
+    fn shown(&self, operator: &Operator) -> Shown {
+        Shown {
+            step: operator.step().name(),
+            program: self.part.as_ref().map(|part| ShownProgram {
+                name: part.name.clone(),
+                lines: part.overview.lines,
+                planned_time_s: part.overview.time_s,
+                result: operator.program_outcome().map(|outcome| match outcome {
+                    Outcome::Completed => "completed",
+                    Outcome::Stopped => "stopped",
+                    Outcome::Faulted => "faulted",
+                    Outcome::TimedOut(_) => "timed out",
+                }),
+            }),
+            alarm: operator.alarm().map(|alarm| alarm.cause.clone()),
+        }
+    }
+}
+
+fn read(source: Source) -> Result<(String, Vec<u8>), String> {
+    match source {
+        Source::Text { name, text } => Ok((name, text.into_bytes())),
+        Source::File(path) => {
+            let name = path.display().to_string();
+            let failed = |cause: std::io::Error| format!("{name}: {cause}");
+            // Nothing that never ends, and nothing that waits for a writer.
+            if !std::fs::metadata(&path).map_err(failed)?.is_file() {
+                return Err(format!("{name}: is no file"));
+            }
+            let text = std::fs::read(&path).map_err(failed)?;
+            Ok((name, text))
+        }
+    }
+}
+
+fn obey(order: &Order, operator: &mut Operator, now_ns: u64) -> Result<(), String> {
+    let state = operator.live().state;
+    let refused = |wanted: &str| Err(format!("{wanted}; the machine is {}", state.name()));
+    match order {
+        Order::Run(_) => refused("a program is begun elsewhere"),
+        Order::Hold if state == State::Running => {
+            operator.give(Command::Hold);
+            Ok(())
+        }
+        Order::Hold => refused("nothing runs that could be held"),
+        // Running: a program may wait for it (M0).
+        Order::Resume if matches!(state, State::Held | State::Running) => {
+            operator.give(Command::Resume);
+            Ok(())
+        }
+        Order::Resume => refused("nothing is held"),
+        Order::Stop => match operator.step() {
+            Step::Enable | Step::Home | Step::Program | Step::Stop => {
+                operator.stop(now_ns);
+                Ok(())
+            }
+            Step::Network | Step::StandBy | Step::Disable | Step::ShutDown | Step::Done => {
+                refused("there is no program to stop")
+            }
+        },
+        Order::Acknowledge if operator.step() == Step::StandBy && operator.alarm().is_some() => {
+            operator.acknowledge();
+            Ok(())
+        }
+        Order::Acknowledge => refused("there is nothing to acknowledge"),
+    }
+}
+
+/// Stands by until a signal ends it.
+///
+/// # Errors
+/// What keeps it from starting.
+pub fn stand_by(config: &Config, wire: Wire, as_json: bool, signal: StopSignal) -> anyhow::Result<ExitCode> {
+    let session = Session {
+        config,
+        task: Task::StandBy,
+        quiet: as_json,
+        signal,
+        keep_rights: false,
+    };
+    if !as_json {
+        say(&format!(
+            "isocnc: {} stands by with drives off; 'isocnc program run FILE' runs a program, Ctrl-C ends\n",
+            config.name
+        ));
+    }
+    let ended = process::run(&session, wire, &mut Journal { as_json })?;
+    let operator = &ended.operator;
+    if as_json {
+        let summary = json!({
+            "machine": config.name,
+            "signal": session.signal.caught(),
+            "programs": operator.programs(),
+            "alarms": operator.alarms(),
+        });
+        say(&format!("{summary}\n"));
+    } else {
+        let (programs, alarms) = (operator.programs(), operator.alarms().len());
+        say(&format!("{programs} programs run, {alarms} alarms\n"));
+    }
+    Ok(match session.signal.caught() {
+        Some(signal) => ExitCode::from(signals::exit_code(signal)),
+        None => ExitCode::FAILURE,
+    })
+}
+
+/// Prints the journal as it comes.
+struct Journal {
+    as_json: bool,
+}
+
+impl Attendant for Journal {
+    fn attend(&mut self, running: &mut Running, _now_ns: u64) {
+        for entry in running.operator.new_entries() {
+            match self.as_json {
+                true => say(&format!("{}\n", json!(entry))),
+                false => say(&format!("{:9.3} s  {}\n", entry.time_s, entry.text)),
+            }
+        }
+    }
+}

@@ -1,0 +1,246 @@
+//! A control that stands by: on virtual time, where every cycle can be looked at; and as a process with its clients.
+
+use cia402::State as Power;
+use isocnc::config;
+use isocnc::machine::sequence::{Outcome, Step};
+use isocnc::machine::state::State;
+use isocnc::service::operator::Operator;
+use isocnc::sim::rehearsal::{Rehearsal, rehearse_with};
+use isocnc::sim::{Disturbance, NetConfig};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+const MACHINE: &str = include_str!("../configs/mill3-demo.toml");
+const PART: &str = "G21 G90 G94 G54 G64 P0.01\nG0 X5 Y5 Z0\nG1 X15 F3000\nG0 Z5\nM2\n";
+/// Half a minute of motion.
+const LONG: &str = "G21 G90 G94 G54 G64 P0.01\nG0 X5 Y5 Z0\nG1 X200 F400\nM2\n";
+const CYCLES_MAX: u64 = 60_000;
+const PATIENCE: Duration = Duration::from_secs(120);
+
+fn stand_by(text: &str, act: impl FnOnce(&mut Rehearsal<'_>)) {
+    let config = config::parse(MACHINE, Path::new("mill3-demo.toml")).unwrap();
+    let net = NetConfig::clean(7);
+    println!("seed {}", net.seed);
+    rehearse_with(&config, text.as_bytes(), net, Operator::standing_by, |run| {
+        act(run);
+        Ok(())
+    })
+    .unwrap();
+}
+
+fn reach(run: &mut Rehearsal<'_>, what: &str, done: impl FnMut(&mut Rehearsal<'_>) -> bool) {
+    let reached = run.run_until(CYCLES_MAX, done).unwrap();
+    assert!(reached, "never {what}: {:#?}", run.operator.journal());
+}
+
+fn powers(run: &mut Rehearsal<'_>) -> [Option<Power>; 3] {
+    [1, 2, 3].map(|id| run.net().machine().drive_state(id))
+}
+
+fn positions(run: &mut Rehearsal<'_>) -> [u64; 3] {
+    [0, 1, 2].map(|joint| run.net().machine().joint_position_mm(joint).unwrap().to_bits())
+}
+
+fn begin(run: &mut Rehearsal<'_>) -> bool {
+    let now_ns = run.now_ns();
+    run.operator.begin(now_ns)
+}
+
+#[test]
+fn nothing_moves_before_a_program_and_drives_are_off_again_behind_it() {
+    stand_by(PART, |run| {
+        assert!(!begin(run), "the network is not up");
+        reach(run, "disabled", |run| run.control.state() == State::Disabled);
+        let rest = positions(run);
+        for _ in 0..2000 {
+            run.cycle(0).unwrap();
+            assert_eq!(run.control.state(), State::Disabled);
+            assert!(!powers(run).contains(&Some(Power::OperationEnabled)));
+        }
+        assert_eq!(positions(run), rest);
+        for programs in 1..=2 {
+            assert!(begin(run));
+            assert!(!begin(run), "one at a time");
+            reach(run, "standing by", |run| run.operator.step() == Step::StandBy);
+            assert_eq!(run.operator.program_outcome(), Some(Outcome::Completed));
+            assert_eq!(
+                (run.operator.programs(), run.control.state()),
+                (programs, State::Disabled)
+            );
+            assert!(!powers(run).contains(&Some(Power::OperationEnabled)));
+        }
+        let now_ns = run.now_ns();
+        run.operator.end(now_ns);
+        assert_eq!(run.run(CYCLES_MAX).unwrap(), Outcome::Completed);
+    });
+}
+
+#[test]
+fn a_stop_leads_back_to_stand_by() {
+    stand_by(LONG, |run| {
+        reach(run, "disabled", |run| run.control.state() == State::Disabled);
+        assert!(begin(run));
+        reach(run, "running", |run| run.control.state() == State::Running);
+        let now_ns = run.now_ns();
+        run.operator.stop(now_ns);
+        reach(run, "standing by", |run| run.operator.step() == Step::StandBy);
+        assert_eq!(run.operator.program_outcome(), Some(Outcome::Stopped));
+        assert_eq!(run.control.state(), State::Disabled);
+        assert!(begin(run), "ready for the next one");
+    });
+}
+
+#[test]
+fn a_fault_lets_nothing_begin_before_it_is_acknowledged() {
+    stand_by(LONG, |run| {
+        reach(run, "disabled", |run| run.control.state() == State::Disabled);
+        assert!(begin(run));
+        reach(run, "running", |run| run.control.state() == State::Running);
+        let now_ns = run.now_ns();
+        run.net().at(
+            now_ns,
+            Disturbance::DriveFault {
+                node: 1,
+                error_code: 0x7305,
+            },
+        );
+        reach(run, "faulted", |run| run.operator.step() == Step::StandBy);
+        assert_eq!(run.operator.program_outcome(), Some(Outcome::Faulted));
+        let cause = run.operator.alarm().expect("an alarm").cause.clone();
+        assert!(cause.contains("axis X"), "{cause}");
+        assert!(!begin(run));
+        run.operator.acknowledge();
+        assert_eq!(run.operator.alarm(), None);
+        reach(run, "disabled", |run| run.control.state() == State::Disabled);
+        for _ in 0..500 {
+            run.cycle(0).unwrap();
+            assert_eq!(
+                run.control.state(),
+                State::Disabled,
+                "an acknowledge switches nothing on"
+            );
+        }
+        assert!(begin(run));
+        reach(run, "running", |run| run.control.state() == State::Running);
+    });
+}
+
+/// A control that stands by over the wire in memory.
+struct Control {
+    process: Child,
+    folder: TempDir,
+    machine: String,
+}
+
+impl Control {
+    fn start() -> Control {
+        let folder = tempfile::tempdir().unwrap();
+        let machine = format!("stand-by-{}", std::process::id());
+        let file = folder.path().join("machine.toml");
+        let config = config::parse(MACHINE, Path::new("mill3-demo.toml")).unwrap();
+        let text = MACHINE
+            .replace(&format!("\"{}\"", config.name), &format!("\"{machine}\""))
+            .replacen("kind = \"powerlink\"", "kind = \"memory\"", 1);
+        std::fs::write(&file, text).unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+        command.arg("run").arg(&file).arg("--json").stdout(Stdio::null());
+        Control {
+            process: command.spawn().unwrap(),
+            folder,
+            machine,
+        }
+    }
+
+    fn program(&self, name: &str, text: &str) -> PathBuf {
+        let path = self.folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path
+    }
+
+    /// The client's answer, or what it says on standard error.
+    fn ask(&self, arguments: &[&str]) -> Result<Value, String> {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+        let output = command
+            .args(arguments)
+            .args(["--json", "--machine", &self.machine])
+            .output()
+            .unwrap();
+        match output.status.code() {
+            Some(0) => Ok(serde_json::from_slice(&output.stdout).unwrap()),
+            _ => Err(String::from_utf8_lossy(&output.stderr).into_owned()),
+        }
+    }
+
+    fn wait_for(&self, what: &str, done: impl Fn(&Value) -> bool) -> Value {
+        let give_up = Instant::now() + PATIENCE;
+        loop {
+            let status = self.ask(&["status"]);
+            if let Ok(status) = &status
+                && done(status)
+            {
+                return status.clone();
+            }
+            assert!(Instant::now() < give_up, "never {what}: {status:?}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    fn refused(&self, arguments: &[&str], why: &str) {
+        let said = self.ask(arguments).expect_err("a refusal");
+        assert!(said.contains(why), "{said}");
+    }
+}
+
+impl Drop for Control {
+    fn drop(&mut self) {
+        // Gone already where the test went well.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+#[test]
+fn clients_run_hold_and_stop_programs() {
+    let mut control = Control::start();
+    let standing_by = |status: &Value| status["state"] == "disabled" && status["step"] == "standing by";
+    let status = control.wait_for("standing by", standing_by);
+    assert_eq!((&status["program"], &status["alarm"]), (&Value::Null, &Value::Null));
+    control.refused(&["hold"], "nothing runs that could be held; the machine is disabled");
+    control.refused(&["stop"], "there is no program to stop");
+    control.refused(&["alarm", "acknowledge"], "there is nothing to acknowledge");
+    let bad = control.program("bad.ngc", "G1 X5\nG77\nM2\n");
+    control.refused(&["program", "run", bad.to_str().unwrap()], "G77");
+    control.refused(&["program", "run", "/nowhere.ngc"], "/nowhere.ngc: No such file");
+
+    let part = control.program("part.ngc", PART);
+    let begun = control.ask(&["program", "run", part.to_str().unwrap()]).unwrap();
+    assert_eq!(
+        (&begun["program"], &begun["lines"]),
+        (&part.to_str().unwrap().into(), &5.into())
+    );
+    control.refused(&["program", "run", part.to_str().unwrap()], "not while the machine is");
+    let status = control.wait_for("the end of the part", |status| !status["program"]["result"].is_null());
+    assert_eq!(status["program"]["result"], "completed", "{status}");
+
+    let long = control.program("long.ngc", LONG);
+    control.ask(&["program", "run", long.to_str().unwrap()]).unwrap();
+    control.wait_for("running", |status| status["state"] == "running");
+    control.ask(&["hold"]).unwrap();
+    let held = control.wait_for("held", |status| status["state"] == "held");
+    control.ask(&["resume"]).unwrap();
+    control.wait_for("on the way again", |status| {
+        status["position_mm"] != held["position_mm"]
+    });
+    control.ask(&["stop"]).unwrap();
+    let status = control.wait_for("standing by", standing_by);
+    assert_eq!(status["program"]["result"], "stopped", "{status}");
+
+    kill(Pid::from_raw(control.process.id() as i32), Signal::SIGTERM).unwrap();
+    assert_eq!(control.process.wait().unwrap().code(), Some(143));
+    control.refused(&["status"], "no control of machine");
+}
