@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Files, and folders with all that is in them.
-const REAL_TIME: [&str; 16] = [
+const REAL_TIME: [&str; 17] = [
     "src/rt/diagnosis.rs",
     "src/rt/cycle.rs",
     "src/rt/drives.rs",
@@ -22,6 +22,7 @@ const REAL_TIME: [&str; 16] = [
     "src/rt/jitter.rs",
     "src/rt/figures.rs",
     "src/rt/recent.rs",
+    "src/rt/probe.rs",
     "src/bus/powerlink.rs",
     "motion/src/rt",
     "motion/src/ring.rs",
@@ -67,7 +68,7 @@ const FORBIDDEN: [&str; 31] = [
 ];
 
 /// What runs before real time begins or after it has ended: file, function, why.
-const START_UP: [(&str, &str, &str); 13] = [
+const START_UP: [(&str, &str, &str); 16] = [
     ("src/rt/diagnosis.rs", "rings", "makes the rings and buffers"),
     (
         "src/rt/cycle.rs",
@@ -86,6 +87,13 @@ const START_UP: [(&str, &str, &str); 13] = [
         "the handle of the thread, in imports and the type that ordinary threads hold",
     ),
     ("src/rt/timeout.rs", "spawn", "starts the thread"),
+    ("src/rt/probe.rs", "new", "makes empty figures"),
+    (
+        "src/rt/probe.rs",
+        "ticks_per_ns",
+        "compares two clocks before the scan begins",
+    ),
+    ("src/rt/probe.rs", "on_a_thread", "starts the thread"),
     ("src/bus/powerlink.rs", "new", "makes the bus"),
     ("motion/src/rt/monitor.rs", "new", "makes the monitor"),
     ("motion/src/ring.rs", "channel", "makes the ring"),
