@@ -182,7 +182,8 @@ fn inside(text: &mut Text, report: &JitterReport) {
         "Inside a cycle, µs (worst round)",
         ["mean", "p50", "p99", "p99.9", "least", "most"],
     );
-    let parts: [(&str, fn(&Round) -> &Summary); 4] = [
+    type Part = fn(&Round) -> &Summary;
+    let parts: [(&str, Part); 4] = [
         ("  awake after its date", |round| &round.control.wake_up),
         ("  exchange with the drives", |round| &round.control.exchange),
         ("  drives, motion, set-points", |round| &round.control.compute),
