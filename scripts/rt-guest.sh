@@ -257,7 +257,7 @@ input=/dev/null
 timeout --foreground -k 5 "$timeout_s" qemu-system-x86_64 -M q35 -cpu max -nodefaults -no-user-config -display none \
     -no-reboot -m 768 -smp "$cpus" "${machine[@]}" -kernel "$kernel_folder/vmlinuz" -initrd "$work/initramfs" \
     -append "$command_line$isolation" -chardev stdio,id=output,signal=off \
-    -serial "file:$work/kernel.log" -serial chardev:output -serial "file:$work/results.tar" <"$input" || code=$?
+    -serial "file:$work/kernel.log" -serial chardev:output -serial "file:$work/results.tar" <"$input" 2>"$work/qemu.log" || code=$?
 
 mkdir -p "$work/results"
 tar -C "$work/results" -xf "$work/results.tar" 2>/dev/null || true
@@ -267,8 +267,8 @@ if [ -n "$keep" ]; then
     say "results: $keep"
 fi
 if [ ! -s "$work/results/status" ]; then
-    say "last messages of the guest's kernel:"
-    tail -n 8 "$work/kernel.log" >&2
+    say "messages of QEMU, last messages of the guest's kernel:"
+    { cat "$work/qemu.log" && tail -n 8 "$work/kernel.log"; } >&2 || true
     case $code in
         124 | 137) cannot "the guest did not end within $timeout_s s (--timeout)" ;;
         *) cannot "the guest ended without a result (QEMU: $code)" ;;

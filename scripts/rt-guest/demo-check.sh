@@ -5,16 +5,14 @@
 . /check/lib.sh
 program=/configs/short-part.ngc
 
-# watch_threads PID: the threads of a control while its program runs, into $threads.
+# watch_threads PID: waits for a control to end; the threads it had when they were last seen at work, into $threads.
 watch_threads() {
     threads=""
-    waited=0
-    while [ $waited -lt 600 ] && kill -0 "$1" 2>/dev/null; do
-        threads=$(threads_of "$1")
-        # The planner starts last, and only once the machine is homed.
-        case $threads in *"program "*) return ;; esac
-        sleep 0.2
-        waited=$((waited + 1))
+    # One that has ended and was not waited for yet still has a number, but no program.
+    while readlink "/proc/$1/exe" >/dev/null; do
+        now=$(threads_of "$1")
+        case $now in *"rt-cycle "*) threads=$now ;; esac
+        sleep 1
     done
 }
 
