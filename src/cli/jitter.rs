@@ -128,7 +128,14 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
         floor: !args.no_floor,
         quiet: args.json,
     };
-    let report = run::run(&wanted)?;
+    let report = match (run::run(&wanted), signal.caught()) {
+        (Ok(report), _) => report,
+        (Err(error), Some(signal)) => {
+            eprintln!("isocnc: nothing was measured: {error:#}");
+            return Ok(ExitCode::from(signals::exit_code(signal)));
+        }
+        (Err(error), None) => return Err(error),
+    };
     output::write(&args.out, &report)?;
     if args.json {
         say(&format!("{}\n", serde_json::to_string(&report)?));

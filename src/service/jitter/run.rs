@@ -14,6 +14,7 @@ use super::ratios::{good_medians, judge, medians, merged, per_10000};
 use super::report::{ControlFigures, Ended, JitterReport, Medians, Merged, Round, Settings};
 use super::window::Window;
 use crate::config::Config;
+use crate::machine::sequence::Outcome;
 use crate::service::process::{self, Program, Session, Task, Wire};
 use crate::service::signals::StopSignal;
 use anyhow::{Context, bail};
@@ -25,6 +26,8 @@ use std::time::Instant;
 const PROBE_S_MAX: u64 = 20;
 /// Boot of the network, homing and the way back take about this long, s; for the bar only.
 const AROUND_S: f64 = 5.0;
+/// How often a round is begun whose program never runs.
+const TRIES: u32 = 3;
 /// Probes of a floor.
 const PROBES: u64 = 3;
 
@@ -112,8 +115,8 @@ pub fn run(wanted: &Wanted<'_>) -> anyhow::Result<JitterReport> {
             number: number as u32 + 1,
             rounds: rounds as u32,
             cycles: share(cycles, rounds, number),
-        }
-        .run(&mut config, &mut bar, &mut report);
+        };
+        let round = round.run_with_tries(&mut config, &mut bar, &mut report);
         match round {
             Ok(round) => {
                 bar.say(&one_line(&round, rounds));
@@ -195,7 +198,27 @@ struct Measured<'a> {
     cycles: u64,
 }
 
+/// The machine did not come as far as the program; on a busy PC it may the next time.
+#[derive(Debug, thiserror::Error)]
+#[error("the program did not run: {0}")]
+struct NotRun(String);
+
 impl Measured<'_> {
+    fn run_with_tries(&self, config: &mut Config, bar: &mut Bar, report: &mut JitterReport) -> anyhow::Result<Round> {
+        let mut left = TRIES;
+        loop {
+            left -= 1;
+            match self.run(config, bar, report) {
+                Err(error) if left > 0 && error.is::<NotRun>() && self.wanted.signal.caught().is_none() => {
+                    let note = format!("round {} was begun again: {error}", self.number);
+                    bar.say(&note);
+                    report.notes.push(note);
+                }
+                ended => return ended,
+            }
+        }
+    }
+
     fn run(&self, config: &mut Config, bar: &mut Bar, report: &mut JitterReport) -> anyhow::Result<Round> {
         let mut round = Round {
             number: self.number,
@@ -284,11 +307,15 @@ impl Measured<'_> {
             config.rt = ended.calibration.applied(&config.rt);
         }
         if !window.was_open() {
-            match ended.operator.alarms().first() {
-                Some(alarm) => bail!("the program did not run: {}", alarm.cause),
-                None if signal.caught().is_some() => bail!("stopped before the program ran"),
-                None => bail!("the program did not run: {:?}", ended.operator.outcome()),
-            }
+            let cause = match (ended.operator.alarms().first(), ended.operator.outcome()) {
+                (Some(alarm), _) => alarm.cause.clone(),
+                (None, _) if signal.caught().is_some() => "a signal came before".into(),
+                (None, Some(Outcome::TimedOut(step))) => format!("{} took too long", step.name()),
+                (None, Some(Outcome::Completed | Outcome::Stopped | Outcome::Faulted) | None) => {
+                    "the machine stopped before".into()
+                }
+            };
+            return Err(NotRun(cause).into());
         }
         if let Some(error) = window.error {
             return Err(error).context("analyser");
