@@ -70,6 +70,8 @@ type Bus<'a> = Timed<Powerlink<'a, VirtualNet, NODES>>;
 fn compute_budget(config: &Config) -> anyhow::Result<()> {
     let rt = Rt {
         keep_awake: Some(KeepAwake::None),
+        // A real-time thread may lock nothing more once it runs, and this one makes its pins itself.
+        lock_memory: false,
         ..config.rt.clone()
     };
     let process = prepare_process(&rt)?;

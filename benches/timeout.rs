@@ -98,6 +98,10 @@ fn round(process: &Arc<Process>, limits: Option<Limits>) -> anyhow::Result<(f64,
     let thread = limits
         .map(|limits| TimeoutThread::spawn(Arc::clone(process), Arc::clone(&watch), limits, reports))
         .transpose()?;
+    // Before it has its priority it would not get the core from the loop.
+    while thread.is_some() && watch.counters().ticks == 0 {
+        std::thread::sleep(Duration::from_millis(1));
+    }
     let rate = std::thread::scope(|scope| {
         let work = || {
             drop(enter_thread(Role::Cycle, process));

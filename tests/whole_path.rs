@@ -481,7 +481,7 @@ fn many_overruns_are_told_of_and_too_many_stop_the_machine_on_the_path() {
     let mut config = machine();
     (config.rt.overruns_warn, config.rt.overruns_stop) = (5, 20);
     // Every so many cycles one is late by more than is kept.
-    let mut run_late = |every: u64, outcome: Outcome| {
+    let run_late = |every: u64, outcome: Outcome| {
         rehearse_on(&config, NetConfig::clean(21), PART, |run| {
             reach_midst(run);
             let mut cycle = 0;

@@ -3,7 +3,7 @@
 use std::fs::read_to_string;
 
 /// Processor time of all cores since boot, in ticks.
-pub struct Busyness {
+pub(crate) struct Busyness {
     all: u64,
     idle: u64,
     steal: u64,
@@ -11,7 +11,7 @@ pub struct Busyness {
 
 impl Busyness {
     /// Looks at the PC now.
-    pub fn now() -> Busyness {
+    pub(crate) fn now() -> Busyness {
         let stat = read_to_string("/proc/stat").unwrap_or_default();
         let fields = stat.lines().next().unwrap_or_default().split_whitespace().skip(1);
         let ticks: Vec<u64> = fields.filter_map(|field| field.parse().ok()).collect();
@@ -25,7 +25,7 @@ impl Busyness {
     }
 
     /// A line about the time since then.
-    pub fn line(&self) -> String {
+    pub(crate) fn line(&self) -> String {
         let now = Busyness::now();
         let all = (now.all - self.all).max(1) as f64;
         let percent = |ticks: u64| ticks as f64 / all * 100.0;

@@ -7,18 +7,18 @@ use powerlink::mn::{Counters, Diagnosis, NetworkDiagnosis, SdoCommand, SdoError}
 use std::time::{Duration, Instant};
 
 /// Any bus, and the times of its last cycle.
-pub struct Timed<B> {
+pub(crate) struct Timed<B> {
     /// The bus.
-    pub bus: B,
+    pub(crate) bus: B,
     /// How long it took to make the last cycle ready.
-    pub prepared: Duration,
+    pub(crate) prepared: Duration,
     /// When the last exchange was over.
-    pub exchanged: Instant,
+    pub(crate) exchanged: Instant,
 }
 
 impl<B> Timed<B> {
     /// A bus that has exchanged nothing yet.
-    pub fn new(bus: B) -> Timed<B> {
+    pub(crate) fn new(bus: B) -> Timed<B> {
         Timed {
             bus,
             prepared: Duration::ZERO,
