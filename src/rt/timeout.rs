@@ -302,7 +302,8 @@ impl Watchdog {
         let overdue = self.watch_cycle(now_ns, &mut report);
         self.last_tick_ns = now_ns;
         self.due_ns = if overdue || self.limits.every_tick {
-            now_ns + self.limits.tick_ns
+            // The very next tick, however late this one is.
+            now_ns + 1
         } else {
             self.next_due(now_ns)
         };
@@ -322,8 +323,8 @@ impl Watchdog {
             return false;
         }
         let overdue_ns = now_ns - due_ns;
-        // A tick that came late has observed no more than up to one tick behind its own date.
-        let observed_to_ns = now_ns.min(self.due_ns + self.limits.tick_ns);
+        // A look is due at the next tick; one that comes more than a tick later than that has observed no longer.
+        let observed_to_ns = now_ns.min(self.due_ns + 2 * self.limits.tick_ns);
         self.observed_ns += observed_to_ns.saturating_sub(self.last_tick_ns).min(overdue_ns);
         let cycle = watch.cycle.load(Ordering::Relaxed);
         if overdue_ns > self.limits.late_ns && !self.late_reported {
