@@ -124,7 +124,10 @@ pub fn run(wanted: &Wanted<'_>) -> anyhow::Result<JitterReport> {
             }
             Err(error) if report.rounds.is_empty() => return Err(error),
             Err(error) => {
-                report.result = Ended::Faulted;
+                report.result = match wanted.signal.caught() {
+                    Some(_) => Ended::Cut,
+                    None => Ended::Faulted,
+                };
                 report.notes.push(format!("round {}: {error:#}", number + 1));
                 break;
             }
