@@ -3,7 +3,7 @@
 //! In:  a machine, a wire; orders of clients over the desk.
 //! Out: programs checked, begun, held, stopped; answers; the journal on the terminal.
 //!
-//! A program is checked as a whole before it is accepted. Then drives are switched on, all joints are homed, the program
+//! A program is checked as a whole before it is accepted; a stop meanwhile is one, and it never begins. Then drives are switched on, all joints are homed, the program
 //! runs, and drives are switched off again: also behind a program that was stopped or that failed. A fault waits for an
 //! acknowledge and lets no program begin before.
 
@@ -43,8 +43,15 @@ pub(super) struct Clients<'scope, 'env> {
     /// The session waits for programs; else it has its own.
     stands_by: bool,
     desk: Desk,
-    checking: Option<(Ticket, ScopedJoinHandle<'scope, Checked>)>,
+    checking: Option<Checking<'scope>>,
     part: Option<Arc<Part>>,
+}
+
+/// A program that is being checked.
+struct Checking<'scope> {
+    /// Who waits for it to begin; `None`: nobody any more, and it does not begin.
+    wanted: Option<Ticket>,
+    thread: ScopedJoinHandle<'scope, Checked>,
 }
 
 impl<'scope, 'env> Clients<'scope, 'env> {
@@ -71,28 +78,20 @@ impl<'scope, 'env> Clients<'scope, 'env> {
 
     /// Carries out what clients want. Waits for nothing.
     pub(super) fn attend(&mut self, operator: &mut Operator, now_ns: u64) -> std::io::Result<()> {
-        if self
-            .checking
-            .as_ref()
-            .is_some_and(|(_, checking)| checking.is_finished())
-            && let Some((ticket, checking)) = self.checking.take()
-        {
-            let checked = checking
-                .join()
-                .unwrap_or_else(|_| Err("the check of the program panicked".into()));
-            let answer = checked.and_then(|part| self.begin(part, operator, now_ns));
-            self.desk
-                .answer(ticket, answer.map_err(|what| RpcError::new(code::REFUSED, what)));
-        }
+        // Orders first: a stop reaches a program that would begin in this turn.
         while let Some((ticket, order)) = self.desk.next() {
             let done = match order {
                 Order::Run(source) => match self.may_begin(operator) {
                     Ok(()) => {
-                        self.checking = Some((ticket, self.check(source)?));
+                        self.checking = Some(Checking {
+                            wanted: Some(ticket),
+                            thread: self.check(source)?,
+                        });
                         continue;
                     }
                     Err(what) => Err(what),
                 },
+                Order::Stop if self.give_up_check() => Ok(()),
                 Order::Hold | Order::Resume | Order::Stop | Order::Acknowledge => obey(&order, operator, now_ns),
             };
             let done = done
@@ -100,9 +99,34 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 .map_err(|what| RpcError::new(code::REFUSED, what));
             self.desk.answer(ticket, done);
         }
+        if self
+            .checking
+            .as_ref()
+            .is_some_and(|checking| checking.thread.is_finished())
+            && let Some(Checking { wanted, thread }) = self.checking.take()
+        {
+            let checked = thread
+                .join()
+                .unwrap_or_else(|_| Err("the check of the program panicked".into()));
+            if let Some(ticket) = wanted {
+                let answer = checked.and_then(|part| self.begin(part, operator, now_ns));
+                self.desk
+                    .answer(ticket, answer.map_err(|what| RpcError::new(code::REFUSED, what)));
+            }
+        }
         let shown = self.shown(operator);
         self.desk.show(shown);
         Ok(())
+    }
+
+    /// Whoever wants a stop while a program is being checked does not want it to begin behind that. False: there is none.
+    fn give_up_check(&mut self) -> bool {
+        let Some(ticket) = self.checking.as_mut().and_then(|checking| checking.wanted.take()) else {
+            return false;
+        };
+        let what = "stopped before it began";
+        self.desk.answer(ticket, Err(RpcError::new(code::REFUSED, what)));
+        true
     }
 
     fn may_begin(&self, operator: &Operator) -> Result<(), String> {
@@ -271,5 +295,75 @@ impl Attendant for Journal {
                 false => say(&format!("{:9.3} s  {}\n", entry.time_s, entry.text)),
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config;
+    use crate::service::desk::{Counter, desk};
+    use crate::sim::NetConfig;
+    use crate::sim::rehearsal::{Rehearsal, rehearse_with};
+    use std::path::Path;
+
+    const PART: &str = "G21 G90 G94 G54\nG0 X5 Y5\nM2\n";
+
+    fn run_order() -> Order {
+        Order::Run(Source::Text {
+            name: "part".into(),
+            text: PART.into(),
+        })
+    }
+
+    /// Clients of a machine that stands by, its drives off.
+    fn while_standing_by(act: impl FnOnce(&mut Rehearsal<'_>, Clients<'_, '_>, &Counter)) {
+        let machine = include_str!("../../configs/mill3-demo.toml");
+        let config = config::parse(machine, Path::new("demo.toml")).unwrap();
+        let net = NetConfig::clean(1);
+        rehearse_with(&config, PART.as_bytes(), net, Operator::standing_by, |run| {
+            let up = run.run_until(60_000, |run| run.control.state() == State::Disabled)?;
+            assert!(up);
+            let (counter, desk) = desk();
+            std::thread::scope(|scope| act(run, Clients::new(scope, &config, true, desk), &counter));
+            Ok(())
+        })
+        .unwrap();
+    }
+
+    fn attend(run: &mut Rehearsal<'_>, clients: &mut Clients<'_, '_>) {
+        let now_ns = run.now_ns();
+        clients.attend(&mut run.operator, now_ns).unwrap();
+    }
+
+    #[test]
+    fn a_program_that_is_stopped_during_its_check_never_begins() {
+        while_standing_by(|run, mut clients, counter| {
+            counter.put(1, run_order()).unwrap();
+            counter.put(2, Order::Stop).unwrap();
+            attend(run, &mut clients);
+            let (ticket, answer) = counter.answer().expect("an answer");
+            assert_eq!(
+                (ticket, answer.unwrap_err().message.as_str()),
+                (1, "stopped before it began")
+            );
+            assert_eq!(counter.answer(), Some((2, Ok(json!({})))));
+            while clients.checking.is_some() {
+                std::thread::yield_now();
+                attend(run, &mut clients);
+            }
+            assert_eq!((run.operator.step(), counter.answer()), (Step::StandBy, None));
+            // The next one does.
+            counter.put(3, run_order()).unwrap();
+            let begun = loop {
+                attend(run, &mut clients);
+                if let Some(begun) = counter.answer() {
+                    break begun;
+                }
+                std::thread::yield_now();
+            };
+            assert_eq!((begun.0, begun.1.is_ok()), (3, true));
+            assert_eq!(run.operator.step(), Step::Enable);
+        });
     }
 }
