@@ -28,6 +28,8 @@ pub enum Order {
     Stop,
     /// Allow motion again after a fault whose cause is gone.
     Acknowledge,
+    /// Whoever gave the order of this ticket has gone: what has not begun shall not begin. Has no answer.
+    Withdraw,
 }
 
 /// Where a program comes from.
@@ -116,6 +118,14 @@ impl Counter {
         })
     }
 
+    /// Says that nobody waits for the answer to an order any more. False: there is no room, say it again.
+    pub fn withdraw(&self, ticket: Ticket) -> bool {
+        !matches!(
+            self.orders.try_send((ticket, Order::Withdraw)),
+            Err(TrySendError::Full(_))
+        )
+    }
+
     /// An answer that is ready.
     pub fn answer(&self) -> Option<(Ticket, Result<Value, RpcError>)> {
         self.answers.try_recv().ok()
@@ -177,7 +187,9 @@ mod tests {
             counter.put(ticket, Order::Hold).unwrap();
         }
         assert_eq!(counter.put(99, Order::Stop), Err("too many orders at once"));
+        assert!(!counter.withdraw(3));
         drop(desk);
+        assert!(counter.withdraw(3));
         assert_eq!(counter.put(99, Order::Stop), Err("the control is ending"));
     }
 }

@@ -3,9 +3,9 @@
 //! In:  a machine, a wire; orders of clients over the desk.
 //! Out: programs checked, begun, held, stopped; answers; the journal on the terminal.
 //!
-//! A program is checked as a whole before it is accepted; a stop meanwhile is one, and it never begins. Then drives are switched on, all joints are homed, the program
-//! runs, and drives are switched off again: also behind a program that was stopped or that failed. A fault waits for an
-//! acknowledge and lets no program begin before.
+//! A program is checked as a whole before it is accepted; stopped meanwhile, or forsaken by the client that wants it, it
+//! never begins. Then drives are switched on, all joints are homed, the program runs, and drives are switched off again:
+//! also behind a program that was stopped or that failed. A fault waits for an acknowledge and lets no program begin before.
 
 use super::attend::{Attendant, Running};
 use super::control::rpc::{RpcError, code};
@@ -91,6 +91,10 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                     }
                     Err(what) => Err(what),
                 },
+                Order::Withdraw => {
+                    self.withdraw(ticket);
+                    continue;
+                }
                 Order::Stop if self.give_up_check() => Ok(()),
                 Order::Hold | Order::Resume | Order::Stop | Order::Acknowledge => obey(&order, operator, now_ns),
             };
@@ -127,6 +131,15 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         let what = "stopped before it began";
         self.desk.answer(ticket, Err(RpcError::new(code::REFUSED, what)));
         true
+    }
+
+    /// A machine must not begin to move for somebody who has given up waiting for it.
+    fn withdraw(&mut self, ticket: Ticket) {
+        if let Some(checking) = &mut self.checking
+            && checking.wanted == Some(ticket)
+        {
+            checking.wanted = None;
+        }
     }
 
     fn may_begin(&self, operator: &Operator) -> Result<(), String> {
@@ -215,14 +228,14 @@ fn obey(order: &Order, operator: &mut Operator, now_ns: u64) -> Result<(), Strin
     let state = operator.live().state;
     let refused = |wanted: &str| Err(format!("{wanted}; the machine is {}", state.name()));
     match order {
-        Order::Run(_) => refused("a program is begun elsewhere"),
+        Order::Run(_) | Order::Withdraw => refused("this is done elsewhere"),
         Order::Hold if state == State::Running => {
             operator.give(Command::Hold);
             Ok(())
         }
         Order::Hold => refused("nothing runs that could be held"),
-        // Running: a program may wait for it (M0).
-        Order::Resume if matches!(state, State::Held | State::Running) => {
+        // Running: a program may wait for it (M0). Not one that was stopped in this turn: the machine has yet to hear of that.
+        Order::Resume if matches!(state, State::Held | State::Running) && operator.step() == Step::Program => {
             operator.give(Command::Resume);
             Ok(())
         }
@@ -337,7 +350,7 @@ mod tests {
     }
 
     #[test]
-    fn a_program_that_is_stopped_during_its_check_never_begins() {
+    fn a_program_that_is_stopped_or_forsaken_during_its_check_never_begins() {
         while_standing_by(|run, mut clients, counter| {
             counter.put(1, run_order()).unwrap();
             counter.put(2, Order::Stop).unwrap();
@@ -348,6 +361,15 @@ mod tests {
                 (1, "stopped before it began")
             );
             assert_eq!(counter.answer(), Some((2, Ok(json!({})))));
+            while clients.checking.is_some() {
+                std::thread::yield_now();
+                attend(run, &mut clients);
+            }
+            assert_eq!((run.operator.step(), counter.answer()), (Step::StandBy, None));
+            // Nor does one that nobody waits for any more; a ticket that is over changes nothing.
+            counter.put(4, run_order()).unwrap();
+            assert!(counter.withdraw(4) && counter.withdraw(1));
+            attend(run, &mut clients);
             while clients.checking.is_some() {
                 std::thread::yield_now();
                 attend(run, &mut clients);

@@ -295,6 +295,11 @@ impl Serve for Methods {
         self.bus.buffers.push(reply.buffer);
         Some((reply.ticket, result))
     }
+
+    fn gone(&mut self, ticket: Ticket) -> bool {
+        // What a node was asked goes its way.
+        self.operator.withdraw(ticket)
+    }
 }
 
 /// The value of an answer to "bus.sdo_read".

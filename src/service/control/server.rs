@@ -39,6 +39,9 @@ pub trait Serve {
 
     /// Takes in what has come since the last call and gives an answer that is ready.
     fn later(&mut self) -> Option<(Ticket, Result<Value, RpcError>)>;
+
+    /// Whoever waits for this answer has gone. False: to be told again.
+    fn gone(&mut self, ticket: Ticket) -> bool;
 }
 
 /// Serves until `stop`.
@@ -54,6 +57,7 @@ pub fn serve(socket: &Socket, service: &mut impl Serve, stop: &AtomicBool) {
         for client in &mut clients {
             client.serve_lines(service, &mut next_ticket);
             client.write();
+            client.tell_gone(service);
         }
         clients.retain(|client| !client.is_over());
         wait(socket, &mut clients);
@@ -140,7 +144,7 @@ impl Client {
 
     fn is_over(&self) -> bool {
         let served = self.ended && self.pending.is_empty() && self.output.is_empty() && !self.has_line();
-        self.broken || served
+        self.broken && self.pending.iter().all(|(_, id)| id.is_none()) || served
     }
 
     fn has_line(&self) -> bool {
@@ -216,6 +220,24 @@ impl Client {
                 (None, id) => self.pending.push((ticket, id)),
             },
         }
+    }
+
+    /// Tells that nobody waits for the answers any more. One that says no more may still wait; notifications never did.
+    fn tell_gone(&mut self, service: &mut impl Serve) {
+        if !self.pending.is_empty() && (self.broken || self.ended && self.has_hung_up()) {
+            self.pending
+                .retain(|(ticket, id)| id.is_none() || !service.gone(*ticket));
+        }
+    }
+
+    fn has_hung_up(&self) -> bool {
+        let mut fd = [PollFd::new(self.stream.as_fd(), PollFlags::empty())];
+        // A look and no wait.
+        let looked = ppoll(&mut fd, Some(TimeSpec::from_duration(Duration::ZERO)), None).is_ok();
+        looked
+            && fd[0]
+                .revents()
+                .is_some_and(|events| events.contains(PollFlags::POLLHUP))
     }
 
     fn refuse_long_line(&mut self) {

@@ -9,6 +9,7 @@ use std::time::Duration;
 struct Echo {
     waiting: Vec<(Ticket, Value)>,
     wanted: usize,
+    forsaken: Vec<Ticket>,
 }
 
 impl Serve for Echo {
@@ -32,6 +33,13 @@ impl Serve for Echo {
         self.wanted = usize::MAX;
         let (ticket, params) = self.waiting.pop()?;
         Some((ticket, Ok(params)))
+    }
+
+    fn gone(&mut self, ticket: Ticket) -> bool {
+        // Told twice.
+        let again = self.forsaken.contains(&ticket);
+        self.forsaken.push(ticket);
+        again
     }
 }
 
@@ -113,6 +121,38 @@ fn a_last_line_without_its_end_is_served() {
         assert_eq!(peer.line()["id"], 1);
         assert!(peer.ends());
     });
+}
+
+#[test]
+fn a_client_that_has_gone_is_told_of_and_one_that_only_says_no_more_is_not() {
+    let pair = || {
+        let (near, far) = UnixStream::pair().unwrap();
+        near.set_nonblocking(true).unwrap();
+        let mut client = Client::new(near);
+        client.pending = vec![(7, Some(json!(1))), (8, None)];
+        (client, far)
+    };
+    let mut echo = Echo::default();
+    let (mut client, far) = pair();
+    far.shutdown(std::net::Shutdown::Write).unwrap();
+    client.read();
+    assert!(client.ended);
+    client.tell_gone(&mut echo);
+    assert!(echo.forsaken.is_empty(), "it may still read");
+    drop(far);
+    for told in 1..=3 {
+        client.tell_gone(&mut echo);
+        assert_eq!(
+            echo.forsaken.len(),
+            told.min(2),
+            "until it is heard, and a notification never"
+        );
+    }
+    assert_eq!((echo.forsaken.as_slice(), client.pending.len()), (&[7, 7][..], 1));
+    let (mut client, far) = pair();
+    client.tell_gone(&mut echo);
+    assert_eq!((echo.forsaken.len(), client.pending.len()), (2, 2), "it is there");
+    drop(far);
 }
 
 #[test]
