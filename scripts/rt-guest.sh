@@ -252,6 +252,7 @@ esac
 
 say "guest: kernel $kernel, $cpus CPU(s), $accel, check '$check'"
 code=0
+began=$SECONDS
 input=/dev/null
 [ "$check" != shell ] || input=/dev/stdin
 timeout --foreground -k 5 "$timeout_s" qemu-system-x86_64 -M q35 -cpu max -nodefaults -no-user-config -display none \
@@ -274,6 +275,7 @@ if [ ! -s "$work/results/status" ]; then
         *) cannot "the guest ended without a result (QEMU: $code)" ;;
     esac
 fi
+took="$((SECONDS - began)) s; load average of this PC $(cut -d ' ' -f 1 /proc/loadavg)"
 status=$(cat "$work/results/status")
-[ "$status" = 0 ] || { say "check '$check' FAILED"; exit 1; }
-say "check '$check' passed"
+[ "$status" = 0 ] || { say "check '$check' FAILED ($took)"; exit 1; }
+say "check '$check' passed ($took)"
