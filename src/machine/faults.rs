@@ -179,7 +179,9 @@ impl Fault {
                 "{cycles} of the last {CYCLES} cycles were left out, more than rt.overruns_stop bears: `isocnc doctor` says what \
                  keeps this PC from real time"
             ),
-            Fault::CycleHung => "cycle thread hung; the network was silenced".into(),
+            Fault::CycleHung => {
+                "cycle thread hung; the network was silenced: end this control and start it anew".into()
+            }
             Fault::ForeignMaster {
                 mac: [a, b, c, d, e, f],
             } => format!(
