@@ -519,6 +519,25 @@ fn many_overruns_are_told_of_and_too_many_stop_the_machine_on_the_path() {
     );
 }
 
+#[test]
+fn overruns_of_boot_up_do_not_count_against_the_machine() {
+    let mut config = machine();
+    (config.rt.overruns_warn, config.rt.overruns_stop) = (0, 20);
+    rehearse_on(&config, NetConfig::clean(22), PART, |run| {
+        let (mut cycles, mut late) = (0_u64, 0);
+        while run.control.state() == State::Booting {
+            cycles += 1;
+            let is_late = cycles.is_multiple_of(5);
+            late += u64::from(is_late);
+            run.cycle(if is_late { 300_000 } else { 0 }).expect("a good program");
+        }
+        assert!(late > 100, "{late} late cycles");
+        run.cycle(300_000).expect("a good program");
+        assert_eq!(finish(run), Outcome::Completed, "{}", journal(run));
+        assert_eq!(run.operator.late_cycles(), late + 1);
+    });
+}
+
 /// A wave of short lines, far more of them than the planner takes at a time.
 fn wave(lines: u32) -> String {
     let mut text = String::from("G21 G90 G94 G54 G64 P0.01\nG0 X0 Y50 Z0\nG1 F6000\n");

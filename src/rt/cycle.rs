@@ -431,7 +431,11 @@ impl<B: Fieldbus> Control<B> {
     fn step_state(&mut self) {
         let all = |wanted: Status| self.parts.drives.all(|drive| drive.status() == wanted);
         match self.state {
-            State::Booting if self.network_up() && self.drives_off() => self.enter(State::Disabled),
+            State::Booting if self.network_up() && self.drives_off() => {
+                // What was usual in boot-up counts no more against what follows.
+                self.parts.overruns.clear();
+                self.enter(State::Disabled);
+            }
             State::Enabling if all(Status::Enabled) => self.enter(State::Ready),
             State::Homing if all(Status::Enabled) => self.enter(State::Ready),
             State::Running if self.hold && self.at_rest() => self.enter(State::Held),
