@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Files, and folders with all that is in them.
-const REAL_TIME: [&str; 17] = [
+const REAL_TIME: [&str; 19] = [
     "src/rt/diagnosis.rs",
     "src/rt/cycle.rs",
     "src/rt/drives.rs",
@@ -22,6 +22,8 @@ const REAL_TIME: [&str; 17] = [
     "src/rt/jitter.rs",
     "src/rt/figures.rs",
     "src/rt/recent.rs",
+    "src/rt/shared.rs",
+    "src/machine/overruns.rs",
     "src/rt/probe.rs",
     "src/bus/powerlink.rs",
     "motion/src/rt",

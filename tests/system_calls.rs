@@ -35,14 +35,16 @@ const TICKS: usize = 400;
 /// Octet of a frame that says what it is.
 const MESSAGE_TYPE_AT: u64 = 14;
 
-/// What the cycle thread may ask for: to sleep, to send, to wait for an answer or fetch it, and whether the interface still runs.
-const CYCLE_CALLS: [i64; 6] = [
+/// What the cycle thread may ask for: to sleep, to send, to wait for an answer or fetch it, whether the interface still runs,
+/// and under PREEMPT_RT the way through the network's lock (`src/rt/softirq.rs`).
+const CYCLE_CALLS: [i64; 7] = [
     libc::SYS_clock_nanosleep,
     libc::SYS_sendto,
     libc::SYS_ppoll,
     libc::SYS_recvmsg,
     libc::SYS_recvfrom,
     libc::SYS_getsockopt,
+    libc::SYS_ioctl,
 ];
 /// What the time-out thread may ask for: to sleep and, once in 1024 ticks, how long it has run.
 const TIMEOUT_CALLS: [i64; 2] = [libc::SYS_clock_nanosleep, libc::SYS_clock_gettime];
@@ -172,6 +174,19 @@ fn check_cycles(cycles: &[Vec<Call>], allowed: &[i64]) -> Result<(), String> {
                 "cycle {at}: frames {counts:?} (SoC, PReq, SoA, ASnd) in {sends} sends, at most {most:?}"
             ));
         }
+        // One for each sleep: a date that has passed is slept for anew.
+        let of = |number: i64| cycle.iter().filter(|call| call.number == number).count();
+        let locks_max = if is_preempt_rt() {
+            of(libc::SYS_clock_nanosleep)
+        } else {
+            0
+        };
+        if of(libc::SYS_ioctl) > locks_max {
+            let locks = of(libc::SYS_ioctl);
+            return Err(format!(
+                "cycle {at}: {locks} ways through the network's lock, at most {locks_max}"
+            ));
+        }
         complete += usize::from(counts[..3] == [1, NODES, 1]);
         // Each receive sleeps at the most once for its answer and once more for a frame that is none; the look at the
         // interface comes once a millisecond.
@@ -189,6 +204,10 @@ fn check_cycles(cycles: &[Vec<Call>], allowed: &[i64]) -> Result<(), String> {
     Ok(())
 }
 
+fn is_preempt_rt() -> bool {
+    read_to_string("/sys/kernel/realtime").is_ok_and(|text| text.trim() == "1")
+}
+
 /// How often each call was made to a cycle, on average.
 fn summary(calls: &[Call], cycles: usize) -> String {
     let mut counts = BTreeMap::<i64, usize>::new();
@@ -202,6 +221,7 @@ fn summary(calls: &[Call], cycles: usize) -> String {
         libc::SYS_recvmsg => "recvmsg".to_owned(),
         libc::SYS_recvfrom => "recvfrom".to_owned(),
         libc::SYS_getsockopt => "getsockopt".to_owned(),
+        libc::SYS_ioctl => "ioctl".to_owned(),
         libc::SYS_clock_gettime => "clock_gettime".to_owned(),
         number => format!("system call {number}"),
     };
