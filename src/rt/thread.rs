@@ -61,8 +61,11 @@ pub fn run<B: Fieldbus>(
         }
         watch.begin_cycle(cycle, deadline_ns);
         let next_ns = deadline_ns + grid.period_ns;
-        let report = control.cycle(woke_ns - deadline_ns, skipped, next_ns - spin_ns);
-        watch.end_cycle(cycle, control.network_is_up());
+        let exchange_ends_ns = next_ns - spin_ns;
+        let report = control.cycle(woke_ns - deadline_ns, skipped, exchange_ends_ns);
+        // What was cut short goes on between the cycles, as far as it still fits.
+        let whole = report.done_ns < exchange_ends_ns;
+        watch.end_cycle(cycle, control.network_is_up() && whole);
         let ended_ns = monotonic_ns();
         recorder.record(&CycleTimes {
             deadline_ns,

@@ -343,7 +343,13 @@ impl Watchdog {
     /// The date before which no limit can be over.
     ///
     /// A wait that is open now ends at its own date. One that begins after this tick ends no sooner than the shortest of
-    /// all waits, and is seen open by then. So each is looked at within one tick of its end, however few ticks there are.
+    /// all waits, and is seen open by then. So each is looked at within one tick of its end, however few ticks there are; one
+    /// whose frame is just being sent, and that is shown only behind that, by so much later.
+    ///
+    /// No order of these reads and of the writes of the cycle thread lets a date be missed. Both threads share a core: this
+    /// one runs between two writes of the other, never the reverse. Between the two of [`Watch::begin_cycle`] it finds a
+    /// cycle that has not ended, between those of [`Watch::end_cycle`], too: neither rests. Where the core was refused, the
+    /// date read first is the oldest of all, and older dates are due earlier.
     fn next_due(&self, now_ns: u64) -> u64 {
         let watch = &*self.watch;
         let cycle_due_ns = self.deadline_ns + self.limits.period_ns;

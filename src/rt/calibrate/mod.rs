@@ -4,8 +4,8 @@
 //! In:  `[rt]` of the machine file; a prepared process, whose rights allow a real-time thread.
 //! Out: [`Calibration`]: each value, who chose it and what was measured; it is printed and stands in the report.
 //!
-//! A real-time thread wakes up at several phases of each cycle while another ticks as the time-out thread does, in short
-//! rounds that take turns between the ways to keep the core awake. [`decide`] then compares medians of rounds, so that a
+//! A real-time thread wakes up at several phases of each cycle while another ticks as the time-out thread does where every
+//! tick is needed, in short rounds that take turns between the ways to keep the core awake. [`decide`] then compares medians of rounds, so that a
 //! burst of other work in one of them changes nothing, and stays with the defaults unless something else is clearly better.
 
 mod decide;
