@@ -239,7 +239,7 @@ fn the_cycle_never_allocates() {
         cycle(
             &mut control,
             match cycles {
-                2_000 => 300_000,
+                2_000 => 600_000,
                 2_200 => 5_000_000,
                 _ => 0,
             },

@@ -457,8 +457,8 @@ fn late_cycles_cost_time_and_no_jump() {
         assert_eq!(finish(run), Outcome::Completed);
         commands(run)
     });
-    // A date that has passed by no more than 0.25 ms is still kept; what comes later waits for the next date on the grid.
-    for (late_us, late_max_us, skipped) in [(200, 200, 0), (300, 0, 1), (4_100, 100, 4), (4_300, 0, 5)] {
+    // A date that has passed by no more than half the cycle is still kept; what comes later waits for the next date on the grid.
+    for (late_us, late_max_us, skipped) in [(400, 400, 0), (600, 0, 1), (4_100, 100, 4), (4_600, 0, 5)] {
         rehearse_part(NetConfig::clean(11), PART, |run| {
             reach_midst(run);
             run.cycle(late_us * 1000).expect("a good program");
@@ -488,7 +488,7 @@ fn many_overruns_are_told_of_and_too_many_stop_the_machine_on_the_path() {
             while run.operator.outcome().is_none() {
                 cycle += 1;
                 let late_ns = if run.control.state() == State::Running && cycle % every == 0 {
-                    300_000
+                    600_000
                 } else {
                     0
                 };

@@ -1,6 +1,7 @@
 //! The core of the real-time threads: which one, and a thread's way onto it.
 
 use super::findings::{Finding, Item};
+use core_affinity::CoreId;
 use nix::sched::{CpuSet, sched_getaffinity, sched_setaffinity};
 use nix::unistd::Pid;
 use std::fs::read_to_string;
@@ -57,6 +58,19 @@ pub(super) fn choose(
     }
 }
 
+/// Keeps the calling thread, and the threads that it starts, off the core of the real-time threads, which go there by
+/// themselves. A planner or a reader of files would be interrupted there at once, but what the kernel does for it, its timers
+/// and its caches stay in the way. Where there is no other core, nothing is changed; it is no finding either.
+pub(super) fn keep_off(cpu: usize) {
+    let this = Pid::from_raw(0);
+    let Ok(mut others) = sched_getaffinity(this) else { return };
+    let left = (0..CpuSet::count()).any(|other| other != cpu && others.is_set(other).unwrap_or(false));
+    if left && others.unset(cpu).is_ok() {
+        // A core less is a wish: the thread does its work anywhere.
+        let _ = sched_setaffinity(this, &others);
+    }
+}
+
 /// Puts the calling thread on one core for good.
 pub(super) fn pin(cpu: usize) -> Option<Finding> {
     let missing = |what| {
@@ -64,10 +78,13 @@ pub(super) fn pin(cpu: usize) -> Option<Finding> {
         Some(Finding::new(Item::Core, what, fix))
     };
     let this = Pid::from_raw(0);
-    let mut only = CpuSet::new();
-    // Refuses numbers that no set of cores has room for, too.
-    if let Err(errno) = only.set(cpu).and_then(|()| sched_setaffinity(this, &only)) {
-        return missing(format!("core {cpu} cannot be taken ({errno})"));
+    // The crate panics for numbers that no set of cores has room for.
+    if cpu >= CpuSet::count() || !core_affinity::set_for_current(CoreId { id: cpu }) {
+        // It tells only that it failed; ask again for the reason.
+        let mut only = CpuSet::new();
+        if let Err(errno) = only.set(cpu).and_then(|()| sched_setaffinity(this, &only)) {
+            return missing(format!("core {cpu} cannot be taken ({errno})"));
+        }
     }
     let only_this =
         |set: &CpuSet| (0..CpuSet::count()).all(|other| set.is_set(other).unwrap_or(false) == (other == cpu));

@@ -8,7 +8,7 @@
 //!
 //! | what | where | against |
 //! |---|---|---|
-//! | one core for both threads | `cpu.rs` | other programs; moves between caches |
+//! | one core for both threads, the other threads of the process elsewhere | `cpu.rs` | other work; moves between caches |
 //! | SCHED_FIFO | `priority.rs` | whatever else wants the core |
 //! | locked memory, touched stacks and heap, no trimming | `memory.rs` | page faults in a cycle |
 //! | no idle state that takes long to leave | `awake.rs` | late wake-ups |
@@ -73,6 +73,7 @@ pub fn prepare_process(rt: &Rt) -> Result<Process, Refusal> {
     findings.extend(findings::kernel(read_to_string("/sys/kernel/realtime").ok().as_deref()));
     findings.extend(findings::timers());
     let cpu = cpu::choose(rt.cpu, &cpu::online(), &cpu::isolated(), &mut findings);
+    cpu::keep_off(cpu);
     if rt.lock_memory {
         findings.extend(memory::lock());
     }
