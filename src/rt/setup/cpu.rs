@@ -63,7 +63,9 @@ pub(super) fn choose(
 /// and its caches stay in the way. Where there is no other core, nothing is changed; it is no finding either.
 pub(super) fn keep_off(cpu: usize) {
     let this = Pid::from_raw(0);
-    let Ok(mut others) = sched_getaffinity(this) else { return };
+    let Ok(mut others) = sched_getaffinity(this) else {
+        return;
+    };
     let left = (0..CpuSet::count()).any(|other| other != cpu && others.is_set(other).unwrap_or(false));
     if left && others.unset(cpu).is_ok() {
         // A core less is a wish: the thread does its work anywhere.
