@@ -7,9 +7,11 @@ use isocnc::machine::state::State;
 use isocnc::service::operator::Operator;
 use isocnc::sim::rehearsal::{Rehearsal, rehearse_with};
 use isocnc::sim::{Disturbance, NetConfig};
+use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use serde_json::Value;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -138,9 +140,9 @@ struct Control {
 }
 
 impl Control {
-    fn start() -> Control {
+    fn start(name: &str, stdout: impl Into<Stdio>) -> Control {
         let folder = tempfile::tempdir().unwrap();
-        let machine = format!("stand-by-{}", std::process::id());
+        let machine = format!("{name}-{}", std::process::id());
         let file = folder.path().join("machine.toml");
         let config = config::parse(MACHINE, Path::new("mill3-demo.toml")).unwrap();
         let text = MACHINE
@@ -148,7 +150,7 @@ impl Control {
             .replacen("kind = \"powerlink\"", "kind = \"memory\"", 1);
         std::fs::write(&file, text).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
-        command.arg("run").arg(&file).arg("--json").stdout(Stdio::null());
+        command.arg("run").arg(&file).arg("--json").stdout(stdout);
         Control {
             process: command.spawn().unwrap(),
             folder,
@@ -205,8 +207,23 @@ impl Drop for Control {
 }
 
 #[test]
+fn a_reader_who_does_not_read_keeps_nobody_from_stopping_the_machine() {
+    let (_reader, mut full) = std::io::pipe().unwrap();
+    fcntl(&full, FcntlArg::F_SETFL(OFlag::O_NONBLOCK)).unwrap();
+    while full.write(&[b'\n'; 4096]).is_ok() {}
+    fcntl(&full, FcntlArg::F_SETFL(OFlag::empty())).unwrap();
+    let control = Control::start("not-read", full);
+    control.wait_for("standing by", |status| status["state"] == "disabled");
+    let long = control.program("long.ngc", LONG);
+    control.ask(&["program", "run", long.to_str().unwrap()]).unwrap();
+    control.wait_for("running", |status| status["state"] == "running");
+    control.ask(&["stop"]).unwrap();
+    control.wait_for("the stop", |status| status["program"]["result"] == "stopped");
+}
+
+#[test]
 fn clients_run_hold_and_stop_programs() {
-    let mut control = Control::start();
+    let mut control = Control::start("stand-by", Stdio::null());
     let standing_by = |status: &Value| status["state"] == "disabled" && status["step"] == "standing by";
     let status = control.wait_for("standing by", standing_by);
     assert_eq!((&status["program"], &status["alarm"]), (&Value::Null, &Value::Null));

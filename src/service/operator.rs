@@ -278,10 +278,11 @@ impl Operator {
         &self.journal
     }
 
-    /// Entries since the last call.
-    pub fn new_entries(&mut self) -> &[Entry] {
-        let read = std::mem::replace(&mut self.journal_read, self.journal.len());
-        &self.journal[read..]
+    /// The first entry that has not been read.
+    pub fn next_entry(&mut self) -> Option<&Entry> {
+        let entry = self.journal.get(self.journal_read)?;
+        self.journal_read += 1;
+        Some(entry)
     }
 
     /// Alarms, the first cause first.

@@ -6,7 +6,9 @@ use super::operator::Operator;
 use crate::machine::state::State;
 use crate::program::Overview;
 use motion::canon::Axis;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use std::io::{IsTerminal, Write, stdout};
+use std::os::fd::AsFd;
 use std::time::{Duration, Instant};
 
 /// Pause between two lines on a terminal, and elsewhere.
@@ -36,20 +38,21 @@ impl Progress {
 
     /// Prints what is new.
     pub fn show(&mut self, operator: &mut Operator) {
-        let entries: Vec<String> = operator
-            .new_entries()
-            .iter()
-            .map(|entry| format!("{:9.3} s  {}", entry.time_s, entry.text))
-            .collect();
         if self.quiet {
             return;
         }
-        for entry in entries {
+        while is_heard()
+            && let Some(entry) = operator.next_entry()
+        {
+            let line = format!("{:9.3} s  {}\n", entry.time_s, entry.text);
             self.wipe();
-            say(&format!("{entry}\n"));
+            say(&line);
         }
         let live = operator.live();
-        if !matches!(live.state, State::Running | State::Held | State::Stopping) || Instant::now() < self.next {
+        if !matches!(live.state, State::Running | State::Held | State::Stopping)
+            || Instant::now() < self.next
+            || !is_heard()
+        {
             return;
         }
         self.next = Instant::now() + PAUSE[usize::from(!self.terminal)];
@@ -79,6 +82,15 @@ impl Progress {
             say("\r\x1b[2K");
         }
     }
+}
+
+/// Whether something printed now would be taken at once, by a reader or by nobody. A stopped terminal (Ctrl-S) and a pipe that
+/// nobody empties keep whoever prints waiting; the loop that hears of a stop must not be the one.
+pub fn is_heard() -> bool {
+    let out = stdout();
+    let mut fd = [PollFd::new(out.as_fd(), PollFlags::POLLOUT)];
+    // A look and no wait; where it fails there is nothing to wait for.
+    poll(&mut fd, PollTimeout::ZERO).map_or(true, |ready| ready > 0)
 }
 
 /// Prints. A reader that has gone away must not stop a machine in motion: what cannot be printed is not.

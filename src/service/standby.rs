@@ -13,7 +13,7 @@ use super::control::server::Ticket;
 use super::desk::{Desk, Order, Shown, ShownProgram, Source};
 use super::operator::Operator;
 use super::process::{self, Session, Task, Wire};
-use super::progress::say;
+use super::progress::{is_heard, say};
 use super::signals::{self, StopSignal};
 use crate::config::Config;
 use crate::machine::sequence::{Outcome, Step};
@@ -302,7 +302,9 @@ struct Journal {
 
 impl Attendant for Journal {
     fn attend(&mut self, running: &mut Running, _now_ns: u64) {
-        for entry in running.operator.new_entries() {
+        while is_heard()
+            && let Some(entry) = running.operator.next_entry()
+        {
             match self.as_json {
                 true => say(&format!("{}\n", json!(entry))),
                 false => say(&format!("{:9.3} s  {}\n", entry.time_s, entry.text)),

@@ -2,7 +2,7 @@
 //!
 //! In:  parts of a measurement, each with the time it takes by plan. Out: the terminal.
 
-use crate::service::progress::say;
+use crate::service::progress::{is_heard, say};
 use std::io::{IsTerminal, stdout};
 use std::time::{Duration, Instant};
 
@@ -41,7 +41,7 @@ impl Bar {
 
     /// Shows that a part is under way, of which this much planned time is over.
     pub(super) fn show(&mut self, part: &str, part_s: f64) {
-        if self.quiet || Instant::now() < self.next {
+        if self.quiet || Instant::now() < self.next || !is_heard() {
             return;
         }
         self.next = Instant::now() + PAUSE[usize::from(!self.terminal)];
