@@ -254,15 +254,15 @@ fn rules_of_machine_and_rt() {
         ("\n[bus]", "\n[rt]\nspin_us = -1\n[bus]", &["m.toml:5:11: rt.spin_us = -1: must be an integer from 0 to 500"]),
         ("\n[bus]", "\n[rt]\ncpu = -1\n[bus]", &["m.toml:5:7: rt.cpu = -1: must be an integer from 0 to 8191"]),
         ("\n[bus]", "\n[rt]\nkeep_awake = 1\n[bus]", &[
-            "m.toml:5:14: rt.keep_awake = 1: must be \"dma-latency\" or \"idle-thread\" or \"none\", is an integer",
+            "m.toml:5:14: rt.keep_awake = 1: must be \"dma-latency\" or \"idle-thread\" or \"ticks\" or \"none\", is an integer",
         ]),
         ("\n[bus]", "\n[rt]\nkeep_awake = true\nspin_us = 501\ncalibrate = \"no\"\n[bus]", &[
-            "m.toml:5:14: rt.keep_awake = true: must be \"dma-latency\" or \"idle-thread\" or \"none\", is a boolean",
+            "m.toml:5:14: rt.keep_awake = true: must be \"dma-latency\" or \"idle-thread\" or \"ticks\" or \"none\", is a boolean",
             "m.toml:6:11: rt.spin_us = 501: must be an integer from 0 to 500",
             "m.toml:7:13: rt.calibrate = \"no\": must be true or false, is a string",
         ]),
         ("\n[bus]", "\n[rt]\nkeep_awake = \"idle\"\n[bus]", &[
-            "m.toml:5:14: rt.keep_awake = \"idle\": must be \"dma-latency\" or \"idle-thread\" or \"none\"; did you mean \"idle-thread\"?",
+            "m.toml:5:14: rt.keep_awake = \"idle\": must be \"dma-latency\" or \"idle-thread\" or \"ticks\" or \"none\"; did you mean \"idle-thread\"?",
         ]),
         ("\n[bus]", "\n[rt]\nrequire = \"Strict\"\n[bus]", &[
             "m.toml:5:11: rt.require = \"Strict\": must be \"strict\" or \"warn\"; did you mean \"strict\"?",

@@ -200,7 +200,7 @@ pub struct Limits {
     pub tick_ns: u64,
     /// No wait for a node is shorter; 0: unknown, so that every tick is needed.
     pub shortest_wait_ns: u64,
-    /// Look at every tick, needed or not: keeps the core awake where nothing else does.
+    /// Look at every tick, needed or not: keeps the core awake where nothing else shall.
     pub every_tick: bool,
 }
 
@@ -226,7 +226,7 @@ impl Limits {
         Limits {
             phase_ns: cycle.phase_ns,
             shortest_wait_ns: u64::from(shortest_us) * 1000,
-            every_tick: rt.keep_awake == Some(KeepAwake::None),
+            every_tick: rt.keep_awake == Some(KeepAwake::Ticks),
             ..Limits::new(cycle.period_ns, u64::from(rt.timeout_us) * 1000, bus.soc_lost_max)
         }
     }

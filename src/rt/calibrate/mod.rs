@@ -4,15 +4,16 @@
 //! In:  `[rt]` of the machine file; a prepared process, whose rights allow a real-time thread.
 //! Out: [`Calibration`]: each value, who chose it and what was measured; it is printed and stands in the report.
 //!
-//! A real-time thread wakes up at several phases of each cycle while another ticks as the time-out thread does where every
-//! tick is needed, in short rounds that take turns between the ways to keep the core awake. [`decide`] then compares medians of rounds, so that a
-//! burst of other work in one of them changes nothing, and stays with the defaults unless something else is clearly better.
+//! A real-time thread wakes up at several phases of each cycle, in short rounds that take turns between the ways to keep the
+//! core awake. [`decide`] then compares medians of rounds, so that a burst of other work in one of them changes nothing, and
+//! stays with the defaults unless something else is clearly better. Ticks of the time-out thread are no candidate: what they
+//! take from the core shows in everything but a wake-up.
 
 mod decide;
 #[cfg(test)]
 mod tests;
 
-use super::probe::{Clock, System, WakeUp, on_a_thread};
+use super::probe::{Clock, System, on_a_thread};
 use super::setup::{Item, Process, usual_keep_awake};
 use super::wait::Grid;
 use crate::bus::managing_node::{exchanges, latencies, network};
@@ -20,7 +21,6 @@ use crate::config::{Config, KeepAwake, Rt};
 use decide::decide;
 use powerlink::mn::{Budget, MnConfig};
 use serde::{Deserialize, Serialize};
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Rounds of each way to keep the core awake; an odd number has a middle.
 const ROUNDS: usize = 5;
@@ -117,15 +117,10 @@ struct Plan {
 impl Plan {
     /// `usual`: the default of this PC for keeping awake. `busy_us`: what the exchange of a cycle can take at worst.
     fn new(rt: &Rt, cycle_us: u32, usual: KeepAwake, busy_us: u32) -> Plan {
-        let ways = [usual, KeepAwake::DmaLatency, KeepAwake::IdleThread, KeepAwake::None];
-        let mut keep_awake = Vec::new();
-        for way in ways
-            .into_iter()
-            .filter(|way| rt.keep_awake.is_none_or(|given| given == *way))
-        {
-            if !keep_awake.contains(&way) {
-                keep_awake.push(way);
-            }
+        let mut keep_awake = vec![rt.keep_awake.unwrap_or(usual)];
+        if rt.keep_awake.is_none() {
+            let others = [KeepAwake::DmaLatency, KeepAwake::IdleThread, KeepAwake::None];
+            keep_awake.extend(others.into_iter().filter(|way| *way != usual));
         }
         // Whole ticks of the time-out thread from the default, which lies in the middle between two of them.
         let least_us = (cycle_us / PHASES).max(PHASE_STEP_US);
@@ -221,7 +216,7 @@ pub fn calibrate(config: &Config, process: &mut Process) -> Calibration {
         return Calibration::unmeasured(rt, config.cycle_us, process.kept_awake(), reason);
     }
     let mut plan = Plan::new(rt, config.cycle_us, usual_keep_awake(), busy_us(config));
-    let rounds = measure(&mut plan, rt, process);
+    let rounds = measure(&mut plan, process);
     let calibration = decide(rt, &plan, &rounds);
     if process.kept_awake() != calibration.keep_awake.value {
         // It could be had a moment ago.
@@ -243,43 +238,28 @@ fn busy_us(config: &Config) -> u32 {
 }
 
 /// All rounds. Ways to keep awake that cannot be had are taken out of the plan.
-fn measure(plan: &mut Plan, rt: &Rt, process: &mut Process) -> Vec<Round> {
-    let over = AtomicBool::new(false);
-    let ticks = WakeUp {
-        cpu: process.cpu,
-        priority: process.priority + 1,
-        period_ns: u64::from(rt.timeout_us) * 1000,
-        phase_ns: 0,
-        spin_ns: 0,
-        cycles: u64::MAX,
-    };
-    std::thread::scope(|scope| {
-        let ticking = scope.spawn(|| ticks.run(&over));
-        let mut rounds = Vec::new();
-        for round in 0..ROUNDS {
-            let ways = plan.keep_awake.clone();
-            for way in ways {
-                // Changing to what holds already would change it all the same: a thread would be started anew.
-                let changed = process.kept_awake() != way;
-                if changed && process.keep_awake(way).is_err() && round == 0 && plan.keep_awake.len() > 1 {
-                    plan.keep_awake.retain(|other| *other != way);
-                    continue;
-                }
-                let mut late_ns = vec![Vec::with_capacity(plan.cycles); plan.phases_us.len()];
-                on_a_thread(process.cpu, process.priority, |_| {
-                    probe(&mut System, plan, &mut late_ns)
-                });
-                rounds.push(Round {
-                    keep_awake: way,
-                    late_ns,
-                });
+fn measure(plan: &mut Plan, process: &mut Process) -> Vec<Round> {
+    let mut rounds = Vec::new();
+    for round in 0..ROUNDS {
+        let ways = plan.keep_awake.clone();
+        for way in ways {
+            // Changing to what holds already would change it all the same: a thread would be started anew.
+            let changed = process.kept_awake() != way;
+            if changed && process.keep_awake(way).is_err() && round == 0 && plan.keep_awake.len() > 1 {
+                plan.keep_awake.retain(|other| *other != way);
+                continue;
             }
+            let mut late_ns = vec![Vec::with_capacity(plan.cycles); plan.phases_us.len()];
+            on_a_thread(process.cpu, process.priority, |_| {
+                probe(&mut System, plan, &mut late_ns)
+            });
+            rounds.push(Round {
+                keep_awake: way,
+                late_ns,
+            });
         }
-        over.store(true, Ordering::Relaxed);
-        // What the ticks themselves saw does not matter here.
-        let _ = ticking.join();
-        rounds
-    })
+    }
+    rounds
 }
 
 /// RT: wakes up at each phase of each cycle of a round; a date that has passed is left out. The vectors have room.

@@ -26,6 +26,8 @@ pub(super) enum Awake {
     Nothing,
     /// Held open at 0: all cores stay out of deep idle states until it is closed.
     DmaLatency { _file: File },
+    /// The time-out thread does, see [`crate::rt::timeout::Limits`].
+    Ticks,
     /// Spins.
     IdleThread { _thread: IdleThread },
 }
@@ -36,6 +38,7 @@ impl Awake {
     pub(super) fn hold(choice: KeepAwake, core: usize) -> Result<Awake, Finding> {
         match choice {
             KeepAwake::None => Ok(Awake::Nothing),
+            KeepAwake::Ticks => Ok(Awake::Ticks),
             KeepAwake::DmaLatency => hold_dma_latency(),
             KeepAwake::IdleThread => IdleThread::spawn(core)
                 .map(|thread| Awake::IdleThread { _thread: thread })
@@ -43,7 +46,7 @@ impl Awake {
                     Finding::new(
                         Item::IdleStates,
                         format!("no thread can keep core {core} awake: {what}"),
-                        "set rt.keep_awake to \"dma-latency\" or \"none\"",
+                        "set rt.keep_awake to \"dma-latency\", \"ticks\" or \"none\"",
                     )
                 }),
         }
@@ -52,6 +55,7 @@ impl Awake {
     pub(super) fn choice(&self) -> KeepAwake {
         match self {
             Awake::Nothing => KeepAwake::None,
+            Awake::Ticks => KeepAwake::Ticks,
             Awake::DmaLatency { .. } => KeepAwake::DmaLatency,
             Awake::IdleThread { .. } => KeepAwake::IdleThread,
         }
