@@ -185,8 +185,13 @@ fn rt(mut section: Section<'_, '_>, cycle_us: Option<u32>) -> Option<Rt> {
     let spin_us = section.optional_integer("spin_us", 0..=cycle_us / 2);
     let keep_awake = section.optional_word(
         "keep_awake",
-        &[KeepAwake::DmaLatency, KeepAwake::IdleThread, KeepAwake::Ticks, KeepAwake::None]
-            .map(|choice| (choice.name(), choice)),
+        &[
+            KeepAwake::DmaLatency,
+            KeepAwake::IdleThread,
+            KeepAwake::Ticks,
+            KeepAwake::None,
+        ]
+        .map(|choice| (choice.name(), choice)),
     );
     let calibrate = section.flag("calibrate", defaults.calibrate);
     let overruns_warn = section.integer("overruns_warn", 0..=1000, i64::from(defaults.overruns_warn));
