@@ -529,10 +529,10 @@ fn overruns_of_boot_up_do_not_count_against_the_machine() {
             cycles += 1;
             let is_late = cycles.is_multiple_of(5);
             late += u64::from(is_late);
-            run.cycle(if is_late { 300_000 } else { 0 }).expect("a good program");
+            run.cycle(if is_late { 600_000 } else { 0 }).expect("a good program");
         }
         assert!(late > 100, "{late} late cycles");
-        run.cycle(300_000).expect("a good program");
+        run.cycle(600_000).expect("a good program");
         assert_eq!(finish(run), Outcome::Completed, "{}", journal(run));
         assert_eq!(run.operator.late_cycles(), late + 1);
     });

@@ -65,7 +65,7 @@ pub fn run<B: Fieldbus>(
         sleep_until(deadline_ns.saturating_sub(spin_ns));
         softirqs.pass();
         let woke_ns = spin_until(deadline_ns);
-        // What wakes up too late for its date waits for another one: a SoC stands on the grid or is left out.
+        // What wakes up too late for its date waits for another one: a SoC is late by no more than the grid bears, or left out.
         let keep = grid.keep(deadline_ns, woke_ns);
         if keep.skipped > 0 {
             deadline_ns = keep.deadline_ns;
