@@ -194,6 +194,7 @@ fn rt(mut section: Section<'_, '_>, cycle_us: Option<u32>) -> Option<Rt> {
         .map(|choice| (choice.name(), choice)),
     );
     let calibrate = section.flag("calibrate", defaults.calibrate);
+    let late_max_us = section.optional_integer("late_us_max", 1..=cycle_us / 2);
     let overruns_warn = section.integer("overruns_warn", 0..=1000, i64::from(defaults.overruns_warn));
     let overruns_stop = section.integer("overruns_stop", 0..=1000, i64::from(defaults.overruns_stop));
     let lock_memory = section.flag("lock_memory", defaults.lock_memory);
@@ -202,7 +203,7 @@ fn rt(mut section: Section<'_, '_>, cycle_us: Option<u32>) -> Option<Rt> {
         &[("strict", Require::Strict), ("warn", Require::Warn)],
         defaults.require,
     );
-    section.not_yet(&["housekeeping_cpus", "late_us_max", "timeout_priority", "timeout_cpu"]);
+    section.not_yet(&["housekeeping_cpus", "timeout_priority", "timeout_cpu"]);
     section.done();
     Some(Rt {
         cpu: cpu?.map(|cpu| cpu as usize),
@@ -212,6 +213,7 @@ fn rt(mut section: Section<'_, '_>, cycle_us: Option<u32>) -> Option<Rt> {
         spin_us: spin_us?.map(|spin_us| spin_us as u32),
         keep_awake: keep_awake?,
         calibrate: calibrate?,
+        late_max_us: late_max_us?.map(|late_us| late_us as u32),
         overruns_warn: overruns_warn? as u32,
         overruns_stop: overruns_stop? as u32,
         lock_memory: lock_memory?,

@@ -55,7 +55,10 @@ fn the_demo_machine_is_read_whole() {
     assert_eq!(config.path, Path::new("demo.toml"));
     assert_eq!(config.name, "mill3-demo");
     assert_eq!(config.cycle_us, 1000);
-    let rt = Rt::default();
+    let rt = Rt {
+        late_max_us: Some(500),
+        ..Rt::default()
+    };
     assert_eq!(config.rt, rt);
     assert_eq!(config.bus.kind, BusKind::Powerlink);
     assert_eq!(config.bus.interface, "plk0");
@@ -208,7 +211,15 @@ fn what_calibration_may_choose_can_be_given_and_has_a_default() {
         [250, 500, 1000, 2000].map(|cycle_us| rt.phase_us(cycle_us)),
         [75, 175, 375, 725]
     );
-    assert_eq!(Rt { timeout_us: 60, ..rt }.phase_us(1000), 370);
+    assert_eq!(
+        Rt {
+            timeout_us: 60,
+            ..rt.clone()
+        }
+        .phase_us(1000),
+        370
+    );
+    assert_eq!([250, 1000].map(|cycle_us| rt.late_max_us(cycle_us)), [62, 250]);
 }
 
 /// Text to replace, its replacement, and the messages.
@@ -252,6 +263,9 @@ fn rules_of_machine_and_rt() {
             "m.toml:5:12: rt.phase_us = 1000: must be an integer from 0 to 999",
         ]),
         ("\n[bus]", "\n[rt]\nspin_us = -1\n[bus]", &["m.toml:5:11: rt.spin_us = -1: must be an integer from 0 to 500"]),
+        ("\n[bus]", "\n[rt]\nlate_us_max = 501\n[bus]", &[
+            "m.toml:5:15: rt.late_us_max = 501: must be an integer from 1 to 500",
+        ]),
         ("\n[bus]", "\n[rt]\ncpu = -1\n[bus]", &["m.toml:5:7: rt.cpu = -1: must be an integer from 0 to 8191"]),
         ("\n[bus]", "\n[rt]\nkeep_awake = 1\n[bus]", &[
             "m.toml:5:14: rt.keep_awake = 1: must be \"dma-latency\" or \"idle-thread\" or \"ticks\" or \"none\", is an integer",
@@ -267,9 +281,9 @@ fn rules_of_machine_and_rt() {
         ("\n[bus]", "\n[rt]\nrequire = \"Strict\"\n[bus]", &[
             "m.toml:5:11: rt.require = \"Strict\": must be \"strict\" or \"warn\"; did you mean \"strict\"?",
         ]),
-        ("\n[bus]", "\n[rt]\nspin = 1\nlate_us_max = 5\n[bus]", &[
+        ("\n[bus]", "\n[rt]\nspin = 1\ntimeout_cpu = 5\n[bus]", &[
             "m.toml:5:1: rt.spin: unknown key; did you mean `spin_us`?",
-            "m.toml:6:1: rt.late_us_max: is not supported yet",
+            "m.toml:6:1: rt.timeout_cpu: is not supported yet",
         ]),
         ("schema = 1\n", "schema = 1\nrt = 5\n", &["m.toml:2:6: rt = 5: must be a table, is an integer"]),
     ]);

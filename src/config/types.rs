@@ -59,6 +59,8 @@ pub struct Rt {
     pub keep_awake: Option<KeepAwake>,
     /// Measure what is best for the three above.
     pub calibrate: bool,
+    /// A cycle that begins later than this is left out, µs; `None`: a quarter of the cycle. See [`Rt::late_max_us`].
+    pub late_max_us: Option<u32>,
     /// Cycles left out of a thousand above which the operator is warned; 0: never.
     pub overruns_warn: u32,
     /// Cycles left out of a thousand above which the machine stops with an alarm; 0: never.
@@ -79,6 +81,7 @@ impl Default for Rt {
             spin_us: None,
             keep_awake: None,
             calibrate: true,
+            late_max_us: None,
             overruns_warn: 5,
             overruns_stop: 200,
             lock_memory: true,
@@ -90,6 +93,12 @@ impl Default for Rt {
 impl Rt {
     /// Spin of a machine that says nothing, µs.
     pub const SPIN_DEFAULT_US: u32 = 50;
+
+    /// A cycle that begins later than this is left out, µs. A late SoC makes two periods uneven by as much; a missing one makes
+    /// one period double: which of them drives take better, their manuals say.
+    pub fn late_max_us(&self, cycle_us: u32) -> u32 {
+        self.late_max_us.unwrap_or(cycle_us / 4)
+    }
 
     /// The spin without a measurement, µs.
     pub fn spin_us(&self) -> u32 {

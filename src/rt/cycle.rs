@@ -97,6 +97,7 @@ pub struct Control<B> {
     hold: bool,
     waiting: Option<Action>,
     fault_seen: bool,
+    silenced: bool,
     network_closing: bool,
     cycle: u64,
     orders_taken: u64,
@@ -124,6 +125,7 @@ impl<B: Fieldbus> Control<B> {
             hold: false,
             waiting: None,
             fault_seen: false,
+            silenced: false,
             network_closing: false,
             cycle: 0,
             orders_taken: 0,
@@ -203,6 +205,7 @@ impl<B: Fieldbus> Control<B> {
 
     /// The cycle thread was taken for hung: no frame may leave any more.
     pub fn silence(&mut self) {
+        self.silenced = true;
         self.fault(Fault::CycleHung);
     }
 
@@ -384,7 +387,8 @@ impl<B: Fieldbus> Control<B> {
             (Command::Stop, State::Homing) | (Command::Disable, State::Enabling | State::Ready | State::Homing) => {
                 self.switch_off(State::Disabling)
             }
-            (Command::Acknowledge, State::Faulted) => {
+            // A control that was silenced stays so: only a new one is known to be sound.
+            (Command::Acknowledge, State::Faulted) if !self.silenced => {
                 self.fault_seen = false;
                 self.parts.overruns.clear();
                 self.parts.drives.request(u64::MAX, Request::ResetFault);

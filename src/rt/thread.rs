@@ -9,15 +9,10 @@ use super::softirq::SoftirqLock;
 use super::timeout::Watch;
 use super::wait::{Grid, monotonic_ns, sleep_until, spin_until};
 use crate::bus::Fieldbus;
-use crate::bus::managing_node::{exchanges, network};
 use crate::config::{Config, Rt};
 use crate::machine::state::State;
-use powerlink::mn::Budget;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Shares of the cycle by which a cycle may begin late and still run; one that is later is left out. The first where the
-/// frames of a cycle take less than a quarter of it on the wire, so that all of them still find their place; else the second.
-const LATE_SHARES: [u64; 2] = [2, 4];
 /// Time before a cycle at which the bus is left alone, beyond the spin: the wake-up itself takes this long at most on a
 /// quiet core.
 const QUIET_NS: u64 = 30_000;
@@ -25,24 +20,11 @@ const QUIET_NS: u64 = 30_000;
 /// Dates of the cycle of a machine.
 pub fn grid(config: &Config) -> Grid {
     let period_ns = u64::from(config.cycle_us) * 1000;
-    let [roomy, narrow] = LATE_SHARES;
-    let share = if frames_ns(config) < period_ns / narrow {
-        roomy
-    } else {
-        narrow
-    };
     Grid {
         period_ns,
         phase_ns: u64::from(config.rt.phase_us(config.cycle_us)) * 1000,
-        late_max_ns: period_ns / share,
+        late_max_ns: u64::from(config.rt.late_max_us(config.cycle_us)) * 1000,
     }
-}
-
-/// What the frames of a cycle take on the wire, ns.
-fn frames_ns(config: &Config) -> u64 {
-    let nodes = exchanges(&config.bus);
-    let network = network(&config.bus, &nodes);
-    Budget::new(&network, &[]).lines().map(|line| line.wire_ns).sum()
 }
 
 /// Runs cycles until the network is down or `stop` says so. RT, for a bus on CLOCK_MONOTONIC.

@@ -226,6 +226,7 @@ impl Limits {
         Limits {
             phase_ns: cycle.phase_ns,
             shortest_wait_ns: u64::from(shortest_us) * 1000,
+            late_ns: cycle.late_max_ns,
             every_tick: rt.keep_awake == Some(KeepAwake::Ticks),
             ..Limits::new(cycle.period_ns, u64::from(rt.timeout_us) * 1000, bus.soc_lost_max)
         }

@@ -126,9 +126,8 @@ impl IdleThread {
             let spins = entered.is_ok();
             // Whoever waits for it cannot be gone.
             let _ = ready.send(entered);
-            while spins && !stopped.load(Ordering::Relaxed) {
-                std::hint::spin_loop();
-            }
+            // Without the processor's hint for waiting loops, by which hypervisors tell a guest that waits from one that works.
+            while spins && !stopped.load(Ordering::Relaxed) {}
         };
         let thread = std::thread::Builder::new()
             .name("keep-awake".into())
