@@ -98,7 +98,7 @@ pub(super) fn kernel(realtime: Option<&str>) -> Option<Finding> {
         Finding::new(
             Item::Kernel,
             "this kernel is not PREEMPT_RT, so lateness has no bound",
-            "install a real-time kernel (Debian: linux-image-rt-amd64; Ubuntu: linux-image-realtime)",
+            "install a real-time kernel (Debian: linux-image-rt-amd64; Ubuntu: linux-realtime)",
         )
     })
 }
