@@ -58,7 +58,7 @@ fn help(command: &[&str]) -> String {
 fn check_command_line(words: &[&str]) {
     let depth = match words {
         ["bus", "sdo", ..] => 3,
-        ["hal" | "bus", ..] => 2,
+        ["hal" | "bus" | "program" | "alarm", ..] => 2,
         _ => 1,
     };
     let (command, rest) = words.split_at(depth.min(words.len()));
@@ -105,7 +105,8 @@ fn every_command_exists() {
     for words in command_lines("cargo") {
         match words[..] {
             ["run", "--release", "--", ..] => check_command_line(&words[3..]),
-            ["test", "--workspace"] => {}
+            // The checks run the tests and build the benches.
+            ["test", "--workspace"] | ["bench"] => {}
             _ => panic!("cargo {words:?}: nobody knows whether it works"),
         }
     }
@@ -120,8 +121,9 @@ fn every_option_of_the_text_exists() {
             continue;
         };
         let option = format!("--{option}");
-        let known: [&[&str]; 7] = [
+        let known: [&[&str]; 8] = [
             &["demo"],
+            &["jitter"],
             &["run"],
             &["check"],
             &["plan"],
