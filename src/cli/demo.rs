@@ -61,14 +61,7 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
         None => (PROGRAM_NAME.to_owned(), PROGRAM.to_vec()),
     };
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
-    let machine = match &args.machine {
-        Some(path) => path.clone(),
-        None => {
-            let path = args.out.join("machine.toml");
-            std::fs::write(&path, MACHINE).with_context(|| path.display().to_string())?;
-            path
-        }
-    };
+    let machine = machine_file(args.machine.as_deref(), &args.out)?;
     let mut config = match config::read(&machine) {
         Ok(config) => config,
         Err(errors) => {
@@ -121,6 +114,16 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
         far_end: far_end.map(|machine| Box::new(machine) as Box<dyn FarEnd>),
     };
     run_and_report(job, wire)
+}
+
+/// The machine file that was given, or that of the demo, put into the folder for the processes that read it, too.
+pub(super) fn machine_file(given: Option<&Path>, out: &Path) -> anyhow::Result<PathBuf> {
+    if let Some(path) = given {
+        return Ok(path.to_owned());
+    }
+    let path = out.join("machine.toml");
+    std::fs::write(&path, MACHINE).with_context(|| path.display().to_string())?;
+    Ok(path)
 }
 
 /// The simulated machine in a process of its own at the far end of the wire.

@@ -1,5 +1,6 @@
 //! `isocnc jitter`: how exactly the cycle is kept while a program runs, beside what the PC can do at all.
 
+use super::demo::machine_file;
 use crate::config;
 use crate::service::analyser::listen;
 use crate::service::jitter::report::Ended;
@@ -15,7 +16,6 @@ use clap::Args;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-const MACHINE: &str = include_str!("../../configs/mill3-demo.toml");
 /// Ends of the private wire: the control's and the machine's.
 const INTERFACES: [&str; 2] = ["plk0", "plk1"];
 /// Cycles where nothing is said: with the floor beside them about a minute and a half.
@@ -67,14 +67,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
     }
     let signal = StopSignal::install().context("signals")?;
     output::prepare(&args.out)?;
-    let machine = match &args.machine {
-        Some(path) => path.clone(),
-        None => {
-            let path = args.out.join("machine.toml");
-            std::fs::write(&path, MACHINE).with_context(|| path.display().to_string())?;
-            path
-        }
-    };
+    let machine = machine_file(args.machine.as_deref(), &args.out)?;
     let mut config = match config::read_with_cycle(&machine, args.period_us) {
         Ok(config) => config,
         Err(errors) => {
@@ -144,7 +137,8 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
     }
     Ok(match (report.result, signal.caught()) {
         (Ended::Cut, Some(signal)) => ExitCode::from(signals::exit_code(signal)),
-        (Ended::Completed | Ended::Cut | Ended::Faulted, _) => ExitCode::SUCCESS,
+        (Ended::Completed | Ended::Cut, _) => ExitCode::SUCCESS,
+        (Ended::Faulted, _) => ExitCode::FAILURE,
     })
 }
 

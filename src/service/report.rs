@@ -21,7 +21,6 @@ use motion::plan::Programmed;
 use motion::rt::Peaks;
 use serde::Serialize;
 use std::fmt;
-use std::io::ErrorKind;
 use std::path::Path;
 
 /// Whoever measures at the far end of the wire.
@@ -137,17 +136,20 @@ pub const SOC_PERIOD_DATA: &str = "soc-period.json";
 /// # Errors
 /// What the file system refuses.
 pub fn prepare(folder: &Path) -> anyhow::Result<()> {
+    prepare_for(folder, &[RUN, TOOLPATH, SOC_PERIOD, SOC_PERIOD_DATA])
+}
+
+/// As [`prepare`], for files of these names.
+///
+/// # Errors
+/// What the file system refuses.
+pub fn prepare_for(folder: &Path, names: &[&str]) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    let path = folder.join(RUN);
-    std::fs::write(&path, "").with_context(|| path.display().to_string())?;
-    for name in [RUN, TOOLPATH, SOC_PERIOD, SOC_PERIOD_DATA] {
+    for name in names {
         let path = folder.join(name);
-        match std::fs::remove_file(&path) {
-            Err(error) if error.kind() != ErrorKind::NotFound => {
-                return Err(error).with_context(|| path.display().to_string());
-            }
-            _ => {}
-        }
+        // Made and taken away again: what cannot be written is known before anything moves.
+        let gone = std::fs::write(&path, "").and_then(|()| std::fs::remove_file(&path));
+        gone.with_context(|| path.display().to_string())?;
     }
     Ok(())
 }

@@ -4,8 +4,8 @@
 
 use super::report::JitterReport;
 use super::{csv, plot};
+use crate::service::report::prepare_for;
 use anyhow::Context;
-use std::io::ErrorKind;
 use std::path::Path;
 
 const REPORT: &str = "jitter.json";
@@ -17,19 +17,7 @@ const PICTURE: &str = "jitter.svg";
 /// # Errors
 /// What the file system refuses.
 pub fn prepare(folder: &Path) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    let path = folder.join(REPORT);
-    std::fs::write(&path, "").with_context(|| path.display().to_string())?;
-    for name in [REPORT, HISTOGRAM, PICTURE] {
-        let path = folder.join(name);
-        match std::fs::remove_file(&path) {
-            Err(error) if error.kind() != ErrorKind::NotFound => {
-                return Err(error).with_context(|| path.display().to_string());
-            }
-            _ => {}
-        }
-    }
-    Ok(())
+    prepare_for(folder, &[REPORT, HISTOGRAM, PICTURE])
 }
 
 /// Writes the files.
