@@ -5,7 +5,7 @@
 //! Out: [`Calibration`]: each value, who chose it and what was measured; it is printed and stands in the report.
 //!
 //! A real-time thread wakes up at several phases of each cycle, in short rounds that take turns between the ways to keep the
-//! core awake. [`decide`] then compares medians of rounds, so that a burst of other work in one of them changes nothing, and
+//! core awake. `decide` then compares medians of rounds, so that a burst of other work in one of them changes nothing, and
 //! stays with the defaults unless something else is clearly better. Ticks of the time-out thread are no candidate: what they
 //! take from the core shows in everything but a wake-up.
 
