@@ -160,3 +160,25 @@ fn idle_states_are_those_of_a_driver() {
     assert!(has_idle_states("intel_idle\n") && has_idle_states("haltpoll\n"));
     assert!(!has_idle_states("none\n") && !has_idle_states(""));
 }
+
+#[test]
+fn ordinary_threads_keep_off_the_core_and_stay_where_there_is_no_other() {
+    let cores = || {
+        let set = sched_getaffinity(Pid::from_raw(0)).unwrap();
+        (0..CpuSet::count())
+            .filter(|cpu| set.is_set(*cpu).unwrap())
+            .collect::<Vec<_>>()
+    };
+    let check = || {
+        let mut wanted = cores();
+        // One core after the other, until the last one, which stays.
+        while wanted.len() > 1 {
+            let core = wanted.remove(0);
+            cpu::keep_off(core);
+            assert_eq!(cores(), wanted);
+        }
+        cpu::keep_off(wanted[0]);
+        assert_eq!(cores(), wanted);
+    };
+    std::thread::scope(|scope| scope.spawn(check).join().unwrap());
+}
