@@ -28,7 +28,11 @@ mod error;
 mod execute;
 mod interpreter;
 mod modal;
+#[allow(dead_code, reason = "the block reader takes these over with the complete dialect")]
+mod number;
 mod scan;
+#[allow(dead_code, reason = "the interpreter takes these over with the complete dialect")]
+mod text;
 
 pub use error::{Construct, Error, ErrorKind};
 pub use interpreter::{Interpreter, Run, Settings, check};

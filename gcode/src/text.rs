@@ -1,0 +1,322 @@
+//! The lines of a text of any length, in constant memory.
+//!
+//! In:  anything that reads and seeks.
+//! Out: one line at a time, without its end, with its place; the place can be set back for loops and calls.
+//!
+//! A line ends with LF or CR LF, the last one also with the text. One buffer holds the lines around the present one, so
+//! that a loop within it never reads again. A line that is too long is read to its end but not kept.
+
+use crate::scan::LINE_MAX;
+use std::io::{self, Read, Seek, SeekFrom};
+
+/// Octets in the buffer; a subroutine or loop shorter than this is read once.
+const BUFFER: usize = 256 * 1024;
+
+/// Where a line stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Line {
+    /// Its first octet, counted from the start of the text.
+    pub(crate) offset: u64,
+    /// Its number, counted from 1.
+    pub(crate) number: u32,
+    /// Its octets, without the line end. When this is more than [`LINE_MAX`], only that many are kept.
+    pub(crate) length: u64,
+}
+
+/// A text and a place in it.
+#[derive(Debug)]
+pub(crate) struct Text<R> {
+    source: R,
+    buffer: Box<[u8]>,
+    /// What the buffer holds: octets `..filled`, the first of which is octet `base` of the text.
+    filled: usize,
+    base: u64,
+    /// Whether the text ends with what the buffer holds.
+    last: bool,
+    /// Next octet to read, within `..=filled`.
+    at: usize,
+    /// Number of the line read last.
+    number: u32,
+    /// The line read last, within the buffer.
+    line: std::ops::Range<usize>,
+    /// The source must be moved to `base + filled` before it is read.
+    moved: bool,
+}
+
+impl<R: Read + Seek> Text<R> {
+    /// Reads `source` from its start.
+    pub(crate) fn new(source: R) -> Text<R> {
+        Text::with_buffer(source, BUFFER)
+    }
+
+    /// Half of `size` is more than a line with its end.
+    fn with_buffer(source: R, size: usize) -> Text<R> {
+        debug_assert!(size / 2 > LINE_MAX + 2);
+        Text {
+            source,
+            buffer: vec![0; size].into_boxed_slice(),
+            filled: 0,
+            base: 0,
+            last: false,
+            at: 0,
+            number: 0,
+            line: 0..0,
+            moved: true,
+        }
+    }
+
+    /// Takes the next line; its octets are [`Self::octets`]. `None`: the text ends here.
+    pub(crate) fn next_line(&mut self) -> io::Result<Option<Line>> {
+        let start = self.at;
+        if let Some(length) = line_feed(&self.buffer[start..self.filled]) {
+            return Ok(Some(self.take(start, length, 1)));
+        }
+        self.next_line_beyond()
+    }
+
+    /// As [`Self::next_line`], where the line does not end within the buffer.
+    #[cold]
+    fn next_line_beyond(&mut self) -> io::Result<Option<Line>> {
+        self.line = 0..0;
+        let mut searched = self.at;
+        loop {
+            if let Some(length) = line_feed(&self.buffer[searched..self.filled]) {
+                return Ok(Some(self.take(self.at, searched + length - self.at, 1)));
+            }
+            let length = self.filled - self.at;
+            if length > LINE_MAX + 1 {
+                return self.too_long().map(Some);
+            }
+            if self.last {
+                return Ok((length > 0).then(|| self.take(self.at, length, 0)));
+            }
+            if self.filled == self.buffer.len() {
+                self.make_room();
+            }
+            searched = self.filled;
+            self.fill()?;
+        }
+    }
+
+    /// Drops lines at the start of a full buffer; half of it is kept for jumps back.
+    fn make_room(&mut self) {
+        let dropped = self.at - self.at.min(self.buffer.len() / 2);
+        self.buffer.copy_within(dropped..self.filled, 0);
+        self.base += dropped as u64;
+        self.filled -= dropped;
+        self.at -= dropped;
+    }
+
+    /// Octets of the line that was taken last, at most [`LINE_MAX`].
+    pub(crate) fn octets(&self) -> &[u8] {
+        &self.buffer[self.line.clone()]
+    }
+
+    /// Offset of the line that [`Self::next_line`] would take, and the number of the line before it.
+    pub(crate) fn place(&self) -> (u64, u32) {
+        (self.base + self.at as u64, self.number)
+    }
+
+    /// Goes to a place once told by [`Self::place`]: within the buffer at once, elsewhere with the next line.
+    pub(crate) fn seek(&mut self, offset: u64, number: u32) {
+        self.number = number;
+        self.line = 0..0;
+        match offset.checked_sub(self.base) {
+            Some(within) if within <= self.filled as u64 => self.at = within as usize,
+            Some(_) | None => {
+                self.base = offset;
+                self.filled = 0;
+                self.at = 0;
+                self.last = false;
+                self.moved = true;
+            }
+        }
+    }
+
+    /// The line of `length` octets at `start` of the buffer, followed by a line end of `end` octets.
+    fn take(&mut self, start: usize, length: usize, end: usize) -> Line {
+        self.at = start + length + end;
+        self.number = self.number.saturating_add(1);
+        let length = match self.buffer[start..start + length] {
+            [.., b'\r'] => length - 1,
+            _ => length,
+        };
+        self.line = start..start + length.min(LINE_MAX);
+        Line {
+            offset: self.base + start as u64,
+            number: self.number,
+            length: length as u64,
+        }
+    }
+
+    /// A line longer than is kept: reads on to its end.
+    fn too_long(&mut self) -> io::Result<Line> {
+        let mut chunk = [0; 4096];
+        let mut length = (self.filled - self.at) as u64;
+        let mut ends_with_return = self.buffer[self.filled - 1] == b'\r';
+        self.number = self.number.saturating_add(1);
+        let offset = self.base + self.at as u64;
+        loop {
+            let count = read(&mut self.source, &mut chunk)?;
+            let piece = &chunk[..count];
+            let found = line_feed(piece);
+            let piece = &piece[..found.unwrap_or(count)];
+            length += piece.len() as u64;
+            ends_with_return = piece.last().map_or(ends_with_return, |octet| *octet == b'\r');
+            if found.is_none() && count > 0 {
+                continue;
+            }
+            // What is kept stays in the buffer until the next line is read.
+            self.line = self.at..self.at + LINE_MAX;
+            self.base = offset + length + u64::from(found.is_some());
+            (self.at, self.filled) = (0, 0);
+            self.last = false;
+            self.moved = true;
+            return Ok(Line {
+                offset,
+                number: self.number,
+                length: length - u64::from(ends_with_return),
+            });
+        }
+    }
+
+    /// Reads as much as comes at once behind what the buffer holds.
+    fn fill(&mut self) -> io::Result<()> {
+        if self.moved {
+            self.source.seek(SeekFrom::Start(self.base + self.filled as u64))?;
+            self.moved = false;
+        }
+        let count = read(&mut self.source, &mut self.buffer[self.filled..])?;
+        self.filled += count;
+        self.last = count == 0;
+        Ok(())
+    }
+}
+
+/// One read that an interrupt does not end.
+fn read(source: &mut impl Read, to: &mut [u8]) -> io::Result<usize> {
+    loop {
+        match source.read(to) {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            result => return result,
+        }
+    }
+}
+
+fn line_feed(octets: &[u8]) -> Option<usize> {
+    octets.iter().position(|octet| *octet == b'\n')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::io::Cursor;
+
+    /// Gives a few octets at a time, as a pipe may.
+    struct Slow(Cursor<Vec<u8>>, usize);
+
+    impl Read for Slow {
+        fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
+            let count = to.len().min(self.1);
+            self.0.read(&mut to[..count])
+        }
+    }
+
+    impl Seek for Slow {
+        fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+            self.0.seek(to)
+        }
+    }
+
+    fn lines<R: Read + Seek>(text: &mut Text<R>) -> Vec<(u64, u32, u64, Vec<u8>)> {
+        let mut lines = Vec::new();
+        while let Some(line) = text.next_line().unwrap() {
+            lines.push((line.offset, line.number, line.length, text.octets().to_vec()));
+        }
+        lines
+    }
+
+    #[test]
+    fn line_ends_do_not_belong_to_the_line() {
+        let mut text = Text::new(Cursor::new(b"G0\r\n\n\rM2\r"));
+        assert_eq!(
+            lines(&mut text),
+            [
+                (0, 1, 2, b"G0".to_vec()),
+                (4, 2, 0, b"".to_vec()),
+                (5, 3, 3, b"\rM2".to_vec())
+            ]
+        );
+        assert_eq!(lines(&mut Text::new(Cursor::new(b""))), []);
+        assert_eq!(lines(&mut Text::new(Cursor::new(b"\n"))).len(), 1);
+    }
+
+    #[test]
+    fn a_line_that_is_too_long_is_told_and_left_behind() {
+        let long = "X".repeat(100_000);
+        let mut text = Text::with_buffer(Cursor::new(format!("G0\n{long}\r\nM2\n{long}")), 600);
+        let lines = lines(&mut text);
+        let told: Vec<_> = lines.iter().map(|line| (line.0, line.1, line.2, line.3.len())).collect();
+        assert_eq!(
+            told,
+            [
+                (0, 1, 2, 2),
+                (3, 2, 100_000, LINE_MAX),
+                (100_005, 3, 2, 2),
+                (100_008, 4, 100_000, LINE_MAX)
+            ]
+        );
+    }
+
+    #[test]
+    fn a_jump_within_the_buffer_does_not_read() {
+        let mut text = Text::new(Slow(Cursor::new(b"a\nb\nc\n".to_vec()), 100));
+        text.next_line().unwrap();
+        let place = text.place();
+        while text.next_line().unwrap().is_some() {}
+        text.source = Slow(Cursor::new(Vec::new()), 100);
+        text.seek(place.0, place.1);
+        assert_eq!(
+            text.next_line().unwrap(),
+            Some(Line {
+                offset: 2,
+                number: 2,
+                length: 1
+            })
+        );
+        assert_eq!(text.octets(), b"b");
+    }
+
+    proptest! {
+        #[test]
+        fn any_text_is_read_as_if_it_were_in_memory(
+            pieces in prop::collection::vec(prop_oneof!["[a-c\r]{0,5}", "\r?\n", "x{250,260}", "z{500,520}", "y{600,700}"], 0..40),
+            count in 1_usize..400,
+            jumps in prop::collection::vec(any::<prop::sample::Index>(), 0..20),
+        ) {
+            let octets = pieces.concat().into_bytes();
+            let mut expected = Vec::new();
+            let mut offset = 0;
+            for (index, piece) in octets.split_inclusive(|octet| *octet == b'\n').enumerate() {
+                let line = piece.strip_suffix(b"\n").unwrap_or(piece);
+                let line = line.strip_suffix(b"\r").unwrap_or(line);
+                let kept = line[..line.len().min(LINE_MAX)].to_vec();
+                expected.push((offset, index as u32 + 1, line.len() as u64, kept));
+                offset += piece.len() as u64;
+            }
+            let mut text = Text::with_buffer(Slow(Cursor::new(octets), count), 600);
+            prop_assert_eq!(&lines(&mut text), &expected);
+            for jump in jumps {
+                if expected.is_empty() { break }
+                let to = jump.index(expected.len());
+                text.seek(expected[to].0, expected[to].1 - 1);
+                for expected in expected[to..].iter().take(5) {
+                    let line = text.next_line().unwrap().unwrap();
+                    prop_assert_eq!((line.offset, line.number, line.length), (expected.0, expected.1, expected.2));
+                    prop_assert_eq!(text.octets(), expected.3.as_slice());
+                }
+            }
+        }
+    }
+}
