@@ -44,7 +44,11 @@ pub(crate) fn read(line: &[u8], at: &mut usize) -> Result<f64, NumberFault> {
     }
     *at = place;
     if !any_digit {
-        return Err(if point { NumberFault::NoDigit } else { NumberFault::Missing });
+        return Err(if point {
+            NumberFault::NoDigit
+        } else {
+            NumberFault::Missing
+        });
     }
     if point && line.get(place) == Some(&b'.') {
         return Err(NumberFault::SecondPoint);

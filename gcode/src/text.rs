@@ -257,7 +257,10 @@ mod tests {
         let long = "X".repeat(100_000);
         let mut text = Text::with_buffer(Cursor::new(format!("G0\n{long}\r\nM2\n{long}")), 600);
         let lines = lines(&mut text);
-        let told: Vec<_> = lines.iter().map(|line| (line.0, line.1, line.2, line.3.len())).collect();
+        let told: Vec<_> = lines
+            .iter()
+            .map(|line| (line.0, line.1, line.2, line.3.len()))
+            .collect();
         assert_eq!(
             told,
             [
