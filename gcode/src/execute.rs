@@ -79,12 +79,12 @@ impl Executor {
             let text = String::from_utf8_lossy(text.of(line)).into_owned();
             call(match kind {
                 CommentKind::Message => Call::Message(text),
-                CommentKind::Plain => Call::Comment(text),
+                CommentKind::Plain => Call::Comment(text.into()),
             });
         }
         self.set_feed(block, &mut call);
         if let Some(rpm) = block.word(b'S') {
-            call(Call::SetSpindleSpeed { rpm });
+            call(Call::SetSpindleSpeed { spindle: 0, speed: rpm });
         }
         self.set_tools_and_switches(block, &mut call);
         self.dwell(block, &mut call)?;
@@ -127,7 +127,10 @@ impl Executor {
 
     fn tell_feed(&mut self, per_second: f64, call: &mut impl FnMut(Call)) {
         self.told_per_second = Some(per_second);
-        call(Call::SetFeedRate { per_second });
+        call(Call::SetFeedRate {
+            linear: per_second,
+            angular: per_second,
+        });
     }
 
     fn set_tools_and_switches(&mut self, block: &Block, call: &mut impl FnMut(Call)) {
@@ -137,13 +140,22 @@ impl Executor {
             call(Call::SelectTool { tool });
         }
         if block.codes.tool_change.is_some() {
-            call(Call::StopSpindle);
+            call(Call::StopSpindle { spindle: 0 });
             call(Call::ChangeTool {
                 tool: self.modal.selected_tool,
+                pocket: 0,
             });
         }
         if let Some(coded) = block.codes.spindle {
-            call(coded.value.map_or(Call::StopSpindle, Call::StartSpindle));
+            call(
+                coded
+                    .value
+                    .map_or(Call::StopSpindle { spindle: 0 }, |direction| Call::StartSpindle {
+                        spindle: 0,
+                        direction,
+                        wait_for_speed: true,
+                    }),
+            );
         }
         if let Some(coded) = block.codes.coolant {
             match coded.value {
@@ -440,7 +452,7 @@ impl Executor {
                 if self.modal.plane != Plane::Xy {
                     call(Call::SelectPlane(Plane::Xy));
                 }
-                call(Call::StopSpindle);
+                call(Call::StopSpindle { spindle: 0 });
                 call(Call::Mist(false));
                 call(Call::Flood(false));
                 call(Call::ProgramEnd);
@@ -490,6 +502,9 @@ impl ArcWords {
         let (plane, offsets, other, offset_names, axis_names) = match plane {
             Plane::Xy => ("G17", *b"IJ", b'K', "I, J", "X and Y"),
             Plane::Zx => ("G18", *b"KI", b'J', "I, K", "X and Z"),
+            Plane::Uv => ("G17.1", *b"IJ", b'K', "I, J", "U and V"),
+            Plane::Wu => ("G18.1", *b"KI", b'J', "I, K", "U and W"),
+            Plane::Vw => ("G19.1", *b"JK", b'I', "J, K", "V and W"),
             Plane::Yz => ("G19", *b"JK", b'I', "J, K", "Y and Z"),
         };
         ArcWords {

@@ -189,6 +189,7 @@ impl Interpreter {
         self.faults.clear();
         self.block.read(line, &mut self.faults);
         self.source = Source {
+            file: 0,
             line: self.line,
             n: self.block.n,
             start: self.line_start as u32, // the text is shorter than 4 GiB

@@ -64,7 +64,7 @@ fn run(text: &[u8]) -> Option<gcode::Error> {
                 assert!(to.0.iter().chain(&centre_mm).all(|value| value.is_finite()));
                 assert_ne!(turns, 0);
             }
-            Call::SetFeedRate { per_second } => assert!(per_second > 0.0 && per_second.is_finite()),
+            Call::SetFeedRate { linear, .. } => assert!(linear > 0.0 && linear.is_finite()),
             Call::Dwell { seconds } => assert!(seconds >= 0.0),
             Call::SetG5xOffset { origin: new, .. } => origin = new,
             _ => {}

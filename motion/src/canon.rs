@@ -7,8 +7,13 @@
 //! those of the *work* coordinate system; the offset calls tell how it lies in the machine:
 //! `machine = rotate_xy(work + g92) + g5x + tool`.
 
+use std::borrow::Cow;
+
 /// Number of program axes: X Y Z A B C U V W.
 pub const AXES: usize = 9;
+
+/// Spindles that a program can name with `$`: 0 to 7.
+pub const SPINDLES: usize = 8;
 
 /// A letter of the program that can move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -101,6 +106,12 @@ pub enum Plane {
     Zx,
     /// G19: Y first, Z second, X normal.
     Yz,
+    /// G17.1: U first, V second, W normal.
+    Uv,
+    /// G18.1: W first, U second, V normal.
+    Wu,
+    /// G19.1: V first, W second, U normal.
+    Vw,
 }
 
 impl Plane {
@@ -110,6 +121,9 @@ impl Plane {
             Plane::Xy => [Axis::X, Axis::Y, Axis::Z],
             Plane::Zx => [Axis::Z, Axis::X, Axis::Y],
             Plane::Yz => [Axis::Y, Axis::Z, Axis::X],
+            Plane::Uv => [Axis::U, Axis::V, Axis::W],
+            Plane::Wu => [Axis::W, Axis::U, Axis::V],
+            Plane::Vw => [Axis::V, Axis::W, Axis::U],
         }
     }
 }
@@ -137,6 +151,132 @@ pub enum SpindleDirection {
     Clockwise,
     /// M4.
     Counterclockwise,
+}
+
+/// What S means.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SpindleMode {
+    /// G97: revolutions per minute.
+    Rpm,
+    /// G96: the speed of the surface under the tool stays the same.
+    ConstantSurfaceSpeed {
+        /// D: never faster than this, revolutions per minute; `None`: as fast as the machine can.
+        max_rpm: Option<f64>,
+    },
+}
+
+/// Way to the angle at which M19 holds the spindle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OrientDirection {
+    /// P0.
+    Shortest,
+    /// P1.
+    Clockwise,
+    /// P2.
+    Counterclockwise,
+}
+
+/// What a feed counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FeedMode {
+    /// G93, G94: way per time.
+    PerTime,
+    /// G95: way per turn of a spindle.
+    PerTurn {
+        /// Number of the spindle.
+        spindle: u8,
+    },
+}
+
+/// G38.2 to G38.5.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ProbeMode {
+    /// G38.2, G38.3: until the probe touches. G38.4, G38.5: until it lets go.
+    pub towards: bool,
+    /// G38.2, G38.4: an end of the move without a change of the contact is an error.
+    pub must_trip: bool,
+}
+
+/// Side of the contour on which the tool goes, in the direction of motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// G41.
+    Left,
+    /// G42.
+    Right,
+}
+
+/// The tool whose radius is compensated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cutter {
+    /// Where the tool goes.
+    pub side: Side,
+    /// Radius, mm; negative: the other side with the magnitude.
+    pub radius_mm: f64,
+    /// Cutting-edge orientation of a lathe tool, 1 to 9; 0: a mill.
+    pub orientation: u8,
+}
+
+/// A tool as the table has it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolEntry {
+    /// T.
+    pub tool: u32,
+    /// P.
+    pub pocket: u32,
+    /// Offsets of the axes.
+    pub offset: Position,
+    /// D, mm.
+    pub diameter_mm: f64,
+    /// I, degrees.
+    pub front_angle_degrees: f64,
+    /// J, degrees.
+    pub back_angle_degrees: f64,
+    /// Q, 0 to 9.
+    pub orientation: u8,
+}
+
+/// An input for which M66 waits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Input {
+    /// P.
+    Digital(u8),
+    /// E.
+    Analog(u8),
+}
+
+/// What M66 waits for, its L word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WaitMode {
+    /// L0: nothing; takes the value that is there.
+    Immediate,
+    /// L1.
+    Rise,
+    /// L2.
+    Fall,
+    /// L3.
+    High,
+    /// L4.
+    Low,
+}
+
+/// Something that a program writes, in files or on the screen.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Record {
+    /// `(PRINT, text)`: a line for the standard error stream.
+    Print(String),
+    /// `(LOGOPEN, file)`: begins a new log.
+    OpenLog(String),
+    /// `(LOGAPPEND, file)`: goes on with a log.
+    AppendLog(String),
+    /// `(LOG, text)`: a line for the open log.
+    Log(String),
+    /// `(LOGCLOSE)`.
+    CloseLog,
+    /// `(PROBEOPEN, file)`: the points of probing moves go to a file from here on.
+    OpenProbeLog(String),
+    /// `(PROBECLOSE)`.
+    CloseProbeLog,
 }
 
 /// Units in which the program speaks; canonical calls are in mm all the same.
@@ -188,14 +328,52 @@ pub enum Call {
         /// Seconds, not negative.
         seconds: f64,
     },
-    /// Feed of the moves that follow: mm/s along XYZ if one of them moves, else along UVW, else deg/s.
+    /// G38.2 to G38.5: straight move at feed that ends where the probe trips. The interpreter asks for the result behind it.
+    StraightProbe {
+        /// End point in work coordinates if the probe does not trip.
+        to: Position,
+        /// What the move waits for.
+        mode: ProbeMode,
+    },
+    /// G33.1: straight move in step with the spindle and, the spindle reversed, back to its start.
+    RigidTap {
+        /// Deepest point in work coordinates.
+        to: Position,
+        /// I: speed of the way back relative to the way in.
+        return_scale: f64,
+    },
+    /// G5.2, G5.3: a curve at feed in a plane; other axes stand.
+    NurbsFeed {
+        /// Plane of the curve.
+        plane: Plane,
+        /// Control points on the first and second axis of the plane, work coordinates, mm, each with its weight.
+        points: Vec<([f64; 2], f64)>,
+        /// Order of the curve: its degree plus one.
+        order: u32,
+    },
+    /// G33, G76: the moves that follow are in step with a spindle.
+    StartSpindleSync {
+        /// Number of the spindle.
+        spindle: u8,
+        /// Way per turn, mm.
+        mm_per_turn: f64,
+        /// Speed only (G95): the angle does not matter.
+        velocity: bool,
+    },
+    /// Ends what [`Call::StartSpindleSync`] began.
+    StopSpindleSync,
+    /// G93, G94, G95.
+    SetFeedMode(FeedMode),
+    /// Feed of the moves that follow, in way per second or, where [`FeedMode::PerTurn`] holds, per turn. 0: none is set.
     SetFeedRate {
-        /// Units per second, greater than 0.
-        per_second: f64,
+        /// Moves of XYZ or, if none of these moves, UVW: mm.
+        linear: f64,
+        /// Moves of ABC alone: degrees.
+        angular: f64,
     },
     /// G61, G61.1, G64.
     SetPathMode(PathMode),
-    /// G17, G18, G19.
+    /// G17 to G19.1.
     SelectPlane(Plane),
     /// G20, G21; only for those who print what the program said.
     UseLengthUnit(LengthUnit),
@@ -221,15 +399,53 @@ pub enum Call {
         /// Shift.
         offset: Position,
     },
+    /// G41, G42 and, with `None`, G40: radius compensation of the moves that follow. Only where the interpreter gives the
+    /// programmed path; else the moves are those of the tool's centre.
+    SetCutterCompensation(Option<Cutter>),
+    /// G96, G97.
+    SetSpindleMode {
+        /// Number of the spindle.
+        spindle: u8,
+        /// What S means.
+        mode: SpindleMode,
+    },
     /// S.
     SetSpindleSpeed {
-        /// Revolutions per minute, not negative.
-        rpm: f64,
+        /// Number of the spindle.
+        spindle: u8,
+        /// Revolutions per minute or, with constant surface speed, metres per minute; not negative.
+        speed: f64,
     },
     /// M3, M4.
-    StartSpindle(SpindleDirection),
+    StartSpindle {
+        /// Number of the spindle.
+        spindle: u8,
+        /// Which way.
+        direction: SpindleDirection,
+        /// Whether the next feed waits until the speed is reached.
+        wait_for_speed: bool,
+    },
     /// M5.
-    StopSpindle,
+    StopSpindle {
+        /// Number of the spindle.
+        spindle: u8,
+    },
+    /// M19: turn to an angle and hold it.
+    OrientSpindle {
+        /// Number of the spindle.
+        spindle: u8,
+        /// Angle, degrees from 0 to 360.
+        degrees: f64,
+        /// Way there.
+        direction: OrientDirection,
+    },
+    /// M19 with Q: wait until the angle is reached.
+    WaitSpindleOriented {
+        /// Number of the spindle.
+        spindle: u8,
+        /// Longest wait, s.
+        timeout_s: f64,
+    },
     /// M7 on, M9 off.
     Mist(bool),
     /// M8 on, M9 off.
@@ -239,21 +455,95 @@ pub enum Call {
         /// Tool number, 0: none.
         tool: u32,
     },
+    /// M6 begins.
+    StartChange,
     /// M6: bring the selected tool.
     ChangeTool {
         /// Tool number, 0: none.
         tool: u32,
+        /// Pocket from which it comes, 0: none.
+        pocket: u32,
     },
+    /// M61: the spindle holds this tool; nothing moves.
+    SetToolNumber {
+        /// Tool number, 0: none.
+        tool: u32,
+        /// Its pocket, 0: none.
+        pocket: u32,
+    },
+    /// G10 L1, L10, L11: a line of the tool table changes.
+    SetToolEntry(ToolEntry),
+    /// G10 L0: the tool table was read anew.
+    ReloadToolTable,
+    /// M48 to M50: whether the operator's feed override acts.
+    EnableFeedOverride(bool),
+    /// M48, M49, M51: whether the operator's override of a spindle acts.
+    EnableSpeedOverride {
+        /// Number of the spindle.
+        spindle: u8,
+        /// Whether it acts.
+        on: bool,
+    },
+    /// M52: whether the machine adapts the feed.
+    EnableAdaptiveFeed(bool),
+    /// M53: whether the feed-hold switch acts.
+    EnableFeedHold(bool),
+    /// M62 to M65.
+    SetDigitalOutput {
+        /// Number of the output.
+        index: u8,
+        /// On or off.
+        on: bool,
+        /// M62, M63: at the beginning of the next move; M64, M65: at once.
+        with_motion: bool,
+    },
+    /// M67, M68.
+    SetAnalogOutput {
+        /// Number of the output.
+        index: u8,
+        /// Value.
+        value: f64,
+        /// M67: at the beginning of the next move; M68: at once.
+        with_motion: bool,
+    },
+    /// M66. The interpreter asks for the result behind it.
+    WaitInput {
+        /// Which.
+        input: Input,
+        /// For what.
+        mode: WaitMode,
+        /// Longest wait, s.
+        timeout_s: f64,
+    },
+    /// M100 to M199: a program or pin of the user.
+    UserCode {
+        /// Number of the M code.
+        number: u8,
+        /// P, -1 if it is not there.
+        p: f64,
+        /// Q, -1 if it is not there.
+        q: f64,
+    },
+    /// Switches the probe on for a probing move, and off behind it.
+    Probe(bool),
     /// (MSG, text).
     Message(String),
-    /// Any other comment; of no effect.
-    Comment(String),
+    /// Any other comment, or a remark of the interpreter on what it does; of no effect.
+    Comment(Cow<'static, str>),
+    /// Something for a file or the screen.
+    Record(Record),
     /// M0.
     ProgramStop,
     /// M1.
     OptionalProgramStop,
+    /// M30, M60: the pallets change.
+    PalletShuttle,
     /// M2, M30.
     ProgramEnd,
+    /// The state of the interpreter is that of a new program.
+    Reset,
+    /// The `%` behind the program.
+    Finish,
 }
 
 /// Place in the program text from which a call comes.
@@ -261,8 +551,10 @@ pub enum Call {
 pub struct Source {
     /// Line, counted from 1.
     pub line: u32,
-    /// N-word of the block, if it has one.
+    /// N-word of the block, if it has one; its whole part.
     pub n: Option<u32>,
+    /// File: 0 for the program, others are subroutines in files of their own.
+    pub file: u16,
     /// Octets of the block in the text.
     pub start: u32,
     /// One past the last octet.
@@ -293,9 +585,9 @@ mod tests {
 
     #[test]
     fn every_plane_is_right_handed() {
-        for plane in [Plane::Xy, Plane::Zx, Plane::Yz] {
-            let [first, second, normal] = plane.axes().map(|axis| axis as usize);
-            assert_eq!(((first + 1) % 3, (first + 2) % 3), (second, normal));
+        for plane in [Plane::Xy, Plane::Zx, Plane::Yz, Plane::Uv, Plane::Wu, Plane::Vw] {
+            let [first, second, normal] = plane.axes().map(|axis| axis as usize % 6);
+            assert_eq!(((first + 1) % 3, (first + 2) % 3), (second % 3, normal % 3));
         }
     }
 }

@@ -149,8 +149,8 @@ impl Printer {
                 format!("ARC_FEED({first}, {second}, {centre_1}, {centre_2}, {turns}, {normal}, {others})")
             }
             Call::Dwell { seconds } => format!("DWELL({})", number(*seconds)),
-            Call::SetFeedRate { per_second } => {
-                let per_minute = per_second * 60.0;
+            Call::SetFeedRate { linear, .. } => {
+                let per_minute = linear * 60.0;
                 let degrees = matches!(next, Some(Call::StraightFeed { to }) if turns_only(&self.position, to));
                 let shown = if degrees {
                     number(per_minute)
@@ -190,21 +190,24 @@ impl Printer {
             Call::SetG92Offset { offset } => format!("SET_G92_OFFSET({})", position(offset, unit)),
             Call::SetXyRotation { degrees } => format!("SET_XY_ROTATION({})", number(*degrees)),
             Call::SetToolLengthOffset { offset } => format!("USE_TOOL_LENGTH_OFFSET({})", position(offset, unit)),
-            Call::SetSpindleSpeed { rpm } => format!("SET_SPINDLE_SPEED(0, {})", number(*rpm)),
-            Call::StartSpindle(SpindleDirection::Clockwise) => "START_SPINDLE_CLOCKWISE(0)".into(),
-            Call::StartSpindle(SpindleDirection::Counterclockwise) => "START_SPINDLE_COUNTERCLOCKWISE(0)".into(),
-            Call::StopSpindle => "STOP_SPINDLE_TURNING(0)".into(),
+            Call::SetSpindleSpeed { spindle, speed } => format!("SET_SPINDLE_SPEED({spindle}, {})", number(*speed)),
+            Call::StartSpindle { spindle, direction, .. } => match direction {
+                SpindleDirection::Clockwise => format!("START_SPINDLE_CLOCKWISE({spindle})"),
+                SpindleDirection::Counterclockwise => format!("START_SPINDLE_COUNTERCLOCKWISE({spindle})"),
+            },
+            Call::StopSpindle { spindle } => format!("STOP_SPINDLE_TURNING({spindle})"),
             Call::Mist(true) => "MIST_ON()".into(),
             Call::Mist(false) => "MIST_OFF()".into(),
             Call::Flood(true) => "FLOOD_ON()".into(),
             Call::Flood(false) => "FLOOD_OFF()".into(),
             Call::SelectTool { tool } => format!("SELECT_TOOL({tool})"),
-            Call::ChangeTool { tool } => format!("CHANGE_TOOL({tool})"),
+            Call::ChangeTool { tool, .. } => format!("CHANGE_TOOL({tool})"),
             Call::Message(text) => format!("MESSAGE(\"{text}\")"),
             Call::Comment(text) => format!("COMMENT(\"{text}\")"),
             Call::ProgramStop => "PROGRAM_STOP()".into(),
             Call::OptionalProgramStop => "OPTIONAL_PROGRAM_STOP()".into(),
             Call::ProgramEnd => "PROGRAM_END()".into(),
+            other => format!("{other:?}"),
         };
         line(name)
     }
@@ -244,6 +247,9 @@ fn canon_plane(plane: Plane) -> &'static str {
         Plane::Xy => "CANON_PLANE_XY",
         Plane::Zx => "CANON_PLANE_XZ",
         Plane::Yz => "CANON_PLANE_YZ",
+        Plane::Uv => "CANON_PLANE_UV",
+        Plane::Wu => "CANON_PLANE_UW",
+        Plane::Vw => "CANON_PLANE_VW",
     }
 }
 
@@ -261,7 +267,9 @@ fn to_json(event: &Event) -> Json {
             "call": "arc_feed", "to_mm": to.0, "plane": json_plane(*plane), "centre_mm": centre_mm, "turns": turns,
         }),
         Call::Dwell { seconds } => json!({ "call": "dwell", "seconds": seconds }),
-        Call::SetFeedRate { per_second } => json!({ "call": "set_feed_rate", "per_second": per_second }),
+        Call::SetFeedRate { linear, angular } => {
+            json!({ "call": "set_feed_rate", "linear": linear, "angular": angular })
+        }
         Call::SetPathMode(PathMode::ExactPath) => json!({ "call": "set_path_mode", "mode": "exact_path" }),
         Call::SetPathMode(PathMode::ExactStop) => json!({ "call": "set_path_mode", "mode": "exact_stop" }),
         Call::SetPathMode(PathMode::Continuous {
@@ -280,24 +288,27 @@ fn to_json(event: &Event) -> Json {
         Call::SetG92Offset { offset } => json!({ "call": "set_g92_offset", "offset_mm": offset.0 }),
         Call::SetXyRotation { degrees } => json!({ "call": "set_xy_rotation", "degrees": degrees }),
         Call::SetToolLengthOffset { offset } => json!({ "call": "set_tool_length_offset", "offset_mm": offset.0 }),
-        Call::SetSpindleSpeed { rpm } => json!({ "call": "set_spindle_speed", "rpm": rpm }),
-        Call::StartSpindle(direction) => {
+        Call::SetSpindleSpeed { spindle, speed } => {
+            json!({ "call": "set_spindle_speed", "spindle": spindle, "speed": speed })
+        }
+        Call::StartSpindle { spindle, direction, .. } => {
             let direction = match direction {
                 SpindleDirection::Clockwise => "clockwise",
                 SpindleDirection::Counterclockwise => "counterclockwise",
             };
-            json!({ "call": "start_spindle", "direction": direction })
+            json!({ "call": "start_spindle", "spindle": spindle, "direction": direction })
         }
-        Call::StopSpindle => json!({ "call": "stop_spindle" }),
+        Call::StopSpindle { spindle } => json!({ "call": "stop_spindle", "spindle": spindle }),
         Call::Mist(on) => json!({ "call": "mist", "on": on }),
         Call::Flood(on) => json!({ "call": "flood", "on": on }),
         Call::SelectTool { tool } => json!({ "call": "select_tool", "tool": tool }),
-        Call::ChangeTool { tool } => json!({ "call": "change_tool", "tool": tool }),
+        Call::ChangeTool { tool, pocket } => json!({ "call": "change_tool", "tool": tool, "pocket": pocket }),
         Call::Message(text) => json!({ "call": "message", "text": text }),
         Call::Comment(text) => json!({ "call": "comment", "text": text }),
         Call::ProgramStop => json!({ "call": "program_stop" }),
         Call::OptionalProgramStop => json!({ "call": "optional_program_stop" }),
         Call::ProgramEnd => json!({ "call": "program_end" }),
+        other => json!({ "call": format!("{other:?}") }),
     };
     object["line"] = event.source.line.into();
     if let Some(n) = event.source.n {
@@ -311,6 +322,9 @@ fn json_plane(plane: Plane) -> &'static str {
         Plane::Xy => "xy",
         Plane::Zx => "zx",
         Plane::Yz => "yz",
+        Plane::Uv => "uv",
+        Plane::Wu => "wu",
+        Plane::Vw => "vw",
     }
 }
 

@@ -118,6 +118,8 @@ pub enum PlanErrorKind {
     BadArc,
     /// A number that is infinite or none at all.
     NotFinite,
+    /// A call that this planner cannot carry out.
+    Unsupported(&'static str),
 }
 
 impl fmt::Display for PlanError {
@@ -141,6 +143,9 @@ impl fmt::Display for PlanErrorKind {
             PlanErrorKind::NoFeedRate => f.write_str("feed move without a feed rate; expected F before it"),
             PlanErrorKind::BadArc => f.write_str("arc of zero radius; expected start and end away from its centre"),
             PlanErrorKind::NotFinite => f.write_str("position is not a finite number"),
+            PlanErrorKind::Unsupported(what) => {
+                write!(f, "the control cannot run {what} yet; expected a program without it")
+            }
         }
     }
 }

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 use super::frame::{Frame, check_travel};
 use super::{PlanErrorKind, Settings};
-use crate::canon::{Axis, Call, PathMode, Plane, Position, SpindleDirection};
+use crate::canon::{Axis, Call, FeedMode, PathMode, Plane, Position, SpindleDirection, SpindleMode};
 use crate::element::{Action, Element};
 use crate::path::{Circle, Group, Piece};
 
@@ -34,6 +34,13 @@ pub(super) struct Move {
     pub(super) corner: Corner,
 }
 
+/// A feed that is set.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Feed {
+    mm_s: f64,
+    degrees_s: f64,
+}
+
 /// What a call comes to.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Entry {
@@ -47,7 +54,7 @@ pub(super) enum Entry {
 pub(super) struct Program {
     frame: Frame,
     position: Position,
-    feed: Option<f64>,
+    feed: Option<Feed>,
     mode: PathMode,
     spindle: Option<SpindleDirection>,
     rpm: f64,
@@ -70,6 +77,7 @@ impl Program {
     /// On an error the position stays, and the call is of no effect.
     pub(super) fn take(&mut self, line: u32, call: &Call, settings: &Settings) -> Result<Option<Entry>, PlanErrorKind> {
         let rest = |action| Ok(Some(Entry::Rest(Element::Action { action, line })));
+        let unsupported = |what| Err(PlanErrorKind::Unsupported(what));
         match call {
             Call::StraightTraverse { to } => self.straight(to, line, true, settings),
             Call::StraightFeed { to } => self.straight(to, line, false, settings),
@@ -87,15 +95,65 @@ impl Program {
                 seconds: *seconds,
                 line,
             }))),
-            Call::SetFeedRate { per_second } => {
-                self.feed = (*per_second > 0.0).then_some(*per_second);
+            Call::SetFeedRate { linear, angular } => {
+                self.feed = (*linear > 0.0).then_some(Feed {
+                    mm_s: *linear,
+                    degrees_s: *angular,
+                });
                 Ok(None)
             }
             Call::SetPathMode(mode) => {
                 self.mode = *mode;
                 Ok(None)
             }
-            Call::SelectPlane(_) | Call::UseLengthUnit(_) | Call::Comment(_) => Ok(None),
+            // Of no consequence for motion: told for those who print, and for the process.
+            Call::SelectPlane(_)
+            | Call::UseLengthUnit(_)
+            | Call::Comment(_)
+            | Call::Record(_)
+            | Call::SetFeedMode(FeedMode::PerTime)
+            | Call::SetSpindleMode {
+                mode: SpindleMode::Rpm, ..
+            }
+            | Call::SetCutterCompensation(None)
+            | Call::StopSpindleSync
+            | Call::StartChange
+            | Call::SetToolEntry(_)
+            | Call::ReloadToolTable
+            | Call::Probe(_)
+            | Call::Reset
+            | Call::Finish => Ok(None),
+            // Overrides are always in force: nothing changes where a program switches them on.
+            Call::EnableFeedOverride(true)
+            | Call::EnableSpeedOverride { on: true, .. }
+            | Call::EnableAdaptiveFeed(false)
+            | Call::EnableFeedHold(true) => Ok(None),
+            Call::EnableFeedOverride(false) => unsupported("switching the feed override off (M49, M50 P0)"),
+            Call::EnableSpeedOverride { on: false, .. } => {
+                unsupported("switching the speed override off (M49, M51 P0)")
+            }
+            Call::EnableAdaptiveFeed(true) => unsupported("adaptive feed (M52)"),
+            Call::EnableFeedHold(false) => unsupported("switching feed hold off (M53 P0)"),
+            Call::SetCutterCompensation(Some(_)) => {
+                unsupported("a programmed path with cutter compensation (G41, G42)")
+            }
+            Call::StraightProbe { .. } => unsupported("probing (G38.2 to G38.5)"),
+            Call::RigidTap { .. } => unsupported("rigid tapping (G33.1)"),
+            Call::NurbsFeed { .. } => unsupported("a NURBS (G5.2)"),
+            Call::StartSpindleSync { .. } => unsupported("motion in step with the spindle (G33, G76, G95)"),
+            Call::SetFeedMode(FeedMode::PerTurn { .. }) => unsupported("feed per turn (G95)"),
+            Call::SetSpindleMode {
+                mode: SpindleMode::ConstantSurfaceSpeed { .. },
+                ..
+            } => unsupported("constant surface speed (G96)"),
+            Call::OrientSpindle { .. } | Call::WaitSpindleOriented { .. } => {
+                unsupported("orientation of the spindle (M19)")
+            }
+            Call::SetDigitalOutput { .. } => unsupported("digital outputs (M62 to M65)"),
+            Call::SetAnalogOutput { .. } => unsupported("analog outputs (M67, M68)"),
+            Call::WaitInput { .. } => unsupported("waiting for an input (M66)"),
+            Call::UserCode { .. } => unsupported("codes of the user (M100 to M199)"),
+            Call::PalletShuttle => Ok(None),
             Call::SetG5xOffset { origin, .. } => {
                 self.frame.g5x = *origin;
                 Ok(None)
@@ -112,26 +170,31 @@ impl Program {
                 self.frame.tool = *offset;
                 Ok(None)
             }
-            Call::SetSpindleSpeed { rpm } => {
+            Call::SetSpindleSpeed { spindle: 1.., .. }
+            | Call::StartSpindle { spindle: 1.., .. }
+            | Call::StopSpindle { spindle: 1.. } => unsupported("a second spindle ($1 and above)"),
+            Call::SetSpindleSpeed { speed: rpm, .. } => {
                 self.rpm = *rpm;
                 self.spindle
                     .map_or(Ok(None), |direction| rest(Action::SpindleOn { rpm: *rpm, direction }))
             }
-            Call::StartSpindle(direction) => {
+            Call::StartSpindle { direction, .. } => {
                 self.spindle = Some(*direction);
                 rest(Action::SpindleOn {
                     rpm: self.rpm,
                     direction: *direction,
                 })
             }
-            Call::StopSpindle => {
+            Call::StopSpindle { .. } => {
                 self.spindle = None;
                 rest(Action::SpindleOff)
             }
             Call::Mist(on) => rest(Action::Mist(*on)),
             Call::Flood(on) => rest(Action::Flood(*on)),
             Call::SelectTool { tool } => rest(Action::SelectTool { tool: *tool }),
-            Call::ChangeTool { tool } => rest(Action::ChangeTool { tool: *tool }),
+            Call::ChangeTool { tool, .. } | Call::SetToolNumber { tool, .. } => {
+                rest(Action::ChangeTool { tool: *tool })
+            }
             Call::Message(_) => {
                 self.messages += 1;
                 rest(Action::Message {
@@ -173,7 +236,12 @@ impl Program {
         let feed = if rapid {
             f64::INFINITY
         } else {
-            self.feed.ok_or(PlanErrorKind::NoFeedRate)?
+            let feed = self.feed.ok_or(PlanErrorKind::NoFeedRate)?;
+            let delta = std::array::from_fn(|i| end.0[i] - self.position.0[i]);
+            match Group::of(&delta) {
+                Some(Group::Rotary) => feed.degrees_s,
+                Some(Group::Main | Group::Parallel) | None => feed.mm_s,
+            }
         };
         self.position = end;
         let corner = match self.mode {
@@ -198,6 +266,11 @@ impl Program {
     }
 
     fn arc(&self, to: &Position, plane: Plane, centre_mm: [f64; 2], turns: i32) -> Result<Piece, PlanErrorKind> {
+        if let Plane::Uv | Plane::Wu | Plane::Vw = plane {
+            return Err(PlanErrorKind::Unsupported(
+                "an arc in the planes of U, V and W (G17.1 to G19.1)",
+            ));
+        }
         let [first, second, normal] = plane.axes();
         let mut centre = *to;
         centre[first] = centre_mm[0];
@@ -268,10 +341,21 @@ mod tests {
         }
     }
 
+    fn speed(rpm: f64) -> Call {
+        Call::SetSpindleSpeed { spindle: 0, speed: rpm }
+    }
+
     fn with_feed() -> Program {
         let mut program = Program::new(Position::ZERO);
         program
-            .take(1, &Call::SetFeedRate { per_second: 5.0 }, &settings())
+            .take(
+                1,
+                &Call::SetFeedRate {
+                    linear: 5.0,
+                    angular: 7.0,
+                },
+                &settings(),
+            )
             .unwrap();
         program
     }
@@ -329,6 +413,46 @@ mod tests {
     }
 
     #[test]
+    fn a_feed_counts_degrees_where_rotary_axes_alone_move() {
+        let mut to = Position::ZERO;
+        to[Axis::B] = 9.0;
+        assert_eq!(moved(&mut with_feed(), Call::StraightFeed { to }).feed, 7.0);
+        to[Axis::V] = 1.0;
+        assert_eq!(moved(&mut with_feed(), Call::StraightFeed { to }).feed, 5.0);
+    }
+
+    #[test]
+    fn what_cannot_be_run_is_refused_by_name() {
+        let calls = [
+            (
+                Call::StartSpindle {
+                    spindle: 1,
+                    direction: SpindleDirection::Clockwise,
+                    wait_for_speed: true,
+                },
+                "a second spindle ($1 and above)",
+            ),
+            (
+                Call::RigidTap {
+                    to: Position::ZERO,
+                    return_scale: 1.0,
+                },
+                "rigid tapping (G33.1)",
+            ),
+            (
+                arc(Position::ZERO, Plane::Uv, [1.0, 0.0], 1),
+                "an arc in the planes of U, V and W (G17.1 to G19.1)",
+            ),
+        ];
+        for (call, what) in calls {
+            assert_eq!(
+                with_feed().take(1, &call, &settings()).unwrap_err(),
+                PlanErrorKind::Unsupported(what)
+            );
+        }
+    }
+
+    #[test]
     fn modes_decide_what_may_happen_to_a_corner() {
         let mut program = with_feed();
         let modes = [
@@ -370,17 +494,18 @@ mod tests {
             other => panic!("an action expected: {other:?}"),
         };
         let direction = SpindleDirection::Counterclockwise;
-        assert_eq!(take(Call::SetSpindleSpeed { rpm: 500.0 }), None);
+        assert_eq!(take(speed(500.0)), None);
         assert_eq!(
-            take(Call::StartSpindle(direction)),
+            take(Call::StartSpindle {
+                spindle: 0,
+                direction,
+                wait_for_speed: true,
+            }),
             Some(Action::SpindleOn { rpm: 500.0, direction })
         );
-        assert_eq!(
-            take(Call::SetSpindleSpeed { rpm: 9.0 }),
-            Some(Action::SpindleOn { rpm: 9.0, direction })
-        );
-        assert_eq!(take(Call::StopSpindle), Some(Action::SpindleOff));
-        assert_eq!(take(Call::SetSpindleSpeed { rpm: 8.0 }), None);
+        assert_eq!(take(speed(9.0)), Some(Action::SpindleOn { rpm: 9.0, direction }));
+        assert_eq!(take(Call::StopSpindle { spindle: 0 }), Some(Action::SpindleOff));
+        assert_eq!(take(speed(8.0)), None);
         assert_eq!(take(Call::Message("a".into())), Some(Action::Message { number: 0 }));
         assert_eq!(take(Call::Message("b".into())), Some(Action::Message { number: 1 }));
     }

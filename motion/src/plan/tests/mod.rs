@@ -59,7 +59,10 @@ const ROUND: Call = Call::SetPathMode(PathMode::Continuous {
     tolerance_mm: Some(0.01),
     naive_cam_tolerance_mm: None,
 });
-const F: Call = Call::SetFeedRate { per_second: 100.0 };
+const F: Call = Call::SetFeedRate {
+    linear: 100.0,
+    angular: 100.0,
+};
 
 /// Plans, and asserts everything that must hold for any program; returns the plan.
 fn proven(events: &[Event], settings: Settings, tolerance: f64) -> Offline {

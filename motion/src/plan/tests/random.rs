@@ -137,7 +137,10 @@ fn program(steps: &[Step], exact: bool) -> Vec<Event> {
                     calls.push(Call::StraightFeed { to: at });
                 }
             }
-            Step::Feed(per_second) => calls.push(Call::SetFeedRate { per_second }),
+            Step::Feed(per_second) => calls.push(Call::SetFeedRate {
+                linear: per_second,
+                angular: per_second,
+            }),
             Step::Mode(mode) => calls.push(Call::SetPathMode(match mode {
                 0 => PathMode::ExactStop,
                 1 if !exact => PathMode::Continuous {
@@ -151,8 +154,15 @@ fn program(steps: &[Step], exact: bool) -> Vec<Event> {
                 _ => PathMode::ExactPath,
             })),
             Step::Rest(0) => calls.push(Call::Dwell { seconds: 0.0123 }),
-            Step::Rest(1) => calls.push(Call::StartSpindle(SpindleDirection::Clockwise)),
-            Step::Rest(2) => calls.push(Call::SetSpindleSpeed { rpm: 1000.0 }),
+            Step::Rest(1) => calls.push(Call::StartSpindle {
+                spindle: 0,
+                direction: SpindleDirection::Clockwise,
+                wait_for_speed: true,
+            }),
+            Step::Rest(2) => calls.push(Call::SetSpindleSpeed {
+                spindle: 0,
+                speed: 1000.0,
+            }),
             Step::Rest(_) => calls.push(Call::Message("now".into())),
         }
     }
