@@ -27,13 +27,17 @@ mod block;
 mod error;
 mod execute;
 mod interpreter;
+mod located;
 mod modal;
 #[allow(dead_code, reason = "the block reader takes these over with the complete dialect")]
 mod number;
 mod scan;
 #[allow(dead_code, reason = "the interpreter takes these over with the complete dialect")]
 mod text;
+mod tool_table;
 
 pub use error::{Construct, Error, ErrorKind};
 pub use interpreter::{Interpreter, Run, Settings, check};
+pub use located::Located;
 pub use scan::LINE_MAX;
+pub use tool_table::{POCKET_MAX, SetToolError, TOOLS_MAX, TableError, TableErrorKind, Tool, ToolChanger, ToolTable};
