@@ -31,6 +31,7 @@ mod located;
 mod modal;
 #[allow(dead_code, reason = "the block reader takes these over with the complete dialect")]
 mod number;
+pub mod parameter;
 mod scan;
 #[allow(dead_code, reason = "the interpreter takes these over with the complete dialect")]
 mod text;
