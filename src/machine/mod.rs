@@ -2,5 +2,6 @@
 
 pub mod faults;
 pub mod overruns;
+pub mod safe_file;
 pub mod sequence;
 pub mod state;
