@@ -192,6 +192,7 @@ impl Interpreter {
             file: 0,
             line: self.line,
             n: self.block.n,
+            n_digits: line_number_digits(line),
             start: self.line_start as u32, // the text is shorter than 4 GiB
             end: (self.line_start + line.len()) as u32,
         };
@@ -225,6 +226,16 @@ impl Interpreter {
         self.errors
             .push(Error::at(text, self.line.max(1), self.line_start, end..end, kind));
     }
+}
+
+/// Digits behind the N at the start of a line, zeros in front counted; 0 without any.
+fn line_number_digits(line: &[u8]) -> u8 {
+    let start = line.iter().position(|octet| !is_blank(*octet) && *octet != b'/');
+    let Some((b'N' | b'n', rest)) = start.and_then(|start| line[start..].split_first()) else {
+        return 0;
+    };
+    let digits = rest.iter().take_while(|octet| octet.is_ascii_digit()).count();
+    u8::try_from(digits).unwrap_or(u8::MAX)
 }
 
 /// The events of a program; made by [`Interpreter::run`].

@@ -32,6 +32,7 @@ mod modal;
 #[allow(dead_code, reason = "the block reader takes these over with the complete dialect")]
 mod number;
 pub mod parameter;
+mod print;
 mod scan;
 #[allow(dead_code, reason = "the interpreter takes these over with the complete dialect")]
 mod text;
@@ -40,5 +41,6 @@ mod tool_table;
 pub use error::{Construct, Error, ErrorKind};
 pub use interpreter::{Interpreter, Run, Settings, check};
 pub use located::Located;
+pub use print::CanonPrinter;
 pub use scan::LINE_MAX;
 pub use tool_table::{POCKET_MAX, SetToolError, TOOLS_MAX, TableError, TableErrorKind, Tool, ToolChanger, ToolTable};

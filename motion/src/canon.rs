@@ -553,6 +553,8 @@ pub struct Source {
     pub line: u32,
     /// N-word of the block, if it has one; its whole part.
     pub n: Option<u32>,
+    /// Digits of the whole part of the N-word as written, with zeros in front; 0: as many as the number has.
+    pub n_digits: u8,
     /// File: 0 for the program, others are subroutines in files of their own.
     pub file: u16,
     /// Octets of the block in the text.

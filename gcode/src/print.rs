@@ -1,0 +1,445 @@
+//! Canonical calls as text, in the printed form of LinuxCNC's stand-alone interpreter (`rs274 -g`).
+//!
+//! In:  events of a program from its first one on, in order.
+//! Out: one line per call: a count, the N-word of the line, the call.
+//!
+//! ```text
+//!     7 N10    STRAIGHT_TRAVERSE(1.0000, 0.0000, 0.0000, 0.0000, 0.0000, 0.0000)
+//!     8 N..... SET_FEED_RATE(100.0000)
+//! ```
+//!
+//! The form is that of the newest LinuxCNC known to us (the development line of 2.10), with one exception: a zero has no
+//! sign. Lengths are in the units of the program at that point. The form has no place for U, V and W, for weights and
+//! points of splines and for what M66 waits for; who needs all takes the events themselves.
+
+mod decimal;
+#[cfg(test)]
+mod tests;
+
+use decimal::{push_fixed4, push_integer};
+use motion::canon::{
+    Axis, Call, Event, FeedMode, LengthUnit, OrientDirection, PathMode, Plane, Position, Record, SPINDLES, Side,
+    Source, SpindleDirection, SpindleMode, ToolEntry,
+};
+use std::fmt;
+use std::io::{self, Write};
+
+/// What LinuxCNC prints where constant surface speed has no upper bound.
+const UNBOUNDED_RPM: f64 = 1e30;
+/// Surface speed counts metres or, in inch programs, feet.
+const METRES_PER_FOOT: f64 = 0.3048;
+
+/// Writes canonical calls, one a line; made for one run of a program.
+#[derive(Clone, Debug)]
+pub struct CanonPrinter {
+    /// Lines written.
+    count: u64,
+    /// Unit of the program at this call.
+    unit: LengthUnit,
+    machine_unit: LengthUnit,
+    /// Spindles whose speed is that of the surface.
+    surface_speed: [bool; SPINDLES],
+    /// Whether the calls of the start are over.
+    started: bool,
+    /// Lines of the call under way; kept for its memory.
+    text: Vec<u8>,
+}
+
+impl CanonPrinter {
+    /// A printer before the first event. `machine_unit` is that of the tool table: changes of it are told in this unit.
+    pub fn new(machine_unit: LengthUnit) -> CanonPrinter {
+        CanonPrinter {
+            count: 0,
+            unit: LengthUnit::Millimetre,
+            surface_speed: [false; SPINDLES],
+            started: false,
+            machine_unit,
+            text: Vec::with_capacity(256),
+        }
+    }
+
+    /// Writes the lines of an event: one for nearly every call, none for what `rs274` does not print.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write(&mut self, event: &Event, out: &mut impl Write) -> io::Result<()> {
+        self.text.clear();
+        self.push_event(event);
+        out.write_all(&self.text)
+    }
+
+    fn push_event(&mut self, event: &Event) {
+        let source = &event.source;
+        match &event.call {
+            Call::StraightTraverse { to } => self.push_move(source, "STRAIGHT_TRAVERSE(", to),
+            Call::StraightFeed { to } => self.push_move(source, "STRAIGHT_FEED(", to),
+            Call::StraightProbe { to, mode: _ } => self.push_move(source, "STRAIGHT_PROBE(", to),
+            Call::ArcFeed {
+                to,
+                plane,
+                centre_mm,
+                turns,
+            } => self.push_arc(source, to, *plane, *centre_mm, *turns),
+            Call::RigidTap { to, return_scale: _ } => {
+                let linear = [Axis::X, Axis::Y, Axis::Z].map(|axis| self.length(to[axis]));
+                self.numbers(source, "RIGID_TAP(", &linear, ", ");
+            }
+            Call::NurbsFeed { points, .. } => {
+                self.line(source, format_args!("NURBS_G5_FEED({}, ...)", points.len()));
+            }
+            Call::Dwell { seconds } => self.numbers(source, "DWELL(", &[*seconds], ""),
+            Call::StartSpindleSync {
+                spindle: _,
+                mm_per_turn,
+                velocity,
+            } => {
+                let per_turn = self.length(*mm_per_turn);
+                let velocity = u8::from(*velocity);
+                self.line(source, format_args!("START_SPEED_FEED_SYNC({per_turn:.6},{velocity})"));
+            }
+            Call::StopSpindleSync => self.name(source, "STOP_SPEED_FEED_SYNCH()"),
+            Call::SetFeedMode(FeedMode::PerTime) => self.name(source, "SET_FEED_MODE(0, 0)"),
+            Call::SetFeedMode(FeedMode::PerTurn { spindle }) => {
+                self.line(source, format_args!("SET_FEED_MODE({spindle}, 1)"));
+            }
+            Call::SetFeedRate { linear, angular: _ } => {
+                let per_minute = tidy(linear * 60.0 / self.unit.mm());
+                self.numbers(source, "SET_FEED_RATE(", &[per_minute], "");
+            }
+            Call::SetPathMode(mode) => self.push_path_mode(source, *mode),
+            Call::SelectPlane(plane) => self.name(
+                source,
+                match plane {
+                    Plane::Xy => "SELECT_PLANE(CANON_PLANE_XY)",
+                    Plane::Zx => "SELECT_PLANE(CANON_PLANE_XZ)",
+                    Plane::Yz => "SELECT_PLANE(CANON_PLANE_YZ)",
+                    Plane::Uv | Plane::Wu | Plane::Vw => "SELECT_PLANE(CANON_PLANE_UNKNOWN)",
+                },
+            ),
+            Call::UseLengthUnit(unit) => {
+                self.unit = *unit;
+                self.name(
+                    source,
+                    match unit {
+                        LengthUnit::Millimetre => "USE_LENGTH_UNITS(CANON_UNITS_MM)",
+                        LengthUnit::Inch => "USE_LENGTH_UNITS(CANON_UNITS_INCHES)",
+                    },
+                );
+            }
+            Call::SetG5xOffset { system, origin } => {
+                self.begin(source);
+                self.text.extend_from_slice(b"SET_G5X_OFFSET(");
+                push_integer(&mut self.text, (*system).into(), 0, b' ');
+                self.text.extend_from_slice(b", ");
+                let origin = self.six(origin);
+                self.end_numbers(&origin, ", ");
+            }
+            Call::SetG92Offset { offset } => self.push_move(source, "SET_G92_OFFSET(", offset),
+            Call::SetXyRotation { degrees } => self.numbers(source, "SET_XY_ROTATION(", &[*degrees], ""),
+            Call::SetToolLengthOffset { offset } => self.push_tool_offset(source, offset),
+            Call::SetCutterCompensation(None) => self.name(source, "STOP_CUTTER_RADIUS_COMPENSATION()"),
+            Call::SetCutterCompensation(Some(cutter)) => {
+                let radius = self.length(cutter.radius_mm);
+                self.numbers(source, "SET_CUTTER_RADIUS_COMPENSATION(", &[radius], "");
+                self.name(
+                    source,
+                    match cutter.side {
+                        Side::Left => "START_CUTTER_RADIUS_COMPENSATION(LEFT)",
+                        Side::Right => "START_CUTTER_RADIUS_COMPENSATION(RIGHT)",
+                    },
+                );
+            }
+            Call::SetSpindleMode { spindle, mode } => self.push_spindle_mode(source, *spindle, *mode),
+            Call::SetSpindleSpeed { spindle, speed } => self.push_spindle_speed(source, *spindle, *speed),
+            Call::StartSpindle { spindle, direction, .. } => {
+                let name = match direction {
+                    SpindleDirection::Clockwise => "START_SPINDLE_CLOCKWISE",
+                    SpindleDirection::Counterclockwise => "START_SPINDLE_COUNTERCLOCKWISE",
+                };
+                self.line(source, format_args!("{name}({spindle})"));
+            }
+            Call::StopSpindle { spindle } => self.line(source, format_args!("STOP_SPINDLE_TURNING({spindle})")),
+            Call::OrientSpindle {
+                spindle,
+                degrees,
+                direction,
+            } => {
+                let direction = match direction {
+                    OrientDirection::Shortest => 0,
+                    OrientDirection::Clockwise => 1,
+                    OrientDirection::Counterclockwise => 2,
+                };
+                self.line(
+                    source,
+                    format_args!("ORIENT_SPINDLE({spindle}, {degrees:.4}, {direction})"),
+                );
+            }
+            Call::WaitSpindleOriented { spindle, timeout_s } => {
+                self.line(
+                    source,
+                    format_args!("SPINDLE.{spindle}.WAIT_ORIENT_COMPLETE({timeout_s:.4})"),
+                );
+            }
+            Call::Mist(true) => self.name(source, "MIST_ON()"),
+            Call::Mist(false) => self.name(source, "MIST_OFF()"),
+            Call::Flood(true) => self.name(source, "FLOOD_ON()"),
+            Call::Flood(false) => self.name(source, "FLOOD_OFF()"),
+            Call::SelectTool { tool } => self.line(source, format_args!("SELECT_TOOL({tool})")),
+            Call::ChangeTool { .. } => self.name(source, "CHANGE_TOOL()"),
+            Call::SetToolNumber { tool, pocket: _ } => self.line(source, format_args!("CHANGE_TOOL_NUMBER({tool})")),
+            Call::SetToolEntry(entry) => self.push_tool_entry(source, entry),
+            Call::ReloadToolTable => self.name(source, "RELOAD_TOOLDATA()"),
+            Call::EnableFeedOverride(true) => self.name(source, "ENABLE_FEED_OVERRIDE()"),
+            Call::EnableFeedOverride(false) => self.name(source, "DISABLE_FEED_OVERRIDE()"),
+            Call::EnableSpeedOverride { spindle, on: true } => {
+                self.line(source, format_args!("ENABLE_SPEED_OVERRIDE({spindle})"));
+            }
+            Call::EnableSpeedOverride { spindle, on: false } => {
+                self.line(source, format_args!("DISABLE_SPEED_OVERRIDE({spindle})"));
+            }
+            Call::EnableAdaptiveFeed(true) => self.name(source, "ENABLE_ADAPTIVE_FEED()"),
+            Call::EnableAdaptiveFeed(false) => self.name(source, "DISABLE_ADAPTIVE_FEED()"),
+            Call::EnableFeedHold(true) => self.name(source, "ENABLE_FEED_HOLD()"),
+            Call::EnableFeedHold(false) => self.name(source, "DISABLE_FEED_HOLD()"),
+            Call::SetDigitalOutput { index, on, with_motion } => {
+                let name = match (on, with_motion) {
+                    (true, true) => "SET_MOTION_OUTPUT_BIT",
+                    (false, true) => "CLEAR_MOTION_OUTPUT_BIT",
+                    (true, false) => "SET_AUX_OUTPUT_BIT",
+                    (false, false) => "CLEAR_AUX_OUTPUT_BIT",
+                };
+                self.line(source, format_args!("{name}({index})"));
+            }
+            Call::SetAnalogOutput {
+                index,
+                value,
+                with_motion,
+            } => {
+                let name = if *with_motion {
+                    "SET_MOTION_OUTPUT_VALUE"
+                } else {
+                    "SET_AUX_OUTPUT_VALUE"
+                };
+                self.line(source, format_args!("{name}({index},{value:.6})"));
+            }
+            Call::UserCode { number, p, q } => {
+                self.line(source, format_args!("USER_DEFINED_FUNCTION({number}, {p:.6}, {q:.6})"));
+            }
+            Call::Probe(true) => self.name(source, "TURN_PROBE_ON()"),
+            Call::Probe(false) => self.name(source, "TURN_PROBE_OFF()"),
+            Call::Message(text) => self.quoted(source, "MESSAGE", text),
+            Call::Comment(text) => self.quoted(source, "COMMENT", text),
+            Call::Record(Record::OpenLog(file)) => self.quoted(source, "LOGOPEN", file),
+            Call::Record(Record::AppendLog(file)) => self.quoted(source, "LOGAPPEND", file),
+            Call::Record(Record::Log(text)) => self.quoted(source, "LOG", text),
+            Call::Record(Record::CloseLog) => self.name(source, "LOGCLOSE()"),
+            // The interpreter itself does these two, without a call; and the wait for an input and the begin of a tool
+            // change print nothing.
+            Call::Record(Record::Print(_) | Record::OpenProbeLog(_) | Record::CloseProbeLog)
+            | Call::WaitInput { .. }
+            | Call::StartChange => {}
+            Call::ProgramStop => self.name(source, "PROGRAM_STOP()"),
+            Call::OptionalProgramStop => self.name(source, "OPTIONAL_PROGRAM_STOP()"),
+            Call::PalletShuttle => self.name(source, "PALLET_SHUTTLE()"),
+            Call::ProgramEnd => self.name(source, "PROGRAM_END()"),
+            Call::Reset => {
+                // Always the same and so no event of ours.
+                if !self.started {
+                    self.started = true;
+                    self.name(source, "SET_FEED_REFERENCE(CANON_XYZ)");
+                }
+                self.name(source, "ON_RESET()");
+            }
+            Call::Finish => self.name(source, "FINISH()"),
+        }
+    }
+
+    fn push_move(&mut self, source: &Source, name: &str, to: &Position) {
+        let numbers = self.six(to);
+        self.numbers(source, name, &numbers, ", ");
+    }
+
+    fn push_arc(&mut self, source: &Source, to: &Position, plane: Plane, centre_mm: [f64; 2], turns: i32) {
+        let [first, second, normal] = plane.axes().map(|axis| self.length(to[axis]));
+        let [centre_first, centre_second] = centre_mm.map(|mm| self.length(mm));
+        self.begin(source);
+        self.text.extend_from_slice(b"ARC_FEED(");
+        for number in [first, second, centre_first, centre_second] {
+            push_fixed4(&mut self.text, number);
+            self.text.extend_from_slice(b", ");
+        }
+        if turns < 0 {
+            self.text.push(b'-');
+        }
+        push_integer(&mut self.text, turns.unsigned_abs().into(), 0, b' ');
+        self.text.extend_from_slice(b", ");
+        self.end_numbers(&[normal, to[Axis::A], to[Axis::B], to[Axis::C]], ", ");
+    }
+
+    fn push_path_mode(&mut self, source: &Source, mode: PathMode) {
+        match mode {
+            PathMode::ExactPath => self.name(source, "SET_MOTION_CONTROL_MODE(CANON_EXACT_PATH)"),
+            PathMode::ExactStop => self.name(source, "SET_MOTION_CONTROL_MODE(CANON_EXACT_STOP)"),
+            PathMode::Continuous {
+                tolerance_mm,
+                naive_cam_tolerance_mm,
+            } => {
+                let tolerance = self.length(tolerance_mm.unwrap_or(0.0));
+                let naive = self.length(naive_cam_tolerance_mm.unwrap_or(0.0));
+                self.line(
+                    source,
+                    format_args!("SET_MOTION_CONTROL_MODE(CANON_CONTINUOUS, {tolerance:.6})"),
+                );
+                self.numbers(source, "SET_NAIVECAM_TOLERANCE(", &[naive], "");
+            }
+        }
+    }
+
+    fn push_tool_offset(&mut self, source: &Source, offset: &Position) {
+        self.begin(source);
+        self.text.extend_from_slice(b"USE_TOOL_LENGTH_OFFSET(");
+        for (index, axis) in Axis::ALL.into_iter().enumerate() {
+            let number = in_unit(offset, axis, self.unit);
+            self.text.extend_from_slice(match index {
+                0 => b"",
+                3 | 6 => b", ",
+                _ => b" ",
+            });
+            push_fixed4(&mut self.text, number);
+        }
+        self.text.extend_from_slice(b")\n");
+    }
+
+    fn push_tool_entry(&mut self, source: &Source, entry: &ToolEntry) {
+        self.begin(source);
+        self.text.extend_from_slice(b"SET_TOOL_TABLE_ENTRY(");
+        push_integer(&mut self.text, entry.pocket.into(), 0, b' ');
+        self.text.extend_from_slice(b", ");
+        push_integer(&mut self.text, entry.tool.into(), 0, b' ');
+        self.text.push(b',');
+        for axis in Axis::ALL {
+            let number = in_unit(&entry.offset, axis, self.machine_unit);
+            self.text.push(b' ');
+            push_fixed4(&mut self.text, number);
+        }
+        for angle in [entry.front_angle_degrees, entry.back_angle_degrees] {
+            self.text.extend_from_slice(b", ");
+            push_fixed4(&mut self.text, angle);
+        }
+        self.text.extend_from_slice(b", ");
+        push_integer(&mut self.text, entry.orientation.into(), 0, b' ');
+        self.text.extend_from_slice(b")\n");
+    }
+
+    fn push_spindle_mode(&mut self, source: &Source, spindle: u8, mode: SpindleMode) {
+        let (bound_rpm, surface_speed) = match mode {
+            SpindleMode::Rpm => (0.0, false),
+            SpindleMode::ConstantSurfaceSpeed { max_rpm } => (max_rpm.unwrap_or(UNBOUNDED_RPM), true),
+        };
+        if let Some(known) = self.surface_speed.get_mut(usize::from(spindle)) {
+            *known = surface_speed;
+        }
+        self.line(source, format_args!("SET_SPINDLE_MODE({spindle} {bound_rpm:.4})"));
+    }
+
+    fn push_spindle_speed(&mut self, source: &Source, spindle: u8, speed: f64) {
+        let surface_speed = self.surface_speed.get(usize::from(spindle)) == Some(&true);
+        let speed = match self.unit {
+            LengthUnit::Inch if surface_speed => tidy(speed / METRES_PER_FOOT),
+            LengthUnit::Inch | LengthUnit::Millimetre => speed,
+        };
+        self.line(source, format_args!("SET_SPINDLE_SPEED({spindle}, {speed:.4})"));
+    }
+}
+
+/// Lines and their parts.
+impl CanonPrinter {
+    /// Count and N-word.
+    fn begin(&mut self, source: &Source) {
+        self.count += 1;
+        push_integer(&mut self.text, self.count, 5, b' ');
+        self.text.push(b' ');
+        let Some(n) = source.n else {
+            self.text.extend_from_slice(b"N..... ");
+            return;
+        };
+        self.text.push(b'N');
+        let start = self.text.len();
+        push_integer(&mut self.text, n.into(), source.n_digits.into(), b'0');
+        let width = self.text.len() - start;
+        self.text.resize(self.text.len() + 6_usize.saturating_sub(width), b' ');
+    }
+
+    fn name(&mut self, source: &Source, call: &str) {
+        self.begin(source);
+        self.text.extend_from_slice(call.as_bytes());
+        self.text.push(b'\n');
+    }
+
+    fn quoted(&mut self, source: &Source, name: &str, text: &str) {
+        self.begin(source);
+        for part in [name, "(\"", text, "\")\n"] {
+            self.text.extend_from_slice(part.as_bytes());
+        }
+    }
+
+    /// For calls that are rare.
+    fn line(&mut self, source: &Source, call: fmt::Arguments) {
+        self.begin(source);
+        // A Vec takes all that is written.
+        let _ = writeln!(self.text, "{call}");
+    }
+
+    /// `name` ends with the opening parenthesis.
+    fn numbers(&mut self, source: &Source, name: &str, numbers: &[f64], separator: &str) {
+        self.begin(source);
+        self.text.extend_from_slice(name.as_bytes());
+        self.end_numbers(numbers, separator);
+    }
+
+    fn end_numbers(&mut self, numbers: &[f64], separator: &str) {
+        for (index, number) in numbers.iter().enumerate() {
+            if index > 0 {
+                self.text.extend_from_slice(separator.as_bytes());
+            }
+            push_fixed4(&mut self.text, *number);
+        }
+        self.text.extend_from_slice(b")\n");
+    }
+
+    /// X to C in the unit of the program.
+    fn six(&self, position: &Position) -> [f64; 6] {
+        [Axis::X, Axis::Y, Axis::Z, Axis::A, Axis::B, Axis::C].map(|axis| in_unit(position, axis, self.unit))
+    }
+
+    fn length(&self, mm: f64) -> f64 {
+        length_in(mm, self.unit)
+    }
+}
+
+fn in_unit(position: &Position, axis: Axis, unit: LengthUnit) -> f64 {
+    if axis.is_rotary() {
+        position[axis]
+    } else {
+        length_in(position[axis], unit)
+    }
+}
+
+fn length_in(mm: f64, unit: LengthUnit) -> f64 {
+    match unit {
+        LengthUnit::Millimetre => mm,
+        LengthUnit::Inch => tidy(mm / LengthUnit::Inch.mm()),
+    }
+}
+
+/// The number that was in the program before it was converted and back, which may have cost its last bits: without this
+/// 0.00125 inch may be printed as 0.0012 or 0.0013.
+fn tidy(value: f64) -> f64 {
+    const DECIMALS: f64 = 1e7;
+    let rounded = (value * DECIMALS).round() / DECIMALS;
+    if (rounded - value).abs() <= 4.0 * f64::EPSILON * value.abs() {
+        rounded
+    } else {
+        value
+    }
+}
