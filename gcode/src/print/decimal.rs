@@ -15,7 +15,7 @@ const SCALE: u64 = 10_u64.pow(DECIMALS as u32);
 const EXACT_MAX: f64 = (1_u64 << 49) as f64;
 
 /// Appends `value` with four decimals.
-pub fn push_fixed4(out: &mut Vec<u8>, value: f64) {
+pub(super) fn push_fixed4(out: &mut Vec<u8>, value: f64) {
     // Written so that NaN takes the long way, too.
     if value.abs() < EXACT_MAX {
         let scaled = scaled_magnitude(value);
@@ -80,7 +80,7 @@ fn push_scaled(out: &mut Vec<u8>, scaled: u64) {
 }
 
 /// Appends a whole number, right-aligned in `width` columns.
-pub fn push_integer(out: &mut Vec<u8>, value: u64, width: usize, fill: u8) {
+pub(super) fn push_integer(out: &mut Vec<u8>, value: u64, width: usize, fill: u8) {
     let mut digits = [0; 20];
     let mut at = digits.len();
     let mut rest = value;
