@@ -24,17 +24,22 @@
 
 mod arc;
 mod block;
+mod degrees;
 mod error;
 mod execute;
+#[allow(dead_code, reason = "the block reader takes this over with the complete dialect")]
+mod expression;
 mod interpreter;
 mod located;
 mod modal;
-#[allow(dead_code, reason = "the block reader takes these over with the complete dialect")]
+mod near_miss;
 mod number;
+mod operator;
 pub mod parameter;
 mod print;
+#[allow(dead_code, reason = "the block reader takes this over with the complete dialect")]
 mod scan;
-#[allow(dead_code, reason = "the interpreter takes these over with the complete dialect")]
+#[allow(dead_code, reason = "the interpreter takes this over with the complete dialect")]
 mod text;
 mod tool_table;
 
