@@ -384,7 +384,7 @@ impl CanonPrinter {
     }
 
     /// For calls that are rare.
-    fn line(&mut self, source: &Source, call: fmt::Arguments) {
+    fn line(&mut self, source: &Source, call: fmt::Arguments<'_>) {
         self.begin(source);
         // A Vec takes all that is written.
         let _ = writeln!(self.text, "{call}");
