@@ -311,6 +311,11 @@ impl<'l> Cursor<'l> {
             });
         }
         let Some(function) = function else {
+            if name.len() == 1 {
+                // Rather the next word.
+                self.at = start;
+                return Err(self.value_missing());
+            }
             let hint = nearest(&name, Function::ALL.map(Function::name));
             return Err((name_span, ErrorKind::UnknownFunction { name, nearest: hint }));
         };
@@ -388,10 +393,8 @@ impl<'l> Cursor<'l> {
                 }
                 b'A'..=b'Z' => {
                     let before = self.at;
-                    while matches!(self.peek(), Some(b'A'..=b'Z')) {
-                        self.at += 1;
-                    }
-                    if self.peek() != Some(b'[') {
+                    let letters = self.take_letters().len();
+                    if letters == 1 || self.peek() != Some(b'[') {
                         self.at = before;
                         return;
                     }
@@ -513,3 +516,6 @@ impl<'l> Cursor<'l> {
         cursor.span_from(start + blanks)
     }
 }
+
+#[cfg(test)]
+mod tests;
