@@ -24,6 +24,8 @@
 
 mod arc;
 mod block;
+#[allow(dead_code, reason = "the block reader takes this over with the complete dialect")]
+mod comment;
 mod degrees;
 mod error;
 mod execute;
