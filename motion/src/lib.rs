@@ -6,6 +6,7 @@
 //! Everything left of the ring plans and may allocate; everything right of it runs in the cycle thread and may not.
 
 pub mod canon;
+pub mod compensation;
 pub mod element;
 pub mod path;
 pub mod plan;

@@ -1,0 +1,176 @@
+//! The tool on its way beside the contour: what is held, and what the next move makes of it.
+//!
+//! In:  moves of the contour and what happens between them.
+//! Out: moves of the tool's centre, in the same order.
+
+use crate::canon::{Call, Event, Plane, Position, Source};
+
+use super::contour::{Contour, Shape};
+use super::geometry::{Point, add, left, scale};
+use super::held::{Held, Start};
+use super::join::{Join, SMOOTH_RAD, join};
+use super::{CompensationErrorKind as Kind, HELD_LIMIT, Tool, end_of_mut, with_plane};
+
+/// See the [module](self).
+#[derive(Clone, Debug)]
+pub(super) struct Beside {
+    pub(super) tool: Tool,
+    /// Unit vector from the end of the last programmed move in the plane to the centre beside it.
+    pub(super) normal: Point,
+    /// Whether that move is an arc with the tool on its outside.
+    pub(super) before_tool: bool,
+    /// Path of the centre beside that move.
+    pub(super) held: Held,
+    /// That move and what came behind it. All moves but the first stay where they are in the plane.
+    pub(super) queue: Vec<Event>,
+}
+
+impl Beside {
+    /// Where the centre is if no inner corner follows.
+    pub(super) fn centre(&self) -> Point {
+        self.held.end
+    }
+
+    pub(super) fn held_events(&self) -> usize {
+        self.queue.len()
+    }
+
+    pub(super) fn last_source(&self) -> Source {
+        self.queue.last().map_or(Source::default(), |event| event.source)
+    }
+
+    /// Holds something back until the next move in the plane.
+    pub(super) fn hold(&mut self, event: Event) -> Result<(), Kind> {
+        if self.queue.len() >= HELD_LIMIT {
+            return Err(Kind::TooManyHeld { limit: HELD_LIMIT });
+        }
+        self.queue.push(event);
+        Ok(())
+    }
+
+    /// Takes the next move in the plane. `at`: where the programmed path is.
+    pub(super) fn follow(
+        &mut self,
+        plane: Plane,
+        at: &Position,
+        next: &Contour,
+        event: Event,
+        out: &mut impl Extend<Event>,
+    ) -> Result<(), Kind> {
+        let Tool { side, radius } = self.tool;
+        if let Some(arc_mm) = next
+            .radius()
+            .filter(|&arc_mm| next.is_around_tool(side) && arc_mm <= radius)
+        {
+            return Err(Kind::ArcTooTight {
+                arc_mm,
+                radius_mm: radius,
+            });
+        }
+        let curve = next.beside(side * radius);
+        let arriving = scale(left(self.normal), -side); // the normal is a quarter turn to `side` of the tangent
+        let begin = add(next.from, scale(left(next.tangent_at_start()), side * radius));
+        let normal = scale(left(next.tangent_at_end()), side);
+        let end = add(next.to, scale(normal, radius));
+
+        let (leave, start, start_kind) = match join(arriving, self.before_tool, next, side) {
+            Join::Cut => {
+                let cut = self
+                    .held
+                    .curve
+                    .crossing(&curve, side)
+                    .map_err(|apart| Kind::CornerUnreachable {
+                        first: self.first_source(),
+                        gap_mm: apart.gap_mm,
+                        radius_mm: radius,
+                    })?;
+                self.check(cut, false)?;
+                (cut, cut, Start::Cut)
+            }
+            Join::Around => {
+                self.check(self.held.end, false)?;
+                (self.held.end, begin, Start::Beside)
+            }
+            Join::Smooth => {
+                self.check(self.held.end, true)?;
+                let slack_mm = radius * SMOOTH_RAD;
+                (self.held.end, self.held.end, Start::Flat { slack_mm })
+            }
+        };
+        self.release(plane, leave, out);
+        if start_kind == Start::Beside {
+            out.extend(Some(around(plane, at, next.from, begin, side, &event)));
+        }
+        self.held = match next.shape {
+            Shape::Line => Held::line(curve, start, start_kind, end),
+            Shape::Arc { turns, .. } => Held::arc(curve, begin, start, start_kind, end, turns),
+        };
+        self.normal = normal;
+        self.before_tool = next.is_before_tool(side);
+        self.queue.push(event);
+        Ok(())
+    }
+
+    /// Ends compensation: the held move goes out whole.
+    pub(super) fn leave(&mut self, plane: Plane, out: &mut impl Extend<Event>) -> Result<(), Kind> {
+        self.check(self.held.end, false)?;
+        self.release(plane, self.held.end, out);
+        Ok(())
+    }
+
+    /// Whether the held move can end at `leave`. `lenient`: a step back that a flat corner causes is none.
+    fn check(&self, leave: Point, lenient: bool) -> Result<(), Kind> {
+        match self.held.lacks_mm(leave, lenient) {
+            None => Ok(()),
+            Some(short_mm) => Err(Kind::MoveTooShort {
+                first: self.first_source(),
+                short_mm,
+                radius_mm: self.tool.radius,
+            }),
+        }
+    }
+
+    fn first_source(&self) -> Source {
+        self.queue.first().map_or(Source::default(), |event| event.source)
+    }
+
+    /// Sends out what is held, its moves ending at `leave`.
+    fn release(&mut self, plane: Plane, leave: Point, out: &mut impl Extend<Event>) {
+        if let Some(event) = self.queue.first_mut() {
+            self.held.shape(&mut event.call, leave);
+        }
+        for event in &mut self.queue {
+            if let Some(to) = end_of_mut(&mut event.call) {
+                *to = with_plane(*to, plane, leave);
+            }
+        }
+        out.extend(self.queue.drain(..));
+    }
+}
+
+/// The move of the centre around the vertex of an outer corner, to `to`. Traverses know no arcs; they cut straight across,
+/// so that the main part of the next one is parallel to the contour.
+///
+/// Axes out of the plane wait for the move itself, but rotary axes and UVW turn here, as in LinuxCNC.
+fn around(plane: Plane, at: &Position, vertex: Point, to: Point, side: f64, next: &Event) -> Event {
+    let [.., normal] = plane.axes();
+    let corner = |end: Position| {
+        let mut end = with_plane(end, plane, to);
+        end[normal] = at[normal];
+        end
+    };
+    let call = match next.call {
+        Call::StraightTraverse { to } => Call::StraightTraverse { to: corner(to) },
+        Call::StraightFeed { to } | Call::ArcFeed { to, .. } => Call::ArcFeed {
+            to: corner(to),
+            plane,
+            centre_mm: vertex,
+            turns: if side > 0.0 { -1 } else { 1 },
+        },
+        _ => next.call.clone(),
+    };
+    Event {
+        source: next.source,
+        call,
+    }
+}
