@@ -336,6 +336,28 @@ impl<'d, 'l> Section<'d, 'l> {
         self.inner(item, self.key(key))
     }
 
+    /// All keys that stand here in the order of the file, for sections whose keys the user chooses.
+    pub(super) fn names(&self) -> Vec<String> {
+        let mut keys: Vec<_> = self.table.keys().collect();
+        keys.sort_by_key(|key| key.span().start);
+        keys.into_iter().map(|key| key.get_ref().to_string()).collect()
+    }
+
+    /// The table behind a key that the user chose.
+    pub(super) fn any_section(&mut self, name: &str) -> Option<Section<'d, 'l>> {
+        let item = self.any(name)?;
+        self.inner(item, self.key(name))
+    }
+
+    /// The number behind a key that the user chose.
+    pub(super) fn any_number(&mut self, name: &str, bound: Bound) -> Option<f64> {
+        self.any(name)?.number(&self.key(name), bound)
+    }
+
+    fn any(&self, name: &str) -> Option<Item<'d, 'l>> {
+        self.table.get(name).map(|value| Item { log: self.log, value })
+    }
+
     /// An array of tables; left out: none.
     pub(super) fn sections(&mut self, key: &'static str) -> Vec<Section<'d, 'l>> {
         let path = self.key(key);

@@ -258,10 +258,15 @@ pub(super) fn axes(root: &mut Section<'_, '_>, joints: usize) -> Option<Vec<Axis
             complete = false;
         }
         let joints = joints_of_axis(&mut section, &mut taken);
+        let wrapped = section.flag("wrapped", false);
+        if wrapped == Some(true) && axis.is_some_and(|axis| !axis.is_rotary()) {
+            section.wrong("wrapped", "only A, B and C turn without end");
+            complete = false;
+        }
         section.not_yet(&["velocity_mm_s", "acceleration_mm_s2", "jerk_mm_s3", "travel_mm"]);
         section.done();
-        match (axis, joints) {
-            (Some(axis), Some(joints)) => axes.push(AxisMap { axis, joints }),
+        match (axis, joints, wrapped) {
+            (Some(axis), Some(joints), Some(wrapped)) => axes.push(AxisMap { axis, joints, wrapped }),
             _ => complete = false,
         }
     }

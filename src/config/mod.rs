@@ -16,16 +16,21 @@ mod joints;
 mod mapping;
 mod node;
 mod period;
+mod program;
+mod remap;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
 mod tests_devices;
+#[cfg(test)]
+mod tests_program;
 mod types;
 
 pub use error::{ConfigError, ConfigErrors};
 pub use types::*;
 
 use document::{Bound, Log, Section};
+use motion::canon::{LengthUnit, SPINDLES};
 use std::path::Path;
 use toml::de::DeTable;
 
@@ -104,7 +109,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     root.integer("schema", 1..=1, None);
 
     let machine = root.section("machine").map(machine);
-    let (name, cycle_us) = machine.unwrap_or((None, None));
+    let (name, cycle_us, unit) = machine.unwrap_or((None, None, None));
     let rt = root.section("rt").and_then(|section| rt(section, cycle_us));
     let bus = root.section("bus").and_then(|mut section| {
         let bus = bus::bus(&mut section, cycle_us, path.parent().unwrap_or(Path::new("")));
@@ -134,16 +139,27 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     let axes = joints::axes(&mut root, count);
     let work_offsets = joints::offsets(&mut root, axes.as_deref());
     let spindle = root.section("spindle").and_then(spindle);
-    let program = root.section("program").and_then(program);
+    let base = path.parent().unwrap_or(Path::new(""));
+    let program = root.section("program").and_then(|mut section| {
+        let program = program::program(&mut section, base);
+        section.done();
+        program
+    });
+    let tools = root.section("tools").and_then(|mut section| {
+        let tools = program::tools(&mut section, base);
+        section.done();
+        tools
+    });
     let nets = root.section("hal").and_then(hal);
     let sim = root.section("sim").and_then(sim);
-    root.not_yet(&["logic", "tools", "hmi", "service", "kinematics"]);
+    root.not_yet(&["logic", "hmi", "service", "kinematics"]);
     root.done();
 
     Some(Config {
         path: path.to_owned(),
         name: name?,
         cycle_us: cycle_us?,
+        unit: unit?,
         rt: rt?,
         bus: bus?,
         joints: (joints.len() == count).then_some(joints)?,
@@ -151,12 +167,13 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         work_offsets: work_offsets?,
         spindle: spindle?,
         program: program?,
+        tools: tools?,
         nets: nets?,
         sim: sim?,
     })
 }
 
-fn machine(mut section: Section<'_, '_>) -> (Option<String>, Option<u32>) {
+fn machine(mut section: Section<'_, '_>) -> (Option<String>, Option<u32>, Option<LengthUnit>) {
     let name = section
         .required("name", "the name of the machine")
         .and_then(|item| item.text("machine.name"));
@@ -167,9 +184,9 @@ fn machine(mut section: Section<'_, '_>) -> (Option<String>, Option<u32>) {
     let cycle_us = section
         .integer("cycle_us", 250..=10_000, 1000)
         .map(|cycle_us| cycle_us as u32);
-    section.not_yet(&["units"]);
+    let unit = program::units(&mut section);
     section.done();
-    (name.map(str::to_owned), cycle_us)
+    (name.map(str::to_owned), cycle_us, unit)
 }
 
 fn rt(mut section: Section<'_, '_>, cycle_us: Option<u32>) -> Option<Rt> {
@@ -222,20 +239,20 @@ fn rt(mut section: Section<'_, '_>, cycle_us: Option<u32>) -> Option<Rt> {
 }
 
 fn spindle(mut section: Section<'_, '_>) -> Option<Spindle> {
-    let rpm_max = section.number("rpm_max", Bound::Positive(1e6), 24_000.0);
+    let default = Spindle::default();
+    let rpm_max = section.number("rpm_max", Bound::Positive(1e6), default.rpm_max);
+    let count = section.integer("count", 1..=SPINDLES as i64, i64::from(default.count));
+    let orient_offset_degrees = section.number(
+        "orient_offset_degrees",
+        Bound::Size(360.0),
+        default.orient_offset_degrees,
+    );
     section.not_yet(&["rpm_min", "orient", "node"]);
     section.done();
-    Some(Spindle { rpm_max: rpm_max? })
-}
-
-fn program(mut section: Section<'_, '_>) -> Option<Program> {
-    let tolerance_mm = section.number("tolerance_mm", Bound::Positive(10.0), 0.01);
-    let look_ahead_blocks = section.integer("look_ahead_blocks", 1..=1_000_000, 1000);
-    section.not_yet(&["start", "directory", "optional_stop", "block_delete"]);
-    section.done();
-    Some(Program {
-        tolerance_mm: tolerance_mm?,
-        look_ahead_blocks: look_ahead_blocks? as usize,
+    Some(Spindle {
+        rpm_max: rpm_max?,
+        count: count? as u8,
+        orient_offset_degrees: orient_offset_degrees?,
     })
 }
 

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 const DEMO: &str = include_str!("../../configs/mill3-demo.toml");
 
 /// The smallest machine: everything that may be left out is left out.
-const SMALL: &str = "\
+pub(super) const SMALL: &str = "\
 schema = 1
 [machine]
 name = \"small\"
@@ -245,7 +245,7 @@ fn rules_of_machine_and_rt() {
         ("\n[bus]", "\nkinematics = \"trivia\"\n[bus]", &[
             "m.toml:4:14: machine.kinematics = \"trivia\": must be \"trivial\"; did you mean \"trivial\"?",
         ]),
-        ("\n[bus]", "\nunits = \"mm\"\n[bus]", &["m.toml:4:1: machine.units: is not supported yet"]),
+        ("\n[bus]", "\nunits = \"in\"\n[bus]", &["m.toml:4:9: machine.units = \"in\": must be \"mm\" or \"inch\""]),
         ("\n[bus]", "\ncycle_us = 249\n[bus]", &[
             "m.toml:4:12: machine.cycle_us = 249: must be an integer from 250 to 10000",
         ]),
@@ -486,9 +486,9 @@ fn rules_of_the_rest() {
             "m.toml:30:11: sim.damping = -1: must lie between 0.01 and 10",
             "m.toml:31:9: sim.start = 1.5: must lie between 0 and 1",
         ]),
-        (end, "joints = [0]\n[logic]\nperiod_ms = 10\n[tools]\n[spindel]\n", &[
+        (end, "joints = [0]\n[logic]\nperiod_ms = 10\n[hmi]\n[spindel]\n", &[
             "m.toml:28:2: logic: is not supported yet",
-            "m.toml:30:2: tools: is not supported yet",
+            "m.toml:30:2: hmi: is not supported yet",
             "m.toml:31:2: spindel: unknown key; did you mean `spindle`?",
         ]),
         (end, "joints = [0]\n[[hal.net]]\nname = \"Run\"\nsource = \"a.b\"\ntargets = [\"a.b\", \"c..d\", \"e\"]\n[[hal.net]]\nname = \"n\"\nsource = \"x\"\ntargets = [\"e\", \"e\"]\n", &[

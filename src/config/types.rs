@@ -3,10 +3,12 @@
 //! In:  from `read`, which turns TOML into these types or into located errors.
 //! Out: to every part of the process. Nothing here is ever invalid: ranges, references and names are checked.
 
-use motion::canon::{Axis, Position};
+pub use gcode::ToolChanger;
+use motion::canon::{Axis, LengthUnit, Position};
 pub use obd::device::{ConfigurationWrite, DeviceDescription};
 pub use powerlink::mn::{Stamp, StartUp};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Most joints that one machine can have.
@@ -21,6 +23,9 @@ pub struct Config {
     pub name: String,
     /// Cycle of bus and interpolation, µs.
     pub cycle_us: u32,
+    /// Unit of lengths in tool table and parameter file, and in a program before G20 or G21. All keys of the machine file
+    /// itself are in mm.
+    pub unit: LengthUnit,
     /// Real-time settings.
     pub rt: Rt,
     /// The field bus.
@@ -35,6 +40,8 @@ pub struct Config {
     pub spindle: Spindle,
     /// How programs are run.
     pub program: Program,
+    /// The tools.
+    pub tools: Tools,
     /// Connections between pins.
     pub nets: Vec<Net>,
     /// What the simulated machine is made of.
@@ -355,6 +362,8 @@ pub struct AxisMap {
     pub axis: Axis,
     /// Joints that it moves (more than one: gantry).
     pub joints: Vec<usize>,
+    /// A rotary axis without ends: programs name angles of one turn; default false.
+    pub wrapped: bool,
 }
 
 /// `[spindle]`
@@ -362,15 +371,125 @@ pub struct AxisMap {
 pub struct Spindle {
     /// Highest speed, 1/min.
     pub rpm_max: f64,
+    /// Spindles that programs may name by `$`; default 1.
+    pub count: u8,
+    /// Added to the angles of M19, degrees; default 0.
+    pub orient_offset_degrees: f64,
+}
+
+impl Default for Spindle {
+    fn default() -> Spindle {
+        Spindle {
+            rpm_max: 24_000.0,
+            count: 1,
+            orient_offset_degrees: 0.0,
+        }
+    }
 }
 
 /// `[program]`
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Program {
-    /// Path tolerance of G64 without P, mm.
+    /// Path tolerance of G64 without P, mm; default 0.01.
     pub tolerance_mm: f64,
-    /// Blocks that the planner looks ahead.
+    /// Blocks that the planner looks ahead; default 1000.
     pub look_ahead_blocks: usize,
+    /// File of the parameters that outlive a program, LinuxCNC's var file; made if it is missing. `None`: nothing outlives
+    /// the process, and [`Config::work_offsets`] hold at each start.
+    pub parameter_file: Option<PathBuf>,
+    /// Folder of the programs; subroutines are looked for here first.
+    pub directory: Option<PathBuf>,
+    /// Further folders in which subroutines are looked for, in this order.
+    pub subroutine_directories: Vec<PathBuf>,
+    /// M100 to M199.
+    pub user_codes: UserCodes,
+    /// The one folder in which programs may write files (LOGOPEN, PROBEOPEN); `None`: they may not.
+    pub log_directory: Option<PathBuf>,
+    /// A line that is run before each program; default empty.
+    pub startup_code: String,
+    /// Leave out lines that begin with `/`; default false.
+    pub block_delete: bool,
+    /// X words are diameters (G7) at the start; default false.
+    pub diameter_mode: bool,
+    /// The offset of G92 and G52 outlives the process; default true.
+    pub keep_g92: bool,
+    /// M98 and M99 call and end subroutines; default true.
+    pub fanuc_subroutines: bool,
+    /// Programs may read pins (`#<_hal[name]>`); default true.
+    pub read_pins: bool,
+    /// How far G73 backs off, mm; default 0.254.
+    pub chip_breaking_clearance_mm: f64,
+    /// How far above the last depth G83 begins to feed again, mm; default 0.254.
+    pub peck_clearance_mm: f64,
+    /// Greatest difference of an arc's radii at start and end under G21, mm; default 0.02·√2.
+    pub arc_radius_tolerance_mm: f64,
+    /// The same under G20, inch; default 0.002·√2.
+    pub arc_radius_tolerance_inch: f64,
+    /// Numbers that programs read as `#<_ini[section]name>`, by section and name in lower case.
+    pub values: BTreeMap<(String, String), f64>,
+    /// Codes that call subroutines.
+    pub remaps: Vec<Remap>,
+}
+
+/// LinuxCNC's tolerance of an arc's centre where the machine file names none, mm and inch.
+pub const ARC_RADIUS_TOLERANCE: [f64; 2] = [0.02 * std::f64::consts::SQRT_2, 0.002 * std::f64::consts::SQRT_2];
+
+impl Default for Program {
+    fn default() -> Program {
+        let [arc_radius_tolerance_mm, arc_radius_tolerance_inch] = ARC_RADIUS_TOLERANCE;
+        Program {
+            tolerance_mm: 0.01,
+            look_ahead_blocks: 1000,
+            parameter_file: None,
+            directory: None,
+            subroutine_directories: Vec::new(),
+            user_codes: UserCodes::default(),
+            log_directory: None,
+            startup_code: String::new(),
+            block_delete: false,
+            diameter_mode: false,
+            keep_g92: true,
+            fanuc_subroutines: true,
+            read_pins: true,
+            chip_breaking_clearance_mm: 0.254,
+            peck_clearance_mm: 0.254,
+            arc_radius_tolerance_mm,
+            arc_radius_tolerance_inch,
+            values: BTreeMap::new(),
+            remaps: Vec::new(),
+        }
+    }
+}
+
+/// M100 to M199: programs of the PC that part programs may start.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct UserCodes {
+    /// They may be started; default false.
+    pub allowed: bool,
+    /// Folders of the files `M100` to `M199`, in the order in which they are searched.
+    pub directories: Vec<PathBuf>,
+}
+
+/// `[[program.remap]]`
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Remap {
+    /// `G88.1`, `M400`, or `T`, `S`, `F`.
+    pub code: String,
+    /// 1 of G codes, 4 to 10 of M codes; 0: `T`, `S` and `F` have a place of their own.
+    pub modal_group: u8,
+    /// Words that the subroutine takes, as in LinuxCNC's argspec.
+    pub arguments: String,
+    /// Name of the subroutine, in lower case.
+    pub subroutine: String,
+}
+
+/// `[tools]`
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Tools {
+    /// The tool table; `None`: there is none.
+    pub table: Option<PathBuf>,
+    /// What pocket numbers mean; default fixed.
+    pub changer: ToolChanger,
 }
 
 /// `[[hal.net]]`

@@ -1,7 +1,7 @@
 //! The machine of `configs/mill3-demo.toml` as it was when the tests of this module were written.
 
 use crate::config::*;
-use motion::canon::{Axis, Position};
+use motion::canon::{Axis, LengthUnit, Position};
 
 pub(super) fn test_config() -> Config {
     let mapped = |index, sub, bits| Mapped { index, sub, bits };
@@ -69,6 +69,7 @@ pub(super) fn test_config() -> Config {
         path: "test.toml".into(),
         name: "mill3".to_string(),
         cycle_us: 1000,
+        unit: LengthUnit::Millimetre,
         rt: Rt {
             phase_us: Some(370),
             keep_awake: Some(KeepAwake::None),
@@ -103,22 +104,23 @@ pub(super) fn test_config() -> Config {
             AxisMap {
                 axis: Axis::X,
                 joints: vec![0],
+                wrapped: false,
             },
             AxisMap {
                 axis: Axis::Y,
                 joints: vec![1],
+                wrapped: false,
             },
             AxisMap {
                 axis: Axis::Z,
                 joints: vec![2],
+                wrapped: false,
             },
         ],
         work_offsets: [Position::ZERO; 9],
-        spindle: Spindle { rpm_max: 24_000.0 },
-        program: Program {
-            tolerance_mm: 0.01,
-            look_ahead_blocks: 1000,
-        },
+        spindle: Spindle::default(),
+        program: Program::default(),
+        tools: Tools::default(),
         nets: Vec::new(),
         sim: Sim {
             natural_frequency_hz: 60.0,

@@ -1,0 +1,252 @@
+//! `[program]` and `[tools]`: what LinuxCNC's INI file says in [RS274NGC], [EMCIO] and [DISPLAY]PROGRAM_PREFIX.
+//!
+//! Paths are relative to the folder of the machine file.
+
+use super::document::{Bound, Section};
+use super::remap::remap;
+use super::types::{ARC_RADIUS_TOLERANCE, Program, ToolChanger, Tools, UserCodes};
+use motion::canon::LengthUnit;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Smallest difference of an arc's radii at start and end that LinuxCNC takes; the greatest is its default.
+const ARC_TOLERANCE_MIN_MM: f64 = 0.001;
+const ARC_TOLERANCE_MIN_INCH: f64 = 0.00004;
+/// No cycle needs more; mm.
+const PECK_CLEARANCE_MAX_MM: f64 = 100.0;
+/// Folders that are searched for one file.
+const FOLDERS_MAX: usize = 10;
+/// Longest line of a program.
+const STARTUP_CODE_MAX: usize = gcode::LINE_MAX;
+/// Values of `#<_ini[section]name>`.
+const VALUE_MAX: f64 = 1e9;
+
+/// Reads `[program]`; `base`: folder of the machine file.
+pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Program> {
+    let default = Program::default();
+    let tolerance_mm = section.number("tolerance_mm", Bound::Positive(10.0), default.tolerance_mm);
+    let look_ahead_blocks = section.integer("look_ahead_blocks", 1..=1_000_000, default.look_ahead_blocks as i64);
+    let parameter_file = file(section, "parameter_file", base, MayBeMissing::Yes);
+    let directory = folder(section, "directory", base);
+    let subroutine_directories = folders(section, "subroutine_directories", base);
+    let user_codes = user_codes(section, base);
+    let log_directory = folder(section, "log_directory", base);
+    let startup_code = startup_code(section);
+    let block_delete = section.flag("block_delete", default.block_delete);
+    let diameter_mode = section.flag("diameter_mode", default.diameter_mode);
+    let keep_g92 = section.flag("keep_g92", default.keep_g92);
+    let fanuc_subroutines = section.flag("fanuc_subroutines", default.fanuc_subroutines);
+    let read_pins = section.flag("read_pins", default.read_pins);
+    let clearance = Bound::Within(0.0, PECK_CLEARANCE_MAX_MM);
+    let chip_breaking_clearance_mm = section.number(
+        "chip_breaking_clearance_mm",
+        clearance,
+        default.chip_breaking_clearance_mm,
+    );
+    let peck_clearance_mm = section.number("peck_clearance_mm", clearance, default.peck_clearance_mm);
+    let mut tolerance = |key, least, most| section.number(key, Bound::Within(least, most), most);
+    let [most_mm, most_inch] = ARC_RADIUS_TOLERANCE;
+    let arc_radius_tolerance_mm = tolerance("arc_radius_tolerance_mm", ARC_TOLERANCE_MIN_MM, most_mm);
+    let arc_radius_tolerance_inch = tolerance("arc_radius_tolerance_inch", ARC_TOLERANCE_MIN_INCH, most_inch);
+    let values = values(section);
+    let listed = subroutine_directories.iter().flatten();
+    let searched: Vec<PathBuf> = directory.iter().flatten().chain(listed).cloned().collect();
+    let mut remaps = Vec::new();
+    let mut complete = true;
+    for mut table in section.sections("remap") {
+        match remap(&mut table, &remaps, &searched) {
+            Some(remap) => remaps.push(remap),
+            None => complete = false,
+        }
+        table.done();
+    }
+    section.not_yet(&["optional_stop"]);
+    Some(Program {
+        tolerance_mm: tolerance_mm?,
+        look_ahead_blocks: look_ahead_blocks? as usize,
+        parameter_file: parameter_file?,
+        directory: directory?,
+        subroutine_directories: subroutine_directories?,
+        user_codes: user_codes?,
+        log_directory: log_directory?,
+        startup_code: startup_code?,
+        block_delete: block_delete?,
+        diameter_mode: diameter_mode?,
+        keep_g92: keep_g92?,
+        fanuc_subroutines: fanuc_subroutines?,
+        read_pins: read_pins?,
+        chip_breaking_clearance_mm: chip_breaking_clearance_mm?,
+        peck_clearance_mm: peck_clearance_mm?,
+        arc_radius_tolerance_mm: arc_radius_tolerance_mm?,
+        arc_radius_tolerance_inch: arc_radius_tolerance_inch?,
+        values: values?,
+        remaps: complete.then_some(remaps)?,
+    })
+}
+
+/// Reads `[tools]`.
+pub(super) fn tools(section: &mut Section<'_, '_>, base: &Path) -> Option<Tools> {
+    let table = file(section, "table", base, MayBeMissing::No);
+    let changer = section.word(
+        "changer",
+        &[("fixed", ToolChanger::Fixed), ("random", ToolChanger::Random)],
+        ToolChanger::Fixed,
+    );
+    Some(Tools {
+        table: table?,
+        changer: changer?,
+    })
+}
+
+/// `machine.units`: what lengths in the tool table and the parameter file are in, and a program before G20 or G21.
+pub(super) fn units(section: &mut Section<'_, '_>) -> Option<LengthUnit> {
+    let words = [("mm", LengthUnit::Millimetre), ("inch", LengthUnit::Inch)];
+    section.word("units", &words, LengthUnit::Millimetre)
+}
+
+fn user_codes(section: &mut Section<'_, '_>, base: &Path) -> Option<UserCodes> {
+    let allowed = section.flag("user_codes", false);
+    let directories = folders(section, "user_code_directories", base);
+    if allowed == Some(true) && directories.as_ref().is_some_and(Vec::is_empty) {
+        section.wrong(
+            "user_codes",
+            "needs user_code_directories, where the files M100 to M199 are",
+        );
+        return None;
+    }
+    Some(UserCodes {
+        allowed: allowed?,
+        directories: directories?,
+    })
+}
+
+fn startup_code(section: &mut Section<'_, '_>) -> Option<String> {
+    let Some(item) = section.optional("startup_code") else {
+        return Some(String::new());
+    };
+    let text = item.text(&section.key("startup_code"))?;
+    if text.len() >= STARTUP_CODE_MAX || text.contains(['\n', '\r']) {
+        let rule = format!("must be one line of a program, shorter than {STARTUP_CODE_MAX} characters");
+        section.wrong("startup_code", rule);
+        return None;
+    }
+    Some(text.to_owned())
+}
+
+/// `[program.values.SECTION]`: numbers that programs read as `#<_ini[SECTION]NAME>`.
+fn values(section: &mut Section<'_, '_>) -> Option<BTreeMap<(String, String), f64>> {
+    let mut values = BTreeMap::new();
+    let mut complete = true;
+    let Some(mut groups) = section.optional_section("values") else {
+        return Some(values);
+    };
+    for group in groups.names() {
+        let Some(mut names) = groups.any_section(&group) else {
+            complete = false;
+            continue;
+        };
+        for name in names.names() {
+            match names.any_number(&name, Bound::Size(VALUE_MAX)) {
+                Some(value) => {
+                    let key = (group.to_ascii_lowercase(), name.to_ascii_lowercase());
+                    if values.insert(key, value).is_some() {
+                        names.wrong(&name, "stands here twice: case does not matter to programs");
+                        complete = false;
+                    }
+                }
+                None => complete = false,
+            }
+        }
+    }
+    complete.then_some(values)
+}
+
+/// Whether a file may be made later.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum MayBeMissing {
+    Yes,
+    No,
+}
+
+/// A file; left out: `Some(None)`.
+fn file(
+    section: &mut Section<'_, '_>,
+    key: &'static str,
+    base: &Path,
+    may_be_missing: MayBeMissing,
+) -> Option<Option<PathBuf>> {
+    let Some(path) = path(section, key, base)? else {
+        return Some(None);
+    };
+    let rule = match std::fs::metadata(&path) {
+        Ok(metadata) if metadata.is_file() => return Some(Some(path)),
+        Ok(_) => format!("is no file: {}", path.display()),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound && may_be_missing == MayBeMissing::Yes => {
+            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+            match folder {
+                Some(folder) if !folder.is_dir() => format!("there is no folder {}", folder.display()),
+                Some(_) | None => return Some(Some(path)),
+            }
+        }
+        Err(error) => format!("{}: {error}", path.display()),
+    };
+    section.wrong(key, rule);
+    None
+}
+
+/// A folder that is there; left out: `Some(None)`.
+fn folder(section: &mut Section<'_, '_>, key: &'static str, base: &Path) -> Option<Option<PathBuf>> {
+    let Some(path) = path(section, key, base)? else {
+        return Some(None);
+    };
+    if !path.is_dir() {
+        section.wrong(key, format!("there is no folder {}", path.display()));
+        return None;
+    }
+    Some(Some(path))
+}
+
+fn path(section: &mut Section<'_, '_>, key: &'static str, base: &Path) -> Option<Option<PathBuf>> {
+    let Some(item) = section.optional(key) else {
+        return Some(None);
+    };
+    let text = item.text(&section.key(key))?;
+    if text.is_empty() {
+        section.wrong(key, "must be a path");
+        return None;
+    }
+    Some(Some(base.join(text)))
+}
+
+/// Folders in the order in which they are searched; left out: none.
+fn folders(section: &mut Section<'_, '_>, key: &'static str, base: &Path) -> Option<Vec<PathBuf>> {
+    let Some(item) = section.optional(key) else {
+        return Some(Vec::new());
+    };
+    let path = section.key(key);
+    let items = item.items(&path)?;
+    if items.len() > FOLDERS_MAX {
+        section.wrong(
+            key,
+            format!("must not be more than {FOLDERS_MAX} folders, are {}", items.len()),
+        );
+        return None;
+    }
+    let mut folders = Vec::new();
+    let mut complete = true;
+    for (index, item) in items.into_iter().enumerate() {
+        let key = format!("{path}[{index}]");
+        let Some(folder) = item.text(&key).map(|text| base.join(text)) else {
+            complete = false;
+            continue;
+        };
+        if folder.is_dir() {
+            folders.push(folder);
+        } else {
+            let rule = format!("there is no folder {}", folder.display());
+            item.log.wrong(item.value.span(), &key, rule, None);
+            complete = false;
+        }
+    }
+    complete.then_some(folders)
+}
