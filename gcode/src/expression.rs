@@ -87,9 +87,6 @@ impl<'l> Cursor<'l> {
         if target.is_err() {
             self.at = start;
             self.skip_value();
-            if self.take(b'=') {
-                self.skip_value();
-            }
         }
         target
     }
@@ -375,12 +372,13 @@ impl<'l> Cursor<'l> {
         Ok(exists)
     }
 
-    /// Leaves out what looks like a value: signs, digits, names, functions and everything in brackets.
+    /// Leaves out what looks like a value: signs, digits, names, functions, everything in brackets,
+    /// and what is assigned.
     #[cold]
     fn skip_value(&mut self) {
         while let Some(octet) = self.peek() {
             match octet {
-                b'0'..=b'9' | b'.' | b'+' | b'-' | b'#' => self.at += 1,
+                b'0'..=b'9' | b'.' | b'+' | b'-' | b'#' | b'=' => self.at += 1,
                 b'<' => self.skip_to(b'>'),
                 b'[' => {
                     self.skip_brackets();

@@ -32,6 +32,7 @@ mod execute;
 #[allow(dead_code, reason = "the block reader takes this over with the complete dialect")]
 mod expression;
 mod interpreter;
+mod lexer;
 mod located;
 mod modal;
 mod near_miss;
@@ -47,6 +48,7 @@ mod tool_table;
 
 pub use error::{Construct, Error, ErrorKind};
 pub use interpreter::{Interpreter, Run, Settings, check};
+pub use lexer::{Lexer, Word, Words};
 pub use located::Located;
 pub use print::CanonPrinter;
 pub use scan::LINE_MAX;

@@ -30,6 +30,11 @@ impl Span {
         }
     }
 
+    /// As indices of a line.
+    pub(crate) fn range(self) -> std::ops::Range<usize> {
+        self.start.into()..self.end.into()
+    }
+
     /// The octets of `line` that the span covers.
     pub(crate) fn of<'t>(&self, line: &'t [u8]) -> &'t [u8] {
         &line[self.start as usize..self.end as usize]

@@ -204,7 +204,7 @@ fn read(source: &mut impl Read, to: &mut [u8]) -> io::Result<usize> {
 }
 
 fn line_feed(octets: &[u8]) -> Option<usize> {
-    octets.iter().position(|octet| *octet == b'\n')
+    memchr::memchr(b'\n', octets)
 }
 
 #[cfg(test)]
