@@ -11,6 +11,7 @@
 #![allow(unreachable_pub, reason = "a module of test crates, nothing is exported")]
 
 pub mod case;
+pub mod grammar;
 pub mod ours;
 
 use std::{
