@@ -32,6 +32,41 @@ fn every_machine_file_that_ships_is_good() {
     }
 }
 
+/// A machine file with its commented keys of these names switched on.
+fn switched_on(text: &str, keys: &[&str]) -> String {
+    let mut text = text.to_owned();
+    for key in keys {
+        assert_eq!(text.matches(&format!("\n# {key}")).count(), 1, "{key}");
+        text = text.replace(&format!("\n# {key}"), &format!("\n{key}"));
+    }
+    text
+}
+
+#[test]
+fn the_tables_that_ship_are_those_of_the_example_mills() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs");
+    for file in shipped("toml") {
+        let text = std::fs::read_to_string(&file).unwrap();
+        let text = switched_on(&text, &["[tools]", "table =", "changer =", "parameter_file ="]);
+        let config = config::parse(&text, &file).unwrap_or_else(|errors| panic!("{errors}"));
+        assert_eq!(config.tools.table, Some(folder.join("mill3.tbl")));
+        assert_eq!(config.program.parameter_file, Some(folder.join("mill3.var")));
+
+        let table = std::fs::read(config.tools.table.unwrap()).unwrap();
+        let table = gcode::ToolTable::parse(&table, config.unit, config.tools.changer).unwrap();
+        let tools: Vec<_> = table.tools().map(|tool| (tool.number, tool.diameter_mm)).collect();
+        assert_eq!(tools, [(1, 6.0), (2, 3.0), (3, 5.0), (99, 0.0)]);
+
+        // The file is as it is written again, and has the work offset that the machine file has.
+        let text = std::fs::read_to_string(config.program.parameter_file.unwrap()).unwrap();
+        let parameters = gcode::parameter::file::parse(text.as_bytes()).unwrap();
+        assert_eq!(gcode::parameter::file::write(&parameters), text);
+        let value = |number: u16| parameters.iter().find(|entry| entry.0 == number).unwrap().1;
+        let origin = Position::xyz(value(5221), value(5222), value(5223));
+        assert_eq!((origin, value(5220)), (config.work_offsets[0], 1.0));
+    }
+}
+
 /// The demo machine as the planner sees it, standing at its home points.
 fn demo_machine() -> (Config, Settings) {
     let config = parse(DEMO).unwrap_or_else(|errors| panic!("{errors}"));

@@ -10,8 +10,12 @@ mod device_files;
 mod frame;
 #[path = "../fuzz/src/managing_node.rs"]
 mod managing_node;
+#[path = "../fuzz/src/parameter_file.rs"]
+mod parameter_file;
 #[path = "../fuzz/src/sdo_server.rs"]
 mod sdo_server;
+#[path = "../fuzz/src/tool_table.rs"]
+mod tool_table;
 
 use powerlink::nmt::NmtState;
 use std::fs;
@@ -57,6 +61,16 @@ fn sdo_server() {
 #[test]
 fn device_files() {
     replay("device_files", device_files::run);
+}
+
+#[test]
+fn tool_table() {
+    replay("tool_table", tool_table::run);
+}
+
+#[test]
+fn parameter_file() {
+    replay("parameter_file", parameter_file::run);
 }
 
 /// The fuzzer of the managing node begins from a network that runs, not from one that never boots.

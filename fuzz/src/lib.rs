@@ -5,4 +5,6 @@ pub mod controlled_node;
 pub mod device_files;
 pub mod frame;
 pub mod managing_node;
+pub mod parameter_file;
 pub mod sdo_server;
+pub mod tool_table;
