@@ -57,7 +57,7 @@ impl Beside {
         event: Event,
         out: &mut impl Extend<Event>,
     ) -> Result<(), Kind> {
-        let Tool { side, radius } = self.tool;
+        let Tool { side, radius, .. } = self.tool;
         if let Some(arc_mm) = next
             .radius()
             .filter(|&arc_mm| next.is_around_tool(side) && arc_mm <= radius)
@@ -85,21 +85,23 @@ impl Beside {
                         radius_mm: radius,
                     })?;
                 self.check(cut, false)?;
+                let cut = self.held.settled(cut);
                 (cut, cut, Start::Cut)
             }
             Join::Around => {
                 self.check(self.held.end, false)?;
-                (self.held.end, begin, Start::Beside)
+                (self.held.settled(self.held.end), begin, Start::Beside)
             }
             Join::Smooth => {
                 self.check(self.held.end, true)?;
+                let leave = self.held.settled(self.held.end);
                 let slack_mm = radius * SMOOTH_RAD;
-                (self.held.end, self.held.end, Start::Flat { slack_mm })
+                (leave, leave, Start::Flat { slack_mm })
             }
         };
         self.release(plane, leave, out);
         if start_kind == Start::Beside {
-            out.extend(Some(around(plane, at, next.from, begin, side, &event)));
+            out.extend(Some(around(self.tool, plane, at, next.from, begin, &event)));
         }
         self.held = match next.shape {
             Shape::Line => Held::line(curve, start, start_kind, end),
@@ -114,7 +116,7 @@ impl Beside {
     /// Ends compensation: the held move goes out whole.
     pub(super) fn leave(&mut self, plane: Plane, out: &mut impl Extend<Event>) -> Result<(), Kind> {
         self.check(self.held.end, false)?;
-        self.release(plane, self.held.end, out);
+        self.release(plane, self.held.settled(self.held.end), out);
         Ok(())
     }
 
@@ -139,9 +141,13 @@ impl Beside {
         if let Some(event) = self.queue.first_mut() {
             self.held.shape(&mut event.call, leave);
         }
+        let at = add(leave, self.tool.shift);
         for event in &mut self.queue {
             if let Some(to) = end_of_mut(&mut event.call) {
-                *to = with_plane(*to, plane, leave);
+                *to = with_plane(*to, plane, at);
+            }
+            if let Call::ArcFeed { centre_mm, .. } = &mut event.call {
+                *centre_mm = add(*centre_mm, self.tool.shift);
             }
         }
         out.extend(self.queue.drain(..));
@@ -152,10 +158,10 @@ impl Beside {
 /// so that the main part of the next one is parallel to the contour.
 ///
 /// Axes out of the plane wait for the move itself, but rotary axes and UVW turn here, as in LinuxCNC.
-fn around(plane: Plane, at: &Position, vertex: Point, to: Point, side: f64, next: &Event) -> Event {
+fn around(tool: Tool, plane: Plane, at: &Position, vertex: Point, to: Point, next: &Event) -> Event {
     let [.., normal] = plane.axes();
     let corner = |end: Position| {
-        let mut end = with_plane(end, plane, to);
+        let mut end = with_plane(end, plane, add(to, tool.shift));
         end[normal] = at[normal];
         end
     };
@@ -164,8 +170,8 @@ fn around(plane: Plane, at: &Position, vertex: Point, to: Point, side: f64, next
         Call::StraightFeed { to } | Call::ArcFeed { to, .. } => Call::ArcFeed {
             to: corner(to),
             plane,
-            centre_mm: vertex,
-            turns: if side > 0.0 { -1 } else { 1 },
+            centre_mm: add(vertex, tool.shift),
+            turns: if tool.side > 0.0 { -1 } else { 1 },
         },
         _ => next.call.clone(),
     };

@@ -20,7 +20,7 @@ use super::{CompensationErrorKind as Kind, Tool};
 ///   start
 /// ```
 pub(super) fn enter(tool: Tool, plane: Plane, first: &Contour, mut event: Event) -> Result<Beside, Kind> {
-    let Tool { side, radius } = tool;
+    let Tool { side, radius, .. } = tool;
     let distance = length(sub(first.to, first.from));
     if distance <= radius {
         return Err(Kind::EntryTooShort {
@@ -42,12 +42,20 @@ pub(super) fn enter(tool: Tool, plane: Plane, first: &Contour, mut event: Event)
                     radius_mm: radius,
                 });
             }
-            // The centre's arc ends along the contour, so that its own centre lies on the programmed radius through the end;
-            // its distance from there is the radius from the start too: |start - end - d u|² = d²
+            // The centre's arc ends along the contour, so that its own centre lies on the programmed radius through the end,
+            // as far from there as from the start: |start - end - d towards|² = d²
             let (chord, towards) = (sub(first.from, end), unit(sub(centre, end)));
             let radius_mm = dot(chord, chord) / (2.0 * dot(chord, towards));
+            // The start has to lie on the tool's side of the line along which the tool ends: `height` above it.
+            //
+            //       .  start                 the arc ends here, to the right
+            //        '-._
+            //            '--o--------
             if !(radius_mm > 0.0 && radius_mm < MAX_RADIUS_MM) {
-                return Err(Kind::EntryArc);
+                return Err(Kind::EntryArcTooFlat {
+                    height_mm: dot(sub(first.from, first.to), normal),
+                    radius_mm: radius,
+                });
             }
             let centre = add(end, scale(towards, radius_mm));
             if let Call::ArcFeed { centre_mm, .. } = &mut event.call {

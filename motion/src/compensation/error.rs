@@ -37,12 +37,17 @@ pub enum CompensationErrorKind {
         /// G17 or G18.
         plane: Plane,
     },
-    /// The first move is an arc that has no compensated counterpart.
+    /// The first move is an arc with the tool inside it, so short that the tool would have to come from outside.
     #[error(
-        "no arc leads from here to the point beside the end of the entry arc, which the tool has to reach along the contour: \
-         enter by a straight move, or by an arc that ends along the contour and turns less than half"
+        "the entry arc begins only {height_mm:.4} mm above the line along which it ends; a tool of radius {radius_mm:.4} mm inside it \
+         needs more than its radius there: enter by a longer arc of smaller radius, or by a straight move"
     )]
-    EntryArc,
+    EntryArcTooFlat {
+        /// Distance of the arc's start from the tangent at its end, towards the tool.
+        height_mm: f64,
+        /// Of the tool.
+        radius_mm: f64,
+    },
     /// The tool goes on the inner side of an arc that is too tight.
     #[error(
         "the tool's radius of {radius_mm:.4} mm does not fit inside an arc of radius {arc_mm:.4} mm: it has to be smaller; take a \

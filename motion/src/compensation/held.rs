@@ -12,6 +12,9 @@ use super::geometry::{Curve, Point, dot, length, sub, sweep, wrapped};
 /// Rounding that a length may be off, mm.
 const ROUNDING_MM: f64 = 1e-6;
 
+/// What nobody sees in four decimals, mm.
+const SEEN_MM: f64 = 5e-5;
+
 /// Part of a curve of the tool's centre.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Held {
@@ -102,6 +105,21 @@ impl Held {
             (_, Start::Entry | Start::Beside | Start::Cut | Start::Flat { .. }) => 0.0,
         };
         (travel_mm < -(ROUNDING_MM + allowed_mm)).then_some(-travel_mm)
+    }
+
+    /// Where to leave a circle at about `leave` so that it is read as it is meant.
+    ///
+    /// A full circle whose start is not exactly its end, because the corner before it was flat but not quite, would shrink
+    /// to the small angle between them. If this is less than anybody could see, the circle ends where it began.
+    pub(super) fn settled(&self, leave: Point) -> Point {
+        match self.curve {
+            Curve::Circle { radius, .. }
+                if self.travel(leave) * radius > SEEN_MM && length(sub(leave, self.start)) < SEEN_MM =>
+            {
+                self.start
+            }
+            Curve::Circle { .. } | Curve::Line { .. } => leave,
+        }
     }
 
     /// Makes a call that goes along the curve fit the part of it up to `leave`: the turns of an arc.

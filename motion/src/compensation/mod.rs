@@ -32,7 +32,7 @@ use beside::Beside;
 use class::Class;
 use contour::{Contour, Shape};
 pub use error::{CompensationError, CompensationErrorKind};
-use geometry::{Point, length, sub};
+use geometry::{Point, add, length, sub};
 
 use CompensationErrorKind as Kind;
 
@@ -70,6 +70,8 @@ struct Tool {
     /// +1 left, -1 right.
     side: f64,
     radius: f64,
+    /// From the centre to the point that the machine controls.
+    shift: Point,
 }
 
 impl Default for Compensator {
@@ -195,7 +197,11 @@ impl Compensator {
         } * cutter.radius_mm.signum();
         // A tool without a radius follows the contour itself.
         if radius > 0.0 {
-            self.mode = Mode::Entry(Tool { side, radius });
+            self.mode = Mode::Entry(Tool {
+                side,
+                radius,
+                shift: lathe_shift(cutter.orientation, radius, self.plane),
+            });
         }
         Ok(())
     }
@@ -226,9 +232,21 @@ impl Compensator {
             return Ok(());
         };
         let contour = self.contour(&event.call, to)?;
+        if self.straight_exit_due && matches!(contour.shape, Shape::Arc { .. }) {
+            return Err(Kind::ExitArc);
+        }
         match &mut self.mode {
             Mode::Off => out.extend(Some(event)),
-            Mode::Entry(tool) => self.mode = Mode::Beside(entry::enter(*tool, self.plane, &contour, event)?),
+            Mode::Entry(tool) => {
+                let tool = *tool;
+                let source = event.source;
+                let arc = matches!(event.call, Call::ArcFeed { .. });
+                let beside = entry::enter(tool, self.plane, &contour, event)?;
+                if arc && tool.shift != [0.0; 2] {
+                    out.extend(Some(self.shift_to_tip(&to, tool, source)));
+                }
+                self.mode = Mode::Beside(beside);
+            }
             Mode::Beside(beside) if contour.is_still() => {
                 // The others move while the tool stays at the corner; it stands at the same point however far that was off.
                 beside.hold(event)?;
@@ -238,7 +256,25 @@ impl Compensator {
             Mode::Beside(beside) => beside.follow(self.plane, &self.at, &contour, event, out)?,
         }
         self.at = to;
+        self.straight_exit_due = false;
         Ok(())
+    }
+
+    /// A move that brings the controlled point of a lathe tool to where the tip's centre stands, so that an entry arc is one.
+    /// Rotary axes and UVW turn here already, as in LinuxCNC.
+    fn shift_to_tip(&self, to: &Position, tool: Tool, source: Source) -> Event {
+        let [first, second, normal] = self.plane.axes();
+        let mut to = *to;
+        for axis in [first, second, normal] {
+            to[axis] = self.at[axis];
+        }
+        let tip = add(in_plane(&to, self.plane), tool.shift);
+        Event {
+            source,
+            call: Call::StraightFeed {
+                to: with_plane(to, self.plane, tip),
+            },
+        }
     }
 
     /// The move in the plane.
@@ -305,6 +341,32 @@ fn end_of_mut(call: &mut Call) -> Option<&mut Position> {
         Call::StraightTraverse { to } | Call::StraightFeed { to } | Call::ArcFeed { to, .. } => Some(to),
         _ => None,
     }
+}
+
+/// From the centre of a lathe tool's tip to the point that the machine controls, in the plane.
+///
+/// This point is the corner of the square around the tip, or the middle of one of its sides, as the orientation says:
+///
+/// ```text
+///        2 6 1     ^ X   6: the tip's -X side, 5: +Z side, and so on; 0, 9: the centre itself
+///        7 9 5     |
+///        3 8 4     +--> Z
+/// ```
+fn lathe_shift(orientation: u8, radius: f64, plane: Plane) -> Point {
+    if plane != Plane::Zx {
+        return [0.0; 2];
+    }
+    let z = match orientation {
+        1 | 4 | 5 => radius,
+        2 | 3 | 7 => -radius,
+        _ => 0.0,
+    };
+    let x = match orientation {
+        3 | 4 | 8 => radius,
+        1 | 2 | 6 => -radius,
+        _ => 0.0,
+    };
+    [z, x]
 }
 
 /// Whether a coordinate is one that a machine could have.
