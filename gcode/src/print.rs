@@ -37,6 +37,8 @@ pub struct CanonPrinter {
     /// Unit of the program at this call.
     unit: LengthUnit,
     machine_unit: LengthUnit,
+    /// Whether feeds count way per turn.
+    per_turn: bool,
     /// Spindles whose speed is that of the surface.
     surface_speed: [bool; SPINDLES],
     /// Whether the calls of the start are over.
@@ -51,6 +53,7 @@ impl CanonPrinter {
         CanonPrinter {
             count: 0,
             unit: LengthUnit::Millimetre,
+            per_turn: false,
             surface_speed: [false; SPINDLES],
             started: false,
             machine_unit,
@@ -98,13 +101,18 @@ impl CanonPrinter {
                 self.line(source, format_args!("START_SPEED_FEED_SYNC({per_turn:.6},{velocity})"));
             }
             Call::StopSpindleSync => self.name(source, "STOP_SPEED_FEED_SYNCH()"),
-            Call::SetFeedMode(FeedMode::PerTime) => self.name(source, "SET_FEED_MODE(0, 0)"),
+            Call::SetFeedMode(FeedMode::PerTime) => {
+                self.per_turn = false;
+                self.name(source, "SET_FEED_MODE(0, 0)");
+            }
             Call::SetFeedMode(FeedMode::PerTurn { spindle }) => {
+                self.per_turn = true;
                 self.line(source, format_args!("SET_FEED_MODE({spindle}, 1)"));
             }
             Call::SetFeedRate { linear, angular: _ } => {
-                let per_minute = tidy(linear * 60.0 / self.unit.mm());
-                self.numbers(source, "SET_FEED_RATE(", &[per_minute], "");
+                let per = if self.per_turn { 1.0 } else { 60.0 };
+                let rate = tidy(linear * per / self.unit.mm());
+                self.numbers(source, "SET_FEED_RATE(", &[rate], "");
             }
             Call::SetPathMode(mode) => self.push_path_mode(source, *mode),
             Call::SelectPlane(plane) => self.name(

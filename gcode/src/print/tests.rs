@@ -95,8 +95,12 @@ fn feeds_and_modes() {
             velocity: false,
         },
         Call::StopSpindleSync,
-        Call::SetFeedMode(FeedMode::PerTime),
         Call::SetFeedMode(FeedMode::PerTurn { spindle: 1 }),
+        Call::SetFeedRate {
+            linear: 2.54,
+            angular: 0.1,
+        },
+        Call::SetFeedMode(FeedMode::PerTime),
         Call::SetFeedRate {
             linear: 25.4,
             angular: 1.0,
@@ -125,8 +129,9 @@ fn feeds_and_modes() {
         [
             "START_SPEED_FEED_SYNC(0.050000,0)",
             "STOP_SPEED_FEED_SYNCH()",
-            "SET_FEED_MODE(0, 0)",
             "SET_FEED_MODE(1, 1)",
+            "SET_FEED_RATE(0.1000)",
+            "SET_FEED_MODE(0, 0)",
             "SET_FEED_RATE(60.0000)",
             "SET_MOTION_CONTROL_MODE(CANON_EXACT_PATH)",
             "SET_MOTION_CONTROL_MODE(CANON_EXACT_STOP)",
