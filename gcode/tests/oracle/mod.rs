@@ -135,6 +135,15 @@ fn refusals(errors: &str, case: &Case) -> Vec<Refusal> {
             message.push(line);
         }
     }
+    // A line that is not the program's: the call that a configured code stands for.
+    if let Some(line) = message.pop()
+        && !message.is_empty()
+    {
+        found.push(Refusal {
+            message: message.join(" ").trim().to_owned(),
+            line: line.trim().to_owned(),
+        });
+    }
     found
 }
 
