@@ -22,23 +22,57 @@ pub(crate) enum NumberFault {
 /// Reads digits, an optional point and digits, at least one digit.
 #[inline]
 pub(crate) fn read(line: &[u8], at: &mut usize) -> Result<f64, NumberFault> {
+    // The usual number has no blanks within and few digits. Whatever is not clearly one goes the long way.
+    let start = *at;
+    let (mut mantissa, mut place) = digits(line, start, 0);
+    let mut count = place - start;
+    let mut decimals = 0;
+    if line.get(place) == Some(&b'.') {
+        let point = place;
+        (mantissa, place) = digits(line, point + 1, mantissa);
+        decimals = place - point - 1;
+        count += decimals;
+    }
+    let goes_on = |octet: u8| octet.is_ascii_digit() || octet == b'.' || is_blank(octet);
+    let ends = match line.get(place) {
+        None => true,
+        Some(b' ') => !line.get(place + 1).is_some_and(|octet| goes_on(*octet)),
+        Some(octet) => !goes_on(*octet),
+    };
+    // 18 digits cannot overflow. Below 2^53 both the mantissa and the power of ten are exact, so that their quotient is
+    // the nearest f64.
+    if ends && (1..=18).contains(&count) && mantissa < 1 << 53 {
+        *at = place;
+        return Ok(mantissa as f64 / POWERS_OF_TEN[decimals]);
+    }
+    read_any(line, at)
+}
+
+/// Appends the digits at `place` to a mantissa, and goes behind them. The mantissa is wrong if it has too many digits.
+#[inline(always)]
+fn digits(line: &[u8], mut place: usize, mut mantissa: u64) -> (u64, usize) {
+    while let Some(octet) = line.get(place) {
+        let digit = octet.wrapping_sub(b'0');
+        if digit > 9 {
+            break;
+        }
+        mantissa = mantissa.wrapping_mul(10).wrapping_add(digit.into());
+        place += 1;
+    }
+    (mantissa, place)
+}
+
+/// As [`read`], for every number.
+fn read_any(line: &[u8], at: &mut usize) -> Result<f64, NumberFault> {
     let start = *at;
     let mut place = start;
-    let mut mantissa = 0_u64;
-    let mut digits = 0_usize; // counted from the first one that is not zero
-    let mut decimals = 0_usize;
     let (mut any_digit, mut point) = (false, false);
     while let Some(&octet) = line.get(place) {
-        let digit = octet.wrapping_sub(b'0');
-        if digit <= 9 {
-            any_digit = true;
-            mantissa = mantissa.wrapping_mul(10).wrapping_add(u64::from(digit));
-            digits += usize::from(mantissa != 0);
-            decimals += usize::from(point);
-        } else if octet == b'.' && !point {
-            point = true;
-        } else if !is_blank(octet) {
-            break;
+        match octet {
+            b'0'..=b'9' => any_digit = true,
+            b'.' if !point => point = true,
+            octet if is_blank(octet) => {}
+            _ => break,
         }
         place += 1;
     }
@@ -53,13 +87,9 @@ pub(crate) fn read(line: &[u8], at: &mut usize) -> Result<f64, NumberFault> {
     if point && line.get(place) == Some(&b'.') {
         return Err(NumberFault::SecondPoint);
     }
-    // Up to 19 digits fit into a u64. Below 2^53 both the mantissa and the power of ten are exact, so that their
-    // quotient is the nearest f64.
-    if digits <= 19 && mantissa < 1 << 53 && decimals < POWERS_OF_TEN.len() {
-        Ok(mantissa as f64 / POWERS_OF_TEN[decimals])
-    } else {
-        Ok(long(&line[start..place]))
-    }
+    let octets = line[start..place].iter().filter(|octet| !is_blank(**octet));
+    let digits: String = octets.map(|octet| char::from(*octet)).collect();
+    Ok(digits.parse().unwrap_or(f64::INFINITY))
 }
 
 /// Powers of ten that an `f64` holds exactly.
@@ -67,17 +97,6 @@ const POWERS_OF_TEN: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,
     1e21, 1e22,
 ];
-
-/// A number of too many digits for the short way; `text` was found well formed.
-#[cold]
-fn long(text: &[u8]) -> f64 {
-    let digits: String = text
-        .iter()
-        .filter(|octet| !is_blank(**octet))
-        .map(|octet| char::from(*octet))
-        .collect();
-    digits.parse().unwrap_or(f64::INFINITY)
-}
 
 #[cfg(test)]
 mod tests {

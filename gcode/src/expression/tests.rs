@@ -371,7 +371,7 @@ fn line_numbers_take_digits_only() {
         let mut cursor = Cursor::new(line.as_bytes());
         cursor.item();
         let number = cursor.unsigned().map_err(|(span, _)| span);
-        (number, line[cursor.at..].to_string())
+        (number, line[cursor.at..].trim_start().to_string())
     };
     assert_eq!(unsigned("N1.7 G0"), (Ok(1.7), "G0".into()));
     assert_eq!(unsigned("N-5 G0"), (Err(Span::new(0, 1)), "G0".into()));
