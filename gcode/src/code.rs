@@ -1,0 +1,646 @@
+//! The G and M codes of RS274/NGC and their modal groups.
+//!
+//! In:  numbers of G and M words.
+//! Out: typed codes, to `block`, which keeps one a group.
+
+use crate::error::ErrorKind;
+use motion::canon::{LengthUnit, Plane, ProbeMode, Side, SpindleDirection};
+
+/// Group 1: what axis words do. `None` beside it: G80.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Motion {
+    /// G0
+    Traverse,
+    /// G1
+    Feed,
+    /// G2
+    ArcClockwise,
+    /// G3
+    ArcCounterclockwise,
+    /// G5
+    CubicSpline,
+    /// G5.1
+    QuadraticSpline,
+    /// G5.2: opens a NURBS; the lines up to G5.3 are its control points.
+    Nurbs,
+    /// G5.3
+    NurbsEnd,
+    /// G33
+    SpindleSynchronised,
+    /// G33.1
+    RigidTap,
+    /// G38.2 to G38.5
+    Probe(ProbeMode),
+    /// G70: finishing cycle of a lathe.
+    Finish,
+    /// G71, G72 and their forms with .1 and .2.
+    Rough(Roughing),
+    /// G73, G74, G81 to G89
+    Cycle(Cycle),
+    /// G76
+    Thread,
+}
+
+/// G71 and G72.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Roughing {
+    /// G72: cuts along X; else along Z.
+    pub(crate) along_x: bool,
+    pub(crate) pockets: Pockets,
+}
+
+/// What roughing does with the pockets of a profile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Pockets {
+    /// Cuts them along with the rest.
+    With,
+    /// .1: leaves them.
+    Without,
+    /// .2: cuts them behind the rest.
+    After,
+}
+
+/// Canned cycles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Cycle {
+    /// G73: drilling with chip breaking.
+    ChipBreaking,
+    /// G74: left-hand tapping.
+    LeftTapping,
+    /// G81: drilling.
+    Drilling,
+    /// G82: drilling with dwell.
+    DwellDrilling,
+    /// G83: peck drilling.
+    PeckDrilling,
+    /// G84: right-hand tapping.
+    RightTapping,
+    /// G85: boring, feed out.
+    Boring,
+    /// G86: boring, spindle stop, rapid out.
+    StopBoring,
+    /// G87: back boring.
+    BackBoring,
+    /// G88: boring, spindle stop, manual out.
+    ManualBoring,
+    /// G89: boring, dwell, feed out.
+    DwellBoring,
+}
+
+impl Motion {
+    /// Ten times the number of its G word.
+    pub(crate) fn code(self) -> u16 {
+        G_CODES
+            .iter()
+            .find(|(_, code)| *code == GCode::Motion(Some(self)))
+            .map_or(800, |(code, _)| *code)
+    }
+
+    pub(crate) fn name(self) -> String {
+        g_name(self.code())
+    }
+
+    pub(crate) fn is_arc(self) -> bool {
+        matches!(self, Motion::ArcClockwise | Motion::ArcCounterclockwise)
+    }
+}
+
+/// Group 0: acts on its own line only.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum NonModal {
+    /// G4
+    Dwell,
+    /// G10
+    SetData,
+    /// G28, G30
+    Return(StoredPoint),
+    /// G28.1, G30.1
+    Store(StoredPoint),
+    /// G52
+    LocalOffset,
+    /// G53
+    MachineCoordinates,
+    /// G92
+    SetPosition,
+    /// G92.1: clears the offset and its parameters.
+    ClearPosition,
+    /// G92.2: switches the offset off.
+    SuspendPosition,
+    /// G92.3: switches the offset of the parameters on.
+    RestorePosition,
+}
+
+impl NonModal {
+    /// Whether the axis words of the line are for this code.
+    pub(crate) fn takes_axes(self) -> bool {
+        match self {
+            NonModal::SetData
+            | NonModal::Return(_)
+            | NonModal::Store(_)
+            | NonModal::LocalOffset
+            | NonModal::SetPosition => true,
+            NonModal::Dwell
+            | NonModal::MachineCoordinates
+            | NonModal::ClearPosition
+            | NonModal::SuspendPosition
+            | NonModal::RestorePosition => false,
+        }
+    }
+}
+
+/// Machine positions that the control remembers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum StoredPoint {
+    G28,
+    G30,
+}
+
+/// Groups 3 and 4.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Distance {
+    /// G90, G90.1
+    Absolute,
+    /// G91, G91.1
+    Incremental,
+}
+
+/// Group 5: what F means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum FeedUnit {
+    /// G93: one over the minutes of a move.
+    InverseTime,
+    /// G94
+    UnitsPerMinute,
+    /// G95
+    UnitsPerTurn,
+}
+
+/// Group 7.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Compensation {
+    /// G40
+    Off,
+    /// G41, G42: with a tool of the table.
+    Tool(Side),
+    /// G41.1, G42.1: with the diameter on the line.
+    Dynamic(Side),
+}
+
+/// Group 8.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum LengthOffset {
+    /// G43
+    Tool,
+    /// G43.1
+    Dynamic,
+    /// G43.2
+    Additional,
+    /// G49
+    Off,
+}
+
+/// Group 10: where cycles go between holes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Retract {
+    /// G98: where the cycle began, or R if that is higher.
+    OldZ,
+    /// G99
+    R,
+}
+
+/// Group 13.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum PathCode {
+    /// G61
+    ExactPath,
+    /// G61.1
+    ExactStop,
+    /// G64
+    Continuous,
+}
+
+/// Group 14.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum SpindleCode {
+    /// G96
+    ConstantSurfaceSpeed,
+    /// G97
+    Rpm,
+}
+
+/// A G word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum GCode {
+    NonModal(NonModal),
+    /// `None`: G80.
+    Motion(Option<Motion>),
+    Plane(Plane),
+    Distance(Distance),
+    ArcDistance(Distance),
+    FeedUnit(FeedUnit),
+    Unit(LengthUnit),
+    Compensation(Compensation),
+    LengthOffset(LengthOffset),
+    Retract(Retract),
+    /// 1 for G54 to 9 for G59.3.
+    System(u8),
+    Path(PathCode),
+    Spindle(SpindleCode),
+    /// G7: X words are diameters.
+    Diameter(bool),
+}
+
+/// M group 4.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Stop {
+    /// M0
+    Program,
+    /// M1
+    Optional,
+    /// M2
+    End,
+    /// M30: with a change of pallets.
+    PalletEnd,
+    /// M60: a stop with a change of pallets.
+    Pallet,
+    /// M98
+    Call,
+    /// M99
+    Return,
+}
+
+/// M group 5.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum InputOutput {
+    /// M62 to M65.
+    Digital { on: bool, with_motion: bool },
+    /// M66
+    Wait,
+    /// M67, M68
+    Analog { with_motion: bool },
+}
+
+/// M group 6.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ToolCode {
+    /// M6
+    Change,
+    /// M61
+    SetNumber,
+}
+
+/// M group 7.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum SpindleAction {
+    /// M3, M4
+    Start(SpindleDirection),
+    /// M5
+    Stop,
+    /// M19
+    Orient,
+}
+
+/// M group 8.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Coolant {
+    /// M7
+    Mist,
+    /// M8
+    Flood,
+    /// M9
+    Off,
+}
+
+/// M group 9.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Override {
+    /// M48, M49: feed and speed.
+    Both(bool),
+    /// M50
+    Feed,
+    /// M51
+    Speed,
+    /// M52
+    Adaptive,
+    /// M53
+    Hold,
+}
+
+/// M70 to M73.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ModalCode {
+    /// M70
+    Save,
+    /// M71
+    Forget,
+    /// M72
+    Restore,
+    /// M73: saves, and the return from the subroutine restores.
+    SaveForReturn,
+}
+
+/// An M word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum MCode {
+    Stop(Stop),
+    InputOutput(InputOutput),
+    Tool(ToolCode),
+    Spindle(SpindleAction),
+    Coolant(Coolant),
+    Override(Override),
+    Modal(ModalCode),
+    /// M100 to M199.
+    User(u8),
+}
+
+const fn rough(along_x: bool, pockets: Pockets) -> GCode {
+    GCode::Motion(Some(Motion::Rough(Roughing { along_x, pockets })))
+}
+
+const fn probe(towards: bool, must_trip: bool) -> GCode {
+    GCode::Motion(Some(Motion::Probe(ProbeMode { towards, must_trip })))
+}
+
+/// All G codes in ascending order of ten times their number.
+const G_CODES: &[(u16, GCode)] = &[
+    (0, GCode::Motion(Some(Motion::Traverse))),
+    (10, GCode::Motion(Some(Motion::Feed))),
+    (20, GCode::Motion(Some(Motion::ArcClockwise))),
+    (30, GCode::Motion(Some(Motion::ArcCounterclockwise))),
+    (40, GCode::NonModal(NonModal::Dwell)),
+    (50, GCode::Motion(Some(Motion::CubicSpline))),
+    (51, GCode::Motion(Some(Motion::QuadraticSpline))),
+    (52, GCode::Motion(Some(Motion::Nurbs))),
+    (53, GCode::Motion(Some(Motion::NurbsEnd))),
+    (70, GCode::Diameter(true)),
+    (80, GCode::Diameter(false)),
+    (100, GCode::NonModal(NonModal::SetData)),
+    (170, GCode::Plane(Plane::Xy)),
+    (171, GCode::Plane(Plane::Uv)),
+    (180, GCode::Plane(Plane::Zx)),
+    (181, GCode::Plane(Plane::Wu)),
+    (190, GCode::Plane(Plane::Yz)),
+    (191, GCode::Plane(Plane::Vw)),
+    (200, GCode::Unit(LengthUnit::Inch)),
+    (210, GCode::Unit(LengthUnit::Millimetre)),
+    (280, GCode::NonModal(NonModal::Return(StoredPoint::G28))),
+    (281, GCode::NonModal(NonModal::Store(StoredPoint::G28))),
+    (300, GCode::NonModal(NonModal::Return(StoredPoint::G30))),
+    (301, GCode::NonModal(NonModal::Store(StoredPoint::G30))),
+    (330, GCode::Motion(Some(Motion::SpindleSynchronised))),
+    (331, GCode::Motion(Some(Motion::RigidTap))),
+    (382, probe(true, true)),
+    (383, probe(true, false)),
+    (384, probe(false, true)),
+    (385, probe(false, false)),
+    (400, GCode::Compensation(Compensation::Off)),
+    (410, GCode::Compensation(Compensation::Tool(Side::Left))),
+    (411, GCode::Compensation(Compensation::Dynamic(Side::Left))),
+    (420, GCode::Compensation(Compensation::Tool(Side::Right))),
+    (421, GCode::Compensation(Compensation::Dynamic(Side::Right))),
+    (430, GCode::LengthOffset(LengthOffset::Tool)),
+    (431, GCode::LengthOffset(LengthOffset::Dynamic)),
+    (432, GCode::LengthOffset(LengthOffset::Additional)),
+    (490, GCode::LengthOffset(LengthOffset::Off)),
+    (520, GCode::NonModal(NonModal::LocalOffset)),
+    (530, GCode::NonModal(NonModal::MachineCoordinates)),
+    (540, GCode::System(1)),
+    (550, GCode::System(2)),
+    (560, GCode::System(3)),
+    (570, GCode::System(4)),
+    (580, GCode::System(5)),
+    (590, GCode::System(6)),
+    (591, GCode::System(7)),
+    (592, GCode::System(8)),
+    (593, GCode::System(9)),
+    (610, GCode::Path(PathCode::ExactPath)),
+    (611, GCode::Path(PathCode::ExactStop)),
+    (640, GCode::Path(PathCode::Continuous)),
+    (700, GCode::Motion(Some(Motion::Finish))),
+    (710, rough(false, Pockets::With)),
+    (711, rough(false, Pockets::Without)),
+    (712, rough(false, Pockets::After)),
+    (720, rough(true, Pockets::With)),
+    (721, rough(true, Pockets::Without)),
+    (722, rough(true, Pockets::After)),
+    (730, GCode::Motion(Some(Motion::Cycle(Cycle::ChipBreaking)))),
+    (740, GCode::Motion(Some(Motion::Cycle(Cycle::LeftTapping)))),
+    (760, GCode::Motion(Some(Motion::Thread))),
+    (800, GCode::Motion(None)),
+    (810, GCode::Motion(Some(Motion::Cycle(Cycle::Drilling)))),
+    (820, GCode::Motion(Some(Motion::Cycle(Cycle::DwellDrilling)))),
+    (830, GCode::Motion(Some(Motion::Cycle(Cycle::PeckDrilling)))),
+    (840, GCode::Motion(Some(Motion::Cycle(Cycle::RightTapping)))),
+    (850, GCode::Motion(Some(Motion::Cycle(Cycle::Boring)))),
+    (860, GCode::Motion(Some(Motion::Cycle(Cycle::StopBoring)))),
+    (870, GCode::Motion(Some(Motion::Cycle(Cycle::BackBoring)))),
+    (880, GCode::Motion(Some(Motion::Cycle(Cycle::ManualBoring)))),
+    (890, GCode::Motion(Some(Motion::Cycle(Cycle::DwellBoring)))),
+    (900, GCode::Distance(Distance::Absolute)),
+    (901, GCode::ArcDistance(Distance::Absolute)),
+    (910, GCode::Distance(Distance::Incremental)),
+    (911, GCode::ArcDistance(Distance::Incremental)),
+    (920, GCode::NonModal(NonModal::SetPosition)),
+    (921, GCode::NonModal(NonModal::ClearPosition)),
+    (922, GCode::NonModal(NonModal::SuspendPosition)),
+    (923, GCode::NonModal(NonModal::RestorePosition)),
+    (930, GCode::FeedUnit(FeedUnit::InverseTime)),
+    (940, GCode::FeedUnit(FeedUnit::UnitsPerMinute)),
+    (950, GCode::FeedUnit(FeedUnit::UnitsPerTurn)),
+    (960, GCode::Spindle(SpindleCode::ConstantSurfaceSpeed)),
+    (970, GCode::Spindle(SpindleCode::Rpm)),
+    (980, GCode::Retract(Retract::OldZ)),
+    (990, GCode::Retract(Retract::R)),
+];
+
+/// All M codes below 100 in ascending order.
+const M_CODES: &[(u16, MCode)] = &[
+    (0, MCode::Stop(Stop::Program)),
+    (1, MCode::Stop(Stop::Optional)),
+    (2, MCode::Stop(Stop::End)),
+    (3, MCode::Spindle(SpindleAction::Start(SpindleDirection::Clockwise))),
+    (
+        4,
+        MCode::Spindle(SpindleAction::Start(SpindleDirection::Counterclockwise)),
+    ),
+    (5, MCode::Spindle(SpindleAction::Stop)),
+    (6, MCode::Tool(ToolCode::Change)),
+    (7, MCode::Coolant(Coolant::Mist)),
+    (8, MCode::Coolant(Coolant::Flood)),
+    (9, MCode::Coolant(Coolant::Off)),
+    (19, MCode::Spindle(SpindleAction::Orient)),
+    (30, MCode::Stop(Stop::PalletEnd)),
+    (48, MCode::Override(Override::Both(true))),
+    (49, MCode::Override(Override::Both(false))),
+    (50, MCode::Override(Override::Feed)),
+    (51, MCode::Override(Override::Speed)),
+    (52, MCode::Override(Override::Adaptive)),
+    (53, MCode::Override(Override::Hold)),
+    (60, MCode::Stop(Stop::Pallet)),
+    (61, MCode::Tool(ToolCode::SetNumber)),
+    (
+        62,
+        MCode::InputOutput(InputOutput::Digital {
+            on: true,
+            with_motion: true,
+        }),
+    ),
+    (
+        63,
+        MCode::InputOutput(InputOutput::Digital {
+            on: false,
+            with_motion: true,
+        }),
+    ),
+    (
+        64,
+        MCode::InputOutput(InputOutput::Digital {
+            on: true,
+            with_motion: false,
+        }),
+    ),
+    (
+        65,
+        MCode::InputOutput(InputOutput::Digital {
+            on: false,
+            with_motion: false,
+        }),
+    ),
+    (66, MCode::InputOutput(InputOutput::Wait)),
+    (67, MCode::InputOutput(InputOutput::Analog { with_motion: true })),
+    (68, MCode::InputOutput(InputOutput::Analog { with_motion: false })),
+    (70, MCode::Modal(ModalCode::Save)),
+    (71, MCode::Modal(ModalCode::Forget)),
+    (72, MCode::Modal(ModalCode::Restore)),
+    (73, MCode::Modal(ModalCode::SaveForReturn)),
+    (98, MCode::Stop(Stop::Call)),
+    (99, MCode::Stop(Stop::Return)),
+];
+
+/// No G code has a number of this many tenths or more.
+const G_END: usize = 1000;
+
+/// Place in [`G_CODES`] by ten times the number; 255: no such code.
+static G_INDEX: [u8; G_END] = {
+    let mut index = [u8::MAX; G_END];
+    let mut at = 0;
+    while at < G_CODES.len() {
+        index[G_CODES[at].0 as usize] = at as u8;
+        at += 1;
+    }
+    index
+};
+
+impl GCode {
+    /// The code of a number, with ten times that number.
+    #[inline]
+    pub(crate) fn of(number: f64) -> Result<(u16, GCode), ErrorKind> {
+        let tenths = number * 10.0;
+        if (-0.5..G_END as f64 - 0.5).contains(&tenths) {
+            let code = (tenths + 0.5) as usize;
+            let place = usize::from(G_INDEX[code]);
+            if place < G_CODES.len() && (tenths - code as f64).abs() < 1e-3 {
+                return Ok(G_CODES[place]);
+            }
+        }
+        Err(ErrorKind::UnknownG {
+            number,
+            nearest: g_name(nearest(G_CODES, tenths)),
+        })
+    }
+}
+
+impl MCode {
+    /// The code of a number, with that number.
+    pub(crate) fn of(number: f64) -> Result<(u16, MCode), ErrorKind> {
+        match integer(number) {
+            Some(code @ 100..=199) => Ok((code as u16, MCode::User(code as u8))),
+            Some(code) if let Some(found) = M_CODES.iter().find(|(known, _)| i64::from(*known) == code) => Ok(*found),
+            Some(_) | None => Err(ErrorKind::UnknownM {
+                number,
+                nearest: m_name(nearest(M_CODES, number)),
+            }),
+        }
+    }
+}
+
+/// Number of the code nearest to `wanted`.
+fn nearest<T>(codes: &[(u16, T)], wanted: f64) -> u16 {
+    let distance = |code: u16| (f64::from(code) - wanted).abs();
+    codes
+        .iter()
+        .map(|(code, _)| *code)
+        .min_by(|a, b| distance(*a).total_cmp(&distance(*b)))
+        .unwrap_or(0)
+}
+
+/// `G1` of 10, `G59.1` of 591.
+pub(crate) fn g_name(tenths: u16) -> String {
+    if tenths.is_multiple_of(10) {
+        format!("G{}", tenths / 10)
+    } else {
+        format!("G{}.{}", tenths / 10, tenths % 10)
+    }
+}
+
+/// `M3` of 3.
+pub(crate) fn m_name(code: u16) -> String {
+    format!("M{code}")
+}
+
+/// How far from an integer a number may be that stands for one.
+const INTEGER_TOLERANCE: f64 = 1e-4;
+
+/// The integer that a number stands for, if it is near enough to one.
+pub(crate) fn integer(number: f64) -> Option<i64> {
+    let rounded = number.round();
+    ((number - rounded).abs() <= INTEGER_TOLERANCE && rounded.abs() < 9e15).then_some(rounded as i64)
+}
+
+/// An integer within limits.
+pub(crate) fn integer_in(number: f64, range: std::ops::RangeInclusive<i64>) -> Option<i64> {
+    integer(number).filter(|integer| range.contains(integer))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_ascend() {
+        assert!(G_CODES.is_sorted_by(|a, b| a.0 < b.0));
+        assert!(M_CODES.is_sorted_by(|a, b| a.0 < b.0));
+        assert!(G_CODES.len() < usize::from(u8::MAX));
+    }
+
+    #[test]
+    fn codes_are_found_by_number() {
+        for (tenths, code) in G_CODES {
+            assert_eq!(GCode::of(f64::from(*tenths) / 10.0), Ok((*tenths, *code)));
+        }
+        for (number, code) in M_CODES {
+            assert_eq!(MCode::of(f64::from(*number)), Ok((*number, *code)));
+        }
+        assert_eq!(MCode::of(150.0), Ok((150, MCode::User(150))));
+        assert_eq!(GCode::of(0.00001), Ok((0, GCode::Motion(Some(Motion::Traverse)))));
+        assert_eq!(Motion::Thread.name(), "G76");
+    }
+
+    #[test]
+    fn refusals_name_the_nearest_code() {
+        let unknown_g = |number, nearest: &str| {
+            let nearest = nearest.into();
+            assert_eq!(GCode::of(number), Err(ErrorKind::UnknownG { number, nearest }));
+        };
+        unknown_g(22.0, "G21");
+        unknown_g(38.6, "G38.5");
+        unknown_g(-1.0, "G0");
+        unknown_g(1e9, "G99");
+        let unknown_m = |number, nearest: &str| {
+            let nearest = nearest.into();
+            assert_eq!(MCode::of(number), Err(ErrorKind::UnknownM { number, nearest }));
+        };
+        unknown_m(3.5, "M3");
+        unknown_m(200.0, "M99");
+    }
+}
