@@ -1,14 +1,18 @@
-//! One line to one [`Block`]: its words, with every rule that needs no other line.
+//! One line to one [`Block`]: its words with their values, and every rule that needs no other line.
 //!
-//! In:  a line of text.
-//! Out: the block, and all that is wrong with it. Reused from line to line; allocates for errors only.
+//! In:  a line of text; what `#` stands for.
+//! Out: the block, and all that is wrong with it. Reused from line to line; allocates for errors and assignments only.
+//!
+//! Which letters belong to which codes is checked in `usage`.
 
-use crate::error::ErrorKind;
-use crate::modal::{
-    Coolant, Distance, FeedMode, GCode, MCode, Motion, NonModal, PathCode, Stop, g_name, integer, m_name,
+use crate::code::{
+    Compensation, Coolant, Distance, FeedUnit, GCode, InputOutput, LengthOffset, MCode, ModalCode, Motion, NonModal,
+    Override, PathCode, Retract, SpindleAction, SpindleCode, Stop, ToolCode, g_name, integer, m_name,
 };
-use crate::scan::{Scanner, Span, Token};
-use motion::canon::{Axis, LengthUnit, Plane, SpindleDirection};
+use crate::error::ErrorKind;
+use crate::expression::{Target, Values};
+use crate::scan::{Cursor, Fault, Item, Span};
+use motion::canon::{Axis, LengthUnit, Plane};
 
 /// A code and where it stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,26 +23,49 @@ pub(crate) struct Coded<T> {
     pub(crate) span: Span,
 }
 
-/// What a comment does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum CommentKind {
-    /// `(MSG, text)`
-    Message,
-    /// Any other.
-    Plain,
+impl<T> Coded<T> {
+    /// As it is usually written; of a G word.
+    pub(crate) fn name(&self) -> String {
+        g_name(self.code)
+    }
 }
 
 /// Mistakes of a line with their places.
-pub(crate) type Faults = Vec<(Span, ErrorKind)>;
+pub(crate) type Faults = Vec<Fault>;
 
-/// One line of a program.
+/// An assignment to a parameter; takes effect when the whole line is read.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Assignment {
+    pub(crate) target: Place,
+    pub(crate) value: f64,
+    pub(crate) span: Span,
+}
+
+/// A parameter to which a value goes.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Place {
+    Numbered(u32),
+    /// In lower case without blanks, global if it begins with `_`.
+    Named(String),
+}
+
+/// A comment that acts, the last one of a line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Remark {
+    /// `( ... )`
+    Parentheses(Span),
+    /// `; ...`
+    Semicolon(Span),
+}
+
+/// One line of a program that is no O-word line.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Block {
-    /// N-word.
+    /// Whole part of the N-word.
     pub(crate) n: Option<u32>,
-    /// The last comment of the line, which alone acts, and its text.
-    pub(crate) comment: Option<(CommentKind, Span)>,
+    pub(crate) remark: Option<Remark>,
     pub(crate) codes: Codes,
+    pub(crate) assignments: Vec<Assignment>,
     words: Words,
 }
 
@@ -50,292 +77,278 @@ pub(crate) struct Codes {
     pub(crate) plane: Option<Coded<Plane>>,
     pub(crate) distance: Option<Coded<Distance>>,
     pub(crate) arc_distance: Option<Coded<Distance>>,
-    pub(crate) feed_mode: Option<Coded<FeedMode>>,
+    pub(crate) feed_unit: Option<Coded<FeedUnit>>,
     pub(crate) unit: Option<Coded<LengthUnit>>,
+    pub(crate) compensation: Option<Coded<Compensation>>,
+    pub(crate) length_offset: Option<Coded<LengthOffset>>,
+    pub(crate) retract: Option<Coded<Retract>>,
     pub(crate) system: Option<Coded<u8>>,
     pub(crate) path: Option<Coded<PathCode>>,
-    cutter_compensation: Option<Coded<()>>,
-    tool_length_offset: Option<Coded<()>>,
+    pub(crate) spindle_mode: Option<Coded<SpindleCode>>,
+    pub(crate) diameter: Option<Coded<bool>>,
     pub(crate) stop: Option<Coded<Stop>>,
-    pub(crate) tool_change: Option<Coded<()>>,
-    pub(crate) spindle: Option<Coded<Option<SpindleDirection>>>,
+    pub(crate) input_output: Option<Coded<InputOutput>>,
+    pub(crate) tool: Option<Coded<ToolCode>>,
+    pub(crate) spindle: Option<Coded<SpindleAction>>,
     pub(crate) coolant: Option<Coded<Coolant>>,
+    pub(crate) overrides: Option<Coded<Override>>,
+    pub(crate) modal: Option<Coded<ModalCode>>,
+    pub(crate) user: Option<Coded<u8>>,
 }
+
+/// Letters of words: A to Z and `@ ^ $`.
+const LETTERS: usize = 29;
 
 /// The words of a line that are neither G nor M nor N, by letter.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Words {
-    /// Bit 0 for A to bit 25 for Z.
+    /// A bit a letter, see [`slot`].
     present: u32,
-    values: [f64; 26],
-    spans: [Span; 26],
+    values: [f64; LETTERS],
+    spans: [Span; LETTERS],
 }
 
-impl Words {
-    fn has(&self, letter: u8) -> bool {
-        self.present & (1 << (letter - b'A')) != 0
+impl Default for Words {
+    fn default() -> Words {
+        Words {
+            present: 0,
+            values: [0.0; LETTERS],
+            spans: [Span::default(); LETTERS],
+        }
     }
 }
+
+/// Place of a letter in [`Words`].
+const fn slot(letter: u8) -> usize {
+    match letter {
+        b'@' => 26,
+        b'^' => 27,
+        b'$' => 28,
+        letter => (letter - b'A') as usize,
+    }
+}
+
+/// The bits of some letters in [`Words::present`].
+pub(crate) const fn letters(text: &[u8]) -> u32 {
+    let mut bits = 0;
+    let mut at = 0;
+    while at < text.len() {
+        bits |= 1 << slot(text[at]);
+        at += 1;
+    }
+    bits
+}
+
+/// Letters of the nine axes.
+const AXES: u32 = letters(b"XYZABCUVW");
 
 impl Block {
     /// Reads a line, of at most [`crate::LINE_MAX`] octets. What is wrong is added to `faults`; what is right stays.
-    pub(crate) fn read(&mut self, line: &[u8], faults: &mut Faults) {
-        self.n = None;
-        self.comment = None;
-        self.codes = Codes::default();
-        self.words.present = 0; // numbers and places of absent words are never looked at
+    pub(crate) fn read(&mut self, line: &[u8], values: &impl Values, faults: &mut Faults) {
+        self.clear();
+        self.read_rest(Cursor::new(line), values, faults);
+    }
 
+    pub(crate) fn clear(&mut self) {
+        self.n = None;
+        self.remark = None;
+        self.codes = Codes::default();
+        self.assignments.clear();
+        self.words.present = 0; // numbers and places of absent words are never looked at
+    }
+
+    /// Reads what stands behind the cursor.
+    fn read_rest(&mut self, mut cursor: Cursor<'_>, values: &impl Values, faults: &mut Faults) {
         let mut first = true; // nothing but a / has been read
-        for (position, (span, token)) in Scanner::new(line).enumerate() {
-            let fault = match token {
-                Ok(Token::Slash) if position == 0 => continue,
-                Ok(Token::Slash) => Some(ErrorKind::MisplacedSlash),
-                Ok(Token::Comment(text)) => self.take_comment(line, text),
-                Ok(Token::Word { letter: b'N', value }) if first => self.take_line_number(value),
-                Ok(Token::Word { letter, value }) => self.take_word(letter, value, span),
-                Err(kind) => Some(kind),
+        while let Some(item) = cursor.item() {
+            let result = match item {
+                Ok(Item::BlockDelete) => continue,
+                Ok(Item::Comment(text)) => {
+                    self.remark = Some(Remark::Parentheses(text));
+                    Ok(())
+                }
+                Ok(Item::Remark(text)) => {
+                    self.remark = Some(Remark::Semicolon(text));
+                    Ok(())
+                }
+                Ok(Item::Parameter) => self.assignment(&mut cursor, values),
+                Ok(Item::Letter(b'N')) if first => cursor.unsigned().map(|number| self.n = Some(number as u32)),
+                Ok(Item::Letter(b'N')) => Err((cursor.span(), ErrorKind::MisplacedLineNumber)),
+                Ok(Item::Letter(letter)) => match cursor.value(values) {
+                    Ok(value) => self.word(letter, value, cursor.span()),
+                    Err(fault) => Err(fault),
+                },
+                Err(fault) => Err(fault),
             };
             first = false;
-            faults.extend(fault.map(|kind| (span, kind)));
-        }
-    }
-
-    fn take_comment(&mut self, line: &[u8], text: Span) -> Option<ErrorKind> {
-        match comment_action(text.of(line)) {
-            Action::None => self.comment = Some((CommentKind::Plain, text)),
-            Action::Message { skip } => {
-                self.comment = Some((
-                    CommentKind::Message,
-                    Span {
-                        start: text.start + skip,
-                        end: text.end,
-                    },
-                ));
+            if let Err(fault) = result {
+                faults.push(fault);
             }
-            Action::Unsupported(word) => return Some(ErrorKind::UnsupportedComment { word }),
         }
-        None
     }
 
-    fn take_line_number(&mut self, value: f64) -> Option<ErrorKind> {
-        if value.is_sign_negative() {
-            return Some(ErrorKind::Negative { letter: 'N', value });
-        }
-        self.n = Some(value as u32); // below the scanner's limit, which is below that of u32
-        None
+    #[inline]
+    fn word(&mut self, letter: u8, value: f64, span: Span) -> Result<(), Fault> {
+        let kind = match letter {
+            b'G' => self.g_word(value, span).err(),
+            b'M' => self.m_word(value, span).err(),
+            letter => self.other_word(letter, value, span).err(),
+        };
+        kind.map_or(Ok(()), |kind| Err((span, kind)))
     }
 
-    fn take_word(&mut self, letter: u8, value: f64, span: Span) -> Option<ErrorKind> {
+    fn assignment(&mut self, cursor: &mut Cursor<'_>, values: &impl Values) -> Result<(), Fault> {
+        let target = cursor.parameter_target(values)?;
+        let span = cursor.span();
+        let value = cursor.value(values)?;
+        let target = match target {
+            Target::Numbered(index) => Place::Numbered(index),
+            Target::Named(name) => Place::Named(name.into_owned()),
+            Target::Unknown => return Ok(()), // a check without running; there is nothing to keep
+        };
+        self.assignments.push(Assignment { target, value, span });
+        Ok(())
+    }
+
+    #[inline]
+    fn other_word(&mut self, letter: u8, value: f64, span: Span) -> Result<(), ErrorKind> {
+        let slot = slot(letter);
+        if self.words.present & (1 << slot) != 0 {
+            let letter = letter.into();
+            return Err(ErrorKind::RepeatedLetter { letter });
+        }
+        self.words.present |= 1 << slot;
+        self.words.values[slot] = value;
+        self.words.spans[slot] = span;
         match letter {
-            b'N' => Some(ErrorKind::MisplacedLineNumber),
-            b'G' => match GCode::of(value) {
-                Ok((code, g)) => self.take_g(Coded { value: g, code, span }),
-                Err(kind) => Some(kind),
-            },
-            b'M' => match MCode::of(value) {
-                Ok((code, m)) => self.take_m(Coded { value: m, code, span }),
-                Err(kind) => Some(kind),
-            },
-            letter => {
-                if self.words.has(letter) {
-                    return Some(ErrorKind::RepeatedLetter { letter: letter.into() });
-                }
-                let index = usize::from(letter - b'A');
-                self.words.present |= 1 << index;
-                self.words.values[index] = value;
-                self.words.spans[index] = span;
-                value_fault(letter, value)
-            }
+            b'F' | b'S' | b'T' if value < 0.0 => Err(ErrorKind::Negative {
+                letter: letter.into(),
+                value,
+            }),
+            b'D' | b'H' | b'T' | b'$' if !value.is_nan() && integer(value).is_none() => Err(ErrorKind::NotInteger {
+                letter: letter.into(),
+                value,
+            }),
+            _ => Ok(()),
         }
     }
 
-    fn take_g(&mut self, word: Coded<GCode>) -> Option<ErrorKind> {
-        match word.value {
-            GCode::NonModal(code) => put(&mut self.codes.non_modal, word, code, "non-modal", g_name),
+    fn g_word(&mut self, value: f64, span: Span) -> Result<(), ErrorKind> {
+        if value.is_nan() {
+            return Ok(()); // which code it is shows when the program runs
+        }
+        let (code, g) = GCode::of(value)?;
+        let word = Coded { value: (), code, span };
+        let codes = &mut self.codes;
+        match g {
+            GCode::NonModal(code) => put(&mut codes.non_modal, word, code, "non-modal", g_name),
             // G80 gives way to another motion code on its line: "G0 G17 G80 G90" is a usual first line.
-            GCode::Motion(None) if self.codes.motion.is_some() => None,
+            GCode::Motion(None) if codes.motion.is_some() => Ok(()),
             GCode::Motion(code) => {
-                if self.codes.motion.is_some_and(|first| first.value.is_none()) {
-                    self.codes.motion = None;
+                if codes.motion.is_some_and(|first| first.value.is_none()) {
+                    codes.motion = None;
                 }
-                put(&mut self.codes.motion, word, code, "motion", g_name)
+                put(&mut codes.motion, word, code, "motion", g_name)
             }
-            GCode::Plane(code) => put(&mut self.codes.plane, word, code, "plane", g_name),
-            GCode::Distance(code) => put(&mut self.codes.distance, word, code, "distance mode", g_name),
-            GCode::ArcDistance(code) => put(&mut self.codes.arc_distance, word, code, "arc distance mode", g_name),
-            GCode::FeedMode(code) => put(&mut self.codes.feed_mode, word, code, "feed mode", g_name),
-            GCode::Unit(code) => put(&mut self.codes.unit, word, code, "units", g_name),
-            GCode::System(code) => put(&mut self.codes.system, word, code, "coordinate system", g_name),
-            GCode::Path(code) => put(&mut self.codes.path, word, code, "path control", g_name),
-            GCode::NoCutterCompensation => put(
-                &mut self.codes.cutter_compensation,
-                word,
-                (),
-                "cutter compensation",
-                g_name,
-            ),
-            GCode::NoToolLengthOffset => put(
-                &mut self.codes.tool_length_offset,
-                word,
-                (),
-                "tool length offset",
-                g_name,
-            ),
+            GCode::Plane(code) => put(&mut codes.plane, word, code, "plane", g_name),
+            GCode::Distance(code) => put(&mut codes.distance, word, code, "distance mode", g_name),
+            GCode::ArcDistance(code) => put(&mut codes.arc_distance, word, code, "arc distance mode", g_name),
+            GCode::FeedUnit(code) => put(&mut codes.feed_unit, word, code, "feed mode", g_name),
+            GCode::Unit(code) => put(&mut codes.unit, word, code, "units", g_name),
+            GCode::Compensation(code) => put(&mut codes.compensation, word, code, "cutter compensation", g_name),
+            GCode::LengthOffset(code) => put(&mut codes.length_offset, word, code, "tool length offset", g_name),
+            GCode::Retract(code) => put(&mut codes.retract, word, code, "retract mode of cycles", g_name),
+            GCode::System(code) => put(&mut codes.system, word, code, "coordinate system", g_name),
+            GCode::Path(code) => put(&mut codes.path, word, code, "path control", g_name),
+            GCode::Spindle(code) => put(&mut codes.spindle_mode, word, code, "spindle mode", g_name),
+            GCode::Diameter(code) => put(&mut codes.diameter, word, code, "lathe diameter mode", g_name),
         }
     }
 
-    fn take_m(&mut self, word: Coded<MCode>) -> Option<ErrorKind> {
-        match word.value {
-            MCode::Stop(code) => put(&mut self.codes.stop, word, code, "program stop", m_name),
-            MCode::ToolChange => put(&mut self.codes.tool_change, word, (), "tool change", m_name),
-            MCode::Spindle(code) => put(&mut self.codes.spindle, word, code, "spindle", m_name),
-            MCode::Coolant(code) => put(&mut self.codes.coolant, word, code, "coolant", m_name),
+    fn m_word(&mut self, value: f64, span: Span) -> Result<(), ErrorKind> {
+        if value.is_nan() {
+            return Ok(());
+        }
+        let (code, m) = MCode::of(value)?;
+        let word = Coded { value: (), code, span };
+        let codes = &mut self.codes;
+        match m {
+            MCode::Stop(code) => put(&mut codes.stop, word, code, "program stop", m_name),
+            MCode::InputOutput(code) => put(&mut codes.input_output, word, code, "inputs and outputs", m_name),
+            MCode::Tool(code) => put(&mut codes.tool, word, code, "tool change", m_name),
+            MCode::Spindle(code) => put(&mut codes.spindle, word, code, "spindle", m_name),
+            MCode::Coolant(code) => put(&mut codes.coolant, word, code, "coolant", m_name),
+            MCode::Override(code) => put(&mut codes.overrides, word, code, "overrides", m_name),
+            MCode::Modal(code) => put(&mut codes.modal, word, code, "modal state", m_name),
+            MCode::User(code) => put(&mut codes.user, word, code, "user codes", m_name),
         }
     }
 
     /// Number of a word, by capital letter.
-    pub(crate) fn word(&self, letter: u8) -> Option<f64> {
-        self.words
-            .has(letter)
-            .then(|| self.words.values[usize::from(letter - b'A')])
+    #[inline]
+    pub(crate) fn word_value(&self, letter: u8) -> Option<f64> {
+        let slot = slot(letter);
+        (self.words.present & (1 << slot) != 0).then(|| self.words.values[slot])
     }
 
     /// Place of a word that is there.
     pub(crate) fn span(&self, letter: u8) -> Span {
-        debug_assert!(self.words.has(letter));
-        self.words.spans[usize::from(letter - b'A')]
+        debug_assert!(self.has(letters(&[letter])));
+        self.words.spans[slot(letter)]
+    }
+
+    /// Whether one of the letters of a set is there, see [`letters`].
+    #[inline]
+    pub(crate) fn has(&self, letters: u32) -> bool {
+        self.words.present & letters != 0
+    }
+
+    /// Letters that are there, as [`letters`] counts them.
+    #[inline]
+    pub(crate) fn present(&self) -> u32 {
+        self.words.present
+    }
+
+    /// Whether one of the nine axes is named.
+    pub(crate) fn has_axes(&self) -> bool {
+        self.has(AXES)
     }
 
     /// Number of an axis word.
+    #[inline]
     pub(crate) fn axis(&self, axis: Axis) -> Option<f64> {
-        self.word(axis.letter() as u8)
+        self.word_value(axis.letter() as u8)
     }
 
-    /// First axis letter, in the order of [`Axis::ALL`].
+    /// First axis or polar letter, in the order of [`Axis::ALL`].
     pub(crate) fn first_axis(&self) -> Option<u8> {
-        Axis::ALL
-            .map(|axis| axis.letter() as u8)
-            .into_iter()
-            .find(|letter| self.words.has(*letter))
+        b"XYZABCUVW@^"
+            .iter()
+            .copied()
+            .find(|letter| self.has(letters(&[*letter])))
     }
 
-    /// What this line does with its axis words while `modal` is the active motion; `None`: no motion.
-    pub(crate) fn motion_now(&self, modal: Option<Motion>) -> Option<Motion> {
-        if let Some(coded) = self.codes.motion {
-            return coded.value;
-        }
-        if let Some(Coded {
-            value: NonModal::Return(_),
-            ..
-        }) = self.codes.non_modal
-        {
-            return None;
-        }
-        let centre = b"IJK".iter().any(|letter| self.words.has(*letter));
-        modal.filter(|motion| self.first_axis().is_some() || (motion.is_arc() && centre))
+    /// The first letter of `wanted` that is there.
+    pub(crate) fn first_of(&self, wanted: &[u8]) -> Option<u8> {
+        wanted.iter().copied().find(|letter| self.has(letters(&[*letter])))
     }
 
-    /// The rules that join words and codes: every word is used, and once.
-    pub(crate) fn check_use(&self, modal: Option<Motion>) -> Result<(), (Span, ErrorKind)> {
-        let now = self.motion_now(modal);
-        let returns = match self.codes.non_modal {
-            Some(Coded {
-                value: NonModal::Return(point),
-                ..
-            }) => Some(point),
-            _ => None,
-        };
-        if let (
-            Some(point),
-            Some(Coded {
-                value: Some(motion),
-                span,
-                ..
-            }),
-        ) = (returns, self.codes.motion)
-        {
-            return Err((
-                span,
-                ErrorKind::AxisConflict {
-                    non_modal: point.name(),
-                    motion: motion.name(),
-                },
-            ));
-        }
-        if let Some(axis) = self.first_axis()
-            && now.is_none()
-            && returns.is_none()
-        {
-            let letter = axis.into();
-            let kind = if self.codes.motion.is_some() {
-                ErrorKind::AxisWordWithG80 { letter }
-            } else {
-                ErrorKind::NoMotion { letter }
-            };
-            return Err((self.span(axis), kind));
-        }
-        let arc = now.is_some_and(Motion::is_arc);
-        let blends = matches!(
-            self.codes.path,
-            Some(Coded {
-                value: PathCode::Continuous,
-                ..
-            })
-        );
-        let dwells = matches!(
-            self.codes.non_modal,
-            Some(Coded {
-                value: NonModal::Dwell,
-                ..
-            })
-        );
-        const OTHERS: &str = "codes that are not supported";
-        let rules: [(&[u8], bool, &'static str); 4] = [
-            (b"IJKR", arc, "G2 and G3"),
-            (b"P", arc || blends || dwells, "G2, G3, G4 and G64"),
-            (b"Q", blends, "G64"),
-            (b"DEHL", false, OTHERS),
-        ];
-        for (letters, used, users) in rules {
-            if used {
-                continue;
-            }
-            if let Some(letter) = letters.iter().copied().find(|letter| self.words.has(*letter)) {
-                return Err((
-                    self.span(letter),
-                    ErrorKind::UnusedWord {
-                        letter: letter.into(),
-                        users,
-                    },
-                ));
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Rules of a word's number alone.
-fn value_fault(letter: u8, value: f64) -> Option<ErrorKind> {
-    match letter {
-        b'F' | b'S' | b'T' if value < 0.0 => Some(ErrorKind::Negative {
-            letter: letter.into(),
-            value,
-        }),
-        b'T' if integer(value).is_none() => Some(ErrorKind::NotInteger { letter: 'T', value }),
-        _ => None,
+    /// Takes a word away, as if it had been used up.
+    pub(crate) fn remove(&mut self, letter: u8) {
+        self.words.present &= !(1 << slot(letter));
     }
 }
 
 /// Sets a group's code; a second one of the same group is refused.
-fn put<T, W>(
+fn put<T>(
     slot: &mut Option<Coded<T>>,
-    word: Coded<W>,
+    word: Coded<()>,
     value: T,
     group: &'static str,
     name: fn(u16) -> String,
-) -> Option<ErrorKind> {
+) -> Result<(), ErrorKind> {
     if let Some(first) = slot {
-        return Some(ErrorKind::ModalConflict {
+        return Err(ErrorKind::ModalConflict {
             first: name(first.code),
             second: name(word.code),
             group,
@@ -346,48 +359,5 @@ fn put<T, W>(
         code: word.code,
         span: word.span,
     });
-    None
-}
-
-enum Action {
-    None,
-    /// The message stands behind `skip` octets.
-    Message {
-        skip: u16,
-    },
-    Unsupported(&'static str),
-}
-
-/// What the text of a comment asks for: its first word, up to a comma, in any case.
-fn comment_action(text: &[u8]) -> Action {
-    const WITH_COMMA: [&str; 8] = [
-        "DEBUG",
-        "PRINT",
-        "LOG",
-        "LOGOPEN",
-        "LOGAPPEND",
-        "PROBEOPEN",
-        "ABORT",
-        "PY",
-    ];
-    const ALONE: [&str; 2] = ["LOGCLOSE", "PROBECLOSE"];
-    let trimmed = text.trim_ascii_start();
-    let blanks = text.len() - trimmed.len();
-    let Some(comma) = trimmed.iter().position(|octet| *octet == b',') else {
-        let found = ALONE
-            .into_iter()
-            .find(|word| trimmed.trim_ascii_end().eq_ignore_ascii_case(word.as_bytes()));
-        return found.map_or(Action::None, Action::Unsupported);
-    };
-    let word = &trimmed[..comma];
-    if word.eq_ignore_ascii_case(b"MSG") {
-        return Action::Message {
-            skip: (blanks + comma + 1) as u16,
-        };
-    }
-    let found = WITH_COMMA
-        .into_iter()
-        .chain(ALONE)
-        .find(|known| word.eq_ignore_ascii_case(known.as_bytes()));
-    found.map_or(Action::None, Action::Unsupported)
+    Ok(())
 }

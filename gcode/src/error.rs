@@ -70,33 +70,6 @@ impl Error {
     }
 }
 
-/// Parts of LinuxCNC's language that are not words.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Construct {
-    /// `#1`, `#<name>`, `#1=2`.
-    Parameter,
-    /// `[1+2]`, `SIN[30]`.
-    Expression,
-    /// `O100 sub`, `o<name> call`.
-    OWord,
-    /// `@distance ^angle`.
-    Polar,
-    /// `$1`.
-    SpindleNumber,
-}
-
-impl fmt::Display for Construct {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Construct::Parameter => "parameters (#) are not supported: write the number itself",
-            Construct::Expression => "expressions are not supported: write the number itself",
-            Construct::OWord => "O-words (subroutines, loops, conditions) are not supported: write the lines out",
-            Construct::Polar => "polar coordinates (@ and ^) are not supported: write X and Y",
-            Construct::SpindleNumber => "spindle numbers ($) are not supported: there is one spindle",
-        })
-    }
-}
-
 /// What is wrong; `Display` tells rule and remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ErrorKind {
@@ -120,15 +93,6 @@ pub enum ErrorKind {
     /// `)` without `(`.
     #[error(") without ( before it")]
     StrayParenthesis,
-    /// A comment that LinuxCNC would act on.
-    #[error("comment ({word} ...) asks for an action that is not supported: only (MSG, text) is")]
-    UnsupportedComment {
-        /// First word of the comment, capitals.
-        word: &'static str,
-    },
-    /// A part of the language that is not run.
-    #[error("{0}")]
-    UnsupportedConstruct(Construct),
     /// `/` not at the start of the line.
     #[error("/ (block delete) must be the first character of a line")]
     MisplacedSlash,
@@ -298,27 +262,11 @@ pub enum ErrorKind {
         /// Supported code with the nearest number.
         nearest: String,
     },
-    /// A G code of LinuxCNC that is not run.
-    #[error("{code} is not supported: the nearest G code that is, is {nearest}")]
-    UnsupportedG {
-        /// The code.
-        code: String,
-        /// Supported code with the nearest number.
-        nearest: String,
-    },
     /// No such M code.
     #[error("M{number} is no known M code: the nearest one is {nearest}")]
     UnknownM {
         /// Number as programmed.
         number: f64,
-        /// Supported code with the nearest number.
-        nearest: String,
-    },
-    /// An M code of LinuxCNC that is not run.
-    #[error("{code} is not supported: the nearest M code that is, is {nearest}")]
-    UnsupportedM {
-        /// The code.
-        code: String,
         /// Supported code with the nearest number.
         nearest: String,
     },
@@ -341,7 +289,7 @@ pub enum ErrorKind {
         users: &'static str,
     },
     /// Axis words and nothing that moves.
-    #[error("{letter} needs a motion code: none of G0 G1 G2 G3 is active")]
+    #[error("{letter} needs a motion code: none is active (G0, G1, ...)")]
     NoMotion {
         /// First axis letter of the line.
         letter: char,
@@ -356,24 +304,86 @@ pub enum ErrorKind {
     #[error("{non_modal} and {motion} would both use the axis words: put them on two lines")]
     AxisConflict {
         /// G28 or G30.
-        non_modal: &'static str,
+        non_modal: String,
         /// Motion code.
-        motion: &'static str,
+        motion: String,
     },
     /// A feed move without feed.
     #[error("{motion} needs a feed: F is not set{hint}", hint = if *.cleared { " (G93, G94 clear it)" } else { "" })]
     FeedMissing {
         /// Motion code.
-        motion: &'static str,
+        motion: String,
         /// Whether a feed was set once and then cleared.
         cleared: bool,
     },
     /// A feed move in G93 without F.
-    #[error("{motion} in inverse time mode (G93) needs F above 0 on its own line")]
+    #[error("{motion} in inverse time mode (G93) needs F on its own line")]
     InverseTimeFeedMissing {
         /// Motion code.
-        motion: &'static str,
+        motion: String,
     },
+    /// A code that is not run.
+    #[error("{code} is not supported")]
+    NotSupported {
+        /// The code.
+        code: String,
+    },
+    /// A code of the user that the machine does not have.
+    #[error("M{number} has no program: put an executable file M{number} into the folder of user codes")]
+    NoSuchUserCode {
+        /// 100 to 199.
+        number: u8,
+    },
+    /// An assignment to a parameter that only tells something.
+    #[error("#{name} is read-only: the control sets it")]
+    ReadOnlyParameter {
+        /// Number, or name with its < >.
+        name: String,
+    },
+    /// A code without the axis words it needs.
+    #[error("{code} needs at least one axis word")]
+    AxisMissing {
+        /// The code.
+        code: String,
+    },
+    /// M98 without P.
+    #[error("M98 needs P, the number of the program to call")]
+    ProgramNumberMissing,
+    /// `$` beyond the spindles of the machine.
+    #[error("${number} is no spindle: they are numbered from 0 to {last}, and $-1 names all")]
+    NoSuchSpindle {
+        /// The number that came.
+        number: f64,
+        /// The limit.
+        last: u8,
+    },
+    /// P of M19.
+    #[error("P of M19 is the way to the angle: 0 the shortest, 1 clockwise, 2 counter-clockwise")]
+    OrientDirection,
+    /// Q of M19.
+    #[error("Q of M19 is the longest time to wait in seconds: above 0")]
+    OrientTimeout,
+    /// A tool that is not in the table.
+    #[error("tool {number} is not in the tool table")]
+    NoSuchTool {
+        /// Its number.
+        number: u32,
+    },
+    /// M61 without Q.
+    #[error("M61 needs Q, the number of the tool in the spindle")]
+    ToolNumberMissing,
+    /// `@` or `^` with X or Y.
+    #[error("{letter} and polar coordinates (@, ^) would both tell X and Y: write one of them")]
+    PolarMixed {
+        /// X or Y.
+        letter: char,
+    },
+    /// `@` or `^` with G53.
+    #[error("G53 takes no polar coordinates (@, ^): write X and Y")]
+    PolarInMachineCoordinates,
+    /// Incremental polar coordinates where there is no direction.
+    #[error("incremental polar coordinates need a direction: the current point is the origin of X and Y")]
+    PolarAtOrigin,
     /// G53 with anything but G0 and G1.
     #[error("G53 needs a G0 or G1 move on its line")]
     MachineCoordinatesNeedStraight,
@@ -387,7 +397,7 @@ pub enum ErrorKind {
     #[error("{motion} needs {offsets} or R: neither centre nor radius is given")]
     ArcCentreMissing {
         /// G2 or G3.
-        motion: &'static str,
+        motion: String,
         /// Centre letters of the plane.
         offsets: &'static str,
     },

@@ -43,7 +43,7 @@ pub(crate) fn signed_turns(clockwise: bool, count: i32) -> i32 {
 
 /// The number of turns that P names.
 pub(crate) fn turns_of(p: f64) -> Result<i32, ErrorKind> {
-    crate::modal::integer(p)
+    crate::code::integer(p)
         .and_then(|turns| i32::try_from(turns).ok())
         .filter(|turns| (1..=TURNS_MAX).contains(turns))
         .ok_or(ErrorKind::ArcTurns {
@@ -59,6 +59,7 @@ pub(crate) fn by_centre(
     centre_mm: [f64; 2],
     turns: i32,
     unit: LengthUnit,
+    tolerance_mm: Option<f64>,
 ) -> Result<Arc, ErrorKind> {
     let start_radius_mm = distance_mm(start_mm, centre_mm);
     let end_radius_mm = distance_mm(end_mm, centre_mm);
@@ -68,7 +69,7 @@ pub(crate) fn by_centre(
     // abs > 100 * tolerance, or abs > tolerance and abs > 0.1 % of the greater radius: refused.
     let difference_mm = (start_radius_mm - end_radius_mm).abs();
     let relative_mm = RADIUS_TOLERANCE_RELATIVE * start_radius_mm.max(end_radius_mm);
-    let absolute_mm = radius_tolerance_mm(unit);
+    let absolute_mm = tolerance_mm.unwrap_or_else(|| radius_tolerance_mm(unit));
     let tolerance_mm = relative_mm.clamp(absolute_mm, 100.0 * absolute_mm);
     if difference_mm > tolerance_mm {
         return Err(ErrorKind::ArcRadiiDiffer {

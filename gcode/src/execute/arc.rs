@@ -1,0 +1,155 @@
+//! Arcs: G2 and G3, their words. The geometry is in `circle`.
+
+use super::feed::PathLength;
+use super::{Calls, circle, motion_span};
+use crate::block::Block;
+use crate::code::{Distance, Motion};
+use crate::error::ErrorKind;
+use crate::scan::Fault;
+use crate::state::State;
+use motion::canon::{Axis, Call, Plane, Position};
+
+/// Names of the words of an arc in a plane.
+pub(super) struct ArcWords {
+    pub(super) plane: &'static str,
+    /// Centre letters of the first and second axis.
+    pub(super) offsets: [u8; 2],
+    /// Centre letter of the normal.
+    other: u8,
+    pub(super) offset_names: &'static str,
+    axis_names: &'static str,
+}
+
+impl ArcWords {
+    pub(super) fn of(plane: Plane) -> ArcWords {
+        let (plane, offsets, other, offset_names, axis_names) = match plane {
+            Plane::Xy => ("G17", *b"IJ", b'K', "I, J", "X and Y"),
+            Plane::Zx => ("G18", *b"KI", b'J', "I, K", "X and Z"),
+            Plane::Yz => ("G19", *b"JK", b'I', "J, K", "Y and Z"),
+            Plane::Uv => ("G17.1", *b"IJ", b'K', "I, J", "U and V"),
+            Plane::Wu => ("G18.1", *b"KI", b'J', "I, K", "U and W"),
+            Plane::Vw => ("G19.1", *b"JK", b'I', "J, K", "V and W"),
+        };
+        ArcWords {
+            plane,
+            offsets,
+            other,
+            offset_names,
+            axis_names,
+        }
+    }
+}
+
+impl State {
+    pub(super) fn arc(&mut self, motion: Motion, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
+        let mut to = self.end(block)?;
+        let plane = self.modal.plane;
+        let arc = self.arc_to(motion, block, &mut to)?;
+        let length = || {
+            let [first, second, normal] = plane.axes();
+            let in_plane = |position: Position| [position[first], position[second]];
+            let length_mm = circle::length_mm(arc, in_plane(self.at), in_plane(to));
+            PathLength::Mm(length_mm.hypot(to[normal] - self.at[normal]))
+        };
+        self.need_feed(block, length, calls)?;
+        calls.push_back(Call::ArcFeed {
+            to,
+            plane,
+            centre_mm: arc.centre_mm,
+            turns: arc.turns,
+        });
+        self.at = to;
+        Ok(())
+    }
+
+    /// Circle of a G2 or G3 that ends at `to`; sets its plane coordinates to those of the start if they differ from
+    /// them by rounding only, so that a full circle stays one.
+    fn arc_to(&self, motion: Motion, block: &Block, to: &mut Position) -> Result<circle::Arc, Fault> {
+        let plane = self.modal.plane;
+        let words = ArcWords::of(plane);
+        let unit = self.modal.unit;
+        let count = match block.word_value(b'P') {
+            Some(p) => circle::turns_of(p).map_err(|kind| (block.span(b'P'), kind))?,
+            None => 1,
+        };
+        let turns = circle::signed_turns(motion == Motion::ArcClockwise, count);
+        if block.word_value(words.other).is_some() {
+            let kind = ErrorKind::ArcOffsetOfOtherPlane {
+                letter: words.other.into(),
+                plane: words.plane,
+                offsets: words.offset_names,
+            };
+            return Err((block.span(words.other), kind));
+        }
+        let [first, second, _] = plane.axes();
+        let start_mm = [self.at[first], self.at[second]];
+        let offset = words.offsets.map(|letter| {
+            let number = block.word_value(letter)?;
+            // G7: an absolute centre on X is a diameter, an offset never is.
+            let diameter = letter == b'I' && self.modal.diameter && self.modal.arc_distance == Distance::Absolute;
+            Some(number * unit.mm() / if diameter { 2.0 } else { 1.0 })
+        });
+        let given = block.first_of(&words.offsets);
+
+        if let Some(radius) = block.word_value(b'R') {
+            if let Some(letter) = given {
+                return Err((block.span(letter), ErrorKind::ArcMixed { letter: letter.into() }));
+            }
+            let polar = block.has(crate::block::letters(b"@^"));
+            if block.axis(first).is_none() && block.axis(second).is_none() && !polar {
+                return Err((block.span(b'R'), ErrorKind::ArcEndMissing { axes: words.axis_names }));
+            }
+            let end_mm = [to[first], to[second]];
+            if is_same_point(start_mm, end_mm) {
+                let offsets = words.offset_names;
+                return Err((block.span(b'R'), ErrorKind::ArcEndIsStart { offsets }));
+            }
+            return circle::by_radius(start_mm, end_mm, radius * unit.mm(), turns, unit)
+                .map_err(|kind| (block.span(b'R'), kind));
+        }
+
+        let Some(given) = given else {
+            let kind = ErrorKind::ArcCentreMissing {
+                motion: motion.name(),
+                offsets: words.offset_names,
+            };
+            return Err((motion_span(block), kind));
+        };
+        let centre_mm = match self.modal.arc_distance {
+            Distance::Incremental => [
+                start_mm[0] + offset[0].unwrap_or(0.0),
+                start_mm[1] + offset[1].unwrap_or(0.0),
+            ],
+            Distance::Absolute => {
+                let missing = |letter: u8| {
+                    let missing = letter.into();
+                    (block.span(given), ErrorKind::ArcAbsoluteCentreIncomplete { missing })
+                };
+                [
+                    offset[0].ok_or_else(|| missing(words.offsets[0]))?,
+                    offset[1].ok_or_else(|| missing(words.offsets[1]))?,
+                ]
+            }
+        };
+        if is_same_point(start_mm, [to[first], to[second]]) {
+            to[first] = start_mm[0];
+            to[second] = start_mm[1];
+        }
+        let tolerance_mm = self.settings.arc_radius_tolerance_mm;
+        circle::by_centre(start_mm, [to[first], to[second]], centre_mm, turns, unit, tolerance_mm)
+            .map_err(|kind| (block.span(given), kind))
+    }
+
+    /// Whether an axis lies in the plane.
+    pub(super) fn in_plane(&self, axis: Axis) -> bool {
+        let [first, second, _] = self.modal.plane.axes();
+        axis == first || axis == second
+    }
+}
+
+/// Points closer than this are one, mm: far below any resolution, far above rounding errors.
+const SAME_POINT_MM: f64 = 1e-9;
+
+pub(super) fn is_same_point(a: [f64; 2], b: [f64; 2]) -> bool {
+    (a[0] - b[0]).hypot(a[1] - b[1]) < SAME_POINT_MM
+}

@@ -1,0 +1,140 @@
+//! Feed: G93, G94, G95 and F.
+
+use super::{Calls, motion_span};
+use crate::block::Block;
+use crate::code::FeedUnit;
+use crate::error::ErrorKind;
+use crate::scan::Fault;
+use crate::state::{State, minus};
+use motion::canon::{Axis, Call, FeedMode, Position};
+
+/// Length along which F counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum PathLength {
+    /// Of XYZ if one of them moves, else of UVW.
+    Mm(f64),
+    /// Of ABC: nothing else moves.
+    Degrees(f64),
+}
+
+impl PathLength {
+    /// Of a straight move.
+    pub(super) fn straight(from: Position, to: Position) -> PathLength {
+        let delta = minus(to, from);
+        let length = |axes: [Axis; 3]| axes.into_iter().fold(0.0, |sum: f64, axis| sum.hypot(delta[axis]));
+        let xyz = length([Axis::X, Axis::Y, Axis::Z]);
+        if xyz > 0.0 {
+            return PathLength::Mm(xyz);
+        }
+        let uvw = length([Axis::U, Axis::V, Axis::W]);
+        let abc = length([Axis::A, Axis::B, Axis::C]);
+        if uvw > 0.0 || abc == 0.0 {
+            PathLength::Mm(uvw)
+        } else {
+            PathLength::Degrees(abc)
+        }
+    }
+}
+
+/// Least rate of a move in G93, units per minute: LinuxCNC's.
+const INVERSE_TIME_RATE_MIN: f64 = 0.1;
+
+impl State {
+    pub(super) fn feed_unit(&mut self, block: &Block, calls: &mut Calls) {
+        let Some(code) = block.codes.feed_unit else { return };
+        let (remark, mode) = match code.value {
+            FeedUnit::InverseTime => ("interpreter: feed mode set to inverse time", FeedMode::PerTime),
+            FeedUnit::UnitsPerMinute => ("interpreter: feed mode set to units per minute", FeedMode::PerTime),
+            FeedUnit::UnitsPerTurn => (
+                "interpreter: feed mode set to units per revolution",
+                FeedMode::PerTurn {
+                    spindle: self.named_spindle(block),
+                },
+            ),
+        };
+        calls.push_back(Call::Comment(remark.into()));
+        calls.push_back(Call::SetFeedMode(mode));
+        self.modal.feed_unit = code.value;
+        if code.value != FeedUnit::InverseTime {
+            self.feed_cleared |= self.modal.feed > 0.0;
+            self.modal.feed = 0.0;
+            self.tell_feed(calls);
+        }
+    }
+
+    pub(super) fn feed(&mut self, block: &Block, calls: &mut Calls) {
+        let Some(number) = block.word_value(b'F') else { return };
+        match self.modal.feed_unit {
+            FeedUnit::InverseTime => {} // belongs to the move of this line alone
+            FeedUnit::UnitsPerMinute | FeedUnit::UnitsPerTurn => {
+                self.modal.feed = number;
+                self.tell_feed(calls);
+            }
+        }
+    }
+
+    fn tell_feed(&self, calls: &mut Calls) {
+        let per = match self.modal.feed_unit {
+            FeedUnit::UnitsPerTurn => 1.0,
+            FeedUnit::UnitsPerMinute | FeedUnit::InverseTime => 60.0,
+        };
+        calls.push_back(Call::SetFeedRate {
+            linear: self.modal.feed * self.modal.unit.mm() / per,
+            angular: self.modal.feed / per,
+        });
+    }
+
+    /// Sees to it that a move has a feed; in G93 tells the one that makes it take the time on its line.
+    #[inline]
+    pub(super) fn need_feed(
+        &self,
+        block: &Block,
+        length: impl FnOnce() -> PathLength,
+        calls: &mut Calls,
+    ) -> Result<(), Fault> {
+        match self.modal.feed_unit {
+            FeedUnit::UnitsPerMinute | FeedUnit::UnitsPerTurn if self.modal.feed > 0.0 => Ok(()),
+            FeedUnit::UnitsPerMinute | FeedUnit::UnitsPerTurn => Err(self.feed_missing(block)),
+            FeedUnit::InverseTime => self.inverse_time_feed(block, length(), calls),
+        }
+    }
+
+    #[cold]
+    fn feed_missing(&self, block: &Block) -> Fault {
+        let motion = self.motion_name(block);
+        let cleared = self.feed_cleared;
+        (motion_span(block), ErrorKind::FeedMissing { motion, cleared })
+    }
+
+    fn inverse_time_feed(&self, block: &Block, length: PathLength, calls: &mut Calls) -> Result<(), Fault> {
+        let motion = || self.motion_name(block);
+        let number = block
+            .word_value(b'F')
+            .ok_or_else(|| (motion_span(block), ErrorKind::InverseTimeFeedMissing { motion: motion() }))?;
+        let mm = self.modal.unit.mm();
+        let units = match length {
+            PathLength::Mm(length) => length / mm,
+            PathLength::Degrees(length) => length,
+        };
+        let per_minute = (number * units).max(INVERSE_TIME_RATE_MIN);
+        calls.push_back(Call::SetFeedRate {
+            linear: per_minute * mm / 60.0,
+            angular: per_minute / 60.0,
+        });
+        Ok(())
+    }
+
+    /// Name of the motion that a line runs.
+    pub(super) fn motion_name(&self, block: &Block) -> String {
+        let motion = block.codes.motion.map_or(self.modal.motion, |code| code.value);
+        motion.map_or_else(|| "a move".into(), |motion| motion.name())
+    }
+
+    /// What M2 and M30 do with the feed.
+    pub(super) fn end_feed(&mut self, calls: &mut Calls) {
+        self.modal.feed_unit = FeedUnit::UnitsPerMinute;
+        self.modal.feed = 0.0;
+        calls.push_back(Call::SetFeedMode(FeedMode::PerTime));
+        self.tell_feed(calls);
+    }
+}

@@ -1,0 +1,346 @@
+//! Blocks to canonical calls, in the order in which RS274/NGC runs the words of a line.
+//!
+//! In:  a [`Block`] and the [`State`] left by the blocks before it.
+//! Out: canonical calls, or the rule that the block breaks.
+//!
+//! [`State::execute`] is the table of contents; each subject has a file of its own.
+
+mod arc;
+mod circle;
+mod compensation;
+mod cycle;
+mod feed;
+mod io;
+mod offset;
+mod probe;
+mod saved;
+mod spindle;
+mod spline;
+mod straight;
+mod thread;
+mod tool;
+mod turning;
+mod usage;
+
+use crate::block::{Assignment, Block, Place, Remark};
+use crate::code::{Distance, Motion, NonModal, PathCode, Stop};
+use crate::error::ErrorKind;
+use crate::machine::Machine;
+use crate::parameter::{self, is_read_only, is_read_only_number};
+use crate::scan::{Fault, Span};
+use crate::state::{Question, State};
+use motion::canon::{Call, PathMode, Plane};
+use std::collections::VecDeque;
+
+pub(crate) use cycle::CycleWords;
+
+/// Calls of a line, in their order.
+pub(crate) type Calls = VecDeque<Call>;
+
+/// Whether the program goes on behind a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Flow {
+    On,
+    /// M2 or M30 was run.
+    End,
+    /// M98: the program of this number is called so many times.
+    Call {
+        program: u32,
+        times: u32,
+    },
+    /// M99
+    Return,
+}
+
+impl State {
+    /// Runs a block that was read without faults. After a fault `calls` holds a part of the block.
+    pub(crate) fn execute(&mut self, block: &Block, line: &[u8], calls: &mut Calls) -> Result<Flow, Fault> {
+        let motion = self.motion_now(block);
+        self.check_usage(block, motion)?;
+        self.check_compensation(block, motion)?;
+
+        self.assign(&block.assignments)?;
+        if let Some(remark) = block.remark {
+            self.remark(remark, line, calls)?;
+        }
+        self.spindle_mode(block, calls)?;
+        self.feed_unit(block, calls);
+        self.feed(block, calls);
+        self.spindle_speed(block, calls)?;
+        self.select_tool(block, calls)?;
+        self.inputs_and_outputs(block, calls)?;
+        self.change_tool(block, calls)?;
+        self.spindle_action(block, calls)?;
+        self.saved_modes(block, calls)?;
+        self.coolant(block, calls);
+        self.overrides(block, calls)?;
+        self.user_code(block, calls)?;
+        self.dwell(block, calls)?;
+        self.plane(block, calls);
+        if let Some(code) = block.codes.diameter {
+            self.modal.diameter = code.value;
+        }
+        self.unit(block, calls);
+        self.compensation(block, calls)?;
+        self.length_offset(block, calls)?;
+        self.system(block, calls);
+        self.path_mode(block, calls);
+        self.distances(block, calls);
+        if let Some(code) = block.codes.retract {
+            self.modal.retract = code.value;
+        }
+        self.non_modal(block, calls)?;
+        self.motion(motion, block, calls)?;
+        self.stop(block, calls)
+    }
+
+    /// What a listener must know before the first block.
+    pub(crate) fn start(&self, calls: &mut Calls) {
+        calls.extend([
+            Call::UseLengthUnit(self.modal.unit),
+            self.g5x_call(),
+            self.g92_call(),
+            self.rotation_call(),
+            Call::SelectPlane(self.modal.plane),
+            Call::SetPathMode(self.modal.path_mode),
+            Call::Reset,
+        ]);
+    }
+
+    /// Asks the machine what the calls of the last line were to find out.
+    pub(crate) fn settle(&mut self, machine: &mut dyn Machine) -> Result<(), ErrorKind> {
+        let Some(question) = self.question.take() else {
+            return Ok(());
+        };
+        match question {
+            Question::Probe { from, to, mode } => self.probed(machine.probed(from, to, mode)),
+            Question::Input { input, mode, timeout_s } => {
+                let value = machine.waited(input, mode, timeout_s);
+                self.parameters.set(parameter::INPUT_RESULT, value.unwrap_or(-1.0));
+                Ok(())
+            }
+            Question::Tool { tool } => {
+                self.tool_changed(machine.tool_changed(tool));
+                Ok(())
+            }
+        }
+    }
+
+    /// What this line does with its axis words; `None`: no motion.
+    fn motion_now(&self, block: &Block) -> Option<Motion> {
+        if let Some(coded) = block.codes.motion {
+            return coded.value;
+        }
+        if block.codes.non_modal.is_some_and(|coded| coded.value.takes_axes()) || usage::length_offset_takes_axes(block)
+        {
+            return None;
+        }
+        let modal = self.modal.motion?;
+        let moves = block.first_axis().is_some() || usage::moves_without_axes(modal, block);
+        moves.then_some(modal)
+    }
+
+    fn assign(&mut self, assignments: &[Assignment]) -> Result<(), Fault> {
+        for Assignment { target, value, span } in assignments {
+            match target {
+                Place::Numbered(index) if is_read_only_number(*index) => {
+                    let name = index.to_string();
+                    return Err((*span, ErrorKind::ReadOnlyParameter { name }));
+                }
+                Place::Numbered(index) => self.parameters.set(*index, *value),
+                Place::Named(name) if is_read_only(name) => {
+                    let name = format!("<{name}>");
+                    return Err((*span, ErrorKind::ReadOnlyParameter { name }));
+                }
+                Place::Named(name) => self.parameters.set_named(name, *value),
+            }
+        }
+        Ok(())
+    }
+
+    fn remark(&mut self, remark: Remark, line: &[u8], calls: &mut Calls) -> Result<(), Fault> {
+        let Remark::Parentheses(span) = remark else {
+            return Ok(()); // a remark behind a semicolon is for the reader of the text only
+        };
+        let text = span.of(line);
+        let shown = |text: &[u8]| String::from_utf8_lossy(text).into_owned();
+        calls.push_back(match text.trim_ascii_start().split_at_checked(4) {
+            Some((word, message)) if word.eq_ignore_ascii_case(b"MSG,") => Call::Message(shown(message)),
+            Some(_) | None => Call::Comment(shown(text).into()),
+        });
+        Ok(())
+    }
+
+    fn dwell(&self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
+        let Some(coded) = block.codes.non_modal.filter(|coded| coded.value == NonModal::Dwell) else {
+            return Ok(());
+        };
+        let seconds = block.word_value(b'P').ok_or((coded.span, ErrorKind::DwellMissing))?;
+        not_negative(block, b'P')?;
+        calls.push_back(Call::Dwell { seconds });
+        Ok(())
+    }
+
+    fn plane(&mut self, block: &Block, calls: &mut Calls) {
+        if let Some(code) = block.codes.plane {
+            self.modal.plane = code.value;
+            calls.push_back(Call::SelectPlane(code.value));
+        }
+    }
+
+    fn unit(&mut self, block: &Block, calls: &mut Calls) {
+        if let Some(code) = block.codes.unit {
+            self.modal.unit = code.value;
+            calls.push_back(Call::UseLengthUnit(code.value));
+        }
+    }
+
+    fn path_mode(&mut self, block: &Block, calls: &mut Calls) {
+        let Some(code) = block.codes.path else { return };
+        self.modal.path_mode = match code.value {
+            PathCode::ExactPath => PathMode::ExactPath,
+            PathCode::ExactStop => PathMode::ExactStop,
+            PathCode::Continuous => {
+                let tolerance = |letter| {
+                    let number = block.word_value(letter);
+                    number.map(|number| number.max(0.0) * self.modal.unit.mm())
+                };
+                let tolerance_mm = tolerance(b'P');
+                PathMode::Continuous {
+                    tolerance_mm,
+                    naive_cam_tolerance_mm: tolerance(b'Q').or(tolerance_mm),
+                }
+            }
+        };
+        calls.push_back(Call::SetPathMode(self.modal.path_mode));
+    }
+
+    fn distances(&mut self, block: &Block, calls: &mut Calls) {
+        if let Some(code) = block.codes.distance {
+            if code.value != self.modal.distance {
+                calls.push_back(Call::Comment(match code.value {
+                    Distance::Absolute => "interpreter: distance mode changed to absolute".into(),
+                    Distance::Incremental => "interpreter: distance mode changed to incremental".into(),
+                }));
+            }
+            self.modal.distance = code.value;
+        }
+        if let Some(code) = block.codes.arc_distance {
+            if code.value != self.modal.arc_distance {
+                calls.push_back(Call::Comment(match code.value {
+                    Distance::Absolute => "interpreter: IJK distance mode changed to absolute".into(),
+                    Distance::Incremental => "interpreter: IJK distance mode changed to incremental".into(),
+                }));
+            }
+            self.modal.arc_distance = code.value;
+        }
+    }
+
+    fn motion(&mut self, motion: Option<Motion>, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
+        if let Some(code) = block.codes.motion {
+            self.change_motion(code.value, calls);
+        }
+        match motion {
+            None => Ok(()),
+            Some(Motion::Traverse) => self.traverse(block, calls),
+            Some(Motion::Feed) => self.straight_feed(block, calls),
+            Some(motion @ (Motion::ArcClockwise | Motion::ArcCounterclockwise)) => self.arc(motion, block, calls),
+            Some(motion @ (Motion::CubicSpline | Motion::QuadraticSpline)) => self.spline(motion, block, calls),
+            Some(motion @ (Motion::Nurbs | Motion::NurbsEnd)) => self.nurbs(motion, block, calls),
+            Some(Motion::SpindleSynchronised) => self.spindle_synchronised(block, calls),
+            Some(Motion::RigidTap) => self.rigid_tap(block, calls),
+            Some(Motion::Probe(mode)) => self.probe(mode, block, calls),
+            Some(Motion::Thread) => self.thread(block, calls),
+            Some(Motion::Cycle(cycle)) => self.cycle(cycle, block, calls),
+            Some(Motion::Finish) => self.finish(block, calls),
+            Some(Motion::Rough(roughing)) => self.rough(roughing, block, calls),
+        }
+    }
+
+    /// Takes over the motion code of a line.
+    fn change_motion(&mut self, motion: Option<Motion>, calls: &mut Calls) {
+        if motion.is_none() {
+            calls.push_back(Call::Comment("interpreter: motion mode set to none".into()));
+        }
+        self.modal.motion = motion;
+    }
+
+    fn stop(&mut self, block: &Block, calls: &mut Calls) -> Result<Flow, Fault> {
+        let Some(code) = block.codes.stop else {
+            return Ok(Flow::On);
+        };
+        match code.value {
+            Stop::Program => calls.push_back(Call::ProgramStop),
+            Stop::Optional => calls.push_back(Call::OptionalProgramStop),
+            Stop::Pallet => calls.extend([Call::PalletShuttle, Call::ProgramStop]),
+            Stop::End => {
+                self.end(calls);
+                calls.extend([Call::ProgramEnd, Call::Reset, Call::Reset]);
+                return Ok(Flow::End);
+            }
+            Stop::PalletEnd => {
+                self.end(calls);
+                calls.extend([Call::PalletShuttle, Call::ProgramEnd, Call::Reset, Call::Reset]);
+                return Ok(Flow::End);
+            }
+            Stop::Call => {
+                let program = block.word_value(b'P').ok_or((code.span, ErrorKind::ProgramNumberMissing))?;
+                let integer = |letter: u8, value: f64| {
+                    crate::code::integer_in(value, 0..=i64::from(u32::MAX))
+                        .map(|integer| integer as u32)
+                        .ok_or((
+                            block.span(letter),
+                            ErrorKind::NotInteger {
+                                letter: letter.into(),
+                                value,
+                            },
+                        ))
+                };
+                let program = integer(b'P', program)?;
+                let times = block.word_value(b'L').map_or(Ok(1), |times| integer(b'L', times))?;
+                return Ok(Flow::Call { program, times });
+            }
+            Stop::Return => return Ok(Flow::Return),
+        }
+        Ok(Flow::On)
+    }
+
+    /// What M2 and M30 reset.
+    fn end(&mut self, calls: &mut Calls) {
+        let mut offsets = self.offsets;
+        offsets.system = 1;
+        self.load_system(&mut offsets);
+        self.set_offsets(offsets);
+        calls.extend([self.g5x_call(), self.rotation_call()]);
+        if self.modal.plane != Plane::Xy {
+            calls.push_back(Call::SelectPlane(Plane::Xy));
+            self.modal.plane = Plane::Xy;
+        }
+        self.end_feed(calls);
+        self.end_spindles(calls);
+        self.end_switches(calls);
+        self.modal.distance = Distance::Absolute;
+        self.modal.arc_distance = Distance::Incremental;
+        self.modal.motion = Some(Motion::Feed);
+    }
+}
+
+/// Place of the motion code, or of the first axis word where the code is modal.
+fn motion_span(block: &Block) -> Span {
+    let axis = || block.first_axis().map(|letter| block.span(letter));
+    let code = block.codes.motion.map(|coded| coded.span);
+    code.or_else(axis).unwrap_or_default()
+}
+
+fn not_negative(block: &Block, letter: u8) -> Result<(), Fault> {
+    match block.word_value(letter) {
+        Some(value) if value < 0.0 => Err((
+            block.span(letter),
+            ErrorKind::Negative {
+                letter: letter.into(),
+                value,
+            },
+        )),
+        Some(_) | None => Ok(()),
+    }
+}

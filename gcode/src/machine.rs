@@ -1,0 +1,71 @@
+//! What the interpreter asks the machine.
+//!
+//! An answer is asked for when it is needed: after the call that brings it about (a probing move, M66, M6) was handed
+//! out, and before the next line is read. Who runs the calls answers when they have been run.
+
+use motion::canon::{Axis, Input, Position, ProbeMode, WaitMode};
+
+/// How a probing move ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Probed {
+    /// Whether the contact changed.
+    pub tripped: bool,
+    /// Where it changed or, if it did not, where the move ended; work coordinates.
+    pub at: Position,
+    /// Where the axes came to rest, work coordinates.
+    pub rest: Position,
+}
+
+/// The machine, as far as a program can look at it.
+///
+/// Every function has the answer of a machine that is not there, which is that of LinuxCNC's stand-alone interpreter.
+pub trait Machine {
+    /// How the probing move to `to`, begun at `from`, ended.
+    fn probed(&mut self, from: Position, to: Position, mode: ProbeMode) -> Probed {
+        let _ = mode;
+        Probed {
+            tripped: false,
+            at: to,
+            rest: backed_off(from, to),
+        }
+    }
+
+    /// What M66 read, 1 or 0 of a digital input; `None`: the time ran out.
+    fn waited(&mut self, input: Input, mode: WaitMode, timeout_s: f64) -> Option<f64> {
+        let _ = (input, mode, timeout_s);
+        Some(0.0)
+    }
+
+    /// The tool that is in the spindle after a change to `tool`.
+    fn tool_changed(&mut self, tool: u32) -> u32 {
+        tool
+    }
+
+    /// The value of a pin, for `#<_hal[pin]>`; `None`: there is no such pin.
+    fn pin(&mut self, name: &str) -> Option<f64> {
+        let _ = name;
+        None
+    }
+}
+
+/// How far the stand-alone interpreter of LinuxCNC backs off from a probed point, mm.
+const BACK_OFF_MM: f64 = 0.254;
+
+/// A point at that distance before `to` on the way from `from`.
+fn backed_off(from: Position, to: Position) -> Position {
+    let main = [Axis::X, Axis::Y, Axis::Z];
+    let distance_mm = main.iter().fold(0.0, |sum: f64, axis| sum.hypot(from[*axis] - to[*axis]));
+    let mut rest = to;
+    if distance_mm > 0.0 {
+        for axis in main {
+            rest[axis] += BACK_OFF_MM * (from[axis] - to[axis]) / distance_mm;
+        }
+    }
+    rest
+}
+
+/// A machine that is not there.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NoMachine;
+
+impl Machine for NoMachine {}

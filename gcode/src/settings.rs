@@ -1,0 +1,128 @@
+//! What an interpreter is told before the first line.
+
+use crate::ToolTable;
+use motion::canon::{AXES, LengthUnit, PathMode, Position, SPINDLES};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// Which path the moves under cutter compensation describe.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CompensatedPath {
+    /// That of the tool's centre.
+    #[default]
+    Centre,
+    /// As programmed, between [`motion::canon::Call::SetCutterCompensation`]s.
+    Programmed,
+}
+
+/// A code that calls a subroutine instead of what it usually does.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Remap {
+    /// `G88.1`, `M400`, or `T`, `S`, `F`; capital letter first.
+    pub code: String,
+    /// Name of the subroutine, in lower case.
+    pub subroutine: String,
+    /// Words that the subroutine takes, in LinuxCNC's form: a capital letter must be there, a small one may be; `-` before
+    /// capitals: they are handed on as #1, #2, ...; `>` demands a feed above 0, `^` a spindle speed above 0, `N` hands on
+    /// the line number.
+    pub arguments: String,
+    /// Modal group of a G or M code.
+    pub modal_group: u8,
+}
+
+/// What the machine remembers from before the program, and how it is set up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Where the axes stand, machine coordinates.
+    pub start: Position,
+    /// Origins of G54 (index 0) to G59.3 (index 8), machine coordinates.
+    pub work_offsets: [Position; 9],
+    /// R of the work systems: their rotation about Z, degrees.
+    pub work_rotations_degrees: [f64; 9],
+    /// Work system that is active at the start: 1 for G54 to 9 for G59.3; beyond, the nearest of them.
+    pub work_system: u8,
+    /// Offset of G92 and G52.
+    pub g92_offset: Position,
+    /// Whether that offset is in effect at the start.
+    pub g92_active: bool,
+    /// Path mode at the start.
+    pub path_mode: PathMode,
+    /// Unit at the start.
+    pub length_unit: LengthUnit,
+    /// Unit of the machine: that of stored parameters (#5161 to #5390).
+    pub machine_unit: LengthUnit,
+    /// Stored point of G28, machine coordinates.
+    pub g28: Position,
+    /// Stored point of G30, machine coordinates.
+    pub g30: Position,
+    /// Further parameters by number: what a parameter file holds. Numbers that have a field above are taken from there.
+    pub parameters: BTreeMap<u16, f64>,
+    /// The tools.
+    pub tools: ToolTable,
+    /// Number of the tool in the spindle, 0: none.
+    pub tool_in_spindle: u32,
+    /// Whether lines that begin with `/` are left out.
+    pub block_delete: bool,
+    /// Path of the moves under cutter compensation.
+    pub compensated_path: CompensatedPath,
+    /// Whether X words are diameters at the start (G7).
+    pub diameter_mode: bool,
+    /// Spindles that the machine has, 1 to [`SPINDLES`].
+    pub spindles: u8,
+    /// Rotary axes that have no ends: absolute positions are reached the short way round, the sign tells the direction.
+    pub wrapped_rotary: [bool; AXES],
+    /// Greatest difference of the radii at start and end of an arc, mm; `None`: LinuxCNC's for the unit in force.
+    pub arc_radius_tolerance_mm: Option<f64>,
+    /// How far G73 backs off, mm; `None`: 0.254 mm.
+    pub chip_breaking_clearance_mm: Option<f64>,
+    /// How far above the last depth G83 begins to feed again, mm; `None`: 0.254 mm.
+    pub peck_clearance_mm: Option<f64>,
+    /// Added to the angles of M19, degrees.
+    pub orient_offset_degrees: f64,
+    /// Folders in which subroutines with files of their own are looked for, in this order.
+    pub subroutine_folders: Vec<PathBuf>,
+    /// Codes of M100 to M199 that can be run; `None`: all, for those who only look at a program.
+    pub user_codes: Option<Vec<u8>>,
+    /// Codes that call subroutines.
+    pub remaps: Vec<Remap>,
+    /// Values of `#<_ini[section]key>`, by `section` and `key` in lower case.
+    pub ini_values: BTreeMap<(String, String), f64>,
+}
+
+impl Default for Settings {
+    /// Everything at zero, G54, G21, G64 without tolerance, no block delete.
+    fn default() -> Settings {
+        Settings {
+            start: Position::ZERO,
+            work_offsets: [Position::ZERO; 9],
+            work_rotations_degrees: [0.0; 9],
+            work_system: 1,
+            g92_offset: Position::ZERO,
+            g92_active: false,
+            path_mode: PathMode::Continuous {
+                tolerance_mm: None,
+                naive_cam_tolerance_mm: None,
+            },
+            length_unit: LengthUnit::Millimetre,
+            machine_unit: LengthUnit::Millimetre,
+            g28: Position::ZERO,
+            g30: Position::ZERO,
+            parameters: BTreeMap::new(),
+            tools: ToolTable::default(),
+            tool_in_spindle: 0,
+            block_delete: false,
+            compensated_path: CompensatedPath::default(),
+            diameter_mode: false,
+            spindles: SPINDLES as u8,
+            wrapped_rotary: [false; AXES],
+            arc_radius_tolerance_mm: None,
+            chip_breaking_clearance_mm: None,
+            peck_clearance_mm: None,
+            orient_offset_degrees: 0.0,
+            subroutine_folders: Vec::new(),
+            user_codes: None,
+            remaps: Vec::new(),
+            ini_values: BTreeMap::new(),
+        }
+    }
+}

@@ -1,0 +1,276 @@
+//! Everything that lasts from line to line.
+//!
+//! Lengths are mm in work coordinates unless a name says otherwise; `machine = rotate_xy(work + g92) + g5x + tool`.
+
+use crate::code::{Distance, FeedUnit, Motion, Retract};
+use crate::execute::CycleWords;
+use crate::parameter::Parameters;
+use crate::{Settings, ToolTable};
+use motion::canon::{
+    Axis, Cutter, Input, LengthUnit, PathMode, Plane, Position, ProbeMode, SPINDLES, SpindleDirection, SpindleMode, WaitMode,
+};
+
+/// Where the work coordinates lie in the machine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Offsets {
+    /// 1 for G54 to 9 for G59.3.
+    pub(crate) system: u8,
+    /// Origin of the active system, machine coordinates.
+    pub(crate) g5x: Position,
+    /// Rotation of the active system about Z, degrees.
+    pub(crate) rotation_degrees: f64,
+    /// G92 and G52, if in effect.
+    pub(crate) g92: Position,
+    /// G43.
+    pub(crate) tool: Position,
+}
+
+/// Turns X and Y counter-clockwise.
+fn turned(mut point: Position, degrees: f64) -> Position {
+    if degrees != 0.0 {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let (x, y) = (point[Axis::X], point[Axis::Y]);
+        point[Axis::X] = x * cos - y * sin;
+        point[Axis::Y] = x * sin + y * cos;
+    }
+    point
+}
+
+/// Sum of two positions.
+pub(crate) fn plus(a: Position, b: Position) -> Position {
+    Position(std::array::from_fn(|axis| a.0[axis] + b.0[axis]))
+}
+
+/// Difference of two positions.
+pub(crate) fn minus(a: Position, b: Position) -> Position {
+    Position(std::array::from_fn(|axis| a.0[axis] - b.0[axis]))
+}
+
+impl Offsets {
+    /// Machine coordinates of a point in work coordinates.
+    pub(crate) fn machine(&self, work: Position) -> Position {
+        let turned = turned(plus(work, self.g92), self.rotation_degrees);
+        plus(plus(turned, self.g5x), self.tool)
+    }
+
+    /// Work coordinates of a point in machine coordinates.
+    pub(crate) fn work(&self, machine: Position) -> Position {
+        let turned = turned(minus(minus(machine, self.tool), self.g5x), -self.rotation_degrees);
+        minus(turned, self.g92)
+    }
+}
+
+/// One spindle as the program set it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Spindle {
+    pub(crate) turning: Option<SpindleDirection>,
+    /// Number of the S word: revolutions per minute or, with constant surface speed, length units per minute.
+    pub(crate) speed: f64,
+    pub(crate) mode: SpindleMode,
+}
+
+/// Which overrides act.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Overrides {
+    pub(crate) feed: bool,
+    pub(crate) speed: [bool; SPINDLES],
+    pub(crate) adaptive: bool,
+    pub(crate) hold: bool,
+}
+
+/// What M70 saves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Modal {
+    /// `None`: G80.
+    pub(crate) motion: Option<Motion>,
+    pub(crate) plane: Plane,
+    pub(crate) distance: Distance,
+    pub(crate) arc_distance: Distance,
+    pub(crate) feed_unit: FeedUnit,
+    /// Number of the F word, length units (or degrees) per minute or turn; 0: none.
+    pub(crate) feed: f64,
+    pub(crate) unit: LengthUnit,
+    pub(crate) path_mode: PathMode,
+    pub(crate) retract: Retract,
+    /// G7: X words are diameters.
+    pub(crate) diameter: bool,
+    pub(crate) overrides: Overrides,
+    pub(crate) spindles: [Spindle; SPINDLES],
+    pub(crate) mist: bool,
+    pub(crate) flood: bool,
+}
+
+/// The tool and its neighbours.
+#[derive(Clone, Debug)]
+pub(crate) struct Tools {
+    pub(crate) table: ToolTable,
+    /// Number of the tool in the spindle, 0: none.
+    pub(crate) in_spindle: u32,
+    /// Pocket of the tool in the spindle, 0: none.
+    pub(crate) pocket: u32,
+    /// Number of the T word; `None`: there was none.
+    pub(crate) selected: Option<u32>,
+}
+
+/// Something that only the machine knows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Question {
+    /// How a probing move ended.
+    Probe {
+        from: Position,
+        to: Position,
+        mode: ProbeMode,
+    },
+    /// What M66 read.
+    Input {
+        input: Input,
+        mode: WaitMode,
+        timeout_s: f64,
+    },
+    /// Which tool M6 brought.
+    Tool { tool: u32 },
+}
+
+/// A NURBS that is being read.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Nurbs {
+    pub(crate) order: u32,
+    /// Control points on the first and second axis of the plane, mm, each with its weight.
+    pub(crate) points: Vec<([f64; 2], f64)>,
+}
+
+/// A state that M70 or M73 saved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Saved {
+    pub(crate) modal: Modal,
+    pub(crate) compensated: bool,
+    /// Level of calls in which it was saved.
+    pub(crate) level: u32,
+    /// M73: the return from the subroutine restores it.
+    pub(crate) on_return: bool,
+}
+
+/// Everything that lasts from line to line.
+#[derive(Clone, Debug)]
+pub(crate) struct State {
+    pub(crate) settings: Settings,
+    /// The current point.
+    pub(crate) at: Position,
+    pub(crate) offsets: Offsets,
+    pub(crate) modal: Modal,
+    pub(crate) tools: Tools,
+    /// Radius compensation that is on.
+    pub(crate) cutter: Option<Cutter>,
+    /// Whether its diameter was on the line (G41.1, G42.1).
+    pub(crate) cutter_dynamic: bool,
+    /// A G40 was run and no move since.
+    pub(crate) cutter_ended: bool,
+    pub(crate) parameters: Parameters,
+    /// What the machine is asked before the next line is read.
+    pub(crate) question: Option<Question>,
+    /// Control points of a NURBS since its G5.2.
+    pub(crate) nurbs: Option<Nurbs>,
+    /// States that M70 and M73 saved, the newest last, each with the level of calls it belongs to.
+    pub(crate) saved: Vec<Saved>,
+    /// What the words of a canned cycle said on the lines before.
+    pub(crate) cycle: CycleWords,
+    /// A feed was set and then cleared by a change of the feed mode.
+    pub(crate) feed_cleared: bool,
+    /// Number of the line that is being run.
+    pub(crate) line: u32,
+    /// Subroutine calls under way.
+    pub(crate) call_level: u32,
+    /// Calls of remapped codes under way.
+    pub(crate) remap_level: u32,
+}
+
+impl State {
+    pub(crate) fn new(settings: Settings) -> State {
+        let parameters = Parameters::new(&settings);
+        let system = settings.work_system.clamp(1, 9);
+        let index = usize::from(system) - 1;
+        let g92 = if settings.g92_active {
+            settings.g92_offset
+        } else {
+            Position::ZERO
+        };
+        let offsets = Offsets {
+            system,
+            g5x: settings.work_offsets[index],
+            rotation_degrees: settings.work_rotations_degrees[index],
+            g92,
+            tool: Position::ZERO,
+        };
+        let at = offsets.work(settings.start);
+        let pocket = settings.tools.by_number(settings.tool_in_spindle).map_or(0, |tool| tool.pocket);
+        State {
+            at,
+            offsets,
+            modal: Modal {
+                motion: None,
+                plane: Plane::Xy,
+                distance: Distance::Absolute,
+                arc_distance: Distance::Incremental,
+                feed_unit: FeedUnit::UnitsPerMinute,
+                feed: 0.0,
+                unit: settings.length_unit,
+                path_mode: settings.path_mode,
+                retract: Retract::OldZ,
+                diameter: settings.diameter_mode,
+                overrides: Overrides {
+                    feed: true,
+                    speed: [true; SPINDLES],
+                    adaptive: false,
+                    hold: true,
+                },
+                spindles: [Spindle {
+                    turning: None,
+                    speed: 0.0,
+                    mode: SpindleMode::Rpm,
+                }; SPINDLES],
+                mist: false,
+                flood: false,
+            },
+            tools: Tools {
+                table: settings.tools.clone(),
+                in_spindle: settings.tool_in_spindle,
+                pocket,
+                selected: None,
+            },
+            cutter: None,
+            cutter_dynamic: false,
+            cutter_ended: false,
+            parameters,
+            question: None,
+            nurbs: None,
+            saved: Vec::new(),
+            cycle: CycleWords::default(),
+            feed_cleared: false,
+            line: 0,
+            call_level: 0,
+            remap_level: 0,
+            settings,
+        }
+    }
+
+    /// The current point in machine coordinates.
+    pub(crate) fn machine(&self) -> Position {
+        self.offsets.machine(self.at)
+    }
+
+    /// Changes where the work coordinates lie; the axes stay where they are.
+    pub(crate) fn set_offsets(&mut self, offsets: Offsets) {
+        let machine = self.machine();
+        self.offsets = offsets;
+        self.at = offsets.work(machine);
+    }
+
+    /// Millimetres of a program length, or degrees as they are.
+    pub(crate) fn length(&self, axis: Axis, number: f64) -> f64 {
+        if axis.is_rotary() {
+            number
+        } else {
+            number * self.modal.unit.mm()
+        }
+    }
+}
