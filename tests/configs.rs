@@ -120,10 +120,7 @@ fn run(program: &Path) -> (Vec<Event>, f64) {
     let name = program.display();
     let text = std::fs::read(program).unwrap();
     let errors = gcode::check(&text, of_gcode.clone());
-    let shown: Vec<String> = errors
-        .iter()
-        .map(|error| error.render(&name.to_string(), &text))
-        .collect();
+    let shown: Vec<String> = errors.iter().map(|error| error.render(&name.to_string())).collect();
     assert!(shown.is_empty(), "{}", shown.join("\n"));
     let events: Result<Vec<Event>, _> = Interpreter::new(of_gcode).run(&text).collect();
     let events = events.unwrap();

@@ -58,11 +58,34 @@ pub(crate) enum Remark {
     Semicolon(Span),
 }
 
+/// An N-word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct LineNumber {
+    /// Its whole part.
+    pub(crate) whole: u32,
+    /// Digits of that as written.
+    pub(crate) digits: u8,
+}
+
+impl LineNumber {
+    /// Reads what stands behind the N.
+    pub(crate) fn read(cursor: &mut Cursor<'_>) -> Result<LineNumber, Fault> {
+        let start = cursor.at;
+        let number = cursor.unsigned()?;
+        let written = &cursor.line[start..cursor.at];
+        let whole = written.split(|octet| *octet == b'.').next().unwrap_or_default();
+        let digits = whole.iter().filter(|octet| octet.is_ascii_digit()).count();
+        Ok(LineNumber {
+            whole: number as u32, // saturates: it is only shown
+            digits: digits as u8,
+        })
+    }
+}
+
 /// One line of a program that is no O-word line.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Block {
-    /// Whole part of the N-word.
-    pub(crate) n: Option<u32>,
+    pub(crate) n: Option<LineNumber>,
     pub(crate) remark: Option<Remark>,
     pub(crate) codes: Codes,
     pub(crate) assignments: Vec<Assignment>,
@@ -172,7 +195,7 @@ impl Block {
                     Ok(())
                 }
                 Ok(Item::Parameter) => self.assignment(&mut cursor, values),
-                Ok(Item::Letter(b'N')) if first => cursor.unsigned().map(|number| self.n = Some(number as u32)),
+                Ok(Item::Letter(b'N')) if first => LineNumber::read(&mut cursor).map(|number| self.n = Some(number)),
                 Ok(Item::Letter(b'N')) => Err((cursor.span(), ErrorKind::MisplacedLineNumber)),
                 Ok(Item::Letter(letter)) => match cursor.value(values) {
                     Ok(value) => self.word(letter, value, cursor.span()),

@@ -3,7 +3,6 @@
 //! In:  from every step of the interpretation.
 //! Out: to the operator: one line by `Display`, or with the text of the program around it by [`Error::render`].
 
-use crate::scan::is_continuation;
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 use std::fmt;
 use std::ops::Range;
@@ -11,18 +10,38 @@ use std::ops::Range;
 /// A mistake in a part program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Error {
+    /// File of the subroutine in which it is; empty: the program itself.
+    pub file: String,
     /// Line, counted from 1.
     pub line: u32,
     /// Character in the line, counted from 1.
     pub column: u32,
-    /// Octets of the text that are wrong.
+    /// The line, without its end.
+    pub text: String,
+    /// Octets of `text` that are wrong.
     pub span: Range<usize>,
     /// What is wrong.
     pub kind: ErrorKind,
+    /// Subroutine calls that led there, the last one first.
+    pub calls: Vec<CallSite>,
+}
+
+/// A call of a subroutine under way.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CallSite {
+    /// Label of the subroutine.
+    pub subroutine: String,
+    /// File with the call; empty: the program itself.
+    pub file: String,
+    /// Line with the call, counted from 1.
+    pub line: u32,
 }
 
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !self.file.is_empty() {
+            write!(f, "{}:", self.file)?;
+        }
         write!(f, "{}:{}: {}", self.line, self.column, self.kind)
     }
 }
@@ -30,43 +49,49 @@ impl fmt::Display for Error {
 impl std::error::Error for Error {}
 
 impl Error {
-    /// An error at `span` of `text`, in the line that starts at octet `line_start`.
-    pub(crate) fn at(text: &[u8], line: u32, line_start: usize, span: Range<usize>, kind: ErrorKind) -> Error {
-        let before = &text[line_start..span.start];
-        let column = 1 + before.iter().filter(|octet| !is_continuation(**octet)).count() as u32;
+    /// An error at `span` of a line.
+    pub(crate) fn at(file: &str, line: u32, octets: &[u8], span: Range<usize>, kind: ErrorKind) -> Error {
+        // Octets that are no UTF-8 grow when shown, so places are counted in what is shown.
+        let shown = |octets: &[u8]| String::from_utf8_lossy(octets).replace('\r', " ");
+        let end = span.end.min(octets.len());
+        let start = span.start.min(end);
+        let before = shown(&octets[..start]);
+        let marked = shown(&octets[start..end]);
+        let column = 1 + before.chars().count() as u32;
+        let span = before.len()..before.len() + marked.len();
         Error {
+            file: file.into(),
             line,
             column,
+            text: format!("{before}{marked}{}", shown(&octets[end..])),
             span,
             kind,
+            calls: Vec::new(),
         }
     }
 
     /// The message with the line of the program and a mark under what is wrong; plain text of several lines.
     ///
-    /// `text` is the program that was interpreted, `path` its name. Only the line of the error is copied.
-    pub fn render(&self, path: &str, text: &[u8]) -> String {
-        let start = self.span.start.min(text.len());
-        let line_start = text[..start]
-            .iter()
-            .rposition(|octet| *octet == b'\n')
-            .map_or(0, |at| at + 1);
-        let rest = text[start..].split(|octet| *octet == b'\n').next().unwrap_or_default();
-        let line_end = start + rest.strip_suffix(b"\r").unwrap_or(rest).len();
-        let end = self.span.end.clamp(start, line_end);
-        let shown = |octets: &[u8]| String::from_utf8_lossy(octets).replace('\r', " ");
-        // Octets that are no UTF-8 grow when shown, so places are counted in what is shown.
-        let before = shown(&text[line_start..start]);
-        let marked = shown(&text[start..end]);
-        let line = format!("{before}{marked}{}", shown(&text[end..line_end]));
-        let mark = before.len()..before.len() + marked.len();
+    /// `path`: name of the program.
+    pub fn render(&self, path: &str) -> String {
+        let name = |file: &str| if file.is_empty() { path } else { file }.to_string();
+        let file = name(&self.file);
         let title = self.kind.to_string();
-        let snippet = Snippet::source(line.as_str())
-            .path(path)
+        let snippet = Snippet::source(self.text.as_str())
+            .path(file.as_str())
             .line_start(self.line as usize)
-            .annotation(AnnotationKind::Primary.span(mark));
+            .annotation(AnnotationKind::Primary.span(self.span.clone()));
         let report = [Level::ERROR.primary_title(title.as_str()).element(snippet)];
-        Renderer::plain().render(&report)
+        let mut shown = Renderer::plain().render(&report);
+        for call in &self.calls {
+            shown += &format!(
+                "\n  in {}, called at {}:{}",
+                call.subroutine,
+                name(&call.file),
+                call.line
+            );
+        }
+        shown
     }
 }
 
@@ -384,6 +409,121 @@ pub enum ErrorKind {
     /// Incremental polar coordinates where there is no direction.
     #[error("incremental polar coordinates need a direction: the current point is the origin of X and Y")]
     PolarAtOrigin,
+    /// The number of an O-word.
+    #[error("O{value} is no label: its number must be an integer from 0 on")]
+    LabelNotInteger {
+        /// The number that came.
+        value: f64,
+    },
+    /// A word behind an O-label that is none of its keywords.
+    #[error("{word} is no O-word: there are sub endsub call return if elseif else endif while endwhile do repeat endrepeat break continue{}", named_word_hint(.nearest))]
+    UnknownKeyword {
+        /// The word, lower case.
+        word: String,
+        /// The one that was probably meant.
+        nearest: Option<String>,
+    },
+    /// More arguments than an O-word takes.
+    #[error("{keyword} takes {most} values in brackets at most")]
+    TooManyArguments {
+        /// The O-word.
+        keyword: String,
+        /// The limit.
+        most: usize,
+    },
+    /// A condition or count is missing.
+    #[error("{keyword} needs a value in brackets behind it: {keyword} [...]")]
+    ConditionMissing {
+        /// The O-word.
+        keyword: String,
+    },
+    /// Something else on an O-word line.
+    #[error("an O-word stands alone on its line: write this on the next one")]
+    WordBehindOWord,
+    /// The line that ends a block or another part of it is missing.
+    #[error("{label} {keyword} has no {expected} behind it in this file")]
+    BlockNotClosed {
+        /// The label.
+        label: String,
+        /// What was opened.
+        keyword: String,
+        /// What would close it.
+        expected: String,
+    },
+    /// A part of a block that was not begun.
+    #[error("{label} {keyword} without {label} {opener} before it")]
+    BlockNotOpen {
+        /// The label.
+        label: String,
+        /// What stands there.
+        keyword: String,
+        /// What would have to stand before it.
+        opener: &'static str,
+    },
+    /// A label twice.
+    #[error("{label} is already the label of line {line}: each block needs its own")]
+    DuplicateLabel {
+        /// The label.
+        label: String,
+        /// Where it was first.
+        line: u32,
+    },
+    /// A subroutine in a subroutine.
+    #[error("{label} sub stands inside the subroutine {outer}: define it before or behind")]
+    NestedSubroutine {
+        /// The label.
+        label: String,
+        /// The subroutine around.
+        outer: String,
+    },
+    /// A subroutine that is neither in the file nor on the search path.
+    #[error("subroutine {label} is not found: it is neither in this file nor as {file} in {folders}")]
+    NoSuchSubroutine {
+        /// The label.
+        label: String,
+        /// The file that was looked for.
+        file: String,
+        /// Where.
+        folders: String,
+    },
+    /// A file of a subroutine that defines something else.
+    #[error("the file begins with no {label} sub: a subroutine in a file of its own has the file's name")]
+    SubroutineMissing {
+        /// The label.
+        label: String,
+    },
+    /// Too many subroutine calls within each other.
+    #[error("{label} is the {depth}th call within calls: at most {depth_max} are allowed")]
+    CallsTooDeep {
+        /// The label.
+        label: String,
+        /// How deep it would be.
+        depth: usize,
+        /// The limit.
+        depth_max: usize,
+    },
+    /// A return in the main program.
+    #[error("{label} {keyword} outside a subroutine")]
+    NoSubroutine {
+        /// The label.
+        label: String,
+        /// What stands there.
+        keyword: String,
+    },
+    /// The file cannot be read.
+    #[error("the file cannot be read: {reason}")]
+    NotReadable {
+        /// What the system says.
+        reason: String,
+    },
+    /// A check was stopped.
+    #[error(
+        "the program was still running after {steps} lines: a loop that never ends? A greater budget checks more of it"
+    )]
+    TooManySteps {
+        /// Lines that were run.
+        steps: u64,
+    },
     /// G53 with anything but G0 and G1.
     #[error("G53 needs a G0 or G1 move on its line")]
     MachineCoordinatesNeedStraight,
@@ -476,6 +616,13 @@ pub enum ErrorKind {
     /// The text cannot be told by [`motion::canon::Source`].
     #[error("the program is longer than 4 GiB: split it")]
     ProgramTooLong,
+}
+
+/// ": did you mean endif?"
+fn named_word_hint(nearest: &Option<String>) -> String {
+    nearest
+        .as_ref()
+        .map_or_else(String::new, |word| format!(": did you mean {word}?"))
 }
 
 fn percent_hint(character: char) -> &'static str {

@@ -1,59 +1,32 @@
-//! A whole text, line by line.
+//! A whole program, line by line.
 //!
-//! In:  program text and [`Settings`].
-//! Out: [`Event`]s one by one, or the first error ([`Interpreter::run`]); all errors ([`check`]).
+//! In:  program text, [`Settings`], and a [`Machine`] that answers.
+//! Out: [`Event`]s one by one, or the first error.
 //!
-//! Reads a line when the calls of the one before are used up, so memory does not grow with the program.
+//! Reads a line when the calls of the one before are used up, so memory does not grow with the program. What O-words do
+//! is in `control`, all errors of a text at once in `check`.
 
-use crate::block::{Block, Faults};
-use crate::error::{Error, ErrorKind};
-use crate::execute::{Executor, Flow};
-use crate::modal::Stop;
-use crate::scan::{LINE_MAX, is_blank};
-use motion::canon::{Call, Event, LengthUnit, PathMode, Position, Source};
-use std::collections::VecDeque;
+use crate::Settings;
+use crate::block::{Block, Faults, LineNumber};
+use crate::error::{CallSite, Error, ErrorKind};
+use crate::execute::{Calls, Flow};
+use crate::flow::{Level, LevelKind, Place, Search};
+use crate::machine::{Machine, NoMachine};
+use crate::o_word::Label;
+use crate::parameter::ARGUMENTS;
+use crate::scan::{Fault, LINE_MAX, Span, is_blank, is_empty};
+use crate::state::State;
+use crate::text::Text;
+use motion::canon::{Event, Source};
+use std::collections::HashMap;
+use std::io::{Cursor, Read, Seek};
 
-/// What the machine remembers from before the program.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Settings {
-    /// Where the axes stand, machine coordinates.
-    pub start: Position,
-    /// Origins of G54 (index 0) to G59.3 (index 8), machine coordinates.
-    pub work_offsets: [Position; 9],
-    /// Work system that is active at the start: 1 for G54 to 9 for G59.3; beyond, the nearest of them.
-    pub work_system: u8,
-    /// Path mode at the start.
-    pub path_mode: PathMode,
-    /// Unit at the start.
-    pub length_unit: LengthUnit,
-    /// Stored point of G28, machine coordinates.
-    pub g28: Position,
-    /// Stored point of G30, machine coordinates.
-    pub g30: Position,
-    /// Whether lines that begin with `/` are left out.
-    pub block_delete: bool,
-}
+/// Text that can be read from any place.
+pub trait ReadSeek: Read + Seek + Send {}
 
-impl Default for Settings {
-    /// Everything at zero, G54, G21, G64 without tolerance, no block delete.
-    fn default() -> Settings {
-        Settings {
-            start: Position::ZERO,
-            work_offsets: [Position::ZERO; 9],
-            work_system: 1,
-            path_mode: PathMode::Continuous {
-                tolerance_mm: None,
-                naive_cam_tolerance_mm: None,
-            },
-            length_unit: LengthUnit::Millimetre,
-            g28: Position::ZERO,
-            g30: Position::ZERO,
-            block_delete: false,
-        }
-    }
-}
+impl<T: Read + Seek + Send> ReadSeek for T {}
 
-/// How the end of the program is marked.
+/// How the end of a file is marked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Delimiter {
     /// No line with text has been read.
@@ -64,206 +37,343 @@ enum Delimiter {
     Percent,
 }
 
-/// The state of one run through a program.
-///
-/// The first calls tell unit, active work system, plane and path mode; their [`Source`] has line 0. Not told, as they
-/// are always the same at the start: no G92 offset, no rotation, no tool length offset; and no feed is set.
-#[derive(Clone, Debug)]
-pub struct Interpreter {
-    executor: Executor,
+/// The program or the file of a subroutine.
+pub(crate) struct File<'t> {
+    /// Empty: the program itself.
+    pub(crate) name: String,
+    pub(crate) text: Text<Box<dyn ReadSeek + 't>>,
     delimiter: Delimiter,
-    /// Next octet to read.
-    offset: usize,
-    /// Number and first octet of the line read last.
-    line: u32,
-    line_start: usize,
-    ended: bool,
-    /// Calls of the line read last that have not been handed out.
-    calls: VecDeque<Call>,
-    source: Source,
-    /// Kept for their memory.
-    block: Block,
-    faults: Faults,
-    errors: Vec<Error>,
+}
+
+impl<'t> File<'t> {
+    pub(crate) fn new(name: String, text: Box<dyn ReadSeek + 't>) -> File<'t> {
+        File {
+            name,
+            text: Text::new(text),
+            delimiter: Delimiter::Unknown,
+        }
+    }
+}
+
+/// An interpreter before the first line of a program.
+pub struct Interpreter {
+    state: State,
+    machine: Box<dyn Machine + Send>,
 }
 
 impl Interpreter {
-    /// An interpreter before the first line of a program.
+    /// An interpreter that asks no machine.
     pub fn new(settings: Settings) -> Interpreter {
-        let executor = Executor::new(settings);
-        let mut calls = VecDeque::new();
-        executor.start(&mut calls);
         Interpreter {
-            executor,
-            delimiter: Delimiter::Unknown,
-            offset: 0,
-            line: 0,
-            line_start: 0,
-            ended: false,
-            calls,
+            state: State::new(settings),
+            machine: Box::new(NoMachine),
+        }
+    }
+
+    /// The same, asking this machine.
+    pub fn with_machine(self, machine: impl Machine + Send + 'static) -> Interpreter {
+        Interpreter {
+            machine: Box::new(machine),
+            ..self
+        }
+    }
+
+    /// The events of a program in memory, lazily.
+    pub fn run(self, text: &[u8]) -> Run<'_> {
+        self.run_reader(Cursor::new(text))
+    }
+
+    /// The events of a program of any length, lazily; a small part of it is in memory at any time.
+    pub fn run_reader<'t>(self, text: impl ReadSeek + 't) -> Run<'t> {
+        let mut run = Run {
+            machine: self.machine,
+            files: vec![File::new(String::new(), Box::new(text))],
+            file: 0,
+            levels: vec![Level::new(None, LevelKind::Program, None, [0.0; ARGUMENTS])],
+            subroutines: HashMap::new(),
+            search: None,
+            targets: HashMap::new(),
+            calls: Calls::new(),
             source: Source::default(),
+            ended: false,
+            steps: 0,
+            steps_max: u64::MAX,
+            line: Vec::new(),
             block: Block::default(),
             faults: Faults::new(),
             errors: Vec::new(),
+            state: self.state,
+        };
+        run.state.start(&mut run.calls);
+        run
+    }
+}
+
+/// The events of a program; made by [`Interpreter::run`].
+///
+/// The first events tell units, offsets, plane and path mode; their [`Source`] has line 0. The iterator ends after M2,
+/// M30, the closing `%` or the first error; a line with an error has no effect.
+pub struct Run<'t> {
+    pub(crate) state: State,
+    machine: Box<dyn Machine + Send>,
+    pub(crate) files: Vec<File<'t>>,
+    /// The file that is being read.
+    pub(crate) file: usize,
+    /// The program and the subroutines under way, the last called one last.
+    pub(crate) levels: Vec<Level>,
+    /// Where the first line of each known subroutine is.
+    pub(crate) subroutines: HashMap<Label, Place>,
+    /// Lines are passed over until this is found.
+    pub(crate) search: Option<Search>,
+    /// Where a search from a line ended before.
+    pub(crate) targets: HashMap<(usize, u32), Place>,
+    /// Calls of the line read last that have not been handed out.
+    pub(crate) calls: Calls,
+    source: Source,
+    pub(crate) ended: bool,
+    /// Lines that were read.
+    steps: u64,
+    steps_max: u64,
+    /// Kept for their memory.
+    line: Vec<u8>,
+    block: Block,
+    faults: Faults,
+    pub(crate) errors: Vec<Error>,
+}
+
+impl Run<'_> {
+    /// Stops with an error after so many lines, those of loops counted each time: for programs that may never end.
+    pub fn limit_steps(mut self, steps: u64) -> Self {
+        self.steps_max = steps;
+        self
+    }
+
+    /// The program's parameters, offsets, tool and modes as they are behind the last event.
+    pub fn snapshot(&self) -> Settings {
+        self.state.snapshot()
+    }
+
+    /// Reads and runs one line: fills `calls`, or `errors`.
+    #[inline]
+    pub(crate) fn step(&mut self) {
+        if self.state.question.is_some()
+            && let Err(kind) = self.state.settle(&mut *self.machine)
+        {
+            return self.fail(Span::default(), kind);
+        }
+        self.steps += 1;
+        if self.steps > self.steps_max {
+            self.ended = true;
+            let steps = self.steps_max;
+            return self.fail(Span::default(), ErrorKind::TooManySteps { steps });
+        }
+        let file = &mut self.files[self.file];
+        let line = match file.text.next_line() {
+            Ok(Some(line)) => line,
+            Ok(None) => return self.end_of_text(),
+            Err(error) => {
+                self.ended = true;
+                let reason = error.to_string();
+                return self.fail(Span::default(), ErrorKind::NotReadable { reason });
+            }
+        };
+        let octets = file.text.octets();
+        self.source = Source {
+            file: self.file as u16,
+            line: line.number,
+            n: None,
+            n_digits: 0,
+            start: line.offset as u32,
+            end: line.offset.saturating_add(line.length) as u32,
+        };
+        if line.length > LINE_MAX as u64 {
+            let length = line.length as usize;
+            let kind = ErrorKind::LineTooLong { length, max: LINE_MAX };
+            return self.fail(Span::new(LINE_MAX - 1, LINE_MAX), kind);
+        }
+        if line.offset + line.length > u64::from(u32::MAX) {
+            self.ended = true;
+            return self.fail(Span::default(), ErrorKind::ProgramTooLong);
+        }
+        let Some(first) = octets.iter().position(|octet| !is_blank(*octet)) else {
+            return;
+        };
+        match octets[first] {
+            b'%' if is_empty(&octets[first + 1..]) => match file.delimiter {
+                Delimiter::Unknown => return file.delimiter = Delimiter::Percent,
+                Delimiter::Percent => return self.end_by_percent(),
+                Delimiter::ProgramEnd => {} // refused as any other octet that means nothing
+            },
+            b'/' if self.state.settings.block_delete => return,
+            _ => {}
+        }
+        if file.delimiter == Delimiter::Unknown {
+            file.delimiter = Delimiter::ProgramEnd;
+        }
+        if self.search.is_some() {
+            return self.pass_over();
+        }
+        if may_be_o_word(octets[first]) && crate::o_word::start(octets).is_some() {
+            return self.o_line();
+        }
+        self.run_block();
+    }
+
+    fn run_block(&mut self) {
+        let octets = self.files[self.file].text.octets();
+        self.faults.clear();
+        self.state.line = self.source.line;
+        self.block.read(octets, &self.state, &mut self.faults);
+        number_source(&mut self.source, self.block.n);
+        if !self.faults.is_empty() {
+            return self.fail_all();
+        }
+        match self.state.execute(&self.block, octets, &mut self.calls) {
+            Ok(Flow::On) => {}
+            Ok(Flow::End) => self.ended = true,
+            Ok(Flow::Call { program, times }) => self.call_program(program, times),
+            Ok(Flow::Return) => self.return_by_m99(),
+            Err((span, kind)) => self.fail(span, kind),
         }
     }
 
-    /// The events of a program, lazily. Ends after M2, M30, the closing `%` or the first error; a block with an error
-    /// has no effect.
-    pub fn run(self, text: &[u8]) -> Run<'_> {
-        Run {
-            interpreter: self,
-            text,
+    fn o_line(&mut self) {
+        // Taken out of the buffer, as a call may read another file.
+        let mut line = std::mem::take(&mut self.line);
+        line.clear();
+        line.extend_from_slice(self.files[self.file].text.octets());
+        if let Some((cursor, n)) = crate::o_word::start(&line) {
+            number_source(&mut self.source, n);
+            self.state.line = self.source.line;
+            let result = crate::o_word::read(cursor, &self.state)
+                .and_then(|o_word| o_word.map_or(Ok(()), |o_word| self.o_word(&o_word)));
+            if let Err((span, kind)) = result {
+                self.fail(span, kind);
+            }
+        }
+        self.line = line;
+    }
+
+    /// The line read last is wrong.
+    #[cold]
+    pub(crate) fn fail(&mut self, span: Span, kind: ErrorKind) {
+        self.faults.clear();
+        self.faults.push((span, kind));
+        self.fail_all();
+    }
+
+    #[cold]
+    fn fail_all(&mut self) {
+        self.calls.clear();
+        let file = &self.files[self.file];
+        let octets = file.text.octets();
+        let sites: Vec<CallSite> = self
+            .levels
+            .iter()
+            .rev()
+            .filter_map(|level| self.call_site(level))
+            .collect();
+        let faults = std::mem::take(&mut self.faults);
+        for (span, kind) in faults {
+            let range = usize::from(span.start)..usize::from(span.end);
+            let mut error = Error::at(&file.name, self.source.line.max(1), octets, range, kind);
+            error.calls.clone_from(&sites);
+            self.errors.push(error);
         }
     }
 
-    /// The next event of `text`, for those who keep the text themselves; `text` must be the same at every call.
-    /// `None`: the program has ended.
-    pub fn next_event(&mut self, text: &[u8]) -> Option<Result<Event, Error>> {
+    fn call_site(&self, level: &Level) -> Option<CallSite> {
+        let back = level.back?;
+        Some(CallSite {
+            subroutine: level.label.as_ref()?.to_string(),
+            file: self.files[back.file].name.clone(),
+            line: back.line,
+        })
+    }
+
+    /// Where reading goes on, as far as this file is concerned.
+    pub(crate) fn place(&self) -> Place {
+        let (offset, line) = self.files[self.file].text.place();
+        Place {
+            file: self.file,
+            offset,
+            line,
+        }
+    }
+
+    /// Goes on reading there.
+    pub(crate) fn go_to(&mut self, place: Place) {
+        self.file = place.file;
+        self.files[place.file].text.seek(place.offset, place.line);
+    }
+
+    /// Place of the line read last.
+    pub(crate) fn source(&self) -> Source {
+        self.source
+    }
+
+    /// The closing `%`.
+    fn end_by_percent(&mut self) {
+        if self.search.is_some() || self.levels.len() > 1 {
+            return self.end_of_text();
+        }
+        self.ended = true;
+        self.calls.push_back(motion::canon::Call::Finish);
+    }
+
+    /// No line is left although the program has not ended.
+    fn end_of_text(&mut self) {
+        if let Some(search) = self.search.take() {
+            self.ended = true;
+            return self.search_failed(&search);
+        }
+        if self.levels.len() > 1 {
+            return self.end_of_subroutine();
+        }
+        self.ended = true;
+        let kind = match self.files[self.file].delimiter {
+            Delimiter::Unknown | Delimiter::ProgramEnd => ErrorKind::ProgramEndMissing,
+            Delimiter::Percent => ErrorKind::PercentMissing,
+        };
+        let end = self.files[self.file].text.octets().len().min(LINE_MAX);
+        self.fail(Span::new(end, end), kind);
+    }
+}
+
+#[inline]
+fn number_source(source: &mut Source, n: Option<LineNumber>) {
+    source.n = n.map(|n| n.whole);
+    source.n_digits = n.map_or(0, |n| n.digits);
+}
+
+/// Whether a line can begin like this and be an O-word.
+fn may_be_o_word(first: u8) -> bool {
+    matches!(first, b'o' | b'O' | b'n' | b'N' | b'/')
+}
+
+impl Iterator for Run<'_> {
+    type Item = Result<Event, Box<Error>>;
+
+    #[inline]
+    fn next(&mut self) -> Option<Self::Item> {
         loop {
             if let Some(call) = self.calls.pop_front() {
-                return Some(Ok(Event {
-                    source: self.source,
-                    call,
-                }));
+                let source = self.source;
+                return Some(Ok(Event { source, call }));
             }
             if self.ended {
                 return None;
             }
-            self.step(text);
+            self.step();
             if !self.errors.is_empty() {
                 self.ended = true;
-                self.calls.clear();
-                return Some(Err(self.errors.swap_remove(0)));
+                return Some(Err(Box::new(self.errors.swap_remove(0))));
             }
         }
-    }
-
-    /// Reads and runs one line: fills `calls`, or `errors`.
-    fn step(&mut self, text: &[u8]) {
-        if u32::try_from(text.len()).is_err() {
-            self.ended = true;
-            self.errors.push(Error::at(text, 1, 0, 0..0, ErrorKind::ProgramTooLong));
-            return;
-        }
-        let Some(rest) = text.get(self.offset..).filter(|rest| !rest.is_empty()) else {
-            return self.end_of_text(text);
-        };
-        self.line += 1;
-        self.line_start = self.offset;
-        let length = rest.iter().position(|octet| *octet == b'\n').unwrap_or(rest.len());
-        self.offset += (length + 1).min(rest.len());
-        let line = &rest[..length];
-        let line = line.strip_suffix(b"\r").unwrap_or(line);
-
-        let Some(first) = line.iter().position(|octet| !is_blank(*octet)) else {
-            return;
-        };
-        if line[first] == b'%' && line[first + 1..].iter().all(|octet| is_blank(*octet)) {
-            match self.delimiter {
-                Delimiter::Unknown => return self.delimiter = Delimiter::Percent,
-                Delimiter::Percent => return self.ended = true,
-                Delimiter::ProgramEnd => {} // refused as any other octet that means nothing
-            }
-        }
-        if self.delimiter == Delimiter::Unknown {
-            self.delimiter = Delimiter::ProgramEnd;
-        }
-        if line.len() > LINE_MAX {
-            let span = self.line_start + LINE_MAX..self.line_start + line.len();
-            let kind = ErrorKind::LineTooLong {
-                length: line.len(),
-                max: LINE_MAX,
-            };
-            self.errors
-                .push(Error::at(text, self.line, self.line_start, span, kind));
-            return;
-        }
-        if line[first] == b'/' && self.executor.block_delete() {
-            return;
-        }
-        self.run_line(text, line);
-    }
-
-    fn run_line(&mut self, text: &[u8], line: &[u8]) {
-        self.faults.clear();
-        self.block.read(line, &mut self.faults);
-        self.source = Source {
-            file: 0,
-            line: self.line,
-            n: self.block.n,
-            n_digits: line_number_digits(line),
-            start: self.line_start as u32, // the text is shorter than 4 GiB
-            end: (self.line_start + line.len()) as u32,
-        };
-        if self.faults.is_empty() {
-            match self.executor.execute(&self.block, line, &mut self.calls) {
-                Ok(Flow::On) => {}
-                Ok(Flow::End) => self.ended = true,
-                Err(fault) => self.faults.push(fault),
-            }
-        }
-        if !self.faults.is_empty() {
-            self.executor.recover(&self.block, &self.faults);
-            self.ended |= self.block.codes.stop.is_some_and(|coded| coded.value == Stop::End);
-        }
-        for (span, kind) in self.faults.drain(..) {
-            let span = self.line_start + usize::from(span.start)..self.line_start + usize::from(span.end);
-            self.errors
-                .push(Error::at(text, self.line, self.line_start, span, kind));
-        }
-    }
-
-    /// No line is left although the program has not ended.
-    fn end_of_text(&mut self, text: &[u8]) {
-        self.ended = true;
-        let kind = match self.delimiter {
-            Delimiter::Unknown | Delimiter::ProgramEnd => ErrorKind::ProgramEndMissing,
-            Delimiter::Percent => ErrorKind::PercentMissing,
-        };
-        let last_line = text[self.line_start..].trim_ascii_end().len();
-        let end = self.line_start + last_line;
-        self.errors
-            .push(Error::at(text, self.line.max(1), self.line_start, end..end, kind));
-    }
-}
-
-/// Digits behind the N at the start of a line, zeros in front counted; 0 without any.
-fn line_number_digits(line: &[u8]) -> u8 {
-    let start = line.iter().position(|octet| !is_blank(*octet) && *octet != b'/');
-    let Some((b'N' | b'n', rest)) = start.and_then(|start| line[start..].split_first()) else {
-        return 0;
-    };
-    let digits = rest.iter().take_while(|octet| octet.is_ascii_digit()).count();
-    u8::try_from(digits).unwrap_or(u8::MAX)
-}
-
-/// The events of a program; made by [`Interpreter::run`].
-#[derive(Clone, Debug)]
-pub struct Run<'t> {
-    interpreter: Interpreter,
-    text: &'t [u8],
-}
-
-impl Iterator for Run<'_> {
-    type Item = Result<Event, Error>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        self.interpreter.next_event(self.text)
     }
 }
 
 impl std::iter::FusedIterator for Run<'_> {}
 
-/// All errors of a program, in the order of its lines. A mistake is told once: the lines behind it are read as if it
-/// were mended.
-pub fn check(text: &[u8], settings: Settings) -> Vec<Error> {
-    let mut interpreter = Interpreter::new(settings);
-    let mut errors = Vec::new();
-    while !interpreter.ended {
-        interpreter.step(text);
-        interpreter.calls.clear();
-        errors.append(&mut interpreter.errors);
-    }
-    errors
-}
+/// A fault with its place, of what a line asks for.
+pub(crate) type Outcome = Result<(), Fault>;

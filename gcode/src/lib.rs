@@ -22,34 +22,40 @@
 //! assert_eq!(errors[0].to_string(), "1:1: G1 needs a feed: F is not set");
 //! ```
 
-mod arc;
 mod block;
-#[allow(dead_code, reason = "the block reader takes this over with the complete dialect")]
+mod check;
+mod code;
 mod comment;
+mod control;
 mod degrees;
 mod error;
 mod execute;
-#[allow(dead_code, reason = "the block reader takes this over with the complete dialect")]
 mod expression;
+mod flow;
 mod interpreter;
 mod lexer;
 mod located;
-mod modal;
+mod machine;
 mod near_miss;
 mod number;
+mod o_word;
 mod operator;
 pub mod parameter;
 mod print;
-#[allow(dead_code, reason = "the block reader takes this over with the complete dialect")]
 mod scan;
-#[allow(dead_code, reason = "the interpreter takes this over with the complete dialect")]
+mod settings;
+mod state;
+mod syntax;
 mod text;
 mod tool_table;
 
-pub use error::{Construct, Error, ErrorKind};
-pub use interpreter::{Interpreter, Run, Settings, check};
+pub use check::{CheckLimits, check, check_reader};
+pub use error::{CallSite, Error, ErrorKind};
+pub use interpreter::{Interpreter, ReadSeek, Run};
 pub use lexer::{Lexer, Word, Words};
 pub use located::Located;
+pub use machine::{Machine, NoMachine, Probed};
 pub use print::CanonPrinter;
 pub use scan::LINE_MAX;
+pub use settings::{CompensatedPath, Remap, Settings};
 pub use tool_table::{POCKET_MAX, SetToolError, TOOLS_MAX, TableError, TableErrorKind, Tool, ToolChanger, ToolTable};

@@ -54,7 +54,9 @@ const BACK_OFF_MM: f64 = 0.254;
 /// A point at that distance before `to` on the way from `from`.
 fn backed_off(from: Position, to: Position) -> Position {
     let main = [Axis::X, Axis::Y, Axis::Z];
-    let distance_mm = main.iter().fold(0.0, |sum: f64, axis| sum.hypot(from[*axis] - to[*axis]));
+    let distance_mm = main
+        .iter()
+        .fold(0.0, |sum: f64, axis| sum.hypot(from[*axis] - to[*axis]));
     let mut rest = to;
     if distance_mm > 0.0 {
         for axis in main {

@@ -4,10 +4,11 @@
 
 use crate::code::{Distance, FeedUnit, Motion, Retract};
 use crate::execute::CycleWords;
-use crate::parameter::Parameters;
+use crate::parameter::{self, Parameters};
 use crate::{Settings, ToolTable};
 use motion::canon::{
-    Axis, Cutter, Input, LengthUnit, PathMode, Plane, Position, ProbeMode, SPINDLES, SpindleDirection, SpindleMode, WaitMode,
+    Axis, Cutter, Input, LengthUnit, PathMode, Plane, Position, ProbeMode, SPINDLES, SpindleDirection, SpindleMode,
+    WaitMode,
 };
 
 /// Where the work coordinates lie in the machine.
@@ -202,7 +203,10 @@ impl State {
             tool: Position::ZERO,
         };
         let at = offsets.work(settings.start);
-        let pocket = settings.tools.by_number(settings.tool_in_spindle).map_or(0, |tool| tool.pocket);
+        let pocket = settings
+            .tools
+            .by_number(settings.tool_in_spindle)
+            .map_or(0, |tool| tool.pocket);
         State {
             at,
             offsets,
@@ -272,5 +276,48 @@ impl State {
         } else {
             number * self.modal.unit.mm()
         }
+    }
+}
+
+impl State {
+    /// A subroutine begins.
+    pub(crate) fn enter_call(&mut self) {
+        self.parameters.enter();
+        self.call_level += 1;
+    }
+
+    /// A subroutine ends.
+    pub(crate) fn leave_call(&mut self, _calls: &mut crate::execute::Calls) {
+        self.parameters.leave();
+        self.call_level = self.call_level.saturating_sub(1);
+    }
+
+    /// Settings with which a new program would go on from here.
+    pub(crate) fn snapshot(&self) -> Settings {
+        let unit = self.settings.machine_unit;
+        let parameters = &self.parameters;
+        let mut settings = self.settings.clone();
+        settings.start = self.machine();
+        for (system, (origin, degrees)) in (1..).zip(
+            settings
+                .work_offsets
+                .iter_mut()
+                .zip(&mut settings.work_rotations_degrees),
+        ) {
+            *origin = parameters.position(parameter::system_origin(system), unit);
+            *degrees = parameters.get(parameter::system_rotation(system));
+        }
+        settings.work_system = self.offsets.system;
+        settings.g92_offset = parameters.position(parameter::G92_OFFSET, unit);
+        settings.g92_active = parameters.get(parameter::G92_ACTIVE) != 0.0;
+        settings.g28 = parameters.position(parameter::G28_POINT, unit);
+        settings.g30 = parameters.position(parameter::G30_POINT, unit);
+        settings.length_unit = self.modal.unit;
+        settings.path_mode = self.modal.path_mode;
+        settings.diameter_mode = self.modal.diameter;
+        settings.parameters = parameters.kept().collect();
+        settings.tools = self.tools.table.clone();
+        settings.tool_in_spindle = self.tools.in_spindle;
+        settings
     }
 }

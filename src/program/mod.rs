@@ -52,7 +52,7 @@ pub struct Overview {
 pub fn check(config: &Config, path: &str, text: &[u8]) -> Result<Overview, ProgramErrors> {
     let errors = gcode::check(text, interpreter_settings(config, home(config)));
     if !errors.is_empty() {
-        let shown: Vec<String> = errors.iter().map(|error| error.render(path, text)).collect();
+        let shown: Vec<String> = errors.iter().map(|error| error.render(path)).collect();
         return Err(ProgramErrors {
             shown: shown.join("\n\n"),
             count: errors.len(),
@@ -182,7 +182,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
                 Some(Err(error)) => {
                     self.planner.finish();
                     self.ended = true;
-                    return Err(FeedError::Text(Box::new(error)));
+                    return Err(FeedError::Text(error));
                 }
                 None => {
                     self.planner.finish();

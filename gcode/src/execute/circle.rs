@@ -174,7 +174,7 @@ mod tests {
     fn the_radius_tolerance_grows_with_the_radius_up_to_a_hundredfold() {
         // 2 * sqrt(2) * 0.01 mm = 0.0283 mm; in inches 0.0028 inch = 0.0718 mm.
         let run = |radius: f64, difference: f64, unit| {
-            by_centre([radius, 0.0], [0.0, radius + difference], [0.0, 0.0], 1, unit).is_ok()
+            by_centre([radius, 0.0], [0.0, radius + difference], [0.0, 0.0], 1, unit, None).is_ok()
         };
         assert!(run(1.0, 0.028, MM) && !run(1.0, 0.029, MM));
         assert!(run(1.0, 0.071, LengthUnit::Inch) && !run(1.0, 0.072, LengthUnit::Inch));
@@ -212,7 +212,7 @@ mod tests {
             let signed = if sweep > std::f64::consts::PI { -radius } else { radius };
             let found = by_radius(start, end, signed, turns, MM).unwrap();
             prop_assert!(distance_mm(found.centre_mm, centre) < 1e-6, "{:?}", found);
-            let same = by_centre(start, end, centre, turns, MM).unwrap();
+            let same = by_centre(start, end, centre, turns, MM, None).unwrap();
             prop_assert!((length_mm(found, start, end) - length_mm(same, start, end)).abs() < 1e-6);
             prop_assert!((length_mm(same, start, end) - radius * sweep).abs() < 1e-9 * radius.max(1.0));
         }

@@ -108,9 +108,12 @@ impl State {
 
     fn inverse_time_feed(&self, block: &Block, length: PathLength, calls: &mut Calls) -> Result<(), Fault> {
         let motion = || self.motion_name(block);
-        let number = block
-            .word_value(b'F')
-            .ok_or_else(|| (motion_span(block), ErrorKind::InverseTimeFeedMissing { motion: motion() }))?;
+        let number = block.word_value(b'F').ok_or_else(|| {
+            (
+                motion_span(block),
+                ErrorKind::InverseTimeFeedMissing { motion: motion() },
+            )
+        })?;
         let mm = self.modal.unit.mm();
         let units = match length {
             PathLength::Mm(length) => length / mm,

@@ -274,17 +274,19 @@ impl State {
             Stop::Optional => calls.push_back(Call::OptionalProgramStop),
             Stop::Pallet => calls.extend([Call::PalletShuttle, Call::ProgramStop]),
             Stop::End => {
-                self.end(calls);
+                self.end_program(calls);
                 calls.extend([Call::ProgramEnd, Call::Reset, Call::Reset]);
                 return Ok(Flow::End);
             }
             Stop::PalletEnd => {
-                self.end(calls);
+                self.end_program(calls);
                 calls.extend([Call::PalletShuttle, Call::ProgramEnd, Call::Reset, Call::Reset]);
                 return Ok(Flow::End);
             }
             Stop::Call => {
-                let program = block.word_value(b'P').ok_or((code.span, ErrorKind::ProgramNumberMissing))?;
+                let program = block
+                    .word_value(b'P')
+                    .ok_or((code.span, ErrorKind::ProgramNumberMissing))?;
                 let integer = |letter: u8, value: f64| {
                     crate::code::integer_in(value, 0..=i64::from(u32::MAX))
                         .map(|integer| integer as u32)
@@ -306,7 +308,7 @@ impl State {
     }
 
     /// What M2 and M30 reset.
-    fn end(&mut self, calls: &mut Calls) {
+    fn end_program(&mut self, calls: &mut Calls) {
         let mut offsets = self.offsets;
         offsets.system = 1;
         self.load_system(&mut offsets);

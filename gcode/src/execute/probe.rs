@@ -2,11 +2,11 @@
 
 use super::{Calls, motion_span};
 use crate::block::Block;
-use crate::machine::Probed;
-use motion::canon::ProbeMode;
 use crate::error::ErrorKind;
+use crate::machine::Probed;
 use crate::scan::Fault;
 use crate::state::State;
+use motion::canon::ProbeMode;
 
 impl State {
     pub(super) fn probe(&mut self, _mode: ProbeMode, block: &Block, _calls: &mut Calls) -> Result<(), Fault> {
@@ -23,4 +23,3 @@ impl State {
         Err((motion_span(block), ErrorKind::NotSupported { code }))
     }
 }
-

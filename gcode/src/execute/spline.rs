@@ -19,4 +19,3 @@ impl State {
         Err((motion_span(block), ErrorKind::NotSupported { code }))
     }
 }
-

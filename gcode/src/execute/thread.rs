@@ -21,4 +21,3 @@ impl State {
         Err((motion_span(block), ErrorKind::NotSupported { code }))
     }
 }
-

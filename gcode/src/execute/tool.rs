@@ -1,12 +1,12 @@
 //! Tools: T, M6, M61, G43 to G49, G10 L0, L1, L10, L11.
 
 use super::Calls;
+use crate::Tool;
 use crate::block::Block;
 use crate::code::{LengthOffset, ToolCode, integer_in};
 use crate::error::ErrorKind;
 use crate::scan::Fault;
 use crate::state::{Question, State, plus};
-use crate::Tool;
 use motion::canon::{Axis, Call, Position};
 
 impl State {

@@ -50,7 +50,10 @@ impl State {
             };
             return Err((block.span(axis), kind));
         }
-        if block.codes.non_modal.is_some_and(|code| code.value == NonModal::MachineCoordinates)
+        if block
+            .codes
+            .non_modal
+            .is_some_and(|code| code.value == NonModal::MachineCoordinates)
             && !matches!(motion, Some(Motion::Traverse | Motion::Feed))
         {
             let span = block.codes.non_modal.map(|code| code.span).unwrap_or_default();

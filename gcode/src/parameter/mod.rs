@@ -82,8 +82,7 @@ impl Parameters {
         parameters.set_position(G92_OFFSET, settings.g92_offset, unit);
         parameters.set(G92_ACTIVE, f64::from(settings.g92_active));
         parameters.set(SYSTEM, f64::from(settings.work_system.clamp(1, 9)));
-        for (system, (origin, degrees)) in
-            (1..).zip(settings.work_offsets.iter().zip(settings.work_rotations_degrees))
+        for (system, (origin, degrees)) in (1..).zip(settings.work_offsets.iter().zip(settings.work_rotations_degrees))
         {
             parameters.set_position(system_origin(system), *origin, unit);
             parameters.set(system_rotation(system), degrees);
@@ -172,7 +171,11 @@ impl Parameters {
 
     /// The name that was probably meant by one that is not defined.
     pub(crate) fn nearest(&self, name: &str) -> Option<String> {
-        let known = self.globals.keys().chain(self.names("local").keys()).map(|name| &**name);
+        let known = self
+            .globals
+            .keys()
+            .chain(self.names("local").keys())
+            .map(|name| &**name);
         crate::near_miss::nearest(name, known.chain(predefined::NAMES.iter().copied())).map(String::from)
     }
 

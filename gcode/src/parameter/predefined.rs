@@ -195,7 +195,10 @@ impl State {
             "_current_pocket" => Some(f64::from(self.tools.pocket)),
             "_selected_tool" => Some(self.tools.selected.map_or(-1.0, f64::from)),
             "_selected_pocket" => Some(self.tools.selected.map_or(-1.0, |tool| {
-                self.tools.table.by_number(tool).map_or(0.0, |tool| f64::from(tool.pocket))
+                self.tools
+                    .table
+                    .by_number(tool)
+                    .map_or(0.0, |tool| f64::from(tool.pocket))
             })),
             "_value" | "_value_returned" => Some(0.0), // set by a return, then found among the globals
             "_task" => Some(0.0),

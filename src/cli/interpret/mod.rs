@@ -72,7 +72,7 @@ pub fn interpret(args: &InterpretArgs) -> anyhow::Result<ExitCode> {
         }
     };
     for error in &errors {
-        eprintln!("{}", error.render(&name, &text));
+        eprintln!("{}", error.render(&name));
     }
     Ok(if errors.is_empty() {
         ExitCode::SUCCESS
@@ -94,7 +94,7 @@ fn write_calls(
     for event in Interpreter::new(settings).run(text) {
         let event = match event {
             Ok(event) => event,
-            Err(error) => return Ok(vec![error]),
+            Err(error) => return Ok(vec![*error]),
         };
         match format {
             Format::Json => writeln!(out, "{}", json.object(&event, name))?,

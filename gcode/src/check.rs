@@ -1,0 +1,68 @@
+//! All errors of a program at once.
+//!
+//! In:  program text and [`Settings`].
+//! Out: what is wrong with the form of any line ([`syntax`]), and the first thing that goes wrong when it is run.
+
+use crate::error::Error;
+use crate::interpreter::{Interpreter, ReadSeek};
+use crate::{Settings, syntax};
+use std::io;
+
+/// What a check does at most.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CheckLimits {
+    /// Lines that are run, those of loops counted each time.
+    pub steps: u64,
+    /// Mistakes that are told.
+    pub errors: usize,
+}
+
+impl Default for CheckLimits {
+    /// A hundred million lines, a hundred mistakes.
+    fn default() -> CheckLimits {
+        CheckLimits {
+            steps: 100_000_000,
+            errors: 100,
+        }
+    }
+}
+
+/// All errors of a program in memory, in the order of its lines.
+pub fn check(text: &[u8], settings: Settings) -> Vec<Error> {
+    match check_reader(
+        io::Cursor::new(text),
+        || Ok(io::Cursor::new(text)),
+        settings,
+        CheckLimits::default(),
+    ) {
+        Ok(errors) => errors,
+        Err(error) => unreachable!("memory can be read: {error}"),
+    }
+}
+
+/// All errors of a program of any length, in the order of its lines.
+///
+/// `again` opens the text a second time. The lines are run, too, as far as the limits allow: what depends on the state
+/// (a feed that is missing, a radius that does not fit) is found at the first line that fails. A line whose form is
+/// wrong is told once.
+///
+/// # Errors
+/// The text cannot be read.
+pub fn check_reader<R: ReadSeek>(
+    text: R,
+    again: impl FnOnce() -> io::Result<R>,
+    settings: Settings,
+    limits: CheckLimits,
+) -> io::Result<Vec<Error>> {
+    let mut errors = syntax::errors(text, limits.errors)?;
+    let run = Interpreter::new(settings)
+        .run_reader(again()?)
+        .limit_steps(limits.steps);
+    for error in run.filter_map(Result::err) {
+        if !errors.contains(&error) {
+            errors.push(*error);
+        }
+    }
+    errors.sort_by_key(|error| error.line);
+    Ok(errors)
+}
