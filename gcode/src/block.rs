@@ -248,7 +248,7 @@ impl Block {
                 letter: letter.into(),
                 value,
             }),
-            b'D' | b'H' | b'T' | b'$' if !value.is_nan() && integer(value).is_none() => Err(ErrorKind::NotInteger {
+            b'H' | b'T' | b'$' if !value.is_nan() && integer(value).is_none() => Err(ErrorKind::NotInteger {
                 letter: letter.into(),
                 value,
             }),

@@ -409,6 +409,30 @@ pub enum ErrorKind {
     /// Incremental polar coordinates where there is no direction.
     #[error("incremental polar coordinates need a direction: the current point is the origin of X and Y")]
     PolarAtOrigin,
+    /// `(ABORT, text)`.
+    #[error("the program gives up:{text}")]
+    Aborted {
+        /// Its own words.
+        text: String,
+    },
+    /// `(PY, text)`.
+    #[error("comments with Python are not run: use O-words and parameters")]
+    PythonComment,
+    /// G41.1 or G42.1 without D.
+    #[error("{code} needs D, the diameter of the tool")]
+    DiameterMissing {
+        /// The code.
+        code: String,
+    },
+    /// L of G41.1 and G42.1.
+    #[error("L{value} is no cutting-edge orientation: an integer from 0 to 9")]
+    Orientation {
+        /// The number that came.
+        value: f64,
+    },
+    /// The path of the tool's centre cannot be made.
+    #[error("{0}")]
+    Compensation(motion::compensation::CompensationErrorKind),
     /// The number of an O-word.
     #[error("O{value} is no label: its number must be an integer from 0 on")]
     LabelNotInteger {

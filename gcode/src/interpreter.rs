@@ -6,7 +6,6 @@
 //! Reads a line when the calls of the one before are used up, so memory does not grow with the program. What O-words do
 //! is in `control`, all errors of a text at once in `check`.
 
-use crate::Settings;
 use crate::block::{Block, Faults, LineNumber};
 use crate::error::{CallSite, Error, ErrorKind};
 use crate::execute::{Calls, Flow};
@@ -17,8 +16,10 @@ use crate::parameter::ARGUMENTS;
 use crate::scan::{Fault, LINE_MAX, Span, is_blank, is_empty};
 use crate::state::State;
 use crate::text::Text;
-use motion::canon::{Event, Source};
-use std::collections::HashMap;
+use crate::{CompensatedPath, Settings};
+use motion::canon::{Call, Event, Source};
+use motion::compensation::{CompensationError, Compensator};
+use std::collections::{HashMap, VecDeque};
 use std::io::{Cursor, Read, Seek};
 
 /// Text that can be read from any place.
@@ -94,6 +95,8 @@ impl Interpreter {
             search: None,
             targets: HashMap::new(),
             calls: Calls::new(),
+            compensator: (self.state.settings.compensated_path == CompensatedPath::Centre).then(Compensator::new),
+            compensated: VecDeque::new(),
             source: Source::default(),
             ended: false,
             steps: 0,
@@ -129,6 +132,10 @@ pub struct Run<'t> {
     pub(crate) targets: HashMap<(usize, u32), Place>,
     /// Calls of the line read last that have not been handed out.
     pub(crate) calls: Calls,
+    /// Makes the path of the tool's centre while cutter compensation is on.
+    compensator: Option<Compensator>,
+    /// What it made.
+    compensated: VecDeque<Event>,
     source: Source,
     pub(crate) ended: bool,
     /// Lines that were read.
@@ -318,7 +325,7 @@ impl Run<'_> {
             return self.end_of_text();
         }
         self.ended = true;
-        self.calls.push_back(motion::canon::Call::Finish);
+        self.calls.push_back(Call::Finish);
     }
 
     /// No line is left although the program has not ended.
@@ -357,12 +364,24 @@ impl Iterator for Run<'_> {
     #[inline]
     fn next(&mut self) -> Option<Self::Item> {
         loop {
+            if let Some(event) = self.compensated.pop_front() {
+                return Some(Ok(event));
+            }
             if let Some(call) = self.calls.pop_front() {
                 let source = self.source;
-                return Some(Ok(Event { source, call }));
+                let event = Event { source, call };
+                if !self.is_compensated(&event.call) {
+                    return Some(Ok(event));
+                }
+                if let Err(error) = self.compensate(event) {
+                    self.ended = true;
+                    self.calls.clear();
+                    return Some(Err(error));
+                }
+                continue;
             }
             if self.ended {
-                return None;
+                return self.finish_compensation();
             }
             self.step();
             if !self.errors.is_empty() {
@@ -370,6 +389,55 @@ impl Iterator for Run<'_> {
                 return Some(Err(Box::new(self.errors.swap_remove(0))));
             }
         }
+    }
+}
+
+/// Cutter compensation between the calls of the lines and the events of the run.
+impl Run<'_> {
+    /// Whether a call has to go through the compensator.
+    #[inline]
+    fn is_compensated(&self, call: &Call) -> bool {
+        self.compensator
+            .as_ref()
+            .is_some_and(|compensator| !compensator.is_idle() || matches!(call, Call::SetCutterCompensation(Some(_))))
+    }
+
+    fn compensate(&mut self, event: Event) -> Result<(), Box<Error>> {
+        let Some(compensator) = &mut self.compensator else {
+            return Ok(());
+        };
+        if compensator.is_idle() {
+            compensator.set_position(self.state.cutter_from);
+            compensator.set_plane(self.state.modal.plane);
+        }
+        let result = compensator.push(event, &mut self.compensated);
+        result.map_err(|error| self.compensation_error(error))
+    }
+
+    /// Nothing comes behind the last call: what is held goes out.
+    fn finish_compensation(&mut self) -> Option<Result<Event, Box<Error>>> {
+        let mut compensator = self.compensator.take()?;
+        if let Err(error) = compensator.finish(&mut self.compensated) {
+            return Some(Err(self.compensation_error(error)));
+        }
+        self.compensated.pop_front().map(Ok)
+    }
+
+    /// The error with the line it is about, which may have been read a while ago.
+    #[cold]
+    fn compensation_error(&mut self, error: CompensationError) -> Box<Error> {
+        let kind = ErrorKind::Compensation(error.kind);
+        let source = error.source;
+        let file = &mut self.files[usize::from(source.file)];
+        let before = file.text.place();
+        file.text.seek(u64::from(source.start), source.line.saturating_sub(1));
+        let octets = match file.text.next_line() {
+            Ok(Some(_)) => file.text.octets().to_vec(),
+            Ok(None) | Err(_) => Vec::new(),
+        };
+        file.text.seek(before.0, before.1);
+        let all = 0..octets.len();
+        Box::new(Error::at(&file.name, source.line, &octets, all, kind))
     }
 }
 

@@ -164,6 +164,8 @@ pub(crate) struct State {
     pub(crate) cutter: Option<Cutter>,
     /// Whether its diameter was on the line (G41.1, G42.1).
     pub(crate) cutter_dynamic: bool,
+    /// The current point when it was switched on.
+    pub(crate) cutter_from: Position,
     /// A G40 was run and no move since.
     pub(crate) cutter_ended: bool,
     pub(crate) parameters: Parameters,
@@ -243,6 +245,7 @@ impl State {
             },
             cutter: None,
             cutter_dynamic: false,
+            cutter_from: Position::ZERO,
             cutter_ended: false,
             parameters,
             question: None,

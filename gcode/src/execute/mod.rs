@@ -13,6 +13,7 @@ mod feed;
 mod io;
 mod offset;
 mod probe;
+mod remark;
 mod saved;
 mod spindle;
 mod spline;
@@ -22,7 +23,7 @@ mod tool;
 mod turning;
 mod usage;
 
-use crate::block::{Assignment, Block, Place, Remark};
+use crate::block::{Assignment, Block, Place};
 use crate::code::{Distance, Motion, NonModal, PathCode, Stop};
 use crate::error::ErrorKind;
 use crate::machine::Machine;
@@ -155,19 +156,6 @@ impl State {
                 Place::Named(name) => self.parameters.set_named(name, *value),
             }
         }
-        Ok(())
-    }
-
-    fn remark(&mut self, remark: Remark, line: &[u8], calls: &mut Calls) -> Result<(), Fault> {
-        let Remark::Parentheses(span) = remark else {
-            return Ok(()); // a remark behind a semicolon is for the reader of the text only
-        };
-        let text = span.of(line);
-        let shown = |text: &[u8]| String::from_utf8_lossy(text).into_owned();
-        calls.push_back(match text.trim_ascii_start().split_at_checked(4) {
-            Some((word, message)) if word.eq_ignore_ascii_case(b"MSG,") => Call::Message(shown(message)),
-            Some(_) | None => Call::Comment(shown(text).into()),
-        });
         Ok(())
     }
 

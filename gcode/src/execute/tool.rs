@@ -21,7 +21,7 @@ impl State {
     }
 
     /// The table's entry of a tool number; 0: no tool.
-    fn tool_of(&self, number: f64) -> Result<Tool, ErrorKind> {
+    pub(super) fn tool_of(&self, number: f64) -> Result<Tool, ErrorKind> {
         let number = integer_in(number, 0..=i64::from(u32::MAX)).unwrap_or(0) as u32; // checked by `Block::read`
         if number == 0 {
             return Ok(self.tools.table.by_number(0).cloned().unwrap_or_default());

@@ -1,0 +1,44 @@
+//! Comments that do something: messages, logs, ABORT.
+
+use super::Calls;
+use crate::block::Remark;
+use crate::comment::{self, CommentKind};
+use crate::error::ErrorKind;
+use crate::scan::Fault;
+use crate::state::State;
+use motion::canon::{Call, Record};
+
+/// Where a program switches messages of DEBUG comments off.
+const SHOW_DEBUG: u32 = 5599;
+
+impl State {
+    pub(super) fn remark(&mut self, remark: Remark, line: &[u8], calls: &mut Calls) -> Result<(), Fault> {
+        let Remark::Parentheses(span) = remark else {
+            return Ok(()); // a remark behind a semicolon is for the reader of the text only
+        };
+        let text = span.of(line);
+        let (kind, start) = comment::read(text);
+        let own = &text[start..];
+        let plain = || String::from_utf8_lossy(own).into_owned();
+        let with_values = || comment::with_values(own, self);
+        calls.push_back(match kind {
+            CommentKind::Plain => Call::Comment(String::from_utf8_lossy(text).into_owned().into()),
+            CommentKind::Message => Call::Message(plain()),
+            CommentKind::Debug if self.parameters.get(SHOW_DEBUG) == 0.0 => return Ok(()),
+            CommentKind::Debug => Call::Message(with_values()),
+            CommentKind::Print => Call::Record(Record::Print(with_values())),
+            CommentKind::Log => Call::Record(Record::Log(with_values())),
+            CommentKind::OpenLog => Call::Record(Record::OpenLog(plain().trim().into())),
+            CommentKind::AppendLog => Call::Record(Record::AppendLog(plain().trim().into())),
+            CommentKind::CloseLog => Call::Record(Record::CloseLog),
+            CommentKind::OpenProbeLog => Call::Record(Record::OpenProbeLog(plain().trim().into())),
+            CommentKind::CloseProbeLog => Call::Record(Record::CloseProbeLog),
+            CommentKind::Abort => {
+                let text = with_values();
+                return Err((span, ErrorKind::Aborted { text }));
+            }
+            CommentKind::Python => return Err((span, ErrorKind::PythonComment)),
+        });
+        Ok(())
+    }
+}
