@@ -1,7 +1,10 @@
 //! Tests of the stage.
 
+mod errors;
+mod random;
 mod reader;
 
+use super::geometry::{left, scale};
 use super::*;
 
 /// Printed output of a program, with the error as its last line if there is one.
