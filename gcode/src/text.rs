@@ -3,14 +3,19 @@
 //! In:  anything that reads and seeks.
 //! Out: one line at a time, without its end, with its place; the place can be set back for loops and calls.
 //!
-//! A line ends with LF or CR LF, the last one also with the text. One buffer holds the lines around the present one, so
-//! that a loop within it never reads again. A line that is too long is read to its end but not kept.
+//! A line ends with LF or CR LF, the last one also with the text. A window holds the lines around the present one, some
+//! more those around earlier places, so that neither a loop nor a call of a subroutine far away reads again. A line that
+//! is too long is read to its end but not kept.
 
 use crate::scan::LINE_MAX;
 use std::io::{self, Read, Seek, SeekFrom};
 
-/// Octets in the buffer; a subroutine or loop shorter than this is read once.
-const BUFFER: usize = 256 * 1024;
+/// Octets of a window.
+const WINDOW: usize = 64 * 1024;
+/// What is read first at a new place, which may be left soon.
+const FIRST: usize = 8 * 1024;
+/// Windows kept beside the present one.
+const PARKED_MAX: usize = 7;
 
 /// Where a line stands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -23,52 +28,87 @@ pub(crate) struct Line {
     pub(crate) length: u64,
 }
 
-/// A text and a place in it.
+/// A part of a text.
 #[derive(Debug)]
-pub(crate) struct Text<R> {
-    source: R,
+struct Window {
     buffer: Box<[u8]>,
-    /// What the buffer holds: octets `..filled`, the first of which is octet `base` of the text.
+    /// Octets that the buffer holds, from its start.
     filled: usize,
+    /// Where the first of them stands in the text.
     base: u64,
-    /// Whether the text ends with what the buffer holds.
+    /// Whether the text ends with them.
     last: bool,
-    /// Next octet to read, within `..=filled`.
-    at: usize,
-    /// Number of the line read last.
-    number: u32,
-    /// The line read last, within the buffer.
-    line: std::ops::Range<usize>,
-    /// The source must be moved to `base + filled` before it is read.
-    moved: bool,
+    /// When it was used last, in jumps.
+    used: u64,
 }
 
-impl<R: Read + Seek> Text<R> {
-    /// Reads `source` from its start.
-    pub(crate) fn new(source: R) -> Text<R> {
-        Text::with_buffer(source, BUFFER)
-    }
-
-    /// Half of `size` is more than a line with its end.
-    fn with_buffer(source: R, size: usize) -> Text<R> {
-        debug_assert!(size / 2 > LINE_MAX + 2);
-        Text {
-            source,
+impl Window {
+    fn new(size: usize) -> Window {
+        Window {
             buffer: vec![0; size].into_boxed_slice(),
             filled: 0,
             base: 0,
             last: false,
+            used: 0,
+        }
+    }
+
+    /// Forgets what it holds; goes on at a place of the text.
+    fn reset(&mut self, base: u64) {
+        (self.base, self.filled, self.last) = (base, 0, false);
+    }
+
+    /// Index of an octet of the text, if it or the one before it is held.
+    fn index(&self, offset: u64) -> Option<usize> {
+        let within = offset.checked_sub(self.base)?;
+        (within <= self.filled as u64).then_some(within as usize)
+    }
+}
+
+/// A text and a place in it.
+#[derive(Debug)]
+pub(crate) struct Text<R> {
+    source: R,
+    /// Where the source would be read next.
+    position: u64,
+    /// Lines around the present one.
+    window: Window,
+    /// Lines around earlier places.
+    parked: Vec<Window>,
+    jumps: u64,
+    /// Next octet to read, in the window.
+    at: usize,
+    /// Number of the line read last.
+    number: u32,
+    /// The line read last, in the window.
+    line: std::ops::Range<usize>,
+}
+
+impl<R: Read + Seek> Text<R> {
+    /// Reads `source`, which must stand at its start.
+    pub(crate) fn new(source: R) -> Text<R> {
+        Text::with_window(source, WINDOW)
+    }
+
+    /// Half of `size` is more than a line with its end.
+    fn with_window(source: R, size: usize) -> Text<R> {
+        debug_assert!(size / 2 > LINE_MAX + 2);
+        Text {
+            source,
+            position: 0,
+            window: Window::new(size),
+            parked: Vec::new(),
+            jumps: 0,
             at: 0,
             number: 0,
             line: 0..0,
-            moved: true,
         }
     }
 
     /// Takes the next line; its octets are [`Self::octets`]. `None`: the text ends here.
     pub(crate) fn next_line(&mut self) -> io::Result<Option<Line>> {
         let start = self.at;
-        if let Some(length) = line_feed(&self.buffer[start..self.filled]) {
+        if let Some(length) = line_feed(&self.window.buffer[start..self.window.filled]) {
             return Ok(Some(self.take(start, length, 1)));
         }
         self.next_line_beyond()
@@ -80,70 +120,82 @@ impl<R: Read + Seek> Text<R> {
         self.line = 0..0;
         let mut searched = self.at;
         loop {
-            if let Some(length) = line_feed(&self.buffer[searched..self.filled]) {
+            if let Some(length) = line_feed(&self.window.buffer[searched..self.window.filled]) {
                 return Ok(Some(self.take(self.at, searched + length - self.at, 1)));
             }
-            let length = self.filled - self.at;
+            let length = self.window.filled - self.at;
             if length > LINE_MAX + 1 {
                 return self.too_long().map(Some);
             }
-            if self.last {
+            if self.window.last {
                 return Ok((length > 0).then(|| self.take(self.at, length, 0)));
             }
-            if self.filled == self.buffer.len() {
+            if self.window.filled == self.window.buffer.len() {
                 self.make_room();
             }
-            searched = self.filled;
+            searched = self.window.filled;
             self.fill()?;
         }
     }
 
     /// Drops lines at the start of a full buffer; half of it is kept for jumps back.
     fn make_room(&mut self) {
-        let dropped = self.at - self.at.min(self.buffer.len() / 2);
-        self.buffer.copy_within(dropped..self.filled, 0);
-        self.base += dropped as u64;
-        self.filled -= dropped;
+        let dropped = self.at - self.at.min(self.window.buffer.len() / 2);
+        self.window.buffer.copy_within(dropped..self.window.filled, 0);
+        self.window.base += dropped as u64;
+        self.window.filled -= dropped;
         self.at -= dropped;
     }
 
     /// Octets of the line that was taken last, at most [`LINE_MAX`].
     pub(crate) fn octets(&self) -> &[u8] {
-        &self.buffer[self.line.clone()]
+        &self.window.buffer[self.line.clone()]
     }
 
     /// Offset of the line that [`Self::next_line`] would take, and the number of the line before it.
     pub(crate) fn place(&self) -> (u64, u32) {
-        (self.base + self.at as u64, self.number)
+        (self.window.base + self.at as u64, self.number)
     }
 
-    /// Goes to a place once told by [`Self::place`]: within the buffer at once, elsewhere with the next line.
+    /// Goes to a place once told by [`Self::place`]: at once if a window holds it, else with the next line.
     pub(crate) fn seek(&mut self, offset: u64, number: u32) {
         self.number = number;
         self.line = 0..0;
-        match offset.checked_sub(self.base) {
-            Some(within) if within <= self.filled as u64 => self.at = within as usize,
-            Some(_) | None => {
-                self.base = offset;
-                self.filled = 0;
-                self.at = 0;
-                self.last = false;
-                self.moved = true;
-            }
+        if let Some(index) = self.window.index(offset) {
+            self.at = index;
+            return;
         }
+        self.jumps += 1;
+        self.window.used = self.jumps;
+        let found = self.parked.iter().position(|window| window.index(offset).is_some());
+        let other = found.unwrap_or_else(|| self.unused_window(offset));
+        std::mem::swap(&mut self.window, &mut self.parked[other]);
+        self.at = self.window.index(offset).unwrap_or_default(); // always found: its beginning at least
+    }
+
+    /// A parked window that goes on at a new place: another one, or that which was left longest ago.
+    #[cold]
+    fn unused_window(&mut self, base: u64) -> usize {
+        if self.parked.len() < PARKED_MAX {
+            self.parked.push(Window::new(self.window.buffer.len()));
+        }
+        let oldest = self.parked.iter().enumerate().min_by_key(|(_, window)| window.used);
+        let oldest = oldest.map_or(0, |(index, _)| index);
+        self.parked[oldest].reset(base);
+        oldest
     }
 
     /// The line of `length` octets at `start` of the buffer, followed by a line end of `end` octets.
     fn take(&mut self, start: usize, length: usize, end: usize) -> Line {
         self.at = start + length + end;
         self.number = self.number.saturating_add(1);
-        let length = match self.buffer[start..start + length] {
+        let length = match self.window.buffer[start..start + length] {
             [.., b'\r'] => length - 1,
             _ => length,
         };
         self.line = start..start + length.min(LINE_MAX);
         Line {
-            offset: self.base + start as u64,
+            offset: self.window.base + start as u64,
             number: self.number,
             length: length as u64,
         }
@@ -151,13 +203,15 @@ impl<R: Read + Seek> Text<R> {
 
     /// A line longer than is kept: reads on to its end.
     fn too_long(&mut self) -> io::Result<Line> {
+        self.go_behind_window()?;
         let mut chunk = [0; 4096];
-        let mut length = (self.filled - self.at) as u64;
-        let mut ends_with_return = self.buffer[self.filled - 1] == b'\r';
+        let mut length = (self.window.filled - self.at) as u64;
+        let mut ends_with_return = self.window.buffer[self.window.filled - 1] == b'\r';
         self.number = self.number.saturating_add(1);
-        let offset = self.base + self.at as u64;
+        let offset = self.window.base + self.at as u64;
         loop {
             let count = read(&mut self.source, &mut chunk)?;
+            self.position += count as u64;
             let piece = &chunk[..count];
             let found = line_feed(piece);
             let piece = &piece[..found.unwrap_or(count)];
@@ -168,10 +222,9 @@ impl<R: Read + Seek> Text<R> {
             }
             // What is kept stays in the buffer until the next line is read.
             self.line = self.at..self.at + LINE_MAX;
-            self.base = offset + length + u64::from(found.is_some());
-            (self.at, self.filled) = (0, 0);
-            self.last = false;
-            self.moved = true;
+            self.window
+                .reset(self.position - (count - found.map_or(count, |at| at + 1)) as u64);
+            self.at = 0;
             return Ok(Line {
                 offset,
                 number: self.number,
@@ -180,15 +233,26 @@ impl<R: Read + Seek> Text<R> {
         }
     }
 
-    /// Reads as much as comes at once behind what the buffer holds.
-    fn fill(&mut self) -> io::Result<()> {
-        if self.moved {
-            self.source.seek(SeekFrom::Start(self.base + self.filled as u64))?;
-            self.moved = false;
+    /// Moves the source behind what the window holds.
+    fn go_behind_window(&mut self) -> io::Result<()> {
+        let behind = self.window.base + self.window.filled as u64;
+        if self.position != behind {
+            self.source.seek(SeekFrom::Start(behind))?;
+            self.position = behind;
         }
-        let count = read(&mut self.source, &mut self.buffer[self.filled..])?;
-        self.filled += count;
-        self.last = count == 0;
+        Ok(())
+    }
+
+    /// Reads as much as comes at once behind what the window holds.
+    fn fill(&mut self) -> io::Result<()> {
+        self.go_behind_window()?;
+        let window = &mut self.window;
+        let size = window.buffer.len();
+        let end = if window.filled == 0 { FIRST.min(size) } else { size };
+        let count = read(&mut self.source, &mut window.buffer[window.filled..end])?;
+        window.filled += count;
+        window.last = count == 0;
+        self.position += count as u64;
         Ok(())
     }
 }
@@ -255,7 +319,7 @@ mod tests {
     #[test]
     fn a_line_that_is_too_long_is_told_and_left_behind() {
         let long = "X".repeat(100_000);
-        let mut text = Text::with_buffer(Cursor::new(format!("G0\n{long}\r\nM2\n{long}")), 600);
+        let mut text = Text::with_window(Cursor::new(format!("G0\n{long}\r\nM2\n{long}")), 600);
         let lines = lines(&mut text);
         let told: Vec<_> = lines
             .iter()
@@ -291,6 +355,45 @@ mod tests {
         assert_eq!(text.octets(), b"b");
     }
 
+    /// Counts what it is asked for.
+    struct Counting(Cursor<Vec<u8>>, usize);
+
+    impl Read for Counting {
+        fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
+            self.1 += 1;
+            self.0.read(to)
+        }
+    }
+
+    impl Seek for Counting {
+        fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+            self.0.seek(to)
+        }
+    }
+
+    #[test]
+    fn calls_of_a_subroutine_far_away_read_it_once() {
+        let lines: String = (0..200_000).map(|line| format!("G1 X{line}\n")).collect();
+        let mut text = Text::new(Counting(Cursor::new(lines.clone().into_bytes()), 0));
+        text.next_line().unwrap();
+        let subroutine = text.place();
+        while text.next_line().unwrap().unwrap().number < 150_000 {}
+        let reads = text.source.1;
+        for call in 0..1000 {
+            let back = text.place();
+            text.seek(subroutine.0, subroutine.1);
+            assert_eq!(text.next_line().unwrap().unwrap().number, 2);
+            text.seek(back.0, back.1);
+            assert_eq!(text.next_line().unwrap().unwrap().number, 150_001 + call);
+            assert_eq!(text.octets(), format!("G1 X{}", 150_000 + call).as_bytes());
+        }
+        assert!(
+            text.source.1 <= reads + 3,
+            "{} reads of 1000 calls",
+            text.source.1 - reads
+        );
+    }
+
     proptest! {
         #[test]
         fn any_text_is_read_as_if_it_were_in_memory(
@@ -308,7 +411,7 @@ mod tests {
                 expected.push((offset, index as u32 + 1, line.len() as u64, kept));
                 offset += piece.len() as u64;
             }
-            let mut text = Text::with_buffer(Slow(Cursor::new(octets), count), 600);
+            let mut text = Text::with_window(Slow(Cursor::new(octets), count), 600);
             prop_assert_eq!(&lines(&mut text), &expected);
             for jump in jumps {
                 if expected.is_empty() { break }
