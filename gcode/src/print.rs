@@ -71,9 +71,23 @@ impl CanonPrinter {
         out.write_all(&self.text)
     }
 
+    /// Writes the lines with which `rs274` ends after an error.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write_end_after_error(&mut self, out: &mut impl Write) -> io::Result<()> {
+        self.text.clear();
+        for _ in 0..2 {
+            self.name(&Source::default(), "ON_RESET()");
+        }
+        out.write_all(&self.text)
+    }
+
     fn push_event(&mut self, event: &Event) {
         let source = &event.source;
         match &event.call {
+            // At the start `rs274` does not tell these two.
+            Call::SelectPlane(_) | Call::SetPathMode(_) if source.line == 0 && !self.started => {}
             Call::StraightTraverse { to } => self.push_move(source, "STRAIGHT_TRAVERSE(", to),
             Call::StraightFeed { to } => self.push_move(source, "STRAIGHT_FEED(", to),
             Call::StraightProbe { to, mode: _ } => self.push_move(source, "STRAIGHT_PROBE(", to),
@@ -256,7 +270,8 @@ impl CanonPrinter {
                     self.started = true;
                     self.name(source, "SET_FEED_REFERENCE(CANON_XYZ)");
                 }
-                self.name(source, "ON_RESET()");
+                // The line is behind it.
+                self.name(&Source::default(), "ON_RESET()");
             }
             Call::Finish => self.name(source, "FINISH()"),
         }

@@ -1,7 +1,7 @@
 //! Every case of `tests/corpus` through our interpreter: calls, refusals and parameters as expected, character by character.
 //!
 //! A case is a folder: `program.ngc` and what goes with it (`oracle/case.rs`), `expected.canon`, and where the case is
-//! about them `expected.err` and `expected.var`. The expected calls were printed by LinuxCNC's interpreter; where the newest one
+//! about them `expected.err`, `expected.print` and `expected.var`. The expected calls were printed by LinuxCNC's interpreter; where the newest one
 //! prints differently than the packaged one, `differences.toml` names the case and says why.
 //!
 //! `ISOCNC_CORPUS_REGENERATE=1 cargo test -p isocnc-gcode --test corpus` writes the expected files anew with the installed
@@ -65,6 +65,10 @@ fn difference(folder: &Path, case: &Case) -> Option<String> {
             .all(|(error, wanted)| names(error, wanted))
     {
         return Some(format!("refused:  {:?}\nexpected: {wanted:?}", ours.errors));
+    }
+    let expected = read("expected.print").unwrap_or_default();
+    if ours.printed != expected {
+        return Some(first_difference(&expected, &ours.printed, &[]));
     }
     if let Some(expected) = read("expected.var")
         && expected != ours.parameters
@@ -155,15 +159,20 @@ fn regenerate(cases: &[(std::path::PathBuf, Case)]) {
             let known = fs::read_to_string(&refusals).unwrap_or_default();
             fs::write(&refusals, expected_refusals(&outcome, case, &known)).expect("expected.err");
         }
+        if !outcome.printed.is_empty() {
+            fs::write(folder.join("expected.print"), &outcome.printed).expect("expected.print");
+        }
         if case.options.parameters_after {
             fs::write(folder.join("expected.var"), &outcome.parameters).expect("expected.var");
         }
     }
 }
 
-/// The file of expected refusals: what LinuxCNC says as remarks, our own words as they were, question marks where there were none.
+/// The file of expected refusals: what LinuxCNC says as remarks, our own words as they were. Words that were not there yet
+/// are what our interpreter says of the same line, to be looked at; question marks where it says nothing of it.
 fn expected_refusals(outcome: &oracle::Outcome, case: &Case, known: &str) -> String {
-    let ours: Vec<&str> = known.lines().filter(|line| !line.starts_with('#')).collect();
+    let known: Vec<&str> = known.lines().filter(|line| !line.starts_with('#')).collect();
+    let ours = ours::run(case);
     let lines = case.all_lines();
     let mut text = String::new();
     for (index, refusal) in outcome.refusals.iter().enumerate() {
@@ -172,9 +181,14 @@ fn expected_refusals(outcome: &oracle::Outcome, case: &Case, known: &str) -> Str
             .iter()
             .position(|line| *line == refusal.line)
             .map_or(0, |line| line + 1);
-        match ours.get(index) {
-            Some(words) => text.push_str(&format!("{words}\n")),
-            None => text.push_str(&format!("{line}:?: ?\n")),
+        let said = ours
+            .errors
+            .get(index)
+            .filter(|_| ours.error_lines.get(index).is_some_and(|at| *at as usize == line));
+        match (known.get(index), said) {
+            (Some(words), _) if !words.ends_with('?') => text.push_str(&format!("{words}\n")),
+            (_, Some(said)) => text.push_str(&format!("{said}\n")),
+            (_, None) => text.push_str(&format!("{line}:?: ?\n")),
         }
     }
     text

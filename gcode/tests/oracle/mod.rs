@@ -32,6 +32,8 @@ const TIME_LIMIT: Duration = Duration::from_secs(20);
 pub struct Outcome {
     /// The printed calls in the newest form.
     pub canon: String,
+    /// Texts of PRINT, one a line.
+    pub printed: String,
     /// What was refused, in order.
     pub refusals: Vec<Refusal>,
     /// The parameter file afterwards.
@@ -97,8 +99,13 @@ pub fn run(rs274: &Path, case: &Case) -> Outcome {
         .unwrap_or_else(|error| panic!("{}: {error}", rs274.display()));
     wait(&mut child, &case.name);
     let read = |path: &Path| String::from_utf8_lossy(&fs::read(path).expect("the oracle wrote it")).into_owned();
+    let (calls, printed) = read(&output)
+        .lines()
+        .map(|line| format!("{line}\n"))
+        .partition::<Vec<_>, _>(|line| is_call(line));
     Outcome {
-        canon: newest_form(&read(&output)),
+        canon: newest_form(&calls.concat()),
+        printed: printed.concat(),
         refusals: refusals(&read(&errors), case),
         parameters: read(&folder.path().join("parameters.var")),
     }
@@ -145,6 +152,14 @@ fn refusals(errors: &str, case: &Case) -> Vec<Refusal> {
         });
     }
     found
+}
+
+/// Whether a line of stdout is a call: a count in five places or more, and the line number.
+fn is_call(line: &str) -> bool {
+    let counted = line
+        .trim_start_matches(' ')
+        .trim_start_matches(|character: char| character.is_ascii_digit());
+    counted.len() + 5 <= line.len() && counted.starts_with(" N")
 }
 
 /// The printed calls of the packaged LinuxCNC 2.9 in the form of the newest one: the tool change has one line less and

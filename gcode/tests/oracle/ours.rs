@@ -1,15 +1,23 @@
 //! Our interpreter on a case, as the oracle is run on it.
 
-use gcode::{CanonPrinter, Interpreter, Settings};
-use motion::canon::LengthUnit;
+use std::{collections::BTreeMap, path::Path};
+
+use gcode::{CanonPrinter, Interpreter, Remap, Settings, ToolChanger, ToolTable, parameter};
+use motion::canon::{Axis, Call, LengthUnit, Position, Record};
 
 use super::case::Case;
+
+/// The packaged interpreter's unit is the inch, and no setting changes it.
+const MACHINE_UNIT: LengthUnit = LengthUnit::Inch;
+const MM_PER_INCH: f64 = 25.4;
 
 /// What our interpreter made of a program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     /// The printed calls.
     pub canon: String,
+    /// Texts of PRINT, one a line.
+    pub printed: String,
     /// What was refused, in order: `line:column: text`, of a subroutine's file `file:line:column: text`.
     pub errors: Vec<String>,
     /// Lines of the refusals, counted from 1, in the file they are in.
@@ -20,17 +28,33 @@ pub struct Outcome {
 
 /// Runs a case.
 pub fn run(case: &Case) -> Outcome {
-    let mut printer = CanonPrinter::new(LengthUnit::Inch);
+    // Subroutine files are looked for in a folder.
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).expect("a folder for the case");
+    if !case.files.is_empty() {
+        case.write_to(folder.path());
+    }
+    let mut printer = CanonPrinter::new(MACHINE_UNIT);
     let mut canon = Vec::new();
+    let mut printed = String::new();
     let mut errors = Vec::new();
     let mut error_lines = Vec::new();
-    for event in Interpreter::new(Settings::default()).run(&case.program) {
+    let run = Interpreter::new(settings(case, folder.path())).run(&case.program);
+    // An endless program is stopped: no case and no generated program is that long.
+    for event in run.take(1_000_000) {
         match event {
-            Ok(event) => printer.write(&event, &mut canon).expect("memory"),
+            Ok(event) => {
+                if let Call::Record(Record::Print(text)) = &event.call {
+                    printed.push_str(text);
+                    printed.push('\n');
+                }
+                printer.write(&event, &mut canon).expect("memory");
+            }
             Err(error) => {
-                errors.push(error.to_string());
+                // Files are named as the program sees them.
+                errors.push(error.to_string().replace(&format!("{}/", folder.path().display()), ""));
                 error_lines.push(error.line);
                 if !case.options.continue_after_error {
+                    printer.write_end_after_error(&mut canon).expect("memory");
                     break;
                 }
             }
@@ -38,8 +62,103 @@ pub fn run(case: &Case) -> Outcome {
     }
     Outcome {
         canon: String::from_utf8_lossy(&canon).into_owned(),
+        printed,
         errors,
         error_lines,
         parameters: String::new(),
     }
+}
+
+/// The settings of a case: its tables and what its INI values say.
+fn settings(case: &Case, folder: &Path) -> Settings {
+    let value = |section: &str, key: &str| case.options.ini.get(section).and_then(|keys| keys.get(key));
+    let number = |section: &str, key: &str| value(section, key).map(|text| text.parse::<f64>().expect("a number"));
+    let flag = |section: &str, key: &str| number(section, key).is_some_and(|number| number != 0.0);
+    let changer = if flag("EMCIO", "RANDOM_TOOLCHANGER") {
+        ToolChanger::Random
+    } else {
+        ToolChanger::Fixed
+    };
+    let parameters: BTreeMap<u16, f64> = parameter::file::parse(case.parameters.as_bytes())
+        .expect("a parameter file")
+        .into_iter()
+        .collect();
+    let mut settings = Settings {
+        machine_unit: MACHINE_UNIT,
+        tools: ToolTable::parse(case.tool_table.as_bytes(), MACHINE_UNIT, changer).expect("a tool table"),
+        block_delete: case.options.block_delete,
+        spindles: number("TRAJ", "SPINDLES").map_or(1, |count| count as u8),
+        orient_offset_degrees: number("RS274NGC", "ORIENT_OFFSET").unwrap_or(0.0),
+        chip_breaking_clearance_mm: number("RS274NGC", "G73_PECK_CLEARANCE"),
+        peck_clearance_mm: number("RS274NGC", "G83_PECK_CLEARANCE"),
+        arc_radius_tolerance_mm: number("RS274NGC", "CENTER_ARC_RADIUS_TOLERANCE_MM"),
+        user_codes: Some(Vec::new()),
+        ..Settings::default()
+    };
+    stored(&mut settings, &parameters);
+    settings.subroutine_folders.push(folder.to_owned());
+    for inside in value("RS274NGC", "SUBROUTINE_PATH")
+        .into_iter()
+        .flat_map(|path| path.split(':'))
+    {
+        settings.subroutine_folders.push(folder.join(inside));
+    }
+    for (letter, section) in [(Axis::A, "AXIS_A"), (Axis::B, "AXIS_B"), (Axis::C, "AXIS_C")] {
+        settings.wrapped_rotary[letter as usize] = flag(section, "WRAPPED_ROTARY");
+    }
+    if let Some(remap) = value("RS274NGC", "REMAP") {
+        settings.remaps.push(remap_of(remap));
+    }
+    for (section, keys) in &case.options.ini {
+        for (key, text) in keys {
+            if let Ok(number) = text.parse() {
+                settings
+                    .ini_values
+                    .insert((section.to_lowercase(), key.to_lowercase()), number);
+            }
+        }
+    }
+    settings
+}
+
+/// What the parameter file says of offsets and points.
+fn stored(settings: &mut Settings, parameters: &BTreeMap<u16, f64>) {
+    let value = |number: u16| parameters.get(&number).copied().unwrap_or(0.0);
+    let position = |first: u16| {
+        let mut position = Position::ZERO;
+        for axis in Axis::ALL {
+            let unit = if axis.is_rotary() { 1.0 } else { MM_PER_INCH };
+            position[axis] = value(first + axis as u16) * unit;
+        }
+        position
+    };
+    settings.g28 = position(5161);
+    settings.g30 = position(5181);
+    settings.g92_offset = position(5211);
+    settings.g92_active = value(5210) != 0.0;
+    settings.work_system = value(5220) as u8;
+    for system in 0..9_u16 {
+        settings.work_offsets[usize::from(system)] = position(5221 + 20 * system);
+        settings.work_rotations_degrees[usize::from(system)] = value(5230 + 20 * system);
+    }
+    settings.parameters = parameters.clone();
+}
+
+fn remap_of(text: &str) -> Remap {
+    let mut parts = text.split_whitespace();
+    let mut remap = Remap {
+        code: parts.next().expect("a code").to_owned(),
+        subroutine: String::new(),
+        arguments: String::new(),
+        modal_group: 0,
+    };
+    for part in parts {
+        match part.split_once('=').expect("key=value") {
+            ("modalgroup", group) => remap.modal_group = group.parse().expect("a group"),
+            ("argspec", words) => remap.arguments = words.to_owned(),
+            ("ngc", name) => remap.subroutine = name.to_owned(),
+            (other, _) => panic!("{other} of a remap"),
+        }
+    }
+    remap
 }
