@@ -31,6 +31,7 @@ mod degrees;
 mod error;
 mod execute;
 mod expression;
+mod flat;
 mod flow;
 mod interpreter;
 mod lexer;
@@ -51,6 +52,7 @@ mod tool_table;
 
 pub use check::{CheckLimits, check, check_reader};
 pub use error::{CallSite, Error, ErrorKind};
+pub use flat::{FlatError, FlatWriter, Unwritable};
 pub use interpreter::{Interpreter, ReadSeek, Run};
 pub use lexer::{Lexer, Word, Words};
 pub use located::Located;

@@ -6,7 +6,7 @@
 //! [`State::execute`] is the table of contents; each subject has a file of its own.
 
 mod arc;
-mod circle;
+pub(crate) mod circle;
 mod compensation;
 mod cycle;
 mod feed;

@@ -3,8 +3,10 @@
 //! In:  codes, and words with their numbers.
 //! Out: a line that is short enough to be read back, its numbers with as many digits as they need to come back to the bit.
 
-use crate::LINE_MAX;
 use std::fmt::Write;
+
+/// Octets of a line at most: LinuxCNC takes a few more.
+pub(super) const LINE_MAX: usize = 250;
 
 /// Digits behind the point at most. Numbers of 0.001 and more need no more; smaller ones are off by less than 1e-20.
 const DECIMALS: usize = 20;
@@ -147,10 +149,10 @@ mod tests {
         let mut line = Line::default();
         line.begin("G18 G2");
         for letter in "XYZABCUVWIKF".chars() {
-            line.word(letter, -123_456.123_456_789_01 / 7.0);
+            line.word(letter, -0.123_456_123_456_789_01 / 7000.0);
         }
         assert_eq!(line.push_to(&mut text), Ok(Exactness::Rounded));
-        assert!(text.starts_with("G18 G2 X-17636.589065256 Y"), "{text}");
+        assert!(text.starts_with("G18 G2 X-0.000017637 Y"), "{text}");
         for letter in "PQRSTE".chars() {
             line.word(letter, 1e60);
         }
