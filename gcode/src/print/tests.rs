@@ -365,7 +365,6 @@ fn texts_and_the_end() {
         Call::OptionalProgramStop,
         Call::PalletShuttle,
         Call::ProgramEnd,
-        Call::Reset,
         Call::Finish,
     ];
     assert_eq!(
@@ -381,7 +380,6 @@ fn texts_and_the_end() {
             "OPTIONAL_PROGRAM_STOP()",
             "PALLET_SHUTTLE()",
             "PROGRAM_END()",
-            "ON_RESET()",
             "FINISH()",
         ]
     );
@@ -428,4 +426,34 @@ fn inches_are_printed_as_they_were_written() {
         let shown = length_in(inches * 25.4, LengthUnit::Inch);
         assert_eq!(shown.to_bits(), inches.to_bits(), "{text}");
     }
+}
+
+#[test]
+fn the_end_has_no_line_number() {
+    let mut printer = CanonPrinter::new(LengthUnit::Millimetre);
+    printer.started = true;
+    let mut out = Vec::new();
+    let source = Source {
+        n: Some(10),
+        n_digits: 2,
+        ..Source::default()
+    };
+    for call in [Call::ProgramEnd, Call::Reset] {
+        printer.write(&Event { source, call }, &mut out).unwrap();
+    }
+    printer.write_end_after_error(&mut out).unwrap();
+    let expected =
+        "    1 N10    PROGRAM_END()\n    2 N..... ON_RESET()\n    3 N..... ON_RESET()\n    4 N..... ON_RESET()\n";
+    assert_eq!(String::from_utf8(out).unwrap(), expected);
+}
+
+#[test]
+fn plane_and_path_mode_of_the_start_are_not_printed() {
+    let mut printer = CanonPrinter::new(LengthUnit::Millimetre);
+    let mut out = Vec::new();
+    for call in [Call::SelectPlane(Plane::Xy), Call::SetPathMode(PathMode::ExactPath)] {
+        let source = Source::default();
+        printer.write(&Event { source, call }, &mut out).unwrap();
+    }
+    assert_eq!(out, b"");
 }

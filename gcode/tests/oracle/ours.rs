@@ -51,7 +51,8 @@ pub fn run(case: &Case) -> Outcome {
             }
             Err(error) => {
                 // Files are named as the program sees them.
-                errors.push(error.to_string().replace(&format!("{}/", folder.path().display()), ""));
+                let place = folder.path().display().to_string();
+                errors.push(error.to_string().replace(&format!("{place}/"), "").replace(&place, "."));
                 error_lines.push(error.line);
                 if !case.options.continue_after_error {
                     printer.write_end_after_error(&mut canon).expect("memory");
