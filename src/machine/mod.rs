@@ -5,3 +5,4 @@ pub mod overruns;
 pub mod safe_file;
 pub mod sequence;
 pub mod state;
+pub mod tables;

@@ -18,7 +18,9 @@
 //! ```
 
 use super::PARAMETER_MAX;
+use crate::Settings;
 use crate::located::{Located, lines, text_of};
+use motion::canon::{Axis, Position};
 use std::fmt::Write;
 use std::ops::{Range, RangeInclusive};
 
@@ -129,6 +131,38 @@ pub fn write(parameters: &[(u16, f64)]) -> String {
     text
 }
 
+impl Settings {
+    /// Takes over what a parameter file holds, in the units of the machine ([`Settings::machine_unit`]). Those numbers are
+    /// kept: [`Run::snapshot`](crate::Run::snapshot) tells their values again.
+    pub fn set_parameters(&mut self, parameters: &[(u16, f64)]) {
+        self.parameters = parameters.iter().copied().collect();
+        let value = |number: u32| {
+            let number = u16::try_from(number).ok()?;
+            self.parameters.get(&number).copied()
+        };
+        let value = |number: u32| value(number).unwrap_or(0.0);
+        let unit_mm = self.machine_unit.mm();
+        let position = |first: u32| {
+            let mut position = Position::ZERO;
+            for (number, axis) in (first..).zip(Axis::ALL) {
+                let scale = if axis.is_rotary() { 1.0 } else { unit_mm };
+                position[axis] = value(number) * scale;
+            }
+            position
+        };
+        self.g28 = position(super::G28_POINT);
+        self.g30 = position(super::G30_POINT);
+        self.g92_offset = position(super::G92_OFFSET);
+        self.g92_active = value(super::G92_ACTIVE) != 0.0;
+        // What is no system is G54, as in LinuxCNC.
+        self.work_system = (1..=9)
+            .find(|system| f64::from(*system) == value(super::SYSTEM).floor())
+            .unwrap_or(1);
+        self.work_offsets = std::array::from_fn(|index| position(super::system_origin(index as u8 + 1)));
+        self.work_rotations_degrees = std::array::from_fn(|index| value(super::system_rotation(index as u8 + 1)));
+    }
+}
+
 type Wrong = (Range<usize>, ParameterFileErrorKind);
 
 /// Number, value, and the place of the number; `None` of a line without a parameter.
@@ -174,6 +208,8 @@ fn read_line(line: &str) -> Result<Option<(u16, f64, Range<usize>)>, Wrong> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Interpreter;
+    use motion::canon::LengthUnit;
     use proptest::prelude::*;
 
     fn errors(text: &str) -> Vec<String> {
@@ -240,6 +276,42 @@ mod tests {
             format!("15:1: {place}"),
         ];
         assert_eq!(errors(text), expected);
+    }
+
+    #[test]
+    fn settings_take_a_file_and_tell_it_again() {
+        let text =
+            "31\t7\n5161\t1\n5164\t10\n5189\t2\n5210\t1\n5213\t-3\n5220\t9\n5221\t4\n5230\t30\n5386\t5\n5390\t-15\n";
+        let parameters = parse(text.as_bytes()).unwrap();
+        let mut settings = Settings {
+            machine_unit: LengthUnit::Inch,
+            ..Settings::default()
+        };
+        settings.set_parameters(&parameters);
+        assert_eq!(settings.g28, Position([25.4, 0.0, 0.0, 10.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
+        assert_eq!(settings.g30[Axis::W], 50.8);
+        assert_eq!(
+            (settings.g92_active, settings.g92_offset),
+            (true, Position::xyz(0.0, 0.0, -76.2))
+        );
+        assert_eq!((settings.work_system, settings.work_offsets[0][Axis::X]), (9, 101.6));
+        assert_eq!(
+            (settings.work_rotations_degrees[0], settings.work_rotations_degrees[8]),
+            (30.0, -15.0)
+        );
+        assert_eq!(settings.work_offsets[8][Axis::C], 5.0);
+        let kept: Vec<(u16, f64)> = Interpreter::new(settings)
+            .run(b"")
+            .snapshot()
+            .parameters
+            .into_iter()
+            .collect();
+        assert_eq!(write(&kept), write(&parameters));
+        for (system, expected) in [(0.0, 1), (9.9, 9), (10.0, 1), (-1.0, 1), (1e300, 1)] {
+            let mut settings = Settings::default();
+            settings.set_parameters(&[(5220, system)]);
+            assert_eq!(settings.work_system, expected, "{system}");
+        }
     }
 
     proptest! {

@@ -1,0 +1,231 @@
+//! What a machine remembers from program to program: its tools, and the parameters that outlive a program.
+//!
+//! In:  the files that the machine file names, in LinuxCNC's formats; what a program left behind.
+//! Out: tools and parameters for the next program; the files, replaced as a whole (see [`super::safe_file`]).
+//!
+//! A file that somebody edits while the control runs counts from the next program on. Where nothing can be written, or no
+//! file is named, the machine remembers until the process ends.
+
+use super::safe_file::{self, Files};
+use crate::config::Config;
+use gcode::parameter::file as parameter_file;
+use gcode::{Located, ToolTable};
+use motion::canon::{Axis, LengthUnit, Position};
+use std::fmt;
+use std::fmt::Write;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Longest file that is read, octets; a full tool table with long remarks has a tenth of it.
+const FILE_MAX: usize = 4 << 20;
+
+/// First parameter of the origin of G54; those of the other systems follow, 20 apart.
+const ORIGINS: u16 = 5221;
+
+/// Tools and parameters, and the files that keep them.
+#[derive(Clone, Debug)]
+pub struct Tables {
+    parameters: Vec<(u16, f64)>,
+    tools: ToolTable,
+    parameter_file: Option<Kept>,
+    tool_file: Option<Kept>,
+}
+
+/// A file, and what it held when it was read or written last; `None`: it was not there.
+#[derive(Clone, Debug)]
+struct Kept {
+    path: PathBuf,
+    content: Option<Vec<u8>>,
+}
+
+/// Why the tables cannot be used: every mistake in a file, or that it cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TablesError {
+    /// One or more messages, each with its place and the line of the file.
+    shown: String,
+}
+
+impl fmt::Display for TablesError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.shown)
+    }
+}
+
+impl std::error::Error for TablesError {}
+
+impl TablesError {
+    fn unreadable(path: &Path, cause: &dyn fmt::Display) -> TablesError {
+        TablesError {
+            shown: format!("error: {}: {cause}", path.display()),
+        }
+    }
+
+    fn mistakes<Kind: fmt::Display>(path: &Path, content: &[u8], errors: &[Located<Kind>]) -> TablesError {
+        let mut shown = String::new();
+        let path = path.display().to_string();
+        for error in errors {
+            let _ = writeln!(shown, "{}", error.render(&path, content)); // a String takes everything
+        }
+        let _ = write!(shown, "{path}: {} in this file", count(errors.len()));
+        TablesError { shown }
+    }
+}
+
+fn count(errors: usize) -> String {
+    match errors {
+        1 => "1 error".to_owned(),
+        errors => format!("{errors} errors"),
+    }
+}
+
+impl Tables {
+    /// Reads the files of a machine. A parameter file that is missing is made later; until then, and without one, the work
+    /// offsets are those of the machine file.
+    ///
+    /// # Errors
+    /// Every mistake in one of the files.
+    pub fn read(config: &Config) -> Result<Tables, TablesError> {
+        let kept = |path: &Option<PathBuf>| {
+            let path = path.clone()?;
+            Some(Kept { path, content: None })
+        };
+        let mut tables = Tables {
+            parameters: default_parameters(&config.work_offsets, config.unit),
+            tools: ToolTable::new(config.unit, config.tools.changer),
+            parameter_file: kept(&config.program.parameter_file),
+            tool_file: kept(&config.tools.table),
+        };
+        tables.refresh(config)?;
+        Ok(tables)
+    }
+
+    /// Reads those files again that somebody else has changed.
+    ///
+    /// # Errors
+    /// As [`Tables::read`]; then nothing has changed.
+    pub fn refresh(&mut self, config: &Config) -> Result<(), TablesError> {
+        let mut fresh = self.clone();
+        if let Some(kept) = &mut fresh.parameter_file
+            && let Some(content) = kept.changed()?
+        {
+            let parsed = parameter_file::parse(&content);
+            fresh.parameters = parsed.map_err(|errors| TablesError::mistakes(&kept.path, &content, &errors))?;
+            kept.content = Some(content);
+        }
+        if let Some(kept) = &mut fresh.tool_file
+            && let Some(content) = kept.changed()?
+        {
+            let parsed = ToolTable::parse(&content, config.unit, config.tools.changer);
+            fresh.tools = parsed.map_err(|errors| TablesError::mistakes(&kept.path, &content, &errors))?;
+            kept.content = Some(content);
+        }
+        *self = fresh;
+        Ok(())
+    }
+
+    /// Numbers and values of the parameters that are kept, ascending; lengths in the unit of the machine.
+    pub fn parameters(&self) -> &[(u16, f64)] {
+        &self.parameters
+    }
+
+    /// The tools.
+    pub fn tools(&self) -> &ToolTable {
+        &self.tools
+    }
+
+    /// Takes what a program left behind; `parameters` ascend.
+    pub fn set(&mut self, parameters: Vec<(u16, f64)>, tools: ToolTable) {
+        self.parameters = parameters;
+        self.tools = tools;
+    }
+
+    /// What the files must hold.
+    fn contents(&self) -> [Option<(&Kept, String)>; 2] {
+        let parameters = self.parameter_file.as_ref();
+        let tools = self.tool_file.as_ref();
+        [
+            parameters.map(|kept| (kept, parameter_file::write(&self.parameters))),
+            tools.map(|kept| (kept, self.tools.write())),
+        ]
+    }
+
+    /// Notes what a file holds now.
+    fn saved(&mut self, path: &Path, content: Vec<u8>) {
+        let files = [&mut self.parameter_file, &mut self.tool_file];
+        if let Some(kept) = files.into_iter().flatten().find(|kept| kept.path == path) {
+            kept.content = Some(content);
+        }
+    }
+}
+
+impl Kept {
+    /// The content of the file if it is not the one that is known.
+    fn changed(&self) -> Result<Option<Vec<u8>>, TablesError> {
+        let content = match std::fs::read(&self.path) {
+            Ok(content) => content,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(TablesError::unreadable(&self.path, &error)),
+        };
+        if content.len() > FILE_MAX {
+            let cause = format!("longer than {FILE_MAX} octets: this is no such file");
+            return Err(TablesError::unreadable(&self.path, &cause));
+        }
+        Ok(Some(content).filter(|content| self.content.as_ref() != Some(content)))
+    }
+}
+
+/// The parameters of a machine without a file: all 0, but G54 is active and its like have the origins of the machine file.
+fn default_parameters(origins: &[Position; 9], unit: LengthUnit) -> Vec<(u16, f64)> {
+    let mut parameters: Vec<(u16, f64)> = parameter_file::required().map(|number| (number, 0.0)).collect();
+    let mut set = |number: u16, value: f64| {
+        if let Ok(at) = parameters.binary_search_by_key(&number, |entry| entry.0) {
+            parameters[at].1 = value;
+        }
+    };
+    set(ORIGINS - 1, 1.0);
+    for (first, origin) in (ORIGINS..).step_by(20).zip(origins) {
+        for (number, axis) in (first..).zip(Axis::ALL) {
+            let scale = if axis.is_rotary() { 1.0 } else { unit.mm() };
+            set(number, origin[axis] / scale);
+        }
+    }
+    parameters
+}
+
+/// The tables for more than one thread; one that panicked leaves them whole.
+pub fn lock(tables: &Mutex<Tables>) -> MutexGuard<'_, Tables> {
+    tables.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Writes the files whose content has changed. The tables are not locked while the disk works.
+///
+/// # Errors
+/// What cannot be written, by file; the other file is written all the same.
+pub fn save(files: &mut impl Files, tables: &Mutex<Tables>) -> Result<(), String> {
+    let contents = lock(tables).contents().map(|content| {
+        let (kept, text) = content?;
+        let text = text.into_bytes();
+        (kept.content.as_ref() != Some(&text)).then(|| (kept.path.clone(), text))
+    });
+    let mut errors = Vec::new();
+    for (path, content) in contents.into_iter().flatten() {
+        // A link stays a link: the file behind it is replaced.
+        let file = std::fs::canonicalize(&path).unwrap_or_else(|_| path.clone());
+        match safe_file::replace(files, &file, &content) {
+            Ok(_) => lock(tables).saved(&path, content),
+            Err(error) => errors.push(format!("{}: {error}", path.display())),
+        }
+    }
+    if errors.is_empty() {
+        return Ok(());
+    }
+    Err(format!(
+        "{}; the machine remembers until this process ends",
+        errors.join("; ")
+    ))
+}
+
+#[cfg(test)]
+#[path = "tables_tests.rs"]
+mod tests;

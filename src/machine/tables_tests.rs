@@ -1,0 +1,249 @@
+//! Reading at the start, taking over what others edit, writing back.
+
+use super::*;
+use crate::config::{self, ToolChanger};
+use crate::machine::safe_file::Disk;
+use gcode::Tool;
+use std::fs;
+
+const DEMO: &str = include_str!("../../configs/mill3-demo.toml");
+
+/// The demo machine in a folder of its own.
+struct Machine {
+    folder: tempfile::TempDir,
+    config: Config,
+}
+
+fn machine(files: &[(&str, &str)], changer: ToolChanger) -> Machine {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text) in files {
+        fs::write(folder.path().join(name), text).unwrap();
+    }
+    let mut config = config::parse(DEMO, Path::new("demo.toml")).unwrap();
+    config.program.parameter_file = Some(folder.path().join("m.var"));
+    config.tools.table = Some(folder.path().join("m.tbl"));
+    config.tools.changer = changer;
+    Machine { folder, config }
+}
+
+impl Machine {
+    fn text(&self, name: &str) -> Option<String> {
+        fs::read_to_string(self.folder.path().join(name)).ok()
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        fs::write(self.folder.path().join(name), text).unwrap();
+    }
+}
+
+fn value(tables: &Tables, number: u16) -> Option<f64> {
+    let found = tables.parameters().iter().find(|entry| entry.0 == number);
+    found.map(|entry| entry.1)
+}
+
+fn with_diameter(tables: &Tables, number: u32, diameter_mm: f64) -> ToolTable {
+    let mut tools = tables.tools().clone();
+    let tool = Tool {
+        number,
+        pocket: number,
+        diameter_mm,
+        ..Tool::default()
+    };
+    tools.set(tool).unwrap();
+    tools
+}
+
+#[test]
+fn without_a_parameter_file_the_machine_file_has_the_offsets() {
+    let mut machine = machine(&[("m.tbl", "")], ToolChanger::Fixed);
+    let tables = Tables::read(&machine.config).unwrap();
+    assert_eq!(
+        [5220, 5221, 5222, 5223, 5241].map(|number| value(&tables, number)),
+        [1.0, 20.0, 20.0, -60.0, 0.0].map(Some)
+    );
+    assert_eq!(tables.parameters().len(), parameter_file::required().count());
+
+    machine.config.unit = LengthUnit::Inch;
+    machine.config.work_offsets[8] = Position([25.4, 0.0, 0.0, 90.0, 0.0, 0.0, 0.0, 0.0, 50.8]);
+    let tables = Tables::read(&machine.config).unwrap();
+    assert_eq!(
+        [5381, 5384, 5389].map(|number| value(&tables, number)),
+        [1.0, 90.0, 2.0].map(Some)
+    );
+
+    // The file, once there, has them.
+    machine.write("m.var", "5221 7\n");
+    let tables = Tables::read(&machine.config).unwrap();
+    assert_eq!(
+        [5220, 5221, 5222].map(|number| value(&tables, number)),
+        [0.0, 7.0, 0.0].map(Some)
+    );
+}
+
+#[test]
+fn all_mistakes_of_a_file_are_told_with_their_lines() {
+    let machine = machine(
+        &[("m.tbl", "T1 P1\nfoo\nT2\n"), ("m.var", "5221 1\n5220 1\n")],
+        ToolChanger::Fixed,
+    );
+    let here = machine.folder.path().display().to_string();
+    let error = Tables::read(&machine.config)
+        .unwrap_err()
+        .to_string()
+        .replace(&here, "HERE");
+    assert_eq!(
+        error,
+        "error: parameter 5220 comes after 5221: numbers ascend, each stands once\n --> HERE/m.var:2:1\n  |\n2 | 5220 1\n  | ^^^^\n\
+         HERE/m.var: 1 error in this file"
+    );
+    machine.write("m.var", "");
+    let error = Tables::read(&machine.config)
+        .unwrap_err()
+        .to_string()
+        .replace(&here, "HERE");
+    assert!(
+        error.contains("HERE/m.tbl:2:1") && error.contains("HERE/m.tbl:3:1"),
+        "{error}"
+    );
+    assert!(error.ends_with("HERE/m.tbl: 2 errors in this file"), "{error}");
+}
+
+#[test]
+fn a_file_that_is_no_table_is_not_read_into_memory_for_ever() {
+    let machine = machine(&[("m.tbl", "")], ToolChanger::Fixed);
+    machine.write("m.var", &"\n".repeat(FILE_MAX + 1));
+    let error = Tables::read(&machine.config).unwrap_err().to_string();
+    assert!(
+        error.ends_with("m.var: longer than 4194304 octets: this is no such file"),
+        "{error}"
+    );
+    let folder = machine.folder.path().join("m.var");
+    fs::remove_file(&folder).unwrap();
+    fs::create_dir(&folder).unwrap();
+    assert!(
+        Tables::read(&machine.config)
+            .unwrap_err()
+            .to_string()
+            .contains("Is a directory")
+    );
+}
+
+#[test]
+fn what_a_program_left_behind_is_written_with_a_backup() {
+    let table = "; mine\nT1 P1 Z1.0 ;one\n";
+    let machine = machine(&[("m.tbl", table), ("m.var", "31 1\n5221 1\n")], ToolChanger::Fixed);
+    let tables = Mutex::new(Tables::read(&machine.config).unwrap());
+    let mut parameters = lock(&tables).parameters().to_vec();
+    parameters[0].1 = 2.5;
+    let tools = with_diameter(&lock(&tables), 7, 3.0);
+    lock(&tables).set(parameters, tools);
+    save(&mut Disk, &tables).unwrap();
+    assert!(
+        machine
+            .text("m.var")
+            .unwrap()
+            .starts_with("31\t2.500000\n5161\t0.000000\n")
+    );
+    assert_eq!(machine.text("m.var.bak").as_deref(), Some("31 1\n5221 1\n"));
+    assert_eq!(machine.text("m.tbl").unwrap(), format!("{table}T7   P7   D+3.000000\n"));
+    assert_eq!(machine.text("m.tbl.bak").as_deref(), Some(table));
+    // A new process reads the same.
+    let again = Tables::read(&machine.config).unwrap();
+    assert_eq!(
+        (again.parameters(), again.tools()),
+        (lock(&tables).parameters(), lock(&tables).tools())
+    );
+}
+
+#[test]
+fn nothing_is_written_where_nothing_changed() {
+    let table = "t1 p1 z1.0 ;one\n";
+    let machine = machine(&[("m.tbl", table)], ToolChanger::Fixed);
+    let tables = Mutex::new(Tables::read(&machine.config).unwrap());
+    save(&mut Disk, &tables).unwrap();
+    assert!(machine.text("m.var").is_some(), "it was missing");
+    assert_eq!(
+        (machine.text("m.tbl").as_deref(), machine.text("m.tbl.bak")),
+        (Some(table), None)
+    );
+    let before = fs::metadata(machine.folder.path().join("m.var"))
+        .unwrap()
+        .modified()
+        .unwrap();
+    save(&mut Disk, &tables).unwrap();
+    assert_eq!(machine.text("m.var.bak"), None);
+    assert_eq!(
+        fs::metadata(machine.folder.path().join("m.var"))
+            .unwrap()
+            .modified()
+            .unwrap(),
+        before
+    );
+}
+
+#[test]
+fn what_somebody_edits_counts_from_the_next_program_on() {
+    let machine = machine(&[("m.tbl", "T1 P1\n"), ("m.var", "31 1\n")], ToolChanger::Random);
+    let tables = Mutex::new(Tables::read(&machine.config).unwrap());
+    // A program's values stay where nobody edits.
+    let mut parameters = lock(&tables).parameters().to_vec();
+    parameters[0].1 = 2.0;
+    let tools = lock(&tables).tools().clone();
+    lock(&tables).set(parameters, tools);
+    machine.write("m.tbl", "T1 P1\nT2 P0 Z5\n");
+    lock(&tables).refresh(&machine.config).unwrap();
+    assert_eq!(
+        (value(&lock(&tables), 31), lock(&tables).tools().tools().count()),
+        (Some(2.0), 2)
+    );
+    save(&mut Disk, &tables).unwrap();
+    assert_eq!(machine.text("m.tbl").as_deref(), Some("T1 P1\nT2 P0 Z5\n"));
+    assert!(machine.text("m.var").unwrap().starts_with("31\t2.000000\n"));
+    // A mistake changes nothing; what was right beside it neither.
+    machine.write("m.var", "31 3\n");
+    machine.write("m.tbl", "T1 P1\nT2 P1\n");
+    lock(&tables).refresh(&machine.config).unwrap_err();
+    assert_eq!(
+        (value(&lock(&tables), 31), lock(&tables).tools().tools().count()),
+        (Some(2.0), 2)
+    );
+    // A file that is gone is written again.
+    fs::remove_file(machine.folder.path().join("m.tbl")).unwrap();
+    lock(&tables).refresh(&machine.config).unwrap();
+    assert_eq!(value(&lock(&tables), 31), Some(3.0));
+}
+
+#[test]
+fn what_cannot_be_written_is_told_and_remembered() {
+    let machine = machine(&[("m.tbl", "T1 P1\n"), ("m.var", "")], ToolChanger::Fixed);
+    let mut config = machine.config.clone();
+    config.program.parameter_file = None;
+    let tables = Mutex::new(Tables::read(&config).unwrap());
+    let tools = with_diameter(&lock(&tables), 1, 4.0);
+    let parameters = lock(&tables).parameters().to_vec();
+    lock(&tables).set(parameters, tools);
+    let path = machine.folder.path().to_owned();
+    drop(machine);
+    let error = save(&mut Disk, &tables).unwrap_err();
+    let expected = format!(
+        "{}: No such file or directory (os error 2); the machine remembers until this process ends",
+        path.join("m.tbl").display()
+    );
+    assert_eq!(error, expected);
+    assert_eq!(lock(&tables).tools().by_number(1).unwrap().diameter_mm, 4.0);
+    lock(&tables).refresh(&config).unwrap();
+    assert_eq!(lock(&tables).tools().by_number(1).unwrap().diameter_mm, 4.0);
+}
+
+#[test]
+fn a_link_stays_a_link() {
+    let mut machine = machine(&[("m.tbl", ""), ("real.var", "31 1\n")], ToolChanger::Fixed);
+    let link = machine.folder.path().join("m.var");
+    std::os::unix::fs::symlink("real.var", &link).unwrap();
+    machine.config.tools.table = None;
+    let tables = Mutex::new(Tables::read(&machine.config).unwrap());
+    save(&mut Disk, &tables).unwrap();
+    assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+    assert!(machine.text("real.var").unwrap().starts_with("31\t1.000000\n"));
+    assert!(machine.text("real.var.bak").is_some());
+}
