@@ -3,6 +3,12 @@
 //! In:  from every step of the interpretation.
 //! Out: to the operator: one line by `Display`, or with the text of the program around it by [`Error::render`].
 
+mod probe;
+mod spline;
+
+pub use probe::ProbeError;
+pub use spline::SplineError;
+
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 use std::fmt;
 use std::ops::Range;
@@ -433,6 +439,12 @@ pub enum ErrorKind {
     /// The path of the tool's centre cannot be made.
     #[error("{0}")]
     Compensation(motion::compensation::CompensationErrorKind),
+    /// A curve.
+    #[error("{0}")]
+    Spline(SplineError),
+    /// A probing move.
+    #[error("{0}")]
+    Probe(ProbeError),
     /// The number of an O-word.
     #[error("O{value} is no label: its number must be an integer from 0 on")]
     LabelNotInteger {

@@ -43,6 +43,8 @@ mod o_word;
 mod operator;
 pub mod parameter;
 mod print;
+#[cfg(test)]
+mod printed;
 mod scan;
 mod settings;
 mod state;
@@ -51,7 +53,7 @@ mod text;
 mod tool_table;
 
 pub use check::{CheckLimits, check, check_reader};
-pub use error::{CallSite, Error, ErrorKind};
+pub use error::{CallSite, Error, ErrorKind, ProbeError, SplineError};
 pub use flat::{FlatError, FlatWriter, Unwritable};
 pub use interpreter::{Interpreter, ReadSeek, Run};
 pub use lexer::{Lexer, Word, Words};
@@ -59,5 +61,5 @@ pub use located::Located;
 pub use machine::{Machine, NoMachine, Probed};
 pub use print::CanonPrinter;
 pub use scan::LINE_MAX;
-pub use settings::{CompensatedPath, Remap, Settings};
+pub use settings::{CompensatedPath, Remap, Settings, Splines};
 pub use tool_table::{POCKET_MAX, SetToolError, TOOLS_MAX, TableError, TableErrorKind, Tool, ToolChanger, ToolTable};

@@ -3,7 +3,7 @@
 //! An answer is asked for when it is needed: after the call that brings it about (a probing move, M66, M6) was handed
 //! out, and before the next line is read. Who runs the calls answers when they have been run.
 
-use motion::canon::{Axis, Input, Position, ProbeMode, WaitMode};
+use motion::canon::{Input, Position, ProbeMode, WaitMode};
 
 /// How a probing move ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,14 +20,13 @@ pub struct Probed {
 ///
 /// Every function has the answer of a machine that is not there, which is that of LinuxCNC's stand-alone interpreter.
 pub trait Machine {
-    /// How the probing move to `to`, begun at `from`, ended.
-    fn probed(&mut self, from: Position, to: Position, mode: ProbeMode) -> Probed {
-        let _ = mode;
-        Probed {
-            tripped: false,
-            at: to,
-            rest: backed_off(from, to),
-        }
+    /// How the probing move to `to`, begun at `from`, ended. A missing contact is an error where `mode` demands one.
+    ///
+    /// `None`: nothing was moved. The program goes on as in LinuxCNC's stand-alone interpreter: #5070 is 0, the probed
+    /// point is the end of the move, the axes rest 0.254 mm before it, and no contact is missed.
+    fn probed(&mut self, from: Position, to: Position, mode: ProbeMode) -> Option<Probed> {
+        let _ = (from, to, mode);
+        None
     }
 
     /// What M66 read, 1 or 0 of a digital input; `None`: the time ran out.
@@ -46,24 +45,6 @@ pub trait Machine {
         let _ = name;
         None
     }
-}
-
-/// How far the stand-alone interpreter of LinuxCNC backs off from a probed point, mm.
-const BACK_OFF_MM: f64 = 0.254;
-
-/// A point at that distance before `to` on the way from `from`.
-fn backed_off(from: Position, to: Position) -> Position {
-    let main = [Axis::X, Axis::Y, Axis::Z];
-    let distance_mm = main
-        .iter()
-        .fold(0.0, |sum: f64, axis| sum.hypot(from[*axis] - to[*axis]));
-    let mut rest = to;
-    if distance_mm > 0.0 {
-        for axis in main {
-            rest[axis] += BACK_OFF_MM * (from[axis] - to[axis]) / distance_mm;
-        }
-    }
-    rest
 }
 
 /// A machine that is not there.

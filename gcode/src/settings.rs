@@ -15,6 +15,19 @@ pub enum CompensatedPath {
     Programmed,
 }
 
+/// How curves (G5 to G5.3) are told.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Splines {
+    /// As what they are, by [`motion::canon::Call::NurbsFeed`]: for those who show a program.
+    #[default]
+    Nurbs,
+    /// By arcs and lines: for a planner that knows nothing else.
+    Arcs {
+        /// How far they may leave the curve, mm, above 0.
+        tolerance_mm: f64,
+    },
+}
+
 /// A code that calls a subroutine instead of what it usually does.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Remap {
@@ -65,6 +78,8 @@ pub struct Settings {
     pub block_delete: bool,
     /// Path of the moves under cutter compensation.
     pub compensated_path: CompensatedPath,
+    /// How curves are told.
+    pub splines: Splines,
     /// Whether X words are diameters at the start (G7).
     pub diameter_mode: bool,
     /// Spindles that the machine has, 1 to [`SPINDLES`].
@@ -112,6 +127,7 @@ impl Default for Settings {
             tool_in_spindle: 0,
             block_delete: false,
             compensated_path: CompensatedPath::default(),
+            splines: Splines::default(),
             diameter_mode: false,
             spindles: SPINDLES as u8,
             wrapped_rotary: [false; AXES],

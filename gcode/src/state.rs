@@ -173,6 +173,8 @@ pub(crate) struct State {
     pub(crate) question: Option<Question>,
     /// Control points of a NURBS since its G5.2.
     pub(crate) nurbs: Option<Nurbs>,
+    /// Way from the start of a G5 without I and J to its first control point: mirrors P and Q of the last G5, mm.
+    pub(crate) spline_leaves: [f64; 2],
     /// States that M70 and M73 saved, the newest last, each with the level of calls it belongs to.
     pub(crate) saved: Vec<Saved>,
     /// What the words of a canned cycle said on the lines before.
@@ -250,6 +252,7 @@ impl State {
             parameters,
             question: None,
             nurbs: None,
+            spline_leaves: [0.0; 2],
             saved: Vec::new(),
             cycle: CycleWords::default(),
             feed_cleared: false,

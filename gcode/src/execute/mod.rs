@@ -114,7 +114,7 @@ impl State {
             return Ok(());
         };
         match question {
-            Question::Probe { from, to, mode } => self.probed(machine.probed(from, to, mode)),
+            Question::Probe { from, to, mode } => self.probed(from, to, mode, machine.probed(from, to, mode)),
             Question::Input { input, mode, timeout_s } => {
                 let value = machine.waited(input, mode, timeout_s);
                 self.parameters.set(parameter::INPUT_RESULT, value.unwrap_or(-1.0));
@@ -226,6 +226,7 @@ impl State {
 
     fn motion(&mut self, motion: Option<Motion>, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
         if let Some(code) = block.codes.motion {
+            self.check_nurbs_closed(code.value).map_err(|kind| (code.span, kind))?;
             self.change_motion(code.value, calls);
         }
         match motion {
@@ -250,6 +251,9 @@ impl State {
         if motion.is_none() {
             calls.push_back(Call::Comment("interpreter: motion mode set to none".into()));
         }
+        if matches!(motion, Some(Motion::CubicSpline | Motion::QuadraticSpline)) {
+            return; // for their line only
+        }
         self.modal.motion = motion;
     }
 
@@ -257,6 +261,9 @@ impl State {
         let Some(code) = block.codes.stop else {
             return Ok(Flow::On);
         };
+        if matches!(code.value, Stop::End | Stop::PalletEnd) {
+            self.check_nurbs_closed(None).map_err(|kind| (code.span, kind))?;
+        }
         match code.value {
             Stop::Program => calls.push_back(Call::ProgramStop),
             Stop::Optional => calls.push_back(Call::OptionalProgramStop),

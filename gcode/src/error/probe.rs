@@ -1,0 +1,28 @@
+//! What is wrong with a probing move.
+
+/// Why a probing move (G38.2 to G38.5) cannot be run, or failed.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum ProbeError {
+    /// Nowhere to go.
+    #[error("the probing move ends where it begins: its end must be another place")]
+    Nowhere,
+    /// With G93.
+    #[error("a probing move may end anywhere on its way, so it takes no time for the whole of it (G93): write G94 and F")]
+    InverseTime,
+    /// With G95.
+    #[error("a probing move has a speed of its own, not one per turn of the spindle (G95): write G94 and F")]
+    PerTurn,
+    /// With cutter compensation.
+    #[error("a probing move while cutter compensation is on would touch beside the point: write G40 first")]
+    Compensated,
+    /// G38.2: nothing was touched.
+    #[error(
+        "G38.2 came to its end without contact: move the end further into the part, or write G38.3 where that is no mistake"
+    )]
+    NoContact,
+    /// G38.4: contact all the way.
+    #[error(
+        "G38.4 came to its end still in contact: move the end further off the part, or write G38.5 where that is no mistake"
+    )]
+    ContactStays,
+}

@@ -1,0 +1,90 @@
+//! A NURBS in its plane: point and direction at any place.
+//!
+//! In:  control points with weights, order; the knots are LinuxCNC's: evenly spaced, the ends as often as the order, so
+//!      that the curve begins at the first control point and ends at the last.
+//! Out: points, mm.
+
+/// A rational B-spline.
+#[derive(Clone, Debug)]
+pub(super) struct Curve {
+    /// Control points times weight, and the weight: homogeneous coordinates.
+    points: Vec<[f64; 3]>,
+    order: usize,
+}
+
+impl Curve {
+    /// `points` are at least as many as `order`, which is 2 or more; weights are above 0.
+    pub(super) fn new(points: &[([f64; 2], f64)], order: u32) -> Curve {
+        debug_assert!(order >= 2 && points.len() >= order as usize);
+        let points = points.iter().map(|([x, y], w)| [x * w, y * w, *w]).collect();
+        Curve {
+            points,
+            order: order as usize,
+        }
+    }
+
+    /// Number of polynomial pieces: the parameter runs from 0 to this.
+    pub(super) fn spans(&self) -> usize {
+        self.points.len() + 1 - self.order
+    }
+
+    /// The knot of an index.
+    fn knot(&self, index: usize) -> f64 {
+        (index + 1).saturating_sub(self.order).min(self.spans()) as f64
+    }
+
+    /// The point at a parameter.
+    pub(super) fn point(&self, parameter: f64) -> [f64; 2] {
+        self.point_and_derivative(parameter).0
+    }
+
+    /// De Boor's algorithm: the last two points of its last but one step span the tangent.
+    pub(super) fn point_and_derivative(&self, parameter: f64) -> ([f64; 2], [f64; 2]) {
+        let degree = self.order - 1;
+        let parameter = parameter.clamp(0.0, self.spans() as f64);
+        let span = (parameter as usize).min(self.spans() - 1); // clamped to few thousands
+        let mut level: Vec<[f64; 3]> = self.points[span..=span + degree].to_vec();
+        let mut derivative = [0.0; 3];
+        for step in 1..=degree {
+            for at in (step..=degree).rev() {
+                let low = self.knot(span + at);
+                let high = self.knot(span + at + self.order - step);
+                let share = (parameter - low) / (high - low);
+                let (before, here) = (level[at - 1], level[at]);
+                if step == degree {
+                    let rate = degree as f64 / (high - low);
+                    derivative = std::array::from_fn(|axis| rate * (here[axis] - before[axis]));
+                }
+                level[at] = std::array::from_fn(|axis| before[axis] + share * (here[axis] - before[axis]));
+            }
+        }
+        let [x, y, w] = level[degree];
+        let point = [x / w, y / w];
+        // (f / w)' = (f' - (f / w) w') / w
+        let rational = |axis: usize| (derivative[axis] - point[axis] * derivative[2]) / w;
+        (point, [rational(0), rational(1)])
+    }
+
+    /// Unit vector along the curve at a parameter. Where the derivative vanishes (control points on each other), the way
+    /// to a near place further on or, at the end, from before.
+    pub(super) fn direction(&self, parameter: f64) -> Option<[f64; 2]> {
+        let (point, derivative) = self.point_and_derivative(parameter);
+        unit(derivative).or_else(|| {
+            const NEAR: f64 = 1e-3;
+            let end = self.spans() as f64;
+            let (from, to) = if parameter + NEAR <= end {
+                (point, self.point(parameter + NEAR))
+            } else {
+                (self.point(parameter - NEAR), point)
+            };
+            unit([to[0] - from[0], to[1] - from[1]])
+        })
+    }
+}
+
+/// A vector of length 1 in the same direction; `None`: there is none.
+fn unit(vector: [f64; 2]) -> Option<[f64; 2]> {
+    const LENGTH_MIN: f64 = 1e-9;
+    let length = vector[0].hypot(vector[1]);
+    (length > LENGTH_MIN).then(|| [vector[0] / length, vector[1] / length])
+}
