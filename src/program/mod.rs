@@ -14,6 +14,9 @@ use std::fmt;
 /// Canonical calls that one call of [`Feeder::pump`] takes at the most.
 const EVENTS_PER_PUMP: usize = 256;
 
+/// How far the arcs of a curve (G5 to G5.3) may leave it, mm: as much as drives resolve.
+const CURVE_TOLERANCE_MM: f64 = 0.001;
+
 /// Why a program cannot be run; shown with its place in the text.
 #[derive(Debug)]
 pub struct ProgramErrors {
@@ -217,6 +220,9 @@ fn interpreter_settings(config: &Config, start: Position) -> gcode::Settings {
     gcode::Settings {
         start,
         work_offsets: config.work_offsets,
+        splines: gcode::Splines::Arcs {
+            tolerance_mm: CURVE_TOLERANCE_MM,
+        },
         ..gcode::Settings::default()
     }
 }

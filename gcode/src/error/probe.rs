@@ -7,7 +7,9 @@ pub enum ProbeError {
     #[error("the probing move ends where it begins: its end must be another place")]
     Nowhere,
     /// With G93.
-    #[error("a probing move may end anywhere on its way, so it takes no time for the whole of it (G93): write G94 and F")]
+    #[error(
+        "a probing move may end anywhere on its way, so it takes no time for the whole of it (G93): write G94 and F"
+    )]
     InverseTime,
     /// With G95.
     #[error("a probing move has a speed of its own, not one per turn of the spindle (G95): write G94 and F")]

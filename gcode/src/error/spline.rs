@@ -39,7 +39,9 @@ pub enum SplineError {
         missing: char,
     },
     /// P alone, behind the first line.
-    #[error("P alone is the weight of the start, on the line that begins with G5.2; further control points need X and Y")]
+    #[error(
+        "P alone is the weight of the start, on the line that begins with G5.2; further control points need X and Y"
+    )]
     StartWeightLate,
     /// No P on a further point.
     #[error("a control point of G5.2 needs P, its weight: P1 makes it as strong as the others")]

@@ -160,7 +160,10 @@ mod tests {
             ("F0 G38.2 X1", "2:4: G38.2 needs a feed"),
             ("G93 G38.2 X1 F1", "2:5: a probing move may end anywhere"),
             ("G95 F1 G38.3 X1", "2:8: a probing move has a speed of its own"),
-            ("G41.1 D2 G38.2 X1", "2:10: a probing move while cutter compensation is on"),
+            (
+                "G41.1 D2 G38.2 X1",
+                "2:10: a probing move while cutter compensation is on",
+            ),
         ] {
             let shown = printed(&format!("F10\n{program}\nM2\n"));
             assert!(shown.lines().any(|line| line.starts_with(error)), "{program}: {shown}");

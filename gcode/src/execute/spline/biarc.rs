@@ -129,7 +129,9 @@ fn deviation_mm(curve: &Curve, from: f64, to: f64, two: &[Piece; 2]) -> f64 {
         .map(|sample| {
             let share = f64::from(sample) / f64::from(SAMPLES + 1);
             let point = curve.point(from + share * (to - from));
-            two.iter().map(|piece| distance_mm(piece, point)).fold(f64::MAX, f64::min)
+            two.iter()
+                .map(|piece| distance_mm(piece, point))
+                .fold(f64::MAX, f64::min)
         })
         .fold(0.0, f64::max)
 }
@@ -150,8 +152,7 @@ pub(super) fn distance_mm(piece: &Piece, point: [f64; 2]) -> f64 {
         }
         Some(arc) => {
             // Less than half a circle: within it lies what is between the two radii.
-            let [start, end, point] =
-                [piece.start, piece.end, point].map(|place| minus(place, arc.centre_mm));
+            let [start, end, point] = [piece.start, piece.end, point].map(|place| minus(place, arc.centre_mm));
             let side = f64::from(arc.turns);
             let within = side * cross(start, point) >= 0.0 && side * cross(point, end) >= 0.0;
             if within && dot(point, [start[0] + end[0], start[1] + end[1]]) >= 0.0 {

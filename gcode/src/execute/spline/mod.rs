@@ -45,7 +45,10 @@ impl State {
         let to = self.end(block)?;
         let (start, end) = (xy(self.at), xy(to));
         let points = if motion == Motion::QuadraticSpline {
-            let first = self.pair(block, *b"IJ", |missing| SplineError::FirstPoint { code: "G5.1", missing })?;
+            let first = self.pair(block, *b"IJ", |missing| SplineError::FirstPoint {
+                code: "G5.1",
+                missing,
+            })?;
             vec![start, sum(start, first), end]
         } else {
             let first = if block.has(letters(b"IJ")) {
@@ -210,12 +213,7 @@ impl State {
     }
 
     /// Two lengths of a line, mm.
-    fn pair(
-        &self,
-        block: &Block,
-        names: [u8; 2],
-        error: impl Fn(char) -> SplineError,
-    ) -> Result<[f64; 2], Fault> {
+    fn pair(&self, block: &Block, names: [u8; 2], error: impl Fn(char) -> SplineError) -> Result<[f64; 2], Fault> {
         let mm = self.modal.unit.mm();
         match names.map(|letter| block.word_value(letter)) {
             [Some(first), Some(second)] => Ok([first * mm, second * mm]),
