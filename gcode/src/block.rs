@@ -90,7 +90,11 @@ pub(crate) struct Block {
     pub(crate) codes: Codes,
     pub(crate) assignments: Vec<Assignment>,
     words: Words,
+    m_count: usize,
 }
+
+/// Most M words on a line.
+const M_WORDS_MAX: usize = 4;
 
 /// The G and M words of a line, one a modal group.
 #[derive(Clone, Debug, Default)]
@@ -177,6 +181,7 @@ impl Block {
         self.remark = None;
         self.codes = Codes::default();
         self.assignments.clear();
+        self.m_count = 0;
         self.words.present = 0; // numbers and places of absent words are never looked at
     }
 
@@ -191,7 +196,8 @@ impl Block {
                     Ok(())
                 }
                 Ok(Item::Remark(text)) => {
-                    self.remark = Some(Remark::Semicolon(text));
+                    // For the reader of the text only: a comment in parentheses before it still acts.
+                    self.remark.get_or_insert(Remark::Semicolon(text));
                     Ok(())
                 }
                 Ok(Item::Parameter) => self.assignment(&mut cursor, values),
@@ -291,6 +297,10 @@ impl Block {
     fn m_word(&mut self, value: f64, span: Span) -> Result<(), ErrorKind> {
         if value.is_nan() {
             return Ok(());
+        }
+        self.m_count += 1;
+        if self.m_count > M_WORDS_MAX {
+            return Err(ErrorKind::TooManyMCodes { max: M_WORDS_MAX });
         }
         let (code, m) = MCode::of(value)?;
         let word = Coded { value: (), code, span };

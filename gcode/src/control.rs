@@ -114,17 +114,13 @@ impl Run<'_> {
                     level.blocks.pop();
                     self.look_for(o_word, Target::EndWhile);
                 }
-                Some(OpenKind::Repeat { .. }) => {
-                    level.blocks.pop();
-                    self.look_for(o_word, Target::EndRepeat);
-                }
-                Some(OpenKind::If) | None => return not_open("while, do or repeat"),
+                // LinuxCNC knows neither for repeat.
+                Some(OpenKind::If | OpenKind::Repeat { .. }) | None => return not_open("while or do"),
             },
             Keyword::Continue => match level.find(label).map(|open| open.kind) {
                 Some(OpenKind::While { start }) => self.go_to(start),
                 Some(OpenKind::Do { .. }) => self.look_for(o_word, Target::EndWhile),
-                Some(OpenKind::Repeat { .. }) => self.look_for(o_word, Target::EndRepeat),
-                Some(OpenKind::If) | None => return not_open("while, do or repeat"),
+                Some(OpenKind::If | OpenKind::Repeat { .. }) | None => return not_open("while or do"),
             },
         }
         Ok(())
@@ -134,7 +130,7 @@ impl Run<'_> {
     fn look_for(&mut self, o_word: &OWord, target: Target) {
         let line = self.source().line;
         // Where a search from this line ended once, the next one does too.
-        if let Some(place) = self.targets.get(&(self.file, line)) {
+        if let Some(place) = self.targets.get(&(self.file, line, target)) {
             let place = *place;
             self.go_to(place);
         }
@@ -155,6 +151,13 @@ impl Run<'_> {
         let Ok((Some(label), keyword)) = o_word::head(&mut cursor, &Unknown) else {
             return;
         };
+        if let Some(search) = &self.search
+            && search.target == Target::EndSub
+            && keyword == Keyword::Sub
+        {
+            let (label, outer) = (label.to_string(), search.label.to_string());
+            return self.fail(cursor.span(), ErrorKind::NestedSubroutine { label, outer });
+        }
         let found = |search: &mut Search| search.label == label && search.target.is(keyword);
         let Some(search) = self.search.take_if(found) else {
             return;
@@ -166,7 +169,7 @@ impl Run<'_> {
             line: source.line - 1,
         };
         if search.target != Target::Sub {
-            self.targets.insert((self.file, search.line), before);
+            self.targets.insert((self.file, search.line, search.target), before);
         }
         if let Err((span, kind)) = self.found(&search, keyword) {
             self.fail(span, kind);
@@ -204,7 +207,7 @@ impl Run<'_> {
                 }
                 Ok(())
             }
-            Target::EndWhile | Target::EndRepeat if search.keyword == Keyword::Continue => {
+            Target::EndWhile if search.keyword == Keyword::Continue => {
                 // The end of the block decides whether it goes round again.
                 let source = self.source();
                 self.go_to(Place {
@@ -278,8 +281,18 @@ impl Run<'_> {
             ));
         }
         let here = self.place();
-        self.subroutines.insert(o_word.label.clone(), here);
+        let known = self.subroutines.insert(o_word.label.clone(), here);
         if o_word.keyword == Keyword::Sub {
+            if let Some(first) = known.filter(|first| *first != here) {
+                return Err((
+                    o_word.span,
+                    ErrorKind::DefinedTwice {
+                        label: o_word.label.to_string(),
+                        file: self.files[first.file].name.clone(),
+                        line: first.line,
+                    },
+                ));
+            }
             self.look_for(o_word, Target::EndSub);
         }
         Ok(())
@@ -414,7 +427,7 @@ impl Run<'_> {
         }
     }
 
-    /// M99: the next time, the return, or in the program itself the start.
+    /// M99: the next time, the return, or in the program itself its end.
     pub(crate) fn return_by_m99(&mut self) {
         let level = self.levels.last_mut().expect("the program's own level is never left");
         match &mut level.kind {
@@ -426,12 +439,8 @@ impl Run<'_> {
             }
             LevelKind::Subprogram { .. } | LevelKind::Call | LevelKind::Remap => self.leave(None),
             LevelKind::Program => {
-                level.blocks.clear();
-                self.go_to(Place {
-                    file: 0,
-                    offset: 0,
-                    line: 0,
-                });
+                self.ended = true;
+                self.state.end_by_m2(&mut self.calls);
             }
         }
     }

@@ -285,6 +285,39 @@ pub enum ErrorKind {
         /// Letter of the word.
         letter: char,
     },
+    /// More M words on a line than LinuxCNC takes.
+    #[error("more than {max} M codes on this line: move some to a line of their own")]
+    TooManyMCodes {
+        /// Most M words on a line.
+        max: usize,
+    },
+    /// A second definition of a subroutine.
+    #[error("{label} is defined already in line {line}{}: a subroutine has one definition", if file.is_empty() { String::new() } else { format!(" of {file}") })]
+    DefinedTwice {
+        /// Label of the subroutine.
+        label: String,
+        /// Empty for the program itself.
+        file: String,
+        /// Line of the first definition.
+        line: u32,
+    },
+    /// G96 without the speed of the surface.
+    #[error("G96 needs S, the speed of the surface, on its line")]
+    SurfaceSpeedMissing,
+    /// M19 with an angle beyond a turn.
+    #[error("R{degrees} is no angle of M19: from 0 to 360 degrees")]
+    OrientAngle {
+        /// As programmed.
+        degrees: f64,
+    },
+    /// G95 with a spindle that has no speed.
+    #[error("{motion} in G95 feeds per turn of spindle {spindle}, whose speed is 0: set S")]
+    FeedWithoutTurns {
+        /// As programmed.
+        motion: String,
+        /// Number of the spindle.
+        spindle: u8,
+    },
     /// No such G code.
     #[error("G{number} is no known G code: the nearest one is {nearest}")]
     UnknownG {

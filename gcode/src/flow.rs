@@ -11,8 +11,8 @@ use crate::o_word::{Keyword, Label};
 use crate::parameter::ARGUMENTS;
 use std::collections::HashMap;
 
-/// Most calls within calls.
-pub(crate) const CALLS_MAX: usize = 500;
+/// Most calls within calls: LinuxCNC's.
+pub(crate) const CALLS_MAX: usize = 9;
 
 /// A place from which reading goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -130,7 +130,7 @@ pub(crate) struct Search {
 }
 
 /// O-words that end a search.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Target {
     /// `elseif`, `else` or `endif`.
     Branch,

@@ -9,7 +9,7 @@
 use crate::block::{Block, Faults, LineNumber};
 use crate::error::{CallSite, Error, ErrorKind};
 use crate::execute::{Calls, Flow};
-use crate::flow::{Level, LevelKind, Place, Search};
+use crate::flow::{Level, LevelKind, Place, Search, Target};
 use crate::machine::{Machine, NoMachine};
 use crate::o_word::Label;
 use crate::parameter::ARGUMENTS;
@@ -101,6 +101,7 @@ impl Interpreter {
             ended: false,
             steps: 0,
             steps_max: u64::MAX,
+            continues: false,
             line: Vec::new(),
             block: Block::default(),
             faults: Faults::new(),
@@ -115,7 +116,8 @@ impl Interpreter {
 /// The events of a program; made by [`Interpreter::run`].
 ///
 /// The first events tell units, offsets, plane and path mode; their [`Source`] has line 0. The iterator ends after M2,
-/// M30, the closing `%` or the first error; a line with an error has no effect.
+/// M30, the closing `%` or the first error. What a line did before its error was found has been done: a line whose form
+/// is wrong does nothing.
 pub struct Run<'t> {
     pub(crate) state: State,
     machine: Box<dyn Machine + Send>,
@@ -128,8 +130,8 @@ pub struct Run<'t> {
     pub(crate) subroutines: HashMap<Label, Place>,
     /// Lines are passed over until this is found.
     pub(crate) search: Option<Search>,
-    /// Where a search from a line ended before.
-    pub(crate) targets: HashMap<(usize, u32), Place>,
+    /// Where a search from a line of a file ended before. A line may begin searches for two things: `elseif`.
+    pub(crate) targets: HashMap<(usize, u32, Target), Place>,
     /// Calls of the line read last that have not been handed out.
     pub(crate) calls: Calls,
     /// Makes the path of the tool's centre while cutter compensation is on.
@@ -141,6 +143,7 @@ pub struct Run<'t> {
     /// Lines that were read.
     steps: u64,
     steps_max: u64,
+    continues: bool,
     /// Kept for their memory.
     line: Vec<u8>,
     block: Block,
@@ -152,6 +155,12 @@ impl Run<'_> {
     /// Stops with an error after so many lines, those of loops counted each time: for programs that may never end.
     pub fn limit_steps(mut self, steps: u64) -> Self {
         self.steps_max = steps;
+        self
+    }
+
+    /// Goes on behind the line of an error, one in a subroutine behind the call of it in the program itself.
+    pub fn continue_after_errors(mut self) -> Self {
+        self.continues = true;
         self
     }
 
@@ -271,7 +280,6 @@ impl Run<'_> {
 
     #[cold]
     fn fail_all(&mut self) {
-        self.calls.clear();
         let file = &self.files[self.file];
         let octets = file.text.octets();
         let sites: Vec<CallSite> = self
@@ -325,7 +333,7 @@ impl Run<'_> {
             return self.end_of_text();
         }
         self.ended = true;
-        self.calls.push_back(Call::Finish);
+        self.calls.extend([Call::Finish, Call::Reset, Call::Reset]);
     }
 
     /// No line is left although the program has not ended.
@@ -380,15 +388,33 @@ impl Iterator for Run<'_> {
                 }
                 continue;
             }
+            if !self.errors.is_empty() {
+                return Some(Err(self.failed()));
+            }
             if self.ended {
                 return self.finish_compensation();
             }
             self.step();
-            if !self.errors.is_empty() {
-                self.ended = true;
-                return Some(Err(Box::new(self.errors.swap_remove(0))));
-            }
         }
+    }
+}
+
+impl Run<'_> {
+    /// The error of the line read last, whose calls have been handed out.
+    #[cold]
+    fn failed(&mut self) -> Box<Error> {
+        let error = Box::new(self.errors.swap_remove(0));
+        self.errors.clear();
+        if self.continues && !self.ended {
+            while self.levels.len() > 1 {
+                self.leave(None);
+            }
+            return error;
+        }
+        self.ended = true;
+        // Moves that wait for the next one are not run.
+        self.compensator = None;
+        error
     }
 }
 

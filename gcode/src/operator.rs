@@ -7,7 +7,7 @@ use crate::degrees;
 use crate::error::ErrorKind;
 
 /// Numbers that differ by less are equal for `EQ` and `NE`.
-const EQUAL: f64 = 1e-6;
+const EQUAL: f64 = 1e-4;
 
 /// An operator between two values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -237,11 +237,11 @@ mod tests {
             (-7.0, Modulo, 3.0, 2.0),
             (-7.0, Modulo, -3.0, 2.0),
             (1.0, Modulo, -3.0, 1.0),
-            (1.0, Equal, 1.0000009, 1.0),
-            (1.0, Equal, 1.0000011, 0.0),
-            (1.0, NotEqual, 1.0000009, 0.0),
-            (1.0, NotEqual, 1.0000011, 1.0),
-            (1.0, Less, 1.0000009, 1.0),
+            (1.0, Equal, 1.00009, 1.0),
+            (1.0, Equal, 1.00011, 0.0),
+            (1.0, NotEqual, 1.00009, 0.0),
+            (1.0, NotEqual, 1.00011, 1.0),
+            (1.0, Less, 1.00009, 1.0),
             (1.0, GreaterOrEqual, 1.0, 1.0),
             (1.0, Greater, 1.0, 0.0),
             (1.0, LessOrEqual, 0.5, 0.0),

@@ -93,10 +93,21 @@ impl State {
         calls: &mut Calls,
     ) -> Result<(), Fault> {
         match self.modal.feed_unit {
-            FeedUnit::UnitsPerMinute | FeedUnit::UnitsPerTurn if self.modal.feed > 0.0 => Ok(()),
+            FeedUnit::UnitsPerMinute if self.modal.feed > 0.0 => Ok(()),
+            FeedUnit::UnitsPerTurn if self.modal.feed > 0.0 => self.need_turns(block),
             FeedUnit::UnitsPerMinute | FeedUnit::UnitsPerTurn => Err(self.feed_missing(block)),
             FeedUnit::InverseTime => self.inverse_time_feed(block, length(), calls),
         }
+    }
+
+    /// Sees to it that the spindle that G95 counts has a speed.
+    fn need_turns(&self, block: &Block) -> Result<(), Fault> {
+        let spindle = self.named_spindle(block);
+        if self.modal.spindles[usize::from(spindle)].speed != 0.0 {
+            return Ok(());
+        }
+        let motion = self.motion_name(block);
+        Err((motion_span(block), ErrorKind::FeedWithoutTurns { motion, spindle }))
     }
 
     #[cold]

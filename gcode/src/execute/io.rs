@@ -90,12 +90,16 @@ impl State {
         Ok(())
     }
 
-    /// What M2 and M30 do with coolant and overrides.
-    pub(super) fn end_switches(&mut self, calls: &mut Calls) {
+    /// What M2 and M30 do with overrides.
+    pub(super) fn end_overrides(&mut self, calls: &mut Calls) {
         if !self.modal.overrides.feed {
             self.modal.overrides.feed = true;
             calls.push_back(Call::EnableFeedOverride(true));
         }
+    }
+
+    /// What M2 and M30 do with coolant.
+    pub(super) fn end_coolant(&mut self, calls: &mut Calls) {
         if self.modal.mist {
             self.modal.mist = false;
             calls.push_back(Call::Mist(false));

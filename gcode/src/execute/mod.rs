@@ -24,7 +24,7 @@ mod turning;
 mod usage;
 
 use crate::block::{Assignment, Block, Place};
-use crate::code::{Distance, Motion, NonModal, PathCode, Stop};
+use crate::code::{Distance, Motion, NonModal, PathCode, Retract, Stop};
 use crate::error::ErrorKind;
 use crate::machine::Machine;
 use crate::parameter::{self, is_read_only, is_read_only_number};
@@ -78,18 +78,14 @@ impl State {
         self.user_code(block, calls)?;
         self.dwell(block, calls)?;
         self.plane(block, calls);
-        if let Some(code) = block.codes.diameter {
-            self.modal.diameter = code.value;
-        }
+        self.diameter(block, calls);
         self.unit(block, calls);
         self.compensation(block, calls)?;
         self.length_offset(block, calls)?;
         self.system(block, calls);
         self.path_mode(block, calls);
         self.distances(block, calls);
-        if let Some(code) = block.codes.retract {
-            self.modal.retract = code.value;
-        }
+        self.retract(block, calls);
         self.non_modal(block, calls)?;
         self.motion(motion, block, calls)?;
         self.stop(block, calls)
@@ -191,12 +187,13 @@ impl State {
             PathCode::Continuous => {
                 let tolerance = |letter| {
                     let number = block.word_value(letter);
-                    number.map(|number| number.max(0.0) * self.modal.unit.mm())
+                    number.map(|number| number * self.modal.unit.mm())
                 };
-                let tolerance_mm = tolerance(b'P');
+                let tolerance_mm = tolerance(b'P').map(|tolerance| tolerance.max(0.0));
                 PathMode::Continuous {
                     tolerance_mm,
-                    naive_cam_tolerance_mm: tolerance(b'Q').or(tolerance_mm),
+                    // LinuxCNC takes a Q below 0 as none.
+                    naive_cam_tolerance_mm: tolerance(b'Q').filter(|tolerance| *tolerance >= 0.0).or(tolerance_mm),
                 }
             }
         };
@@ -222,6 +219,27 @@ impl State {
             }
             self.modal.arc_distance = code.value;
         }
+    }
+
+    fn diameter(&mut self, block: &Block, calls: &mut Calls) {
+        let Some(code) = block.codes.diameter else { return };
+        if code.value != self.modal.diameter {
+            calls.push_back(Call::Comment(if code.value {
+                "interpreter: Lathe diameter mode changed to diameter".into()
+            } else {
+                "interpreter: Lathe diameter mode changed to radius".into()
+            }));
+        }
+        self.modal.diameter = code.value;
+    }
+
+    fn retract(&mut self, block: &Block, calls: &mut Calls) {
+        let Some(code) = block.codes.retract else { return };
+        calls.push_back(Call::Comment(match code.value {
+            Retract::OldZ => "interpreter: retract mode set to old_z".into(),
+            Retract::R => "interpreter: retract mode set to r_plane".into(),
+        }));
+        self.modal.retract = code.value;
     }
 
     fn motion(&mut self, motion: Option<Motion>, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
@@ -269,8 +287,7 @@ impl State {
             Stop::Optional => calls.push_back(Call::OptionalProgramStop),
             Stop::Pallet => calls.extend([Call::PalletShuttle, Call::ProgramStop]),
             Stop::End => {
-                self.end_program(calls);
-                calls.extend([Call::ProgramEnd, Call::Reset, Call::Reset]);
+                self.end_by_m2(calls);
                 return Ok(Flow::End);
             }
             Stop::PalletEnd => {
@@ -302,6 +319,12 @@ impl State {
         Ok(Flow::On)
     }
 
+    /// M2, and M99 in the program itself.
+    pub(crate) fn end_by_m2(&mut self, calls: &mut Calls) {
+        self.end_program(calls);
+        calls.extend([Call::ProgramEnd, Call::Reset, Call::Reset]);
+    }
+
     /// What M2 and M30 reset.
     fn end_program(&mut self, calls: &mut Calls) {
         let mut offsets = self.offsets;
@@ -314,8 +337,9 @@ impl State {
             self.modal.plane = Plane::Xy;
         }
         self.end_feed(calls);
+        self.end_overrides(calls);
         self.end_spindles(calls);
-        self.end_switches(calls);
+        self.end_coolant(calls);
         self.modal.distance = Distance::Absolute;
         self.modal.arc_distance = Distance::Incremental;
         self.modal.motion = Some(Motion::Feed);

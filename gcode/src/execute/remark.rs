@@ -21,15 +21,20 @@ impl State {
         let own = &text[start..];
         let plain = || String::from_utf8_lossy(own).into_owned();
         let with_values = || comment::with_values(own, self);
+        if matches!(kind, CommentKind::OpenProbeLog | CommentKind::CloseProbeLog) {
+            // LinuxCNC's interpreter hands these on as they are; who runs the calls acts on them.
+            let whole = String::from_utf8_lossy(text.trim_ascii_start()).into_owned();
+            calls.push_back(Call::Comment(whole.into()));
+        }
         calls.push_back(match kind {
-            CommentKind::Plain => Call::Comment(String::from_utf8_lossy(text).into_owned().into()),
+            CommentKind::Plain => Call::Comment(plain().into()),
             CommentKind::Message => Call::Message(plain()),
             CommentKind::Debug if self.parameters.get(SHOW_DEBUG) == 0.0 => return Ok(()),
             CommentKind::Debug => Call::Message(with_values()),
             CommentKind::Print => Call::Record(Record::Print(with_values())),
             CommentKind::Log => Call::Record(Record::Log(with_values())),
-            CommentKind::OpenLog => Call::Record(Record::OpenLog(plain().trim().into())),
-            CommentKind::AppendLog => Call::Record(Record::AppendLog(plain().trim().into())),
+            CommentKind::OpenLog => Call::Record(Record::OpenLog(plain().into())),
+            CommentKind::AppendLog => Call::Record(Record::AppendLog(plain().into())),
             CommentKind::CloseLog => Call::Record(Record::CloseLog),
             CommentKind::OpenProbeLog => Call::Record(Record::OpenProbeLog(plain().trim().into())),
             CommentKind::CloseProbeLog => Call::Record(Record::CloseProbeLog),

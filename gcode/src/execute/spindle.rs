@@ -1,7 +1,7 @@
 //! Spindles: G96, G97, S, M3, M4, M5, M19.
 
 use super::Calls;
-use crate::block::Block;
+use crate::block::{Block, letters};
 use crate::code::{SpindleAction, SpindleCode, integer_in};
 use crate::error::ErrorKind;
 use crate::scan::Fault;
@@ -44,9 +44,12 @@ impl State {
         let mode = match code.value {
             SpindleCode::Rpm => SpindleMode::Rpm,
             SpindleCode::ConstantSurfaceSpeed => {
-                super::not_negative(block, b'D')?;
+                if !block.has(letters(b"S")) {
+                    return Err((code.span, ErrorKind::SurfaceSpeedMissing));
+                }
                 SpindleMode::ConstantSurfaceSpeed {
-                    max_rpm: block.word_value(b'D'),
+                    // LinuxCNC takes no notice of its sign.
+                    max_rpm: block.word_value(b'D').map(f64::abs),
                 }
             }
         };
@@ -99,24 +102,31 @@ impl State {
     }
 
     fn orient(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
-        let degrees = block.word_value(b'R').unwrap_or(0.0) + self.settings.orient_offset_degrees;
+        let angle = block.word_value(b'R');
+        if let Some(degrees) = angle.filter(|degrees| !(0.0..=360.0).contains(degrees)) {
+            return Err((block.span(b'R'), ErrorKind::OrientAngle { degrees }));
+        }
+        let degrees = angle.unwrap_or(0.0) + self.settings.orient_offset_degrees;
         let direction = match block.word_value(b'P').map(|number| integer_in(number, 0..=2)) {
             None | Some(Some(0)) => OrientDirection::Shortest,
             Some(Some(1)) => OrientDirection::Clockwise,
             Some(Some(_)) => OrientDirection::Counterclockwise,
             Some(None) => return Err((block.span(b'P'), ErrorKind::OrientDirection)),
         };
-        if block.word_value(b'Q').is_some_and(|timeout_s| timeout_s <= 0.0) {
-            return Err((block.span(b'Q'), ErrorKind::OrientTimeout));
-        }
+        let timeout_s = block.word_value(b'Q');
         for spindle in self.named_spindles(block, false)? {
-            calls.push_back(Call::OrientSpindle {
-                spindle,
-                degrees,
-                direction,
-            });
-            if let Some(timeout_s) = block.word_value(b'Q') {
-                calls.push_back(Call::WaitSpindleOriented { spindle, timeout_s });
+            // Q alone only waits.
+            if block.has(letters(b"RP")) {
+                calls.push_back(Call::OrientSpindle {
+                    spindle,
+                    degrees,
+                    direction,
+                });
+            }
+            match timeout_s {
+                Some(timeout_s) if timeout_s > 0.0 => calls.push_back(Call::WaitSpindleOriented { spindle, timeout_s }),
+                Some(_) => return Err((block.span(b'Q'), ErrorKind::OrientTimeout)),
+                None => {}
             }
         }
         Ok(())

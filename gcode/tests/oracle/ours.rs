@@ -1,6 +1,6 @@
 //! Our interpreter on a case, as the oracle is run on it.
 
-use std::{collections::BTreeMap, path::Path};
+use std::path::Path;
 
 use gcode::{CanonPrinter, Interpreter, Remap, Settings, ToolChanger, ToolTable, parameter};
 use motion::canon::{Axis, Call, LengthUnit, Position, Record};
@@ -9,7 +9,6 @@ use super::case::Case;
 
 /// The packaged interpreter's unit is the inch, and no setting changes it.
 const MACHINE_UNIT: LengthUnit = LengthUnit::Inch;
-const MM_PER_INCH: f64 = 25.4;
 
 /// What our interpreter made of a program.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,9 +37,12 @@ pub fn run(case: &Case) -> Outcome {
     let mut printed = String::new();
     let mut errors = Vec::new();
     let mut error_lines = Vec::new();
-    let run = Interpreter::new(settings(case, folder.path())).run(&case.program);
+    let mut run = Interpreter::new(settings(case, folder.path())).run(&case.program);
+    if case.options.continue_after_error {
+        run = run.continue_after_errors();
+    }
     // An endless program is stopped: no case and no generated program is that long.
-    for event in run.take(1_000_000) {
+    for event in run.by_ref().take(1_000_000) {
         match event {
             Ok(event) => {
                 if let Call::Record(Record::Print(text)) = &event.call {
@@ -61,12 +63,13 @@ pub fn run(case: &Case) -> Outcome {
             }
         }
     }
+    let left: Vec<(u16, f64)> = run.snapshot().parameters.into_iter().collect();
     Outcome {
         canon: String::from_utf8_lossy(&canon).into_owned(),
         printed,
         errors,
         error_lines,
-        parameters: String::new(),
+        parameters: parameter::file::write(&left),
     }
 }
 
@@ -80,10 +83,6 @@ fn settings(case: &Case, folder: &Path) -> Settings {
     } else {
         ToolChanger::Fixed
     };
-    let parameters: BTreeMap<u16, f64> = parameter::file::parse(case.parameters.as_bytes())
-        .expect("a parameter file")
-        .into_iter()
-        .collect();
     let mut settings = Settings {
         machine_unit: MACHINE_UNIT,
         tools: ToolTable::parse(case.tool_table.as_bytes(), MACHINE_UNIT, changer).expect("a tool table"),
@@ -92,11 +91,16 @@ fn settings(case: &Case, folder: &Path) -> Settings {
         orient_offset_degrees: number("RS274NGC", "ORIENT_OFFSET").unwrap_or(0.0),
         chip_breaking_clearance_mm: number("RS274NGC", "G73_PECK_CLEARANCE"),
         peck_clearance_mm: number("RS274NGC", "G83_PECK_CLEARANCE"),
-        arc_radius_tolerance_mm: number("RS274NGC", "CENTER_ARC_RADIUS_TOLERANCE_MM"),
+        // A greater one than the usual is not taken.
+        arc_radius_tolerance_mm: number("RS274NGC", "CENTER_ARC_RADIUS_TOLERANCE_MM").filter(|mm| *mm < 0.0282),
         user_codes: Some(Vec::new()),
         ..Settings::default()
     };
-    stored(&mut settings, &parameters);
+    settings.set_parameters(&parameter::file::parse(case.parameters.as_bytes()).expect("a parameter file"));
+    if flag("RS274NGC", "DISABLE_G92_PERSISTENCE") {
+        settings.g92_active = false;
+        settings.g92_offset = Position::ZERO;
+    }
     settings.subroutine_folders.push(folder.to_owned());
     for inside in value("RS274NGC", "SUBROUTINE_PATH")
         .into_iter()
@@ -120,29 +124,6 @@ fn settings(case: &Case, folder: &Path) -> Settings {
         }
     }
     settings
-}
-
-/// What the parameter file says of offsets and points.
-fn stored(settings: &mut Settings, parameters: &BTreeMap<u16, f64>) {
-    let value = |number: u16| parameters.get(&number).copied().unwrap_or(0.0);
-    let position = |first: u16| {
-        let mut position = Position::ZERO;
-        for axis in Axis::ALL {
-            let unit = if axis.is_rotary() { 1.0 } else { MM_PER_INCH };
-            position[axis] = value(first + axis as u16) * unit;
-        }
-        position
-    };
-    settings.g28 = position(5161);
-    settings.g30 = position(5181);
-    settings.g92_offset = position(5211);
-    settings.g92_active = value(5210) != 0.0;
-    settings.work_system = value(5220) as u8;
-    for system in 0..9_u16 {
-        settings.work_offsets[usize::from(system)] = position(5221 + 20 * system);
-        settings.work_rotations_degrees[usize::from(system)] = value(5230 + 20 * system);
-    }
-    settings.parameters = parameters.clone();
 }
 
 fn remap_of(text: &str) -> Remap {
