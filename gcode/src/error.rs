@@ -469,6 +469,14 @@ pub enum ErrorKind {
         /// The number that came.
         value: f64,
     },
+    /// A turning tool, or L, outside the plane in which one turns.
+    #[error(
+        "{code} with a turning tool works in the ZX plane only: write G18 before it, or give the tool orientation 0 (a mill)"
+    )]
+    TurningToolPlane {
+        /// The code.
+        code: String,
+    },
     /// The path of the tool's centre cannot be made.
     #[error("{0}")]
     Compensation(motion::compensation::CompensationErrorKind),

@@ -425,7 +425,7 @@ impl Run<'_> {
     fn is_compensated(&self, call: &Call) -> bool {
         self.compensator
             .as_ref()
-            .is_some_and(|compensator| !compensator.is_idle() || matches!(call, Call::SetCutterCompensation(Some(_))))
+            .is_some_and(|compensator| !compensator.is_idle() || matches!(call, Call::SetCutterCompensation(_)))
     }
 
     fn compensate(&mut self, event: Event) -> Result<(), Box<Error>> {

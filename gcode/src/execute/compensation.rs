@@ -2,18 +2,114 @@
 //! `motion::compensation`.
 
 use super::Calls;
-use crate::block::Block;
-use crate::code::{Compensation, Motion, integer_in};
+use crate::block::{Block, Coded};
+use crate::code::{Compensation, Motion, NonModal, ToolCode, integer_in};
 use crate::error::ErrorKind;
-use crate::scan::Fault;
+use crate::scan::{Fault, Span};
 use crate::state::State;
-use motion::canon::{Call, Cutter};
+use motion::canon::{Call, Cutter, Plane, Side};
+use motion::compensation::CompensationErrorKind as Kind;
+
+/// Refuses a code if it is there.
+fn refuse(span: Option<Span>, what: &'static str) -> Result<(), Fault> {
+    match span {
+        Some(span) => Err((span, ErrorKind::Compensation(Kind::NotAllowed { what }))),
+        None => Ok(()),
+    }
+}
 
 impl State {
-    /// Refuses what is forbidden while compensation is on.
+    /// Refuses what is forbidden while compensation is on: as in LinuxCNC what would move the work coordinates under the
+    /// contour, change the tool, or leave the plane. Cycles, threads, curves and probes are refused where they run.
     #[inline]
-    pub(super) fn check_compensation(&self, _block: &Block, _motion: Option<Motion>) -> Result<(), Fault> {
-        Ok(())
+    pub(super) fn check_compensation(&self, block: &Block, motion: Option<Motion>) -> Result<(), Fault> {
+        if self.cutter.is_none() && block.codes.compensation.is_none() {
+            return Ok(());
+        }
+        self.check_before_compensation(block)?;
+        self.check_behind_compensation(block, motion)
+    }
+
+    /// The codes that act before G40 to G42.1 of the same line.
+    fn check_before_compensation(&self, block: &Block) -> Result<(), Fault> {
+        if self.cutter.is_none() {
+            return Ok(());
+        }
+        let codes = &block.codes;
+        if let Some(code) = codes.compensation.filter(|code| code.value != Compensation::Off) {
+            return Err((code.span, ErrorKind::Compensation(Kind::AlreadyOn)));
+        }
+        if let Some(code) = codes.plane.filter(|code| code.value != self.modal.plane) {
+            return Err((code.span, ErrorKind::Compensation(Kind::PlaneChange)));
+        }
+        let change = |code: &Coded<ToolCode>| code.value == ToolCode::Change;
+        refuse(
+            codes.input_output.map(|code| code.span),
+            "an input or output (M62 to M68)",
+        )?;
+        refuse(codes.tool.filter(change).map(|code| code.span), "a tool change (M6)")?;
+        refuse(
+            codes.overrides.map(|code| code.span),
+            "a change of the overrides (M48 to M53)",
+        )
+    }
+
+    /// The codes that act behind G40 to G42.1 of the same line.
+    fn check_behind_compensation(&self, block: &Block, motion: Option<Motion>) -> Result<(), Fault> {
+        let codes = &block.codes;
+        if codes.compensation.is_some_and(|code| code.value == Compensation::Off) {
+            return Ok(());
+        }
+        refuse(
+            codes.length_offset.map(|code| code.span),
+            "a change of the tool length offset (G43 to G43.2, G49)",
+        )?;
+        refuse(
+            codes.system.map(|code| code.span),
+            "a change of the work coordinate system (G54 to G59.3)",
+        )?;
+        refuse(
+            codes.path.map(|code| code.span),
+            "a change of the path mode (G61, G61.1, G64)",
+        )?;
+        refuse(
+            codes.retract.map(|code| code.span),
+            "a change of the retract mode (G98, G99)",
+        )?;
+        if let Some(code) = codes.non_modal {
+            let what = match code.value {
+                NonModal::Dwell => None,
+                NonModal::SetData => self
+                    .sets_active_system(block)
+                    .then_some("a change of the active coordinate system (G10 L2, L20)"),
+                NonModal::Return(_) => Some("a move to a stored point (G28, G30)"),
+                NonModal::Store(_) => Some("storing a point (G28.1, G30.1)"),
+                NonModal::LocalOffset
+                | NonModal::SetPosition
+                | NonModal::ClearPosition
+                | NonModal::SuspendPosition
+                | NonModal::RestorePosition => Some("an offset by G52 or G92"),
+                NonModal::MachineCoordinates => Some("a move in machine coordinates (G53)"),
+            };
+            refuse(what.map(|_| code.span), what.unwrap_or_default())?;
+        }
+        match motion {
+            Some(Motion::SpindleSynchronised | Motion::RigidTap) => {
+                let span = codes.motion.map_or_else(Span::default, |code| code.span);
+                refuse(Some(span), "a move in step with the spindle (G33, G33.1)")
+            }
+            Some(_) | None => Ok(()),
+        }
+    }
+
+    /// Whether G10 changes the system in use.
+    fn sets_active_system(&self, block: &Block) -> bool {
+        let is = |letter, number: f64| {
+            block
+                .word_value(letter)
+                .is_some_and(|value| (value - number).abs() < 1e-4)
+        };
+        (is(b'L', 2.0) || is(b'L', 20.0)) && (is(b'P', 0.0) || is(b'P', f64::from(self.offsets.system)))
     }
 
     pub(super) fn compensation(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
@@ -44,6 +140,15 @@ impl State {
                 (side, number * self.modal.unit.mm(), orientation as u8)
             }
         };
+        let plane = self.modal.plane;
+        if !matches!(plane, Plane::Xy | Plane::Zx) {
+            return Err((code.span, ErrorKind::Compensation(Kind::Plane(plane))));
+        }
+        let given = matches!(code.value, Compensation::Dynamic(_)) && block.word_value(b'L').is_some();
+        let turning = given || !matches!(orientation, 0 | 9);
+        if turning && plane != Plane::Zx {
+            return Err((code.span, ErrorKind::TurningToolPlane { code: code.name() }));
+        }
         let cutter = Cutter {
             side,
             radius_mm: diameter_mm / 2.0,
@@ -52,6 +157,13 @@ impl State {
         self.cutter = Some(cutter);
         self.cutter_dynamic = matches!(code.value, Compensation::Dynamic(_));
         self.cutter_from = self.at;
+        // A negative radius is one on the other side.
+        let left = (side == Side::Left) == (cutter.radius_mm >= 0.0);
+        let remark = match left {
+            true => "interpreter: cutter radius compensation on left",
+            false => "interpreter: cutter radius compensation on right",
+        };
+        calls.push_back(Call::Comment(remark.into()));
         calls.push_back(Call::SetCutterCompensation(Some(cutter)));
         Ok(())
     }

@@ -327,6 +327,9 @@ impl State {
 
     /// What M2 and M30 reset.
     fn end_program(&mut self, calls: &mut Calls) {
+        if self.cutter.take().is_some() {
+            calls.push_back(Call::SetCutterCompensation(None));
+        }
         let mut offsets = self.offsets;
         offsets.system = 1;
         self.load_system(&mut offsets);
