@@ -437,6 +437,7 @@ impl Run<'_> {
             compensator.set_plane(self.state.modal.plane);
         }
         let result = compensator.push(event, &mut self.compensated);
+        self.state.cutter_at = compensator.is_on().then(|| compensator.position());
         result.map_err(|error| self.compensation_error(error))
     }
 

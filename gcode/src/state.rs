@@ -162,8 +162,8 @@ pub(crate) struct State {
     pub(crate) tools: Tools,
     /// Radius compensation that is on.
     pub(crate) cutter: Option<Cutter>,
-    /// Whether its diameter was on the line (G41.1, G42.1).
-    pub(crate) cutter_dynamic: bool,
+    /// Where the tool's centre is while compensation is on and the events are its moves.
+    pub(crate) cutter_at: Option<Position>,
     /// The current point when it was switched on.
     pub(crate) cutter_from: Position,
     /// A G40 was run and no move since.
@@ -246,7 +246,7 @@ impl State {
                 selected: None,
             },
             cutter: None,
-            cutter_dynamic: false,
+            cutter_at: None,
             cutter_from: Position::ZERO,
             cutter_ended: false,
             parameters,

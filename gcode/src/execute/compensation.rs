@@ -19,19 +19,12 @@ fn refuse(span: Option<Span>, what: &'static str) -> Result<(), Fault> {
 }
 
 impl State {
-    /// Refuses what is forbidden while compensation is on: as in LinuxCNC what would move the work coordinates under the
-    /// contour, change the tool, or leave the plane. Cycles, threads, curves and probes are refused where they run.
+    /// Refuses the codes that act before G40 to G42.1 of the same line while compensation is on: those that would change
+    /// the tool or leave the plane, or that cannot wait for the move that is held.
+    ///
+    /// Cycles, curves and probes are refused where they run.
     #[inline]
-    pub(super) fn check_compensation(&self, block: &Block, motion: Option<Motion>) -> Result<(), Fault> {
-        if self.cutter.is_none() && block.codes.compensation.is_none() {
-            return Ok(());
-        }
-        self.check_before_compensation(block)?;
-        self.check_behind_compensation(block, motion)
-    }
-
-    /// The codes that act before G40 to G42.1 of the same line.
-    fn check_before_compensation(&self, block: &Block) -> Result<(), Fault> {
+    pub(super) fn check_before_compensation(&self, block: &Block) -> Result<(), Fault> {
         if self.cutter.is_none() {
             return Ok(());
         }
@@ -54,19 +47,21 @@ impl State {
         )
     }
 
-    /// The codes that act behind G40 to G42.1 of the same line.
-    fn check_behind_compensation(&self, block: &Block, motion: Option<Motion>) -> Result<(), Fault> {
-        let codes = &block.codes;
-        if codes.compensation.is_some_and(|code| code.value == Compensation::Off) {
+    /// Refuses the codes that act behind G40 to G42.1 of the same line while compensation is on: those that would move the
+    /// work coordinates under the contour, or leave it.
+    #[inline]
+    pub(super) fn check_behind_compensation(&self, block: &Block, motion: Option<Motion>) -> Result<(), Fault> {
+        if self.cutter.is_none() {
             return Ok(());
         }
+        let codes = &block.codes;
         refuse(
             codes.length_offset.map(|code| code.span),
-            "a change of the tool length offset (G43 to G43.2, G49)",
+            "a change of the tool length offset (G43, G49)",
         )?;
         refuse(
             codes.system.map(|code| code.span),
-            "a change of the work coordinate system (G54 to G59.3)",
+            "a change of the work coordinate system",
         )?;
         refuse(
             codes.path.map(|code| code.span),
@@ -88,7 +83,7 @@ impl State {
                 | NonModal::SetPosition
                 | NonModal::ClearPosition
                 | NonModal::SuspendPosition
-                | NonModal::RestorePosition => Some("an offset by G52 or G92"),
+                | NonModal::RestorePosition => Some("an offset by G92 or G52"),
                 NonModal::MachineCoordinates => Some("a move in machine coordinates (G53)"),
             };
             refuse(what.map(|_| code.span), what.unwrap_or_default())?;
@@ -126,7 +121,13 @@ impl State {
             }
             Compensation::Tool(side) => {
                 let tool = match block.word_value(b'D') {
-                    Some(number) => self.tool_of(number).map_err(|kind| (block.span(b'D'), kind))?,
+                    Some(number) => {
+                        let letter = 'D';
+                        integer_in(number, 0..=i64::from(u32::MAX))
+                            .ok_or(ErrorKind::NotInteger { letter, value: number })
+                            .and_then(|_| self.tool_of(number))
+                            .map_err(|kind| (block.span(b'D'), kind))?
+                    }
                     None => self.tool(),
                 };
                 (side, tool.diameter_mm, tool.orientation)
@@ -155,7 +156,6 @@ impl State {
             orientation,
         };
         self.cutter = Some(cutter);
-        self.cutter_dynamic = matches!(code.value, Compensation::Dynamic(_));
         self.cutter_from = self.at;
         // A negative radius is one on the other side.
         let left = (side == Side::Left) == (cutter.radius_mm >= 0.0);

@@ -58,7 +58,6 @@ impl State {
     pub(crate) fn execute(&mut self, block: &Block, line: &[u8], calls: &mut Calls) -> Result<Flow, Fault> {
         let motion = self.motion_now(block);
         self.check_usage(block, motion)?;
-        self.check_compensation(block, motion)?;
 
         self.assign(&block.assignments)?;
         if let Some(remark) = block.remark {
@@ -69,6 +68,7 @@ impl State {
         self.feed(block, calls);
         self.spindle_speed(block, calls)?;
         self.select_tool(block, calls)?;
+        self.check_before_compensation(block)?;
         self.inputs_and_outputs(block, calls)?;
         self.change_tool(block, calls)?;
         self.spindle_action(block, calls)?;
@@ -81,6 +81,7 @@ impl State {
         self.diameter(block, calls);
         self.unit(block, calls);
         self.compensation(block, calls)?;
+        self.check_behind_compensation(block, motion)?;
         self.length_offset(block, calls)?;
         self.system(block, calls);
         self.path_mode(block, calls);

@@ -90,6 +90,11 @@ impl State {
         }
     }
 
+    /// The position that a program sees: that of the tool's centre while this differs from the programmed one.
+    fn shown(&self) -> Position {
+        self.cutter_at.unwrap_or(self.at)
+    }
+
     fn told_by_number(&self, position: Position, index: u32, first: u32) -> f64 {
         self.told(position, Axis::ALL[(index - first) as usize])
     }
@@ -109,7 +114,7 @@ impl Values for State {
             5411 => self.tool().front_angle_deg,
             5412 => self.tool().back_angle_deg,
             5413 => f64::from(self.tool().orientation),
-            5420..=5428 => self.told_by_number(self.at, index, 5420),
+            5420..=5428 => self.told_by_number(self.shown(), index, 5420),
             _ => self.parameters.get(index),
         })
     }
@@ -142,7 +147,7 @@ impl State {
             return Some(self.told(self.machine(), axis));
         }
         if let Some(axis) = name.strip_prefix('_').and_then(axis_of) {
-            return Some(self.told(self.at, axis));
+            return Some(self.told(self.shown(), axis));
         }
         match name {
             "_vmajor" => Some(2.9),
@@ -159,8 +164,8 @@ impl State {
             }),
             "_ccomp" => Some(match self.cutter {
                 None => 400.0,
-                Some(Cutter { side: Side::Left, .. }) => 410.0 + f64::from(self.cutter_dynamic),
-                Some(Cutter { side: Side::Right, .. }) => 420.0 + f64::from(self.cutter_dynamic),
+                Some(Cutter { side: Side::Left, .. }) => 410.0,
+                Some(Cutter { side: Side::Right, .. }) => 420.0,
             }),
             "_metric" => flag(modal.unit == LengthUnit::Millimetre),
             "_imperial" => flag(modal.unit == LengthUnit::Inch),
