@@ -445,6 +445,32 @@ pub enum ErrorKind {
     /// `@` or `^` with G53.
     #[error("G53 takes no polar coordinates (@, ^): write X and Y")]
     PolarInMachineCoordinates,
+    /// `@` alone where there is no direction.
+    #[error("a polar distance (@) from the origin needs an angle (^): the current point is the origin of X and Y")]
+    PolarAngleMissing,
+    /// `@` or `^` of an arc in another plane.
+    #[error("polar coordinates (@, ^) of an arc lie in the XY plane, and {plane} is active: write the axes")]
+    PolarArcPlane {
+        /// G18 or G19.
+        plane: &'static str,
+    },
+    /// A turn or more on an axis that has no ends.
+    #[error(
+        "{letter}{value} is no place on a rotary axis without ends: from 0 to less than 360, a minus sign turns backwards to it; \
+         for whole turns write G91"
+    )]
+    WrappedRotary {
+        /// Letter of the axis.
+        letter: char,
+        /// The number that came.
+        value: f64,
+    },
+    /// An arc in a plane of UVW.
+    #[error("there are no arcs in the plane {plane}: arcs move X, Y and Z (G17, G18, G19)")]
+    ArcPlane {
+        /// G17.1, G18.1 or G19.1.
+        plane: &'static str,
+    },
     /// Incremental polar coordinates where there is no direction.
     #[error("incremental polar coordinates need a direction: the current point is the origin of X and Y")]
     PolarAtOrigin,

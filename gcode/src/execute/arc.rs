@@ -2,7 +2,7 @@
 
 use super::feed::PathLength;
 use super::{Calls, circle, motion_span};
-use crate::block::Block;
+use crate::block::{Block, letters};
 use crate::code::{Distance, Motion};
 use crate::error::ErrorKind;
 use crate::scan::Fault;
@@ -42,8 +42,15 @@ impl ArcWords {
 
 impl State {
     pub(super) fn arc(&mut self, motion: Motion, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
-        let mut to = self.end(block)?;
         let plane = self.modal.plane;
+        let name = ArcWords::of(plane).plane;
+        if matches!(plane, Plane::Uv | Plane::Wu | Plane::Vw) {
+            return Err((motion_span(block), ErrorKind::ArcPlane { plane: name }));
+        }
+        if plane != Plane::Xy && block.has(letters(b"@^")) {
+            return Err((motion_span(block), ErrorKind::PolarArcPlane { plane: name }));
+        }
+        let mut to = self.end(block)?;
         let arc = self.arc_to(motion, block, &mut to)?;
         let length = || {
             let [first, second, normal] = plane.axes();
@@ -84,10 +91,8 @@ impl State {
         let [first, second, _] = plane.axes();
         let start_mm = [self.at[first], self.at[second]];
         let offset = words.offsets.map(|letter| {
-            let number = block.word_value(letter)?;
-            // G7: an absolute centre on X is a diameter, an offset never is.
-            let diameter = letter == b'I' && self.modal.diameter && self.modal.arc_distance == Distance::Absolute;
-            Some(number * unit.mm() / if diameter { 2.0 } else { 1.0 })
+            // Never a diameter, not even in G7 with G90.1.
+            block.word_value(letter).map(|number| number * unit.mm())
         });
         let given = block.first_of(&words.offsets);
 
@@ -95,7 +100,7 @@ impl State {
             if let Some(letter) = given {
                 return Err((block.span(letter), ErrorKind::ArcMixed { letter: letter.into() }));
             }
-            let polar = block.has(crate::block::letters(b"@^"));
+            let polar = block.has(letters(b"@^"));
             if block.axis(first).is_none() && block.axis(second).is_none() && !polar {
                 return Err((block.span(b'R'), ErrorKind::ArcEndMissing { axes: words.axis_names }));
             }

@@ -39,7 +39,9 @@ impl State {
         let mut to = self.at;
         for axis in Axis::ALL {
             if let Some(number) = block.axis(axis) {
-                to[axis] = self.end_of_axis(axis, number);
+                to[axis] = self
+                    .end_of_axis(axis, number)
+                    .map_err(|kind| (block.span(axis.letter() as u8), kind))?;
             }
         }
         if block.has(crate::block::letters(b"@^")) {
@@ -49,15 +51,15 @@ impl State {
     }
 
     #[inline]
-    fn end_of_axis(&self, axis: Axis, number: f64) -> f64 {
+    fn end_of_axis(&self, axis: Axis, number: f64) -> Result<f64, ErrorKind> {
         let mut value = self.length(axis, number);
         if axis == Axis::X && self.modal.diameter {
             value /= 2.0;
         }
         match self.modal.distance {
-            Distance::Incremental => self.at[axis] + value,
-            Distance::Absolute if self.settings.wrapped_rotary[axis as usize] => self.wrapped(axis, number),
-            Distance::Absolute => value,
+            Distance::Incremental => Ok(self.at[axis] + value),
+            Distance::Absolute if self.settings.wrapped_rotary[axis as usize] => wrapped(self.at[axis], axis, number),
+            Distance::Absolute => Ok(value),
         }
     }
 }
@@ -79,7 +81,11 @@ impl State {
                 if axis == Axis::X && self.modal.diameter {
                     value /= 2.0;
                 }
-                machine[axis] = value;
+                machine[axis] = if self.settings.wrapped_rotary[axis as usize] {
+                    wrapped(machine[axis], axis, number).map_err(|kind| (block.span(axis.letter() as u8), kind))?
+                } else {
+                    value
+                };
             }
         }
         let mut to = self.offsets.work(machine);
@@ -104,6 +110,9 @@ impl State {
         let distance = block.word_value(b'@').map(|number| number * self.modal.unit.mm());
         let angle = block.word_value(b'^');
         match self.modal.distance {
+            Distance::Absolute if angle.is_none() && radius == 0.0 => {
+                return Err((motion_span(block), ErrorKind::PolarAngleMissing));
+            }
             Distance::Absolute => {
                 radius = distance.unwrap_or(radius);
                 degrees = angle.unwrap_or(degrees);
@@ -121,17 +130,125 @@ impl State {
         to[Axis::Y] = radius * sin;
         Ok(())
     }
+}
 
-    /// The nearest place at which an axis without ends shows an angle, in the direction of the number's sign.
-    fn wrapped(&self, axis: Axis, number: f64) -> f64 {
-        let turn = self.at[axis] - self.at[axis].rem_euclid(360.0);
-        let target = turn + number.abs();
-        if number.is_sign_negative() && target > self.at[axis] {
-            target - 360.0
-        } else if number.is_sign_positive() && target < self.at[axis] {
-            target + 360.0
-        } else {
-            target
+/// Places closer than this are one, degrees: a rounding error must not become a whole turn.
+const SAME_PLACE_DEGREES: f64 = 1e-9;
+
+/// Where an axis without ends goes from `at`: the number is a place on the turn, its sign (also that of -0) tells which
+/// way round, LinuxCNC's rule.
+fn wrapped(at: f64, axis: Axis, number: f64) -> Result<f64, ErrorKind> {
+    if number.abs() >= 360.0 {
+        let letter = axis.letter();
+        return Err(ErrorKind::WrappedRotary { letter, value: number });
+    }
+    Ok(turned_to(at, number.abs(), number.is_sign_negative()))
+}
+
+/// The nearest value from `at` on, upwards or downwards, at which an axis without ends shows a place.
+pub(super) fn turned_to(at: f64, place: f64, downwards: bool) -> f64 {
+    let ahead = (place - at).rem_euclid(360.0);
+    let same = SAME_PLACE_DEGREES..=360.0 - SAME_PLACE_DEGREES;
+    // Counted in turns from 0, so that the place itself is met to the bit.
+    let turns = ((at - place) / 360.0).floor();
+    match (same.contains(&ahead), downwards) {
+        (false, _) => place + ((at - place) / 360.0).round() * 360.0,
+        (true, false) => place + (turns + 1.0) * 360.0,
+        (true, true) => place + turns * 360.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::printed::{printed, printed_with};
+    use crate::{NoMachine, Settings};
+
+    fn with_wrapped_a(program: &str) -> String {
+        let mut settings = Settings::default();
+        settings.wrapped_rotary[Axis::A as usize] = true;
+        printed_with(program, settings, NoMachine)
+    }
+
+    /// The A words of moves.
+    fn places(shown: &str) -> Vec<&str> {
+        let moves = shown.lines().filter(|line| line.starts_with("STRAIGHT"));
+        moves.filter_map(|line| line.split(", ").nth(3)).collect()
+    }
+
+    #[test]
+    fn the_sign_tells_a_wrapped_axis_which_way_round() {
+        // As LinuxCNC's interpreter prints it.
+        let shown = with_wrapped_a("G0 A350\nA10\nA-350\nG91 A500\nG90 A10\nA-10\nA-0\nA0\nA-90\nA-90\nM2\n");
+        let expected = [
+            "350.0000",
+            "370.0000",
+            "350.0000",
+            "850.0000",
+            "1090.0000",
+            "1090.0000",
+            "1080.0000",
+            "1080.0000",
+            "810.0000",
+            "810.0000",
+        ];
+        assert_eq!(places(&shown), expected, "{shown}");
+    }
+
+    #[test]
+    fn a_wrapped_axis_knows_less_than_a_turn() {
+        for (program, error) in [
+            ("G0 A360", "1:4: A360 is no place on a rotary axis without ends"),
+            ("G53 G0 A-400", "1:8: A-400 is no place on a rotary axis without ends"),
+        ] {
+            let shown = with_wrapped_a(&format!("{program}\nM2\n"));
+            assert!(shown.starts_with(error), "{shown}");
         }
+        assert_eq!(places(&with_wrapped_a("G91 G0 A400\nM2\n")), ["400.0000"]);
+        assert_eq!(
+            places(&with_wrapped_a("G0 A45\nG53 G0 A10\nG53 G0 A-10\nM2\n")),
+            ["45.0000", "370.0000", "370.0000"]
+        );
+    }
+
+    #[test]
+    fn a_rounding_error_is_no_turn() {
+        for (at, place, down, expected) in [
+            (10.0, 10.0, false, 10.0),
+            (370.1 + 1e-12, 10.1, false, 370.1),
+            (370.1 - 1e-12, 10.1, true, 370.1),
+            (-350.0, 10.0, true, -350.0),
+            (-350.0, 9.0, false, 9.0),
+            (-350.0, 9.0, true, -351.0),
+            (719.0, 0.0, false, 720.0),
+        ] {
+            let to = turned_to(at, place, down);
+            assert!((to - expected).abs() < 1e-9, "{at} to {place}: {to}");
+        }
+    }
+
+    #[test]
+    fn polar_coordinates_need_a_direction() {
+        for (program, error) in [
+            ("G0 @5", "1:1: a polar distance (@) from the origin needs an angle"),
+            ("G91 G0 @5 ^30", "1:5: incremental polar coordinates need a direction"),
+            ("G0 @5 X1", "1:1: X and polar coordinates"),
+            (
+                "F9 G18 G3 @5 ^90 R10",
+                "1:8: polar coordinates (@, ^) of an arc lie in the XY plane",
+            ),
+        ] {
+            let shown = printed(&format!("{program}\nM2\n"));
+            assert!(shown.lines().any(|line| line.starts_with(error)), "{program}: {shown}");
+        }
+        let shown = printed("G0 @10 ^0\n^90\n@5\nG91 @1 ^-90\nM2\n");
+        assert_eq!(
+            shown,
+            "STRAIGHT_TRAVERSE(10.0000, 0.0000, 0.0000, 0.0000, 0.0000, 0.0000)\n\
+             STRAIGHT_TRAVERSE(0.0000, 10.0000, 0.0000, 0.0000, 0.0000, 0.0000)\n\
+             STRAIGHT_TRAVERSE(0.0000, 5.0000, 0.0000, 0.0000, 0.0000, 0.0000)\n\
+             COMMENT(\"interpreter: distance mode changed to incremental\")\n\
+             STRAIGHT_TRAVERSE(6.0000, 0.0000, 0.0000, 0.0000, 0.0000, 0.0000)\n"
+        );
     }
 }
