@@ -61,5 +61,5 @@ pub use located::Located;
 pub use machine::{Machine, NoMachine, Probed};
 pub use print::CanonPrinter;
 pub use scan::LINE_MAX;
-pub use settings::{CompensatedPath, Remap, Settings, Splines};
+pub use settings::{CompensatedPath, Remap, Settings, Splines, ToolChangePlace};
 pub use tool_table::{POCKET_MAX, SetToolError, TOOLS_MAX, TableError, TableErrorKind, Tool, ToolChanger, ToolTable};

@@ -18,7 +18,7 @@ pub struct Probed {
 
 /// The machine, as far as a program can look at it.
 ///
-/// Every function has the answer of a machine that is not there, which is that of LinuxCNC's stand-alone interpreter.
+/// Every function has the answer of a machine that does all at once and has neither probe nor inputs.
 pub trait Machine {
     /// How the probing move to `to`, begun at `from`, ended. A missing contact is an error where `mode` demands one.
     ///
@@ -40,6 +40,13 @@ pub trait Machine {
         tool
     }
 
+    /// Where the axes stand behind a tool change on a line that also changed the length offset, work coordinates: `now`
+    /// if they did not move; `before` is what this place read before the offset changed.
+    fn place_after_tool_change(&mut self, before: Position, now: Position) -> Position {
+        let _ = before;
+        now
+    }
+
     /// The value of a pin, for `#<_hal[pin]>`; `None`: there is no such pin.
     fn pin(&mut self, name: &str) -> Option<f64> {
         let _ = name;
@@ -47,8 +54,13 @@ pub trait Machine {
     }
 }
 
-/// A machine that is not there.
+/// A machine that is not there, as in LinuxCNC's stand-alone interpreter. That forgets the change of the length offset
+/// when it takes over the place of the axes after a tool change: for looking at programs only, never to run them.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoMachine;
 
-impl Machine for NoMachine {}
+impl Machine for NoMachine {
+    fn place_after_tool_change(&mut self, before: Position, _now: Position) -> Position {
+        before
+    }
+}

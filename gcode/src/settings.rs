@@ -43,6 +43,17 @@ pub struct Remap {
     pub modal_group: u8,
 }
 
+/// What a machine does at a tool change (M6) before the tool is changed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ToolChangePlace {
+    /// The spindles go on turning.
+    pub spindle_on: bool,
+    /// Z goes to machine position 0.
+    pub quill_up: bool,
+    /// Then the axes go to the stored point of G30.
+    pub at_g30: bool,
+}
+
 /// What the machine remembers from before the program, and how it is set up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -74,6 +85,10 @@ pub struct Settings {
     pub tools: ToolTable,
     /// Number of the tool in the spindle, 0: none.
     pub tool_in_spindle: u32,
+    /// What M6 does before the change.
+    pub tool_change: ToolChangePlace,
+    /// G43 goes on with the length of the next tool after a tool change.
+    pub keep_tool_offset: bool,
     /// Whether lines that begin with `/` are left out.
     pub block_delete: bool,
     /// Path of the moves under cutter compensation.
@@ -125,6 +140,8 @@ impl Default for Settings {
             parameters: BTreeMap::new(),
             tools: ToolTable::default(),
             tool_in_spindle: 0,
+            tool_change: ToolChangePlace::default(),
+            keep_tool_offset: false,
             block_delete: false,
             compensated_path: CompensatedPath::default(),
             splines: Splines::default(),

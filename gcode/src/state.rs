@@ -27,7 +27,7 @@ pub(crate) struct Offsets {
 }
 
 /// Turns X and Y counter-clockwise.
-fn turned(mut point: Position, degrees: f64) -> Position {
+pub(crate) fn turned(mut point: Position, degrees: f64) -> Position {
     if degrees != 0.0 {
         let (sin, cos) = degrees.to_radians().sin_cos();
         let (x, y) = (point[Axis::X], point[Axis::Y]);
@@ -107,10 +107,28 @@ pub(crate) struct Tools {
     pub(crate) table: ToolTable,
     /// Number of the tool in the spindle, 0: none.
     pub(crate) in_spindle: u32,
-    /// Pocket of the tool in the spindle, 0: none.
-    pub(crate) pocket: u32,
+    /// Line of the table, from 1 on, that the tool in the spindle came from. Before the first change LinuxCNC takes the
+    /// first one for it.
+    pub(crate) line: Option<u32>,
     /// Number of the T word; `None`: there was none.
     pub(crate) selected: Option<u32>,
+    /// G43 and its kin; not G49.
+    pub(crate) offset_on: bool,
+}
+
+impl Tools {
+    /// The line, from 1 on, on which the table has a tool.
+    pub(crate) fn line_of(&self, number: u32) -> Option<u32> {
+        (1..)
+            .zip(self.table.tools())
+            .find_map(|(line, tool)| (tool.number == number).then_some(line))
+    }
+
+    /// P of a line; -1 without one.
+    pub(crate) fn pocket_of(&self, line: Option<u32>) -> f64 {
+        let tool = line.and_then(|line| self.table.tools().nth(line as usize - 1));
+        tool.map_or(-1.0, |tool| f64::from(tool.pocket))
+    }
 }
 
 /// Something that only the machine knows.
@@ -128,8 +146,12 @@ pub(crate) enum Question {
         mode: WaitMode,
         timeout_s: f64,
     },
-    /// Which tool M6 brought.
-    Tool { tool: u32 },
+    /// Which tool M6 brought, and where the axes stand.
+    Tool {
+        tool: u32,
+        /// What the place of the axes read before the length offset changed on the same line.
+        before: Option<Position>,
+    },
 }
 
 /// A NURBS that is being read.
@@ -207,10 +229,16 @@ impl State {
             tool: Position::ZERO,
         };
         let at = offsets.work(settings.start);
-        let pocket = settings
-            .tools
-            .by_number(settings.tool_in_spindle)
-            .map_or(0, |tool| tool.pocket);
+        let mut tools = Tools {
+            table: settings.tools.clone(),
+            in_spindle: settings.tool_in_spindle,
+            line: Some(1),
+            selected: None,
+            offset_on: false,
+        };
+        if settings.tool_in_spindle != 0 {
+            tools.line = tools.line_of(settings.tool_in_spindle);
+        }
         State {
             at,
             offsets,
@@ -239,12 +267,7 @@ impl State {
                 mist: false,
                 flood: false,
             },
-            tools: Tools {
-                table: settings.tools.clone(),
-                in_spindle: settings.tool_in_spindle,
-                pocket,
-                selected: None,
-            },
+            tools,
             cutter: None,
             cutter_at: None,
             cutter_from: Position::ZERO,

@@ -222,7 +222,7 @@ pub struct Cutter {
 pub struct ToolEntry {
     /// T.
     pub tool: u32,
-    /// P.
+    /// Place as LinuxCNC counts it: the line of the table from 1 on, or 0, the spindle.
     pub pocket: u32,
     /// Offsets of the axes.
     pub offset: Position,

@@ -140,6 +140,11 @@ pub enum Progress {
     Done,
 }
 
+/// The machine as the planner sees it: all that was planned happens as planned.
+struct Planned;
+
+impl gcode::Machine for Planned {}
+
 /// A program on its way into the ring.
 pub struct Feeder<'t, S: Sink<Element>> {
     events: gcode::Run<'t>,
@@ -153,7 +158,9 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     /// Begins at `start`, a machine position at rest.
     pub fn new(config: &Config, text: &'t [u8], start: Position, sink: S) -> Feeder<'t, S> {
         Feeder {
-            events: gcode::Interpreter::new(interpreter_settings(config, start)).run(text),
+            events: gcode::Interpreter::new(interpreter_settings(config, start))
+                .with_machine(Planned)
+                .run(text),
             planner: Planner::new(plan_settings(config, start), sink),
             waiting: None,
             line: 0,

@@ -82,7 +82,7 @@ impl State {
         self.unit(block, calls);
         self.compensation(block, calls)?;
         self.check_behind_compensation(block, motion)?;
-        self.length_offset(block, calls)?;
+        self.length_offset(motion, block, calls)?;
         self.system(block, calls);
         self.path_mode(block, calls);
         self.distances(block, calls);
@@ -117,8 +117,14 @@ impl State {
                 self.parameters.set(parameter::INPUT_RESULT, value.unwrap_or(-1.0));
                 Ok(())
             }
-            Question::Tool { tool } => {
-                self.tool_changed(machine.tool_changed(tool));
+            Question::Tool { tool, before } => {
+                let brought = machine.tool_changed(tool);
+                if brought != tool {
+                    self.tool_changed(brought);
+                }
+                if let Some(before) = before {
+                    self.at = machine.place_after_tool_change(before, self.at);
+                }
                 Ok(())
             }
         }
@@ -178,6 +184,18 @@ impl State {
             self.modal.unit = code.value;
             calls.push_back(Call::UseLengthUnit(code.value));
         }
+    }
+
+    fn diameter(&mut self, block: &Block, calls: &mut Calls) {
+        let Some(code) = block.codes.diameter else { return };
+        if code.value != self.modal.diameter {
+            calls.push_back(Call::Comment(if code.value {
+                "interpreter: Lathe diameter mode changed to diameter".into()
+            } else {
+                "interpreter: Lathe diameter mode changed to radius".into()
+            }));
+        }
+        self.modal.diameter = code.value;
     }
 
     fn path_mode(&mut self, block: &Block, calls: &mut Calls) {

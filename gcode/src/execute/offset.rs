@@ -1,12 +1,13 @@
 //! Where work coordinates lie: G10 L2 L20, G52, G54 to G59.3, G92; stored points: G28, G30.
 
 use super::Calls;
+use super::tool::SetTool;
 use crate::block::Block;
-use crate::code::{NonModal, StoredPoint};
+use crate::code::{NonModal, StoredPoint, integer_in};
 use crate::error::ErrorKind;
 use crate::parameter::{self, G28_POINT, G30_POINT, G92_ACTIVE, G92_OFFSET};
-use crate::scan::Fault;
-use crate::state::{Offsets, State};
+use crate::scan::{Fault, Span};
+use crate::state::{Offsets, State, minus};
 use motion::canon::{Axis, Call, Position};
 
 impl State {
@@ -57,7 +58,7 @@ impl State {
         };
         match code.value {
             NonModal::Dwell | NonModal::MachineCoordinates => Ok(()),
-            NonModal::SetData => self.set_data(block, calls),
+            NonModal::SetData => self.set_data(block, code.span, calls),
             NonModal::Return(point) => self.return_to(point, block, calls),
             NonModal::Store(point) => {
                 let first = stored_point(point);
@@ -67,10 +68,8 @@ impl State {
             }
             NonModal::LocalOffset => {
                 let mut offset = self.offsets.g92;
-                for axis in Axis::ALL {
-                    if let Some(number) = block.axis(axis) {
-                        offset[axis] = self.length(axis, number);
-                    }
+                for (axis, value) in self.axis_values(block) {
+                    offset[axis] = value;
                 }
                 self.set_g92(offset, true, calls);
                 Ok(())
@@ -97,19 +96,13 @@ impl State {
     }
 
     /// G92: the present point reads as the words say.
-    fn set_position(&mut self, block: &Block, span: crate::scan::Span, calls: &mut Calls) -> Result<(), Fault> {
+    fn set_position(&mut self, block: &Block, span: Span, calls: &mut Calls) -> Result<(), Fault> {
         if !block.has_axes() {
             return Err((span, ErrorKind::AxisMissing { code: "G92".into() }));
         }
         let mut offset = self.offsets.g92;
-        for axis in Axis::ALL {
-            if let Some(number) = block.axis(axis) {
-                let mut value = self.length(axis, number);
-                if axis == Axis::X && self.modal.diameter {
-                    value /= 2.0;
-                }
-                offset[axis] += self.at[axis] - value;
-            }
+        for (axis, value) in self.axis_values(block) {
+            offset[axis] += self.at[axis] - value;
         }
         self.set_g92(offset, true, calls);
         Ok(())
@@ -126,11 +119,81 @@ impl State {
         calls.push_back(self.g92_call());
     }
 
-    fn set_data(&mut self, block: &Block, _calls: &mut Calls) -> Result<(), Fault> {
-        Err((
-            block.codes.non_modal.map(|code| code.span).unwrap_or_default(),
-            ErrorKind::NotSupported { code: "G10".into() },
-        ))
+    /// G10: what is set, L tells.
+    fn set_data(&mut self, block: &Block, span: Span, calls: &mut Calls) -> Result<(), Fault> {
+        let value = block.word_value(b'L').ok_or((span, ErrorKind::SetDataMissing))?;
+        match integer_in(value, 0..=20) {
+            Some(0) => self.reload_tools(span, calls),
+            Some(1) => self.set_tool(SetTool::Words, block, span, calls),
+            Some(10) => self.set_tool(SetTool::Place, block, span, calls),
+            Some(11) => self.set_tool(SetTool::PlaceInFixture, block, span, calls),
+            Some(2) => self.set_system(SetSystem::Words, block, span, calls),
+            Some(20) => self.set_system(SetSystem::Place, block, span, calls),
+            Some(_) | None => Err((block.span(b'L'), ErrorKind::SetData { value })),
+        }
+    }
+
+    /// G10 L2: the words are the origin. G10 L20: the present point is to read as they say.
+    fn set_system(&mut self, how: SetSystem, block: &Block, span: Span, calls: &mut Calls) -> Result<(), Fault> {
+        let code = how.name();
+        let value = block
+            .word_value(b'P')
+            .ok_or((span, ErrorKind::SystemMissing { code }))?;
+        let system = match value.trunc() {
+            whole if !(0.0..=9.0).contains(&whole) || value < 0.0 => {
+                return Err((block.span(b'P'), ErrorKind::System { code, value }));
+            }
+            0.0 => self.offsets.system,
+            whole => whole as u8,
+        };
+        if let Some(letter) = block.first_of(b"IJ") {
+            let kind = ErrorKind::AngleOfSystem {
+                code,
+                letter: letter.into(),
+            };
+            return Err((block.span(letter), kind));
+        }
+        let mut offsets = Offsets { system, ..self.offsets };
+        self.load_system(&mut offsets);
+        match (how, block.word_value(b'R')) {
+            (SetSystem::Place, Some(_)) => return Err((block.span(b'R'), ErrorKind::RotationByPlace)),
+            (SetSystem::Place, None) => self.origin_for_place(&mut offsets, block),
+            (SetSystem::Words, degrees) => {
+                for (axis, value) in self.axis_values(block) {
+                    offsets.g5x[axis] = value;
+                }
+                offsets.rotation_degrees = degrees.unwrap_or(offsets.rotation_degrees);
+            }
+        }
+        let unit = self.settings.machine_unit;
+        self.parameters
+            .set_position(parameter::system_origin(system), offsets.g5x, unit);
+        self.parameters
+            .set(parameter::system_rotation(system), offsets.rotation_degrees);
+        if system == self.offsets.system {
+            self.set_offsets(offsets);
+            calls.extend([self.g5x_call(), self.rotation_call()]);
+        } else {
+            calls.push_back(Call::Comment("interpreter: setting coordinate system origin".into()));
+        }
+        Ok(())
+    }
+
+    /// Moves the origin so that the named axes read as the words say.
+    fn origin_for_place(&self, offsets: &mut Offsets, block: &Block) {
+        let machine = self.machine();
+        let mut reads = offsets.work(machine);
+        for (axis, value) in self.axis_values(block) {
+            reads[axis] = value;
+        }
+        let shift = minus(machine, offsets.machine(reads));
+        let coupled =
+            offsets.rotation_degrees != 0.0 && (block.axis(Axis::X).is_some() || block.axis(Axis::Y).is_some());
+        for axis in Axis::ALL {
+            if block.axis(axis).is_some() || (coupled && matches!(axis, Axis::X | Axis::Y)) {
+                offsets.g5x[axis] += shift[axis];
+            }
+        }
     }
 
     /// G28, G30: through the programmed point to the stored one; with axis words only the named axes go there.
@@ -149,6 +212,24 @@ impl State {
         self.at = self.offsets.work(machine);
         calls.push_back(Call::StraightTraverse { to: self.at });
         Ok(())
+    }
+}
+
+/// Where the numbers of G10 for a work system come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum SetSystem {
+    /// L2: from the words.
+    Words,
+    /// L20: from the place of the axes.
+    Place,
+}
+
+impl SetSystem {
+    fn name(self) -> &'static str {
+        match self {
+            SetSystem::Words => "G10 L2",
+            SetSystem::Place => "G10 L20",
+        }
     }
 }
 

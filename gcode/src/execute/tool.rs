@@ -1,13 +1,13 @@
-//! Tools: T, M6, M61, G43 to G49, G10 L0, L1, L10, L11.
+//! Tools: T, M6, M61, G43 to G49, and the tool table (G10 L0, L1, L10, L11).
 
 use super::Calls;
-use crate::Tool;
 use crate::block::Block;
-use crate::code::{LengthOffset, ToolCode, integer_in};
+use crate::code::{LengthOffset, Motion, ToolCode, integer_in};
 use crate::error::ErrorKind;
-use crate::scan::Fault;
-use crate::state::{Question, State, plus};
-use motion::canon::{Axis, Call, Position};
+use crate::scan::{Fault, Span};
+use crate::state::{Offsets, Question, State, plus, turned};
+use crate::{SetToolError, Tool, ToolChanger};
+use motion::canon::{Axis, Call, Position, ToolEntry};
 
 impl State {
     pub(super) fn select_tool(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
@@ -20,14 +20,15 @@ impl State {
         Ok(())
     }
 
-    /// The table's entry of a tool number; 0: no tool.
+    /// The table's entry of a tool number. 0 is no tool, but of a random tool changer.
     pub(super) fn tool_of(&self, number: f64) -> Result<Tool, ErrorKind> {
-        let number = integer_in(number, 0..=i64::from(u32::MAX)).unwrap_or(0) as u32; // checked by `Block::read`
-        if number == 0 {
-            return Ok(self.tools.table.by_number(0).cloned().unwrap_or_default());
+        let wanted = integer_in(number, 0..=i64::from(u32::MAX)).map(|number| number as u32);
+        let found = wanted.and_then(|number| self.tools.table.by_number(number).cloned());
+        match (found, wanted, self.tools.table.changer()) {
+            (Some(tool), _, _) => Ok(tool),
+            (None, Some(0), ToolChanger::Fixed) => Ok(Tool::default()),
+            (None, _, ToolChanger::Fixed | ToolChanger::Random) => Err(ErrorKind::NoSuchTool { number }),
         }
-        let found = self.tools.table.by_number(number).cloned();
-        found.ok_or(ErrorKind::NoSuchTool { number })
     }
 
     pub(super) fn change_tool(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
@@ -36,29 +37,26 @@ impl State {
             ToolCode::Change => {
                 let number = self.tools.selected.unwrap_or(0);
                 let tool = self.tool_of(f64::from(number)).map_err(|kind| (code.span, kind))?;
-                calls.extend([
-                    Call::StartChange,
-                    Call::StopSpindle { spindle: 0 },
-                    Call::ChangeTool {
-                        tool: tool.number,
-                        pocket: tool.pocket,
-                    },
-                ]);
-                self.modal.spindles[0].turning = None;
-                self.question = Some(Question::Tool { tool: tool.number });
+                self.go_to_tool_change(calls);
+                calls.push_back(Call::ChangeTool {
+                    tool: tool.number,
+                    pocket: tool.pocket,
+                });
+                self.question = Some(Question::Tool {
+                    tool: tool.number,
+                    before: None,
+                });
                 self.tool_changed(tool.number);
+                if self.settings.keep_tool_offset && self.tools.offset_on {
+                    self.use_tool_offset(self.tool().offset, calls);
+                    self.tools.offset_on = tool.number != 0;
+                }
             }
             ToolCode::SetNumber => {
                 let missing = || (code.span, ErrorKind::ToolNumberMissing);
                 let number = block.word_value(b'Q').ok_or_else(missing)?;
-                let integer = integer_in(number, 0..=i64::from(u32::MAX)).ok_or((
-                    block.span(b'Q'),
-                    ErrorKind::NotInteger {
-                        letter: 'Q',
-                        value: number,
-                    },
-                ))?;
-                let tool = self.tool_of(integer as f64).map_err(|kind| (block.span(b'Q'), kind))?;
+                super::not_negative(block, b'Q')?;
+                let tool = self.tool_of(number.round()).map_err(|kind| (block.span(b'Q'), kind))?;
                 self.tool_changed(tool.number);
                 calls.push_back(Call::SetToolNumber {
                     tool: tool.number,
@@ -69,43 +67,261 @@ impl State {
         Ok(())
     }
 
-    /// The spindle holds another tool.
-    pub(super) fn tool_changed(&mut self, number: u32) {
-        self.tools.in_spindle = number;
-        self.tools.pocket = self.tools.table.by_number(number).map_or(0, |tool| tool.pocket);
+    /// Stops the spindles and goes where tools are changed, as far as the machine wants this.
+    fn go_to_tool_change(&mut self, calls: &mut Calls) {
+        let place = self.settings.tool_change;
+        calls.push_back(Call::StartChange);
+        if !place.spindle_on {
+            for (number, spindle) in (0..self.settings.spindles).zip(&mut self.modal.spindles) {
+                spindle.turning = None;
+                calls.push_back(Call::StopSpindle { spindle: number });
+            }
+        }
+        if place.quill_up || place.at_g30 {
+            calls.push_back(Call::Comment("AXIS,hide".into()));
+            if place.quill_up {
+                let mut machine = self.machine();
+                machine[Axis::Z] = 0.0;
+                self.traverse_to_machine(machine, calls);
+            }
+            if place.at_g30 {
+                let unit = self.settings.machine_unit;
+                self.traverse_to_machine(self.parameters.position(crate::parameter::G30_POINT, unit), calls);
+            }
+            calls.push_back(Call::Comment("AXIS,show".into()));
+        }
     }
 
-    pub(super) fn length_offset(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
+    fn traverse_to_machine(&mut self, machine: Position, calls: &mut Calls) {
+        self.at = self.offsets.work(machine);
+        calls.push_back(Call::StraightTraverse { to: self.at });
+    }
+
+    /// The spindle holds another tool.
+    pub(super) fn tool_changed(&mut self, number: u32) {
+        let tools = &mut self.tools;
+        if tools.table.changer() == ToolChanger::Random
+            && let Some(pocket) = tools.table.by_number(number).map(|tool| tool.pocket)
+        {
+            tools.table.swap_pockets(0, pocket);
+        }
+        tools.in_spindle = number;
+        tools.line = tools.line_of(number);
+    }
+}
+
+/// Length offsets.
+impl State {
+    pub(super) fn length_offset(
+        &mut self,
+        motion: Option<Motion>,
+        block: &Block,
+        calls: &mut Calls,
+    ) -> Result<(), Fault> {
         let Some(code) = block.codes.length_offset else {
             return Ok(());
         };
-        let of_words = |state: &State, mut offset: Position, add: bool| {
-            for axis in Axis::ALL {
-                if let Some(number) = block.axis(axis) {
-                    let value = state.length(axis, number);
-                    offset[axis] = if add { offset[axis] + value } else { value };
-                }
-            }
-            offset
-        };
         let of_tool = |state: &State| match block.word_value(b'H') {
-            Some(number) => state
-                .tool_of(number)
-                .map(|tool| tool.offset)
-                .map_err(|kind| (block.span(b'H'), kind)),
+            Some(number) => {
+                let tool = state.tool_of(number).map_err(|kind| (block.span(b'H'), kind))?;
+                Ok(tool.offset)
+            }
             None => Ok(state.tool().offset),
         };
         let offset = match code.value {
             LengthOffset::Off => Position::ZERO,
             LengthOffset::Tool => of_tool(self)?,
-            LengthOffset::Dynamic => of_words(self, self.offsets.tool, false),
-            LengthOffset::Additional if block.has_axes() => of_words(self, self.offsets.tool, true),
-            LengthOffset::Additional => plus(self.offsets.tool, of_tool(self)?),
+            LengthOffset::Dynamic => {
+                let mut offset = self.offsets.tool;
+                for (axis, value) in self.axis_values(block) {
+                    offset[axis] = value;
+                }
+                offset
+            }
+            LengthOffset::Additional => match (block.has_axes(), block.word_value(b'H')) {
+                (true, None) => {
+                    let mut offset = self.offsets.tool;
+                    for (axis, value) in self.axis_values(block) {
+                        offset[axis] += value;
+                    }
+                    offset
+                }
+                (false, Some(_)) => plus(self.offsets.tool, of_tool(self)?),
+                (true, Some(_)) => return Err((block.span(b'H'), ErrorKind::AddedOffsetTwice)),
+                (false, None) => return Err((code.span, ErrorKind::AddedOffsetMissing)),
+            },
         };
-        let mut offsets = self.offsets;
-        offsets.tool = offset;
+        if let Some(Question::Tool { before, .. }) = &mut self.question
+            && motion.is_none()
+        {
+            *before = Some(self.at);
+        }
+        self.use_tool_offset(offset, calls);
+        self.tools.offset_on = code.value != LengthOffset::Off;
+        Ok(())
+    }
+
+    fn use_tool_offset(&mut self, offset: Position, calls: &mut Calls) {
+        let offsets = Offsets {
+            tool: offset,
+            ..self.offsets
+        };
         self.set_offsets(offsets);
         calls.push_back(Call::SetToolLengthOffset { offset });
+    }
+
+    /// The axis words of a line with their values in mm and degrees; X in G7 as a radius.
+    pub(super) fn axis_values<'b>(&self, block: &'b Block) -> impl Iterator<Item = (Axis, f64)> + use<'b> {
+        let unit_mm = self.modal.unit.mm();
+        let diameter = self.modal.diameter;
+        Axis::ALL.into_iter().filter_map(move |axis| {
+            let number = block.axis(axis)?;
+            let value = if axis.is_rotary() { number } else { number * unit_mm };
+            Some((
+                axis,
+                if diameter && axis == Axis::X {
+                    value / 2.0
+                } else {
+                    value
+                },
+            ))
+        })
+    }
+}
+
+/// Greatest orientation of a lathe tool's cutting edge.
+const ORIENTATION_MAX: i64 = 9;
+
+/// The tool table.
+impl State {
+    /// G10 L0.
+    pub(super) fn reload_tools(&mut self, span: Span, calls: &mut Calls) -> Result<(), Fault> {
+        match self.tools.in_spindle {
+            0 => calls.push_back(Call::ReloadToolTable),
+            tool => return Err((span, ErrorKind::ReloadWithTool { tool })),
+        }
         Ok(())
+    }
+
+    /// G10 L1: the words are the offset. G10 L10, L11: the present point is to read as they say, with the offset of the
+    /// tool in effect, in the active system or, `fixture`, in the ninth without G92.
+    pub(super) fn set_tool(&mut self, how: SetTool, block: &Block, span: Span, calls: &mut Calls) -> Result<(), Fault> {
+        let mut tool = self.tool_to_set(block, span, how)?;
+        if !block.has_axes() && !block.has(crate::block::letters(b"RIJQ")) {
+            return Err((span, ErrorKind::ToolValuesMissing { code: how.name() }));
+        }
+        match how {
+            SetTool::Words => {
+                for (axis, value) in self.axis_values(block) {
+                    tool.offset[axis] = value;
+                }
+            }
+            SetTool::Place => self.offset_for_place(self.offsets, &mut tool.offset, block),
+            SetTool::PlaceInFixture => {
+                let mut offsets = self.offsets;
+                offsets.system = 9;
+                self.load_system(&mut offsets);
+                offsets.g92 = Position::ZERO;
+                self.offset_for_place(offsets, &mut tool.offset, block);
+            }
+        }
+        if let Some(radius) = block.word_value(b'R') {
+            tool.diameter_mm = 2.0 * radius * self.modal.unit.mm();
+        }
+        if let Some(degrees) = block.word_value(b'I') {
+            tool.front_angle_deg = degrees;
+        }
+        if let Some(degrees) = block.word_value(b'J') {
+            tool.back_angle_deg = degrees;
+        }
+        if let Some(value) = block.word_value(b'Q') {
+            let orientation = integer_in(value, 0..=ORIENTATION_MAX);
+            tool.orientation = orientation.ok_or((block.span(b'Q'), ErrorKind::Orientation { value }))? as u8;
+        }
+        self.tools
+            .table
+            .set(tool.clone())
+            .map_err(|error| (letter_of(&error, block).unwrap_or(span), ErrorKind::ToolNotSet(error)))?;
+        let line = self.tools.line_of(tool.number);
+        let entry = |line| Call::SetToolEntry(entry(&tool, line));
+        calls.push_back(entry(line.unwrap_or(0)));
+        if line == self.tools.line {
+            calls.push_back(entry(0));
+        }
+        Ok(())
+    }
+
+    /// The tool that P of G10 names.
+    fn tool_to_set(&self, block: &Block, span: Span, how: SetTool) -> Result<Tool, Fault> {
+        let missing = || (span, ErrorKind::ToolToSetMissing { code: how.name() });
+        let number = block.word_value(b'P').ok_or_else(missing)?.round();
+        if number < 1.0 {
+            let kind = ErrorKind::ToolToSetRange {
+                code: how.name(),
+                number,
+            };
+            return Err((block.span(b'P'), kind));
+        }
+        self.tool_of(number).map_err(|kind| (block.span(b'P'), kind))
+    }
+
+    /// The offset with which the axes that are named read in `offsets` as the words say.
+    fn offset_for_place(&self, offsets: Offsets, offset: &mut Position, block: &Block) {
+        let without_tool = Offsets {
+            tool: Position::ZERO,
+            ..offsets
+        };
+        let at = without_tool.work(self.machine());
+        let rotated = block.axis(Axis::X).is_some() || block.axis(Axis::Y).is_some();
+        let degrees = if rotated { offsets.rotation_degrees } else { 0.0 };
+        *offset = turned(*offset, -degrees);
+        for (axis, value) in self.axis_values(block) {
+            offset[axis] = at[axis] - value;
+        }
+        *offset = turned(*offset, degrees);
+    }
+}
+
+/// Which numbers G10 puts into the tool table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum SetTool {
+    /// L1
+    Words,
+    /// L10
+    Place,
+    /// L11
+    PlaceInFixture,
+}
+
+impl SetTool {
+    fn name(self) -> &'static str {
+        match self {
+            SetTool::Words => "G10 L1",
+            SetTool::Place => "G10 L10",
+            SetTool::PlaceInFixture => "G10 L11",
+        }
+    }
+}
+
+/// Where the word stands with which the table does not agree.
+fn letter_of(error: &SetToolError, block: &Block) -> Option<Span> {
+    match error {
+        SetToolError::OutOfRange { letter } => {
+            let letter = if *letter == 'D' { b'R' } else { *letter as u8 };
+            block.word_value(letter).map(|_| block.span(letter))
+        }
+        SetToolError::Full | SetToolError::PocketTaken { .. } => None,
+    }
+}
+
+fn entry(tool: &Tool, line: u32) -> ToolEntry {
+    ToolEntry {
+        tool: tool.number,
+        pocket: line,
+        offset: tool.offset,
+        diameter_mm: tool.diameter_mm,
+        front_angle_degrees: tool.front_angle_deg,
+        back_angle_degrees: tool.back_angle_deg,
+        orientation: tool.orientation,
     }
 }

@@ -59,6 +59,14 @@ impl State {
             let span = block.codes.non_modal.map(|code| code.span).unwrap_or_default();
             return Err((span, ErrorKind::MachineCoordinatesNeedStraight));
         }
+        if let Some(letter) = block.first_of(b"@^")
+            && motion.is_none()
+        {
+            let code = takes_axes.map(|code| code.name());
+            let code = code.or(block.codes.length_offset.map(|code| code.name()));
+            let code = code.unwrap_or_default();
+            return Err((block.span(letter), ErrorKind::PolarWithoutMotion { code }));
+        }
         if block.has(OPTIONAL) {
             return check_letters(block, motion);
         }

@@ -95,6 +95,16 @@ impl State {
         self.cutter_at.unwrap_or(self.at)
     }
 
+    /// A length in the unit of the machine, or an angle.
+    fn stored(&self, position: Position, index: u32, first: u32) -> f64 {
+        let axis = Axis::ALL[(index - first) as usize];
+        if axis.is_rotary() {
+            position[axis]
+        } else {
+            position[axis] / self.settings.machine_unit.mm()
+        }
+    }
+
     fn told_by_number(&self, position: Position, index: u32, first: u32) -> f64 {
         self.told(position, Axis::ALL[(index - first) as usize])
     }
@@ -109,8 +119,8 @@ impl Values for State {
             5021..=5029 => self.told_by_number(self.machine(), index, 5021),
             5081..=5089 => self.told_by_number(self.offsets.tool, index, 5081),
             5400 => f64::from(self.tools.in_spindle),
-            5401..=5409 => self.told_by_number(self.tool().offset, index, 5401),
-            5410 => self.tool().diameter_mm / self.modal.unit.mm(),
+            5401..=5409 => self.stored(self.offsets.tool, index, 5401),
+            5410 => self.tool().diameter_mm / self.settings.machine_unit.mm(),
             5411 => self.tool().front_angle_deg,
             5412 => self.tool().back_angle_deg,
             5413 => f64::from(self.tool().orientation),
@@ -197,14 +207,12 @@ impl State {
             "_feed" => Some(modal.feed),
             "_rpm" => Some(spindle.speed),
             "_current_tool" => Some(f64::from(self.tools.in_spindle)),
-            "_current_pocket" => Some(f64::from(self.tools.pocket)),
-            "_selected_tool" => Some(self.tools.selected.map_or(-1.0, f64::from)),
-            "_selected_pocket" => Some(self.tools.selected.map_or(-1.0, |tool| {
+            "_current_pocket" => Some(self.tools.pocket_of(self.tools.line)),
+            "_selected_tool" => Some(f64::from(self.tools.selected.unwrap_or(0))),
+            "_selected_pocket" => Some(
                 self.tools
-                    .table
-                    .by_number(tool)
-                    .map_or(0.0, |tool| f64::from(tool.pocket))
-            })),
+                    .pocket_of(self.tools.selected.and_then(|tool| self.tools.line_of(tool))),
+            ),
             "_value" | "_value_returned" => Some(0.0), // set by a return, then found among the globals
             "_task" => Some(0.0),
             "_call_level" => Some(f64::from(self.call_level)),

@@ -77,6 +77,7 @@ pub fn run(rs274: &Path, case: &Case) -> Outcome {
     let mut command = Command::new(rs274);
     command
         .current_dir(folder.path())
+        .env("HOME", folder.path()) // it keeps the tools in a file there, which all that run at a time would share
         .args(["-t", "tool.tbl", "-v", "parameters.var"]);
     if case.options.block_delete {
         command.arg("-b");
