@@ -240,18 +240,6 @@ impl State {
         }
     }
 
-    fn diameter(&mut self, block: &Block, calls: &mut Calls) {
-        let Some(code) = block.codes.diameter else { return };
-        if code.value != self.modal.diameter {
-            calls.push_back(Call::Comment(if code.value {
-                "interpreter: Lathe diameter mode changed to diameter".into()
-            } else {
-                "interpreter: Lathe diameter mode changed to radius".into()
-            }));
-        }
-        self.modal.diameter = code.value;
-    }
-
     fn retract(&mut self, block: &Block, calls: &mut Calls) {
         let Some(code) = block.codes.retract else { return };
         calls.push_back(Call::Comment(match code.value {
