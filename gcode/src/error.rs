@@ -791,6 +791,181 @@ pub enum ErrorKind {
         /// The limit.
         max: i32,
     },
+    /// A canned cycle that does not know where to begin.
+    #[error("{cycle} needs R, the level at which feeding begins: no {cycle} is active whose R would still hold")]
+    CycleRMissing {
+        /// The code.
+        cycle: String,
+    },
+    /// A canned cycle that does not know how deep to go.
+    #[error("{cycle} needs {axis}, the depth of the hole: no {cycle} is active whose {axis} would still hold")]
+    CycleDepthMissing {
+        /// The code.
+        cycle: String,
+        /// Axis of the hole.
+        axis: char,
+    },
+    /// A canned cycle that would cut upwards.
+    #[error("R {r:.4} is below the depth {axis} {depth:.4}: the hole goes from R down")]
+    CycleRBelowDepth {
+        /// Where feeding would begin, program units.
+        r: f64,
+        /// Axis of the hole.
+        axis: char,
+        /// Its end, program units.
+        depth: f64,
+    },
+    /// A word that a canned cycle or a thread needs.
+    #[error("{code} needs {letter}, {meaning}")]
+    CycleWordMissing {
+        /// The code.
+        code: String,
+        /// Letter of the word.
+        letter: char,
+        /// What it tells.
+        meaning: &'static str,
+    },
+    /// Q of G73 and G83.
+    #[error("{cycle} needs Q above 0, the depth of one peck: it is {value}")]
+    CyclePeck {
+        /// The code.
+        cycle: String,
+        /// Its number.
+        value: f64,
+    },
+    /// L0
+    #[error("L0 asks {cycle} for no hole at all: L is how many holes in a row, 1 or more")]
+    CycleRepeats {
+        /// The code.
+        cycle: String,
+    },
+    /// Words that would make endless lists of moves.
+    #[error("{code} would go into the work {count:.0} times on this line: at most {max} are allowed{}", cycle_hint(.code))]
+    CycleTooLong {
+        /// The code.
+        code: String,
+        /// How often.
+        count: f64,
+        /// The limit.
+        max: u32,
+    },
+    /// A rotary axis in a canned cycle or G76.
+    #[error("{letter} cannot turn during {code}: move it on a line before")]
+    CycleRotary {
+        /// Letter of the axis.
+        letter: char,
+        /// The code.
+        code: String,
+    },
+    /// An axis that the plane does not know.
+    #[error("{letter} cannot move during {code} in the plane {plane}: its axes are {axes}")]
+    CycleAxisOfOtherPlane {
+        /// Letter of the axis.
+        letter: char,
+        /// The code.
+        code: String,
+        /// G17 to G19.1.
+        plane: &'static str,
+        /// First, second and normal axis.
+        axes: String,
+    },
+    /// `@` or `^` with a cycle outside XY.
+    #[error("polar coordinates (@, ^) tell X and Y, so {code} takes them in the plane XY (G17) only")]
+    CyclePolar {
+        /// The code.
+        code: String,
+    },
+    /// A cycle in G93.
+    #[error("{cycle} is many moves, for which one time (G93) cannot do: write G94 and F")]
+    CycleInverseTime {
+        /// The code.
+        cycle: String,
+    },
+    /// A cycle or thread with cutter compensation.
+    #[error("{code} cannot be run while cutter compensation is on: write G40 first")]
+    CycleCompensated {
+        /// The code.
+        code: String,
+    },
+    /// A code that needs a turning spindle.
+    #[error("{code} needs spindle {spindle} to turn: write {start} and S first")]
+    SpindleAtRest {
+        /// The code.
+        code: String,
+        /// Number of the spindle.
+        spindle: u8,
+        /// M code that starts it.
+        start: &'static str,
+    },
+    /// G74 and G84 with the spindle turning the other way.
+    #[error("{code} needs a spindle that turns {needed}, and it turns the other way: {other} taps so")]
+    SpindleDirection {
+        /// The code.
+        code: String,
+        /// Direction and its M code.
+        needed: &'static str,
+        /// Code for the other direction.
+        other: String,
+    },
+    /// `$` with a code that goes with one spindle.
+    #[error("${number} is no spindle that {code} can go with: one of 0 to {last}")]
+    OneSpindle {
+        /// The number that came.
+        number: f64,
+        /// The code.
+        code: String,
+        /// The limit.
+        last: u8,
+    },
+    /// F with a move whose speed is the spindle's.
+    #[error("{code} goes as fast as the spindle turns, so F has no use on its line")]
+    ThreadWithFeed {
+        /// The code.
+        code: String,
+    },
+    /// A pitch of 0, or below 0 where the direction is told by something else.
+    #[error("{code} needs a pitch {rule}: {letter} is the way per turn, and it is {value}")]
+    ThreadPitch {
+        /// The code.
+        code: String,
+        /// K or P.
+        letter: char,
+        /// What it must be.
+        rule: &'static str,
+        /// Its number.
+        value: f64,
+    },
+    /// I of G76.
+    #[error("I of G76 is the way from the start to the crest of the thread, below 0 for an external one: not 0")]
+    ThreadCrest,
+    /// J of G76.
+    #[error("J of G76 is the depth of the first cut: above 0, and it is {value}")]
+    ThreadFirstCut {
+        /// Its number.
+        value: f64,
+    },
+    /// K of G76.
+    #[error(
+        "K of G76 is the full depth of the thread: above J {first_cut}, the depth of the first cut, and it is {value}"
+    )]
+    ThreadDepth {
+        /// Number of K.
+        value: f64,
+        /// Number of J.
+        first_cut: f64,
+    },
+    /// L of G76.
+    #[error("L{value} of G76 is no taper: 0 none, 1 at the entry, 2 at the exit, 3 at both")]
+    ThreadTaper {
+        /// Its number.
+        value: f64,
+    },
+    /// Q of G76.
+    #[error("Q{value} of G76 is the angle of the compound slide: between -90 and 90 degrees, usually 29, 29.5 or 30")]
+    ThreadAngle {
+        /// Its number.
+        value: f64,
+    },
     /// The text ends too early.
     #[error("the program ends without M2 or M30: write one as its last line")]
     ProgramEndMissing,
@@ -800,6 +975,15 @@ pub enum ErrorKind {
     /// The text cannot be told by [`motion::canon::Source`].
     #[error("the program is longer than 4 GiB: split it")]
     ProgramTooLong,
+}
+
+/// What makes a cycle too long.
+fn cycle_hint(code: &str) -> &'static str {
+    match code {
+        "G73" | "G83" => ": are Q and L right?",
+        "G76" => ": are J, R and H right?",
+        _ => ": is L right?",
+    }
 }
 
 /// ": did you mean endif?"

@@ -41,6 +41,10 @@ pub struct CanonPrinter {
     per_turn: bool,
     /// Spindles whose speed is that of the surface.
     surface_speed: [bool; SPINDLES],
+    /// Tolerance for joining moves that was told last, mm.
+    naive_cam_mm: f64,
+    /// The line that changed to the exact path last.
+    exact_path: Option<(u16, u32)>,
     /// Whether the calls of the start are over.
     started: bool,
     /// Lines of the call under way; kept for its memory.
@@ -55,6 +59,8 @@ impl CanonPrinter {
             unit: LengthUnit::Millimetre,
             per_turn: false,
             surface_speed: [false; SPINDLES],
+            naive_cam_mm: 0.0,
+            exact_path: None,
             started: false,
             machine_unit,
             text: Vec::with_capacity(256),
@@ -301,14 +307,25 @@ impl CanonPrinter {
 
     fn push_path_mode(&mut self, source: &Source, mode: PathMode) {
         match mode {
-            PathMode::ExactPath => self.name(source, "SET_MOTION_CONTROL_MODE(CANON_EXACT_PATH)"),
-            PathMode::ExactStop => self.name(source, "SET_MOTION_CONTROL_MODE(CANON_EXACT_STOP)"),
+            PathMode::ExactPath => {
+                self.exact_path = Some((source.file, source.line));
+                self.name(source, "SET_MOTION_CONTROL_MODE(CANON_EXACT_PATH)");
+            }
+            PathMode::ExactStop => {
+                self.name(source, "SET_MOTION_CONTROL_MODE(CANON_EXACT_STOP)");
+                // A canned cycle puts the mode back that it found, and with it a tolerance that means nothing here.
+                if self.exact_path == Some((source.file, source.line)) {
+                    let naive = self.length(self.naive_cam_mm);
+                    self.numbers(source, "SET_NAIVECAM_TOLERANCE(", &[naive], "");
+                }
+            }
             PathMode::Continuous {
                 tolerance_mm,
                 naive_cam_tolerance_mm,
             } => {
                 let tolerance = self.length(tolerance_mm.unwrap_or(0.0));
-                let naive = self.length(naive_cam_tolerance_mm.unwrap_or(0.0));
+                self.naive_cam_mm = naive_cam_tolerance_mm.unwrap_or(0.0);
+                let naive = self.length(self.naive_cam_mm);
                 self.line(
                     source,
                     format_args!("SET_MOTION_CONTROL_MODE(CANON_CONTINUOUS, {tolerance:.6})"),
@@ -448,7 +465,7 @@ fn in_unit(position: &Position, axis: Axis, unit: LengthUnit) -> f64 {
     }
 }
 
-fn length_in(mm: f64, unit: LengthUnit) -> f64 {
+pub(crate) fn length_in(mm: f64, unit: LengthUnit) -> f64 {
     match unit {
         LengthUnit::Millimetre => mm,
         LengthUnit::Inch => tidy(mm / LengthUnit::Inch.mm()),

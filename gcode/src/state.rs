@@ -201,6 +201,8 @@ pub(crate) struct State {
     pub(crate) saved: Vec<Saved>,
     /// What the words of a canned cycle said on the lines before.
     pub(crate) cycle: CycleWords,
+    /// The spindle with which threads and cycles go: the one that `$` named last with a code that goes with one.
+    pub(crate) spindle: u8,
     /// A feed was set and then cleared by a change of the feed mode.
     pub(crate) feed_cleared: bool,
     /// Number of the line that is being run.
@@ -251,7 +253,7 @@ impl State {
                 feed: 0.0,
                 unit: settings.length_unit,
                 path_mode: settings.path_mode,
-                retract: Retract::OldZ,
+                retract: Retract::R,
                 diameter: settings.diameter_mode,
                 overrides: Overrides {
                     feed: true,
@@ -278,6 +280,7 @@ impl State {
             spline_leaves: [0.0; 2],
             saved: Vec::new(),
             cycle: CycleWords::default(),
+            spindle: 0,
             feed_cleared: false,
             line: 0,
             call_level: 0,

@@ -58,6 +58,7 @@ impl State {
     pub(crate) fn execute(&mut self, block: &Block, line: &[u8], calls: &mut Calls) -> Result<Flow, Fault> {
         let motion = self.motion_now(block);
         self.check_usage(block, motion)?;
+        self.check_words(block, motion)?;
 
         self.assign(&block.assignments)?;
         if let Some(remark) = block.remark {
@@ -90,6 +91,30 @@ impl State {
         self.non_modal(block, calls)?;
         self.motion(motion, block, calls)?;
         self.stop(block, calls)
+    }
+
+    /// Rules for the words of a motion that hold before anything of its line is run.
+    #[inline]
+    fn check_words(&self, block: &Block, motion: Option<Motion>) -> Result<(), Fault> {
+        match motion {
+            Some(Motion::Cycle(_)) => self.check_cycle(block),
+            Some(Motion::SpindleSynchronised | Motion::RigidTap) => self.check_synchronised(block),
+            Some(Motion::Thread) => self.check_thread(block),
+            Some(
+                Motion::Traverse
+                | Motion::Feed
+                | Motion::ArcClockwise
+                | Motion::ArcCounterclockwise
+                | Motion::CubicSpline
+                | Motion::QuadraticSpline
+                | Motion::Nurbs
+                | Motion::NurbsEnd
+                | Motion::Probe(_)
+                | Motion::Finish
+                | Motion::Rough(_),
+            )
+            | None => Ok(()),
+        }
     }
 
     /// What a listener must know before the first block.
@@ -275,6 +300,9 @@ impl State {
     fn change_motion(&mut self, motion: Option<Motion>, calls: &mut Calls) {
         if motion.is_none() {
             calls.push_back(Call::Comment("interpreter: motion mode set to none".into()));
+        }
+        if !matches!(motion, Some(Motion::Cycle(_))) {
+            self.cycle.end_run();
         }
         if matches!(motion, Some(Motion::CubicSpline | Motion::QuadraticSpline)) {
             return; // for their line only
