@@ -82,6 +82,16 @@ impl LineNumber {
     }
 }
 
+/// A code that calls a subroutine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Remapped {
+    /// Which of the remapped codes.
+    pub(crate) index: usize,
+    /// Its number.
+    pub(crate) value: f64,
+    pub(crate) span: Span,
+}
+
 /// One line of a program that is no O-word line.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Block {
@@ -89,6 +99,7 @@ pub(crate) struct Block {
     pub(crate) remark: Option<Remark>,
     pub(crate) codes: Codes,
     pub(crate) assignments: Vec<Assignment>,
+    pub(crate) remapped: Vec<Remapped>,
     words: Words,
     m_count: usize,
 }
@@ -182,6 +193,7 @@ impl Block {
         self.codes = Codes::default();
         self.assignments.clear();
         self.m_count = 0;
+        self.remapped.clear();
         self.words.present = 0; // numbers and places of absent words are never looked at
     }
 
@@ -204,7 +216,14 @@ impl Block {
                 Ok(Item::Letter(b'N')) if first => LineNumber::read(&mut cursor).map(|number| self.n = Some(number)),
                 Ok(Item::Letter(b'N')) => Err((cursor.span(), ErrorKind::MisplacedLineNumber)),
                 Ok(Item::Letter(letter)) => match cursor.value(values) {
-                    Ok(value) => self.word(letter, value, cursor.span()),
+                    Ok(value) => match values.remapped(letter, value) {
+                        None => self.word(letter, value, cursor.span()),
+                        Some(index) => {
+                            let span = cursor.span();
+                            self.remapped.push(Remapped { index, value, span });
+                            Ok(())
+                        }
+                    },
                     Err(fault) => Err(fault),
                 },
                 Err(fault) => Err(fault),

@@ -4,7 +4,7 @@
 //! Out: the place from which reading goes on.
 
 use crate::error::ErrorKind;
-use crate::flow::{CALLS_MAX, Level, LevelKind, Open, OpenKind, Place, Search, Target};
+use crate::flow::{CALLS_MAX, Level, LevelKind, Open, OpenKind, Place, Search, Subroutine, Target};
 use crate::interpreter::{File, Outcome, Run};
 use crate::o_word::{self, Keyword, Label, OWord};
 use crate::scan::Span;
@@ -220,7 +220,12 @@ impl Run<'_> {
             Target::EndWhile | Target::EndRepeat => Ok(()),
             Target::EndSub => Ok(()),
             Target::Sub => {
-                self.subroutines.insert(search.label.clone(), here);
+                let is_program = keyword == Keyword::Program;
+                let found = Subroutine {
+                    start: here,
+                    is_program,
+                };
+                self.subroutines.insert(search.label.clone(), found);
                 if let Some(level) = self.levels.last_mut()
                     && let LevelKind::Subprogram { start, .. } = &mut level.kind
                 {
@@ -281,9 +286,14 @@ impl Run<'_> {
             ));
         }
         let here = self.place();
-        let known = self.subroutines.insert(o_word.label.clone(), here);
+        let is_program = o_word.keyword == Keyword::Program;
+        let found = Subroutine {
+            start: here,
+            is_program,
+        };
+        let known = self.subroutines.insert(o_word.label.clone(), found);
         if o_word.keyword == Keyword::Sub {
-            if let Some(first) = known.filter(|first| *first != here) {
+            if let Some(first) = known.map(|first| first.start).filter(|first| *first != here) {
                 return Err((
                     o_word.span,
                     ErrorKind::DefinedTwice {
@@ -319,6 +329,11 @@ impl Run<'_> {
         let back = self.place();
         let arguments = self.state.parameters.arguments();
         let known = self.subroutines.get(&label).copied();
+        let by_m98 = matches!(kind, LevelKind::Subprogram { .. });
+        if known.is_some_and(|known| known.is_program != by_m98) {
+            let label = label.to_string();
+            return Err((span, ErrorKind::WrongCall { label, by_m98 }));
+        }
         if known.is_none() {
             self.open_file(&label, span)?;
         }
@@ -326,7 +341,7 @@ impl Run<'_> {
             .push(Level::new(Some(label.clone()), kind, Some(back), arguments));
         self.state.enter_call();
         match known {
-            Some(place) => self.go_to(place),
+            Some(known) => self.go_to(known.start),
             None => {
                 self.search = Some(Search {
                     label,
@@ -384,7 +399,7 @@ impl Run<'_> {
 
     fn return_from(&mut self, o_word: &OWord) -> Outcome {
         let level = self.levels.last().expect("the program's own level is never left");
-        if level.kind == LevelKind::Program {
+        if matches!(level.kind, LevelKind::Program) {
             return Err((
                 o_word.span,
                 ErrorKind::NoSubroutine {
@@ -412,6 +427,10 @@ impl Run<'_> {
         if let Some(back) = level.back {
             self.go_to(back);
         }
+        if let LevelKind::Remap(rest) = level.kind {
+            self.state.remapping.pop();
+            self.rest_of_block(*rest);
+        }
     }
 
     /// M98: the subprogram begins with its label alone.
@@ -420,7 +439,9 @@ impl Run<'_> {
             return;
         }
         let label = Label::Number(program);
-        let start = self.subroutines.get(&label).copied().unwrap_or_else(|| self.place());
+        // Where it is not known yet, the search for it sets the start.
+        let known = self.subroutines.get(&label).map(|known| known.start);
+        let start = known.unwrap_or_else(|| self.place());
         let kind = LevelKind::Subprogram { start, left: times - 1 };
         if let Err((span, kind)) = self.enter(label, kind, Span::default()) {
             self.fail(span, kind);
@@ -437,7 +458,15 @@ impl Run<'_> {
                 level.blocks.clear();
                 self.go_to(start);
             }
-            LevelKind::Subprogram { .. } | LevelKind::Call | LevelKind::Remap => self.leave(None),
+            LevelKind::Subprogram { .. } | LevelKind::Call | LevelKind::Remap(_) => self.leave(None),
+            LevelKind::Program if self.state.settings.repeats_by_m99 => {
+                level.blocks.clear();
+                self.go_to(Place {
+                    file: 0,
+                    offset: 0,
+                    line: 0,
+                });
+            }
             LevelKind::Program => {
                 self.ended = true;
                 self.state.end_by_m2(&mut self.calls);

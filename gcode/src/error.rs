@@ -652,6 +652,34 @@ pub enum ErrorKind {
         /// Where it was first.
         line: u32,
     },
+    /// `call` of what M98 calls, or M98 of what `call` calls.
+    #[error("{label} {}", if *.by_m98 { "is defined by sub and endsub: call it with `call`" } else { "is ended by M99: call it with M98" })]
+    WrongCall {
+        /// The label.
+        label: String,
+        /// How it was called.
+        by_m98: bool,
+    },
+    /// A remapped code without a word that its subroutine needs.
+    #[error("{code} needs {letter}, a parameter of its subroutine")]
+    RemapWordMissing {
+        /// The code.
+        code: String,
+        /// The letter.
+        letter: char,
+    },
+    /// A remapped code that demands a feed.
+    #[error("{code} needs a feed: write F before it")]
+    RemapNeedsFeed {
+        /// The code.
+        code: String,
+    },
+    /// A remapped code that demands a spindle speed.
+    #[error("{code} needs a spindle speed: write S before it")]
+    RemapNeedsSpeed {
+        /// The code.
+        code: String,
+    },
     /// A subroutine in a subroutine.
     #[error("{label} sub stands inside the subroutine {outer}: define it before or behind")]
     NestedSubroutine {

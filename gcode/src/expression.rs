@@ -31,6 +31,12 @@ pub(crate) trait Values {
 
     /// The name of a parameter that was probably meant by one that is not defined.
     fn nearest(&self, name: &str) -> Option<String>;
+
+    /// Which remapped code a word is.
+    #[inline]
+    fn remapped(&self, _letter: u8, _number: f64) -> Option<usize> {
+        None
+    }
 }
 
 /// Left side of an assignment.

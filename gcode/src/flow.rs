@@ -9,6 +9,7 @@
 use crate::error::ErrorKind;
 use crate::o_word::{Keyword, Label};
 use crate::parameter::ARGUMENTS;
+use crate::remap::Rest;
 use std::collections::HashMap;
 
 /// Most calls within calls: LinuxCNC's.
@@ -23,6 +24,15 @@ pub(crate) struct Place {
     pub(crate) offset: u64,
     /// Number of the line before it.
     pub(crate) line: u32,
+}
+
+/// A subroutine that was come across.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Subroutine {
+    /// Behind the line that begins it.
+    pub(crate) start: Place,
+    /// It begins with its label alone: called by M98, ended by M99.
+    pub(crate) is_program: bool,
 }
 
 /// A block that is under way.
@@ -63,7 +73,7 @@ pub(crate) struct Level {
 }
 
 /// How a level was entered.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub(crate) enum LevelKind {
     /// The program itself.
     Program,
@@ -71,8 +81,8 @@ pub(crate) enum LevelKind {
     Call,
     /// By M98: `start` is the first line, to be run `left` times more.
     Subprogram { start: Place, left: u32 },
-    /// By a remapped code.
-    Remap,
+    /// By a remapped code: the rest of its block is run behind the return.
+    Remap(Box<Rest>),
 }
 
 impl Level {

@@ -6,13 +6,14 @@
 //! Reads a line when the calls of the one before are used up, so memory does not grow with the program. What O-words do
 //! is in `control`, all errors of a text at once in `check`.
 
-use crate::block::{Block, Faults, LineNumber};
+use crate::block::{Block, Faults, LineNumber, Remapped};
 use crate::error::{CallSite, Error, ErrorKind};
 use crate::execute::{Calls, Flow};
-use crate::flow::{Level, LevelKind, Place, Search, Target};
+use crate::flow::{Level, LevelKind, Place, Search, Subroutine, Target};
 use crate::machine::{Machine, NoMachine};
 use crate::o_word::Label;
 use crate::parameter::ARGUMENTS;
+use crate::remap::{Phase, Rest};
 use crate::scan::{Fault, LINE_MAX, Span, is_blank, is_empty};
 use crate::state::State;
 use crate::text::Text;
@@ -127,7 +128,7 @@ pub struct Run<'t> {
     /// The program and the subroutines under way, the last called one last.
     pub(crate) levels: Vec<Level>,
     /// Where the first line of each known subroutine is.
-    pub(crate) subroutines: HashMap<Label, Place>,
+    pub(crate) subroutines: HashMap<Label, Subroutine>,
     /// Lines are passed over until this is found.
     pub(crate) search: Option<Search>,
     /// Where a search from a line of a file ended before. A line may begin searches for two things: `elseif`.
@@ -244,13 +245,73 @@ impl Run<'_> {
         if !self.faults.is_empty() {
             return self.fail_all();
         }
-        match self.state.execute(&self.block, octets, &mut self.calls) {
+        if !self.block.remapped.is_empty() {
+            let rest = Rest {
+                block: self.block.clone(),
+                line: octets.to_vec(),
+                from: Phase::Feed,
+            };
+            return self.rest_of_block(rest);
+        }
+        let result = self.state.execute(&self.block, octets, &mut self.calls);
+        self.follow(result);
+    }
+
+    /// Goes where a block leads.
+    #[inline]
+    fn follow(&mut self, result: Result<Flow, Fault>) {
+        match result {
             Ok(Flow::On) => {}
             Ok(Flow::End) => self.ended = true,
             Ok(Flow::Call { program, times }) => self.call_program(program, times),
             Ok(Flow::Return) => self.return_by_m99(),
             Err((span, kind)) => self.fail(span, kind),
         }
+    }
+
+    /// Runs a block with remapped codes up to the first of them, which is called.
+    pub(crate) fn rest_of_block(&mut self, mut rest: Rest) {
+        let phase_of = |remapped: &Remapped| self.state.remaps[remapped.index].phase;
+        let next = rest.block.remapped.iter().copied().min_by_key(phase_of);
+        let Some(code) = next else {
+            let phases = rest.from..=Phase::Stop;
+            let result = self
+                .state
+                .execute_phases(&rest.block, &rest.line, phases, &mut self.calls);
+            return self.follow(result);
+        };
+        if let Err((span, kind)) = self.call_remapped(&mut rest, code) {
+            self.fail(span, kind);
+        }
+    }
+
+    fn call_remapped(&mut self, rest: &mut Rest, code: Remapped) -> Outcome {
+        let entry = self.state.remaps[code.index].clone();
+        let speed = rest
+            .block
+            .word_value(b'S')
+            .unwrap_or(self.state.modal.spindles[0].speed);
+        let feed = rest.block.word_value(b'F').unwrap_or(self.state.modal.feed);
+        let arguments = entry.take_arguments(&mut rest.block, &code, feed, speed)?;
+        rest.block.remapped.retain(|other| *other != code);
+        if rest.from < entry.phase {
+            let before = rest.from..=entry.phase;
+            self.state
+                .execute_phases(&rest.block, &rest.line, before, &mut self.calls)?;
+        }
+        rest.from = entry.phase.next();
+        let kind = LevelKind::Remap(Box::new(rest.clone()));
+        self.enter(entry.label, kind, code.span)?;
+        self.state.remapping.push(code.index);
+        self.state.parameters.set_arguments(arguments.numbered);
+        for (letter, value) in &arguments.named {
+            let name = char::from(*letter).to_string();
+            self.state.parameters.set_named(&name, *value);
+        }
+        if arguments.line_number {
+            self.state.parameters.set_named("n", f64::from(self.source.line));
+        }
+        Ok(())
     }
 
     fn o_line(&mut self) {

@@ -45,6 +45,7 @@ pub mod parameter;
 mod print;
 #[cfg(test)]
 mod printed;
+mod remap;
 mod scan;
 mod settings;
 mod state;

@@ -35,9 +35,9 @@ pub struct Remap {
     pub code: String,
     /// Name of the subroutine, in lower case.
     pub subroutine: String,
-    /// Words that the subroutine takes, in LinuxCNC's form: a capital letter must be there, a small one may be; `-` before
-    /// capitals: they are handed on as #1, #2, ...; `>` demands a feed above 0, `^` a spindle speed above 0, `N` hands on
-    /// the line number.
+    /// Words that the subroutine takes, in LinuxCNC's form: a capital letter must be there, a small one may be. They are
+    /// its named parameters, `#<x>` of X or, where the form begins with `@`, #1, #2, ... `>` demands a feed above 0, `^` a
+    /// spindle speed above 0, `n` or `N` hands on the line number.
     pub arguments: String,
     /// Modal group of a G or M code.
     pub modal_group: u8,
@@ -113,6 +113,8 @@ pub struct Settings {
     pub subroutine_folders: Vec<PathBuf>,
     /// Codes of M100 to M199 that can be run; `None`: all, for those who only look at a program.
     pub user_codes: Option<Vec<u8>>,
+    /// Whether M99 in the program itself begins it anew; else it ends it.
+    pub repeats_by_m99: bool,
     /// Codes that call subroutines.
     pub remaps: Vec<Remap>,
     /// Values of `#<_ini[section]key>`, by `section` and `key` in lower case.
@@ -154,6 +156,7 @@ impl Default for Settings {
             orient_offset_degrees: 0.0,
             subroutine_folders: Vec::new(),
             user_codes: None,
+            repeats_by_m99: false,
             remaps: Vec::new(),
             ini_values: BTreeMap::new(),
         }

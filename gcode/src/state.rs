@@ -5,6 +5,7 @@
 use crate::code::{Distance, FeedUnit, Motion, Retract};
 use crate::execute::CycleWords;
 use crate::parameter::{self, Parameters};
+use crate::remap;
 use crate::{Settings, ToolTable};
 use motion::canon::{
     Axis, Cutter, Input, LengthUnit, PathMode, Plane, Position, ProbeMode, SPINDLES, SpindleDirection, SpindleMode,
@@ -209,8 +210,10 @@ pub(crate) struct State {
     pub(crate) line: u32,
     /// Subroutine calls under way.
     pub(crate) call_level: u32,
-    /// Calls of remapped codes under way.
-    pub(crate) remap_level: u32,
+    /// The remapped codes.
+    pub(crate) remaps: Vec<remap::Entry>,
+    /// Which of them are under way.
+    pub(crate) remapping: Vec<usize>,
 }
 
 impl State {
@@ -284,7 +287,8 @@ impl State {
             feed_cleared: false,
             line: 0,
             call_level: 0,
-            remap_level: 0,
+            remaps: settings.remaps.iter().map(remap::Entry::new).collect(),
+            remapping: Vec::new(),
             settings,
         }
     }

@@ -28,10 +28,12 @@ use crate::code::{Distance, Motion, NonModal, PathCode, Retract, Stop};
 use crate::error::ErrorKind;
 use crate::machine::Machine;
 use crate::parameter::{self, is_read_only, is_read_only_number};
+use crate::remap::Phase;
 use crate::scan::{Fault, Span};
 use crate::state::{Question, State};
 use motion::canon::{Call, PathMode, Plane};
 use std::collections::VecDeque;
+use std::ops::RangeInclusive;
 
 pub(crate) use cycle::CycleWords;
 
@@ -54,29 +56,74 @@ pub(crate) enum Flow {
 }
 
 impl State {
-    /// Runs a block that was read without faults. After a fault `calls` holds a part of the block.
+    /// Runs a block that was read without faults. After a fault `calls` holds what came before it.
+    #[inline]
     pub(crate) fn execute(&mut self, block: &Block, line: &[u8], calls: &mut Calls) -> Result<Flow, Fault> {
-        let motion = self.motion_now(block);
-        self.check_usage(block, motion)?;
-        self.check_words(block, motion)?;
+        self.execute_phases(block, line, Phase::Feed..=Phase::Stop, calls)
+    }
 
-        self.assign(&block.assignments)?;
-        if let Some(remark) = block.remark {
-            self.remark(remark, line, calls)?;
+    /// Runs a part of a block: what stands before, between or behind its remapped codes.
+    pub(crate) fn execute_phases(
+        &mut self,
+        block: &Block,
+        line: &[u8],
+        phases: RangeInclusive<Phase>,
+        calls: &mut Calls,
+    ) -> Result<Flow, Fault> {
+        let runs = |phase| phases.contains(&phase);
+        let motion = self.motion_now(block);
+        if runs(Phase::Feed) {
+            self.check_usage(block, motion)?;
+            self.check_words(block, motion)?;
+            self.assign(&block.assignments)?;
+            if let Some(text) = block.remark {
+                self.remark(text, line, calls)?;
+            }
+            self.spindle_mode(block, calls)?;
+            self.feed_unit(block, calls);
+            self.feed(block, calls);
         }
-        self.spindle_mode(block, calls)?;
-        self.feed_unit(block, calls);
-        self.feed(block, calls);
-        self.spindle_speed(block, calls)?;
-        self.select_tool(block, calls)?;
-        self.check_before_compensation(block)?;
-        self.inputs_and_outputs(block, calls)?;
-        self.change_tool(block, calls)?;
-        self.spindle_action(block, calls)?;
-        self.saved_modes(block, calls)?;
-        self.coolant(block, calls);
-        self.overrides(block, calls)?;
-        self.user_code(block, calls)?;
+        if runs(Phase::Speed) {
+            self.spindle_speed(block, calls)?;
+        }
+        if runs(Phase::SelectTool) {
+            self.select_tool(block, calls)?;
+        }
+        if runs(Phase::InputOutput) {
+            self.check_before_compensation(block)?;
+            self.inputs_and_outputs(block, calls)?;
+        }
+        if runs(Phase::Tool) {
+            self.change_tool(block, calls)?;
+        }
+        if runs(Phase::Spindle) {
+            self.spindle_action(block, calls)?;
+        }
+        if runs(Phase::Coolant) {
+            self.saved_modes(block, calls)?;
+            self.coolant(block, calls);
+        }
+        if runs(Phase::Override) {
+            self.overrides(block, calls)?;
+        }
+        if runs(Phase::User) {
+            self.user_code(block, calls)?;
+        }
+        if runs(Phase::Modes) {
+            self.modes(block, motion, calls)?;
+        }
+        if runs(Phase::Motion) {
+            self.motion(motion, block, calls)?;
+        }
+        if runs(Phase::Stop) {
+            return self.stop(block, calls);
+        }
+        Ok(Flow::On)
+    }
+
+    /// G codes that set something, in their order.
+    #[inline]
+    fn modes(&mut self, block: &Block, motion: Option<Motion>, calls: &mut Calls) -> Result<(), Fault> {
         self.dwell(block, calls)?;
         self.plane(block, calls);
         self.diameter(block, calls);
@@ -88,9 +135,7 @@ impl State {
         self.path_mode(block, calls);
         self.distances(block, calls);
         self.retract(block, calls);
-        self.non_modal(block, calls)?;
-        self.motion(motion, block, calls)?;
-        self.stop(block, calls)
+        self.non_modal(block, calls)
     }
 
     /// Rules for the words of a motion that hold before anything of its line is run.

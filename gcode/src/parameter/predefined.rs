@@ -136,6 +136,16 @@ impl Values for State {
     fn nearest(&self, name: &str) -> Option<String> {
         self.parameters.nearest(name)
     }
+
+    #[inline]
+    fn remapped(&self, letter: u8, number: f64) -> Option<usize> {
+        if self.remaps.is_empty() {
+            return None;
+        }
+        let found = self.remaps.iter().position(|entry| entry.is(letter, number))?;
+        // Within its own subroutine a code is the usual one.
+        (!self.remapping.contains(&found)).then_some(found)
+    }
 }
 
 impl State {
@@ -216,7 +226,7 @@ impl State {
             "_value" | "_value_returned" => Some(0.0), // set by a return, then found among the globals
             "_task" => Some(0.0),
             "_call_level" => Some(f64::from(self.call_level)),
-            "_remap_level" => Some(f64::from(self.remap_level)),
+            "_remap_level" => Some(self.remapping.len() as f64),
             name => self.ini_value(name),
         }
     }
