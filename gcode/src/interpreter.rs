@@ -98,6 +98,7 @@ impl Interpreter {
             calls: Calls::new(),
             compensator: (self.state.settings.compensated_path == CompensatedPath::Centre).then(Compensator::new),
             compensated: VecDeque::new(),
+            number_by_release: false,
             source: Source::default(),
             ended: false,
             steps: 0,
@@ -139,6 +140,7 @@ pub struct Run<'t> {
     compensator: Option<Compensator>,
     /// What it made.
     compensated: VecDeque<Event>,
+    number_by_release: bool,
     source: Source,
     pub(crate) ended: bool,
     /// Lines that were read.
@@ -156,6 +158,13 @@ impl Run<'_> {
     /// Stops with an error after so many lines, those of loops counted each time: for programs that may never end.
     pub fn limit_steps(mut self, steps: u64) -> Self {
         self.steps_max = steps;
+        self
+    }
+
+    /// Gives moves that cutter compensation held back the N-word of the line that let them go, which is what `rs274` prints;
+    /// their line remains their own.
+    pub fn number_by_release(mut self) -> Self {
+        self.number_by_release = true;
         self
     }
 
@@ -433,7 +442,11 @@ impl Iterator for Run<'_> {
     #[inline]
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            if let Some(event) = self.compensated.pop_front() {
+            if let Some(mut event) = self.compensated.pop_front() {
+                if self.number_by_release {
+                    event.source.n = self.source.n;
+                    event.source.n_digits = self.source.n_digits;
+                }
                 return Some(Ok(event));
             }
             if let Some(call) = self.calls.pop_front() {

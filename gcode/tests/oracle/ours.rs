@@ -37,7 +37,9 @@ pub fn run(case: &Case) -> Outcome {
     let mut printed = String::new();
     let mut errors = Vec::new();
     let mut error_lines = Vec::new();
-    let mut run = Interpreter::new(settings(case, folder.path())).run(&case.program);
+    let mut run = Interpreter::new(settings(case, folder.path()))
+        .run(&case.program)
+        .number_by_release();
     if case.options.continue_after_error {
         run = run.continue_after_errors();
     }
