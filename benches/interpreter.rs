@@ -7,9 +7,10 @@
 //!   several times. Target 1.5 million.
 //!
 //! The same programs go through LinuxCNC's stand-alone interpreter in turns with ours, if `$ISOCNC_RS274` or the PATH names
-//! one (`scripts/rs274-oracle.sh` makes one); all figures are medians.
+//! one (`scripts/rs274-oracle.sh` makes one); all figures are medians. Then: how long the first event of a large file
+//! takes (target 5 ms), and how much memory files of three sizes take.
 //!
-//! Option behind `--`: `--rounds N` (7).
+//! Options behind `--`: `--large MIB` for the size of the large file (1024), `--rounds N` (7).
 
 mod common;
 
@@ -19,12 +20,12 @@ use gcode::{Interpreter, Lexer, Settings};
 use nix::sys::resource::{UsageWho, getrusage};
 use nix::time::{ClockId, clock_gettime};
 use std::fmt::Write as _;
-use std::fs;
+use std::fs::{self, File};
 use std::hint::black_box;
-use std::io::Cursor;
-use std::path::PathBuf;
+use std::io::{BufWriter, Cursor, Write as _};
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Lines of the program of straight moves.
 const STRAIGHT_LINES: usize = 200_000;
@@ -246,6 +247,60 @@ fn compare(
     Ok(())
 }
 
+/// Greatest memory of this process so far, KiB.
+fn memory_peak_kib() -> u64 {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let figure = line.and_then(|line| line.trim().strip_suffix(" kB"));
+    figure.and_then(|figure| figure.trim().parse().ok()).unwrap_or(0)
+}
+
+/// A file of at least `size` octets with straight moves.
+fn write_program(path: &Path, size: u64) -> anyhow::Result<()> {
+    let body = straight(100_000);
+    let body = body.strip_suffix("M2\n").unwrap_or(&body);
+    let mut file = BufWriter::with_capacity(1 << 20, File::create(path)?);
+    for _ in 0..size.div_ceil(body.len() as u64) {
+        file.write_all(body.as_bytes())?;
+    }
+    file.write_all(b"M2\n")?;
+    file.flush()?;
+    Ok(())
+}
+
+/// How long it takes from opening a file to its first move, and how much memory whole files take.
+fn large_files(large_mib: u64) -> anyhow::Result<()> {
+    let folder = tempfile::tempdir()?;
+    for mib in [large_mib / 64, large_mib / 8, large_mib] {
+        let path = folder.path().join("large.ngc");
+        write_program(&path, mib << 20)?;
+        let mut first_ms = Vec::new();
+        for _ in 0..21 {
+            let began = Instant::now();
+            let mut run = Interpreter::new(Settings::default()).run_reader(File::open(&path)?);
+            let event = run.find(|event| event.as_ref().map_or(true, |event| event.source.line > 0));
+            event.context("no event")??;
+            first_ms.push(began.elapsed().as_secs_f64() * 1e3);
+        }
+        let before_kib = memory_peak_kib();
+        let began = thread_time();
+        let mut events = 0_u64;
+        for event in Interpreter::new(Settings::default()).run_reader(File::open(&path)?) {
+            black_box(event?);
+            events += 1;
+        }
+        println!(
+            "file of {mib:5} MiB        first event after {:.3} ms, target 5; whole in {:.2} s, {events} events, \
+             memory peak {} KiB, {} more than before",
+            median(first_ms),
+            (thread_time() - began).as_secs_f64(),
+            memory_peak_kib(),
+            memory_peak_kib() - before_kib,
+        );
+    }
+    Ok(())
+}
+
 /// The number behind an option, or its usual value.
 fn option(name: &str, usual: u64) -> anyhow::Result<u64> {
     let mut arguments = std::env::args().skip_while(|argument| argument != name);
@@ -260,9 +315,11 @@ fn option(name: &str, usual: u64) -> anyhow::Result<u64> {
 
 fn main() -> anyhow::Result<()> {
     let rounds = option("--rounds", 7)?.max(1) as usize;
+    let large_mib = option("--large", 1024)?;
     let rs274 = Rs274::find()?;
     let (straight, mixed) = (straight(STRAIGHT_LINES), mixed(MIXED_BLOCKS));
     compare("lexing, 3-axis G1", 15.0, &straight, rounds, None, lex)?;
     compare("events, 3-axis G1", 5.0, &straight, rounds, rs274.as_ref(), interpret)?;
-    compare("events, mixed", 1.5, &mixed, rounds, rs274.as_ref(), interpret)
+    compare("events, mixed", 1.5, &mixed, rounds, rs274.as_ref(), interpret)?;
+    large_files(large_mib)
 }

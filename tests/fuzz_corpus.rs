@@ -12,6 +12,10 @@ mod frame;
 mod managing_node;
 #[path = "../fuzz/src/parameter_file.rs"]
 mod parameter_file;
+#[path = "../fuzz/src/program_grammar.rs"]
+mod program_grammar;
+#[path = "../fuzz/src/program_text.rs"]
+mod program_text;
 #[path = "../fuzz/src/sdo_server.rs"]
 mod sdo_server;
 #[path = "../fuzz/src/tool_table.rs"]
@@ -56,6 +60,22 @@ fn controlled_node() {
 #[test]
 fn sdo_server() {
     replay("sdo_server", sdo_server::run);
+}
+
+#[test]
+fn program_text() {
+    replay("program_text", program_text::run);
+}
+
+/// Most programs of the grammar get far before they fail, else the fuzzer would see little.
+#[test]
+fn programs_of_the_grammar_run() {
+    let octets: Vec<u8> = (0..400_u32)
+        .map(|index| (index * index / 7 + index * 31) as u8)
+        .collect();
+    let program = program_grammar::program(&octets);
+    assert!(program.lines().count() > 30, "{program}");
+    program_text::look_at(program.as_bytes());
 }
 
 #[test]

@@ -6,5 +6,7 @@ pub mod device_files;
 pub mod frame;
 pub mod managing_node;
 pub mod parameter_file;
+pub mod program_grammar;
+pub mod program_text;
 pub mod sdo_server;
 pub mod tool_table;

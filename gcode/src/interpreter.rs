@@ -456,9 +456,7 @@ impl Iterator for Run<'_> {
                     return Some(Ok(event));
                 }
                 if let Err(error) = self.compensate(event) {
-                    self.ended = true;
-                    self.calls.clear();
-                    return Some(Err(error));
+                    return self.end_by_error(error);
                 }
                 continue;
             }
@@ -519,9 +517,21 @@ impl Run<'_> {
     fn finish_compensation(&mut self) -> Option<Result<Event, Box<Error>>> {
         let mut compensator = self.compensator.take()?;
         if let Err(error) = compensator.finish(&mut self.compensated) {
-            return Some(Err(self.compensation_error(error)));
+            let error = self.compensation_error(error);
+            return self.end_by_error(error);
         }
         self.compensated.pop_front().map(Ok)
+    }
+
+    /// The last thing that is told; moves that are held wait for one that never comes.
+    #[cold]
+    fn end_by_error(&mut self, error: Box<Error>) -> Option<Result<Event, Box<Error>>> {
+        self.ended = true;
+        self.calls.clear();
+        self.errors.clear();
+        self.compensator = None;
+        self.compensated.clear();
+        Some(Err(error))
     }
 
     /// The error with the line it is about, which may have been read a while ago.
