@@ -134,12 +134,9 @@ impl NonModal {
     /// Whether the axis words of the line are for this code.
     pub(crate) fn takes_axes(self) -> bool {
         match self {
-            NonModal::SetData
-            | NonModal::Return(_)
-            | NonModal::Store(_)
-            | NonModal::LocalOffset
-            | NonModal::SetPosition => true,
-            NonModal::Dwell
+            NonModal::SetData | NonModal::Return(_) | NonModal::LocalOffset | NonModal::SetPosition => true,
+            NonModal::Store(_)
+            | NonModal::Dwell
             | NonModal::MachineCoordinates
             | NonModal::ClearPosition
             | NonModal::SuspendPosition

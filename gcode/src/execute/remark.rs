@@ -19,6 +19,9 @@ impl State {
         let text = span.of(line);
         let (kind, start) = comment::read(text);
         let own = &text[start..];
+        if text.is_empty() {
+            return Ok(()); // nothing to tell
+        }
         let plain = || String::from_utf8_lossy(own).into_owned();
         let with_values = || comment::with_values(own, self);
         if matches!(kind, CommentKind::OpenProbeLog | CommentKind::CloseProbeLog) {

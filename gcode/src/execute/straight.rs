@@ -28,7 +28,7 @@ impl State {
     #[inline]
     fn end_of_straight(&self, block: &Block) -> Result<Position, Fault> {
         match block.codes.non_modal {
-            Some(code) if code.value == NonModal::MachineCoordinates => self.end_in_machine(block, code.span),
+            Some(code) if code.value == NonModal::MachineCoordinates => self.end_in_machine(block),
             Some(_) | None => self.end(block),
         }
     }
@@ -66,10 +66,7 @@ impl State {
 
 impl State {
     /// End of a G53 move: the words are machine coordinates, without work system, G92 and tool.
-    fn end_in_machine(&self, block: &Block, span: crate::scan::Span) -> Result<Position, Fault> {
-        if self.modal.distance == Distance::Incremental {
-            return Err((span, ErrorKind::MachineCoordinatesIncremental));
-        }
+    fn end_in_machine(&self, block: &Block) -> Result<Position, Fault> {
         if block.has(crate::block::letters(b"@^")) {
             return Err((motion_span(block), ErrorKind::PolarInMachineCoordinates));
         }

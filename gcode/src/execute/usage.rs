@@ -2,8 +2,8 @@
 
 use crate::block::{Block, letters};
 use crate::code::{
-    Compensation, Cycle, InputOutput, LengthOffset, Motion, NonModal, Override, PathCode, SpindleAction, SpindleCode,
-    Stop, ToolCode,
+    Compensation, Cycle, Distance, InputOutput, LengthOffset, Motion, NonModal, Override, PathCode, SpindleAction,
+    SpindleCode, Stop, ToolCode,
 };
 use crate::error::ErrorKind;
 use crate::scan::Fault;
@@ -50,14 +50,16 @@ impl State {
             };
             return Err((block.span(axis), kind));
         }
-        if block
-            .codes
-            .non_modal
-            .is_some_and(|code| code.value == NonModal::MachineCoordinates)
-            && !matches!(motion, Some(Motion::Traverse | Motion::Feed))
+        if let Some(code) = block.codes.non_modal
+            && code.value == NonModal::MachineCoordinates
         {
-            let span = block.codes.non_modal.map(|code| code.span).unwrap_or_default();
-            return Err((span, ErrorKind::MachineCoordinatesNeedStraight));
+            if !matches!(motion, Some(Motion::Traverse | Motion::Feed)) {
+                return Err((code.span, ErrorKind::MachineCoordinatesNeedStraight));
+            }
+            let distance = block.codes.distance.map_or(self.modal.distance, |code| code.value);
+            if distance == Distance::Incremental {
+                return Err((code.span, ErrorKind::MachineCoordinatesIncremental));
+            }
         }
         if let Some(letter) = block.first_of(b"@^")
             && motion.is_none()
