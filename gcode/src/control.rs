@@ -440,11 +440,7 @@ impl Run<'_> {
         }
         let label = Label::Number(program);
         // Where it is not known yet, the search for it sets the start.
-        let known = self.subroutines.get(&label).copied();
-        if known.is_some_and(|known| !known.is_program) {
-            return self.fail(Span::default(), ErrorKind::SubroutineByM98 { number: program });
-        }
-        let known = known.map(|known| known.start);
+        let known = self.subroutines.get(&label).map(|known| known.start);
         let start = known.unwrap_or_else(|| self.place());
         let kind = LevelKind::Subprogram { start, left: times - 1 };
         if let Err((span, kind)) = self.enter(label, kind, Span::default()) {

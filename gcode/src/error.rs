@@ -301,12 +301,6 @@ pub enum ErrorKind {
         /// Line of the first definition.
         line: u32,
     },
-    /// M98 of what is called with `call`.
-    #[error("O{number} is a subroutine between sub and endsub: write `o{number} call` instead of M98")]
-    SubroutineByM98 {
-        /// P of the M98.
-        number: u32,
-    },
     /// G96 without the speed of the surface.
     #[error("G96 needs S, the speed of the surface, on its line")]
     SurfaceSpeedMissing,
