@@ -680,6 +680,24 @@ pub enum ErrorKind {
         /// The code.
         code: String,
     },
+    /// A start at a line that is not run.
+    #[error("line {line} is never run: it lies behind the end of the program or in a block that is passed over")]
+    LineNotRun {
+        /// The line.
+        line: u32,
+    },
+    /// A start while cutter compensation is on.
+    #[error("the program cannot start at line {line}, as cutter compensation is on there: start before its G41 or G42")]
+    StartUnderCompensation {
+        /// The line.
+        line: u32,
+    },
+    /// A start between G5.2 and G5.3.
+    #[error("the program cannot start at line {line}, in the middle of a NURBS: start at its G5.2")]
+    StartInNurbs {
+        /// The line.
+        line: u32,
+    },
     /// A subroutine in a subroutine.
     #[error("{label} sub stands inside the subroutine {outer}: define it before or behind")]
     NestedSubroutine {

@@ -104,6 +104,7 @@ impl Interpreter {
             steps: 0,
             steps_max: u64::MAX,
             continues: false,
+            stop_before: None,
             line: Vec::new(),
             block: Block::default(),
             faults: Faults::new(),
@@ -147,6 +148,8 @@ pub struct Run<'t> {
     steps: u64,
     steps_max: u64,
     continues: bool,
+    /// The line before which a start in the middle of the program stops passing over events.
+    pub(crate) stop_before: Option<u32>,
     /// Kept for their memory.
     line: Vec<u8>,
     block: Block,
@@ -212,6 +215,10 @@ impl Run<'_> {
             start: line.offset as u32,
             end: line.offset.saturating_add(line.length) as u32,
         };
+        if self.stop_before == Some(line.number) && self.file == 0 && self.search.is_none() {
+            self.stop_before = None;
+            return file.text.seek(line.offset, line.number - 1);
+        }
         if line.length > LINE_MAX as u64 {
             let length = line.length as usize;
             let kind = ErrorKind::LineTooLong { length, max: LINE_MAX };

@@ -46,6 +46,7 @@ mod print;
 #[cfg(test)]
 mod printed;
 mod remap;
+mod resume;
 mod scan;
 mod settings;
 mod state;
@@ -61,6 +62,7 @@ pub use lexer::{Lexer, Word, Words};
 pub use located::Located;
 pub use machine::{Machine, NoMachine, Probed};
 pub use print::CanonPrinter;
+pub use resume::Resume;
 pub use scan::LINE_MAX;
 pub use settings::{CompensatedPath, Remap, Settings, Splines, ToolChangePlace};
 pub use tool_table::{POCKET_MAX, SetToolError, TOOLS_MAX, TableError, TableErrorKind, Tool, ToolChanger, ToolTable};

@@ -73,7 +73,7 @@ impl State {
         }
     }
 
-    fn tell_feed(&self, calls: &mut Calls) {
+    pub(crate) fn tell_feed(&self, calls: &mut Calls) {
         let per = match self.modal.feed_unit {
             FeedUnit::UnitsPerTurn => 1.0,
             FeedUnit::UnitsPerMinute | FeedUnit::InverseTime => 60.0,

@@ -11,20 +11,20 @@ use crate::state::{Offsets, State, minus};
 use motion::canon::{Axis, Call, Position};
 
 impl State {
-    pub(super) fn g5x_call(&self) -> Call {
+    pub(crate) fn g5x_call(&self) -> Call {
         Call::SetG5xOffset {
             system: self.offsets.system,
             origin: self.offsets.g5x,
         }
     }
 
-    pub(super) fn g92_call(&self) -> Call {
+    pub(crate) fn g92_call(&self) -> Call {
         Call::SetG92Offset {
             offset: self.offsets.g92,
         }
     }
 
-    pub(super) fn rotation_call(&self) -> Call {
+    pub(crate) fn rotation_call(&self) -> Call {
         Call::SetXyRotation {
             degrees: self.offsets.rotation_degrees,
         }

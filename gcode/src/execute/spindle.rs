@@ -60,16 +60,22 @@ impl State {
         Ok(())
     }
 
+    /// Speed of a spindle as calls tell it.
+    pub(crate) fn spindle_speed_told(&self, spindle: u8) -> f64 {
+        let spindle = &self.modal.spindles[usize::from(spindle)];
+        match (spindle.mode, self.modal.unit) {
+            (SpindleMode::Rpm, _) | (SpindleMode::ConstantSurfaceSpeed { .. }, LengthUnit::Millimetre) => spindle.speed,
+            (SpindleMode::ConstantSurfaceSpeed { .. }, LengthUnit::Inch) => spindle.speed * FOOT_M,
+        }
+    }
+
     pub(super) fn spindle_speed(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
         let Some(number) = block.word_value(b'S') else {
             return Ok(());
         };
         for spindle in self.named_spindles(block, false)? {
             self.modal.spindles[usize::from(spindle)].speed = number;
-            let speed = match (self.modal.spindles[usize::from(spindle)].mode, self.modal.unit) {
-                (SpindleMode::Rpm, _) | (SpindleMode::ConstantSurfaceSpeed { .. }, LengthUnit::Millimetre) => number,
-                (SpindleMode::ConstantSurfaceSpeed { .. }, LengthUnit::Inch) => number * FOOT_M,
-            };
+            let speed = self.spindle_speed_told(spindle);
             calls.push_back(Call::SetSpindleSpeed { spindle, speed });
         }
         Ok(())
