@@ -8,6 +8,7 @@ use std::f64::consts::TAU;
 use crate::canon::Call;
 
 use super::geometry::{Curve, Point, dot, length, sub, sweep, wrapped};
+use super::join::SMOOTH_RAD;
 
 /// Rounding that a length may be off, mm.
 const ROUNDING_MM: f64 = 1e-6;
@@ -62,9 +63,9 @@ impl Held {
         };
         let full_turns = f64::from(turns.unsigned_abs().saturating_sub(1)) * TAU;
         let past_begin = sweep(centre, turn, begin, start);
-        // A cut lies behind the begin, were it not for rounding; otherwise the start may lie on either side.
-        let past_begin = if start_kind == Start::Cut && (TAU - past_begin) * radius > ROUNDING_MM {
-            past_begin
+        // A cut lies behind the begin; otherwise the start may lie on either side of it.
+        let past_begin = if start_kind == Start::Cut {
+            behind(past_begin)
         } else {
             wrapped(past_begin)
         };
@@ -81,14 +82,7 @@ impl Held {
     fn travel(&self, leave: Point) -> f64 {
         match self.curve {
             Curve::Line { tangent, .. } => dot(sub(leave, self.start), tangent),
-            Curve::Circle { centre, radius, turn } => {
-                let before_end = sweep(centre, turn, leave, self.end);
-                if (TAU - before_end) * radius < ROUNDING_MM {
-                    self.sweep
-                } else {
-                    self.sweep - before_end
-                }
-            }
+            Curve::Circle { centre, turn, .. } => self.sweep - behind(sweep(centre, turn, leave, self.end)),
         }
     }
 
@@ -140,11 +134,66 @@ impl Held {
     }
 }
 
+/// An angle from a point to one that lies behind it on the circle, except for rounding: where the two paths of a corner
+/// almost touch, their crossing may come to lie a little before. No cut takes all but so little of a turn.
+fn behind(angle: f64) -> f64 {
+    if TAU - angle < SMOOTH_RAD { angle - TAU } else { angle }
+}
+
 /// An angle of nothing between the ends of an arc is a full turn, even if rounding put them a little apart.
 fn whole_turn(angle: f64, radius: f64) -> f64 {
     if angle * radius < 1e-9 || (TAU - angle) * radius < 1e-9 {
         TAU
     } else {
         angle
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canon::{Plane, Position};
+
+    fn at(angle: f64) -> Point {
+        [2.0 * angle.cos(), 2.0 * angle.sin()]
+    }
+
+    /// An arc about zero from -0.5 to 0.5 rad, and full turns, of which corners leave the part between two angles.
+    fn part(turns: i32, from: f64, to: f64) -> (Option<f64>, Call) {
+        let curve = Curve::Circle {
+            centre: [0.0; 2],
+            radius: 2.0,
+            turn: 1.0,
+        };
+        let held = Held::arc(curve, at(-0.5), at(from), Start::Cut, at(0.5), turns);
+        let mut call = Call::ArcFeed {
+            to: Position::ZERO,
+            plane: Plane::Xy,
+            centre_mm: [0.0; 2],
+            turns,
+        };
+        held.shape(&mut call, at(to));
+        (held.lacks_mm(at(to), false), call)
+    }
+
+    #[test]
+    fn corners_may_take_all_of_an_arc_and_no_more() {
+        let arc = |call| match call {
+            Call::ArcFeed { turns, .. } => turns,
+            _ => 0,
+        };
+        let left_of = |turns, from, to| {
+            let (lacks, call) = part(turns, from, to);
+            (lacks, arc(call))
+        };
+        assert_eq!(left_of(1, -0.5, 0.5), (None, 1));
+        assert_eq!(left_of(1, -0.1, 0.1), (None, 1));
+        // As an arc this would be read as a full turn.
+        assert_eq!(left_of(1, 0.1, 0.1), (None, 0));
+        let lacks = part(1, 0.1, -0.1).0.expect("too short");
+        assert!((lacks - 2.0 * 0.2).abs() < 1e-9, "{lacks}");
+        // Of a turn and a bit the corners take more than the bit.
+        assert_eq!(left_of(2, -0.1, 0.1), (None, 2));
+        assert_eq!(left_of(2, 0.1, -0.1), (None, 1));
     }
 }

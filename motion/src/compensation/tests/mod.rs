@@ -48,3 +48,22 @@ fn golden_cases_equal_linuxcnc() {
     }
     assert!(cases >= 20, "{cases}");
 }
+
+/// A full circle whose neighbours are not quite tangent must not shrink to the small angle between its ends.
+#[test]
+fn full_circles_remain_full() {
+    for (height, circle) in [
+        // Too little to be seen: the circle ends where it begins.
+        ("0.0001", "ARC_FEED(10.0000, 1.0001, 10.0000, 5.0001, 1, 0.0000)"),
+        ("-0.0001", "ARC_FEED(10.0000, 0.9999, 10.0000, 4.9999, 1, 0.0000)"),
+        // The tool gets on the circle a little before its end, or behind it: a turn and a bit, or a bit less than a turn.
+        ("0.02", "ARC_FEED(10.0000, 1.0200, 10.0000, 5.0200, 2, 0.0000)"),
+        ("-0.02", "ARC_FEED(10.0000, 0.9800, 10.0000, 4.9800, 1, 0.0000)"),
+    ] {
+        for end in ["G1 X20", "G40", "G1 X0"] {
+            let lines = run(&format!("G41.1 D2\nG1 X10 Y{height}\nG3 J5\n{end}"));
+            let arc = lines.iter().find(|line| line.starts_with("ARC")).expect("the circle");
+            assert_eq!(arc, circle, "Y{height} {end}");
+        }
+    }
+}
