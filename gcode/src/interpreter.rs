@@ -177,6 +177,11 @@ impl Run<'_> {
         self
     }
 
+    /// Name of a file of the events ([`Source::file`]); empty: the program itself.
+    pub fn file_name(&self, file: u16) -> &str {
+        self.files.get(usize::from(file)).map_or("", |file| file.name.as_str())
+    }
+
     /// The program's parameters, offsets, tool and modes as they are behind the last event.
     pub fn snapshot(&self) -> Settings {
         self.state.snapshot()

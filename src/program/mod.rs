@@ -223,15 +223,59 @@ pub fn home(config: &Config) -> Position {
     home
 }
 
-fn interpreter_settings(config: &Config, start: Position) -> gcode::Settings {
-    gcode::Settings {
+/// What an interpreter is told of a machine that stands at `start`; tools and stored parameters are in files of their own.
+pub fn interpreter_settings(config: &Config, start: Position) -> gcode::Settings {
+    let program = &config.program;
+    let mut settings = gcode::Settings {
         start,
         work_offsets: config.work_offsets,
         splines: gcode::Splines::Arcs {
             tolerance_mm: CURVE_TOLERANCE_MM,
         },
+        length_unit: config.unit,
+        machine_unit: config.unit,
+        block_delete: program.block_delete,
+        diameter_mode: program.diameter_mode,
+        spindles: config.spindle.count,
+        orient_offset_degrees: config.spindle.orient_offset_degrees,
+        chip_breaking_clearance_mm: Some(program.chip_breaking_clearance_mm),
+        peck_clearance_mm: Some(program.peck_clearance_mm),
+        user_codes: Some(user_codes(&program.user_codes)),
+        ini_values: program.values.clone(),
         ..gcode::Settings::default()
+    };
+    // What LinuxCNC has without a setting depends on the unit of the program.
+    if program.arc_radius_tolerance_mm != crate::config::ARC_RADIUS_TOLERANCE[0] {
+        settings.arc_radius_tolerance_mm = Some(program.arc_radius_tolerance_mm);
     }
+    for map in &config.axes {
+        settings.wrapped_rotary[map.axis as usize] = map.wrapped;
+    }
+    settings.subroutine_folders = program
+        .directory
+        .iter()
+        .chain(&program.subroutine_directories)
+        .cloned()
+        .collect();
+    let remap = |remap: &crate::config::Remap| gcode::Remap {
+        code: remap.code.clone(),
+        subroutine: remap.subroutine.clone(),
+        arguments: remap.arguments.clone(),
+        modal_group: remap.modal_group,
+    };
+    settings.remaps = program.remaps.iter().map(remap).collect();
+    settings
+}
+
+/// Those of M100 to M199 for which there is a file.
+fn user_codes(codes: &crate::config::UserCodes) -> Vec<u8> {
+    let there = |number: &u8| {
+        codes
+            .directories
+            .iter()
+            .any(|folder| folder.join(format!("M{number}")).is_file())
+    };
+    (100..=199).filter(|number| codes.allowed && there(number)).collect()
 }
 
 /// What the planner is told of a machine that stands at `start`.

@@ -1,208 +1,290 @@
-//! `isocnc interpret`: the canonical calls of a part program, one a line.
+//! `isocnc interpret`: what a part program comes to, as canonical calls or as plain G-code.
 //!
-//! In:  a part program, and the work offsets of a machine file.
-//! Out: on standard output the calls, as LinuxCNC's `rs274 -g` prints them or as JSON; errors on standard error.
+//! In:  a part program, and what the machine remembers: machine file, tool table, parameter file.
+//! Out: on standard output the calls, as LinuxCNC's `rs274 -g` prints them ([`gcode::CanonPrinter`]), as JSON (`json`) or
+//!      as plain G-code ([`gcode::FlatWriter`]); errors and what the program prints on standard error.
 //!
-//! The printed form counts the calls, names the N-word of the line and gives numbers in the units of the program
-//! ([`gcode::CanonPrinter`]).
+//! The program is read as it runs, line by line; the output can begin before its end is written.
 
 mod json;
 #[cfg(test)]
 mod json_tests;
+mod log;
+mod tables;
 
-use crate::config;
 use anyhow::Context;
-use gcode::{CanonPrinter, Error, Interpreter, Settings};
+use gcode::{CanonPrinter, CheckLimits, Error, FlatError, FlatWriter, Interpreter, ReadSeek, Run, Settings};
 use json::JsonPrinter;
-use std::io::{self, Write};
-use std::path::PathBuf;
+use log::Log;
+use motion::canon::{Call, Event, LengthUnit, Record};
+use std::fs::File;
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
 
 /// Arguments of `isocnc interpret`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct InterpretArgs {
-    /// Part program
+    /// Part program; - reads it from standard input
     pub program: PathBuf,
-    /// Machine file whose work offsets are used; without one they are zero
-    #[arg(long, value_name = "MACHINE.toml")]
-    pub machine: Option<PathBuf>,
     /// Form of the output
     #[arg(long, value_enum, default_value = "canon")]
     pub format: Format,
-    /// Print all errors of the program and no calls
+    /// Print all errors of the program and no calls; exit code 0 if there are none
     #[arg(long)]
     pub check: bool,
+    /// Go on behind a line with an error, which then has no effect (rs274 -n 0)
+    #[arg(short = 'n', long)]
+    pub continue_after_error: bool,
+    /// Leave out lines that begin with / (rs274 -b)
+    #[arg(short, long)]
+    pub block_delete: bool,
+    /// Machine file: its units, axes, spindles, offsets, tool table, parameter file, remapped codes. Without one
+    /// everything is as with LinuxCNC's rs274: all at zero, one spindle, no tools
+    #[arg(short, long, value_name = "MACHINE.toml")]
+    pub machine: Option<PathBuf>,
+    /// Tool table (rs274 -t), in place of the machine file's
+    #[arg(short, long, value_name = "FILE")]
+    pub tools: Option<PathBuf>,
+    /// Parameter file (rs274 -v), in place of the machine file's; it is read, not written
+    #[arg(short, long, value_name = "FILE")]
+    pub var: Option<PathBuf>,
+    /// Write the parameters behind the program to this file
+    #[arg(long, value_name = "FILE")]
+    pub write_var: Option<PathBuf>,
+    /// Unit of lengths in tool table and parameter file; without it that of the machine file or else, as with rs274, inch
+    #[arg(long, value_enum)]
+    pub unit: Option<Unit>,
+    /// Further folder in which subroutines are looked for; may be given several times. The first one is always that of the
+    /// program
+    #[arg(long, value_name = "DIR")]
+    pub subroutines: Vec<PathBuf>,
+    /// Stop with an error after so many lines, those of loops counted each time
+    #[arg(long, value_name = "LINES")]
+    pub steps: Option<u64>,
+    /// Write the files that (LOGOPEN, ..) and (LOGAPPEND, ..) name; without this they are only told
+    #[arg(long)]
+    pub write_logs: bool,
 }
 
 /// Form of the output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Format {
-    /// As LinuxCNC's rs274 -g
+    /// Canonical calls as LinuxCNC's rs274 -g prints them
     Canon,
-    /// One JSON object a line; lengths in mm, times in seconds
+    /// Canonical calls with all they say, one JSON object a line; lengths in mm, times in seconds
     Json,
+    /// Plain G-code: no parameters, expressions, loops, subroutines and cycles
+    Gcode,
 }
 
-/// Runs the command; exit code 1 if the program or the machine file has errors.
+/// Unit of lengths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Unit {
+    /// Millimetres
+    Mm,
+    /// Inches
+    Inch,
+}
+
+impl From<Unit> for LengthUnit {
+    fn from(unit: Unit) -> LengthUnit {
+        match unit {
+            Unit::Mm => LengthUnit::Millimetre,
+            Unit::Inch => LengthUnit::Inch,
+        }
+    }
+}
+
+/// Runs the command; exit code 1 if the program or one of the other files has errors.
 ///
 /// # Errors
 /// Files that cannot be read, output that cannot be written.
 pub fn interpret(args: &InterpretArgs) -> anyhow::Result<ExitCode> {
-    let mut settings = Settings::default();
-    if let Some(machine) = &args.machine {
-        match config::read(machine) {
-            Ok(config) => settings.work_offsets = config.work_offsets,
-            Err(errors) => {
-                eprint!("{errors}");
-                return Ok(ExitCode::FAILURE);
-            }
-        }
-    }
-    let text = std::fs::read(&args.program).with_context(|| args.program.display().to_string())?;
-    let name = args.program.display().to_string();
+    let Some(tables) = tables::read(args)? else {
+        return Ok(ExitCode::FAILURE);
+    };
+    let text = Text::open(&args.program).with_context(|| args.program.display().to_string())?;
+    let name = match &text {
+        Text::File(path) => path.display().to_string(),
+        Text::Memory(_) => "(standard input)".to_owned(),
+    };
     let errors = if args.check {
-        gcode::check(&text, settings)
+        check(args, &text, &name, tables.settings)?
     } else {
-        let mut out = io::BufWriter::new(io::stdout().lock());
-        match write_calls(&text, &name, settings, args.format, &mut out).and_then(|errors| out.flush().map(|()| errors))
-        {
+        match run(args, &text, &name, tables) {
+            Ok(errors) => errors,
             // The reader of a pipe may have seen enough.
-            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Vec::new(),
-            result => result?,
+            Err(error) if is_broken_pipe(&error) => 0,
+            Err(error) => return Err(error),
         }
     };
-    for error in &errors {
-        eprintln!("{}", error.render(&name));
-    }
-    Ok(if errors.is_empty() {
+    Ok(if errors == 0 {
         ExitCode::SUCCESS
     } else {
         ExitCode::FAILURE
     })
 }
 
-/// Writes the calls up to the first error, which is returned.
-fn write_calls(
-    text: &[u8],
-    name: &str,
-    settings: Settings,
-    format: Format,
-    out: &mut impl Write,
-) -> io::Result<Vec<Error>> {
-    let mut printer = CanonPrinter::new(settings.length_unit);
-    let mut json = JsonPrinter::default();
-    for event in Interpreter::new(settings).run(text) {
-        let event = match event {
-            Ok(event) => event,
-            Err(error) => return Ok(vec![*error]),
-        };
-        match format {
-            Format::Json => writeln!(out, "{}", json.object(&event, name))?,
-            Format::Canon => printer.write(&event, out)?,
-        }
-    }
-    Ok(Vec::new())
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    let kind = error.downcast_ref::<io::Error>().map(io::Error::kind);
+    kind == Some(io::ErrorKind::BrokenPipe)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use serde_json::{Value as Json, json};
+/// Where the text of the program is.
+enum Text {
+    File(PathBuf),
+    /// Standard input cannot be read twice.
+    Memory(Arc<[u8]>),
+}
 
-    fn printed(text: &str, settings: Settings, format: Format) -> Vec<String> {
-        let mut out = Vec::new();
-        let errors = write_calls(text.as_bytes(), "part.ngc", settings, format, &mut out).unwrap();
-        assert_eq!(errors, []);
-        String::from_utf8(out).unwrap().lines().map(String::from).collect()
-    }
-
-    /// `mill.canon` is what LinuxCNC 2.9 printed for `mill.ngc` (`rs274 -g` with a tool 1 in the table).
-    #[test]
-    fn calls_are_printed_as_linuxcnc_prints_them() {
-        // Calls of LinuxCNC that our vocabulary does not have.
-        const LEFT_OUT: [&str; 9] = [
-            "SET_G92_OFFSET(0.0000",
-            "SET_XY_ROTATION(0.0000",
-            "SET_FEED_REFERENCE",
-            "SET_FEED_MODE",
-            "SET_FEED_RATE",
-            "SET_SPINDLE_MODE",
-            "START_CHANGE",
-            "ON_RESET",
-            "COMMENT(\"interpreter:",
-        ];
-        let without_count = |line: &str| line.split_once('N').map(|(_, rest)| format!("N{rest}")).unwrap();
-        let newest = |line: &str| match line.split_once("CHANGE_TOOL(") {
-            Some((front, _)) => format!("{front}CHANGE_TOOL()"),
-            None => line.to_string(),
-        };
-        let expected: Vec<String> = include_str!("../../../tests/interpret/mill.canon")
-            .lines()
-            .filter(|line| !LEFT_OUT.iter().any(|left_out| line.contains(left_out)))
-            .map(without_count)
-            .map(|line| newest(&line))
-            .collect();
-        let lines = printed(
-            include_str!("../../../tests/interpret/mill.ngc"),
-            Settings::default(),
-            Format::Canon,
-        );
-        let mut ours: Vec<String> = lines.iter().map(|line| without_count(line)).collect();
-        // At the start we also tell plane and path mode.
-        assert_eq!(
-            ours.drain(2..5).collect::<Vec<_>>(),
-            [
-                "N..... SELECT_PLANE(CANON_PLANE_XY)",
-                "N..... SET_MOTION_CONTROL_MODE(CANON_CONTINUOUS, 0.000000)",
-                "N..... SET_NAIVECAM_TOLERANCE(0.0000)",
-            ]
-        );
-        // A move of rotary axes alone tells its feed anew.
-        ours.retain(|line| !line.contains("SET_FEED_RATE"));
-        for (ours, expected) in ours.iter().zip(&expected) {
-            assert_eq!(ours, expected);
+impl Text {
+    fn open(path: &Path) -> io::Result<Text> {
+        if path != Path::new("-") {
+            return Ok(Text::File(path.to_owned()));
         }
-        assert_eq!(ours.len(), expected.len());
+        let mut text = Vec::new();
+        io::stdin().lock().read_to_end(&mut text)?;
+        Ok(Text::Memory(text.into()))
     }
 
-    #[test]
-    fn json_is_one_object_a_line() {
-        let lines = printed("N5 G20 G0 X1\nM2\n", Settings::default(), Format::Json);
-        let parsed: Vec<Json> = lines.iter().map(|line| serde_json::from_str(line).unwrap()).collect();
-        let at = |line, span| json!({ "file": "part.ngc", "line": line, "span": span });
-        let with = |mut object: Json, fields: Json| {
-            object
-                .as_object_mut()
-                .unwrap()
-                .extend(fields.as_object().unwrap().clone());
-            object
-        };
-        let first = with(at(1, [0, 12]), json!({ "n": 5 }));
-        assert_eq!(
-            parsed[4],
-            with(first.clone(), json!({ "call": "use_length_unit", "unit": "inch" }))
-        );
-        let to = [25.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        assert_eq!(parsed[5], with(first, json!({ "call": "straight_traverse", "to": to })));
-        assert_eq!(
-            parsed.last(),
-            Some(&with(at(2, [13, 15]), json!({ "call": "program_end" })))
-        );
+    fn read(&self) -> io::Result<Box<dyn ReadSeek>> {
+        Ok(match self {
+            Text::File(path) => Box::new(File::open(path)?),
+            Text::Memory(text) => Box::new(io::Cursor::new(Arc::clone(text))),
+        })
+    }
+}
+
+/// Prints all errors; their number.
+fn check(args: &InterpretArgs, text: &Text, name: &str, settings: Settings) -> anyhow::Result<usize> {
+    let mut limits = CheckLimits::default();
+    limits.steps = args.steps.unwrap_or(limits.steps);
+    let read = || text.read();
+    let first = read().with_context(|| name.to_owned())?;
+    let errors = gcode::check_reader(first, read, settings, limits).with_context(|| name.to_owned())?;
+    for error in &errors {
+        eprintln!("{}\n", error.render(name));
+    }
+    match errors.len() {
+        0 => {}
+        1 => eprintln!("{name}: 1 error"),
+        count if count >= limits.errors => eprintln!("{name}: {count} errors or more"),
+        count => eprintln!("{name}: {count} errors"),
+    }
+    Ok(errors.len())
+}
+
+/// Runs the program and writes what it comes to; the number of errors, which were printed.
+fn run(args: &InterpretArgs, text: &Text, name: &str, tables: tables::Tables) -> anyhow::Result<usize> {
+    let mut printer = Printer::new(args.format, &tables.settings);
+    let text = text.read().with_context(|| name.to_owned())?;
+    let mut run = Interpreter::new(tables.settings).run_reader(text);
+    if let Some(steps) = args.steps {
+        run = run.limit_steps(steps);
+    }
+    if args.continue_after_error {
+        run = run.continue_after_errors();
+    }
+    let mut out = io::BufWriter::with_capacity(1 << 16, io::stdout().lock());
+    let mut log = args.write_logs.then(Log::default);
+    let mut errors = 0;
+    while let Some(event) = run.next() {
+        match event {
+            Ok(event) => {
+                if let Call::Record(record) = &event.call {
+                    if let (Record::Print(text), Format::Canon) = (record, args.format) {
+                        out.flush()?;
+                        eprintln!("{text}");
+                    }
+                    if let Some(log) = &mut log {
+                        log.record(record)?;
+                    }
+                }
+                if let Err(reason) = printer.write(&event, &run, name, &mut out)? {
+                    out.flush()?;
+                    eprintln!("error: {name}:{reason}");
+                    return Ok(errors + 1);
+                }
+            }
+            Err(error) => {
+                errors += 1;
+                out.flush()?; // the calls before it are seen before it
+                tell(&error, name);
+            }
+        }
+    }
+    printer.end(errors > 0 && !args.continue_after_error, &mut out)?;
+    out.flush()?;
+    if let Some(log) = &mut log {
+        log.close()?;
+    }
+    if let Some(path) = &tables.write_parameters {
+        let parameters: Vec<(u16, f64)> = run.snapshot().parameters.into_iter().collect();
+        let text = gcode::parameter::file::write(&parameters);
+        std::fs::write(path, text).with_context(|| path.display().to_string())?;
+    }
+    Ok(errors)
+}
+
+fn tell(error: &Error, name: &str) {
+    eprintln!("{}", error.render(name));
+}
+
+/// Writes events in one of the forms.
+enum Printer {
+    Canon(CanonPrinter),
+    Json(JsonPrinter),
+    Gcode(Box<FlatWriter>),
+}
+
+impl Printer {
+    fn new(format: Format, settings: &Settings) -> Printer {
+        match format {
+            Format::Canon => Printer::Canon(CanonPrinter::new(settings.machine_unit)),
+            Format::Json => Printer::Json(JsonPrinter::default()),
+            Format::Gcode => Printer::Gcode(Box::new(FlatWriter::new(settings))),
+        }
     }
 
-    #[test]
-    fn calls_before_an_error_are_written() {
-        let mut out = Vec::new();
-        let errors = write_calls(
-            b"G0 X1\nG1 X2\n",
-            "part.ngc",
-            Settings::default(),
-            Format::Canon,
-            &mut out,
-        )
-        .unwrap();
-        assert_eq!(errors.len(), 1);
-        assert_eq!(errors[0].to_string(), "2:1: G1 needs a feed: F is not set");
-        assert!(String::from_utf8(out).unwrap().ends_with("0.0000)\n"));
+    /// Writes an event. `Ok(Err(..))`: the form cannot say it; line and reason.
+    fn write(
+        &mut self,
+        event: &Event,
+        run: &Run<'_>,
+        name: &str,
+        out: &mut impl Write,
+    ) -> io::Result<Result<(), String>> {
+        match self {
+            Printer::Canon(printer) => printer.write(event, out)?,
+            Printer::Json(printer) => {
+                let file = match run.file_name(event.source.file) {
+                    "" => name,
+                    file => file,
+                };
+                writeln!(out, "{}", printer.object(event, file))?;
+            }
+            Printer::Gcode(writer) => match writer.write(event, out) {
+                Ok(()) => {}
+                Err(FlatError::Io(error)) => return Err(error),
+                Err(FlatError::Unwritable { at, reason }) => return Ok(Err(format!("{}: {reason}", at.line))),
+            },
+        }
+        Ok(Ok(()))
+    }
+
+    /// Writes what stands behind the last event.
+    fn end(self, stopped_by_error: bool, out: &mut impl Write) -> anyhow::Result<()> {
+        match self {
+            Printer::Canon(mut printer) if stopped_by_error => Ok(printer.write_end_after_error(out)?),
+            Printer::Canon(_) | Printer::Json(_) => Ok(()),
+            Printer::Gcode(_) if stopped_by_error => Ok(()),
+            Printer::Gcode(writer) => match writer.finish(out) {
+                Ok(()) => Ok(()),
+                Err(FlatError::Io(error)) => Err(error.into()),
+                Err(error) => Err(error.into()),
+            },
+        }
     }
 }

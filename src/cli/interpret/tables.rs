@@ -1,0 +1,96 @@
+//! What an interpreter is told before the first line: from the machine file, tool table and parameter file.
+//!
+//! In:  the arguments of the command.
+//! Out: [`gcode::Settings`], or every mistake of the files on standard error.
+
+use super::InterpretArgs;
+use crate::{config, program};
+use anyhow::Context;
+use gcode::{Located, Settings, ToolChanger, ToolTable, parameter};
+use motion::canon::LengthUnit;
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
+
+/// What the command makes of its arguments.
+pub(super) struct Tables {
+    pub settings: Settings,
+    /// Where parameters are written behind the program, if they are.
+    pub write_parameters: Option<PathBuf>,
+}
+
+/// Reads all files. `None`: their mistakes were printed.
+///
+/// # Errors
+/// A file that cannot be read.
+pub(super) fn read(args: &InterpretArgs) -> anyhow::Result<Option<Tables>> {
+    let (mut settings, changer, tool_file, parameter_file) = match &args.machine {
+        Some(path) => match config::read(path) {
+            Ok(config) => {
+                let settings = program::interpreter_settings(&config, program::home(&config));
+                (
+                    settings,
+                    config.tools.changer,
+                    config.tools.table,
+                    config.program.parameter_file.filter(|path| path.exists()),
+                )
+            }
+            Err(errors) => {
+                eprint!("{errors}");
+                return Ok(None);
+            }
+        },
+        None => (stand_alone(), ToolChanger::default(), None, None),
+    };
+    if let Some(unit) = args.unit {
+        settings.machine_unit = unit.into();
+    }
+    settings.block_delete |= args.block_delete;
+    settings
+        .subroutine_folders
+        .splice(0..0, args.subroutines.iter().cloned());
+    if args.program != Path::new("-") {
+        // Beside the program first.
+        let beside = args.program.parent().unwrap_or(Path::new("")).to_owned();
+        settings.subroutine_folders.insert(0, beside);
+    }
+    if let Some(path) = args.tools.as_ref().or(tool_file.as_ref()) {
+        let content = read_file(path)?;
+        match ToolTable::parse(&content, settings.machine_unit, changer) {
+            Ok(tools) => settings.tools = tools,
+            Err(errors) => return Ok(mistakes(path, &content, &errors)),
+        }
+    }
+    if let Some(path) = args.var.as_ref().or(parameter_file.as_ref()) {
+        let content = read_file(path)?;
+        match parameter::file::parse(&content) {
+            Ok(parameters) => settings.set_stored(&parameters),
+            Err(errors) => return Ok(mistakes(path, &content, &errors)),
+        }
+    }
+    Ok(Some(Tables {
+        settings,
+        write_parameters: args.write_var.clone(),
+    }))
+}
+
+/// The settings of LinuxCNC's interpreter without a machine.
+fn stand_alone() -> Settings {
+    Settings {
+        machine_unit: LengthUnit::Inch,
+        spindles: 1,
+        user_codes: Some(Vec::new()),
+        ..Settings::default()
+    }
+}
+
+fn read_file(path: &Path) -> anyhow::Result<Vec<u8>> {
+    std::fs::read(path).with_context(|| path.display().to_string())
+}
+
+fn mistakes<Kind: Display, T>(path: &Path, content: &[u8], errors: &[Located<Kind>]) -> Option<T> {
+    let path = path.display().to_string();
+    for error in errors {
+        eprintln!("{}", error.render(&path, content));
+    }
+    None
+}
