@@ -210,6 +210,9 @@ impl FlatWriter {
     pub fn write(&mut self, event: &Event, out: &mut impl io::Write) -> Result<(), FlatError> {
         self.text.clear();
         self.begin();
+        if event.source.line == 0 && matches!(event.call, Call::SetPathMode(_)) {
+            return Ok(()); // told at the start, as the settings have it
+        }
         let result = self
             .resolve(&event.call)
             .and_then(|done| if done { Ok(()) } else { self.call(&event.call) });

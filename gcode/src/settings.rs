@@ -1,7 +1,7 @@
 //! What an interpreter is told before the first line.
 
-use crate::{ToolTable, parameter};
-use motion::canon::{AXES, Axis, LengthUnit, PathMode, Position, SPINDLES};
+use crate::ToolTable;
+use motion::canon::{AXES, LengthUnit, PathMode, Position, SPINDLES};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -160,62 +160,5 @@ impl Default for Settings {
             remaps: Vec::new(),
             ini_values: BTreeMap::new(),
         }
-    }
-}
-
-impl Settings {
-    /// Takes what a parameter file holds ([`parameter::file::parse`]): offsets, points and the rest; lengths are in
-    /// [`Settings::machine_unit`], which has to be set before.
-    pub fn set_stored(&mut self, parameters: &[(u16, f64)]) {
-        self.parameters = parameters.iter().copied().collect();
-        let value = |number: u32| {
-            let number = u16::try_from(number).unwrap_or(0); // no such parameter
-            self.parameters.get(&number).copied().unwrap_or(0.0)
-        };
-        let position = |first: u32| {
-            let mut position = Position::ZERO;
-            for axis in Axis::ALL {
-                let unit = if axis.is_rotary() { 1.0 } else { self.machine_unit.mm() };
-                position[axis] = value(first + axis as u32) * unit;
-            }
-            position
-        };
-        let system = value(parameter::SYSTEM).clamp(1.0, 9.0) as u8; // 1 for what is no number
-        let g92_active = value(parameter::G92_ACTIVE) != 0.0;
-        let points = [parameter::G28_POINT, parameter::G30_POINT, parameter::G92_OFFSET].map(position);
-        let systems: [u8; 9] = std::array::from_fn(|index| index as u8 + 1);
-        let origins = systems.map(|system| position(parameter::system_origin(system)));
-        let rotations = systems.map(|system| value(parameter::system_rotation(system)));
-        [self.g28, self.g30, self.g92_offset] = points;
-        self.g92_active = g92_active;
-        self.work_system = system.max(1);
-        self.work_offsets = origins;
-        self.work_rotations_degrees = rotations;
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_parameter_file_sets_offsets_and_points_in_its_unit() {
-        let mut settings = Settings {
-            machine_unit: LengthUnit::Inch,
-            ..Settings::default()
-        };
-        let text = b"31 7\n5161 1\n5184 45\n5210 1\n5212 2\n5220 3\n5261 -1\n5270 30\n";
-        settings.set_stored(&parameter::file::parse(text).unwrap());
-        assert_eq!(settings.g28, Position::xyz(25.4, 0.0, 0.0));
-        assert_eq!(settings.g30[Axis::A], 45.0);
-        assert_eq!(settings.g92_offset, Position::xyz(0.0, 50.8, 0.0));
-        assert!(settings.g92_active);
-        assert_eq!(settings.work_system, 3);
-        assert_eq!(settings.work_offsets[2], Position::xyz(-25.4, 0.0, 0.0));
-        assert_eq!(settings.work_rotations_degrees[2], 30.0);
-        assert_eq!(settings.parameters[&31], 7.0);
-        settings.set_stored(&[]);
-        assert_eq!(settings.work_system, 1);
-        assert!(!settings.g92_active);
     }
 }

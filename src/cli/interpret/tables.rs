@@ -6,7 +6,7 @@
 use super::InterpretArgs;
 use crate::{config, program};
 use anyhow::Context;
-use gcode::{Located, Settings, ToolChanger, ToolTable, parameter};
+use gcode::{Located, Settings, Splines, ToolChanger, ToolTable, parameter};
 use motion::canon::LengthUnit;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
@@ -44,6 +44,7 @@ pub(super) fn read(args: &InterpretArgs) -> anyhow::Result<Option<Tables>> {
     if let Some(unit) = args.unit {
         settings.machine_unit = unit.into();
     }
+    settings.splines = Splines::Nurbs;
     settings.block_delete |= args.block_delete;
     settings
         .subroutine_folders
@@ -63,7 +64,7 @@ pub(super) fn read(args: &InterpretArgs) -> anyhow::Result<Option<Tables>> {
     if let Some(path) = args.var.as_ref().or(parameter_file.as_ref()) {
         let content = read_file(path)?;
         match parameter::file::parse(&content) {
-            Ok(parameters) => settings.set_stored(&parameters),
+            Ok(parameters) => settings.set_parameters(&parameters),
             Err(errors) => return Ok(mistakes(path, &content, &errors)),
         }
     }
