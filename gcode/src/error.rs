@@ -301,9 +301,60 @@ pub enum ErrorKind {
         /// Line of the first definition.
         line: u32,
     },
+    /// `$-1` where one spindle is meant.
+    #[error("${number} names all spindles, but this code is for one: write its number")]
+    SpindleOfAll {
+        /// The number that came.
+        number: f64,
+    },
     /// G96 without the speed of the surface.
     #[error("G96 needs S, the speed of the surface, on its line")]
     SurfaceSpeedMissing,
+    /// M62 to M65, M67 or M68 without the output.
+    #[error("the number of the output is missing: write {letter} with it")]
+    OutputMissing {
+        /// P of M62 to M65, E of M67 and M68.
+        letter: char,
+    },
+    /// A number that no input or output has.
+    #[error("{letter}{value} is no input or output: they are numbered from 0 to {max}")]
+    PinNumber {
+        /// P or E.
+        letter: char,
+        /// The number that came.
+        value: f64,
+        /// The limit.
+        max: u8,
+    },
+    /// M66 without an input.
+    #[error("M66 needs the input it looks at: P with the number of a digital or E with that of an analog one")]
+    InputMissing,
+    /// M66 with P and E.
+    #[error("M66 looks at one input: P (digital) or E (analog), not both")]
+    TwoInputs,
+    /// L of M66.
+    #[error("L{value} is no way of M66 to wait: 0 not at all, 1 rise, 2 fall, 3 on, 4 off")]
+    WaitMode {
+        /// The number that came.
+        value: f64,
+    },
+    /// M66 E with L.
+    #[error("L{value} waits for an edge or level, which an analog input has not: leave L away, or write L0")]
+    AnalogWait {
+        /// Number of L.
+        value: f64,
+    },
+    /// M66 L without a time.
+    #[error("M66 with L{value} waits and needs Q, the longest time in seconds: above 0")]
+    WaitTime {
+        /// Number of L.
+        value: f64,
+    },
+    /// M72 without M70.
+    #[error(
+        "nothing is saved on this level of calls: M70 or M73 has to come before M72 in the same subroutine or program"
+    )]
+    NothingSaved,
     /// M19 with an angle beyond a turn.
     #[error("R{degrees} is no angle of M19: from 0 to 360 degrees")]
     OrientAngle {

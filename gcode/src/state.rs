@@ -89,6 +89,8 @@ pub(crate) struct Modal {
     pub(crate) distance: Distance,
     pub(crate) arc_distance: Distance,
     pub(crate) feed_unit: FeedUnit,
+    /// Spindle whose turns count in G95.
+    pub(crate) feed_spindle: u8,
     /// Number of the F word, length units (or degrees) per minute or turn; 0: none.
     pub(crate) feed: f64,
     pub(crate) unit: LengthUnit,
@@ -167,7 +169,11 @@ pub(crate) struct Nurbs {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Saved {
     pub(crate) modal: Modal,
-    pub(crate) compensated: bool,
+    pub(crate) system: u8,
+    /// `None`: G49.
+    pub(crate) tool_offset: Option<Position>,
+    /// `None`: G40.
+    pub(crate) cutter: Option<Cutter>,
     /// Level of calls in which it was saved.
     pub(crate) level: u32,
     /// M73: the return from the subroutine restores it.
@@ -253,6 +259,7 @@ impl State {
                 distance: Distance::Absolute,
                 arc_distance: Distance::Incremental,
                 feed_unit: FeedUnit::UnitsPerMinute,
+                feed_spindle: 0,
                 feed: 0.0,
                 unit: settings.length_unit,
                 path_mode: settings.path_mode,
@@ -323,7 +330,8 @@ impl State {
     }
 
     /// A subroutine ends.
-    pub(crate) fn leave_call(&mut self, _calls: &mut crate::execute::Calls) {
+    pub(crate) fn leave_call(&mut self, calls: &mut crate::execute::Calls) {
+        self.leave_saved(calls);
         self.parameters.leave();
         self.call_level = self.call_level.saturating_sub(1);
     }

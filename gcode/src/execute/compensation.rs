@@ -113,10 +113,7 @@ impl State {
         };
         let (side, diameter_mm, orientation) = match code.value {
             Compensation::Off => {
-                let remark = "interpreter: cutter radius compensation off";
-                calls.push_back(Call::Comment(remark.into()));
-                self.cutter_ended |= self.cutter.take().is_some();
-                calls.push_back(Call::SetCutterCompensation(None));
+                self.use_cutter(None, calls);
                 return Ok(());
             }
             Compensation::Tool(side) => {
@@ -155,16 +152,26 @@ impl State {
             radius_mm: diameter_mm / 2.0,
             orientation,
         };
-        self.cutter = Some(cutter);
-        self.cutter_from = self.at;
-        // A negative radius is one on the other side.
-        let left = (side == Side::Left) == (cutter.radius_mm >= 0.0);
-        let remark = match left {
-            true => "interpreter: cutter radius compensation on left",
-            false => "interpreter: cutter radius compensation on right",
+        self.use_cutter(Some(cutter), calls);
+        Ok(())
+    }
+
+    /// Switches compensation on or, with `None`, off.
+    pub(super) fn use_cutter(&mut self, cutter: Option<Cutter>, calls: &mut Calls) {
+        let remark = match cutter {
+            None => "interpreter: cutter radius compensation off",
+            // A negative radius is one on the other side.
+            Some(Cutter { side, radius_mm, .. }) if (side == Side::Left) == (radius_mm >= 0.0) => {
+                "interpreter: cutter radius compensation on left"
+            }
+            Some(_) => "interpreter: cutter radius compensation on right",
         };
         calls.push_back(Call::Comment(remark.into()));
-        calls.push_back(Call::SetCutterCompensation(Some(cutter)));
-        Ok(())
+        match cutter {
+            None => self.cutter_ended |= self.cutter.is_some(),
+            Some(_) => self.cutter_from = self.at,
+        }
+        self.cutter = cutter;
+        calls.push_back(Call::SetCutterCompensation(cutter));
     }
 }

@@ -42,20 +42,27 @@ const INVERSE_TIME_RATE_MIN: f64 = 0.1;
 impl State {
     pub(super) fn feed_unit(&mut self, block: &Block, calls: &mut Calls) {
         let Some(code) = block.codes.feed_unit else { return };
-        let (remark, mode) = match code.value {
+        self.use_feed_unit(code.value, self.named_spindle(block), calls);
+    }
+
+    /// Tells what F means from here on; it has to be written again, but for G93, where it is on each line.
+    pub(super) fn use_feed_unit(&mut self, unit: FeedUnit, spindle: u8, calls: &mut Calls) {
+        let (remark, mode) = match unit {
             FeedUnit::InverseTime => ("interpreter: feed mode set to inverse time", FeedMode::PerTime),
             FeedUnit::UnitsPerMinute => ("interpreter: feed mode set to units per minute", FeedMode::PerTime),
             FeedUnit::UnitsPerTurn => (
                 "interpreter: feed mode set to units per revolution",
-                FeedMode::PerTurn {
-                    spindle: self.named_spindle(block),
-                },
+                FeedMode::PerTurn { spindle },
             ),
         };
         calls.push_back(Call::Comment(remark.into()));
         calls.push_back(Call::SetFeedMode(mode));
-        self.modal.feed_unit = code.value;
-        if code.value != FeedUnit::InverseTime {
+        self.modal.feed_unit = unit;
+        self.modal.feed_spindle = match unit {
+            FeedUnit::UnitsPerTurn => spindle,
+            FeedUnit::InverseTime | FeedUnit::UnitsPerMinute => 0,
+        };
+        if unit != FeedUnit::InverseTime {
             self.feed_cleared |= self.modal.feed > 0.0;
             self.modal.feed = 0.0;
             self.tell_feed(calls);

@@ -2,11 +2,11 @@
 
 use super::Calls;
 use crate::block::Block;
-use crate::code::{Coolant, Override};
+use crate::code::{Coolant, InputOutput, Override, integer_in};
 use crate::error::ErrorKind;
-use crate::scan::Fault;
-use crate::state::State;
-use motion::canon::Call;
+use crate::scan::{Fault, Span};
+use crate::state::{Modal, Overrides, Question, State};
+use motion::canon::{Call, Input, WaitMode};
 
 impl State {
     pub(super) fn coolant(&mut self, block: &Block, calls: &mut Calls) {
@@ -37,18 +37,18 @@ impl State {
         match code.value {
             Override::Both(on) => {
                 self.modal.overrides.feed = on;
-                self.modal.overrides.speed[0] = on;
-                calls.extend([
-                    Call::EnableFeedOverride(on),
-                    Call::EnableSpeedOverride { spindle: 0, on },
-                ]);
+                calls.push_back(Call::EnableFeedOverride(on));
+                for spindle in 0..self.settings.spindles {
+                    self.modal.overrides.speed[usize::from(spindle)] = on;
+                    calls.push_back(Call::EnableSpeedOverride { spindle, on });
+                }
             }
             Override::Feed => {
                 self.modal.overrides.feed = on;
                 calls.push_back(Call::EnableFeedOverride(on));
             }
             Override::Speed => {
-                let spindle = self.named_spindle(block);
+                let spindle = self.one_spindle(block)?;
                 self.modal.overrides.speed[usize::from(spindle)] = on;
                 calls.push_back(Call::EnableSpeedOverride { spindle, on });
             }
@@ -64,15 +64,102 @@ impl State {
         Ok(())
     }
 
-    pub(super) fn inputs_and_outputs(&mut self, block: &Block, _calls: &mut Calls) -> Result<(), Fault> {
-        match block.codes.input_output {
-            None => Ok(()),
-            Some(code) => Err((
-                code.span,
-                ErrorKind::NotSupported {
-                    code: "M62 to M68".into(),
-                },
-            )),
+    pub(super) fn inputs_and_outputs(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
+        let Some(code) = block.codes.input_output else {
+            return Ok(());
+        };
+        let needed = |letter: u8| -> Result<u8, Fault> {
+            let missing = || {
+                let letter = letter.into();
+                (code.span, ErrorKind::OutputMissing { letter })
+            };
+            pin(block, letter)?.ok_or_else(missing)
+        };
+        match code.value {
+            InputOutput::Digital { on, with_motion } => {
+                let index = needed(b'P')?;
+                calls.push_back(Call::SetDigitalOutput { index, on, with_motion });
+            }
+            InputOutput::Analog { with_motion } => {
+                let index = needed(b'E')?;
+                calls.push_back(Call::SetAnalogOutput {
+                    index,
+                    value: block.word_value(b'Q').unwrap_or(-1.0), // LinuxCNC's value of a Q that is not there
+                    with_motion,
+                });
+            }
+            InputOutput::Wait => return self.wait_input(block, code.span, calls),
+        }
+        Ok(())
+    }
+
+    /// M66
+    fn wait_input(&mut self, block: &Block, span: Span, calls: &mut Calls) -> Result<(), Fault> {
+        let input = match (pin(block, b'P')?, pin(block, b'E')?) {
+            (Some(index), None) => Input::Digital(index),
+            (None, Some(index)) => Input::Analog(index),
+            (Some(_), Some(_)) => return Err((block.span(b'E'), ErrorKind::TwoInputs)),
+            (None, None) => return Err((span, ErrorKind::InputMissing)),
+        };
+        let value = block.word_value(b'L').unwrap_or(0.0);
+        let mode = match integer_in(value, 0..=4) {
+            Some(0) => WaitMode::Immediate,
+            Some(1) => WaitMode::Rise,
+            Some(2) => WaitMode::Fall,
+            Some(3) => WaitMode::High,
+            Some(4) => WaitMode::Low,
+            Some(_) | None => return Err((block.span(b'L'), ErrorKind::WaitMode { value })),
+        };
+        let timeout_s = block.word_value(b'Q').unwrap_or(0.0);
+        if mode != WaitMode::Immediate {
+            if let Input::Analog(_) = input {
+                return Err((block.span(b'L'), ErrorKind::AnalogWait { value }));
+            }
+            if timeout_s <= 0.0 {
+                return Err((block.span(b'L'), ErrorKind::WaitTime { value }));
+            }
+        }
+        calls.push_back(Call::WaitInput { input, mode, timeout_s });
+        self.question = Some(Question::Input { input, mode, timeout_s });
+        Ok(())
+    }
+
+    /// Brings back coolant and overrides as far as they differ.
+    pub(super) fn restore_switches(&mut self, saved: &Modal, calls: &mut Calls) {
+        match (saved.mist || saved.flood, self.modal.mist || self.modal.flood) {
+            (false, true) => calls.extend([Call::Mist(false), Call::Flood(false)]),
+            (true, _) => {
+                if saved.mist != self.modal.mist {
+                    calls.push_back(Call::Mist(saved.mist));
+                }
+                if saved.flood != self.modal.flood {
+                    calls.push_back(Call::Flood(saved.flood));
+                }
+            }
+            (false, false) => {}
+        }
+        (self.modal.mist, self.modal.flood) = (saved.mist, saved.flood);
+        let now = self.modal.overrides;
+        self.modal.overrides = saved.overrides;
+        let Overrides {
+            feed,
+            speed,
+            adaptive,
+            hold,
+        } = saved.overrides;
+        if feed != now.feed {
+            calls.push_back(Call::EnableFeedOverride(feed));
+        }
+        for (spindle, (on, now)) in (0..).zip(speed.into_iter().zip(now.speed)) {
+            if on != now {
+                calls.push_back(Call::EnableSpeedOverride { spindle, on });
+            }
+        }
+        if adaptive != now.adaptive {
+            calls.push_back(Call::EnableAdaptiveFeed(adaptive));
+        }
+        if hold != now.hold {
+            calls.push_back(Call::EnableFeedHold(hold));
         }
     }
 
@@ -107,6 +194,26 @@ impl State {
         if self.modal.flood {
             self.modal.flood = false;
             calls.push_back(Call::Flood(false));
+        }
+    }
+}
+
+/// Number of an input or output, rounded as LinuxCNC does.
+fn pin(block: &Block, letter: u8) -> Result<Option<u8>, Fault> {
+    let Some(value) = block.word_value(letter) else {
+        return Ok(None);
+    };
+    match integer_in(value.round(), 0..=i64::from(u8::MAX)) {
+        Some(index) => Ok(Some(index as u8)),
+        None => {
+            let letter_of = letter.into();
+            let max = u8::MAX;
+            let kind = ErrorKind::PinNumber {
+                letter: letter_of,
+                value,
+                max,
+            };
+            Err((block.span(letter), kind))
         }
     }
 }

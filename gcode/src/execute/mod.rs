@@ -31,7 +31,7 @@ use crate::parameter::{self, is_read_only, is_read_only_number};
 use crate::remap::Phase;
 use crate::scan::{Fault, Span};
 use crate::state::{Question, State};
-use motion::canon::{Call, PathMode, Plane};
+use motion::canon::{Call, LengthUnit, PathMode, Plane};
 use std::collections::VecDeque;
 use std::ops::RangeInclusive;
 
@@ -244,28 +244,40 @@ impl State {
 
     fn plane(&mut self, block: &Block, calls: &mut Calls) {
         if let Some(code) = block.codes.plane {
-            self.modal.plane = code.value;
-            calls.push_back(Call::SelectPlane(code.value));
+            self.use_plane(code.value, calls);
         }
+    }
+
+    fn use_plane(&mut self, plane: Plane, calls: &mut Calls) {
+        self.modal.plane = plane;
+        calls.push_back(Call::SelectPlane(plane));
     }
 
     fn unit(&mut self, block: &Block, calls: &mut Calls) {
         if let Some(code) = block.codes.unit {
-            self.modal.unit = code.value;
-            calls.push_back(Call::UseLengthUnit(code.value));
+            self.use_unit(code.value, calls);
         }
     }
 
+    fn use_unit(&mut self, unit: LengthUnit, calls: &mut Calls) {
+        self.modal.unit = unit;
+        calls.push_back(Call::UseLengthUnit(unit));
+    }
+
     fn diameter(&mut self, block: &Block, calls: &mut Calls) {
-        let Some(code) = block.codes.diameter else { return };
-        if code.value != self.modal.diameter {
-            calls.push_back(Call::Comment(if code.value {
-                "interpreter: Lathe diameter mode changed to diameter".into()
-            } else {
-                "interpreter: Lathe diameter mode changed to radius".into()
+        if let Some(code) = block.codes.diameter {
+            self.use_diameter(code.value, calls);
+        }
+    }
+
+    fn use_diameter(&mut self, diameter: bool, calls: &mut Calls) {
+        if diameter != self.modal.diameter {
+            calls.push_back(Call::Comment(match diameter {
+                true => "interpreter: Lathe diameter mode changed to diameter".into(),
+                false => "interpreter: Lathe diameter mode changed to radius".into(),
             }));
         }
-        self.modal.diameter = code.value;
+        self.modal.diameter = diameter;
     }
 
     fn path_mode(&mut self, block: &Block, calls: &mut Calls) {
@@ -291,32 +303,24 @@ impl State {
 
     fn distances(&mut self, block: &Block, calls: &mut Calls) {
         if let Some(code) = block.codes.distance {
-            if code.value != self.modal.distance {
-                calls.push_back(Call::Comment(match code.value {
-                    Distance::Absolute => "interpreter: distance mode changed to absolute".into(),
-                    Distance::Incremental => "interpreter: distance mode changed to incremental".into(),
-                }));
-            }
-            self.modal.distance = code.value;
+            self.use_distance(code.value, calls);
         }
         if let Some(code) = block.codes.arc_distance {
-            if code.value != self.modal.arc_distance {
-                calls.push_back(Call::Comment(match code.value {
-                    Distance::Absolute => "interpreter: IJK distance mode changed to absolute".into(),
-                    Distance::Incremental => "interpreter: IJK distance mode changed to incremental".into(),
-                }));
-            }
-            self.modal.arc_distance = code.value;
+            self.use_arc_distance(code.value, calls);
         }
     }
 
     fn retract(&mut self, block: &Block, calls: &mut Calls) {
         let Some(code) = block.codes.retract else { return };
-        calls.push_back(Call::Comment(match code.value {
+        self.use_retract(code.value, calls);
+    }
+
+    fn use_retract(&mut self, retract: Retract, calls: &mut Calls) {
+        calls.push_back(Call::Comment(match retract {
             Retract::OldZ => "interpreter: retract mode set to old_z".into(),
             Retract::R => "interpreter: retract mode set to r_plane".into(),
         }));
-        self.modal.retract = code.value;
+        self.modal.retract = retract;
     }
 
     fn motion(&mut self, motion: Option<Motion>, block: &Block, calls: &mut Calls) -> Result<(), Fault> {

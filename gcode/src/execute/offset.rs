@@ -44,11 +44,15 @@ impl State {
             calls.push_back(Call::Comment(remark.into()));
             return;
         }
-        let mut offsets = self.offsets;
-        offsets.system = code.value;
+        self.use_system(code.value, calls);
+    }
+
+    /// Makes a work system the active one.
+    pub(super) fn use_system(&mut self, system: u8, calls: &mut Calls) {
+        let mut offsets = Offsets { system, ..self.offsets };
         self.load_system(&mut offsets);
         self.set_offsets(offsets);
-        self.parameters.set(parameter::SYSTEM, f64::from(code.value));
+        self.parameters.set(parameter::SYSTEM, f64::from(system));
         calls.extend([self.g5x_call(), self.g92_call(), self.rotation_call()]);
     }
 

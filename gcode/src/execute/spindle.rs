@@ -5,7 +5,7 @@ use crate::block::{Block, letters};
 use crate::code::{SpindleAction, SpindleCode, integer_in};
 use crate::error::ErrorKind;
 use crate::scan::Fault;
-use crate::state::State;
+use crate::state::{Modal, State};
 use motion::canon::{Call, LengthUnit, OrientDirection, SpindleMode};
 
 /// Metres in a foot: S of G96 is metres or feet per minute.
@@ -18,6 +18,15 @@ impl State {
             .word_value(b'$')
             .and_then(|number| integer_in(number, 0..=7))
             .map_or(0, |number| number as u8)
+    }
+
+    /// The spindle that `$` names, 0 without it.
+    pub(super) fn one_spindle(&self, block: &Block) -> Result<u8, Fault> {
+        let spindles = self.named_spindles(block, false)?;
+        match block.word_value(b'$') {
+            Some(number) if number < 0.0 => Err((block.span(b'$'), ErrorKind::SpindleOfAll { number })),
+            Some(_) | None => Ok(spindles.start),
+        }
     }
 
     /// The spindles that `$` names, all without it.
@@ -53,10 +62,9 @@ impl State {
                 }
             }
         };
-        for spindle in self.named_spindles(block, false)? {
-            self.modal.spindles[usize::from(spindle)].mode = mode;
-            calls.push_back(Call::SetSpindleMode { spindle, mode });
-        }
+        let spindle = self.one_spindle(block)?;
+        self.modal.spindles[usize::from(spindle)].mode = mode;
+        calls.push_back(Call::SetSpindleMode { spindle, mode });
         Ok(())
     }
 
@@ -74,11 +82,46 @@ impl State {
             return Ok(());
         };
         for spindle in self.named_spindles(block, false)? {
-            self.modal.spindles[usize::from(spindle)].speed = number;
-            let speed = self.spindle_speed_told(spindle);
-            calls.push_back(Call::SetSpindleSpeed { spindle, speed });
+            self.use_speed(spindle, number, calls);
         }
         Ok(())
+    }
+
+    fn use_speed(&mut self, spindle: u8, number: f64, calls: &mut Calls) {
+        self.modal.spindles[usize::from(spindle)].speed = number;
+        let speed = self.spindle_speed_told(spindle);
+        calls.push_back(Call::SetSpindleSpeed { spindle, speed });
+    }
+
+    /// Brings back what S means, as far as it differs.
+    pub(super) fn restore_spindle_modes(&mut self, saved: &Modal, calls: &mut Calls) {
+        for (spindle, (own, saved)) in (0..).zip(self.modal.spindles.iter_mut().zip(&saved.spindles)) {
+            if own.mode != saved.mode {
+                own.mode = saved.mode;
+                let mode = saved.mode;
+                calls.push_back(Call::SetSpindleMode { spindle, mode });
+            }
+        }
+    }
+
+    /// Brings back speeds and turning, as far as they differ.
+    pub(super) fn restore_spindles(&mut self, saved: &Modal, was: &Modal, calls: &mut Calls) {
+        for (spindle, (saved, was)) in (0..).zip(saved.spindles.iter().zip(&was.spindles)) {
+            if (saved.speed, saved.mode) != (was.speed, was.mode) {
+                self.use_speed(spindle, saved.speed, calls);
+            }
+            if saved.turning != was.turning {
+                self.modal.spindles[usize::from(spindle)].turning = saved.turning;
+                calls.push_back(match saved.turning {
+                    Some(direction) => Call::StartSpindle {
+                        spindle,
+                        direction,
+                        wait_for_speed: true,
+                    },
+                    None => Call::StopSpindle { spindle },
+                });
+            }
+        }
     }
 
     pub(super) fn spindle_action(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {

@@ -161,7 +161,7 @@ impl State {
         Ok(())
     }
 
-    fn use_tool_offset(&mut self, offset: Position, calls: &mut Calls) {
+    pub(super) fn use_tool_offset(&mut self, offset: Position, calls: &mut Calls) {
         let offsets = Offsets {
             tool: offset,
             ..self.offsets

@@ -2,8 +2,8 @@
 
 use crate::block::{Block, letters};
 use crate::code::{
-    Compensation, Cycle, Distance, InputOutput, LengthOffset, Motion, NonModal, Override, PathCode, SpindleAction,
-    SpindleCode, Stop, ToolCode,
+    Compensation, Cycle, Distance, FeedUnit, InputOutput, LengthOffset, Motion, NonModal, Override, PathCode,
+    SpindleAction, SpindleCode, Stop, ToolCode,
 };
 use crate::error::ErrorKind;
 use crate::scan::Fault;
@@ -161,7 +161,7 @@ fn used_letters(block: &Block, motion: Option<Motion>) -> u32 {
             SpindleCode::Rpm => letters(b"$"),
         };
     }
-    if codes.feed_unit.is_some() || block.has(letters(b"S")) {
+    if codes.feed_unit.is_some_and(|code| code.value == FeedUnit::UnitsPerTurn) || block.has(letters(b"S")) {
         used |= letters(b"$");
     }
     if let Some(code) = codes.stop {
