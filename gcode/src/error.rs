@@ -621,9 +621,11 @@ pub enum ErrorKind {
         /// The code.
         code: String,
     },
-    /// L of G41.1 and G42.1.
-    #[error("L{value} is no cutting-edge orientation: an integer from 0 to 9")]
+    /// The orientation of a lathe tool.
+    #[error("{letter}{value} is no cutting-edge orientation: an integer from 0 to 9")]
     Orientation {
+        /// L of G41.1 and G42.1, Q of G10.
+        letter: char,
         /// The number that came.
         value: f64,
     },

@@ -133,8 +133,15 @@ impl State {
                 let missing = || (code.span, ErrorKind::DiameterMissing { code: code.name() });
                 let number = block.word_value(b'D').ok_or_else(missing)?;
                 let orientation = block.word_value(b'L').unwrap_or(0.0);
-                let orientation = integer_in(orientation, 0..=9)
-                    .ok_or_else(|| (block.span(b'L'), ErrorKind::Orientation { value: orientation }))?;
+                let orientation = integer_in(orientation, 0..=9).ok_or_else(|| {
+                    (
+                        block.span(b'L'),
+                        ErrorKind::Orientation {
+                            letter: 'L',
+                            value: orientation,
+                        },
+                    )
+                })?;
                 (side, number * self.modal.unit.mm(), orientation as u8)
             }
         };

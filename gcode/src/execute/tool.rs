@@ -236,7 +236,8 @@ impl State {
         }
         if let Some(value) = block.word_value(b'Q') {
             let orientation = integer_in(value, 0..=ORIENTATION_MAX);
-            tool.orientation = orientation.ok_or((block.span(b'Q'), ErrorKind::Orientation { value }))? as u8;
+            tool.orientation =
+                orientation.ok_or((block.span(b'Q'), ErrorKind::Orientation { letter: 'Q', value }))? as u8;
         }
         self.tools
             .table
