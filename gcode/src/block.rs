@@ -134,6 +134,41 @@ pub(crate) struct Codes {
     pub(crate) user: Option<Coded<u8>>,
 }
 
+impl Codes {
+    /// Place of a code that is no motion code.
+    pub(crate) fn first_beside_motion(&self) -> Option<Span> {
+        fn span<T>(code: &Option<Coded<T>>) -> Option<Span> {
+            code.as_ref().map(|code| code.span)
+        }
+        [
+            span(&self.non_modal),
+            span(&self.plane),
+            span(&self.distance),
+            span(&self.arc_distance),
+            span(&self.feed_unit),
+            span(&self.unit),
+            span(&self.compensation),
+            span(&self.length_offset),
+            span(&self.retract),
+            span(&self.system),
+            span(&self.path),
+            span(&self.spindle_mode),
+            span(&self.diameter),
+            span(&self.stop),
+            span(&self.input_output),
+            span(&self.tool),
+            span(&self.spindle),
+            span(&self.coolant),
+            span(&self.overrides),
+            span(&self.modal),
+            span(&self.user),
+        ]
+        .into_iter()
+        .flatten()
+        .min_by_key(|span| span.start)
+    }
+}
+
 /// Letters of words: A to Z and `@ ^ $`.
 const LETTERS: usize = 29;
 

@@ -7,6 +7,7 @@ use crate::error::ErrorKind;
 use crate::flow::{CALLS_MAX, Level, LevelKind, Open, OpenKind, Place, Search, Subroutine, Target};
 use crate::interpreter::{File, Outcome, Run};
 use crate::o_word::{self, Keyword, Label, OWord};
+use crate::parameter::ARGUMENTS;
 use crate::scan::Span;
 use crate::syntax::Unknown;
 use std::io::BufReader;
@@ -266,6 +267,7 @@ impl Run<'_> {
     }
 
     fn leave_failed_call(&mut self) {
+        self.state.turning = None;
         if let Some(level) = self.levels.pop()
             && let Some(back) = level.back
         {
@@ -415,6 +417,11 @@ impl Run<'_> {
 
     /// Ends the subroutine under way.
     pub(crate) fn leave(&mut self, value: Option<f64>) {
+        if matches!(self.levels.last().map(|level| &level.kind), Some(LevelKind::Profile))
+            && let Err(kind) = self.state.turn(&mut self.calls)
+        {
+            self.fail(Span::default(), kind);
+        }
         let Some(level) = self.levels.pop() else { return };
         self.state.leave_call(&mut self.calls);
         self.state.parameters.set_named("_value", value.unwrap_or(0.0));
@@ -448,6 +455,17 @@ impl Run<'_> {
         }
     }
 
+    /// A lathe cycle: the subroutine tells its profile.
+    pub(crate) fn call_profile(&mut self, program: u32) {
+        match self.enter(Label::Number(program), LevelKind::Profile, Span::default()) {
+            Ok(()) => self.state.parameters.set_arguments([0.0; ARGUMENTS]),
+            Err((span, kind)) => {
+                self.state.turning = None;
+                self.fail(span, kind);
+            }
+        }
+    }
+
     /// M99: the next time, the return, or in the program itself its end.
     pub(crate) fn return_by_m99(&mut self) {
         let level = self.levels.last_mut().expect("the program's own level is never left");
@@ -458,7 +476,9 @@ impl Run<'_> {
                 level.blocks.clear();
                 self.go_to(start);
             }
-            LevelKind::Subprogram { .. } | LevelKind::Call | LevelKind::Remap(_) => self.leave(None),
+            LevelKind::Subprogram { .. } | LevelKind::Call | LevelKind::Remap(_) | LevelKind::Profile => {
+                self.leave(None)
+            }
             LevelKind::Program if self.state.settings.repeats_by_m99 => {
                 level.blocks.clear();
                 self.go_to(Place {

@@ -5,9 +5,11 @@
 
 mod probe;
 mod spline;
+mod turning;
 
 pub use probe::ProbeError;
 pub use spline::SplineError;
+pub use turning::TurningError;
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 use std::fmt;
@@ -643,6 +645,9 @@ pub enum ErrorKind {
     /// A curve.
     #[error("{0}")]
     Spline(SplineError),
+    /// A cycle along a profile.
+    #[error("{0}")]
+    Turning(TurningError),
     /// A probing move.
     #[error("{0}")]
     Probe(ProbeError),

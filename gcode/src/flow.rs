@@ -83,6 +83,8 @@ pub(crate) enum LevelKind {
     Subprogram { start: Place, left: u32 },
     /// By a remapped code: the rest of its block is run behind the return.
     Remap(Box<Rest>),
+    /// By a lathe cycle: its moves are gathered.
+    Profile,
 }
 
 impl Level {

@@ -286,6 +286,7 @@ impl Run<'_> {
             Ok(Flow::End) => self.ended = true,
             Ok(Flow::Call { program, times }) => self.call_program(program, times),
             Ok(Flow::Return) => self.return_by_m99(),
+            Ok(Flow::Profile { program }) => self.call_profile(program),
             Err((span, kind)) => self.fail(span, kind),
         }
     }

@@ -3,7 +3,7 @@
 //! Lengths are mm in work coordinates unless a name says otherwise; `machine = rotate_xy(work + g92) + g5x + tool`.
 
 use crate::code::{Distance, FeedUnit, Motion, Retract};
-use crate::execute::CycleWords;
+use crate::execute::{CycleWords, Turning};
 use crate::parameter::{self, Parameters};
 use crate::remap;
 use crate::{Settings, ToolTable};
@@ -202,6 +202,8 @@ pub(crate) struct State {
     pub(crate) question: Option<Question>,
     /// Control points of a NURBS since its G5.2.
     pub(crate) nurbs: Option<Nurbs>,
+    /// A lathe cycle whose profile is being read.
+    pub(crate) turning: Option<Turning>,
     /// Way from the start of a G5 without I and J to its first control point: mirrors P and Q of the last G5, mm.
     pub(crate) spline_leaves: [f64; 2],
     /// States that M70 and M73 saved, the newest last, each with the level of calls it belongs to.
@@ -287,6 +289,7 @@ impl State {
             parameters,
             question: None,
             nurbs: None,
+            turning: None,
             spline_leaves: [0.0; 2],
             saved: Vec::new(),
             cycle: CycleWords::default(),

@@ -36,6 +36,7 @@ use std::collections::VecDeque;
 use std::ops::RangeInclusive;
 
 pub(crate) use cycle::CycleWords;
+pub(crate) use turning::Turning;
 
 /// Calls of a line, in their order.
 pub(crate) type Calls = VecDeque<Call>;
@@ -53,12 +54,19 @@ pub(crate) enum Flow {
     },
     /// M99
     Return,
+    /// G70 to G72.2: the subroutine of this number is the profile.
+    Profile {
+        program: u32,
+    },
 }
 
 impl State {
     /// Runs a block that was read without faults. After a fault `calls` holds what came before it.
     #[inline]
     pub(crate) fn execute(&mut self, block: &Block, line: &[u8], calls: &mut Calls) -> Result<Flow, Fault> {
+        if self.turning.is_some() {
+            return self.execute_in_profile(block, line, calls);
+        }
         self.execute_phases(block, line, Phase::Feed..=Phase::Stop, calls)
     }
 
@@ -115,6 +123,10 @@ impl State {
         if runs(Phase::Motion) {
             self.motion(motion, block, calls)?;
         }
+        if let Some(turning) = &self.turning {
+            let program = turning.profile;
+            return Ok(Flow::Profile { program });
+        }
         if runs(Phase::Stop) {
             return self.stop(block, calls);
         }
@@ -160,6 +172,16 @@ impl State {
             )
             | None => Ok(()),
         }
+    }
+
+    /// A line of the profile of a lathe cycle.
+    fn execute_in_profile(&mut self, block: &Block, line: &[u8], calls: &mut Calls) -> Result<Flow, Fault> {
+        self.assign(&block.assignments)?;
+        if let Some(remark) = block.remark {
+            self.remark(remark, line, calls)?;
+        }
+        self.gather(block)?;
+        Ok(Flow::On)
     }
 
     /// What a listener must know before the first block.

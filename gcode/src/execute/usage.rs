@@ -105,7 +105,7 @@ const USERS: [(u8, &str); 11] = [
     (b'L', "G10, G5.2, G41.1, G42.1, G73 to G89, M66 and M98"),
     (
         b'P',
-        "G2, G3, G4, G5, G5.2, G10, G64, G74, G76, G82, G84, G86, G88, G89, M19, M50 to M53, M62 to M66, M98 and M100 to M199",
+        "G2, G3, G4, G5, G5.2, G10, G64, G70, G74, G76, G82, G84, G86, G88, G89, M19, M50 to M53, M62 to M66, M98 and M100 to M199",
     ),
     (
         b'Q',
@@ -212,7 +212,7 @@ fn letters_of_motion(motion: Motion) -> u32 {
         Motion::Nurbs => letters(b"PL"),
         Motion::SpindleSynchronised => letters(b"K$"),
         Motion::RigidTap => letters(b"KI$"),
-        Motion::Finish => letters(b"QEDI"),
+        Motion::Finish => letters(b"QEDP"),
         Motion::Rough(_) => letters(b"QDIR"),
         Motion::Thread => letters(b"PIJKRQHEL$"),
         Motion::Cycle(cycle) => match cycle {

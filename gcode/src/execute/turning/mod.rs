@@ -1,0 +1,422 @@
+//! Cycles of a lathe along a profile: G70, G71, G72.
+//!
+//! In:  the words of the cycle, then the moves of the subroutine that Q names, gathered instead of told.
+//! Out: when it returns: cuts along Z (G71) or X (G72) down to the profile, or passes along it (G70).
+//!
+//! Rules and results are LinuxCNC's: the cycle works from where it starts (X, Z, else the current point); D is left on
+//! the profile, I the depth of a cut, R the retract; G70 makes P passes, the first D and the last E beside the profile;
+//! U and W shift the profile. F in the profile is of no effect: the feed in force when the cycle begins holds for all of
+//! it. A corner at the end of the last move is of no effect, too.
+
+mod allowance;
+mod profile;
+mod rough;
+mod segment;
+
+use super::{Calls, circle, motion_span};
+use crate::block::{Block, letters};
+use crate::code::{Distance, FeedUnit, Motion, Pockets, Roughing, integer_in};
+use crate::error::{ErrorKind, TurningError};
+use crate::scan::{Fault, Span};
+use crate::state::State;
+use motion::canon::{Axis, Call, Plane, Position};
+use profile::{Corner, Move};
+use rough::Cut;
+use segment::{Point, Segment, plus};
+
+/// Most moves of a profile.
+const MOVES_MAX: usize = 1000;
+/// Most passes of G70.
+const PASSES_MAX: u32 = 1000;
+
+/// A cycle whose profile is being read.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Turning {
+    /// Number of the subroutine.
+    pub(crate) profile: u32,
+    work: Work,
+    /// Where it works from, `[Z, X]`.
+    start: Point,
+    /// End of the last move.
+    at: Point,
+    moves: Vec<Move>,
+    motion: Motion,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Work {
+    /// G70; distances of the first and last pass, mm.
+    Finish { first_mm: f64, last_mm: f64, passes: u32 },
+    /// G71, G72.
+    Rough {
+        roughing: Roughing,
+        allowance_mm: f64,
+        step_mm: f64,
+        retract_mm: f64,
+        shift: Point,
+    },
+}
+
+fn fault<T>(span: Span, error: TurningError) -> Result<T, Fault> {
+    Err((span, ErrorKind::Turning(error)))
+}
+
+impl State {
+    pub(super) fn finish(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
+        let mm = self.modal.unit.mm();
+        let passes = block.word_value(b'P').unwrap_or(1.0);
+        let max = PASSES_MAX;
+        let passes = match integer_in(passes, 1..=i64::from(max)) {
+            Some(passes) => passes as u32,
+            None => return fault(block.span(b'P'), TurningError::Passes { value: passes, max }),
+        };
+        let work = Work::Finish {
+            first_mm: mm * block.word_value(b'D').unwrap_or(0.0),
+            last_mm: mm * block.word_value(b'E').unwrap_or(0.0),
+            passes,
+        };
+        self.begin_turning(work, block, calls)
+    }
+
+    pub(super) fn rough(&mut self, roughing: Roughing, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
+        let mm = self.modal.unit.mm();
+        let word = |letter, default| block.word_value(letter).unwrap_or(default);
+        if self.cutter.is_some() {
+            let code = self.motion_name(block);
+            return fault(motion_span(block), TurningError::Compensated { code });
+        }
+        let (step, retract) = (word(b'I', 1.0), word(b'R', 0.5));
+        if step <= 0.0 {
+            return fault(block.span(b'I'), TurningError::Increment { value: step });
+        }
+        if retract < 0.0 {
+            return fault(block.span(b'R'), TurningError::Retract { value: retract });
+        }
+        let work = Work::Rough {
+            roughing,
+            allowance_mm: mm * word(b'D', 0.0),
+            step_mm: mm * step,
+            retract_mm: mm * retract,
+            shift: [mm * word(b'W', 0.0), mm * word(b'U', 0.0)],
+        };
+        self.begin_turning(work, block, calls)
+    }
+
+    fn begin_turning(&mut self, work: Work, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
+        let span = motion_span(block);
+        let code = self.motion_name(block);
+        if self.modal.plane != Plane::Zx {
+            let plane = super::arc::ArcWords::of(self.modal.plane).plane;
+            return fault(span, TurningError::Plane { code, plane });
+        }
+        if self.modal.feed_unit == FeedUnit::InverseTime {
+            return fault(span, TurningError::InverseTime { code });
+        }
+        let Some(number) = block.word_value(b'Q') else {
+            return fault(span, TurningError::ProfileMissing { code });
+        };
+        let Some(number) = integer_in(number, 0..=i64::from(u32::MAX)) else {
+            return fault(block.span(b'Q'), TurningError::ProfileNumber { value: number });
+        };
+        if let Some(stop) = block.codes.stop {
+            return fault(stop.span, TurningError::StopOnLine);
+        }
+        other_axes(block, b"YABCV@^")?;
+        self.need_feed(block, || super::feed::PathLength::Mm(0.0), calls)?;
+        let mut to = self.at;
+        for axis in [Axis::X, Axis::Z] {
+            if let Some(number) = block.axis(axis) {
+                to[axis] = self.turning_end(axis, number, self.at[axis]);
+            }
+        }
+        self.at = to;
+        calls.push_back(Call::StraightTraverse { to });
+        let start = [to[Axis::Z], to[Axis::X]];
+        self.turning = Some(Turning {
+            profile: number as u32,
+            work,
+            start,
+            at: start,
+            moves: Vec::new(),
+            motion: Motion::Traverse,
+        });
+        Ok(())
+    }
+
+    /// A line of a profile: its move is gathered.
+    pub(super) fn gather(&mut self, block: &Block) -> Result<(), Fault> {
+        let Some(mut turning) = self.turning.take() else {
+            return Ok(());
+        };
+        let result = self.gather_move(&mut turning, block);
+        self.turning = Some(turning);
+        result
+    }
+
+    fn gather_move(&self, turning: &mut Turning, block: &Block) -> Result<(), Fault> {
+        if let Some(span) = block.codes.first_beside_motion() {
+            return fault(span, TurningError::NoProfile);
+        }
+        match block.codes.motion.map(|code| (code.value, code.span)) {
+            None => {}
+            Some((
+                Some(motion @ (Motion::Traverse | Motion::Feed | Motion::ArcClockwise | Motion::ArcCounterclockwise)),
+                _,
+            )) => turning.motion = motion,
+            Some((_, span)) => return fault(span, TurningError::NoProfile),
+        }
+        other_axes(block, b"YBV@^STDEHJLPQ$")?;
+        let at = turning.at;
+        let x = self.profile_end(block, Axis::X, b'U', at[1])?;
+        let z = self.profile_end(block, Axis::Z, b'W', at[0])?;
+        let end = [z, x];
+        if end == at {
+            return Ok(());
+        }
+        if turning.moves.len() >= MOVES_MAX {
+            return fault(motion_span(block), TurningError::TooLong { max: MOVES_MAX });
+        }
+        let segment = match turning.motion {
+            Motion::ArcClockwise | Motion::ArcCounterclockwise => self.profile_arc(turning.motion, block, at, end)?,
+            _ => Segment::line(at, end),
+        };
+        let mm = self.modal.unit.mm();
+        let size = |letter: u8| {
+            block
+                .word_value(letter)
+                .map(|size| size.abs() * mm)
+                .filter(|size| *size > 0.0)
+        };
+        let corner = match (size(b'A'), size(b'C')) {
+            (Some(_), Some(_)) => return fault(block.span(b'C'), TurningError::TwoCorners),
+            (Some(size), None) => Some(Corner::Round(size)),
+            (None, Some(size)) => Some(Corner::Cut(size)),
+            (None, None) => None,
+        };
+        turning.at = end;
+        turning.moves.push(Move {
+            segment,
+            corner,
+            line: self.line,
+        });
+        Ok(())
+    }
+
+    /// Where a move of a profile ends on an axis, mm.
+    fn profile_end(&self, block: &Block, axis: Axis, increment: u8, at: f64) -> Result<f64, Fault> {
+        let letter = axis.letter();
+        match (block.axis(axis), block.word_value(increment)) {
+            (Some(_), Some(_)) => fault(
+                block.span(increment),
+                TurningError::TwoWords {
+                    first: letter,
+                    second: increment.into(),
+                    axis: letter,
+                },
+            ),
+            (None, Some(_)) if self.modal.distance == Distance::Incremental => fault(
+                block.span(increment),
+                TurningError::IncrementTwice {
+                    letter: increment.into(),
+                    axis: letter,
+                },
+            ),
+            (None, Some(number)) => Ok(at + self.turning_length(axis, number)),
+            (Some(number), None) => Ok(self.turning_end(axis, number, at)),
+            (None, None) => Ok(at),
+        }
+    }
+
+    /// Length of a word of X or Z (in G7 X is a diameter), mm.
+    fn turning_length(&self, axis: Axis, number: f64) -> f64 {
+        let halved = axis == Axis::X && self.modal.diameter;
+        self.length(axis, number) / if halved { 2.0 } else { 1.0 }
+    }
+
+    fn turning_end(&self, axis: Axis, number: f64, at: f64) -> f64 {
+        let value = self.turning_length(axis, number);
+        match self.modal.distance {
+            Distance::Absolute => value,
+            Distance::Incremental => at + value,
+        }
+    }
+
+    fn profile_arc(&self, motion: Motion, block: &Block, start: Point, end: Point) -> Result<Segment, Fault> {
+        let unit = self.modal.unit;
+        let turns = circle::signed_turns(motion == Motion::ArcClockwise, 1);
+        let given = block.first_of(b"KI");
+        if let Some(radius) = block.word_value(b'R') {
+            if let Some(letter) = given {
+                return Err((block.span(letter), ErrorKind::ArcMixed { letter: letter.into() }));
+            }
+            let arc = circle::by_radius(start, end, radius * unit.mm(), turns, unit)
+                .map_err(|kind| (block.span(b'R'), kind))?;
+            return Ok(Segment::arc(start, end, arc.centre_mm, turns));
+        }
+        let Some(given) = given else {
+            let (motion, offsets) = (motion.name(), "I, K");
+            return Err((motion_span(block), ErrorKind::ArcCentreMissing { motion, offsets }));
+        };
+        let offset = *b"KI";
+        let centre = match self.modal.arc_distance {
+            Distance::Incremental => plus(
+                start,
+                offset.map(|letter| block.word_value(letter).unwrap_or(0.0) * unit.mm()),
+            ),
+            Distance::Absolute => {
+                let mut centre = [0.0; 2];
+                for (place, letter) in centre.iter_mut().zip(offset) {
+                    let missing = letter.into();
+                    let number = block
+                        .word_value(letter)
+                        .ok_or((block.span(given), ErrorKind::ArcAbsoluteCentreIncomplete { missing }))?;
+                    *place = number * unit.mm();
+                }
+                centre
+            }
+        };
+        let tolerance_mm = self.settings.arc_radius_tolerance_mm;
+        circle::by_centre(start, end, centre, turns, unit, tolerance_mm).map_err(|kind| (block.span(given), kind))?;
+        Ok(Segment::arc(start, end, centre, turns))
+    }
+
+    /// The profile is read: tells the cuts.
+    pub(crate) fn turn(&mut self, calls: &mut Calls) -> Result<(), ErrorKind> {
+        let Some(turning) = self.turning.take() else {
+            return Ok(());
+        };
+        let (frame, cuts) = turning.cuts(self.modal.unit.mm()).map_err(ErrorKind::Turning)?;
+        let place = |at: Position, point: Point| {
+            let mut to = at;
+            [to[Axis::Z], to[Axis::X]] = frame.back(point);
+            to
+        };
+        for cut in cuts {
+            let to = place(self.at, cut.to());
+            let motion = match cut {
+                Cut::Rapid(_) => {
+                    calls.push_back(Call::StraightTraverse { to });
+                    Motion::Traverse
+                }
+                Cut::Feed(_) => {
+                    calls.push_back(Call::StraightFeed { to });
+                    Motion::Feed
+                }
+                Cut::Arc { arc, .. } => {
+                    let turns = frame.turns(arc.turns);
+                    calls.push_back(Call::ArcFeed {
+                        to,
+                        plane: Plane::Zx,
+                        centre_mm: frame.back(arc.centre_mm),
+                        turns,
+                    });
+                    if turns > 0 {
+                        Motion::ArcCounterclockwise
+                    } else {
+                        Motion::ArcClockwise
+                    }
+                }
+            };
+            self.at = to;
+            self.modal.motion = Some(motion);
+        }
+        Ok(())
+    }
+}
+
+impl Turning {
+    /// The cuts, and the frame in which they are told.
+    fn cuts(self, unit_mm: f64) -> Result<(profile::Frame, Vec<Cut>), TurningError> {
+        let mut moves = self.moves;
+        if moves.len() < 2 {
+            return Err(TurningError::TooShort { moves: moves.len() });
+        }
+        let beside = |path: &[Segment], mm: f64| {
+            let allowance = mm / unit_mm;
+            let (first, rest) = path.split_first().ok_or(TurningError::TooShort { moves: 0 })?;
+            let mut path = allowance::beside(rest, mm).ok_or(TurningError::Allowance { allowance })?;
+            let first = Segment {
+                end: path[0].start,
+                ..*first
+            };
+            path.insert(0, first);
+            Ok(path)
+        };
+        match self.work {
+            Work::Finish {
+                first_mm,
+                last_mm,
+                passes,
+            } => {
+                let along_z = profile::normal(&moves, false, unit_mm);
+                let (frame, path) = match along_z {
+                    Err(TurningError::NotMonotonic { .. }) => profile::normal(&moves, true, unit_mm).or(along_z)?,
+                    Ok(_) | Err(_) => along_z?,
+                };
+                let mut cuts = Vec::new();
+                for pass in (0..passes).rev() {
+                    let share = f64::from(pass) / f64::from(passes);
+                    rough::finish(&beside(&path, last_mm + share * (first_mm - last_mm))?, &mut cuts);
+                }
+                Ok((frame, cuts))
+            }
+            Work::Rough {
+                roughing,
+                allowance_mm,
+                step_mm,
+                retract_mm,
+                shift,
+            } => {
+                close(&mut moves, self.start, roughing.along_x);
+                let (frame, path) = profile::normal(&moves, roughing.along_x, unit_mm)?;
+                let mut path = beside(&path, allowance_mm)?;
+                let shift = frame.vector(shift);
+                for segment in &mut path {
+                    *segment = segment.moved(shift);
+                }
+                // Cuts at all levels must meet something.
+                if let (Some(first), Some(last)) = (path.first(), path.last())
+                    && last.end[1] < first.start[1]
+                {
+                    let end = [last.end[0], first.start[1]];
+                    path.push(Segment::line(last.end, end));
+                }
+                Ok((frame, rough::rough(&path, roughing.pockets, step_mm, retract_mm)?))
+            }
+        }
+    }
+}
+
+/// Leads the end of a profile up to the level from which is cut, so that D is left there, too.
+fn close(moves: &mut Vec<Move>, start: Point, along_x: bool) {
+    let (Some(first), Some(last)) = (moves.first(), moves.last()) else {
+        return;
+    };
+    let (along, depth) = if along_x { (1, 0) } else { (0, 1) };
+    let way = |segment: &Segment, axis: usize| segment.end[axis] - segment.start[axis];
+    let from = last.segment.end;
+    if way(&last.segment, along) != 0.0 && way(&first.segment, depth) * (start[depth] - from[depth]) < 0.0 {
+        let mut to = from;
+        to[depth] = start[depth];
+        let line = last.line;
+        moves.push(Move {
+            segment: Segment::line(from, to),
+            corner: None,
+            line,
+        });
+    }
+}
+
+/// Refuses words that belong to nothing here.
+fn other_axes(block: &Block, names: &[u8]) -> Result<(), Fault> {
+    match block.first_of(names) {
+        Some(letter) if letters(b"STDEHJLPQ$") & letters(&[letter]) != 0 => {
+            fault(block.span(letter), TurningError::NoProfile)
+        }
+        Some(letter) => fault(block.span(letter), TurningError::OtherAxis { letter: letter.into() }),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests;
