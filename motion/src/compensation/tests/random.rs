@@ -5,6 +5,7 @@ use proptest::prelude::*;
 use std::f64::consts::{PI, TAU};
 
 /// A contour around zero, its corners at growing angles; between them lines and arcs that bulge by a part of their chord.
+/// No two moves that are not neighbours come closer to each other than the tool is wide: that is beyond one corner.
 #[derive(Clone, Debug)]
 struct Random {
     /// Distance of each corner from zero, angle to the next, and bulge of the move to it: height over chord.
@@ -16,9 +17,9 @@ struct Random {
 }
 
 fn random() -> impl Strategy<Value = Random> {
-    let bulge = prop_oneof![2 => Just(0.0), 1 => 0.03f64..0.2, 1 => -0.2f64..-0.03];
+    let bulge = prop_oneof![2 => Just(0.0), 1 => 0.03f64..0.12, 1 => -0.12f64..-0.03];
     (
-        prop::collection::vec((40.0f64..60.0, 0.7f64..1.3, bulge), 3..9),
+        prop::collection::vec((40.0f64..60.0, 0.8f64..1.2, bulge), 4..9),
         any::<bool>(),
         prop_oneof![Just(Side::Left), Just(Side::Right)],
         0.05f64..1.5,
