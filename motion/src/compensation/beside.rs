@@ -78,6 +78,7 @@ impl Beside {
                 let cut = self
                     .held
                     .curve
+                    .moved_if_line(next.start_to_curve())
                     .crossing(&curve, side)
                     .map_err(|apart| Kind::CornerUnreachable {
                         first: self.first_source(),

@@ -62,6 +62,18 @@ impl Contour {
         }
     }
 
+    /// From the start to where it would be at the radius of the end. The two radii of an arc differ by what its numbers are
+    /// rounded to, and its curve has that of the end.
+    pub(super) fn start_to_curve(&self) -> Point {
+        match (self.shape, self.radius()) {
+            (Shape::Arc { centre, .. }, Some(radius)) => {
+                let arm = sub(self.from, centre);
+                scale(arm, radius / length(arm) - 1.0)
+            }
+            (Shape::Arc { .. } | Shape::Line, _) => [0.0; 2],
+        }
+    }
+
     /// Whether a tool on `side` goes inside the circle of the arc: left of a counter-clockwise one, right of a clockwise one.
     pub(super) fn is_around_tool(&self, side: f64) -> bool {
         self.shape.turn() == side

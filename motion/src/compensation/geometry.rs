@@ -73,6 +73,17 @@ pub(super) struct Apart {
 }
 
 impl Curve {
+    /// A line beside itself, a circle as it is: a line meets an arc where the arc's curve begins.
+    pub(super) fn moved_if_line(self, by: Point) -> Curve {
+        match self {
+            Curve::Line { through, tangent } => Curve::Line {
+                through: add(through, by),
+                tangent,
+            },
+            Curve::Circle { .. } => self,
+        }
+    }
+
     /// Unit vector in which the curve is followed at `at`, a point on it.
     pub(super) fn tangent(&self, at: Point) -> Point {
         match *self {
