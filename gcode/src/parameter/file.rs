@@ -281,7 +281,7 @@ mod tests {
     #[test]
     fn settings_take_a_file_and_tell_it_again() {
         let text =
-            "31\t7\n5161\t1\n5164\t10\n5189\t2\n5210\t1\n5213\t-3\n5220\t9\n5221\t4\n5230\t30\n5386\t5\n5390\t-15\n";
+            "31\t7\n5161\t1\n5164\t10\n5189\t2\n5210\t1\n5213\t-2\n5220\t9\n5221\t4\n5230\t30\n5386\t5\n5390\t-15\n";
         let parameters = parse(text.as_bytes()).unwrap();
         let mut settings = Settings {
             machine_unit: LengthUnit::Inch,
@@ -292,7 +292,7 @@ mod tests {
         assert_eq!(settings.g30[Axis::W], 50.8);
         assert_eq!(
             (settings.g92_active, settings.g92_offset),
-            (true, Position::xyz(0.0, 0.0, -76.2))
+            (true, Position::xyz(0.0, 0.0, -50.8))
         );
         assert_eq!((settings.work_system, settings.work_offsets[0][Axis::X]), (9, 101.6));
         assert_eq!(
