@@ -22,6 +22,7 @@ use isocnc::bus::network;
 use isocnc::bus::powerlink::Powerlink;
 use isocnc::config::{self, Config, KeepAwake, Rt};
 use isocnc::machine::state::State;
+use isocnc::machine::tables::Tables;
 use isocnc::program::{Feeder, home, ring_capacity, stop_ramp};
 use isocnc::rt::assemble::assemble;
 use isocnc::rt::cycle::Control;
@@ -128,6 +129,7 @@ fn timed_cycles(config: &Config, paced: bool) -> anyhow::Result<[Jitter; 2]> {
     let mut operator = Operator::new(config, inlets, 0).repeating();
     let (mut recorder, _windows) = recorder(grid(config).period_ns);
     let (mut compute, mut alone) = (Jitter::new(0), Jitter::new(0));
+    let tables = Tables::read(config)?;
     let mut feeder = None;
     let mut deadline_ns = grid(config).first_after(0);
     for cycle in 0_u64.. {
@@ -148,7 +150,7 @@ fn timed_cycles(config: &Config, paced: bool) -> anyhow::Result<[Jitter; 2]> {
             let now_ns = control.bus_mut().now_ns();
             if let Wish::PlanFrom(position) = operator.poll(now_ns) {
                 let (producer, consumer) = ring::channel(ring_capacity(config));
-                feeder = Some(Feeder::new(config, PROGRAM, position, producer));
+                feeder = Some(Feeder::new(config, &tables, PROGRAM, position, producer));
                 operator.start(Box::new(Interpolator::new(consumer, position, stop_ramp(config))));
             }
         }
@@ -195,7 +197,8 @@ fn main() -> anyhow::Result<()> {
     compute_budget(&config)?;
 
     let (producer, consumer) = ring::channel(ring_capacity(&config));
-    let mut feeder = Feeder::new(&config, PROGRAM, home(&config), producer);
+    let tables = Tables::read(&config)?;
+    let mut feeder = Feeder::new(&config, &tables, PROGRAM, home(&config), producer);
     let mut interpolator = Interpolator::new(consumer, home(&config), stop_ramp(&config));
     let mut steps = 0_u32;
     let interpolation_ns = median_ns(500, || {

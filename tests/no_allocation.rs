@@ -133,6 +133,7 @@ fn the_cycle_never_allocates() {
     const SEED: u64 = 20;
     println!("seed {SEED}");
     let config = config::parse(include_str!("../configs/mill3-demo.toml"), Path::new("m.toml")).expect("good");
+    let tables = isocnc::machine::tables::Tables::read(&config).expect("no files");
     let text = squares();
     let plans = network::plan(&config);
     let nodes = node_configs(&config.bus, &plans);
@@ -203,7 +204,7 @@ fn the_cycle_never_allocates() {
         let now_ns = control.bus_mut().now_ns();
         if let Wish::PlanFrom(position) = operator.poll(now_ns) {
             let (producer, consumer) = ring::channel(ring_capacity(&config));
-            feeder = Some(Feeder::new(&config, text.as_bytes(), position, producer));
+            feeder = Some(Feeder::new(&config, &tables, text.as_bytes(), position, producer));
             operator.start(Box::new(Interpolator::new(consumer, position, stop_ramp(&config))));
         }
         if control.state() == State::Running {

@@ -141,14 +141,18 @@ struct Control {
 
 impl Control {
     fn start(name: &str, stdout: impl Into<Stdio>) -> Control {
-        let folder = tempfile::tempdir().unwrap();
+        Control::start_in(tempfile::tempdir().unwrap(), name, stdout, str::to_owned)
+    }
+
+    /// In a folder with files of its own, for which the machine file may be `changed`.
+    fn start_in(folder: TempDir, name: &str, stdout: impl Into<Stdio>, changed: fn(&str) -> String) -> Control {
         let machine = format!("{name}-{}", std::process::id());
         let file = folder.path().join("machine.toml");
         let config = config::parse(MACHINE, Path::new("mill3-demo.toml")).unwrap();
         let text = MACHINE
             .replace(&format!("\"{}\"", config.name), &format!("\"{machine}\""))
             .replacen("kind = \"powerlink\"", "kind = \"memory\"", 1);
-        std::fs::write(&file, text).unwrap();
+        std::fs::write(&file, changed(&text)).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
         command.arg("run").arg(&file).arg("--json").stdout(stdout);
         Control {
@@ -260,4 +264,60 @@ fn clients_run_hold_and_stop_programs() {
     kill(Pid::from_raw(control.process.id() as i32), Signal::SIGTERM).unwrap();
     assert_eq!(control.process.wait().unwrap().code(), Some(143));
     control.refused(&["status"], "no control of machine");
+}
+
+/// Machine file with a parameter file and a tool table beside it.
+fn with_tables(machine: &str) -> String {
+    let text = machine.replace("\n[program]\n", "\n[program]\nparameter_file = \"m.var\"\n");
+    text.replace("\n# [tools]\n", "\n[tools]\ntable = \"m.tbl\"\n")
+}
+
+#[test]
+fn what_programs_leave_behind_is_there_for_the_next_one_and_after_a_restart() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |folder: &TempDir, name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write(&folder, "m.var", "100 3\n5221 20\n5222 20\n5223 -60\n");
+    write(&folder, "m.tbl", "T1 P1 Z5 ;mine\n");
+    let mut control = Control::start_in(folder, "tables", Stdio::null(), with_tables);
+    let standing_by = |status: &Value| status["state"] == "disabled" && status["step"] == "standing by";
+    let file = |control: &Control, name: &str| std::fs::read_to_string(control.folder.path().join(name)).unwrap();
+    let kept = |control: &Control, value: &str| {
+        let give_up = Instant::now() + PATIENCE;
+        while !file(control, "m.var").starts_with(&format!("100\t{value}\n")) {
+            assert!(Instant::now() < give_up, "never {value}: {}", file(control, "m.var"));
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    };
+    control.wait_for("standing by", standing_by);
+    let double = control.program("double.ngc", &format!("#100=[#100*2]\n{PART}"));
+    let run = |control: &Control, program: &Path| control.ask(&["program", "run", program.to_str().unwrap()]);
+    run(&control, &double).unwrap();
+    control.wait_for("the end of the part", standing_by);
+    kept(&control, "6.000000");
+    assert!(file(&control, "m.var").contains("\n5223\t-60.000000\n"));
+    assert!(file(&control, "m.var.bak").starts_with("100 3\n"));
+
+    // A mistake in a table that somebody edits keeps the next program from beginning.
+    write(&control.folder, "m.tbl", "T1 P1 Z5 Z6\n");
+    control.refused(&["program", "run", double.to_str().unwrap()], "m.tbl:1:10");
+    write(&control.folder, "m.tbl", "T1 P1 Z5 ;mine\n");
+
+    // Stopped in the middle: what was said before is kept all the same.
+    let long = control.program("long.ngc", &format!("#100=[#100*2]\n{LONG}"));
+    run(&control, &long).unwrap();
+    control.wait_for("running", |status| status["state"] == "running");
+    control.ask(&["stop"]).unwrap();
+    control.wait_for("standing by", standing_by);
+    kept(&control, "12.000000");
+
+    kill(Pid::from_raw(control.process.id() as i32), Signal::SIGTERM).unwrap();
+    assert_eq!(control.process.wait().unwrap().code(), Some(143));
+    let folder = std::mem::replace(&mut control.folder, tempfile::tempdir().unwrap());
+    let control = Control::start_in(folder, "tables-again", Stdio::null(), with_tables);
+    control.wait_for("standing by", standing_by);
+    let double = control.program("double.ngc", &format!("#100=[#100*2]\n{PART}"));
+    run(&control, &double).unwrap();
+    control.wait_for("the end of the part", |status| !status["program"]["result"].is_null());
+    kept(&control, "24.000000");
+    assert_eq!(file(&control, "m.tbl"), "T1 P1 Z5 ;mine\n", "nobody changed a tool");
 }

@@ -2,6 +2,7 @@
 
 use super::demo::machine_file;
 use crate::config;
+use crate::machine::tables::Tables;
 use crate::service::analyser::listen;
 use crate::service::jitter::report::Ended;
 use crate::service::jitter::run::{FarEnd, Wanted};
@@ -91,7 +92,14 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
             program::pocket(&config, program::BLOCKS)?.into_bytes(),
         ),
     };
-    if let Err(errors) = crate::program::check(&config, &name, &text) {
+    let tables = match Tables::read(&config) {
+        Ok(tables) => tables,
+        Err(error) => {
+            eprintln!("{error}");
+            return Ok(ExitCode::FAILURE);
+        }
+    };
+    if let Err(errors) = crate::program::check(&config, &tables, &name, &text) {
         eprintln!("{errors}\n\nnothing was moved");
         return Ok(ExitCode::FAILURE);
     }

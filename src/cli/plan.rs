@@ -1,6 +1,7 @@
 //! `isocnc plan`: a whole program planned off line.
 
 use crate::config;
+use crate::machine::tables::Tables;
 use crate::program::{Feeder, Progress, home, ring_capacity, stop_ramp};
 use anyhow::{Context, anyhow};
 use clap::Args;
@@ -57,7 +58,14 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     };
     let text = std::fs::read(&args.program).with_context(|| args.program.display().to_string())?;
     let name = args.program.display().to_string();
-    if let Err(errors) = crate::program::check(&config, &name, &text) {
+    let tables = match Tables::read(&config) {
+        Ok(tables) => tables,
+        Err(error) => {
+            eprintln!("{error}");
+            return Ok(ExitCode::FAILURE);
+        }
+    };
+    if let Err(errors) = crate::program::check(&config, &tables, &name, &text) {
         eprintln!("{errors}");
         return Ok(ExitCode::FAILURE);
     }
@@ -65,7 +73,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     let began = Instant::now();
     let start = home(&config);
     let (producer, consumer) = ring::channel(ring_capacity(&config));
-    let mut feeder = Feeder::new(&config, &text, start, producer);
+    let mut feeder = Feeder::new(&config, &tables, &text, start, producer);
     let mut interpolator = Interpolator::new(consumer, start, stop_ramp(&config));
     let axes: Vec<Axis> = config.axes.iter().map(|map| map.axis).collect();
     let cycle_s = f64::from(config.cycle_us) * 1e-6;

@@ -9,7 +9,7 @@
 use super::safe_file::{self, Files};
 use crate::config::Config;
 use gcode::parameter::file as parameter_file;
-use gcode::{Located, ToolTable};
+use gcode::{Located, ToolChanger, ToolTable};
 use motion::canon::{Axis, LengthUnit, Position};
 use std::fmt;
 use std::fmt::Write;
@@ -20,6 +20,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 /// Longest file that is read, octets; a full tool table with long remarks has a tenth of it.
 const FILE_MAX: usize = 4 << 20;
 
+/// The offset of G92 and G52, and whether it is in effect.
+const G92: std::ops::RangeInclusive<u16> = 5210..=5219;
+
 /// First parameter of the origin of G54; those of the other systems follow, 20 apart.
 const ORIGINS: u16 = 5221;
 
@@ -28,6 +31,8 @@ const ORIGINS: u16 = 5221;
 pub struct Tables {
     parameters: Vec<(u16, f64)>,
     tools: ToolTable,
+    /// 0: none.
+    tool_in_spindle: u32,
     parameter_file: Option<Kept>,
     tool_file: Option<Kept>,
 }
@@ -93,10 +98,17 @@ impl Tables {
         let mut tables = Tables {
             parameters: default_parameters(&config.work_offsets, config.unit),
             tools: ToolTable::new(config.unit, config.tools.changer),
+            tool_in_spindle: 0,
             parameter_file: kept(&config.program.parameter_file),
             tool_file: kept(&config.tools.table),
         };
         tables.refresh(config)?;
+        if !config.program.keep_g92 {
+            let g92 = |number: u16| G92.contains(&number);
+            for entry in tables.parameters.iter_mut().filter(|entry| g92(entry.0)) {
+                entry.1 = 0.0;
+            }
+        }
         Ok(tables)
     }
 
@@ -134,10 +146,19 @@ impl Tables {
         &self.tools
     }
 
-    /// Takes what a program left behind; `parameters` ascend.
-    pub fn set(&mut self, parameters: Vec<(u16, f64)>, tools: ToolTable) {
-        self.parameters = parameters;
-        self.tools = tools;
+    /// Number of the tool in the spindle, 0: none. Of a random changer that of pocket 0.
+    pub fn tool_in_spindle(&self) -> u32 {
+        match self.tools.changer() {
+            ToolChanger::Fixed => self.tool_in_spindle,
+            ToolChanger::Random => self.tools.in_pocket(0).map_or(0, |tool| tool.number),
+        }
+    }
+
+    /// Takes what a program left behind.
+    pub fn take(&mut self, left: gcode::Settings) {
+        self.parameters = left.parameters.into_iter().collect();
+        self.tools = left.tools;
+        self.tool_in_spindle = left.tool_in_spindle;
     }
 
     /// What the files must hold.

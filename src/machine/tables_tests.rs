@@ -53,6 +53,39 @@ fn with_diameter(tables: &Tables, number: u32, diameter_mm: f64) -> ToolTable {
     tools
 }
 
+fn take(tables: &Mutex<Tables>, parameters: &[(u16, f64)], tools: ToolTable) {
+    lock(tables).take(gcode::Settings {
+        parameters: parameters.iter().copied().collect(),
+        tools,
+        tool_in_spindle: 3,
+        ..gcode::Settings::default()
+    });
+}
+
+#[test]
+fn a_g92_offset_outlives_the_process_where_the_machine_file_says_so() {
+    let mut machine = machine(
+        &[("m.tbl", ""), ("m.var", "5210 1\n5211 5\n5219 6\n5221 7\n")],
+        ToolChanger::Fixed,
+    );
+    let found = |config: &Config| [5210, 5211, 5219, 5221].map(|number| value(&Tables::read(config).unwrap(), number));
+    assert_eq!(found(&machine.config), [1.0, 5.0, 6.0, 7.0].map(Some));
+    machine.config.program.keep_g92 = false;
+    assert_eq!(found(&machine.config), [0.0, 0.0, 0.0, 7.0].map(Some));
+}
+
+#[test]
+fn the_tool_in_the_spindle_is_that_of_pocket_0_or_the_last_change() {
+    for (changer, before, after) in [(ToolChanger::Fixed, 0, 3), (ToolChanger::Random, 5, 5)] {
+        let machine = machine(&[("m.tbl", "T3 P1\nT5 P0\n")], changer);
+        let tables = Mutex::new(Tables::read(&machine.config).unwrap());
+        assert_eq!(lock(&tables).tool_in_spindle(), before);
+        let tools = lock(&tables).tools().clone();
+        take(&tables, &[], tools);
+        assert_eq!(lock(&tables).tool_in_spindle(), after);
+    }
+}
+
 #[test]
 fn without_a_parameter_file_the_machine_file_has_the_offsets() {
     let mut machine = machine(&[("m.tbl", "")], ToolChanger::Fixed);
@@ -136,7 +169,7 @@ fn what_a_program_left_behind_is_written_with_a_backup() {
     let mut parameters = lock(&tables).parameters().to_vec();
     parameters[0].1 = 2.5;
     let tools = with_diameter(&lock(&tables), 7, 3.0);
-    lock(&tables).set(parameters, tools);
+    take(&tables, &parameters, tools);
     save(&mut Disk, &tables).unwrap();
     assert!(
         machine
@@ -189,7 +222,7 @@ fn what_somebody_edits_counts_from_the_next_program_on() {
     let mut parameters = lock(&tables).parameters().to_vec();
     parameters[0].1 = 2.0;
     let tools = lock(&tables).tools().clone();
-    lock(&tables).set(parameters, tools);
+    take(&tables, &parameters, tools);
     machine.write("m.tbl", "T1 P1\nT2 P0 Z5\n");
     lock(&tables).refresh(&machine.config).unwrap();
     assert_eq!(
@@ -221,7 +254,7 @@ fn what_cannot_be_written_is_told_and_remembered() {
     let tables = Mutex::new(Tables::read(&config).unwrap());
     let tools = with_diameter(&lock(&tables), 1, 4.0);
     let parameters = lock(&tables).parameters().to_vec();
-    lock(&tables).set(parameters, tools);
+    take(&tables, &parameters, tools);
     let path = machine.folder.path().to_owned();
     drop(machine);
     let error = save(&mut Disk, &tables).unwrap_err();

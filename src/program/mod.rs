@@ -1,14 +1,18 @@
 //! From the program file to the ring: interpretation and planning, outside real time.
 //!
-//! In:  program text; the machine position from which it starts.
-//! Out: elements in the ring, as many as fit, until the program is planned.
+//! In:  program text; what the machine remembers; the machine position from which it starts.
+//! Out: elements in the ring, as many as fit, until the program is planned; then what the program left to remember.
+
+mod settings;
 
 use crate::config::Config;
+use crate::machine::tables::Tables;
 use motion::canon::{Event, Position};
 use motion::element::Element;
 use motion::plan::{AxisLimits, PlanError, Planner, Programmed, Pumped, Settings};
 use motion::ring::{Publish, Sink};
 use motion::rt::{MotionLimits, ScaleRamp, StopLimits};
+pub use settings::{interpreter_settings, settings_with};
 use std::fmt;
 
 /// Canonical calls that one call of [`Feeder::pump`] takes at the most.
@@ -52,8 +56,8 @@ pub struct Overview {
 ///
 /// # Errors
 /// All errors of the text, or the first one of the plan (a limit of the machine).
-pub fn check(config: &Config, path: &str, text: &[u8]) -> Result<Overview, ProgramErrors> {
-    let errors = gcode::check(text, interpreter_settings(config, home(config)));
+pub fn check(config: &Config, tables: &Tables, path: &str, text: &[u8]) -> Result<Overview, ProgramErrors> {
+    let errors = gcode::check(text, planned_settings(config, tables, home(config)));
     if !errors.is_empty() {
         let shown: Vec<String> = errors.iter().map(|error| error.render(path)).collect();
         return Err(ProgramErrors {
@@ -64,6 +68,7 @@ pub fn check(config: &Config, path: &str, text: &[u8]) -> Result<Overview, Progr
     let mut overview = Overview::default();
     let mut feeder = Feeder::new(
         config,
+        tables,
         text,
         home(config),
         Measure {
@@ -156,9 +161,9 @@ pub struct Feeder<'t, S: Sink<Element>> {
 
 impl<'t, S: Sink<Element>> Feeder<'t, S> {
     /// Begins at `start`, a machine position at rest.
-    pub fn new(config: &Config, text: &'t [u8], start: Position, sink: S) -> Feeder<'t, S> {
+    pub fn new(config: &Config, tables: &Tables, text: &'t [u8], start: Position, sink: S) -> Feeder<'t, S> {
         Feeder {
-            events: gcode::Interpreter::new(interpreter_settings(config, start))
+            events: gcode::Interpreter::new(planned_settings(config, tables, start))
                 .with_machine(Planned)
                 .run(text),
             planner: Planner::new(plan_settings(config, start), sink),
@@ -208,6 +213,11 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         self.planner.ideal_path()
     }
 
+    /// Offsets, parameters and tools as the program left them, as far as it was interpreted.
+    pub fn left_behind(&self) -> gcode::Settings {
+        self.events.snapshot()
+    }
+
     /// Line that was interpreted last.
     pub fn line(&self) -> u32 {
         self.line
@@ -223,59 +233,14 @@ pub fn home(config: &Config) -> Position {
     home
 }
 
-/// What an interpreter is told of a machine that stands at `start`; tools and stored parameters are in files of their own.
-pub fn interpreter_settings(config: &Config, start: Position) -> gcode::Settings {
-    let program = &config.program;
-    let mut settings = gcode::Settings {
-        start,
-        work_offsets: config.work_offsets,
+/// Settings of a program that is planned: curves come as arcs.
+fn planned_settings(config: &Config, tables: &Tables, start: Position) -> gcode::Settings {
+    gcode::Settings {
         splines: gcode::Splines::Arcs {
             tolerance_mm: CURVE_TOLERANCE_MM,
         },
-        length_unit: config.unit,
-        machine_unit: config.unit,
-        block_delete: program.block_delete,
-        diameter_mode: program.diameter_mode,
-        spindles: config.spindle.count,
-        orient_offset_degrees: config.spindle.orient_offset_degrees,
-        chip_breaking_clearance_mm: Some(program.chip_breaking_clearance_mm),
-        peck_clearance_mm: Some(program.peck_clearance_mm),
-        user_codes: Some(user_codes(&program.user_codes)),
-        ini_values: program.values.clone(),
-        ..gcode::Settings::default()
-    };
-    // What LinuxCNC has without a setting depends on the unit of the program.
-    if program.arc_radius_tolerance_mm != crate::config::ARC_RADIUS_TOLERANCE[0] {
-        settings.arc_radius_tolerance_mm = Some(program.arc_radius_tolerance_mm);
+        ..settings_with(config, tables, start)
     }
-    for map in &config.axes {
-        settings.wrapped_rotary[map.axis as usize] = map.wrapped;
-    }
-    settings.subroutine_folders = program
-        .directory
-        .iter()
-        .chain(&program.subroutine_directories)
-        .cloned()
-        .collect();
-    let remap = |remap: &crate::config::Remap| gcode::Remap {
-        code: remap.code.clone(),
-        subroutine: remap.subroutine.clone(),
-        arguments: remap.arguments.clone(),
-        modal_group: remap.modal_group,
-    };
-    settings.remaps = program.remaps.iter().map(remap).collect();
-    settings
-}
-
-/// Those of M100 to M199 for which there is a file.
-fn user_codes(codes: &crate::config::UserCodes) -> Vec<u8> {
-    let there = |number: &u8| {
-        codes
-            .directories
-            .iter()
-            .any(|folder| folder.join(format!("M{number}")).is_file())
-    };
-    (100..=199).filter(|number| codes.allowed && there(number)).collect()
 }
 
 /// What the planner is told of a machine that stands at `start`.

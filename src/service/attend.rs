@@ -4,11 +4,13 @@
 //! Out: orders to the cycle thread; the programmed path as far as it was planned.
 
 use super::desk::Desk;
+use super::keeper::Keeper;
 use super::operator::{Operator, Wish};
 use super::process::{Session, Task};
 use super::standby::{Clients, Part};
 use super::systemd::{Service, Sight};
 use crate::machine::sequence::Step;
+use crate::machine::tables::lock;
 use crate::program::{self, FeedError, Feeder, ring_capacity, stop_ramp};
 use crate::rt::figures::Windows;
 use crate::rt::rights::{self, Work};
@@ -65,9 +67,18 @@ pub(super) struct Attendance<'scope, 'env> {
     /// Nobody wants the rest of the program that is being planned.
     given_up: Arc<AtomicBool>,
     path: Vec<Programmed>,
+    keeper: Keeper<'scope, 'env>,
 }
 
-type PlannerThread<'scope> = ScopedJoinHandle<'scope, (Vec<Programmed>, Option<FeedError>)>;
+type PlannerThread<'scope> = ScopedJoinHandle<'scope, Planned>;
+
+/// What the program thread ends with.
+struct Planned {
+    path: Vec<Programmed>,
+    error: Option<FeedError>,
+    /// What the program left for the machine to remember.
+    left: gcode::Settings,
+}
 
 impl<'scope, 'env> Attendance<'scope, 'env> {
     pub(super) fn new(
@@ -81,7 +92,8 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
             scope,
             session,
             stop,
-            clients: Clients::new(scope, session.config, stands_by, desk),
+            clients: Clients::new(scope, session.config, session.tables, stands_by, desk),
+            keeper: Keeper::new(scope, session.tables),
             planner: None,
             given_up: Arc::default(),
             path: Vec::new(),
@@ -125,9 +137,11 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
         self.tell(&mut service, &running.operator, monotonic_ns());
         self.stop.store(true, Ordering::Release);
         // What it may still find wrong concerns nobody any more.
-        if let Some(Ok((path, _))) = self.planner.take().map(ScopedJoinHandle::join) {
-            self.path = path;
+        if let Some(Ok(planned)) = self.planner.take().map(ScopedJoinHandle::join) {
+            self.path = planned.path;
+            self.keep(planned.left);
         }
+        self.keeper.finish(&mut running.operator);
         Ok(self.path)
     }
 
@@ -153,7 +167,18 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
         if self.planner.as_ref().is_some_and(ScopedJoinHandle::is_finished) {
             self.join_planner(running, now_ns);
         }
+        if self.planner.is_none() && running.operator.step() != Step::Program {
+            self.keeper.attend(&mut running.operator)?;
+        }
         Ok(())
+    }
+
+    /// A program that is repeated measures something and leaves nothing behind.
+    fn keep(&mut self, left: gcode::Settings) {
+        match self.session.task {
+            Task::Once(_) | Task::StandBy => self.keeper.take(left),
+            Task::Repeat(_) => {}
+        }
     }
 
     /// Tells systemd how things are.
@@ -181,7 +206,10 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
 
     /// Starts the program thread.
     fn plan_from(&mut self, position: Position) -> anyhow::Result<Box<Interpolator>> {
-        let Session { config, task, .. } = self.session;
+        let Session {
+            config, task, tables, ..
+        } = self.session;
+        let tables = lock(tables).clone();
         let (producer, consumer) = ring::channel(ring_capacity(config));
         let (text, path_max) = match (task, self.clients.part()) {
             (Task::Once(program), _) => (Text::Given(program.text), PATH_MAX),
@@ -196,7 +224,7 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
             .name("program".into())
             .spawn_scoped(self.scope, move || {
                 rights::give_up_or_warn(Work::Ordinary);
-                let feeder = Feeder::new(config, text.octets(), position, producer);
+                let feeder = Feeder::new(config, &tables, text.octets(), position, producer);
                 let over = || stop.load(Ordering::Acquire) || given_up.load(Ordering::Acquire);
                 feed(feeder, path_max, over)
             })?;
@@ -207,8 +235,9 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
     fn join_planner(&mut self, running: &mut Running, now_ns: u64) {
         match self.planner.take().map(ScopedJoinHandle::join) {
             None => {}
-            Some(Ok((path, error))) => {
+            Some(Ok(Planned { path, error, left })) => {
                 self.path = path;
+                self.keep(left);
                 if let Some(error) = error {
                     let name = self.program_name().unwrap_or_default();
                     running.operator.fail(now_ns, error.located(name));
@@ -240,12 +269,9 @@ impl Text<'_> {
 }
 
 /// The program thread: plans until the program is in the ring or nobody wants it any more.
-fn feed(
-    mut feeder: Feeder<'_, Producer<Element>>,
-    path_max: usize,
-    over: impl Fn() -> bool,
-) -> (Vec<Programmed>, Option<FeedError>) {
+fn feed(mut feeder: Feeder<'_, Producer<Element>>, path_max: usize, over: impl Fn() -> bool) -> Planned {
     let mut path = Vec::new();
+    let mut failed = None;
     while !over() {
         let progress = feeder.pump();
         let room = path_max.saturating_sub(path.len());
@@ -254,8 +280,15 @@ fn feed(
             Ok(program::Progress::Working) => {}
             Ok(program::Progress::RingFull) => std::thread::sleep(to_next(PLANNER_PAUSE)),
             Ok(program::Progress::Done) => break,
-            Err(error) => return (path, Some(error)),
+            Err(error) => {
+                failed = Some(error);
+                break;
+            }
         }
     }
-    (path, None)
+    Planned {
+        path,
+        error: failed,
+        left: feeder.left_behind(),
+    }
 }

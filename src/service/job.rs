@@ -8,9 +8,11 @@ use super::progress::{Progress, say};
 use super::report::{self, Facts, FarEnd};
 use super::signals::{self, StopSignal};
 use crate::config::Config;
+use crate::machine::tables::{Tables, lock};
 use crate::program::check;
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::Mutex;
 
 /// What is to be done.
 pub struct Job<'a> {
@@ -36,7 +38,15 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
     let Job {
         config, program, out, ..
     } = job;
-    let overview = match check(config, program.name, program.text) {
+    let tables = match Tables::read(config) {
+        Ok(tables) => Mutex::new(tables),
+        Err(error) => {
+            eprintln!("{error}\n\nnothing was moved");
+            return Ok(ExitCode::FAILURE);
+        }
+    };
+    let checked = check(config, &lock(&tables), program.name, program.text);
+    let overview = match checked {
         Ok(overview) => overview,
         Err(errors) => {
             eprintln!("{errors}\n\nnothing was moved");
@@ -46,6 +56,7 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
     report::prepare(out)?;
     let session = Session {
         config,
+        tables: &tables,
         task: Task::Once(program),
         quiet: job.json,
         signal: job.signal,

@@ -6,6 +6,7 @@ pub mod control;
 pub mod desk;
 pub mod jitter;
 pub mod job;
+mod keeper;
 pub mod netns;
 pub mod network_view;
 pub mod operator;

@@ -221,6 +221,12 @@ impl Operator {
         self.sequence.stop(now_ns);
     }
 
+    /// Something that the operator ought to know and that stops nothing.
+    pub fn tell(&mut self, text: String) {
+        let time_s = self.live().cycles as f64 * self.cycle_s;
+        self.note(time_s, text);
+    }
+
     /// Gives an order that does not belong to the sequence.
     pub fn give(&mut self, command: Command) {
         // The ring is emptied every cycle and far longer than the orders of one; a full one means that no cycle runs.

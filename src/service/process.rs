@@ -18,6 +18,7 @@ use crate::bus::network;
 use crate::bus::powerlink::{NODES_MAX, Powerlink, wall_clock};
 use crate::bus::{EthernetFrame, Fieldbus, NodeStatistics};
 use crate::config::{Config, KeepAwake};
+use crate::machine::tables::Tables;
 use crate::rt::assemble::assemble;
 use crate::rt::calibrate::{Calibration, calibrate};
 use crate::rt::figures::{self, CycleFigures};
@@ -39,8 +40,8 @@ use powerlink::mn::MnConfig;
 use powerlink::wire;
 use std::io::Write;
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 
 /// Look for an answer this long before sleeping for it, ns: longer than a quick node takes, too short to matter.
 const ANSWER_SPIN_NS: u64 = 20_000;
@@ -51,6 +52,8 @@ const MEMORY_MAC: [u8; 6] = [0x02, 0, 0, 0, 0, 0xF0];
 pub struct Session<'a> {
     /// The machine.
     pub config: &'a Config,
+    /// What the machine remembers.
+    pub tables: &'a Mutex<Tables>,
     /// What it is there for.
     pub task: Task<'a>,
     /// Warn of nothing: the output is for a program.

@@ -18,12 +18,13 @@ use super::signals::{self, StopSignal};
 use crate::config::Config;
 use crate::machine::sequence::{Outcome, Step};
 use crate::machine::state::State;
+use crate::machine::tables::{Tables, lock};
 use crate::program::{Overview, check};
 use crate::rt::rights::{self, Work};
 use crate::rt::shared::Command;
 use serde_json::{Value, json};
 use std::process::ExitCode;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::thread::{Scope, ScopedJoinHandle};
 
 /// A program that was accepted.
@@ -40,6 +41,7 @@ type Checked = Result<Part, String>;
 pub(super) struct Clients<'scope, 'env> {
     scope: &'scope Scope<'scope, 'env>,
     config: &'env Config,
+    tables: &'env Mutex<Tables>,
     /// The session waits for programs; else it has its own.
     stands_by: bool,
     desk: Desk,
@@ -58,12 +60,14 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     pub(super) fn new(
         scope: &'scope Scope<'scope, 'env>,
         config: &'env Config,
+        tables: &'env Mutex<Tables>,
         stands_by: bool,
         desk: Desk,
     ) -> Clients<'scope, 'env> {
         Clients {
             scope,
             config,
+            tables,
             stands_by,
             desk,
             checking: None,
@@ -162,11 +166,17 @@ impl<'scope, 'env> Clients<'scope, 'env> {
 
     /// Reads and checks a program in a thread of its own: that may take seconds.
     fn check(&self, source: Source) -> std::io::Result<ScopedJoinHandle<'scope, Checked>> {
-        let config = self.config;
+        let (config, tables) = (self.config, self.tables);
         let work = move || {
             rights::give_up_or_warn(Work::Ordinary);
             let (name, text) = read(source)?;
-            let overview = check(config, &name, &text).map_err(|errors| errors.to_string())?;
+            // Whoever edited a table while nothing ran wants it to count.
+            let tables = {
+                let mut tables = lock(tables);
+                tables.refresh(config).map_err(|error| error.to_string())?;
+                tables.clone()
+            };
+            let overview = check(config, &tables, &name, &text).map_err(|errors| errors.to_string())?;
             Ok(Part { name, text, overview })
         };
         std::thread::Builder::new()
@@ -262,8 +272,16 @@ fn obey(order: &Order, operator: &mut Operator, now_ns: u64) -> Result<(), Strin
 /// # Errors
 /// What keeps it from starting.
 pub fn stand_by(config: &Config, wire: Wire, as_json: bool, signal: StopSignal) -> anyhow::Result<ExitCode> {
+    let tables = match Tables::read(config) {
+        Ok(tables) => Mutex::new(tables),
+        Err(error) => {
+            eprintln!("{error}");
+            return Ok(ExitCode::FAILURE);
+        }
+    };
     let session = Session {
         config,
+        tables: &tables,
         task: Task::StandBy,
         quiet: as_json,
         signal,
@@ -335,12 +353,13 @@ mod tests {
     fn while_standing_by(act: impl FnOnce(&mut Rehearsal<'_>, Clients<'_, '_>, &Counter)) {
         let machine = include_str!("../../configs/mill3-demo.toml");
         let config = config::parse(machine, Path::new("demo.toml")).unwrap();
+        let tables = Mutex::new(Tables::read(&config).unwrap());
         let net = NetConfig::clean(1);
         rehearse_with(&config, PART.as_bytes(), net, Operator::standing_by, |run| {
             let up = run.run_until(60_000, |run| run.control.state() == State::Disabled)?;
             assert!(up);
             let (counter, desk) = desk();
-            std::thread::scope(|scope| act(run, Clients::new(scope, &config, true, desk), &counter));
+            std::thread::scope(|scope| act(run, Clients::new(scope, &config, &tables, true, desk), &counter));
             Ok(())
         })
         .unwrap();

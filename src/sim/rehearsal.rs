@@ -12,6 +12,7 @@ use crate::bus::network;
 use crate::bus::powerlink::Powerlink;
 use crate::config::Config;
 use crate::machine::sequence::Outcome;
+use crate::machine::tables::Tables;
 use crate::program::{Feeder, Progress, ring_capacity, stop_ramp};
 use crate::rt::assemble::assemble;
 use crate::rt::cycle::Control;
@@ -46,6 +47,7 @@ pub struct Rehearsal<'a> {
     /// The pins.
     pub hal: Hal,
     config: &'a Config,
+    tables: Tables,
     text: &'a [u8],
     feeder: Option<Feeder<'a, Producer<Element>>>,
     path: Vec<Programmed>,
@@ -100,6 +102,7 @@ pub fn rehearse_with<T>(
         operator: operator(Operator::new(config, inlets, 0)),
         hal,
         config,
+        tables: Tables::read(config)?,
         text,
         feeder: None,
         path: Vec::new(),
@@ -202,7 +205,7 @@ impl<'a> Rehearsal<'a> {
             Wish::Nothing => {}
             Wish::PlanFrom(position) => {
                 let (producer, consumer) = ring::channel(ring_capacity(self.config));
-                self.feeder = Some(Feeder::new(self.config, self.text, position, producer));
+                self.feeder = Some(Feeder::new(self.config, &self.tables, self.text, position, producer));
                 let program = Interpolator::new(consumer, position, stop_ramp(self.config));
                 self.operator.start(Box::new(program));
             }

@@ -124,8 +124,13 @@ pub fn pocket(config: &Config, blocks: usize) -> Result<String, NoAxes> {
 mod tests {
     use super::*;
     use crate::config;
+    use crate::machine::tables::Tables;
     use crate::program::check;
     use std::path::Path;
+
+    fn tables(config: &Config) -> Tables {
+        Tables::read(config).unwrap()
+    }
 
     const MACHINE: &str = include_str!("../../../configs/mill3-demo.toml");
 
@@ -142,7 +147,7 @@ mod tests {
         let moves = |word: &str| lines.iter().filter(|line| line.starts_with(word)).count();
         assert!((7_990..8_030).contains(&(moves("G1") + moves("G3"))), "{}", lines.len());
         assert_eq!(moves("G3"), 2 * LOOPS);
-        let overview = check(&config, NAME, text.as_bytes()).unwrap();
+        let overview = check(&config, &tables(&config), NAME, text.as_bytes()).unwrap();
         assert_eq!(overview.lines as usize, lines.len());
         assert!(overview.time_s > 30.0, "{overview:?}");
         // Home is X0 Y0 Z0 of the machine, so minus the offset in G54.
@@ -154,7 +159,8 @@ mod tests {
         let config = machine();
         for blocks in [0, 1, ROSE, ROSE + 1, ROSE + LOOPS, ROSE + LOOPS + 1] {
             let text = pocket(&config, blocks).unwrap();
-            check(&config, NAME, text.as_bytes()).unwrap_or_else(|errors| panic!("{blocks} blocks: {errors}"));
+            check(&config, &tables(&config), NAME, text.as_bytes())
+                .unwrap_or_else(|errors| panic!("{blocks} blocks: {errors}"));
         }
     }
 

@@ -15,11 +15,13 @@ use super::report::{ControlFigures, Ended, JitterReport, Medians, Merged, Round,
 use super::window::Window;
 use crate::config::Config;
 use crate::machine::sequence::Outcome;
+use crate::machine::tables::Tables;
 use crate::service::process::{self, Program, Session, Task, Wire};
 use crate::service::signals::StopSignal;
 use anyhow::{Context, bail};
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::Mutex;
 use std::time::Instant;
 
 /// The floor is measured as long as the program ran, but each probe no longer than this, s.
@@ -288,8 +290,10 @@ impl Measured<'_> {
             ),
             FarEnd::Network { .. } => (None, None),
         };
+        let tables = Mutex::new(Tables::read(config)?);
         let session = Session {
             config,
+            tables: &tables,
             task: Task::Repeat(program),
             quiet: quiet || self.number > 1,
             signal: signal.clone(),
