@@ -4,6 +4,8 @@
 
 use gcode::Interpreter;
 use isocnc::config::{self, Config, ConfigErrors};
+use isocnc::machine::tables::Tables;
+use isocnc::program::interpreter_settings;
 use motion::canon::{Call, Event, Position};
 use motion::plan::{AxisLimits, Settings, check::check, deviation::deviation, plan_offline};
 use std::path::{Path, PathBuf};
@@ -112,11 +114,8 @@ fn distance_mm(samples: &[Position], point: Position) -> f64 {
 /// tolerance. Returns what it does and how long it moves.
 fn run(program: &Path) -> (Vec<Event>, f64) {
     let (config, settings) = demo_machine();
-    let of_gcode = gcode::Settings {
-        start: settings.start,
-        work_offsets: config.work_offsets,
-        ..gcode::Settings::default()
-    };
+    let tables = Tables::read(&config).unwrap();
+    let of_gcode = interpreter_settings(&config, &tables, settings.start);
     let name = program.display();
     let text = std::fs::read(program).unwrap();
     let errors = gcode::check(&text, of_gcode.clone());

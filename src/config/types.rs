@@ -486,7 +486,7 @@ pub struct Remap {
 /// `[tools]`
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Tools {
-    /// The tool table; `None`: there is none.
+    /// The tool table; `None`: tools 1 to 99, none with a length or diameter.
     pub table: Option<PathBuf>,
     /// What pocket numbers mean; default fixed.
     pub changer: ToolChanger,

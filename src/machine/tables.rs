@@ -9,7 +9,7 @@
 use super::safe_file::{self, Files};
 use crate::config::Config;
 use gcode::parameter::file as parameter_file;
-use gcode::{Located, ToolChanger, ToolTable};
+use gcode::{Located, Tool, ToolChanger, ToolTable};
 use motion::canon::{Axis, LengthUnit, Position};
 use std::fmt;
 use std::fmt::Write;
@@ -19,6 +19,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Longest file that is read, octets; a full tool table with long remarks has a tenth of it.
 const FILE_MAX: usize = 4 << 20;
+
+/// Tools of a machine that names no tool table.
+const BARE_TOOLS: std::ops::RangeInclusive<u32> = 1..=99;
 
 /// The offset of G92 and G52, and whether it is in effect.
 const G92: std::ops::RangeInclusive<u16> = 5210..=5219;
@@ -97,7 +100,10 @@ impl Tables {
         };
         let mut tables = Tables {
             parameters: default_parameters(&config.work_offsets, config.unit),
-            tools: ToolTable::new(config.unit, config.tools.changer),
+            tools: match config.tools.table {
+                Some(_) => ToolTable::new(config.unit, config.tools.changer),
+                None => bare_tools(config),
+            },
             tool_in_spindle: 0,
             parameter_file: kept(&config.program.parameter_file),
             tool_file: kept(&config.tools.table),
@@ -212,6 +218,21 @@ fn default_parameters(origins: &[Position; 9], unit: LengthUnit) -> Vec<(u16, f6
         }
     }
     parameters
+}
+
+/// The tools of a machine without a table: they can be called and changed, and have neither length nor diameter.
+fn bare_tools(config: &Config) -> ToolTable {
+    let mut tools = ToolTable::new(config.unit, config.tools.changer);
+    for number in BARE_TOOLS {
+        let tool = Tool {
+            number,
+            pocket: number,
+            ..Tool::default()
+        };
+        let set = tools.set(tool);
+        debug_assert_eq!(set, Ok(()), "each number once, far fewer than a table holds");
+    }
+    tools
 }
 
 /// The tables for more than one thread; one that panicked leaves them whole.

@@ -53,6 +53,12 @@ fn with_diameter(tables: &Tables, number: u32, diameter_mm: f64) -> ToolTable {
     tools
 }
 
+/// Parameter 31 and the number of tools.
+fn held(tables: &Mutex<Tables>) -> (Option<f64>, usize) {
+    let tables = lock(tables);
+    (value(&tables, 31), tables.tools().tools().count())
+}
+
 fn take(tables: &Mutex<Tables>, parameters: &[(u16, f64)], tools: ToolTable) {
     lock(tables).take(gcode::Settings {
         parameters: parameters.iter().copied().collect(),
@@ -60,6 +66,17 @@ fn take(tables: &Mutex<Tables>, parameters: &[(u16, f64)], tools: ToolTable) {
         tool_in_spindle: 3,
         ..gcode::Settings::default()
     });
+}
+
+#[test]
+fn a_machine_without_a_table_has_tools_without_measures() {
+    let config = config::parse(DEMO, Path::new("demo.toml")).unwrap();
+    let tables = Tables::read(&config).unwrap();
+    let numbers: Vec<u32> = tables.tools().tools().map(|tool| tool.number).collect();
+    assert_eq!(numbers, (1..=99).collect::<Vec<u32>>());
+    let bare = |tool: &Tool| tool.diameter_mm == 0.0 && tool.offset == Position::ZERO && tool.pocket == tool.number;
+    assert!(tables.tools().tools().all(bare));
+    save(&mut Disk, &Mutex::new(tables)).unwrap();
 }
 
 #[test]
@@ -182,10 +199,8 @@ fn what_a_program_left_behind_is_written_with_a_backup() {
     assert_eq!(machine.text("m.tbl.bak").as_deref(), Some(table));
     // A new process reads the same.
     let again = Tables::read(&machine.config).unwrap();
-    assert_eq!(
-        (again.parameters(), again.tools()),
-        (lock(&tables).parameters(), lock(&tables).tools())
-    );
+    let held = lock(&tables);
+    assert_eq!((again.parameters(), again.tools()), (held.parameters(), held.tools()));
 }
 
 #[test]
@@ -225,10 +240,7 @@ fn what_somebody_edits_counts_from_the_next_program_on() {
     take(&tables, &parameters, tools);
     machine.write("m.tbl", "T1 P1\nT2 P0 Z5\n");
     lock(&tables).refresh(&machine.config).unwrap();
-    assert_eq!(
-        (value(&lock(&tables), 31), lock(&tables).tools().tools().count()),
-        (Some(2.0), 2)
-    );
+    assert_eq!(held(&tables), (Some(2.0), 2));
     save(&mut Disk, &tables).unwrap();
     assert_eq!(machine.text("m.tbl").as_deref(), Some("T1 P1\nT2 P0 Z5\n"));
     assert!(machine.text("m.var").unwrap().starts_with("31\t2.000000\n"));
@@ -236,10 +248,7 @@ fn what_somebody_edits_counts_from_the_next_program_on() {
     machine.write("m.var", "31 3\n");
     machine.write("m.tbl", "T1 P1\nT2 P1\n");
     lock(&tables).refresh(&machine.config).unwrap_err();
-    assert_eq!(
-        (value(&lock(&tables), 31), lock(&tables).tools().tools().count()),
-        (Some(2.0), 2)
-    );
+    assert_eq!(held(&tables), (Some(2.0), 2));
     // A file that is gone is written again.
     fs::remove_file(machine.folder.path().join("m.tbl")).unwrap();
     lock(&tables).refresh(&machine.config).unwrap();

@@ -113,6 +113,7 @@ mod tests {
             chip_breaking_clearance_mm: Some(0.254),
             peck_clearance_mm: Some(0.254),
             user_codes: Some(Vec::new()),
+            tools: found.tools.clone(),
             parameters: found.parameters.clone(),
             ..gcode::Settings::default()
         };
