@@ -5,7 +5,7 @@
 use gcode::Interpreter;
 use isocnc::config::{self, Config, ConfigErrors};
 use isocnc::machine::tables::Tables;
-use isocnc::program::interpreter_settings;
+use isocnc::program::settings_with;
 use motion::canon::{Call, Event, Position};
 use motion::plan::{AxisLimits, Settings, check::check, deviation::deviation, plan_offline};
 use std::path::{Path, PathBuf};
@@ -115,7 +115,7 @@ fn distance_mm(samples: &[Position], point: Position) -> f64 {
 fn run(program: &Path) -> (Vec<Event>, f64) {
     let (config, settings) = demo_machine();
     let tables = Tables::read(&config).unwrap();
-    let of_gcode = interpreter_settings(&config, &tables, settings.start);
+    let of_gcode = settings_with(&config, &tables, settings.start);
     let name = program.display();
     let text = std::fs::read(program).unwrap();
     let errors = gcode::check(&text, of_gcode.clone());

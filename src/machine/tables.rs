@@ -100,10 +100,7 @@ impl Tables {
         };
         let mut tables = Tables {
             parameters: default_parameters(&config.work_offsets, config.unit),
-            tools: match config.tools.table {
-                Some(_) => ToolTable::new(config.unit, config.tools.changer),
-                None => bare_tools(config),
-            },
+            tools: without_file(config),
             tool_in_spindle: 0,
             parameter_file: kept(&config.program.parameter_file),
             tool_file: kept(&config.tools.table),
@@ -220,9 +217,13 @@ fn default_parameters(origins: &[Position; 9], unit: LengthUnit) -> Vec<(u16, f6
     parameters
 }
 
-/// The tools of a machine without a table: they can be called and changed, and have neither length nor diameter.
-fn bare_tools(config: &Config) -> ToolTable {
+/// The tools before a table is read: none where the machine file names one; else some that can be called and changed, and
+/// have neither length nor diameter.
+pub fn without_file(config: &Config) -> ToolTable {
     let mut tools = ToolTable::new(config.unit, config.tools.changer);
+    if config.tools.table.is_some() {
+        return tools;
+    }
     for number in BARE_TOOLS {
         let tool = Tool {
             number,
