@@ -55,6 +55,9 @@ impl State {
                 FeedMode::PerTurn { spindle },
             ),
         };
+        if let FeedMode::PerTurn { spindle } = mode {
+            self.spindle = spindle;
+        }
         calls.push_back(Call::Comment(remark.into()));
         calls.push_back(Call::SetFeedMode(mode));
         self.modal.feed_unit = unit;

@@ -138,8 +138,8 @@ impl State {
     fn modes(&mut self, block: &Block, motion: Option<Motion>, calls: &mut Calls) -> Result<(), Fault> {
         self.dwell(block, calls)?;
         self.plane(block, calls);
-        self.diameter(block, calls);
         self.unit(block, calls);
+        self.diameter(block, calls);
         self.compensation(block, calls)?;
         self.check_behind_compensation(block, motion)?;
         self.length_offset(motion, block, calls)?;

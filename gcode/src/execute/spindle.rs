@@ -63,6 +63,7 @@ impl State {
             }
         };
         let spindle = self.one_spindle(block)?;
+        self.spindle = spindle;
         self.modal.spindles[usize::from(spindle)].mode = mode;
         calls.push_back(Call::SetSpindleMode { spindle, mode });
         Ok(())

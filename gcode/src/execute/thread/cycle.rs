@@ -46,8 +46,6 @@ struct Thread {
     taper_in: bool,
     taper_out: bool,
     spindle: u8,
-    /// Whether the operator's override acted before.
-    feed_override: bool,
 }
 
 impl State {
@@ -178,7 +176,6 @@ impl State {
             taper_in: taper > 0.0 && taper_kind % 2.0 == 1.0,
             taper_out: taper > 0.0 && taper_kind >= 2.0,
             spindle,
-            feed_override: self.modal.overrides.feed,
         })
     }
 }
@@ -227,9 +224,11 @@ impl Thread {
         } else {
             calls.push_back(feed(cut_x, end_z));
         }
-        calls.extend([Call::StopSpindleSync, rapid(above_x, end_z)]);
-        if self.feed_override {
-            calls.push_back(Call::EnableFeedOverride(true));
-        }
+        // LinuxCNC lets the override act again even if M49 or M50 had switched it off.
+        calls.extend([
+            Call::StopSpindleSync,
+            rapid(above_x, end_z),
+            Call::EnableFeedOverride(true),
+        ]);
     }
 }

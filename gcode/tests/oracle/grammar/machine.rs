@@ -158,6 +158,9 @@ impl Writer {
         self.per_minute();
         let (code, direction) = self.random.pick(&[("G84", 1), ("G74", -1)]);
         self.spindle_on(direction);
+        // LinuxCNC exchanges the axes of taps in ZX and YZ and feeds to another place; ours stay in the hole.
+        self.plane = 0;
+        self.raw("G17");
         let (first, second, third, ..) = PLANES[self.plane];
         let mut words = vec![code.to_owned(), "R1".to_owned(), format!("{}-3", AXES[third] as char)];
         words.extend(self.axis_words(&[first, second]));
