@@ -1,7 +1,8 @@
 //! Canonical calls as plain G-code: no parameters, no expressions, no loops, no subroutines, no cycles.
 //!
 //! In:  events of a program from its first one on, and the [`Settings`] it ran with.
-//! Out: a text between two lines `%`; read with the same settings it gives the same moves.
+//! Out: a text between two lines `%`; read with the same settings ([`FlatWriter::settings_to_read_with`]) it gives the
+//!      same moves.
 //!
 //! How things are written:
 //!
@@ -14,6 +15,7 @@
 //!   G52, tool lengths as G43.1 and G49, tool entries as G10 L1, tools as T and M6 or M61.
 //! - Cycles, G28, G53 and polar coordinates as the moves they come to; the path of the tool's centre as it is, a
 //!   programmed one with G41.1 and G42.1; threads and taps as G33 and G33.1; every spline as G5.2 and G5.3.
+//! - Axes without ends by their place on the turn, which is rounded.
 //! - A probing move and M66 stay what they are: what follows is what came of the answers in this run.
 //! - `(PRINT, ..)`, `(LOG, ..)` and messages with the values they had; remarks of the interpreter are left out, as is what
 //!   other codes bring about anyway ([`Call::Probe`], [`Call::StartChange`], [`Call::Reset`]).
@@ -24,10 +26,10 @@ mod line;
 #[cfg(test)]
 mod tests;
 
-use crate::Settings;
 use crate::comment::{self, CommentKind};
 use crate::execute::circle;
 use crate::state::Offsets;
+use crate::{Settings, ToolChangePlace};
 use line::{Exactness, LINE_MAX, Line, LineError};
 use motion::canon::{
     AXES, Axis, Call, Cutter, Event, FeedMode, Input, LengthUnit, OrientDirection, PathMode, Plane, Position, Record,
@@ -57,8 +59,8 @@ pub enum Unwritable {
     /// An arc that G2 and G3 refuse in mm: start and end differ in radius.
     #[error("an arc that G2 and G3 refuse in mm: {0}")]
     Arc(String),
-    /// More than a turn backwards.
-    #[error("{0} has no ends and turns back by more than a turn, which one word cannot say")]
+    /// A whole turn or more at once.
+    #[error("{0} has no ends and turns by a whole turn or more, which a word cannot say")]
     Wrapped(char),
     /// A curve that does not begin where the axes stand, or outside the XY plane.
     #[error("a spline {0}")]
@@ -132,6 +134,8 @@ pub struct FlatWriter {
     feed_mode: FeedMode,
     feed: Option<f64>,
     tools: BTreeMap<u32, ToolEntry>,
+    /// The entry that was written last.
+    entry: Option<ToolEntry>,
     selected_tool: u32,
     mist: bool,
     flood: bool,
@@ -143,6 +147,7 @@ pub struct FlatWriter {
     waiting: Option<Waiting>,
     wrapped_rotary: [bool; AXES],
     orient_offset_degrees: f64,
+    diameter_mode: bool,
     arc_tolerance_mm: Option<f64>,
     line: Line,
     text: String,
@@ -186,6 +191,7 @@ impl FlatWriter {
             feed_mode: FeedMode::PerTime,
             feed: None,
             tools: tools.collect(),
+            entry: None,
             selected_tool: 0,
             mist: false,
             flood: false,
@@ -196,9 +202,24 @@ impl FlatWriter {
             waiting: None,
             wrapped_rotary: settings.wrapped_rotary,
             orient_offset_degrees: settings.orient_offset_degrees,
+            diameter_mode: settings.diameter_mode,
             arc_tolerance_mm: settings.arc_radius_tolerance_mm,
             line: Line::default(),
             text: String::new(),
+        }
+    }
+
+    /// The settings with which the text gives the same moves: those of the program without what would be done a second
+    /// time, the subroutines of remapped codes and the moves of a tool change.
+    pub fn settings_to_read_with(settings: &Settings) -> Settings {
+        Settings {
+            remaps: Vec::new(),
+            tool_change: ToolChangePlace {
+                spindle_on: settings.tool_change.spindle_on,
+                ..ToolChangePlace::default()
+            },
+            keep_tool_offset: false,
+            ..settings.clone()
         }
     }
 
@@ -247,6 +268,9 @@ impl FlatWriter {
     fn begin(&mut self) {
         if !std::mem::replace(&mut self.begun, true) {
             self.text.push_str("%\nG21 G90 G90.1\n");
+            if self.diameter_mode {
+                self.text.push_str("G8\n");
+            }
         }
     }
 
@@ -443,7 +467,11 @@ impl FlatWriter {
             Call::UserCode { number, p, q } => self.user_code(*number, *p, *q),
             Call::Message(text) => self.remark("MSG,", text),
             Call::Comment(text) if text.starts_with("interpreter:") => Ok(()),
-            Call::Comment(text) => self.remark("", text),
+            Call::Comment(text) => match comment::read(text.as_bytes()).0 {
+                // Its record comes behind it.
+                CommentKind::OpenProbeLog | CommentKind::CloseProbeLog => Ok(()),
+                _ => self.remark("", text),
+            },
             Call::Record(record) => self.record(record),
             Call::ProgramStop => {
                 let code = if std::mem::take(&mut self.pallet) { "M60" } else { "M0" };
@@ -486,13 +514,14 @@ impl FlatWriter {
     }
 
     fn push_axis(&mut self, axis: Axis, to: Position) -> Result<(), Unwritable> {
-        let number = if self.wrapped_rotary[axis as usize] {
-            wrapped_word(self.at[axis], to[axis]).ok_or(Unwritable::Wrapped(axis.letter()))?
+        if self.wrapped_rotary[axis as usize] {
+            let place = wrapped_word(self.at[axis], to[axis]).ok_or(Unwritable::Wrapped(axis.letter()))?;
+            self.line.signed_word(axis.letter(), place);
+            self.known[axis as usize] = false; // a place and some turns: rounded
         } else {
-            to[axis]
-        };
-        self.line.word(axis.letter(), number);
-        self.known[axis as usize] = !self.wrapped_rotary[axis as usize];
+            self.line.word(axis.letter(), to[axis]);
+            self.known[axis as usize] = true;
+        }
         Ok(())
     }
 
@@ -880,7 +909,8 @@ impl FlatWriter {
     fn tool_entry(&mut self, entry: &ToolEntry) -> Result<(), Unwritable> {
         let old = self.tools.insert(entry.tool, *entry);
         // A table names the tool in the spindle twice.
-        if old.is_some_and(|old| ToolEntry { pocket: 0, ..old } == ToolEntry { pocket: 0, ..*entry }) {
+        let told = self.entry.replace(*entry);
+        if told.is_some_and(|told| ToolEntry { pocket: 0, ..told } == ToolEntry { pocket: 0, ..*entry }) {
             return Ok(());
         }
         self.line.begin("G10 L1").word('P', entry.tool);
@@ -1003,14 +1033,10 @@ fn per_minute(per_second: f64) -> f64 {
         .unwrap_or(nearest)
 }
 
-/// The word by which an axis without ends goes from `at` to `to`: its sign is the direction, its magnitude counts from
-/// the last whole turn below `at`. `None`: it goes back by more than a turn.
+/// The word by which an axis without ends goes from `at` to `to`: its sign is the direction, also that of -0, its
+/// magnitude the place on the turn. `None`: it turns by a whole turn or more.
 fn wrapped_word(at: f64, to: f64) -> Option<f64> {
-    let turn = at - at.rem_euclid(360.0);
-    let above = to - turn;
-    if to >= at {
-        return Some(above);
-    }
-    let below = if above > 0.0 { above } else { above + 360.0 };
-    (below > 0.0).then_some(-below)
+    let place = Some(to.rem_euclid(360.0)).filter(|place| *place < 360.0).unwrap_or(0.0);
+    let way = to - at;
+    (way.abs() < 360.0).then_some(if way < 0.0 { -place } else { place })
 }

@@ -55,7 +55,13 @@ impl Line {
     }
 
     pub(super) fn word(&mut self, letter: char, number: impl Into<f64>) -> &mut Line {
-        self.words.push((letter, number.into()));
+        self.words.push((letter, number.into() + 0.0)); // zero has no sign
+        self
+    }
+
+    /// The same for a number whose sign counts although it is zero.
+    pub(super) fn signed_word(&mut self, letter: char, number: f64) -> &mut Line {
+        self.words.push((letter, number));
         self
     }
 
@@ -100,8 +106,7 @@ impl Line {
 /// The shortest digits that are read back as `number`, at most `decimals` of them behind the point.
 fn push_number(text: &mut String, number: f64, decimals: usize) {
     let start = text.len();
-    // Zero has no sign. A String takes all that is written.
-    let _ = write!(text, "{}", number + 0.0);
+    let _ = write!(text, "{number}"); // a String takes all that is written
     let behind_point = text[start..].find('.').map_or(0, |at| text.len() - start - at - 1);
     if behind_point > decimals {
         text.truncate(start);
@@ -130,7 +135,7 @@ mod tests {
     fn numbers_are_plain_and_as_short_as_can_be() {
         for (value, text) in [
             (0.0, "0"),
-            (-0.0, "0"),
+            (-0.0, "-0"),
             (1.0, "1"),
             (-25.4, "-25.4"),
             (0.1 + 0.2, "0.30000000000000004"),

@@ -76,7 +76,7 @@ pub fn run(case: &Case) -> Outcome {
 }
 
 /// The settings of a case: its tables and what its INI values say.
-fn settings(case: &Case, folder: &Path) -> Settings {
+pub fn settings(case: &Case, folder: &Path) -> Settings {
     let value = |section: &str, key: &str| case.options.ini.get(section).and_then(|keys| keys.get(key));
     let number = |section: &str, key: &str| value(section, key).map(|text| text.parse::<f64>().expect("a number"));
     let flag = |section: &str, key: &str| number(section, key).is_some_and(|number| number != 0.0);
