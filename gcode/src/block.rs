@@ -11,7 +11,7 @@ use crate::code::{
 };
 use crate::error::ErrorKind;
 use crate::expression::{Target, Values};
-use crate::scan::{Cursor, Fault, Item, Span};
+use crate::scan::{Cursor, Fault, Item, NUMBER_MAX, Span};
 use motion::canon::{Axis, LengthUnit, Plane};
 
 /// A code and where it stands.
@@ -295,6 +295,10 @@ impl Block {
 
     #[inline]
     fn other_word(&mut self, letter: u8, value: f64, span: Span) -> Result<(), ErrorKind> {
+        if value.abs() > NUMBER_MAX {
+            let (letter, max) = (letter.into(), NUMBER_MAX);
+            return Err(ErrorKind::NumberTooLarge { letter, max });
+        }
         let slot = slot(letter);
         if self.words.present & (1 << slot) != 0 {
             let letter = letter.into();
