@@ -818,6 +818,12 @@ pub enum ErrorKind {
     /// G53 in G91.
     #[error("G53 names a machine position, which G91 (incremental) cannot: write G90")]
     MachineCoordinatesIncremental,
+    /// G4 and an arc on one line.
+    #[error("G4 and {motion} would both use P: put them on two lines")]
+    DwellWithArc {
+        /// G2 or G3.
+        motion: String,
+    },
     /// G4 without P.
     #[error("G4 needs P, the seconds to wait")]
     DwellMissing,

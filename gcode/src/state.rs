@@ -6,7 +6,7 @@ use crate::code::{Distance, FeedUnit, Motion, Retract};
 use crate::execute::{CycleWords, Turning};
 use crate::parameter::{self, Parameters};
 use crate::remap;
-use crate::{Settings, ToolTable};
+use crate::{Settings, ToolChanger, ToolTable};
 use motion::canon::{
     Axis, Cutter, Input, LengthUnit, PathMode, Plane, Position, ProbeMode, SPINDLES, SpindleDirection, SpindleMode,
     WaitMode,
@@ -127,8 +127,11 @@ impl Tools {
             .find_map(|(line, tool)| (tool.number == number).then_some(line))
     }
 
-    /// P of a line; -1 without one.
+    /// P of a line, of a random tool changer the line itself; -1 without one.
     pub(crate) fn pocket_of(&self, line: Option<u32>) -> f64 {
+        if let (Some(line), ToolChanger::Random) = (line, self.table.changer()) {
+            return f64::from(line);
+        }
         let tool = line.and_then(|line| self.table.tools().nth(line as usize - 1));
         tool.map_or(-1.0, |tool| f64::from(tool.pocket))
     }

@@ -122,7 +122,7 @@ impl State {
                         let letter = 'D';
                         integer_in(number, 0..=i64::from(u32::MAX))
                             .ok_or(ErrorKind::NotInteger { letter, value: number })
-                            .and_then(|_| self.tool_of(number))
+                            .and_then(|_| self.tool_or_spindle(number))
                             .map_err(|kind| (block.span(b'D'), kind))?
                     }
                     None => self.tool(),

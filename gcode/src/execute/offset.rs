@@ -71,6 +71,9 @@ impl State {
                 Ok(())
             }
             NonModal::LocalOffset => {
+                if !block.has_axes() {
+                    return Err((code.span, ErrorKind::AxisMissing { code: "G52".into() }));
+                }
                 let mut offset = self.offsets.g92;
                 for (axis, value) in self.axis_values(block) {
                     offset[axis] = value;
@@ -207,13 +210,12 @@ impl State {
             .position(stored_point(point), self.settings.machine_unit);
         self.at = self.end(block)?;
         calls.push_back(Call::StraightTraverse { to: self.at });
-        let mut machine = self.machine();
+        let stored = self.offsets.work(stored);
         for axis in Axis::ALL {
             if !block.has_axes() || block.axis(axis).is_some() {
-                machine[axis] = stored[axis];
+                self.at[axis] = stored[axis];
             }
         }
-        self.at = self.offsets.work(machine);
         calls.push_back(Call::StraightTraverse { to: self.at });
         Ok(())
     }

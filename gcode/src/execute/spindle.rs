@@ -187,13 +187,11 @@ impl State {
         for (number, spindle) in (0..self.settings.spindles).zip(&mut self.modal.spindles) {
             spindle.turning = None;
             spindle.mode = SpindleMode::Rpm;
-            if number == 0 {
-                calls.push_back(Call::StopSpindle { spindle: number });
-                calls.push_back(Call::SetSpindleMode {
-                    spindle: number,
-                    mode: SpindleMode::Rpm,
-                });
-            }
+            calls.push_back(Call::StopSpindle { spindle: number });
+            calls.push_back(Call::SetSpindleMode {
+                spindle: number,
+                mode: SpindleMode::Rpm,
+            });
         }
     }
 }

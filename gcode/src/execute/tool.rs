@@ -20,6 +20,14 @@ impl State {
         Ok(())
     }
 
+    /// The tool of H and D: 0 is the one in the spindle, unless a random tool changer has a tool 0.
+    pub(super) fn tool_or_spindle(&self, number: f64) -> Result<Tool, ErrorKind> {
+        match self.tools.table.changer() {
+            ToolChanger::Fixed if number == 0.0 => Ok(self.tool()),
+            ToolChanger::Fixed | ToolChanger::Random => self.tool_of(number),
+        }
+    }
+
     /// The table's entry of a tool number. 0 is no tool, but of a random tool changer.
     pub(super) fn tool_of(&self, number: f64) -> Result<Tool, ErrorKind> {
         let wanted = integer_in(number, 0..=i64::from(u32::MAX)).map(|number| number as u32);
@@ -123,7 +131,7 @@ impl State {
         };
         let of_tool = |state: &State| match block.word_value(b'H') {
             Some(number) => {
-                let tool = state.tool_of(number).map_err(|kind| (block.span(b'H'), kind))?;
+                let tool = state.tool_or_spindle(number).map_err(|kind| (block.span(b'H'), kind))?;
                 Ok(tool.offset)
             }
             None => Ok(state.tool().offset),

@@ -61,6 +61,13 @@ impl State {
                 return Err((code.span, ErrorKind::MachineCoordinatesIncremental));
             }
         }
+        if let (Some(dwell), Some(arc)) = (block.codes.non_modal, block.codes.motion)
+            && dwell.value == NonModal::Dwell
+            && let Some(motion) = arc.value.filter(|motion| motion.is_arc())
+        {
+            let motion = motion.name();
+            return Err((arc.span, ErrorKind::DwellWithArc { motion }));
+        }
         if let Some(letter) = block.first_of(b"@^")
             && motion.is_none()
         {
@@ -139,8 +146,8 @@ fn used_letters(block: &Block, motion: Option<Motion>) -> u32 {
     if let Some(code) = codes.compensation {
         used |= match code.value {
             Compensation::Off => 0,
-            Compensation::Tool(_) => letters(b"D"),
-            Compensation::Dynamic(_) => letters(b"DL"),
+            Compensation::Tool(_) => letters(b"DL"),
+            Compensation::Dynamic(_) => letters(b"DLR"),
         };
     }
     if let Some(code) = codes.length_offset {
@@ -167,8 +174,7 @@ fn used_letters(block: &Block, motion: Option<Motion>) -> u32 {
     if let Some(code) = codes.stop {
         used |= match code.value {
             Stop::Call => letters(b"PL"),
-            Stop::Program | Stop::Optional | Stop::End | Stop::PalletEnd | Stop::Pallet => 0,
-            Stop::Return => letters(b"P"),
+            Stop::Program | Stop::Optional | Stop::End | Stop::PalletEnd | Stop::Pallet | Stop::Return => 0,
         };
     }
     if let Some(code) = codes.input_output {

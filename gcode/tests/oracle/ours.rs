@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use gcode::{CanonPrinter, Interpreter, Remap, Settings, ToolChanger, ToolTable, parameter};
+use gcode::{CanonPrinter, Interpreter, Remap, Settings, ToolChangePlace, ToolChanger, ToolTable, parameter};
 use motion::canon::{Axis, Call, LengthUnit, Position, Record};
 
 use super::case::Case;
@@ -96,6 +96,12 @@ pub fn settings(case: &Case, folder: &Path) -> Settings {
         // A greater one than the usual is not taken.
         arc_radius_tolerance_mm: number("RS274NGC", "CENTER_ARC_RADIUS_TOLERANCE_MM").filter(|mm| *mm < 0.0282),
         user_codes: Some(Vec::new()),
+        tool_change: ToolChangePlace {
+            spindle_on: flag("EMCIO", "TOOL_CHANGE_WITH_SPINDLE_ON"),
+            quill_up: flag("EMCIO", "TOOL_CHANGE_QUILL_UP"),
+            at_g30: flag("EMCIO", "TOOL_CHANGE_AT_G30"),
+        },
+        keep_tool_offset: flag("RS274NGC", "RETAIN_G43"),
         ..Settings::default()
     };
     settings.set_parameters(&parameter::file::parse(case.parameters.as_bytes()).expect("a parameter file"));
