@@ -302,3 +302,26 @@ fn plain_g_code_has_no_loops_and_gives_the_same_calls() {
     assert_eq!(moves(flat), moves(program));
     assert_eq!(moves(flat).len(), 3);
 }
+
+/// `rs274` prints a move that compensation held back when, and with the number, of the line that lets it go; JSON tells its own.
+#[test]
+fn a_compensated_move_is_numbered_by_the_line_that_lets_it_go() {
+    let program = "N1 G41.1 D2\nN2 G0 X10\nN3 X20\nN4 Y10\nN5 G40\nN6 X0\nM2\n";
+    let numbers = |output: &Output| -> Vec<String> {
+        let moves = calls(output)
+            .into_iter()
+            .filter(|line| line.contains("STRAIGHT_TRAVERSE"));
+        moves.map(|line| line[..6].trim_end().to_owned()).collect()
+    };
+    let (_, output) = interpret(&[("part.ngc", program)], &["part.ngc"]);
+    assert_eq!(text(&output.stderr), "");
+    assert_eq!(numbers(&output), ["N3", "N4", "N5", "N6"]);
+    let (_, output) = interpret(&[("part.ngc", program)], &["part.ngc", "--format", "json"]);
+    let own: Vec<bool> = text(&output.stdout)
+        .lines()
+        .filter(|line| line.contains("straight_traverse"))
+        .zip(["\"n\":2", "\"n\":3", "\"n\":4", "\"n\":6"])
+        .map(|(line, n)| line.replace(": ", ":").contains(n))
+        .collect();
+    assert_eq!(own, [true; 4]);
+}

@@ -187,6 +187,9 @@ fn run(args: &InterpretArgs, text: &Text, name: &str, tables: tables::Tables) ->
     if args.continue_after_error {
         run = run.continue_after_errors();
     }
+    if let Format::Canon = args.format {
+        run = run.number_by_release();
+    }
     let mut out = io::BufWriter::with_capacity(1 << 16, io::stdout().lock());
     let mut log = args.write_logs.then(Log::default);
     let mut errors = 0;
