@@ -72,6 +72,12 @@ pub enum SplineError {
         /// The limit.
         max: usize,
     },
+    /// A curve that arcs cannot follow.
+    #[error("the curve would take more than {max} arcs to follow: is one of its control points far off?")]
+    TooManyPieces {
+        /// The limit.
+        max: usize,
+    },
     /// G5.3 alone.
     #[error("G5.3 ends a curve that G5.2 began, and none is begun")]
     NotOpen,

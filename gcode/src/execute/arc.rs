@@ -7,7 +7,7 @@ use crate::code::{Distance, Motion};
 use crate::error::ErrorKind;
 use crate::scan::Fault;
 use crate::state::State;
-use motion::canon::{Axis, Call, Plane, Position};
+use motion::canon::{Call, Plane, Position};
 
 /// Names of the words of an arc in a plane.
 pub(super) struct ArcWords {
@@ -143,12 +143,6 @@ impl State {
         let tolerance_mm = self.settings.arc_radius_tolerance_mm;
         circle::by_centre(start_mm, [to[first], to[second]], centre_mm, turns, unit, tolerance_mm)
             .map_err(|kind| (block.span(given), kind))
-    }
-
-    /// Whether an axis lies in the plane.
-    pub(super) fn in_plane(&self, axis: Axis) -> bool {
-        let [first, second, _] = self.modal.plane.axes();
-        axis == first || axis == second
     }
 }
 

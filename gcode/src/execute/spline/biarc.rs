@@ -38,7 +38,10 @@ const FLAT_MM: f64 = 1e-7;
 /// A curve shorter than this is a line, mm.
 const SHORT_MM: f64 = 1e-6;
 
-/// The whole curve in pieces.
+/// Most pieces of a curve: a hundred for each of the most control points.
+pub(super) const PIECES_MAX: usize = 1_000_000;
+
+/// The whole curve in pieces; more than [`PIECES_MAX`] if it cannot be followed.
 pub(super) fn pieces(curve: &Curve, tolerance_mm: f64) -> Vec<Piece> {
     let mut pieces = Vec::new();
     for span in 0..curve.spans() {
@@ -53,6 +56,9 @@ pub(super) fn pieces(curve: &Curve, tolerance_mm: f64) -> Vec<Piece> {
 
 /// Adds pieces that follow the curve between two parameters.
 fn follow(curve: &Curve, from: f64, to: f64, tolerance_mm: f64, halvings: u32, pieces: &mut Vec<Piece>) {
+    if pieces.len() > PIECES_MAX {
+        return;
+    }
     let (start, end) = (curve.point(from), curve.point(to));
     let middle = (from + to) / 2.0;
     let size = length(minus(end, start)).max(length(minus(curve.point(middle), start)));

@@ -17,7 +17,7 @@ use crate::code::{FeedUnit, Motion, integer_in};
 use crate::error::{ErrorKind, SplineError};
 use crate::scan::Fault;
 use crate::state::{Nurbs, State};
-use biarc::Piece;
+use biarc::{PIECES_MAX, Piece};
 use curve::Curve;
 use motion::canon::{Axis, Call, Plane, Position};
 
@@ -168,6 +168,10 @@ impl State {
             }),
             Splines::Arcs { tolerance_mm } => {
                 let pieces = biarc::pieces(&Curve::new(&points, order), tolerance_mm);
+                if pieces.len() > PIECES_MAX {
+                    let max = PIECES_MAX;
+                    return fault(motion_span(block), SplineError::TooManyPieces { max });
+                }
                 let length_mm = || PathLength::Mm(pieces.iter().map(Piece::length_mm).sum());
                 self.need_feed(block, length_mm, calls)?;
                 for (index, piece) in pieces.iter().enumerate() {

@@ -228,3 +228,11 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_curve_beyond_all_machines_is_refused_in_bounded_memory() {
+    let shown = with_arcs("F100\nG5 X999999999 Y-999999999 I999999999 J999999999 P-999999999 Q0\nM2\n");
+    assert!(shown.lines().count() < 100_000, "{} lines", shown.lines().count());
+    let points: Vec<_> = (0..50).map(|at| ([f64::powi(-1e200, at), 1.0], 1.0)).collect();
+    assert!(pieces(&Curve::new(&points, 4), 0.001).len() <= biarc::PIECES_MAX + 2);
+}

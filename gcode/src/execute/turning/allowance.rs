@@ -34,10 +34,12 @@ pub(super) fn beside(profile: &[Segment], right_mm: f64) -> Option<Vec<Segment>>
         }
         path.push(next);
     }
-    let clear = |point| {
-        profile
-            .iter()
-            .all(|segment| segment.distance(point) >= right_mm - TOLERANCE_MM)
+    let clear = |point: [f64; 2]| {
+        // The profile goes to smaller p, so most of it is seen at once to be far away.
+        let near =
+            |segment: &&Segment| segment.start[0] + right_mm >= point[0] && segment.end[0] - right_mm <= point[0];
+        let mut near = profile.iter().filter(near);
+        near.all(|segment| segment.distance(point) >= right_mm - TOLERANCE_MM)
     };
     let keeps = |segment: &Segment| (0..=SAMPLES).all(|at| clear(segment.at(f64::from(at) / f64::from(SAMPLES))));
     (!path.is_empty() && (right_mm < 0.0 || path.iter().all(keeps))).then_some(path)

@@ -15,7 +15,7 @@ mod segment;
 
 use super::{Calls, circle, motion_span};
 use crate::block::{Block, letters};
-use crate::code::{Distance, FeedUnit, Motion, Pockets, Roughing, integer_in};
+use crate::code::{Distance, FeedUnit, Motion, Roughing, integer_in};
 use crate::error::{ErrorKind, TurningError};
 use crate::scan::{Fault, Span};
 use crate::state::State;
@@ -27,7 +27,7 @@ use segment::{Point, Segment, plus};
 /// Most moves of a profile.
 const MOVES_MAX: usize = 1000;
 /// Most passes of G70.
-const PASSES_MAX: u32 = 1000;
+const PASSES_MAX: u32 = 100;
 
 /// A cycle whose profile is being read.
 #[derive(Clone, Debug, PartialEq)]

@@ -135,7 +135,11 @@ impl Rougher<'_> {
     /// Moves along the present segment.
     fn follow(&mut self, to: Point) {
         let segment = self.path[self.index];
+        let stays = length(minus(to, self.at)) < SAME_MM;
         self.at = to;
+        if stays && segment.arc.is_some() {
+            return; // not a full circle
+        }
         let cut = if self.index == 0 {
             Cut::Rapid(to)
         } else {
@@ -220,9 +224,7 @@ impl Rougher<'_> {
             if falls(segment) {
                 return true;
             }
-            if segment.arc.is_none() || length(minus(self.at, segment.end)) > SAME_MM {
-                self.follow(segment.end);
-            }
+            self.follow(segment.end);
             self.index += 1;
         }
         false
@@ -235,7 +237,8 @@ impl Rougher<'_> {
             if segment.end[1] >= segment.start[1] - SAME_MM
                 && let Some(p) = crossings.first()
             {
-                self.cuts.push(Cut::Feed([*p, self.at[1]]));
+                self.at[0] = *p;
+                self.cuts.push(Cut::Feed(self.at));
                 self.follow(segment.end);
             }
             self.index += 1;

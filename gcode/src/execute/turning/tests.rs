@@ -1,5 +1,6 @@
 use super::segment::{SAME_MM, length, minus};
 use super::*;
+use crate::code::Pockets;
 use crate::printed::printed;
 use proptest::prelude::*;
 
@@ -80,6 +81,52 @@ fn g70_makes_passes_beside_the_profile() {
     assert!(
         modal.ends_with("MESSAGE(\"10.000000 -18.000000 10.000000\")\n"),
         "{modal}"
+    );
+}
+
+#[test]
+fn pockets_are_cut_left_or_cut_after() {
+    // A valley by an arc; as LinuxCNC's interpreter prints it.
+    let profile = "o1 sub\nG0 X3\nG1 Z-4\nX6 Z-6\nG2 X6 Z-12 R4\nG1 Z-14\nG3 X9 Z-17 R3\nG1 X12\no1 endsub\n\
+                   G18 F10\nG0 X12 Z2\n";
+    let left = moves(&format!("{profile}G71.1 Q1 I4\nM2\n"));
+    assert_eq!(
+        left[left.len() - 10..],
+        [
+            "F 3.0000 -4.0000",
+            "F 3.0000 -4.0000",
+            "F 6.0000 -6.0000",
+            "F 6.0000 -12.0000",
+            "F 6.0000 -12.0000",
+            "F 6.0000 -14.0000",
+            "F 6.0000 -14.0000",
+            "A 9.0000 -17.0000 6.0000 -17.0000 1",
+            "F 9.0000 -17.0000",
+            "F 12.0000 -17.0000",
+        ]
+    );
+    let after = moves(&format!("{profile}G71.2 Q1 I1.1\nM2\n"));
+    assert_eq!(
+        after[1..],
+        [
+            "R 12.0000 2.0000",
+            "R 3.0000 2.0000",
+            "F 3.0000 -4.0000",
+            "F 6.0000 -6.0000",
+            "F 6.0000 -12.0000",
+            "R 6.5000 -11.5000",
+            "R 6.5000 -6.5000",
+            "F 6.0000 -6.0000",
+            "A 4.9000 -7.5967 8.6458 -9.0000 -1",
+            "F 4.9000 -10.4033",
+            "R 5.4000 -9.9033",
+            "R 5.4000 -8.0967",
+            "F 4.9000 -7.5967",
+            "A 6.0000 -12.0000 8.6458 -9.0000 -1",
+            "F 6.0000 -14.0000",
+            "A 9.0000 -17.0000 6.0000 -17.0000 1",
+            "F 12.0000 -17.0000",
+        ]
     );
 }
 
@@ -176,7 +223,7 @@ fn path_of(steps: &[(i32, i32)]) -> Vec<Segment> {
     let mut at = [0.0, 3.0];
     let mut path = vec![Segment::line([0.0, 20.0], at)];
     for (along, up) in steps {
-        let to = [at[0] - f64::from(*along), (at[1] + f64::from(*up)).max(0.0)];
+        let to = [at[0] - f64::from(*along), (at[1] + f64::from(*up)).clamp(0.0, 19.0)];
         if to != at {
             path.push(Segment::line(at, to));
             at = to;
