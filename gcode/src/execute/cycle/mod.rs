@@ -26,7 +26,7 @@ use steps::{SpindleRule, spindle_rule, steps};
 
 /// How often the tool may go into the work on one line. Far more than a hole or a row of holes can have; without a bound a
 /// forgotten decimal point could fill the memory.
-pub(super) const PASSES_MAX: u32 = 100_000;
+pub(super) const PASSES_MAX: u32 = 20_000;
 
 /// How far a peck comes out, or stays away from the last depth, where no setting says so, mm.
 const CLEARANCE_MM: f64 = 0.254;

@@ -193,12 +193,12 @@ fn refusals_tell_the_rule() {
     refused("G81 X1 Z-1 R1 L-2", "15: L-2 is negative: it must be 0 or more");
     refused("G81 X1 Z-1 R1 L1.5", "15: L1.5 is not an integer");
     refused(
-        "G81 X1 Z-1 R1 L100001",
-        "1: G81 would go into the work 100001 times on this line: at most 100000 are allowed: is L right?",
+        "G81 X1 Z-1 R1 L20001",
+        "1: G81 would go into the work 20001 times on this line: at most 20000 are allowed: is L right?",
     );
     refused(
         "G83 X1 Z-1 R1 L3 Q0.00001",
-        "1: G83 would go into the work 600000 times on this line: at most 100000 are allowed: are Q and L right?",
+        "1: G83 would go into the work 600000 times on this line: at most 20000 are allowed: are Q and L right?",
     );
     refused(
         "G81 X1 Z-1 R1 B1",

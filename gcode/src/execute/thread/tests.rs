@@ -120,6 +120,6 @@ fn refusals_tell_the_rule() {
     refused("G76 Z1 P1 I-1 J1 K2 H-1", "21: H-1 is negative: it must be 0 or more");
     refused(
         "G76 Z1 P1 I-1 J1 K2 R30",
-        "1: G76 would go into the work 1073741824 times on this line: at most 100000 are allowed: are J, R and H right?",
+        "1: G76 would go into the work 1073741824 times on this line: at most 20000 are allowed: are J, R and H right?",
     );
 }
