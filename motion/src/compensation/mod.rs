@@ -15,6 +15,15 @@
 //!           move 4     straight: from beside the end of move 3 to the programmed end
 //! ```
 //!
+//! The rules, tolerances and the order of events are LinuxCNC's, move by move. Where its path would cut into the contour or
+//! could be misread, this stage differs:
+//! - a move that its neighbours' inner corners shorten to less than nothing is an error wherever it shows; LinuxCNC goes
+//!   back along it without a word if the next move is in line with it, or is an arc behind an outer corner;
+//! - a program stop at an inner corner waits for the corner, so that the tool does not stop in the wall behind it;
+//! - full circles count the turns that are made: the tool may get on them a little before their end, see `held.rs`;
+//! - an entry arc whose start lies on the wrong side of its end's tangent is an error, not almost a full circle;
+//! - a lathe tool's entry arc begins where the tip is, whatever follows.
+//!
 //! No look-ahead goes beyond the next move: contours whose inner features are smaller than the tool are errors where this
 //! shows at a corner, and are cut into where features far apart on the contour lie close to each other in space.
 
