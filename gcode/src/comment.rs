@@ -43,7 +43,7 @@ const UNKNOWN: &str = "######";
 /// Values of as many characters and more are too long.
 const VALUE_MAX: usize = 30;
 /// Values nearer to zero are told as zero.
-const ZERO: f64 = 1e-6;
+const ZERO: f64 = 1e-4;
 
 /// What a comment asks for, and the octets of `text` from which its own text begins.
 pub(crate) fn read(text: &[u8]) -> (CommentKind, usize) {

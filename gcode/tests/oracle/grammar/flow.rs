@@ -84,7 +84,13 @@ impl Writer {
         });
         self.raw("  #110 = [#110 + 1]");
         if self.random.once_in(2) {
-            let way = self.random.pick(&["break", "continue"]);
+            // After a break the packaged LinuxCNC takes every continue as another one.
+            let way = if self.broke {
+                "break"
+            } else {
+                self.random.pick(&["break", "continue"])
+            };
+            self.broke |= way == "break";
             self.raw(&format!("  o{inner} if [#110 EQ 2]"));
             self.raw(&format!("    o{label} {way}"));
             self.raw(&format!("  o{inner} endif"));

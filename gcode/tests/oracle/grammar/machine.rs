@@ -101,7 +101,8 @@ impl Writer {
             self.raw(text);
             self.saved = false;
             // What was restored is not followed: set what matters.
-            self.raw("G17 G21 G90 G91.1 G94 G8 F100");
+            self.raw("G49");
+            self.raw("G17 G21 G90 G91.1 G94 G8 G64 F100");
             self.reset_modes();
         }
     }
@@ -156,6 +157,9 @@ impl Writer {
 
     pub(super) fn tap(&mut self) {
         self.per_minute();
+        // In G18 and G19 the packaged LinuxCNC feeds to X, Y and Z in a wrong order; we do not.
+        self.plane = 0;
+        self.raw("G17");
         let (code, direction) = self.random.pick(&[("G84", 1), ("G74", -1)]);
         self.spindle_on(direction);
         // LinuxCNC exchanges the axes of taps in ZX and YZ and feeds to another place; ours stay in the hole.
@@ -196,8 +200,7 @@ impl Writer {
         }
         self.feed_word(&mut words);
         self.line(words);
-        self.motion = false;
-        self.line(vec!["G80".to_owned()]);
+        self.stand();
     }
 
     pub(super) fn thread(&mut self) {
@@ -206,15 +209,16 @@ impl Writer {
         let code = self.random.pick(&["G33", "G33.1"]);
         let mut words = vec![code.to_owned(), format!("K{}", self.distance())];
         words.extend(self.axis_words(&[0, 2]));
-        self.motion = false;
         self.line(words);
-        self.line(vec!["G80".to_owned()]);
+        self.stand();
     }
 
     pub(super) fn thread_cycle(&mut self) {
         self.per_minute();
         self.spindle_on(1);
         self.plane = 1;
+        // G76 leaves the override on, of which the packaged LinuxCNC's taps know and its M2 does not.
+        self.raw("M48");
         self.raw("G18 G90");
         self.incremental = false;
         let first_cut = self.quarters(1, 3);
@@ -235,13 +239,14 @@ impl Writer {
             words.push("E0.5".to_owned());
             words.push(format!("L{}", self.random.below(4)));
         }
-        self.motion = false;
         self.line(words);
-        self.line(vec!["G80".to_owned()]);
+        self.stand();
     }
 
     pub(super) fn probe(&mut self) {
         self.per_minute();
+        // The stand-alone's machine learns of offsets of tools and of rotations with the next move.
+        self.raw("G0");
         let code = self.random.pick(&["G38.2", "G38.3", "G38.4", "G38.5"]);
         let mut words = vec![code.to_owned(), "X[#5420+2.5]".to_owned()];
         if self.incremental || self.diameter {
@@ -251,13 +256,14 @@ impl Writer {
         self.motion = false;
         self.line(words);
         self.raw("(debug,#5061 #5062 #5063 #5070)");
+        self.stand();
     }
 
     /// A compensated contour: in, some moves, out.
     pub(super) fn contour(&mut self) {
         self.per_minute();
         self.plane = self.random.below(2);
-        self.raw("G90 G91.1 G8 G40");
+        self.raw("G90 G91.1 G8 G40 G49 G64");
         self.reset_contour();
         self.raw(if self.plane == 0 {
             "G17 G21 G0 X-40 Y-30 Z0"
@@ -304,7 +310,8 @@ impl Writer {
     pub(super) fn turn(&mut self) {
         self.per_minute();
         let sub = 1000 + self.label();
-        self.raw("G18 G21 G90 G91.1 G8");
+        self.raw("G49");
+        self.raw("G18 G21 G90 G91.1 G8 G64");
         self.reset_contour();
         self.plane = 1;
         let (x, z) = (self.distance(), self.distance());

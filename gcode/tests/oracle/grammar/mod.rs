@@ -25,6 +25,8 @@ pub fn steps(most: usize) -> impl Strategy<Value = Vec<Step>> {
 /// The program of the steps.
 pub fn program(steps: &[Step]) -> String {
     let mut writer = Writer::default();
+    // The stand-alone begins with the tool of its first pocket and the number 0.
+    writer.text.push_str("T1 M6\n");
     for step in steps {
         writer.random = Random(step.seed | 1);
         (steps::KINDS[step.kind])(&mut writer);
@@ -91,6 +93,8 @@ struct Writer {
     /// Whether axis words alone are a move.
     motion: bool,
     saved: bool,
+    /// Whether a loop was left by break.
+    broke: bool,
     labels: u32,
     indent: usize,
 }
@@ -197,6 +201,13 @@ impl Writer {
             self.feed_mode = FeedMode::PerMinute;
             self.has_feed = true;
         }
+    }
+
+    /// A move to where the tool is: the stand-alone's own machine, which a tool change asks where it is, does not follow
+    /// splines, probing, rigid taps and what an operator does.
+    fn stand(&mut self) {
+        self.raw("G0");
+        self.motion = true;
     }
 
     fn end_compensation(&mut self) {
