@@ -1,7 +1,7 @@
 //! What an interpreter is told before the first line.
 
 use crate::ToolTable;
-use motion::canon::{AXES, LengthUnit, PathMode, Position, SPINDLES};
+use motion::canon::{AXES, LengthUnit, PathMode, Position};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -148,7 +148,7 @@ impl Default for Settings {
             compensated_path: CompensatedPath::default(),
             splines: Splines::default(),
             diameter_mode: false,
-            spindles: SPINDLES as u8,
+            spindles: 1,
             wrapped_rotary: [false; AXES],
             arc_radius_tolerance_mm: None,
             chip_breaking_clearance_mm: None,

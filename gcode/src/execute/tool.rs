@@ -130,11 +130,12 @@ impl State {
             return Ok(());
         };
         let of_tool = |state: &State| match block.word_value(b'H') {
+            // H0 is the tool in the spindle.
+            None | Some(0.0) => Ok(state.tool().offset),
             Some(number) => {
                 let tool = state.tool_or_spindle(number).map_err(|kind| (block.span(b'H'), kind))?;
                 Ok(tool.offset)
             }
-            None => Ok(state.tool().offset),
         };
         let offset = match code.value {
             LengthOffset::Off => Position::ZERO,
