@@ -95,11 +95,6 @@ pub fn settings(case: &Case, folder: &Path) -> Settings {
         peck_clearance_mm: number("RS274NGC", "G83_PECK_CLEARANCE"),
         // A greater one than the usual is not taken.
         arc_radius_tolerance_mm: number("RS274NGC", "CENTER_ARC_RADIUS_TOLERANCE_MM").filter(|mm| *mm < 0.0282),
-        tool_change: ToolChangePlace {
-            spindle_on: flag("EMCIO", "TOOL_CHANGE_WITH_SPINDLE_ON"),
-            quill_up: flag("EMCIO", "TOOL_CHANGE_QUILL_UP"),
-            at_g30: flag("EMCIO", "TOOL_CHANGE_AT_G30"),
-        },
         user_codes: Some(Vec::new()),
         tool_change: ToolChangePlace {
             spindle_on: flag("EMCIO", "TOOL_CHANGE_WITH_SPINDLE_ON"),
