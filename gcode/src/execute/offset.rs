@@ -1,6 +1,7 @@
 //! Where work coordinates lie: G10 L2 L20, G52, G54 to G59.3, G92; stored points: G28, G30.
 
 use super::Calls;
+use super::straight::turned_to;
 use super::tool::SetTool;
 use crate::block::Block;
 use crate::code::{NonModal, StoredPoint, integer_in};
@@ -213,7 +214,11 @@ impl State {
         let stored = self.offsets.work(stored);
         for axis in Axis::ALL {
             if !block.has_axes() || block.axis(axis).is_some() {
-                self.at[axis] = stored[axis];
+                self.at[axis] = if self.settings.wrapped_rotary[axis as usize] {
+                    turned_to(self.at[axis], stored[axis], false)
+                } else {
+                    stored[axis]
+                };
             }
         }
         calls.push_back(Call::StraightTraverse { to: self.at });

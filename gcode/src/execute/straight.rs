@@ -193,6 +193,15 @@ mod tests {
     }
 
     #[test]
+    fn a_wrapped_axis_returns_to_a_stored_point_upwards() {
+        let shown = with_wrapped_a("G0 A45\nG28.1\nG0 A90\nG28\nG28 A10\nG28 A-20\nM2\n");
+        let expected = [
+            "45.0000", "90.0000", "90.0000", "405.0000", "730.0000", "765.0000", "740.0000", "765.0000",
+        ];
+        assert_eq!(places(&shown), expected, "{shown}");
+    }
+
+    #[test]
     fn a_wrapped_axis_knows_less_than_a_turn() {
         for (program, error) in [
             ("G0 A360", "1:4: A360 is no place on a rotary axis without ends"),
