@@ -325,3 +325,26 @@ fn a_compensated_move_is_numbered_by_the_line_that_lets_it_go() {
         .collect();
     assert_eq!(own, [true; 4]);
 }
+
+#[test]
+fn a_start_in_the_middle_gives_the_state_and_goes_on_from_there() {
+    let program = "G20 F10\n#1=3\nG1 X1\nG1 X#1\nG1 X4\nM2\n";
+    let files = [("part.ngc", program)];
+    let (_, output) = interpret(&files, &["part.ngc", "--start-line", "4"]);
+    assert_eq!(output.status.code(), Some(0));
+    assert!(text(&output.stderr).starts_with("part.ngc: starts before line 4 with "));
+    let calls = text(&output.stdout);
+    let at = |call: &str| {
+        calls
+            .find(call)
+            .unwrap_or_else(|| panic!("{call} is missing in\n{calls}"))
+    };
+    assert!(at("USE_LENGTH_UNITS(CANON_UNITS_INCHES)") < at("STRAIGHT_FEED(3.0000"));
+    assert!(at("SET_FEED_RATE(10.0000)") < at("STRAIGHT_FEED(3.0000"));
+    assert!(at("STRAIGHT_FEED(3.0000") < at("STRAIGHT_FEED(4.0000"));
+    assert!(!calls.contains("STRAIGHT_FEED(1.0000"));
+    let (_, output) = interpret(&files, &["part.ngc", "--start-line", "40"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(text(&output.stdout), "");
+    assert!(text(&output.stderr).contains("40"), "{}", text(&output.stderr));
+}

@@ -13,10 +13,10 @@ mod log;
 mod tables;
 
 use anyhow::Context;
-use gcode::{CanonPrinter, CheckLimits, Error, FlatError, FlatWriter, Interpreter, ReadSeek, Run, Settings};
+use gcode::{CanonPrinter, CheckLimits, Error, FlatError, FlatWriter, Interpreter, ReadSeek, Resume, Run, Settings};
 use json::JsonPrinter;
 use log::Log;
-use motion::canon::{Call, Event, LengthUnit, Record};
+use motion::canon::{Call, Event, LengthUnit, Record, Source};
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
@@ -56,6 +56,10 @@ pub struct InterpretArgs {
     /// Unit of lengths in tool table and parameter file; without it that of the machine file or else, as with rs274, inch
     #[arg(long, value_enum)]
     pub unit: Option<Unit>,
+    /// Begin before this line: tells on standard error what is assumed, writes the calls that bring a machine into the state
+    /// that the lines before would have left, then those from there on
+    #[arg(long, value_name = "LINE", conflicts_with = "check")]
+    pub start_line: Option<u32>,
     /// Further folder in which subroutines are looked for; may be given several times. The first one is always that of the
     /// program
     #[arg(long, value_name = "DIR")]
@@ -193,7 +197,18 @@ fn run(args: &InterpretArgs, text: &Text, name: &str, tables: tables::Tables) ->
     let mut out = io::BufWriter::with_capacity(1 << 16, io::stdout().lock());
     let mut log = args.write_logs.then(Log::default);
     let mut errors = 0;
-    while let Some(event) = run.next() {
+    let mut first = Vec::new();
+    if let Some(line) = args.start_line {
+        match run.start_at_line(line) {
+            Ok(resume) => first = resumed(resume, line, name),
+            Err(error) => {
+                tell(&error, name);
+                return Ok(1);
+            }
+        }
+    }
+    let mut first = first.into_iter();
+    while let Some(event) = first.next().map(Ok).or_else(|| run.next()) {
         match event {
             Ok(event) => {
                 if let Call::Record(record) = &event.call {
@@ -229,6 +244,25 @@ fn run(args: &InterpretArgs, text: &Text, name: &str, tables: tables::Tables) ->
         std::fs::write(path, text).with_context(|| path.display().to_string())?;
     }
     Ok(errors)
+}
+
+/// Tells what a start in the middle assumes; the events that come before those of the line.
+fn resumed(resume: Resume, line: u32, name: &str) -> Vec<Event> {
+    eprintln!(
+        "{name}: starts before line {line} with {} calls for the state there",
+        resume.calls.len()
+    );
+    for assumption in resume.assumptions {
+        eprintln!("{name}: assumed: {assumption}");
+    }
+    let event = |call| Event {
+        source: Source {
+            line,
+            ..Source::default()
+        },
+        call,
+    };
+    resume.calls.into_iter().map(event).collect()
 }
 
 fn tell(error: &Error, name: &str) {
