@@ -15,13 +15,17 @@ struct Simulated;
 
 impl Machine for Simulated {
     fn probed(&mut self, from: Position, to: Position, _: ProbeMode) -> Option<Probed> {
-        let half_way = Position(std::array::from_fn(|axis| (from.0[axis] + to.0[axis]) / 2.0));
+        let at = half_way(from, to);
         Some(Probed {
             tripped: true,
-            at: half_way,
-            rest: half_way,
+            at,
+            rest: at,
         })
     }
+}
+
+fn half_way(from: Position, to: Position) -> Position {
+    Position(std::array::from_fn(|axis| (from.0[axis] + to.0[axis]) / 2.0))
 }
 
 /// What one tool does.
@@ -81,6 +85,8 @@ impl Times {
                 }
                 self.at = *to;
             }
+            // The event says where the move would end at most; the machine knows where it did.
+            Call::StraightProbe { to, .. } => self.at = half_way(self.at, *to),
             _ => {}
         }
     }
