@@ -818,6 +818,9 @@ pub enum ErrorKind {
     /// G53 in G91.
     #[error("G53 names a machine position, which G91 (incremental) cannot: write G90")]
     MachineCoordinatesIncremental,
+    /// G64 and M19 with R.
+    #[error("R could be that of G64 (planner) or of M19 (angle): put them on two lines")]
+    PlannerWithOrient,
     /// G4 and an arc on one line.
     #[error("G4 and {motion} would both use P: put them on two lines")]
     DwellWithArc {

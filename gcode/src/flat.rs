@@ -134,6 +134,8 @@ pub struct FlatWriter {
     feed_mode: FeedMode,
     feed: Option<f64>,
     tools: BTreeMap<u32, ToolEntry>,
+    /// R of the G64 that comes next.
+    planner: Option<f64>,
     /// The entry that was written last.
     entry: Option<ToolEntry>,
     selected_tool: u32,
@@ -182,6 +184,7 @@ impl FlatWriter {
         });
         FlatWriter {
             begun: false,
+            planner: None,
             at: offsets.work(settings.start),
             known: [true; AXES],
             offsets,
@@ -360,6 +363,10 @@ impl FlatWriter {
                 Ok(())
             }
             Call::SetPathMode(mode) => self.path_mode(*mode),
+            Call::SetPlanner { corner_share } => {
+                self.planner = Some(corner_share.unwrap_or(0.0)); // the path mode behind it tells it
+                Ok(())
+            }
             Call::SelectPlane(plane) => self.select_plane(*plane),
             Call::SetG5xOffset { system, origin } => self.g5x(*system, *origin),
             Call::SetG92Offset { offset } => self.g92(*offset),
@@ -731,6 +738,9 @@ impl FlatWriter {
                 // With P alone Q would be the same.
                 if let Some(naive) = naive_cam_tolerance_mm.or(tolerance_mm.map(|_| 0.0)) {
                     self.line.word('Q', naive);
+                }
+                if let Some(share) = self.planner.take() {
+                    self.line.word('R', share);
                 }
                 self.end_line()
             }

@@ -216,6 +216,13 @@ impl CanonPrinter {
             Call::ChangeTool { .. } => self.name(source, "CHANGE_TOOL()"),
             Call::SetToolNumber { tool, pocket: _ } => self.line(source, format_args!("CHANGE_TOOL_NUMBER({tool})")),
             Call::SetToolEntry(entry) => self.push_tool_entry(source, entry),
+            Call::SetPlanner { corner_share } => {
+                let (kind, share) = corner_share.map_or((0, -1.0), |share| (1, share));
+                self.line(
+                    source,
+                    format_args!("SET_PLANNER_MODE(type={kind}, peak_scale={share:.6})"),
+                );
+            }
             Call::ReloadToolTable => self.name(source, "RELOAD_TOOLDATA()"),
             Call::EnableFeedOverride(true) => self.name(source, "ENABLE_FEED_OVERRIDE()"),
             Call::EnableFeedOverride(false) => self.name(source, "DISABLE_FEED_OVERRIDE()"),

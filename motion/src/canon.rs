@@ -373,6 +373,11 @@ pub enum Call {
     },
     /// G61, G61.1, G64.
     SetPathMode(PathMode),
+    /// R of G64, just before its path mode: how speeds are planned from here on.
+    SetPlanner {
+        /// Share of the greatest speed in corners with limited jerk, 0.1 to 1; `None`: trapezoids.
+        corner_share: Option<f64>,
+    },
     /// G17 to G19.1.
     SelectPlane(Plane),
     /// G20, G21; only for those who print what the program said.

@@ -41,6 +41,9 @@ pub(crate) use turning::Turning;
 /// Calls of a line, in their order.
 pub(crate) type Calls = VecDeque<Call>;
 
+/// Least share of the speed in corners that R of G64 names.
+const CORNER_SHARE_MIN: f64 = 0.1;
+
 /// Whether the program goes on behind a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Flow {
@@ -144,7 +147,7 @@ impl State {
         self.check_behind_compensation(block, motion)?;
         self.length_offset(motion, block, calls)?;
         self.system(block, calls);
-        self.path_mode(block, calls);
+        self.path_mode(block, calls)?;
         self.distances(block, calls);
         self.retract(block, calls);
         self.non_modal(block, calls)
@@ -302,8 +305,18 @@ impl State {
         self.modal.diameter = diameter;
     }
 
-    fn path_mode(&mut self, block: &Block, calls: &mut Calls) {
-        let Some(code) = block.codes.path else { return };
+    fn path_mode(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
+        let Some(code) = block.codes.path else {
+            return Ok(());
+        };
+        if code.value == PathCode::Continuous
+            && let Some(share) = block.word_value(b'R')
+        {
+            not_negative(block, b'R')?;
+            calls.push_back(Call::SetPlanner {
+                corner_share: (share > 0.0).then(|| share.clamp(CORNER_SHARE_MIN, 1.0)),
+            });
+        }
         self.modal.path_mode = match code.value {
             PathCode::ExactPath => PathMode::ExactPath,
             PathCode::ExactStop => PathMode::ExactStop,
@@ -321,6 +334,7 @@ impl State {
             }
         };
         calls.push_back(Call::SetPathMode(self.modal.path_mode));
+        Ok(())
     }
 
     fn distances(&mut self, block: &Block, calls: &mut Calls) {

@@ -68,6 +68,13 @@ impl State {
             let motion = motion.name();
             return Err((arc.span, ErrorKind::DwellWithArc { motion }));
         }
+        if let (Some(path), Some(spindle)) = (block.codes.path, block.codes.spindle)
+            && path.value == PathCode::Continuous
+            && spindle.value == SpindleAction::Orient
+            && block.word_value(b'R').is_some()
+        {
+            return Err((block.span(b'R'), ErrorKind::PlannerWithOrient));
+        }
         if let Some(letter) = block.first_of(b"@^")
             && motion.is_none()
         {
@@ -118,7 +125,7 @@ const USERS: [(u8, &str); 11] = [
         b'Q',
         "G5, G10, G64, G70 to G73, G76, G83, M19, M61, M66 to M68 and M100 to M199",
     ),
-    (b'R', "G2, G3, G10, G70 to G76, G81 to G89, M19"),
+    (b'R', "G2, G3, G10, G64, G70 to G76, G81 to G89, M19"),
     (
         b'$',
         "S, M3, M4, M5, M19, M51, G33, G33.1, G74, G76, G84, G95, G96 and G97",

@@ -42,6 +42,7 @@ impl Class {
             | Call::SelectTool { .. }
             | Call::SetToolEntry(_)
             | Call::ReloadToolTable
+            | Call::SetPlanner { .. }
             | Call::Message(_)
             | Call::Record(_) => Class::AtOnce,
             Call::Dwell { .. }

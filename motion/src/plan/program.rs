@@ -120,6 +120,7 @@ impl Program {
             | Call::StartChange
             | Call::SetToolEntry(_)
             | Call::ReloadToolTable
+            | Call::SetPlanner { .. } // there is one planner, with limited jerk
             | Call::Probe(_)
             | Call::Reset
             | Call::Finish => Ok(None),

@@ -149,6 +149,7 @@ impl JsonPrinter {
                     "back_angle_degrees": entry.back_angle_degrees, "orientation": entry.orientation,
                 }),
             ),
+            Call::SetPlanner { corner_share } => ("set_planner", json!({ "corner_share": corner_share })),
             Call::ReloadToolTable => ("reload_tool_table", json!({})),
             Call::EnableFeedOverride(on) => ("enable_feed_override", json!({ "on": on })),
             Call::EnableSpeedOverride { spindle, on } => {

@@ -143,6 +143,12 @@ fn samples() -> Vec<(&'static str, Call)> {
         ("set_tool_number", Call::SetToolNumber { tool: 3, pocket: 4 }),
         ("set_tool_entry", Call::SetToolEntry(entry)),
         ("reload_tool_table", Call::ReloadToolTable),
+        (
+            "set_planner",
+            Call::SetPlanner {
+                corner_share: Some(0.5),
+            },
+        ),
         ("enable_feed_override", Call::EnableFeedOverride(true)),
         (
             "enable_speed_override",
