@@ -165,7 +165,7 @@ fn used_letters(block: &Block, motion: Option<Motion>) -> u32 {
     }
     if let Some(code) = codes.path {
         used |= match code.value {
-            PathCode::Continuous => letters(b"PQ"),
+            PathCode::Continuous => letters(b"PQR"),
             PathCode::ExactPath | PathCode::ExactStop => 0,
         };
     }
