@@ -152,3 +152,84 @@ const SAME_POINT_MM: f64 = 1e-9;
 pub(super) fn is_same_point(a: [f64; 2], b: [f64; 2]) -> bool {
     (a[0] - b[0]).hypot(a[1] - b[1]) < SAME_POINT_MM
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::printed::printed;
+
+    #[test]
+    fn arcs_are_told_as_linuxcnc_tells_them() {
+        for (line, call) in [
+            (
+                "G2 X10 P2 I5",
+                "10.0000, 0.0000, 5.0000, 0.0000, -2, 0.0000, 0.0000, 0.0000, 0.0000",
+            ),
+            (
+                "G3 I5 P3 Z5",
+                "0.0000, 0.0000, 5.0000, 0.0000, 3, 5.0000, 0.0000, 0.0000, 0.0000",
+            ),
+            (
+                "G2 X10 R5",
+                "10.0000, 0.0000, 5.0000, 0.0000, -1, 0.0000, 0.0000, 0.0000, 0.0000",
+            ),
+            (
+                "G18 G2 X10 Z10 R10",
+                "10.0000, 10.0000, 10.0000, 0.0000, -1, 0.0000, 0.0000, 0.0000, 0.0000",
+            ),
+            (
+                "G19 G2 Y10 Z10 R10 X5",
+                "10.0000, 10.0000, 10.0000, 0.0000, -1, 5.0000, 0.0000, 0.0000, 0.0000",
+            ),
+            (
+                "G90.1 G2 X10 I5 J0",
+                "10.0000, 0.0000, 5.0000, 0.0000, -1, 0.0000, 0.0000, 0.0000, 0.0000",
+            ),
+            (
+                "G2 X10 I5 J0 A90 B10",
+                "10.0000, 0.0000, 5.0000, 0.0000, -1, 0.0000, 90.0000, 10.0000, 0.0000",
+            ),
+            (
+                "G3 @10 ^90 R10",
+                "0.0000, 10.0000, -8.6603, 5.0000, 1, 0.0000, 0.0000, 0.0000, 0.0000",
+            ),
+            // In G7 the centre is no diameter.
+            (
+                "G7 G18 G90.1 G3 X10 Z-5 I0 K-5",
+                "-5.0000, 5.0000, -5.0000, 0.0000, 1, 0.0000, 0.0000, 0.0000, 0.0000",
+            ),
+        ] {
+            let shown = printed(&format!("F100\n{line}\nM2\n"));
+            let arc = shown.lines().find_map(|line| line.strip_prefix("ARC_FEED("));
+            assert_eq!(arc, Some(format!("{call})").as_str()), "{line}: {shown}");
+        }
+    }
+
+    #[test]
+    fn every_rule_has_its_error() {
+        for (line, error) in [
+            ("G17.1 G2 X1 I1", "2:7: there are no arcs in the plane G17.1"),
+            ("G2 X10", "2:1: G2 needs I, J or R"),
+            ("G2 X10 K5", "2:8: K is no centre offset of the plane G17"),
+            ("G2 X10 I5 R5", "2:8: an arc takes I or R"),
+            (
+                "G90.1 G2 X10 I5",
+                "2:14: absolute arc centres (G90.1) need both coordinates: J is missing",
+            ),
+            ("G2 Z5 R5", "2:7: an arc by R needs its end point"),
+            ("G2 X0 Y0 R5", "2:10: an arc by R cannot end where it starts"),
+            (
+                "G2 X10 R4.998",
+                "2:8: radius 4.9980 is too small: half the distance to the end point is 5.0000",
+            ),
+            (
+                "G2 X10.03 I5",
+                "2:11: radius at start 5.0000, at end 5.0300: difference 0.0300 > 0.0283 tolerance",
+            ),
+            ("G2 I0 J0", "2:4: the centre of the arc lies on its start or end"),
+            ("G2 X10 I5 P0", "2:11: P0 of an arc is its number of turns"),
+        ] {
+            let shown = printed(&format!("F100\n{line}\nM2\n"));
+            assert!(shown.lines().any(|line| line.starts_with(error)), "{line}: {shown}");
+        }
+    }
+}
