@@ -84,13 +84,8 @@ impl Writer {
         });
         self.raw("  #110 = [#110 + 1]");
         if self.random.once_in(2) {
-            // After a break the packaged LinuxCNC takes every continue as another one.
-            let way = if self.broke {
-                "break"
-            } else {
-                self.random.pick(&["break", "continue"])
-            };
-            self.broke |= way == "break";
+            // Not continue: the packaged LinuxCNC remembers it in later loops.
+            let way = "break";
             self.raw(&format!("  o{inner} if [#110 EQ 2]"));
             self.raw(&format!("    o{label} {way}"));
             self.raw(&format!("  o{inner} endif"));

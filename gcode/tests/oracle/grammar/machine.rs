@@ -129,7 +129,8 @@ impl Writer {
             words.push(format!("R{}", self.quarters(-8, 8)));
             words.push(format!("{}-{depth}", AXES[third] as char));
         } else {
-            let clearance = self.quarters(-8, 8);
+            // Never just where the tool is: rounding would decide.
+            let clearance = self.quarters(-8, 8) + 0.1;
             words.push(format!("R{clearance}"));
             words.push(format!("{}{}", AXES[third] as char, clearance - depth));
         }
@@ -166,7 +167,7 @@ impl Writer {
         self.plane = 0;
         self.raw("G17");
         let (first, second, third, ..) = PLANES[self.plane];
-        let mut words = vec![code.to_owned(), "R1".to_owned(), format!("{}-3", AXES[third] as char)];
+        let mut words = vec![code.to_owned(), "R1.1".to_owned(), format!("{}-3", AXES[third] as char)];
         words.extend(self.axis_words(&[first, second]));
         if self.random.once_in(2) {
             words.push("P0.5".to_owned());
@@ -184,7 +185,7 @@ impl Writer {
         let code = self.random.pick(&["G86", "G87", "G88"]);
         let mut words = vec![
             code.to_owned(),
-            "R1".to_owned(),
+            "R1.1".to_owned(),
             format!("{}-3", AXES[third] as char),
             "P0.5".to_owned(),
         ];
@@ -323,10 +324,10 @@ impl Writer {
         self.raw(&format!("G1 X{}", x + 12.0));
         self.raw(&format!("o{sub} endsub"));
         self.raw(&format!("G0 X{} Z2 F100", x + 13.0));
-        match self.random.below(3) {
+        match self.random.below(2) {
             0 => self.raw(&format!("G70 Q{sub}")),
-            1 => self.raw(&format!("G71 Q{sub} D0.5 I2 R0.5")),
-            _ => self.raw(&format!("G72 Q{sub} D0.25 I3 R0.25")),
+            // G72 wants a profile along X: the corpus has it.
+            _ => self.raw(&format!("G71 Q{sub} D0.5 I2 R0.5")),
         }
         self.raw("G0");
         self.motion = true;

@@ -93,8 +93,6 @@ struct Writer {
     /// Whether axis words alone are a move.
     motion: bool,
     saved: bool,
-    /// Whether a loop was left by break.
-    broke: bool,
     labels: u32,
     indent: usize,
 }
@@ -178,7 +176,8 @@ impl Writer {
     /// F where a feed is needed and now and then.
     fn feed_word(&mut self, words: &mut Vec<String>) {
         if self.feed_mode == FeedMode::InverseTime || !self.has_feed || self.random.once_in(6) {
-            words.push(format!("F{}", self.quarters(1, 400)));
+            // Whole numbers: M72 of the packaged LinuxCNC rounds the feed it restores to tenths.
+            words.push(format!("F{}", 1 + self.random.below(400)));
             self.has_feed = self.feed_mode != FeedMode::InverseTime;
         }
         if self.feed_mode == FeedMode::PerTurn && !self.has_speed {
