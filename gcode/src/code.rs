@@ -555,7 +555,10 @@ impl MCode {
             Some(code) if let Some(found) = M_CODES.iter().find(|(known, _)| i64::from(*known) == code) => Ok(*found),
             Some(_) | None => Err(ErrorKind::UnknownM {
                 number,
-                nearest: m_name(nearest(M_CODES, number)),
+                nearest: m_name(match number {
+                    150.0.. => 199,
+                    _ => nearest(M_CODES, number),
+                }),
             }),
         }
     }
@@ -638,6 +641,6 @@ mod tests {
             assert_eq!(MCode::of(number), Err(ErrorKind::UnknownM { number, nearest }));
         };
         unknown_m(3.5, "M3");
-        unknown_m(200.0, "M99");
+        unknown_m(200.0, "M199");
     }
 }

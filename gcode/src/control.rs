@@ -4,12 +4,13 @@
 //! Out: the place from which reading goes on.
 
 use crate::error::ErrorKind;
-use crate::flow::{CALLS_MAX, Level, LevelKind, Open, OpenKind, Place, Search, Subroutine, Target};
+use crate::flow::{
+    CALLS_MAX, Level, LevelKind, Open, OpenKind, Place, REMEMBERED_MAX, SUBROUTINES_MAX, Search, Subroutine, Target,
+};
 use crate::interpreter::{File, Outcome, Run};
 use crate::o_word::{self, Keyword, Label, OWord};
 use crate::parameter::ARGUMENTS;
 use crate::scan::Span;
-use crate::syntax::Unknown;
 use std::io::BufReader;
 
 impl Run<'_> {
@@ -129,9 +130,11 @@ impl Run<'_> {
 
     /// Passes lines over from here on.
     fn look_for(&mut self, o_word: &OWord, target: Target) {
-        let line = self.source().line;
-        // Where a search from this line ended once, the next one does too.
-        if let Some(place) = self.targets.get(&(self.file, line, target)) {
+        let source = self.source();
+        // Where a search from this line ended once, the next one for the same label does too.
+        if let Some((label, place)) = self.targets.get(&(self.file, source.line, target))
+            && *label == o_word.label
+        {
             let place = *place;
             self.go_to(place);
         }
@@ -139,7 +142,8 @@ impl Run<'_> {
             label: o_word.label.clone(),
             target,
             keyword: o_word.keyword,
-            line,
+            source,
+            span: o_word.span,
         });
     }
 
@@ -149,7 +153,8 @@ impl Run<'_> {
         let Some((mut cursor, _)) = o_word::start(octets) else {
             return;
         };
-        let Ok((Some(label), keyword)) = o_word::head(&mut cursor, &Unknown) else {
+        // A label may be computed; one that cannot be is another one.
+        let Ok((Some(label), keyword)) = o_word::head(&mut cursor, &self.state) else {
             return;
         };
         if let Some(search) = &self.search
@@ -170,7 +175,11 @@ impl Run<'_> {
             line: source.line - 1,
         };
         if search.target != Target::Sub {
-            self.targets.insert((self.file, search.line, search.target), before);
+            if self.targets.len() >= REMEMBERED_MAX {
+                self.targets.clear();
+            }
+            let from = (self.file, search.source.line, search.target);
+            self.targets.insert(from, (search.label.clone(), before));
         }
         if let Err((span, kind)) = self.found(&search, keyword) {
             self.fail(span, kind);
@@ -195,10 +204,10 @@ impl Run<'_> {
                         self.look_for(&o_word, Target::Branch);
                         Ok(())
                     } else {
-                        self.open_branch(&search.label, search.line)
+                        self.open_branch(&search.label, search.source.line)
                     }
                 }
-                Keyword::Else => self.open_branch(&search.label, search.line),
+                Keyword::Else => self.open_branch(&search.label, search.source.line),
                 _ => Ok(()),
             },
             Target::EndIf => {
@@ -254,10 +263,12 @@ impl Run<'_> {
         if search.target == Target::Sub {
             let (file, folders) = self.file_of(&search.label);
             self.leave_failed_call();
-            return self.fail(Span::default(), ErrorKind::NoSuchSubroutine { label, file, folders });
+            self.set_source(search.source);
+            return self.fail(search.span, ErrorKind::NoSuchSubroutine { label, file, folders });
         }
+        self.set_source(search.source);
         self.fail(
-            Span::default(),
+            search.span,
             ErrorKind::BlockNotClosed {
                 label,
                 keyword: search.keyword.name(),
@@ -293,6 +304,10 @@ impl Run<'_> {
             start: here,
             is_program,
         };
+        if self.subroutines.len() >= SUBROUTINES_MAX {
+            let max = SUBROUTINES_MAX;
+            return Err((o_word.span, ErrorKind::TooManySubroutines { max }));
+        }
         let known = self.subroutines.insert(o_word.label.clone(), found);
         if o_word.keyword == Keyword::Sub {
             if let Some(first) = known.map(|first| first.start).filter(|first| *first != here) {
@@ -349,7 +364,8 @@ impl Run<'_> {
                     label,
                     target: Target::Sub,
                     keyword: Keyword::Call,
-                    line: self.source().line,
+                    source: self.source(),
+                    span,
                 });
             }
         }
@@ -363,7 +379,13 @@ impl Run<'_> {
             Label::Name(name) => format!("{name}.ngc"),
         };
         let folders = &self.state.settings.subroutine_folders;
-        let shown: Vec<String> = folders.iter().map(|folder| folder.display().to_string()).collect();
+        let shown: Vec<String> = folders
+            .iter()
+            .map(|folder| match folder.as_os_str().is_empty() {
+                true => ".".into(),
+                false => folder.display().to_string(),
+            })
+            .collect();
         let shown = if shown.is_empty() {
             "any folder (none is set)".into()
         } else {
@@ -436,12 +458,13 @@ impl Run<'_> {
         }
         if let LevelKind::Remap(rest) = level.kind {
             self.state.remapping.pop();
+            self.set_source(rest.source);
             self.rest_of_block(*rest);
         }
     }
 
     /// M98: the subprogram begins with its label alone.
-    pub(crate) fn call_program(&mut self, program: u32, times: u32) {
+    pub(crate) fn call_program(&mut self, program: u32, times: u32, span: Span) {
         if times == 0 {
             return;
         }
@@ -450,14 +473,14 @@ impl Run<'_> {
         let known = self.subroutines.get(&label).map(|known| known.start);
         let start = known.unwrap_or_else(|| self.place());
         let kind = LevelKind::Subprogram { start, left: times - 1 };
-        if let Err((span, kind)) = self.enter(label, kind, Span::default()) {
+        if let Err((span, kind)) = self.enter(label, kind, span) {
             self.fail(span, kind);
         }
     }
 
     /// A lathe cycle: the subroutine tells its profile.
-    pub(crate) fn call_profile(&mut self, program: u32) {
-        match self.enter(Label::Number(program), LevelKind::Profile, Span::default()) {
+    pub(crate) fn call_profile(&mut self, program: u32, span: Span) {
+        match self.enter(Label::Number(program), LevelKind::Profile, span) {
             Ok(()) => self.state.parameters.set_arguments([0.0; ARGUMENTS]),
             Err((span, kind)) => {
                 self.state.turning = None;

@@ -609,7 +609,7 @@ pub enum ErrorKind {
     #[error("incremental polar coordinates need a direction: the current point is the origin of X and Y")]
     PolarAtOrigin,
     /// `(ABORT, text)`.
-    #[error("the program gives up:{text}")]
+    #[error("the program gives up: {}", .text.trim_start())]
     Aborted {
         /// Its own words.
         text: String,
@@ -773,6 +773,12 @@ pub enum ErrorKind {
         file: String,
         /// Where.
         folders: String,
+    },
+    /// More definitions than are remembered.
+    #[error("more than {max} subroutines: a number computed for each new definition needs another way")]
+    TooManySubroutines {
+        /// The limit.
+        max: usize,
     },
     /// A file of a subroutine that defines something else.
     #[error("the file begins with no {label} sub: a subroutine in a file of its own has the file's name")]

@@ -10,10 +10,18 @@ use crate::error::ErrorKind;
 use crate::o_word::{Keyword, Label};
 use crate::parameter::ARGUMENTS;
 use crate::remap::Rest;
+use crate::scan::Span;
+use motion::canon::Source;
 use std::collections::HashMap;
 
 /// Most calls within calls: LinuxCNC's.
 pub(crate) const CALLS_MAX: usize = 9;
+
+/// Most subroutines that a program defines; one that defines them by computed numbers could go on for ever.
+pub(crate) const SUBROUTINES_MAX: usize = 100_000;
+
+/// Most labels of a level, and most ends of searches, that are remembered; then the memory of them begins anew.
+pub(crate) const REMEMBERED_MAX: usize = 100_000;
 
 /// A place from which reading goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -115,6 +123,9 @@ impl Level {
             }
             Some(_) => {}
             None => {
+                if self.labels.len() >= REMEMBERED_MAX {
+                    self.labels.clear();
+                }
                 self.labels.insert(open.label.clone(), open.line);
             }
         }
@@ -138,7 +149,9 @@ pub(crate) struct Search {
     /// What began the block, for the message if nothing ends it.
     pub(crate) keyword: Keyword,
     /// Line of that.
-    pub(crate) line: u32,
+    pub(crate) source: Source,
+    /// Where it stands in its line.
+    pub(crate) span: Span,
 }
 
 /// O-words that end a search.

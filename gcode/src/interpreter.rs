@@ -133,8 +133,8 @@ pub struct Run<'t> {
     pub(crate) subroutines: HashMap<Label, Subroutine>,
     /// Lines are passed over until this is found.
     pub(crate) search: Option<Search>,
-    /// Where a search from a line of a file ended before. A line may begin searches for two things: `elseif`.
-    pub(crate) targets: HashMap<(usize, u32, Target), Place>,
+    /// Where a search for a label from a line of a file ended before. A line may begin searches for two things: `elseif`.
+    pub(crate) targets: HashMap<(usize, u32, Target), (Label, Place)>,
     /// Calls of the line read last that have not been handed out.
     pub(crate) calls: Calls,
     /// Makes the path of the tool's centre while cutter compensation is on.
@@ -270,6 +270,7 @@ impl Run<'_> {
             let rest = Rest {
                 block: self.block.clone(),
                 line: octets.to_vec(),
+                source: self.source,
                 from: Phase::Feed,
             };
             return self.rest_of_block(rest);
@@ -284,9 +285,9 @@ impl Run<'_> {
         match result {
             Ok(Flow::On) => {}
             Ok(Flow::End) => self.ended = true,
-            Ok(Flow::Call { program, times }) => self.call_program(program, times),
+            Ok(Flow::Call { program, times, span }) => self.call_program(program, times, span),
             Ok(Flow::Return) => self.return_by_m99(),
-            Ok(Flow::Profile { program }) => self.call_profile(program),
+            Ok(Flow::Profile { program, span }) => self.call_profile(program, span),
             Err((span, kind)) => self.fail(span, kind),
         }
     }
@@ -363,8 +364,7 @@ impl Run<'_> {
 
     #[cold]
     fn fail_all(&mut self) {
-        let file = &self.files[self.file];
-        let octets = file.text.octets();
+        let octets = self.line_of(self.source);
         let sites: Vec<CallSite> = self
             .levels
             .iter()
@@ -374,7 +374,8 @@ impl Run<'_> {
         let faults = std::mem::take(&mut self.faults);
         for (span, kind) in faults {
             let range = usize::from(span.start)..usize::from(span.end);
-            let mut error = Error::at(&file.name, self.source.line.max(1), octets, range, kind);
+            let name = &self.files[usize::from(self.source.file)].name;
+            let mut error = Error::at(name, self.source.line.max(1), &octets, range, kind);
             error.calls.clone_from(&sites);
             self.errors.push(error);
         }
@@ -405,9 +406,32 @@ impl Run<'_> {
         self.files[place.file].text.seek(place.offset, place.line);
     }
 
-    /// Place of the line read last.
+    /// Place of the line that is being run.
     pub(crate) fn source(&self) -> Source {
         self.source
+    }
+
+    /// Goes back to a line that was read before, for what is left to run or to tell of it.
+    pub(crate) fn set_source(&mut self, source: Source) {
+        self.source = source;
+        self.state.line = source.line;
+    }
+
+    /// The text of a line that was read before; reading goes on where it was.
+    #[cold]
+    fn line_of(&mut self, source: Source) -> Vec<u8> {
+        let text = &mut self.files[usize::from(source.file)].text;
+        if source.line == 0 {
+            return Vec::new();
+        }
+        let (offset, number) = text.place();
+        text.seek(u64::from(source.start), source.line - 1);
+        let octets = match text.next_line() {
+            Ok(Some(_)) => text.octets().to_vec(),
+            Ok(None) | Err(_) => Vec::new(),
+        };
+        text.seek(offset, number);
+        octets
     }
 
     /// The closing `%`.
@@ -433,7 +457,7 @@ impl Run<'_> {
             Delimiter::Unknown | Delimiter::ProgramEnd => ErrorKind::ProgramEndMissing,
             Delimiter::Percent => ErrorKind::PercentMissing,
         };
-        let end = self.files[self.file].text.octets().len().min(LINE_MAX);
+        let end = self.line_of(self.source).len();
         self.fail(Span::new(end, end), kind);
     }
 }
@@ -552,14 +576,8 @@ impl Run<'_> {
     fn compensation_error(&mut self, error: CompensationError) -> Box<Error> {
         let kind = ErrorKind::Compensation(error.kind);
         let source = error.source;
-        let file = &mut self.files[usize::from(source.file)];
-        let before = file.text.place();
-        file.text.seek(u64::from(source.start), source.line.saturating_sub(1));
-        let octets = match file.text.next_line() {
-            Ok(Some(_)) => file.text.octets().to_vec(),
-            Ok(None) | Err(_) => Vec::new(),
-        };
-        file.text.seek(before.0, before.1);
+        let octets = self.line_of(source);
+        let file = &self.files[usize::from(source.file)];
         let all = 0..octets.len();
         Box::new(Error::at(&file.name, source.line, &octets, all, kind))
     }

@@ -10,6 +10,7 @@ use crate::o_word::Label;
 use crate::parameter::ARGUMENTS;
 use crate::scan::Fault;
 use crate::settings::Remap;
+use motion::canon::Source;
 
 /// Parts of a block in their order, as far as a remapped code can stand for one of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -169,6 +170,8 @@ pub(crate) struct Arguments {
 pub(crate) struct Rest {
     pub(crate) block: Block,
     pub(crate) line: Vec<u8>,
+    /// Where that is.
+    pub(crate) source: Source,
     /// First part that was not run.
     pub(crate) from: Phase,
 }

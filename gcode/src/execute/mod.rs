@@ -54,12 +54,14 @@ pub(crate) enum Flow {
     Call {
         program: u32,
         times: u32,
+        span: Span,
     },
     /// M99
     Return,
     /// G70 to G72.2: the subroutine of this number is the profile.
     Profile {
         program: u32,
+        span: Span,
     },
 }
 
@@ -128,7 +130,8 @@ impl State {
         }
         if let Some(turning) = &self.turning {
             let program = turning.profile;
-            return Ok(Flow::Profile { program });
+            let span = motion_span(block);
+            return Ok(Flow::Profile { program, span });
         }
         if runs(Phase::Stop) {
             return self.stop(block, calls);
@@ -432,7 +435,8 @@ impl State {
                 };
                 let program = integer(b'P', program)?;
                 let times = block.word_value(b'L').map_or(Ok(1), |times| integer(b'L', times))?;
-                return Ok(Flow::Call { program, times });
+                let span = block.span(b'P');
+                return Ok(Flow::Call { program, times, span });
             }
             Stop::Return => return Ok(Flow::Return),
         }
