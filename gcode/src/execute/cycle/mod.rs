@@ -31,6 +31,9 @@ pub(super) const PASSES_MAX: u32 = 20_000;
 /// How far a peck comes out, or stays away from the last depth, where no setting says so, mm.
 const CLEARANCE_MM: f64 = 0.254;
 
+/// Levels nearer to each other than this, in program units, are the same.
+const LEVEL_ROUNDING: f64 = 1e-9;
+
 /// What the words of the lines before said, as numbers of the program.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CycleWords {
@@ -88,6 +91,12 @@ impl State {
             };
             let depth = bottom;
             return Err((span, ErrorKind::CycleRBelowDepth { r, axis, depth }));
+        }
+        // A level that came from R through millimetres and back is still R.
+        for level in [&mut initial, &mut current] {
+            if (*level - r).abs() < LEVEL_ROUNDING {
+                *level = r;
+            }
         }
         if initial < r {
             self.at[normal] = r * unit.mm();
