@@ -7,7 +7,11 @@ use proptest::prelude::*;
 
 /// The calls of a program on one line; of moves X, Y and Z, without zeros at the end of numbers.
 fn short(program: &str) -> String {
-    let text = printed(program);
+    let settings = Settings {
+        spindles: 2,
+        ..Settings::default()
+    };
+    let text = printed_with(program, settings, NoMachine);
     let calls = text.lines().map(|call| {
         let call = call
             .replace("STRAIGHT_TRAVERSE(", "rapid ")
@@ -231,7 +235,7 @@ fn refusals_tell_the_rule() {
     );
     refused(
         "M3 G84 X1 Z-1 R1 $-1",
-        "18: $-1 is no spindle that G84 can go with: one of 0 to 7",
+        "18: $-1 is no spindle that G84 can go with: one of 0 to 0",
     );
 }
 
@@ -270,7 +274,7 @@ const CODES: [(&str, &str); 11] = [
     ("G84", "M3 P1"),
     ("G85", ""),
     ("G86", "M3 P1"),
-    ("G87", "M3 I1 J2 K100"),
+    ("G87", "M3 I101 J102 K100"),
     ("G88", "M4 P1"),
     ("G89", "P1"),
 ];
@@ -343,7 +347,7 @@ proptest! {
         let events: Vec<Event> = events.collect::<Result<_, _>>().map_err(|error| TestCaseError::fail(format!("{error}\n{program}")))?;
         let retract = if random.to_r { r } else { start.max(r) };
         let near = |a: f64, b: f64| (a - b * unit_mm).abs() < 1e-9;
-        let aside = [1.0, 2.0, 100.0, 0.0, 0.0, 0.0, 1.0, 2.0, 100.0];
+        let aside = [101.0, 102.0, 100.0, 0.0, 0.0, 0.0, 101.0, 102.0, 100.0];
         let is_back_boring = CODES[random.code].0 == "G87";
 
         let programmed = PathMode::Continuous {

@@ -86,7 +86,7 @@ fn refusals_tell_the_rule() {
     );
     refused(
         "M3 G33 Z1 K1 $-1",
-        "14: $-1 is no spindle that G33 can go with: one of 0 to 7",
+        "14: $-1 is no spindle that G33 can go with: one of 0 to 0",
     );
     refused("G76 Z1 P1 I-1 J1", "1: G76 needs K, the full depth of the thread");
     refused(
