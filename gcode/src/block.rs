@@ -10,7 +10,7 @@ use crate::code::{
     Override, PathCode, Retract, SpindleAction, SpindleCode, Stop, ToolCode, g_name, integer, m_name,
 };
 use crate::error::ErrorKind;
-use crate::expression::{Target, Values};
+use crate::expression::{Assigned, Values};
 use crate::scan::{Cursor, Fault, Item, NUMBER_MAX, Span};
 use motion::canon::{Axis, LengthUnit, Plane};
 
@@ -36,14 +36,14 @@ pub(crate) type Faults = Vec<Fault>;
 /// An assignment to a parameter; takes effect when the whole line is read.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Assignment {
-    pub(crate) target: Place,
+    pub(crate) target: Parameter,
     pub(crate) value: f64,
     pub(crate) span: Span,
 }
 
 /// A parameter to which a value goes.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Place {
+pub(crate) enum Parameter {
     Numbered(u32),
     /// In lower case without blanks, global if it begins with `_`.
     Named(String),
@@ -285,9 +285,9 @@ impl Block {
         let span = cursor.span();
         let value = cursor.value(values)?;
         let target = match target {
-            Target::Numbered(index) => Place::Numbered(index),
-            Target::Named(name) => Place::Named(name.into_owned()),
-            Target::Unknown => return Ok(()), // a check without running; there is nothing to keep
+            Assigned::Numbered(index) => Parameter::Numbered(index),
+            Assigned::Named(name) => Parameter::Named(name.into_owned()),
+            Assigned::Unknown => return Ok(()), // a check without running; there is nothing to keep
         };
         self.assignments.push(Assignment { target, value, span });
         Ok(())

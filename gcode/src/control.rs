@@ -5,7 +5,7 @@
 
 use crate::error::ErrorKind;
 use crate::flow::{
-    CALLS_MAX, Level, LevelKind, Open, OpenKind, Place, REMEMBERED_MAX, SUBROUTINES_MAX, Search, Subroutine, Target,
+    CALLS_MAX, Level, LevelKind, Open, OpenKind, Place, REMEMBERED_MAX, SUBROUTINES_MAX, Search, SearchEnd, Subroutine,
 };
 use crate::interpreter::{File, Outcome, Run};
 use crate::o_word::{self, Keyword, Label, OWord};
@@ -44,13 +44,13 @@ impl Run<'_> {
             Keyword::Return | Keyword::EndSub => return self.return_from(o_word),
             Keyword::If => {
                 if o_word.argument() == 0.0 {
-                    self.look_for(o_word, Target::Branch);
+                    self.look_for(o_word, SearchEnd::Branch);
                 } else {
                     level.open(open(OpenKind::If)).map_err(at)?;
                 }
             }
             Keyword::ElseIf | Keyword::Else => match level.find(label).map(|open| open.kind) {
-                Some(OpenKind::If) => self.look_for(o_word, Target::EndIf),
+                Some(OpenKind::If) => self.look_for(o_word, SearchEnd::EndIf),
                 Some(OpenKind::While { .. } | OpenKind::Do { .. } | OpenKind::Repeat { .. }) | None => {
                     return not_open("if");
                 }
@@ -68,14 +68,14 @@ impl Run<'_> {
                 Some(OpenKind::While { start }) if start == before => {
                     if o_word.argument() == 0.0 {
                         level.blocks.pop();
-                        self.look_for(o_word, Target::EndWhile);
+                        self.look_for(o_word, SearchEnd::EndWhile);
                     }
                 }
                 Some(OpenKind::While { .. } | OpenKind::If | OpenKind::Repeat { .. }) | None => {
                     level.open(open(OpenKind::While { start: before })).map_err(at)?;
                     if o_word.argument() == 0.0 {
                         level.blocks.pop();
-                        self.look_for(o_word, Target::EndWhile);
+                        self.look_for(o_word, SearchEnd::EndWhile);
                     }
                 }
             },
@@ -93,7 +93,7 @@ impl Run<'_> {
                     .map_err(at)?;
                 if times < 1.0 {
                     level.blocks.pop();
-                    self.look_for(o_word, Target::EndRepeat);
+                    self.look_for(o_word, SearchEnd::EndRepeat);
                 }
             }
             Keyword::EndRepeat => match level.find(label) {
@@ -114,14 +114,14 @@ impl Run<'_> {
             Keyword::Break => match level.find(label).map(|open| open.kind) {
                 Some(OpenKind::While { .. } | OpenKind::Do { .. }) => {
                     level.blocks.pop();
-                    self.look_for(o_word, Target::EndWhile);
+                    self.look_for(o_word, SearchEnd::EndWhile);
                 }
                 // LinuxCNC knows neither for repeat.
                 Some(OpenKind::If | OpenKind::Repeat { .. }) | None => return not_open("while or do"),
             },
             Keyword::Continue => match level.find(label).map(|open| open.kind) {
                 Some(OpenKind::While { start }) => self.go_to(start),
-                Some(OpenKind::Do { .. }) => self.look_for(o_word, Target::EndWhile),
+                Some(OpenKind::Do { .. }) => self.look_for(o_word, SearchEnd::EndWhile),
                 Some(OpenKind::If | OpenKind::Repeat { .. }) | None => return not_open("while or do"),
             },
         }
@@ -129,10 +129,10 @@ impl Run<'_> {
     }
 
     /// Passes lines over from here on.
-    fn look_for(&mut self, o_word: &OWord, target: Target) {
+    fn look_for(&mut self, o_word: &OWord, target: SearchEnd) {
         let source = self.source();
         // Where a search from this line ended once, the next one for the same label does too.
-        if let Some((label, place)) = self.targets.get(&(self.file, source.line, target))
+        if let Some((label, place)) = self.search_ends.get(&(self.file, source.line, target))
             && *label == o_word.label
         {
             let place = *place;
@@ -158,7 +158,7 @@ impl Run<'_> {
             return;
         };
         if let Some(search) = &self.search
-            && search.target == Target::EndSub
+            && search.target == SearchEnd::EndSub
             && keyword == Keyword::Sub
         {
             let (label, outer) = (label.to_string(), search.label.to_string());
@@ -174,12 +174,12 @@ impl Run<'_> {
             offset: u64::from(source.start),
             line: source.line - 1,
         };
-        if search.target != Target::Sub {
-            if self.targets.len() >= REMEMBERED_MAX {
-                self.targets.clear();
+        if search.target != SearchEnd::Sub {
+            if self.search_ends.len() >= REMEMBERED_MAX {
+                self.search_ends.clear();
             }
             let from = (self.file, search.source.line, search.target);
-            self.targets.insert(from, (search.label.clone(), before));
+            self.search_ends.insert(from, (search.label.clone(), before));
         }
         if let Err((span, kind)) = self.found(&search, keyword) {
             self.fail(span, kind);
@@ -190,7 +190,7 @@ impl Run<'_> {
     fn found(&mut self, search: &Search, keyword: Keyword) -> Outcome {
         let here = self.place();
         match search.target {
-            Target::Branch => match keyword {
+            SearchEnd::Branch => match keyword {
                 // Reads the line again for its condition.
                 Keyword::ElseIf => {
                     let line = self.files[self.file].text.octets().to_vec();
@@ -201,7 +201,7 @@ impl Run<'_> {
                         return Ok(());
                     };
                     if o_word.argument() == 0.0 {
-                        self.look_for(&o_word, Target::Branch);
+                        self.look_for(&o_word, SearchEnd::Branch);
                         Ok(())
                     } else {
                         self.open_branch(&search.label, search.source.line)
@@ -210,14 +210,14 @@ impl Run<'_> {
                 Keyword::Else => self.open_branch(&search.label, search.source.line),
                 _ => Ok(()),
             },
-            Target::EndIf => {
+            SearchEnd::EndIf => {
                 let level = self.levels.last_mut().expect("the program's own level is never left");
                 if level.find(&search.label).is_some() {
                     level.blocks.pop();
                 }
                 Ok(())
             }
-            Target::EndWhile if search.keyword == Keyword::Continue => {
+            SearchEnd::EndWhile if search.keyword == Keyword::Continue => {
                 // The end of the block decides whether it goes round again.
                 let source = self.source();
                 self.go_to(Place {
@@ -227,9 +227,9 @@ impl Run<'_> {
                 });
                 Ok(())
             }
-            Target::EndWhile | Target::EndRepeat => Ok(()),
-            Target::EndSub => Ok(()),
-            Target::Sub => {
+            SearchEnd::EndWhile | SearchEnd::EndRepeat => Ok(()),
+            SearchEnd::EndSub => Ok(()),
+            SearchEnd::Sub => {
                 let is_program = keyword == Keyword::Program;
                 let found = Subroutine {
                     start: here,
@@ -260,7 +260,7 @@ impl Run<'_> {
     #[cold]
     pub(crate) fn search_failed(&mut self, search: &Search) {
         let label = search.label.to_string();
-        if search.target == Target::Sub {
+        if search.target == SearchEnd::Sub {
             let (file, folders) = self.file_of(&search.label);
             self.leave_failed_call();
             self.set_source(search.source);
@@ -320,7 +320,7 @@ impl Run<'_> {
                     },
                 ));
             }
-            self.look_for(o_word, Target::EndSub);
+            self.look_for(o_word, SearchEnd::EndSub);
         }
         Ok(())
     }
@@ -362,7 +362,7 @@ impl Run<'_> {
             None => {
                 self.search = Some(Search {
                     label,
-                    target: Target::Sub,
+                    target: SearchEnd::Sub,
                     keyword: Keyword::Call,
                     source: self.source(),
                     span,

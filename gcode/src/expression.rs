@@ -41,7 +41,7 @@ pub(crate) trait Values {
 
 /// Left side of an assignment.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Target<'l> {
+pub(crate) enum Assigned<'l> {
     /// `#5`, from 1 to [`PARAMETER_MAX`].
     Numbered(u32),
     /// `#<name>`, in lower case without blanks.
@@ -87,7 +87,7 @@ impl<'l> Cursor<'l> {
 
     /// Takes the left side of an assignment and its `=`, behind the `#`. After a fault, reading goes on behind the
     /// assignment.
-    pub(crate) fn parameter_target(&mut self, values: &impl Values) -> Result<Target<'l>, Fault> {
+    pub(crate) fn parameter_target(&mut self, values: &impl Values) -> Result<Assigned<'l>, Fault> {
         let start = self.at;
         let target = self.target(values);
         if target.is_err() {
@@ -97,14 +97,14 @@ impl<'l> Cursor<'l> {
         target
     }
 
-    fn target(&mut self, values: &impl Values) -> Result<Target<'l>, Fault> {
+    fn target(&mut self, values: &impl Values) -> Result<Assigned<'l>, Fault> {
         let start = self.at - 1;
         let target = if self.peek() == Some(b'<') {
-            Target::Named(self.name()?)
+            Assigned::Named(self.name()?)
         } else {
             match self.index(values)? {
-                Some(index) => Target::Numbered(self.in_range(index, start)?),
-                None => Target::Unknown,
+                Some(index) => Assigned::Numbered(self.in_range(index, start)?),
+                None => Assigned::Unknown,
             }
         };
         if !self.take(b'=') {

@@ -145,7 +145,7 @@ impl Level {
 #[derive(Clone, Debug)]
 pub(crate) struct Search {
     pub(crate) label: Label,
-    pub(crate) target: Target,
+    pub(crate) target: SearchEnd,
     /// What began the block, for the message if nothing ends it.
     pub(crate) keyword: Keyword,
     /// Line of that.
@@ -156,7 +156,7 @@ pub(crate) struct Search {
 
 /// O-words that end a search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum Target {
+pub(crate) enum SearchEnd {
     /// `elseif`, `else` or `endif`.
     Branch,
     /// `endif`
@@ -171,26 +171,26 @@ pub(crate) enum Target {
     Sub,
 }
 
-impl Target {
+impl SearchEnd {
     pub(crate) fn is(self, keyword: Keyword) -> bool {
         match self {
-            Target::Branch => matches!(keyword, Keyword::ElseIf | Keyword::Else | Keyword::EndIf),
-            Target::EndIf => keyword == Keyword::EndIf,
-            Target::EndWhile => matches!(keyword, Keyword::EndWhile | Keyword::While),
-            Target::EndRepeat => keyword == Keyword::EndRepeat,
-            Target::EndSub => keyword == Keyword::EndSub,
-            Target::Sub => matches!(keyword, Keyword::Sub | Keyword::Program),
+            SearchEnd::Branch => matches!(keyword, Keyword::ElseIf | Keyword::Else | Keyword::EndIf),
+            SearchEnd::EndIf => keyword == Keyword::EndIf,
+            SearchEnd::EndWhile => matches!(keyword, Keyword::EndWhile | Keyword::While),
+            SearchEnd::EndRepeat => keyword == Keyword::EndRepeat,
+            SearchEnd::EndSub => keyword == Keyword::EndSub,
+            SearchEnd::Sub => matches!(keyword, Keyword::Sub | Keyword::Program),
         }
     }
 
     /// As the message says it.
     pub(crate) fn name(self) -> &'static str {
         match self {
-            Target::Branch | Target::EndIf => "endif",
-            Target::EndWhile => "endwhile (or while, of a do)",
-            Target::EndRepeat => "endrepeat",
-            Target::EndSub => "endsub",
-            Target::Sub => "sub",
+            SearchEnd::Branch | SearchEnd::EndIf => "endif",
+            SearchEnd::EndWhile => "endwhile (or while, of a do)",
+            SearchEnd::EndRepeat => "endrepeat",
+            SearchEnd::EndSub => "endsub",
+            SearchEnd::Sub => "sub",
         }
     }
 }

@@ -9,7 +9,7 @@
 use crate::block::{Block, Faults, LineNumber, Remapped};
 use crate::error::{CallSite, Error, ErrorKind};
 use crate::execute::{Calls, Flow};
-use crate::flow::{Level, LevelKind, Place, Search, Subroutine, Target};
+use crate::flow::{Level, LevelKind, Place, Search, SearchEnd, Subroutine};
 use crate::machine::{Machine, NoMachine};
 use crate::o_word::Label;
 use crate::parameter::ARGUMENTS;
@@ -94,7 +94,7 @@ impl Interpreter {
             levels: vec![Level::new(None, LevelKind::Program, None, [0.0; ARGUMENTS])],
             subroutines: HashMap::new(),
             search: None,
-            targets: HashMap::new(),
+            search_ends: HashMap::new(),
             calls: Calls::new(),
             compensator: (self.state.settings.compensated_path == CompensatedPath::Centre).then(Compensator::new),
             compensated: VecDeque::new(),
@@ -134,7 +134,7 @@ pub struct Run<'t> {
     /// Lines are passed over until this is found.
     pub(crate) search: Option<Search>,
     /// Where a search for a label from a line of a file ended before. A line may begin searches for two things: `elseif`.
-    pub(crate) targets: HashMap<(usize, u32, Target), (Label, Place)>,
+    pub(crate) search_ends: HashMap<(usize, u32, SearchEnd), (Label, Place)>,
     /// Calls of the line read last that have not been handed out.
     pub(crate) calls: Calls,
     /// Makes the path of the tool's centre while cutter compensation is on.

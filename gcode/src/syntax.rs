@@ -163,7 +163,12 @@ fn nest(opened: &mut Vec<Opened>, o_word: &OWord, line: u32, text: &[u8]) -> Res
             Ok(())
         }
         Keyword::ElseIf | Keyword::Else if inner.is_none_or(|at| opened[at].keyword != Keyword::If) => not_open("if"),
-        Keyword::Break | Keyword::Continue if inner.is_none() => not_open("while, do or repeat"),
+        // LinuxCNC knows neither for repeat.
+        Keyword::Break | Keyword::Continue
+            if inner.is_none_or(|at| !matches!(opened[at].keyword, Keyword::While | Keyword::Do)) =>
+        {
+            not_open("while or do")
+        }
         Keyword::ElseIf
         | Keyword::Else
         | Keyword::Break

@@ -23,7 +23,7 @@ mod tool;
 mod turning;
 mod usage;
 
-use crate::block::{Assignment, Block, Place};
+use crate::block::{Assignment, Block, Parameter};
 use crate::code::{Distance, Motion, NonModal, PathCode, Retract, Stop};
 use crate::error::ErrorKind;
 use crate::machine::Machine;
@@ -245,16 +245,16 @@ impl State {
     fn assign(&mut self, assignments: &[Assignment]) -> Result<(), Fault> {
         for Assignment { target, value, span } in assignments {
             match target {
-                Place::Numbered(index) if is_read_only_number(*index) => {
+                Parameter::Numbered(index) if is_read_only_number(*index) => {
                     let name = index.to_string();
                     return Err((*span, ErrorKind::ReadOnlyParameter { name }));
                 }
-                Place::Numbered(index) => self.parameters.set(*index, *value),
-                Place::Named(name) if is_read_only(name) => {
+                Parameter::Numbered(index) => self.parameters.set(*index, *value),
+                Parameter::Named(name) if is_read_only(name) => {
                     let name = format!("<{name}>");
                     return Err((*span, ErrorKind::ReadOnlyParameter { name }));
                 }
-                Place::Named(name) => self.parameters.set_named(name, *value),
+                Parameter::Named(name) => self.parameters.set_named(name, *value),
             }
         }
         Ok(())

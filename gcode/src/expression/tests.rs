@@ -337,9 +337,9 @@ fn left_side_of_an_assignment() {
             (marked, kind.to_string())
         });
         let target = target.map(|target| match target {
-            Target::Numbered(index) => format!("#{index}"),
-            Target::Named(name) => format!("<{name}>"),
-            Target::Unknown => "?".into(),
+            Assigned::Numbered(index) => format!("#{index}"),
+            Assigned::Named(name) => format!("<{name}>"),
+            Assigned::Unknown => "?".into(),
         });
         (target, line[cursor.at..].trim_start().to_string())
     };

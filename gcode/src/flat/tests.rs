@@ -1,5 +1,5 @@
 use super::*;
-use crate::{Interpreter, Tool, ToolChanger, ToolTable};
+use crate::{Tool, ToolChanger, ToolTable};
 use motion::canon::ProbeMode;
 
 fn settings() -> Settings {
