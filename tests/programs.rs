@@ -1,14 +1,33 @@
 //! Part programs that ship: free of errors, with the moves they promise, inside the machine they are made for.
 
-use gcode::{Interpreter, Settings, check};
+use gcode::{Interpreter, Settings, Tool, ToolTable, check};
 use motion::canon::{Axis, Call, Position};
 use std::path::Path;
 
 const MACHINE: &str = include_str!("../configs/mill3-demo.toml");
 
+/// A machine with two tools without measures.
+fn settings() -> Settings {
+    let mut tools = ToolTable::default();
+    for number in 1..=2 {
+        let pocket = number;
+        tools
+            .set(Tool {
+                number,
+                pocket,
+                ..Tool::default()
+            })
+            .expect("a free pocket");
+    }
+    Settings {
+        tools,
+        ..Settings::default()
+    }
+}
+
 /// Straight feeds, arcs and traverses of a program without errors, all of whose ends the demo machine can reach.
 fn moves(text: &str) -> [usize; 3] {
-    let errors = check(text.as_bytes(), Settings::default());
+    let errors = check(text.as_bytes(), settings());
     assert!(errors.is_empty(), "{errors:?}");
     let machine = isocnc::config::parse(MACHINE, Path::new("mill3-demo.toml")).expect("a good machine file");
     let g54 = machine.work_offsets[0];
@@ -21,7 +40,7 @@ fn moves(text: &str) -> [usize; 3] {
     };
     let mut count = [0; 3];
     let mut at = Position::ZERO;
-    for event in Interpreter::new(Settings::default()).run(text.as_bytes()) {
+    for event in Interpreter::new(settings()).run(text.as_bytes()) {
         let event = event.expect("no errors");
         let line = event.source.line;
         let (kind, to) = match event.call {

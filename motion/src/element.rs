@@ -99,6 +99,11 @@ pub enum Action {
         /// Tool number.
         tool: u32,
     },
+    /// M61: the spindle holds this tool; nothing changes it.
+    SetTool {
+        /// Tool number.
+        tool: u32,
+    },
     /// (MSG, ...): its number, counted from 0 in the order of the program.
     Message {
         /// Number.
@@ -133,6 +138,7 @@ impl fmt::Display for Action {
             Action::Flood(flood) => write!(f, "flood {}", on(flood)),
             Action::SelectTool { tool } => write!(f, "tool {tool} selected"),
             Action::ChangeTool { tool } => write!(f, "change to tool {tool}"),
+            Action::SetTool { tool } => write!(f, "tool {tool} in the spindle"),
             Action::Message { number } => write!(f, "message {number}"),
             Action::ProgramStop => f.write_str("stop (M0)"),
             Action::OptionalStop => f.write_str("optional stop (M1)"),

@@ -157,11 +157,15 @@ impl Tables {
         }
     }
 
-    /// Takes what a program left behind.
+    /// Takes what a program left behind, but for the tool in the spindle: only the machine knows how far a program came.
     pub fn take(&mut self, left: gcode::Settings) {
         self.parameters = left.parameters.into_iter().collect();
         self.tools = left.tools;
-        self.tool_in_spindle = left.tool_in_spindle;
+    }
+
+    /// The machine changed its tool.
+    pub fn set_tool_in_spindle(&mut self, tool: u32) {
+        self.tool_in_spindle = tool;
     }
 
     /// What the files must hold.

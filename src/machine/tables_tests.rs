@@ -63,7 +63,7 @@ fn take(tables: &Mutex<Tables>, parameters: &[(u16, f64)], tools: ToolTable) {
     lock(tables).take(gcode::Settings {
         parameters: parameters.iter().copied().collect(),
         tools,
-        tool_in_spindle: 3,
+        tool_in_spindle: 4, // as far as it was read, not as far as it was run
         ..gcode::Settings::default()
     });
 }
@@ -99,6 +99,8 @@ fn the_tool_in_the_spindle_is_that_of_pocket_0_or_the_last_change() {
         assert_eq!(lock(&tables).tool_in_spindle(), before);
         let tools = lock(&tables).tools().clone();
         take(&tables, &[], tools);
+        assert_eq!(lock(&tables).tool_in_spindle(), before);
+        lock(&tables).set_tool_in_spindle(3);
         assert_eq!(lock(&tables).tool_in_spindle(), after);
     }
 }

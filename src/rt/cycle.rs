@@ -533,6 +533,9 @@ impl<B: Fieldbus> Control<B> {
         if let Some(action) = self.waiting
             && self.parts.pins.action_done(action)
         {
+            if let Action::ChangeTool { tool } | Action::SetTool { tool } = action {
+                self.outlets.live.set_tool(tool);
+            }
             self.end_wait();
         }
     }

@@ -370,7 +370,7 @@ impl Pins {
             Action::SpindleOff => self.spindle_off(),
             Action::Mist(on) => self.mist.set(on),
             Action::Flood(on) => self.flood.set(on),
-            Action::SelectTool { tool } => self.tool_number.set(tool),
+            Action::SelectTool { tool } | Action::SetTool { tool } => self.tool_number.set(tool),
             Action::ChangeTool { tool } => {
                 self.tool_number.set(tool);
                 self.tool_change_asked = false;
@@ -405,6 +405,7 @@ impl Pins {
             | Action::Mist(_)
             | Action::Flood(_)
             | Action::SelectTool { .. }
+            | Action::SetTool { .. }
             | Action::ProgramEnd
             | Action::Message { .. } => true,
         }

@@ -93,6 +93,8 @@ pub struct Live {
     cycles_skipped: AtomicU64,
     remaining_s: AtomicU64,
     elapsed_s: AtomicU64,
+    /// One more than the number of the tool that the last change brought; 0: there was none.
+    tool: AtomicU64,
 }
 
 impl Default for Live {
@@ -108,6 +110,7 @@ impl Default for Live {
             cycles_skipped: AtomicU64::new(0),
             remaining_s: AtomicU64::new(0),
             elapsed_s: AtomicU64::new(0),
+            tool: AtomicU64::new(0),
         }
     }
 }
@@ -138,6 +141,17 @@ pub struct Snapshot {
 }
 
 impl Live {
+    /// The spindle holds this tool from now on. RT.
+    pub fn set_tool(&self, tool: u32) {
+        self.tool.store(u64::from(tool) + 1, Relaxed);
+    }
+
+    /// The tool that the last change brought, 0: none; `None`: there was no change since the start.
+    pub fn tool(&self) -> Option<u32> {
+        let number = self.tool.load(Relaxed).checked_sub(1)?;
+        u32::try_from(number).ok()
+    }
+
     /// Shows new values. RT.
     pub fn show(&self, snapshot: &Snapshot) {
         self.cycles.store(snapshot.cycles, Relaxed);

@@ -4,7 +4,7 @@
 //! Out: the tables of the session; their files, written by a thread of its own, because a disk takes its time.
 //!
 //! The interpreter is ahead of the machine: a program that was stopped leaves behind what its lines said that had been
-//! interpreted, as in LinuxCNC.
+//! interpreted, as in LinuxCNC. The tool in the spindle is the one that the machine itself told last.
 
 use super::operator::Operator;
 use crate::machine::safe_file::Disk;
@@ -43,6 +43,9 @@ impl<'scope, 'env> Keeper<'scope, 'env> {
     pub(super) fn attend(&mut self, operator: &mut Operator) -> io::Result<()> {
         if self.writer.as_ref().is_some_and(ScopedJoinHandle::is_finished) {
             self.join(operator);
+        }
+        if let Some(tool) = operator.tool() {
+            lock(self.tables).set_tool_in_spindle(tool);
         }
         if self.behind && self.writer.is_none() {
             self.behind = false;

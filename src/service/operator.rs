@@ -240,6 +240,11 @@ impl Operator {
         self.inlets.live.snapshot()
     }
 
+    /// The tool that the last change brought; `None`: there was no change.
+    pub fn tool(&self) -> Option<u32> {
+        self.inlets.live.tool()
+    }
+
     /// Step of the sequence.
     pub fn step(&self) -> Step {
         self.sequence.step()

@@ -193,9 +193,8 @@ impl Program {
             Call::Mist(on) => rest(Action::Mist(*on)),
             Call::Flood(on) => rest(Action::Flood(*on)),
             Call::SelectTool { tool } => rest(Action::SelectTool { tool: *tool }),
-            Call::ChangeTool { tool, .. } | Call::SetToolNumber { tool, .. } => {
-                rest(Action::ChangeTool { tool: *tool })
-            }
+            Call::ChangeTool { tool, .. } => rest(Action::ChangeTool { tool: *tool }),
+            Call::SetToolNumber { tool, .. } => rest(Action::SetTool { tool: *tool }),
             Call::Message(_) => {
                 self.messages += 1;
                 rest(Action::Message {
