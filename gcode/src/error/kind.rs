@@ -40,12 +40,6 @@ pub enum ErrorKind {
         /// Letter of the word.
         letter: char,
     },
-    /// Not of the form sign, digits, point, digits.
-    #[error("number of {letter} is malformed: one sign, digits and one decimal point at most")]
-    NumberMalformed {
-        /// Letter of the word.
-        letter: char,
-    },
     /// Beyond any machine.
     #[error("number of {letter} is too large: at most {max}")]
     NumberTooLarge {
@@ -340,12 +334,6 @@ pub enum ErrorKind {
     InverseTimeFeedMissing {
         /// Motion code.
         motion: String,
-    },
-    /// A code that is not run.
-    #[error("{code} is not supported")]
-    NotSupported {
-        /// The code.
-        code: String,
     },
     /// A code of the user that the machine does not have.
     #[error("M{number} has no program: put an executable file M{number} into the folder of user codes")]
@@ -681,12 +669,6 @@ pub enum ErrorKind {
     TooManySubroutines {
         /// The limit.
         max: usize,
-    },
-    /// A file of a subroutine that defines something else.
-    #[error("the file begins with no {label} sub: a subroutine in a file of its own has the file's name")]
-    SubroutineMissing {
-        /// The label.
-        label: String,
     },
     /// Too many subroutine calls within each other.
     #[error("{label} is the {depth}th call within calls: at most {depth_max} are allowed")]
