@@ -1,6 +1,9 @@
+use super::moves::wrapped_word;
 use super::*;
 use crate::{Tool, ToolChanger, ToolTable};
-use motion::canon::ProbeMode;
+use motion::canon::{
+    Axis, Cutter, Input, LengthUnit, OrientDirection, PathMode, ProbeMode, Record, Side, SpindleMode, WaitMode,
+};
 
 fn settings() -> Settings {
     let mut tools = ToolTable::new(LengthUnit::Millimetre, ToolChanger::Fixed);
