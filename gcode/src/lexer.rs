@@ -64,6 +64,17 @@ impl Iterator for Words<'_> {
 
     #[inline]
     fn next(&mut self) -> Option<Self::Item> {
+        if let Some((letter, value)) = self.cursor.plain_word() {
+            let span = self.cursor.span().range();
+            return Some(Ok(Word { letter, value, span }));
+        }
+        self.any_word()
+    }
+}
+
+impl Words<'_> {
+    /// The next word, whatever it is.
+    fn any_word(&mut self) -> Option<Result<Word, (Range<usize>, ErrorKind)>> {
         loop {
             let letter = match self.cursor.item()? {
                 Ok(Item::Letter(b'O')) => return None,
@@ -83,9 +94,7 @@ impl Iterator for Words<'_> {
             return Some(word.map_err(located));
         }
     }
-}
 
-impl Words<'_> {
     fn assignment(&mut self) -> Result<(), Fault> {
         self.cursor.parameter_target(&Unknown)?;
         self.cursor.value(&Unknown)?;

@@ -3,9 +3,10 @@
 //! In:  the octets of a program in LinuxCNC's RS274/NGC dialect, and what the machine remembers ([`Settings`]).
 //! Out: canonical calls ([`motion::canon`]) in the order in which they happen, or located errors ([`Error`]).
 //!
-//! A line goes through `scan` (words), `block` (one line, its modal groups) and `execute` (state, calls; `arc` for the
-//! geometry of circles). Knows no machine limits, no time and no bus. A code or construct that is not supported is an
-//! error, never skipped.
+//! A line goes through `scan` and `expression` (words with their values), `block` (one line, its modal groups) and `execute`
+//! (state, calls); O-words through `control`. Lines are read when the calls of the one before are used up, so a text of any
+//! length starts at once and takes constant memory. Knows no machine limits, no time and no bus: what a program asks of
+//! the machine, a [`Machine`] answers. A code or construct that is not supported is an error, never skipped.
 //!
 //! ```
 //! use motion::canon::{Call, Position};

@@ -6,6 +6,7 @@
 //! Blanks, tabs and carriage returns are ignored everywhere outside comments, even inside numbers. Allocates nothing.
 
 use crate::error::ErrorKind;
+use crate::number;
 
 /// Greatest magnitude of a number; it keeps every later sum and product finite.
 pub(crate) const NUMBER_MAX: f64 = 1e9;
@@ -114,6 +115,26 @@ impl<'l> Cursor<'l> {
             self.at += 1;
         }
         letters
+    }
+
+    /// Takes a letter with a plain number, as nearly all words are; none of O, which may be an O-word. `None`: something
+    /// else stands here, and nothing is taken.
+    #[inline]
+    pub(crate) fn plain_word(&mut self) -> Option<(u8, f64)> {
+        let letter = self
+            .peek()
+            .filter(|octet| octet.is_ascii_uppercase() && *octet != b'O')?;
+        let start = self.at;
+        self.at += 1;
+        let negative = self.take(b'-');
+        if let Some(b'0'..=b'9' | b'.') = self.peek()
+            && let Ok(number) = number::read(self.line, &mut self.at)
+        {
+            self.start = start;
+            return Some((letter, if negative { -number } else { number }));
+        }
+        self.at = start;
+        None
     }
 
     /// Takes what stands next on the line; its octets so far are [`Self::span`]. `None`: nothing is left.
