@@ -165,6 +165,7 @@ impl State {
         };
         let timeout_s = block.word_value(b'Q');
         for spindle in self.named_spindles(block, false)? {
+            self.modal.spindles[usize::from(spindle)].turning = None; // it is held at the angle
             // Q alone only waits.
             if block.has(letters(b"RP")) {
                 calls.push_back(Call::OrientSpindle {
