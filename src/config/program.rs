@@ -16,8 +16,6 @@ const ARC_TOLERANCE_MIN_INCH: f64 = 0.00004;
 const PECK_CLEARANCE_MAX_MM: f64 = 100.0;
 /// Folders that are searched for one file.
 const FOLDERS_MAX: usize = 10;
-/// Longest line of a program.
-const STARTUP_CODE_MAX: usize = gcode::LINE_MAX;
 /// Values of `#<_ini[section]name>`.
 const VALUE_MAX: f64 = 1e9;
 
@@ -30,13 +28,9 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
     let directory = folder(section, "directory", base);
     let subroutine_directories = folders(section, "subroutine_directories", base);
     let user_codes = user_codes(section, base);
-    let log_directory = folder(section, "log_directory", base);
-    let startup_code = startup_code(section);
     let block_delete = section.flag("block_delete", default.block_delete);
     let diameter_mode = section.flag("diameter_mode", default.diameter_mode);
     let keep_g92 = section.flag("keep_g92", default.keep_g92);
-    let fanuc_subroutines = section.flag("fanuc_subroutines", default.fanuc_subroutines);
-    let read_pins = section.flag("read_pins", default.read_pins);
     let clearance = Bound::Within(0.0, PECK_CLEARANCE_MAX_MM);
     let chip_breaking_clearance_mm = section.number(
         "chip_breaking_clearance_mm",
@@ -60,7 +54,13 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
         }
         table.done();
     }
-    section.not_yet(&["optional_stop"]);
+    section.not_yet(&[
+        "optional_stop",
+        "log_directory",
+        "startup_code",
+        "fanuc_subroutines",
+        "read_pins",
+    ]);
     Some(Program {
         tolerance_mm: tolerance_mm?,
         look_ahead_blocks: look_ahead_blocks? as usize,
@@ -68,13 +68,9 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
         directory: directory?,
         subroutine_directories: subroutine_directories?,
         user_codes: user_codes?,
-        log_directory: log_directory?,
-        startup_code: startup_code?,
         block_delete: block_delete?,
         diameter_mode: diameter_mode?,
         keep_g92: keep_g92?,
-        fanuc_subroutines: fanuc_subroutines?,
-        read_pins: read_pins?,
         chip_breaking_clearance_mm: chip_breaking_clearance_mm?,
         peck_clearance_mm: peck_clearance_mm?,
         arc_radius_tolerance_mm: arc_radius_tolerance_mm?,
@@ -118,19 +114,6 @@ fn user_codes(section: &mut Section<'_, '_>, base: &Path) -> Option<UserCodes> {
         allowed: allowed?,
         directories: directories?,
     })
-}
-
-fn startup_code(section: &mut Section<'_, '_>) -> Option<String> {
-    let Some(item) = section.optional("startup_code") else {
-        return Some(String::new());
-    };
-    let text = item.text(&section.key("startup_code"))?;
-    if text.len() >= STARTUP_CODE_MAX || text.contains(['\n', '\r']) {
-        let rule = format!("must be one line of a program, shorter than {STARTUP_CODE_MAX} characters");
-        section.wrong("startup_code", rule);
-        return None;
-    }
-    Some(text.to_owned())
 }
 
 /// `[program.values.SECTION]`: numbers that programs read as `#<_ini[SECTION]NAME>`.

@@ -403,20 +403,12 @@ pub struct Program {
     pub subroutine_directories: Vec<PathBuf>,
     /// M100 to M199.
     pub user_codes: UserCodes,
-    /// The one folder in which programs may write files (LOGOPEN, PROBEOPEN); `None`: they may not.
-    pub log_directory: Option<PathBuf>,
-    /// A line that is run before each program; default empty.
-    pub startup_code: String,
     /// Leave out lines that begin with `/`; default false.
     pub block_delete: bool,
     /// X words are diameters (G7) at the start; default false.
     pub diameter_mode: bool,
     /// The offset of G92 and G52 outlives the process; default true.
     pub keep_g92: bool,
-    /// M98 and M99 call and end subroutines; default true.
-    pub fanuc_subroutines: bool,
-    /// Programs may read pins (`#<_hal[name]>`); default true.
-    pub read_pins: bool,
     /// How far G73 backs off, mm; default 0.254.
     pub chip_breaking_clearance_mm: f64,
     /// How far above the last depth G83 begins to feed again, mm; default 0.254.
@@ -444,13 +436,9 @@ impl Default for Program {
             directory: None,
             subroutine_directories: Vec::new(),
             user_codes: UserCodes::default(),
-            log_directory: None,
-            startup_code: String::new(),
             block_delete: false,
             diameter_mode: false,
             keep_g92: true,
-            fanuc_subroutines: true,
-            read_pins: true,
             chip_breaking_clearance_mm: 0.254,
             peck_clearance_mm: 0.254,
             arc_radius_tolerance_mm,
