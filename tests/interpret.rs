@@ -186,6 +186,16 @@ fn output_begins_at_once_and_a_closed_pipe_ends_quietly() {
 }
 
 #[test]
+fn programs_may_call_tools_without_a_table() {
+    let program = include_str!("../configs/sample-part.ngc");
+    let (_, output) = interpret(&[("part.ngc", program)], &["part.ngc"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(text(&output.stdout).contains("SELECT_TOOL(1)"));
+    let (_, output) = interpret(&[("part.ngc", "T100\nM2\n")], &["part.ngc"]);
+    assert!(text(&output.stderr).contains("tool 100 is not in the tool table"));
+}
+
+#[test]
 fn tables_are_in_inches_unless_said_otherwise() {
     let files = [
         ("part.ngc", "T1 M6 G43\nG55\nM2\n"),

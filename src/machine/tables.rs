@@ -224,10 +224,15 @@ fn default_parameters(origins: &[Position; 9], unit: LengthUnit) -> Vec<(u16, f6
 /// The tools before a table is read: none where the machine file names one; else some that can be called and changed, and
 /// have neither length nor diameter.
 pub fn without_file(config: &Config) -> ToolTable {
-    let mut tools = ToolTable::new(config.unit, config.tools.changer);
     if config.tools.table.is_some() {
-        return tools;
+        return ToolTable::new(config.unit, config.tools.changer);
     }
+    bare_tools(config.unit, config.tools.changer)
+}
+
+/// Tools without measures, so that programs without a table can call them.
+pub fn bare_tools(unit: LengthUnit, changer: ToolChanger) -> ToolTable {
+    let mut tools = ToolTable::new(unit, changer);
     for number in BARE_TOOLS {
         let tool = Tool {
             number,

@@ -41,7 +41,7 @@ pub struct InterpretArgs {
     #[arg(short, long)]
     pub block_delete: bool,
     /// Machine file: its units, axes, spindles, offsets, tool table, parameter file, remapped codes. Without one
-    /// everything is as with LinuxCNC's rs274: all at zero, one spindle, no tools
+    /// everything is as with LinuxCNC's rs274: all at zero, one spindle, tools 1 to 99 without measures
     #[arg(short, long, value_name = "MACHINE.toml")]
     pub machine: Option<PathBuf>,
     /// Tool table (rs274 -t), in place of the machine file's

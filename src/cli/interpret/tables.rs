@@ -4,6 +4,7 @@
 //! Out: [`gcode::Settings`], or every mistake of the files on standard error.
 
 use super::InterpretArgs;
+use crate::machine::tables::bare_tools;
 use crate::{config, program};
 use anyhow::Context;
 use gcode::{Located, Settings, Splines, ToolChanger, ToolTable, parameter};
@@ -74,10 +75,11 @@ pub(super) fn read(args: &InterpretArgs) -> anyhow::Result<Option<Tables>> {
     }))
 }
 
-/// The settings of LinuxCNC's interpreter without a machine.
+/// The settings of LinuxCNC's interpreter without a machine, but for tools: there are some without a table, too.
 fn stand_alone() -> Settings {
     Settings {
         machine_unit: LengthUnit::Inch,
+        tools: bare_tools(LengthUnit::Inch, ToolChanger::default()),
         spindles: 1,
         user_codes: Some(Vec::new()),
         ..Settings::default()
