@@ -97,7 +97,7 @@ pub struct Settings {
     pub splines: Splines,
     /// Whether X words are diameters at the start (G7).
     pub diameter_mode: bool,
-    /// Spindles that the machine has, 1 to [`SPINDLES`].
+    /// Spindles that the machine has, 1 to [`motion::canon::SPINDLES`].
     pub spindles: u8,
     /// Rotary axes that have no ends: absolute positions are reached the short way round, the sign tells the direction.
     pub wrapped_rotary: [bool; AXES],

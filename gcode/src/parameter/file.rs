@@ -1,6 +1,6 @@
 //! LinuxCNC's parameter file: what outlives a program and the control, such as the work offsets.
 //!
-//! In:  the octets of the file ([`parse`]); numbers and values ([`write`]).
+//! In:  the octets of the file ([`parse`]); numbers and values ([`write()`]).
 //! Out: numbers and values, ascending, or all errors of the file at once; the text of the file.
 //!
 //! A line is a number and its value, in the units of the machine: `5221 -100.250000`. Numbers ascend. Those that are
