@@ -4,8 +4,8 @@
 //! Out: line by line the words with their numbers and places. What depends on a parameter is unknown: NaN.
 
 use crate::error::ErrorKind;
-use crate::expression::Values;
 use crate::scan::{Cursor, Fault, Item};
+use crate::syntax::Unknown;
 use crate::text::Text;
 use std::io::{self, Read, Seek};
 use std::ops::Range;
@@ -104,23 +104,6 @@ impl Words<'_> {
 
 fn located((span, kind): Fault) -> (Range<usize>, ErrorKind) {
     (span.range(), kind)
-}
-
-/// Parameters of a program that does not run.
-struct Unknown;
-
-impl Values for Unknown {
-    fn numbered(&self, _: u32) -> Option<f64> {
-        Some(f64::NAN)
-    }
-
-    fn named(&self, _: &str) -> Option<f64> {
-        Some(f64::NAN)
-    }
-
-    fn nearest(&self, _: &str) -> Option<String> {
-        None
-    }
 }
 
 #[cfg(test)]
