@@ -6,7 +6,7 @@
 //! that is due; linear in time. Distances are over all nine axes; a degree counts as a millimetre.
 
 use super::Programmed;
-use super::round::{distance, nearest};
+use super::smooth::round::{distance, nearest};
 use crate::canon::Position;
 use crate::path::{Piece, Shape};
 

@@ -14,7 +14,7 @@
 //! set-points come once a cycle T, and what the drive sees is differences over T: the second difference of a jump dv of
 //! velocity peaks at dv/T, the third at dv/T^2; the third of a jump da of acceleration at 0.75 da/T.
 
-use super::round::turning;
+use super::smooth::round::turning;
 use super::{AxisLimits, Settings};
 use crate::canon::AXES;
 use crate::path::{Jet, Piece, Shape};

@@ -7,30 +7,28 @@
 //!
 //! ```text
 //! program   calls -> pieces in machine coordinates, with feed and line           (frame: offsets, travel)
-//! corners   rounds corners within the tolerance, stops where that cannot be      (round: one corner)
-//! joints    slows down where pieces that are not rounded meet with a small jump
-//! runs      joins pieces into runs of common limits along the path               (limits)
-//! planner   speeds at the ends of runs, backward and forward; hands over         (profile: phases in time)
+//! smooth    rounds corners within the tolerance, stops where that cannot be
+//! kinks     slows down where pieces that are not rounded meet with a small jump
+//! classic   joins pieces into runs, plans speeds backward and forward, slopes    (limits, profile)
+//! planner   all of them, one after the other
 //! ```
 //!
-//! This is the classic planner: corner speeds, backward and forward pass, seven-phase slope with acceleration 0 where
-//! runs meet. It never breaks a limit and it leaves time on the table. Not real time; allocates.
+//! Not real time; allocates.
 
 // Wherever motion and rest share an enum, motion is the large variant and nearly all there is.
 #![allow(clippy::large_enum_variant)]
 
 pub mod check;
-mod corners;
+mod classic;
 pub mod deviation;
 mod frame;
-mod joints;
+mod kinks;
 mod limits;
 pub mod offline;
 mod planner;
 mod profile;
 mod program;
-mod round;
-mod runs;
+mod smooth;
 
 use std::fmt;
 

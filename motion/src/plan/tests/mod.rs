@@ -2,7 +2,7 @@
 
 use super::check::check;
 use super::deviation::deviation;
-use super::round::distance;
+use super::smooth::round::distance;
 use super::*;
 use crate::canon::{Call, Event, PathMode, Plane};
 

@@ -8,12 +8,12 @@ use crate::path::{BlendEnd, Group, Jet, Piece, Shape};
 
 /// A corner, rounded.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Rounded {
+pub(in crate::plan) struct Rounded {
     /// What is taken from the end of the first leg.
-    pub(super) before: f64,
-    pub(super) blend: Piece,
+    pub(in crate::plan) before: f64,
+    pub(in crate::plan) blend: Piece,
     /// What is taken from the beginning of the second leg.
-    pub(super) after: f64,
+    pub(in crate::plan) after: f64,
 }
 
 /// Where the inner control points lie on the legs, as parts of the distance from the vertex, by interior angle in
@@ -43,12 +43,12 @@ fn shape(interior_deg: f64) -> (f64, f64) {
 }
 
 /// Distance of two points over all nine axes; a degree counts as a millimetre.
-pub(super) fn distance(a: &[f64; AXES], b: &[f64; AXES]) -> f64 {
+pub(in crate::plan) fn distance(a: &[f64; AXES], b: &[f64; AXES]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
 /// Angle between two directions, radians.
-pub(super) fn turning(group: Group, a: &Jet, b: &Jet) -> f64 {
+pub(in crate::plan) fn turning(group: Group, a: &Jet, b: &Jet) -> f64 {
     let (a, b) = (group.pick(&a.d1), group.pick(&b.d1));
     let (mut less, mut more) = (0.0, 0.0);
     for i in 0..3 {
@@ -59,13 +59,13 @@ pub(super) fn turning(group: Group, a: &Jet, b: &Jet) -> f64 {
 }
 
 /// Distance from the vertex at which a corner of two straight legs must begin for its crest to be `tolerance` away.
-pub(super) fn reach(group: Group, a: &Jet, b: &Jet, tolerance: f64) -> f64 {
+pub(in crate::plan) fn reach(group: Group, a: &Jet, b: &Jet, tolerance: f64) -> f64 {
     let (p1, p2) = shape(180.0 - turning(group, a, b).to_degrees());
     32.0 * tolerance / ((1.0 + 5.0 * p1 + 10.0 * p2) * distance(&a.d1, &b.d1))
 }
 
 /// Rounds a corner, using up to `room` of each leg. `None`: nothing to round, or no curve found.
-pub(super) fn round(a: &Piece, room_a: f64, b: &Piece, room_b: f64, tolerance: f64) -> Option<Rounded> {
+pub(in crate::plan) fn round(a: &Piece, room_a: f64, b: &Piece, room_b: f64, tolerance: f64) -> Option<Rounded> {
     let group = a.group();
     let (end, start) = (a.jet(a.length()), b.jet(0.0));
     let straight = matches!((a.shape(), b.shape()), (Shape::Line(_), Shape::Line(_)));
@@ -112,7 +112,7 @@ pub(super) fn round(a: &Piece, room_a: f64, b: &Piece, room_b: f64, tolerance: f
 
 /// Joins the middles of two straight legs, with given curvature there: on dense programs the result is nearly the curve
 /// from which the points were taken.
-pub(super) fn join(
+pub(in crate::plan) fn join(
     a: &Piece,
     bend_a: &[f64; AXES],
     b: &Piece,
@@ -155,7 +155,7 @@ fn deviation(blend: &Piece, a: &Piece, before: f64, b: &Piece, after: f64) -> f6
 }
 
 /// Distance of `q` from the stretch of a leg, and where, found from a first guess by steps along the tangent.
-pub(super) fn nearest(leg: &Piece, q: &[f64; AXES], from: f64, to: f64, guess: f64) -> (f64, f64) {
+pub(in crate::plan) fn nearest(leg: &Piece, q: &[f64; AXES], from: f64, to: f64, guess: f64) -> (f64, f64) {
     let mut s = guess;
     for _ in 0..4 {
         let jet = leg.jet(s);

@@ -4,12 +4,12 @@
 //! Out: runs. Acceleration is 0 where runs meet, so they must not be too short; all their pieces share the limits of the
 //! worst, so they must not differ too much. Both are decided by the data alone.
 
-use super::Settings;
-use super::joints::{Bounded, Joined};
-use super::limits::{Bounds, PathLimits};
-use super::profile::{Phase, brakeable, end_speed, profile};
 use crate::element::{Element, Span};
 use crate::path::Piece;
+use crate::plan::Settings;
+use crate::plan::kinks::{Bounded, Joined};
+use crate::plan::limits::{Bounds, PathLimits};
+use crate::plan::profile::{Phase, brakeable, end_speed, profile};
 
 /// Pieces in one run at most, which bounds the number of elements that must be published together.
 pub(super) const RUN_PIECES: usize = 512;

@@ -9,26 +9,26 @@
 
 use std::collections::VecDeque;
 
-use super::Settings;
-use super::limits::Bounds;
-use super::profile::{reachable, time_lost};
-use super::program::{Corner, Move};
 use super::round::{Rounded, distance, join, reach, round, turning};
 use crate::canon::AXES;
 use crate::path::{Group, Piece, Shape};
+use crate::plan::Settings;
+use crate::plan::limits::Bounds;
+use crate::plan::profile::{reachable, time_lost};
+use crate::plan::program::{Corner, Move};
 
 /// A piece of path with all that bounds its speed besides geometry.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Stretch {
-    pub(super) piece: Piece,
-    pub(super) feed: f64,
-    pub(super) line: u32,
-    pub(super) rapid: bool,
+pub(in crate::plan) struct Stretch {
+    pub(in crate::plan) piece: Piece,
+    pub(in crate::plan) feed: f64,
+    pub(in crate::plan) line: u32,
+    pub(in crate::plan) rapid: bool,
 }
 
 /// What comes out.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Passed {
+pub(in crate::plan) enum Passed {
     Stretch(Stretch),
     /// Rest before what follows.
     Stop,
@@ -46,12 +46,12 @@ struct Leg {
 
 /// Rounds corners, with one move of delay.
 #[derive(Debug, Default)]
-pub(super) struct Corners {
+pub(in crate::plan) struct Corners {
     legs: VecDeque<Leg>,
 }
 
 impl Corners {
-    pub(super) fn push(&mut self, part: Move, settings: &Settings, out: &mut Vec<Passed>) {
+    pub(in crate::plan) fn push(&mut self, part: Move, settings: &Settings, out: &mut Vec<Passed>) {
         self.legs.push_back(Leg {
             part,
             from: 0.0,
@@ -63,7 +63,7 @@ impl Corners {
     }
 
     /// Nothing follows: the last move ends where it is programmed to end.
-    pub(super) fn flush(&mut self, settings: &Settings, out: &mut Vec<Passed>) {
+    pub(in crate::plan) fn flush(&mut self, settings: &Settings, out: &mut Vec<Passed>) {
         while self.legs.len() > 1 {
             self.pass_one(settings, out);
         }

@@ -8,8 +8,8 @@
 //! reaches from a jump beyond its zone, and none sees two jumps.
 
 use super::Settings;
-use super::corners::{Passed, Stretch};
 use super::limits::{Bounds, jumps};
+use super::smooth::{Passed, Stretch};
 
 /// A stretch with the bounds of its geometry.
 #[derive(Clone, Copy, Debug)]
@@ -27,11 +27,11 @@ pub(super) enum Joined {
 
 /// Looks at both sides of each meeting point, with one stretch of delay.
 #[derive(Debug, Default)]
-pub(super) struct Joints {
+pub(super) struct Kinks {
     last: Option<Bounded>,
 }
 
-impl Joints {
+impl Kinks {
     pub(super) fn push(&mut self, passed: Passed, settings: &Settings, out: &mut Vec<Joined>) {
         match passed {
             Passed::Stop => {
