@@ -29,6 +29,7 @@ mod planner;
 mod profile;
 mod program;
 mod smooth;
+pub mod workers;
 
 use std::fmt;
 

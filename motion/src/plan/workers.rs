@@ -1,0 +1,435 @@
+//! Threads for pure computation.
+//!
+//! In:  jobs that depend on nothing but what they own.
+//! Out: their results by number, never by time of completion, so that no plan depends on how many threads there are.
+//!
+//! [`Workers::run`] is for many small jobs that are known at once, [`Ordered`] for larger ones that come one after the
+//! other. Who waits for a result does waiting jobs meanwhile; nobody spins. Threads inherit affinity and rights of the
+//! thread that starts them, and a hook can change both: they must keep off the core of real time.
+//!
+//! Not real time; allocates.
+
+use std::any::Any;
+use std::collections::VecDeque;
+use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::{Builder, JoinHandle, current};
+
+/// A job failed by a defect in it: it panicked.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct JobPanicked {
+    /// Number of the job.
+    pub number: u64,
+    /// What it said.
+    pub message: String,
+}
+
+impl fmt::Display for JobPanicked {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "planning job {} panicked: {}", self.number, self.message)
+    }
+}
+
+impl std::error::Error for JobPanicked {}
+
+type Job = Box<dyn FnOnce() + Send>;
+
+#[derive(Default)]
+struct Waiting {
+    jobs: VecDeque<Job>,
+    closed: bool,
+}
+
+#[derive(Default)]
+struct Shared {
+    waiting: Mutex<Waiting>,
+    changed: Condvar,
+}
+
+impl Shared {
+    /// No job runs under the lock, so that it is never left in a state that makes no sense.
+    fn lock(&self) -> MutexGuard<'_, Waiting> {
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn add(&self, jobs: impl Iterator<Item = Job>) {
+        let mut waiting = self.lock();
+        for job in jobs {
+            waiting.jobs.push_back(job);
+            self.changed.notify_one();
+        }
+    }
+
+    /// A job that nobody has begun.
+    fn take(&self) -> Option<Job> {
+        self.lock().jobs.pop_front()
+    }
+
+    /// Does jobs until the pool is closed and nothing is left.
+    fn work(&self) {
+        let mut waiting = self.lock();
+        loop {
+            if let Some(job) = waiting.jobs.pop_front() {
+                drop(waiting);
+                job();
+                waiting = self.lock();
+            } else if waiting.closed {
+                return;
+            } else {
+                waiting = self.changed.wait(waiting).unwrap_or_else(PoisonError::into_inner);
+            }
+        }
+    }
+}
+
+struct Pool {
+    shared: Arc<Shared>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl Drop for Pool {
+    fn drop(&mut self) {
+        self.shared.lock().closed = true;
+        self.shared.changed.notify_all();
+        for thread in self.threads.drain(..) {
+            // The last handle may belong to a job, and no thread can wait for itself.
+            if thread.thread().id() != current().id() {
+                // Panics of jobs are caught; that of a hook has ended its thread only.
+                let _ = thread.join();
+            }
+        }
+    }
+}
+
+/// A pool of threads; clones share it, and the last one ends it after all jobs that were handed in.
+#[derive(Clone)]
+pub struct Workers(Arc<Pool>);
+
+impl Workers {
+    /// Starts `threads` threads beside the caller's; with none, all is done by the caller. Each calls `start` first. Where
+    /// the system refuses threads, there are fewer: see [`Workers::threads`].
+    pub fn new(threads: usize, start: impl Fn() + Send + Sync + 'static) -> Workers {
+        let shared = Arc::new(Shared::default());
+        let start = Arc::new(start);
+        let spawn = |number: usize| {
+            let (shared, start) = (Arc::clone(&shared), Arc::clone(&start));
+            Builder::new().name(format!("planner {number}")).spawn(move || {
+                start();
+                shared.work();
+            })
+        };
+        let threads = (1..=threads).map_while(|number| spawn(number).ok()).collect();
+        Workers(Arc::new(Pool { shared, threads }))
+    }
+
+    /// No threads: the caller does everything.
+    pub fn none() -> Workers {
+        Workers::new(0, || ())
+    }
+
+    /// Threads beside the caller's.
+    pub fn threads(&self) -> usize {
+        self.0.threads.len()
+    }
+
+    /// Does the jobs with the numbers below `count`, the caller as well as all threads, and returns what they give, in the
+    /// order of their numbers.
+    ///
+    /// # Errors
+    /// The first of them (by number) that panicked; the others have been done.
+    pub fn run<Out: Send + 'static>(
+        &self,
+        count: usize,
+        job: impl Fn(usize) -> Out + Send + Sync + 'static,
+    ) -> Result<Vec<Out>, JobPanicked> {
+        let helpers = self.threads().min(count.saturating_sub(1));
+        if helpers == 0 {
+            return (0..count)
+                .map(|number| guarded(number as u64, || job(number)))
+                .collect();
+        }
+        let (job, next) = (Arc::new(job), Arc::new(AtomicUsize::new(0)));
+        let (sender, receiver) = channel();
+        let part = |sender: Sender<Vec<(usize, Result<Out, JobPanicked>)>>| {
+            let (job, next) = (Arc::clone(&job), Arc::clone(&next));
+            move || {
+                let mut done = Vec::new();
+                loop {
+                    let number = next.fetch_add(1, Ordering::Relaxed);
+                    if number >= count {
+                        break;
+                    }
+                    done.push((number, guarded(number as u64, || job(number))));
+                }
+                // The caller waits for the numbers, and may be gone before a helper that came too late for any.
+                let _ = sender.send(done);
+            }
+        };
+        self.0
+            .shared
+            .add((0..helpers).map(|_| Box::new(part(sender.clone())) as Job));
+        part(sender)();
+        let mut results: Vec<Option<Result<Out, JobPanicked>>> = Vec::new();
+        results.resize_with(count, || None);
+        let mut left = count;
+        while left > 0 {
+            let Ok(done) = receiver.recv() else { break };
+            left -= done.len();
+            for (number, result) in done {
+                results[number] = Some(result);
+            }
+        }
+        let lost = |number: usize| JobPanicked {
+            number: number as u64,
+            message: "its thread ended".to_owned(),
+        };
+        let results = results.into_iter().enumerate();
+        results
+            .map(|(number, result)| result.unwrap_or_else(|| Err(lost(number))))
+            .collect()
+    }
+}
+
+impl fmt::Debug for Workers {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Workers").field("threads", &self.threads()).finish()
+    }
+}
+
+/// Jobs one after the other, whose results come back in the order in which they were handed in.
+pub struct Ordered<Out> {
+    workers: Workers,
+    sender: Sender<(u64, Result<Out, JobPanicked>)>,
+    receiver: Receiver<(u64, Result<Out, JobPanicked>)>,
+    /// Number of the result that comes out next.
+    next: u64,
+    /// Results from that number on.
+    results: VecDeque<Option<Result<Out, JobPanicked>>>,
+}
+
+impl<Out: Send + 'static> Ordered<Out> {
+    /// Nothing handed in yet.
+    pub fn new(workers: &Workers) -> Ordered<Out> {
+        let (sender, receiver) = channel();
+        Ordered {
+            workers: workers.clone(),
+            sender,
+            receiver,
+            next: 0,
+            results: VecDeque::new(),
+        }
+    }
+
+    /// Hands in a job and returns its number, counted from 0. Without threads it is done at once.
+    pub fn push(&mut self, job: impl FnOnce() -> Out + Send + 'static) -> u64 {
+        let number = self.next + self.results.len() as u64;
+        if self.workers.threads() == 0 {
+            self.results.push_back(Some(guarded(number, job)));
+            return number;
+        }
+        self.results.push_back(None);
+        let sender = self.sender.clone();
+        let job: Job = Box::new(move || {
+            // Whoever handed it in may no longer want it.
+            let _ = sender.send((number, guarded(number, job)));
+        });
+        self.workers.0.shared.add(std::iter::once(job));
+        number
+    }
+
+    /// Jobs handed in whose results have not been taken.
+    pub fn under_way(&self) -> usize {
+        self.results.len()
+    }
+
+    /// The next result if it is there already. Whether it is depends on time: no plan may depend on that.
+    pub fn try_next(&mut self) -> Option<Result<Out, JobPanicked>> {
+        while let Ok(result) = self.receiver.try_recv() {
+            self.place(result);
+        }
+        self.results.front()?.as_ref()?;
+        self.take_first()
+    }
+
+    /// The next result; `None` if nothing is under way. Waits for it, and does waiting jobs meanwhile.
+    pub fn next(&mut self) -> Option<Result<Out, JobPanicked>> {
+        while self.results.front()?.is_none() {
+            if let Ok(result) = self.receiver.try_recv() {
+                self.place(result);
+            } else if let Some(job) = self.workers.0.shared.take() {
+                job();
+            } else if let Ok(result) = self.receiver.recv() {
+                self.place(result);
+            }
+        }
+        self.take_first()
+    }
+
+    fn place(&mut self, (number, result): (u64, Result<Out, JobPanicked>)) {
+        self.results[(number - self.next) as usize] = Some(result);
+    }
+
+    fn take_first(&mut self) -> Option<Result<Out, JobPanicked>> {
+        let first = self.results.pop_front()?;
+        self.next += 1;
+        first
+    }
+}
+
+impl<Out> fmt::Debug for Ordered<Out> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Ordered")
+            .field("next", &self.next)
+            .field("under_way", &self.results.len())
+            .finish_non_exhaustive()
+    }
+}
+
+/// Does a job and turns its panic into an error. What the job leaves half done is its own, and gone with it.
+fn guarded<Out>(number: u64, job: impl FnOnce() -> Out) -> Result<Out, JobPanicked> {
+    catch_unwind(AssertUnwindSafe(job)).map_err(|payload| JobPanicked {
+        number,
+        message: message(payload.as_ref()),
+    })
+}
+
+fn message(payload: &(dyn Any + Send)) -> String {
+    let text = payload.downcast_ref::<String>().map(String::as_str);
+    let text = text.or_else(|| payload.downcast_ref::<&str>().copied());
+    text.unwrap_or("without a message").to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc;
+
+    /// Takes longer the smaller the number is, so that results come in the wrong order.
+    fn work(number: usize) -> u64 {
+        let rounds = 20_000 / (number as u64 + 1);
+        (0..rounds).fold(number as u64, |sum, k| {
+            sum.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(k)
+        })
+    }
+
+    #[test]
+    fn results_are_the_same_for_any_number_of_threads() {
+        let expected: Vec<u64> = (0..200).map(work).collect();
+        for threads in 0..=8 {
+            let workers = Workers::new(threads, || ());
+            assert_eq!(workers.threads(), threads);
+            assert_eq!(workers.run(200, work), Ok(expected.clone()), "{threads} threads");
+            let mut ordered = Ordered::new(&workers);
+            let mut got = Vec::new();
+            for number in 0..200 {
+                assert_eq!(ordered.push(move || work(number)), number as u64);
+                // Some are taken meanwhile, one way or the other, as in a stream.
+                if number % 7 == 6 {
+                    got.push(ordered.next().unwrap().unwrap());
+                    got.extend(ordered.try_next().map(Result::unwrap));
+                }
+            }
+            while let Some(result) = ordered.next() {
+                got.push(result.unwrap());
+            }
+            assert_eq!(got, expected, "{threads} threads");
+            assert_eq!((ordered.under_way(), ordered.try_next()), (0, None));
+        }
+    }
+
+    #[test]
+    fn no_jobs_give_no_results() {
+        let workers = Workers::new(2, || ());
+        assert_eq!(workers.run(0, work), Ok(Vec::new()));
+        assert_eq!(Ordered::<u64>::new(&workers).next(), None);
+    }
+
+    #[test]
+    fn a_panic_is_reported_with_its_number_and_the_threads_go_on() {
+        for threads in [0, 3] {
+            let workers = Workers::new(threads, || ());
+            let failing = |number: usize| {
+                assert!(!(number == 5 || number == 9), "bad data at {number}");
+                number
+            };
+            let error = workers.run(12, failing).unwrap_err();
+            assert_eq!((error.number, error.message.as_str()), (5, "bad data at 5"));
+            assert_eq!(error.to_string(), "planning job 5 panicked: bad data at 5");
+            let mut ordered = Ordered::new(&workers);
+            for number in 0..12 {
+                ordered.push(move || failing(number));
+            }
+            let results: Vec<_> = std::iter::from_fn(|| ordered.next()).collect();
+            assert_eq!(results.len(), 12);
+            for (number, result) in results.into_iter().enumerate() {
+                match number {
+                    5 | 9 => assert_eq!(result.unwrap_err().number, number as u64),
+                    _ => assert_eq!(result, Ok(number)),
+                }
+            }
+            assert_eq!(workers.run(3, |number| number), Ok(vec![0, 1, 2]));
+        }
+    }
+
+    #[test]
+    fn threads_are_named_and_prepared_and_end_with_the_last_handle() {
+        struct Ends(mpsc::Sender<String>);
+        impl Drop for Ends {
+            fn drop(&mut self) {
+                let _ = self.0.send(format!("{} ends", current().name().unwrap_or_default()));
+            }
+        }
+        thread_local!(static ENDS: std::cell::RefCell<Option<Ends>> = const { std::cell::RefCell::new(None) });
+        let (sender, receiver) = channel();
+        let workers = Workers::new(2, move || {
+            let _ = sender.send(format!("{} starts", current().name().unwrap_or_default()));
+            ENDS.with(|ends| *ends.borrow_mut() = Some(Ends(sender.clone())));
+        });
+        let other = workers.clone();
+        drop(workers);
+        assert_eq!(other.run(3, |number| number), Ok(vec![0, 1, 2]));
+        drop(other);
+        let mut told: Vec<String> = receiver.try_iter().collect();
+        told.sort();
+        assert_eq!(
+            told,
+            [
+                "planner 1 ends",
+                "planner 1 starts",
+                "planner 2 ends",
+                "planner 2 starts"
+            ]
+        );
+    }
+
+    #[test]
+    fn what_was_handed_in_is_done_before_the_threads_end() {
+        let workers = Workers::new(2, || ());
+        let done = Arc::new(AtomicUsize::new(0));
+        let mut ordered = Ordered::new(&workers);
+        for number in 0..50 {
+            let done = Arc::clone(&done);
+            ordered.push(move || {
+                work(number);
+                done.fetch_add(1, Ordering::Relaxed)
+            });
+        }
+        drop(workers);
+        drop(ordered);
+        assert_eq!(done.load(Ordering::Relaxed), 50);
+    }
+
+    #[test]
+    fn jobs_may_use_the_pool_themselves() {
+        let workers = Workers::new(2, || ());
+        let inner = workers.clone();
+        let sums = workers.run(6, move |number| {
+            let parts = inner.run(4, move |part| number * 10 + part);
+            parts.unwrap().into_iter().sum::<usize>()
+        });
+        assert_eq!(sums, Ok((0..6).map(|number| number * 40 + 6).collect()));
+    }
+}
