@@ -25,6 +25,7 @@ mod frame;
 mod kinks;
 mod limits;
 pub mod offline;
+pub mod optimal;
 mod planner;
 mod profile;
 mod program;

@@ -1,0 +1,180 @@
+//! What the solver knows of the path: derivatives at three checkpoints of every span, scaled by the limits.
+
+/// Part of the acceleration limit that is planned with. Second differences of set-points are means over two cycles
+/// and never above the greatest value between; the rest covers what lies between two checkpoints.
+pub const ACCELERATION_USE: f64 = 0.995;
+/// Part of the jerk limit that is planned with. Jerk varies most between checkpoints.
+pub const JERK_USE: f64 = 0.975;
+/// Part of the speed limits, programmed feed included, that is planned with: room for rounding.
+pub const SPEED_USE: f64 = 0.9999;
+
+/// Limits of one joint, each greater than 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointLimits {
+    /// Greatest speed, unit/s.
+    pub velocity: f64,
+    /// Greatest acceleration, unit/s².
+    pub acceleration: f64,
+    /// Greatest jerk, unit/s³.
+    pub jerk: f64,
+}
+
+/// Derivatives of one joint by path length.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct JointJet {
+    /// First.
+    pub d1: f64,
+    /// Second.
+    pub d2: f64,
+    /// Third.
+    pub d3: f64,
+}
+
+/// Derivatives of one joint at one checkpoint, over its limits.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Row {
+    /// q' / A.
+    pub(super) a1: f64,
+    /// q'' / A.
+    pub(super) a2: f64,
+    /// q' / J.
+    pub(super) j1: f64,
+    /// 3 q'' / J.
+    pub(super) j2: f64,
+    /// q''' / J.
+    pub(super) j3: f64,
+}
+
+/// Caps of b over one span, each greater than 0; infinite where nothing caps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Caps {
+    pub(super) begin: f64,
+    /// Of the middle Bézier ordinate of b.
+    pub(super) middle: f64,
+    pub(super) end: f64,
+}
+
+/// A path on knots: lengths of spans, and what bounds b, u and w at the beginning, middle and end of each.
+#[derive(Clone, Debug, Default)]
+pub struct Grid {
+    limits: Vec<JointLimits>,
+    lengths: Vec<f64>,
+    caps: Vec<Caps>,
+    /// By span, checkpoint, joint.
+    rows: Vec<Row>,
+}
+
+impl Grid {
+    /// No spans yet.
+    pub fn new(limits: &[JointLimits]) -> Grid {
+        Grid {
+            limits: limits.to_vec(),
+            ..Grid::default()
+        }
+    }
+
+    /// Adds a span behind the last one.
+    ///
+    /// `cap` is the greatest b by programmed feed (infinite: none), `checkpoints` the derivatives of every joint at the
+    /// beginning, middle and end, seen from within the span. q' and q'' must go on continuously from span to span.
+    pub fn push_span(&mut self, length: f64, cap: f64, checkpoints: [&[JointJet]; 3]) {
+        let mut speeds = Caps {
+            begin: cap,
+            middle: cap,
+            end: cap,
+        };
+        for (joint, limits) in self.limits.iter().enumerate() {
+            // b q'² <= V²: the Bézier ordinates of the quadratic through the three values bound b between checkpoints.
+            let cap_at = |at: usize| {
+                let speed = limits.velocity / checkpoints[at][joint].d1.abs();
+                speed * speed
+            };
+            let (begin, middle, end) = (cap_at(0), cap_at(1), cap_at(2));
+            let least = begin.min(middle).min(end);
+            let ordinate = 2.0 * middle - 0.5 * (begin + end);
+            // Where a joint turns round its cap is infinite, and the quadratic through it tells nothing.
+            let ordinate = if ordinate > least && ordinate < f64::INFINITY {
+                ordinate
+            } else {
+                least
+            };
+            speeds.begin = speeds.begin.min(begin);
+            speeds.middle = speeds.middle.min(ordinate);
+            speeds.end = speeds.end.min(end);
+        }
+        let margin = SPEED_USE * SPEED_USE;
+        speeds.begin *= margin;
+        speeds.middle *= margin;
+        speeds.end *= margin;
+        self.lengths.push(length);
+        self.caps.push(speeds);
+        for jets in checkpoints {
+            for (jet, limits) in jets.iter().zip(&self.limits) {
+                let a = 1.0 / (ACCELERATION_USE * limits.acceleration);
+                let j = 1.0 / (JERK_USE * limits.jerk);
+                self.rows.push(Row {
+                    a1: jet.d1 * a,
+                    a2: jet.d2 * a,
+                    j1: jet.d1 * j,
+                    j2: 3.0 * jet.d2 * j,
+                    j3: jet.d3 * j,
+                });
+            }
+        }
+    }
+
+    /// Number of spans.
+    pub fn spans(&self) -> usize {
+        self.lengths.len()
+    }
+
+    /// Number of joints.
+    pub fn joints(&self) -> usize {
+        self.limits.len()
+    }
+
+    /// Limits of the joints.
+    pub fn limits(&self) -> &[JointLimits] {
+        &self.limits
+    }
+
+    /// Length of a span.
+    pub fn length(&self, span: usize) -> f64 {
+        self.lengths[span]
+    }
+
+    /// Forgets the first `spans` spans; the others move to the front.
+    pub fn drop_front(&mut self, spans: usize) {
+        let spans = spans.min(self.spans());
+        self.lengths.drain(..spans);
+        self.caps.drain(..spans);
+        self.rows.drain(..spans * 3 * self.limits.len());
+    }
+
+    /// Forgets all spans.
+    pub fn clear(&mut self) {
+        self.lengths.clear();
+        self.caps.clear();
+        self.rows.clear();
+    }
+
+    pub(super) fn caps(&self, span: usize) -> Caps {
+        self.caps[span]
+    }
+
+    /// Greatest b at the knot where a span begins.
+    pub(super) fn knot_cap(&self, span: usize) -> f64 {
+        let here = self.caps.get(span).map_or(f64::INFINITY, |caps| caps.begin);
+        match span.checked_sub(1) {
+            Some(before) => here.min(self.caps[before].end),
+            None => here,
+        }
+    }
+
+    /// The rows of one checkpoint (0, 1, 2) of a span, one per joint.
+    pub(super) fn rows(&self, span: usize, checkpoint: usize) -> &[Row] {
+        let joints = self.limits.len();
+        let first = (3 * span + checkpoint) * joints;
+        &self.rows[first..first + joints]
+    }
+}

@@ -1,0 +1,34 @@
+//! Time-optimal speed over a path of continuous curvature, under speed, acceleration and jerk limits of every joint.
+//!
+//! In:  a [`Grid`]: joint derivatives by path length at three checkpoints of every span; limits; a strictly feasible
+//!      profile between two fixed end states.
+//! Out: the fastest profile between these end states, strictly feasible at every checkpoint.
+//!
+//! Pure functions: no clock, no threads, no I/O; the same input gives the same bits.
+//!
+//! ```text
+//! spacing    where to put knots: about evenly in time
+//! grid       derivatives at the checkpoints, scaled by the limits
+//! profile    b = v² as a quadratic spline; its worst constraint
+//! start      crawl, launch from rest and the way from one to the other: a feasible first profile
+//! interior   primal-dual interior point method (lanes: four spans at once; band: linear system)
+//! ```
+//!
+//! # The problem
+//!
+//! With b = v² over the path length s, u = dv/dt = b'/2 and w = u', joint k has
+//!
+//! ```text
+//! speed          |q'| sqrt(b)                          <= V
+//! acceleration   |q' u + q'' b|                        <= A
+//! jerk           |q' w + 3 q'' u + q''' b| sqrt(b)     <= J
+//! ```
+//!
+//! and the time is the integral of 1/sqrt(b). b is a quadratic spline on the knots of the grid: b and u continuous, u
+//! linear and w constant within a span. q''' and w jump at knots, hence checkpoints at both ends of every span.
+
+mod grid;
+mod profile;
+
+pub use grid::{Grid, JointJet, JointLimits};
+pub use profile::{State, Worst, coefficient, worst};

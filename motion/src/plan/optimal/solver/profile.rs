@@ -1,0 +1,72 @@
+//! A profile: b = v² and u = dv/dt at every knot, u linear in between. And how near it is to its limits.
+
+use std::ops::Range;
+
+use super::grid::Grid;
+
+/// Motion along the path at one knot.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct State {
+    /// Square of the speed.
+    pub b: f64,
+    /// Acceleration along the path, b'/2.
+    pub u: f64,
+}
+
+/// The constraint of a profile that is nearest to its limit, or farthest beyond.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Worst {
+    /// Value over limit, margins of the plan included: below 1 is feasible. Infinite where b is not positive or not a
+    /// number.
+    pub value: f64,
+    /// Span where it is.
+    pub span: usize,
+}
+
+/// Middle Bézier ordinate of b over a span of a length: the coefficient of the B-spline that belongs to the span.
+pub fn coefficient(from: State, length: f64) -> f64 {
+    from.b + from.u * length
+}
+
+/// Worst constraint of a profile (one state per knot) over a range of spans.
+pub fn worst(grid: &Grid, spans: Range<usize>, profile: &[State]) -> Worst {
+    let mut worst = Worst {
+        value: 0.0,
+        span: spans.start,
+    };
+    for (index, span) in spans.enumerate() {
+        let value = span_value(grid, span, profile[index], profile[index + 1]);
+        if value > worst.value {
+            worst = Worst { value, span };
+        }
+    }
+    worst
+}
+
+/// Worst constraint within one span between two states; infinite instead of NaN.
+pub(super) fn span_value(grid: &Grid, span: usize, from: State, to: State) -> f64 {
+    let length = grid.length(span);
+    let caps = grid.caps(span);
+    let w = (to.u - from.u) / length;
+    let ordinate = coefficient(from, length);
+    let mut value = (from.b / caps.begin).max(ordinate / caps.middle).max(to.b / caps.end);
+    let middle = State {
+        b: ordinate + 0.25 * w * length * length,
+        u: 0.5 * (from.u + to.u),
+    };
+    for (checkpoint, State { b, u }) in [from, middle, to].into_iter().enumerate() {
+        if !(b > 0.0 && b < f64::INFINITY && u.is_finite() && w.is_finite()) {
+            return f64::INFINITY;
+        }
+        let v = b.sqrt();
+        for row in grid.rows(span, checkpoint) {
+            let acceleration = (row.a1 * u + row.a2 * b).abs();
+            let jerk = (row.j1 * w + row.j2 * u + row.j3 * b).abs() * v;
+            if acceleration.is_nan() || jerk.is_nan() {
+                return f64::INFINITY;
+            }
+            value = value.max(acceleration).max(jerk);
+        }
+    }
+    value
+}
