@@ -255,7 +255,7 @@ impl<Out: Send + 'static> Ordered<Out> {
     }
 
     /// The next result; `None` if nothing is under way. Waits for it, and does waiting jobs meanwhile.
-    pub fn next(&mut self) -> Option<Result<Out, JobPanicked>> {
+    pub fn wait_next(&mut self) -> Option<Result<Out, JobPanicked>> {
         while self.results.front()?.is_none() {
             if let Ok(result) = self.receiver.try_recv() {
                 self.place(result);
@@ -328,11 +328,11 @@ mod tests {
                 assert_eq!(ordered.push(move || work(number)), number as u64);
                 // Some are taken meanwhile, one way or the other, as in a stream.
                 if number % 7 == 6 {
-                    got.push(ordered.next().unwrap().unwrap());
+                    got.push(ordered.wait_next().unwrap().unwrap());
                     got.extend(ordered.try_next().map(Result::unwrap));
                 }
             }
-            while let Some(result) = ordered.next() {
+            while let Some(result) = ordered.wait_next() {
                 got.push(result.unwrap());
             }
             assert_eq!(got, expected, "{threads} threads");
@@ -344,7 +344,7 @@ mod tests {
     fn no_jobs_give_no_results() {
         let workers = Workers::new(2, || ());
         assert_eq!(workers.run(0, work), Ok(Vec::new()));
-        assert_eq!(Ordered::<u64>::new(&workers).next(), None);
+        assert_eq!(Ordered::<u64>::new(&workers).wait_next(), None);
     }
 
     #[test]
@@ -362,7 +362,7 @@ mod tests {
             for number in 0..12 {
                 ordered.push(move || failing(number));
             }
-            let results: Vec<_> = std::iter::from_fn(|| ordered.next()).collect();
+            let results: Vec<_> = std::iter::from_fn(|| ordered.wait_next()).collect();
             assert_eq!(results.len(), 12);
             for (number, result) in results.into_iter().enumerate() {
                 match number {
