@@ -5,6 +5,7 @@
 //!
 //! RT: nothing here allocates, locks or asks the system.
 
+pub mod dda;
 mod interpolator;
 mod kinematics;
 mod monitor;
