@@ -77,6 +77,7 @@ fn demo_machine() -> (Config, Settings) {
         cycle_s: f64::from(config.cycle_us) * 1e-6,
         tolerance_mm: config.program.tolerance_mm,
         look_ahead_blocks: config.program.look_ahead_blocks,
+        slope: config.program.planner,
         start: Position::ZERO,
     };
     for map in &config.axes {

@@ -1,4 +1,4 @@
-//! What the ring carries: motion of constant jerk on exact geometry, waits, and things to do at rest.
+//! What the ring carries: motion on exact geometry, waits, and things to do at rest.
 //!
 //! In:  from the planner. Out: to the interpolation.
 
@@ -40,7 +40,11 @@ impl Timed for Element {
     }
 }
 
-/// Motion of constant jerk along one piece of the path.
+/// Motion along one piece of the path.
+///
+/// With s the place and dots for derivatives by time, the law of motion is `s... = jerk + gradient s.`: constant jerk where
+/// `gradient` is 0 (starts, stops and the phases of a classic slope); acceleration that changes evenly with the place where
+/// `jerk` is 0 (the spline of the optimal planner).
 #[derive(Clone, Copy, Debug)]
 pub struct Span {
     /// The geometry.
@@ -51,8 +55,10 @@ pub struct Span {
     pub v0: f64,
     /// Acceleration there, mm/s².
     pub a0: f64,
-    /// Jerk all along, mm/s³.
+    /// Jerk all along besides what comes from `gradient`, mm/s³.
     pub jerk: f64,
+    /// Change of acceleration with the place, 1/s²; `|gradient| duration_s²` is at most [`Span::GRADIENT_TIME2_MAX`].
+    pub gradient: f64,
     /// Time from its beginning to its end, s.
     pub duration_s: f64,
     /// Line of the program.
@@ -62,15 +68,46 @@ pub struct Span {
 }
 
 impl Span {
+    /// Up to here the series of [`Span::place`] is exact to rounding: its first term left out is below 1e-13 of the sum.
+    pub const GRADIENT_TIME2_MAX: f64 = 4.0;
+
     /// Place on the piece after `t_s` seconds. RT.
     pub fn place(&self, t_s: f64) -> f64 {
-        self.s0 + t_s * (self.v0 + t_s * (self.a0 / 2.0 + t_s * self.jerk / 6.0))
+        let x = self.gradient * t_s * t_s;
+        let third = self.jerk + self.gradient * self.v0;
+        self.s0 + t_s * (self.v0 + t_s * (self.a0 * series::<2>(x) + t_s * third * series::<3>(x)))
     }
 
     /// Speed after `t_s` seconds. RT.
     pub fn speed(&self, t_s: f64) -> f64 {
-        self.v0 + t_s * (self.a0 + t_s * self.jerk / 2.0)
+        let x = self.gradient * t_s * t_s;
+        let third = self.jerk + self.gradient * self.v0;
+        self.v0 + t_s * (self.a0 * series::<1>(x) + t_s * third * series::<2>(x))
     }
+}
+
+/// 1/N! + x/(N+2)! + x²/(N+4)! + ...: of these are the solutions of the law of motion (cosh and sinh, or cos and sin).
+fn series<const N: u32>(x: f64) -> f64 {
+    const TERMS: u32 = 10;
+    let first = const { 1.0 / factorial(N) };
+    if x == 0.0 {
+        return first;
+    }
+    let mut sum = 0.0;
+    for k in (0..TERMS).rev() {
+        let n = N + 2 * k;
+        sum = 1.0 + x * sum / f64::from((n + 1) * (n + 2));
+    }
+    sum * first
+}
+
+const fn factorial(n: u32) -> f64 {
+    let (mut product, mut k) = (1.0, 2);
+    while k <= n {
+        product *= k as f64;
+        k += 1;
+    }
+    product
 }
 
 /// Something to do at rest, between two moves.
@@ -143,6 +180,44 @@ impl fmt::Display for Action {
             Action::ProgramStop => f.write_str("stop (M0)"),
             Action::OptionalStop => f.write_str("optional stop (M1)"),
             Action::ProgramEnd => f.write_str("end"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canon::Position;
+
+    #[test]
+    fn place_and_speed_solve_the_law_of_motion() {
+        let t: f64 = 0.1;
+        let (v, a) = (20.0, -150.0);
+        for gradient in [-350.0f64, -20.0, 0.0, 20.0, 350.0] {
+            let span = Span {
+                piece: Piece::line(Position::ZERO, Position::xyz(100.0, 0.0, 0.0)).unwrap(),
+                s0: 3.0,
+                v0: v,
+                a0: a,
+                jerk: 0.0,
+                gradient,
+                duration_s: t,
+                line: 1,
+                rapid: false,
+            };
+            let r = gradient.abs().sqrt();
+            let (sinh, cosh) = if gradient > 0.0 {
+                ((r * t).sinh(), (r * t).cosh())
+            } else {
+                ((r * t).sin(), (r * t).cos())
+            };
+            let (place, speed) = if gradient == 0.0 {
+                (v * t + a * t * t / 2.0, v + a * t)
+            } else {
+                (v * sinh / r + a / gradient * (cosh - 1.0), v * cosh + a * sinh / r)
+            };
+            assert!((span.place(t) - 3.0 - place).abs() < 1e-12, "{gradient}");
+            assert!((span.speed(t) - speed).abs() < 1e-11, "{gradient}");
         }
     }
 }

@@ -6,6 +6,7 @@ use super::document::{Bound, Section};
 use super::remap::remap;
 use super::types::{ARC_RADIUS_TOLERANCE, Program, ToolChanger, Tools, UserCodes};
 use motion::canon::LengthUnit;
+use motion::plan::Slope;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -24,6 +25,11 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
     let default = Program::default();
     let tolerance_mm = section.number("tolerance_mm", Bound::Positive(10.0), default.tolerance_mm);
     let look_ahead_blocks = section.integer("look_ahead_blocks", 1..=1_000_000, default.look_ahead_blocks as i64);
+    let planner = section.word(
+        "planner",
+        &[("optimal", Slope::Optimal), ("classic", Slope::Classic)],
+        Some(default.planner),
+    );
     let parameter_file = file(section, "parameter_file", base, MayBeMissing::Yes);
     let directory = folder(section, "directory", base);
     let subroutine_directories = folders(section, "subroutine_directories", base);
@@ -64,6 +70,7 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
     Some(Program {
         tolerance_mm: tolerance_mm?,
         look_ahead_blocks: look_ahead_blocks? as usize,
+        planner: planner?,
         parameter_file: parameter_file?,
         directory: directory?,
         subroutine_directories: subroutine_directories?,

@@ -68,6 +68,7 @@ fn every_key_is_read_and_paths_start_at_the_machine_file() {
         r#"[program]
 tolerance_mm = 0.02
 look_ahead_blocks = 500
+planner = "classic"
 parameter_file = "made-later.var"
 directory = "programs"
 subroutine_directories = ["subs", "codes"]
@@ -112,6 +113,7 @@ orient_offset_degrees = -90
     let expected = Program {
         tolerance_mm: 0.02,
         look_ahead_blocks: 500,
+        planner: motion::plan::Slope::Classic,
         parameter_file: Some(here("made-later.var")),
         directory: Some(here("programs")),
         subroutine_directories: vec![here("subs"), here("codes")],

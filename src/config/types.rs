@@ -394,6 +394,8 @@ pub struct Program {
     pub tolerance_mm: f64,
     /// Blocks that the planner looks ahead; default 1000.
     pub look_ahead_blocks: usize,
+    /// How speed is chosen along the path.
+    pub planner: motion::plan::Slope,
     /// File of the parameters that outlive a program, LinuxCNC's var file; made if it is missing. `None`: nothing outlives
     /// the process, and [`Config::work_offsets`] hold at each start.
     pub parameter_file: Option<PathBuf>,
@@ -432,6 +434,7 @@ impl Default for Program {
         Program {
             tolerance_mm: 0.01,
             look_ahead_blocks: 1000,
+            planner: motion::plan::Slope::default(),
             parameter_file: None,
             directory: None,
             subroutine_directories: Vec::new(),

@@ -57,6 +57,16 @@ pub struct AxisLimits {
     pub travel: [f64; 2],
 }
 
+/// How speed is chosen along the path.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Slope {
+    /// Nearly the shortest time that the limits of every joint allow.
+    #[default]
+    Optimal,
+    /// Corner speeds, backward and forward pass, seven-phase slope: less to compute, more time on the way.
+    Classic,
+}
+
 /// What a planner must know of the machine.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
@@ -71,6 +81,8 @@ pub struct Settings {
     pub look_ahead_blocks: usize,
     /// Machine position from which the program starts.
     pub start: Position,
+    /// How speed is chosen along the path.
+    pub slope: Slope,
 }
 
 /// A programmed move before anything is rounded.

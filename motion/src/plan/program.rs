@@ -330,6 +330,7 @@ mod tests {
             cycle_s: 1e-3,
             tolerance_mm: 0.1,
             look_ahead_blocks: 9,
+            slope: crate::plan::Slope::Classic,
             start: Position::ZERO,
         }
     }

@@ -255,6 +255,7 @@ mod tests {
                 v0,
                 a0,
                 jerk,
+                gradient: 0.0,
                 duration_s: t,
                 line,
                 rapid: false,

@@ -203,6 +203,7 @@ impl Run {
             v0: phase.speed(from).max(0.0),
             a0: phase.a + from * phase.jerk,
             jerk: phase.jerk,
+            gradient: 0.0,
             duration_s: until - from,
             line,
             rapid,

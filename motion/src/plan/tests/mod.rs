@@ -34,6 +34,7 @@ fn settings() -> Settings {
         cycle_s: 1e-3,
         tolerance_mm: 0.05,
         look_ahead_blocks: 200,
+        slope: Slope::Classic,
         start: Position::ZERO,
     }
 }
