@@ -8,6 +8,7 @@
 pub mod canon;
 pub mod compensation;
 pub mod element;
+pub mod kinematics;
 pub mod path;
 pub mod plan;
 pub mod ring;

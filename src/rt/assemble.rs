@@ -15,7 +15,8 @@ use crate::machine::overruns::Overruns;
 use crate::service::operator::Inlets;
 use anyhow::{Context, anyhow};
 use hal_pins::Hal;
-use motion::rt::{Kinematics, Monitor, MonitorLimits};
+use motion::kinematics::Kinematics;
+use motion::rt::{Monitor, MonitorLimits};
 use std::sync::Arc;
 
 /// Orders that can wait; the operator gives a few in a second.

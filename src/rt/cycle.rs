@@ -19,7 +19,8 @@ use crate::machine::state::State;
 use cia402::axis::{AxisFault, Request, Status};
 use motion::canon::Position;
 use motion::element::Action;
-use motion::rt::{Interpolator, Kinematics, Monitor, Peaks, Sample, SampleState};
+use motion::kinematics::{Kinematics, ToolFrame};
+use motion::rt::{Interpolator, Monitor, Peaks, Sample, SampleState};
 use std::sync::Arc;
 
 /// Orders that are taken in one cycle at the most.
@@ -412,12 +413,17 @@ impl<B: Fieldbus> Control<B> {
     fn start(&mut self, program: Box<Interpolator>) {
         let mut begin_mm = [0.0; JOINTS_MAX];
         let begin_mm = &mut begin_mm[..self.joints];
-        self.parts.kinematics.inverse(&program.position(), begin_mm);
-        let mut joints = begin_mm.iter().zip(self.parts.drives.iter());
-        let far = joints.position(|(begin_mm, drive)| {
-            let off_mm = (begin_mm - drive.command_mm()).abs();
-            off_mm.is_nan() || off_mm > START_SLACK_MM
-        });
+        let begin = program.position().0;
+        let far = match self.parts.kinematics.inverse(&ToolFrame::OFF, &begin, begin_mm) {
+            Err(unreachable) => Some(unreachable.joint),
+            Ok(()) => {
+                let mut joints = begin_mm.iter().zip(self.parts.drives.iter());
+                joints.position(|(begin_mm, drive)| {
+                    let off_mm = (begin_mm - drive.command_mm()).abs();
+                    off_mm.is_nan() || off_mm > START_SLACK_MM
+                })
+            }
+        };
         if let Some(joint) = far {
             self.give_back(program);
             self.fault(Fault::IllegalCommand { joint });
@@ -520,15 +526,25 @@ impl<B: Fieldbus> Control<B> {
                 self.notice(Notice::Action(action));
                 self.parts.pins.begin_action(action);
             }
-            self.parts
+            let joints = &mut self.command_mm[..self.joints];
+            let inverse = self
+                .parts
                 .kinematics
-                .inverse(&self.sample.position, &mut self.command_mm[..self.joints]);
+                .inverse(&ToolFrame::OFF, &self.sample.position.0, joints);
+            if let Err(unreachable) = inverse {
+                // The joints stay where they are; the planner should have refused the move.
+                self.fault(Fault::IllegalCommand {
+                    joint: unreachable.joint,
+                });
+            }
         } else {
             // Without a program each joint stays where it was told to be.
             for (command_mm, drive) in self.command_mm.iter_mut().zip(self.parts.drives.iter()) {
                 *command_mm = drive.command_mm();
             }
-            self.sample = Sample::resting(self.parts.kinematics.forward(&self.command_mm[..self.joints]));
+            let joints = &self.command_mm[..self.joints];
+            let position = self.parts.kinematics.forward(&ToolFrame::OFF, joints);
+            self.sample = Sample::resting(position.unwrap_or(self.sample.position));
         }
         if let Some(action) = self.waiting
             && self.parts.pins.action_done(action)
@@ -606,7 +622,11 @@ impl<B: Fieldbus> Control<B> {
             let record = Trace {
                 cycle: self.cycle,
                 command: self.sample.position,
-                actual: self.parts.kinematics.forward(&actual_mm[..self.joints]),
+                actual: self
+                    .parts
+                    .kinematics
+                    .forward(&ToolFrame::OFF, &actual_mm[..self.joints])
+                    .unwrap_or(self.sample.position),
                 line: self.sample.line,
                 rapid: self.sample.rapid,
                 following_error_mm,
