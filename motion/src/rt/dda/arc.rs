@@ -15,7 +15,8 @@
 /// When an axis steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rule {
-    /// The accumulator runs over. Increments are the whole coordinates: a register too small for the radius goes wrong.
+    /// The accumulator runs over. Increments are the whole coordinates: a register too small for the radius goes wrong. As
+    /// printed, a sum of exactly M makes no step and is lost all the same: wide of the circle where R divides M.
     Traditional,
     /// The same with an eighth of the coordinates: like three more bits.
     Weighted,

@@ -11,10 +11,12 @@
 //! told end points only, and for comparison. RT: nothing here allocates, and a clock is a fixed number of additions.
 
 mod arc;
+mod generator;
 mod line;
 mod quality;
 
 pub use arc::{ArcDda, ArcError, Fill, Method, Registers, Rule, Turn};
+pub use generator::{Levels, PulseTiming, StepGenerator, TimingError};
 pub use line::LineDda;
 pub use quality::{path_variance, sawteeth};
 
