@@ -19,7 +19,7 @@
 #![allow(clippy::large_enum_variant)]
 
 pub mod check;
-mod classic;
+pub mod classic;
 pub mod deviation;
 mod frame;
 mod kinks;

@@ -1,0 +1,300 @@
+//! Look-ahead of squared speeds, on plain arrays: serial, and in overlapping buffers on several threads.
+//!
+//! In:  elements of the path: length, acceleration, feed, corner speed at the end; rest before the first and behind the last.
+//! Out: b = v² at each node (element border) so that every element can be run with its acceleration.
+//!
+//! With `cap_i = min(corner, feed of both neighbours)²` and `gain_i = 2 a_i L_i`:
+//!
+//! ```text
+//! backward   b_i     = min(cap_i,   b_i+1 + gain_i)      from the end: the machine can brake in time
+//! forward    c_i+1   = min(b_i+1,   c_i   + gain_i)      from the start, the backward result as its caps
+//! ```
+//!
+//! # Equal to the serial result, bit for bit
+//!
+//! [`parallel`] runs each chunk of nodes on its own, with an overlap on both sides and the boundary value 0 beyond it.
+//! Why its nodes carry the same bits as in [`serial`]:
+//!
+//! 1. Rounding to nearest is monotone, so x <= y gives fl(x + g) <= fl(y + g), and so min(cap, fl(x + g)) is monotone, too;
+//!    a pass is a composition of such maps. 0 is never more than the true boundary value, so that no b of the chunk is more
+//!    than the true one.
+//! 2. Where a node *m* takes its cap all the same, the true value lies between it and the cap: it is the cap. From *m* on,
+//!    away from the boundary, both passes compute the same expressions on equal numbers.
+//! 3. So one such node in the right overlap (or the last node of the chunk) is a certificate for the backward pass over the
+//!    chunk and its left overlap; the same with left and right changed, and b for the caps, for the forward pass.
+//! 4. Without a certificate the overlap is doubled and this chunk done again. An overlap that reaches the end of the path
+//!    needs none. Where it would become several times the chunk, the chunk is left to the caller, who does it with the
+//!    boundary values of its neighbours, as the serial pass would.
+//!
+//! All numbers are at least +0 (what is not, counts as 0), so that neither NaN nor -0 can tell apart what compares equal. An
+//! overlap of length v²/2a always has a certificate: from 0 the pass gains 2aL per element and must meet a cap before.
+//!
+//! The certificate is also the rule of what is final in a stream, with rest assumed behind what is known: [`settled`].
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use crate::plan::workers::{JobPanicked, Workers};
+
+/// A stretch of path with limits of its own.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Element {
+    /// mm.
+    pub length: f64,
+    /// Greatest acceleration along it, mm/s².
+    pub acceleration: f64,
+    /// Greatest speed along it, mm/s.
+    pub feed: f64,
+    /// Greatest speed at its end, mm/s.
+    pub corner: f64,
+}
+
+impl Element {
+    /// What b can change by along it.
+    fn gain(&self) -> f64 {
+        positive(2.0 * self.acceleration * self.length)
+    }
+}
+
+/// `x`, or 0 where it is negative or none at all.
+fn positive(x: f64) -> f64 {
+    if x > 0.0 { x } else { 0.0 }
+}
+
+fn least(x: f64, y: f64) -> f64 {
+    if x < y { x } else { y }
+}
+
+/// Greatest b at the border of two elements.
+fn cap(before: &Element, after: &Element) -> f64 {
+    let speed = least(
+        positive(before.corner),
+        least(positive(before.feed), positive(after.feed)),
+    );
+    speed * speed
+}
+
+/// Where a pass over a part of the nodes begins.
+#[derive(Clone, Copy, Debug)]
+enum Beyond {
+    /// The path ends at rest here.
+    Rest,
+    /// b at the next node outside.
+    Node(f64),
+}
+
+/// Backward pass over `nodes`, appended to `b` in falling order. Returns the least node of `certificates` that took its cap.
+fn backward(
+    elements: &[Element],
+    nodes: Range<usize>,
+    beyond: Beyond,
+    certificates: usize,
+    b: &mut Vec<f64>,
+) -> Option<usize> {
+    let mut nodes = nodes.rev();
+    let mut found = None;
+    let mut next = match beyond {
+        Beyond::Node(next) => next,
+        Beyond::Rest => {
+            b.extend(nodes.next().map(|_| 0.0));
+            0.0
+        }
+    };
+    for node in nodes {
+        next = if node == 0 {
+            0.0
+        } else {
+            let cap = cap(&elements[node - 1], &elements[node]);
+            let reached = next + elements[node].gain();
+            if node >= certificates && cap <= reached {
+                found = Some(node);
+            }
+            least(cap, reached)
+        };
+        b.push(next);
+    }
+    found
+}
+
+/// Forward pass over nodes from `first` on, in place; `b` holds the backward result in rising order. Returns the greatest
+/// node up to `certificates` that took its cap.
+fn forward(elements: &[Element], first: usize, beyond: Beyond, certificates: usize, b: &mut [f64]) -> Option<usize> {
+    let mut found = None;
+    let mut last = match beyond {
+        Beyond::Rest => 0.0,
+        Beyond::Node(last) => last,
+    };
+    for (node, b) in (first..).zip(b) {
+        if node > 0 {
+            let reached = last + elements[node - 1].gain();
+            if node <= certificates && *b <= reached {
+                found = Some(node);
+            }
+            *b = least(*b, reached);
+        }
+        last = *b;
+    }
+    found
+}
+
+/// b at all nodes, one more than elements.
+pub fn serial(elements: &[Element]) -> Vec<f64> {
+    let nodes = elements.len() + 1;
+    let mut b = Vec::with_capacity(nodes);
+    backward(elements, 0..nodes, Beyond::Rest, nodes, &mut b);
+    b.reverse();
+    forward(elements, 0, Beyond::Rest, 0, &mut b);
+    b
+}
+
+/// The first node whose speed may still rise when more elements follow: all before it are final. Rest is assumed behind the
+/// last element, and the last node is never final.
+pub fn settled(elements: &[Element]) -> usize {
+    let nodes = elements.len() + 1;
+    // Only as much of the backward pass as is needed to find the last node that takes its cap.
+    let mut next = 0.0;
+    for node in (1..nodes.saturating_sub(1)).rev() {
+        let cap = cap(&elements[node - 1], &elements[node]);
+        next += elements[node].gain();
+        if cap <= next {
+            return node + 1;
+        }
+    }
+    // The first stands still.
+    usize::from(nodes > 1)
+}
+
+/// How one chunk came to its certificates.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Chunk {
+    /// Nodes before the chunk up to the nearest certificate of the forward pass.
+    pub left: usize,
+    /// Nodes behind the chunk up to the nearest certificate of the backward pass.
+    pub right: usize,
+    /// How often it was done again with a larger overlap.
+    pub redone: u32,
+    /// Whether the overlap became too large, so that it was done with the boundary values of its neighbours.
+    pub handed_back: bool,
+}
+
+/// Result of [`parallel`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Speeds {
+    /// b at all nodes.
+    pub b: Vec<f64>,
+    /// What each chunk needed.
+    pub chunks: Vec<Chunk>,
+}
+
+/// An overlap of more than so many chunks is not worth it.
+const OVERLAP_CHUNKS: usize = 4;
+
+/// The same as [`serial`], in chunks of `chunk` nodes with `overlap` more on both sides.
+///
+/// # Errors
+/// If a job fails by a defect.
+pub fn parallel(
+    elements: &Arc<[Element]>,
+    chunk: usize,
+    overlap: usize,
+    workers: &Workers,
+) -> Result<Speeds, JobPanicked> {
+    let nodes = elements.len() + 1;
+    let chunk = chunk.clamp(1, nodes);
+    let range = move |number: usize| number * chunk..((number + 1) * chunk).min(nodes);
+    let shared = Arc::clone(elements);
+    let mut parts = workers.run(nodes.div_ceil(chunk), move |number| {
+        Part::new(&shared, range(number), overlap)
+    })?;
+    hand_back(elements, &mut parts, range);
+    let mut b = Vec::with_capacity(nodes);
+    for part in &parts {
+        b.extend_from_slice(&part.b);
+    }
+    let chunks = parts.iter().map(|part| part.chunk).collect();
+    Ok(Speeds { b, chunks })
+}
+
+/// A chunk that has been done.
+#[derive(Debug)]
+struct Part {
+    chunk: Chunk,
+    /// Backward result at its first node.
+    first: f64,
+    /// Result at all its nodes.
+    b: Vec<f64>,
+}
+
+impl Part {
+    fn new(elements: &[Element], own: Range<usize>, overlap: usize) -> Part {
+        let nodes = elements.len() + 1;
+        let (mut left, mut right) = (overlap, overlap);
+        let mut chunk = Chunk::default();
+        let mut b = Vec::new();
+        let most = OVERLAP_CHUNKS.saturating_mul(own.len()).max(overlap);
+        while left <= most && right <= most {
+            let outer = own.start.saturating_sub(left)..own.end.saturating_add(right).min(nodes);
+            b.clear();
+            b.reserve(outer.len());
+            let last = own.end - 1;
+            // The overlap first: without a certificate in it, the rest would be in vain.
+            let beyond = match outer.end == nodes {
+                true => Beyond::Rest,
+                false => Beyond::Node(0.0),
+            };
+            let found = backward(elements, last..outer.end, beyond, last, &mut b);
+            if outer.end < nodes && found.is_none() {
+                right = (2 * right).max(1);
+                chunk.redone += 1;
+                continue;
+            }
+            chunk.right = found.map_or(nodes - 1, |node| node) - last;
+            let next = Beyond::Node(b.last().copied().unwrap_or(0.0));
+            backward(elements, outer.start..last, next, nodes, &mut b);
+            b.reverse();
+            let first = b[own.start - outer.start];
+            let beyond = match outer.start == 0 {
+                true => Beyond::Rest,
+                false => Beyond::Node(0.0),
+            };
+            let found = forward(elements, outer.start, beyond, own.start, &mut b);
+            if outer.start > 0 && found.is_none() {
+                left = (2 * left).max(1);
+                chunk.redone += 1;
+                continue;
+            }
+            chunk.left = own.start - found.unwrap_or(0);
+            b.truncate(own.end - outer.start);
+            b.drain(..own.start - outer.start);
+            return Part { chunk, first, b };
+        }
+        b.clear();
+        chunk.handed_back = true;
+        Part { chunk, first: 0.0, b }
+    }
+}
+
+/// Does what no reasonable overlap was enough for, from the values of the neighbours.
+fn hand_back(elements: &[Element], parts: &mut [Part], range: impl Fn(usize) -> Range<usize>) {
+    for number in (0..parts.len()).rev() {
+        if parts[number].chunk.handed_back {
+            let beyond = parts
+                .get(number + 1)
+                .map_or(Beyond::Rest, |after| Beyond::Node(after.first));
+            let part = &mut parts[number];
+            backward(elements, range(number), beyond, usize::MAX, &mut part.b);
+            part.b.reverse();
+            part.first = part.b.first().copied().unwrap_or(0.0);
+        }
+    }
+    let mut beyond = Beyond::Rest;
+    for (number, part) in parts.iter_mut().enumerate() {
+        if part.chunk.handed_back {
+            forward(elements, range(number).start, beyond, 0, &mut part.b);
+        }
+        beyond = part.b.last().map_or(Beyond::Rest, |last| Beyond::Node(*last));
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,188 @@
+use super::*;
+use proptest::prelude::*;
+use std::sync::LazyLock;
+
+/// Kept for all cases, as a planner keeps them.
+static WORKERS: LazyLock<Vec<Workers>> =
+    LazyLock::new(|| (0..=4).map(|threads| Workers::new(threads, || ())).collect());
+
+fn bits(b: &[f64]) -> Vec<u64> {
+    b.iter().map(|b| b.to_bits()).collect()
+}
+
+/// Mostly what a machine does, sometimes what nothing does.
+fn number(usual: Range<f64>) -> impl Strategy<Value = f64> {
+    let strange = [
+        0.0,
+        -0.0,
+        f64::MIN_POSITIVE,
+        5e-324,
+        1e-160,
+        1e160,
+        f64::MAX,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        f64::NAN,
+        -1.0,
+    ];
+    prop_oneof![60 => usual, 1 => prop::sample::select(strange.to_vec())]
+}
+
+prop_compose! {
+    fn element(longest: f64)(
+        length in number(1e-3..longest), acceleration in number(10.0..5000.0), feed in number(1.0..700.0),
+        corner in number(0.0..700.0), sharp in 0u8..8,
+    ) -> Element {
+        // Most borders are no corners, so that the passes run over many elements.
+        Element { length, acceleration, feed, corner: if sharp == 0 { corner } else { f64::INFINITY } }
+    }
+}
+
+fn path() -> impl Strategy<Value = Vec<Element>> {
+    prop_oneof![Just(0.05), Just(0.5), Just(50.0)]
+        .prop_flat_map(|longest| prop::collection::vec(element(longest), 0..400))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    #[test]
+    fn chunks_give_the_bits_of_the_serial_passes(
+        elements in path(), chunk in 1usize..120, overlap in 0usize..60, threads in 0usize..5,
+    ) {
+        let elements: Arc<[Element]> = elements.into();
+        let expected = serial(&elements);
+        let got = parallel(&elements, chunk, overlap, &WORKERS[threads]).unwrap();
+        prop_assert_eq!(bits(&got.b), bits(&expected));
+        prop_assert_eq!(got.chunks.len(), expected.len().div_ceil(chunk));
+        // What the chunks needed does not depend on the threads either.
+        prop_assert_eq!(got, parallel(&elements, chunk, overlap, &WORKERS[0]).unwrap());
+    }
+
+    #[test]
+    fn every_element_can_be_run(elements in path()) {
+        let b = serial(&elements);
+        prop_assert_eq!(b.len(), elements.len() + 1);
+        prop_assert_eq!((b[0], b[elements.len()]), (0.0, 0.0));
+        for (i, element) in elements.iter().enumerate() {
+            prop_assert!(b[i] <= b[i + 1] + element.gain() && b[i + 1] <= b[i] + element.gain());
+            prop_assert!(b[i].max(b[i + 1]) <= positive(element.feed).powi(2));
+            prop_assert!(i + 1 == elements.len() || b[i + 1] <= positive(element.corner).powi(2));
+        }
+    }
+
+    #[test]
+    fn what_is_settled_stays_whatever_follows(elements in path(), more in path()) {
+        let settled = settled(&elements);
+        let known = serial(&elements);
+        prop_assert!(settled <= elements.len());
+        let longer: Vec<_> = elements.iter().chain(&more).copied().collect();
+        prop_assert_eq!(bits(&serial(&longer)[..settled]), bits(&known[..settled]));
+    }
+}
+
+/// Like the property above with some extremes by hand: one chunk, chunks of one node, no path.
+#[test]
+fn odd_sizes_give_the_bits_of_the_serial_passes() {
+    let element = |k: usize| Element {
+        length: 0.1 + (k % 7) as f64 * 0.05,
+        acceleration: 800.0,
+        feed: 90.0,
+        corner: if k.is_multiple_of(37) { 3.0 } else { 200.0 },
+    };
+    for count in [0, 1, 2, 3, 500] {
+        let elements: Arc<[Element]> = (0..count).map(element).collect();
+        let expected = bits(&serial(&elements));
+        for (chunk, overlap) in [
+            (0, 0),
+            (1, 0),
+            (1, 1),
+            (2, 1000),
+            (usize::MAX, 7),
+            (17, usize::MAX),
+            (500, 3),
+        ] {
+            let got = parallel(&elements, chunk, overlap, &WORKERS[2]).unwrap();
+            assert_eq!(
+                bits(&got.b),
+                expected,
+                "{count} elements, chunk {chunk}, overlap {overlap}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_hand_made_path_has_the_speeds_of_the_textbook() {
+    // 2 a L = 200 per element; a corner of 10 mm/s in the middle.
+    let element = |corner| Element {
+        length: 0.1,
+        acceleration: 1000.0,
+        feed: 20.0,
+        corner,
+    };
+    let elements = [99.0, 99.0, 10.0, 99.0, 99.0, 99.0].map(element);
+    assert_eq!(serial(&elements), [0.0, 200.0, 300.0, 100.0, 300.0, 200.0, 0.0]);
+    // Two elements are enough to brake from 20 mm/s to rest: what follows changes nothing further ahead.
+    assert_eq!(settled(&elements), 5);
+    assert_eq!((settled(&elements[..1]), settled(&[])), (1, 0));
+}
+
+/// 40 m/min, 3000 mm/s²: an overlap of 74.1 mm always holds a certificate, and nothing much shorter does.
+#[test]
+fn an_overlap_of_the_braking_length_is_enough() {
+    let (feed, acceleration, length) = (40e3 / 60.0, 3000.0, 0.067);
+    let braking_mm: f64 = feed * feed / (2.0 * acceleration);
+    assert!((braking_mm - 74.074).abs() < 1e-3, "{braking_mm}");
+    let overlap = (braking_mm / length).ceil() as usize;
+    assert_eq!(overlap, 1106);
+    let path = |corners: &[usize]| -> Arc<[Element]> {
+        let element = |k: usize| Element {
+            length,
+            acceleration,
+            feed,
+            corner: if corners.contains(&k) { 1.0 } else { f64::INFINITY },
+        };
+        (0..20_000).map(element).collect()
+    };
+    let mut most = 0;
+    // The first chunk ends right behind the node where braking to the corner at node 4104 begins.
+    for corners in [
+        vec![],
+        vec![4103],
+        vec![5000, 5600, 7000, 9000, 9001, 15_000],
+        vec![1, 3000, 19_000],
+    ] {
+        let elements = path(&corners);
+        let got = parallel(&elements, 3000, overlap, &WORKERS[2]).unwrap();
+        assert_eq!(bits(&got.b), bits(&serial(&elements)));
+        for chunk in &got.chunks {
+            assert!(chunk.redone == 0 && !chunk.handed_back, "{chunk:?}");
+            most = most.max(chunk.left).max(chunk.right);
+        }
+    }
+    assert_eq!(most, overlap - 1);
+    // Less is too little somewhere: it is noticed, and the result is the same.
+    let elements = path(&[4103]);
+    let got = parallel(&elements, 3000, 50, &WORKERS[2]).unwrap();
+    assert_eq!(bits(&got.b), bits(&serial(&elements)));
+    assert!(got.chunks.iter().any(|chunk| chunk.redone > 0));
+    assert!(got.chunks.iter().all(|chunk| !chunk.handed_back));
+}
+
+#[test]
+fn a_path_without_any_certificate_is_done_in_bounded_time() {
+    let element = Element {
+        length: 1e-3,
+        acceleration: 100.0,
+        feed: 1e6,
+        corner: 1e6,
+    };
+    let elements: Arc<[Element]> = vec![element; 50_000].into();
+    let got = parallel(&elements, 100, 10, &WORKERS[2]).unwrap();
+    assert_eq!(bits(&got.b), bits(&serial(&elements)));
+    // Only the last chunks, which see the end of the path, know their speeds. All the others are handed back after overlaps
+    // of 10, 20 ... 320 on one side or on both.
+    assert_eq!(got.chunks.iter().filter(|chunk| chunk.handed_back).count(), 497);
+    assert!(got.chunks.iter().all(|chunk| chunk.redone <= 12));
+}
