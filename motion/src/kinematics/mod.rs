@@ -15,10 +15,21 @@
 //! |---|---|---|---|---|---|
 //! | trivial, gantry | X | Y | Z | as programmed | `joint_map.rs` |
 //! | CoreXY | first motor | second motor | Z | as programmed | `corexy.rs` |
+//! | table-table, head-table | X | Y | Z | as programmed | `table_table.rs`, `head_table.rs` |
+//! | SCARA | shoulder | elbow | Z | C: wrist | `scara.rs` |
+//! | linear delta | carriage 1 | carriage 2 | carriage 3 | as programmed | `linear_delta.rs` |
+//!
+//! Rotary axes are programmed as angles, never as tool vectors: table-table and head-table machines therefore have no
+//! singularity of their own. A tip far from a centre line moves the linear joints fast, and their limits slow it down.
 
 mod corexy;
+mod head_table;
 mod joint_map;
+mod linear_delta;
 mod number;
+mod rotary;
+mod scara;
+mod table_table;
 #[cfg(test)]
 mod tests;
 
@@ -26,9 +37,17 @@ use crate::canon::{AXES, Axis, Position};
 use crate::path::Jet;
 use std::fmt;
 
+pub use head_table::HeadTable;
 use joint_map::JointMap;
 pub use joint_map::{Follows, JOINTS};
+pub use linear_delta::LinearDelta;
 pub use number::{Jet3, Number};
+pub use rotary::{Hand, Rotary, RotaryAxis};
+pub use scara::{Elbow, Scara};
+pub use table_table::TableTable;
+
+/// A reason, for messages.
+type Why = &'static str;
 
 /// How the tool is held and what the programmed point is: all that the inverse needs besides the axes. Holds for a move.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -36,8 +55,10 @@ pub struct ToolFrame {
     /// Tool-centre-point control: X Y Z are those of the tool's tip on the work-piece, wherever the rotary axes stand.
     /// Without it, X Y Z are what the linear joints do.
     pub tcp: bool,
-    /// Length of the tool, mm, by which Z lies above the tip in both cases. Only with `tcp` does the inverse need it.
+    /// Length of the tool, mm, by which a programmed Z lies above the tip. Only with `tcp` does the inverse need it.
     pub length_mm: f64,
+    /// Which of the two ways to a place a SCARA takes; of no meaning to other machines.
+    pub elbow: Elbow,
 }
 
 impl ToolFrame {
@@ -45,6 +66,7 @@ impl ToolFrame {
     pub const OFF: ToolFrame = ToolFrame {
         tcp: false,
         length_mm: 0.0,
+        elbow: Elbow::Positive,
     };
 }
 
@@ -72,6 +94,14 @@ pub enum Transform {
     Trivial,
     /// X and Y by two motors that stand still.
     CoreXy,
+    /// Both rotary axes under the work.
+    TableTable(TableTable),
+    /// One rotary axis in the head, one under the work.
+    HeadTable(HeadTable),
+    /// Two arms that swing.
+    Scara(Scara),
+    /// Three carriages with rods.
+    LinearDelta(LinearDelta),
 }
 
 /// From axes to joints.
@@ -115,25 +145,46 @@ impl Kinematics {
     }
 
     /// Whether each joint just follows its axis under this frame.
-    pub fn is_trivial(&self, _frame: &ToolFrame) -> bool {
+    pub fn is_trivial(&self, frame: &ToolFrame) -> bool {
         match self.transform {
             Transform::Trivial => true,
-            Transform::CoreXy => false,
+            Transform::TableTable(_) | Transform::HeadTable(_) => !frame.tcp,
+            Transform::CoreXy | Transform::Scara(_) | Transform::LinearDelta(_) => false,
         }
     }
 
     /// Whether joints are a linear function of the axes under this frame: then a straight line of the axes is one of the
     /// joints, too.
-    pub fn is_linear(&self, _frame: &ToolFrame) -> bool {
+    pub fn is_linear(&self, frame: &ToolFrame) -> bool {
         match self.transform {
             Transform::Trivial | Transform::CoreXy => true,
+            Transform::TableTable(_) | Transform::HeadTable(_) => !frame.tcp,
+            Transform::Scara(_) | Transform::LinearDelta(_) => false,
         }
     }
 
     /// Whether tool-centre-point control can be switched on.
     pub fn has_tcp(&self) -> bool {
         match self.transform {
-            Transform::Trivial | Transform::CoreXy => false,
+            Transform::TableTable(_) | Transform::HeadTable(_) => true,
+            Transform::Trivial | Transform::CoreXy | Transform::Scara(_) | Transform::LinearDelta(_) => false,
+        }
+    }
+
+    /// The frame of a machine that stands at these joints, without tool-centre-point control: which way the elbow is bent.
+    pub fn frame_at(&self, joints: &[f64]) -> ToolFrame {
+        let bent_back = match self.transform {
+            Transform::Scara(_) => self.map.forward(joints)[1] < 0.0,
+            Transform::Trivial
+            | Transform::CoreXy
+            | Transform::TableTable(_)
+            | Transform::HeadTable(_)
+            | Transform::LinearDelta(_) => false,
+        };
+        let elbow = if bent_back { Elbow::Negative } else { Elbow::Positive };
+        ToolFrame {
+            elbow,
+            ..ToolFrame::OFF
         }
     }
 
@@ -141,19 +192,47 @@ impl Kinematics {
     ///
     /// # Errors
     /// The machine cannot take this position.
-    pub fn inverse<N: Number>(
-        &self,
-        _frame: &ToolFrame,
-        axes: &[N; AXES],
-        joints: &mut [N],
-    ) -> Result<(), Unreachable> {
-        let mut letters = *axes;
-        match &self.transform {
-            Transform::Trivial => {}
-            Transform::CoreXy => corexy::inverse(&mut letters),
+    pub fn inverse<N: Number>(&self, frame: &ToolFrame, axes: &[N; AXES], joints: &mut [N]) -> Result<(), Unreachable> {
+        if self.is_trivial(frame) {
+            self.map.inverse(axes, joints);
+            return Ok(());
         }
+        let letters = self.letters(frame, axes)?;
         self.map.inverse(&letters, joints);
         Ok(())
+    }
+
+    /// The first step of the inverse: what the joints of each letter follow.
+    fn letters<N: Number>(&self, frame: &ToolFrame, axes: &[N; AXES]) -> Result<[N; AXES], Unreachable> {
+        let mut letters = *axes;
+        let result = match &self.transform {
+            Transform::Trivial => Ok(()),
+            Transform::CoreXy => {
+                corexy::inverse(&mut letters);
+                Ok(())
+            }
+            Transform::TableTable(table) => {
+                if frame.tcp {
+                    table.inverse(frame, &mut letters);
+                }
+                Ok(())
+            }
+            Transform::HeadTable(head) => {
+                if frame.tcp {
+                    head.inverse(frame, &mut letters);
+                }
+                Ok(())
+            }
+            Transform::Scara(scara) => scara.inverse(frame, &mut letters),
+            Transform::LinearDelta(delta) => delta.inverse(&mut letters),
+        };
+        match result {
+            Ok(()) => Ok(letters),
+            Err((letter, why)) => Err(Unreachable {
+                joint: self.map.joint_of(Axis::ALL[letter]).unwrap_or(0),
+                why,
+            }),
+        }
     }
 
     /// Joints with their derivatives by path length for a state of the path. On an error, `joints` hold nothing of use. RT.
@@ -176,13 +255,45 @@ impl Kinematics {
     }
 
     /// Axes for joints; `None` where no position of the axes belongs to them. RT.
-    pub fn forward(&self, _frame: &ToolFrame, joints: &[f64]) -> Option<Position> {
+    pub fn forward(&self, frame: &ToolFrame, joints: &[f64]) -> Option<Position> {
         let mut axes = self.map.forward(joints);
         match &self.transform {
             Transform::Trivial => {}
             Transform::CoreXy => corexy::forward(&mut axes),
+            Transform::TableTable(table) => {
+                if frame.tcp {
+                    table.forward(frame, &mut axes);
+                }
+            }
+            Transform::HeadTable(head) => {
+                if frame.tcp {
+                    head.forward(frame, &mut axes);
+                }
+            }
+            Transform::Scara(scara) => {
+                scara.forward(&mut axes);
+                if self.map.joint_of(Axis::C).is_none() {
+                    axes[Axis::C as usize] = 0.0;
+                }
+            }
+            Transform::LinearDelta(delta) => delta.forward(&mut axes)?,
         }
         Some(Position(axes))
+    }
+
+    /// Why joints must move fast near a position, in words; `None` where nothing is singular nearby.
+    pub fn singularity(&self, frame: &ToolFrame, position: &Position) -> Option<&'static str> {
+        match &self.transform {
+            Transform::Trivial | Transform::CoreXy | Transform::TableTable(_) | Transform::HeadTable(_) => None,
+            Transform::Scara(scara) => match self.letters(frame, &position.0) {
+                Ok(joints) => scara.singularity(&joints),
+                Err(unreachable) => Some(unreachable.why),
+            },
+            Transform::LinearDelta(delta) => match self.letters(frame, &position.0) {
+                Ok(joints) => delta.singularity(&joints, position[Axis::Z]),
+                Err(unreachable) => Some(unreachable.why),
+            },
+        }
     }
 
     /// Where the axes are under another frame while no joint moves.

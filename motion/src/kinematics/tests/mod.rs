@@ -1,7 +1,51 @@
 //! What the tests of the families share.
 
+mod five_axis;
 mod linear;
 mod number;
+mod round_trip;
+mod serial_and_parallel;
+
+use super::{Follows, Kinematics, ToolFrame, Transform};
+use crate::canon::{Axis, Position};
+
+/// One joint per axis, in this order.
+fn machine(transform: Transform, axes: &[Axis]) -> Kinematics {
+    let follows: Vec<Follows> = axes
+        .iter()
+        .map(|&axis| Follows {
+            axis: Some(axis),
+            offset: 0.0,
+        })
+        .collect();
+    Kinematics::new(transform, &follows)
+}
+
+/// A position by axes and values, the others zero.
+fn position(values: &[(Axis, f64)]) -> Position {
+    let mut position = Position::ZERO;
+    for &(axis, value) in values {
+        position[axis] = value;
+    }
+    position
+}
+
+fn tcp(length_mm: f64) -> ToolFrame {
+    ToolFrame {
+        tcp: true,
+        length_mm,
+        ..ToolFrame::OFF
+    }
+}
+
+#[track_caller]
+fn assert_near(got: &[f64], wanted: &[f64], tolerance: f64) {
+    let near = |(a, b): (&f64, &f64)| (a - b).abs() <= tolerance;
+    assert!(
+        got.len() == wanted.len() && got.iter().zip(wanted).all(near),
+        "{got:?} for {wanted:?}"
+    );
+}
 
 /// First, second and third derivative of `f` at 0 by central differences of nine points, exact for polynomials of degree 8.
 fn differences(f: impl Fn(f64) -> f64, h: f64) -> [f64; 3] {
