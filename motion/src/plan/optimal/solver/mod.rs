@@ -27,8 +27,15 @@
 //! and the time is the integral of 1/sqrt(b). b is a quadratic spline on the knots of the grid: b and u continuous, u
 //! linear and w constant within a span. q''' and w jump at knots, hence checkpoints at both ends of every span.
 
+mod band;
 mod grid;
+mod interior;
+mod lanes;
 mod profile;
 
 pub use grid::{Grid, JointJet, JointLimits};
+pub use interior::{Infeasible, Options, Solved, Workspace, solve};
 pub use profile::{State, Worst, coefficient, worst};
+
+#[cfg(test)]
+mod tests;
