@@ -5,7 +5,7 @@
 
 use super::classic;
 use super::program::{Entry, Program};
-use super::smooth::Corners;
+use super::smooth::Smoother;
 use super::{PlanError, Programmed, Settings};
 use crate::canon::Event;
 use crate::element::Element;
@@ -35,7 +35,7 @@ pub struct Planner<S> {
     settings: Settings,
     sink: S,
     program: Program,
-    corners: Corners,
+    smoother: Smoother,
     steps: classic::Steps,
     ideal: Vec<Programmed>,
 }
@@ -47,7 +47,7 @@ impl<S: Sink<Element>> Planner<S> {
             settings,
             sink,
             program: Program::new(settings.start),
-            corners: Corners::default(),
+            smoother: Smoother::default(),
             steps: classic::Steps::default(),
             ideal: Vec::new(),
         }
@@ -72,7 +72,7 @@ impl<S: Sink<Element>> Planner<S> {
                     rapid: part.rapid,
                 });
                 let mut passed = Vec::new();
-                self.corners.push(part, &self.settings, &mut passed);
+                self.smoother.push(part, &self.settings, &mut passed);
                 for passed in passed {
                     self.steps.push(passed, &self.settings);
                 }
@@ -111,7 +111,7 @@ impl<S: Sink<Element>> Planner<S> {
     /// Sends everything through the stages; it ends at rest.
     fn rest(&mut self, element: Option<Element>) {
         let mut passed = Vec::new();
-        self.corners.flush(&self.settings, &mut passed);
+        self.smoother.flush(&self.settings, &mut passed);
         for passed in passed {
             self.steps.push(passed, &self.settings);
         }

@@ -3,8 +3,72 @@
 //! In:  moves, in program order.
 //! Out: stretches that follow each other, most of them with continuous direction and curvature; halts where the machine
 //! must come to rest.
+//!
+//! ```text
+//! compress   runs of short straight moves -> few quintics     (fit: least squares, bspline: basis and system)
+//! corners    what is left of moves, and the blends between    (round: one corner)
+//! ```
 
+mod bspline;
+mod compress;
 mod corners;
+mod fit;
 pub(super) mod round;
 
-pub(super) use corners::{Corners, Passed, Stretch};
+use compress::Compressor;
+use corners::Corners;
+
+use crate::path::Piece;
+use crate::plan::Settings;
+use crate::plan::program::Move;
+
+/// A piece of path with all that bounds its speed besides geometry.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stretch {
+    pub(super) piece: Piece,
+    pub(super) feed: f64,
+    pub(super) line: u32,
+    pub(super) rapid: bool,
+}
+
+/// What comes out.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Passed {
+    Stretch(Stretch),
+    /// Rest before what follows.
+    Stop,
+}
+
+/// A move, and how much of its beginning and of its end a rounded corner may use.
+#[derive(Clone, Copy, Debug)]
+struct Leg {
+    part: Move,
+    room: [f64; 2],
+}
+
+/// The whole stage.
+#[derive(Debug, Default)]
+pub(super) struct Smoother {
+    compressor: Compressor,
+    corners: Corners,
+    legs: Vec<Leg>,
+}
+
+impl Smoother {
+    /// Takes the next move.
+    pub(super) fn push(&mut self, part: Move, settings: &Settings, out: &mut Vec<Passed>) {
+        self.compressor.push(part, &mut self.legs);
+        for leg in self.legs.drain(..) {
+            self.corners.push(leg, settings, out);
+        }
+    }
+
+    /// Nothing follows: the last move ends where it is programmed to end.
+    pub(super) fn flush(&mut self, settings: &Settings, out: &mut Vec<Passed>) {
+        self.compressor.flush(&mut self.legs);
+        for leg in self.legs.drain(..) {
+            self.corners.push(leg, settings, out);
+        }
+        self.corners.flush(settings, out);
+    }
+}

@@ -110,28 +110,6 @@ pub(in crate::plan) fn round(a: &Piece, room_a: f64, b: &Piece, room_b: f64, tol
     None
 }
 
-/// Joins the middles of two straight legs, with given curvature there: on dense programs the result is nearly the curve
-/// from which the points were taken.
-pub(in crate::plan) fn join(
-    a: &Piece,
-    bend_a: &[f64; AXES],
-    b: &Piece,
-    bend_b: &[f64; AXES],
-    tolerance: f64,
-) -> Option<Rounded> {
-    let (before, after) = (a.length() - a.length() / 2.0, b.length() / 2.0);
-    let end = |piece: &Piece, s: f64, bend: &[f64; AXES]| BlendEnd {
-        leg: Jet {
-            d2: *bend,
-            ..piece.jet(s)
-        },
-        pace: before + after,
-        pace_change: 0.0,
-    };
-    let blend = Piece::blend(&end(a, a.length() / 2.0, bend_a), &end(b, after, bend_b), a.group())?;
-    (deviation(&blend, a, before, b, after) <= tolerance).then_some(Rounded { before, blend, after })
-}
-
 /// Greatest distance between a blend and the legs that it replaces, both ways, a little on the safe side.
 fn deviation(blend: &Piece, a: &Piece, before: f64, b: &Piece, after: f64) -> f64 {
     const STEPS: usize = 16;

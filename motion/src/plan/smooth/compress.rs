@@ -1,0 +1,484 @@
+//! Runs of short straight moves become few long pieces.
+//!
+//! In:  moves.
+//! Out: moves; where many short ones followed each other with small angles there are quintics instead, joined with
+//! continuous position, direction and curvature, within the tolerance of what they replace. Corners that need not be
+//! touched are left to [`super::corners`].
+//!
+//! A corner belongs to a run where rounding it alone would be short of room ([`soft`]). A run begins and ends on a
+//! straight move, part of which is left as it is. Runs of any length pass through a window: when it is full, a curve is
+//! fitted through all of it and all but its last spans are let go; the next fit goes on from there with equal position and
+//! derivatives. Windows are cut by the moves alone, so that equal programs give equal bits.
+//!
+//! A quintic has the line of the move in which it ends, and the least feed of those that it covers.
+
+use std::collections::VecDeque;
+
+use super::Leg;
+use super::fit::{Chord, Fit, State, Track};
+use super::round::{distance, reach, turning};
+use crate::canon::AXES;
+use crate::path::{BlendEnd, Group, Jet, Piece, Shape};
+use crate::plan::program::{Corner, Move};
+
+/// Moves in a window at first; as long as they make too few spans, twice as many.
+const WINDOW: usize = 256;
+const WINDOW_MAX: usize = 2048;
+/// Spans that are worth a fit.
+const SPANS: usize = 40;
+/// Spans at the end of a window that may still change when more is known.
+const OVERLAP: usize = 10;
+/// Moves in one span at most.
+const SPAN_MOVES: usize = 64;
+/// Height of a span over its width; on a circle, the span turns by eight times as many radians.
+const HEIGHT: f64 = 0.0375;
+/// Turning at which a corner is one in any case, radians.
+const SHARP: f64 = 1.2;
+
+/// Where a run begins.
+#[derive(Clone, Copy, Debug)]
+enum Start {
+    /// On the first move, which is left as it is up to this length. `room`: what a corner before it may use of that.
+    Line { from: f64, room: f64 },
+    /// Where the curve before ends, about at the beginning of the first move.
+    Curve(Jet),
+}
+
+/// Makes runs and compresses them.
+#[derive(Debug)]
+pub(super) struct Compressor {
+    moves: VecDeque<Move>,
+    start: Start,
+    /// Moves at which the window is looked at.
+    full: usize,
+    axes: Moving,
+    track: Track,
+    fit: Fit,
+    /// Where on the first move the curve begins, and where on the last it ends.
+    begins: f64,
+    taken: f64,
+}
+
+impl Default for Compressor {
+    fn default() -> Compressor {
+        Compressor {
+            moves: VecDeque::new(),
+            start: FRESH,
+            full: WINDOW,
+            axes: Moving::default(),
+            begins: 0.0,
+            taken: 0.0,
+            track: Track::default(),
+            fit: Fit::default(),
+        }
+    }
+}
+
+/// No run has begun.
+const FRESH: Start = Start::Line {
+    from: 0.0,
+    room: f64::INFINITY,
+};
+
+impl Compressor {
+    pub(super) fn push(&mut self, part: Move, out: &mut Vec<Leg>) {
+        if let Some(last) = self.moves.back() {
+            if !soft(last, &part) {
+                self.flush(out);
+            } else if self.moves.len() > 1 && long(&self.moves) {
+                self.close(out);
+            }
+        }
+        self.moves.push_back(part);
+        if self.moves.len() >= self.full {
+            self.pass_some(out);
+        }
+    }
+
+    /// The run ends with its last move, all of which is let go.
+    pub(super) fn flush(&mut self, out: &mut Vec<Leg>) {
+        if self.moves.len() > 1 {
+            self.close(out);
+        }
+        self.let_go_first(out);
+        self.full = WINDOW;
+    }
+}
+
+impl Compressor {
+    /// The window is full: lets go what cannot change any more.
+    fn pass_some(&mut self, out: &mut Vec<Leg>) {
+        let count = self.moves.len();
+        if self.lay_out(count, false) < SPANS && count < WINDOW_MAX {
+            self.full = 2 * count;
+            return;
+        }
+        self.full = WINDOW;
+        // What is let go ends with a move.
+        let until = self.fit.borders[self.fit.borders.len() - 1 - OVERLAP];
+        let Some(last) = self.track.chords.iter().position(|chord| chord.t[1] >= until) else {
+            return;
+        };
+        match self.curve(until) {
+            Ok((pieces, jet)) => {
+                self.leave_line(out);
+                out.extend(pieces);
+                self.moves.drain(..=last);
+                self.start = Start::Curve(jet);
+            }
+            Err(_) => self.close(out),
+        }
+    }
+
+    /// The run ends on its last move, which stays, from some length on.
+    fn close(&mut self, out: &mut Vec<Leg>) {
+        // Near a place where no curve is found, shorter attempts, so that the work stays in proportion.
+        let mut limit = usize::MAX;
+        while self.moves.len() > 1 {
+            let count = self.moves.len().min(limit);
+            self.lay_out(count, true);
+            match self.curve(f64::INFINITY) {
+                Ok((pieces, _)) => {
+                    self.leave_line(out);
+                    out.extend(pieces);
+                    let from = self.taken;
+                    self.moves.drain(..count - 1);
+                    self.start = Start::Line { from, room: 0.0 };
+                    limit = limit.saturating_mul(2);
+                }
+                Err(_) if count == 2 => {
+                    self.let_go_first(out);
+                    limit = 8;
+                }
+                Err(chord) => limit = chord.clamp(2, count - 1).min((count / 2).max(8)),
+            }
+        }
+        self.full = WINDOW;
+    }
+
+    /// Lets go what is left of the first move, as it is.
+    fn let_go_first(&mut self, out: &mut Vec<Leg>) {
+        if let Some(part) = self.moves.pop_front() {
+            match self.start {
+                Start::Line { from, room } => {
+                    let length = part.piece.length();
+                    // Behind a curve all that is left may be used by a corner, else half.
+                    let end = if from > 0.0 { length - from } else { length / 2.0 };
+                    out.extend(part.piece.cut(from, length).map(|piece| Leg {
+                        part: Move { piece, ..part },
+                        room: [room.min(length / 2.0), end],
+                    }));
+                }
+                Start::Curve(jet) => out.extend(bridge(&jet, &part)),
+            }
+        }
+        self.start = FRESH;
+    }
+
+    /// The part of the first move that lies before the curve.
+    fn leave_line(&self, out: &mut Vec<Leg>) {
+        if let (Start::Line { from, room }, Some(part)) = (self.start, self.moves.front()) {
+            let room = room.min(part.piece.length() / 2.0);
+            out.extend(part.piece.cut(from, self.begins).map(|piece| Leg {
+                part: Move {
+                    piece,
+                    corner: Corner::Exact,
+                    ..*part
+                },
+                room: [room, 0.0],
+            }));
+        }
+    }
+
+    /// Prepares the fit of the first `count` moves; the number of spans. `closed`: the curve ends on the last of them.
+    fn lay_out(&mut self, count: usize, closed: bool) -> usize {
+        let moves = self.moves.make_contiguous();
+        let first = &moves[0].piece;
+        let last = &moves[count - 1].piece;
+        let begin = match self.start {
+            Start::Curve(jet) => jet,
+            Start::Line { from, .. } => {
+                let available = if from > 0.0 {
+                    first.length() - from
+                } else {
+                    first.length() / 2.0
+                };
+                let wanted = extent(&moves[0], moves[1..count].iter());
+                self.begins = if wanted > 0.8 * available {
+                    first.length() - available
+                } else {
+                    first.length() - wanted
+                };
+                on_line(first, self.begins)
+            }
+        };
+        self.taken = (last.length() / 2.0).min(extent(&moves[count - 1], moves[..count - 1].iter().rev()));
+        let end = on_line(last, self.taken);
+        let until = if closed { end.q } else { last.position(last.length()).0 };
+        self.axes.choose(&begin, &until, &moves[..count]);
+        let axes = &self.axes;
+        let track = &mut self.track;
+        track.axes = axes.count;
+        track.tolerance = match moves[0].corner {
+            Corner::Round(tolerance) => tolerance,
+            Corner::Exact | Corner::Stop => 0.0,
+        };
+        track.start = axes.state(&begin);
+        track.end = closed.then(|| axes.state(&end));
+        track.chords.clear();
+        let mut t = 0.0;
+        let mut q = match self.start {
+            Start::Line { .. } => track.start.q,
+            Start::Curve(_) => axes.relative(&first.position(0.0).0),
+        };
+        for (k, part) in moves[..count].iter().enumerate() {
+            let piece = &part.piece;
+            let next = if closed && k + 1 == count {
+                axes.state(&end).q
+            } else {
+                axes.relative(&piece.position(piece.length()).0)
+            };
+            let width = distance(&q, &next);
+            track.chords.push(Chord {
+                t: [t, t + width],
+                q: [q, next],
+                sampled: false,
+            });
+            (t, q) = (t + width, next);
+        }
+        // The ends of a run on long moves.
+        for (k, near) in [(0, 1), (count - 1, count - 2)] {
+            let width = |k: usize| track.chords[k].t[1] - track.chords[k].t[0];
+            track.chords[k].sampled = width(k) > width(near);
+        }
+        let borders = &mut self.fit.borders;
+        borders.clear();
+        borders.push(0.0);
+        let mut from = 0;
+        while from < count {
+            let fits = |moves_in: usize| {
+                moves[from].feed == moves[from + moves_in - 1].feed
+                    && moves[from + moves_in / 2].feed == moves[from].feed
+                    && flat(&track.chords[from..from + moves_in], track.axes, track.tolerance)
+            };
+            let most = (count - from).min(SPAN_MOVES);
+            let mut good = 1;
+            while 2 * good <= most && fits(2 * good) {
+                good *= 2;
+            }
+            let mut bad = (2 * good).min(most + 1);
+            while good + 1 < bad {
+                let middle = good.midpoint(bad);
+                if fits(middle) {
+                    good = middle;
+                } else {
+                    bad = middle;
+                }
+            }
+            from += good;
+            borders.push(track.chords[from - 1].t[1]);
+        }
+        borders.len() - 1
+    }
+
+    /// The quintics up to parameter `until`, and the state there.
+    fn curve(&mut self, until: f64) -> Result<(Vec<Leg>, Jet), usize> {
+        self.fit.run(&mut self.track)?;
+        let group = self.moves[0].piece.group();
+        let (fit, track) = (&self.fit, &self.track);
+        let mut pieces = Vec::with_capacity(fit.borders.len());
+        let mut chord = 0;
+        let mut from = self.axes.jet(&fit.states[0]);
+        for (k, pair) in fit.borders.windows(2).enumerate() {
+            if pair[0] >= until {
+                break;
+            }
+            let to = self.axes.jet(&fit.states[k + 1]);
+            let end = |leg: Jet| BlendEnd {
+                leg,
+                pace: pair[1] - pair[0],
+                pace_change: 0.0,
+            };
+            let piece = Piece::blend(&end(from), &end(to), group).ok_or(chord)?;
+            let mut feed = self.moves[chord].feed;
+            while chord + 1 < track.chords.len() && track.chords[chord].t[1] < pair[1] {
+                chord += 1;
+                feed = feed.min(self.moves[chord].feed);
+            }
+            pieces.push(Leg {
+                part: Move {
+                    piece,
+                    feed,
+                    corner: Corner::Exact,
+                    ..self.moves[chord]
+                },
+                room: [0.0; 2],
+            });
+            if chord + 1 < track.chords.len() && track.chords[chord].t[1] <= pair[1] {
+                chord += 1;
+            }
+            from = to;
+        }
+        Ok((pieces, from))
+    }
+}
+
+/// Whether a curve of one span may be near these chords: their ends are not far from the line between the first and the
+/// last.
+fn flat(chords: &[Chord], axes: usize, tolerance: f64) -> bool {
+    let (Some(first), Some(last)) = (chords.first(), chords.last()) else {
+        return true;
+    };
+    let width = last.t[1] - first.t[0];
+    let mut along = [0.0; AXES];
+    let mut square = 0.0;
+    for axis in 0..axes {
+        along[axis] = last.q[1][axis] - first.q[0][axis];
+        square += along[axis] * along[axis];
+    }
+    if square < 0.64 * width * width {
+        return chords.len() == 1;
+    }
+    let height = (HEIGHT * width).max(0.3 * tolerance);
+    (1..8).map(|k| k * chords.len() / 8).filter(|k| *k > 0).all(|k| {
+        let (mut dot, mut off) = (0.0, 0.0);
+        for axis in 0..axes {
+            let e = chords[k].q[0][axis] - first.q[0][axis];
+            dot += e * along[axis];
+            off += e * e;
+        }
+        off - dot * dot / square <= height * height
+    })
+}
+
+/// Length of a straight move along which the curve of the moves beside it may begin: about twice that over which the
+/// tolerance lets it go over from straight to bent.
+fn extent<'a>(straight: &Move, beside: impl Iterator<Item = &'a Move>) -> f64 {
+    let Corner::Round(tolerance) = straight.corner else {
+        return 0.0;
+    };
+    let (group, direction) = (straight.piece.group(), straight.piece.jet(0.0));
+    let mut length = 0.0;
+    for part in beside {
+        let reach = reach(group, &direction, &part.piece.jet(0.0), tolerance);
+        if reach < length + 0.5 * part.piece.length() {
+            return reach.max(2.0 * length);
+        }
+        length += part.piece.length();
+        if length > straight.piece.length() {
+            break;
+        }
+    }
+    2.0 * length
+}
+
+/// Whether the last of these moves is so long that a run ends on it and another begins.
+fn long(moves: &VecDeque<Move>) -> bool {
+    let mut back = moves.iter().rev();
+    let (Some(last), Some(before)) = (back.next(), back.next()) else {
+        return false;
+    };
+    let length = last.piece.length();
+    length > 4.0 * before.piece.length() && length > 4.0 * extent(last, moves.iter().rev().skip(1))
+}
+
+/// State on a straight move; the parameter is the length in all axes.
+fn on_line(piece: &Piece, s: f64) -> Jet {
+    let jet = piece.jet(s);
+    let rate = distance(&jet.d1, &[0.0; AXES]);
+    Jet {
+        d1: jet.d1.map(|x| x / rate),
+        ..jet
+    }
+}
+
+/// The axes that move, and the place from which they are counted.
+#[derive(Clone, Copy, Debug, Default)]
+struct Moving {
+    axes: [usize; AXES],
+    count: usize,
+    origin: [f64; AXES],
+}
+
+impl Moving {
+    fn choose(&mut self, begin: &Jet, until: &[f64; AXES], moves: &[Move]) {
+        self.origin = begin.q;
+        self.count = 0;
+        for axis in 0..AXES {
+            let moves_here = begin.q[axis] != until[axis]
+                || begin.d1[axis] != 0.0
+                || begin.d2[axis] != 0.0
+                || moves
+                    .iter()
+                    .any(|part| part.piece.position(part.piece.length()).0[axis] != begin.q[axis]);
+            if moves_here {
+                self.axes[self.count] = axis;
+                self.count += 1;
+            }
+        }
+    }
+
+    fn pick(&self, vector: &[f64; AXES]) -> [f64; AXES] {
+        let mut picked = [0.0; AXES];
+        for k in 0..self.count {
+            picked[k] = vector[self.axes[k]];
+        }
+        picked
+    }
+
+    fn relative(&self, q: &[f64; AXES]) -> [f64; AXES] {
+        self.pick(&core::array::from_fn(|axis| q[axis] - self.origin[axis]))
+    }
+
+    fn state(&self, jet: &Jet) -> State {
+        State {
+            q: self.relative(&jet.q),
+            d1: self.pick(&jet.d1),
+            d2: self.pick(&jet.d2),
+            d3: self.pick(&jet.d3),
+        }
+    }
+
+    fn jet(&self, state: &State) -> Jet {
+        let mut jet = Jet {
+            q: self.origin,
+            ..Jet::default()
+        };
+        for k in 0..self.count {
+            let axis = self.axes[k];
+            jet.q[axis] += state.q[k];
+            (jet.d1[axis], jet.d2[axis], jet.d3[axis]) = (state.d1[k], state.d2[k], state.d3[k]);
+        }
+        jet
+    }
+}
+
+/// From the end of a curve straight to the end of a move near which no curve was found.
+fn bridge(jet: &Jet, part: &Move) -> Option<Leg> {
+    let end = part.piece.position(part.piece.length());
+    let piece = Piece::line(crate::canon::Position(jet.q), end)?;
+    let room = piece.length() / 2.0;
+    Some(Leg {
+        part: Move { piece, ..*part },
+        room: [0.0, room],
+    })
+}
+
+/// Whether the corner between two moves belongs to a run: a corner of short legs and small angle, so well within the
+/// tolerance that a blend would take more than half of a leg.
+fn soft(a: &Move, b: &Move) -> bool {
+    let (Corner::Round(tolerance), Shape::Line(_), Shape::Line(_)) = (a.corner, a.piece.shape(), b.piece.shape())
+    else {
+        return false;
+    };
+    let group = a.piece.group();
+    if a.rapid || b.rapid || group != b.piece.group() || group == Group::Rotary || b.corner != a.corner {
+        return false;
+    }
+    let (end, start) = (a.piece.jet(0.0), b.piece.jet(0.0));
+    if turning(group, &end, &start) > SHARP {
+        return false;
+    }
+    let gap = distance(&end.d1, &start.d1);
+    gap < 1e-9 || reach(group, &end, &start, tolerance) > 0.5 * a.piece.length().min(b.piece.length())
+}
