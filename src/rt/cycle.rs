@@ -504,7 +504,9 @@ impl<B: Fieldbus> Control<B> {
         let Some(program) = self.program.take() else { return };
         self.give_back(program);
         self.waiting = None;
-        self.sample = Sample::resting(self.sample.position);
+        let joints = &self.command_mm[..self.joints];
+        let position = self.parts.kinematics.forward(&ToolFrame::OFF, joints);
+        self.sample = Sample::resting(position.unwrap_or(self.sample.position));
         self.notice(Notice::ProgramEnded);
     }
 
@@ -625,7 +627,7 @@ impl<B: Fieldbus> Control<B> {
                 actual: self
                     .parts
                     .kinematics
-                    .forward(&ToolFrame::OFF, &actual_mm[..self.joints])
+                    .forward(&self.sample.frame, &actual_mm[..self.joints])
                     .unwrap_or(self.sample.position),
                 line: self.sample.line,
                 rapid: self.sample.rapid,

@@ -57,8 +57,6 @@ pub struct ToolFrame {
     pub tcp: bool,
     /// Length of the tool, mm, by which a programmed Z lies above the tip. Only with `tcp` does the inverse need it.
     pub length_mm: f64,
-    /// Which of the two ways to a place a SCARA takes; of no meaning to other machines.
-    pub elbow: Elbow,
 }
 
 impl ToolFrame {
@@ -66,7 +64,6 @@ impl ToolFrame {
     pub const OFF: ToolFrame = ToolFrame {
         tcp: false,
         length_mm: 0.0,
-        elbow: Elbow::Positive,
     };
 }
 
@@ -171,23 +168,6 @@ impl Kinematics {
         }
     }
 
-    /// The frame of a machine that stands at these joints, without tool-centre-point control: which way the elbow is bent.
-    pub fn frame_at(&self, joints: &[f64]) -> ToolFrame {
-        let bent_back = match self.transform {
-            Transform::Scara(_) => self.map.forward(joints)[1] < 0.0,
-            Transform::Trivial
-            | Transform::CoreXy
-            | Transform::TableTable(_)
-            | Transform::HeadTable(_)
-            | Transform::LinearDelta(_) => false,
-        };
-        let elbow = if bent_back { Elbow::Negative } else { Elbow::Positive };
-        ToolFrame {
-            elbow,
-            ..ToolFrame::OFF
-        }
-    }
-
     /// Joints for axes. On an error, `joints` are left as they were. RT.
     ///
     /// # Errors
@@ -223,7 +203,7 @@ impl Kinematics {
                 }
                 Ok(())
             }
-            Transform::Scara(scara) => scara.inverse(frame, &mut letters),
+            Transform::Scara(scara) => scara.inverse(&mut letters),
             Transform::LinearDelta(delta) => delta.inverse(&mut letters),
         };
         match result {

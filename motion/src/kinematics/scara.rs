@@ -17,11 +17,11 @@
 //! shoulder = atan2(y, x) - atan2(b sin e, a + b cos e)
 //! ```
 //!
-//! The sign is that of [`ToolFrame::elbow`] and stays in a program: changing it takes a move of the joints through the line.
+//! The sign is that of [`Scara::elbow`] and stays: changing it would take a move of the joints through the line.
 //! Near the line (r near a + b or |a - b|) joints turn ever faster for the same motion of the tool.
 
+use super::Why;
 use super::number::Number;
-use super::{ToolFrame, Why};
 use crate::canon::AXES;
 
 /// Which way the elbow is bent.
@@ -43,6 +43,8 @@ pub struct Scara {
     pub outer_arm_mm: f64,
     /// From the wrist's axis to the tool, mm.
     pub tool_offset_mm: f64,
+    /// Which of the two ways to a place the arms take.
+    pub elbow: Elbow,
     /// Shoulder angles are those within half a turn of this one, degrees: the middle of the shoulder's travel, so that the
     /// jump of a full turn lies where the arm never is.
     pub shoulder_middle_degrees: f64,
@@ -59,7 +61,7 @@ pub(super) const TOO_NEAR: Why = "the place is nearer to the shoulder than folde
 
 impl Scara {
     /// Joints for axes, by letters; an error names the letter. RT.
-    pub(super) fn inverse<N: Number>(&self, frame: &ToolFrame, axes: &mut [N; AXES]) -> Result<(), (usize, Why)> {
+    pub(super) fn inverse<N: Number>(&self, axes: &mut [N; AXES]) -> Result<(), (usize, Why)> {
         let (a, b) = (self.inner_arm_mm, self.outer_arm_mm);
         let (sin_c, cos_c) = axes[5].to_radians().sin_cos();
         let x = axes[0] - cos_c * self.tool_offset_mm;
@@ -69,7 +71,7 @@ impl Scara {
         let outer = not_negative(-r2 + (a + b) * (a + b), slack).ok_or((1, TOO_FAR))?;
         let inner = not_negative(r2 - (a - b) * (a - b), slack).ok_or((1, TOO_NEAR))?;
         let half = outer.sqrt().atan2(inner.sqrt());
-        let elbow = match frame.elbow {
+        let elbow = match self.elbow {
             Elbow::Positive => half * 2.0,
             Elbow::Negative => half * -2.0,
         };

@@ -12,6 +12,7 @@ mod blend;
 mod line;
 
 use crate::canon::{AXES, Position};
+use crate::kinematics::ToolFrame;
 
 pub use arc::{Arc, Circle};
 pub use blend::{Blend, BlendEnd};
@@ -73,6 +74,8 @@ pub struct Piece {
     from: f64,
     length: f64,
     shape: Shape,
+    /// How its axes are meant.
+    frame: ToolFrame,
 }
 
 /// What a [`Piece`] is made of.
@@ -96,6 +99,7 @@ impl Piece {
             from: 0.0,
             length: line.length(),
             shape: Shape::Line(line),
+            frame: ToolFrame::OFF,
         })
     }
 
@@ -106,6 +110,7 @@ impl Piece {
             from: 0.0,
             length: arc.length(),
             shape: Shape::Arc(arc),
+            frame: ToolFrame::OFF,
         })
     }
 
@@ -116,6 +121,7 @@ impl Piece {
             from: 0.0,
             length: blend.length(),
             shape: Shape::Blend(blend),
+            frame: ToolFrame::OFF,
         })
     }
 
@@ -164,8 +170,19 @@ impl Piece {
         (to > from).then_some(Piece {
             from: self.from + from,
             length: to - from,
-            shape: self.shape,
+            ..*self
         })
+    }
+
+    /// The same positions of the axes, meant as `frame` says. A new piece has no tool-centre-point control.
+    #[must_use]
+    pub fn in_frame(self, frame: ToolFrame) -> Piece {
+        Piece { frame, ..self }
+    }
+
+    /// How the axes of this piece are meant: what kinematics need besides their positions. RT.
+    pub fn frame(&self) -> &ToolFrame {
+        &self.frame
     }
 }
 

@@ -9,6 +9,7 @@
 use super::scale::ScaleRamp;
 use crate::canon::Position;
 use crate::element::{Action, Element, Span};
+use crate::kinematics::ToolFrame;
 use crate::ring::{Consumer, Timed};
 
 /// Elements that one cycle may pass. A cycle that reaches this many waits for the next one; it takes elements shorter
@@ -35,6 +36,8 @@ pub enum SampleState {
 pub struct Sample {
     /// Axis positions in the machine, mm or degrees.
     pub position: Position,
+    /// How they are meant: kinematics need both.
+    pub frame: ToolFrame,
     /// Speed on the path, mm/s (degrees/s on a purely rotary move).
     pub velocity_mm_s: f64,
     /// Line of the program.
@@ -52,6 +55,7 @@ impl Sample {
     pub const fn resting(position: Position) -> Sample {
         Sample {
             position,
+            frame: ToolFrame::OFF,
             velocity_mm_s: 0.0,
             line: 0,
             rapid: false,
@@ -211,6 +215,7 @@ impl Interpolator {
     fn show(&mut self, span: &Span, time_s: f64, speed: f64) {
         let place = span.place(time_s).clamp(0.0, span.piece.length());
         self.sample.position = span.piece.position(place);
+        self.sample.frame = *span.piece.frame();
         self.sample.velocity_mm_s = speed;
         self.sample.line = span.line;
         self.sample.rapid = span.rapid;

@@ -31,11 +31,7 @@ fn position(values: &[(Axis, f64)]) -> Position {
 }
 
 fn tcp(length_mm: f64) -> ToolFrame {
-    ToolFrame {
-        tcp: true,
-        length_mm,
-        ..ToolFrame::OFF
-    }
+    ToolFrame { tcp: true, length_mm }
 }
 
 #[track_caller]

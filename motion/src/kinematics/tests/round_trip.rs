@@ -62,13 +62,9 @@ fn arms() -> impl Strategy<Value = Case> {
             let mut place = Position::xyz(r * cos + tool * cos_c, r * sin + tool * sin_c, z);
             place[C] = c;
             let elbow = if back { Elbow::Negative } else { Elbow::Positive };
-            let frame = ToolFrame {
-                elbow,
-                ..ToolFrame::OFF
-            };
             Case {
-                kinematics: scara(tool),
-                frame,
+                kinematics: scara(elbow, tool),
+                frame: ToolFrame::OFF,
                 place,
             }
         })
