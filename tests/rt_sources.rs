@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Files, and folders with all that is in them.
-const REAL_TIME: [&str; 20] = [
+const REAL_TIME: [&str; 21] = [
     "src/rt/diagnosis.rs",
     "src/rt/cycle.rs",
     "src/rt/drives.rs",
@@ -27,6 +27,7 @@ const REAL_TIME: [&str; 20] = [
     "src/rt/probe.rs",
     "src/bus/powerlink.rs",
     "motion/src/rt",
+    "motion/src/rt/online",
     "motion/src/kinematics",
     "motion/src/ring.rs",
     "powerlink/src/mn",

@@ -8,8 +8,10 @@
 pub mod dda;
 mod interpolator;
 mod monitor;
+mod online;
 mod scale;
 
 pub use interpolator::{Interpolator, Sample, SampleState};
 pub use monitor::{Monitor, MonitorLimits, Peaks};
+pub use online::{Online, State};
 pub use scale::{MotionLimits, ScaleRamp, StopLimits};

@@ -1,0 +1,258 @@
+//! The online generator: one joint from wherever it is, however it moves, to a place or a velocity, jerk-limited.
+//!
+//! In:  goals, at any cycle: a place, a velocity, rest, an emergency stop.
+//! Out: one [`State`] per cycle; divided differences of the positions keep velocity, acceleration and jerk.
+//!
+//! Ways to a place are time-optimal ones of the crate rsruckig. Its solver of one joint is called directly: it says
+//! with `false` that it found none, where the crate's outer calls would build a text, which real time cannot afford. A way
+//! that is not found, or that goes farther than it has to, is replaced by one by way of rest, and if need be by rest: our
+//! own shortest way to rest is closed-form and always exists.
+//!
+//! The solver's tolerances are absolute and made for metres, so it is given thousandths of mm or degrees, and distances
+//! from where the joint is.
+//!
+//! RT: nothing allocates but [`Online::new`]; a new goal costs a few µs, a cycle some ns.
+
+mod segments;
+
+pub use segments::State;
+
+use super::scale::{MotionLimits, StopLimits};
+use rsruckig::block::Block;
+use rsruckig::position_third_step1::PositionThirdOrderStep1;
+use rsruckig::profile::Profile;
+use segments::Segments;
+
+/// Units of the solver in one of ours: metres in a mm.
+const SOLVER_UNIT: f64 = 1e-3;
+/// Rounding of a position against the range, mm.
+const RANGE_SLACK: f64 = 1e-9;
+/// Share by which a velocity may be over its limit and be rounding of it.
+const SPEED_SLACK: f64 = 1e-9;
+/// Greatest distance between the end of a found way and its target that is rounding, mm.
+const END_SLACK: f64 = 1e-8;
+
+/// What the joint is to reach.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Goal {
+    /// A velocity; 0 is rest.
+    Velocity,
+    /// A place, and rest there.
+    Place,
+    /// Rest as quickly as the stop limits allow; nothing else counts before it is reached.
+    Stop,
+}
+
+/// The buffers of the solver, which are large.
+#[derive(Debug, Default)]
+struct Solver {
+    solver: PositionThirdOrderStep1,
+    block: Block,
+}
+
+/// Moves one joint.
+#[derive(Debug)]
+pub struct Online {
+    limits: MotionLimits,
+    stop: StopLimits,
+    range: [f64; 2],
+    cycle_s: f64,
+    state: State,
+    segments: Segments,
+    /// Since the beginning of the segments, s.
+    time_s: f64,
+    goal: Goal,
+    stopping: bool,
+    solver: Box<Solver>,
+    unsolved: u32,
+}
+
+impl Online {
+    /// A joint at rest that may go anywhere. `limits`: of all motion but emergency stops, which keep `stop`.
+    pub fn new(position: f64, limits: MotionLimits, stop: StopLimits, cycle_s: f64) -> Online {
+        let state = State::resting(position);
+        Online {
+            limits,
+            stop,
+            range: [f64::NEG_INFINITY, f64::INFINITY],
+            cycle_s,
+            state,
+            segments: Segments::none(state),
+            time_s: 0.0,
+            goal: Goal::Velocity,
+            stopping: false,
+            solver: Box::default(),
+            unsolved: 0,
+        }
+    }
+
+    /// Where places may lie; from a state that can come to rest within it, no way to one leaves it. Velocities know no range. RT.
+    pub fn set_range(&mut self, range: [f64; 2]) {
+        self.range = range;
+    }
+
+    /// Says where the joint stands: after something else has moved it. RT.
+    pub fn rest_at(&mut self, position: f64) {
+        self.goal = Goal::Velocity;
+        self.follow(Segments::none(State::resting(position)));
+        self.state = self.segments.end;
+    }
+
+    /// To a place and rest there, at no more than `velocity` (its sign is of no account). A target out of the range or not a
+    /// number is none: the joint comes to rest. Without effect while an emergency stop is under way. RT.
+    pub fn go_to(&mut self, target: f64, velocity: f64) {
+        if self.goal == Goal::Stop && !self.state.is_at_rest() {
+            return;
+        }
+        let [low, high] = self.range;
+        if !(target >= low && target <= high && target.is_finite()) || velocity.is_nan() || velocity == 0.0 {
+            self.run_at(0.0);
+            return;
+        }
+        let velocity = velocity.abs().min(self.limits.velocity);
+        self.goal = Goal::Place;
+        self.set_out(target, velocity);
+    }
+
+    /// To a velocity, which is then kept; 0 is the shortest way to rest. A velocity that is no number is 0. Without effect
+    /// while an emergency stop is under way. RT.
+    pub fn run_at(&mut self, velocity: f64) {
+        if self.goal == Goal::Stop && !self.state.is_at_rest() {
+            return;
+        }
+        let [least, most] = [-self.limits.velocity, self.limits.velocity];
+        let velocity = if velocity.is_finite() {
+            velocity.clamp(least, most)
+        } else {
+            0.0
+        };
+        self.goal = Goal::Velocity;
+        self.follow(self.to_velocity(velocity));
+    }
+
+    /// Rest as quickly as the stop limits allow. RT.
+    pub fn stop(&mut self) {
+        if self.goal != Goal::Stop {
+            self.goal = Goal::Stop;
+            self.follow(Segments::to_velocity(self.state, 0.0, self.stop));
+        }
+    }
+
+    /// One cycle further. RT.
+    pub fn step(&mut self) -> State {
+        self.stopping = self.goal == Goal::Stop && !self.is_at_rest();
+        self.time_s += self.cycle_s;
+        self.state = self.segments.at(self.time_s);
+        if self.time_s >= self.segments.duration_s() {
+            // From here on in small steps, so that hours at one velocity round no worse than a second.
+            self.follow(Segments::none(self.state));
+        }
+        self.state
+    }
+
+    /// Where the joint is and how it moves. RT.
+    pub fn state(&self) -> State {
+        self.state
+    }
+
+    /// Whether nothing moves nor will without a new goal. RT.
+    pub fn is_at_rest(&self) -> bool {
+        self.state.is_at_rest() && self.time_s >= self.segments.duration_s()
+    }
+
+    /// Whether the last cycle was part of an emergency stop, for which the limits of stops count. RT.
+    pub fn is_stopping(&self) -> bool {
+        self.stopping
+    }
+
+    /// Where the joint comes to rest if it is told to now. RT.
+    pub fn resting_place(&self) -> f64 {
+        self.to_velocity(0.0).end.position
+    }
+
+    /// Where the joint comes to rest with what it was told last; infinite where that is a velocity. RT.
+    pub fn destination(&self) -> f64 {
+        match self.goal {
+            Goal::Velocity if self.segments.end.velocity != 0.0 => f64::INFINITY.copysign(self.segments.end.velocity),
+            Goal::Velocity | Goal::Place | Goal::Stop => self.segments.end.position,
+        }
+    }
+
+    /// Ways that the solver did not find.
+    pub fn unsolved(&self) -> u32 {
+        self.unsolved
+    }
+
+    fn to_velocity(&self, velocity: f64) -> Segments {
+        let MotionLimits { acceleration, jerk, .. } = self.limits;
+        Segments::to_velocity(self.state, velocity, StopLimits { acceleration, jerk })
+    }
+
+    fn follow(&mut self, segments: Segments) {
+        self.segments = segments;
+        self.time_s = 0.0;
+    }
+
+    /// Sets out for a place: by the quickest way, else by way of rest, else to rest.
+    fn set_out(&mut self, target: f64, velocity: f64) {
+        let rest = self.to_velocity(0.0);
+        let way = self
+            .quickest(target, velocity, &rest)
+            .or_else(|| self.append_way(rest, target, velocity));
+        self.follow(way.unwrap_or(rest));
+    }
+
+    /// The quickest way to a place, if the solver finds it and it goes no farther than it has to.
+    fn quickest(&mut self, target: f64, velocity: f64, rest: &Segments) -> Option<Segments> {
+        let State {
+            position,
+            velocity: v0,
+            acceleration: a0,
+        } = self.state;
+        // What the velocity comes to while the acceleration is taken back.
+        let v1 = v0 + a0 * a0.abs() / (2.0 * self.limits.jerk);
+        let fastest = velocity.max(v0.abs()).max(v1.abs());
+        let way = if fastest <= velocity * (1.0 + SPEED_SLACK) {
+            self.append_way(Segments::none(self.state), target, fastest)?
+        } else {
+            // Slower first. The solver could do it, too, but ends beside its tolerances.
+            let slower = self.to_velocity(velocity.copysign(target - rest.end.position));
+            self.append_way(slower, target, velocity)?
+        };
+        let least = position.min(target).min(rest.extent()[0]) - RANGE_SLACK;
+        let most = position.max(target).max(rest.extent()[1]) + RANGE_SLACK;
+        let [low, high] = way.extent();
+        (low >= least && high <= most).then_some(way)
+    }
+
+    /// The quickest way from the end of `way` to rest at a place, if the solver finds it.
+    fn append_way(&mut self, mut way: Segments, target: f64, velocity: f64) -> Option<Segments> {
+        let Solver { solver, block } = &mut *self.solver;
+        let v_max = velocity * SOLVER_UNIT;
+        let a_max = self.limits.acceleration * SOLVER_UNIT;
+        let j_max = self.limits.jerk * SOLVER_UNIT;
+        let v0 = way.end.velocity * SOLVER_UNIT;
+        // What rounding puts over the limit would have no solution; the way itself starts from what is.
+        let a0 = (way.end.acceleration * SOLVER_UNIT).clamp(-a_max, a_max);
+        let distance = (target - way.end.position) * SOLVER_UNIT;
+
+        let mut profile = Profile::default();
+        profile.set_boundary(0.0, v0, a0, distance, 0.0, 0.0);
+        solver.reset(0.0, v0, a0, distance, 0.0, 0.0, v_max, -v_max, a_max, -a_max, j_max);
+        if !solver.get_profile(&profile, block) {
+            self.unsolved += 1;
+            return None;
+        }
+        for (duration_s, jerk) in block.p_min.t.into_iter().zip(block.p_min.j) {
+            way.push(duration_s, jerk / SOLVER_UNIT);
+        }
+        let off = (way.end.position - target).abs();
+        way.end = State::resting(target);
+        let found = off <= END_SLACK;
+        self.unsolved += u32::from(!found);
+        found.then_some(way)
+    }
+}
+
+#[cfg(test)]
+mod tests;

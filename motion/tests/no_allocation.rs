@@ -1,0 +1,114 @@
+//! Generators of motion without a plan ask nothing of the allocator once they are made, whatever they are told.
+//!
+//! A counting allocator stands in front of the system's and counts for the thread and the time it is told to.
+
+use motion::rt::{MotionLimits, Online, StopLimits};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+thread_local! {
+    static COUNTING: Cell<bool> = const { Cell::new(false) };
+    static CALLS: Cell<u64> = const { Cell::new(0) };
+}
+
+/// Counts what asks the system's allocator for something or gives it back.
+struct Counting;
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn count() {
+    if COUNTING.get() {
+        CALLS.set(CALLS.get() + 1);
+    }
+}
+
+// SAFETY: every call goes to the system's allocator as it came; counting touches two cells that need no allocation.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller keeps the contract of this very method.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        count();
+        // SAFETY: the caller keeps the contract of this very method.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+/// Calls of the allocator, frees included, while `work` runs.
+fn calls(work: impl FnOnce()) -> u64 {
+    CALLS.set(0);
+    COUNTING.set(true);
+    work();
+    COUNTING.set(false);
+    CALLS.get()
+}
+
+const LIMITS: MotionLimits = MotionLimits {
+    velocity: 150.0,
+    acceleration: 1500.0,
+    jerk: 30_000.0,
+};
+const STOP: StopLimits = StopLimits {
+    acceleration: 3000.0,
+    jerk: 120_000.0,
+};
+const CYCLE_S: f64 = 1e-3;
+
+/// Numbers from 0 to 1, the same ones in every run.
+struct Numbers(u64);
+
+impl Numbers {
+    fn next(&mut self) -> f64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+#[test]
+fn the_counter_counts() {
+    assert_eq!(calls(|| drop(std::hint::black_box(Box::new(1)))), 2);
+}
+
+#[test]
+fn goals_at_any_cycle_cost_no_allocation() {
+    let mut online = Online::new(0.0, LIMITS, STOP, CYCLE_S);
+    online.set_range([-100.0, 100.0]);
+    let mut numbers = Numbers(1);
+    let counted = calls(|| {
+        for _ in 0..20_000 {
+            match (numbers.next() * 8.0) as u8 {
+                0 => online.run_at(300.0 * numbers.next() - 150.0),
+                1 => online.stop(),
+                2 => online.go_to(f64::NAN, 1.0),
+                _ => online.go_to(240.0 * numbers.next() - 120.0, 150.0 * numbers.next()),
+            }
+            for _ in 0..(numbers.next() * 60.0) as u8 {
+                online.step();
+            }
+        }
+    });
+    assert_eq!(counted, 0);
+}
+
+/// Why the solver is called directly: where there is no way, it says so and builds no text.
+#[test]
+fn a_way_that_is_not_found_costs_no_allocation() {
+    use rsruckig::block::Block;
+    use rsruckig::position_third_step1::PositionThirdOrderStep1;
+    use rsruckig::profile::Profile;
+    let mut profile = Profile::default();
+    // No way leads to what is no number.
+    profile.set_boundary(0.0, 0.0, 0.0, f64::NAN, 0.0, 0.0);
+    let mut solver = PositionThirdOrderStep1::new(0.0, 0.0, 0.0, f64::NAN, 0.0, 0.0, 1.0, -1.0, 1.0, -1.0, 1.0);
+    let mut block = Block::default();
+    let mut found = true;
+    let counted = calls(|| found = solver.get_profile(&profile, &mut block));
+    assert_eq!((found, counted), (false, 0));
+}
