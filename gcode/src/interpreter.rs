@@ -96,7 +96,12 @@ impl Interpreter {
             search: None,
             search_ends: HashMap::new(),
             calls: Calls::new(),
-            compensator: (self.state.settings.compensated_path == CompensatedPath::Centre).then(Compensator::new),
+            compensator: (self.state.settings.compensated_path == CompensatedPath::Centre).then(|| {
+                Compensator::with_settings(motion::compensation::Settings {
+                    gouge: motion::compensation::Gouge::NeighboursOnly,
+                    ..Default::default()
+                })
+            }),
             compensated: VecDeque::new(),
             number_by_release: false,
             source: Source::default(),

@@ -9,7 +9,11 @@ use super::contour::{Contour, Shape};
 use super::geometry::{Point, add, left, scale};
 use super::held::{Held, Start};
 use super::join::{Join, SMOOTH_RAD, join};
+use super::window::{Mark, Part};
 use super::{CompensationErrorKind as Kind, HELD_LIMIT, Tool, end_of_mut, with_plane};
+
+/// Events that are made, each with what it is to the look-ahead.
+pub(super) type Made = Vec<(Event, Part)>;
 
 /// See the [module](self).
 #[derive(Clone, Debug)]
@@ -22,7 +26,20 @@ pub(super) struct Beside {
     /// Path of the centre beside that move.
     pub(super) held: Held,
     /// That move and what came behind it. All moves but the first stay where they are in the plane.
-    pub(super) queue: Vec<Event>,
+    pub(super) queue: Vec<(Event, Part)>,
+    /// Of that move.
+    pub(super) mark: Mark,
+}
+
+/// The next move in the plane.
+pub(super) struct Next<'a> {
+    pub(super) contour: &'a Contour,
+    pub(super) event: Event,
+    /// Without its chain, which follows from the corner.
+    pub(super) mark: Mark,
+    /// Where the programmed path is before it.
+    pub(super) at: &'a Position,
+    pub(super) plane: Plane,
 }
 
 impl Beside {
@@ -36,27 +53,27 @@ impl Beside {
     }
 
     pub(super) fn last_source(&self) -> Source {
-        self.queue.last().map_or(Source::default(), |event| event.source)
+        self.queue.last().map_or(Source::default(), |(event, _)| event.source)
     }
 
     /// Holds something back until the next move in the plane.
-    pub(super) fn hold(&mut self, event: Event) -> Result<(), Kind> {
+    pub(super) fn hold(&mut self, event: Event, part: Part) -> Result<(), Kind> {
         if self.queue.len() >= HELD_LIMIT {
             return Err(Kind::TooManyHeld { limit: HELD_LIMIT });
         }
-        self.queue.push(event);
+        self.queue.push((event, part));
         Ok(())
     }
 
-    /// Takes the next move in the plane. `at`: where the programmed path is.
-    pub(super) fn follow(
-        &mut self,
-        plane: Plane,
-        at: &Position,
-        next: &Contour,
-        event: Event,
-        out: &mut impl Extend<Event>,
-    ) -> Result<(), Kind> {
+    /// Takes the next move in the plane.
+    pub(super) fn follow(&mut self, step: Next<'_>, out: &mut Made) -> Result<Mark, Kind> {
+        let Next {
+            contour: next,
+            event,
+            mut mark,
+            at,
+            plane,
+        } = step;
         let Tool { side, radius, .. } = self.tool;
         if let Some(arc_mm) = next
             .radius()
@@ -73,7 +90,12 @@ impl Beside {
         let normal = scale(left(next.tangent_at_end()), side);
         let end = add(next.to, scale(normal, radius));
 
-        let (leave, start, start_kind) = match join(arriving, self.before_tool, next, side) {
+        let (join, bend) = join(arriving, self.before_tool, next, side);
+        (mark.chain, mark.bend) = match join {
+            Join::Smooth => (self.mark.chain, self.mark.bend.max(bend.abs())),
+            Join::Around | Join::Cut => (self.mark.chain.wrapping_add(1), 0.0),
+        };
+        let (leave, start, start_kind) = match join {
             Join::Cut => {
                 let cut = self
                     .held
@@ -102,7 +124,10 @@ impl Beside {
         };
         self.release(plane, leave, out);
         if start_kind == Start::Beside {
-            out.extend(Some(around(self.tool, plane, at, next.from, begin, &event)));
+            let depth = [at[plane.axes()[2]]; 2];
+            let corner = around(self.tool, plane, at, next.from, begin, &event);
+            let part = part_of(&corner.call, Mark { depth, ..mark });
+            out.push((corner, part));
         }
         self.held = match next.shape {
             Shape::Line => Held::line(curve, start, start_kind, end),
@@ -110,12 +135,14 @@ impl Beside {
         };
         self.normal = normal;
         self.before_tool = next.is_before_tool(side);
-        self.queue.push(event);
-        Ok(())
+        self.mark = mark;
+        let part = part_of(&event.call, mark);
+        self.queue.push((event, part));
+        Ok(mark)
     }
 
     /// Ends compensation: the held move goes out whole.
-    pub(super) fn leave(&mut self, plane: Plane, out: &mut impl Extend<Event>) -> Result<(), Kind> {
+    pub(super) fn leave(&mut self, plane: Plane, out: &mut Made) -> Result<(), Kind> {
         self.check(self.held.end, false)?;
         self.release(plane, self.held.settled(self.held.end), out);
         Ok(())
@@ -134,16 +161,16 @@ impl Beside {
     }
 
     fn first_source(&self) -> Source {
-        self.queue.first().map_or(Source::default(), |event| event.source)
+        self.queue.first().map_or(Source::default(), |(event, _)| event.source)
     }
 
     /// Sends out what is held, its moves ending at `leave`.
-    fn release(&mut self, plane: Plane, leave: Point, out: &mut impl Extend<Event>) {
-        if let Some(event) = self.queue.first_mut() {
+    fn release(&mut self, plane: Plane, leave: Point, out: &mut Made) {
+        if let Some((event, _)) = self.queue.first_mut() {
             self.held.shape(&mut event.call, leave);
         }
         let at = add(leave, self.tool.shift);
-        for event in &mut self.queue {
+        for (event, _) in &mut self.queue {
             if let Some(to) = end_of_mut(&mut event.call) {
                 *to = with_plane(*to, plane, at);
             }
@@ -151,7 +178,15 @@ impl Beside {
                 *centre_mm = add(*centre_mm, self.tool.shift);
             }
         }
-        out.extend(self.queue.drain(..));
+        out.append(&mut self.queue);
+    }
+}
+
+/// What a move beside the contour is to the look-ahead: traverses cut nothing.
+pub(super) fn part_of(call: &Call, mark: Mark) -> Part {
+    match call {
+        Call::StraightFeed { .. } | Call::ArcFeed { .. } => Part::Beside(mark),
+        _ => Part::Free,
     }
 }
 

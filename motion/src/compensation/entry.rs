@@ -9,6 +9,7 @@ use super::beside::Beside;
 use super::contour::{Contour, Shape};
 use super::geometry::{Curve, add, dot, left, length, scale, sub, unit};
 use super::held::{Held, Start};
+use super::window::{Mark, Part};
 use super::{CompensationErrorKind as Kind, Tool};
 
 /// Leads the tool to the contour.
@@ -19,7 +20,7 @@ use super::{CompensationErrorKind as Kind, Tool};
 ///   o----------x-------   programmed move
 ///   start
 /// ```
-pub(super) fn enter(tool: Tool, plane: Plane, first: &Contour, mut event: Event) -> Result<Beside, Kind> {
+pub(super) fn enter(tool: Tool, plane: Plane, first: &Contour, mut event: Event, mark: Mark) -> Result<Beside, Kind> {
     let Tool { side, radius, .. } = tool;
     let distance = length(sub(first.to, first.from));
     if distance <= radius {
@@ -69,12 +70,17 @@ pub(super) fn enter(tool: Tool, plane: Plane, first: &Contour, mut event: Event)
             Held::arc(curve, first.from, first.from, Start::Entry, end, turns)
         }
     };
+    let part = match event.call {
+        Call::StraightFeed { .. } | Call::ArcFeed { .. } => Part::Link(mark, first.to),
+        _ => Part::Free,
+    };
     Ok(Beside {
         tool,
         normal,
         before_tool: first.is_before_tool(side),
         held,
-        queue: vec![event],
+        queue: vec![(event, part)],
+        mark,
     })
 }
 

@@ -11,6 +11,23 @@ pub struct CompensationError {
     pub kind: CompensationErrorKind,
 }
 
+impl CompensationError {
+    /// `source`: of the event that showed it; a gouge belongs to the later of its two moves.
+    pub(super) fn new(source: Source, kind: CompensationErrorKind) -> CompensationError {
+        let source = match kind {
+            CompensationErrorKind::Gouge { tool, contour, .. } if is_later(&tool, &contour) => tool,
+            CompensationErrorKind::Gouge { contour, .. } => contour,
+            _ => source,
+        };
+        CompensationError { source, kind }
+    }
+}
+
+/// As the text goes; in a loop or a subroutine either may come first.
+fn is_later(a: &Source, b: &Source) -> bool {
+    (a.file, a.line) > (b.file, b.line)
+}
+
 impl core::fmt::Display for CompensationError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         self.kind.fmt(f)
@@ -87,6 +104,26 @@ pub enum CompensationErrorKind {
         /// Of the tool.
         radius_mm: f64,
     },
+    /// Beside one part of the contour the tool cuts into another part.
+    #[error(
+        "beside the move of line {} a tool of radius {radius_mm:.4} mm would cut {missing_mm:.4} mm into the contour of line {}, at {}; \
+         take a smaller tool, or leave out what it cannot reach",
+        .tool.line, .contour.line, place(*.plane, *.at_mm)
+    )]
+    Gouge {
+        /// Move beside which the tool is.
+        tool: Source,
+        /// Move into whose contour it cuts.
+        contour: Source,
+        /// How deep.
+        missing_mm: f64,
+        /// Of the tool.
+        radius_mm: f64,
+        /// Where, on the first and second axis of the plane, work coordinates.
+        at_mm: [f64; 2],
+        /// G17 or G18.
+        plane: Plane,
+    },
     /// G40 is followed by an arc.
     #[error(
         "the first move after G40 has to be straight (G0 or G1), not an arc: it leads the tool away from the contour"
@@ -134,4 +171,10 @@ fn name(plane: Plane) -> &'static str {
         Plane::Wu => "WU",
         Plane::Vw => "VW",
     }
+}
+
+/// A point in words.
+fn place(plane: Plane, at_mm: [f64; 2]) -> String {
+    let [first, second, _] = plane.axes();
+    format!("{}{:.4} {}{:.4}", first.letter(), at_mm[0], second.letter(), at_mm[1])
 }

@@ -33,7 +33,8 @@ pub(super) enum Join {
 
 /// Judges the corner between a move that arrives along `tangent` and the move `next`; `arriving_before_tool`: the one that
 /// arrives is an arc with the tool on its outside.
-pub(super) fn join(tangent: Point, arriving_before_tool: bool, next: &Contour, side: f64) -> Join {
+/// Second: by how much the contour bends away from the tool there, rad.
+pub(super) fn join(tangent: Point, arriving_before_tool: bool, next: &Contour, side: f64) -> (Join, f64) {
     // How far the contour bends away from the tool. A turn towards it by more than a right angle cannot be told from a turn
     // away by the rest of a full one; it counts from -90 to 270 degrees, so that a reversal is an outer corner.
     let bend = (-side * angle(tangent, next.tangent_at_start()) + FRAC_PI_2).rem_euclid(TAU) - FRAC_PI_2;
@@ -46,11 +47,12 @@ pub(super) fn join(tangent: Point, arriving_before_tool: bool, next: &Contour, s
         Shape::Line => arriving_before_tool,
         Shape::Arc { .. } => next.is_before_tool(side),
     };
-    if !(-SMOOTH_RAD..=PI + SMOOTH_RAD).contains(&bend) || (cusp && bend > PI - SMOOTH_RAD) {
+    let join = if !(-SMOOTH_RAD..=PI + SMOOTH_RAD).contains(&bend) || (cusp && bend > PI - SMOOTH_RAD) {
         Join::Cut
     } else if bend > SMOOTH_RAD {
         Join::Around
     } else {
         Join::Smooth
-    }
+    };
+    (join, bend)
 }

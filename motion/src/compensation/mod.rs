@@ -30,18 +30,26 @@
 mod beside;
 mod class;
 mod contour;
+mod element;
 mod entry;
 mod error;
 mod geometry;
 mod held;
 mod join;
+mod settings;
+mod tip;
+mod window;
 
-use crate::canon::{Call, Cutter, Event, Plane, Position, Side, Source};
-use beside::Beside;
+use crate::canon::{Axis, Call, Cutter, Event, Plane, Position, Side, Source};
+use beside::{Beside, Made, Next};
 use class::Class;
 use contour::{Contour, Shape};
+use element::Element;
 pub use error::{CompensationError, CompensationErrorKind};
 use geometry::{Point, add, length, sub};
+pub use settings::{Corner, Gouge, Settings};
+pub use window::AHEAD;
+use window::{Mark, Part, Window};
 
 use CompensationErrorKind as Kind;
 
@@ -63,6 +71,15 @@ pub struct Compensator {
     mode: Mode,
     /// G40 was, and no move since.
     straight_exit_due: bool,
+    settings: Settings,
+    /// From G41 or G42 to the first move behind G40.
+    window: Option<Window>,
+    /// Where the machine's point is behind the events that went to the window.
+    path_at: Position,
+    /// Number of the place of the axes that are none of the plane's three.
+    pose: u32,
+    /// Kept for its memory.
+    made: Made,
 }
 
 #[derive(Clone, Debug)]
@@ -92,11 +109,21 @@ impl Default for Compensator {
 impl Compensator {
     /// Off, in the XY plane, at zero.
     pub fn new() -> Compensator {
+        Compensator::with_settings(Settings::default())
+    }
+
+    /// The same with other rules.
+    pub fn with_settings(settings: Settings) -> Compensator {
         Compensator {
             plane: Plane::Xy,
             at: Position::ZERO,
             mode: Mode::Off,
             straight_exit_due: false,
+            settings,
+            window: None,
+            path_at: Position::ZERO,
+            pose: 0,
+            made: Vec::new(),
         }
     }
 
@@ -121,12 +148,13 @@ impl Compensator {
         !matches!(self.mode, Mode::Off)
     }
 
-    /// Number of events held back, the last move among them.
+    /// Number of events held back: the last move and what is behind it, and those that wait for the look-ahead.
     pub fn held(&self) -> usize {
-        match &self.mode {
+        let behind = match &self.mode {
             Mode::Off | Mode::Entry(_) => 0,
             Mode::Beside(beside) => beside.held_events(),
-        }
+        };
+        behind + self.window.as_ref().map_or(0, Window::waiting)
     }
 
     /// Where the tool's centre is at the end of the last programmed move, work coordinates, as long as no inner corner cuts
@@ -140,16 +168,17 @@ impl Compensator {
 
     /// Takes the next event of the programmed path and gives to `out` what is known by now.
     ///
-    /// After an error nothing of the event has happened; what is held back remains so.
+    /// After an error nothing of the event has happened, and what is held back remains so; but a move that shows a gouge has
+    /// been taken with the others.
     #[inline]
     pub fn push(&mut self, event: Event, out: &mut impl Extend<Event>) -> Result<(), CompensationError> {
-        if let Mode::Off = self.mode {
+        let source = event.source;
+        let result = if let Mode::Off = self.mode {
             self.push_off(event, out)
         } else {
-            let source = event.source;
-            self.push_on(event, out)
-                .map_err(|kind| CompensationError { source, kind })
-        }
+            self.push_on(event).and_then(|wall| self.look_ahead(wall, source, out))
+        };
+        result.map_err(|kind| CompensationError::new(source, kind))
     }
 
     /// Ends compensation, if it is on, where the program ends: what is held back goes out.
@@ -158,38 +187,122 @@ impl Compensator {
             Mode::Off | Mode::Entry(_) => Source::default(),
             Mode::Beside(beside) => beside.last_source(),
         };
-        self.switch_off(out)
-            .map_err(|kind| CompensationError { source, kind })?;
+        self.switch_off()
+            .and_then(|()| self.look_ahead(None, source, out))
+            .map_err(|kind| CompensationError::new(source, kind))?;
         self.straight_exit_due = false;
+        self.window = None;
         Ok(())
     }
 
-    fn push_off(&mut self, event: Event, out: &mut impl Extend<Event>) -> Result<(), CompensationError> {
+    /// Lets go, before an error that stands behind them in the program, of the events that wait for the look-ahead alone.
+    pub fn release(&mut self, out: &mut impl Extend<Event>) {
+        if let Some(window) = &mut self.window {
+            window.release_all(out);
+        }
+    }
+
+    fn push_off(&mut self, event: Event, out: &mut impl Extend<Event>) -> Result<(), Kind> {
+        // Something waits only where the end of compensation showed a gouge, and the caller went on.
+        self.release(out);
         match (&event.call, Class::of(&event.call)) {
-            (Call::ArcFeed { .. }, Class::Move) if self.straight_exit_due => {
-                return Err(CompensationError {
-                    source: event.source,
-                    kind: Kind::ExitArc,
-                });
-            }
+            (Call::ArcFeed { .. }, Class::Move) if self.straight_exit_due => return Err(Kind::ExitArc),
             (call, Class::Move) => {
                 if let Some(to) = end_of(call) {
+                    if let Some(window) = self.window.take() {
+                        self.check_exit(window, &event)?;
+                    }
                     self.at = *to;
                 }
                 self.straight_exit_due = false;
             }
             (Call::SelectPlane(plane), Class::Plane) => self.plane = *plane,
             (Call::SetCutterCompensation(cutter), Class::Switch) => {
-                let switched = cutter.map_or(Ok(()), |cutter| self.switch_on(cutter));
-                return switched.map_err(|kind| CompensationError {
-                    source: event.source,
-                    kind,
-                });
+                return cutter.map_or(Ok(()), |cutter| self.switch_on(cutter));
             }
-            (_, Class::InOrder | Class::AtOnce | Class::Plane | Class::Switch | Class::Refused(_)) => {}
+            // Work coordinates may be others from here on.
+            (_, Class::Refused(_)) => self.window = None,
+            (_, Class::InOrder | Class::AtOnce | Class::Plane | Class::Switch) => {}
         }
         out.extend(Some(event));
         Ok(())
+    }
+
+    /// Compares the move behind G40 with the contour.
+    fn check_exit(&mut self, mut window: Window, event: &Event) -> Result<(), Kind> {
+        if let Call::StraightFeed { to } = event.call {
+            let mark = self.mark(&to, event.source);
+            let part = Part::Link(mark, in_plane(&self.at, window.plane()));
+            let way = [&self.path_at, &to].map(|at| in_plane(at, window.plane()));
+            let way = way.map(|at| sub(at, window.shift()));
+            window.compare(part, Element::line(way[0], way[1]))?;
+        }
+        Ok(())
+    }
+
+    /// Passes on what was made of an event, `wall` being its contour. `source`: of that event.
+    fn look_ahead(
+        &mut self,
+        wall: Option<(Contour, Mark)>,
+        source: Source,
+        out: &mut impl Extend<Event>,
+    ) -> Result<(), Kind> {
+        if self.settings.number_by_release {
+            for (event, _) in &mut self.made {
+                (event.source.n, event.source.n_digits) = (source.n, source.n_digits);
+            }
+        }
+        let Some(window) = &mut self.window else {
+            out.extend(self.made.drain(..).map(|(event, _)| event));
+            return Ok(());
+        };
+        let mut found = match wall {
+            Some((contour, mark)) => window.wall(Element::of(&contour), mark),
+            None => Ok(()),
+        };
+        for (event, part) in self.made.drain(..) {
+            let mut element = None;
+            if let Some(to) = end_of(&event.call) {
+                let shifted = |at: Point| sub(at, window.shift());
+                let [from, end] = [&self.path_at, to].map(|at| shifted(in_plane(at, window.plane())));
+                element = Some(match event.call {
+                    Call::ArcFeed { centre_mm, turns, .. } => Element::arc(from, end, shifted(centre_mm), turns),
+                    _ => Element::line(from, end),
+                });
+                self.path_at = *to;
+            }
+            let taken = window.take(event);
+            found = found.and(taken);
+            if let Some(element) = element {
+                found = found.and_then(|()| window.compare(part, element));
+            }
+        }
+        found?;
+        if let Mode::Off = self.mode {
+            window.release_all(out);
+        } else {
+            window.release(out);
+        }
+        Ok(())
+    }
+
+    /// What a move to a point has in common with its contour, but for the chain.
+    fn mark(&mut self, to: &Position, source: Source) -> Mark {
+        let [first, second, normal] = self.plane.axes();
+        let turns = Axis::ALL
+            .into_iter()
+            .filter(|axis| ![first, second, normal].contains(axis))
+            .any(|axis| to[axis] != self.at[axis]);
+        // A move of other axes has a place of its own, and what follows has another one.
+        let pose = self.pose + u32::from(turns);
+        self.pose += 2 * u32::from(turns);
+        let depth = [self.at[normal].min(to[normal]), self.at[normal].max(to[normal])];
+        Mark {
+            source,
+            depth,
+            pose,
+            ..Mark::default()
+        }
     }
 
     fn switch_on(&mut self, cutter: Cutter) -> Result<(), Kind> {
@@ -206,84 +319,81 @@ impl Compensator {
         } * cutter.radius_mm.signum();
         // A tool without a radius follows the contour itself.
         if radius > 0.0 {
-            self.mode = Mode::Entry(Tool {
-                side,
-                radius,
-                shift: lathe_shift(cutter.orientation, radius, self.plane),
-            });
+            let shift = tip::shift(cutter.orientation, radius, self.plane);
+            self.mode = Mode::Entry(Tool { side, radius, shift });
+            self.path_at = self.at;
+            self.window = match self.settings.gouge {
+                Gouge::Error | Gouge::DropLoop => Some(Window::new(self.plane, radius, shift)),
+                Gouge::NeighboursOnly => None,
+            };
         }
         Ok(())
     }
 
-    fn push_on(&mut self, event: Event, out: &mut impl Extend<Event>) -> Result<(), Kind> {
+    /// Makes of an event what can be made of it by now. Result: its contour, if it has one.
+    fn push_on(&mut self, event: Event) -> Result<Option<(Contour, Mark)>, Kind> {
         match Class::of(&event.call) {
-            Class::Move => self.push_move(event, out),
+            Class::Move => return self.push_move(event),
             Class::InOrder => match &mut self.mode {
-                Mode::Off | Mode::Entry(_) => {
-                    out.extend(Some(event));
-                    Ok(())
-                }
-                Mode::Beside(beside) => beside.hold(event),
+                Mode::Off | Mode::Entry(_) => self.made.push((event, Part::Free)),
+                Mode::Beside(beside) => beside.hold(event, Part::Free)?,
             },
-            Class::Plane if event.call != Call::SelectPlane(self.plane) => Err(Kind::PlaneChange),
-            Class::AtOnce | Class::Plane => {
-                out.extend(Some(event));
-                Ok(())
-            }
-            Class::Switch if event.call == Call::SetCutterCompensation(None) => self.switch_off(out),
-            Class::Switch => Err(Kind::AlreadyOn),
-            Class::Refused(what) => Err(Kind::NotAllowed { what }),
+            Class::Plane if event.call != Call::SelectPlane(self.plane) => return Err(Kind::PlaneChange),
+            Class::AtOnce | Class::Plane => self.made.push((event, Part::Free)),
+            Class::Switch if event.call == Call::SetCutterCompensation(None) => self.switch_off()?,
+            Class::Switch => return Err(Kind::AlreadyOn),
+            Class::Refused(what) => return Err(Kind::NotAllowed { what }),
         }
+        Ok(None)
     }
 
-    fn push_move(&mut self, event: Event, out: &mut impl Extend<Event>) -> Result<(), Kind> {
+    fn push_move(&mut self, event: Event) -> Result<Option<(Contour, Mark)>, Kind> {
         let Some(&to) = end_of(&event.call) else {
-            return Ok(());
+            return Ok(None);
         };
         let contour = self.contour(&event.call, to)?;
         if self.straight_exit_due && matches!(contour.shape, Shape::Arc { .. }) {
             return Err(Kind::ExitArc);
         }
+        let cuts = !matches!(event.call, Call::StraightTraverse { .. });
+        let mark = self.mark(&to, event.source);
+        let mut wall = None;
         match &mut self.mode {
-            Mode::Off => out.extend(Some(event)),
+            Mode::Off => self.made.push((event, Part::Free)),
             Mode::Entry(tool) => {
                 let tool = *tool;
-                let source = event.source;
                 let arc = matches!(event.call, Call::ArcFeed { .. });
-                let beside = entry::enter(tool, self.plane, &contour, event)?;
+                let beside = entry::enter(tool, self.plane, &contour, event, mark)?;
                 if arc && tool.shift != [0.0; 2] {
-                    out.extend(Some(self.shift_to_tip(&to, tool, source)));
+                    let to_tip = tip::start_of_arc(&self.at, &to, self.plane, tool.shift);
+                    let source = mark.source;
+                    self.made.push((Event { source, call: to_tip }, Part::Free));
                 }
                 self.mode = Mode::Beside(beside);
             }
             Mode::Beside(beside) if contour.is_still() => {
                 // The others move while the tool stays at the corner; it stands at the same point however far that was off.
-                beside.hold(event)?;
+                let (chain, bend) = (beside.mark.chain, beside.mark.bend);
+                let part = beside::part_of(&event.call, Mark { chain, bend, ..mark });
+                beside.hold(event, part)?;
                 self.at = with_plane(to, self.plane, contour.from);
-                return Ok(());
+                return Ok(None);
             }
-            Mode::Beside(beside) => beside.follow(self.plane, &self.at, &contour, event, out)?,
+            Mode::Beside(beside) => {
+                let next = Next {
+                    contour: &contour,
+                    event,
+                    mark,
+                    at: &self.at,
+                    plane: self.plane,
+                };
+                let mark = beside.follow(next, &mut self.made)?;
+                wall = cuts.then_some((contour, mark));
+            }
         }
         self.at = to;
         self.straight_exit_due = false;
-        Ok(())
-    }
-
-    /// A move that brings the controlled point of a lathe tool to where the tip's centre stands, so that an entry arc is one.
-    /// Rotary axes and UVW turn here already, as in LinuxCNC.
-    fn shift_to_tip(&self, to: &Position, tool: Tool, source: Source) -> Event {
-        let [first, second, normal] = self.plane.axes();
-        let mut to = *to;
-        for axis in [first, second, normal] {
-            to[axis] = self.at[axis];
-        }
-        let tip = add(in_plane(&to, self.plane), tool.shift);
-        Event {
-            source,
-            call: Call::StraightFeed {
-                to: with_plane(to, self.plane, tip),
-            },
-        }
+        Ok(wall)
     }
 
     /// The move in the plane.
@@ -322,13 +432,11 @@ impl Compensator {
         Ok(contour)
     }
 
-    fn switch_off(&mut self, out: &mut impl Extend<Event>) -> Result<(), Kind> {
+    fn switch_off(&mut self) -> Result<(), Kind> {
         match &mut self.mode {
             Mode::Off => return Ok(()),
             Mode::Entry(_) => {}
-            Mode::Beside(beside) => {
-                beside.leave(self.plane, out)?;
-            }
+            Mode::Beside(beside) => beside.leave(self.plane, &mut self.made)?,
         }
         self.mode = Mode::Off;
         self.straight_exit_due = true;
@@ -350,32 +458,6 @@ fn end_of_mut(call: &mut Call) -> Option<&mut Position> {
         Call::StraightTraverse { to } | Call::StraightFeed { to } | Call::ArcFeed { to, .. } => Some(to),
         _ => None,
     }
-}
-
-/// From the centre of a lathe tool's tip to the point that the machine controls, in the plane.
-///
-/// This point is the corner of the square around the tip, or the middle of one of its sides, as the orientation says:
-///
-/// ```text
-///        2 6 1     ^ X   6: the tip's -X side, 5: +Z side, and so on; 0, 9: the centre itself
-///        7 9 5     |
-///        3 8 4     +--> Z
-/// ```
-fn lathe_shift(orientation: u8, radius: f64, plane: Plane) -> Point {
-    if plane != Plane::Zx {
-        return [0.0; 2];
-    }
-    let z = match orientation {
-        1 | 4 | 5 => radius,
-        2 | 3 | 7 => -radius,
-        _ => 0.0,
-    };
-    let x = match orientation {
-        3 | 4 | 8 => radius,
-        1 | 2 | 6 => -radius,
-        _ => 0.0,
-    };
-    [z, x]
 }
 
 /// Whether a coordinate is one that a machine could have.

@@ -211,7 +211,7 @@ fn what_cannot_be_compensated_is_refused() {
 
 #[test]
 fn events_at_a_corner_are_limited() {
-    let (mut compensator, mut out) = (Compensator::new(), Vec::new());
+    let (mut compensator, mut out) = (Compensator::with_settings(AS_LINUXCNC), Vec::new());
     for event in reader::read("G41.1 D2\nG1 X10\nX20") {
         compensator.push(event, &mut out).expect("valid");
     }

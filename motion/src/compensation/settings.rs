@@ -1,0 +1,45 @@
+//! What can be chosen about compensation.
+
+/// How the tool goes around outer corners.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Corner {
+    /// It rolls around the vertex by an arc, as in LinuxCNC.
+    #[default]
+    Arc,
+    /// It goes straight on to where the paths beside the two moves meet, or their tangents where these are arcs; the vertex
+    /// stays sharp, as the tool leaves it.
+    Intersection {
+        /// Corners that bend by more than this are passed by an arc all the same, degrees, below 180: the point of a sharp
+        /// corner is far away.
+        limit_degrees: f64,
+    },
+}
+
+impl Corner {
+    /// Bend up to which an intersection is sensible: a square corner with room for rounding; the way to its point and back is
+    /// 2.4 radii.
+    pub const LIMIT_DEGREES: f64 = 100.0;
+}
+
+/// What happens where the tool would cut into another part of the contour.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Gouge {
+    /// An error that names both moves.
+    #[default]
+    Error,
+    /// The tool leaves out what it cannot reach: its path goes on where it crosses itself. Material remains there.
+    DropLoop,
+    /// Only neighbouring moves are compared, as in LinuxCNC: for a comparison with it, not for a machine.
+    NeighboursOnly,
+}
+
+/// See the [module](self).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Settings {
+    /// Outer corners.
+    pub corner: Corner,
+    /// Cuts into the contour.
+    pub gouge: Gouge,
+    /// Events that were held back get the N-word of the block that lets them go, which is what LinuxCNC's `rs274` prints.
+    pub number_by_release: bool,
+}

@@ -1,0 +1,98 @@
+//! Whether one move of the centre cuts into one move of the contour.
+
+use crate::canon::Plane;
+
+use super::super::CompensationErrorKind as Kind;
+use super::super::element::{Closest, Element};
+use super::super::geometry::{Point, add, length, scale, sub};
+use super::{DEPTH_TOLERANCE_MM, Mark, TOLERANCE_MM, Track, Wall};
+
+/// The gouge, if there is one.
+pub(super) fn conflict(track: &Track, wall: &Wall, radius: f64, plane: Plane) -> Option<Kind> {
+    if !meet(&track.mark, &wall.mark) {
+        return None;
+    }
+    let allowed = radius - slack(track, wall, radius);
+    let closest = match track.joint {
+        None => track.element.closest(&wall.element),
+        Some(joint) => away_from(&wall.element, joint, 2.0 * radius)
+            .into_iter()
+            .flatten()
+            .map(|part| track.element.closest(&part))
+            .min_by(|a, b| a.distance.total_cmp(&b.distance))?,
+    };
+    let Closest { distance, other, .. } = closest;
+    (distance < allowed).then(|| Kind::Gouge {
+        tool: track.mark.source,
+        contour: wall.mark.source,
+        missing_mm: radius - distance,
+        radius_mm: radius,
+        at_mm: other,
+        plane,
+    })
+}
+
+/// Whether two moves are at the same depth, and other axes in the same place.
+fn meet(a: &Mark, b: &Mark) -> bool {
+    a.pose == b.pose && a.depth[0] <= b.depth[1] + DEPTH_TOLERANCE_MM && b.depth[0] <= a.depth[1] + DEPTH_TOLERANCE_MM
+}
+
+/// How much closer than the radius two moves may be.
+fn slack(track: &Track, wall: &Wall, radius: f64) -> f64 {
+    let flat = if track.mark.chain == wall.mark.chain {
+        2.0 * radius * (1.0 - track.mark.bend.max(wall.mark.bend).cos())
+    } else {
+        0.0
+    };
+    TOLERANCE_MM + flat + track.element.mismatch() + wall.element.mismatch()
+}
+
+/// What of an element lies further from a point than `radius`: pieces between the places where it passes that distance.
+fn away_from(element: &Element, point: Point, radius: f64) -> [Option<Element>; 3] {
+    let circle = Element::arc(add(point, [radius, 0.0]), add(point, [radius, 0.0]), point, 1);
+    let mut cuts = [0.0, 1.0, 1.0, 1.0];
+    for (cut, crossing) in cuts[1..3].iter_mut().zip(element.crossings(&circle)) {
+        *cut = part_of(element, crossing);
+    }
+    cuts.sort_by(f64::total_cmp);
+    std::array::from_fn(|i| {
+        let part = [cuts[i], cuts[i + 1]];
+        let middle = element.at(0.5 * (part[0] + part[1]));
+        (part[1] > part[0] && length(sub(middle, point)) > radius).then(|| element.between(part))
+    })
+}
+
+/// The way at which an element passes a point of it.
+fn part_of(element: &Element, point: Point) -> f64 {
+    match element.arc {
+        None => {
+            let way = sub(element.to, element.from);
+            let unit = scale(way, 1.0 / length(way));
+            let along = sub(point, element.from);
+            ((along[0] * unit[0] + along[1] * unit[1]) / length(way)).clamp(0.0, 1.0)
+        }
+        Some(arc) => element.part_towards(&arc, point).unwrap_or(1.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_near_a_point_is_left_out() {
+        let line = Element::line([-10.0, 0.0], [10.0, 0.0]);
+        let pieces: Vec<Element> = away_from(&line, [0.0, 0.0], 2.0).into_iter().flatten().collect();
+        assert_eq!(pieces.len(), 2);
+        assert!((pieces[0].to[0] + 2.0).abs() < 1e-12 && (pieces[1].from[0] - 2.0).abs() < 1e-12);
+        assert_eq!(away_from(&line, [0.0, 3.0], 2.0).into_iter().flatten().count(), 1);
+        assert_eq!(away_from(&line, [0.0, 0.0], 20.0).into_iter().flatten().count(), 0);
+        let circle = Element::arc([5.0, 0.0], [5.0, 0.0], [0.0, 0.0], 1);
+        let pieces: Vec<Element> = away_from(&circle, [5.0, 0.0], 2.0).into_iter().flatten().collect();
+        assert_eq!(pieces.len(), 1);
+        assert!(
+            (pieces[0].length() - (circle.length() - 10.0 * 2.0 * 0.2f64.asin())).abs() < 1e-9,
+            "{pieces:?}"
+        );
+    }
+}

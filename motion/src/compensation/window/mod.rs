@@ -1,0 +1,235 @@
+//! Look-ahead: does the tool, beside one part of the contour, cut into another part?
+//!
+//! In:  the contour, move by move as programmed, and what is made of it: events, among them the moves of the centre.
+//! Out: the same events, in the same order, as soon as enough of the contour behind them is known; or the first gouge.
+//!
+//! ```text
+//!   out   <---  [ moves of the centre that wait ]  <---  moves made from the corners
+//!                    ^ compared with ^
+//!   gone  <---  [ contour behind | contour ahead ]  <---  programmed
+//! ```
+//!
+//! **What is compared.** Each move of the centre with each move of the contour in the window: it must not come closer than the
+//! radius, less [`TOLERANCE_MM`]. Contour that the tool touches on both sides at once, slots exactly as wide as the tool and
+//! contours that end along their own start are no gouges.
+//!
+//! **How far.** A move waits until the contour behind it is 2 radii long, which is what the tool can reach without leaving
+//! its place, *and* has [`AHEAD`] moves, which finds slots, islands and combs; or until compensation ends. The contour
+//! behind a move is kept as long. Memory is bounded by that, and a start waits for as many lines to be read.
+//!
+//! **At which depth.** Moves count whose ways along the plane's normal overlap or come closer than [`DEPTH_TOLERANCE_MM`],
+//! with the other axes in the same place. A mill is a cylinder, and would cut a wall above its end too; but whether there is
+//! a wall at another depth the contour does not tell: a pocket in the floor of a pocket, a boss on a boss and roughing in
+//! steps are programs that look the same as a collision. Helices count with all their depth.
+//!
+//! **What is no contour.** Traverses cut nothing: they are no wall, and are not compared. The entry and exit moves are no
+//! walls; at feed they are compared with the contour, but for what of it is within 2 radii of the point where they join
+//! it: LinuxCNC's entry is slanted there and its exit leaves from beside the end, whatever corner a closed contour has there.
+//!
+//! **Corners that count as flat** (`join.rs`) bring the tool a little closer, by less than 1.3 thousandths of the radius;
+//! twice that is allowed between moves with nothing but such corners between them.
+
+mod conflict;
+mod store;
+
+use std::collections::VecDeque;
+
+use crate::canon::{Event, Plane, Source};
+
+use super::CompensationErrorKind as Kind;
+use super::element::Element;
+use super::geometry::Point;
+use conflict::conflict;
+use store::Store;
+
+/// How much closer than the radius the contour may come, mm.
+pub(super) const TOLERANCE_MM: f64 = 1e-6;
+
+/// Depths that differ by no more than this are the same, mm.
+pub(super) const DEPTH_TOLERANCE_MM: f64 = 1e-3;
+
+/// Moves of the contour known ahead of a move that goes out.
+pub const AHEAD: usize = 1 << 14;
+
+/// Most events that wait. Only a contour with more events within 2 radii gets there.
+pub(super) const WAITING_LIMIT: usize = 1 << 18;
+
+/// What moves have in common with the moves of the contour that they belong to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Mark {
+    pub(super) source: Source,
+    /// Least and greatest coordinate on the plane's normal, mm.
+    pub(super) depth: [f64; 2],
+    /// Differs where axes out of the three of the plane stand elsewhere.
+    pub(super) pose: u32,
+    /// Moves with nothing but flat corners between them have the same.
+    pub(super) chain: u32,
+    /// Greatest bend of a flat corner in the chain up to here, rad.
+    pub(super) bend: f64,
+}
+
+/// What an event is to the window.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Part {
+    /// Nothing to compare: no move, or one that cuts nothing.
+    Free,
+    /// A move beside the contour, around a corner, or at one in other axes.
+    Beside(Mark),
+    /// Entry or exit at feed, with the programmed point at which it joins the contour.
+    Link(Mark, Point),
+}
+
+/// A move of the contour.
+#[derive(Clone, Copy, Debug)]
+struct Wall {
+    element: Element,
+    mark: Mark,
+    /// Length of the contour at its end.
+    at_mm: f64,
+}
+
+/// A move of the centre.
+#[derive(Clone, Copy, Debug)]
+struct Track {
+    element: Element,
+    mark: Mark,
+    joint: Option<Point>,
+    /// Length of the contour at which it came.
+    at_mm: f64,
+    /// Number of walls at which it came.
+    walls: u64,
+}
+
+/// An event that waits.
+#[derive(Clone, Debug)]
+struct Waiting {
+    event: Event,
+    at_mm: f64,
+    walls: u64,
+}
+
+/// See the [module](self).
+#[derive(Clone, Debug)]
+pub(super) struct Window {
+    plane: Plane,
+    radius: f64,
+    shift: Point,
+    walls: Store<Wall>,
+    tracks: Store<Track>,
+    waiting: VecDeque<Waiting>,
+    /// Length of the contour so far, mm.
+    at_mm: f64,
+}
+
+impl Window {
+    /// `shift`: from the centre to the point whose moves the events tell.
+    pub(super) fn new(plane: Plane, radius: f64, shift: Point) -> Window {
+        Window {
+            plane,
+            radius,
+            shift,
+            walls: Store::new(radius),
+            tracks: Store::new(radius),
+            waiting: VecDeque::new(),
+            at_mm: 0.0,
+        }
+    }
+
+    pub(super) fn plane(&self) -> Plane {
+        self.plane
+    }
+
+    pub(super) fn shift(&self) -> Point {
+        self.shift
+    }
+
+    /// Number of events that wait.
+    pub(super) fn waiting(&self) -> usize {
+        self.waiting.len()
+    }
+
+    /// Takes a move of the contour.
+    pub(super) fn wall(&mut self, element: Element, mark: Mark) -> Result<(), Kind> {
+        self.at_mm += element.length();
+        let wall = Wall {
+            element,
+            mark,
+            at_mm: self.at_mm,
+        };
+        let (plane, radius) = (self.plane, self.radius);
+        let found = self
+            .tracks
+            .near(&element, |track| conflict(track, &wall, radius, plane));
+        self.walls.push(&element, wall);
+        self.forget();
+        found.map_or(Ok(()), Err)
+    }
+
+    /// Takes an event.
+    pub(super) fn take(&mut self, event: Event) -> Result<(), Kind> {
+        let (at_mm, walls) = (self.at_mm, self.walls.end());
+        self.waiting.push_back(Waiting { event, at_mm, walls });
+        if self.waiting.len() > WAITING_LIMIT {
+            return Err(Kind::TooManyHeld { limit: WAITING_LIMIT });
+        }
+        Ok(())
+    }
+
+    /// Takes the way of the centre of the event taken last.
+    pub(super) fn compare(&mut self, part: Part, element: Element) -> Result<(), Kind> {
+        let (at_mm, walls) = (self.at_mm, self.walls.end());
+        let (mark, joint) = match part {
+            Part::Free => return Ok(()),
+            Part::Beside(mark) => (mark, None),
+            Part::Link(mark, joint) => (mark, Some(joint)),
+        };
+        let track = Track {
+            element,
+            mark,
+            joint,
+            at_mm,
+            walls,
+        };
+        let (plane, radius) = (self.plane, self.radius);
+        let found = self.walls.near(&element, |wall| conflict(&track, wall, radius, plane));
+        self.tracks.push(&element, track);
+        found.map_or(Ok(()), Err)
+    }
+
+    /// Lets events go behind which enough of the contour is known.
+    pub(super) fn release(&mut self, out: &mut impl Extend<Event>) {
+        while let Some(first) = self.waiting.front() {
+            if !self.is_far(first.at_mm, first.walls) {
+                return;
+            }
+            out.extend(self.waiting.pop_front().map(|waiting| waiting.event));
+        }
+    }
+
+    /// Lets all go, the contour having come to its end.
+    pub(super) fn release_all(&mut self, out: &mut impl Extend<Event>) {
+        out.extend(self.waiting.drain(..).map(|waiting| waiting.event));
+    }
+
+    /// Whether a place of the contour is out of the window.
+    fn is_far(&self, at_mm: f64, walls: u64) -> bool {
+        self.at_mm - at_mm >= 2.0 * self.radius && self.walls.end() - walls >= AHEAD as u64
+    }
+
+    /// Lets go of what is out of the window.
+    fn forget(&mut self) {
+        while self
+            .tracks
+            .front()
+            .is_some_and(|track| self.is_far(track.at_mm, track.walls))
+        {
+            self.tracks.pop();
+        }
+        while self.walls.len() > 2 * AHEAD
+            && let Some(wall) = self.walls.front()
+            && self.at_mm - wall.at_mm >= 4.0 * self.radius
+        {
+            self.walls.pop();
+        }
+    }
+}
