@@ -1,8 +1,8 @@
 //! Time-optimal speed over a path of continuous curvature, under speed, acceleration and jerk limits of every joint.
 //!
 //! In:  a [`Grid`]: joint derivatives by path length at three checkpoints of every span; limits; a strictly feasible
-//!      profile between two fixed end states.
-//! Out: the fastest profile between these end states, strictly feasible at every checkpoint.
+//!      profile between two fixed end states ([`crawl`], [`start`]).
+//! Out: the fastest profile between these end states ([`solve`]), strictly feasible at every checkpoint.
 //!
 //! Pure functions: no clock, no threads, no I/O; the same input gives the same bits.
 //!
@@ -10,8 +10,9 @@
 //! spacing    where to put knots: about evenly in time
 //! grid       derivatives at the checkpoints, scaled by the limits
 //! profile    b = v² as a quadratic spline; its worst constraint
-//! start      crawl, launch from rest and the way from one to the other: a feasible first profile
-//! interior   primal-dual interior point method (lanes: four spans at once; band: linear system)
+//! crawl      a slow feasible profile, from which to start
+//! start      launch from rest and the way to the crawl
+//! interior   primal-dual interior point method (lanes: several spans at once; band: linear system)
 //! ```
 //!
 //! # The problem
@@ -28,14 +29,21 @@
 //! linear and w constant within a span. q''' and w jump at knots, hence checkpoints at both ends of every span.
 
 mod band;
+mod crawl;
 mod grid;
 mod interior;
 mod lanes;
 mod profile;
+mod roots;
+mod spacing;
+mod start;
 
-pub use grid::{Grid, JointJet, JointLimits};
+pub use crawl::{CRAWL_REACH, CRAWL_STEP, crawl};
+pub use grid::{ACCELERATION_USE, Grid, JERK_USE, JointJet, JointLimits, SPEED_USE};
 pub use interior::{Infeasible, Options, Solved, Workspace, solve};
 pub use profile::{State, Worst, coefficient, worst};
+pub use spacing::{Cell, spacing};
+pub use start::{Launch, NoStart, START_REACH, launch, start};
 
 #[cfg(test)]
 mod tests;
