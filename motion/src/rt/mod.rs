@@ -7,11 +7,13 @@
 
 pub mod dda;
 mod interpolator;
+mod joint_compensation;
 mod monitor;
 mod online;
 mod scale;
 
 pub use interpolator::{Interpolator, Sample, SampleState};
+pub use joint_compensation::{JointCompensation, PitchError, PitchRow, PitchTable, TakeUpLimits};
 pub use monitor::{Monitor, MonitorLimits, Peaks};
 pub use online::{Online, State};
 pub use scale::{MotionLimits, ScaleRamp, StopLimits};
