@@ -8,8 +8,8 @@
 pub mod dda;
 pub mod homing;
 mod interpolator;
-mod joint_compensation;
 pub mod jog;
+mod joint_compensation;
 mod monitor;
 mod online;
 pub mod probe;
