@@ -5,10 +5,11 @@
 
 use super::classic;
 use super::program::{Entry, Program};
-use super::smooth::Smoother;
+use super::smooth::{Passed, Smoother, Stretch};
 use super::{PlanError, Programmed, Settings};
 use crate::canon::Event;
 use crate::element::Element;
+use crate::kinematics::ToolFrame;
 use crate::ring::Sink;
 
 /// What became of [`Planner::pump`].
@@ -37,6 +38,8 @@ pub struct Planner<S> {
     program: Program,
     smoother: Smoother,
     steps: classic::Steps,
+    /// How the axes of what passes the stages are meant.
+    frame: ToolFrame,
     ideal: Vec<Programmed>,
 }
 
@@ -49,6 +52,7 @@ impl<S: Sink<Element>> Planner<S> {
             program: Program::new(settings.start),
             smoother: Smoother::default(),
             steps: classic::Steps::default(),
+            frame: ToolFrame::OFF,
             ideal: Vec::new(),
         }
     }
@@ -73,9 +77,11 @@ impl<S: Sink<Element>> Planner<S> {
                 });
                 let mut passed = Vec::new();
                 self.smoother.push(part, &self.settings, &mut passed);
-                for passed in passed {
-                    self.steps.push(passed, &self.settings);
-                }
+                self.pass(passed);
+            }
+            Some(Entry::Halt) => {
+                self.rest(None);
+                self.frame = self.program.tool_frame();
             }
             Some(Entry::Rest(element)) => self.rest(Some(element)),
         }
@@ -112,9 +118,22 @@ impl<S: Sink<Element>> Planner<S> {
     fn rest(&mut self, element: Option<Element>) {
         let mut passed = Vec::new();
         self.smoother.flush(&self.settings, &mut passed);
+        self.pass(passed);
+        self.steps.rest(element, &self.settings);
+    }
+
+    /// What the smoother lets go, to the slope. Pieces that it made are meant as the moves they come from: it is empty when
+    /// that changes.
+    fn pass(&mut self, passed: Vec<Passed>) {
         for passed in passed {
+            let passed = match passed {
+                Passed::Stretch(stretch) => Passed::Stretch(Stretch {
+                    piece: stretch.piece.in_frame(self.frame),
+                    ..stretch
+                }),
+                Passed::Stop => Passed::Stop,
+            };
             self.steps.push(passed, &self.settings);
         }
-        self.steps.rest(element, &self.settings);
     }
 }
