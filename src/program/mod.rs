@@ -7,7 +7,7 @@ mod settings;
 
 use crate::config::Config;
 use crate::machine::tables::Tables;
-use motion::canon::{Event, Position};
+use motion::canon::{Call, Event, PathMode, Position};
 use motion::element::Element;
 use motion::plan::{AxisLimits, PlanError, Planner, Programmed, Pumped, Settings};
 use motion::ring::{Publish, Sink};
@@ -52,12 +52,17 @@ pub struct Overview {
     pub time_s: f64,
 }
 
+/// All errors of the text; what a machine can do is not looked at.
+pub fn check_text(config: &Config, tables: &Tables, text: &[u8]) -> Vec<gcode::Error> {
+    gcode::check(text, planned_settings(config, tables, home(config)))
+}
+
 /// Interprets and plans the whole program without moving anything, so that all errors are found before it starts.
 ///
 /// # Errors
 /// All errors of the text, or the first one of the plan (a limit of the machine).
 pub fn check(config: &Config, tables: &Tables, path: &str, text: &[u8]) -> Result<Overview, ProgramErrors> {
-    let errors = gcode::check(text, planned_settings(config, tables, home(config)));
+    let errors = check_text(config, tables, text);
     if !errors.is_empty() {
         let shown: Vec<String> = errors.iter().map(|error| error.render(path)).collect();
         return Err(ProgramErrors {
@@ -91,7 +96,7 @@ pub fn check(config: &Config, tables: &Tables, path: &str, text: &[u8]) -> Resul
         overview.lines = overview.lines.max(feeder.line());
     }
     overview.lines = overview.lines.max(feeder.line());
-    let measure = feeder.planner.sink();
+    let measure = feeder.sink();
     overview.time_s = measure.time_s + measure.tail_s;
     Ok(overview)
 }
@@ -157,6 +162,9 @@ pub struct Feeder<'t, S: Sink<Element>> {
     waiting: Option<Event>,
     line: u32,
     ended: bool,
+    /// What G64 without P allows, mm.
+    default_tolerance_mm: f64,
+    tolerance_mm: f64,
 }
 
 impl<'t, S: Sink<Element>> Feeder<'t, S> {
@@ -170,6 +178,8 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             waiting: None,
             line: 0,
             ended: false,
+            default_tolerance_mm: config.program.tolerance_mm,
+            tolerance_mm: 0.0,
         }
     }
 
@@ -192,6 +202,10 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             match self.waiting.take().map(Ok).or_else(|| self.events.next()) {
                 Some(Ok(event)) => {
                     self.line = event.source.line;
+                    if let Call::SetPathMode(PathMode::Continuous { tolerance_mm, .. }) = &event.call {
+                        let tolerance_mm = tolerance_mm.unwrap_or(self.default_tolerance_mm);
+                        self.tolerance_mm = self.tolerance_mm.max(tolerance_mm);
+                    }
                     self.planner.push(&event).map_err(FeedError::Plan)?;
                 }
                 Some(Err(error)) => {
@@ -213,9 +227,19 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         self.planner.ideal_path()
     }
 
+    /// Where the plan goes.
+    pub fn sink(&mut self) -> &mut S {
+        self.planner.sink()
+    }
+
     /// Offsets, parameters and tools as the program left them, as far as it was interpreted.
     pub fn left_behind(&self) -> gcode::Settings {
         self.events.snapshot()
+    }
+
+    /// Greatest deviation from the path that the program has allowed so far (G64), mm; 0: none.
+    pub fn tolerance_mm(&self) -> f64 {
+        self.tolerance_mm
     }
 
     /// Line that was interpreted last.

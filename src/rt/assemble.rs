@@ -90,7 +90,8 @@ fn monitor_limits(joint: &Joint) -> MonitorLimits {
     }
 }
 
-fn kinematics(config: &Config) -> Kinematics {
+/// From axes to joints of a machine.
+pub(crate) fn kinematics(config: &Config) -> Kinematics {
     let mut axis_of_joint = vec![None; config.joints.len()];
     for map in &config.axes {
         for &joint in &map.joints {

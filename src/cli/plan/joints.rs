@@ -1,0 +1,161 @@
+//! What set-points ask of each joint.
+//!
+//! In:  positions of the joints, one per cycle.
+//! Out: velocity, acceleration and jerk as differences of neighbouring set-points, which is what a drive sees.
+//!
+//! The machine rests before the first set-point and after the last.
+
+use crate::config::Config;
+use crate::rt::assemble::kinematics;
+use motion::canon::{Axis, Position};
+use motion::kinematics::{Kinematics, ToolFrame};
+
+/// Velocity, acceleration, jerk.
+pub(super) const ORDERS: usize = 3;
+/// Their names.
+pub(super) const NAMES: [&str; ORDERS] = ["velocity", "acceleration", "jerk"];
+/// Excess that is rounding and not motion, as a part of the limit.
+const SLACK: f64 = 1e-6;
+
+/// One joint on its way through a program.
+#[derive(Clone, Debug)]
+pub(super) struct Joint {
+    /// Letter of the axis that it follows; `None`: none.
+    pub(super) axis: Option<Axis>,
+    /// Greatest velocity, acceleration and jerk, mm (degrees) and s.
+    pub(super) limits: [f64; ORDERS],
+    /// One per cycle, mm or degrees.
+    pub(super) positions: Vec<f64>,
+    cycle_s: f64,
+}
+
+/// The joints of a machine, and the way to them.
+pub(super) struct Joints {
+    kinematics: Kinematics,
+    now: Vec<f64>,
+    /// In the order of the machine file.
+    pub(super) all: Vec<Joint>,
+}
+
+impl Joints {
+    pub(super) fn new(config: &Config) -> Joints {
+        let kinematics = kinematics(config);
+        let all: Vec<Joint> = (config.joints.iter().enumerate())
+            .map(|(index, joint)| Joint {
+                axis: kinematics.joints().get(index).and_then(|follows| follows.axis),
+                limits: [
+                    joint.limits.velocity_mm_s,
+                    joint.limits.acceleration_mm_s2,
+                    joint.limits.jerk_mm_s3,
+                ],
+                positions: Vec::new(),
+                cycle_s: f64::from(config.cycle_us) * 1e-6,
+            })
+            .collect();
+        Joints {
+            kinematics,
+            now: vec![0.0; all.len()],
+            all,
+        }
+    }
+
+    /// Takes the set-point of a cycle. A position that the machine cannot take leaves the joints where they are.
+    pub(super) fn push(&mut self, position: &Position, frame: &ToolFrame) {
+        // The planner has refused such positions; and the peaks would tell of the jump behind them.
+        let _ = self.kinematics.inverse(frame, &position.0, &mut self.now);
+        for (joint, position) in self.all.iter_mut().zip(&self.now) {
+            joint.positions.push(*position);
+        }
+    }
+}
+
+impl Joint {
+    /// Unit of its positions.
+    pub(super) fn unit(&self) -> &'static str {
+        if self.axis.is_some_and(Axis::is_rotary) {
+            "degrees"
+        } else {
+            "mm"
+        }
+    }
+
+    /// Velocity, acceleration and jerk in the cycle that ends at this set-point; up to three cycles behind the last one
+    /// there is still something to see.
+    pub(super) fn differences(&self, cycle: usize) -> [f64; ORDERS] {
+        let at = |back: usize| {
+            let index = cycle.saturating_sub(back).min(self.positions.len().saturating_sub(1));
+            self.positions.get(index).copied().unwrap_or(0.0)
+        };
+        let [q0, q1, q2, q3] = [at(0), at(1), at(2), at(3)];
+        let cycle_s = self.cycle_s;
+        [
+            (q0 - q1) / cycle_s,
+            (q0 - 2.0 * q1 + q2) / cycle_s.powi(2),
+            (q0 - 3.0 * q1 + 3.0 * q2 - q3) / cycle_s.powi(3),
+        ]
+    }
+
+    /// Cycles in which there is something to see.
+    pub(super) fn cycles(&self) -> usize {
+        self.positions.len() + ORDERS
+    }
+
+    /// Greatest amounts, and how many cycles are over the limit, by order.
+    pub(super) fn peaks(&self) -> ([f64; ORDERS], [u64; ORDERS]) {
+        let (mut peaks, mut over) = ([0.0_f64; ORDERS], [0; ORDERS]);
+        for cycle in 0..self.cycles() {
+            let differences = self.differences(cycle);
+            let position = self
+                .positions
+                .get(cycle)
+                .or(self.positions.last())
+                .copied()
+                .unwrap_or(0.0);
+            // Positions carry rounding of their own size, which differences multiply.
+            let rounding = 8.0 * f64::EPSILON * position.abs().max(1.0);
+            for order in 0..ORDERS {
+                let amount = differences[order].abs();
+                peaks[order] = peaks[order].max(amount);
+                let noise = rounding / self.cycle_s.powi(order as i32 + 1);
+                over[order] += u64::from(amount > self.limits[order] * (1.0 + SLACK) + noise);
+            }
+        }
+        (peaks, over)
+    }
+
+    /// Whether it moves at all.
+    pub(super) fn moves(&self) -> bool {
+        self.positions.windows(2).any(|pair| pair[0] != pair[1])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn differences_reach_beyond_both_ends() {
+        let joint = Joint {
+            axis: Some(Axis::X),
+            limits: [10.0, 50.0, 1500.0],
+            positions: vec![5.0, 5.0, 6.0, 8.0],
+            cycle_s: 0.1,
+        };
+        let seen: Vec<[f64; 3]> = (0..joint.cycles()).map(|cycle| joint.differences(cycle)).collect();
+        let expected = [
+            [0.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0],
+            [10.0, 100.0, 1000.0],
+            [20.0, 100.0, 0.0],
+            [0.0, -200.0, -3000.0],
+            [0.0, 0.0, 2000.0],
+            [0.0, 0.0, 0.0],
+        ];
+        for (seen, expected) in seen.iter().flatten().zip(expected.iter().flatten()) {
+            assert!((seen - expected).abs() < 1e-9, "{seen} {expected}");
+        }
+        let (peaks, over) = joint.peaks();
+        assert!((peaks[2] - 3000.0).abs() < 1e-9);
+        assert_eq!(over, [1, 3, 2]);
+    }
+}

@@ -1,0 +1,176 @@
+//! `isocnc plan`: a whole program planned off line, and judged.
+//!
+//! In:  machine file and part program.
+//! Out: how long it takes and what it asks of every joint, as text or JSON; on demand set-points, paths and a picture.
+//!
+//! The program goes through the planner twice: once for the time that planning takes, once through the ring and the
+//! interpolation of the machine, without a clock ([`run_down`]).
+
+mod export;
+mod joints;
+mod picture;
+mod report;
+mod run_down;
+mod slow_places;
+
+use crate::config::{self, Config};
+use crate::machine::tables::Tables;
+use anyhow::{Context, anyhow};
+use clap::{Args, ValueEnum};
+use motion::plan::Slope;
+use report::Report;
+use run_down::Work;
+use serde_json::{Value as Json, json};
+use std::fs::write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Arguments of `plan`.
+#[derive(Debug, Args)]
+pub struct PlanArgs {
+    /// Machine file.
+    machine: PathBuf,
+    /// Part program.
+    program: PathBuf,
+    /// How speed is chosen along the path, in place of what the machine file says.
+    #[arg(long, value_enum)]
+    planner: Option<PlannerName>,
+    /// Write one commanded position per cycle: `t,` and axis letters, s and mm.
+    #[arg(long, value_name = "FILE.csv")]
+    samples: Option<PathBuf>,
+    /// Write the programmed path, before corners are rounded: lines `P`, `L` and `C` with feed.
+    #[arg(long, value_name = "FILE.txt")]
+    path: Option<PathBuf>,
+    /// Write the smoothed path, a point per millisecond: section between rests, time, length, speed, feed, axes with derivatives.
+    #[arg(long, value_name = "FILE.csv")]
+    smoothed: Option<PathBuf>,
+    /// Draw the tool path coloured by speed, and velocity, acceleration and jerk of every joint over time.
+    #[arg(long, value_name = "FILE.svg")]
+    svg: Option<PathBuf>,
+    /// Print JSON, errors too.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The planners by their names in the machine file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum PlannerName {
+    /// Nearly the shortest time that the limits of every joint allow.
+    Optimal,
+    /// Corner speeds and seven-phase slopes.
+    Classic,
+}
+
+impl From<PlannerName> for Slope {
+    fn from(name: PlannerName) -> Slope {
+        match name {
+            PlannerName::Optimal => Slope::Optimal,
+            PlannerName::Classic => Slope::Classic,
+        }
+    }
+}
+
+/// What keeps a program from being planned: for people and for programs.
+struct Refusal {
+    text: String,
+    json: Json,
+}
+
+/// Plans a program and runs it down without a clock: exit code 0 if it can be run and keeps all limits.
+///
+/// # Errors
+/// Files that cannot be read or written.
+pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
+    let text = std::fs::read(&args.program).with_context(|| args.program.display().to_string())?;
+    let (config, tables, work) = match planned(args, &text) {
+        Ok(planned) => planned,
+        Err(refusal) => {
+            if args.json {
+                println!("{:#}", refusal.json);
+            } else {
+                eprintln!("{}", refusal.text.trim_end());
+            }
+            return Ok(ExitCode::FAILURE);
+        }
+    };
+    let report = Report::of(&config, &work);
+    let put = |file: &Path, text: String| write(file, text).with_context(|| file.display().to_string());
+    if let Some(file) = &args.samples {
+        put(file, export::samples(&config, &work))?;
+    }
+    if let Some(file) = &args.path {
+        put(file, export::programmed(&work.path))?;
+    }
+    if let Some(file) = &args.smoothed {
+        let points = export::smoothed(&config, &tables, &text, &work.path);
+        put(
+            file,
+            points.map_err(|error| anyhow!(error.located(&args.program.display().to_string())))?,
+        )?;
+    }
+    if let Some(file) = &args.svg {
+        let name = args.program.file_name().unwrap_or_default().to_string_lossy();
+        put(file, picture::picture(&name, &work, &report)?)?;
+    }
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&report)?);
+    } else {
+        print!("{report}");
+    }
+    Ok(if report.cycles_over_limits == 0 {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    })
+}
+
+/// The machine, and the program planned for it.
+fn planned(args: &PlanArgs, text: &[u8]) -> Result<(Config, Tables, Work), Refusal> {
+    let mut config = config::read(&args.machine).map_err(|errors| Refusal {
+        text: errors.to_string(),
+        json: errors.to_json(),
+    })?;
+    if let Some(name) = args.planner {
+        config.program.planner = name.into();
+    }
+    let plain = |file: &Path, error: &dyn std::fmt::Display| Refusal {
+        text: error.to_string(),
+        json: json!({ "file": file.display().to_string(), "errors": [{ "rule": error.to_string() }] }),
+    };
+    let tables = Tables::read(&config).map_err(|error| plain(&args.machine, &error))?;
+    let name = args.program.display().to_string();
+    let errors = crate::program::check_text(&config, &tables, text);
+    if !errors.is_empty() {
+        let shown: Vec<String> = errors.iter().map(|error| error.render(&name)).collect();
+        let listed: Vec<Json> = errors.iter().map(error_json).collect();
+        return Err(Refusal {
+            text: shown.join("\n\n"),
+            json: json!({ "file": name, "errors": listed }),
+        });
+    }
+    match run_down::run_down(&config, &tables, text) {
+        Ok(work) => Ok((config, tables, work)),
+        Err(error) => {
+            let listed = match &error {
+                crate::program::FeedError::Text(error) => error_json(error),
+                crate::program::FeedError::Plan(error) => {
+                    json!({ "line": error.source.line, "rule": error.kind.to_string() })
+                }
+            };
+            Err(Refusal {
+                text: error.located(&name),
+                json: json!({ "file": name, "errors": [listed] }),
+            })
+        }
+    }
+}
+
+fn error_json(error: &gcode::Error) -> Json {
+    json!({
+        "file": (!error.file.is_empty()).then_some(&error.file),
+        "line": error.line,
+        "column": error.column,
+        "text": error.text,
+        "rule": error.kind.to_string(),
+    })
+}

@@ -1,0 +1,181 @@
+//! What a plan comes to, as a table for people or JSON for programs.
+
+use super::joints::ORDERS;
+use super::run_down::Work;
+use super::slow_places::{FeedKept, feed_kept};
+use crate::config::Config;
+use motion::canon::Position;
+use motion::plan::{Deviation, Slope, deviation};
+use serde::Serialize;
+use std::fmt;
+
+/// What a plan comes to. Lengths and derivatives of rotary joints are in degrees.
+#[derive(Debug, Serialize)]
+pub(super) struct Report {
+    planner: &'static str,
+    lines: u32,
+    /// Programmed moves.
+    blocks: usize,
+    /// What goes through the ring.
+    elements: usize,
+    motion_time_s: f64,
+    /// From text to committed profile.
+    wall_time_s: f64,
+    blocks_per_s: f64,
+    pub(super) joints: Vec<JointReport>,
+    pub(super) cycles_over_limits: u64,
+    /// What the program allows.
+    tolerance_mm: f64,
+    /// Of a set-point from the path.
+    deviation_max_mm: f64,
+    /// Of a programmed point from the set-points.
+    missed_max_mm: f64,
+    /// Length of the programmed path, and up to where the set-points were followed.
+    path_length_mm: f64,
+    path_reached_mm: f64,
+    starved_cycles: u64,
+    #[serde(flatten)]
+    feed: FeedKept,
+}
+
+/// What a plan asks of a joint; [velocity, acceleration, jerk] in seconds and the unit of the joint.
+#[derive(Debug, Serialize)]
+pub(super) struct JointReport {
+    joint: usize,
+    axis: Option<char>,
+    unit: &'static str,
+    pub(super) velocity_max: f64,
+    pub(super) velocity_share: f64,
+    pub(super) acceleration_max: f64,
+    pub(super) acceleration_share: f64,
+    pub(super) jerk_max: f64,
+    pub(super) jerk_share: f64,
+    /// Cycles over the limit.
+    over: [u64; ORDERS],
+}
+
+impl Report {
+    pub(super) fn of(config: &Config, work: &Work) -> Report {
+        let joints: Vec<JointReport> = (work.joints.all.iter().enumerate())
+            .map(|(index, joint)| {
+                let (peaks, over) = joint.peaks();
+                let share = |order: usize| peaks[order] / joint.limits[order];
+                JointReport {
+                    joint: index,
+                    axis: joint.axis.map(|axis| axis.letter()),
+                    unit: joint.unit(),
+                    velocity_max: peaks[0],
+                    velocity_share: share(0),
+                    acceleration_max: peaks[1],
+                    acceleration_share: share(1),
+                    jerk_max: peaks[2],
+                    jerk_share: share(2),
+                    over,
+                }
+            })
+            .collect();
+        let positions: Vec<Position> = work.cycles.iter().map(|cycle| cycle.position).collect();
+        let Deviation {
+            off_mm,
+            missed_mm,
+            reached_mm,
+            length_mm,
+        } = deviation(&positions, &work.path, work.tolerance_mm);
+        Report {
+            planner: match config.program.planner {
+                Slope::Optimal => "optimal",
+                Slope::Classic => "classic",
+            },
+            lines: work.lines,
+            blocks: work.path.len(),
+            elements: work.elements,
+            motion_time_s: work.motion_time_s,
+            wall_time_s: work.wall_time_s,
+            blocks_per_s: work.path.len() as f64 / work.wall_time_s,
+            cycles_over_limits: joints.iter().flat_map(|joint| joint.over).sum(),
+            joints,
+            tolerance_mm: work.tolerance_mm,
+            deviation_max_mm: off_mm,
+            missed_max_mm: missed_mm,
+            path_length_mm: length_mm,
+            path_reached_mm: reached_mm,
+            starved_cycles: work.starved_cycles,
+            feed: feed_kept(work),
+        }
+    }
+
+    /// In one line, for the head of a picture.
+    pub(super) fn in_short(&self) -> String {
+        format!(
+            "{} blocks, {:.3} m, {:.3} s; planner {}; off the path by {:.4} mm at the most",
+            self.blocks,
+            self.path_length_mm / 1000.0,
+            self.motion_time_s,
+            self.planner,
+            self.deviation_max_mm,
+        )
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "planner         {}", self.planner)?;
+        writeln!(f, "program         {} lines, {} blocks", self.lines, self.blocks)?;
+        writeln!(f, "motion time     {:.3} s", self.motion_time_s)?;
+        writeln!(
+            f,
+            "planned in      {:.3} s, {:.0} blocks/s, {} elements",
+            self.wall_time_s, self.blocks_per_s, self.elements
+        )?;
+        for joint in &self.joints {
+            let name = match joint.axis {
+                Some(axis) => format!("joint {} ({axis})", joint.joint),
+                None => format!("joint {}", joint.joint),
+            };
+            writeln!(
+                f,
+                "{name:15} velocity {:.1} {unit}/s ({:.1} %), acceleration {:.1} {unit}/s² ({:.1} %), jerk {:.0} {unit}/s³ ({:.1} %)",
+                joint.velocity_max,
+                joint.velocity_share * 100.0,
+                joint.acceleration_max,
+                joint.acceleration_share * 100.0,
+                joint.jerk_max,
+                joint.jerk_share * 100.0,
+                unit = joint.unit,
+            )?;
+        }
+        writeln!(f, "over limits     {} cycles", self.cycles_over_limits)?;
+        writeln!(
+            f,
+            "deviation       {:.6} mm off the path, {:.6} mm of it missed; the program allows {} mm",
+            self.deviation_max_mm, self.missed_max_mm, self.tolerance_mm
+        )?;
+        if self.path_length_mm - self.path_reached_mm > 2.0 * self.tolerance_mm + 1e-3 {
+            writeln!(
+                f,
+                "                the path could be followed for {:.3} of {:.3} mm only",
+                self.path_reached_mm, self.path_length_mm
+            )?;
+        }
+        writeln!(
+            f,
+            "feed            reached in {:.1} % of the time at feed; {} stops on the way",
+            self.feed.at_feed_share * 100.0,
+            self.feed.stops
+        )?;
+        for place in &self.feed.slow_places {
+            let axis = place.axis.map(|axis| format!(" ({axis})")).unwrap_or_default();
+            writeln!(
+                f,
+                "slow place      line {} limited to {:.1} % of feed ({:.2} mm/s) by joint {}{axis} {} ({:.0} % of its limit)",
+                place.line,
+                place.feed_share * 100.0,
+                place.speed_mm_s,
+                place.joint,
+                place.limit,
+                place.limit_share * 100.0
+            )?;
+        }
+        writeln!(f, "starved         {} cycles", self.starved_cycles)
+    }
+}

@@ -1,0 +1,179 @@
+//! A program through the planner: once against the clock, once through ring and interpolation.
+
+use super::joints::Joints;
+use crate::config::Config;
+use crate::machine::tables::Tables;
+use crate::program::{FeedError, Feeder, Progress, home, ring_capacity, stop_ramp};
+use motion::canon::Position;
+use motion::element::{Action, Element};
+use motion::plan::Programmed;
+use motion::ring::{self, Publish, Sink, Timed};
+use motion::rt::{Interpolator, Sample, SampleState};
+use std::time::Instant;
+
+/// What there is to know of one cycle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cycle {
+    /// Axes, machine coordinates.
+    pub(super) position: Position,
+    /// On the path.
+    pub(super) speed_mm_s: f64,
+    pub(super) line: u32,
+    pub(super) rapid: bool,
+    /// On the way, neither waiting nor acting.
+    pub(super) moving: bool,
+}
+
+/// Something that happens at rest.
+#[derive(Clone, Debug)]
+pub(super) struct Mark {
+    pub(super) cycle: usize,
+    pub(super) what: Event,
+}
+
+/// What happens there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Event {
+    Dwell,
+    /// To this tool.
+    ToolChange(u32),
+    /// M0, M1.
+    Stop,
+}
+
+/// A program, planned and run down.
+pub(super) struct Work {
+    pub(super) cycle_s: f64,
+    /// The first stands at the start.
+    pub(super) cycles: Vec<Cycle>,
+    pub(super) joints: Joints,
+    /// What the program asks for.
+    pub(super) path: Vec<Programmed>,
+    pub(super) marks: Vec<Mark>,
+    /// Everything planned, by the cycle-independent clock of the plan, s.
+    pub(super) motion_time_s: f64,
+    /// From text to committed profile, s.
+    pub(super) wall_time_s: f64,
+    pub(super) lines: u32,
+    /// Elements that went through the ring.
+    pub(super) elements: usize,
+    /// Greatest deviation that the program allows, mm; 0: none.
+    pub(super) tolerance_mm: f64,
+    /// Cycles in which the machine stood because nothing was planned yet.
+    pub(super) starved_cycles: u64,
+    dwelling: bool,
+}
+
+/// Takes a plan for its size and its duration only.
+#[derive(Default)]
+struct Measure {
+    elements: usize,
+    time_s: f64,
+    tail_s: f64,
+}
+
+impl Sink<Element> for Measure {
+    fn free(&self) -> usize {
+        usize::MAX / 2
+    }
+
+    fn publish(&mut self, committed: &[Element], tail: &[Element]) -> Publish {
+        self.elements += committed.len();
+        self.time_s += committed.iter().map(Timed::duration_s).sum::<f64>();
+        self.tail_s = tail.iter().map(Timed::duration_s).sum();
+        Publish::Done
+    }
+}
+
+/// Plans a whole program and runs it down.
+///
+/// # Errors
+/// The first thing of the program that cannot be planned.
+pub(super) fn run_down(config: &Config, tables: &Tables, text: &[u8]) -> Result<Work, FeedError> {
+    let start = home(config);
+    let began = Instant::now();
+    let mut feeder = Feeder::new(config, tables, text, start, Measure::default());
+    whole(&mut feeder)?;
+    let wall_time_s = began.elapsed().as_secs_f64();
+    let measure = feeder.sink();
+    let (motion_time_s, elements) = (measure.time_s + measure.tail_s, measure.elements);
+
+    let (producer, consumer) = ring::channel(ring_capacity(config));
+    let mut feeder = Feeder::new(config, tables, text, start, producer);
+    let mut interpolator = Interpolator::new(consumer, start, stop_ramp(config));
+    let mut work = Work {
+        cycle_s: f64::from(config.cycle_us) * 1e-6,
+        cycles: Vec::new(),
+        joints: Joints::new(config),
+        path: Vec::new(),
+        marks: Vec::new(),
+        motion_time_s,
+        wall_time_s,
+        lines: 0,
+        elements,
+        tolerance_mm: 0.0,
+        starved_cycles: 0,
+        dwelling: false,
+    };
+    work.push(&Sample::resting(start));
+    let mut done = false;
+    loop {
+        while !done {
+            let progress = feeder.pump()?;
+            work.path.extend(feeder.ideal_path());
+            match progress {
+                Progress::Working => {}
+                Progress::RingFull => break,
+                Progress::Done => done = true,
+            }
+        }
+        let sample = interpolator.step(1.0);
+        if sample.action.is_some() {
+            interpolator.acknowledge_action();
+        }
+        work.push(&sample);
+        match sample.state {
+            SampleState::Finished => break,
+            SampleState::Starved if done && sample.action.is_none() && interpolator.remaining_s() == 0.0 => break,
+            SampleState::Starved if sample.action.is_none() => work.starved_cycles += 1,
+            SampleState::Moving | SampleState::Dwelling | SampleState::Acting | SampleState::Starved => {}
+        }
+    }
+    work.lines = feeder.line();
+    work.tolerance_mm = feeder.tolerance_mm();
+    Ok(work)
+}
+
+/// Plans all of a program for a sink that never is full.
+pub(super) fn whole<S: Sink<Element>>(feeder: &mut Feeder<'_, S>) -> Result<(), FeedError> {
+    while feeder.pump()? != Progress::Done {
+        feeder.ideal_path();
+    }
+    Ok(())
+}
+
+impl Work {
+    fn push(&mut self, sample: &Sample) {
+        let cycle = self.cycles.len();
+        let what = match (sample.state, sample.action) {
+            (_, Some(Action::ChangeTool { tool })) => Some(Event::ToolChange(tool)),
+            (_, Some(Action::ProgramStop | Action::OptionalStop)) => Some(Event::Stop),
+            (SampleState::Dwelling, _) => Some(Event::Dwell),
+            (_, _) => None,
+        };
+        // A wait is marked where it begins.
+        let goes_on = what == Some(Event::Dwell) && self.dwelling;
+        self.dwelling = what == Some(Event::Dwell);
+        if let Some(what) = what.filter(|_| !goes_on) {
+            self.marks.push(Mark { cycle, what });
+        }
+        self.joints.push(&sample.position, &sample.frame);
+        self.cycles.push(Cycle {
+            position: sample.position,
+            speed_mm_s: sample.velocity_mm_s,
+            line: sample.line,
+            rapid: sample.rapid,
+            moving: sample.state == SampleState::Moving,
+        });
+    }
+}
