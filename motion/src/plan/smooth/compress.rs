@@ -114,9 +114,19 @@ impl Compressor {
             return;
         }
         self.full = WINDOW;
-        // What is let go ends with a move.
-        let until = self.fit.borders[self.fit.borders.len() - 1 - OVERLAP];
-        let Some(last) = self.track.chords.iter().position(|chord| chord.t[1] >= until) else {
+        // What is let go ends with a move: at a border that is the end of a chord.
+        let borders = &self.fit.borders;
+        let mut ends = self.track.chords.iter().enumerate().rev().peekable();
+        let mut found = None;
+        for border in borders[1..borders.len() - OVERLAP].iter().rev() {
+            while ends.next_if(|(_, chord)| chord.t[1] > *border).is_some() {}
+            if let Some((last, _)) = ends.peek().filter(|(_, chord)| chord.t[1] == *border) {
+                found = Some((*last, *border));
+                break;
+            }
+        }
+        let Some((last, until)) = found else {
+            self.close(out);
             return;
         };
         match self.curve(until) {
@@ -278,7 +288,9 @@ impl Compressor {
             from += good;
             borders.push(track.chords[from - 1].t[1]);
         }
-        borders.len() - 1
+        let spans = borders.len() - 1;
+        self.fit.grade();
+        spans
     }
 
     /// The quintics up to parameter `until`, and the state there.

@@ -16,7 +16,9 @@ use super::bspline::{Band, DEGREE, ORDER, basis};
 use crate::canon::AXES;
 
 /// Weight of the third derivative: the length, as a part of the span, below which waves are lost.
-const SMOOTH: f64 = 0.5;
+const SMOOTH: f64 = 0.35;
+/// Widths of neighbouring spans differ by this factor at most.
+const GRADE: f64 = 2.0;
 /// Fits before giving up.
 const ROUNDS: usize = 9;
 /// Part of the tolerance that may be used where curve and polygon are compared; the rest is for what lies between.
@@ -210,8 +212,6 @@ impl Fit {
         for (k, pair) in self.states.windows(2).enumerate() {
             let h = self.borders[k + 1] - self.borders[k];
             let mut c = [[0.0; AXES]; ORDER];
-            // One axis at a time; the coefficients lie across the rows.
-            #[allow(clippy::needless_range_loop)]
             for axis in 0..track.axes {
                 let (v0, v1) = (pair[0].d1[axis] * h, pair[1].d1[axis] * h);
                 let (a0, a1) = (pair[0].d2[axis] * h * h, pair[1].d2[axis] * h * h);
@@ -306,34 +306,53 @@ impl Fit {
         }
     }
 
-    /// Halves the spans that are too far off, and those next to them that are wider; `false`: they are too short for that.
+    /// Halves the spans that are too far off; `false`: they are too short for that.
     fn split(&mut self, track: &Track) -> bool {
-        let spans = self.bad.len();
         let shortest = track.tolerance / 16.0;
-        let width = |k: usize| self.borders[k + 1] - self.borders[k];
-        let mut halve = self.bad.clone();
-        for k in 0..spans {
-            if self.bad[k] {
-                if width(k) < shortest {
+        let mut borders = Vec::with_capacity(2 * self.borders.len());
+        for (pair, bad) in self.borders.windows(2).zip(&self.bad) {
+            borders.push(pair[0]);
+            if *bad {
+                let half = 0.5 * (pair[1] - pair[0]);
+                if half < shortest {
                     return false;
                 }
-                for near in [k.wrapping_sub(1), k + 1] {
-                    if near < spans && width(near) > 1.5 * width(k) {
-                        halve[near] = true;
-                    }
-                }
+                borders.push(pair[0] + half);
             }
         }
-        let mut borders = Vec::with_capacity(2 * spans);
-        for k in 0..spans {
-            let from = self.borders[k];
-            borders.push(from);
-            if halve[k] {
-                borders.push(from + 0.5 * width(k));
-            }
-        }
-        borders.push(self.borders[spans]);
+        borders.extend(self.borders.last());
         self.borders = borders;
+        self.grade();
         true
+    }
+
+    /// Splits spans until neighbours differ in width by a factor of [`GRADE`] at most, so that the curve can change its
+    /// pace from one to the other.
+    pub(super) fn grade(&mut self) {
+        let mut to = Vec::with_capacity(self.borders.len() + 16);
+        // Seen from the other end, the second time.
+        for _ in 0..2 {
+            let mut last = f64::INFINITY;
+            to.clear();
+            to.extend(self.borders.first());
+            for pair in self.borders.windows(2) {
+                let end = pair[1];
+                let mut at = pair[0];
+                while (end - at).abs() > GRADE * last * (1.0 + 1e-9) {
+                    // The largest of halves, quarters ... that is allowed.
+                    let mut step = 0.5 * (end - at);
+                    while step.abs() > GRADE * last {
+                        step *= 0.5;
+                    }
+                    at += step;
+                    last = step.abs();
+                    to.push(at);
+                }
+                last = (end - at).abs();
+                to.push(end);
+            }
+            to.reverse();
+            std::mem::swap(&mut to, &mut self.borders);
+        }
     }
 }

@@ -9,9 +9,13 @@
 //! corners    what is left of moves, and the blends between    (round: one corner)
 //! ```
 
+// Several arrays are walked at once, over the axes in use.
+#[allow(clippy::needless_range_loop)]
 mod bspline;
+#[allow(clippy::needless_range_loop)]
 mod compress;
 mod corners;
+#[allow(clippy::needless_range_loop)]
 mod fit;
 pub(super) mod round;
 
