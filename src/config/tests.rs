@@ -130,7 +130,7 @@ fn the_demo_machine_is_read_whole() {
     assert_eq!(config.spindle.rpm_max, 24_000.0);
     assert_eq!(
         (config.program.tolerance_mm, config.program.look_ahead_blocks),
-        (0.01, 1000)
+        (0.01, 10_000)
     );
     let net = config.nets.iter().find(|net| net.name == "coolant-flood").unwrap();
     assert_eq!(

@@ -45,7 +45,7 @@ fn what_is_left_out_is_as_in_linuxcnc() {
     assert_eq!(config.unit, LengthUnit::Millimetre);
     assert!(!config.axes[0].wrapped);
     let program = config.program;
-    assert_eq!((program.tolerance_mm, program.look_ahead_blocks), (0.01, 1000));
+    assert_eq!((program.tolerance_mm, program.look_ahead_blocks), (0.01, 10_000));
     assert_eq!((program.parameter_file, program.directory), (None, None));
     assert!(!program.user_codes.allowed && !program.block_delete && !program.diameter_mode);
     assert!(program.keep_g92);

@@ -433,7 +433,7 @@ impl Default for Program {
         let [arc_radius_tolerance_mm, arc_radius_tolerance_inch] = ARC_RADIUS_TOLERANCE;
         Program {
             tolerance_mm: 0.01,
-            look_ahead_blocks: 1000,
+            look_ahead_blocks: 10_000,
             planner: motion::plan::Slope::default(),
             parameter_file: None,
             directory: None,

@@ -82,8 +82,7 @@ pub struct Settings {
     pub cycle_s: f64,
     /// Greatest deviation from the path where G64 names none, mm.
     pub tolerance_mm: f64,
-    /// Pieces of path that are looked ahead; more cost memory, fewer cost speed. See
-    /// [`Settings::largest_publication`] for the ring.
+    /// Pieces of path that are looked ahead at the most: as far as speeds depend on it. Fewer may cost speed.
     pub look_ahead_blocks: usize,
     /// Machine position from which the program starts.
     pub start: Position,

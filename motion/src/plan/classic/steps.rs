@@ -5,8 +5,13 @@
 //!
 //! Speeds come from a backward pass, which assumes rest at the end of what is known, and a forward pass. A speed of the
 //! backward pass that equals its cap cannot rise when more becomes known; all before the last such place is *final*.
-//! If the window is full without such a place, its older half is made final, which costs speed but breaks nothing: the
-//! backward pass gives the greatest speed from which the machine can still stop, and more path never makes it smaller.
+//! Such a place lies one braking length before the end at the latest, so that the look-ahead is as long as it must be. A
+//! backward pass ends where it finds the speed of the pass before: nothing further ahead can change.
+//!
+//! Two things bound memory, cost speed where they apply, and break nothing, because the backward pass gives the greatest
+//! speed from which the machine can still stop, and more path never makes it smaller: if the window is full without a
+//! final place, its older half is made final; and if the stop behind a publication would have too many elements, speeds are
+//! planned for a stop that has not.
 
 use std::collections::VecDeque;
 
@@ -38,26 +43,40 @@ impl What {
 #[derive(Debug)]
 struct Step {
     what: What,
-    /// Speed at its end, once planned.
-    end_speed: f64,
+    /// Greatest speed at its end from which what follows can be run, by the backward pass; `None`: not planned yet.
+    end_speed: Option<f64>,
+}
+
+impl Step {
+    fn new(what: What) -> Step {
+        Step { what, end_speed: None }
+    }
+
+    /// Elements that it comes to at the most: a border between phases may fall into any piece, and there are six.
+    fn elements_max(&self) -> usize {
+        const PHASE_BORDERS: usize = 6;
+        self.what.pieces() + PHASE_BORDERS
+    }
 }
 
 /// Final elements from which on a publication is not made larger.
 const PUBLICATION: usize = 512;
 
-/// Elements that a run has more than pieces: a border between phases may fall into any piece, and there are six.
-const PHASE_BORDERS: usize = 6;
+/// Elements that the stop behind a publication may have: enough for a second of braking over short blocks.
+const TAIL: usize = 8192;
 
-/// Pieces that are looked ahead.
+/// Pieces that are new before speeds are planned anew, at the most.
+const FRESH: usize = 512;
+
+/// Pieces that are looked ahead at the most.
 fn window(settings: &Settings) -> usize {
     settings.look_ahead_blocks.max(1)
 }
 
-/// Elements that the largest publication may have.
-pub(in crate::plan) fn largest_publication(settings: &Settings) -> usize {
-    let run = RUN_PIECES + PHASE_BORDERS;
-    let tail = (window(settings) + RUN_PIECES) * (1 + PHASE_BORDERS);
-    PUBLICATION + run + tail
+/// Elements that the largest publication may have. It does not depend on how far is looked ahead.
+pub(in crate::plan) fn largest_publication() -> usize {
+    // The last run of a publication may be as long as runs are; see `elements_max`.
+    PUBLICATION + RUN_PIECES + 6 + TAIL
 }
 
 /// Plans runs and hands them over.
@@ -100,10 +119,7 @@ impl Steps {
         self.take(built);
         if element.is_some() {
             self.finished = false;
-            self.steps.push_back(Step {
-                what: What::Rest(element),
-                end_speed: 0.0,
-            });
+            self.steps.push_back(Step::new(What::Rest(element)));
         }
     }
 
@@ -130,12 +146,11 @@ impl Steps {
                 Publish::Done => {}
                 Publish::Full => return Pumped::Blocked,
                 Publish::TailTaken => {
+                    // The backward pass does not depend on the speed before it.
+                    self.final_steps = self.final_steps.saturating_sub(self.tail_steps);
                     self.drop_steps(self.tail_steps);
-                    self.final_steps = 0;
                     self.tail_steps = 0;
                     self.speed = 0.0;
-                    // Whatever was planned began with another speed.
-                    self.plan(settings);
                 }
             }
         }
@@ -144,7 +159,7 @@ impl Steps {
     /// Plans if there is enough new to make a difference, or no reason to wait.
     fn plan_if_due(&mut self, settings: &Settings) {
         let window = window(settings);
-        if self.finished || self.pieces >= window || self.fresh >= window.div_ceil(4) {
+        if self.finished || self.pieces >= window || self.fresh >= window.div_ceil(4).min(FRESH) {
             self.plan(settings);
         }
     }
@@ -169,7 +184,7 @@ impl Steps {
                 Built::Stop if self.steps.back().is_none_or(|step| matches!(step.what, What::Rest(_))) => continue,
                 Built::Stop => What::Rest(None),
             };
-            self.steps.push_back(Step { what, end_speed: 0.0 });
+            self.steps.push_back(Step::new(what));
         }
     }
 
@@ -184,77 +199,117 @@ impl Steps {
         }
     }
 
-    /// Plans the speeds of all steps within the window, none of which is final, and makes steps final; some in any case
-    /// if the window is full.
+    /// Greatest speed before step `i` if `after` is that at its end.
+    fn before(&self, i: usize, after: f64) -> f64 {
+        match &self.steps[i].what {
+            What::Run(run) if i > 0 => brakeable(after, self.cap(i - 1), run.length, &run.limits),
+            What::Run(_) | What::Rest(_) => 0.0,
+        }
+    }
+
+    /// Plans the speeds of all steps, none of which is final, and makes steps final; some in any case if the window is full.
     fn plan(&mut self, settings: &Settings) {
         self.fresh = 0;
-        // A stop must be known within the window, so that a publication has a bounded number of elements.
-        let mut pieces = 0;
-        let mut count = 0;
-        while count < self.steps.len() && pieces < window(settings) {
-            pieces += self.steps[count].what.pieces();
-            count += 1;
-        }
-        let mut settled = 0;
         let mut after = 0.0;
-        for i in (0..count).rev() {
+        for i in (0..self.steps.len()).rev() {
             // `after` is the speed at the end of step i. At its cap, nothing that follows can raise it; but what follows
             // the last known step is not known.
             let known = i + 1 < self.steps.len() || self.finished || matches!(self.steps[i].what, What::Rest(_));
-            if settled == 0 && known && after >= self.cap(i) {
-                settled = i + 1;
+            if self.final_steps == 0 && known && after >= self.cap(i) {
+                self.final_steps = i + 1;
             }
-            self.steps[i].end_speed = after;
-            after = match &self.steps[i].what {
-                What::Run(run) if i > 0 => brakeable(after, self.cap(i - 1), run.length, &run.limits),
-                What::Run(_) | What::Rest(_) => 0.0,
-            };
-        }
-        let mut speed = self.speed;
-        for step in self.steps.range_mut(..count) {
-            if let What::Run(run) = &step.what {
-                step.end_speed = end_speed(speed, step.end_speed, run.length, &run.limits);
+            if self.steps[i].end_speed == Some(after) {
+                break;
             }
-            speed = step.end_speed;
+            self.steps[i].end_speed = Some(after);
+            after = self.before(i, after);
         }
-        if settled == 0 && pieces >= window(settings) {
-            settled = count.div_ceil(2);
+        if self.final_steps == 0 && self.pieces >= window(settings) {
+            self.final_steps = self.steps.len().div_ceil(2);
         }
-        self.final_steps = settled;
+    }
+
+    /// Lowers speeds so that the machine can stop within as many steps as a tail may have, and leaves half of them final at
+    /// the most.
+    fn plan_short(&mut self) {
+        let mut elements = 0;
+        let fits = |step: &&Step| {
+            elements += step.elements_max();
+            elements <= TAIL
+        };
+        let count = self.steps.iter().take_while(fits).count();
+        self.final_steps = self.final_steps.min(count.div_ceil(2));
+        let mut after = 0.0;
+        for i in (0..count).rev() {
+            // The others may be faster again.
+            if i < self.final_steps {
+                let planned = self.steps[i].end_speed.unwrap_or(0.0);
+                self.steps[i].end_speed = Some(planned.min(after));
+            }
+            after = self.before(i, after);
+        }
+    }
+
+    /// Speed at the end of step `i` if that before it is `speed`.
+    fn speed_after(&self, i: usize, speed: f64) -> f64 {
+        match (&self.steps[i].what, self.steps[i].end_speed) {
+            (What::Run(run), Some(end)) => end_speed(speed, end, run.length, &run.limits),
+            // Only what is planned becomes final, and all else ends at rest.
+            (What::Run(_), None) | (What::Rest(_), _) => 0.0,
+        }
     }
 
     /// Hands over the first final steps with a stop behind them.
     fn publish<S: Sink<Element>>(&mut self, sink: &mut S) -> Publish {
         let mut committed = Vec::new();
-        let mut steps = 0;
-        let mut speed = self.speed;
-        while steps < self.final_steps && (steps == 0 || committed.len() < PUBLICATION) {
-            speed = self.elements(steps, speed, self.steps[steps].end_speed, &mut committed);
-            steps += 1;
-        }
         let mut tail = Vec::new();
-        let mut tail_steps = 0;
-        while speed > 0.0 && steps + tail_steps < self.steps.len() {
-            let step = steps + tail_steps;
-            let least = match &self.steps[step].what {
-                What::Run(run) => least_end_speed(speed, run.length, &run.limits),
-                What::Rest(_) => 0.0,
-            };
-            speed = self.elements(step, speed, least, &mut tail);
-            tail_steps += 1;
-        }
-        debug_assert!(speed == 0.0, "a stop is known");
+        let (steps, tail_steps, after) = loop {
+            committed.clear();
+            let mut steps = 0;
+            let mut after = self.speed;
+            while steps < self.final_steps && (steps == 0 || committed.len() < PUBLICATION) {
+                let end_speed = self.speed_after(steps, after);
+                after = self.elements(steps, after, end_speed, &mut committed);
+                steps += 1;
+            }
+            match self.stop(steps, after, &mut tail) {
+                Some(tail_steps) => break (steps, tail_steps, after),
+                None => self.plan_short(),
+            }
+        };
         if !(committed.is_empty() && tail.is_empty()) {
             let result = sink.publish(&committed, &tail);
             if result != Publish::Done {
                 return result;
             }
         }
-        self.speed = self.steps[steps - 1].end_speed;
+        self.speed = after;
         self.final_steps -= steps;
         self.tail_steps = tail_steps;
         self.drop_steps(steps);
         Publish::Done
+    }
+
+    /// Puts the fastest stop from `speed` at the beginning of step `first` into `tail`, and returns of how many steps it
+    /// is; `None` if it is too long.
+    fn stop(&self, first: usize, mut speed: f64, tail: &mut Vec<Element>) -> Option<usize> {
+        tail.clear();
+        let mut step = first;
+        let mut elements = 0;
+        while speed > 0.0 && step < self.steps.len() {
+            elements += self.steps[step].elements_max();
+            if elements > TAIL {
+                return None;
+            }
+            let least = match &self.steps[step].what {
+                What::Run(run) => least_end_speed(speed, run.length, &run.limits),
+                What::Rest(_) => 0.0,
+            };
+            speed = self.elements(step, speed, least, tail);
+            step += 1;
+        }
+        debug_assert!(speed == 0.0, "a stop is known");
+        Some(step - first)
     }
 
     /// Appends the elements of a step; returns the speed at its end.
