@@ -9,6 +9,7 @@
 
 use super::Settings;
 use super::limits::{Bounds, jumps};
+use super::profile::reachable;
 use super::smooth::{Passed, Stretch};
 
 /// A stretch with the bounds of its geometry.
@@ -53,6 +54,41 @@ impl Kinks {
 
     pub(super) fn flush(&mut self, out: &mut Vec<Joined>) {
         out.extend(self.last.take().map(Joined::Stretch));
+    }
+}
+
+/// What there is where two stretches meet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Meeting {
+    /// Direction and curvature go on.
+    Smooth,
+    /// A jump that is passed at this speed, constant over `zone` (mm) on both sides.
+    Slow { speed: f64, zone: f64 },
+    /// A jump that is passed at rest.
+    Stop,
+}
+
+/// How the end of `a` and the beginning of `b` meet, of which `lengths` may be used. Every speed up to that of a slow
+/// meeting can be reached from any other within either stretch.
+pub(super) fn meeting(a: &Stretch, b: &Stretch, lengths: [f64; 2], settings: &Settings) -> Meeting {
+    let Some(jump) = jumps(&a.piece.jet(a.piece.length()), &b.piece.jet(0.0)) else {
+        return Meeting::Smooth;
+    };
+    let reach_s = 3.0 * settings.cycle_s;
+    let bounds = jump.union(&Bounds::of(&a.piece)).union(&Bounds::of(&b.piece));
+    let limits = bounds.limits(a.feed.min(b.feed), settings);
+    // A quarter of a stretch at each end for its zone; what is left for changing speed. A change to a third of a speed
+    // takes 9 % more length than one to rest.
+    let shortest = lengths[0].min(lengths[1]);
+    let speed = limits.v.min(0.25 * shortest / reach_s);
+    let speed = reachable(0.0, speed, 0.9 * 0.5 * shortest, &limits);
+    // Slower than what a few cycles of jerk give, rest is no worse.
+    if speed < limits.j * (2.0 * settings.cycle_s) * (2.0 * settings.cycle_s) {
+        return Meeting::Stop;
+    }
+    Meeting::Slow {
+        speed,
+        zone: reach_s * speed,
     }
 }
 

@@ -3,13 +3,13 @@
 //! In:  canonical calls.
 //! Out: publications to a ring.
 
-use super::classic;
+use super::optimal::{self, Stream};
 use super::program::{Entry, Program};
-use super::smooth::{Passed, Smoother, Stretch};
-use super::{PlanError, Programmed, Settings};
+use super::smooth::{Passed, Smoother};
+use super::workers::Workers;
+use super::{PlanError, Programmed, Settings, Slope, classic};
 use crate::canon::Event;
 use crate::element::Element;
-use crate::kinematics::ToolFrame;
 use crate::ring::Sink;
 
 /// What became of [`Planner::pump`].
@@ -26,7 +26,54 @@ pub enum Pumped {
 impl Settings {
     /// Elements that the largest publication may have; the ring must hold as many.
     pub fn largest_publication(&self) -> usize {
-        classic::largest_publication()
+        match self.slope {
+            Slope::Optimal => optimal::largest_publication(),
+            Slope::Classic => classic::largest_publication(),
+        }
+    }
+}
+
+/// What chooses the speed.
+#[derive(Debug)]
+enum Engine {
+    Classic(classic::Steps),
+    Optimal(Stream),
+}
+
+impl Engine {
+    fn push(&mut self, passed: Passed, settings: &Settings) {
+        match self {
+            Engine::Classic(steps) => steps.push(passed, settings),
+            Engine::Optimal(stream) => stream.push(passed),
+        }
+    }
+
+    fn rest(&mut self, element: Option<Element>, settings: &Settings) {
+        match self {
+            Engine::Classic(steps) => steps.rest(element, settings),
+            Engine::Optimal(stream) => stream.rest(element),
+        }
+    }
+
+    fn finish(&mut self) {
+        match self {
+            Engine::Classic(steps) => steps.finish(),
+            Engine::Optimal(stream) => stream.finish(),
+        }
+    }
+
+    fn is_done(&self) -> bool {
+        match self {
+            Engine::Classic(steps) => steps.is_done(),
+            Engine::Optimal(stream) => stream.is_done(),
+        }
+    }
+
+    fn pump<S: Sink<Element>>(&mut self, settings: &Settings, sink: &mut S) -> Pumped {
+        match self {
+            Engine::Classic(steps) => steps.pump(settings, sink),
+            Engine::Optimal(stream) => stream.pump(settings, sink),
+        }
     }
 }
 
@@ -37,22 +84,28 @@ pub struct Planner<S> {
     sink: S,
     program: Program,
     smoother: Smoother,
-    steps: classic::Steps,
-    /// How the axes of what passes the stages are meant.
-    frame: ToolFrame,
+    engine: Engine,
     ideal: Vec<Programmed>,
 }
 
 impl<S: Sink<Element>> Planner<S> {
-    /// A planner at rest at the start position.
+    /// A planner at rest at the start position, which does everything in the thread that calls it.
     pub fn new(settings: Settings, sink: S) -> Planner<S> {
+        Planner::with_workers(settings, sink, &Workers::none())
+    }
+
+    /// The same with threads to help it. What comes out does not depend on how many there are.
+    pub fn with_workers(settings: Settings, sink: S, workers: &Workers) -> Planner<S> {
+        let engine = match settings.slope {
+            Slope::Classic => Engine::Classic(classic::Steps::default()),
+            Slope::Optimal => Engine::Optimal(Stream::new(&settings, workers)),
+        };
         Planner {
             settings,
             sink,
             program: Program::new(settings.start),
             smoother: Smoother::default(),
-            steps: classic::Steps::default(),
-            frame: ToolFrame::OFF,
+            engine,
             ideal: Vec::new(),
         }
     }
@@ -77,11 +130,9 @@ impl<S: Sink<Element>> Planner<S> {
                 });
                 let mut passed = Vec::new();
                 self.smoother.push(part, &self.settings, &mut passed);
-                self.pass(passed);
-            }
-            Some(Entry::Halt) => {
-                self.rest(None);
-                self.frame = self.program.tool_frame();
+                for passed in passed {
+                    self.engine.push(passed, &self.settings);
+                }
             }
             Some(Entry::Rest(element)) => self.rest(Some(element)),
         }
@@ -91,12 +142,12 @@ impl<S: Sink<Element>> Planner<S> {
     /// Nothing follows for now: what is known is planned to its end, at rest. More may be pushed later.
     pub fn finish(&mut self) {
         self.rest(None);
-        self.steps.finish();
+        self.engine.finish();
     }
 
     /// Whether everything has been handed over after [`Planner::finish`].
     pub fn is_done(&self) -> bool {
-        self.steps.is_done()
+        self.engine.is_done()
     }
 
     /// Programmed moves since the last call of this function, in machine coordinates.
@@ -111,29 +162,16 @@ impl<S: Sink<Element>> Planner<S> {
 
     /// Hands over what is final.
     pub fn pump(&mut self) -> Pumped {
-        self.steps.pump(&self.settings, &mut self.sink)
+        self.engine.pump(&self.settings, &mut self.sink)
     }
 
     /// Sends everything through the stages; it ends at rest.
     fn rest(&mut self, element: Option<Element>) {
         let mut passed = Vec::new();
         self.smoother.flush(&self.settings, &mut passed);
-        self.pass(passed);
-        self.steps.rest(element, &self.settings);
-    }
-
-    /// What the smoother lets go, to the slope. Pieces that it made are meant as the moves they come from: it is empty when
-    /// that changes.
-    fn pass(&mut self, passed: Vec<Passed>) {
         for passed in passed {
-            let passed = match passed {
-                Passed::Stretch(stretch) => Passed::Stretch(Stretch {
-                    piece: stretch.piece.in_frame(self.frame),
-                    ..stretch
-                }),
-                Passed::Stop => Passed::Stop,
-            };
-            self.steps.push(passed, &self.settings);
+            self.engine.push(passed, &self.settings);
         }
+        self.engine.rest(element, &self.settings);
     }
 }

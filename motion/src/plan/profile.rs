@@ -19,6 +19,43 @@ pub(super) struct Phase {
     pub(super) jerk: f64,
 }
 
+impl Phase {
+    /// Length run after `t` of the phase.
+    pub(super) fn place(&self, t: f64) -> f64 {
+        self.s + t * (self.v + t * (self.a / 2.0 + t * self.jerk / 6.0))
+    }
+
+    pub(super) fn speed(&self, t: f64) -> f64 {
+        self.v + t * (self.a + t * self.jerk / 2.0)
+    }
+
+    /// Time after `from` at which `place` is reached, at most the end of the phase.
+    pub(super) fn time_at(&self, place: f64, from: f64) -> f64 {
+        let (mut low, mut high) = (from, self.duration);
+        let mut t = 0.5 * (low + high);
+        for _ in 0..80 {
+            let error = self.place(t) - place;
+            if error > 0.0 {
+                high = t;
+            } else {
+                low = t;
+            }
+            // Newton's step where it stays inside the bracket, else the middle.
+            let newton = t - error / self.speed(t);
+            let next = if newton > low && newton < high {
+                newton
+            } else {
+                0.5 * (low + high)
+            };
+            if (next - t).abs() <= 1e-16 {
+                break;
+            }
+            t = next;
+        }
+        t.clamp(from, self.duration)
+    }
+}
+
 /// Times of a change of speed by `dv` from and to acceleration 0: each jerk phase, and the phase between.
 fn change_times(dv: f64, limits: &PathLimits) -> (f64, f64) {
     let PathLimits { a, j, .. } = *limits;

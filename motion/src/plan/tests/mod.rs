@@ -6,7 +6,6 @@ use super::smooth::round::distance;
 use super::*;
 use crate::canon::{Call, Event, PathMode, Plane};
 
-mod joint_space;
 mod random;
 
 fn settings() -> Settings {
@@ -32,7 +31,6 @@ fn settings() -> Settings {
     });
     Settings {
         axes,
-        joints: None,
         cycle_s: 1e-3,
         tolerance_mm: 0.05,
         look_ahead_blocks: 200,

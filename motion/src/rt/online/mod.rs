@@ -255,4 +255,4 @@ impl Online {
 }
 
 #[cfg(test)]
-pub(super) mod tests;
+mod tests;

@@ -143,6 +143,17 @@ impl Grid {
         self.lengths[span]
     }
 
+    /// Some of the spans, as a grid of their own.
+    pub fn part(&self, spans: std::ops::Range<usize>) -> Grid {
+        let joints = 3 * self.limits.len();
+        Grid {
+            limits: self.limits.clone(),
+            lengths: self.lengths[spans.clone()].to_vec(),
+            caps: self.caps[spans.clone()].to_vec(),
+            rows: self.rows[joints * spans.start..joints * spans.end].to_vec(),
+        }
+    }
+
     /// Forgets the first `spans` spans; the others move to the front.
     pub fn drop_front(&mut self, spans: usize) {
         let spans = spans.min(self.spans());

@@ -1,0 +1,141 @@
+//! The path as the joints see it: limits, and derivatives of every joint by path length.
+//!
+//! In:  derivatives of the axes.
+//! Out: derivatives of the joints, and the speed that they allow.
+
+use super::solver::{JointJet, JointLimits};
+use crate::path::Jet;
+use crate::plan::Settings;
+use crate::plan::limits::PathLimits;
+
+/// Joints of the machine.
+#[derive(Clone, Debug)]
+pub(super) struct Joints {
+    limits: Vec<JointLimits>,
+    /// Which axis each follows.
+    axes: Vec<usize>,
+}
+
+/// What the joints allow at a point of the path, each of them taken alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Allowed {
+    /// Square of the speed, by speed limits and by acceleration and jerk of steady motion.
+    pub(super) b: f64,
+    /// Acceleration along the path.
+    pub(super) a: f64,
+    /// Jerk along the path.
+    pub(super) j: f64,
+}
+
+impl Joints {
+    pub(super) fn new(settings: &Settings) -> Joints {
+        let existing = || {
+            settings
+                .axes
+                .iter()
+                .enumerate()
+                .filter_map(|(k, axis)| Some((k, (*axis)?)))
+        };
+        Joints {
+            limits: existing()
+                .map(|(_, axis)| JointLimits {
+                    velocity: axis.velocity,
+                    acceleration: axis.acceleration,
+                    jerk: axis.jerk,
+                })
+                .collect(),
+            axes: existing().map(|(k, _)| k).collect(),
+        }
+    }
+
+    pub(super) fn limits(&self) -> &[JointLimits] {
+        &self.limits
+    }
+
+    /// Derivatives of all joints.
+    pub(super) fn jets(&self, jet: &Jet, out: &mut Vec<JointJet>) {
+        out.clear();
+        out.extend(self.axes.iter().map(|&axis| JointJet {
+            d1: jet.d1[axis],
+            d2: jet.d2[axis],
+            d3: jet.d3[axis],
+        }));
+    }
+
+    /// What limits leave at a point with these derivatives, for speeds up to `feed`.
+    pub(super) fn allowed(&self, jets: &[JointJet], feed: f64) -> Allowed {
+        let mut allowed = Allowed {
+            b: feed * feed,
+            a: f64::INFINITY,
+            j: f64::INFINITY,
+        };
+        for (jet, limits) in jets.iter().zip(&self.limits) {
+            let (d1, d2, d3) = (jet.d1.abs(), jet.d2.abs(), jet.d3.abs());
+            let speed = limits.velocity / d1;
+            let turning = (limits.jerk / d3).cbrt();
+            allowed.b = allowed
+                .b
+                .min(speed * speed)
+                .min(limits.acceleration / d2)
+                .min(turning * turning);
+            allowed.a = allowed.a.min(limits.acceleration / d1);
+            allowed.j = allowed.j.min(limits.jerk / d1);
+        }
+        allowed
+    }
+}
+
+/// Limits along the path that hold for any motion over a stretch, found from samples of it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Steady {
+    /// Greatest |q'|, |q''| and |q'''| of every joint, over its speed, acceleration and jerk.
+    greatest: [[f64; 3]; JOINTS],
+}
+
+/// Joints that a machine has at the most.
+const JOINTS: usize = crate::kinematics::JOINTS;
+
+/// Parts of acceleration and jerk that the bend of the path may take at full speed; the rest is for changes of speed.
+const BEND_PART: f64 = 0.65;
+/// Part of what is left of the jerk that the change of acceleration on a bent path may take.
+const COUPLED_PART: f64 = 0.5;
+/// Part of the limits that is used at all: samples may miss a crest.
+const USE: f64 = 0.985;
+
+impl Steady {
+    pub(super) fn new() -> Steady {
+        Steady {
+            greatest: [[0.0; 3]; JOINTS],
+        }
+    }
+
+    /// Takes a sample in.
+    pub(super) fn see(&mut self, jets: &[JointJet]) {
+        for (greatest, jet) in self.greatest.iter_mut().zip(jets) {
+            for (most, value) in greatest.iter_mut().zip([jet.d1, jet.d2, jet.d3]) {
+                *most = most.max(value.abs());
+            }
+        }
+    }
+
+    /// The limits for speeds up to `feed`.
+    pub(super) fn limits(&self, joints: &Joints, feed: f64) -> PathLimits {
+        let all = || self.greatest.iter().zip(&joints.limits);
+        let mut v = feed;
+        for ([d1, d2, d3], limits) in all() {
+            v = v.min(limits.velocity / d1);
+            v = v.min((BEND_PART * USE * limits.acceleration / d2).sqrt());
+            v = v.min((BEND_PART * USE * limits.jerk / d3).cbrt());
+        }
+        let (mut a, mut j) = (f64::INFINITY, f64::INFINITY);
+        for ([d1, d2, d3], limits) in all() {
+            a = a.min((USE * limits.acceleration - d2 * v * v) / d1);
+            let left = USE * limits.jerk - d3 * v * v * v;
+            a = a.min(COUPLED_PART * left / (3.0 * d2 * v));
+        }
+        for ([d1, d2, d3], limits) in all() {
+            j = j.min((USE * limits.jerk - d3 * v * v * v - 3.0 * d2 * v * a) / d1);
+        }
+        PathLimits { v, a, j }
+    }
+}

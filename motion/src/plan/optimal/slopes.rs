@@ -1,0 +1,197 @@
+//! Motion in time on parts of the path: starts and stops of constant jerk, phases, spans of the spline.
+//!
+//! In:  parts of the path, states at knots, phases.
+//! Out: elements.
+
+use super::joints::{Joints, Steady};
+use super::sections::{Log, Part, Place};
+use super::solver::{self, JointJet, Launch, State};
+use crate::element::{Element, Span};
+use crate::path::Shape;
+use crate::plan::limits::PathLimits;
+use crate::plan::profile::Phase;
+
+/// Which end of a section.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Side {
+    Start,
+    Stop,
+}
+
+/// The launch at the beginning or the end of a part; `None` where geometry leaves none.
+pub(super) fn launch(part: Part, side: Side, log: &Log, joints: &Joints, jets: &mut Vec<JointJet>) -> Option<Launch> {
+    let stretch = log.stretch(part.item)?;
+    let cap = stretch.feed * stretch.feed;
+    solver::launch(joints.limits(), cap, part.to - part.from, 1.0, |x, at| {
+        let s = match side {
+            Side::Start => part.from + x,
+            Side::Stop => part.to - x,
+        };
+        joints.jets(&stretch.piece.jet(s), jets);
+        at.copy_from_slice(jets);
+    })
+}
+
+/// A place between two knots or phases, with the motion there, as elements.
+pub(super) struct Emission<'a> {
+    pub(super) log: &'a Log,
+    pub(super) out: &'a mut Vec<Element>,
+}
+
+impl Emission<'_> {
+    /// Constant jerk from a place on.
+    #[allow(clippy::too_many_arguments)]
+    pub(super) fn span(&mut self, item: u64, s0: f64, v0: f64, a0: f64, jerk: f64, gradient: f64, duration_s: f64) {
+        if let Some(stretch) = self.log.stretch(item)
+            && duration_s > 0.0
+        {
+            self.out.push(Element::Span(Span {
+                piece: stretch.piece,
+                s0,
+                v0,
+                a0,
+                jerk,
+                gradient,
+                duration_s,
+                line: stretch.line,
+                rapid: stretch.rapid,
+            }));
+        }
+    }
+
+    /// A start on the first part of a section.
+    pub(super) fn start(&mut self, part: Part, launch: &Launch) {
+        self.span(part.item, part.from, 0.0, 0.0, launch.jerk, 0.0, launch.duration_s);
+    }
+
+    /// A stop on the last part of a section.
+    pub(super) fn stop(&mut self, part: Part, launch: &Launch) {
+        let State { b, u } = launch.stop();
+        let s = part.to - launch.length();
+        self.span(part.item, s, b.sqrt(), u, launch.jerk, 0.0, launch.duration_s);
+    }
+
+    /// Constant speed.
+    pub(super) fn steady(&mut self, part: Part, speed: f64) {
+        self.span(
+            part.item,
+            part.from,
+            speed,
+            0.0,
+            0.0,
+            0.0,
+            (part.to - part.from) / speed,
+        );
+    }
+
+    /// A span of the spline: from state to state over a part.
+    pub(super) fn spline(&mut self, part: Part, from: State, to: State) {
+        let length = part.to - part.from;
+        let gradient = (to.u - from.u) / length;
+        let (v0, v1) = (from.b.sqrt(), to.b.sqrt());
+        let mean_s = 2.0 * length / (v0 + v1);
+        if gradient.abs() * mean_s * mean_s > 0.7 * Span::GRADIENT_TIME2_MAX {
+            // The series would lose digits: two halves.
+            let half = 0.5 * length;
+            let u = from.u + gradient * half;
+            let middle = State {
+                b: from.b + (from.u + u) * half,
+                u,
+            };
+            let s = part.from + half;
+            if middle.b > 0.0 {
+                self.spline(Part { to: s, ..part }, from, middle);
+                self.spline(Part { from: s, ..part }, middle, to);
+                return;
+            }
+        }
+        let Some(stretch) = self.log.stretch(part.item) else {
+            return;
+        };
+        let mut span = Span {
+            piece: stretch.piece,
+            s0: part.from,
+            v0,
+            a0: from.u,
+            jerk: 0.0,
+            gradient,
+            duration_s: mean_s,
+            line: stretch.line,
+            rapid: stretch.rapid,
+        };
+        // Newton's steps on a function that rises all along; the first guess is off by less than the change of acceleration.
+        for _ in 0..12 {
+            let error = span.place(span.duration_s) - part.to;
+            let step = error / span.speed(span.duration_s).max(0.1 * v0.min(v1));
+            span.duration_s -= step;
+            if step.abs() <= 1e-15 + 1e-15 * span.duration_s {
+                break;
+            }
+        }
+        self.out.push(Element::Span(span));
+    }
+
+    /// Phases along parts that follow each other; returns where they end.
+    pub(super) fn phases(&mut self, parts: &[Part], phases: &[Phase]) -> Place {
+        let mut index = 0;
+        let mut before = 0.0;
+        let mut last = parts.first().map_or(Place { item: 0, s: 0.0 }, |part| Place {
+            item: part.item,
+            s: part.from,
+        });
+        for phase in phases {
+            let mut t = 0.0;
+            while let Some(part) = parts.get(index) {
+                let border = before + part.to - part.from;
+                let ends_here = index + 1 == parts.len() || phase.place(phase.duration) <= border;
+                let until = if ends_here {
+                    phase.duration
+                } else {
+                    phase.time_at(border, t)
+                };
+                let s = part.from + phase.place(t) - before;
+                self.span(
+                    part.item,
+                    s,
+                    phase.speed(t).max(0.0),
+                    phase.a + t * phase.jerk,
+                    phase.jerk,
+                    0.0,
+                    until - t,
+                );
+                last = Place {
+                    item: part.item,
+                    s: (part.from + phase.place(until) - before).min(part.to),
+                };
+                t = until;
+                if ends_here {
+                    break;
+                }
+                before = border;
+                index += 1;
+            }
+        }
+        last
+    }
+}
+
+/// Limits along a part that hold for any motion over it.
+pub(super) fn steady_limits(part: Part, log: &Log, joints: &Joints, jets: &mut Vec<JointJet>) -> PathLimits {
+    /// Samples of a curved piece.
+    const SAMPLES: u32 = 16;
+    let mut steady = Steady::new();
+    let mut feed = f64::INFINITY;
+    if let Some(stretch) = log.stretch(part.item) {
+        feed = stretch.feed;
+        let count = match stretch.piece.shape() {
+            Shape::Line(_) => 1,
+            Shape::Arc(_) | Shape::Blend(_) => SAMPLES,
+        };
+        for k in 0..=count {
+            let x = f64::from(k) / f64::from(count);
+            joints.jets(&stretch.piece.jet(part.from + (part.to - part.from) * x), jets);
+            steady.see(jets);
+        }
+    }
+    steady.limits(joints, feed)
+}

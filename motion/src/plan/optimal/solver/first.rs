@@ -1,0 +1,163 @@
+//! Profiles to start from: slow ones that keep all limits with room to spare.
+//!
+//! In:  a grid with knots about evenly in time; states at both ends.
+//! Out: crawl, a part of the speed for which the knots were placed; and ways from a state to crawl and back.
+//!
+//! Crawl is a local function of the path: its value at a span depends on [`FIRST_REACH`] spans on each side and on nothing
+//! else. So windows that are cut from the same path agree in it.
+
+use std::ops::Range;
+
+use super::grid::Grid;
+use super::interior::Infeasible;
+use super::profile::{State, coefficient, worst};
+
+/// Spans on each side on which crawl depends.
+pub const FIRST_REACH: usize = 24;
+/// Crawl over the speed for which knots were placed: accelerations shrink by its square, jerk by its cube.
+const CRAWL: f64 = 0.3;
+/// Part of the limits of steady motion at crawl.
+const STEADY: f64 = 0.2;
+/// Part of the acceleration limit that changes of crawl take, before it is scaled by the square of [`CRAWL`].
+const PACE: f64 = 0.5;
+/// Crawl grows from span to span by this factor at the most.
+const GROWTH: f64 = 1.5;
+/// Parts of the limits with which a state is left towards crawl.
+const SETTLE_JERK: f64 = 0.5;
+const SETTLE_ACCELERATION: f64 = 0.1;
+
+/// Greatest |q'| over acceleration and over jerk at the middle of a span.
+fn tangent(grid: &Grid, span: usize) -> [f64; 2] {
+    let mut most = [0.0f64; 2];
+    for row in grid.rows(span, 1) {
+        most = [most[0].max(row.a1.abs()), most[1].max(row.j1.abs())];
+    }
+    most
+}
+
+/// Speed at crawl by what a span allows on its own; knots are `step_s` apart.
+fn own_speed(grid: &Grid, span: usize, step_s: f64) -> f64 {
+    let caps = grid.caps(span);
+    let mut b = STEADY * caps.begin.min(caps.middle).min(caps.end);
+    for checkpoint in 0..3 {
+        for row in grid.rows(span, checkpoint) {
+            b = b.min(STEADY / row.a2.abs());
+            b = b.min((STEADY / row.j3.abs()).cbrt().powi(2));
+        }
+    }
+    b.sqrt().min(CRAWL * grid.length(span) / step_s)
+}
+
+/// Coefficients of crawl, one per span of the grid in the range.
+fn coefficients(grid: &Grid, spans: Range<usize>, step_s: f64) -> Vec<f64> {
+    let first = spans.start.saturating_sub(FIRST_REACH);
+    let last = (spans.end + FIRST_REACH).min(grid.spans());
+    let mut speeds: Vec<f64> = (first..last).map(|span| own_speed(grid, span, step_s)).collect();
+    let gains: Vec<f64> = (first..last)
+        .map(|span| CRAWL * PACE * step_s / tangent(grid, span)[0])
+        .collect();
+    // Each step lets a span feel one more neighbour on each side: after FIRST_REACH of them, nothing farther has been felt.
+    let mut before = speeds.clone();
+    for _ in 0..FIRST_REACH {
+        before.copy_from_slice(&speeds);
+        for k in 0..speeds.len() {
+            let from = |next: usize| (GROWTH * before[next]).min(before[next] + gains[k]);
+            if k > 0 {
+                speeds[k] = speeds[k].min(from(k - 1));
+            }
+            if k + 1 < before.len() {
+                speeds[k] = speeds[k].min(from(k + 1));
+            }
+        }
+    }
+    speeds[spans.start - first..spans.end - first]
+        .iter()
+        .map(|speed| speed * speed)
+        .collect()
+}
+
+/// State at the knot between two spans of these lengths and coefficients.
+fn between(lengths: [f64; 2], coefficients: [f64; 2]) -> State {
+    let sum = lengths[0] + lengths[1];
+    State {
+        b: (coefficients[0] * lengths[1] + coefficients[1] * lengths[0]) / sum,
+        u: (coefficients[1] - coefficients[0]) / sum,
+    }
+}
+
+/// Crawl at all knots of a range of spans; at the ends of the grid, as if its first and last span went on.
+pub fn first_crawl(grid: &Grid, spans: Range<usize>, step_s: f64) -> Vec<State> {
+    let first = spans.start.saturating_sub(1);
+    let last = (spans.end + 1).min(grid.spans());
+    let values = coefficients(grid, first..last, step_s);
+    (spans.start..=spans.end)
+        .map(|knot| {
+            let before = knot.saturating_sub(1).max(first);
+            let behind = knot.min(last - 1);
+            between(
+                [grid.length(before), grid.length(behind)],
+                [values[before - first], values[behind - first]],
+            )
+        })
+        .collect()
+}
+
+/// A feasible profile over spans from one state to another, at crawl between them where there is room.
+///
+/// # Errors
+/// The states are too far from crawl for the length.
+pub fn first_profile(
+    grid: &Grid,
+    spans: Range<usize>,
+    from: State,
+    to: State,
+    step_s: f64,
+) -> Result<Vec<State>, Infeasible> {
+    let infeasible = |span| Err(Infeasible { span });
+    let count = spans.len();
+    if count < 3 {
+        return infeasible(spans.start);
+    }
+    let crawl = coefficients(grid, spans.clone(), step_s);
+    let mut values = crawl.clone();
+    settle(grid, spans.clone().collect(), from, &crawl, &mut values);
+    let mirrored = State { b: to.b, u: -to.u };
+    values.reverse();
+    let reversed: Vec<f64> = crawl.iter().rev().copied().collect();
+    settle(grid, spans.clone().rev().collect(), mirrored, &reversed, &mut values);
+    values.reverse();
+    let mut states = Vec::with_capacity(count + 1);
+    states.push(from);
+    for (k, span) in spans.clone().enumerate().skip(1) {
+        states.push(between(
+            [grid.length(span - 1), grid.length(span)],
+            [values[k - 1], values[k]],
+        ));
+    }
+    states.push(to);
+    let found = worst(grid, spans, &states);
+    // Not below 1: a NaN is infeasible, too.
+    if found.value < 0.999 {
+        Ok(states)
+    } else {
+        infeasible(found.span)
+    }
+}
+
+/// Leaves a state: acceleration goes to a slow braking until crawl is met. `spans` and coefficients in that order.
+fn settle(grid: &Grid, spans: Vec<usize>, from: State, crawl: &[f64], values: &mut [f64]) {
+    let (mut b, mut u) = (coefficient(from, grid.length(spans[0])), from.u);
+    values[0] = b;
+    for k in 1..spans.len() {
+        let run = 0.5 * (grid.length(spans[k - 1]) + grid.length(spans[k]));
+        let [acceleration, jerk] = tangent(grid, spans[k]);
+        let next = (u - SETTLE_JERK / jerk * run / b.sqrt()).max(-SETTLE_ACCELERATION / acceleration);
+        let ahead = b + (u + next) * run;
+        // Not above: a NaN ends it, too.
+        if !(ahead > crawl[k]) {
+            return;
+        }
+        (b, u) = (ahead, next);
+        values[k] = values[k].max(b);
+    }
+}

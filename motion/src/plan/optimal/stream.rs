@@ -1,0 +1,828 @@
+//! The optimal planner as a whole, and what is handed over when.
+//!
+//! In:  stretches and halts, one after the other.
+//! Out: publications to a ring.
+//!
+//! A publication ends at a border between windows, where the solution around the border shows how to stop, or at rest.
+
+use std::collections::VecDeque;
+
+use super::joints::Joints;
+use super::knots::{Exit, Knots, Knotted, step_s};
+use super::sections::{Found, Item, Log, Part, Place, Sections};
+use super::slopes::{Emission, Side, launch, steady_limits};
+use super::solver::{Grid, JointJet, Launch, State};
+use super::windows::{Answer, Border, States, Times, Uncut, WINDOW_SPANS, Window};
+use crate::element::Element;
+use crate::path::Shape;
+use crate::plan::limits::PathLimits;
+use crate::plan::profile::{Phase, change_length, profile};
+use crate::plan::smooth::Passed;
+use crate::plan::workers::{Ordered, Workers};
+use crate::plan::{Pumped, Settings};
+use crate::ring::{Publish, Sink};
+
+/// Elements of a publication beyond those of its windows: what lies between sections.
+const PUBLICATION: usize = 1024;
+/// Parts that are planned without the solver, from rest to rest, where it found no way; then it is tried again.
+const CAREFUL_PARTS: usize = 8;
+/// Elements into which a span may be divided, on the mean of a window.
+const PER_SPAN: usize = 2;
+
+/// Elements that the largest publication may have.
+pub(in crate::plan) fn largest_publication() -> usize {
+    // A window and the stop behind it.
+    PUBLICATION + 2 * PER_SPAN * WINDOW_SPANS
+}
+
+/// Where the motion stops if nothing follows.
+#[derive(Clone, Debug)]
+struct Tail {
+    elements: Vec<Element>,
+    /// Where it is at rest then.
+    rest: Place,
+}
+
+/// Motion that has been planned.
+#[derive(Clone, Debug)]
+struct Ready {
+    elements: Vec<Element>,
+    /// Where it ends.
+    end: Place,
+    after: After,
+}
+
+/// What is at the end of motion that has been planned.
+#[derive(Clone, Debug)]
+enum After {
+    Rest,
+    /// It goes on, but could stop.
+    Stop(Tail),
+    /// It goes on.
+    More,
+}
+
+/// One thing after the other.
+#[derive(Debug)]
+enum Step {
+    Ready(Ready),
+    /// A window that is being solved.
+    Window(u64),
+}
+
+/// A window on its way, and what is needed once it is solved.
+#[derive(Debug)]
+struct Pending {
+    number: u64,
+    window: Window,
+    /// Parts and launch at the beginning or end of the section, if that is where the window begins or ends.
+    start: Option<(Part, Launch)>,
+    stop: Option<(Part, Launch)>,
+    /// Spans behind its right border, and how to stop on them.
+    behind: Vec<Knotted>,
+    tail: Option<Tail>,
+    /// How to stop behind its left border.
+    left_tail: Option<Tail>,
+    /// Where its section begins, and with which speed.
+    section: (Place, f64),
+    /// Whether it ends at rest.
+    rests: bool,
+}
+
+/// Which job an answer belongs to.
+#[derive(Debug)]
+enum Asked {
+    /// The border at the right end of this window.
+    Border {
+        window: u64,
+        before: usize,
+    },
+    Window(u64),
+}
+
+/// The section under construction.
+#[derive(Debug)]
+struct Section {
+    begin: Place,
+    speed: f64,
+    /// Parts until it is clear whether there is more than one.
+    parts: Vec<Part>,
+    /// From the second part on.
+    open: Option<Open>,
+}
+
+#[derive(Debug)]
+struct Open {
+    knots: Knots,
+    uncut: Uncut,
+    start: Option<(Part, Launch)>,
+}
+
+/// Plans sections and hands them over.
+#[derive(Debug)]
+pub(in crate::plan) struct Stream {
+    joints: Joints,
+    times: Times,
+    log: Log,
+    sections: Sections,
+    section: Option<Section>,
+    /// Speed with which the next section begins.
+    speed: f64,
+    /// Whether it is planned without the solver.
+    careful: bool,
+    steps: VecDeque<Step>,
+    pending: VecDeque<Pending>,
+    /// Number of the next window.
+    windows: u64,
+    /// What is known of the left border of a window that has not been cut off yet.
+    left_over: Option<(u64, States, Option<Tail>)>,
+    jobs: Ordered<Answer>,
+    asked: VecDeque<Asked>,
+    workers: Workers,
+    /// Where the tail in the ring comes to rest.
+    tail: Option<Place>,
+    finished: bool,
+    jets: Vec<JointJet>,
+}
+
+impl Stream {
+    /// At rest at the beginning of a path that comes.
+    pub(in crate::plan) fn new(settings: &Settings, workers: &Workers) -> Stream {
+        let joints = Joints::new(settings);
+        let log = Log::default();
+        let begin = Place { item: 0, s: 0.0 };
+        Stream {
+            times: times(&joints),
+            joints,
+            sections: Sections::new(begin, &log),
+            log,
+            section: None,
+            speed: 0.0,
+            careful: false,
+            steps: VecDeque::new(),
+            pending: VecDeque::new(),
+            windows: 0,
+            left_over: None,
+            jobs: Ordered::new(workers),
+            asked: VecDeque::new(),
+            workers: workers.clone(),
+            tail: None,
+            finished: false,
+            jets: Vec::new(),
+        }
+    }
+
+    /// The path goes on.
+    pub(in crate::plan) fn push(&mut self, passed: Passed) {
+        self.finished = false;
+        self.log.push(match passed {
+            Passed::Stretch(stretch) => Item::Stretch(stretch),
+            Passed::Stop => Item::Rest(None),
+        });
+    }
+
+    /// What is known ends at rest, where `element` happens if there is one.
+    pub(in crate::plan) fn rest(&mut self, element: Option<Element>) {
+        self.finished = false;
+        self.log.push(Item::Rest(element));
+    }
+
+    /// Nothing follows for now; the path has ended at rest.
+    pub(in crate::plan) fn finish(&mut self) {
+        self.finished = true;
+    }
+
+    /// Whether everything has been handed over after [`Stream::finish`].
+    pub(in crate::plan) fn is_done(&self) -> bool {
+        self.finished && self.log.is_empty()
+    }
+
+    /// Hands over what is final.
+    pub(in crate::plan) fn pump<S: Sink<Element>>(&mut self, settings: &Settings, sink: &mut S) -> Pumped {
+        loop {
+            self.advance(settings);
+            self.collect();
+            match self.publish(sink) {
+                Some(Publish::Done) => {}
+                Some(Publish::Full) => return Pumped::Blocked,
+                Some(Publish::TailTaken) => {
+                    let Some(rest) = self.tail.take() else { continue };
+                    self.steps.clear();
+                    self.pending.clear();
+                    self.restart(rest, 0.0, false);
+                }
+                None if self.is_done() => return Pumped::Done,
+                None if self.finished && self.jobs.under_way() > 0 => {}
+                None => return Pumped::Hungry,
+            }
+        }
+    }
+
+    /// Sends what is new through the stages.
+    fn advance(&mut self, settings: &Settings) {
+        let mut found = Vec::new();
+        // Jobs wait in memory: no more of them than keep all threads busy.
+        while self.jobs.under_way() <= 4 * (self.workers.threads() + 1)
+            && self.sections.step(&self.log, settings, &mut found)
+        {
+            for found in found.drain(..) {
+                self.take(found);
+            }
+        }
+    }
+
+    fn take(&mut self, found: Found) {
+        match found {
+            Found::Part(part) => match &mut self.section {
+                None => {
+                    self.section = Some(Section {
+                        begin: Place {
+                            item: part.item,
+                            s: part.from,
+                        },
+                        speed: self.speed,
+                        parts: vec![part],
+                        open: None,
+                    });
+                }
+                Some(_) => self.go_on(part),
+            },
+            Found::End { speed } => self.end(speed),
+            Found::Zone { part, speed, behind } => self.zone(part, speed, behind),
+            Found::Rest { item } => {
+                let elements = match self.log.get(item) {
+                    Some(Item::Rest(element)) => element.iter().copied().collect(),
+                    Some(Item::Stretch(_)) | None => Vec::new(),
+                };
+                self.steps.push_back(Step::Ready(Ready {
+                    elements,
+                    end: Place { item: item + 1, s: 0.0 },
+                    after: After::Rest,
+                }));
+            }
+        }
+    }
+
+    /// The section under construction goes on with another part.
+    fn go_on(&mut self, part: Part) {
+        if self.section.as_ref().is_some_and(|section| section.open.is_none()) {
+            self.open();
+        }
+        let Some(section) = &mut self.section else { return };
+        match &mut section.open {
+            Some(open) => {
+                open.knots
+                    .push(part, &self.log, &self.joints, self.times.step_s, &mut self.jets);
+                self.add_spans(None);
+                self.cut(false);
+            }
+            None => {
+                section.parts.push(part);
+                if section.parts.len() >= CAREFUL_PARTS {
+                    self.phases(0.0);
+                }
+            }
+        }
+    }
+
+    /// Begins with knots in a section of which one part is known. Where that cannot be, the section stays closed, and is
+    /// planned without them.
+    fn open(&mut self) {
+        let Some(section) = &mut self.section else { return };
+        let (false, &[part]) = (self.careful, &section.parts[..]) else {
+            return;
+        };
+        let mut start = None;
+        let mut first = part;
+        let state = if section.speed == 0.0 {
+            let Some(launch) = launch(part, Side::Start, &self.log, &self.joints, &mut self.jets) else {
+                return;
+            };
+            first.from += launch.length();
+            start = Some((part, launch));
+            launch.start()
+        } else {
+            State {
+                b: section.speed * section.speed,
+                u: 0.0,
+            }
+        };
+        let mut knots = Knots::new(state.b.sqrt(), start.map(|(_, launch)| launch.length()));
+        knots.push(first, &self.log, &self.joints, self.times.step_s, &mut self.jets);
+        section.open = Some(Open {
+            knots,
+            uncut: Uncut::new(state, Grid::new(self.joints.limits()), self.times),
+            start,
+        });
+    }
+
+    /// Takes the spans of which the knots are certain into the grid.
+    fn add_spans(&mut self, exit: Option<Exit>) {
+        let Some(open) = self.section.as_mut().and_then(|section| section.open.as_mut()) else {
+            return;
+        };
+        let mut spans = Vec::new();
+        open.knots.take(exit, self.times.step_s, &mut spans);
+        let [mut begin, mut middle, mut end] = [const { Vec::new() }; 3];
+        for span in spans {
+            let Some(stretch) = self.log.stretch(span.item) else {
+                continue;
+            };
+            let piece = &stretch.piece;
+            self.joints.jets(&piece.jet(span.from), &mut begin);
+            self.joints.jets(&piece.jet(0.5 * (span.from + span.to)), &mut middle);
+            self.joints.jets(&piece.jet(span.to), &mut end);
+            open.uncut.push(span).push_span(
+                span.to - span.from,
+                stretch.feed * stretch.feed,
+                [&begin, &middle, &end],
+            );
+        }
+    }
+
+    /// Cuts off all windows that are certain.
+    fn cut(&mut self, ended: bool) {
+        loop {
+            let Some(section) = &mut self.section else { return };
+            let Some(open) = &mut section.open else { return };
+            let Some((window, border)) = open.uncut.cut(ended) else {
+                return;
+            };
+            let start = open.start.take();
+            let begin = (section.begin, section.speed);
+            self.add_window(window, start, None, begin, Some(border), None);
+        }
+    }
+
+    fn add_window(
+        &mut self,
+        mut window: Window,
+        start: Option<(Part, Launch)>,
+        stop: Option<(Part, Launch)>,
+        section: (Place, f64),
+        border: Option<Border>,
+        speed_after: Option<f64>,
+    ) {
+        let number = self.windows;
+        self.windows += 1;
+        let mut behind = Vec::new();
+        if let Some(Border {
+            job,
+            before,
+            behind: spans,
+        }) = border
+        {
+            behind = spans;
+            self.asked.push_back(Asked::Border { window: number, before });
+            self.jobs.push(move || job.run());
+        }
+        let mut left_tail = None;
+        if self
+            .left_over
+            .as_ref()
+            .is_some_and(|(for_window, ..)| *for_window == number)
+            && let Some((_, states, tail)) = self.left_over.take()
+        {
+            window.set_left(states);
+            left_tail = tail;
+        }
+        self.steps.push_back(Step::Window(number));
+        self.pending.push_back(Pending {
+            number,
+            window,
+            start,
+            stop,
+            behind,
+            tail: None,
+            left_tail,
+            section,
+            rests: speed_after == Some(0.0),
+        });
+        self.ask(number);
+    }
+
+    /// Hands in the job of a window if both its ends are known.
+    fn ask(&mut self, number: u64) {
+        let Some(index) = self.index(number) else { return };
+        match self.pending[index].window.job() {
+            None => {}
+            Some(Ok(job)) => {
+                self.asked.push_back(Asked::Window(number));
+                self.jobs.push(move || job.run());
+            }
+            Some(Err(_)) => self.give_up(index),
+        }
+    }
+
+    fn index(&self, number: u64) -> Option<usize> {
+        self.pending.iter().position(|pending| pending.number == number)
+    }
+
+    /// The section ends.
+    fn end(&mut self, speed: f64) {
+        if self
+            .section
+            .as_ref()
+            .is_some_and(|section| section.open.is_none() && !self.is_one_line(section))
+        {
+            self.open();
+        }
+        let stop = self.stop(speed);
+        let Some(section) = &mut self.section else { return };
+        let Some(open) = &mut section.open else {
+            self.phases(speed);
+            return;
+        };
+        let failed = stop.is_err();
+        let stop = stop.unwrap_or(None);
+        if let Some((_, launch)) = stop {
+            open.knots.trim(launch.length());
+        }
+        self.add_spans(Some(Exit {
+            speed: stop.map_or(speed, |(_, launch)| launch.stop().b.sqrt()),
+            stop: stop.map(|(_, launch)| launch.length()),
+        }));
+        self.cut(true);
+        let Some(section) = self.section.take() else { return };
+        let Some(open) = section.open else { return };
+        let mut state = stop.map_or(
+            State {
+                b: speed * speed,
+                u: 0.0,
+            },
+            |(_, launch)| launch.stop(),
+        );
+        if failed {
+            // Nothing leads to a state that is none: the window is given up as soon as it is clear where it begins.
+            state.b = f64::NAN;
+        }
+        let window = open.uncut.last(state);
+        self.speed = speed;
+        self.careful = false;
+        self.add_window(
+            window,
+            open.start,
+            stop,
+            (section.begin, section.speed),
+            None,
+            Some(speed),
+        );
+    }
+
+    /// The launch of the stop at the end of the open section, if it ends at rest.
+    fn stop(&mut self, speed: f64) -> Result<Option<(Part, Launch)>, ()> {
+        if speed > 0.0 {
+            return Ok(None);
+        }
+        let Some(Section { open: Some(open), .. }) = &self.section else {
+            return Err(());
+        };
+        let part = open.knots.last_part().ok_or(())?;
+        let launch = launch(part, Side::Stop, &self.log, &self.joints, &mut self.jets).ok_or(())?;
+        Ok(Some((part, launch)))
+    }
+
+    fn is_one_line(&self, section: &Section) -> bool {
+        let line = |part: &Part| {
+            self.log
+                .stretch(part.item)
+                .is_some_and(|stretch| matches!(stretch.piece.shape(), Shape::Line(_)))
+        };
+        matches!(&section.parts[..], [part] if line(part))
+    }
+}
+
+impl Stream {
+    /// Plans the section under construction without knots: one part from speed to speed, several from rest to rest.
+    fn phases(&mut self, speed: f64) {
+        let Some(section) = self.section.take() else {
+            self.speed = speed;
+            return;
+        };
+        let mut elements = Vec::new();
+        let mut end = section.begin;
+        let last = section.parts.len() - 1;
+        for (k, part) in section.parts.iter().enumerate() {
+            let v0 = if k == 0 { section.speed } else { 0.0 };
+            let v1 = if k == last { speed } else { 0.0 };
+            let limits = steady_limits(*part, &self.log, &self.joints, &mut self.jets);
+            let phases = profile(v0, v1, part.to - part.from, &limits);
+            Emission {
+                log: &self.log,
+                out: &mut elements,
+            }
+            .phases(&[*part], &phases);
+            end = Place {
+                item: part.item,
+                s: part.to,
+            };
+        }
+        self.speed = speed;
+        self.careful = false;
+        self.steps.push_back(Step::Ready(Ready {
+            elements,
+            end,
+            after: if speed > 0.0 { After::More } else { After::Rest },
+        }));
+    }
+
+    /// Constant speed beside a kink; behind it, the machine could stop on what is left of the stretch.
+    fn zone(&mut self, part: Part, speed: f64, behind: bool) {
+        let mut elements = Vec::new();
+        Emission {
+            log: &self.log,
+            out: &mut elements,
+        }
+        .steady(part, speed);
+        let end = Place {
+            item: part.item,
+            s: part.to,
+        };
+        let after = match self.log.stretch(part.item) {
+            Some(stretch) if behind => {
+                let rest = Part {
+                    from: part.to,
+                    to: stretch.piece.length(),
+                    ..part
+                };
+                let limits = steady_limits(rest, &self.log, &self.joints, &mut self.jets);
+                let phases = profile(speed, 0.0, change_length(speed, 0.0, &limits), &limits);
+                let mut elements = Vec::new();
+                let rest = Emission {
+                    log: &self.log,
+                    out: &mut elements,
+                }
+                .phases(&[rest], &phases);
+                After::Stop(Tail { elements, rest })
+            }
+            Some(_) | None => After::More,
+        };
+        self.steps.push_back(Step::Ready(Ready { elements, end, after }));
+    }
+
+    /// Begins anew at a place, with this speed.
+    fn restart(&mut self, place: Place, speed: f64, careful: bool) {
+        self.sections = Sections::new(place, &self.log);
+        self.section = None;
+        self.left_over = None;
+        self.speed = speed;
+        self.careful = careful;
+    }
+
+    /// A window has no solution: what follows the last known place is planned anew, its beginning without the solver.
+    fn give_up(&mut self, index: usize) {
+        let Some(failed) = self.pending.drain(index..).next() else {
+            return;
+        };
+        while let Some(step) = self.steps.pop_back() {
+            if matches!(step, Step::Window(number) if number == failed.number) {
+                break;
+            }
+        }
+        match failed.left_tail {
+            Some(tail) => {
+                self.steps.push_back(Step::Ready(Ready {
+                    elements: tail.elements,
+                    end: tail.rest,
+                    after: After::Rest,
+                }));
+                self.restart(tail.rest, 0.0, true);
+            }
+            None => self.restart(failed.section.0, failed.section.1, true),
+        }
+    }
+
+    /// Takes the answers that are there; waits for one where nothing else is left to do.
+    fn collect(&mut self) {
+        loop {
+            let wait = self.finished || self.jobs.under_way() > 4 * (self.workers.threads() + 1);
+            let answer = if wait {
+                self.jobs.wait_next()
+            } else {
+                self.jobs.try_next()
+            };
+            let (Some(answer), Some(asked)) = (answer, self.asked.pop_front()) else {
+                return;
+            };
+            let states = answer.ok().and_then(Result::ok);
+            match asked {
+                Asked::Border { window, before } => self.border_solved(window, before, states),
+                Asked::Window(number) => self.window_solved(number, states),
+            }
+        }
+    }
+
+    fn border_solved(&mut self, number: u64, before: usize, states: Option<States>) {
+        let Some(index) = self.index(number) else { return };
+        let Some(mut states) = states else {
+            self.give_up(index);
+            return;
+        };
+        let behind = states.split_off(before);
+        states.push(behind[0]);
+        let pending = &mut self.pending[index];
+        pending.window.set_right(states);
+        let tail = self.tail_behind(index, &behind);
+        self.pending[index].tail = tail.clone();
+        match self.pending.get_mut(index + 1) {
+            Some(next) => {
+                next.window.set_left(behind);
+                next.left_tail = tail;
+                self.ask(number + 1);
+            }
+            None => self.left_over = Some((number + 1, behind, tail)),
+        }
+        self.ask(number);
+    }
+
+    /// The stop behind the right border of a window: the solution there down to crawl, and from there to rest.
+    fn tail_behind(&mut self, index: usize, states: &[State]) -> Option<Tail> {
+        let spans = &self.pending[index].behind;
+        let mut elements = Vec::new();
+        let mut out = Emission {
+            log: &self.log,
+            out: &mut elements,
+        };
+        for (span, states) in spans.iter().zip(states.windows(2)) {
+            out.spline(span.part(), states[0], states[1]);
+        }
+        let (last, state) = (spans.last()?, states.last()?);
+        let place = Place {
+            item: last.item,
+            s: last.to,
+        };
+        let rest = stop_from(place, *state, &mut out, &self.joints, &mut self.jets)?;
+        Some(Tail { elements, rest })
+    }
+
+    fn window_solved(&mut self, number: u64, states: Option<States>) {
+        let Some(index) = self.index(number) else { return };
+        let Some(states) = states else {
+            self.give_up(index);
+            return;
+        };
+        let Some(pending) = self.pending.remove(index) else {
+            return;
+        };
+        let mut elements = Vec::new();
+        let mut out = Emission {
+            log: &self.log,
+            out: &mut elements,
+        };
+        if let Some((part, launch)) = &pending.start {
+            out.start(*part, launch);
+        }
+        let mut end = pending.section.0;
+        for (span, states) in pending.window.sources.iter().zip(states.windows(2)) {
+            out.spline(span.part(), states[0], states[1]);
+            end = Place {
+                item: span.item,
+                s: span.to,
+            };
+        }
+        if let Some((part, launch)) = &pending.stop {
+            out.stop(*part, launch);
+            end = Place {
+                item: part.item,
+                s: part.to,
+            };
+        }
+        let after = match pending.tail {
+            Some(tail) => After::Stop(tail),
+            None if pending.rests => After::Rest,
+            None => After::More,
+        };
+        for step in &mut self.steps {
+            if matches!(step, Step::Window(waiting) if *waiting == number) {
+                *step = Step::Ready(Ready { elements, end, after });
+                return;
+            }
+        }
+    }
+
+    /// Hands over as much as makes one publication; `None` if nothing can be.
+    fn publish<S: Sink<Element>>(&mut self, sink: &mut S) -> Option<Publish> {
+        let (mut count, mut steps) = (0, 0);
+        for (k, step) in self.steps.iter().enumerate() {
+            let Step::Ready(ready) = step else { break };
+            if steps > 0 && count + ready.elements.len() > PUBLICATION {
+                break;
+            }
+            count += ready.elements.len();
+            if !matches!(ready.after, After::More) {
+                steps = k + 1;
+            }
+        }
+        if steps == 0 {
+            return None;
+        }
+        let mut committed = Vec::new();
+        for step in self.steps.range(..steps) {
+            if let Step::Ready(ready) = step {
+                committed.extend_from_slice(&ready.elements);
+            }
+        }
+        let Some(Step::Ready(last)) = self.steps.get(steps - 1) else {
+            return None;
+        };
+        let tail = match &last.after {
+            After::Stop(tail) => &tail.elements[..],
+            After::Rest | After::More => &[],
+        };
+        if !(committed.is_empty() && tail.is_empty()) {
+            let result = sink.publish(&committed, tail);
+            if result != Publish::Done {
+                return Some(result);
+            }
+        }
+        self.tail = match &last.after {
+            After::Stop(tail) => Some(tail.rest),
+            After::Rest | After::More => None,
+        };
+        self.log.drop_before(last.end.item);
+        self.steps.drain(..steps);
+        Some(Publish::Done)
+    }
+}
+
+/// A stop from a slow motion at a place, on whatever part of the path follows; where it ends.
+fn stop_from(
+    place: Place,
+    state: State,
+    out: &mut Emission<'_>,
+    joints: &Joints,
+    jets: &mut Vec<JointJet>,
+) -> Option<Place> {
+    let (v, a) = (state.b.sqrt(), state.u);
+    let stretch = out.log.stretch(place.item)?;
+    let mut parts = Vec::new();
+    let mut part = Part {
+        item: place.item,
+        from: place.s,
+        to: stretch.piece.length(),
+    };
+    let (mut length, mut limits) = (0.0, None::<PathLimits>);
+    // Slow as it is, it takes a few pieces at the most; more means that something is wrong.
+    for _ in 0..64 {
+        if part.to > part.from {
+            let here = steady_limits(part, out.log, joints, jets);
+            limits = Some(limits.map_or(here, |least| PathLimits {
+                v: least.v.min(here.v),
+                a: least.a.min(here.a),
+                j: least.j.min(here.j),
+            }));
+            length += part.to - part.from;
+            parts.push(part);
+        }
+        if let Some(limits) = &limits {
+            // First away with the acceleration, then to rest.
+            let settle = a.abs() / limits.j;
+            let speed = v + 0.5 * a * settle;
+            let first = settle * (v + settle * (a / 2.0 - settle * a.signum() * limits.j / 6.0));
+            let rest = change_length(speed, 0.0, limits);
+            if first + rest <= length {
+                let mut phases = Vec::new();
+                if settle > 0.0 {
+                    phases.push(Phase {
+                        duration: settle,
+                        s: 0.0,
+                        v,
+                        a,
+                        jerk: -a.signum() * limits.j,
+                    });
+                }
+                phases.extend(profile(speed, 0.0, rest, limits).into_iter().map(|phase| Phase {
+                    s: phase.s + first,
+                    ..phase
+                }));
+                return Some(out.phases(&parts, &phases));
+            }
+        }
+        let item = part.item + 1;
+        part = Part {
+            item,
+            from: 0.0,
+            to: out.log.stretch(item)?.piece.length(),
+        };
+    }
+    None
+}
+
+/// By how much windows overlap, and how long they are.
+fn times(joints: &Joints) -> Times {
+    /// Overlap over the time of braking from full speed: beyond it, nothing is felt of how the overlap ends.
+    const OVERLAP: f64 = 2.5;
+    /// Window over overlap: the overlap is solved twice.
+    const WINDOW: f64 = 8.0;
+    let braking_s = joints
+        .limits()
+        .iter()
+        .map(|limits| limits.velocity / limits.acceleration + limits.acceleration / limits.jerk)
+        .fold(0.0, f64::max);
+    let overlap_s = OVERLAP * braking_s;
+    Times {
+        step_s: step_s(joints),
+        overlap_s,
+        window_s: WINDOW * overlap_s,
+    }
+}
