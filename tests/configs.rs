@@ -74,6 +74,7 @@ fn demo_machine() -> (Config, Settings) {
     let config = parse(DEMO).unwrap_or_else(|errors| panic!("{errors}"));
     let mut settings = Settings {
         axes: [None; 9],
+        joints: None,
         cycle_s: f64::from(config.cycle_us) * 1e-6,
         tolerance_mm: config.program.tolerance_mm,
         look_ahead_blocks: config.program.look_ahead_blocks,

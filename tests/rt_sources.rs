@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Files, and folders with all that is in them.
-const REAL_TIME: [&str; 22] = [
+const REAL_TIME: &[&str] = &[
     "src/rt/diagnosis.rs",
     "src/rt/cycle.rs",
     "src/rt/drives.rs",
@@ -29,6 +29,9 @@ const REAL_TIME: [&str; 22] = [
     "motion/src/rt",
     "motion/src/rt/online",
     "motion/src/rt/dda",
+    "motion/src/rt/jog",
+    "motion/src/rt/homing",
+    "motion/src/rt/probe",
     "motion/src/kinematics",
     "motion/src/ring.rs",
     "powerlink/src/mn",
@@ -73,7 +76,7 @@ const FORBIDDEN: [&str; 31] = [
 ];
 
 /// What runs before real time begins or after it has ended: file, function, why.
-const START_UP: [(&str, &str, &str); 17] = [
+const START_UP: &[(&str, &str, &str)] = &[
     ("src/rt/diagnosis.rs", "rings", "makes the rings and buffers"),
     (
         "src/rt/cycle.rs",
@@ -106,6 +109,9 @@ const START_UP: [(&str, &str, &str); 17] = [
         "makes the table and the rings of the means",
     ),
     ("motion/src/rt/monitor.rs", "new", "makes the monitor"),
+    ("motion/src/rt/jog/mod.rs", "new", "makes the joints"),
+    ("motion/src/rt/homing/mod.rs", "new", "makes the groups"),
+    ("motion/src/rt/homing/group.rs", "new", "makes the joints"),
     ("motion/src/ring.rs", "channel", "makes the ring"),
 ];
 

@@ -192,6 +192,8 @@ pub(crate) enum LengthOffset {
     Dynamic,
     /// G43.2
     Additional,
+    /// G43.4
+    ToolCentrePoint,
     /// G49
     Off,
 }
@@ -398,6 +400,7 @@ const G_CODES: &[(u16, GCode)] = &[
     (430, GCode::LengthOffset(LengthOffset::Tool)),
     (431, GCode::LengthOffset(LengthOffset::Dynamic)),
     (432, GCode::LengthOffset(LengthOffset::Additional)),
+    (434, GCode::LengthOffset(LengthOffset::ToolCentrePoint)),
     (490, GCode::LengthOffset(LengthOffset::Off)),
     (520, GCode::NonModal(NonModal::LocalOffset)),
     (530, GCode::NonModal(NonModal::MachineCoordinates)),

@@ -253,6 +253,7 @@ impl FlatWriter {
             Call::SetG92Offset { offset } => self.g92(*offset),
             Call::SetXyRotation { degrees } => self.rotation(*degrees),
             Call::SetToolLengthOffset { offset } => self.tool_length(*offset),
+            Call::SetToolCentrePoint(_) => Err(Unwritable::ToolCentrePoint),
             Call::SetCutterCompensation(cutter) => self.compensation(*cutter),
             Call::SetSpindleMode { spindle, mode } => {
                 let (spindle, mode) = (*spindle, *mode);

@@ -165,6 +165,9 @@ impl CanonPrinter {
             Call::SetG92Offset { offset } => self.push_move(source, "SET_G92_OFFSET(", offset),
             Call::SetXyRotation { degrees } => self.numbers(source, "SET_XY_ROTATION(", &[*degrees], ""),
             Call::SetToolLengthOffset { offset } => self.push_tool_offset(source, offset),
+            // LinuxCNC's interpreter has nothing like it.
+            Call::SetToolCentrePoint(true) => self.name(source, "COMMENT(\"tool-centre-point control on\")"),
+            Call::SetToolCentrePoint(false) => self.name(source, "COMMENT(\"tool-centre-point control off\")"),
             Call::SetCutterCompensation(None) => self.name(source, "STOP_CUTTER_RADIUS_COMPENSATION()"),
             Call::SetCutterCompensation(Some(cutter)) => {
                 let radius = self.length(cutter.radius_mm);

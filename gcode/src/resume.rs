@@ -107,6 +107,9 @@ impl State {
         calls.push_back(Call::SetToolLengthOffset {
             offset: self.offsets.tool,
         });
+        if self.tool_centre_point {
+            calls.push_back(Call::SetToolCentrePoint(true));
+        }
         if let Some(tool) = self.tools.selected {
             calls.push_back(Call::SelectTool { tool });
         }

@@ -2,6 +2,7 @@
 
 use crate::ToolTable;
 use motion::canon::{AXES, LengthUnit, PathMode, Position};
+use motion::kinematics::Kinematics;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -89,6 +90,9 @@ pub struct Settings {
     pub tool_change: ToolChangePlace,
     /// G43 goes on with the length of the next tool after a tool change.
     pub keep_tool_offset: bool,
+    /// From axes to joints: where the axes read otherwise when tool-centre-point control (G43.4) is switched. Without joints
+    /// the machine has none.
+    pub kinematics: Kinematics,
     /// Whether lines that begin with `/` are left out.
     pub block_delete: bool,
     /// Path of the moves under cutter compensation.
@@ -144,6 +148,7 @@ impl Default for Settings {
             tool_in_spindle: 0,
             tool_change: ToolChangePlace::default(),
             keep_tool_offset: false,
+            kinematics: Kinematics::trivial(&[]),
             block_delete: false,
             compensated_path: CompensatedPath::default(),
             splines: Splines::default(),

@@ -11,6 +11,7 @@ use motion::canon::{
     Axis, Cutter, Input, LengthUnit, PathMode, Plane, Position, ProbeMode, SPINDLES, SpindleDirection, SpindleMode,
     WaitMode,
 };
+use motion::kinematics::ToolFrame;
 
 /// Where the work coordinates lie in the machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -175,6 +176,8 @@ pub(crate) struct Saved {
     pub(crate) system: u8,
     /// `None`: G49.
     pub(crate) tool_offset: Option<Position>,
+    /// G43.4.
+    pub(crate) tool_centre_point: bool,
     /// `None`: G40.
     pub(crate) cutter: Option<Cutter>,
     /// Level of calls in which it was saved.
@@ -192,6 +195,8 @@ pub(crate) struct State {
     pub(crate) offsets: Offsets,
     pub(crate) modal: Modal,
     pub(crate) tools: Tools,
+    /// G43.4: X Y Z are those of the tool's tip on the work.
+    pub(crate) tool_centre_point: bool,
     /// Radius compensation that is on.
     pub(crate) cutter: Option<Cutter>,
     /// Where the tool's centre is while compensation is on and the events are its moves.
@@ -285,6 +290,7 @@ impl State {
                 flood: false,
             },
             tools,
+            tool_centre_point: false,
             cutter: None,
             cutter_at: None,
             cutter_from: Position::ZERO,
@@ -318,6 +324,27 @@ impl State {
         self.at = offsets.work(machine);
     }
 
+    /// How the axes are meant.
+    pub(crate) fn tool_frame(&self) -> ToolFrame {
+        if self.tool_centre_point {
+            ToolFrame {
+                tcp: true,
+                length_mm: self.offsets.tool[Axis::Z],
+            }
+        } else {
+            ToolFrame::OFF
+        }
+    }
+
+    /// Where the axes stand if tool-centre-point control is off, machine coordinates.
+    pub(crate) fn joints_place(&self) -> Position {
+        let machine = self.machine();
+        let kinematics = &self.settings.kinematics;
+        kinematics
+            .reframe(&machine, &self.tool_frame(), &ToolFrame::OFF)
+            .unwrap_or(machine)
+    }
+
     /// Millimetres of a program length, or degrees as they are.
     pub(crate) fn length(&self, axis: Axis, number: f64) -> f64 {
         if axis.is_rotary() {
@@ -347,7 +374,7 @@ impl State {
         let unit = self.settings.machine_unit;
         let parameters = &self.parameters;
         let mut settings = self.settings.clone();
-        settings.start = self.machine();
+        settings.start = self.joints_place();
         for (system, (origin, degrees)) in (1..).zip(
             settings
                 .work_offsets

@@ -404,6 +404,9 @@ pub enum Call {
         /// Shift.
         offset: Position,
     },
+    /// G43.4 and its end: whether X Y Z are those of the tool's tip on the work, wherever the rotary axes stand. The length of
+    /// the tool is Z of [`Call::SetToolLengthOffset`]. No joint moves; the axes read otherwise (`kinematics::Kinematics::reframe`).
+    SetToolCentrePoint(bool),
     /// G41, G42 and, with `None`, G40: radius compensation of the moves that follow. Only where the interpreter gives the
     /// programmed path; else the moves are those of the tool's centre.
     SetCutterCompensation(Option<Cutter>),

@@ -2,6 +2,11 @@
 //!
 //! A counting allocator stands in front of the system's and counts for the thread and the time it is told to.
 
+use motion::canon::{Position, ProbeMode};
+use motion::path::Piece;
+use motion::rt::homing::{Homing, HomingInput, HomingJoint, HomingStatus, HomingWay};
+use motion::rt::jog::{Jog, JogLimits};
+use motion::rt::probe::Probe;
 use motion::rt::{MotionLimits, Online, StopLimits};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -111,4 +116,84 @@ fn a_way_that_is_not_found_costs_no_allocation() {
     let mut found = true;
     let counted = calls(|| found = solver.get_profile(&profile, &mut block));
     assert_eq!((found, counted), (false, 0));
+}
+
+#[test]
+fn jogging_costs_no_allocation() {
+    let limits = JogLimits {
+        motion: LIMITS,
+        stop: STOP,
+        range: [-50.0, 50.0],
+    };
+    let mut jog = Jog::new(&[limits; 3], CYCLE_S);
+    let mut numbers = Numbers(2);
+    let mut positions = [0.0; 3];
+    let counted = calls(|| {
+        for _ in 0..5_000 {
+            let joint = (numbers.next() * 3.0) as usize;
+            match (numbers.next() * 6.0) as u8 {
+                0 => jog.release(joint),
+                1 => jog.stop_all(),
+                2 => _ = jog.advance(joint, 10.0 * numbers.next() - 5.0, 100.0),
+                _ => jog.run(joint, 300.0 * numbers.next() - 150.0),
+            }
+            for _ in 0..(numbers.next() * 60.0) as u8 {
+                jog.step(&mut positions);
+            }
+        }
+    });
+    assert_eq!(counted, 0);
+}
+
+#[test]
+fn homing_costs_no_allocation() {
+    let way = HomingWay {
+        sequence: 1,
+        search: 20.0,
+        latch: 2.0,
+        search_distance: 400.0,
+        release_distance: 5.0,
+        index_distance: None,
+        resolution: 1e-5,
+        bounce_s: 0.01,
+        home: 0.0,
+        skew: 1.0,
+    };
+    let joint = HomingJoint {
+        joint: 0,
+        switch: 0.0,
+        motion: LIMITS,
+        stop: STOP,
+    };
+    let mut homing = Homing::new(&[(way, &[joint])], &[0.0], CYCLE_S);
+    let mut positions = [0.0];
+    let counted = calls(|| {
+        for _ in 0..100_000 {
+            let input = HomingInput {
+                closed: positions[0] > 30.0,
+                measured: positions[0],
+                index: None,
+            };
+            homing.step(&[input], &mut positions);
+        }
+    });
+    assert_eq!((homing.status(), counted), (HomingStatus::Done, 0));
+}
+
+#[test]
+fn probing_costs_no_allocation() {
+    let line = Piece::line(Position::ZERO, Position::xyz(0.0, 0.0, -50.0)).unwrap();
+    let mode = ProbeMode {
+        towards: true,
+        must_trip: true,
+    };
+    let mut probe = Probe::new(line, mode, 20.0, (LIMITS, STOP), CYCLE_S);
+    let mut position = Position::ZERO;
+    let counted = calls(|| {
+        for _ in 0..5_000 {
+            position = probe.step(position.0[2] < -20.0, &position);
+        }
+    });
+    assert!(probe.result().is_some());
+    assert_eq!(counted, 0);
 }

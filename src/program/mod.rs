@@ -288,6 +288,7 @@ pub fn plan_settings(config: &Config, start: Position) -> Settings {
     }
     Settings {
         axes,
+        joints: None,
         cycle_s: f64::from(config.cycle_us) * 1e-6,
         tolerance_mm: config.program.tolerance_mm,
         look_ahead_blocks: config.program.look_ahead_blocks,

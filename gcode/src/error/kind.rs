@@ -379,6 +379,25 @@ pub enum ErrorKind {
     /// M61 without Q.
     #[error("M61 needs Q, the number of the tool in the spindle")]
     ToolNumberMissing,
+    /// G43.4 on a machine that cannot.
+    #[error(
+        "G43.4 needs a machine with tool-centre-point control (kinematics \"table-table\" or \"head-table\"): write G43 for the length alone"
+    )]
+    NoToolCentrePoint,
+    /// A tool with an offset across under G43.4.
+    #[error("the tool of G43.4 may have a length in Z only, but its offset in {letter} is {value}")]
+    OffsetUnderToolCentrePoint {
+        /// Letter of the axis.
+        letter: char,
+        /// Offset, mm or degrees.
+        value: f64,
+    },
+    /// Machine coordinates under G43.4.
+    #[error("{code} goes to a place of the machine's joints, which axes do not name under G43.4: write G49 before it")]
+    MachineUnderToolCentrePoint {
+        /// The code.
+        code: String,
+    },
     /// G43.2 with H and axis words.
     #[error("G43.2 adds the offset of a tool (H) or what the axis words say, not both: write two lines")]
     AddedOffsetTwice,

@@ -454,6 +454,9 @@ impl State {
         if self.cutter.take().is_some() {
             calls.push_back(Call::SetCutterCompensation(None));
         }
+        if self.tool_centre_point {
+            self.use_tool_frame(self.offsets.tool, false, calls);
+        }
         let mut offsets = self.offsets;
         offsets.system = 1;
         self.load_system(&mut offsets);

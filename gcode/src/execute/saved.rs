@@ -36,6 +36,7 @@ impl State {
             modal: self.modal,
             system: self.offsets.system,
             tool_offset: self.tools.offset_on.then_some(self.offsets.tool),
+            tool_centre_point: self.tool_centre_point,
             cutter: self.cutter,
             level,
             on_return,
@@ -94,8 +95,9 @@ impl State {
         if saved.cutter.is_some() != self.cutter.is_some() {
             self.use_cutter(saved.cutter, calls);
         }
-        if saved.tool_offset.is_some() != self.tools.offset_on {
-            self.use_tool_offset(saved.tool_offset.unwrap_or(motion::canon::Position::ZERO), calls);
+        if saved.tool_offset.is_some() != self.tools.offset_on || saved.tool_centre_point != self.tool_centre_point {
+            let offset = saved.tool_offset.unwrap_or(motion::canon::Position::ZERO);
+            self.use_tool_frame(offset, saved.tool_centre_point, calls);
             self.tools.offset_on = saved.tool_offset.is_some();
         }
         if saved.system != self.offsets.system {

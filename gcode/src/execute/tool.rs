@@ -45,6 +45,11 @@ impl State {
             ToolCode::Change => {
                 let number = self.tools.selected.unwrap_or(0);
                 let tool = self.tool_of(f64::from(number)).map_err(|kind| (code.span, kind))?;
+                let place = self.settings.tool_change;
+                if self.tool_centre_point && (place.quill_up || place.at_g30) {
+                    let kind = ErrorKind::MachineUnderToolCentrePoint { code: "M6".into() };
+                    return Err((code.span, kind));
+                }
                 self.go_to_tool_change(calls);
                 calls.push_back(Call::ChangeTool {
                     tool: tool.number,
@@ -140,6 +145,23 @@ impl State {
         let offset = match code.value {
             LengthOffset::Off => Position::ZERO,
             LengthOffset::Tool => of_tool(self)?,
+            LengthOffset::ToolCentrePoint if !self.settings.kinematics.has_tcp() => {
+                return Err((code.span, ErrorKind::NoToolCentrePoint));
+            }
+            LengthOffset::ToolCentrePoint => {
+                let offset = of_tool(self)?;
+                let across = Axis::ALL
+                    .into_iter()
+                    .find(|&axis| axis != Axis::Z && offset[axis] != 0.0);
+                if let Some(axis) = across {
+                    let kind = ErrorKind::OffsetUnderToolCentrePoint {
+                        letter: axis.letter(),
+                        value: offset[axis],
+                    };
+                    return Err((code.span, kind));
+                }
+                offset
+            }
             LengthOffset::Dynamic => {
                 let mut offset = self.offsets.tool;
                 for (axis, value) in self.axis_values(block) {
@@ -165,18 +187,32 @@ impl State {
         {
             *before = Some(self.at);
         }
-        self.use_tool_offset(offset, calls);
+        self.use_tool_frame(offset, code.value == LengthOffset::ToolCentrePoint, calls);
         self.tools.offset_on = code.value != LengthOffset::Off;
         Ok(())
     }
 
+    /// Another tool, with tool-centre-point control as it is.
     pub(super) fn use_tool_offset(&mut self, offset: Position, calls: &mut Calls) {
-        let offsets = Offsets {
-            tool: offset,
-            ..self.offsets
-        };
-        self.set_offsets(offsets);
+        self.use_tool_frame(offset, self.tool_centre_point, calls);
+    }
+
+    /// Another tool or another meaning of the axes. Joints stay where they are, and the axes read otherwise.
+    pub(super) fn use_tool_frame(&mut self, offset: Position, centre_point: bool, calls: &mut Calls) {
+        let (before, machine) = (self.tool_frame(), self.machine());
+        let switched = centre_point != self.tool_centre_point;
+        if switched && !centre_point {
+            calls.push_back(Call::SetToolCentrePoint(false));
+        }
         calls.push_back(Call::SetToolLengthOffset { offset });
+        if switched && centre_point {
+            calls.push_back(Call::SetToolCentrePoint(true));
+        }
+        self.offsets.tool = offset;
+        self.tool_centre_point = centre_point;
+        let reframed = self.settings.kinematics.reframe(&machine, &before, &self.tool_frame());
+        // Machines with tool-centre-point control reach every place under either meaning.
+        self.at = self.offsets.work(reframed.unwrap_or(machine));
     }
 
     /// The axis words of a line with their values in mm and degrees; X in G7 as a radius.

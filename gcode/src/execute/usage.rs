@@ -61,6 +61,13 @@ impl State {
                 return Err((code.span, ErrorKind::MachineCoordinatesIncremental));
             }
         }
+        if self.tool_centre_point
+            && let Some(code) = block.codes.non_modal
+            && let NonModal::MachineCoordinates | NonModal::Return(_) | NonModal::Store(_) = code.value
+        {
+            let code_name = code.name();
+            return Err((code.span, ErrorKind::MachineUnderToolCentrePoint { code: code_name }));
+        }
         if let (Some(dwell), Some(arc)) = (block.codes.non_modal, block.codes.motion)
             && dwell.value == NonModal::Dwell
             && let Some(motion) = arc.value.filter(|motion| motion.is_arc())
@@ -112,7 +119,7 @@ fn check_letters(block: &Block, motion: Option<Motion>) -> Result<(), Fault> {
 const USERS: [(u8, &str); 11] = [
     (b'D', "G41, G42, G41.1, G42.1, G96 and G70 to G72.2"),
     (b'E', "M66, M67, M68, G70 and G76"),
-    (b'H', "G43, G43.2 and G76"),
+    (b'H', "G43, G43.2, G43.4 and G76"),
     (b'I', "G2, G3, G5, G5.1, G10 L1, G33.1, G70 to G72.2, G76 and G87"),
     (b'J', "G2, G3, G5, G5.1, G10 L1, G76 and G87"),
     (b'K', "G2, G3, G33, G33.1, G76 and G87"),
@@ -159,7 +166,7 @@ fn used_letters(block: &Block, motion: Option<Motion>) -> u32 {
     }
     if let Some(code) = codes.length_offset {
         used |= match code.value {
-            LengthOffset::Tool | LengthOffset::Additional => letters(b"H"),
+            LengthOffset::Tool | LengthOffset::Additional | LengthOffset::ToolCentrePoint => letters(b"H"),
             LengthOffset::Dynamic | LengthOffset::Off => 0,
         };
     }

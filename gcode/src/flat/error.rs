@@ -34,6 +34,9 @@ pub enum Unwritable {
     /// An arc, spline or probing move in step with a spindle.
     #[error("{0} in step with a spindle")]
     Synchronised(&'static str),
+    /// Tool-centre-point control.
+    #[error("tool-centre-point control (G43.4)")]
+    ToolCentrePoint,
     /// A tap without the pitch.
     #[error("a rigid tap outside of synchronised motion has no pitch")]
     TapWithoutPitch,

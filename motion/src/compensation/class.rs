@@ -35,6 +35,7 @@ impl Class {
             }
             Call::SetG92Offset { .. } => Class::Refused("an offset by G92 or G52"),
             Call::SetToolLengthOffset { .. } => Class::Refused("a change of the tool length offset (G43, G49)"),
+            Call::SetToolCentrePoint(_) => Class::Refused("a switch of tool-centre-point control (G43.4, G49)"),
             Call::ChangeTool { .. } | Call::StartChange => Class::Refused("a tool change (M6)"),
             Call::SelectPlane(_) => Class::Plane,
             Call::SetCutterCompensation(_) => Class::Switch,

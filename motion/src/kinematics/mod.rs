@@ -141,6 +141,15 @@ impl Kinematics {
         self.map.joint_of(axis)
     }
 
+    /// Whether positions of a joint are degrees and not millimetres.
+    pub fn is_rotary(&self, joint: usize) -> bool {
+        let Some(axis) = self.map.joints().get(joint).and_then(|follows| follows.axis) else {
+            return false;
+        };
+        let swings = matches!(self.transform, Transform::Scara(_)) && matches!(axis, Axis::X | Axis::Y);
+        swings || axis.is_rotary()
+    }
+
     /// Whether each joint just follows its axis under this frame.
     pub fn is_trivial(&self, frame: &ToolFrame) -> bool {
         match self.transform {
@@ -281,7 +290,7 @@ impl Kinematics {
     /// # Errors
     /// The machine cannot take this position.
     pub fn reframe(&self, position: &Position, from: &ToolFrame, to: &ToolFrame) -> Result<Position, Unreachable> {
-        if self.is_trivial(from) && self.is_trivial(to) {
+        if !(from.tcp || to.tcp) || !self.has_tcp() {
             return Ok(*position);
         }
         let mut joints = [0.0; JOINTS];

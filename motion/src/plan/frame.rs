@@ -41,18 +41,27 @@ impl Frame {
     }
 }
 
+/// Whether every axis that moves along `piece` exists.
+pub(super) fn check_axes(piece: &Piece, limits: &[Option<AxisLimits>; AXES]) -> Result<(), PlanErrorKind> {
+    let (start, end) = (piece.position(0.0), piece.position(piece.length()));
+    let moved = |axis: &Axis| {
+        // An arc computes its end by trigonometry, so that an axis at rest may show rounding.
+        let k = *axis as usize;
+        limits[k].is_none() && (end.0[k] - start.0[k]).abs() > 1e-9
+    };
+    match Axis::ALL.into_iter().find(moved) {
+        Some(axis) => Err(PlanErrorKind::NoSuchAxis { axis }),
+        None => Ok(()),
+    }
+}
+
 /// Whether every axis exists and stays inside its travel all along `piece`, which begins inside.
 pub(super) fn check_travel(piece: &Piece, limits: &[Option<AxisLimits>; AXES]) -> Result<(), PlanErrorKind> {
-    let (start, end) = (piece.position(0.0), piece.position(piece.length()));
+    check_axes(piece, limits)?;
+    let end = piece.position(piece.length());
     for axis in Axis::ALL {
         let k = axis as usize;
-        let Some(limits) = limits[k] else {
-            // An arc computes its end by trigonometry, so that an axis at rest may show rounding.
-            if (end.0[k] - start.0[k]).abs() > 1e-9 {
-                return Err(PlanErrorKind::NoSuchAxis { axis });
-            }
-            continue;
-        };
+        let Some(limits) = limits[k] else { continue };
         within(axis, end.0[k], &limits)?;
         if let Shape::Arc(arc) = piece.shape() {
             let (low, high) = arc.reach(k);

@@ -23,6 +23,7 @@ pub mod check;
 pub mod classic;
 pub mod deviation;
 mod frame;
+pub mod joint_space;
 mod kinks;
 mod limits;
 pub mod offline;
@@ -36,9 +37,11 @@ pub mod workers;
 use std::fmt;
 
 use crate::canon::{AXES, Axis, Position, Source};
+use crate::kinematics::Unreachable;
 use crate::path::Piece;
 
 pub use deviation::{Deviation, deviation};
+pub use joint_space::JointSpace;
 pub use offline::{Offline, plan_offline};
 pub use planner::{Planner, Pumped};
 
@@ -71,8 +74,11 @@ pub enum Slope {
 /// What a planner must know of the machine.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// Limits by axis; `None`: the machine has no such axis, and moving it is an error.
+    /// Limits by axis; `None`: the machine has no such axis, and moving it is an error. Where `joints` holds, they are guides
+    /// for smoothing, and their travel counts only while each joint follows its axis.
     pub axes: [Option<AxisLimits>; AXES],
+    /// Joints of a machine whose kinematics are not trivial. `None`: each axis moves as its joints do.
+    pub joints: Option<JointSpace>,
     /// Time between set-points, s.
     pub cycle_s: f64,
     /// Greatest deviation from the path where G64 names none, mm.
@@ -124,6 +130,28 @@ pub enum PlanErrorKind {
         /// Which.
         axis: Axis,
     },
+    /// A move takes a joint beyond its travel.
+    JointTravel {
+        /// Which, counted from 0.
+        joint: usize,
+        /// Whether its positions are degrees.
+        rotary: bool,
+        /// Where the move would lead it.
+        value: f64,
+        /// The limit it would pass.
+        limit: f64,
+        /// Where on the move, machine coordinates of the axes.
+        place: Position,
+    },
+    /// A move leads to a place that the machine cannot take.
+    Unreachable {
+        /// Which joint cannot follow, and why.
+        unreachable: Unreachable,
+        /// Where on the move, machine coordinates of the axes.
+        place: Position,
+    },
+    /// Tool-centre-point control on a machine without it.
+    NoToolCentrePoint,
     /// A feed move without a feed rate.
     NoFeedRate,
     /// An arc whose radius is zero at one end, or that makes no turn.
@@ -152,6 +180,26 @@ impl fmt::Display for PlanErrorKind {
                 )
             }
             PlanErrorKind::NoSuchAxis { axis } => write!(f, "this machine has no axis {}", axis.letter()),
+            PlanErrorKind::JointTravel {
+                joint,
+                rotary,
+                value,
+                limit,
+                place,
+            } => {
+                let unit = if *rotary { "degrees" } else { "mm" };
+                write!(
+                    f,
+                    "joint {joint} would reach {value:.4} {unit}, beyond its travel limit {limit:.4}, at {} (machine coordinates)",
+                    joint_space::place(place)
+                )
+            }
+            PlanErrorKind::Unreachable { unreachable, place } => {
+                f.write_str(&joint_space::unreachable(unreachable, place))
+            }
+            PlanErrorKind::NoToolCentrePoint => f.write_str(
+                "tool-centre-point control (G43.4) needs kinematics \"table-table\" or \"head-table\"; expected G43",
+            ),
             PlanErrorKind::NoFeedRate => f.write_str("feed move without a feed rate; expected F before it"),
             PlanErrorKind::BadArc => f.write_str("arc of zero radius; expected start and end away from its centre"),
             PlanErrorKind::NotFinite => f.write_str("position is not a finite number"),

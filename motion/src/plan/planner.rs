@@ -5,11 +5,12 @@
 
 use super::optimal::{self, Stream};
 use super::program::{Entry, Program};
-use super::smooth::{Passed, Smoother};
+use super::smooth::{Passed, Smoother, Stretch};
 use super::workers::Workers;
 use super::{PlanError, Programmed, Settings, Slope, classic};
 use crate::canon::Event;
 use crate::element::Element;
+use crate::kinematics::ToolFrame;
 use crate::ring::Sink;
 
 /// What became of [`Planner::pump`].
@@ -85,6 +86,8 @@ pub struct Planner<S> {
     program: Program,
     smoother: Smoother,
     engine: Engine,
+    /// How the axes of what passes the stages are meant.
+    frame: ToolFrame,
     ideal: Vec<Programmed>,
 }
 
@@ -106,6 +109,7 @@ impl<S: Sink<Element>> Planner<S> {
             program: Program::new(settings.start),
             smoother: Smoother::default(),
             engine,
+            frame: ToolFrame::OFF,
             ideal: Vec::new(),
         }
     }
@@ -130,9 +134,11 @@ impl<S: Sink<Element>> Planner<S> {
                 });
                 let mut passed = Vec::new();
                 self.smoother.push(part, &self.settings, &mut passed);
-                for passed in passed {
-                    self.engine.push(passed, &self.settings);
-                }
+                self.pass(passed);
+            }
+            Some(Entry::Halt) => {
+                self.rest(None);
+                self.frame = self.program.tool_frame();
             }
             Some(Entry::Rest(element)) => self.rest(Some(element)),
         }
@@ -169,9 +175,22 @@ impl<S: Sink<Element>> Planner<S> {
     fn rest(&mut self, element: Option<Element>) {
         let mut passed = Vec::new();
         self.smoother.flush(&self.settings, &mut passed);
+        self.pass(passed);
+        self.engine.rest(element, &self.settings);
+    }
+
+    /// What the smoother lets go, to the slope. Pieces that it made are meant as the moves they come from: it is empty when
+    /// that changes.
+    fn pass(&mut self, passed: Vec<Passed>) {
         for passed in passed {
+            let passed = match passed {
+                Passed::Stretch(stretch) => Passed::Stretch(Stretch {
+                    piece: stretch.piece.in_frame(self.frame),
+                    ..stretch
+                }),
+                Passed::Stop => Passed::Stop,
+            };
             self.engine.push(passed, &self.settings);
         }
-        self.engine.rest(element, &self.settings);
     }
 }

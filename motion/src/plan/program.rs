@@ -5,10 +5,11 @@
 
 use std::f64::consts::TAU;
 
-use super::frame::{Frame, check_travel};
+use super::frame::{Frame, check_axes, check_travel};
 use super::{PlanErrorKind, Settings};
 use crate::canon::{Axis, Call, FeedMode, PathMode, Plane, Position, SpindleDirection, SpindleMode};
 use crate::element::{Action, Element};
+use crate::kinematics::ToolFrame;
 use crate::path::{Circle, Group, Piece};
 
 /// What may happen to the path at the end of a move.
@@ -45,6 +46,8 @@ struct Feed {
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Entry {
     Move(Move),
+    /// Rest, as the axes mean something else from here on.
+    Halt,
     /// A wait or an action, at rest.
     Rest(Element),
 }
@@ -53,6 +56,8 @@ pub(super) enum Entry {
 #[derive(Debug)]
 pub(super) struct Program {
     frame: Frame,
+    /// How the axes are meant.
+    tool_frame: ToolFrame,
     position: Position,
     feed: Option<Feed>,
     mode: PathMode,
@@ -65,6 +70,7 @@ impl Program {
     pub(super) fn new(start: Position) -> Program {
         Program {
             frame: Frame::default(),
+            tool_frame: ToolFrame::OFF,
             position: start,
             feed: None,
             mode: PathMode::ExactPath,
@@ -168,8 +174,20 @@ impl Program {
                 Ok(None)
             }
             Call::SetToolLengthOffset { offset } => {
+                let tool_frame = ToolFrame {
+                    length_mm: if self.tool_frame.tcp { offset[Axis::Z] } else { 0.0 },
+                    ..self.tool_frame
+                };
+                let entry = self.reframe(tool_frame, settings)?;
                 self.frame.tool = *offset;
-                Ok(None)
+                Ok(entry)
+            }
+            Call::SetToolCentrePoint(on) => {
+                let tool_frame = ToolFrame {
+                    tcp: *on,
+                    length_mm: if *on { self.frame.tool[Axis::Z] } else { 0.0 },
+                };
+                self.reframe(tool_frame, settings)
             }
             Call::SetSpindleSpeed { spindle: 1.., .. }
             | Call::StartSpindle { spindle: 1.., .. }
@@ -207,6 +225,30 @@ impl Program {
         }
     }
 
+    /// How the axes are meant at present.
+    pub(super) fn tool_frame(&self) -> ToolFrame {
+        self.tool_frame
+    }
+
+    /// Axes are meant otherwise from here on; no joint moves.
+    fn reframe(&mut self, to: ToolFrame, settings: &Settings) -> Result<Option<Entry>, PlanErrorKind> {
+        if to == self.tool_frame {
+            return Ok(None);
+        }
+        let Some(joints) = settings.joints.as_ref().filter(|joints| joints.kinematics.has_tcp()) else {
+            return Err(PlanErrorKind::NoToolCentrePoint);
+        };
+        self.position = joints
+            .kinematics
+            .reframe(&self.position, &self.tool_frame, &to)
+            .map_err(|unreachable| PlanErrorKind::Unreachable {
+                unreachable,
+                place: self.position,
+            })?;
+        self.tool_frame = to;
+        Ok(Some(Entry::Halt))
+    }
+
     fn straight(
         &mut self,
         to: &Position,
@@ -232,7 +274,14 @@ impl Program {
         rapid: bool,
         settings: &Settings,
     ) -> Result<Entry, PlanErrorKind> {
-        check_travel(&piece, &settings.axes)?;
+        let piece = piece.in_frame(self.tool_frame);
+        match &settings.joints {
+            Some(joints) if !joints.kinematics.is_trivial(&self.tool_frame) => {
+                check_axes(&piece, &settings.axes)?;
+                joints.check(&piece)?;
+            }
+            Some(_) | None => check_travel(&piece, &settings.axes)?,
+        }
         let feed = if rapid {
             f64::INFINITY
         } else {
@@ -327,6 +376,7 @@ mod tests {
         let axes = [Some(axis); AXES];
         Settings {
             axes,
+            joints: None,
             cycle_s: 1e-3,
             tolerance_mm: 0.1,
             look_ahead_blocks: 9,

@@ -6,10 +6,13 @@
 //! RT: nothing here allocates, locks or asks the system.
 
 pub mod dda;
+pub mod homing;
 mod interpolator;
+pub mod jog;
 mod joint_compensation;
 mod monitor;
 mod online;
+pub mod probe;
 mod scale;
 
 pub use interpolator::{Interpolator, Sample, SampleState};

@@ -98,6 +98,7 @@ impl JsonPrinter {
             Call::SetG92Offset { offset } => ("set_g92_offset", json!({ "offset": offset.0 })),
             Call::SetXyRotation { degrees } => ("set_xy_rotation", json!({ "degrees": degrees })),
             Call::SetToolLengthOffset { offset } => ("set_tool_length_offset", json!({ "offset": offset.0 })),
+            Call::SetToolCentrePoint(on) => ("set_tool_centre_point", json!({ "on": on })),
             Call::SetCutterCompensation(cutter) => ("set_cutter_compensation", compensation(*cutter)),
             Call::SetSpindleMode { spindle, mode } => ("set_spindle_mode", self.spindle_mode(*spindle, *mode)),
             Call::SetSpindleSpeed { spindle, speed } => ("set_spindle_speed", self.spindle_speed(*spindle, *speed)),

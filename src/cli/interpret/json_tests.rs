@@ -99,6 +99,7 @@ fn samples() -> Vec<(&'static str, Call)> {
         ("set_g92_offset", Call::SetG92Offset { offset: TO }),
         ("set_xy_rotation", Call::SetXyRotation { degrees: 30.0 }),
         ("set_tool_length_offset", Call::SetToolLengthOffset { offset: TO }),
+        ("set_tool_centre_point", Call::SetToolCentrePoint(true)),
         ("set_cutter_compensation", Call::SetCutterCompensation(Some(cutter))),
         ("set_cutter_compensation", Call::SetCutterCompensation(None)),
         ("set_spindle_mode", Call::SetSpindleMode { spindle, mode: css }),

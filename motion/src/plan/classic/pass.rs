@@ -12,7 +12,7 @@
 //!
 //! # Equal to the serial result, bit for bit
 //!
-//! [`parallel`] runs each chunk of nodes on its own, with an overlap on both sides and the boundary value 0 beyond it.
+//! [`Buffers`] run each chunk of nodes on its own, with an overlap on both sides and the boundary value 0 beyond it.
 //! Why its nodes carry the same bits as in [`serial`]:
 //!
 //! 1. Rounding to nearest is monotone, so x <= y gives fl(x + g) <= fl(y + g), and so min(cap, fl(x + g)) is monotone, too;
@@ -33,6 +33,7 @@
 
 use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::plan::workers::{JobPanicked, Workers};
 
@@ -137,14 +138,14 @@ fn forward(elements: &[Element], first: usize, beyond: Beyond, certificates: usi
     found
 }
 
-/// b at all nodes, one more than elements.
-pub fn serial(elements: &[Element]) -> Vec<f64> {
+/// Puts b at all nodes, one more than elements, into `b`.
+pub fn serial(elements: &[Element], b: &mut Vec<f64>) {
     let nodes = elements.len() + 1;
-    let mut b = Vec::with_capacity(nodes);
-    backward(elements, 0..nodes, Beyond::Rest, nodes, &mut b);
+    b.clear();
+    b.reserve(nodes);
+    backward(elements, 0..nodes, Beyond::Rest, nodes, b);
     b.reverse();
-    forward(elements, 0, Beyond::Rest, 0, &mut b);
-    b
+    forward(elements, 0, Beyond::Rest, 0, b);
 }
 
 /// The first node whose speed may still rise when more elements follow: all before it are final. Rest is assumed behind the
@@ -177,123 +178,157 @@ pub struct Chunk {
     pub handed_back: bool,
 }
 
-/// Result of [`parallel`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct Speeds {
-    /// b at all nodes.
-    pub b: Vec<f64>,
-    /// What each chunk needed.
-    pub chunks: Vec<Chunk>,
-}
-
 /// An overlap of more than so many chunks is not worth it.
 const OVERLAP_CHUNKS: usize = 4;
 
-/// The same as [`serial`], in chunks of `chunk` nodes with `overlap` more on both sides.
-///
-/// # Errors
-/// If a job fails by a defect.
-pub fn parallel(
-    elements: &Arc<[Element]>,
+/// The same as [`serial`] in chunks with overlap, on all threads. Keeps its memory from call to call.
+#[derive(Debug)]
+pub struct Buffers {
+    workers: Workers,
     chunk: usize,
     overlap: usize,
-    workers: &Workers,
-) -> Result<Speeds, JobPanicked> {
-    let nodes = elements.len() + 1;
-    let chunk = chunk.clamp(1, nodes);
-    let range = move |number: usize| number * chunk..((number + 1) * chunk).min(nodes);
-    let shared = Arc::clone(elements);
-    let mut parts = workers.run(nodes.div_ceil(chunk), move |number| {
-        Part::new(&shared, range(number), overlap)
-    })?;
-    hand_back(elements, &mut parts, range);
-    let mut b = Vec::with_capacity(nodes);
-    for part in &parts {
-        b.extend_from_slice(&part.b);
-    }
-    let chunks = parts.iter().map(|part| part.chunk).collect();
-    Ok(Speeds { b, chunks })
+    nodes: usize,
+    /// b at the nodes, and at some more from an earlier call. Jobs write to it: each to nodes of its own.
+    bits: Arc<[AtomicU64]>,
+    chunks: Vec<Chunk>,
 }
 
-/// A chunk that has been done.
-#[derive(Debug)]
-struct Part {
+impl Buffers {
+    /// Chunks of `chunk` nodes (at least 1) with `overlap` more on both sides.
+    pub fn new(chunk: usize, overlap: usize, workers: &Workers) -> Buffers {
+        Buffers {
+            workers: workers.clone(),
+            chunk: chunk.max(1),
+            overlap,
+            nodes: 0,
+            bits: Arc::new([]),
+            chunks: Vec::new(),
+        }
+    }
+
+    /// Looks ahead over a path.
+    ///
+    /// # Errors
+    /// If a job fails by a defect.
+    pub fn run(&mut self, elements: &Arc<[Element]>) -> Result<(), JobPanicked> {
+        self.nodes = elements.len() + 1;
+        if self.bits.len() < self.nodes {
+            self.bits = (0..self.nodes).map(|_| AtomicU64::new(0)).collect();
+        }
+        let (nodes, chunk, overlap) = (self.nodes, self.chunk.min(self.nodes), self.overlap);
+        let range = move |number: usize| number * chunk..((number + 1) * chunk).min(nodes);
+        let (shared, bits) = (Arc::clone(elements), Arc::clone(&self.bits));
+        let mut done = self.workers.run(nodes.div_ceil(chunk), move |number| {
+            let own = range(number);
+            alone(&shared, own.clone(), overlap, &bits[own])
+        })?;
+        self.hand_back(elements, &mut done, range);
+        self.chunks = done.into_iter().map(|done| done.chunk).collect();
+        Ok(())
+    }
+
+    /// b at all nodes, one more than elements.
+    pub fn b(&self) -> impl ExactSizeIterator<Item = f64> + '_ {
+        self.bits[..self.nodes].iter().map(load)
+    }
+
+    /// What each chunk needed.
+    pub fn chunks(&self) -> &[Chunk] {
+        &self.chunks
+    }
+
+    /// Does what no reasonable overlap was enough for, from the values of the neighbours.
+    fn hand_back(&self, elements: &[Element], done: &mut [Done], range: impl Fn(usize) -> Range<usize>) {
+        let mut b = Vec::new();
+        for number in (0..done.len()).rev() {
+            if !done[number].chunk.handed_back {
+                continue;
+            }
+            let after = done.get(number + 1);
+            let beyond = after.map_or(Beyond::Rest, |after| Beyond::Node(after.first));
+            b.clear();
+            backward(elements, range(number), beyond, usize::MAX, &mut b);
+            b.reverse();
+            store(&b, &self.bits[range(number)]);
+            done[number].first = b[0];
+        }
+        for number in (0..done.len()).filter(|number| done[*number].chunk.handed_back) {
+            let own = range(number);
+            b.clear();
+            b.extend(self.bits[own.clone()].iter().map(load));
+            let beyond = match own.start {
+                0 => Beyond::Rest,
+                start => Beyond::Node(load(&self.bits[start - 1])),
+            };
+            forward(elements, own.start, beyond, 0, &mut b);
+            store(&b, &self.bits[own]);
+        }
+    }
+}
+
+fn load(bits: &AtomicU64) -> f64 {
+    f64::from_bits(bits.load(Ordering::Relaxed))
+}
+
+fn store(b: &[f64], bits: &[AtomicU64]) {
+    for (b, bits) in b.iter().zip(bits) {
+        bits.store(b.to_bits(), Ordering::Relaxed);
+    }
+}
+
+/// What is left to tell of a chunk.
+#[derive(Clone, Copy, Debug)]
+struct Done {
     chunk: Chunk,
     /// Backward result at its first node.
     first: f64,
-    /// Result at all its nodes.
-    b: Vec<f64>,
 }
 
-impl Part {
-    fn new(elements: &[Element], own: Range<usize>, overlap: usize) -> Part {
-        let nodes = elements.len() + 1;
-        let (mut left, mut right) = (overlap, overlap);
-        let mut chunk = Chunk::default();
-        let mut b = Vec::new();
-        let most = OVERLAP_CHUNKS.saturating_mul(own.len()).max(overlap);
-        while left <= most && right <= most {
-            let outer = own.start.saturating_sub(left)..own.end.saturating_add(right).min(nodes);
-            b.clear();
-            b.reserve(outer.len());
-            let last = own.end - 1;
-            // The overlap first: without a certificate in it, the rest would be in vain.
-            let beyond = match outer.end == nodes {
-                true => Beyond::Rest,
-                false => Beyond::Node(0.0),
-            };
-            let found = backward(elements, last..outer.end, beyond, last, &mut b);
-            if outer.end < nodes && found.is_none() {
-                right = (2 * right).max(1);
-                chunk.redone += 1;
-                continue;
-            }
-            chunk.right = found.map_or(nodes - 1, |node| node) - last;
-            let next = Beyond::Node(b.last().copied().unwrap_or(0.0));
-            backward(elements, outer.start..last, next, nodes, &mut b);
-            b.reverse();
-            let first = b[own.start - outer.start];
-            let beyond = match outer.start == 0 {
-                true => Beyond::Rest,
-                false => Beyond::Node(0.0),
-            };
-            let found = forward(elements, outer.start, beyond, own.start, &mut b);
-            if outer.start > 0 && found.is_none() {
-                left = (2 * left).max(1);
-                chunk.redone += 1;
-                continue;
-            }
-            chunk.left = own.start - found.unwrap_or(0);
-            b.truncate(own.end - outer.start);
-            b.drain(..own.start - outer.start);
-            return Part { chunk, first, b };
-        }
+/// Does a chunk without knowing its neighbours.
+fn alone(elements: &[Element], own: Range<usize>, overlap: usize, bits: &[AtomicU64]) -> Done {
+    let nodes = elements.len() + 1;
+    let (mut left, mut right) = (overlap, overlap);
+    let mut chunk = Chunk::default();
+    let mut b = Vec::new();
+    let most = OVERLAP_CHUNKS.saturating_mul(own.len()).max(overlap);
+    while left <= most && right <= most {
+        let outer = own.start.saturating_sub(left)..own.end.saturating_add(right).min(nodes);
         b.clear();
-        chunk.handed_back = true;
-        Part { chunk, first: 0.0, b }
-    }
-}
-
-/// Does what no reasonable overlap was enough for, from the values of the neighbours.
-fn hand_back(elements: &[Element], parts: &mut [Part], range: impl Fn(usize) -> Range<usize>) {
-    for number in (0..parts.len()).rev() {
-        if parts[number].chunk.handed_back {
-            let beyond = parts
-                .get(number + 1)
-                .map_or(Beyond::Rest, |after| Beyond::Node(after.first));
-            let part = &mut parts[number];
-            backward(elements, range(number), beyond, usize::MAX, &mut part.b);
-            part.b.reverse();
-            part.first = part.b.first().copied().unwrap_or(0.0);
+        b.reserve(outer.len());
+        // The overlap first: without a certificate in it, the rest would be in vain.
+        let last = own.end - 1;
+        let beyond = match outer.end == nodes {
+            true => Beyond::Rest,
+            false => Beyond::Node(0.0),
+        };
+        let found = backward(elements, last..outer.end, beyond, last, &mut b);
+        if outer.end < nodes && found.is_none() {
+            right = right.saturating_mul(2).max(1);
+            chunk.redone += 1;
+            continue;
         }
-    }
-    let mut beyond = Beyond::Rest;
-    for (number, part) in parts.iter_mut().enumerate() {
-        if part.chunk.handed_back {
-            forward(elements, range(number).start, beyond, 0, &mut part.b);
+        chunk.right = found.unwrap_or(nodes - 1) - last;
+        let next = Beyond::Node(b.last().copied().unwrap_or(0.0));
+        backward(elements, outer.start..last, next, nodes, &mut b);
+        b.reverse();
+        let first = b[own.start - outer.start];
+        b.truncate(own.end - outer.start);
+        let beyond = match outer.start == 0 {
+            true => Beyond::Rest,
+            false => Beyond::Node(0.0),
+        };
+        let found = forward(elements, outer.start, beyond, own.start, &mut b);
+        if outer.start > 0 && found.is_none() {
+            left = left.saturating_mul(2).max(1);
+            chunk.redone += 1;
+            continue;
         }
-        beyond = part.b.last().map_or(Beyond::Rest, |last| Beyond::Node(*last));
+        chunk.left = own.start - found.unwrap_or(0);
+        store(&b[own.start - outer.start..], bits);
+        return Done { chunk, first };
     }
+    chunk.handed_back = true;
+    Done { chunk, first: 0.0 }
 }
 
 #[cfg(test)]

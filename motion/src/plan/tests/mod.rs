@@ -6,6 +6,7 @@ use super::smooth::round::distance;
 use super::*;
 use crate::canon::{Call, Event, PathMode, Plane};
 
+mod joint_space;
 mod random;
 
 fn settings() -> Settings {
@@ -31,6 +32,7 @@ fn settings() -> Settings {
     });
     Settings {
         axes,
+        joints: None,
         cycle_s: 1e-3,
         tolerance_mm: 0.05,
         look_ahead_blocks: 200,

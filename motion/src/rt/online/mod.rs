@@ -255,4 +255,4 @@ impl Online {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

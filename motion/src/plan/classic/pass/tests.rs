@@ -6,8 +6,21 @@ use std::sync::LazyLock;
 static WORKERS: LazyLock<Vec<Workers>> =
     LazyLock::new(|| (0..=4).map(|threads| Workers::new(threads, || ())).collect());
 
-fn bits(b: &[f64]) -> Vec<u64> {
-    b.iter().map(|b| b.to_bits()).collect()
+/// Bits of the serial result.
+fn expected(elements: &[Element]) -> Vec<u64> {
+    let mut b = Vec::new();
+    serial(elements, &mut b);
+    bits(b)
+}
+
+fn run(elements: &Arc<[Element]>, chunk: usize, overlap: usize, threads: usize) -> Buffers {
+    let mut buffers = Buffers::new(chunk, overlap, &WORKERS[threads]);
+    buffers.run(elements).unwrap();
+    buffers
+}
+
+fn bits(b: impl IntoIterator<Item = f64>) -> Vec<u64> {
+    b.into_iter().map(f64::to_bits).collect()
 }
 
 /// Mostly what a machine does, sometimes what nothing does.
@@ -51,17 +64,21 @@ proptest! {
         elements in path(), chunk in 1usize..120, overlap in 0usize..60, threads in 0usize..5,
     ) {
         let elements: Arc<[Element]> = elements.into();
-        let expected = serial(&elements);
-        let got = parallel(&elements, chunk, overlap, &WORKERS[threads]).unwrap();
-        prop_assert_eq!(bits(&got.b), bits(&expected));
-        prop_assert_eq!(got.chunks.len(), expected.len().div_ceil(chunk));
+        let mut got = run(&elements, chunk, overlap, threads);
+        prop_assert_eq!(bits(got.b()), expected(&elements));
+        prop_assert_eq!(got.chunks().len(), (elements.len() + 1).div_ceil(chunk));
         // What the chunks needed does not depend on the threads either.
-        prop_assert_eq!(got, parallel(&elements, chunk, overlap, &WORKERS[0]).unwrap());
+        prop_assert_eq!(got.chunks().to_vec(), run(&elements, chunk, overlap, 0).chunks().to_vec());
+        // Nothing is left from one path to the next, shorter one.
+        let part: Arc<[Element]> = elements[..elements.len() / 2].into();
+        got.run(&part).unwrap();
+        prop_assert_eq!(bits(got.b()), expected(&part));
     }
 
     #[test]
     fn every_element_can_be_run(elements in path()) {
-        let b = serial(&elements);
+        let mut b = Vec::new();
+        serial(&elements, &mut b);
         prop_assert_eq!(b.len(), elements.len() + 1);
         prop_assert_eq!((b[0], b[elements.len()]), (0.0, 0.0));
         for (i, element) in elements.iter().enumerate() {
@@ -74,10 +91,10 @@ proptest! {
     #[test]
     fn what_is_settled_stays_whatever_follows(elements in path(), more in path()) {
         let settled = settled(&elements);
-        let known = serial(&elements);
+        let known = expected(&elements);
         prop_assert!(settled <= elements.len());
         let longer: Vec<_> = elements.iter().chain(&more).copied().collect();
-        prop_assert_eq!(bits(&serial(&longer)[..settled]), bits(&known[..settled]));
+        prop_assert_eq!(&expected(&longer)[..settled], &known[..settled]);
     }
 }
 
@@ -92,7 +109,7 @@ fn odd_sizes_give_the_bits_of_the_serial_passes() {
     };
     for count in [0, 1, 2, 3, 500] {
         let elements: Arc<[Element]> = (0..count).map(element).collect();
-        let expected = bits(&serial(&elements));
+        let expected = expected(&elements);
         for (chunk, overlap) in [
             (0, 0),
             (1, 0),
@@ -102,9 +119,9 @@ fn odd_sizes_give_the_bits_of_the_serial_passes() {
             (17, usize::MAX),
             (500, 3),
         ] {
-            let got = parallel(&elements, chunk, overlap, &WORKERS[2]).unwrap();
+            let got = run(&elements, chunk, overlap, 2);
             assert_eq!(
-                bits(&got.b),
+                bits(got.b()),
                 expected,
                 "{count} elements, chunk {chunk}, overlap {overlap}"
             );
@@ -122,7 +139,7 @@ fn a_hand_made_path_has_the_speeds_of_the_textbook() {
         corner,
     };
     let elements = [99.0, 99.0, 10.0, 99.0, 99.0, 99.0].map(element);
-    assert_eq!(serial(&elements), [0.0, 200.0, 300.0, 100.0, 300.0, 200.0, 0.0]);
+    assert_eq!(expected(&elements), bits([0.0, 200.0, 300.0, 100.0, 300.0, 200.0, 0.0]));
     // Two elements are enough to brake from 20 mm/s to rest: what follows changes nothing further ahead.
     assert_eq!(settled(&elements), 5);
     assert_eq!((settled(&elements[..1]), settled(&[])), (1, 0));
@@ -154,9 +171,9 @@ fn an_overlap_of_the_braking_length_is_enough() {
         vec![1, 3000, 19_000],
     ] {
         let elements = path(&corners);
-        let got = parallel(&elements, 3000, overlap, &WORKERS[2]).unwrap();
-        assert_eq!(bits(&got.b), bits(&serial(&elements)));
-        for chunk in &got.chunks {
+        let got = run(&elements, 3000, overlap, 2);
+        assert_eq!(bits(got.b()), expected(&elements));
+        for chunk in got.chunks() {
             assert!(chunk.redone == 0 && !chunk.handed_back, "{chunk:?}");
             most = most.max(chunk.left).max(chunk.right);
         }
@@ -164,10 +181,10 @@ fn an_overlap_of_the_braking_length_is_enough() {
     assert_eq!(most, overlap - 1);
     // Less is too little somewhere: it is noticed, and the result is the same.
     let elements = path(&[4103]);
-    let got = parallel(&elements, 3000, 50, &WORKERS[2]).unwrap();
-    assert_eq!(bits(&got.b), bits(&serial(&elements)));
-    assert!(got.chunks.iter().any(|chunk| chunk.redone > 0));
-    assert!(got.chunks.iter().all(|chunk| !chunk.handed_back));
+    let got = run(&elements, 3000, 50, 2);
+    assert_eq!(bits(got.b()), expected(&elements));
+    assert!(got.chunks().iter().any(|chunk| chunk.redone > 0));
+    assert!(got.chunks().iter().all(|chunk| !chunk.handed_back));
 }
 
 #[test]
@@ -179,10 +196,10 @@ fn a_path_without_any_certificate_is_done_in_bounded_time() {
         corner: 1e6,
     };
     let elements: Arc<[Element]> = vec![element; 50_000].into();
-    let got = parallel(&elements, 100, 10, &WORKERS[2]).unwrap();
-    assert_eq!(bits(&got.b), bits(&serial(&elements)));
+    let got = run(&elements, 100, 10, 2);
+    assert_eq!(bits(got.b()), expected(&elements));
     // Only the last chunks, which see the end of the path, know their speeds. All the others are handed back after overlaps
     // of 10, 20 ... 320 on one side or on both.
-    assert_eq!(got.chunks.iter().filter(|chunk| chunk.handed_back).count(), 497);
-    assert!(got.chunks.iter().all(|chunk| chunk.redone <= 12));
+    assert_eq!(got.chunks().iter().filter(|chunk| chunk.handed_back).count(), 497);
+    assert!(got.chunks().iter().all(|chunk| chunk.redone <= 12));
 }

@@ -1,0 +1,203 @@
+//! Probing: a straight move that ends where a contact changes (G38.2 to G38.5).
+//!
+//! In:  the line and the feed; in every cycle the contact, and where the axes were measured when it was read.
+//! Out: one commanded position per cycle; at the end a [`Probed`]: how it ended, where the contact changed, where the axes
+//!      came to rest.
+//!
+//! At the contact the place is latched in that very cycle and the move comes to rest on the line as quickly as the stop limits
+//! allow: with `v` the speed, `A` and `J` the stop limits of the line, after `v²/(2 A) + v A/(2 J)` (`v sqrt(v/J)` where `A` is
+//! not reached). A contact that is already there where it is to come, or away where it is to go, moves nothing.
+//!
+//! RT: nothing allocates but [`Probe::new`].
+
+use super::online::Online;
+use super::scale::{MotionLimits, StopLimits};
+use crate::canon::{Position, ProbeMode};
+use crate::path::Piece;
+
+/// How a probing move ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ProbeEnd {
+    /// The contact changed as it was to.
+    Tripped,
+    /// The end of the line was reached without.
+    Missed,
+    /// The contact was as it was to become before anything moved.
+    Already,
+    /// The operator ended it.
+    Aborted,
+}
+
+impl ProbeEnd {
+    /// Whether the program goes on: without a change of the contact only where the mode does not demand one.
+    pub fn is_fine(self, mode: ProbeMode) -> bool {
+        match self {
+            ProbeEnd::Tripped => true,
+            ProbeEnd::Missed | ProbeEnd::Already => !mode.must_trip,
+            ProbeEnd::Aborted => false,
+        }
+    }
+}
+
+/// Result of a probing move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Probed {
+    /// How it ended.
+    pub end: ProbeEnd,
+    /// Measured place of the axes when the contact changed; where it did not, the commanded place of rest. Machine, mm or degrees.
+    pub at: Position,
+    /// Commanded place of rest.
+    pub rest: Position,
+}
+
+/// Limits of motion along a line, from those of the joints: `slopes` are joint units per unit of the line.
+///
+/// Exact where joints are a linear function of the axes. A line along which no joint moves has no limits.
+pub fn limits_along(joints: impl Iterator<Item = (f64, MotionLimits, StopLimits)>) -> (MotionLimits, StopLimits) {
+    const NONE: f64 = f64::INFINITY;
+    let mut motion = MotionLimits {
+        velocity: NONE,
+        acceleration: NONE,
+        jerk: NONE,
+    };
+    let mut stop = StopLimits {
+        acceleration: NONE,
+        jerk: NONE,
+    };
+    for (slope, of_joint, of_stop) in joints {
+        let slope = slope.abs();
+        if slope > 0.0 {
+            motion.velocity = motion.velocity.min(of_joint.velocity / slope);
+            motion.acceleration = motion.acceleration.min(of_joint.acceleration / slope);
+            motion.jerk = motion.jerk.min(of_joint.jerk / slope);
+            stop.acceleration = stop.acceleration.min(of_stop.acceleration / slope);
+            stop.jerk = stop.jerk.min(of_stop.jerk / slope);
+        }
+    }
+    (motion, stop)
+}
+
+/// The machine follows its commands late: so long a contact may still come at the end of the line, s.
+const SETTLE_S: f64 = 0.05;
+
+/// A probing move.
+#[derive(Debug)]
+pub struct Probe {
+    line: Piece,
+    mode: ProbeMode,
+    feed: f64,
+    online: Online,
+    /// How it ends, once that is certain.
+    end: Option<ProbeEnd>,
+    begun: bool,
+    latched: Option<Position>,
+    position: Position,
+    /// At the end of the line so far, s.
+    settled_s: f64,
+    cycle_s: f64,
+}
+
+impl Probe {
+    /// At rest at the start of `line`, which is probed at no more than `feed`, mm/s (degrees/s); limits along the line as from
+    /// [`limits_along`].
+    pub fn new(
+        line: Piece,
+        mode: ProbeMode,
+        feed: f64,
+        (motion, stop): (MotionLimits, StopLimits),
+        cycle_s: f64,
+    ) -> Probe {
+        let mut online = Online::new(0.0, motion, stop, cycle_s);
+        online.set_range([0.0, line.length()]);
+        Probe {
+            line,
+            mode,
+            feed,
+            online,
+            end: None,
+            begun: false,
+            latched: None,
+            position: line.position(0.0),
+            settled_s: 0.0,
+            cycle_s,
+        }
+    }
+
+    /// One cycle further: the commanded position. `contact`: closed or not, as read in this cycle; `measured`: where the axes
+    /// were then. RT.
+    pub fn step(&mut self, contact: bool, measured: &Position) -> Position {
+        if self.end.is_none() {
+            let as_wanted = contact == self.mode.towards;
+            if as_wanted && !self.begun {
+                self.end = Some(ProbeEnd::Already);
+            } else if as_wanted {
+                self.end = Some(ProbeEnd::Tripped);
+                self.latched = Some(*measured);
+                self.online.stop();
+            } else if !self.begun {
+                self.begun = true;
+                self.online.go_to(self.line.length(), self.feed);
+            }
+        }
+        let place = self.online.step().position;
+        self.position = self.line.position(place);
+        if self.end.is_none() && self.online.is_at_rest() && place >= self.line.length() {
+            self.settled_s += self.cycle_s;
+            if self.settled_s >= SETTLE_S {
+                self.end = Some(ProbeEnd::Missed);
+            }
+        }
+        self.position
+    }
+
+    /// The operator's hold: rest on the line, from which [`Probe::resume`] goes on. The contact is watched all the while. RT.
+    pub fn hold(&mut self) {
+        self.online.run_at(0.0);
+    }
+
+    /// Goes on after a hold. RT.
+    pub fn resume(&mut self) {
+        if self.end.is_none() && self.begun {
+            self.online.go_to(self.line.length(), self.feed);
+        }
+    }
+
+    /// Ends the move where it can come to rest. RT.
+    pub fn abort(&mut self) {
+        if self.end.is_none() {
+            self.end = Some(ProbeEnd::Aborted);
+        }
+        self.online.stop();
+    }
+
+    /// Whether nothing moves. RT.
+    pub fn is_at_rest(&self) -> bool {
+        self.online.is_at_rest()
+    }
+
+    /// Whether the last cycle was part of a stop, for which the stop limits count. RT.
+    pub fn is_stopping(&self) -> bool {
+        self.online.is_stopping()
+    }
+
+    /// Speed along the line, mm/s (degrees/s). RT.
+    pub fn speed(&self) -> f64 {
+        self.online.state().velocity.abs()
+    }
+
+    /// The result, once everything is at rest. RT.
+    pub fn result(&self) -> Option<Probed> {
+        if !self.online.is_at_rest() {
+            return None;
+        }
+        let rest = self.position;
+        self.end.map(|end| Probed {
+            end,
+            at: self.latched.unwrap_or(rest),
+            rest,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;
