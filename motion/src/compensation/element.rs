@@ -30,9 +30,7 @@ pub(super) struct Arc {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Closest {
     pub(super) distance: f64,
-    /// On the first element.
-    pub(super) at: Point,
-    /// On the second element.
+    /// The point on the second element.
     pub(super) other: Point,
 }
 
@@ -109,6 +107,22 @@ impl Element {
         element
     }
 
+    /// The way at which the element passes a point of it.
+    pub(super) fn part_at(&self, point: Point) -> f64 {
+        match self.arc {
+            None => {
+                let way = sub(self.to, self.from);
+                let part = dot(sub(point, self.from), way) / dot(way, way);
+                if part > 0.0 { part.min(1.0) } else { 0.0 }
+            }
+            Some(arc) => match self.part_towards(&arc, point) {
+                Some(part) => part,
+                None if length(sub(point, self.from)) < length(sub(point, self.to)) => 0.0,
+                None => 1.0,
+            },
+        }
+    }
+
     /// The way at which an arc passes the direction of `point` from its centre, 0 to 1; the first time if several.
     pub(super) fn part_towards(&self, arc: &Arc, point: Point) -> Option<f64> {
         let whole = arc.sweep.abs();
@@ -152,15 +166,20 @@ impl Element {
     pub(super) fn closest(&self, other: &Element) -> Closest {
         let mut best = Closest {
             distance: f64::INFINITY,
-            at: self.from,
             other: other.from,
         };
-        let mut take = |at: Point, other: Point| {
+        self.candidates(other, |at, other| {
             let distance = length(sub(at, other));
             if distance < best.distance {
-                best = Closest { distance, at, other };
+                best = Closest { distance, other };
             }
-        };
+        });
+        best
+    }
+
+    /// Shows pairs of points, on this element and on the other, among which are the closest ones, and the ends of all that
+    /// the two have in common.
+    pub(super) fn candidates(&self, other: &Element, mut take: impl FnMut(Point, Point)) {
         for end in [self.start(), self.to] {
             take(end, other.nearest(end));
         }
@@ -188,7 +207,6 @@ impl Element {
         for at in self.crossings(other) {
             take(at, at);
         }
-        best
     }
 
     /// Points that lie on both, two at most. Elements that lie on each other have none.

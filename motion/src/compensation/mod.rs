@@ -46,7 +46,7 @@ use class::Class;
 use contour::{Contour, Shape};
 use element::Element;
 pub use error::{CompensationError, CompensationErrorKind};
-use geometry::{Point, add, length, sub};
+use geometry::{Point, length, sub};
 pub use settings::{Corner, Gouge, Settings};
 pub use window::AHEAD;
 use window::{Mark, Part, Window};
@@ -88,6 +88,16 @@ enum Mode {
     /// On, and no move in the plane since.
     Entry(Tool),
     Beside(Beside),
+}
+
+/// What an event is to the look-ahead.
+enum Programmed {
+    /// Part of the contour.
+    Wall(Contour, Mark),
+    /// The contour is interrupted.
+    Gap,
+    /// It has nothing to do with the contour.
+    Nothing,
 }
 
 /// The tool as the plane sees it.
@@ -176,7 +186,8 @@ impl Compensator {
         let result = if let Mode::Off = self.mode {
             self.push_off(event, out)
         } else {
-            self.push_on(event).and_then(|wall| self.look_ahead(wall, source, out))
+            self.push_on(event)
+                .and_then(|contour| self.look_ahead(contour, source, out))
         };
         result.map_err(|kind| CompensationError::new(source, kind))
     }
@@ -188,7 +199,7 @@ impl Compensator {
             Mode::Beside(beside) => beside.last_source(),
         };
         self.switch_off()
-            .and_then(|()| self.look_ahead(None, source, out))
+            .and_then(|()| self.look_ahead(Programmed::Nothing, source, out))
             .map_err(|kind| CompensationError::new(source, kind))?;
         self.straight_exit_due = false;
         self.window = None;
@@ -236,17 +247,13 @@ impl Compensator {
             let way = [&self.path_at, &to].map(|at| in_plane(at, window.plane()));
             let way = way.map(|at| sub(at, window.shift()));
             window.compare(part, Element::line(way[0], way[1]))?;
+            window.judge(u64::MAX)?;
         }
         Ok(())
     }
 
-    /// Passes on what was made of an event, `wall` being its contour. `source`: of that event.
-    fn look_ahead(
-        &mut self,
-        wall: Option<(Contour, Mark)>,
-        source: Source,
-        out: &mut impl Extend<Event>,
-    ) -> Result<(), Kind> {
+    /// Passes on what was made of an event with this contour. `source`: of that event.
+    fn look_ahead(&mut self, contour: Programmed, source: Source, out: &mut impl Extend<Event>) -> Result<(), Kind> {
         if self.settings.number_by_release {
             for (event, _) in &mut self.made {
                 (event.source.n, event.source.n_digits) = (source.n, source.n_digits);
@@ -256,10 +263,12 @@ impl Compensator {
             out.extend(self.made.drain(..).map(|(event, _)| event));
             return Ok(());
         };
-        let mut found = match wall {
-            Some((contour, mark)) => window.wall(Element::of(&contour), mark),
-            None => Ok(()),
-        };
+        let mut found = Ok(());
+        match contour {
+            Programmed::Wall(contour, mark) => found = window.wall(Element::of(&contour), mark),
+            Programmed::Gap => window.separate(),
+            Programmed::Nothing => {}
+        }
         for (event, part) in self.made.drain(..) {
             let mut element = None;
             if let Some(to) = end_of(&event.call) {
@@ -279,11 +288,12 @@ impl Compensator {
         }
         found?;
         if let Mode::Off = self.mode {
+            window.judge(u64::MAX)?;
             window.release_all(out);
+            Ok(())
         } else {
-            window.release(out);
+            window.release(out)
         }
-        Ok(())
     }
 
     /// What a move to a point has in common with its contour, but for the chain.
@@ -330,8 +340,8 @@ impl Compensator {
         Ok(())
     }
 
-    /// Makes of an event what can be made of it by now. Result: its contour, if it has one.
-    fn push_on(&mut self, event: Event) -> Result<Option<(Contour, Mark)>, Kind> {
+    /// Makes of an event what can be made of it by now.
+    fn push_on(&mut self, event: Event) -> Result<Programmed, Kind> {
         match Class::of(&event.call) {
             Class::Move => return self.push_move(event),
             Class::InOrder => match &mut self.mode {
@@ -344,12 +354,12 @@ impl Compensator {
             Class::Switch => return Err(Kind::AlreadyOn),
             Class::Refused(what) => return Err(Kind::NotAllowed { what }),
         }
-        Ok(None)
+        Ok(Programmed::Nothing)
     }
 
-    fn push_move(&mut self, event: Event) -> Result<Option<(Contour, Mark)>, Kind> {
+    fn push_move(&mut self, event: Event) -> Result<Programmed, Kind> {
         let Some(&to) = end_of(&event.call) else {
-            return Ok(None);
+            return Ok(Programmed::Nothing);
         };
         let contour = self.contour(&event.call, to)?;
         if self.straight_exit_due && matches!(contour.shape, Shape::Arc { .. }) {
@@ -357,7 +367,7 @@ impl Compensator {
         }
         let cuts = !matches!(event.call, Call::StraightTraverse { .. });
         let mark = self.mark(&to, event.source);
-        let mut wall = None;
+        let mut programmed = Programmed::Nothing;
         match &mut self.mode {
             Mode::Off => self.made.push((event, Part::Free)),
             Mode::Entry(tool) => {
@@ -377,7 +387,11 @@ impl Compensator {
                 let part = beside::part_of(&event.call, Mark { chain, bend, ..mark });
                 beside.hold(event, part)?;
                 self.at = with_plane(to, self.plane, contour.from);
-                return Ok(None);
+                return Ok(if mark.depth[0] < mark.depth[1] {
+                    Programmed::Gap
+                } else {
+                    Programmed::Nothing
+                });
             }
             Mode::Beside(beside) => {
                 let next = Next {
@@ -388,12 +402,16 @@ impl Compensator {
                     plane: self.plane,
                 };
                 let mark = beside.follow(next, &mut self.made)?;
-                wall = cuts.then_some((contour, mark));
+                programmed = if cuts {
+                    Programmed::Wall(contour, mark)
+                } else {
+                    Programmed::Gap
+                };
             }
         }
         self.at = to;
         self.straight_exit_due = false;
-        Ok(wall)
+        Ok(programmed)
     }
 
     /// The move in the plane.

@@ -1,14 +1,11 @@
 //! Whether one move of the centre cuts into one move of the contour.
 
-use crate::canon::Plane;
-
-use super::super::CompensationErrorKind as Kind;
 use super::super::element::{Closest, Element};
-use super::super::geometry::{Point, add, length, scale, sub};
+use super::super::geometry::{Point, add, length, sub};
 use super::{DEPTH_TOLERANCE_MM, Mark, TOLERANCE_MM, Track, Wall};
 
-/// The gouge, if there is one.
-pub(super) fn conflict(track: &Track, wall: &Wall, radius: f64, plane: Plane) -> Option<Kind> {
+/// Where the centre comes too close, if it does.
+pub(super) fn conflict(track: &Track, wall: &Wall, radius: f64) -> Option<Closest> {
     if !meet(&track.mark, &wall.mark) {
         return None;
     }
@@ -21,19 +18,11 @@ pub(super) fn conflict(track: &Track, wall: &Wall, radius: f64, plane: Plane) ->
             .map(|part| track.element.closest(&part))
             .min_by(|a, b| a.distance.total_cmp(&b.distance))?,
     };
-    let Closest { distance, other, .. } = closest;
-    (distance < allowed).then(|| Kind::Gouge {
-        tool: track.mark.source,
-        contour: wall.mark.source,
-        missing_mm: radius - distance,
-        radius_mm: radius,
-        at_mm: other,
-        plane,
-    })
+    (closest.distance < allowed).then_some(closest)
 }
 
 /// Whether two moves are at the same depth, and other axes in the same place.
-fn meet(a: &Mark, b: &Mark) -> bool {
+pub(super) fn meet(a: &Mark, b: &Mark) -> bool {
     a.pose == b.pose && a.depth[0] <= b.depth[1] + DEPTH_TOLERANCE_MM && b.depth[0] <= a.depth[1] + DEPTH_TOLERANCE_MM
 }
 
@@ -52,7 +41,7 @@ fn away_from(element: &Element, point: Point, radius: f64) -> [Option<Element>; 
     let circle = Element::arc(add(point, [radius, 0.0]), add(point, [radius, 0.0]), point, 1);
     let mut cuts = [0.0, 1.0, 1.0, 1.0];
     for (cut, crossing) in cuts[1..3].iter_mut().zip(element.crossings(&circle)) {
-        *cut = part_of(element, crossing);
+        *cut = element.part_at(crossing);
     }
     cuts.sort_by(f64::total_cmp);
     std::array::from_fn(|i| {
@@ -60,19 +49,6 @@ fn away_from(element: &Element, point: Point, radius: f64) -> [Option<Element>; 
         let middle = element.at(0.5 * (part[0] + part[1]));
         (part[1] > part[0] && length(sub(middle, point)) > radius).then(|| element.between(part))
     })
-}
-
-/// The way at which an element passes a point of it.
-fn part_of(element: &Element, point: Point) -> f64 {
-    match element.arc {
-        None => {
-            let way = sub(element.to, element.from);
-            let unit = scale(way, 1.0 / length(way));
-            let along = sub(point, element.from);
-            ((along[0] * unit[0] + along[1] * unit[1]) / length(way)).clamp(0.0, 1.0)
-        }
-        Some(arc) => element.part_towards(&arc, point).unwrap_or(1.0),
-    }
 }
 
 #[cfg(test)]

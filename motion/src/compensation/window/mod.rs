@@ -22,7 +22,8 @@
 //! a wall at another depth the contour does not tell: a pocket in the floor of a pocket, a boss on a boss and roughing in
 //! steps are programs that look the same as a collision. Helices count with all their depth.
 //!
-//! **What is no contour.** Traverses cut nothing: they are no wall, and are not compared. The entry and exit moves are no
+//! **What is no contour.** What leads to a closed contour and away from it is no wall (`lead.rs`). Whether a move is such a lead
+//! shows later, so that a gouge is a suspicion until compensation ends or its first move has to go. Traverses cut nothing: they are no wall, and are not compared. The entry and exit moves are no
 //! walls; at feed they are compared with the contour, but for what of it is within 2 radii of the point where they join
 //! it: LinuxCNC's entry is slanted there and its exit leaves from beside the end, whatever corner a closed contour has there.
 //!
@@ -30,6 +31,7 @@
 //! twice that is allowed between moves with nothing but such corners between them.
 
 mod conflict;
+mod lead;
 mod store;
 
 use std::collections::VecDeque;
@@ -37,7 +39,7 @@ use std::collections::VecDeque;
 use crate::canon::{Event, Plane, Source};
 
 use super::CompensationErrorKind as Kind;
-use super::element::Element;
+use super::element::{Closest, Element};
 use super::geometry::Point;
 use conflict::conflict;
 use store::Store;
@@ -82,6 +84,9 @@ pub(super) enum Part {
 /// A move of the contour.
 #[derive(Clone, Copy, Debug)]
 struct Wall {
+    number: u64,
+    /// Number of the first one of its contour.
+    run: u64,
     element: Element,
     mark: Mark,
     /// Length of the contour at its end.
@@ -94,6 +99,8 @@ struct Track {
     element: Element,
     mark: Mark,
     joint: Option<Point>,
+    /// Number of its event.
+    event: u64,
     /// Length of the contour at which it came.
     at_mm: f64,
     /// Number of walls at which it came.
@@ -108,6 +115,16 @@ struct Waiting {
     walls: u64,
 }
 
+/// A move of the centre that comes too close to a move of the contour, if that is a wall.
+#[derive(Clone, Copy, Debug)]
+struct Suspect {
+    track: Track,
+    wall: Wall,
+}
+
+/// More suspicions than this are not kept: the first is looked into at once.
+const SUSPECTS_LIMIT: usize = 1 << 12;
+
 /// See the [module](self).
 #[derive(Clone, Debug)]
 pub(super) struct Window {
@@ -117,6 +134,11 @@ pub(super) struct Window {
     walls: Store<Wall>,
     tracks: Store<Track>,
     waiting: VecDeque<Waiting>,
+    /// Number of events that went.
+    gone: u64,
+    suspects: Vec<Suspect>,
+    /// Number of the first wall of the contour under way.
+    run: u64,
     /// Length of the contour so far, mm.
     at_mm: f64,
 }
@@ -131,6 +153,9 @@ impl Window {
             walls: Store::new(radius),
             tracks: Store::new(radius),
             waiting: VecDeque::new(),
+            gone: 0,
+            suspects: Vec::new(),
+            run: 0,
             at_mm: 0.0,
         }
     }
@@ -148,21 +173,31 @@ impl Window {
         self.waiting.len()
     }
 
+    /// Another contour begins: a traverse or a change of depth lies between.
+    pub(super) fn separate(&mut self) {
+        self.run = self.walls.end();
+    }
+
     /// Takes a move of the contour.
     pub(super) fn wall(&mut self, element: Element, mark: Mark) -> Result<(), Kind> {
         self.at_mm += element.length();
         let wall = Wall {
+            number: self.walls.end(),
+            run: self.run,
             element,
             mark,
             at_mm: self.at_mm,
         };
-        let (plane, radius) = (self.plane, self.radius);
-        let found = self
-            .tracks
-            .near(&element, |track| conflict(track, &wall, radius, plane));
+        let (radius, suspects) = (self.radius, &mut self.suspects);
+        self.tracks.near(&element, |track| {
+            if conflict(track, &wall, radius).is_some() {
+                suspects.push(Suspect { track: *track, wall });
+            }
+            None::<()>
+        });
         self.walls.push(&element, wall);
         self.forget();
-        found.map_or(Ok(()), Err)
+        self.limit_suspects()
     }
 
     /// Takes an event.
@@ -183,31 +218,79 @@ impl Window {
             Part::Beside(mark) => (mark, None),
             Part::Link(mark, joint) => (mark, Some(joint)),
         };
+        let event = self.gone + self.waiting.len() as u64;
         let track = Track {
             element,
             mark,
             joint,
+            event,
             at_mm,
             walls,
         };
-        let (plane, radius) = (self.plane, self.radius);
-        let found = self.walls.near(&element, |wall| conflict(&track, wall, radius, plane));
+        let (radius, suspects) = (self.radius, &mut self.suspects);
+        self.walls.near(&element, |wall| {
+            if conflict(&track, wall, radius).is_some() {
+                suspects.push(Suspect { track, wall: *wall });
+            }
+            None::<()>
+        });
         self.tracks.push(&element, track);
-        found.map_or(Ok(()), Err)
+        self.limit_suspects()
+    }
+
+    fn limit_suspects(&mut self) -> Result<(), Kind> {
+        if self.suspects.len() > SUSPECTS_LIMIT {
+            return self.judge(u64::MAX);
+        }
+        Ok(())
+    }
+
+    /// Looks into the suspicions about events up to number `last`.
+    pub(super) fn judge(&mut self, last: u64) -> Result<(), Kind> {
+        if self.suspects.iter().all(|suspect| suspect.track.event > last) {
+            return Ok(());
+        }
+        let (radius, plane) = (self.radius, self.plane);
+        let (mut due, later) = std::mem::take(&mut self.suspects)
+            .into_iter()
+            .partition::<Vec<_>, _>(|suspect| suspect.track.event <= last);
+        self.suspects = later;
+        due.sort_by_key(|suspect| (suspect.track.event, suspect.wall.number));
+        for suspect in due {
+            let Suspect { track, wall } = suspect;
+            let cuts = |wall: &Wall| conflict(&track, wall, radius).is_some();
+            if lead::is_wall(&mut self.walls, &suspect, cuts)
+                && let Some(Closest { distance, other, .. }) = conflict(&track, &wall, radius)
+            {
+                return Err(Kind::Gouge {
+                    tool: track.mark.source,
+                    contour: wall.mark.source,
+                    missing_mm: radius - distance,
+                    radius_mm: radius,
+                    at_mm: [other[0], other[1]],
+                    plane,
+                });
+            }
+        }
+        Ok(())
     }
 
     /// Lets events go behind which enough of the contour is known.
-    pub(super) fn release(&mut self, out: &mut impl Extend<Event>) {
+    pub(super) fn release(&mut self, out: &mut impl Extend<Event>) -> Result<(), Kind> {
         while let Some(first) = self.waiting.front() {
             if !self.is_far(first.at_mm, first.walls) {
-                return;
+                break;
             }
+            self.judge(self.gone + 1)?;
+            self.gone += 1;
             out.extend(self.waiting.pop_front().map(|waiting| waiting.event));
         }
+        Ok(())
     }
 
     /// Lets all go, the contour having come to its end.
     pub(super) fn release_all(&mut self, out: &mut impl Extend<Event>) {
+        self.gone += self.waiting.len() as u64;
         out.extend(self.waiting.drain(..).map(|waiting| waiting.event));
     }
 

@@ -90,6 +90,16 @@ impl<T> Store<T> {
         self.gone + self.items.len() as u64
     }
 
+    /// Numbers of the elements that there are.
+    pub(super) fn numbers(&self) -> std::ops::Range<u64> {
+        self.gone..self.end()
+    }
+
+    pub(super) fn get(&self, number: u64) -> Option<&T> {
+        let index = number.checked_sub(self.gone)?;
+        self.items.get(index as usize).map(|item| &item.what)
+    }
+
     pub(super) fn len(&self) -> usize {
         self.items.len()
     }
