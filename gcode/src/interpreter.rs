@@ -96,14 +96,9 @@ impl Interpreter {
             search: None,
             search_ends: HashMap::new(),
             calls: Calls::new(),
-            compensator: (self.state.settings.compensated_path == CompensatedPath::Centre).then(|| {
-                Compensator::with_settings(motion::compensation::Settings {
-                    gouge: motion::compensation::Gouge::NeighboursOnly,
-                    ..Default::default()
-                })
-            }),
+            compensator: None,
             compensated: VecDeque::new(),
-            number_by_release: false,
+            refused: None,
             source: Source::default(),
             ended: false,
             steps: 0,
@@ -117,6 +112,7 @@ impl Interpreter {
             state: self.state,
         };
         run.state.start(&mut run.calls);
+        run.use_compensator(false);
         run
     }
 }
@@ -146,7 +142,8 @@ pub struct Run<'t> {
     compensator: Option<Compensator>,
     /// What it made.
     compensated: VecDeque<Event>,
-    number_by_release: bool,
+    /// What it refused, behind what it made before.
+    refused: Option<Box<Error>>,
     source: Source,
     pub(crate) ended: bool,
     /// Lines that were read.
@@ -172,7 +169,7 @@ impl Run<'_> {
     /// Gives moves that cutter compensation held back the N-word of the line that let them go, which is what `rs274` prints;
     /// their line remains their own.
     pub fn number_by_release(mut self) -> Self {
-        self.number_by_release = true;
+        self.use_compensator(true);
         self
     }
 
@@ -484,12 +481,11 @@ impl Iterator for Run<'_> {
     #[inline]
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            if let Some(mut event) = self.compensated.pop_front() {
-                if self.number_by_release {
-                    event.source.n = self.source.n;
-                    event.source.n_digits = self.source.n_digits;
-                }
+            if let Some(event) = self.compensated.pop_front() {
                 return Some(Ok(event));
+            }
+            if let Some(error) = self.refused.take() {
+                return self.end_by_error(error);
             }
             if let Some(call) = self.calls.pop_front() {
                 let source = self.source;
@@ -497,16 +493,23 @@ impl Iterator for Run<'_> {
                 if !self.is_compensated(&event.call) {
                     return Some(Ok(event));
                 }
-                if let Err(error) = self.compensate(event) {
-                    return self.end_by_error(error);
-                }
+                self.compensate(event);
                 continue;
             }
             if !self.errors.is_empty() {
+                // What stands before the error happens before it.
+                if let Some(compensator) = &mut self.compensator
+                    && compensator.release(&mut self.compensated)
+                {
+                    continue;
+                }
                 return Some(Err(self.failed()));
             }
             if self.ended {
-                return self.finish_compensation();
+                if self.finish_compensation() {
+                    continue;
+                }
+                return None;
             }
             self.step();
         }
@@ -534,6 +537,20 @@ impl Run<'_> {
 
 /// Cutter compensation between the calls of the lines and the events of the run.
 impl Run<'_> {
+    /// Before the first event.
+    fn use_compensator(&mut self, number_by_release: bool) {
+        let settings = &self.state.settings;
+        let rules = motion::compensation::Settings {
+            corner: settings.cutter_corner,
+            gouge: settings.gouge,
+            number_by_release,
+        };
+        self.compensator = match settings.compensated_path {
+            CompensatedPath::Centre => Some(Compensator::with_settings(rules)),
+            CompensatedPath::Programmed => None,
+        };
+    }
+
     /// Whether a call has to go through the compensator.
     #[inline]
     fn is_compensated(&self, call: &Call) -> bool {
@@ -542,9 +559,9 @@ impl Run<'_> {
             .is_some_and(|compensator| !compensator.is_idle() || matches!(call, Call::SetCutterCompensation(_)))
     }
 
-    fn compensate(&mut self, event: Event) -> Result<(), Box<Error>> {
+    fn compensate(&mut self, event: Event) {
         let Some(compensator) = &mut self.compensator else {
-            return Ok(());
+            return;
         };
         if compensator.is_idle() {
             compensator.set_position(self.state.cutter_from);
@@ -552,17 +569,33 @@ impl Run<'_> {
         }
         let result = compensator.push(event, &mut self.compensated);
         self.state.cutter_at = compensator.is_on().then(|| compensator.position());
-        result.map_err(|error| self.compensation_error(error))
+        if let Err(error) = result {
+            self.refuse(error);
+        }
     }
 
-    /// Nothing comes behind the last call: what is held goes out.
-    fn finish_compensation(&mut self) -> Option<Result<Event, Box<Error>>> {
-        let mut compensator = self.compensator.take()?;
-        if let Err(error) = compensator.finish(&mut self.compensated) {
-            let error = self.compensation_error(error);
-            return self.end_by_error(error);
+    /// Nothing comes behind the last call: what is held goes out. `false`: this was done before.
+    fn finish_compensation(&mut self) -> bool {
+        let Some(compensator) = &mut self.compensator else {
+            return false;
+        };
+        match compensator.finish(&mut self.compensated) {
+            Ok(()) => self.compensator = None,
+            Err(error) => self.refuse(error),
         }
-        self.compensated.pop_front().map(Ok)
+        true
+    }
+
+    /// What was made before the error goes out before it; but nothing, if the tool would cut into the contour.
+    #[cold]
+    fn refuse(&mut self, error: CompensationError) {
+        match &mut self.compensator {
+            Some(compensator) if !error.kind.is_gouge() => {
+                compensator.release(&mut self.compensated);
+            }
+            Some(_) | None => {}
+        }
+        self.refused = Some(self.compensation_error(error));
     }
 
     /// The last thing that is told; moves that are held wait for one that never comes.

@@ -2,6 +2,7 @@
 
 use crate::ToolTable;
 use motion::canon::{AXES, LengthUnit, PathMode, Position};
+use motion::compensation::{Corner, Gouge};
 use motion::kinematics::Kinematics;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -97,6 +98,10 @@ pub struct Settings {
     pub block_delete: bool,
     /// Path of the moves under cutter compensation.
     pub compensated_path: CompensatedPath,
+    /// How the compensated tool goes around outer corners.
+    pub cutter_corner: Corner,
+    /// What happens where it would cut into another part of the contour.
+    pub gouge: Gouge,
     /// How curves are told.
     pub splines: Splines,
     /// Whether X words are diameters at the start (G7).
@@ -151,6 +156,8 @@ impl Default for Settings {
             kinematics: Kinematics::trivial(&[]),
             block_delete: false,
             compensated_path: CompensatedPath::default(),
+            cutter_corner: Corner::default(),
+            gouge: Gouge::default(),
             splines: Splines::default(),
             diameter_mode: false,
             spindles: 1,

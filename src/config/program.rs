@@ -6,6 +6,7 @@ use super::document::{Bound, Section};
 use super::remap::remap;
 use super::types::{ARC_RADIUS_TOLERANCE, Program, ToolChanger, Tools, UserCodes};
 use motion::canon::LengthUnit;
+use motion::compensation::{Corner, Gouge};
 use motion::plan::Slope;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,6 +16,8 @@ const ARC_TOLERANCE_MIN_MM: f64 = 0.001;
 const ARC_TOLERANCE_MIN_INCH: f64 = 0.00004;
 /// No cycle needs more; mm.
 const PECK_CLEARANCE_MAX_MM: f64 = 100.0;
+/// Bend of a corner, degrees: beyond the limit the way to its point and back is 12 radii long.
+const CORNER_LIMIT: Bound = Bound::Within(1.0, 160.0);
 /// Folders that are searched for one file.
 const FOLDERS_MAX: usize = 10;
 /// Values of `#<_ini[section]name>`.
@@ -44,6 +47,9 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
         default.chip_breaking_clearance_mm,
     );
     let peck_clearance_mm = section.number("peck_clearance_mm", clearance, default.peck_clearance_mm);
+    let cutter_corner = cutter_corner(section);
+    let gouges = [("error", Gouge::Error), ("drop-loop", Gouge::DropLoop)];
+    let gouge = section.word("gouge", &gouges, default.gouge);
     let mut tolerance = |key, least, most| section.number(key, Bound::Within(least, most), most);
     let [most_mm, most_inch] = ARC_RADIUS_TOLERANCE;
     let arc_radius_tolerance_mm = tolerance("arc_radius_tolerance_mm", ARC_TOLERANCE_MIN_MM, most_mm);
@@ -80,6 +86,8 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
         keep_g92: keep_g92?,
         chip_breaking_clearance_mm: chip_breaking_clearance_mm?,
         peck_clearance_mm: peck_clearance_mm?,
+        cutter_corner: cutter_corner?,
+        gouge: gouge?,
         arc_radius_tolerance_mm: arc_radius_tolerance_mm?,
         arc_radius_tolerance_inch: arc_radius_tolerance_inch?,
         values: values?,
@@ -105,6 +113,24 @@ pub(super) fn tools(section: &mut Section<'_, '_>, base: &Path) -> Option<Tools>
 pub(super) fn units(section: &mut Section<'_, '_>) -> Option<LengthUnit> {
     let words = [("mm", LengthUnit::Millimetre), ("inch", LengthUnit::Inch)];
     section.word("units", &words, LengthUnit::Millimetre)
+}
+
+/// `cutter_corner`, with the limit that only an intersection has.
+fn cutter_corner(section: &mut Section<'_, '_>) -> Option<Corner> {
+    let limit = "cutter_corner_limit_degrees";
+    let given = section.optional(limit).is_some();
+    let limit_degrees = section.number(limit, CORNER_LIMIT, Corner::LIMIT_DEGREES);
+    let words = [("arc", false), ("intersection", true)];
+    let intersection = section.word("cutter_corner", &words, false)?;
+    if given && !intersection {
+        section.wrong(limit, "needs cutter_corner = \"intersection\"");
+        return None;
+    }
+    let limit_degrees = limit_degrees?;
+    Some(match intersection {
+        false => Corner::Arc,
+        true => Corner::Intersection { limit_degrees },
+    })
 }
 
 fn user_codes(section: &mut Section<'_, '_>, base: &Path) -> Option<UserCodes> {

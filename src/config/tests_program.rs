@@ -79,6 +79,9 @@ diameter_mode = true
 keep_g92 = false
 chip_breaking_clearance_mm = 1
 peck_clearance_mm = 0.5
+cutter_corner = "intersection"
+cutter_corner_limit_degrees = 95
+gouge = "drop-loop"
 arc_radius_tolerance_mm = 0.01
 arc_radius_tolerance_inch = 0.001
 values.Probe = { Height = 12.5, speed = -3 }
@@ -126,6 +129,8 @@ orient_offset_degrees = -90
         keep_g92: false,
         chip_breaking_clearance_mm: 1.0,
         peck_clearance_mm: 0.5,
+        cutter_corner: motion::compensation::Corner::Intersection { limit_degrees: 95.0 },
+        gouge: motion::compensation::Gouge::DropLoop,
         arc_radius_tolerance_mm: 0.01,
         arc_radius_tolerance_inch: 0.001,
         values: [value("height", 12.5), value("speed", -3.0)].into(),
@@ -200,6 +205,18 @@ fn each_rule_has_its_message() {
                 "3:1: program.optional_stop: is not supported yet",
                 "4:1: program.startupcode: unknown key; did you mean `startup_code`?",
             ],
+        ),
+        (
+            "[program]\ncutter_corner = \"arcs\"\ngouge = \"drop-lop\"\ncutter_corner_limit_degrees = 180\n",
+            &[
+                "2:17: program.cutter_corner = \"arcs\": must be \"arc\" or \"intersection\"; did you mean \"arc\"?",
+                "3:9: program.gouge = \"drop-lop\": must be \"error\" or \"drop-loop\"; did you mean \"drop-loop\"?",
+                "4:31: program.cutter_corner_limit_degrees = 180: must lie between 1 and 160",
+            ],
+        ),
+        (
+            "[program]\ncutter_corner_limit_degrees = 80\n",
+            &["2:31: program.cutter_corner_limit_degrees = 80: needs cutter_corner = \"intersection\""],
         ),
         (
             "[program.values]\nprobe = 5\n[program.values.a]\nx = 1\nX = 2\ny = \"z\"\n",

@@ -415,6 +415,10 @@ pub struct Program {
     pub chip_breaking_clearance_mm: f64,
     /// How far above the last depth G83 begins to feed again, mm; default 0.254.
     pub peck_clearance_mm: f64,
+    /// How the tool goes around outer corners under G41 and G42; default by an arc.
+    pub cutter_corner: motion::compensation::Corner,
+    /// What happens where it would cut into another part of the contour; default an error.
+    pub gouge: motion::compensation::Gouge,
     /// Greatest difference of an arc's radii at start and end under G21, mm; default 0.02·√2.
     pub arc_radius_tolerance_mm: f64,
     /// The same under G20, inch; default 0.002·√2.
@@ -444,6 +448,8 @@ impl Default for Program {
             keep_g92: true,
             chip_breaking_clearance_mm: 0.254,
             peck_clearance_mm: 0.254,
+            cutter_corner: motion::compensation::Corner::default(),
+            gouge: motion::compensation::Gouge::default(),
             arc_radius_tolerance_mm,
             arc_radius_tolerance_inch,
             values: BTreeMap::new(),

@@ -43,6 +43,8 @@ pub fn interpreter_settings(config: &Config, start: Position) -> gcode::Settings
         arc_radius_tolerance_mm: arc_radius_tolerance_mm(config),
         chip_breaking_clearance_mm: Some(program.chip_breaking_clearance_mm),
         peck_clearance_mm: Some(program.peck_clearance_mm),
+        cutter_corner: program.cutter_corner,
+        gouge: program.gouge,
         orient_offset_degrees: config.spindle.orient_offset_degrees,
         subroutine_folders: program.directory.iter().chain(listed).cloned().collect(),
         user_codes: Some(user_codes(&program.user_codes)),
@@ -93,6 +95,7 @@ mod tests {
     use super::*;
     use crate::config::Remap;
     use motion::canon::Axis;
+    use motion::compensation::{Corner, Gouge};
     use std::path::{Path, PathBuf};
 
     fn demo() -> Config {
@@ -146,6 +149,8 @@ mod tests {
         program.diameter_mode = true;
         program.chip_breaking_clearance_mm = 1.0;
         program.peck_clearance_mm = 2.0;
+        program.cutter_corner = Corner::Intersection { limit_degrees: 60.0 };
+        program.gouge = Gouge::DropLoop;
         program.arc_radius_tolerance_inch = 0.001;
         program.values = [(("probe".to_owned(), "height".to_owned()), 5.0)].into();
         program.remaps = vec![Remap {
@@ -169,6 +174,8 @@ mod tests {
             (found.chip_breaking_clearance_mm, found.peck_clearance_mm),
             (Some(1.0), Some(2.0))
         );
+        assert_eq!(found.cutter_corner, Corner::Intersection { limit_degrees: 60.0 });
+        assert_eq!(found.gouge, Gouge::DropLoop);
         assert_eq!(found.subroutine_folders, ["parts", "one", "two"].map(PathBuf::from));
         assert_eq!(found.user_codes, Some(vec![100, 199]));
         assert_eq!(found.remaps[0].code, "M400");

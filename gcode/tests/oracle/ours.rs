@@ -4,6 +4,7 @@ use std::path::Path;
 
 use gcode::{CanonPrinter, Interpreter, Remap, Settings, ToolChangePlace, ToolChanger, ToolTable, parameter};
 use motion::canon::{Axis, Call, LengthUnit, Position, Record};
+use motion::compensation::Gouge;
 
 use super::case::Case;
 
@@ -101,6 +102,7 @@ pub fn settings(case: &Case, folder: &Path) -> Settings {
             quill_up: flag("EMCIO", "TOOL_CHANGE_QUILL_UP"),
             at_g30: flag("EMCIO", "TOOL_CHANGE_AT_G30"),
         },
+        gouge: Gouge::NeighboursOnly,
         keep_tool_offset: flag("RS274NGC", "RETAIN_G43"),
         ..Settings::default()
     };

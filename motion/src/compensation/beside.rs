@@ -6,11 +6,13 @@
 use crate::canon::{Call, Event, Plane, Position, Source};
 
 use super::contour::{Contour, Shape};
-use super::geometry::{Point, add, left, scale};
+use super::geometry::{Curve, Point, add, dot, left, scale, sub};
 use super::held::{Held, Start};
 use super::join::{Join, SMOOTH_RAD, join};
 use super::window::{Mark, Part};
-use super::{CompensationErrorKind as Kind, HELD_LIMIT, Tool, end_of_mut, with_plane};
+use super::{
+    CompensationErrorKind as Kind, Gouge, HELD_LIMIT, NEGLIGIBLE_MM, Settings, Tool, end_of, end_of_mut, with_plane,
+};
 
 /// Events that are made, each with what it is to the look-ahead.
 pub(super) type Made = Vec<(Event, Part)>;
@@ -19,6 +21,7 @@ pub(super) type Made = Vec<(Event, Part)>;
 #[derive(Clone, Debug)]
 pub(super) struct Beside {
     pub(super) tool: Tool,
+    pub(super) settings: Settings,
     /// Unit vector from the end of the last programmed move in the plane to the centre beside it.
     pub(super) normal: Point,
     /// Whether that move is an arc with the tool on its outside.
@@ -69,15 +72,16 @@ impl Beside {
     pub(super) fn follow(&mut self, step: Next<'_>, out: &mut Made) -> Result<Mark, Kind> {
         let Next {
             contour: next,
-            event,
+            mut event,
             mut mark,
             at,
             plane,
         } = step;
         let Tool { side, radius, .. } = self.tool;
+        let drops = self.settings.gouge == Gouge::DropLoop;
         if let Some(arc_mm) = next
             .radius()
-            .filter(|&arc_mm| next.is_around_tool(side) && arc_mm <= radius)
+            .filter(|&arc_mm| !drops && next.is_around_tool(side) && arc_mm <= radius)
         {
             return Err(Kind::ArcTooTight {
                 arc_mm,
@@ -90,10 +94,13 @@ impl Beside {
         let normal = scale(left(next.tangent_at_end()), side);
         let end = add(next.to, scale(normal, radius));
 
-        let (join, bend) = join(arriving, self.before_tool, next, side);
+        let (mut join, bend) = join(arriving, self.before_tool, next, side);
+        if join == Join::Cut && drops && !self.held.is_entry() {
+            join = Join::Inside;
+        }
         (mark.chain, mark.bend) = match join {
             Join::Smooth => (self.mark.chain, self.mark.bend.max(bend.abs())),
-            Join::Around | Join::Cut => (self.mark.chain.wrapping_add(1), 0.0),
+            Join::Around | Join::Cut | Join::Inside => (self.mark.chain.wrapping_add(1), 0.0),
         };
         let (leave, start, start_kind) = match join {
             Join::Cut => {
@@ -111,7 +118,7 @@ impl Beside {
                 let cut = self.held.settled(cut);
                 (cut, cut, Start::Cut)
             }
-            Join::Around => {
+            Join::Around | Join::Inside => {
                 self.check(self.held.end, false)?;
                 (self.held.settled(self.held.end), begin, Start::Beside)
             }
@@ -122,16 +129,54 @@ impl Beside {
                 (leave, leave, Start::Flat { slack_mm })
             }
         };
-        self.release(plane, leave, out);
-        if start_kind == Start::Beside {
-            let depth = [at[plane.axes()[2]]; 2];
-            let corner = around(self.tool, plane, at, next.from, begin, &event);
-            let part = part_of(&corner.call, Mark { depth, ..mark });
-            out.push((corner, part));
+        let corner = Corner {
+            tool: self.tool,
+            plane,
+            at,
+            vertex: next.from,
+            next: &event,
+            mark,
+        };
+        let mut leave = leave;
+        let mut start = start;
+        if join == Join::Around
+            && let Some(tip) = self.tip(next.from, begin, bend)
+            && !matches!(event.call, Call::StraightTraverse { .. })
+        {
+            // Lines go on to the tip; beside arcs, and behind the entry, a line of its own does.
+            let goes_on = matches!(self.held.curve, Curve::Line { .. }) && !self.held.is_entry();
+            leave = if goes_on { tip } else { leave };
+            start = if matches!(curve, Curve::Line { .. }) {
+                tip
+            } else {
+                begin
+            };
+            self.release(plane, leave, out);
+            if leave != tip {
+                out.push(corner.straight(tip));
+            }
+            if start != tip {
+                out.push(corner.straight(start));
+            }
+        } else {
+            self.release(plane, leave, out);
+            match join {
+                Join::Around => out.push(corner.around(begin, -side)),
+                Join::Inside => out.push(corner.around(begin, side)),
+                Join::Smooth | Join::Cut => {}
+            }
         }
-        self.held = match next.shape {
-            Shape::Line => Held::line(curve, start, start_kind, end),
-            Shape::Arc { turns, .. } => Held::arc(curve, begin, start, start_kind, end, turns),
+        self.held = match (next.shape, curve) {
+            // The centre stands still in the middle of an arc of the tool's own radius.
+            (Shape::Arc { .. }, Curve::Circle { radius, .. }) if radius < NEGLIGIBLE_MM => {
+                if let Some(to) = end_of(&event.call) {
+                    event.call = Call::StraightFeed { to: *to };
+                }
+                let tangent = next.tangent_at_end();
+                Held::line(Curve::Line { through: end, tangent }, start, start_kind, end)
+            }
+            (Shape::Line, _) => Held::line(curve, start, start_kind, end),
+            (Shape::Arc { turns, .. }, _) => Held::arc(curve, begin, start, start_kind, end, turns),
         };
         self.normal = normal;
         self.before_tool = next.is_before_tool(side);
@@ -148,9 +193,23 @@ impl Beside {
         Ok(())
     }
 
+    /// Where the paths beside the two moves of an outer corner meet, or their tangents; `None`: the tool rolls around it.
+    fn tip(&self, vertex: Point, begin: Point, bend: f64) -> Option<Point> {
+        let super::Corner::Intersection { limit_degrees } = self.settings.corner else {
+            return None;
+        };
+        // Both paths are `radius` from the vertex: the tip is as far along the sum of the normals n1, n2 as puts it on both,
+        // r (n1 + n2) / (1 + n1 n2). At a reversal there is none.
+        let (n1, n2) = (self.normal, scale(sub(begin, vertex), 1.0 / self.tool.radius));
+        (bend <= limit_degrees.to_radians() && dot(n1, n2) > -0.99)
+            .then(|| add(vertex, scale(add(n1, n2), self.tool.radius / (1.0 + dot(n1, n2)))))
+    }
+
     /// Whether the held move can end at `leave`. `lenient`: a step back that a flat corner causes is none.
     fn check(&self, leave: Point, lenient: bool) -> Result<(), Kind> {
         match self.held.lacks_mm(leave, lenient) {
+            // Loops are looked for later.
+            Some(_) if self.settings.gouge == Gouge::DropLoop && !self.held.is_entry() => Ok(()),
             None => Ok(()),
             Some(short_mm) => Err(Kind::MoveTooShort {
                 first: self.first_source(),
@@ -190,29 +249,51 @@ pub(super) fn part_of(call: &Call, mark: Mark) -> Part {
     }
 }
 
-/// The move of the centre around the vertex of an outer corner, to `to`. Traverses know no arcs; they cut straight across,
-/// so that the main part of the next one is parallel to the contour.
-///
-/// Axes out of the plane wait for the move itself, but rotary axes and UVW turn here, as in LinuxCNC.
-fn around(tool: Tool, plane: Plane, at: &Position, vertex: Point, to: Point, next: &Event) -> Event {
-    let [.., normal] = plane.axes();
-    let corner = |end: Position| {
-        let mut end = with_plane(end, plane, add(to, tool.shift));
-        end[normal] = at[normal];
+/// What moves at a corner are made of.
+struct Corner<'a> {
+    tool: Tool,
+    plane: Plane,
+    /// Where the programmed path is.
+    at: &'a Position,
+    vertex: Point,
+    next: &'a Event,
+    mark: Mark,
+}
+
+impl Corner<'_> {
+    /// The move of the centre around the vertex, to `to`. Traverses know no arcs; they cut straight across, so that the main
+    /// part of the next one is parallel to the contour.
+    fn around(&self, to: Point, turn: f64) -> (Event, Part) {
+        let to = self.end(to);
+        self.made(match self.next.call {
+            Call::StraightTraverse { .. } => Call::StraightTraverse { to },
+            _ => Call::ArcFeed {
+                to,
+                plane: self.plane,
+                centre_mm: add(self.vertex, self.tool.shift),
+                turns: if turn > 0.0 { 1 } else { -1 },
+            },
+        })
+    }
+
+    fn straight(&self, to: Point) -> (Event, Part) {
+        self.made(Call::StraightFeed { to: self.end(to) })
+    }
+
+    /// Axes out of the plane wait for the move itself, but rotary axes and UVW turn here, as in LinuxCNC.
+    fn end(&self, to: Point) -> Position {
+        let [.., normal] = self.plane.axes();
+        let end = end_of(&self.next.call).unwrap_or(self.at);
+        let mut end = with_plane(*end, self.plane, add(to, self.tool.shift));
+        end[normal] = self.at[normal];
         end
-    };
-    let call = match next.call {
-        Call::StraightTraverse { to } => Call::StraightTraverse { to: corner(to) },
-        Call::StraightFeed { to } | Call::ArcFeed { to, .. } => Call::ArcFeed {
-            to: corner(to),
-            plane,
-            centre_mm: add(vertex, tool.shift),
-            turns: if tool.side > 0.0 { -1 } else { 1 },
-        },
-        _ => next.call.clone(),
-    };
-    Event {
-        source: next.source,
-        call,
+    }
+
+    fn made(&self, call: Call) -> (Event, Part) {
+        let [.., normal] = self.plane.axes();
+        let depth = [self.at[normal]; 2];
+        let part = part_of(&call, Mark { depth, ..self.mark });
+        let source = self.next.source;
+        (Event { source, call }, part)
     }
 }

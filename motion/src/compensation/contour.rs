@@ -85,7 +85,6 @@ impl Contour {
     }
 
     /// Curve of the centre of a tool that touches the move from the left at a distance of `offset` (right: negative).
-    /// The radius of an inner curve must remain positive.
     pub(super) fn beside(&self, offset: f64) -> Curve {
         match self.shape {
             Shape::Line => {
@@ -98,7 +97,8 @@ impl Contour {
             Shape::Arc { centre, .. } => {
                 let turn = self.shape.turn();
                 // The left of a counter-clockwise arc is its inside: the centre's circle is smaller there.
-                let radius = length(sub(self.to, centre)) - turn * offset;
+                // Where it is smaller than nothing the centre is on the far side of the circle's.
+                let radius = (length(sub(self.to, centre)) - turn * offset).abs();
                 Curve::Circle { centre, radius, turn }
             }
         }

@@ -10,7 +10,7 @@ use super::contour::{Contour, Shape};
 use super::geometry::{Curve, add, dot, left, length, scale, sub, unit};
 use super::held::{Held, Start};
 use super::window::{Mark, Part};
-use super::{CompensationErrorKind as Kind, Tool};
+use super::{CompensationErrorKind as Kind, Settings, Tool};
 
 /// Leads the tool to the contour.
 ///
@@ -20,7 +20,14 @@ use super::{CompensationErrorKind as Kind, Tool};
 ///   o----------x-------   programmed move
 ///   start
 /// ```
-pub(super) fn enter(tool: Tool, plane: Plane, first: &Contour, mut event: Event, mark: Mark) -> Result<Beside, Kind> {
+pub(super) fn enter(
+    tool: Tool,
+    settings: Settings,
+    plane: Plane,
+    first: &Contour,
+    mut event: Event,
+    mark: Mark,
+) -> Result<Beside, Kind> {
     let Tool { side, radius, .. } = tool;
     let distance = length(sub(first.to, first.from));
     if distance <= radius {
@@ -76,6 +83,7 @@ pub(super) fn enter(tool: Tool, plane: Plane, first: &Contour, mut event: Event,
     };
     Ok(Beside {
         tool,
+        settings,
         normal,
         before_tool: first.is_before_tool(side),
         held,

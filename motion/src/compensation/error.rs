@@ -23,6 +23,13 @@ impl CompensationError {
     }
 }
 
+impl CompensationErrorKind {
+    /// Whether the tool would cut into the contour by what was programmed before already.
+    pub fn is_gouge(&self) -> bool {
+        matches!(self, CompensationErrorKind::Gouge { .. })
+    }
+}
+
 /// As the text goes; in a loop or a subroutine either may come first.
 fn is_later(a: &Source, b: &Source) -> bool {
     (a.file, a.line) > (b.file, b.line)

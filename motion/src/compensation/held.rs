@@ -78,6 +78,10 @@ impl Held {
         }
     }
 
+    pub(super) fn is_entry(&self) -> bool {
+        self.start_kind == Start::Entry
+    }
+
     /// What there is of the curve up to `leave`, a point on it before `end`: rad on a circle, mm on a line.
     fn travel(&self, leave: Point) -> f64 {
         match self.curve {

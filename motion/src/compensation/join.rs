@@ -29,6 +29,8 @@ pub(super) enum Join {
     Around,
     /// Inner corner: the path before it ends where the path behind it begins.
     Cut,
+    /// Inner corner passed by both paths to their ends, with an arc about the vertex between them: a loop to be dropped.
+    Inside,
 }
 
 /// Judges the corner between a move that arrives along `tangent` and the move `next`; `arriving_before_tool`: the one that

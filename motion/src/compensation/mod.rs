@@ -207,9 +207,14 @@ impl Compensator {
     }
 
     /// Lets go, before an error that stands behind them in the program, of the events that wait for the look-ahead alone.
-    pub fn release(&mut self, out: &mut impl Extend<Event>) {
-        if let Some(window) = &mut self.window {
-            window.release_all(out);
+    /// `false`: there are none. Where loops are dropped ([`Gouge::DropLoop`]) they are not known yet, and all goes on waiting.
+    pub fn release(&mut self, out: &mut impl Extend<Event>) -> bool {
+        match &mut self.window {
+            Some(window) if self.settings.gouge != Gouge::DropLoop && window.waiting() > 0 => {
+                window.release_all(out);
+                true
+            }
+            Some(_) | None => false,
         }
     }
 
@@ -264,10 +269,9 @@ impl Compensator {
             return Ok(());
         };
         let mut found = Ok(());
-        match contour {
-            Programmed::Wall(contour, mark) => found = window.wall(Element::of(&contour), mark),
-            Programmed::Gap => window.separate(),
-            Programmed::Nothing => {}
+        match &contour {
+            Programmed::Wall(contour, mark) => found = window.wall(Element::of(contour), *mark),
+            Programmed::Gap | Programmed::Nothing => {}
         }
         for (event, part) in self.made.drain(..) {
             let mut element = None;
@@ -286,9 +290,12 @@ impl Compensator {
                 found = found.and_then(|()| window.compare(part, element));
             }
         }
+        if let Programmed::Gap = contour {
+            window.separate();
+        }
         found?;
         if let Mode::Off = self.mode {
-            window.judge(u64::MAX)?;
+            window.end()?;
             window.release_all(out);
             Ok(())
         } else {
@@ -333,7 +340,7 @@ impl Compensator {
             self.mode = Mode::Entry(Tool { side, radius, shift });
             self.path_at = self.at;
             self.window = match self.settings.gouge {
-                Gouge::Error | Gouge::DropLoop => Some(Window::new(self.plane, radius, shift)),
+                Gouge::Error | Gouge::DropLoop => Some(Window::new(self.plane, radius, shift, self.settings.gouge)),
                 Gouge::NeighboursOnly => None,
             };
         }
@@ -373,7 +380,7 @@ impl Compensator {
             Mode::Entry(tool) => {
                 let tool = *tool;
                 let arc = matches!(event.call, Call::ArcFeed { .. });
-                let beside = entry::enter(tool, self.plane, &contour, event, mark)?;
+                let beside = entry::enter(tool, self.settings, self.plane, &contour, event, mark)?;
                 if arc && tool.shift != [0.0; 2] {
                     let to_tip = tip::start_of_arc(&self.at, &to, self.plane, tool.shift);
                     let source = mark.source;

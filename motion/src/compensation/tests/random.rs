@@ -7,16 +7,16 @@ use std::f64::consts::{PI, TAU};
 /// A contour around zero, its corners at growing angles; between them lines and arcs that bulge by a part of their chord.
 /// No two moves that are not neighbours come closer to each other than the tool is wide: that is beyond one corner.
 #[derive(Clone, Debug)]
-struct Random {
+pub(super) struct Random {
     /// Distance of each corner from zero, angle to the next, and bulge of the move to it: height over chord.
     corners: Vec<(f64, f64, f64)>,
     clockwise: bool,
     side: Side,
     radius_mm: f64,
-    plane: Plane,
+    pub(super) plane: Plane,
 }
 
-fn random() -> impl Strategy<Value = Random> {
+pub(super) fn random() -> impl Strategy<Value = Random> {
     let bulge = prop_oneof![2 => Just(0.0), 1 => 0.03f64..0.12, 1 => -0.12f64..-0.03];
     (
         prop::collection::vec((40.0f64..60.0, 0.8f64..1.2, bulge), 4..9),
@@ -36,7 +36,7 @@ fn random() -> impl Strategy<Value = Random> {
 
 /// A move of the contour with its own idea of geometry: points by angle about the centre.
 #[derive(Clone, Copy, Debug)]
-struct Piece {
+pub(super) struct Piece {
     from: Point,
     to: Point,
     /// Centre and angle swept, positive to the left.
@@ -44,7 +44,7 @@ struct Piece {
 }
 
 impl Piece {
-    fn at(&self, part: f64) -> Point {
+    pub(super) fn at(&self, part: f64) -> Point {
         match self.arc {
             None => [0, 1].map(|i| self.from[i] + part * (self.to[i] - self.from[i])),
             Some((centre, sweep)) => {
@@ -63,7 +63,7 @@ impl Piece {
     }
 
     /// Least distance of a point from the piece, and the side on which it lies there, +1 left.
-    fn distance(&self, point: Point) -> (f64, f64) {
+    pub(super) fn distance(&self, point: Point) -> (f64, f64) {
         let ends = length(sub(point, self.from)).min(length(sub(point, self.to)));
         match self.arc {
             None => {
@@ -96,7 +96,7 @@ impl Piece {
 }
 
 impl Random {
-    fn pieces(&self) -> Vec<Piece> {
+    pub(super) fn pieces(&self) -> Vec<Piece> {
         let total: f64 = self.corners.iter().map(|corner| corner.1).sum();
         let mut angle = 0.0;
         let mut points: Vec<Point> = Vec::new();
@@ -126,7 +126,7 @@ impl Random {
         with_plane(Position::xyz(7.0, 7.0, 7.0), self.plane, point)
     }
 
-    fn programmed(&self, pieces: &[Piece]) -> Vec<Call> {
+    pub(super) fn programmed(&self, pieces: &[Piece]) -> Vec<Call> {
         // In along the extension of the first move's start, out straight ahead.
         let (first, last) = (pieces[0], pieces[pieces.len() - 1]);
         let ahead = |piece: &Piece, part: f64, by: f64| {
@@ -169,7 +169,7 @@ impl Random {
 }
 
 /// Moves of the output as pieces in the plane.
-fn moves(calls: &[Call], plane: Plane) -> Vec<Piece> {
+pub(super) fn moves(calls: &[Call], plane: Plane) -> Vec<Piece> {
     let mut at = [0.0; 2];
     let mut pieces = Vec::new();
     for call in calls {

@@ -9,7 +9,7 @@ pub(super) fn conflict(track: &Track, wall: &Wall, radius: f64) -> Option<Closes
     if !meet(&track.mark, &wall.mark) {
         return None;
     }
-    let allowed = radius - slack(track, wall, radius);
+    let allowed = allowed_mm(track, wall, radius);
     let closest = match track.joint {
         None => track.element.closest(&wall.element),
         Some(joint) => away_from(&wall.element, joint, 2.0 * radius)
@@ -26,14 +26,14 @@ pub(super) fn meet(a: &Mark, b: &Mark) -> bool {
     a.pose == b.pose && a.depth[0] <= b.depth[1] + DEPTH_TOLERANCE_MM && b.depth[0] <= a.depth[1] + DEPTH_TOLERANCE_MM
 }
 
-/// How much closer than the radius two moves may be.
-fn slack(track: &Track, wall: &Wall, radius: f64) -> f64 {
+/// How close the centre may come to a wall.
+pub(super) fn allowed_mm(track: &Track, wall: &Wall, radius: f64) -> f64 {
     let flat = if track.mark.chain == wall.mark.chain {
         2.0 * radius * (1.0 - track.mark.bend.max(wall.mark.bend).cos())
     } else {
         0.0
     };
-    TOLERANCE_MM + flat + track.element.mismatch() + wall.element.mismatch()
+    radius - TOLERANCE_MM - flat - track.element.mismatch() - wall.element.mismatch()
 }
 
 /// What of an element lies further from a point than `radius`: pieces between the places where it passes that distance.

@@ -14,6 +14,7 @@
 //!            lead-out
 //! ```
 //!
+//! A lead is no longer than what lies between both places, or than 10 radii: else it is a part of a contour that crosses itself.
 //! A contour that never comes back to itself is a wall from end to end, and one of several loops between its first and
 //! last meeting. Each contour between two traverses or changes of depth is judged by itself.
 
@@ -29,6 +30,9 @@ const TOUCH_MM: f64 = 1e-3;
 /// Moves with less of the contour between them than this are neighbours, mm.
 const NEIGHBOUR_MM: f64 = 0.1;
 
+/// A lead may be longer than its contour up to so many radii.
+const LEAD_RADII: f64 = 10.0;
+
 /// A place of the contour: number of its wall, and part of this.
 type Place = (u64, f64);
 
@@ -39,43 +43,80 @@ struct Meeting {
     last: Place,
 }
 
-/// Whether the wall of a suspect is one at the place in question.
-pub(super) fn is_wall(walls: &mut Store<Wall>, suspect: &Suspect, still_cuts: impl FnOnce(&Wall) -> bool) -> bool {
-    let wall = suspect.wall;
-    let Some(Meeting { first, last }) = meeting(walls, wall.run) else {
-        return true;
-    };
-    if wall.number < first.0 || wall.number > last.0 {
-        return false;
-    }
-    let from = if wall.number == first.0 { first.1 } else { 0.0 };
-    let to = if wall.number == last.0 { last.1 } else { 1.0 };
-    if from == 0.0 && to == 1.0 {
-        return true;
-    }
-    let element = wall.element.between([from, to.max(from)]);
-    still_cuts(&Wall { element, ..wall })
+/// Where contours meet themselves, as far as it was asked for.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Leads {
+    /// The contour by its first wall, the number of walls there were when it was asked, the answer.
+    last: Option<(u64, u64, Option<Meeting>)>,
 }
 
-/// Where the contour that begins with wall number `run` meets itself.
+impl Leads {
+    /// What of the wall of a suspect is one; `None`: it is a lead.
+    pub(super) fn wall(&mut self, walls: &mut Store<Wall>, suspect: &Suspect) -> Option<Wall> {
+        let wall = suspect.wall;
+        let Some(Meeting { first, last }) = self.meeting(walls, wall.run) else {
+            return Some(wall);
+        };
+        if wall.number < first.0 || wall.number > last.0 {
+            return None;
+        }
+        let from = if wall.number == first.0 { first.1 } else { 0.0 };
+        let to = if wall.number == last.0 { last.1 } else { 1.0 };
+        if from == 0.0 && to == 1.0 {
+            return Some(wall);
+        }
+        let element = wall.element.between([from, to.max(from)]);
+        Some(Wall { element, ..wall })
+    }
+
+    fn meeting(&mut self, walls: &mut Store<Wall>, run: u64) -> Option<Meeting> {
+        let end = walls.end();
+        match self.last {
+            Some((known, then, meeting)) if known == run && then == end => meeting,
+            Some(_) | None => {
+                let meeting = meeting(walls, run);
+                self.last = Some((run, end, meeting));
+                meeting
+            }
+        }
+    }
+}
+
+/// Where the contour that begins with wall number `run` meets itself, if that makes leads of its ends.
 fn meeting(walls: &mut Store<Wall>, run: u64) -> Option<Meeting> {
     let numbers = walls.numbers();
     let range = run.max(numbers.start)..numbers.end;
     let mut find = |number: u64| {
         let wall = *walls.get(number)?;
-        (wall.run == run).then(|| touches(walls, &wall)).flatten()
+        let parts = (wall.run == run).then(|| touches(walls, &wall)).flatten()?;
+        Some((wall, parts))
     };
-    let (number, parts) = range.clone().find_map(|number| Some((number, find(number)?)))?;
-    // What has left the window was not told to meet anything; the start is no lead any more.
-    let first = if run < numbers.start {
-        (0, 0.0)
-    } else {
-        (number, parts[0])
-    };
-    let (number, parts) = range.rev().find_map(|number| Some((number, find(number)?)))?;
+    let (first, first_parts) = range.clone().find_map(&mut find)?;
+    let (last, last_parts) = range.clone().rev().find_map(&mut find)?;
+    let mm = |wall: &Wall, part: f64| wall.at_mm - wall.element.length() * (1.0 - part);
+    let (from, to) = (mm(&first, first_parts[0]), mm(&last, last_parts[1]));
+    let longest = (to - from).max(LEAD_RADII * walls.reach_mm());
+    let of_run = |number: &u64| walls.get(*number).filter(|wall| wall.run == run);
+    let start = of_run(&range.start).map_or(0.0, |wall| mm(wall, 0.0));
+    let end = range
+        .clone()
+        .rev()
+        .find_map(|number| of_run(&number))
+        .map_or(0.0, |wall| wall.at_mm);
+    // Of what has left the window nobody knows whether it met anything: then the start is no lead any more.
+    let is_lead_in = run >= numbers.start && from - start <= longest;
+    let is_lead_out = end - to <= longest;
     Some(Meeting {
-        first,
-        last: (number, parts[1]),
+        first: if is_lead_in {
+            (first.number, first_parts[0])
+        } else {
+            (0, 0.0)
+        },
+        last: if is_lead_out {
+            (last.number, last_parts[1])
+        } else {
+            (u64::MAX, 1.0)
+        },
     })
 }
 

@@ -32,6 +32,7 @@
 
 mod conflict;
 mod lead;
+mod loops;
 mod store;
 
 use std::collections::VecDeque;
@@ -39,9 +40,11 @@ use std::collections::VecDeque;
 use crate::canon::{Event, Plane, Source};
 
 use super::CompensationErrorKind as Kind;
+use super::Gouge;
 use super::element::{Closest, Element};
 use super::geometry::Point;
 use conflict::conflict;
+use lead::Leads;
 use store::Store;
 
 /// How much closer than the radius the contour may come, mm.
@@ -99,6 +102,8 @@ struct Track {
     element: Element,
     mark: Mark,
     joint: Option<Point>,
+    /// That of the contour.
+    run: u64,
     /// Number of its event.
     event: u64,
     /// Length of the contour at which it came.
@@ -137,6 +142,9 @@ pub(super) struct Window {
     /// Number of events that went.
     gone: u64,
     suspects: Vec<Suspect>,
+    leads: Leads,
+    /// All waits until the end of compensation, when loops are dropped.
+    collects: bool,
     /// Number of the first wall of the contour under way.
     run: u64,
     /// Length of the contour so far, mm.
@@ -145,7 +153,7 @@ pub(super) struct Window {
 
 impl Window {
     /// `shift`: from the centre to the point whose moves the events tell.
-    pub(super) fn new(plane: Plane, radius: f64, shift: Point) -> Window {
+    pub(super) fn new(plane: Plane, radius: f64, shift: Point, gouge: Gouge) -> Window {
         Window {
             plane,
             radius,
@@ -155,6 +163,8 @@ impl Window {
             waiting: VecDeque::new(),
             gone: 0,
             suspects: Vec::new(),
+            leads: Leads::default(),
+            collects: gouge == Gouge::DropLoop,
             run: 0,
             at_mm: 0.0,
         }
@@ -188,6 +198,10 @@ impl Window {
             mark,
             at_mm: self.at_mm,
         };
+        if self.collects {
+            self.walls.push(&element, wall);
+            return Ok(());
+        }
         let (radius, suspects) = (self.radius, &mut self.suspects);
         self.tracks.near(&element, |track| {
             if conflict(track, &wall, radius).is_some() {
@@ -218,15 +232,21 @@ impl Window {
             Part::Beside(mark) => (mark, None),
             Part::Link(mark, joint) => (mark, Some(joint)),
         };
-        let event = self.gone + self.waiting.len() as u64;
+        // That of the event taken last.
+        let event = (self.gone + self.waiting.len() as u64).saturating_sub(1);
         let track = Track {
             element,
             mark,
             joint,
+            run: self.run,
             event,
             at_mm,
             walls,
         };
+        if self.collects {
+            self.tracks.push(&element, track);
+            return Ok(());
+        }
         let (radius, suspects) = (self.radius, &mut self.suspects);
         self.walls.near(&element, |wall| {
             if conflict(&track, wall, radius).is_some() {
@@ -250,38 +270,49 @@ impl Window {
         if self.suspects.iter().all(|suspect| suspect.track.event > last) {
             return Ok(());
         }
-        let (radius, plane) = (self.radius, self.plane);
         let (mut due, later) = std::mem::take(&mut self.suspects)
             .into_iter()
             .partition::<Vec<_>, _>(|suspect| suspect.track.event <= last);
         self.suspects = later;
         due.sort_by_key(|suspect| (suspect.track.event, suspect.wall.number));
         for suspect in due {
-            let Suspect { track, wall } = suspect;
-            let cuts = |wall: &Wall| conflict(&track, wall, radius).is_some();
-            if lead::is_wall(&mut self.walls, &suspect, cuts)
-                && let Some(Closest { distance, other, .. }) = conflict(&track, &wall, radius)
-            {
-                return Err(Kind::Gouge {
-                    tool: track.mark.source,
-                    contour: wall.mark.source,
-                    missing_mm: radius - distance,
-                    radius_mm: radius,
-                    at_mm: [other[0], other[1]],
-                    plane,
-                });
+            let wall = self.leads.wall(&mut self.walls, &suspect);
+            let left = wall.map(|wall| Suspect { wall, ..suspect });
+            if let Some(gouge) = left.and_then(|suspect| self.gouge_of(&suspect)) {
+                return Err(gouge);
             }
         }
         Ok(())
     }
 
+    fn gouge_of(&self, Suspect { track, wall }: &Suspect) -> Option<Kind> {
+        let Closest { distance, other, .. } = conflict(track, wall, self.radius)?;
+        Some(Kind::Gouge {
+            tool: track.mark.source,
+            contour: wall.mark.source,
+            missing_mm: self.radius - distance,
+            radius_mm: self.radius,
+            at_mm: other,
+            plane: self.plane,
+        })
+    }
+
+    /// Compensation ends: all that is known of the contour is known.
+    pub(super) fn end(&mut self) -> Result<(), Kind> {
+        if self.collects {
+            self.collects = false;
+            loops::drop_loops(self)?;
+        }
+        self.judge(u64::MAX)
+    }
+
     /// Lets events go behind which enough of the contour is known.
     pub(super) fn release(&mut self, out: &mut impl Extend<Event>) -> Result<(), Kind> {
         while let Some(first) = self.waiting.front() {
-            if !self.is_far(first.at_mm, first.walls) {
+            if self.collects || !self.is_far(first.at_mm, first.walls) {
                 break;
             }
-            self.judge(self.gone + 1)?;
+            self.judge(self.gone)?;
             self.gone += 1;
             out.extend(self.waiting.pop_front().map(|waiting| waiting.event));
         }

@@ -90,6 +90,11 @@ impl<T> Store<T> {
         self.gone + self.items.len() as u64
     }
 
+    /// How far searches reach.
+    pub(super) fn reach_mm(&self) -> f64 {
+        self.reach_mm
+    }
+
     /// Numbers of the elements that there are.
     pub(super) fn numbers(&self) -> std::ops::Range<u64> {
         self.gone..self.end()
