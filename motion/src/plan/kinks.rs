@@ -74,6 +74,10 @@ pub(super) fn meeting(a: &Stretch, b: &Stretch, lengths: [f64; 2], settings: &Se
     let Some(jump) = jumps(&a.piece.jet(a.piece.length()), &b.piece.jet(0.0)) else {
         return Meeting::Smooth;
     };
+    if settings.joints.is_some() {
+        // What a jump of the axes is for joints depends on the place.
+        return Meeting::Stop;
+    }
     let reach_s = 3.0 * settings.cycle_s;
     let bounds = jump.union(&Bounds::of(&a.piece)).union(&Bounds::of(&b.piece));
     let limits = bounds.limits(a.feed.min(b.feed), settings);

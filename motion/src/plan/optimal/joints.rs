@@ -4,16 +4,27 @@
 //! Out: derivatives of the joints, and the speed that they allow.
 
 use super::solver::{JointJet, JointLimits};
-use crate::path::Jet;
-use crate::plan::Settings;
+use crate::kinematics::{JOINTS, Jet3, Kinematics};
+use crate::path::{Piece, Shape};
 use crate::plan::limits::PathLimits;
+use crate::plan::{AxisLimits, Settings};
+
+/// Motion of joints over motion of axes where no joints belong to them.
+const BEYOND: f64 = 1e6;
 
 /// Joints of the machine.
 #[derive(Clone, Debug)]
 pub(super) struct Joints {
     limits: Vec<JointLimits>,
-    /// Which axis each follows.
-    axes: Vec<usize>,
+    follow: Follow,
+}
+
+/// How joints come from axes.
+#[derive(Clone, Debug)]
+enum Follow {
+    /// Each is one of these axes.
+    Axes(Vec<usize>),
+    Kinematics(Kinematics),
 }
 
 /// What the joints allow at a point of the path, each of them taken alone.
@@ -29,22 +40,27 @@ pub(super) struct Allowed {
 
 impl Joints {
     pub(super) fn new(settings: &Settings) -> Joints {
+        let limits = |axis: &AxisLimits| JointLimits {
+            velocity: axis.velocity,
+            acceleration: axis.acceleration,
+            jerk: axis.jerk,
+        };
+        if let Some(space) = &settings.joints {
+            return Joints {
+                limits: space.limits[..space.count()].iter().map(limits).collect(),
+                follow: Follow::Kinematics(space.kinematics),
+            };
+        }
         let existing = || {
             settings
                 .axes
                 .iter()
                 .enumerate()
-                .filter_map(|(k, axis)| Some((k, (*axis)?)))
+                .filter_map(|(k, axis)| Some((k, axis.as_ref()?)))
         };
         Joints {
-            limits: existing()
-                .map(|(_, axis)| JointLimits {
-                    velocity: axis.velocity,
-                    acceleration: axis.acceleration,
-                    jerk: axis.jerk,
-                })
-                .collect(),
-            axes: existing().map(|(k, _)| k).collect(),
+            limits: existing().map(|(_, axis)| limits(axis)).collect(),
+            follow: Follow::Axes(existing().map(|(k, _)| k).collect()),
         }
     }
 
@@ -52,14 +68,40 @@ impl Joints {
         &self.limits
     }
 
-    /// Derivatives of all joints.
-    pub(super) fn jets(&self, jet: &Jet, out: &mut Vec<JointJet>) {
+    /// Whether the joints move evenly along a piece.
+    pub(super) fn are_even(&self, piece: &Piece) -> bool {
+        let line = matches!(piece.shape(), Shape::Line(_));
+        line && match &self.follow {
+            Follow::Axes(_) => true,
+            Follow::Kinematics(kinematics) => kinematics.is_linear(piece.frame()),
+        }
+    }
+
+    /// Derivatives of all joints at a place of a piece.
+    pub(super) fn jets(&self, piece: &Piece, s: f64, out: &mut Vec<JointJet>) {
+        let jet = piece.jet(s);
         out.clear();
-        out.extend(self.axes.iter().map(|&axis| JointJet {
-            d1: jet.d1[axis],
-            d2: jet.d2[axis],
-            d3: jet.d3[axis],
-        }));
+        match &self.follow {
+            Follow::Axes(axes) => out.extend(axes.iter().map(|&axis| JointJet {
+                d1: jet.d1[axis],
+                d2: jet.d2[axis],
+                d3: jet.d3[axis],
+            })),
+            Follow::Kinematics(kinematics) => {
+                let mut joints = [Jet3::ZERO; JOINTS];
+                let joints = &mut joints[..self.limits.len()];
+                // Every place of a programmed move has been found to be within reach. A blend may leave it by its
+                // tolerance: there, the machine all but stops.
+                if kinematics.jets(piece.frame(), &jet, joints).is_err() {
+                    joints.fill(Jet3::new(0.0, BEYOND, 0.0, 0.0));
+                }
+                out.extend(joints.iter().map(|joint| JointJet {
+                    d1: joint.d1,
+                    d2: joint.d2,
+                    d3: joint.d3,
+                }));
+            }
+        }
     }
 
     /// What limits leave at a point with these derivatives, for speeds up to `feed`.
@@ -91,9 +133,6 @@ pub(super) struct Steady {
     /// Greatest |q'|, |q''| and |q'''| of every joint, over its speed, acceleration and jerk.
     greatest: [[f64; 3]; JOINTS],
 }
-
-/// Joints that a machine has at the most.
-const JOINTS: usize = crate::kinematics::JOINTS;
 
 /// Parts of acceleration and jerk that the bend of the path may take at full speed; the rest is for changes of speed.
 const BEND_PART: f64 = 0.65;

@@ -12,7 +12,7 @@ use std::collections::VecDeque;
 use super::joints::{Allowed, Joints};
 use super::sections::{Log, Part};
 use super::solver::JointJet;
-use crate::path::{Piece, Shape};
+use crate::path::Piece;
 
 /// Time between knots as part of the time in which acceleration builds up, and its bounds in s.
 const STEP: f64 = 0.16;
@@ -129,35 +129,34 @@ impl Knots {
             });
         };
         let mut allowed = |piece: &Piece, s: f64| {
-            joints.jets(&piece.jet(s), jets);
+            joints.jets(piece, s, jets);
             joints.allowed(jets, feed)
         };
-        match stretch.piece.shape() {
-            Shape::Line(_) => cell(part.from, part.to, allowed(&stretch.piece, part.from)),
-            Shape::Arc(_) | Shape::Blend(_) => {
-                let length = part.to - part.from;
-                let mut last = allowed(&stretch.piece, part.from);
-                let middle = allowed(&stretch.piece, part.from + 0.5 * length);
-                let end = allowed(&stretch.piece, part.to);
-                let b = last.b.min(middle.b).min(end.b);
-                // At least one, also for what is not a number.
-                let cells = (CELLS_PER_STEP * length / (b.sqrt() * step_s)).ceil().clamp(1.0, CELLS) as u32;
-                let step = length / f64::from(cells);
-                for k in 0..cells {
-                    let from = part.from + step * f64::from(k);
-                    let to = if k + 1 == cells { part.to } else { from + step };
-                    let next = allowed(&stretch.piece, to);
-                    cell(
-                        from,
-                        to,
-                        Allowed {
-                            b: last.b.min(next.b),
-                            a: last.a.min(next.a),
-                            j: last.j.min(next.j),
-                        },
-                    );
-                    last = next;
-                }
+        if joints.are_even(&stretch.piece) {
+            cell(part.from, part.to, allowed(&stretch.piece, part.from));
+        } else {
+            let length = part.to - part.from;
+            let mut last = allowed(&stretch.piece, part.from);
+            let middle = allowed(&stretch.piece, part.from + 0.5 * length);
+            let end = allowed(&stretch.piece, part.to);
+            let b = last.b.min(middle.b).min(end.b);
+            // At least one, also for what is not a number.
+            let cells = (CELLS_PER_STEP * length / (b.sqrt() * step_s)).ceil().clamp(1.0, CELLS) as u32;
+            let step = length / f64::from(cells);
+            for k in 0..cells {
+                let from = part.from + step * f64::from(k);
+                let to = if k + 1 == cells { part.to } else { from + step };
+                let next = allowed(&stretch.piece, to);
+                cell(
+                    from,
+                    to,
+                    Allowed {
+                        b: last.b.min(next.b),
+                        a: last.a.min(next.a),
+                        j: last.j.min(next.j),
+                    },
+                );
+                last = next;
             }
         }
         self.parts += 1;

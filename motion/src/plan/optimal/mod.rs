@@ -6,6 +6,7 @@
 //! ```text
 //! sections   cuts the path where it cannot be passed at speed                  (joints: limits, derivatives)
 //! knots      places knots about evenly in time
+//! checkpoints  derivatives of the joints on every span, and whether three places show enough
 //! windows    cuts sections into windows; jobs for the worker threads
 //! solver     speed over a window: the square of the speed as a quadratic B-spline, interior point method
 //! slopes     states at knots, starts and stops -> elements
@@ -15,6 +16,7 @@
 //! What comes out depends on the path alone, not on the number of threads. Where the solver finds no way, the section is
 //! planned with a seven-phase slope within limits that hold anywhere on it.
 
+mod checkpoints;
 mod joints;
 mod knots;
 mod sections;

@@ -7,7 +7,6 @@ use super::joints::{Joints, Steady};
 use super::sections::{Log, Part, Place};
 use super::solver::{self, JointJet, Launch, State};
 use crate::element::{Element, Span};
-use crate::path::Shape;
 use crate::plan::limits::PathLimits;
 use crate::plan::profile::Phase;
 
@@ -27,7 +26,7 @@ pub(super) fn launch(part: Part, side: Side, log: &Log, joints: &Joints, jets: &
             Side::Start => part.from + x,
             Side::Stop => part.to - x,
         };
-        joints.jets(&stretch.piece.jet(s), jets);
+        joints.jets(&stretch.piece, s, jets);
         at.copy_from_slice(jets);
     })
 }
@@ -183,13 +182,10 @@ pub(super) fn steady_limits(part: Part, log: &Log, joints: &Joints, jets: &mut V
     let mut feed = f64::INFINITY;
     if let Some(stretch) = log.stretch(part.item) {
         feed = stretch.feed;
-        let count = match stretch.piece.shape() {
-            Shape::Line(_) => 1,
-            Shape::Arc(_) | Shape::Blend(_) => SAMPLES,
-        };
+        let count = if joints.are_even(&stretch.piece) { 1 } else { SAMPLES };
         for k in 0..=count {
             let x = f64::from(k) / f64::from(count);
-            joints.jets(&stretch.piece.jet(part.from + (part.to - part.from) * x), jets);
+            joints.jets(&stretch.piece, part.from + (part.to - part.from) * x, jets);
             steady.see(jets);
         }
     }

@@ -7,6 +7,7 @@
 
 use std::collections::VecDeque;
 
+use super::checkpoints::Checkpoints;
 use super::joints::Joints;
 use super::knots::{Exit, Knots, Knotted, step_s};
 use super::sections::{Found, Item, Log, Part, Place, Sections};
@@ -14,7 +15,6 @@ use super::slopes::{Emission, Side, launch, steady_limits};
 use super::solver::{Grid, JointJet, Launch, State};
 use super::windows::{Answer, Border, States, Times, Uncut, WINDOW_SPANS, Window};
 use crate::element::Element;
-use crate::path::Shape;
 use crate::plan::limits::PathLimits;
 use crate::plan::profile::{Phase, change_length, profile};
 use crate::plan::smooth::Passed;
@@ -323,20 +323,15 @@ impl Stream {
         };
         let mut spans = Vec::new();
         open.knots.take(exit, self.times.step_s, &mut spans);
-        let [mut begin, mut middle, mut end] = [const { Vec::new() }; 3];
         for span in spans {
             let Some(stretch) = self.log.stretch(span.item) else {
                 continue;
             };
-            let piece = &stretch.piece;
-            self.joints.jets(&piece.jet(span.from), &mut begin);
-            self.joints.jets(&piece.jet(0.5 * (span.from + span.to)), &mut middle);
-            self.joints.jets(&piece.jet(span.to), &mut end);
-            open.uncut.push(span).push_span(
-                span.to - span.from,
-                stretch.feed * stretch.feed,
-                [&begin, &middle, &end],
-            );
+            let checkpoints = Checkpoints {
+                joints: &self.joints,
+                stretch,
+            };
+            checkpoints.add(span, &mut open.uncut);
         }
     }
 
@@ -423,7 +418,7 @@ impl Stream {
         if self
             .section
             .as_ref()
-            .is_some_and(|section| section.open.is_none() && !self.is_one_line(section))
+            .is_some_and(|section| section.open.is_none() && !self.is_one_even_part(section))
         {
             self.open();
         }
@@ -482,13 +477,13 @@ impl Stream {
         Ok(Some((part, launch)))
     }
 
-    fn is_one_line(&self, section: &Section) -> bool {
-        let line = |part: &Part| {
+    fn is_one_even_part(&self, section: &Section) -> bool {
+        let even = |part: &Part| {
             self.log
                 .stretch(part.item)
-                .is_some_and(|stretch| matches!(stretch.piece.shape(), Shape::Line(_)))
+                .is_some_and(|stretch| self.joints.are_even(&stretch.piece))
         };
-        matches!(&section.parts[..], [part] if line(part))
+        matches!(&section.parts[..], [part] if even(part))
     }
 }
 

@@ -1,0 +1,81 @@
+//! Derivatives of the joints at the checkpoints of a span, and whether three checkpoints are enough.
+//!
+//! In:  a span between two knots.
+//! Out: the span with its checkpoints in the grid; where the joints turn too unevenly, its parts.
+
+use super::joints::Joints;
+use super::knots::Knotted;
+use super::solver::JointJet;
+use super::windows::Uncut;
+use crate::plan::smooth::Stretch;
+
+/// Acceleration or jerk, over its limit, by which what happens between checkpoints may differ from what they show.
+const UNSEEN: f64 = 0.012;
+/// Speed over that for which knots were placed, at which this is judged.
+const FASTER: f64 = 1.2;
+/// How often a span may be halved.
+const HALVINGS: u32 = 5;
+
+/// Checkpoints on a stretch.
+pub(super) struct Checkpoints<'a> {
+    pub(super) joints: &'a Joints,
+    pub(super) stretch: &'a Stretch,
+}
+
+impl Checkpoints<'_> {
+    fn at(&self, s: f64) -> Vec<JointJet> {
+        let mut jets = Vec::with_capacity(self.joints.limits().len());
+        self.joints.jets(&self.stretch.piece, s, &mut jets);
+        jets
+    }
+
+    /// Adds a span.
+    pub(super) fn add(&self, span: Knotted, uncut: &mut Uncut) {
+        let begin = self.at(span.from);
+        if self.joints.are_even(&self.stretch.piece) {
+            self.push(span, [&begin, &begin, &begin], uncut);
+        } else {
+            let (middle, end) = (self.at(0.5 * (span.from + span.to)), self.at(span.to));
+            self.divide(span, [&begin, &middle, &end], HALVINGS, uncut);
+        }
+    }
+
+    fn push(&self, span: Knotted, checkpoints: [&[JointJet]; 3], uncut: &mut Uncut) {
+        let cap = self.stretch.feed * self.stretch.feed;
+        uncut.push(span).push_span(span.to - span.from, cap, checkpoints);
+    }
+
+    fn divide(&self, span: Knotted, [begin, middle, end]: [&[JointJet]; 3], halvings: u32, uncut: &mut Uncut) {
+        let s = 0.5 * (span.from + span.to);
+        let (first, third) = (self.at(0.5 * (span.from + s)), self.at(0.5 * (s + span.to)));
+        let v = FASTER * (span.to - span.from) / span.time_s;
+        let unseen = self
+            .unseen(v, [begin, middle, end], &first)
+            .max(self.unseen(v, [end, middle, begin], &third));
+        if halvings == 0 || unseen <= UNSEEN {
+            self.push(span, [begin, middle, end], uncut);
+            return;
+        }
+        let half = Knotted {
+            time_s: 0.5 * span.time_s,
+            ..span
+        };
+        self.divide(Knotted { to: s, ..half }, [begin, &first, middle], halvings - 1, uncut);
+        self.divide(Knotted { from: s, ..half }, [middle, &third, end], halvings - 1, uncut);
+    }
+
+    /// How far the joints at the quarter next to the first of three checkpoints are from the parabola through them.
+    fn unseen(&self, v: f64, [near, middle, far]: [&[JointJet]; 3], quarter: &[JointJet]) -> f64 {
+        let mut most = 0.0f64;
+        for (joint, limits) in self.joints.limits().iter().enumerate() {
+            let differs = |of: fn(&JointJet) -> f64| {
+                let parabola = 0.375 * of(&near[joint]) + 0.75 * of(&middle[joint]) - 0.125 * of(&far[joint]);
+                (of(&quarter[joint]) - parabola).abs()
+            };
+            let (second, third) = (differs(|jet| jet.d2), differs(|jet| jet.d3));
+            let jerk = third * v * v * v + 1.5 * second * v * limits.acceleration;
+            most = most.max(second * v * v / limits.acceleration).max(jerk / limits.jerk);
+        }
+        most
+    }
+}
