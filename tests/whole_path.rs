@@ -7,7 +7,8 @@ use isocnc::bus::Fieldbus;
 use isocnc::config::{self, Config};
 use isocnc::machine::sequence::{Outcome, Step};
 use isocnc::machine::state::State;
-use isocnc::program::{home, stop_ramp};
+use isocnc::machine::tables::Tables;
+use isocnc::program::{Feeder, Progress, home, ring_capacity, stop_ramp};
 use isocnc::rt::shared::Command;
 use isocnc::sim::rehearsal::{Rehearsal, rehearse};
 use isocnc::sim::{Disturbance, NetConfig};
@@ -791,6 +792,67 @@ fn a_program_from_elsewhere_is_refused_before_anything_moves() {
             assert!((at_mm - before_mm).abs() < 0.01, "moved from {before_mm} to {at_mm}");
         }
         assert!(run.operator.alarms()[0].cause.starts_with("axis X (joint 0): command"));
+    });
+}
+
+/// A planner with a defect: it plans for a machine of three times the jerk.
+#[test]
+fn a_command_above_a_limit_stops_the_machine_and_names_joint_order_value_and_limit() {
+    let mut wrong = machine();
+    wrong.joints[0].limits.jerk_mm_s3 *= 3.0;
+    let limit = machine().joints[0].limits.jerk_mm_s3;
+    rehearse_part(NetConfig::clean(25), PART, |run| {
+        disable_in_midst(run);
+        order(run, Command::Enable, State::Ready);
+        let start = run.operator.live().position;
+        let (producer, consumer) = motion::ring::channel(ring_capacity(&wrong));
+        let tables = Tables::read(&wrong).expect("no files");
+        let text = b"G21 G91 G94\nG1 F6000 X10\nM2\n";
+        let mut feeder = Feeder::new(&wrong, &tables, text, start, producer);
+        while feeder.pump().expect("a good program") == Progress::Working {}
+        let program = Interpolator::new(consumer, start, stop_ramp(&wrong));
+        order(run, Command::Start(Box::new(program)), State::Running);
+        reach_state(run, State::Stopping);
+        reach_state(run, State::Faulted);
+        run.run_until(10, |_| false).expect("a good program");
+        let cause = run.operator.alarms()[0].cause.clone();
+        assert!(cause.starts_with("axis X (joint 0): commanded jerk "), "{cause}");
+        assert!(cause.contains(&format!("above its limit, {limit:.1} mm/s³")), "{cause}");
+    });
+}
+
+/// The drive is told what backlash and pitch error want; what is shown, and the way back into the program, know nothing of it.
+#[test]
+fn the_motor_stands_beside_its_joint_by_the_compensation_and_the_part_is_the_same() {
+    const BACKLASH_MM: f64 = 0.4;
+    let text = MACHINE.replacen(
+        "following_error_mm = 2.0\n",
+        "following_error_mm = 2.0\nbacklash_mm = 0.4\n",
+        1,
+    );
+    let mut config = config::parse(&text, Path::new("mill3-demo.toml")).expect("a good machine file");
+    config.bus.pres_lost_max = 3;
+    rehearse_on(&config, NetConfig::clean(26), PART, |run| {
+        let mut ends = None;
+        let outcome = run.run_until(CYCLES_MAX, |run| {
+            if run.operator.live().line >= MIDST {
+                ends = Some((run.operator.live().position, loads(run)));
+            }
+            run.control.state() == State::Down
+        });
+        assert!(outcome.expect("a good program"));
+        println!("{}", journal(run));
+        assert_eq!(run.operator.alarms(), []);
+        let commands = commands(run);
+        assert_on_path(run);
+        assert_within_limits(&commands, false);
+        let (position, loads) = ends.expect("the program ran");
+        let beside_mm = loads[0] - position[Axis::X];
+        assert!(
+            (beside_mm.abs() - BACKLASH_MM / 2.0).abs() < 0.01,
+            "X {beside_mm} mm beside"
+        );
+        assert!((loads[1] - position[Axis::Y]).abs() < 0.01, "Y has none");
     });
 }
 

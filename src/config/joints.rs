@@ -1,8 +1,10 @@
 //! `[[joint]]`, `[[axis]]` and `[offsets]`: what moves, how far and how fast.
 
+use super::compensation;
 use super::document::{Bound, Section};
 use super::types::{AxisMap, Homing, Joint, JointLimits, Node, Profile, StopLimits};
 use motion::canon::{Axis, Position};
+use std::path::Path;
 
 /// No machine tool is larger or faster; keeps every later calculation far from overflow. mm or degrees.
 const LENGTH_MAX: f64 = 1e6;
@@ -20,6 +22,8 @@ pub(super) struct Surroundings<'c> {
     /// The nodes; `None` where the bus has errors of its own, which would only be echoed here.
     pub(super) nodes: Option<&'c [Node]>,
     pub(super) cycle_us: Option<u32>,
+    /// Where the machine file is.
+    pub(super) folder: &'c Path,
 }
 
 /// Reads one `[[joint]]`; `taken`: nodes of the joints above.
@@ -65,21 +69,26 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
             );
         }
     }
+    let compensation = compensation::keys(section, around.folder);
+    let mut limits = JointLimits {
+        velocity_mm_s: velocity_mm_s?,
+        acceleration_mm_s2: acceleration_mm_s2?,
+        jerk_mm_s3: jerk_mm_s3?,
+    };
+    let mut stop = StopLimits {
+        acceleration_mm_s2: stop_acceleration_mm_s2?,
+        jerk_mm_s3: stop_jerk_mm_s3?,
+    };
+    let compensation = compensation?.map(|asked_for| compensation::share(asked_for, &mut limits, &mut stop));
     Some(Joint {
         node: node?,
         counts_per_unit: counts_per_unit?,
         travel_mm: travel_mm?,
-        limits: JointLimits {
-            velocity_mm_s: velocity_mm_s?,
-            acceleration_mm_s2: acceleration_mm_s2?,
-            jerk_mm_s3: jerk_mm_s3?,
-        },
-        stop: StopLimits {
-            acceleration_mm_s2: stop_acceleration_mm_s2?,
-            jerk_mm_s3: stop_jerk_mm_s3?,
-        },
+        limits,
+        stop,
         following_error_mm: following_error_mm?,
         homing: homing?,
+        compensation,
     })
 }
 

@@ -9,6 +9,7 @@
 //! `tests.rs`.
 
 mod bus;
+mod compensation;
 mod device;
 mod document;
 mod error;
@@ -120,6 +121,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     let around = joints::Surroundings {
         nodes: bus.as_ref().map(|bus| bus.nodes.as_slice()),
         cycle_us,
+        folder: path.parent().unwrap_or(Path::new("")),
     };
     let mut taken = Vec::new();
     let tables = root.some_sections("joint");
@@ -133,7 +135,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     let mut joints = Vec::new();
     for mut section in tables {
         joints.extend(joints::joint(&mut section, &around, &mut taken));
-        section.not_yet(&["backlash_mm", "compensation_file", "probe", "rotary"]);
+        section.not_yet(&["probe", "rotary"]);
         section.done();
     }
     let axes = joints::axes(&mut root, count);

@@ -651,3 +651,79 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn compensation_divides_what_the_joint_can_do() {
+    let config = parse(
+        &changed("jerk_mm_s3 = 20000.0", "jerk_mm_s3 = 20000.0\nbacklash_mm = 0.02"),
+        Path::new("m.toml"),
+    );
+    let joint = config.unwrap().joints.remove(0);
+    let compensation = joint.compensation.unwrap();
+    let take_up = compensation.take_up;
+    assert_eq!(
+        (compensation.backlash_mm, compensation.table),
+        (0.02, motion::rt::PitchTable::default())
+    );
+    assert_eq!([joint.limits.velocity_mm_s, take_up.velocity_mm_s], [95.0, 5.0]);
+    assert_eq!(
+        [joint.stop.acceleration_mm_s2, take_up.acceleration_mm_s2],
+        [1500.0, 500.0]
+    );
+    assert_eq!([joint.stop.jerk_mm_s3, take_up.jerk_mm_s3], [50_000.0, 30_000.0]);
+    assert_eq!(parse(SMALL, Path::new("m.toml")).unwrap().joints[0].compensation, None);
+}
+
+#[test]
+fn a_mistake_in_a_compensation_file_is_told_with_its_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let machine = folder.path().join("m.toml");
+    let text = changed(
+        "jerk_mm_s3 = 20000.0",
+        "jerk_mm_s3 = 20000.0\ncompensation_file = \"x.comp\"",
+    );
+    let rule = |content: &str| {
+        std::fs::write(folder.path().join("x.comp"), content).unwrap();
+        match parse(&text, &machine) {
+            Ok(config) => format!(
+                "{:.3}",
+                config.joints[0]
+                    .compensation
+                    .as_ref()
+                    .unwrap()
+                    .table
+                    .correction_mm(5.0, true)
+            ),
+            Err(errors) => {
+                let rule = &errors.errors()[0].rule;
+                rule.split_once("x.comp:")
+                    .map_or(rule.as_str(), |(_, rule)| rule)
+                    .to_owned()
+            }
+        }
+    };
+    let columns = "a line is three numbers: position, measured forward, measured backward, mm";
+    assert_eq!(
+        rule("# told forward backward\n0 0 0.01 ; home\n\n10 9.98 9.99\n"),
+        "0.010"
+    );
+    assert_eq!(rule("0 0 0\n10 1o 10\n"), format!("2:4: 1o is no number; {columns}"));
+    assert_eq!(rule("0 0\n"), format!("1:1: 2 numbers; {columns}"));
+    assert_eq!(rule("# nothing\n"), format!("1:1: no row; {columns}"));
+    assert_eq!(
+        rule("# falling\n5 5 5\n\n4 4 4\n"),
+        "4:1: position 4 is not above the one before, 5"
+    );
+    std::fs::remove_file(folder.path().join("x.comp")).unwrap();
+    assert!(
+        messages(&text)[0].contains("compensation_file = \"x.comp\": cannot be read"),
+        "{:?}",
+        messages(&text)
+    );
+    let worn = changed("jerk_mm_s3 = 20000.0", "jerk_mm_s3 = 20000.0\nbacklash_mm = -1");
+    assert!(
+        messages(&worn)[0].contains("must lie between 0 and 10"),
+        "{:?}",
+        messages(&worn)
+    );
+}

@@ -5,6 +5,7 @@
 
 pub use gcode::ToolChanger;
 use motion::canon::{Axis, LengthUnit, Position};
+use motion::rt::{PitchTable, TakeUpLimits};
 pub use obd::device::{ConfigurationWrite, DeviceDescription};
 pub use powerlink::mn::{Stamp, StartUp};
 use serde::{Deserialize, Serialize};
@@ -318,6 +319,19 @@ pub struct Joint {
     pub following_error_mm: f64,
     /// Homing.
     pub homing: Homing,
+    /// Backlash and pitch errors; the limits above are then what they leave.
+    pub compensation: Option<Compensation>,
+}
+
+/// What the motor is told beside the position of its joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Compensation {
+    /// Way that is lost when the joint turns round, mm.
+    pub backlash_mm: f64,
+    /// Pitch errors.
+    pub table: PitchTable,
+    /// How fast it may change.
+    pub take_up: TakeUpLimits,
 }
 
 /// Limits of planned motion.

@@ -9,6 +9,7 @@
 use super::overruns::CYCLES;
 use crate::bus::NodeIndex;
 use cia402::axis::AxisFault;
+use motion::rt::Order;
 use powerlink::link::LinkError;
 
 /// Something that is wrong. Joints and nodes by their place in the machine file.
@@ -47,10 +48,21 @@ pub enum Fault {
         /// Commanded position, mm.
         position_mm: f64,
     },
-    /// A command that is no number or moves faster than the joint may; a defect of the planner.
+    /// A command that is no number, or a program that begins where the joint does not stand; a defect of the planner.
     IllegalCommand {
         /// The joint.
         joint: usize,
+    },
+    /// A command more than a hundredth above a limit of the joint; a defect of the planner.
+    LimitExceeded {
+        /// The joint.
+        joint: usize,
+        /// Velocity, acceleration or jerk.
+        order: Order,
+        /// Commanded, in mm and s.
+        value: f64,
+        /// Limit, in mm and s.
+        limit: f64,
     },
     /// Whole cycles had to be left out.
     CyclesSkipped {
@@ -91,6 +103,8 @@ pub enum Reaction {
     /// Stops all joints together within the stop limits, then quick stop of the drives; alarm, nothing moves again
     /// before it is acknowledged.
     ControlledStop,
+    /// Quick stop of the drives at once, from the last good set-points: there is no path on which to stop; alarm, as above.
+    QuickStop,
     /// Nothing can be steered any more: no SoC is sent, the drives stop by themselves for want of it; alarm.
     Silence,
 }
@@ -110,12 +124,13 @@ impl Fault {
             | Fault::DriveWarning { .. }
             | Fault::FollowingError { .. }
             | Fault::SoftLimit { .. }
-            | Fault::IllegalCommand { .. }
+            | Fault::LimitExceeded { .. }
             | Fault::TooManyOverruns { .. }
             | Fault::ForeignMaster { .. }
             | Fault::LinkFailed {
                 error: LinkError::Down | LinkError::FrameLength { .. } | LinkError::Os { .. },
             } => Reaction::ControlledStop,
+            Fault::IllegalCommand { .. } => Reaction::QuickStop,
             Fault::CycleHung => Reaction::Silence,
         }
     }
@@ -131,6 +146,7 @@ impl Fault {
             | Fault::FollowingError { .. }
             | Fault::SoftLimit { .. }
             | Fault::IllegalCommand { .. }
+            | Fault::LimitExceeded { .. }
             | Fault::CyclesSkipped { .. }
             | Fault::ManyOverruns { .. }
             | Fault::CycleHung
@@ -167,7 +183,19 @@ impl Fault {
             }
             Fault::IllegalCommand { joint: index } => {
                 format!(
-                    "{}: command that is no number or too fast: a defect of the planner",
+                    "{}: command that is no number or far from where it stands: a defect of the planner",
+                    joint(index)
+                )
+            }
+            Fault::LimitExceeded {
+                joint: index,
+                order,
+                value,
+                limit,
+            } => {
+                let unit = order.unit();
+                format!(
+                    "{}: commanded {order} {value:.1} {unit} above its limit, {limit:.1} {unit}: a defect of the planner",
                     joint(index)
                 )
             }

@@ -20,7 +20,7 @@ use cia402::axis::{AxisFault, Request, Status};
 use motion::canon::Position;
 use motion::element::Action;
 use motion::kinematics::{Kinematics, ToolFrame};
-use motion::rt::{Interpolator, Monitor, Peaks, Sample, SampleState};
+use motion::rt::{Interpolator, Monitor, Peaks, Sample, SampleState, Trip};
 use std::sync::Arc;
 
 /// Orders that are taken in one cycle at the most.
@@ -276,7 +276,7 @@ impl<B: Fieldbus> Control<B> {
                 self.notice(Notice::Fault { fault, first: false });
                 return;
             }
-            Reaction::ControlledStop | Reaction::Silence => {}
+            Reaction::ControlledStop | Reaction::QuickStop | Reaction::Silence => {}
         }
         if self.state == State::Booting && fault.is_usual_in_boot() {
             return;
@@ -293,6 +293,10 @@ impl<B: Fieldbus> Control<B> {
             (Reaction::Silence, _) => {
                 self.end_program();
                 self.enter(State::Faulted);
+            }
+            (Reaction::QuickStop, _) => {
+                self.end_program();
+                self.quick_stop();
             }
             // To rest on the path first; `step_state` goes on to the quick stop.
             (Reaction::ControlledStop, State::Running | State::Held | State::Stopping) => {
@@ -572,8 +576,21 @@ impl<B: Fieldbus> Control<B> {
             return;
         };
         let scaling = program.is_scaling();
-        if let Some(joint) = self.parts.monitor.see(&self.command_mm[..self.joints], scaling) {
-            self.fault(Fault::IllegalCommand { joint });
+        if let Some(trip) = self.parts.monitor.see(&self.command_mm[..self.joints], scaling) {
+            self.fault(match trip {
+                Trip::NotFinite { joint } => Fault::IllegalCommand { joint },
+                Trip::Over {
+                    joint,
+                    order,
+                    value,
+                    limit,
+                } => Fault::LimitExceeded {
+                    joint,
+                    order,
+                    value,
+                    limit,
+                },
+            });
         }
         let mut beyond = None;
         for (joint, (command_mm, drive)) in self.command_mm.iter_mut().zip(self.parts.drives.iter()).enumerate() {

@@ -3,13 +3,15 @@
 //! In:  the input image; commanded joint positions, mm.
 //! Out: actual joint positions, mm; the output image.
 //!
-//! A drive counts from its home point: `machine mm = increments / ratio + home position`.
+//! A drive counts from its home point: `motor mm = increments / ratio + home position`. The motor stands beside its joint by
+//! the compensation of backlash and pitch errors, which nobody outside of this file sees.
 
 use crate::bus::layout::{Field, Layout};
 use crate::bus::network::NodePlan;
 use crate::bus::{InputImage, NodeIndex, NodeState, OutputImage};
-use crate::config::{Config, Joint};
+use crate::config::{Compensation, Config, Joint};
 use cia402::axis::{Axis, AxisConfig, Feedback, HomingState, Request, Setpoint, Status};
+use motion::rt::JointCompensation;
 
 /// Objects of one drive in its payloads; those that are not mapped are `None`.
 #[derive(Clone, Copy, Debug)]
@@ -58,11 +60,12 @@ pub struct Drive {
     online: bool,
     command_mm: f64,
     command_before_mm: f64,
+    compensation: Option<JointCompensation>,
 }
 
 impl Drive {
     /// `None` if the payloads lack an object that every drive needs.
-    pub fn new(joint: &Joint, plan: &NodePlan) -> Option<Drive> {
+    pub fn new(joint: &Joint, plan: &NodePlan, cycle_s: f64) -> Option<Drive> {
         let [counts, units] = joint.counts_per_unit.map(f64::from);
         Some(Drive {
             node: joint.node,
@@ -77,6 +80,14 @@ impl Drive {
             online: false,
             command_mm: 0.0,
             command_before_mm: 0.0,
+            compensation: joint.compensation.as_ref().map(|compensation| {
+                let Compensation {
+                    backlash_mm,
+                    table,
+                    take_up,
+                } = compensation;
+                JointCompensation::new(table.clone(), *backlash_mm, take_up, cycle_s)
+            }),
         })
     }
 
@@ -104,7 +115,8 @@ impl Drive {
 
     /// Tells the drive where to be; a drive that is not enabled is kept where it is, so that enabling never jumps. RT.
     fn write(&mut self, now_ns: u64, command_mm: f64, outputs: &mut OutputImage) {
-        let increments = ((command_mm - self.home_mm) * self.increments_per_mm).round() as i64;
+        let motor_mm = self.compensated(command_mm);
+        let increments = ((motor_mm - self.home_mm) * self.increments_per_mm).round() as i64;
         self.setpoint = self.axis.cycle(now_ns, self.online, &self.feedback, increments);
         self.command_before_mm = self.command_mm;
         let following = self.axis.status() == Status::Enabled;
@@ -126,13 +138,36 @@ impl Drive {
         }
     }
 
+    /// Position of the motor for that of the joint. A motor that does not follow keeps its compensation. RT.
+    fn compensated(&mut self, command_mm: f64) -> f64 {
+        let Some(compensation) = &mut self.compensation else {
+            return command_mm;
+        };
+        match self.axis.status() {
+            Status::Enabled => compensation.step(command_mm),
+            Status::Homing => {
+                // Afterwards the motor counts anew, and which way it came is not known.
+                compensation.restart();
+                command_mm
+            }
+            Status::Offline
+            | Status::Disabled
+            | Status::Enabling
+            | Status::Disabling
+            | Status::QuickStopping
+            | Status::Faulted(_) => command_mm + compensation.correction_mm(),
+        }
+    }
+
     /// Actual position, mm in the machine.
     pub fn actual_mm(&self) -> f64 {
         self.to_mm(self.axis.actual_position())
     }
 
     fn to_mm(&self, increments: i64) -> f64 {
-        increments as f64 / self.increments_per_mm + self.home_mm
+        let motor_mm = increments as f64 / self.increments_per_mm + self.home_mm;
+        let compensation = self.compensation.as_ref();
+        motor_mm - compensation.map_or(0.0, JointCompensation::correction_mm)
     }
 
     /// Last command, mm in the machine.
@@ -204,11 +239,12 @@ pub struct Drives {
 impl Drives {
     /// One drive for each joint; the error is the joint whose payloads lack an object that every drive needs.
     pub fn new(config: &Config, plans: &[NodePlan]) -> Result<Drives, usize> {
+        let cycle_s = f64::from(config.cycle_us) * 1e-6;
         let drives: Result<Box<[Drive]>, usize> = config
             .joints
             .iter()
             .enumerate()
-            .map(|(index, joint)| Drive::new(joint, &plans[joint.node]).ok_or(index))
+            .map(|(index, joint)| Drive::new(joint, &plans[joint.node], cycle_s).ok_or(index))
             .collect();
         Ok(Drives { drives: drives? })
     }

@@ -55,6 +55,7 @@ const BENCH: Joint = Joint {
         acceleration_mm_s2: 500.0,
         position_mm: 0.0,
     },
+    compensation: None,
 };
 
 /// What a drive is made of; kept for the next power-on.

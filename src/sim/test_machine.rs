@@ -64,6 +64,7 @@ pub(super) fn test_config() -> Config {
             acceleration_mm_s2: 500.0,
             position_mm: 0.0,
         },
+        compensation: None,
     };
     Config {
         path: "test.toml".into(),

@@ -17,6 +17,6 @@ mod scale;
 
 pub use interpolator::{Interpolator, Sample, SampleState};
 pub use joint_compensation::{JointCompensation, PitchError, PitchRow, PitchTable, TakeUpLimits};
-pub use monitor::{Monitor, MonitorLimits, Peaks};
+pub use monitor::{Monitor, MonitorLimits, Order, Peaks, Trip};
 pub use online::{Online, State};
 pub use scale::{MotionLimits, ScaleRamp, StopLimits};

@@ -1,7 +1,8 @@
 //! The monitor: looks at every commanded joint position before it leaves.
 //!
 //! In:  one position of each joint per cycle.
-//! Out: greatest first, second and third differences per cycle time, and how often they were over a limit.
+//! Out: greatest first, second and third differences per cycle time, how often they were over a limit, and what must not
+//! leave: the first joint that is far over, or whose position is no number ([`Trip`]).
 //!
 //! For a true motion with |jerk| <= J the third difference divided by T³ is a weighted mean of the jerk and never above
 //! J, and likewise for velocity and acceleration: what is over is really over, but for rounding. RT.
@@ -26,8 +27,65 @@ pub struct Peaks {
     pub over: [u64; 3],
 }
 
+/// What a limit is on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// mm/s
+    Velocity,
+    /// mm/s²
+    Acceleration,
+    /// mm/s³
+    Jerk,
+}
+
+impl Order {
+    const ALL: [Order; 3] = [Order::Velocity, Order::Acceleration, Order::Jerk];
+
+    /// Unit for a joint in mm.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Order::Velocity => "mm/s",
+            Order::Acceleration => "mm/s²",
+            Order::Jerk => "mm/s³",
+        }
+    }
+}
+
+impl std::fmt::Display for Order {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Order::Velocity => "velocity",
+            Order::Acceleration => "acceleration",
+            Order::Jerk => "jerk",
+        })
+    }
+}
+
+/// Why a command must not be followed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Trip {
+    /// A position is no number: there is no path any more.
+    NotFinite {
+        /// The joint.
+        joint: usize,
+    },
+    /// A joint is commanded to move above a limit.
+    Over {
+        /// The joint.
+        joint: usize,
+        /// Of what.
+        order: Order,
+        /// Commanded, in [`Order::unit`].
+        value: f64,
+        /// Limit of that moment.
+        limit: f64,
+    },
+}
+
 /// Share by which a difference may pass its limit before it counts: rounding of positions.
 const SLACK: f64 = 1e-6;
+/// Share by which a difference may pass its limit before the machine is stopped.
+const TRIP_SLACK: f64 = 0.01;
 /// Cycles for which a change of scale is seen in a difference of third order.
 const SCALING_SEEN: u8 = 4;
 /// Rounding of a commanded position, mm.
@@ -78,9 +136,9 @@ impl Monitor {
     }
 
     /// Takes the positions of a cycle, `scaling` if the plan's speed is being scaled; returns the first joint whose
-    /// position is no number. RT.
-    pub fn see(&mut self, positions: &[f64], scaling: bool) -> Option<usize> {
-        let mut illegal = None;
+    /// position is no number, else the first one that is more than a hundredth over a limit. RT.
+    pub fn see(&mut self, positions: &[f64], scaling: bool) -> Option<Trip> {
+        let (mut illegal, mut fast) = (None, None);
         self.scaling = if scaling {
             SCALING_SEEN
         } else {
@@ -89,7 +147,7 @@ impl Monitor {
         let steady = self.scaling == 0;
         for (index, (joint, &position)) in self.joints.iter_mut().zip(positions).enumerate() {
             if !position.is_finite() {
-                illegal = illegal.or(Some(index));
+                illegal = illegal.or(Some(Trip::NotFinite { joint: index }));
                 continue;
             }
             let [q1, q2, q3] = joint.last;
@@ -112,11 +170,19 @@ impl Monitor {
                 };
                 let over = value > limit * (1.0 + SLACK) + rounding;
                 joint.peaks.over[order] += u64::from(over);
+                if over && value > limit * (1.0 + TRIP_SLACK) + rounding {
+                    fast = fast.or(Some(Trip::Over {
+                        joint: index,
+                        order: Order::ALL[order],
+                        value,
+                        limit,
+                    }));
+                }
             }
             joint.last = [position, q1, q2];
             joint.seen = joint.seen.saturating_add(1);
         }
-        illegal
+        illegal.or(fast)
     }
 
     /// Peaks of each joint so far.
@@ -158,7 +224,50 @@ mod tests {
     #[test]
     fn what_is_no_number_is_named() {
         let mut monitor = Monitor::new(&[LIMITS, LIMITS], 0.01);
-        assert_eq!(monitor.see(&[0.0, f64::NAN], false), Some(1));
+        assert_eq!(monitor.see(&[0.0, f64::NAN], false), Some(Trip::NotFinite { joint: 1 }));
+    }
+
+    #[test]
+    fn what_is_a_hundredth_over_trips_with_its_order_and_what_is_less_is_only_counted() {
+        // One of the three limits at a time is what the motion of 500 mm/s³ passes by the given share.
+        let t = 0.19;
+        let motion = [500.0 * t * t / 2.0, 500.0 * t, 500.0];
+        for (order, name) in [Order::Velocity, Order::Acceleration, Order::Jerk]
+            .into_iter()
+            .enumerate()
+        {
+            for (share, trips) in [(1.009, false), (1.04, true)] {
+                let mut of_order = motion.map(|value| value * 1.5);
+                // The difference of a cycle ends at t or before it: velocity and acceleration are a little below.
+                let greatest = [500.0 * (t - 0.005_f64).powi(2) / 2.0, 500.0 * (t - 0.01), 500.0][order];
+                of_order[order] = greatest / share;
+                let limits = MonitorLimits {
+                    of_order,
+                    scaling: of_order,
+                };
+                let mut monitor = Monitor::new(&[LIMITS, limits], 0.01);
+                let mut seen = None;
+                for cycle in 0..20 {
+                    let t = f64::from(cycle) * 0.01;
+                    seen = seen.or(monitor.see(&[0.0, 500.0 * t.powi(3) / 6.0], false));
+                }
+                assert_eq!(seen.is_some(), trips, "{name} {share}: {seen:?}");
+                assert!(monitor.peaks().nth(1).unwrap().1.over[order] > 0, "{name} {share}");
+                if let Some(Trip::Over {
+                    joint,
+                    order,
+                    value,
+                    limit,
+                }) = seen
+                {
+                    assert_eq!((joint, order), (1, name));
+                    assert!(
+                        value > limit * 1.01 && limit == limits.of_order[order as usize],
+                        "{value} {limit}"
+                    );
+                }
+            }
+        }
     }
 
     #[test]
