@@ -98,7 +98,7 @@ fn steps(grid: &Grid, skipped: usize) -> Vec<Step> {
         step.length += grid.length(span);
         let caps = grid.caps(span);
         let mut b = 0.5 * caps.begin.min(caps.middle).min(caps.end);
-        for checkpoint in 0..3 {
+        for checkpoint in 0..grid.checkpoints(span).len() {
             for row in grid.rows(span, checkpoint) {
                 b = b.min(CURVED_USE / row.a2.abs());
                 let root = cube_root(CURVED_USE / row.j3.abs());

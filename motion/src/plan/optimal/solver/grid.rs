@@ -1,4 +1,6 @@
-//! What the solver knows of the path: derivatives at three checkpoints of every span, scaled by the limits.
+//! What the solver knows of the path: derivatives at checkpoints of every span, scaled by the limits.
+
+use super::roots::cube_root;
 
 /// Part of the acceleration limit that is planned with. Second differences of set-points are means over two cycles
 /// and never above the greatest value between; the rest covers what lies between two checkpoints.
@@ -60,9 +62,24 @@ pub struct Grid {
     limits: Vec<JointLimits>,
     lengths: Vec<f64>,
     caps: Vec<Caps>,
+    /// Index of the first row of every span, and whether it has checkpoints at its quarters too.
+    first: Vec<(usize, bool)>,
     /// By span, checkpoint, joint.
     rows: Vec<Row>,
 }
+
+/// Where checkpoints are, as parts of the span, and their weights in the integral over it (Simpson).
+pub(super) const CHECKPOINTS: [(f64, f64); 3] = [(0.0, 1.0 / 6.0), (0.5, 4.0 / 6.0), (1.0, 1.0 / 6.0)];
+/// The same for spans on which derivatives change much.
+pub(super) const FINE_CHECKPOINTS: [(f64, f64); 5] = [
+    (0.0, 1.0 / 12.0),
+    (0.25, 4.0 / 12.0),
+    (0.5, 2.0 / 12.0),
+    (0.75, 4.0 / 12.0),
+    (1.0, 1.0 / 12.0),
+];
+/// What jerk may stray from the chord between two checkpoints without further ones, over the limit.
+const STRAY: f64 = 0.004;
 
 impl Grid {
     /// No spans yet.
@@ -108,19 +125,69 @@ impl Grid {
         speeds.end *= margin;
         self.lengths.push(length);
         self.caps.push(speeds);
-        for jets in checkpoints {
-            for (jet, limits) in jets.iter().zip(&self.limits) {
-                let a = 1.0 / (ACCELERATION_USE * limits.acceleration);
-                let j = 1.0 / (JERK_USE * limits.jerk);
-                self.rows.push(Row {
-                    a1: jet.d1 * a,
-                    a2: jet.d2 * a,
-                    j1: jet.d1 * j,
-                    j2: 3.0 * jet.d2 * j,
-                    j3: jet.d3 * j,
-                });
+        let fine = self.is_curved(cap, checkpoints);
+        self.first.push((self.rows.len(), fine));
+        let [begin, middle, end] = checkpoints;
+        if fine {
+            // At the quarters, derivatives are those of the parabola through the three.
+            let quarter = |near: &[JointJet], far: &[JointJet], joint: usize| {
+                let mix = |f: fn(&JointJet) -> f64| {
+                    0.375 * f(&near[joint]) + 0.75 * f(&middle[joint]) - 0.125 * f(&far[joint])
+                };
+                JointJet {
+                    d1: mix(|jet| jet.d1),
+                    d2: mix(|jet| jet.d2),
+                    d3: mix(|jet| jet.d3),
+                }
+            };
+            let joints = 0..self.limits.len();
+            let first: Vec<JointJet> = joints.clone().map(|joint| quarter(begin, end, joint)).collect();
+            let third: Vec<JointJet> = joints.map(|joint| quarter(end, begin, joint)).collect();
+            for jets in [begin, &first, middle, &third, end] {
+                self.push_rows(jets);
+            }
+        } else {
+            for jets in checkpoints {
+                self.push_rows(jets);
             }
         }
+    }
+
+    fn push_rows(&mut self, jets: &[JointJet]) {
+        for (jet, limits) in jets.iter().zip(&self.limits) {
+            let a = 1.0 / (ACCELERATION_USE * limits.acceleration);
+            let j = 1.0 / (JERK_USE * limits.jerk);
+            self.rows.push(Row {
+                a1: jet.d1 * a,
+                a2: jet.d2 * a,
+                j1: jet.d1 * j,
+                j2: 3.0 * jet.d2 * j,
+                j3: jet.d3 * j,
+            });
+        }
+    }
+
+    /// Whether jerk may exceed its limit between three checkpoints that it keeps.
+    fn is_curved(&self, cap: f64, [begin, middle, end]: [&[JointJet]; 3]) -> bool {
+        // The speed that curvature allows, roughly.
+        let mut v = cap.sqrt();
+        for (joint, limits) in self.limits.iter().enumerate() {
+            let d1 = begin[joint]
+                .d1
+                .abs()
+                .max(middle[joint].d1.abs())
+                .max(end[joint].d1.abs());
+            let d3 = begin[joint]
+                .d3
+                .abs()
+                .max(middle[joint].d3.abs())
+                .max(end[joint].d3.abs());
+            v = v.min(limits.velocity / d1).min(cube_root(2.0 * limits.jerk / d3));
+            v = v.min((limits.acceleration / middle[joint].d2.abs()).sqrt());
+        }
+        let stray = |joint: usize| (begin[joint].d3 - 2.0 * middle[joint].d3 + end[joint].d3).abs() / 8.0;
+        let mut limits = self.limits.iter().enumerate();
+        limits.any(|(joint, limits)| stray(joint) * v * v * v > STRAY * limits.jerk)
     }
 
     /// Number of spans.
@@ -157,15 +224,21 @@ impl Grid {
     /// Forgets the first `spans` spans; the others move to the front.
     pub fn drop_front(&mut self, spans: usize) {
         let spans = spans.min(self.spans());
+        let rows = self.first.get(spans).map_or(self.rows.len(), |first| first.0);
         self.lengths.drain(..spans);
         self.caps.drain(..spans);
-        self.rows.drain(..spans * 3 * self.limits.len());
+        self.first.drain(..spans);
+        self.rows.drain(..rows);
+        for first in &mut self.first {
+            first.0 -= rows;
+        }
     }
 
     /// Forgets all spans.
     pub fn clear(&mut self) {
         self.lengths.clear();
         self.caps.clear();
+        self.first.clear();
         self.rows.clear();
     }
 
@@ -182,10 +255,23 @@ impl Grid {
         }
     }
 
-    /// The rows of one checkpoint (0, 1, 2) of a span, one per joint.
+    /// Places and weights of the checkpoints of a span.
+    pub(super) fn checkpoints(&self, span: usize) -> &'static [(f64, f64)] {
+        if self.is_fine(span) {
+            &FINE_CHECKPOINTS
+        } else {
+            &CHECKPOINTS
+        }
+    }
+
+    pub(super) fn is_fine(&self, span: usize) -> bool {
+        self.first[span].1
+    }
+
+    /// The rows of one checkpoint of a span, one per joint.
     pub(super) fn rows(&self, span: usize, checkpoint: usize) -> &[Row] {
         let joints = self.limits.len();
-        let first = (3 * span + checkpoint) * joints;
+        let first = self.first[span].0 + checkpoint * joints;
         &self.rows[first..first + joints]
     }
 }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::band::Band;
-use super::grid::Grid;
+use super::grid::{CHECKPOINTS, FINE_CHECKPOINTS, Grid, Row};
 use super::lanes::{LANES, Lane};
 use super::profile::{State, coefficient, span_value};
 
@@ -90,12 +90,15 @@ struct Block {
     middle: Lane,
     /// 1, or 0 for lanes behind the last span.
     used: Lane,
+    /// Index of its first row, and its checkpoints.
+    first: usize,
+    checkpoints: &'static [(f64, f64)],
     knot_dual: [Lane; 2],
     middle_dual: [Lane; 2],
 }
 
 /// Acceleration and jerk / sqrt(b) of one joint at one checkpoint: linear in x.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Pair {
     acceleration: [Lane; 3],
     jerk: [Lane; 3],
@@ -133,15 +136,14 @@ fn add_square(to: &mut [Lane; 6], scale: Lane, row: &[Lane; 3]) {
 }
 
 impl Block {
-    /// b as a linear function of x at the three checkpoints.
+    /// b as a linear function of x at a part of the span.
     #[inline(always)]
-    fn b_rows(&self) -> [[Lane; 3]; 3] {
-        let (zero, one) = (Lane::splat(0.0), Lane::splat(1.0));
-        let quarter = Lane::splat(0.25) * self.h;
+    fn b_row(&self, part: f64) -> [Lane; 3] {
+        let rest = 1.0 - part;
         [
-            [one, zero - self.h, zero],
-            [one, zero - quarter, quarter],
-            [one, zero, self.h],
+            Lane::splat(1.0),
+            Lane::splat(-rest * rest) * self.h,
+            Lane::splat(part * part) * self.h,
         ]
     }
 
@@ -150,6 +152,21 @@ impl Block {
         let at = |shift: usize| Lane(core::array::from_fn(|lane| c[lane + shift]));
         let (c0, c1, c2) = (at(0), at(1), at(2));
         [c1, self.k0 * (c1 - c0), self.k1 * (c2 - c1)]
+    }
+}
+
+impl Pair {
+    /// Derivatives by (b, u, w) at a part of the span, as derivatives by x.
+    fn set(&mut self, lane: usize, row: &Row, part: f64, h: f64) {
+        let rest = 1.0 - part;
+        let (b1, b2) = (-rest * rest * h, part * part * h);
+        let by_w = row.j1 / h;
+        self.acceleration[0].0[lane] = row.a2;
+        self.acceleration[1].0[lane] = row.a2 * b1 + row.a1 * rest;
+        self.acceleration[2].0[lane] = row.a2 * b2 + row.a1 * part;
+        self.jerk[0].0[lane] = row.j3;
+        self.jerk[1].0[lane] = row.j3 * b1 + row.j2 * rest - by_w;
+        self.jerk[2].0[lane] = row.j3 * b2 + row.j2 * part + by_w;
     }
 }
 
@@ -162,6 +179,8 @@ impl Workspace {
         self.rows.clear();
         for block in 0..blocks {
             let mut lanes = Block {
+                first: 0,
+                checkpoints: &CHECKPOINTS,
                 h: Lane::splat(1.0),
                 inverse_h: Lane::splat(1.0),
                 k0: Lane::splat(0.0),
@@ -190,28 +209,25 @@ impl Workspace {
                 lanes.middle.0[lane] = 1.0 / grid.caps(span).middle;
                 lanes.used.0[lane] = 1.0;
             }
-            for checkpoint in 0..3 {
+            let own = |lane: usize| {
+                let index = block * LANES + lane;
+                (index < count).then_some(spans.start + index)
+            };
+            lanes.first = self.rows.len();
+            let fine = (0..LANES).filter_map(own).any(|span| grid.is_fine(span));
+            lanes.checkpoints = if fine { &FINE_CHECKPOINTS } else { &CHECKPOINTS };
+            for (checkpoint, &(part, _)) in lanes.checkpoints.iter().enumerate() {
                 for joint in 0..grid.joints() {
-                    let mut pair = Pair {
-                        acceleration: [Lane::default(); 3],
-                        jerk: [Lane::default(); 3],
-                    };
+                    let mut pair = Pair::default();
                     for lane in 0..LANES {
-                        let index = block * LANES + lane;
-                        if index >= count {
-                            continue;
-                        }
-                        let row = &grid.rows(spans.start + index, checkpoint)[joint];
-                        let h = lanes.h.0[lane];
-                        let (e1, e2) = [(-h, 0.0), (-0.25 * h, 0.25 * h), (0.0, h)][checkpoint];
-                        let (f1, f2) = [(1.0, 0.0), (0.5, 0.5), (0.0, 1.0)][checkpoint];
-                        let by_w = row.j1 / h;
-                        pair.acceleration[0].0[lane] = row.a2;
-                        pair.acceleration[1].0[lane] = row.a2 * e1 + row.a1 * f1;
-                        pair.acceleration[2].0[lane] = row.a2 * e2 + row.a1 * f2;
-                        pair.jerk[0].0[lane] = row.j3;
-                        pair.jerk[1].0[lane] = row.j3 * e1 + row.j2 * f1 - by_w;
-                        pair.jerk[2].0[lane] = row.j3 * e2 + row.j2 * f2 + by_w;
+                        let Some(span) = own(lane) else { continue };
+                        // Beside a span that has quarters, one that has none: nothing to hold there.
+                        let row = match (fine, grid.is_fine(span)) {
+                            (true, false) if checkpoint % 2 == 1 => continue,
+                            (true, false) => &grid.rows(span, checkpoint / 2)[joint],
+                            _ => &grid.rows(span, checkpoint)[joint],
+                        };
+                        pair.set(lane, row, part, lanes.h.0[lane]);
                     }
                     self.rows.push(pair);
                 }
@@ -234,13 +250,13 @@ impl Workspace {
             let x = block.x(&self.c[index * LANES..]);
             let mu = Lane::splat(mu) * block.used;
             let one = Lane::splat(1.0);
-            let b_rows = block.b_rows();
-            block.knot_dual = [mu * (one - block.knot * dot(&b_rows[0], &x)).recip(); 2];
+            let b_begin = block.b_row(0.0);
+            block.knot_dual = [mu * (one - block.knot * dot(&b_begin, &x)).recip(); 2];
             block.middle_dual = [mu * (one - block.middle * x[0]).recip(); 2];
-            for checkpoint in 0..3 {
-                let beta = dot(&b_rows[checkpoint], &x).sqrt().recip();
-                for joint in 0..joints {
-                    let pair = &self.rows[(3 * index + checkpoint) * joints + joint];
+            for (checkpoint, &(part, _)) in block.checkpoints.iter().enumerate() {
+                let beta = dot(&block.b_row(part), &x).sqrt().recip();
+                let first = block.first + checkpoint * joints;
+                for pair in &self.rows[first..first + joints] {
                     let a = dot(&pair.acceleration, &x);
                     let q = dot(&pair.jerk, &x);
                     self.duals.push(Dual {
@@ -294,15 +310,15 @@ impl Workspace {
             let mut by_time = [zero; 3];
             let mut by_barrier = [zero; 3];
             let mut by_dual = [zero; 3];
-            let b_rows = block.b_rows();
+            let b_begin = block.b_row(0.0);
 
-            let slack = one - block.knot * dot(&b_rows[0], &x);
+            let slack = one - block.knot * dot(&b_begin, &x);
             let inverse = slack.recip();
             let multiplier = dual(&mut block.knot_dual, inverse);
             gap += multiplier * slack;
-            add_square(&mut hessian, multiplier * inverse * block.knot * block.knot, &b_rows[0]);
-            add_scaled(&mut by_barrier, inverse * block.knot, &b_rows[0]);
-            add_scaled(&mut by_dual, multiplier * block.knot, &b_rows[0]);
+            add_square(&mut hessian, multiplier * inverse * block.knot * block.knot, &b_begin);
+            add_scaled(&mut by_barrier, inverse * block.knot, &b_begin);
+            add_scaled(&mut by_dual, multiplier * block.knot, &b_begin);
 
             let slack = one - block.middle * x[0];
             let inverse = slack.recip();
@@ -312,8 +328,9 @@ impl Workspace {
             by_barrier[0] += inverse * block.middle;
             by_dual[0] += multiplier * block.middle;
 
-            for (checkpoint, b_row) in b_rows.iter().enumerate() {
-                let first = (3 * index + checkpoint) * joints;
+            for (checkpoint, &(part, weight)) in block.checkpoints.iter().enumerate() {
+                let first = block.first + checkpoint * joints;
+                let b_row = &block.b_row(part);
                 let b = dot(b_row, &x);
                 let inverse_b = b.recip();
                 let beta = inverse_b.sqrt();
@@ -355,8 +372,7 @@ impl Workspace {
                     add_scaled(&mut by_dual, l_plus - l_minus, &pair.jerk);
                     duals_of_b += l_plus + l_minus;
                 }
-                // h/6 (1, 4, 1) / sqrt(b)
-                let weight = Lane::splat([1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0][checkpoint]) * block.h * used;
+                let weight = Lane::splat(weight) * block.h * used;
                 time += weight * beta;
                 add_scaled(&mut by_time, weight * slope, b_row);
                 add_scaled(&mut by_barrier, zero - barrier * slope, b_row);
@@ -432,7 +448,7 @@ impl Workspace {
             let mu = Lane::splat(mu) * block.used;
             let x = block.x(&self.c[index * LANES..]);
             let dx = block.x(&d[index * LANES..]);
-            let b_rows = block.b_rows();
+            let b_begin = block.b_row(0.0);
             // `closing`: how much of the slack the step takes, as a part of it.
             let mut dual = |dual: &mut [Lane; 2], inverse: Lane, closing: Lane| {
                 most = most.max(closing);
@@ -440,16 +456,13 @@ impl Workspace {
                 // fall = 1 - new / old
                 fall = fall.max(one - dual[1] * dual[0].max(Lane::splat(1e-300)).recip());
             };
-            let inverse = (one - block.knot * dot(&b_rows[0], &x)).recip();
-            dual(
-                &mut block.knot_dual,
-                inverse,
-                inverse * block.knot * dot(&b_rows[0], &dx),
-            );
+            let inverse = (one - block.knot * dot(&b_begin, &x)).recip();
+            dual(&mut block.knot_dual, inverse, inverse * block.knot * dot(&b_begin, &dx));
             let inverse = (one - block.middle * x[0]).recip();
             dual(&mut block.middle_dual, inverse, inverse * block.middle * dx[0]);
-            for (checkpoint, b_row) in b_rows.iter().enumerate() {
-                let first = (3 * index + checkpoint) * joints;
+            for (checkpoint, &(part, _)) in block.checkpoints.iter().enumerate() {
+                let first = block.first + checkpoint * joints;
+                let b_row = &block.b_row(part);
                 let b = dot(b_row, &x);
                 let db = dot(b_row, &dx);
                 let inverse_b = b.recip();
@@ -537,7 +550,7 @@ impl Workspace {
     /// Improves `c`; whether the gap was met.
     fn iterate(&mut self, joints: usize, options: &Options, solved: &mut Solved) -> bool {
         // Every span has two caps, and per checkpoint and joint two bounds of acceleration and two of jerk.
-        let constraints = ((self.count) * (2 + 12 * joints)) as f64;
+        let constraints = (2 * self.count + 4 * LANES * self.rows.len()) as f64;
         let free = 2..self.count;
         let mut mu = solved.time_s / constraints;
         self.start_duals(joints, mu);

@@ -50,11 +50,11 @@ pub(super) fn span_value(grid: &Grid, span: usize, from: State, to: State) -> f6
     let w = (to.u - from.u) / length;
     let ordinate = coefficient(from, length);
     let mut value = (from.b / caps.begin).max(ordinate / caps.middle).max(to.b / caps.end);
-    let middle = State {
-        b: ordinate + 0.25 * w * length * length,
-        u: 0.5 * (from.u + to.u),
-    };
-    for (checkpoint, State { b, u }) in [from, middle, to].into_iter().enumerate() {
+    for (checkpoint, &(part, _)) in grid.checkpoints(span).iter().enumerate() {
+        // b is a parabola with the Bézier ordinates of both ends and the middle, u a straight line.
+        let rest = 1.0 - part;
+        let b = rest * rest * from.b + 2.0 * part * rest * ordinate + part * part * to.b;
+        let u = rest * from.u + part * to.u;
         if !(b > 0.0 && b < f64::INFINITY && u.is_finite() && w.is_finite()) {
             return f64::INFINITY;
         }

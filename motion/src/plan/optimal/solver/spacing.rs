@@ -2,6 +2,9 @@
 //!
 //! In:  the path as cells, stretches on which one cap of speed and one acceleration will do.
 //! Out: for each cell the lengths of its spans.
+//!
+//! The pass knows that speed v above a slow place cannot rise faster than sqrt(2 J v): that is what constant jerk J
+//! from rest gives. So v^(3/2) rises linearly over the path, until acceleration limits it and b does.
 
 use super::grid::{JointJet, JointLimits};
 use super::roots::cube_root;
@@ -13,33 +16,35 @@ pub struct Cell {
     pub length: f64,
     /// Greatest b at constant speed, finite.
     pub cap: f64,
-    /// Acceleration along the path, greater than 0.
+    /// Acceleration along the path that the joints allow on a straight.
     pub acceleration: f64,
+    /// The same of jerk.
+    pub jerk: f64,
     /// Fewest spans to cut it into, at least 1.
     pub least: u32,
 }
 
-/// Fewest spans between two rests.
-const LEAST_SPANS: f64 = 40.0;
+/// Fewest spans between two rests, about.
+const LEAST_SPANS: f64 = 60.0;
 /// Most spans of one cell: beyond, memory runs out before anyone waits that long.
 const MOST_SPANS: f64 = 1e6;
 /// Part of the acceleration limit by which the expected speed rises: jerk allows no more on average.
-const ACCELERATION_PART: f64 = 0.6;
+const ACCELERATION_PART: f64 = 0.7;
+/// Greatest relative change of b over a span, about, and how often a span is shortened for it.
+const CHANGE: f64 = 0.6;
+const SHORTENINGS: u32 = 40;
+/// What acceleration and jerk may do between two checkpoints, over the limits.
+const BETWEEN: [f64; 2] = [0.004, 0.006];
 
 impl Cell {
-    /// A cell from some places on it; `cap` is the greatest b by feed.
-    pub fn new<'a>(
-        limits: &[JointLimits],
-        length: f64,
-        cap: f64,
-        least: u32,
-        places: impl IntoIterator<Item = &'a [JointJet]>,
-    ) -> Cell {
+    /// A cell from evenly spaced places on it, its ends among them; `cap` is the greatest b by feed.
+    pub fn new(limits: &[JointLimits], length: f64, cap: f64, least: u32, places: &[&[JointJet]]) -> Cell {
         let mut cell = Cell {
             length,
             cap: cap.min(1e12),
             acceleration: 1e12,
-            least,
+            jerk: 1e12,
+            least: least.max(1),
         };
         for jets in places {
             for (jet, limits) in jets.iter().zip(limits) {
@@ -48,10 +53,33 @@ impl Cell {
                 let curved = limits.acceleration / jet.d2.abs();
                 cell.cap = cell.cap.min(v * v).min(curved).min(root * root);
                 cell.acceleration = cell.acceleration.min(limits.acceleration / jet.d1.abs());
+                cell.jerk = cell.jerk.min(limits.jerk / jet.d1.abs());
             }
         }
-        cell.acceleration *= ACCELERATION_PART;
+        // Between checkpoints half a span apart, a function with the second difference d over 1/k of the cell strays
+        // from the chord by d k² / 32 n², with n spans to the cell.
+        let parts = places.len().saturating_sub(1) as f64;
+        let mut wanted: f64 = 0.0;
+        for three in places.windows(3) {
+            for (joint, limits) in limits.iter().enumerate() {
+                let second = |f: fn(&JointJet) -> f64| {
+                    (f(&three[0][joint]) - 2.0 * f(&three[1][joint]) + f(&three[2][joint])).abs()
+                };
+                let acceleration = second(|jet| jet.d2) * cell.cap / limits.acceleration;
+                let jerk = second(|jet| jet.d3) * cell.cap * cell.cap.sqrt() / limits.jerk;
+                wanted = wanted.max(acceleration / BETWEEN[0]).max(jerk / BETWEEN[1]);
+            }
+        }
+        let wanted = (wanted / 32.0).sqrt() * parts;
+        cell.least = (wanted.min(MOST_SPANS) as u32).max(cell.least);
         cell
+    }
+
+    /// b after a stretch that begins with `b`, at full acceleration.
+    fn rise(&self, b: f64, length: f64) -> f64 {
+        let by_acceleration = b + 2.0 * ACCELERATION_PART * self.acceleration * length;
+        let three_halves = (b * b.sqrt()).sqrt() + 1.5 * (2.0 * self.jerk).sqrt() * length;
+        by_acceleration.min(three_halves * cube_root(three_halves))
     }
 }
 
@@ -62,76 +90,76 @@ pub fn spacing(cells: &[Cell], from: f64, to: f64, dt: f64, mut span: impl FnMut
     let mut borders = vec![to; cells.len() + 1];
     for (index, cell) in cells.iter().enumerate().rev() {
         let before = if index > 0 { cells[index - 1].cap } else { from };
-        let reach = borders[index + 1] + 2.0 * cell.acceleration * cell.length;
-        borders[index] = reach.min(cell.cap).min(before);
+        borders[index] = cell.rise(borders[index + 1], cell.length).min(cell.cap).min(before);
     }
     for (index, cell) in cells.iter().enumerate() {
-        let reach = borders[index] + 2.0 * cell.acceleration * cell.length;
-        borders[index + 1] = borders[index + 1].min(reach);
+        borders[index + 1] = borders[index + 1].min(cell.rise(borders[index], cell.length));
     }
-    let slopes: Vec<Slope> = cells
+    let time: f64 = cells
         .iter()
-        .enumerate()
-        .map(|(index, cell)| Slope::new(cell, borders[index], borders[index + 1]))
-        .collect();
-    let total: f64 = slopes.iter().map(Slope::time).sum();
-    let dt = dt.min(total / LEAST_SPANS);
-    for (index, (cell, slope)) in cells.iter().zip(&slopes).enumerate() {
-        let spans = (slope.time() / dt)
-            .ceil()
-            .clamp(f64::from(cell.least.max(1)), MOST_SPANS) as u32;
-        let mut last = 0.0;
-        for k in 1..=spans {
-            let place = if k < spans {
-                slope
-                    .place(slope.time() * f64::from(k) / f64::from(spans))
-                    .clamp(last, cell.length)
-            } else {
-                cell.length
-            };
-            // Only where a cell is so short that the difference drowns in rounding.
-            if place > last {
-                span(index, place - last);
+        .zip(borders.windows(2))
+        .map(|(cell, b)| cell.time(b[0], b[1]))
+        .sum();
+    let dt = dt.min(time / LEAST_SPANS);
+    let mut lengths = Vec::new();
+    for (index, cell) in cells.iter().enumerate() {
+        lengths.clear();
+        cell.cut(borders[index], borders[index + 1], dt, &mut lengths);
+        for &length in &lengths {
+            span(index, length);
+        }
+    }
+}
+
+impl Cell {
+    /// Seconds over the cell, roughly.
+    fn time(&self, from: f64, to: f64) -> f64 {
+        let middle = self.expected(from, to, 0.5 * self.length);
+        self.length * 2.0 / (0.5 * (from.sqrt() + to.sqrt()) + middle.sqrt()).max(1e-9)
+    }
+
+    /// b at a place, between known b at both ends.
+    fn expected(&self, from: f64, to: f64, s: f64) -> f64 {
+        self.rise(from, s)
+            .min(self.rise(to, self.length - s))
+            .min(self.cap.max(from).max(to))
+    }
+
+    /// Cuts the cell by the expected speed.
+    fn cut(&self, from: f64, to: f64, dt: f64, lengths: &mut Vec<f64>) {
+        let least_step = self.length / MOST_SPANS;
+        let mut s = 0.0;
+        while s < self.length {
+            let here = self.expected(from, to, s);
+            let mut h = here.sqrt() * dt;
+            for _ in 0..SHORTENINGS {
+                let there = self.expected(from, to, (s + h).min(self.length));
+                let (low, high) = (here.min(there), here.max(there));
+                if high <= (1.0 + CHANGE) * low {
+                    h = h.min(low.sqrt() * dt);
+                    break;
+                }
+                h *= 0.7;
             }
-            last = place;
+            let h = h.max(least_step);
+            lengths.push(h);
+            s += h;
         }
-    }
-}
-
-/// Speed over a cell: up, on, down.
-struct Slope {
-    from: f64,
-    peak: f64,
-    a: f64,
-    up: f64,
-    on: f64,
-    down: f64,
-}
-
-impl Slope {
-    fn new(cell: &Cell, from: f64, to: f64) -> Slope {
-        let a = cell.acceleration;
-        let peak = (0.5 * (from + to) + a * cell.length).min(cell.cap).max(from).max(to);
-        let on = (cell.length - (2.0 * peak - from - to) / (2.0 * a)).max(0.0);
-        let (v0, v, v1) = (from.sqrt(), peak.sqrt(), to.sqrt());
-        Slope {
-            from: v0,
-            peak: v,
-            a,
-            up: (v - v0) / a,
-            on: if v > 0.0 { on / v } else { 0.0 },
-            down: (v - v1) / a,
+        let least = self.least as usize;
+        if lengths.len() < least {
+            // Too few: as many within each as it takes.
+            let times = least.div_ceil(lengths.len());
+            let coarse = std::mem::take(lengths);
+            lengths.extend(
+                coarse
+                    .iter()
+                    .flat_map(|&h| std::iter::repeat_n(h / times as f64, times)),
+            );
         }
-    }
-
-    fn time(&self) -> f64 {
-        self.up + self.on + self.down
-    }
-
-    fn place(&self, t: f64) -> f64 {
-        let up = t.min(self.up);
-        let on = (t - self.up).clamp(0.0, self.on);
-        let down = (t - self.up - self.on).max(0.0);
-        up * (self.from + 0.5 * self.a * up) + self.peak * on + down * (self.peak - 0.5 * self.a * down)
+        // The last one stuck out.
+        let scale = self.length / lengths.iter().sum::<f64>();
+        for h in lengths.iter_mut() {
+            *h *= scale;
+        }
     }
 }

@@ -8,7 +8,7 @@ use super::profile::{State, coefficient, span_value};
 use super::roots::cube_root;
 
 /// Part of the jerk limit of a launch; the solver needs some room to go on from there.
-const LAUNCH_JERK: f64 = 0.95;
+const LAUNCH_JERK: f64 = 0.99;
 /// Greatest acceleration at the end of a launch, over the limit.
 const LAUNCH_ACCELERATION: f64 = 0.35;
 /// Greatest duration of a launch over that of one of the four equal phases in which the whole section could be run.
@@ -57,7 +57,8 @@ impl Launch {
 /// The launch at one end of a section of `length`, feed cap of b `cap`; `None` if there is none within the limits.
 ///
 /// `jets(s, &mut jets)` gives the derivatives of all joints at the distance `s` from the rest. For a stop, s counts
-/// backward; derivatives may be given either way round. `vigour` is 1, or less for another try where no start was found.
+/// backward; derivatives may be given either way round. `vigour` is the
+/// part of its greatest duration: 1, or less for another try where [`start`] found no way on.
 pub fn launch(
     limits: &[JointLimits],
     cap: f64,
@@ -76,7 +77,7 @@ pub fn launch(
         let v = limits.velocity / d1;
         cap = cap.min(v * v);
     }
-    let jerk = j * LAUNCH_JERK * vigour;
+    let jerk = j * LAUNCH_JERK;
     if !(jerk > 0.0 && jerk < f64::INFINITY && cap > 0.0 && length > 0.0) {
         return None;
     }
@@ -84,6 +85,7 @@ pub fn launch(
     let phase = cube_root(0.5 * length / jerk);
     let mut duration = (LAUNCH_ACCELERATION * a / jerk).min(LAUNCH_PART * phase);
     duration = duration.min((2.0 * LAUNCH_SPEED * SPEED_USE * cap.sqrt() / jerk).sqrt());
+    duration *= vigour;
     for _ in 0..ATTEMPTS {
         let launch = Launch {
             jerk,
@@ -259,7 +261,7 @@ fn rise(grid: &Grid, launch: &Launch, ease: f64, room: usize, span: impl Fn(usiz
     for index in 0..room {
         let h = grid.length(span(index));
         let mut jerk = f64::INFINITY;
-        for checkpoint in 0..3 {
+        for checkpoint in 0..grid.checkpoints(span(index)).len() {
             for row in grid.rows(span(index), checkpoint) {
                 jerk = jerk.min(1.0 / row.j1.abs());
             }

@@ -1,6 +1,7 @@
 mod curves;
 mod laps;
 mod motion;
+mod paths;
 
 use super::*;
 

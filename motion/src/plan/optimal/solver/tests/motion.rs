@@ -7,6 +7,10 @@ pub(super) trait Path {
     fn length(&self) -> f64;
     fn place(&self, s: f64) -> Vec<f64>;
     fn jets(&self, s: f64) -> Vec<JointJet>;
+    /// Places where the third derivative may jump.
+    fn borders(&self) -> Vec<f64> {
+        Vec::new()
+    }
 }
 
 /// From rest to rest.
@@ -16,6 +20,8 @@ pub(super) struct Planned {
     pub(super) from: Launch,
     pub(super) to: Launch,
     pub(super) solved: Solved,
+    /// Part of its full strength with which a launch found a way to the crawl.
+    pub(super) vigour: f64,
 }
 
 /// Time to a place within a span: s'' = u + w s.
@@ -48,6 +54,7 @@ pub(super) fn duration(from: State, to: State, length: f64) -> f64 {
     t
 }
 
+/// Knots between two distances, about `dt` apart at the expected speed; pieces are cut into cells of at most 1.
 pub(super) fn knots(
     path: &dyn Path,
     limits: &[JointLimits],
@@ -57,15 +64,23 @@ pub(super) fn knots(
     to: &Launch,
 ) -> Vec<f64> {
     let (begin, end) = (from.length(), path.length() - to.length());
-    let count = ((end - begin) / 1.0).ceil().max(8.0) as usize;
-    let size = (end - begin) / count as f64;
-    let cells: Vec<Cell> = (0..count)
-        .map(|k| {
-            let s = begin + k as f64 * size;
-            let jets: Vec<Vec<JointJet>> = (0..=4).map(|i| path.jets(s + 0.25 * f64::from(i) * size)).collect();
-            Cell::new(limits, size, cap, 1, jets.iter().map(|jets| &jets[..]))
-        })
-        .collect();
+    let mut borders: Vec<f64> = path.borders().into_iter().filter(|s| *s > begin && *s < end).collect();
+    borders.push(end);
+    let mut cells = Vec::new();
+    let mut s = begin;
+    for border in borders {
+        let count = (border - s).ceil().max(4.0);
+        let size = (border - s) / count;
+        for _ in 0..count as usize {
+            let jets: Vec<Vec<JointJet>> = (0..=4)
+                .map(|i| path.jets((s + 0.25 * f64::from(i) * size).clamp(s + 1e-6 * size, s + size * (1.0 - 1e-6))))
+                .collect();
+            let places: Vec<&[JointJet]> = jets.iter().map(|jets| &jets[..]).collect();
+            cells.push(Cell::new(limits, size, cap, 1, &places));
+            s += size;
+        }
+        s = border;
+    }
     let mut knots = vec![begin];
     spacing(&cells, from.start().b, to.start().b, dt, |_, length| {
         knots.push(knots[knots.len() - 1] + length)
@@ -77,40 +92,69 @@ pub(super) fn grid_of(path: &dyn Path, limits: &[JointLimits], cap: f64, knots: 
     let mut grid = Grid::new(limits);
     for pair in knots.windows(2) {
         let h = pair[1] - pair[0];
-        let jets = [path.jets(pair[0]), path.jets(pair[0] + 0.5 * h), path.jets(pair[1])];
+        let inside = 1e-6 * h;
+        let jets = [
+            path.jets(pair[0] + inside),
+            path.jets(pair[0] + 0.5 * h),
+            path.jets(pair[1] - inside),
+        ];
         grid.push_span(h, cap, [&jets[0], &jets[1], &jets[2]]);
     }
     grid
 }
 
-pub(super) fn plan(path: &dyn Path, limits: &[JointLimits], cap: f64, dt: f64) -> Planned {
+/// Plans a whole path at once; says what went wrong.
+pub(super) fn try_plan(path: &dyn Path, limits: &[JointLimits], cap: f64, dt: f64) -> Result<Planned, String> {
     let length = path.length();
-    let begin = launch(limits, cap, length, 1.0, |s, jets| jets.copy_from_slice(&path.jets(s))).unwrap();
-    let stop = launch(limits, cap, length, 1.0, |s, jets| {
-        jets.copy_from_slice(&path.jets(length - s))
-    })
-    .unwrap();
-    let knots = knots(path, limits, cap, dt, &begin, &stop);
-    let grid = grid_of(path, limits, cap, &knots);
-    let mut profile = crawl(&grid, 0);
-    assert!(worst(&grid, 0..grid.spans(), &profile).value < 1.0, "crawl");
-    start(&grid, &mut profile, Some(&begin), Some(&stop)).expect("a start");
-    assert!(worst(&grid, 0..grid.spans(), &profile).value < 1.0, "start");
-    let solved = solve(
-        &grid,
-        0..grid.spans(),
-        &mut profile,
-        &Options::default(),
-        &mut Workspace::default(),
-    )
-    .unwrap();
-    Planned {
-        grid,
-        profile,
-        from: begin,
-        to: stop,
-        solved,
+    let mut vigour = 1.0;
+    loop {
+        let begin = launch(limits, cap, length, vigour, |s, jets| {
+            jets.copy_from_slice(&path.jets(s))
+        });
+        let stop = launch(limits, cap, length, vigour, |s, jets| {
+            jets.copy_from_slice(&path.jets(length - s))
+        });
+        let (Some(begin), Some(stop)) = (begin, stop) else {
+            return Err("no launch".into());
+        };
+        let knots = knots(path, limits, cap, dt, &begin, &stop);
+        let grid = grid_of(path, limits, cap, &knots);
+        let mut profile = crawl(&grid, 0);
+        let crawling = worst(&grid, 0..grid.spans(), &profile);
+        if crawling.value >= 1.0 {
+            return Err(format!("crawl {crawling:?}"));
+        }
+        if start(&grid, &mut profile, Some(&begin), Some(&stop)).is_err() {
+            vigour *= 0.5;
+            if vigour < 0.01 {
+                return Err("no start".into());
+            }
+            continue;
+        }
+        let starting = worst(&grid, 0..grid.spans(), &profile);
+        if starting.value >= 1.0 {
+            return Err(format!("start {starting:?}"));
+        }
+        let solved = solve(
+            &grid,
+            0..grid.spans(),
+            &mut profile,
+            &Options::default(),
+            &mut Workspace::default(),
+        );
+        return Ok(Planned {
+            grid,
+            profile,
+            from: begin,
+            to: stop,
+            solved: solved.map_err(|infeasible| format!("{infeasible:?}"))?,
+            vigour,
+        });
     }
+}
+
+pub(super) fn plan(path: &dyn Path, limits: &[JointLimits], cap: f64, dt: f64) -> Planned {
+    try_plan(path, limits, cap, dt).unwrap()
 }
 
 impl Planned {
@@ -185,7 +229,8 @@ impl Planned {
                 let s = length * f64::from(place) / f64::from(places);
                 let (b, u) = (from.b + s * (2.0 * from.u + w * s), from.u + w * s);
                 let v = b.sqrt();
-                for (jet, limits) in path.jets(begin + s).iter().zip(limits) {
+                let inside = s.clamp(1e-6 * length, length * (1.0 - 1e-6));
+                for (jet, limits) in path.jets(begin + inside).iter().zip(limits) {
                     let values = [
                         jet.d1 * v / limits.velocity,
                         (jet.d1 * u + jet.d2 * b) / limits.acceleration,
