@@ -11,6 +11,7 @@ use std::ops::Range;
 use super::grid::Grid;
 use super::interior::Infeasible;
 use super::profile::{State, coefficient, worst};
+use super::roots::cube_root;
 
 /// Spans on each side on which crawl depends.
 pub const FIRST_REACH: usize = 24;
@@ -39,10 +40,11 @@ fn tangent(grid: &Grid, span: usize) -> [f64; 2] {
 fn own_speed(grid: &Grid, span: usize, step_s: f64) -> f64 {
     let caps = grid.caps(span);
     let mut b = STEADY * caps.begin.min(caps.middle).min(caps.end);
-    for checkpoint in 0..3 {
+    for checkpoint in 0..grid.checkpoints(span).len() {
         for row in grid.rows(span, checkpoint) {
             b = b.min(STEADY / row.a2.abs());
-            b = b.min((STEADY / row.j3.abs()).cbrt().powi(2));
+            let root = cube_root(STEADY / row.j3.abs());
+            b = b.min(root * root);
         }
     }
     b.sqrt().min(CRAWL * grid.length(span) / step_s)

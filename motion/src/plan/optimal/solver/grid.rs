@@ -212,12 +212,17 @@ impl Grid {
 
     /// Some of the spans, as a grid of their own.
     pub fn part(&self, spans: std::ops::Range<usize>) -> Grid {
-        let joints = 3 * self.limits.len();
+        let row = |span: usize| self.first.get(span).map_or(self.rows.len(), |first| first.0);
+        let (begin, end) = (row(spans.start), row(spans.end));
         Grid {
             limits: self.limits.clone(),
             lengths: self.lengths[spans.clone()].to_vec(),
             caps: self.caps[spans.clone()].to_vec(),
-            rows: self.rows[joints * spans.start..joints * spans.end].to_vec(),
+            first: self.first[spans]
+                .iter()
+                .map(|&(first, fine)| (first - begin, fine))
+                .collect(),
+            rows: self.rows[begin..end].to_vec(),
         }
     }
 
