@@ -11,6 +11,9 @@ use crate::plan::limits::Bounds;
 use crate::plan::profile::{reachable, time_lost};
 use crate::plan::program::{Corner, Move};
 
+/// Part of the tolerance that a rounded corner uses; the rest is for what set-points cut off between them.
+const USE: f64 = 0.98;
+
 /// Rounds corners, with one move of delay.
 #[derive(Debug, Default)]
 pub(super) struct Corners {
@@ -54,7 +57,7 @@ fn meet(leg: &Leg, from: f64, next: &Leg, settings: &Settings, out: &mut Vec<Pas
         None
     } else {
         let room = (a.piece.length() - from).min(leg.room[1]);
-        round(&a.piece, room, &b.piece, next.room[0], tolerance).filter(|corner| worth_it(corner, a, b, settings))
+        round(&a.piece, room, &b.piece, next.room[0], USE * tolerance).filter(|corner| worth_it(corner, a, b, settings))
     };
     let Some(corner) = corner else {
         rest_of(a, from, 0.0, out);

@@ -76,3 +76,6 @@ impl Smoother {
         self.corners.flush(settings, out);
     }
 }
+
+#[cfg(test)]
+mod tests;

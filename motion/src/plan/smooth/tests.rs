@@ -1,0 +1,354 @@
+//! Random and fixed paths through the whole stage.
+
+use super::round::distance;
+use super::*;
+use crate::canon::{AXES, Position};
+use crate::path::{Circle, Shape};
+use crate::plan::program::Corner;
+use crate::plan::{AxisLimits, Programmed, Slope, deviation};
+use proptest::prelude::*;
+
+fn settings() -> Settings {
+    let limits = AxisLimits {
+        velocity: 100.0,
+        acceleration: 1000.0,
+        jerk: 20_000.0,
+        travel: [-1e6, 1e6],
+    };
+    Settings {
+        axes: [Some(limits); AXES],
+        joints: None,
+        cycle_s: 1e-3,
+        tolerance_mm: 0.01,
+        look_ahead_blocks: 100,
+        start: Position::ZERO,
+        slope: Slope::Classic,
+    }
+}
+
+fn moves(points: &[Position], tolerance: f64) -> Vec<Move> {
+    let line = |(k, pair): (usize, &[Position])| {
+        Some(Move {
+            piece: Piece::line(pair[0], pair[1])?,
+            feed: 100.0,
+            line: k as u32 + 1,
+            rapid: false,
+            corner: Corner::Round(tolerance),
+        })
+    };
+    points.windows(2).enumerate().filter_map(line).collect()
+}
+
+fn smoothed(moves: &[Move]) -> Vec<Passed> {
+    let (mut smoother, mut out) = (Smoother::default(), Vec::new());
+    for part in moves {
+        smoother.push(*part, &settings(), &mut out);
+    }
+    smoother.flush(&settings(), &mut out);
+    out
+}
+
+/// What was found on a smoothed path on which everything holds that must.
+struct Found {
+    quintics: usize,
+    /// Corners that are left as they are.
+    kinks: usize,
+    /// Greatest curvature on quintics, 1/mm.
+    curvature: f64,
+}
+
+/// Asserts what must hold for any path: both ends exact, no gap, continuous direction and curvature at both ends of
+/// every quintic, tolerance kept both ways.
+fn proven(moves: &[Move], tolerance: f64) -> Found {
+    let out = smoothed(moves);
+    let mut found = Found {
+        quintics: 0,
+        kinks: 0,
+        curvature: 0.0,
+    };
+    let mut samples = Vec::new();
+    let mut last: Option<(crate::path::Jet, bool)> = None;
+    for passed in &out {
+        let stretch = match passed {
+            Passed::Stretch(stretch) => stretch,
+            Passed::Stop => {
+                found.kinks += 1;
+                continue;
+            }
+        };
+        let piece = &stretch.piece;
+        let quintic = matches!(piece.shape(), Shape::Blend(_));
+        let (first, end) = (piece.jet(0.0), piece.jet(piece.length()));
+        if let Some((before, quintic_before)) = &last {
+            assert!(distance(&before.q, &first.q) < 1e-9, "gap in line {}", stretch.line);
+            let (kink, bend) = (distance(&before.d1, &first.d1), distance(&before.d2, &first.d2));
+            if quintic || *quintic_before {
+                assert!(kink < 1e-9, "direction jumps by {kink} in line {}", stretch.line);
+                let curvature = distance(&first.d2, &[0.0; AXES]);
+                assert!(
+                    bend < 1e-7 * (1.0 + curvature),
+                    "curvature {curvature} jumps by {bend} in line {}",
+                    stretch.line
+                );
+            } else if kink > 1e-9 {
+                found.kinks += 1;
+            }
+        }
+        last = Some((end, quintic));
+        found.quintics += usize::from(quintic);
+        let steps = (piece.length() / 0.005).ceil().clamp(16.0, 4000.0) as usize;
+        for k in 0..steps {
+            let jet = piece.jet(piece.length() * k as f64 / steps as f64);
+            if quintic {
+                found.curvature = found.curvature.max(distance(&jet.d2, &[0.0; AXES]));
+            }
+            samples.push(Position(jet.q));
+        }
+    }
+    let (first, end) = (&moves[0].piece, &moves[moves.len() - 1].piece);
+    samples.extend(last.map(|(jet, _)| Position(jet.q)));
+    assert_eq!(samples[0], first.position(0.0));
+    assert!(distance(&samples[samples.len() - 1].0, &end.position(end.length()).0) < 1e-12);
+    let ideal: Vec<_> = moves
+        .iter()
+        .map(|part| Programmed {
+            piece: part.piece,
+            feed: part.feed,
+            line: part.line,
+            rapid: false,
+        })
+        .collect();
+    let off = deviation(&samples, &ideal, tolerance);
+    assert!(off.off_mm <= tolerance && off.missed_mm <= tolerance * 1.001, "{off:?}");
+    found
+}
+
+fn rounded(q: Position) -> Position {
+    Position(q.0.map(|x| (x * 1e4).round() / 1e4))
+}
+
+/// A part of a random path, relative to where it begins.
+#[derive(Clone, Debug)]
+enum Part {
+    // Radii are large against the tolerance and circles are not closed, so that the walk that compares paths does not
+    // take one side for the other.
+    /// Chords of a circle: radius, chord, number, turn of the first chord.
+    Bow {
+        radius: f64,
+        chord: f64,
+        count: usize,
+        turn: f64,
+    },
+    /// One straight move.
+    Straight { length: f64, turn: f64 },
+    /// Nearly back along the last move.
+    Back { length: f64 },
+    /// Steps of a few resolutions of the programmed numbers.
+    Tiny { count: usize },
+}
+
+fn part() -> impl Strategy<Value = Part> {
+    let turn = prop_oneof![3 => Just(0.0), 1 => -2.6f64..2.6];
+    prop_oneof![
+        4 => (prop_oneof![0.3f64..1.0, 1.0f64..50.0], 0.01f64..0.4, 2usize..60, turn.clone(), any::<bool>()).prop_map(
+            |(radius, chord, count, turn, left)| Part::Bow {
+                radius: if left { radius } else { -radius }, chord: chord.min(radius * 0.5), count: count.min((4.0 * radius / chord) as usize + 1), turn
+            }
+        ),
+        2 => (prop_oneof![0.2f64..0.5, 1.0f64..10.0], turn).prop_map(|(length, turn)| Part::Straight { length, turn }),
+        1 => (0.2f64..2.0).prop_map(|length| Part::Back { length }),
+        1 => (1usize..20).prop_map(|count| Part::Tiny { count }),
+    ]
+}
+
+fn points(parts: &[Part], others: bool) -> Vec<Position> {
+    let (mut at, mut heading, mut way) = (Position::ZERO, 0.3f64, 0.0f64);
+    let mut points = vec![at];
+    let mut go = |length: f64, heading: f64| {
+        at.0[0] += length * heading.cos();
+        at.0[1] += length * heading.sin();
+        way += length;
+        if others {
+            at.0[2] = 0.5 * (0.3 * way).sin();
+            at.0[3] = 5.0 * (0.1 * way).sin();
+            at.0[4] = way;
+            at.0[5] = -0.2 * way;
+            (at.0[6], at.0[7], at.0[8]) = (0.1 * way, (0.05 * way).cos(), 0.3 * (0.2 * way).sin());
+        }
+        points.push(rounded(at));
+    };
+    for part in parts {
+        match *part {
+            Part::Bow {
+                radius,
+                chord,
+                count,
+                turn,
+            } => {
+                heading += turn;
+                for _ in 0..count {
+                    heading += 0.5 * chord / radius;
+                    go(chord, heading);
+                    heading += 0.5 * chord / radius;
+                }
+            }
+            Part::Straight { length, turn } => {
+                heading += turn;
+                go(length, heading);
+            }
+            Part::Back { length } => {
+                heading += 2.6;
+                go(length, heading);
+            }
+            Part::Tiny { count } => {
+                for k in 0..count {
+                    go(3e-4, heading + (k % 3) as f64);
+                }
+            }
+        }
+    }
+    points
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn any_path_is_joined_within_its_tolerance(
+        parts in prop::collection::vec(part(), 1..12), others in any::<bool>(),
+        tolerance in prop_oneof![Just(0.001), Just(0.01)],
+    ) {
+        let moves = moves(&points(&parts, others), tolerance);
+        if !moves.is_empty() {
+            proven(&moves, tolerance);
+        }
+    }
+
+    #[test]
+    fn equal_paths_give_equal_bits(parts in prop::collection::vec(part(), 1..8)) {
+        let moves = moves(&points(&parts, true), 0.01);
+        let bits = || -> Vec<u64> {
+            let bits = |passed: &Passed| match passed {
+                Passed::Stretch(stretch) => {
+                    let jet = stretch.piece.jet(0.3 * stretch.piece.length());
+                    jet.q.iter().chain(&jet.d3).map(|x| x.to_bits()).collect()
+                }
+                Passed::Stop => vec![0],
+            };
+            smoothed(&moves).iter().flat_map(bits).collect()
+        };
+        prop_assert_eq!(bits(), bits());
+    }
+}
+
+#[test]
+fn a_circle_of_chords_becomes_few_quintics_of_even_curvature() {
+    let points: Vec<_> = (0..=1256)
+        .map(|k| (f64::from(k) * 0.005).sin_cos())
+        .map(|(sin, cos)| rounded(Position::xyz(20.0 * cos, 20.0 * sin, 0.0)))
+        .collect();
+    let found = proven(&moves(&points, 0.01), 0.01);
+    assert_eq!(found.kinks, 0);
+    assert!(found.quintics < 1256 / 20, "{}", found.quintics);
+    // Between two points, 0.0001 of rounding make a curvature of 0.01; here it is 1/20 and a third more where it begins and ends.
+    assert!(found.curvature < 0.075, "{}", found.curvature);
+}
+
+#[test]
+fn a_corner_in_the_middle_of_short_moves_is_kept_within_the_tolerance() {
+    let leg = |k: i32| f64::from(k) * 0.1;
+    let points: Vec<_> = (0..40)
+        .map(|k| Position::xyz(leg(k), 0.0, 0.0))
+        .chain((0..=40).map(|k| Position::xyz(leg(40), leg(k), 0.0)))
+        .collect();
+    proven(&moves(&points, 0.01), 0.01);
+    proven(&moves(&points, 0.2), 0.2);
+}
+
+#[test]
+fn long_moves_between_short_ones_stay_straight_in_their_middle() {
+    // A slot: half circles of short chords, and straight sides.
+    let bow = |x: f64, from: f64| {
+        (0..=50)
+            .map(move |k| (from + f64::from(k) / 50.0 * std::f64::consts::PI).sin_cos())
+            .map(move |(sin, cos)| Position::xyz(x + 3.0 * sin, -3.0 * cos, 0.0))
+    };
+    let points: Vec<_> = bow(30.0, 0.0)
+        .chain(bow(0.0, std::f64::consts::PI))
+        .chain([Position::xyz(30.0, -3.0, 0.0)])
+        .collect();
+    let moves = moves(&points, 0.01);
+    let found = proven(&moves, 0.01);
+    assert_eq!(found.kinks, 0);
+    let straight = |passed: &&Passed| matches!(passed, Passed::Stretch(s) if matches!(s.piece.shape(), Shape::Line(_)) && s.piece.length() > 20.0);
+    assert_eq!(smoothed(&moves).iter().filter(straight).count(), 2);
+    assert!(found.curvature < 0.5, "{}", found.curvature);
+}
+
+#[test]
+fn feed_and_line_are_those_of_the_moves_covered() {
+    let points: Vec<_> = (0..=400).map(|k| Position::xyz(f64::from(k) * 0.1, 0.0, 0.0)).collect();
+    let mut moves = moves(&points, 0.01);
+    for part in &mut moves[200..] {
+        part.feed = 50.0;
+    }
+    let mut x = 0.0;
+    for passed in smoothed(&moves) {
+        let Passed::Stretch(stretch) = passed else {
+            panic!("no stop on a straight path")
+        };
+        let end = x + stretch.piece.length();
+        assert_eq!(
+            stretch.feed,
+            if end > 20.0 + 1e-6 { 50.0 } else { 100.0 },
+            "{x} to {end}"
+        );
+        assert!(
+            (f64::from(stretch.line) - (end / 0.1).ceil()).abs() <= 1.0,
+            "{} at {end}",
+            stretch.line
+        );
+        x = end;
+    }
+    assert!((x - 40.0).abs() < 1e-9);
+}
+
+#[test]
+fn nearly_tangent_arcs_are_joined() {
+    let half = |start: f64, end: f64, sweep: f64| Move {
+        piece: Piece::arc(&Circle {
+            start: Position::xyz(start, 0.0, 0.0),
+            end: Position::xyz(end, 0.0, 0.0),
+            centre_mm: [0.5 * (start + end), 0.001, 0.0],
+            normal: [0.0, 0.0, 1.0],
+            sweep_rad: sweep,
+        })
+        .unwrap(),
+        feed: 100.0,
+        line: 1,
+        rapid: false,
+        corner: Corner::Round(0.01),
+    };
+    let found = proven(
+        &[half(0.0, 4.0, 3.13), half(4.0, 10.0, -3.13), half(10.0, 12.0, 3.13)],
+        0.01,
+    );
+    assert_eq!((found.quintics, found.kinks), (2, 0));
+}
+
+#[test]
+fn a_path_that_turns_back_stops_or_stays_within_the_tolerance() {
+    let points: Vec<_> = (0..=20)
+        .chain((0..20).rev())
+        .map(|k| Position::xyz(f64::from(k) * 0.1, 0.0, 0.0))
+        .collect();
+    let out = smoothed(&moves(&points, 0.01));
+    let furthest = out
+        .iter()
+        .filter_map(|passed| match passed {
+            Passed::Stretch(stretch) => Some(stretch.piece.position(stretch.piece.length()).0[0]),
+            Passed::Stop => None,
+        })
+        .fold(0.0, f64::max);
+    assert!((furthest - 2.0).abs() <= 0.01, "{furthest}");
+}
