@@ -3,7 +3,7 @@
 //! In:  moves, with the room for corners at their ends.
 //! Out: stretches: what is left of the moves and the blends between them; halts where the machine must come to rest.
 
-use super::round::{Rounded, round};
+use super::round::{Rounded, round, turning};
 use super::{Leg, Passed, Stretch};
 use crate::path::Group;
 use crate::plan::Settings;
@@ -57,7 +57,8 @@ fn meet(leg: &Leg, from: f64, next: &Leg, settings: &Settings, out: &mut Vec<Pas
         None
     } else {
         let room = (a.piece.length() - from).min(leg.room[1]);
-        round(&a.piece, room, &b.piece, next.room[0], USE * tolerance).filter(|corner| worth_it(corner, a, b, settings))
+        round(&a.piece, room, &b.piece, next.room[0], USE * tolerance)
+            .filter(|corner| flat(a, b) || worth_it(corner, a, b, settings))
     };
     let Some(corner) = corner else {
         rest_of(a, from, 0.0, out);
@@ -88,6 +89,12 @@ fn rest_of(part: &Move, from: f64, taken: f64, out: &mut Vec<Passed>) {
             rapid: part.rapid,
         }));
     }
+}
+
+/// Whether a corner turns so little that a stop is never better.
+fn flat(a: &Move, b: &Move) -> bool {
+    const ANGLE: f64 = 0.2;
+    turning(a.piece.group(), &a.piece.jet(a.piece.length()), &b.piece.jet(0.0)) < ANGLE
 }
 
 /// Whether running through a blend takes less time than a stop at the corner. Where the tolerance is small against what

@@ -65,76 +65,112 @@ pub(in crate::plan) fn reach(group: Group, a: &Jet, b: &Jet, tolerance: f64) -> 
 }
 
 /// Rounds a corner, using up to `room` of each leg. `None`: nothing to round, or no curve found.
+///
+/// How far the blend of two straight legs is off is known, and proportional to its size `d`; bent legs add what goes about
+/// with its square. That factor is found from the blends themselves, and `d` is chosen so that the tolerance is used up.
 pub(in crate::plan) fn round(a: &Piece, room_a: f64, b: &Piece, room_b: f64, tolerance: f64) -> Option<Rounded> {
     let group = a.group();
     let (end, start) = (a.jet(a.length()), b.jet(0.0));
     let straight = matches!((a.shape(), b.shape()), (Shape::Line(_), Shape::Line(_)));
-    if distance(&end.d1, &start.d1) < 1e-9 && (straight || distance(&end.d2, &start.d2) < 1e-9) {
+    let (gap, bend) = (distance(&end.d1, &start.d1), distance(&end.d2, &start.d2));
+    if gap < 1e-9 && (straight || bend < 1e-9) {
         return None;
     }
-    let (p1, p2) = shape(180.0 - turning(group, &end, &start).to_degrees());
-    let mut d = reach(group, &end, &start, tolerance).min(room_a).min(room_b);
-    for _ in 0..16 {
-        if d < 1e-6 {
-            return None;
-        }
-        let (pace, pace_change) = (5.0 * (1.0 - p1) * d, 20.0 * (2.0 * p1 - p2 - 1.0) * d);
-        let from = BlendEnd {
-            leg: a.jet(a.length() - d),
-            pace,
-            pace_change,
-        };
-        let to = BlendEnd {
-            leg: b.jet(d),
-            pace,
-            pace_change: -pace_change,
-        };
-        let blend = Piece::blend(&from, &to, group)?;
-        if straight {
-            return Some(Rounded {
-                before: d,
-                blend,
-                after: d,
-            });
-        }
-        let off = deviation(&blend, a, d, b, d);
-        if off <= tolerance {
-            return Some(Rounded {
-                before: d,
-                blend,
-                after: d,
-            });
-        }
-        d *= (0.9 * tolerance / off).sqrt().clamp(0.3, 0.9);
+    let ratios = shape(180.0 - turning(group, &end, &start).to_degrees());
+    let room = room_a.min(room_b);
+    if straight {
+        let d = reach(group, &end, &start, tolerance).min(room);
+        return try_size(a, b, d, ratios);
     }
-    None
+    let linear = gap * (1.0 + 5.0 * ratios.0 + 10.0 * ratios.1) / 32.0;
+    let mut square = 0.05 * bend;
+    let (mut best, mut most) = (None, room);
+    let mut d = room;
+    for _ in 0..10 {
+        // linear d + square d^2 = a little less than the tolerance.
+        let aim = 0.95 * tolerance;
+        let root = 2.0 * aim / (linear + (linear * linear + 4.0 * square * aim).sqrt());
+        d = if root.is_finite() {
+            root.clamp(0.1 * d, most)
+        } else {
+            most
+        };
+        let Some(corner) = try_size(a, b, d, ratios) else {
+            most = 0.5 * d;
+            continue;
+        };
+        let off = deviation(&corner.blend, a, d, b, d);
+        if off <= tolerance {
+            best = Some(corner);
+            if off > 0.85 * tolerance || d >= 0.98 * most {
+                break;
+            }
+        } else {
+            most = 0.98 * d;
+        }
+        square = ((off - linear * d) / (d * d)).max(0.01 * square);
+    }
+    best
 }
 
-/// Greatest distance between a blend and the legs that it replaces, both ways, a little on the safe side.
+/// The blend that begins and ends `d` from the vertex.
+fn try_size(a: &Piece, b: &Piece, d: f64, (p1, p2): (f64, f64)) -> Option<Rounded> {
+    if d < 1e-6 {
+        return None;
+    }
+    let (pace, pace_change) = (5.0 * (1.0 - p1) * d, 20.0 * (2.0 * p1 - p2 - 1.0) * d);
+    let from = BlendEnd {
+        leg: a.jet(a.length() - d),
+        pace,
+        pace_change,
+    };
+    let to = BlendEnd {
+        leg: b.jet(d),
+        pace,
+        pace_change: -pace_change,
+    };
+    Some(Rounded {
+        before: d,
+        blend: Piece::blend(&from, &to, a.group())?,
+        after: d,
+    })
+}
+
+/// Greatest distance between a blend and the legs that it replaces, both ways, a little on the safe side: the first half
+/// is compared with the first leg, the second with the second.
 fn deviation(blend: &Piece, a: &Piece, before: f64, b: &Piece, after: f64) -> f64 {
-    const STEPS: usize = 16;
+    const STEPS: usize = 12;
     let vertex = b.position(0.0).0;
+    let length = blend.length();
+    let Shape::Blend(curve) = blend.shape() else {
+        return f64::INFINITY;
+    };
     let (mut off, mut missed) = (0.0f64, f64::INFINITY);
     for k in 1..STEPS {
         let x = k as f64 / STEPS as f64;
-        let q = blend.position(blend.length() * x).0;
-        let near_a = nearest(
-            a,
-            &q,
-            a.length() - before,
-            a.length(),
-            a.length() - before * (1.0 - 2.0 * x).max(0.0),
-        );
-        let near_b = nearest(b, &q, 0.0, after, after * (2.0 * x - 1.0).max(0.0));
-        off = off.max(near_a.0.min(near_b.0));
-        missed = missed.min(distance(&q, &vertex));
+        let q = curve.jet_at(x).q;
+        let near = if 2 * k <= STEPS {
+            nearest(
+                a,
+                &q,
+                a.length() - before,
+                a.length(),
+                a.length() - 0.5 * length * (1.0 - 2.0 * x),
+            )
+        } else {
+            nearest(b, &q, 0.0, after, 0.5 * length * (2.0 * x - 1.0))
+        };
+        off = off.max(near.0);
+        if 2 * k + 3 > STEPS && 2 * k < STEPS + 3 {
+            missed = missed.min(distance(&q, &vertex));
+        }
     }
     1.01 * off.max(missed)
 }
 
 /// Distance of `q` from the stretch of a leg, and where, found from a first guess by steps along the tangent.
 pub(in crate::plan) fn nearest(leg: &Piece, q: &[f64; AXES], from: f64, to: f64, guess: f64) -> (f64, f64) {
-    let mut s = guess;
+    let mut s = guess.clamp(from, to);
     for _ in 0..4 {
         let jet = leg.jet(s);
         let (mut along, mut square) = (0.0, 0.0);
@@ -142,7 +178,12 @@ pub(in crate::plan) fn nearest(leg: &Piece, q: &[f64; AXES], from: f64, to: f64,
             along += (q - here) * d1;
             square += d1 * d1;
         }
-        s = (s + along / square).clamp(from, to);
+        let next = (s + along / square).clamp(from, to);
+        // So near, the distance is the same to the last digits that matter.
+        if (next - s).abs() < 1e-7 {
+            return (distance(q, &jet.q), s);
+        }
+        s = next;
         if matches!(leg.shape(), Shape::Line(_)) {
             break;
         }

@@ -315,13 +315,14 @@ fn feed_and_line_are_those_of_the_moves_covered() {
 
 #[test]
 fn nearly_tangent_arcs_are_joined() {
-    let half = |start: f64, end: f64, sweep: f64| Move {
+    // Centres lie 0.001 above the ends: 0.001 / radius less than half a turn at each end, or more.
+    let half = |start: f64, end: f64, side: f64| Move {
         piece: Piece::arc(&Circle {
             start: Position::xyz(start, 0.0, 0.0),
             end: Position::xyz(end, 0.0, 0.0),
             centre_mm: [0.5 * (start + end), 0.001, 0.0],
             normal: [0.0, 0.0, 1.0],
-            sweep_rad: sweep,
+            sweep_rad: side * (std::f64::consts::PI - side * 2.0 * 0.001f64.atan2(0.5 * (end - start))),
         })
         .unwrap(),
         feed: 100.0,
@@ -330,7 +331,7 @@ fn nearly_tangent_arcs_are_joined() {
         corner: Corner::Round(0.01),
     };
     let found = proven(
-        &[half(0.0, 4.0, 3.13), half(4.0, 10.0, -3.13), half(10.0, 12.0, 3.13)],
+        &[half(0.0, 4.0, 1.0), half(4.0, 10.0, -1.0), half(10.0, 12.0, 1.0)],
         0.01,
     );
     assert_eq!((found.quintics, found.kinks), (2, 0));
