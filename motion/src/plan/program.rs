@@ -33,6 +33,8 @@ pub(super) struct Move {
     pub(super) rapid: bool,
     /// At its end.
     pub(super) corner: Corner,
+    /// Q of G64: how far the ends of moves in line may be off for these to become one, mm; 0: not at all.
+    pub(super) naive_cam_mm: f64,
 }
 
 /// A feed that is set.
@@ -305,12 +307,19 @@ impl Program {
                 }
             }
         };
+        let naive_cam_mm = match self.mode {
+            PathMode::Continuous {
+                naive_cam_tolerance_mm, ..
+            } => naive_cam_tolerance_mm.unwrap_or(0.0),
+            PathMode::ExactPath | PathMode::ExactStop => 0.0,
+        };
         Ok(Entry::Move(Move {
             piece,
             feed,
             line,
             rapid,
             corner,
+            naive_cam_mm,
         }))
     }
 

@@ -31,7 +31,7 @@ impl Corners {
     }
 
     /// Nothing follows: the last move ends where it is programmed to end.
-    pub(super) fn flush(&mut self, _settings: &Settings, out: &mut Vec<Passed>) {
+    pub(super) fn flush(&mut self, out: &mut Vec<Passed>) {
         if let Some((leg, from)) = self.last.take() {
             rest_of(&leg.part, from, 0.0, out);
         }

@@ -5,6 +5,7 @@
 //! must come to rest.
 //!
 //! ```text
+//! naive_cam  straight moves in line -> one                    (only with Q of G64)
 //! compress   runs of short straight moves -> few quintics     (fit: least squares, bspline: basis and system)
 //! corners    what is left of moves, and the blends between    (round: one corner)
 //! ```
@@ -17,10 +18,12 @@ mod compress;
 mod corners;
 #[allow(clippy::needless_range_loop)]
 mod fit;
+mod naive_cam;
 pub(super) mod round;
 
 use compress::Compressor;
 use corners::Corners;
+use naive_cam::NaiveCam;
 
 use crate::path::Piece;
 use crate::plan::Settings;
@@ -53,27 +56,38 @@ struct Leg {
 /// The whole stage.
 #[derive(Debug, Default)]
 pub(super) struct Smoother {
+    naive_cam: NaiveCam,
     compressor: Compressor,
     corners: Corners,
+    moves: Vec<Move>,
     legs: Vec<Leg>,
 }
 
 impl Smoother {
     /// Takes the next move.
     pub(super) fn push(&mut self, part: Move, settings: &Settings, out: &mut Vec<Passed>) {
-        self.compressor.push(part, &mut self.legs);
-        for leg in self.legs.drain(..) {
-            self.corners.push(leg, settings, out);
-        }
+        self.naive_cam.push(part, &mut self.moves);
+        self.pass(settings, out);
     }
 
     /// Nothing follows: the last move ends where it is programmed to end.
     pub(super) fn flush(&mut self, settings: &Settings, out: &mut Vec<Passed>) {
+        self.naive_cam.flush(&mut self.moves);
+        self.pass(settings, out);
         self.compressor.flush(&mut self.legs);
         for leg in self.legs.drain(..) {
             self.corners.push(leg, settings, out);
         }
-        self.corners.flush(settings, out);
+        self.corners.flush(out);
+    }
+
+    fn pass(&mut self, settings: &Settings, out: &mut Vec<Passed>) {
+        for part in self.moves.drain(..) {
+            self.compressor.push(part, &mut self.legs);
+        }
+        for leg in self.legs.drain(..) {
+            self.corners.push(leg, settings, out);
+        }
     }
 }
 

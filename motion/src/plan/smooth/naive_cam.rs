@@ -1,0 +1,141 @@
+//! The naive-CAM detector: straight moves in line become one.
+//!
+//! In:  moves. Out: moves; several straight ones at the same feed, none of whose ends is farther from the line between
+//! the first and the last point than allowed, are one.
+//!
+//! It is asked for by Q of G64, and Q0 switches it off. Q alone would spend the whole tolerance P, as it is P where the
+//! program does not name it; what is spent here is missing for smooth curves, which need many exact points. So the
+//! detector takes Q, but at most a hundredth of P, which is left out of what may be rounded later: moves that are in
+//! line up to the rounding of their numbers. Shorter curves of moves are the compressor's.
+
+use super::round::distance;
+use crate::canon::{AXES, Position};
+use crate::path::{Piece, Shape};
+use crate::plan::program::{Corner, Move};
+
+/// Moves that become one, at most.
+const MOST: usize = 64;
+/// Part of P that may be used.
+const SHARE: f64 = 0.01;
+
+/// Holds back straight moves as long as the next may be in line.
+#[derive(Debug, Default)]
+pub(super) struct NaiveCam {
+    /// What the moves held back are so far.
+    merged: Option<Move>,
+    /// Their ends, but for the last.
+    between: Vec<Position>,
+}
+
+impl NaiveCam {
+    pub(super) fn push(&mut self, mut part: Move, out: &mut Vec<Move>) {
+        let Corner::Round(tolerance) = part.corner else {
+            self.flush(out);
+            out.push(part);
+            return;
+        };
+        let allowed = part.naive_cam_mm.min(SHARE * tolerance);
+        if !(allowed > 0.0) || part.rapid || !matches!(part.piece.shape(), Shape::Line(_)) {
+            self.flush(out);
+            out.push(part);
+            return;
+        }
+        part.corner = Corner::Round(tolerance - allowed);
+        if let Some(before) = self.merged.take() {
+            let middle = before.piece.position(before.piece.length());
+            self.between.push(middle);
+            let same = before.feed == part.feed && before.corner == part.corner && self.between.len() < MOST;
+            match Piece::line(before.piece.position(0.0), part.piece.position(part.piece.length())) {
+                Some(piece) if same && in_line(&piece, &before.piece, &part.piece, &self.between, allowed) => {
+                    self.merged = Some(Move { piece, ..part });
+                    return;
+                }
+                Some(_) | None => {
+                    self.between.clear();
+                    out.push(before);
+                }
+            }
+        }
+        self.merged = Some(part);
+    }
+
+    pub(super) fn flush(&mut self, out: &mut Vec<Move>) {
+        self.between.clear();
+        out.extend(self.merged.take());
+    }
+}
+
+/// Whether `points` follow each other along `line` and are no farther from it than `allowed`.
+fn in_line(line: &Piece, first: &Piece, second: &Piece, points: &[Position], allowed: f64) -> bool {
+    if first.group() != second.group() || line.group() != first.group() {
+        return false;
+    }
+    let (start, end) = (line.position(0.0).0, line.position(line.length()).0);
+    let along: [f64; AXES] = core::array::from_fn(|axis| end[axis] - start[axis]);
+    let square: f64 = along.iter().map(|x| x * x).sum();
+    let mut last = 0.0;
+    points.iter().all(|point| {
+        let part = (0..AXES)
+            .map(|axis| (point.0[axis] - start[axis]) * along[axis])
+            .sum::<f64>()
+            / square;
+        let foot: [f64; AXES] = core::array::from_fn(|axis| start[axis] + part * along[axis]);
+        let forward = part > last && part < 1.0;
+        last = part;
+        forward && distance(&point.0, &foot) <= allowed
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn merged(points: &[[f64; 2]], q: f64) -> Vec<(u32, f64)> {
+        let at = |p: &[f64; 2]| Position::xyz(p[0], p[1], 0.0);
+        let (mut stage, mut out) = (NaiveCam::default(), Vec::new());
+        for (k, pair) in points.windows(2).enumerate() {
+            let part = Move {
+                piece: Piece::line(at(&pair[0]), at(&pair[1])).unwrap(),
+                feed: if pair[1][0] > 100.0 { 5.0 } else { 10.0 },
+                line: k as u32 + 1,
+                rapid: false,
+                corner: Corner::Round(0.1),
+                naive_cam_mm: q,
+            };
+            stage.push(part, &mut out);
+        }
+        stage.flush(&mut out);
+        out.iter().map(|part| (part.line, part.piece.length())).collect()
+    }
+
+    #[test]
+    fn moves_in_line_become_one_and_q0_leaves_them() {
+        let points = [
+            [0.0, 0.0],
+            [1.0, 0.0005],
+            [2.0, 0.0],
+            [4.0, 0.0],
+            [4.0, 3.0],
+            [4.0, 5.0],
+        ];
+        assert_eq!(merged(&points, 0.1), [(3, 4.0), (5, 5.0)]);
+        assert_eq!(merged(&points, 0.0).len(), 5);
+        // Farther off than Q, though not than the share of P.
+        assert_eq!(
+            merged(&points, 0.0001).iter().map(|part| part.0).collect::<Vec<_>>(),
+            [1, 2, 3, 5]
+        );
+        // The share of P bounds Q.
+        let bent = [[0.0, 0.0], [1.0, 0.003], [2.0, 0.0]];
+        assert_eq!(merged(&bent, 0.1).len(), 2);
+    }
+
+    #[test]
+    fn another_feed_or_a_way_back_is_another_move() {
+        assert_eq!(
+            merged(&[[98.0, 0.0], [100.0, 0.0], [102.0, 0.0], [104.0, 0.0]], 0.1).len(),
+            2
+        );
+        assert_eq!(merged(&[[0.0, 0.0], [2.0, 0.0], [1.0, 0.0]], 0.1).len(), 2);
+    }
+}
