@@ -137,12 +137,19 @@ pub fn first_profile(
         ));
     }
     states.push(to);
-    let found = worst(grid, spans, &states);
+    let found = worst(grid, spans.clone(), &states);
     // Not below 1: a NaN is infeasible, too.
     if found.value < 0.999 {
         Ok(states)
     } else {
-        infeasible(found.span)
+        // Another way, with more patience: bends near the ends, or little room.
+        let part = grid.part(spans.clone());
+        let mut states = first_crawl(grid, spans, step_s);
+        let ends = [(from, states[0]), (to, states[count])].map(|(end, crawl)| (end != crawl).then_some(end));
+        match super::start::between(&part, &mut states, ends[0], ends[1]) {
+            Ok(()) if worst(&part, 0..count, &states).value < 1.0 => Ok(states),
+            Ok(()) | Err(_) => infeasible(found.span),
+        }
     }
 }
 

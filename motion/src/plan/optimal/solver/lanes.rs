@@ -3,7 +3,7 @@
 use std::ops::{Add, AddAssign, Mul, Sub};
 
 /// Spans that are worked on at once.
-pub(super) const LANES: usize = 2;
+pub(super) const LANES: usize = 4;
 
 /// One number for each of [`LANES`] spans.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -149,6 +149,16 @@ pub struct NoStart;
 ///
 /// Changes at most the first and last half of the profile, and not more than [`START_REACH`] spans of each.
 pub fn start(grid: &Grid, profile: &mut [State], from: Option<&Launch>, to: Option<&Launch>) -> Result<(), NoStart> {
+    between(grid, profile, from.map(Launch::start), to.map(Launch::stop))
+}
+
+/// The same for any states that may be left at once towards acceleration 0.
+pub(super) fn between(
+    grid: &Grid,
+    profile: &mut [State],
+    from: Option<State>,
+    to: Option<State>,
+) -> Result<(), NoStart> {
     let spans = grid.spans();
     if profile.len() != spans + 1 || spans < 4 {
         return Err(NoStart);
@@ -157,32 +167,27 @@ pub fn start(grid: &Grid, profile: &mut [State], from: Option<&Launch>, to: Opti
     let both = from.is_some() && to.is_some();
     let room = if both { spans / 2 } else { spans };
     let ends = [(from, false), (to, true)];
-    let merged = ends
-        .iter()
-        .all(|&(launch, reverse)| launch.is_none_or(|launch| merge(grid, profile, launch, reverse, room)));
-    if merged {
+    let merge_all = |profile: &mut [State]| {
+        ends.iter()
+            .all(|&(end, reverse)| end.is_none_or(|end| merge(grid, profile, end, reverse, room)))
+    };
+    if merge_all(profile) {
         return Ok(());
     }
     // A short section between two rests may not have room for the crawl: run through it at one low speed.
-    profile.copy_from_slice(&original);
-    if spans > 4 * START_REACH {
-        return Err(NoStart);
-    }
-    let least = original.iter().map(|state| state.b).fold(f64::INFINITY, f64::min);
-    for b in [least, 0.25 * least, 0.0625 * least] {
-        let risen = [from, to]
-            .into_iter()
-            .flatten()
-            .map(|launch| RISEN * RISEN * launch.start().b);
-        profile.fill(State {
-            b: risen.fold(b, f64::min),
-            u: 0.0,
-        });
-        let merged = ends
-            .iter()
-            .all(|&(launch, reverse)| launch.is_none_or(|launch| merge(grid, profile, launch, reverse, room)));
-        if merged && (0..spans).all(|span| span_value(grid, span, profile[span], profile[span + 1]) < 1.0) {
-            return Ok(());
+    if both && spans <= 4 * START_REACH {
+        let least = original.iter().map(|state| state.b).fold(f64::INFINITY, f64::min);
+        for b in [least, 0.25 * least, 0.0625 * least] {
+            let risen = [from, to].into_iter().flatten().map(|end| RISEN * RISEN * end.b);
+            profile.fill(State {
+                b: risen.fold(b, f64::min),
+                u: 0.0,
+            });
+            if merge_all(profile)
+                && (0..spans).all(|span| span_value(grid, span, profile[span], profile[span + 1]) < 1.0)
+            {
+                return Ok(());
+            }
         }
     }
     profile.copy_from_slice(&original);
@@ -193,7 +198,7 @@ pub fn start(grid: &Grid, profile: &mut [State], from: Option<&Launch>, to: Opti
 pub const START_REACH: usize = 256;
 
 /// Replaces the profile near one end by the way from (or to) a launch, within `room` spans.
-fn merge(grid: &Grid, profile: &mut [State], launch: &Launch, reverse: bool, room: usize) -> bool {
+fn merge(grid: &Grid, profile: &mut [State], end: State, reverse: bool, room: usize) -> bool {
     let spans = grid.spans();
     // Everything as if at the beginning.
     let span = |index: usize| if reverse { spans - 1 - index } else { index };
@@ -203,39 +208,39 @@ fn merge(grid: &Grid, profile: &mut [State], launch: &Launch, reverse: bool, roo
         u: if reverse { -state.u } else { state.u },
     };
     for ease in EASE {
-        let Some(risen) = rise(grid, launch, ease, room.min(START_REACH / 2), span) else {
+        let Some(risen) = rise(grid, turn(end), ease, room.min(START_REACH / 2), span) else {
             continue;
         };
         let first = risen.len() - 1;
         let plateau = risen[first].b;
         for count in MERGE {
-            let end = first + count;
-            if end >= room {
+            let last = first + count;
+            if last >= room {
                 break;
             }
             // Coefficients by span: of the rise, then a smooth step by path length from its plateau to the profile.
             let length = |index: usize| grid.length(span(index));
             let own = |index: usize| coefficient(turn(profile[knot(index)]), length(index));
-            let total: f64 = (first..end).map(length).sum();
+            let total: f64 = (first..last).map(length).sum();
             let mut s = 0.0;
             let mut coefficients: Vec<f64> = (0..first)
                 .map(|index| coefficient(risen[index], length(index)))
                 .collect();
-            for index in first..end {
+            for index in first..last {
                 let x = (s + 0.5 * length(index)) / total;
                 coefficients.push(plateau + (own(index) - plateau) * x * x * (3.0 - 2.0 * x));
                 s += length(index);
             }
-            coefficients.push(own(end));
+            coefficients.push(own(last));
             let mut states = vec![risen[0]];
-            for index in 1..=end {
+            for index in 1..=last {
                 let u = (coefficients[index] - coefficients[index - 1]) / (length(index - 1) + length(index));
                 states.push(State {
                     b: coefficients[index - 1] + u * length(index - 1),
                     u,
                 });
             }
-            let kept: Vec<State> = (0..=end).map(|index| profile[knot(index)]).collect();
+            let kept: Vec<State> = (0..=last).map(|index| profile[knot(index)]).collect();
             for (index, &state) in states.iter().enumerate() {
                 profile[knot(index)] = turn(state);
             }
@@ -243,7 +248,7 @@ fn merge(grid: &Grid, profile: &mut [State], launch: &Launch, reverse: bool, roo
                 let span = span(index);
                 span_value(grid, span, profile[span], profile[span + 1]) < CLEAR
             };
-            if (0..=end).all(feasible) {
+            if (0..=last).all(feasible) {
                 return true;
             }
             for (index, &state) in kept.iter().enumerate() {
@@ -255,8 +260,8 @@ fn merge(grid: &Grid, profile: &mut [State], launch: &Launch, reverse: bool, roo
 }
 
 /// From the end of a launch to acceleration 0: states at knots, the last one with u = 0.
-fn rise(grid: &Grid, launch: &Launch, ease: f64, room: usize, span: impl Fn(usize) -> usize) -> Option<Vec<State>> {
-    let mut state = launch.start();
+fn rise(grid: &Grid, from: State, ease: f64, room: usize, span: impl Fn(usize) -> usize) -> Option<Vec<State>> {
+    let mut state = from;
     let mut states = vec![state];
     for index in 0..room {
         let h = grid.length(span(index));

@@ -233,3 +233,20 @@ fn many_paths() {
         iterations[iterations.len() - 1]
     );
 }
+
+#[test]
+fn first_profiles_are_found_from_launch_to_launch() {
+    let mut runner = proptest::test_runner::TestRunner::deterministic();
+    let strategy = (paths(), -0.5..3.0f64);
+    for case in 0..30 {
+        let (path, feed) = strategy.new_tree(&mut runner).unwrap().current();
+        let feed = 10f64.powf(feed);
+        let planned = try_plan(&path, &[LIMITS; 2], feed * feed, 0.006).unwrap();
+        let (from, to) = (planned.from.start(), planned.to.stop());
+        let spans = planned.grid.spans();
+        let first = first_profile(&planned.grid, 0..spans, from, to, 0.006);
+        let first = first.unwrap_or_else(|error| panic!("case {case}: {error:?} {path:?}"));
+        assert!(worst(&planned.grid, 0..spans, &first).value < 1.0);
+        assert_eq!((first[0], first[spans]), (from, to));
+    }
+}
