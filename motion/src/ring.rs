@@ -10,6 +10,10 @@
 //! then the planner learns so ([`Publish::TailTaken`]) and plans on from the rest at the end of that tail. Whoever is
 //! slow makes the machine stop as planned; nobody waits and nothing is ever half seen.
 //!
+//! A publication may also take the place of motion that was final so far, behind any element that the consumer has not
+//! passed ([`Sink::publish_after`]): that is how an override changes the speed. Then either the consumer goes over to the
+//! new motion at the end of that element, or it has passed it and the old plan stays ([`Publish::Passed`]).
+//!
 //! RT: [`Consumer`] does not allocate, lock or loop. Memory is allocated by [`channel`] only.
 
 use std::cell::UnsafeCell;
@@ -32,6 +36,8 @@ pub enum Publish {
     Full,
     /// The consumer runs down the last tail; nothing was taken. The next publication begins at rest at its end.
     TailTaken,
+    /// The consumer has passed the element behind which it was meant; nothing was taken, and the old plan stays.
+    Passed,
 }
 
 /// Where a planner hands in what it planned.
@@ -42,6 +48,23 @@ pub trait Sink<T> {
     /// Hands in elements that are final and the planned stop behind them, which the next publication replaces. With an
     /// empty tail, the last committed element must end at rest. Not both may be empty.
     fn publish(&mut self, committed: &[T], tail: &[T]) -> Publish;
+
+    /// Number that the first element of the next publication gets; the others follow, those of the tail as well.
+    fn next_number(&self) -> u64 {
+        0
+    }
+
+    /// Number of the element that the consumer is at, or begins with. It may have moved on since. `None`: there is no
+    /// consumer, and what was handed in is final.
+    fn consumer_at(&self) -> Option<u64> {
+        None
+    }
+
+    /// Hands in elements in place of all that follows the element of this number, which must be one that the consumer would
+    /// come to or is at.
+    fn publish_after(&mut self, _number: u64, _committed: &[T], _tail: &[T]) -> Publish {
+        Publish::Passed
+    }
 }
 
 /// What follows an element.
@@ -162,10 +185,61 @@ pub fn channel<T: Timed + Send>(capacity: usize) -> (Producer<T>, Consumer<T>) {
 impl<T: Timed> Producer<T> {
     fn put(&mut self, element: T, next: Next) {
         let slot = self.shared.slot(self.write);
-        // SAFETY: `publish` has checked that the consumer is beyond this slot, and no word leads to it yet.
+        // SAFETY: `write_all` has checked that the consumer is beyond this slot, and no word leads to it yet.
         unsafe { (*slot.element.get()).write(element) };
         slot.next.store(next.word(), Ordering::Relaxed);
         self.write += 1;
+    }
+
+    /// Writes a publication behind everything else, where no word leads to it yet; gives the number of its first element,
+    /// or `None` where there is no room.
+    fn write_all(&mut self, committed: &[T], tail: &[T]) -> Option<u64> {
+        let count = committed.len() + tail.len();
+        assert!(count > 0, "a publication has elements");
+        assert!(
+            count <= self.shared.slots.len(),
+            "a publication of {count} elements never fits the ring"
+        );
+        if count > self.free() {
+            return None;
+        }
+        let begin = self.write;
+        for (place, &element) in committed.iter().chain(tail).enumerate() {
+            self.put(element, if place + 1 == count { Next::End } else { Next::Sequel });
+        }
+        Some(begin)
+    }
+
+    /// Keeps in mind what has been linked to the anchor.
+    fn linked(&mut self, begin: u64, committed: &[T], tail: &[T]) {
+        self.committed_s += committed.iter().map(Timed::duration_s).sum::<f64>();
+        self.tail_s = tail.iter().map(Timed::duration_s).sum();
+        self.shared
+            .published_s
+            .store((self.committed_s + self.tail_s).to_bits(), Ordering::Relaxed);
+        if committed.is_empty() {
+            self.anchor_next = Next::Jump(begin);
+        } else {
+            self.anchor = Some(begin + committed.len() as u64 - 1);
+            self.anchor_next = if tail.is_empty() { Next::End } else { Next::Sequel };
+        }
+        self.tail_end = (!tail.is_empty()).then_some(self.write - 1);
+    }
+
+    /// Seconds of all that would follow an element.
+    fn seconds_behind(&self, mut number: u64) -> f64 {
+        let mut seconds = 0.0;
+        for _ in 0..self.shared.slots.len() {
+            number = match Next::from_word(self.shared.slot(number).next.load(Ordering::Relaxed)) {
+                Next::Sequel => number + 1,
+                Next::Jump(to) => to,
+                Next::End | Next::Passed => break,
+            };
+            // SAFETY: this thread has written the element, and nobody else ever writes one.
+            let element = unsafe { (*self.shared.slot(number).element.get()).assume_init() };
+            seconds += element.duration_s();
+        }
+        seconds
     }
 }
 
@@ -176,19 +250,9 @@ impl<T: Timed> Sink<T> for Producer<T> {
     }
 
     fn publish(&mut self, committed: &[T], tail: &[T]) -> Publish {
-        let count = committed.len() + tail.len();
-        assert!(count > 0, "a publication has elements");
-        assert!(
-            count <= self.shared.slots.len(),
-            "a publication of {count} elements never fits the ring"
-        );
-        if count > self.free() {
+        let Some(begin) = self.write_all(committed, tail) else {
             return Publish::Full;
-        }
-        let begin = self.write;
-        for (place, &element) in committed.iter().chain(tail).enumerate() {
-            self.put(element, if place + 1 == count { Next::End } else { Next::Sequel });
-        }
+        };
         let link = self.shared.next_of(self.anchor).compare_exchange(
             self.anchor_next.word(),
             Next::Jump(begin).word(),
@@ -203,18 +267,45 @@ impl<T: Timed> Sink<T> for Producer<T> {
             self.committed_s += std::mem::take(&mut self.tail_s);
             return Publish::TailTaken;
         }
-        self.committed_s += committed.iter().map(Timed::duration_s).sum::<f64>();
-        self.tail_s = tail.iter().map(Timed::duration_s).sum();
-        self.shared
-            .published_s
-            .store((self.committed_s + self.tail_s).to_bits(), Ordering::Relaxed);
-        if committed.is_empty() {
-            self.anchor_next = Next::Jump(begin);
-        } else {
-            self.anchor = Some(begin + committed.len() as u64 - 1);
-            self.anchor_next = if tail.is_empty() { Next::End } else { Next::Sequel };
+        self.linked(begin, committed, tail);
+        Publish::Done
+    }
+
+    fn next_number(&self) -> u64 {
+        self.write
+    }
+
+    fn consumer_at(&self) -> Option<u64> {
+        Some(self.shared.at.load(Ordering::Acquire))
+    }
+
+    fn publish_after(&mut self, number: u64, committed: &[T], tail: &[T]) -> Publish {
+        assert!(number < self.write, "element {number} has never been published");
+        if number < self.shared.at.load(Ordering::Acquire) {
+            return Publish::Passed;
         }
-        self.tail_end = (!tail.is_empty()).then_some(self.write - 1);
+        // Only this thread writes a word that is not `Passed`, so what is read here is what the exchange finds.
+        let before = self.shared.slot(number).next.load(Ordering::Relaxed);
+        if Next::from_word(before) == Next::Passed {
+            return Publish::Passed;
+        }
+        let replaced_s = self.seconds_behind(number);
+        let Some(begin) = self.write_all(committed, tail) else {
+            return Publish::Full;
+        };
+        let link = self.shared.slot(number).next.compare_exchange(
+            before,
+            Next::Jump(begin).word(),
+            Ordering::Release,
+            Ordering::Relaxed,
+        );
+        if link.is_err() {
+            self.write = begin;
+            return Publish::Passed;
+        }
+        self.committed_s += std::mem::take(&mut self.tail_s) - replaced_s;
+        self.anchor = Some(number);
+        self.linked(begin, committed, tail);
         Publish::Done
     }
 }
@@ -264,6 +355,7 @@ impl<T> std::fmt::Debug for Consumer<T> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use std::collections::VecDeque;
 
     /// Moves from one number to the next; a tail ends in an element marked as rest.
     #[derive(Clone, Copy, Debug, PartialEq)]
@@ -359,7 +451,7 @@ mod tests {
                     self.tail = self.committed + 2;
                 }
                 Publish::TailTaken => self.committed = self.tail,
-                Publish::Full => {}
+                Publish::Full | Publish::Passed => {}
             }
             result
         }
@@ -384,6 +476,93 @@ mod tests {
                         None => prop_assert!(resting),
                     }
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn final_motion_can_be_replaced_behind_any_element_that_is_not_passed() {
+        let (mut producer, mut consumer) = channel(16);
+        producer.publish(&[step(0, false), step(1, false), step(2, false)], &[step(3, true)]);
+        assert_eq!(consumer.advance(), Some(step(0, false)));
+        assert_eq!(producer.consumer_at(), Some(0));
+        assert_eq!((producer.next_number(), consumer.published_s()), (4, 4.0));
+        assert_eq!(producer.publish_after(1, &[step(2, true)], &[]), Publish::Done);
+        assert_eq!(consumer.published_s(), 3.0);
+        assert_eq!(consumer.advance(), Some(step(1, false)));
+        assert_eq!(consumer.advance(), Some(step(2, true)));
+        assert_eq!(producer.publish_after(1, &[step(2, true)], &[]), Publish::Passed);
+        assert_eq!(consumer.advance(), None);
+        // At rest at the end of the last element, it is still behind that element that motion goes on.
+        assert_eq!(producer.publish_after(4, &[step(3, true)], &[]), Publish::Done);
+        assert_eq!(consumer.advance(), Some(step(3, true)));
+    }
+
+    proptest! {
+        /// Any order of publications, replacements and steps, against what the consumer should find.
+        #[test]
+        fn replacements_leave_no_gap(
+            moves in prop::collection::vec((0_u32..4, 0_u64..4, 0_usize..12), 1..300),
+        ) {
+            let (mut producer, mut consumer) = channel(32);
+            // Numbers and steps that the consumer has not begun; how many of them are tail.
+            let mut chain = VecDeque::<(u64, Step)>::new();
+            let (mut tail, mut seen, mut at) = (0, 0.0, None::<(u64, Step)>);
+            for (what, count, behind) in moves {
+                let planned = |from: u64| -> (Vec<Step>, [Step; 2]) {
+                    let end = from + count;
+                    ((from..end).map(|from| step(from, false)).collect(), [step(end, false), step(end + 1, true)])
+                };
+                let begin = producer.next_number();
+                let (kept, result, from) = match what {
+                    0 => {
+                        let Some(next) = consumer.advance() else {
+                            prop_assert!(chain.is_empty() && at.is_none_or(|(_, step)| step.rests));
+                            continue;
+                        };
+                        at = chain.pop_front();
+                        prop_assert_eq!(Some(next), at.map(|(_, step)| step));
+                        prop_assert_eq!(producer.consumer_at(), at.map(|(number, _)| number));
+                        (tail, seen) = (tail.min(chain.len()), seen + 1.0);
+                        continue;
+                    }
+                    // Behind one of those to come, the one that the consumer is at, or one that it has passed.
+                    1 | 2 if at.is_some() => {
+                        let known: Vec<_> = at.iter().chain(&chain).copied().collect();
+                        let Some(&(number, before)) = known.get(behind) else {
+                            let number = known[0].0;
+                            if number > 0 {
+                                prop_assert_eq!(producer.publish_after(number - 1, &[step(0, true)], &[]), Publish::Passed);
+                            }
+                            continue;
+                        };
+                        let (committed, stop) = planned(before.to);
+                        (behind, producer.publish_after(number, &committed, &stop), before.to)
+                    }
+                    _ => {
+                        let before = chain.len() - tail;
+                        let from = if before > 0 { chain[before - 1].1.to } else { at.map_or(0, |(_, step)| step.to) };
+                        let in_tail = tail < 2 && at.is_some();
+                        let (committed, stop) = planned(from);
+                        let result = producer.publish(&committed, &stop);
+                        if result == Publish::TailTaken {
+                            prop_assert!(in_tail);
+                            tail = 0;
+                            continue;
+                        }
+                        (before, result, from)
+                    }
+                };
+                if result == Publish::Full {
+                    continue;
+                }
+                prop_assert_eq!(result, Publish::Done);
+                chain.truncate(kept);
+                let (committed, stop) = planned(from);
+                let new = committed.into_iter().chain(stop).enumerate();
+                chain.extend(new.map(|(k, step)| (begin + k as u64, step)));
+                tail = 2;
+                prop_assert_eq!(consumer.published_s(), seen + chain.len() as f64);
             }
         }
     }

@@ -144,7 +144,8 @@ impl Steps {
             }
             match self.publish(sink) {
                 Publish::Done => {}
-                Publish::Full => return Pumped::Blocked,
+                // Nothing is meant to replace final motion here.
+                Publish::Full | Publish::Passed => return Pumped::Blocked,
                 Publish::TailTaken => {
                     // The backward pass does not depend on the speed before it.
                     self.final_steps = self.final_steps.saturating_sub(self.tail_steps);

@@ -204,7 +204,7 @@ impl Stream {
             self.collect();
             match self.publish(sink) {
                 Some(Publish::Done) => {}
-                Some(Publish::Full) => return Pumped::Blocked,
+                Some(Publish::Full | Publish::Passed) => return Pumped::Blocked,
                 Some(Publish::TailTaken) => {
                     let Some(rest) = self.tail.take() else { continue };
                     self.steps.clear();
