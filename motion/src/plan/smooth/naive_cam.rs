@@ -35,7 +35,7 @@ impl NaiveCam {
             return;
         };
         let allowed = part.naive_cam_mm.min(SHARE * tolerance);
-        if !(allowed > 0.0) || part.rapid || !matches!(part.piece.shape(), Shape::Line(_)) {
+        if allowed <= 0.0 || part.rapid || !matches!(part.piece.shape(), Shape::Line(_)) {
             self.flush(out);
             out.push(part);
             return;
