@@ -65,9 +65,9 @@ pub struct AxisLimits {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Slope {
     /// Nearly the shortest time that the limits of every joint allow.
+    #[default]
     Optimal,
     /// Corner speeds, backward and forward pass, seven-phase slope: less to compute, more time on the way.
-    #[default]
     Classic,
 }
 

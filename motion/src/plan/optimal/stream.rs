@@ -12,7 +12,7 @@ use super::joints::Joints;
 use super::knots::{Exit, Knots, Knotted, step_s};
 use super::sections::{Found, Item, Log, Part, Place, Sections};
 use super::slopes::{Emission, Side, launch, steady_limits};
-use super::solver::{Grid, JointJet, Launch, State};
+use super::solver::{Grid, JointJet, Knotting, Launch, State};
 use super::windows::{Answer, Border, States, Times, Uncut, WINDOW_SPANS, Window};
 use crate::element::Element;
 use crate::plan::limits::PathLimits;
@@ -142,6 +142,8 @@ pub(in crate::plan) struct Stream {
     /// Where the tail in the ring comes to rest.
     tail: Option<Place>,
     finished: bool,
+    /// How often planning has begun anew at some place.
+    begun_anew: u64,
     jets: Vec<JointJet>,
 }
 
@@ -168,6 +170,7 @@ impl Stream {
             workers: workers.clone(),
             tail: None,
             finished: false,
+            begun_anew: 0,
             jets: Vec::new(),
         }
     }
@@ -200,6 +203,7 @@ impl Stream {
     /// Hands over what is final.
     pub(in crate::plan) fn pump<S: Sink<Element>>(&mut self, settings: &Settings, sink: &mut S) -> Pumped {
         loop {
+            let begun_anew = self.begun_anew;
             self.advance(settings);
             self.collect();
             match self.publish(sink) {
@@ -213,6 +217,7 @@ impl Stream {
                 }
                 None if self.is_done() => return Pumped::Done,
                 None if self.finished && self.jobs.under_way() > 0 => {}
+                None if self.begun_anew != begun_anew => {}
                 None => return Pumped::Hungry,
             }
         }
@@ -225,8 +230,13 @@ impl Stream {
         while self.jobs.under_way() <= 4 * (self.workers.threads() + 1)
             && self.sections.step(&self.log, settings, &mut found)
         {
+            let begun_anew = self.begun_anew;
             for found in found.drain(..) {
                 self.take(found);
+                if self.begun_anew != begun_anew {
+                    // The rest of it comes again.
+                    break;
+                }
             }
         }
     }
@@ -271,8 +281,13 @@ impl Stream {
         let Some(section) = &mut self.section else { return };
         match &mut section.open {
             Some(open) => {
-                open.knots
-                    .push(part, &self.log, &self.joints, self.times.step_s, &mut self.jets);
+                open.knots.push(
+                    part,
+                    &self.log,
+                    &self.joints,
+                    self.times.knotting.step_s,
+                    &mut self.jets,
+                );
                 self.add_spans(None);
                 self.cut(false);
             }
@@ -308,7 +323,13 @@ impl Stream {
             }
         };
         let mut knots = Knots::new(state.b.sqrt(), start.map(|(_, launch)| launch.length()));
-        knots.push(first, &self.log, &self.joints, self.times.step_s, &mut self.jets);
+        knots.push(
+            first,
+            &self.log,
+            &self.joints,
+            self.times.knotting.step_s,
+            &mut self.jets,
+        );
         section.open = Some(Open {
             knots,
             uncut: Uncut::new(state, Grid::new(self.joints.limits()), self.times),
@@ -322,7 +343,7 @@ impl Stream {
             return;
         };
         let mut spans = Vec::new();
-        open.knots.take(exit, self.times.step_s, &mut spans);
+        open.knots.take(exit, self.times.knotting.step_s, &mut spans);
         for span in spans {
             let Some(stretch) = self.log.stretch(span.item) else {
                 continue;
@@ -557,6 +578,7 @@ impl Stream {
 
     /// Begins anew at a place, with this speed.
     fn restart(&mut self, place: Place, speed: f64, careful: bool) {
+        self.begun_anew += 1;
         self.sections = Sections::new(place, &self.log);
         self.section = None;
         self.left_over = None;
@@ -816,7 +838,7 @@ fn times(joints: &Joints) -> Times {
         .fold(0.0, f64::max);
     let overlap_s = OVERLAP * braking_s;
     Times {
-        step_s: step_s(joints),
+        knotting: Knotting::new(joints.limits(), step_s(joints)),
         overlap_s,
         window_s: WINDOW * overlap_s,
     }

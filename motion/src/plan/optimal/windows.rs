@@ -10,16 +10,15 @@
 //! step of the solver does. No window waits for another, and a join needs no smoothing.
 
 use super::knots::Knotted;
-use super::solver::{FIRST_REACH, Grid, Infeasible, Options, State, Workspace, first_crawl, first_profile, solve};
+use super::solver::{Grid, Infeasible, Knotting, Options, State, Workspace, first_crawl, first_profile, solve};
 
-/// Estimated times by which the path is cut, s.
+/// How the path is cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Times {
-    /// Between knots.
-    pub(super) step_s: f64,
-    /// Around a border, on each side: several times what braking to rest takes.
+    pub(super) knotting: Knotting,
+    /// Estimated time around a border, on each side, s: several times what braking to rest takes.
     pub(super) overlap_s: f64,
-    /// From border to border.
+    /// Estimated time from border to border, s.
     pub(super) window_s: f64,
 }
 
@@ -72,8 +71,6 @@ enum End {
 pub(super) struct Window {
     grid: Grid,
     pub(super) sources: Vec<Knotted>,
-    /// Time between knots for which they were placed, s.
-    step_s: f64,
     /// Crawl at all its knots.
     crawl: States,
     left: End,
@@ -110,7 +107,7 @@ impl Window {
         let middle = match (&self.left, &self.right) {
             (End::Border { .. }, End::Border { .. }) => self.crawl[from..=to].to_vec(),
             (End::Section(_), _) | (_, End::Section(_)) => {
-                first_profile(&self.grid, from..to, begin, end, self.step_s)?
+                first_profile(&self.grid, from..to, begin, end, &self.crawl[from..=to])?
             }
         };
         let mut start = Vec::with_capacity(count + 1);
@@ -217,14 +214,13 @@ impl Uncut {
         let low = low.max(self.first + taken + 1);
         let high = border + self.at_s[border..].partition_point(|s| s - border_s < overlap_s);
         let high = high.min(knots - 1).min(border + WINDOW_SPANS / 4).max(border + 1);
-        if !ended && knots < high + FIRST_REACH + 2 {
+        if !ended && knots < high + self.times.knotting.reach + 2 {
             return None;
         }
         let window = Window {
             grid: self.grid.part(self.first..border),
             sources: self.sources[self.first..border].to_vec(),
-            step_s: self.times.step_s,
-            crawl: first_crawl(&self.grid, self.first..border, self.times.step_s),
+            crawl: first_crawl(&self.grid, self.first..border, &self.times.knotting),
             left: std::mem::replace(
                 &mut self.left,
                 End::Border {
@@ -241,13 +237,13 @@ impl Uncut {
             job: Job {
                 gap: BORDER_GAP,
                 grid: self.grid.part(low..high),
-                start: first_crawl(&self.grid, low..high, self.times.step_s),
+                start: first_crawl(&self.grid, low..high, &self.times.knotting),
             },
             before: border - low,
             behind: self.sources[border..high].to_vec(),
         };
         // What is before the border matters for crawl only.
-        let drop = border.saturating_sub(FIRST_REACH + 2);
+        let drop = border.saturating_sub(self.times.knotting.reach + 2);
         self.grid.drop_front(drop);
         self.sources.drain(..drop);
         self.at_s.drain(..drop);
@@ -260,8 +256,7 @@ impl Uncut {
         let knots = self.sources.len();
         Window {
             grid: self.grid.part(self.first..knots),
-            step_s: self.times.step_s,
-            crawl: first_crawl(&self.grid, self.first..knots, self.times.step_s),
+            crawl: first_crawl(&self.grid, self.first..knots, &self.times.knotting),
             sources: self.sources[self.first..].to_vec(),
             left: self.left,
             right: End::Section(end),

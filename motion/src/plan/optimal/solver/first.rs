@@ -3,18 +3,45 @@
 //! In:  a grid with knots about evenly in time; states at both ends.
 //! Out: crawl, a part of the speed for which the knots were placed; and ways from a state to crawl and back.
 //!
-//! Crawl is a local function of the path: its value at a span depends on [`FIRST_REACH`] spans on each side and on nothing
-//! else. So windows that are cut from the same path agree in it.
+//! Crawl is a local function of the path: its value at a span depends on [`Knotting::reach`] spans on each side and on
+//! nothing else, because over so many it grows from next to nothing to all that it can be. So windows that are cut from the
+//! same path agree in it.
 
 use std::ops::Range;
 
-use super::grid::Grid;
+use super::grid::{Grid, JointLimits};
 use super::interior::Infeasible;
 use super::profile::{State, coefficient, worst};
 use super::roots::cube_root;
 
-/// Spans on each side on which crawl depends.
-pub const FIRST_REACH: usize = 24;
+/// How knots were placed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Knotting {
+    /// Estimated time between knots, s.
+    pub step_s: f64,
+    /// Spans on each side on which crawl depends.
+    pub reach: usize,
+}
+
+impl Knotting {
+    /// Knots `step_s` apart for joints with these limits.
+    pub fn new(limits: &[JointLimits], step_s: f64) -> Knotting {
+        /// Spans over which crawl grows from next to nothing to where it grows evenly.
+        const GROWING: f64 = 32.0;
+        /// Over the time in which it then reaches its greatest value, with room for paths across several joints.
+        const ROOM: f64 = 1.5;
+        let time_s = limits
+            .iter()
+            .map(|limits| limits.velocity / (PACE * limits.acceleration))
+            .fold(0.0, f64::max);
+        Knotting {
+            step_s,
+            // At most the greatest integer, whatever the limits are.
+            reach: (GROWING + ROOM * time_s / step_s).ceil() as usize,
+        }
+    }
+}
+
 /// Crawl over the speed for which knots were placed: accelerations shrink by its square, jerk by its cube.
 const CRAWL: f64 = 0.3;
 /// Part of the limits of steady motion at crawl.
@@ -51,26 +78,21 @@ fn own_speed(grid: &Grid, span: usize, step_s: f64) -> f64 {
 }
 
 /// Coefficients of crawl, one per span of the grid in the range.
-fn coefficients(grid: &Grid, spans: Range<usize>, step_s: f64) -> Vec<f64> {
-    let first = spans.start.saturating_sub(FIRST_REACH);
-    let last = (spans.end + FIRST_REACH).min(grid.spans());
-    let mut speeds: Vec<f64> = (first..last).map(|span| own_speed(grid, span, step_s)).collect();
-    let gains: Vec<f64> = (first..last)
-        .map(|span| CRAWL * PACE * step_s / tangent(grid, span)[0])
+fn coefficients(grid: &Grid, spans: Range<usize>, knotting: &Knotting) -> Vec<f64> {
+    let first = spans.start.saturating_sub(knotting.reach);
+    let last = (spans.end + knotting.reach).min(grid.spans());
+    let mut speeds: Vec<f64> = (first..last)
+        .map(|span| own_speed(grid, span, knotting.step_s))
         .collect();
-    // Each step lets a span feel one more neighbour on each side: after FIRST_REACH of them, nothing farther has been felt.
-    let mut before = speeds.clone();
-    for _ in 0..FIRST_REACH {
-        before.copy_from_slice(&speeds);
-        for k in 0..speeds.len() {
-            let from = |next: usize| (GROWTH * before[next]).min(before[next] + gains[k]);
-            if k > 0 {
-                speeds[k] = speeds[k].min(from(k - 1));
-            }
-            if k + 1 < before.len() {
-                speeds[k] = speeds[k].min(from(k + 1));
-            }
-        }
+    let gains: Vec<f64> = (first..last)
+        .map(|span| CRAWL * PACE * knotting.step_s / tangent(grid, span)[0])
+        .collect();
+    let growth = |speed: f64, gain: f64| (GROWTH * speed).min(speed + gain);
+    for k in 1..speeds.len() {
+        speeds[k] = speeds[k].min(growth(speeds[k - 1], gains[k]));
+    }
+    for k in (1..speeds.len()).rev() {
+        speeds[k - 1] = speeds[k - 1].min(growth(speeds[k], gains[k - 1]));
     }
     speeds[spans.start - first..spans.end - first]
         .iter()
@@ -88,10 +110,10 @@ fn between(lengths: [f64; 2], coefficients: [f64; 2]) -> State {
 }
 
 /// Crawl at all knots of a range of spans; at the ends of the grid, as if its first and last span went on.
-pub fn first_crawl(grid: &Grid, spans: Range<usize>, step_s: f64) -> Vec<State> {
+pub fn first_crawl(grid: &Grid, spans: Range<usize>, knotting: &Knotting) -> Vec<State> {
     let first = spans.start.saturating_sub(1);
     let last = (spans.end + 1).min(grid.spans());
-    let values = coefficients(grid, first..last, step_s);
+    let values = coefficients(grid, first..last, knotting);
     (spans.start..=spans.end)
         .map(|knot| {
             let before = knot.saturating_sub(1).max(first);
@@ -104,7 +126,8 @@ pub fn first_crawl(grid: &Grid, spans: Range<usize>, step_s: f64) -> Vec<State> 
         .collect()
 }
 
-/// A feasible profile over spans from one state to another, at crawl between them where there is room.
+/// A feasible profile over spans from one state to another, at crawl between them where there is room. `crawl` has one state
+/// per knot of the spans.
 ///
 /// # Errors
 /// The states are too far from crawl for the length.
@@ -113,14 +136,18 @@ pub fn first_profile(
     spans: Range<usize>,
     from: State,
     to: State,
-    step_s: f64,
+    crawl: &[State],
 ) -> Result<Vec<State>, Infeasible> {
     let infeasible = |span| Err(Infeasible { span });
     let count = spans.len();
     if count < 3 {
         return infeasible(spans.start);
     }
-    let crawl = coefficients(grid, spans.clone(), step_s);
+    let crawl: Vec<f64> = crawl
+        .iter()
+        .zip(spans.clone())
+        .map(|(&state, span)| coefficient(state, grid.length(span)))
+        .collect();
     let mut values = crawl.clone();
     settle(grid, spans.clone().collect(), from, &crawl, &mut values);
     let mirrored = State { b: to.b, u: -to.u };

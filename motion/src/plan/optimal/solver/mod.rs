@@ -40,7 +40,7 @@ mod spacing;
 mod start;
 
 pub use crawl::{CRAWL_REACH, CRAWL_STEP, crawl};
-pub use first::{FIRST_REACH, first_crawl, first_profile};
+pub use first::{Knotting, first_crawl, first_profile};
 pub use grid::{ACCELERATION_USE, Grid, JERK_USE, JointJet, JointLimits, SPEED_USE};
 pub use interior::{Infeasible, Options, Solved, Workspace, solve};
 pub use profile::{State, Worst, coefficient, worst};
