@@ -143,16 +143,16 @@ pub fn first_profile(
     if count < 3 {
         return infeasible(spans.start);
     }
-    let crawl: Vec<f64> = crawl
+    let slow: Vec<f64> = crawl
         .iter()
         .zip(spans.clone())
         .map(|(&state, span)| coefficient(state, grid.length(span)))
         .collect();
-    let mut values = crawl.clone();
-    settle(grid, spans.clone().collect(), from, &crawl, &mut values);
+    let mut values = slow.clone();
+    settle(grid, spans.clone().collect(), from, &slow, &mut values);
     let mirrored = State { b: to.b, u: -to.u };
     values.reverse();
-    let reversed: Vec<f64> = crawl.iter().rev().copied().collect();
+    let reversed: Vec<f64> = slow.iter().rev().copied().collect();
     settle(grid, spans.clone().rev().collect(), mirrored, &reversed, &mut values);
     values.reverse();
     let mut states = Vec::with_capacity(count + 1);
@@ -170,8 +170,8 @@ pub fn first_profile(
         Ok(states)
     } else {
         // Another way, with more patience: bends near the ends, or little room.
-        let part = grid.part(spans.clone());
-        let mut states = first_crawl(grid, spans, step_s);
+        let part = grid.part(spans);
+        let mut states = crawl.to_vec();
         let ends = [(from, states[0]), (to, states[count])].map(|(end, crawl)| (end != crawl).then_some(end));
         match super::start::between(&part, &mut states, ends[0], ends[1]) {
             Ok(()) if worst(&part, 0..count, &states).value < 1.0 => Ok(states),
