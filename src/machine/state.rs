@@ -17,6 +17,8 @@ pub enum State {
     Ready,
     /// Some joints seek their home point.
     Homing,
+    /// Joints are moved by hand.
+    Jogging,
     /// A program moves the machine.
     Running,
     /// A program is held on its path.
@@ -34,12 +36,13 @@ pub enum State {
 }
 
 impl State {
-    const ALL: [State; 12] = [
+    const ALL: [State; 13] = [
         State::Booting,
         State::Disabled,
         State::Enabling,
         State::Ready,
         State::Homing,
+        State::Jogging,
         State::Running,
         State::Held,
         State::Stopping,
@@ -62,6 +65,7 @@ impl State {
             State::Enabling => "enabling",
             State::Ready => "ready",
             State::Homing => "homing",
+            State::Jogging => "jogging",
             State::Running => "running",
             State::Held => "held",
             State::Stopping => "stopping",

@@ -6,6 +6,7 @@
 use super::cycle::{Control, Outlets, Parts};
 use super::diagnosis;
 use super::drives::Drives;
+use super::hand::Hand;
 use super::pins::Pins;
 use super::shared::Live;
 use crate::bus::network::NodePlan;
@@ -50,6 +51,7 @@ pub fn assemble<B: Fieldbus>(
         drives,
         kinematics: kinematics(config),
         monitor: Monitor::new(&config.joints.iter().map(monitor_limits).collect::<Vec<_>>(), cycle_s),
+        hand: Hand::new(config),
         pins: Pins::new(hal, config, plans).context("pins")?,
         overruns: Overruns::new(config.rt.overruns_warn, config.rt.overruns_stop),
         mandatory: config.bus.nodes.iter().map(|node| node.mandatory).collect(),

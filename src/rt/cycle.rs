@@ -9,6 +9,7 @@
 use super::diagnosis;
 use super::drives::{Drive, Drives};
 use super::figures::Timing;
+use super::hand::{Hand, JogMotion, JogOrder};
 use super::pins::Pins;
 use super::shared::{Command, Live, Notice, Snapshot, TimedNotice, Trace};
 use crate::bus::{BusEvent, BusState, CycleReport, Fieldbus, InputImage, NodeIndex, NodeState, OutputImage};
@@ -72,6 +73,8 @@ pub struct Parts {
     pub kinematics: Kinematics,
     /// Watches what leaves for the joints.
     pub monitor: Monitor,
+    /// Moves joints by hand.
+    pub hand: Hand,
     /// The control's pins.
     pub pins: Pins,
     /// Counts cycles left out.
@@ -258,7 +261,13 @@ impl<B: Fieldbus> Control<B> {
     /// Whether drives are or should be under power.
     fn under_command(&self) -> bool {
         match self.state {
-            State::Enabling | State::Ready | State::Homing | State::Running | State::Held | State::Stopping => true,
+            State::Enabling
+            | State::Ready
+            | State::Homing
+            | State::Jogging
+            | State::Running
+            | State::Held
+            | State::Stopping => true,
             State::Booting
             | State::Disabled
             | State::Disabling
@@ -292,14 +301,16 @@ impl<B: Fieldbus> Control<B> {
             (Reaction::Count | Reaction::Warn, _) | (_, State::Faulted | State::ShuttingDown | State::Down) => {}
             (Reaction::Silence, _) => {
                 self.end_program();
+                self.parts.hand.end();
                 self.enter(State::Faulted);
             }
             (Reaction::QuickStop, _) => {
                 self.end_program();
+                self.parts.hand.end();
                 self.quick_stop();
             }
             // To rest on the path first; `step_state` goes on to the quick stop.
-            (Reaction::ControlledStop, State::Running | State::Held | State::Stopping) => {
+            (Reaction::ControlledStop, State::Jogging | State::Running | State::Held | State::Stopping) => {
                 self.stop_then(AfterStop::Ready);
             }
             (
@@ -314,8 +325,11 @@ impl<B: Fieldbus> Control<B> {
         self.enter(State::Faulted);
     }
 
-    /// Brings a machine that moves to rest on its path; `step_state` goes on from there.
+    /// Brings a machine that moves to rest, on its path if it has one; `step_state` goes on from there.
     fn stop_then(&mut self, then: AfterStop) {
+        if self.parts.hand.is_active() {
+            self.parts.hand.stop();
+        }
         self.after_stop = if self.state == State::Stopping {
             self.after_stop.max(then)
         } else {
@@ -327,6 +341,7 @@ impl<B: Fieldbus> Control<B> {
     /// Goes on from rest, as the wish was or as the fault wants it.
     fn after_stop(&mut self) {
         self.end_program();
+        self.parts.hand.end();
         match (self.after_stop, self.fault_seen) {
             (AfterStop::Ready | AfterStop::Disable, true) => self.quick_stop(),
             (AfterStop::Ready, false) => self.enter(State::Ready),
@@ -372,11 +387,13 @@ impl<B: Fieldbus> Control<B> {
                 self.parts.drives.request(joints, Request::Home);
                 self.enter(State::Homing);
             }
+            (Command::Jog(order), State::Ready | State::Jogging) => self.jog(&order),
             (Command::Start(program), State::Ready) if self.parts.drives.all(|drive| drive.is_homed()) => {
                 self.start(program);
             }
             (Command::Start(program), _) => self.give_back(program),
             (Command::Hold, State::Running) => self.hold = true,
+            (Command::Hold, State::Jogging) => self.parts.hand.release_all(),
             (Command::Resume, State::Running | State::Held) => {
                 self.hold = false;
                 if let Some(Action::ProgramStop | Action::OptionalStop) = self.waiting {
@@ -386,8 +403,10 @@ impl<B: Fieldbus> Control<B> {
                     self.enter(State::Running);
                 }
             }
-            (Command::Stop, State::Running | State::Held) => self.stop_then(AfterStop::Ready),
-            (Command::Disable, State::Running | State::Held | State::Stopping) => self.stop_then(AfterStop::Disable),
+            (Command::Stop, State::Jogging | State::Running | State::Held) => self.stop_then(AfterStop::Ready),
+            (Command::Disable, State::Jogging | State::Running | State::Held | State::Stopping) => {
+                self.stop_then(AfterStop::Disable)
+            }
             // A drive that homes is on no path: it stops by its own ramp.
             (Command::Stop, State::Homing) | (Command::Disable, State::Enabling | State::Ready | State::Homing) => {
                 self.switch_off(State::Disabling)
@@ -400,11 +419,14 @@ impl<B: Fieldbus> Control<B> {
                 self.enter(State::Disabling);
             }
             (Command::ShutDown, State::ShuttingDown | State::Down) => {}
-            (Command::ShutDown, State::Running | State::Held | State::Stopping) => self.stop_then(AfterStop::ShutDown),
+            (Command::ShutDown, State::Jogging | State::Running | State::Held | State::Stopping) => {
+                self.stop_then(AfterStop::ShutDown)
+            }
             // The network follows once the drives are without power: see `step_state`.
             (Command::ShutDown, _) => self.switch_off(State::ShuttingDown),
             (Command::Enable, _)
             | (Command::Home(_), _)
+            | (Command::Jog(_), _)
             | (Command::Hold, _)
             | (Command::Resume, _)
             | (Command::Stop, _)
@@ -441,6 +463,28 @@ impl<B: Fieldbus> Control<B> {
         self.enter(State::Running);
     }
 
+    /// Moves a joint by hand, if it and those that move with it know where they are, and no hold is asked for.
+    fn jog(&mut self, order: &JogOrder) {
+        let together = self.parts.hand.moved_with(order.joint);
+        let mut drives = self.parts.drives.iter().enumerate();
+        let homed = drives.all(|(joint, drive)| together >> joint & 1 == 0 || drive.is_homed());
+        let held = self.parts.pins.feed_scale() == 0.0;
+        match (order.motion, self.state) {
+            (JogMotion::Run { .. } | JogMotion::Advance { .. }, _) if !homed || held => return,
+            (JogMotion::Run { .. } | JogMotion::Advance { .. }, State::Ready) => {
+                for (command_mm, drive) in self.command_mm.iter_mut().zip(self.parts.drives.iter()) {
+                    *command_mm = drive.command_mm();
+                }
+                self.parts.hand.begin(&self.command_mm[..self.joints]);
+                self.enter(State::Jogging);
+            }
+            // Neither a renewal nor a release begins anything.
+            (JogMotion::Keep | JogMotion::Release, State::Ready) => return,
+            (JogMotion::Run { .. } | JogMotion::Advance { .. } | JogMotion::Keep | JogMotion::Release, _) => {}
+        }
+        self.parts.hand.obey(order);
+    }
+
     /// Goes on to the next state where the drives and the network are ready for it.
     fn step_state(&mut self) {
         let all = |wanted: Status| self.parts.drives.all(|drive| drive.status() == wanted);
@@ -452,6 +496,10 @@ impl<B: Fieldbus> Control<B> {
             }
             State::Enabling if all(Status::Enabled) => self.enter(State::Ready),
             State::Homing if all(Status::Enabled) => self.enter(State::Ready),
+            State::Jogging if self.parts.hand.is_over() => {
+                self.parts.hand.end();
+                self.enter(State::Ready);
+            }
             State::Running if self.hold && self.at_rest() => self.enter(State::Held),
             State::Running if self.sample.state == SampleState::Finished => {
                 self.end_program();
@@ -473,6 +521,7 @@ impl<B: Fieldbus> Control<B> {
             | State::Enabling
             | State::Ready
             | State::Homing
+            | State::Jogging
             | State::Running
             | State::Held
             | State::Stopping
@@ -481,6 +530,12 @@ impl<B: Fieldbus> Control<B> {
             | State::ShuttingDown
             | State::Down => {}
         }
+    }
+
+    /// Joints that are homed (bit n: joint n).
+    fn homed(&self) -> u64 {
+        let joints = self.parts.drives.iter().enumerate();
+        joints.fold(0, |mask, (joint, drive)| mask | u64::from(drive.is_homed()) << joint)
     }
 
     fn drives_off(&self) -> bool {
@@ -500,7 +555,8 @@ impl<B: Fieldbus> Control<B> {
     }
 
     fn at_rest(&self) -> bool {
-        self.program.as_ref().is_none_or(|program| program.is_at_rest())
+        let hand = &self.parts.hand;
+        self.program.as_ref().is_none_or(|program| program.is_at_rest()) && (!hand.is_active() || hand.is_at_rest())
     }
 
     fn end_program(&mut self) {
@@ -544,13 +600,24 @@ impl<B: Fieldbus> Control<B> {
                 });
             }
         } else {
-            // Without a program each joint stays where it was told to be.
-            for (command_mm, drive) in self.command_mm.iter_mut().zip(self.parts.drives.iter()) {
-                *command_mm = drive.command_mm();
+            let by_hand = self.parts.hand.is_active();
+            if by_hand {
+                if self.parts.pins.feed_scale() == 0.0 {
+                    self.parts.hand.release_all();
+                }
+                self.parts.hand.step(&mut self.command_mm[..self.joints]);
+            } else {
+                // Each joint stays where it was told to be.
+                for (command_mm, drive) in self.command_mm.iter_mut().zip(self.parts.drives.iter()) {
+                    *command_mm = drive.command_mm();
+                }
             }
             let joints = &self.command_mm[..self.joints];
             let position = self.parts.kinematics.forward(&ToolFrame::OFF, joints);
             self.sample = Sample::resting(position.unwrap_or(self.sample.position));
+            if by_hand {
+                self.sample.velocity_mm_s = self.parts.hand.speed_mm_s();
+            }
         }
         if let Some(action) = self.waiting
             && self.parts.pins.action_done(action)
@@ -571,11 +638,14 @@ impl<B: Fieldbus> Control<B> {
 
     /// The last look at what leaves for the drives: numbers, inside the travel, within the limits.
     fn check_commands(&mut self) {
-        let Some(program) = &self.program else {
-            self.parts.monitor.restart();
-            return;
+        let scaling = match &self.program {
+            Some(program) => program.is_scaling(),
+            None if self.parts.hand.is_active() => self.parts.hand.is_stopping(),
+            None => {
+                self.parts.monitor.restart();
+                return;
+            }
         };
-        let scaling = program.is_scaling();
         if let Some(trip) = self.parts.monitor.see(&self.command_mm[..self.joints], scaling) {
             self.fault(match trip {
                 Trip::NotFinite { joint } => Fault::IllegalCommand { joint },
@@ -623,6 +693,7 @@ impl<B: Fieldbus> Control<B> {
             state: self.state,
             orders_taken: self.orders_taken,
             cycles: self.cycle,
+            homed: self.homed(),
             line: self.sample.line,
             velocity_mm_s: self.sample.velocity_mm_s,
             position: self.sample.position,

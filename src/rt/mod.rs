@@ -6,6 +6,7 @@ pub mod cycle;
 pub mod diagnosis;
 pub mod drives;
 pub mod figures;
+pub mod hand;
 pub mod jitter;
 pub mod pins;
 pub mod probe;

@@ -3,6 +3,7 @@
 //! In:  orders and programs, through a ring.
 //! Out: [`Live`] (latest values), [`Notice`]s and [`Trace`] records, through rings that nobody in real time waits for.
 
+use super::hand::JogOrder;
 use crate::bus::BusEvent;
 use crate::machine::faults::Fault;
 use crate::machine::state::State;
@@ -18,6 +19,8 @@ pub enum Command {
     Enable,
     /// Home the joints of this set (bit n: joint n).
     Home(u64),
+    /// Move a joint by hand; only homed joints of a machine that is ready or jogging.
+    Jog(JogOrder),
     /// Run what the ring behind this interpolator brings.
     Start(Box<Interpolator>),
     /// Come to rest on the path, keep the program.
@@ -86,6 +89,7 @@ pub struct Live {
     state: AtomicU8,
     orders_taken: AtomicU64,
     cycles: AtomicU64,
+    homed: AtomicU64,
     line: AtomicU32,
     velocity_mm_s: AtomicU64,
     position: [AtomicU64; AXES],
@@ -103,6 +107,7 @@ impl Default for Live {
             state: AtomicU8::new(State::Booting as u8),
             orders_taken: AtomicU64::new(0),
             cycles: AtomicU64::new(0),
+            homed: AtomicU64::new(0),
             line: AtomicU32::new(0),
             velocity_mm_s: AtomicU64::new(0),
             position: [const { AtomicU64::new(0) }; AXES],
@@ -124,6 +129,8 @@ pub struct Snapshot {
     pub orders_taken: u64,
     /// Cycles so far.
     pub cycles: u64,
+    /// Joints that are homed (bit n: joint n).
+    pub homed: u64,
     /// Line of the program.
     pub line: u32,
     /// Speed on the path, mm/s.
@@ -155,6 +162,7 @@ impl Live {
     /// Shows new values. RT.
     pub fn show(&self, snapshot: &Snapshot) {
         self.cycles.store(snapshot.cycles, Relaxed);
+        self.homed.store(snapshot.homed, Relaxed);
         self.line.store(snapshot.line, Relaxed);
         self.velocity_mm_s.store(snapshot.velocity_mm_s.to_bits(), Relaxed);
         for (cell, value) in self.position.iter().zip(snapshot.position.0) {
@@ -178,6 +186,7 @@ impl Live {
             orders_taken,
             state: State::from_u8(self.state.load(Relaxed)).unwrap_or(State::Down),
             cycles: self.cycles.load(Relaxed),
+            homed: self.homed.load(Relaxed),
             line: self.line.load(Relaxed),
             velocity_mm_s: float(&self.velocity_mm_s),
             position: Position(std::array::from_fn(|axis| float(&self.position[axis]))),

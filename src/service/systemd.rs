@@ -135,6 +135,7 @@ fn is_up(state: State) -> bool {
         | State::Enabling
         | State::Ready
         | State::Homing
+        | State::Jogging
         | State::Running
         | State::Held
         | State::Stopping

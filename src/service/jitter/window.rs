@@ -88,6 +88,7 @@ impl<'a> Window<'a> {
             | State::Disabled
             | State::Enabling
             | State::Homing
+            | State::Jogging
             | State::Stopping
             | State::Disabling
             | State::Faulted

@@ -1,0 +1,249 @@
+//! Joints moved by hand: jog orders to positions, with a dead-man's switch.
+//!
+//! In:  orders for one joint each; a sign of life while the hand is on the key.
+//! Out: commanded joint positions, mm.
+//!
+//! An order holds for [`HOLDS_S`]; whoever gave it renews it before that. A client that is lost, slow or killed is therefore
+//! a key let go: the joint comes to rest within its limits. A renewal never begins a motion, so that what was held or stopped
+//! stays at rest until it is ordered anew.
+//!
+//! The joints of an axis move together: the first one leads, the others keep their distance from it.
+//!
+//! RT: nothing allocates but [`Hand::new`].
+
+use crate::config::{Config, JOINTS_MAX};
+use motion::rt::jog::{Jog, JogLimits};
+use motion::rt::{MotionLimits, StopLimits};
+
+/// How long an order holds without a renewal, s.
+pub const HOLDS_S: f64 = 0.2;
+
+/// What a joint shall do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum JogMotion {
+    /// Run at this velocity, mm/s, as far as the soft limit.
+    Run {
+        /// Velocity; its sign is the direction.
+        velocity_mm_s: f64,
+    },
+    /// Move by a distance; distances add up.
+    Advance {
+        /// Distance; its sign is the direction.
+        distance_mm: f64,
+        /// Greatest speed.
+        velocity_mm_s: f64,
+    },
+    /// Go on with what was ordered: the hand is still on the key.
+    Keep,
+    /// Come to rest.
+    Release,
+}
+
+/// An order for one joint and those that move with it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JogOrder {
+    /// Number of the joint.
+    pub joint: usize,
+    /// What it shall do.
+    pub motion: JogMotion,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Joint {
+    /// The joint that it keeps its distance from; itself if it leads.
+    leader: usize,
+    travel_mm: [f64; 2],
+    /// Where it stood when jogging began.
+    start_mm: f64,
+    /// Cycles for which the last order still holds.
+    holds: u64,
+}
+
+/// The operator's hand on the joints.
+#[derive(Debug)]
+pub struct Hand {
+    jog: Jog,
+    joints: Box<[Joint]>,
+    holds: u64,
+    active: bool,
+}
+
+impl Hand {
+    /// Off all joints.
+    pub fn new(config: &Config) -> Hand {
+        let cycle_s = f64::from(config.cycle_us) * 1e-6;
+        let leader = |joint| {
+            let map = config.axes.iter().find(|map| map.joints.contains(&joint));
+            map.and_then(|map| map.joints.first().copied()).unwrap_or(joint)
+        };
+        let limits: Box<[JogLimits]> = (0..config.joints.len()).map(|joint| limits(config, joint)).collect();
+        let joints = config.joints.iter().enumerate().map(|(number, joint)| Joint {
+            leader: leader(number),
+            travel_mm: joint.travel_mm,
+            start_mm: 0.0,
+            holds: 0,
+        });
+        Hand {
+            jog: Jog::new(&limits, cycle_s),
+            joints: joints.collect(),
+            holds: (HOLDS_S / cycle_s).round() as u64,
+            active: false,
+        }
+    }
+
+    /// Begins with all joints at rest at `positions_mm`.
+    pub fn begin(&mut self, positions_mm: &[f64]) {
+        self.active = true;
+        self.jog.rest_at(positions_mm);
+        for (joint, &position_mm) in self.joints.iter_mut().zip(positions_mm) {
+            joint.start_mm = position_mm;
+            joint.holds = 0;
+        }
+        for number in 0..self.joints.len() {
+            if self.joints[number].leader == number {
+                self.jog.set_range(number, self.range_mm(number));
+            }
+        }
+    }
+
+    /// Where a leading joint may go so that those that follow keep their soft limits, too.
+    fn range_mm(&self, leader: usize) -> [f64; 2] {
+        let mut range_mm = [f64::NEG_INFINITY, f64::INFINITY];
+        let start_mm = self.joints[leader].start_mm;
+        for joint in self.joints.iter().filter(|joint| joint.leader == leader) {
+            let ahead_mm = joint.start_mm - start_mm;
+            range_mm[0] = range_mm[0].max(joint.travel_mm[0] - ahead_mm);
+            range_mm[1] = range_mm[1].min(joint.travel_mm[1] - ahead_mm);
+        }
+        range_mm
+    }
+
+    /// Carries out an order.
+    pub fn obey(&mut self, order: &JogOrder) {
+        let Some(joint) = self.joints.get(order.joint) else {
+            return;
+        };
+        let leader = joint.leader;
+        match order.motion {
+            JogMotion::Run { velocity_mm_s } => {
+                self.jog.run(leader, velocity_mm_s);
+                self.joints[leader].holds = self.holds;
+            }
+            JogMotion::Advance {
+                distance_mm,
+                velocity_mm_s,
+            } => {
+                self.jog.advance(leader, distance_mm, velocity_mm_s);
+                self.joints[leader].holds = self.holds;
+            }
+            JogMotion::Keep if self.joints[leader].holds > 0 => self.joints[leader].holds = self.holds,
+            JogMotion::Keep => {}
+            JogMotion::Release => self.release(leader),
+        }
+    }
+
+    /// Joints that move with this one, itself included (bit n: joint n); 0: there is no such joint.
+    pub fn moved_with(&self, joint: usize) -> u64 {
+        let Some(leader) = self.joints.get(joint).map(|joint| joint.leader) else {
+            return 0;
+        };
+        let together = self
+            .joints
+            .iter()
+            .enumerate()
+            .filter(|(_, joint)| joint.leader == leader);
+        together.fold(0, |mask, (number, _)| mask | 1 << number)
+    }
+
+    fn release(&mut self, leader: usize) {
+        self.joints[leader].holds = 0;
+        self.jog.release(leader);
+    }
+
+    /// Lets all joints come to rest.
+    pub fn release_all(&mut self) {
+        for joint in &mut self.joints {
+            joint.holds = 0;
+        }
+        self.jog.release_all();
+    }
+
+    /// Brings all joints to rest as quickly as their stop limits allow.
+    pub fn stop(&mut self) {
+        for joint in &mut self.joints {
+            joint.holds = 0;
+        }
+        self.jog.stop_all();
+    }
+
+    /// Takes the hand off.
+    pub fn end(&mut self) {
+        self.active = false;
+    }
+
+    /// One cycle further: positions of all joints, mm.
+    pub fn step(&mut self, command_mm: &mut [f64]) {
+        for number in 0..self.joints.len() {
+            match self.joints[number].holds {
+                0 => {}
+                1 => self.release(number),
+                holds => self.joints[number].holds = holds - 1,
+            }
+        }
+        let mut positions_mm = [0.0; JOINTS_MAX];
+        self.jog.step(&mut positions_mm);
+        for (joint, command_mm) in self.joints.iter().zip(command_mm) {
+            // The distance first, so that a leader has none and ends exactly where it is told to.
+            let ahead_mm = joint.start_mm - self.joints[joint.leader].start_mm;
+            *command_mm = positions_mm[joint.leader] + ahead_mm;
+        }
+    }
+
+    /// Whether the hand is on some joint.
+    pub fn is_active(&self) -> bool {
+        self.active
+    }
+
+    /// Whether all joints rest and no order holds any more.
+    pub fn is_over(&self) -> bool {
+        self.jog.is_at_rest() && self.joints.iter().all(|joint| joint.holds == 0)
+    }
+
+    /// Whether all joints rest.
+    pub fn is_at_rest(&self) -> bool {
+        self.jog.is_at_rest()
+    }
+
+    /// Whether the last cycle was part of a stop, for which the limits of stops count.
+    pub fn is_stopping(&self) -> bool {
+        self.jog.is_stopping()
+    }
+
+    /// Greatest speed of all joints, mm/s.
+    pub fn speed_mm_s(&self) -> f64 {
+        let speeds = (0..self.joints.len()).filter_map(|joint| self.jog.state(joint));
+        speeds.fold(0.0, |most, state| most.max(state.velocity.abs()))
+    }
+}
+
+/// What the joints of an axis can do together; soft limits are set when jogging begins.
+fn limits(config: &Config, joint: usize) -> JogLimits {
+    let map = config.axes.iter().find(|map| map.joints.contains(&joint));
+    let together = map.map_or(std::slice::from_ref(&joint), |map| &map.joints);
+    let least = |value: fn(&crate::config::Joint) -> f64| {
+        let values = together.iter().map(|&joint| value(&config.joints[joint]));
+        values.fold(f64::INFINITY, f64::min)
+    };
+    JogLimits {
+        motion: MotionLimits {
+            velocity: least(|joint| joint.limits.velocity_mm_s),
+            acceleration: least(|joint| joint.limits.acceleration_mm_s2),
+            jerk: least(|joint| joint.limits.jerk_mm_s3),
+        },
+        stop: StopLimits {
+            acceleration: least(|joint| joint.stop.acceleration_mm_s2),
+            jerk: least(|joint| joint.stop.jerk_mm_s3),
+        },
+        range: config.joints[joint].travel_mm,
+    }
+}
