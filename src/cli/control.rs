@@ -1,4 +1,4 @@
-//! `isocnc status`, `program run`, `hold`, `resume`, `stop`, `alarm acknowledge`: clients of a running control.
+//! `isocnc status`, `program run`, `enable`, `home`, `hold`, `resume`, `stop`, `alarm acknowledge`: clients of a running control.
 //!
 //! In:  the control socket of a machine, or of the only one that runs.
 //! Out: a few lines or one JSON value. Exit code 1: the control refuses, or none runs.
@@ -15,7 +15,7 @@ use std::process::ExitCode;
 pub struct ControlArgs {
     /// Control of this machine; without it the only one that runs
     #[arg(long, global = true, value_name = "NAME")]
-    machine: Option<String>,
+    pub(super) machine: Option<String>,
     /// Print JSON
     #[arg(long, global = true)]
     json: bool,
@@ -57,6 +57,10 @@ enum AlarmCommand {
 /// An order without parameters.
 #[derive(Clone, Copy, Debug)]
 pub enum Order {
+    /// Switches drives on.
+    Enable,
+    /// Homes all joints.
+    Home,
     /// Comes to rest on the path, keeps the program.
     Hold,
     /// Goes on after a hold.
@@ -81,6 +85,8 @@ pub fn status(args: &ControlArgs) -> anyhow::Result<ExitCode> {
 /// No control answers, or it refuses.
 pub fn order(args: &ControlArgs, order: Order) -> anyhow::Result<ExitCode> {
     let (method, done) = match order {
+        Order::Enable => ("enable", "drives go on and nothing moves; off again with: isocnc stop"),
+        Order::Home => ("home", "homes; drives stay on then, off again with: isocnc stop"),
         Order::Hold => ("hold", "comes to rest on the path; go on with: isocnc resume"),
         Order::Resume => ("resume", "goes on"),
         Order::Stop => ("stop", "comes to rest on the path, then drives go off"),
@@ -125,7 +131,7 @@ fn call(args: &ControlArgs, method: &str, params: Value) -> anyhow::Result<Value
     Ok(client.call(method, params)?)
 }
 
-fn print(args: &ControlArgs, value: &Value, words: &str) {
+pub(super) fn print(args: &ControlArgs, value: &Value, words: &str) {
     crate::service::progress::say(&match args.json {
         true => format!("{value}\n"),
         false => format!("{words}\n"),

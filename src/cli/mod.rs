@@ -8,6 +8,7 @@ pub mod doctor;
 pub mod hal;
 pub mod interpret;
 pub mod jitter;
+pub mod jog;
 pub mod plan;
 pub mod run;
 pub mod simulate;
@@ -35,6 +36,12 @@ enum Command {
     Status(control::ControlArgs),
     /// Run a program on a control that stands by.
     Program(control::ProgramArgs),
+    /// Switch the drives of a control that stands by on, to home and jog by hand; `stop` switches them off.
+    Enable(control::ControlArgs),
+    /// Home all joints; drives are switched on first and stay on.
+    Home(control::ControlArgs),
+    /// Move an axis or a joint by hand.
+    Jog(jog::JogArgs),
     /// Bring the program of a running control to rest on its path, and keep it.
     Hold(control::ControlArgs),
     /// Go on after a hold.
@@ -68,6 +75,9 @@ pub fn main() -> ExitCode {
         Command::Doctor(args) => doctor::doctor(args),
         Command::Status(args) => control::status(args),
         Command::Program(args) => control::program(args),
+        Command::Enable(args) => control::order(args, control::Order::Enable),
+        Command::Home(args) => control::order(args, control::Order::Home),
+        Command::Jog(args) => jog::jog(args),
         Command::Hold(args) => control::order(args, control::Order::Hold),
         Command::Resume(args) => control::order(args, control::Order::Resume),
         Command::Stop(args) => control::order(args, control::Order::Stop),

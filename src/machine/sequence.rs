@@ -48,6 +48,8 @@ pub enum Step {
     Enable,
     /// Joints home, one group after the other.
     Home,
+    /// Drives on, the machine in the hands of the operator: jogging, homing.
+    SetUp,
     /// The program.
     Program,
     /// To rest on the path.
@@ -68,7 +70,7 @@ impl Step {
             Step::Network => 15 * SECOND,
             Step::Enable => 10 * SECOND,
             Step::Home => 120 * SECOND,
-            Step::StandBy | Step::Program | Step::Done => u64::MAX,
+            Step::StandBy | Step::SetUp | Step::Program | Step::Done => u64::MAX,
             Step::Stop => 10 * SECOND,
             Step::Disable => 5 * SECOND,
             Step::ShutDown => 3 * SECOND,
@@ -82,6 +84,7 @@ impl Step {
             Step::StandBy => "standing by",
             Step::Enable => "switching drives on",
             Step::Home => "homing",
+            Step::SetUp => "set-up",
             Step::Program => "program",
             Step::Stop => "stop",
             Step::Disable => "switching drives off",
@@ -105,6 +108,8 @@ pub struct Sequence {
     repeats: bool,
     /// Behind a program the network stays up and the next one is waited for.
     stands_by: bool,
+    /// Drives go on for the operator's hands, not for a program; and how the last program ended.
+    by_hand: Option<Outcome>,
     outcome: Outcome,
 }
 
@@ -119,6 +124,7 @@ impl Sequence {
             ordered: false,
             repeats: false,
             stands_by: false,
+            by_hand: None,
             outcome: Outcome::Completed,
         }
     }
@@ -145,6 +151,27 @@ impl Sequence {
             self.homing.clone_from(&self.groups);
             self.outcome = Outcome::Completed;
             self.enter(Step::Enable, now_ns);
+        }
+    }
+
+    /// Switches drives on for set-up by hand, homed or as they are; only while standing by. Ends with [`Sequence::stop`].
+    pub fn set_up(&mut self, now_ns: u64, home: bool) {
+        if self.step == Step::StandBy {
+            self.by_hand = Some(self.outcome);
+            self.homing.clear();
+            if home {
+                self.homing.clone_from(&self.groups);
+            }
+            self.outcome = Outcome::Completed;
+            self.enter(Step::Enable, now_ns);
+        }
+    }
+
+    /// Homes all joints during set-up.
+    pub fn home(&mut self, now_ns: u64) {
+        if self.step == Step::SetUp {
+            self.homing.clone_from(&self.groups);
+            self.enter(Step::Home, now_ns);
         }
     }
 
@@ -175,7 +202,7 @@ impl Sequence {
     /// The operator wants an end of the program. May be called again and again.
     pub fn stop(&mut self, now_ns: u64) {
         match self.step {
-            Step::Home | Step::Program => {
+            Step::Home | Step::SetUp | Step::Program => {
                 self.outcome = Outcome::Stopped;
                 self.enter(Step::Stop, now_ns);
             }
@@ -206,7 +233,7 @@ impl Sequence {
                 self.outcome = Outcome::TimedOut(self.step);
             }
             let next = match self.step {
-                Step::Network | Step::Enable | Step::Home | Step::Program | Step::Stop => Step::Disable,
+                Step::Network | Step::Enable | Step::Home | Step::SetUp | Step::Program | Step::Stop => Step::Disable,
                 Step::StandBy => Step::StandBy,
                 Step::Disable => self.behind_program(),
                 Step::ShutDown | Step::Done => Step::Done,
@@ -232,13 +259,14 @@ impl Sequence {
             _ => {}
         }
         if self.step == Step::Home && self.homing.is_empty() {
-            self.enter(Step::Program, now_ns);
+            let next = self.by_hand.map_or(Step::Program, |_| Step::SetUp);
+            self.enter(next, now_ns);
         }
         if self.ordered {
             return None;
         }
         let order = match self.step {
-            Step::Network | Step::StandBy | Step::Done => return None,
+            Step::Network | Step::StandBy | Step::SetUp | Step::Done => return None,
             Step::Enable => Order::Enable,
             Step::Home => Order::Home(*self.homing.last()?),
             Step::Program => Order::Start,
@@ -258,6 +286,12 @@ impl Sequence {
     }
 
     fn enter(&mut self, step: Step, now_ns: u64) {
+        if step == Step::StandBy
+            && let Some(before) = self.by_hand.take()
+        {
+            // Set-up is no program: what is told of the last one stands.
+            self.outcome = before;
+        }
         self.step = step;
         self.step_since_ns = now_ns;
         self.ordered = false;
@@ -433,5 +467,30 @@ mod tests {
         sequence.poll(SECOND, State::Disabled, false);
         sequence.poll(SECOND, State::Down, false);
         assert_eq!(sequence.outcome(), Some(Outcome::Stopped));
+    }
+
+    #[test]
+    fn set_up_ends_with_drives_off_and_is_no_program() {
+        let mut sequence = Sequence::new(0, &[0b1]).standing_by();
+        sequence.home(SECOND);
+        assert_eq!(sequence.step(), Step::StandBy, "drives are off");
+        sequence.set_up(SECOND, false);
+        assert_eq!(sequence.poll(SECOND, State::Disabled, false), Some(Order::Enable));
+        // Without homing, straight to the hands.
+        assert_eq!(sequence.poll(SECOND, State::Ready, false), None);
+        assert_eq!(sequence.step(), Step::SetUp);
+        assert_eq!(sequence.poll(1000 * SECOND, State::Jogging, false), None);
+        sequence.home(1000 * SECOND);
+        assert_eq!(sequence.poll(1000 * SECOND, State::Ready, false), Some(Order::Home(1)));
+        assert_eq!(sequence.poll(1000 * SECOND, State::Ready, false), None);
+        assert_eq!(sequence.step(), Step::SetUp);
+        sequence.stop(1001 * SECOND);
+        assert_eq!(sequence.poll(1001 * SECOND, State::Jogging, false), Some(Order::Stop));
+        assert_eq!(sequence.poll(1001 * SECOND, State::Ready, false), Some(Order::Disable));
+        sequence.poll(1001 * SECOND, State::Disabled, false);
+        assert_eq!(
+            (sequence.step(), sequence.program_outcome()),
+            (Step::StandBy, Some(Outcome::Completed))
+        );
     }
 }

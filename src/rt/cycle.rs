@@ -463,9 +463,9 @@ impl<B: Fieldbus> Control<B> {
         self.enter(State::Running);
     }
 
-    /// Moves a joint by hand, if it and those that move with it know where they are, and no hold is asked for.
+    /// Moves joints by hand, if they and those that move with them know where they are, and no hold is asked for.
     fn jog(&mut self, order: &JogOrder) {
-        let together = self.parts.hand.moved_with(order.joint);
+        let together = self.parts.hand.moved_with(order.joints);
         let mut drives = self.parts.drives.iter().enumerate();
         let homed = drives.all(|(joint, drive)| together >> joint & 1 == 0 || drive.is_homed());
         let held = self.parts.pins.feed_scale() == 0.0;

@@ -39,12 +39,12 @@ pub enum JogMotion {
     Release,
 }
 
-/// An order for one joint and those that move with it.
+/// An order for joints and those that move with them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JogOrder {
-    /// Number of the joint.
-    pub joint: usize,
-    /// What it shall do.
+    /// Which joints (bit n: joint n).
+    pub joints: u64,
+    /// What each of them shall do.
     pub motion: JogMotion,
 }
 
@@ -120,11 +120,15 @@ impl Hand {
 
     /// Carries out an order.
     pub fn obey(&mut self, order: &JogOrder) {
-        let Some(joint) = self.joints.get(order.joint) else {
-            return;
-        };
-        let leader = joint.leader;
-        match order.motion {
+        for leader in 0..self.joints.len() {
+            if self.joints[leader].leader == leader && self.together(leader) & order.joints != 0 {
+                self.lead(leader, order.motion);
+            }
+        }
+    }
+
+    fn lead(&mut self, leader: usize, motion: JogMotion) {
+        match motion {
             JogMotion::Run { velocity_mm_s } => {
                 self.jog.run(leader, velocity_mm_s);
                 self.joints[leader].holds = self.holds;
@@ -142,17 +146,22 @@ impl Hand {
         }
     }
 
-    /// Joints that move with this one, itself included (bit n: joint n); 0: there is no such joint.
-    pub fn moved_with(&self, joint: usize) -> u64 {
-        let Some(leader) = self.joints.get(joint).map(|joint| joint.leader) else {
-            return 0;
-        };
-        let together = self
+    /// These joints and all that move with them (bit n: joint n).
+    pub fn moved_with(&self, joints: u64) -> u64 {
+        let named = self
             .joints
             .iter()
             .enumerate()
-            .filter(|(_, joint)| joint.leader == leader);
-        together.fold(0, |mask, (number, _)| mask | 1 << number)
+            .filter(|(number, _)| joints >> number & 1 == 1);
+        named.fold(0, |mask, (_, joint)| mask | self.together(joint.leader))
+    }
+
+    /// A leading joint and those that follow it (bit n: joint n).
+    fn together(&self, leader: usize) -> u64 {
+        let joints = self.joints.iter().enumerate();
+        joints.fold(0, |mask, (number, joint)| {
+            mask | u64::from(joint.leader == leader) << number
+        })
     }
 
     fn release(&mut self, leader: usize) {

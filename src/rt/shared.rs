@@ -19,7 +19,7 @@ pub enum Command {
     Enable,
     /// Home the joints of this set (bit n: joint n).
     Home(u64),
-    /// Move a joint by hand; only homed joints of a machine that is ready or jogging.
+    /// Move joints by hand; only homed joints of a machine that is ready or jogging.
     Jog(JogOrder),
     /// Run what the ring behind this interpolator brings.
     Start(Box<Interpolator>),

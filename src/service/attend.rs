@@ -156,7 +156,7 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
         match running.operator.step() {
             // What is left of it to come to rest on is in the ring already.
             Step::StandBy | Step::Disable | Step::ShutDown | Step::Done => self.given_up.store(true, Ordering::Release),
-            Step::Network | Step::Enable | Step::Home | Step::Program | Step::Stop => {}
+            Step::Network | Step::Enable | Step::Home | Step::SetUp | Step::Program | Step::Stop => {}
         }
         if let Wish::PlanFrom(position) = running.operator.poll(now_ns) {
             // Of a program that is repeated, all was in the ring long since.
@@ -189,7 +189,7 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
             cycles: live.cycles,
             alarm: operator.alarm().map(|alarm| alarm.cause.as_str()),
             program: match operator.step() {
-                Step::StandBy => None,
+                Step::StandBy | Step::SetUp => None,
                 _ => self.program_name(),
             },
             stands_by: operator.step() == Step::StandBy,

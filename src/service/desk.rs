@@ -6,6 +6,8 @@
 
 use super::control::rpc::RpcError;
 use super::control::server::Ticket;
+use crate::rt::hand::JogMotion;
+use motion::canon::Axis;
 use serde::Serialize;
 use serde_json::Value;
 use std::path::PathBuf;
@@ -16,10 +18,16 @@ use std::sync::{Arc, Mutex, PoisonError};
 const ORDERS: usize = 16;
 
 /// What a client wants.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Order {
     /// Switch drives on, home, run a program, switch them off again.
     Run(Source),
+    /// Switch drives on, to jog and home by hand.
+    Enable,
+    /// Home all joints; drives are switched on first if they are off, and stay on.
+    Home,
+    /// Move joints by hand.
+    Jog(Jog),
     /// Come to rest on the path, keep the program.
     Hold,
     /// Go on after a hold.
@@ -30,6 +38,24 @@ pub enum Order {
     Acknowledge,
     /// Whoever gave the order of this ticket has gone: what has not begun shall not begin. Has no answer.
     Withdraw,
+}
+
+/// What to move by hand, and how.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Jog {
+    /// What is to move; `None`: whatever moves, for [`JogMotion::Keep`] and [`JogMotion::Release`].
+    pub what: Option<Jogged>,
+    /// How.
+    pub motion: JogMotion,
+}
+
+/// What can be moved by hand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Jogged {
+    /// All joints of an axis.
+    Axis(Axis),
+    /// One joint, and those that cannot but move with it.
+    Joint(usize),
 }
 
 /// Where a program comes from.

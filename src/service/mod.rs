@@ -2,6 +2,7 @@
 
 pub mod analyser;
 pub mod attend;
+mod by_hand;
 pub mod control;
 pub mod desk;
 pub mod jitter;

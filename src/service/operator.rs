@@ -145,6 +145,25 @@ impl Operator {
         free
     }
 
+    /// Switches drives on for set-up by hand while standing by, and homes them if wanted. False: the machine is not ready.
+    pub fn set_up(&mut self, now_ns: u64, home: bool) -> bool {
+        let free = self.sequence.step() == Step::StandBy && self.live().state == State::Disabled;
+        if free {
+            self.alarms_over = self.alarms.len();
+            self.sequence.set_up(now_ns, home);
+        }
+        free
+    }
+
+    /// Homes all joints during set-up. False: the machine is not ready.
+    pub fn home(&mut self, now_ns: u64) -> bool {
+        let free = self.sequence.step() == Step::SetUp && self.live().state == State::Ready;
+        if free {
+            self.sequence.home(now_ns);
+        }
+        free
+    }
+
     /// Allows motion again after a fault.
     pub fn acknowledge(&mut self) {
         self.alarms_over = self.alarms.len();

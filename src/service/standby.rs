@@ -8,6 +8,7 @@
 //! also behind a program that was stopped or that failed. A fault waits for an acknowledge and lets no program begin before.
 
 use super::attend::{Attendant, Running};
+use super::by_hand;
 use super::control::rpc::{RpcError, code};
 use super::control::server::Ticket;
 use super::desk::{Desk, Order, Shown, ShownProgram, Source};
@@ -100,6 +101,15 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                     continue;
                 }
                 Order::Stop if self.give_up_check() => Ok(()),
+                Order::Jog(jog) => by_hand::jog(&jog, self.config, operator),
+                Order::Enable => self
+                    .may_begin(operator)
+                    .and_then(|()| by_hand::enable(operator, now_ns)),
+                // During set-up it is the machine that decides.
+                Order::Home if operator.step() != Step::SetUp => {
+                    self.may_begin(operator).and_then(|()| by_hand::home(operator, now_ns))
+                }
+                Order::Home => by_hand::home(operator, now_ns),
                 Order::Hold | Order::Resume | Order::Stop | Order::Acknowledge => obey(&order, operator, now_ns),
             };
             let done = done
@@ -238,8 +248,10 @@ fn obey(order: &Order, operator: &mut Operator, now_ns: u64) -> Result<(), Strin
     let state = operator.live().state;
     let refused = |wanted: &str| Err(format!("{wanted}; the machine is {}", state.name()));
     match order {
-        Order::Run(_) | Order::Withdraw => refused("this is done elsewhere"),
-        Order::Hold if state == State::Running => {
+        Order::Run(_) | Order::Withdraw | Order::Enable | Order::Home | Order::Jog(_) => {
+            refused("this is done elsewhere")
+        }
+        Order::Hold if matches!(state, State::Running | State::Jogging) => {
             operator.give(Command::Hold);
             Ok(())
         }
@@ -251,7 +263,7 @@ fn obey(order: &Order, operator: &mut Operator, now_ns: u64) -> Result<(), Strin
         }
         Order::Resume => refused("nothing is held"),
         Order::Stop => match operator.step() {
-            Step::Enable | Step::Home | Step::Program | Step::Stop => {
+            Step::Enable | Step::Home | Step::SetUp | Step::Program | Step::Stop => {
                 operator.stop(now_ns);
                 Ok(())
             }

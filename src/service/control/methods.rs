@@ -8,10 +8,13 @@
 use super::rpc::{Params, Request, RpcError, code, from_hex, to_hex};
 use super::server::{Serve, Ticket};
 use crate::bus::SDO_VALUE_MAX;
+use crate::config::JOINTS_MAX;
 use crate::rt::diagnosis::{Inlet, Record, SdoOrder};
+use crate::rt::hand::JogMotion;
 use crate::rt::shared::Live;
-use crate::service::desk::{Counter, Order, Source};
+use crate::service::desk::{Counter, Jog, Jogged, Order, Source};
 use crate::service::network_view::{NetworkLive, NetworkView, NodeLive};
+use motion::canon::Axis;
 use powerlink::mn::{Counters, Diagnosis, NetworkDiagnosis, SdoCommand, SdoError};
 use powerlink::sdo::ClientError;
 use serde_json::{Value, json};
@@ -32,7 +35,7 @@ pub struct Method {
 type Answer = Option<Result<Value, RpcError>>;
 
 /// All methods.
-pub const METHODS: [Method; 10] = [
+pub const METHODS: &[Method] = &[
     Method {
         name: "methods",
         params: &[],
@@ -74,9 +77,43 @@ pub const METHODS: [Method; 10] = [
         },
     },
     Method {
+        name: "enable",
+        params: &[],
+        does: "switches drives on, to home and jog by hand; moves nothing; only while standing by. \"stop\" switches them off",
+        call: |methods, _, ticket| methods.order(ticket, Order::Enable),
+    },
+    Method {
+        name: "home",
+        params: &[],
+        does: "homes all joints, Z first; switches drives on if they are off, and leaves them on",
+        call: |methods, _, ticket| methods.order(ticket, Order::Home),
+    },
+    Method {
+        name: "jog",
+        params: &["axis", "joint", "velocity_mm_s", "distance_mm"],
+        does: "moves an \"axis\" (letter) or a \"joint\" (number) by hand: at a velocity, whose sign is the direction, as far \
+               as the soft limit; or by \"distance_mm\", which adds up. Holds for 0.2 s: renew it with \"jog.keep\"",
+        call: |methods, params, ticket| match jog(params) {
+            Ok(jog) => methods.order(ticket, Order::Jog(jog)),
+            Err(error) => Some(Err(error)),
+        },
+    },
+    Method {
+        name: "jog.keep",
+        params: &["axis", "joint"],
+        does: "the hand is still on the key: what is being jogged goes on for another 0.2 s; begins nothing",
+        call: |methods, params, ticket| methods.jogging(params, ticket, JogMotion::Keep),
+    },
+    Method {
+        name: "jog.stop",
+        params: &["axis", "joint"],
+        does: "lets an axis, a joint or all that is being jogged come to rest",
+        call: |methods, params, ticket| methods.jogging(params, ticket, JogMotion::Release),
+    },
+    Method {
         name: "hold",
         params: &[],
-        does: "brings the program to rest on its path and keeps it",
+        does: "brings the program to rest on its path and keeps it; a jog is over",
         call: |methods, _, ticket| methods.order(ticket, Order::Hold),
     },
     Method {
@@ -88,7 +125,7 @@ pub const METHODS: [Method; 10] = [
     Method {
         name: "stop",
         params: &[],
-        does: "brings the program to rest on its path, gives it up and switches drives off",
+        does: "brings the machine to rest, a program on its path, gives it up and switches drives off",
         call: |methods, _, ticket| methods.order(ticket, Order::Stop),
     },
     Method {
@@ -98,6 +135,55 @@ pub const METHODS: [Method; 10] = [
         call: |methods, _, ticket| methods.order(ticket, Order::Acknowledge),
     },
 ];
+
+/// What "jog" is to do.
+fn jog(params: &Params) -> Result<Jog, RpcError> {
+    let invalid = |what: &str| Err(RpcError::new(code::INVALID_PARAMS, what));
+    let Some(what) = jogged(params)? else {
+        return invalid("expected \"axis\" or \"joint\"");
+    };
+    let velocity_mm_s = params.real("velocity_mm_s")?;
+    let motion = match (velocity_mm_s, params.real("distance_mm")?) {
+        (None, _) => return invalid("parameter \"velocity_mm_s\": expected a number, it is missing"),
+        (Some(0.0), _) => return invalid("parameter \"velocity_mm_s\": expected a velocity, got 0"),
+        (Some(velocity_mm_s), None) => JogMotion::Run { velocity_mm_s },
+        (Some(velocity_mm_s), Some(distance_mm)) => JogMotion::Advance {
+            distance_mm,
+            velocity_mm_s,
+        },
+    };
+    Ok(Jog {
+        what: Some(what),
+        motion,
+    })
+}
+
+/// The axis or joint of a jog, if one is given.
+fn jogged(params: &Params) -> Result<Option<Jogged>, RpcError> {
+    let invalid = |what: String| RpcError::new(code::INVALID_PARAMS, what);
+    let axis = match params.text("axis")? {
+        None => None,
+        Some(text) => {
+            let mut letters = text.chars();
+            let axis = letters.next().filter(|_| letters.as_str().is_empty());
+            let axis = axis.and_then(Axis::from_letter);
+            let wrong = || {
+                invalid(format!(
+                    "parameter \"axis\": expected one of X Y Z A B C U V W, got \"{text}\""
+                ))
+            };
+            Some(Jogged::Axis(axis.ok_or_else(wrong)?))
+        }
+    };
+    if !params.has("joint") {
+        return Ok(axis);
+    }
+    let joint = params.number("joint", 0, JOINTS_MAX as u64 - 1)? as usize;
+    match axis {
+        None => Ok(Some(Jogged::Joint(joint))),
+        Some(_) => Err(invalid("expected \"axis\" or \"joint\", not both".into())),
+    }
+}
 
 /// The program of "program.run".
 fn source(params: &Params) -> Result<Source, RpcError> {
@@ -168,6 +254,7 @@ impl Methods {
             "cycles": live.cycles,
             "cycles_skipped": live.cycles_skipped,
             "late_max_us": live.late_max_ns as f64 / 1e3,
+            "homed": (0..JOINTS_MAX).filter(|joint| live.homed >> joint & 1 == 1).collect::<Vec<_>>(),
             "line": live.line,
             "velocity_mm_s": live.velocity_mm_s,
             "position_mm": live.position.0,
@@ -181,6 +268,14 @@ impl Methods {
         match self.operator.put(ticket, order) {
             Ok(()) => None,
             Err(what) => Some(Err(RpcError::new(code::REFUSED, what))),
+        }
+    }
+
+    /// What concerns jogs under way: of one axis or joint, or all.
+    fn jogging(&mut self, params: &Params, ticket: Ticket, motion: JogMotion) -> Answer {
+        match jogged(params) {
+            Ok(what) => self.order(ticket, Order::Jog(Jog { what, motion })),
+            Err(error) => Some(Err(error)),
         }
     }
 

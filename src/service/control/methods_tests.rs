@@ -48,7 +48,7 @@ fn refusals_say_what_there_is() {
     assert_eq!(
         refusal(&mut methods, "bus.nodes", json!({})),
         "no method \"bus.nodes\"; there are methods, status, bus.network, bus.sdo_read, bus.sdo_write, \
-         program.run, hold, resume, stop, alarm.acknowledge"
+         program.run, enable, home, jog, jog.keep, jog.stop, hold, resume, stop, alarm.acknowledge"
     );
     assert_eq!(
         refusal(&mut methods, "status", json!({ "x": 1 })),
@@ -161,4 +161,54 @@ fn programs_come_by_path_or_as_text() {
     assert_eq!(methods.later(), Some((7, Ok(json!({})))));
     drop(desk);
     assert_eq!(refusal(&mut methods, "stop", json!({})), "the control is ending");
+}
+
+#[test]
+fn a_jog_says_what_how_fast_and_how_far() {
+    let read = |params: Value| {
+        let line = json!({ "jsonrpc": "2.0", "id": 1, "method": "jog", "params": params }).to_string();
+        jog(&rpc::parse(line.as_bytes()).unwrap().params).map_err(|error| error.message)
+    };
+    assert_eq!(
+        read(json!({ "axis": "x", "velocity_mm_s": -20 })),
+        Ok(Jog {
+            what: Some(Jogged::Axis(Axis::X)),
+            motion: JogMotion::Run { velocity_mm_s: -20.0 },
+        })
+    );
+    assert_eq!(
+        read(json!({ "joint": 2, "velocity_mm_s": 5.5, "distance_mm": -0.1 })),
+        Ok(Jog {
+            what: Some(Jogged::Joint(2)),
+            motion: JogMotion::Advance {
+                distance_mm: -0.1,
+                velocity_mm_s: 5.5,
+            },
+        })
+    );
+    for (params, why) in [
+        (json!({ "velocity_mm_s": 1 }), "expected \"axis\" or \"joint\""),
+        (
+            json!({ "axis": "X", "joint": 1, "velocity_mm_s": 1 }),
+            "expected \"axis\" or \"joint\", not both",
+        ),
+        (
+            json!({ "axis": "XY", "velocity_mm_s": 1 }),
+            "parameter \"axis\": expected one of X Y Z A B C U V W, got \"XY\"",
+        ),
+        (
+            json!({ "axis": "X" }),
+            "parameter \"velocity_mm_s\": expected a number, it is missing",
+        ),
+        (
+            json!({ "axis": "X", "velocity_mm_s": "fast" }),
+            "parameter \"velocity_mm_s\": expected a number, got \"fast\"",
+        ),
+        (
+            json!({ "axis": "X", "velocity_mm_s": 0 }),
+            "parameter \"velocity_mm_s\": expected a velocity, got 0",
+        ),
+    ] {
+        assert_eq!(read(params), Err(why.to_owned()));
+    }
 }

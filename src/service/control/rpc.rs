@@ -92,6 +92,22 @@ impl Params {
             .ok_or_else(|| invalid(format!("{}, got {value}", expected())))
     }
 
+    /// Whether a parameter is given.
+    pub fn has(&self, name: &str) -> bool {
+        self.0.contains_key(name)
+    }
+
+    /// A number, if it is given.
+    pub fn real(&self, name: &str) -> Result<Option<f64>, RpcError> {
+        let Some(value) = self.0.get(name) else {
+            return Ok(None);
+        };
+        let number = value.as_f64().filter(|number| number.is_finite());
+        number
+            .map(Some)
+            .ok_or_else(|| invalid(format!("parameter \"{name}\": expected a number, got {value}")))
+    }
+
     /// A text, if it is given.
     pub fn text(&self, name: &str) -> Result<Option<&str>, RpcError> {
         let Some(value) = self.0.get(name) else {

@@ -1,0 +1,100 @@
+//! The machine in the hands of the operator: drives on, homing, jogging; between stand-by and programs.
+//!
+//! In:  orders of clients, how the machine is.
+//! Out: orders to the cycle thread, or why not.
+//!
+//! A jog is refused here with words; the cycle thread looks at the same conditions again, in the cycle that begins it.
+
+use super::desk::{Jog, Jogged};
+use super::operator::Operator;
+use crate::config::Config;
+use crate::machine::sequence::Step;
+use crate::machine::state::State;
+use crate::rt::hand::{JogMotion, JogOrder};
+use crate::rt::shared::Command;
+
+/// Switches drives on; nothing moves.
+pub(super) fn enable(operator: &mut Operator, now_ns: u64) -> Result<(), String> {
+    match operator.set_up(now_ns, false) {
+        true => Ok(()),
+        false => Err(not_now(operator)),
+    }
+}
+
+/// Homes all joints.
+pub(super) fn home(operator: &mut Operator, now_ns: u64) -> Result<(), String> {
+    let begun = match operator.step() {
+        Step::SetUp => operator.home(now_ns),
+        _ => operator.set_up(now_ns, true),
+    };
+    match begun {
+        true => Ok(()),
+        false => Err(not_now(operator)),
+    }
+}
+
+/// Moves joints by hand.
+pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result<(), String> {
+    let live = operator.live();
+    match (operator.step(), live.state) {
+        (Step::SetUp, State::Ready | State::Jogging) => {}
+        (Step::StandBy, State::Disabled) => {
+            return Err("drives are off; home the machine first: isocnc home".into());
+        }
+        _ => return Err(not_now(operator)),
+    }
+    let joints = match jog.what {
+        Some(what) => joints(what, config)?,
+        // Those that do not move take no notice.
+        None => u64::MAX,
+    };
+    let begins = match jog.motion {
+        JogMotion::Run { .. } | JogMotion::Advance { .. } => true,
+        JogMotion::Keep | JogMotion::Release => false,
+    };
+    if begins && joints & !live.homed != 0 {
+        let joint = (joints & !live.homed).trailing_zeros();
+        return Err(format!("joint {joint} is not homed: isocnc home"));
+    }
+    if !begins && live.state != State::Jogging {
+        return Err("nothing is being jogged".into());
+    }
+    let motion = jog.motion;
+    operator.give(Command::Jog(JogOrder { joints, motion }));
+    Ok(())
+}
+
+/// The joints that something moves (bit n: joint n).
+fn joints(what: Jogged, config: &Config) -> Result<u64, String> {
+    let mask = |joints: &[usize]| joints.iter().fold(0, |mask, joint| mask | 1 << joint);
+    match what {
+        Jogged::Axis(axis) => match config.axes.iter().find(|map| map.axis == axis) {
+            Some(map) => Ok(mask(&map.joints)),
+            None => {
+                let axes: Vec<String> = config.axes.iter().map(|map| map.axis.letter().to_string()).collect();
+                let letter = axis.letter();
+                Err(format!(
+                    "the machine has no axis {letter}; axes are {}",
+                    axes.join(", ")
+                ))
+            }
+        },
+        Jogged::Joint(joint) if joint < config.joints.len() => {
+            let map = config.axes.iter().find(|map| map.joints.contains(&joint));
+            Ok(map.map_or(1 << joint, |map| mask(&map.joints)))
+        }
+        Jogged::Joint(joint) => {
+            let last = config.joints.len() - 1;
+            Err(format!("there is no joint {joint}; joints are 0 to {last}"))
+        }
+    }
+}
+
+fn not_now(operator: &Operator) -> String {
+    let (state, step) = (operator.live().state.name(), operator.step().name());
+    format!("not while the machine is {state} ({step})")
+}
+
+#[cfg(test)]
+#[path = "by_hand_tests.rs"]
+mod tests;

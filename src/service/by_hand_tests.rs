@@ -1,0 +1,282 @@
+use super::*;
+use crate::config;
+use crate::sim::rehearsal::{Rehearsal, rehearse_with};
+use crate::sim::{Disturbance, NetConfig};
+use motion::canon::{Axis, Position};
+use std::path::Path;
+
+const PART: &str = "G21 G90 G94 G54\nG0 X5 Y5\nM2\n";
+const CYCLES_MAX: u64 = 60_000;
+const X: Jogged = Jogged::Axis(Axis::X);
+
+fn run_at(what: Jogged, velocity_mm_s: f64) -> Jog {
+    Jog {
+        what: Some(what),
+        motion: JogMotion::Run { velocity_mm_s },
+    }
+}
+
+fn advance(distance_mm: f64) -> Jog {
+    Jog {
+        what: Some(X),
+        motion: JogMotion::Advance {
+            distance_mm,
+            velocity_mm_s: 20.0,
+        },
+    }
+}
+
+const KEEP: Jog = Jog {
+    what: None,
+    motion: JogMotion::Keep,
+};
+
+/// A machine whose drives are off, and the operator's hands.
+struct Hands<'r, 'a> {
+    run: &'r mut Rehearsal<'a>,
+    config: &'r Config,
+}
+
+impl Hands<'_, '_> {
+    fn jog(&mut self, order: &Jog) -> Result<(), String> {
+        jog(order, self.config, &mut self.run.operator)
+    }
+
+    fn reach(&mut self, state: State) {
+        let reached = self
+            .run
+            .run_until(CYCLES_MAX, |run| run.control.state() == state)
+            .unwrap();
+        assert!(reached, "never {state:?}: {:#?}", self.run.operator.journal());
+    }
+
+    fn cycles(&mut self, count: u64) {
+        self.run.run_until(count, |_| false).unwrap();
+    }
+
+    /// That many cycles with the hand on the key.
+    fn keeping(&mut self, count: u64) {
+        for _ in 0..count / 50 {
+            self.jog(&KEEP).unwrap();
+            self.cycles(50);
+        }
+    }
+
+    fn homed(&mut self) {
+        let now_ns = self.run.now_ns();
+        home(&mut self.run.operator, now_ns).unwrap();
+        let (mut done, mut since) = (false, 0);
+        for _ in 0..CYCLES_MAX {
+            self.run.cycle(0).unwrap();
+            // Operators look every few cycles only.
+            since = if self.run.operator.step() == Step::SetUp {
+                since + 1
+            } else {
+                0
+            };
+            done |= since > 20;
+            if done {
+                break;
+            }
+        }
+        assert!(done, "never homed: {:#?}", self.run.operator.journal());
+        assert_eq!(self.run.control.state(), State::Ready);
+    }
+
+    fn position(&self) -> Position {
+        self.run.operator.live().position
+    }
+
+    fn x_mm(&self) -> f64 {
+        self.position().0[0]
+    }
+
+    /// Nothing went over a limit so far, nor was there an alarm.
+    fn all_is_well(&self) {
+        let over: Vec<_> = self.run.control.peaks().iter().map(|peaks| peaks.over).collect();
+        assert!(over.iter().all(|over| *over == [0; 3]), "{over:?}");
+        assert!(
+            self.run.operator.alarms().is_empty(),
+            "{:?}",
+            self.run.operator.alarms()
+        );
+    }
+}
+
+fn by_hand(act: impl FnOnce(&mut Hands<'_, '_>)) {
+    let machine = include_str!("../../configs/mill3-demo.toml");
+    let config = config::parse(machine, Path::new("demo.toml")).unwrap();
+    rehearse_with(
+        &config,
+        PART.as_bytes(),
+        NetConfig::clean(3),
+        Operator::standing_by,
+        |run| {
+            let mut hands = Hands { run, config: &config };
+            hands.reach(State::Disabled);
+            act(&mut hands);
+            Ok(())
+        },
+    )
+    .unwrap();
+}
+
+#[test]
+fn nothing_jogs_before_drives_are_on_and_joints_know_where_they_are() {
+    by_hand(|hands| {
+        let why = hands.jog(&run_at(X, 10.0)).unwrap_err();
+        assert_eq!(why, "drives are off; home the machine first: isocnc home");
+        let now_ns = hands.run.now_ns();
+        enable(&mut hands.run.operator, now_ns).unwrap();
+        hands.reach(State::Ready);
+        hands.cycles(50);
+        let before = hands.position();
+        assert_eq!(
+            hands.jog(&run_at(X, 10.0)).unwrap_err(),
+            "joint 0 is not homed: isocnc home"
+        );
+        assert_eq!(hands.jog(&KEEP).unwrap_err(), "nothing is being jogged");
+        // Nor does the cycle thread believe it.
+        hands.run.operator.give(Command::Jog(JogOrder {
+            joints: 1,
+            motion: JogMotion::Run { velocity_mm_s: 10.0 },
+        }));
+        hands.cycles(100);
+        assert_eq!((hands.run.control.state(), hands.position()), (State::Ready, before));
+        hands.homed();
+        assert_eq!(hands.run.operator.live().homed, 0b111);
+        let no_such_axis = hands.jog(&run_at(Jogged::Axis(Axis::A), 1.0)).unwrap_err();
+        assert_eq!(no_such_axis, "the machine has no axis A; axes are X, Y, Z");
+        let no_such_joint = hands.jog(&run_at(Jogged::Joint(3), 1.0)).unwrap_err();
+        assert_eq!(no_such_joint, "there is no joint 3; joints are 0 to 2");
+    });
+}
+
+#[test]
+fn a_jog_that_is_not_renewed_comes_to_rest_and_a_renewal_begins_nothing() {
+    by_hand(|hands| {
+        hands.homed();
+        let from_mm = hands.x_mm();
+        hands.jog(&run_at(X, 20.0)).unwrap();
+        hands.keeping(1000);
+        assert_eq!(hands.run.control.state(), State::Jogging);
+        let kept_mm = hands.x_mm();
+        assert!(kept_mm > from_mm + 17.0 && kept_mm < from_mm + 20.1, "{kept_mm}");
+        // The client is lost: 0.2 s more, less what the last order has used up, and the way of a stop.
+        hands.cycles(400);
+        assert_eq!(hands.run.control.state(), State::Ready);
+        let rest_mm = hands.x_mm();
+        assert!(rest_mm - kept_mm < 0.2 * 20.0 + 1.0, "{}", rest_mm - kept_mm);
+        // A late renewal, past the operator, too.
+        assert_eq!(hands.jog(&KEEP).unwrap_err(), "nothing is being jogged");
+        hands.run.operator.give(Command::Jog(JogOrder {
+            joints: u64::MAX,
+            motion: JogMotion::Keep,
+        }));
+        hands.cycles(100);
+        assert_eq!((hands.run.control.state(), hands.x_mm()), (State::Ready, rest_mm));
+        hands.all_is_well();
+    });
+}
+
+#[test]
+fn a_jog_ends_at_the_soft_limit_to_the_last_increment() {
+    by_hand(|hands| {
+        hands.homed();
+        let travel_mm = hands
+            .config
+            .joints
+            .iter()
+            .map(|joint| joint.travel_mm)
+            .collect::<Vec<_>>();
+        hands.jog(&run_at(X, 1000.0)).unwrap();
+        hands.jog(&run_at(Jogged::Joint(1), -1000.0)).unwrap();
+        hands.keeping(6000);
+        let at = hands.position();
+        assert_eq!((at.0[0], at.0[1]), (travel_mm[0][1], travel_mm[1][0]));
+        assert_eq!(hands.run.control.state(), State::Jogging, "the hand is on the key");
+        hands.all_is_well();
+        hands.cycles(300);
+        hands.jog(&run_at(X, 10.0)).unwrap();
+        hands.cycles(300);
+        assert_eq!(hands.x_mm(), travel_mm[0][1], "no farther");
+        hands.jog(&run_at(X, -10.0)).unwrap();
+        hands.cycles(100);
+        assert!(hands.x_mm() < travel_mm[0][1]);
+        hands.cycles(400);
+        hands.all_is_well();
+    });
+}
+
+#[test]
+fn increments_add_up() {
+    by_hand(|hands| {
+        hands.homed();
+        let from_mm = hands.x_mm();
+        for _ in 0..10 {
+            hands.jog(&advance(0.1)).unwrap();
+            hands.cycles(10);
+        }
+        hands.keeping(300);
+        assert!(
+            (hands.x_mm() - from_mm - 1.0).abs() < 1e-9,
+            "{}",
+            hands.x_mm() - from_mm
+        );
+        hands.all_is_well();
+    });
+}
+
+#[test]
+fn a_hold_and_a_stop_end_a_jog_whatever_the_hand_says() {
+    by_hand(|hands| {
+        hands.homed();
+        hands.jog(&run_at(X, 50.0)).unwrap();
+        hands.keeping(500);
+        hands.run.operator.give(Command::Hold);
+        for _ in 0..10 {
+            let _ = hands.jog(&KEEP);
+            hands.cycles(50);
+        }
+        assert_eq!(hands.run.control.state(), State::Ready);
+        let rest_mm = hands.x_mm();
+        hands.cycles(100);
+        assert_eq!(hands.x_mm(), rest_mm);
+        // A stop switches drives off, at rest and not before.
+        hands.jog(&run_at(X, 50.0)).unwrap();
+        hands.keeping(500);
+        let now_ns = hands.run.now_ns();
+        hands.run.operator.stop(now_ns);
+        hands.reach(State::Stopping);
+        hands.reach(State::Ready);
+        assert_eq!(hands.run.operator.live().velocity_mm_s, 0.0);
+        hands.reach(State::Disabled);
+        hands.cycles(50);
+        assert_eq!(hands.run.operator.step(), Step::StandBy);
+        hands.all_is_well();
+    });
+}
+
+#[test]
+fn a_fault_stops_a_jog_within_the_stop_limits() {
+    by_hand(|hands| {
+        hands.homed();
+        hands.jog(&run_at(X, 100.0)).unwrap();
+        hands.keeping(500);
+        let now_ns = hands.run.now_ns();
+        hands.run.net().at(
+            now_ns,
+            Disturbance::DriveFault {
+                node: 2,
+                error_code: 0x7305,
+            },
+        );
+        hands.reach(State::Faulted);
+        assert_eq!(hands.run.operator.live().velocity_mm_s, 0.0);
+        hands.cycles(50);
+        assert_eq!(hands.run.operator.step(), Step::StandBy);
+        assert_eq!(hands.run.operator.alarms().len(), 1);
+        let over: Vec<_> = hands.run.control.peaks().iter().map(|peaks| peaks.over).collect();
+        assert!(over.iter().all(|over| *over == [0; 3]), "{over:?}");
+    });
+}
