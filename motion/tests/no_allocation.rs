@@ -2,10 +2,11 @@
 //!
 //! A counting allocator stands in front of the system's and counts for the thread and the time it is told to.
 
-use motion::canon::{Position, ProbeMode};
+use motion::canon::{AXES, Axis, Position, ProbeMode};
+use motion::kinematics::{Elbow, Follows, Kinematics, Scara, ToolFrame, Transform};
 use motion::path::Piece;
 use motion::rt::homing::{Homing, HomingInput, HomingJoint, HomingStatus, HomingWay};
-use motion::rt::jog::{Jog, JogLimits};
+use motion::rt::jog::{Jog, JogLimits, WorldJog};
 use motion::rt::probe::Probe;
 use motion::rt::{MotionLimits, Online, StopLimits};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -196,4 +197,42 @@ fn probing_costs_no_allocation() {
     });
     assert!(probe.result().is_some());
     assert_eq!(counted, 0);
+}
+
+#[test]
+fn jogging_in_the_world_costs_no_allocation() {
+    let scara = Scara {
+        inner_arm_mm: 300.0,
+        outer_arm_mm: 200.0,
+        tool_offset_mm: 0.0,
+        elbow: Elbow::Positive,
+        shoulder_middle_degrees: 0.0,
+    };
+    let follows = [Axis::X, Axis::Y, Axis::Z, Axis::C].map(|axis| Follows {
+        axis: Some(axis),
+        offset: 0.0,
+    });
+    let limits = JogLimits {
+        motion: LIMITS,
+        stop: STOP,
+        range: [-120.0, 120.0],
+    };
+    let kinematics = Kinematics::new(Transform::Scara(scara), &follows);
+    let mut jog = WorldJog::new(kinematics, &[limits; AXES], &[limits; 4], CYCLE_S);
+    assert!(jog.rest_at(&Position::xyz(300.0, 100.0, 0.0), ToolFrame::OFF));
+    let mut numbers = Numbers(4);
+    let mut positions = [0.0; 4];
+    let mut obstructions = 0;
+    let counted = calls(|| {
+        for _ in 0..300 {
+            let axis = [Axis::X, Axis::Y, Axis::Z][(numbers.next() * 3.0) as usize];
+            jog.run(axis, 200.0 * numbers.next() - 100.0);
+            for _ in 0..500 {
+                jog.step(&mut positions);
+            }
+            obstructions += usize::from(jog.obstruction().is_some());
+        }
+    });
+    assert_eq!(counted, 0);
+    assert!(obstructions > 0, "nothing was ever in the way");
 }

@@ -56,7 +56,8 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
         let joint = (joints & !live.homed).trailing_zeros();
         return Err(format!("joint {joint} is not homed: isocnc home"));
     }
-    if !begins && live.state != State::Jogging {
+    // What was ordered a moment ago may not have begun yet.
+    if !begins && live.state != State::Jogging && operator.is_up_to_date() {
         return Err("nothing is being jogged".into());
     }
     let motion = jog.motion;

@@ -254,6 +254,11 @@ impl Operator {
         }
     }
 
+    /// Whether what the machine shows is what came of all orders given.
+    pub fn is_up_to_date(&self) -> bool {
+        self.live().orders_taken >= self.orders_given
+    }
+
     /// Latest values.
     pub fn live(&self) -> Snapshot {
         self.inlets.live.snapshot()

@@ -1,4 +1,5 @@
-//! Jogging: joints moved by hand, each for itself, several at once.
+//! Jogging: joints moved by hand, each for itself, several at once ([`Jog`]); or axes of a machine whose joints are not its
+//! axes ([`WorldJog`]).
 //!
 //! In:  for each joint, at any cycle: run at a velocity, advance by an increment, release, or an emergency stop of all.
 //! Out: one position per joint and cycle, within the limits of the joint.
@@ -8,6 +9,10 @@
 //! What has to be true before anything may jog, and who may say so for how long, is the caller's business.
 //!
 //! RT: nothing allocates but [`Jog::new`].
+
+mod world;
+
+pub use world::{Obstacle, Obstruction, WorldJog};
 
 use super::online::{Online, State};
 use super::scale::{MotionLimits, StopLimits};

@@ -32,6 +32,32 @@ const SPEED_SLACK: f64 = 1e-9;
 /// Greatest distance between the end of a found way and its target that is rounding, mm.
 const END_SLACK: f64 = 1e-8;
 
+/// A state and the jerk in it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Moving {
+    pub(super) state: State,
+    pub(super) jerk: f64,
+}
+
+/// A way to rest.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RestWay(Segments);
+
+impl RestWay {
+    /// When it rests, s.
+    pub(super) fn duration_s(&self) -> f64 {
+        self.0.duration_s()
+    }
+
+    /// How it moves at a time since the beginning. RT.
+    pub(super) fn at(&self, time_s: f64) -> Moving {
+        Moving {
+            state: self.0.at(time_s),
+            jerk: self.0.jerk_at(time_s),
+        }
+    }
+}
+
 /// What the joint is to reach.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Goal {
@@ -101,7 +127,7 @@ impl Online {
     /// To a place and rest there, at no more than `velocity` (its sign is of no account). A target out of the range or not a
     /// number is none: the joint comes to rest. Without effect while an emergency stop is under way. RT.
     pub fn go_to(&mut self, target: f64, velocity: f64) {
-        if self.goal == Goal::Stop && !self.state.is_at_rest() {
+        if self.is_in_a_stop() {
             return;
         }
         let [low, high] = self.range;
@@ -117,7 +143,7 @@ impl Online {
     /// To a velocity, which is then kept; 0 is the shortest way to rest. A velocity that is no number is 0. Without effect
     /// while an emergency stop is under way. RT.
     pub fn run_at(&mut self, velocity: f64) {
-        if self.goal == Goal::Stop && !self.state.is_at_rest() {
+        if self.is_in_a_stop() {
             return;
         }
         let [least, most] = [-self.limits.velocity, self.limits.velocity];
@@ -140,7 +166,7 @@ impl Online {
 
     /// One cycle further. RT.
     pub fn step(&mut self) -> State {
-        self.stopping = self.goal == Goal::Stop && !self.is_at_rest();
+        self.stopping = self.is_in_a_stop();
         self.time_s += self.cycle_s;
         self.state = self.segments.at(self.time_s);
         if self.time_s >= self.segments.duration_s() {
@@ -165,9 +191,28 @@ impl Online {
         self.stopping
     }
 
+    /// Whether an emergency stop is under way, which nothing interrupts. RT.
+    pub(super) fn is_in_a_stop(&self) -> bool {
+        self.goal == Goal::Stop && !self.is_at_rest()
+    }
+
     /// Where the joint comes to rest if it is told to now. RT.
     pub fn resting_place(&self) -> f64 {
         self.to_velocity(0.0).end.position
+    }
+
+    /// The state after the next cycle and the jerk on the way there, with nothing ordered meanwhile. RT.
+    pub(super) fn next(&self) -> Moving {
+        let time_s = self.time_s + self.cycle_s;
+        Moving {
+            state: self.segments.at(time_s),
+            jerk: self.segments.jerk_at(self.time_s),
+        }
+    }
+
+    /// The shortest way to rest from a state. RT.
+    pub(super) fn rest_from(&self, state: State) -> RestWay {
+        RestWay(self.to_velocity_from(state, 0.0))
     }
 
     /// Where the joint comes to rest with what it was told last; infinite where that is a velocity. RT.
@@ -184,8 +229,12 @@ impl Online {
     }
 
     fn to_velocity(&self, velocity: f64) -> Segments {
+        self.to_velocity_from(self.state, velocity)
+    }
+
+    fn to_velocity_from(&self, state: State, velocity: f64) -> Segments {
         let MotionLimits { acceleration, jerk, .. } = self.limits;
-        Segments::to_velocity(self.state, velocity, StopLimits { acceleration, jerk })
+        Segments::to_velocity(state, velocity, StopLimits { acceleration, jerk })
     }
 
     fn follow(&mut self, segments: Segments) {

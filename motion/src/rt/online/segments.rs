@@ -144,6 +144,18 @@ impl Segments {
         self.end
     }
 
+    /// The jerk at a time since the start. RT.
+    pub(super) fn jerk_at(&self, time_s: f64) -> f64 {
+        let mut left_s = time_s;
+        for &(duration_s, jerk) in &self.pieces[..self.count] {
+            if left_s < duration_s {
+                return jerk;
+            }
+            left_s -= duration_s;
+        }
+        0.0
+    }
+
     /// Least and greatest position on the way. RT.
     pub(super) fn extent(&self) -> [f64; 2] {
         let mut state = self.start;

@@ -1,0 +1,293 @@
+//! Jogging in the world: axes of any machine moved by hand, joints follow by its kinematics.
+//!
+//! In:  for each axis, at any cycle: run at a velocity, release; how the tool is held.
+//! Out: one position per joint and cycle; what is in the way, if something is.
+//!
+//! The axes are generated each for itself, then turned into joints. Joints have limits of their own, which no limit of an
+//! axis can stand for near a singularity. So no cycle is taken before it is known to be good: its joints, and those of the
+//! shortest way to rest behind it, are computed with their exact derivatives by time at [`SAMPLES`] places and must keep the
+//! travel, velocity, acceleration and jerk of every joint. If they do not, the axes take the way to rest of the cycle before,
+//! which has been found good. All axes together are slowed down in advance where joints become fast; a way that is still not
+//! good at a small share of the wanted speed ends in rest, with the joint and the reason named.
+//!
+//! RT: nothing allocates but [`WorldJog::new`]; bounded by axes, joints and [`SAMPLES`].
+
+use super::JogLimits;
+use crate::canon::{AXES, Axis, Position};
+use crate::kinematics::{JOINTS, Jet3, Kinematics, ToolFrame};
+use crate::rt::Online;
+use crate::rt::online::{Moving, RestWay};
+
+/// Places on a way to rest that are looked at.
+const SAMPLES: u8 = 16;
+/// Share of the limits of joints that may be used: for what lies between two places.
+const MARGIN: f64 = 0.9;
+/// Shares of velocity, acceleration and jerk limits that the wanted motion itself may use; the rest is for changes of it.
+const STEADY: [f64; 3] = [0.85, 0.5, 0.3];
+/// The axes are not slowed down to less than this share of what is wanted; they rest instead.
+const SHARE_MIN: f64 = 1.0 / 256.0;
+/// A change of the share by less than this one is left out.
+const SHARE_STEP: f64 = 0.01;
+
+/// Why a joint cannot go on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Obstacle {
+    /// Its travel ends.
+    Travel,
+    /// Near a singularity it would have to be too fast.
+    Speed,
+    /// The machine cannot take a position further on.
+    Reach(&'static str),
+}
+
+/// What is in the way of a jog.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Obstruction {
+    /// The joint that cannot go on.
+    pub joint: usize,
+    /// Why.
+    pub why: Obstacle,
+}
+
+/// Moves the axes of a machine by hand.
+#[derive(Debug)]
+pub struct WorldJog {
+    kinematics: Kinematics,
+    frame: ToolFrame,
+    axes: Box<[Online]>,
+    limits: Box<[JogLimits]>,
+    joints: [f64; JOINTS],
+    wanted: [f64; AXES],
+    /// Share of the wanted velocities that was ordered last; what it is held to after a way that was not good.
+    share: f64,
+    share_max: f64,
+    obstruction: Option<Obstruction>,
+    stopping: bool,
+}
+
+impl WorldJog {
+    /// All axes at rest at zero, which need not be a place of the machine; see [`WorldJog::rest_at`]. `axes`: in the order of
+    /// [`Axis::ALL`], their limits in the world; `joints`: the limits of the joints.
+    pub fn new(kinematics: Kinematics, axes: &[JogLimits; AXES], joints: &[JogLimits], cycle_s: f64) -> WorldJog {
+        let axis = |limits: &JogLimits| Online::new(0.0, limits.motion, limits.stop, cycle_s);
+        WorldJog {
+            kinematics,
+            frame: ToolFrame::OFF,
+            axes: axes.iter().map(axis).collect(),
+            limits: joints.into(),
+            joints: [0.0; JOINTS],
+            wanted: [0.0; AXES],
+            share: 0.0,
+            share_max: 1.0,
+            obstruction: None,
+            stopping: false,
+        }
+    }
+
+    /// Says where the axes stand and how the tool is held: before jogging begins. False: the machine cannot be there. RT.
+    pub fn rest_at(&mut self, position: &Position, frame: ToolFrame) -> bool {
+        self.frame = frame;
+        for (axis, &position) in self.axes.iter_mut().zip(&position.0) {
+            axis.rest_at(position);
+        }
+        self.forget();
+        let joints = &mut self.joints[..self.limits.len()];
+        self.kinematics.inverse(&frame, &position.0, joints).is_ok()
+    }
+
+    /// Runs along an axis at a velocity; other axes go on as they do. Said again while it runs, it changes nothing. RT.
+    pub fn run(&mut self, axis: Axis, velocity: f64) {
+        let velocity = if velocity.is_finite() { velocity } else { 0.0 };
+        if self.wanted[axis as usize] != velocity {
+            self.wanted[axis as usize] = velocity;
+            // No share at all, so that whatever comes next is ordered.
+            self.share = f64::NAN;
+            self.share_max = 1.0;
+            self.obstruction = None;
+        }
+    }
+
+    /// All axes come to rest. RT.
+    pub fn release_all(&mut self) {
+        self.forget();
+        for axis in &mut self.axes {
+            axis.run_at(0.0);
+        }
+    }
+
+    /// All axes come to rest as quickly as their stop limits allow. RT.
+    pub fn stop_all(&mut self) {
+        self.forget();
+        for axis in &mut self.axes {
+            axis.stop();
+        }
+    }
+
+    /// One cycle further: the positions of the joints; gives that of the axes. RT.
+    pub fn step(&mut self, joints: &mut [f64]) -> Position {
+        // An emergency stop is nobody's choice of ways.
+        let stops = self.axes.iter().any(Online::is_in_a_stop);
+        if !stops {
+            self.steer();
+            if let Err(obstruction) = self.look_ahead() {
+                for axis in &mut self.axes {
+                    axis.run_at(0.0);
+                }
+                self.share = f64::NAN;
+                self.share_max = match obstruction.why {
+                    Obstacle::Speed if self.share_max > SHARE_MIN => self.share_max / 2.0,
+                    Obstacle::Speed | Obstacle::Travel | Obstacle::Reach(_) => {
+                        self.obstruction = Some(obstruction);
+                        self.wanted = [0.0; AXES];
+                        1.0
+                    }
+                };
+            }
+        }
+        self.stopping = stops;
+        let mut position = [0.0; AXES];
+        for (axis, position) in self.axes.iter_mut().zip(&mut position) {
+            *position = axis.step().position;
+        }
+        // A place that cannot be taken leaves the joints where they are.
+        let count = self.limits.len();
+        let _ = self
+            .kinematics
+            .inverse(&self.frame, &position, &mut self.joints[..count]);
+        for (to, from) in joints.iter_mut().zip(&self.joints[..count]) {
+            *to = *from;
+        }
+        Position(position)
+    }
+
+    /// Why the axes rest although they were told to run. RT.
+    pub fn obstruction(&self) -> Option<Obstruction> {
+        self.obstruction
+    }
+
+    /// Whether nothing moves nor will without an order. RT.
+    pub fn is_at_rest(&self) -> bool {
+        self.wanted == [0.0; AXES] && self.axes.iter().all(Online::is_at_rest)
+    }
+
+    /// Whether the last cycle was part of an emergency stop. RT.
+    pub fn is_stopping(&self) -> bool {
+        self.stopping
+    }
+
+    fn forget(&mut self) {
+        self.wanted = [0.0; AXES];
+        self.share = 0.0;
+        self.share_max = 1.0;
+        self.obstruction = None;
+    }
+
+    /// Orders as much of the wanted velocities as the joints can do here and on the way to rest.
+    fn steer(&mut self) {
+        if self.wanted == [0.0; AXES] {
+            if self.share != 0.0 {
+                self.share = 0.0;
+                self.axes.iter_mut().for_each(|axis| axis.run_at(0.0));
+            }
+            return;
+        }
+        // With the least share it is the look ahead that finds out what is in the way.
+        let share = self.steady_share().min(self.share_max).max(SHARE_MIN);
+        if self.share.is_nan() || (share - self.share).abs() > SHARE_STEP * self.share {
+            self.share = share;
+            for (axis, wanted) in self.axes.iter_mut().zip(&self.wanted) {
+                axis.run_at(wanted * share);
+            }
+        }
+    }
+
+    /// Share of the wanted velocities with which the joints keep their limits while nothing changes.
+    fn steady_share(&self) -> f64 {
+        let ways: [RestWay; AXES] = std::array::from_fn(|axis| self.axes[axis].rest_from(self.axes[axis].state()));
+        let duration_s = longest(&ways);
+        let mut share = 1.0_f64;
+        for sample in [0.0, 0.5, 1.0] {
+            let axes: [Jet3; AXES] = std::array::from_fn(|axis| {
+                let place = ways[axis].at(duration_s * sample).state.position;
+                Jet3::new(place, self.wanted[axis], 0.0, 0.0)
+            });
+            let mut joints = [Jet3::ZERO; JOINTS];
+            let joints = &mut joints[..self.limits.len()];
+            if self.kinematics.inverse(&self.frame, &axes, joints).is_err() {
+                continue;
+            }
+            for (joint, limits) in joints.iter().zip(&self.limits) {
+                // The k-th derivative grows with the k-th power of the share.
+                let motion = &limits.motion;
+                share = share.min(STEADY[0] * motion.velocity / joint.d1.abs());
+                share = share.min((STEADY[1] * motion.acceleration / joint.d2.abs()).sqrt());
+                share = share.min((STEADY[2] * motion.jerk / joint.d3.abs()).cbrt());
+            }
+        }
+        share
+    }
+
+    /// Whether the next cycle, and the way to rest behind it, are good for every joint.
+    fn look_ahead(&self) -> Result<(), Obstruction> {
+        let next: [Moving; AXES] = std::array::from_fn(|axis| self.axes[axis].next());
+        self.judge(&next)?;
+        let ways: [RestWay; AXES] = std::array::from_fn(|axis| self.axes[axis].rest_from(next[axis].state));
+        let duration_s = longest(&ways);
+        if duration_s == 0.0 {
+            return Ok(());
+        }
+        for sample in 0..=SAMPLES {
+            let time_s = duration_s * f64::from(sample) / f64::from(SAMPLES);
+            self.judge(&std::array::from_fn(|axis| ways[axis].at(time_s)))?;
+        }
+        Ok(())
+    }
+
+    /// Whether a state of the axes is good for every joint.
+    fn judge(&self, axes: &[Moving; AXES]) -> Result<(), Obstruction> {
+        let axes: [Jet3; AXES] = std::array::from_fn(|axis| {
+            let Moving { state, jerk } = axes[axis];
+            Jet3::new(state.position, state.velocity, state.acceleration, jerk)
+        });
+        let mut joints = [Jet3::ZERO; JOINTS];
+        let joints = &mut joints[..self.limits.len()];
+        if let Err(unreachable) = self.kinematics.inverse(&self.frame, &axes, joints) {
+            return Err(Obstruction {
+                joint: unreachable.joint,
+                why: Obstacle::Reach(unreachable.why),
+            });
+        }
+        let moves = axes
+            .iter()
+            .any(|axis| axis.d1 != 0.0 || axis.d2 != 0.0 || axis.d3 != 0.0);
+        for (number, (joint, limits)) in joints.iter().zip(&self.limits).enumerate() {
+            let found = |why| Err(Obstruction { joint: number, why });
+            let [low, high] = limits.range;
+            if !(joint.q >= low && joint.q <= high) && !self.returns(number, joint.q) {
+                return found(Obstacle::Travel);
+            }
+            let motion = &limits.motion;
+            let within = joint.d1.abs() <= MARGIN * motion.velocity
+                && joint.d2.abs() <= MARGIN * motion.acceleration
+                && joint.d3.abs() <= MARGIN * motion.jerk;
+            if moves && !within {
+                return found(Obstacle::Speed);
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a joint that stands out of its travel comes back.
+    fn returns(&self, joint: usize, to: f64) -> bool {
+        let (from, [low, high]) = (self.joints[joint], self.limits[joint].range);
+        from > high && to <= from || from < low && to >= from
+    }
+}
+
+fn longest(ways: &[RestWay; AXES]) -> f64 {
+    ways.iter().fold(0.0, |longest, way| longest.max(way.duration_s()))
+}
+
+#[cfg(test)]
+#[path = "world_tests.rs"]
+mod tests;
