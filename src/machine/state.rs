@@ -17,8 +17,6 @@ pub enum State {
     Ready,
     /// Some joints seek their home point.
     Homing,
-    /// Joints are moved by hand.
-    Jogging,
     /// A program moves the machine.
     Running,
     /// A program is held on its path.
@@ -33,6 +31,8 @@ pub enum State {
     ShuttingDown,
     /// Nothing is sent any more.
     Down,
+    /// Joints are moved by hand. Last, because the numbers of the states are shown by a pin.
+    Jogging,
 }
 
 impl State {
@@ -42,7 +42,6 @@ impl State {
         State::Enabling,
         State::Ready,
         State::Homing,
-        State::Jogging,
         State::Running,
         State::Held,
         State::Stopping,
@@ -50,6 +49,7 @@ impl State {
         State::Faulted,
         State::ShuttingDown,
         State::Down,
+        State::Jogging,
     ];
 
     /// The state of a number made by `as u8`.
