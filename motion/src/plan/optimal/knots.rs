@@ -3,29 +3,28 @@
 //! In:  parts of a section, with the speed that geometry allows.
 //! Out: spans between knots, each on one piece, with estimated times.
 //!
-//! Speeds are estimated from what every place allows on its own and from a part of the acceleration limit, by a forward and
-//! a backward pass. What has not been passed backward from a place where the estimate is at its cap may still change when
+//! Speeds are estimated from what every place allows on its own and from what acceleration and jerk let it rise, by a forward
+//! and a backward pass. What has not been passed backward from a place where the estimate is at its cap may still change when
 //! more of the path comes; it waits. So knots depend on the path alone, not on how much of it was known when.
 
 use std::collections::VecDeque;
 
 use super::joints::{Allowed, Joints};
 use super::sections::{Log, Part};
-use super::solver::JointJet;
+use super::solver::{JointJet, rise};
 use crate::path::Piece;
 
 /// Time between knots as part of the time in which acceleration builds up, and its bounds in s.
 const STEP: f64 = 0.16;
 const STEP_S: [f64; 2] = [0.001, 0.010];
-/// Part of the acceleration limit with which speeds are estimated: less than all, for there is jerk as well.
-const PACE: f64 = 0.6;
 /// Cells of a curved piece: so many in the time of a step, and at the most.
 const CELLS_PER_STEP: f64 = 1.5;
 const CELLS: f64 = 12.0;
-/// A span is longer than the one before by this factor at the most.
-const GROWTH: f64 = 1.7;
-/// A span next to a rest is at most this part of its distance from it.
-const FROM_REST: f64 = 0.6;
+/// Greatest change of b over a span, as a part of it, about, and how often a span is shortened for it.
+const CHANGE: f64 = 0.6;
+const SHORTENINGS: u32 = 40;
+/// Fewest spans of a section, about.
+const LEAST_SPANS: f64 = 60.0;
 /// Cells that wait before the passes are worth their time.
 const BATCH: usize = 64;
 
@@ -45,8 +44,15 @@ impl Cell {
         self.to - self.from
     }
 
-    fn gain(&self) -> f64 {
-        2.0 * PACE * self.allowed.a * self.length()
+    /// Greatest b expected after `length` of it, beginning with `b`.
+    fn rise(&self, b: f64, length: f64) -> f64 {
+        rise(b, length, self.allowed.a, self.allowed.j)
+    }
+
+    /// b at a place, between known b at both ends.
+    fn expected(&self, [begin, end]: [f64; 2], x: f64) -> f64 {
+        let cap = self.allowed.b.max(begin.min(end));
+        self.rise(begin, x).min(self.rise(end, self.length() - x)).min(cap)
     }
 }
 
@@ -70,14 +76,6 @@ impl Knotted {
     }
 }
 
-/// How a section ends.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Exit {
-    pub(super) speed: f64,
-    /// Length of the stop behind its end, if it ends in one.
-    pub(super) stop: Option<f64>,
-}
-
 /// Places knots, section by section.
 #[derive(Debug)]
 pub(super) struct Knots {
@@ -86,30 +84,21 @@ pub(super) struct Knots {
     begin: f64,
     /// Estimated b before each cell and behind the last.
     nodes: Vec<f64>,
-    /// Length run from a rest at the beginning; infinite where there is none.
-    from_rest: f64,
-    /// Length of the last span.
-    last: f64,
+    /// Whether spans have been given out.
+    begun: bool,
     /// Cells from which on the passes are worth their time.
     due: usize,
     parts: u64,
 }
 
-/// Estimated b at a distance from a rest: constant jerk.
-fn launched(distance: f64, jerk: f64) -> f64 {
-    let speed = 0.5 * jerk * (6.0 * distance / jerk).cbrt().powi(2);
-    speed * speed
-}
-
 impl Knots {
-    /// A section that begins with this speed, at the end of a launch of length `launch` from rest or at a steady speed.
-    pub(super) fn new(speed: f64, launch: Option<f64>) -> Knots {
+    /// A section that begins with this speed: at the end of a launch from rest, or steady.
+    pub(super) fn new(speed: f64) -> Knots {
         Knots {
             cells: VecDeque::new(),
             begin: speed * speed,
             nodes: Vec::new(),
-            from_rest: launch.unwrap_or(f64::INFINITY),
-            last: f64::INFINITY,
+            begun: false,
             due: BATCH,
             parts: 0,
         }
@@ -190,20 +179,28 @@ impl Knots {
         }
     }
 
-    /// Gives out the spans of all cells that are certain; of all if `exit` says how the section ends.
-    pub(super) fn take(&mut self, exit: Option<Exit>, step_s: f64, out: &mut Vec<Knotted>) {
+    /// Gives out the spans of all cells that are certain; of all if the section ends, with the speed `exit`.
+    pub(super) fn take(&mut self, exit: Option<f64>, step_s: f64, out: &mut Vec<Knotted>) {
         if self.cells.is_empty() || (exit.is_none() && self.cells.len() < self.due) {
             return;
         }
         let certain = self.pass(exit);
-        let mut to_rest = match exit {
-            Some(Exit { stop: Some(stop), .. }) => stop + self.cells.iter().map(Cell::length).sum::<f64>(),
-            Some(Exit { stop: None, .. }) | None => f64::INFINITY,
-        };
+        let mut step_s = step_s;
+        if exit.is_some() && !self.begun {
+            // All of the section is known.
+            let ends = self.nodes.windows(2);
+            let time_s: f64 = self
+                .cells
+                .iter()
+                .zip(ends)
+                .map(|(cell, ends)| cell.time_s([ends[0], ends[1]]))
+                .sum();
+            step_s = step_s.min(time_s / LEAST_SPANS);
+        }
+        self.begun |= certain > 0;
         for k in 0..certain {
             let Some(cell) = self.cells.pop_front() else { break };
-            to_rest -= cell.length();
-            self.spans(&cell, [self.nodes[k], self.nodes[k + 1]], to_rest, step_s, out);
+            cell.divide([self.nodes[k], self.nodes[k + 1]], step_s, out);
         }
         self.begin = self.nodes[certain];
         self.due = 2 * self.cells.len() + BATCH;
@@ -213,35 +210,29 @@ impl Knots {
     ///
     /// As long as the end is not known, the backward pass begins with 0. Both passes are monotone in what they begin with,
     /// so where the backward pass meets the result of the forward pass nevertheless, it would do so with any other end.
-    fn pass(&mut self, exit: Option<Exit>) -> usize {
+    fn pass(&mut self, exit: Option<f64>) -> usize {
         let count = self.cells.len();
-        let mut from_rest = self.from_rest;
         self.nodes.clear();
         self.nodes.push(self.begin);
         let mut b = self.begin;
         for (k, cell) in self.cells.iter().enumerate() {
-            from_rest += cell.length();
             let next = self.cells.get(k + 1).map_or(cell.allowed.b, |next| next.allowed.b);
-            b = (b + cell.gain()).min(cell.allowed.b).min(next);
-            if from_rest < f64::INFINITY {
-                b = b.min(launched(from_rest, cell.allowed.j));
-            }
+            b = cell.rise(b, cell.length()).min(cell.allowed.b).min(next);
             self.nodes.push(b);
         }
-        let (mut to_rest, mut certain) = (f64::INFINITY, 0);
+        let mut certain = 0;
         let mut after = 0.0;
         if let Some(exit) = exit {
             certain = count;
-            after = (exit.speed * exit.speed).min(self.nodes[count]);
+            after = (exit * exit).min(self.nodes[count]);
             self.nodes[count] = after;
-            to_rest = exit.stop.unwrap_or(f64::INFINITY);
         } else {
             // The last part may have to give up its end for a stop.
             let last = self.cells.back().map_or(0, |cell| cell.part);
             let kept = self.cells.iter().rev().take_while(|cell| cell.part == last).count();
             let most = count - kept;
             for (k, cell) in self.cells.iter().enumerate().rev() {
-                let before = after + cell.gain();
+                let before = cell.rise(after, cell.length());
                 if before >= self.nodes[k] && k <= most {
                     (certain, after) = (k, self.nodes[k]);
                     break;
@@ -250,32 +241,40 @@ impl Knots {
             }
         }
         for k in (0..certain).rev() {
-            let cell = &self.cells[k];
-            to_rest += cell.length();
-            after = self.nodes[k].min(after + cell.gain());
-            if to_rest < f64::INFINITY {
-                after = after.min(launched(to_rest, cell.allowed.j));
-            }
+            after = self.nodes[k].min(self.cells[k].rise(after, self.cells[k].length()));
             self.nodes[k] = after;
         }
         certain
     }
+}
 
-    /// Divides a cell.
-    fn spans(&mut self, cell: &Cell, [begin, end]: [f64; 2], to_rest: f64, step_s: f64, out: &mut Vec<Knotted>) {
-        let (length, pace) = (cell.length(), 2.0 * PACE * cell.allowed.a);
-        let speed = |x: f64| {
-            let b = cell.allowed.b.min(begin + pace * x).min(end + pace * (length - x));
-            b.max(1e-6 * cell.allowed.b).sqrt()
-        };
+impl Cell {
+    /// Estimated time between known b at both ends, s.
+    fn time_s(&self, ends: [f64; 2]) -> f64 {
+        let middle = self.expected(ends, 0.5 * self.length());
+        let speeds = [ends[0], middle, middle, ends[1]].map(f64::sqrt);
+        4.0 * self.length() / speeds.iter().sum::<f64>().max(1e-9)
+    }
+
+    /// Its spans.
+    fn divide(&self, ends: [f64; 2], step_s: f64, out: &mut Vec<Knotted>) {
+        let length = self.length();
         let mut x = 0.0;
-        // Rounding must not leave a sliver.
         while x < length {
-            let ahead = 0.5 * step_s * speed(x);
-            let mut h = step_s * speed((x + ahead).min(length));
-            h = h.min(GROWTH * self.last).min(FROM_REST * self.from_rest);
-            h = h.min(0.5 * FROM_REST * (length - x + to_rest));
+            let here = self.expected(ends, x);
             let left = length - x;
+            let mut h = here.sqrt() * step_s;
+            for _ in 0..SHORTENINGS {
+                let there = self.expected(ends, (x + h).min(length));
+                let (low, high) = (here.min(there), here.max(there));
+                if high <= (1.0 + CHANGE) * low {
+                    h = h.min(low.sqrt() * step_s);
+                    break;
+                }
+                h *= 0.7;
+            }
+            // Never so short that it makes no progress; rounding must not leave a sliver.
+            h = h.max(1e-7 * length);
             if left <= 1.25 * h {
                 h = left;
             } else if left < 2.0 * h {
@@ -283,13 +282,11 @@ impl Knots {
             }
             let to = if h >= left { length } else { x + h };
             out.push(Knotted {
-                item: cell.item,
-                from: cell.from + x,
-                to: if h >= left { cell.to } else { cell.from + to },
-                time_s: h / speed(x + 0.5 * h),
+                item: self.item,
+                from: self.from + x,
+                to: if h >= left { self.to } else { self.from + to },
+                time_s: h / self.expected(ends, x + 0.5 * h).sqrt(),
             });
-            self.last = h;
-            self.from_rest += h;
             x = to;
         }
     }

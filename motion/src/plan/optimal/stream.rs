@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 
 use super::checkpoints::Checkpoints;
 use super::joints::Joints;
-use super::knots::{Exit, Knots, Knotted, step_s};
+use super::knots::{Knots, Knotted, step_s};
 use super::sections::{Found, Item, Log, Part, Place, Sections};
 use super::slopes::{Emission, Side, launch, steady_limits};
 use super::solver::{Grid, JointJet, Knotting, Launch, State};
@@ -322,7 +322,7 @@ impl Stream {
                 u: 0.0,
             }
         };
-        let mut knots = Knots::new(state.b.sqrt(), start.map(|(_, launch)| launch.length()));
+        let mut knots = Knots::new(state.b.sqrt());
         knots.push(
             first,
             &self.log,
@@ -338,7 +338,7 @@ impl Stream {
     }
 
     /// Takes the spans of which the knots are certain into the grid.
-    fn add_spans(&mut self, exit: Option<Exit>) {
+    fn add_spans(&mut self, exit: Option<f64>) {
         let Some(open) = self.section.as_mut().and_then(|section| section.open.as_mut()) else {
             return;
         };
@@ -454,10 +454,7 @@ impl Stream {
         if let Some((_, launch)) = stop {
             open.knots.trim(launch.length());
         }
-        self.add_spans(Some(Exit {
-            speed: stop.map_or(speed, |(_, launch)| launch.stop().b.sqrt()),
-            stop: stop.map(|(_, launch)| launch.length()),
-        }));
+        self.add_spans(Some(stop.map_or(speed, |(_, launch)| launch.stop().b.sqrt())));
         self.cut(true);
         let Some(section) = self.section.take() else { return };
         let Some(open) = section.open else { return };

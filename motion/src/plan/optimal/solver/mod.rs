@@ -44,7 +44,7 @@ pub use first::{Knotting, first_crawl, first_profile};
 pub use grid::{ACCELERATION_USE, Grid, JERK_USE, JointJet, JointLimits, SPEED_USE};
 pub use interior::{Infeasible, Options, Solved, Workspace, solve};
 pub use profile::{State, Worst, coefficient, worst};
-pub use spacing::{Cell, spacing};
+pub use spacing::{Cell, rise, spacing};
 pub use start::{Launch, NoStart, START_REACH, launch, start};
 
 #[cfg(test)]

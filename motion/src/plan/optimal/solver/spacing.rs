@@ -75,12 +75,16 @@ impl Cell {
         cell
     }
 
-    /// b after a stretch that begins with `b`, at full acceleration.
     fn rise(&self, b: f64, length: f64) -> f64 {
-        let by_acceleration = b + 2.0 * ACCELERATION_PART * self.acceleration * length;
-        let three_halves = (b * b.sqrt()).sqrt() + 1.5 * (2.0 * self.jerk).sqrt() * length;
-        by_acceleration.min(three_halves * cube_root(three_halves))
+        rise(b, length, self.acceleration, self.jerk)
     }
+}
+
+/// Greatest b expected after a stretch of path that begins with `b`, where joints allow this acceleration and jerk along it.
+pub fn rise(b: f64, length: f64, acceleration: f64, jerk: f64) -> f64 {
+    let by_acceleration = b + 2.0 * ACCELERATION_PART * acceleration * length;
+    let three_halves = (b * b.sqrt()).sqrt() + 1.5 * (2.0 * jerk).sqrt() * length;
+    by_acceleration.min(three_halves * cube_root(three_halves))
 }
 
 /// Lengths of spans for cells between two ends with known b (at a rest, that at the end of the launch), about `dt`
