@@ -12,7 +12,7 @@
 #                     FILE samples.csv path.txt --v X,Y,Z --a X,Y,Z --j X,Y,Z --tol MM; exit code 0: nothing is wrong
 #   --keep DIR        keep set-points, paths and reports there
 #
-# $ISOCNC names the program to be judged; else it is built. Exit code 0: nothing was over, off or missed.
+# $ISOCNC names the program to be judged, else it is built; $PYTHON the Python of the checker. Exit code 0: nothing was over, off or missed.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -84,7 +84,7 @@ for program in "${programs[@]}"; do
         if grep -q '^C' "$path"; then
             tolerance=$(awk -v mm="$allowed" 'BEGIN { print (mm > 1e-5 ? mm : 1e-5) }')
         fi
-        if python3 "$checker" "$samples" "$path" --v "$(limits "$on" velocity_mm_s)" --a "$(limits "$on" acceleration_mm_s2)" \
+        if "${PYTHON:-python3}" "$checker" "$samples" "$path" --v "$(limits "$on" velocity_mm_s)" --a "$(limits "$on" acceleration_mm_s2)" \
             --j "$(limits "$on" jerk_mm_s3)" --tol "$tolerance" >"$out/$name.check" 2>&1; then
             verdict="$verdict, checker ok"
         else
