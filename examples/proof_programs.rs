@@ -1,4 +1,5 @@
 //! Writes the programs by which the planner is judged to a folder: `cargo run --example proof_programs -- DIR [--small]`.
+//! With `DIR --random SEED BLOCKS`, just the random program that a failing test has named.
 //!
 //! Prints one line a program: file name, tolerance in mm.
 
@@ -18,7 +19,16 @@ fn main() -> anyhow::Result<()> {
     let size = match arguments.next().as_deref() {
         None => Size::Full,
         Some("--small") => Size::Small,
-        Some(other) => anyhow::bail!("{other}: expected --small or nothing"),
+        Some("--random") => {
+            let mut number = |what| arguments.next().context(what)?.parse().context(what);
+            let (seed, blocks): (u64, u64) = (number("seed")?, number("number of blocks")?);
+            let file = folder.join(format!("random_{seed}.ngc"));
+            std::fs::create_dir_all(&folder)?;
+            std::fs::write(&file, Random(seed).program(blocks as usize))?;
+            println!("{}", file.display());
+            return Ok(());
+        }
+        Some(other) => anyhow::bail!("{other}: expected --small, --random SEED BLOCKS or nothing"),
     };
     std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     let write = |name: &str, text: String, tolerance_mm: f64| -> anyhow::Result<()> {

@@ -164,6 +164,8 @@ pub struct Feeder<'t, S: Sink<Element>> {
     ended: bool,
     /// What G64 without P allows, mm.
     default_tolerance_mm: f64,
+    /// What the path mode of the moment allows, and the most of that for any move.
+    mode_tolerance_mm: f64,
     tolerance_mm: f64,
 }
 
@@ -179,6 +181,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             line: 0,
             ended: false,
             default_tolerance_mm: config.program.tolerance_mm,
+            mode_tolerance_mm: 0.0,
             tolerance_mm: 0.0,
         }
     }
@@ -202,10 +205,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             match self.waiting.take().map(Ok).or_else(|| self.events.next()) {
                 Some(Ok(event)) => {
                     self.line = event.source.line;
-                    if let Call::SetPathMode(PathMode::Continuous { tolerance_mm, .. }) = &event.call {
-                        let tolerance_mm = tolerance_mm.unwrap_or(self.default_tolerance_mm);
-                        self.tolerance_mm = self.tolerance_mm.max(tolerance_mm);
-                    }
+                    self.look_at(&event.call);
                     self.planner.push(&event).map_err(FeedError::Plan)?;
                 }
                 Some(Err(error)) => {
@@ -237,7 +237,21 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         self.events.snapshot()
     }
 
-    /// Greatest deviation from the path that the program has allowed so far (G64), mm; 0: none.
+    /// Follows the path mode, and what it allows the moves in it.
+    fn look_at(&mut self, call: &Call) {
+        match call {
+            Call::SetPathMode(PathMode::Continuous { tolerance_mm, .. }) => {
+                self.mode_tolerance_mm = tolerance_mm.unwrap_or(self.default_tolerance_mm);
+            }
+            Call::SetPathMode(PathMode::ExactPath | PathMode::ExactStop) => self.mode_tolerance_mm = 0.0,
+            Call::StraightTraverse { .. } | Call::StraightFeed { .. } | Call::ArcFeed { .. } => {
+                self.tolerance_mm = self.tolerance_mm.max(self.mode_tolerance_mm);
+            }
+            _ => {}
+        }
+    }
+
+    /// Greatest deviation from the path that the program has allowed its moves so far (G64), mm; 0: none.
     pub fn tolerance_mm(&self) -> f64 {
         self.tolerance_mm
     }

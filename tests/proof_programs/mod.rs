@@ -5,6 +5,8 @@
 //!
 //! Shared by the tests, the benches and `examples/proof_programs.rs`, which writes them to files.
 
+#![allow(dead_code)] // not every user uses all of it
+
 mod chords;
 mod drawn;
 mod engraving;

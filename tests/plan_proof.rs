@@ -1,0 +1,358 @@
+//! Proof of the planner: programs of all kinds, on machines of several limits, by every planner.
+//!
+//! Each program goes from its text through interpreter and planner; what comes out is sampled once a millisecond and judged
+//! by differences of set-points and by distance from the programmed path, in both directions.
+
+mod proof_programs;
+
+use gcode::Interpreter;
+use isocnc::config::{self, Config};
+use isocnc::program::{home, interpreter_settings, plan_settings, ring_capacity, stop_ramp};
+use motion::canon::{AXES, Call, Event, PathMode, Position};
+use motion::element::Element;
+use motion::plan::check::check;
+use motion::plan::offline::sample;
+use motion::plan::{AxisLimits, Planner, Programmed, Pumped, Settings, Slope, deviation};
+use motion::ring::{self, Publish, Sink, Timed};
+use motion::rt::{Interpolator, SampleState};
+use proof_programs::{CASES, Random, Size};
+use proptest::prelude::*;
+use std::path::Path;
+
+const THREE_AXES: &str = include_str!("proof_programs/three-axes.toml");
+const STIFF: &str = include_str!("proof_programs/three-axes-stiff.toml");
+const FAST: &str = include_str!("proof_programs/three-axes-fast.toml");
+const PLANNERS: [Slope; 2] = [Slope::Optimal, Slope::Classic];
+const CYCLE_S: f64 = 1e-3;
+/// What rounding takes of a path that is kept exactly, mm.
+const ROUNDING_MM: f64 = 1e-9;
+
+fn machine(text: &str, planner: Slope) -> Config {
+    let mut config = config::parse(text, Path::new("machine.toml")).expect("a good machine file");
+    config.program.planner = planner;
+    config
+}
+
+/// A machine of which no axis is like another.
+fn uneven(planner: Slope) -> Config {
+    let mut config = machine(THREE_AXES, planner);
+    for (joint, part) in config.joints.iter_mut().zip([1.0, 0.6, 0.25]) {
+        joint.limits.velocity_mm_s *= part;
+        joint.limits.acceleration_mm_s2 *= part * 0.9;
+        joint.limits.jerk_mm_s3 *= part * part;
+    }
+    config
+}
+
+fn events(config: &Config, text: &str) -> Vec<Event> {
+    let run = Interpreter::new(interpreter_settings(config, home(config))).run(text.as_bytes());
+    run.map(|event| event.unwrap_or_else(|error| panic!("{error}")))
+        .collect()
+}
+
+/// Keeps everything that is handed over, and judges each planned stop.
+#[derive(Default)]
+struct Recorder {
+    elements: Vec<Element>,
+    tail: Vec<Element>,
+}
+
+impl Sink<Element> for Recorder {
+    fn free(&self) -> usize {
+        usize::MAX / 2
+    }
+
+    fn publish(&mut self, committed: &[Element], tail: &[Element]) -> Publish {
+        self.elements.extend_from_slice(committed);
+        self.tail.clear();
+        self.tail.extend_from_slice(tail);
+        if let Some(Element::Span(last)) = self.tail.last().or(self.elements.last()) {
+            let speed = last.speed(last.duration_s);
+            assert!(speed.abs() < 1e-6, "line {}: a plan ends with {speed} mm/s", last.line);
+        }
+        Publish::Done
+    }
+}
+
+/// A program, planned.
+struct Planned {
+    elements: Vec<Element>,
+    path: Vec<Programmed>,
+    tolerance_mm: f64,
+    settings: Settings,
+}
+
+fn plan(config: &Config, text: &str) -> Planned {
+    let settings = plan_settings(config, home(config));
+    let mut planner = Planner::new(settings, Recorder::default());
+    let (mut mode_mm, mut tolerance_mm) = (0.0_f64, 0.0_f64);
+    for event in events(config, text) {
+        match &event.call {
+            Call::SetPathMode(PathMode::Continuous { tolerance_mm, .. }) => {
+                mode_mm = tolerance_mm.unwrap_or(settings.tolerance_mm);
+            }
+            Call::SetPathMode(PathMode::ExactPath | PathMode::ExactStop) => mode_mm = 0.0,
+            Call::StraightTraverse { .. } | Call::StraightFeed { .. } | Call::ArcFeed { .. } => {
+                tolerance_mm = tolerance_mm.max(mode_mm);
+            }
+            _ => {}
+        }
+        planner.push(&event).unwrap_or_else(|error| panic!("{error}"));
+        planner.pump();
+    }
+    planner.finish();
+    while planner.pump() != Pumped::Done {}
+    let path = planner.ideal_path().collect();
+    let sink = planner.sink();
+    assert!(sink.tail.is_empty(), "everything is final at the end");
+    Planned {
+        elements: std::mem::take(&mut sink.elements),
+        path,
+        tolerance_mm,
+        settings,
+    }
+}
+
+/// Limits, deviation both ways, rest at both ends; returns the planned time, s.
+fn judge(name: &str, planned: &Planned) -> f64 {
+    let Planned {
+        elements,
+        path,
+        tolerance_mm,
+        settings,
+    } = planned;
+    let samples = sample(elements, settings.start, CYCLE_S);
+    let peaks = check(&samples, CYCLE_S, &settings.axes);
+    assert_eq!(peaks.over(), 0, "{name}: {peaks:?}");
+    let (first, last) = (samples[0], samples[samples.len() - 1]);
+    let goal = path
+        .last()
+        .map_or(first, |part| part.piece.position(part.piece.length()));
+    assert!(
+        distance(&last, &goal) < ROUNDING_MM,
+        "{name}: ends at {last:?} in place of {goal:?}"
+    );
+    assert_eq!(first, settings.start, "{name}");
+    let found = deviation(&samples, path, *tolerance_mm);
+    assert!(found.off_mm <= tolerance_mm + ROUNDING_MM, "{name}: {found:?}");
+    // Between two set-points the way is straight: what a corner is missed by for that is not of the planner.
+    let sagitta = sagitta_mm(&samples);
+    assert!(
+        found.missed_mm <= tolerance_mm + sagitta + ROUNDING_MM,
+        "{name}: {found:?}, sagitta {sagitta}"
+    );
+    assert!(
+        found.length_mm - found.reached_mm <= tolerance_mm + 1e-6,
+        "{name}: {found:?}"
+    );
+    elements.iter().map(Timed::duration_s).sum()
+}
+
+fn distance(a: &Position, b: &Position) -> f64 {
+    (0..AXES)
+        .map(|axis| (a.0[axis] - b.0[axis]).powi(2))
+        .sum::<f64>()
+        .sqrt()
+}
+
+fn sagitta_mm(samples: &[Position]) -> f64 {
+    let bend = |three: &[Position]| {
+        let second = |axis: usize| three[2].0[axis] - 2.0 * three[1].0[axis] + three[0].0[axis];
+        (0..AXES).map(|axis| second(axis).powi(2)).sum::<f64>().sqrt() / 8.0
+    };
+    samples.windows(3).map(bend).fold(0.0, f64::max)
+}
+
+/// All programs on a machine.
+fn prove_all(machine: impl Fn(Slope) -> Config) {
+    for planner in PLANNERS {
+        let config = machine(planner);
+        for case in CASES {
+            let planned = plan(&config, &case.text(Size::Small));
+            assert!(planned.tolerance_mm <= case.mode.tolerance_mm(), "{}", case.name);
+            let time_s = judge(&format!("{} {planner:?}", case.name), &planned);
+            assert!(time_s > 0.2, "{}: {time_s} s are less than its waits", case.name);
+        }
+    }
+}
+
+#[test]
+fn every_limit_is_kept_on_a_moderate_machine() {
+    prove_all(|planner| machine(THREE_AXES, planner));
+}
+
+#[test]
+fn every_limit_is_kept_on_a_stiff_machine() {
+    prove_all(|planner| machine(STIFF, planner));
+}
+
+#[test]
+fn every_limit_is_kept_on_a_fast_machine() {
+    prove_all(|planner| machine(FAST, planner));
+}
+
+#[test]
+fn every_limit_is_kept_on_a_machine_of_unlike_axes() {
+    prove_all(uneven);
+}
+
+/// All numbers of a plan as they are stored.
+fn bits(elements: &[Element]) -> Vec<u64> {
+    let number = |element: &Element| match element {
+        Element::Span(span) => {
+            let (begin, end) = (
+                span.piece.position(span.s0),
+                span.piece.position(span.place(span.duration_s)),
+            );
+            let motion = [span.s0, span.v0, span.a0, span.jerk, span.gradient, span.duration_s];
+            let all = motion.into_iter().chain(begin.0).chain(end.0);
+            all.map(f64::to_bits).chain([u64::from(span.line)]).collect()
+        }
+        Element::Dwell { seconds, line } => vec![seconds.to_bits(), u64::from(*line)],
+        Element::Action { line, .. } => vec![u64::from(*line)],
+    };
+    elements.iter().flat_map(number).collect::<Vec<u64>>()
+}
+
+#[test]
+fn the_same_program_gives_the_same_bits() {
+    for planner in PLANNERS {
+        let config = machine(THREE_AXES, planner);
+        for name in ["mixed", "rose", "text", "surface"] {
+            let text = proof_programs::find(name)
+                .expect("a program of this name")
+                .text(Size::Small);
+            let first = bits(&plan(&config, &text).elements);
+            assert!(first.len() > 100);
+            assert!(first == bits(&plan(&config, &text).elements), "{name} {planner:?}");
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn random_programs_keep_every_limit(seed in any::<u64>(), blocks in 2_usize..60) {
+        let text = Random(seed).program(blocks);
+        for planner in PLANNERS {
+            judge(&format!("seed {seed} of {blocks} blocks, {planner:?}"), &plan(&uneven(planner), &text));
+        }
+    }
+
+    #[test]
+    fn any_override_hold_and_starving_keeps_every_limit(seed in any::<u64>(), blocks in 2_usize..30) {
+        for planner in PLANNERS {
+            let mut random = Random(seed);
+            let text = random.program(blocks);
+            run_by_chance(&uneven(planner), &text, &mut random);
+        }
+    }
+}
+
+/// Runs a program through ring and interpolation while the override changes and the planner is slow, both by chance.
+fn run_by_chance(config: &Config, text: &str, random: &mut Random) {
+    const CYCLES_MAX: usize = 400_000;
+    /// Cycles for which a change of scale is seen in a difference of third order.
+    const SEEN: usize = 4;
+    let start = home(config);
+    let settings = plan_settings(config, start);
+    let (producer, consumer) = ring::channel(ring_capacity(config));
+    let mut planner = Planner::new(settings, producer);
+    let mut interpolator = Interpolator::new(consumer, start, stop_ramp(config));
+    let mut events = events(config, text).into_iter();
+    let mut ended = false;
+    let (mut scale, mut left) = (1.0, 0);
+    let mut samples = vec![start; 4];
+    let (mut scaling_seen, mut starved, mut path) = (0, 0, Vec::new());
+    // A planner that mostly keeps up, or mostly does not.
+    let patience = 1 + random.below(400);
+    for cycle in 0..CYCLES_MAX {
+        // After a while nothing hinders any more, so that the end comes.
+        let hindered = cycle < CYCLES_MAX / 8;
+        if (!hindered || random.below(patience) == 0) && !ended {
+            match events.next() {
+                Some(event) => planner.push(&event).unwrap_or_else(|error| panic!("{error}")),
+                None => {
+                    planner.finish();
+                    ended = true;
+                }
+            }
+        }
+        if !hindered || random.below(3) == 0 {
+            planner.pump();
+            path.extend(planner.ideal_path());
+        }
+        if left == 0 {
+            left = 1 + random.below(300);
+            scale = match random.below(4) {
+                0 => 0.0,
+                1 => random.within(0.0, 1.0),
+                _ => 1.0,
+            };
+        }
+        left -= 1;
+        let sample = interpolator.step(if hindered { scale } else { 1.0 });
+        scaling_seen = if interpolator.is_scaling() {
+            SEEN
+        } else {
+            scaling_seen.max(1) - 1
+        };
+        if sample.action.is_some() {
+            interpolator.acknowledge_action();
+        }
+        starved += usize::from(sample.state == SampleState::Starved);
+        samples.push(sample.position);
+        keeps_limits(
+            config,
+            &settings.axes,
+            &samples[samples.len() - 4..],
+            scaling_seen > 0,
+            cycle,
+        );
+        if sample.state == SampleState::Finished {
+            let goal = path
+                .last()
+                .map_or(start, |part: &Programmed| part.piece.position(part.piece.length()));
+            assert!(
+                distance(&sample.position, &goal) < ROUNDING_MM,
+                "ends at {:?}",
+                sample.position
+            );
+            assert!(starved > 0, "nothing is planned at the beginning");
+            return;
+        }
+    }
+    panic!("the program has no end");
+}
+
+/// Differences of the last four set-points; while the speed of the plan is being scaled, the limits of stops count.
+fn keeps_limits(config: &Config, axes: &[Option<AxisLimits>; AXES], last: &[Position], scaling: bool, cycle: usize) {
+    const SLACK: f64 = 1e-6;
+    for map in &config.axes {
+        let axis = map.axis as usize;
+        let stop = &config.joints[map.joints[0]].stop;
+        let plan = axes[axis].expect("an axis of the machine");
+        let (acceleration, jerk) = if scaling {
+            (stop.acceleration_mm_s2, stop.jerk_mm_s3)
+        } else {
+            (plan.acceleration, plan.jerk)
+        };
+        let [q0, q1, q2, q3] = [0, 1, 2, 3].map(|k| last[k].0[axis]);
+        let differences = [
+            ((q3 - q2) / CYCLE_S, plan.velocity),
+            ((q3 - 2.0 * q2 + q1) / CYCLE_S.powi(2), acceleration),
+            ((q3 - 3.0 * q2 + 3.0 * q1 - q0) / CYCLE_S.powi(3), jerk),
+        ];
+        let rounding = 8.0 * f64::EPSILON * q3.abs().max(1.0);
+        for (order, (amount, limit)) in differences.into_iter().enumerate() {
+            let noise = rounding / CYCLE_S.powi(order as i32 + 1);
+            assert!(
+                amount.abs() <= limit * (1.0 + SLACK) + noise,
+                "cycle {cycle}: difference {} of {:?} is {amount}, limit {limit}, scaling {scaling}",
+                order + 1,
+                map.axis
+            );
+        }
+    }
+}
