@@ -3,12 +3,18 @@
 //! In:  set-points and the programmed pieces, both in order. Out: greatest distances.
 //!
 //! Both are walked in order, each step bounded, so that a neighbouring pass of the tool path is never taken for the one
-//! that is due; linear in time. Distances are over all nine axes; a degree counts as a millimetre.
+//! that is due: of all places that are near enough the first one counts, so that no loop is passed over because it ends
+//! where it began. Linear in time. Distances are over all nine axes; a degree counts as a millimetre.
 
 use super::Programmed;
 use super::smooth::round::{distance, nearest};
 use crate::canon::Position;
 use crate::path::{Piece, Shape};
+
+/// What rounding takes of an exact path.
+const ROUNDING_MM: f64 = 1e-9;
+/// What the straight way between two set-points takes of a curve, in most cases.
+const SAGITTA_MM: f64 = 1e-4;
 
 /// Greatest distances.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -28,7 +34,7 @@ pub struct Deviation {
 pub fn deviation(samples: &[Position], path: &[Programmed], tolerance_mm: f64) -> Deviation {
     let pieces: Vec<Piece> = path.iter().map(|part| part.piece).collect();
     let around = 4.0 * tolerance_mm + 1e-3;
-    let (off_mm, reached_mm) = walk(samples.iter().copied(), &pieces, around);
+    let (off_mm, reached_mm) = walk(samples.iter().copied(), &pieces, around, tolerance_mm + ROUNDING_MM);
     let steps: Vec<Piece> = samples
         .windows(2)
         .filter_map(|pair| Piece::line(pair[0], pair[1]))
@@ -44,7 +50,7 @@ pub fn deviation(samples: &[Position], path: &[Programmed], tolerance_mm: f64) -
     let missed_mm = if steps.is_empty() {
         0.0
     } else {
-        walk(points, &steps, around + 2.0 * stride).0
+        walk(points, &steps, around + 2.0 * stride, tolerance_mm + SAGITTA_MM).0
     };
     Deviation {
         off_mm,
@@ -55,7 +61,10 @@ pub fn deviation(samples: &[Position], path: &[Programmed], tolerance_mm: f64) -
 }
 
 /// Greatest distance of `points` from `path`, and the length at which the last was found.
-fn walk(points: impl Iterator<Item = Position>, path: &[Piece], around: f64) -> (f64, f64) {
+///
+/// A point is looked for from where the one before was found up to `around` beyond the way since then. Pieces within `near`
+/// of it that follow each other are one place.
+fn walk(points: impl Iterator<Item = Position>, path: &[Piece], around: f64, near: f64) -> (f64, f64) {
     let mut starts = vec![0.0];
     starts.extend(path.iter().scan(0.0, |sum, piece| {
         *sum += piece.length();
@@ -66,29 +75,40 @@ fn walk(points: impl Iterator<Item = Position>, path: &[Piece], around: f64) -> 
     for point in points {
         let step = before.map_or(0.0, |before| distance(&point.0, &before.0));
         before = Some(point);
-        let (low, high) = (reached - around, reached + 2.0 * step + around);
+        let (low, high) = (reached, reached + 2.0 * step + around);
         while first + 1 < path.len() && starts[first + 1] < low {
             first += 1;
         }
-        let mut best = (f64::INFINITY, reached);
+        let (mut best, mut entered) = ((f64::INFINITY, reached), None);
         for (i, piece) in path.iter().enumerate().skip(first) {
             if starts[i] > high {
                 break;
             }
-            let (from, to) = ((low - starts[i]).max(0.0), (high - starts[i]).min(piece.length()));
+            let from = (low - starts[i]).clamp(0.0, piece.length());
+            let to = (high - starts[i]).clamp(from, piece.length());
+            let mut of_piece = (f64::INFINITY, from);
             for guess in [from, 0.5 * (from + to), to] {
                 let (off, s) = nearest(piece, &point.0, from, to, guess);
-                if off < best.0 {
-                    best = (off, starts[i] + s);
+                if off < of_piece.0 {
+                    of_piece = (off, s);
                 }
-                if matches!(piece.shape(), Shape::Line(_)) {
+                if matches!(piece.shape(), Shape::Line(_)) || of_piece.0 <= near {
                     break;
                 }
+            }
+            let place = (of_piece.0, starts[i] + of_piece.1);
+            if place.0 < best.0 {
+                best = place;
+            }
+            if place.0 <= near {
+                entered = entered.or(Some(place.1));
+            } else if entered.is_some() {
+                break;
             }
         }
         if best.0.is_finite() {
             worst = worst.max(best.0);
-            reached = reached.max(best.1);
+            reached = reached.max(entered.unwrap_or(best.1));
         }
     }
     (worst, reached)
@@ -133,5 +153,31 @@ mod tests {
         let trace: Vec<_> = (0..=300).map(|k| Position::xyz(f64::from(k) * 0.1, 0.0, 0.0)).collect();
         let found = deviation(&trace, &path, 0.001);
         assert!(found.length_mm - found.reached_mm > 29.9, "{found:?}");
+    }
+
+    #[test]
+    fn a_loop_that_ends_where_it_began_is_not_passed_over() {
+        // A square of 0.2 mm on a line; the trace goes around it in steps that are as long as its sides, and so far beyond.
+        let around = [
+            [0.0, 0.0],
+            [5.0, 0.0],
+            [5.0, 0.2],
+            [4.8, 0.2],
+            [4.8, 0.01],
+            [5.0, 0.01],
+            [9.0, 0.01],
+        ];
+        let trace = |points: &[[f64; 2]]| -> Vec<Position> {
+            points
+                .iter()
+                .map(|point| Position::xyz(point[0], point[1], 0.0))
+                .collect()
+        };
+        let found = deviation(&trace(&around), &path(&around), 0.02);
+        assert!(found.off_mm < 1e-12 && found.missed_mm < 1e-12, "{found:?}");
+        assert!((found.length_mm - found.reached_mm).abs() < 1e-9, "{found:?}");
+        let without = [around[0], around[1], around[6]];
+        let found = deviation(&trace(&without), &path(&around), 0.02);
+        assert!((found.missed_mm - 0.2 * 2.0f64.sqrt()).abs() < 0.02, "{found:?}");
     }
 }
