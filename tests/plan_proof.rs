@@ -12,6 +12,7 @@ use motion::canon::{AXES, Call, Event, PathMode, Position};
 use motion::element::Element;
 use motion::plan::check::check;
 use motion::plan::offline::sample;
+use motion::plan::workers::Workers;
 use motion::plan::{AxisLimits, Planner, Programmed, Pumped, Settings, Slope, deviation};
 use motion::ring::{self, Publish, Sink, Timed};
 use motion::rt::{Interpolator, SampleState};
@@ -83,8 +84,12 @@ struct Planned {
 }
 
 fn plan(config: &Config, text: &str) -> Planned {
+    plan_with(&Workers::none(), config, text)
+}
+
+fn plan_with(workers: &Workers, config: &Config, text: &str) -> Planned {
     let settings = plan_settings(config, home(config));
-    let mut planner = Planner::new(settings, Recorder::default());
+    let mut planner = Planner::with_workers(settings, Recorder::default(), workers);
     let (mut mode_mm, mut tolerance_mm) = (0.0_f64, 0.0_f64);
     for event in events(config, text) {
         match &event.call {
@@ -215,7 +220,7 @@ fn bits(elements: &[Element]) -> Vec<u64> {
 }
 
 #[test]
-fn the_same_program_gives_the_same_bits() {
+fn any_number_of_threads_gives_the_same_bits() {
     for planner in PLANNERS {
         let config = machine(THREE_AXES, planner);
         for name in ["mixed", "rose", "text", "surface"] {
@@ -224,7 +229,11 @@ fn the_same_program_gives_the_same_bits() {
                 .text(Size::Small);
             let first = bits(&plan(&config, &text).elements);
             assert!(first.len() > 100);
-            assert!(first == bits(&plan(&config, &text).elements), "{name} {planner:?}");
+            for threads in [0, 1, 3] {
+                let workers = Workers::new(threads, || ());
+                let again = bits(&plan_with(&workers, &config, &text).elements);
+                assert!(first == again, "{name} {planner:?} with {threads} threads");
+            }
         }
     }
 }

@@ -9,6 +9,7 @@ use crate::config::Config;
 use crate::machine::tables::Tables;
 use motion::canon::{Call, Event, PathMode, Position};
 use motion::element::Element;
+use motion::plan::workers::Workers;
 use motion::plan::{AxisLimits, PlanError, Planner, Programmed, Pumped, Settings};
 use motion::ring::{Publish, Sink};
 use motion::rt::{MotionLimits, ScaleRamp, StopLimits};
@@ -172,11 +173,23 @@ pub struct Feeder<'t, S: Sink<Element>> {
 impl<'t, S: Sink<Element>> Feeder<'t, S> {
     /// Begins at `start`, a machine position at rest.
     pub fn new(config: &Config, tables: &Tables, text: &'t [u8], start: Position, sink: S) -> Feeder<'t, S> {
+        Feeder::with_workers(config, tables, text, start, sink, &Workers::none())
+    }
+
+    /// The same with threads that help to plan; what is planned does not depend on them.
+    pub fn with_workers(
+        config: &Config,
+        tables: &Tables,
+        text: &'t [u8],
+        start: Position,
+        sink: S,
+        workers: &Workers,
+    ) -> Feeder<'t, S> {
         Feeder {
             events: gcode::Interpreter::new(planned_settings(config, tables, start))
                 .with_machine(Planned)
                 .run(text),
-            planner: Planner::new(plan_settings(config, start), sink),
+            planner: Planner::with_workers(plan_settings(config, start), sink, workers),
             waiting: None,
             line: 0,
             ended: false,

@@ -35,6 +35,9 @@ pub struct PlanArgs {
     /// How speed is chosen along the path, in place of what the machine file says.
     #[arg(long, value_enum)]
     planner: Option<PlannerName>,
+    /// Threads that plan, the first one counted; left out: as many as there are cores. The plan does not depend on them.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=64))]
+    threads: Option<u16>,
     /// Write one commanded position per cycle: `t,` and axis letters, s and mm.
     #[arg(long, value_name = "FILE.csv")]
     samples: Option<PathBuf>,
@@ -148,7 +151,7 @@ fn planned(args: &PlanArgs, text: &[u8]) -> Result<(Config, Tables, Work), Refus
             json: json!({ "file": name, "errors": listed }),
         });
     }
-    match run_down::run_down(&config, &tables, text) {
+    match run_down::run_down(&config, &tables, text, args.threads.map(usize::from)) {
         Ok(work) => Ok((config, tables, work)),
         Err(error) => {
             let listed = match &error {

@@ -22,6 +22,7 @@ pub(super) struct Report {
     /// From text to committed profile.
     wall_time_s: f64,
     blocks_per_s: f64,
+    threads: usize,
     pub(super) joints: Vec<JointReport>,
     pub(super) cycles_over_limits: u64,
     /// What the program allows.
@@ -92,6 +93,7 @@ impl Report {
             motion_time_s: work.motion_time_s,
             wall_time_s: work.wall_time_s,
             blocks_per_s: work.path.len() as f64 / work.wall_time_s,
+            threads: work.threads,
             cycles_over_limits: joints.iter().flat_map(|joint| joint.over).sum(),
             joints,
             tolerance_mm: work.tolerance_mm,
@@ -124,8 +126,8 @@ impl fmt::Display for Report {
         writeln!(f, "motion time     {:.3} s", self.motion_time_s)?;
         writeln!(
             f,
-            "planned in      {:.3} s, {:.0} blocks/s, {} elements",
-            self.wall_time_s, self.blocks_per_s, self.elements
+            "planned in      {:.3} s, {:.0} blocks/s, {} threads, {} elements",
+            self.wall_time_s, self.blocks_per_s, self.threads, self.elements
         )?;
         for joint in &self.joints {
             let name = match joint.axis {

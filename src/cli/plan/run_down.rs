@@ -7,8 +7,11 @@ use crate::program::{FeedError, Feeder, Progress, home, ring_capacity, stop_ramp
 use motion::canon::Position;
 use motion::element::{Action, Element};
 use motion::plan::Programmed;
+use motion::plan::workers::Workers;
 use motion::ring::{self, Publish, Sink, Timed};
 use motion::rt::{Interpolator, Sample, SampleState};
+use std::num::NonZero;
+use std::thread::available_parallelism;
 use std::time::Instant;
 
 /// What there is to know of one cycle.
@@ -54,6 +57,8 @@ pub(super) struct Work {
     pub(super) motion_time_s: f64,
     /// From text to committed profile, s.
     pub(super) wall_time_s: f64,
+    /// That planned.
+    pub(super) threads: usize,
     pub(super) lines: u32,
     /// Elements that went through the ring.
     pub(super) elements: usize,
@@ -89,17 +94,24 @@ impl Sink<Element> for Measure {
 ///
 /// # Errors
 /// The first thing of the program that cannot be planned.
-pub(super) fn run_down(config: &Config, tables: &Tables, text: &[u8]) -> Result<Work, FeedError> {
+pub(super) fn run_down(
+    config: &Config,
+    tables: &Tables,
+    text: &[u8],
+    threads: Option<usize>,
+) -> Result<Work, FeedError> {
     let start = home(config);
+    let threads = threads.unwrap_or_else(|| available_parallelism().map_or(1, NonZero::get));
+    let workers = Workers::new(threads - 1, || ());
     let began = Instant::now();
-    let mut feeder = Feeder::new(config, tables, text, start, Measure::default());
+    let mut feeder = Feeder::with_workers(config, tables, text, start, Measure::default(), &workers);
     whole(&mut feeder)?;
     let wall_time_s = began.elapsed().as_secs_f64();
     let measure = feeder.sink();
     let (motion_time_s, elements) = (measure.time_s + measure.tail_s, measure.elements);
 
     let (producer, consumer) = ring::channel(ring_capacity(config));
-    let mut feeder = Feeder::new(config, tables, text, start, producer);
+    let mut feeder = Feeder::with_workers(config, tables, text, start, producer, &workers);
     let mut interpolator = Interpolator::new(consumer, start, stop_ramp(config));
     let mut work = Work {
         cycle_s: f64::from(config.cycle_us) * 1e-6,
@@ -109,6 +121,7 @@ pub(super) fn run_down(config: &Config, tables: &Tables, text: &[u8]) -> Result<
         marks: Vec::new(),
         motion_time_s,
         wall_time_s,
+        threads,
         lines: 0,
         elements,
         tolerance_mm: 0.0,
