@@ -239,7 +239,7 @@ fn any_number_of_threads_gives_the_same_bits() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig::with_cases(12))]
 
     #[test]
     fn random_programs_keep_every_limit(seed in any::<u64>(), blocks in 2_usize..60) {

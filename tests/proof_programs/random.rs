@@ -93,7 +93,7 @@ impl Random {
     fn between(&mut self, text: &mut String) {
         match self.below(8) {
             0 => {
-                let feed = self.magnitude(50.0, 12_000.0);
+                let feed = self.magnitude(600.0, 12_000.0);
                 let _ = writeln!(text, "F{feed:.1}");
             }
             1 => {

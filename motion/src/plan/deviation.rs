@@ -60,7 +60,7 @@ pub fn deviation(samples: &[Position], path: &[Programmed], tolerance_mm: f64) -
     }
 }
 
-/// Greatest distance of `points` from `path`, and the length at which the last was found.
+/// Greatest distance of `points` from `path`, and the length up to which the path is near the last of them.
 ///
 /// A point is looked for from where the one before was found up to `around` beyond the way since then. Pieces within `near`
 /// of it that follow each other are one place.
@@ -70,7 +70,7 @@ fn walk(points: impl Iterator<Item = Position>, path: &[Piece], around: f64, nea
         *sum += piece.length();
         Some(*sum)
     }));
-    let (mut worst, mut reached, mut first) = (0.0f64, 0.0f64, 0);
+    let (mut worst, mut reached, mut left, mut first) = (0.0f64, 0.0f64, 0.0f64, 0);
     let mut before: Option<Position> = None;
     for point in points {
         let step = before.map_or(0.0, |before| distance(&point.0, &before.0));
@@ -102,6 +102,7 @@ fn walk(points: impl Iterator<Item = Position>, path: &[Piece], around: f64, nea
             }
             if place.0 <= near {
                 entered = entered.or(Some(place.1));
+                left = left.max(place.1);
             } else if entered.is_some() {
                 break;
             }
@@ -111,7 +112,7 @@ fn walk(points: impl Iterator<Item = Position>, path: &[Piece], around: f64, nea
             reached = reached.max(entered.unwrap_or(best.1));
         }
     }
-    (worst, reached)
+    (worst, reached.max(left))
 }
 
 #[cfg(test)]
