@@ -1,7 +1,7 @@
 //! Whether one move of the centre cuts into one move of the contour.
 
 use super::super::element::{Closest, Element};
-use super::super::geometry::{Point, add, length, sub};
+use super::super::geometry::{Point, add, cross, length, sub};
 use super::{DEPTH_TOLERANCE_MM, Mark, TOLERANCE_MM, Track, Wall};
 
 /// Where the centre comes too close, if it does.
@@ -10,6 +10,9 @@ pub(super) fn conflict(track: &Track, wall: &Wall, radius: f64) -> Option<Closes
         return None;
     }
     let allowed = allowed_mm(track, wall, radius);
+    if is_beside(&track.element, &wall.element, allowed) || is_beside(&wall.element, &track.element, allowed) {
+        return None;
+    }
     let closest = match track.joint {
         None => track.element.closest(&wall.element),
         Some(joint) => away_from(&wall.element, joint, 2.0 * radius)
@@ -19,6 +22,18 @@ pub(super) fn conflict(track: &Track, wall: &Wall, radius: f64) -> Option<Closes
             .min_by(|a, b| a.distance.total_cmp(&b.distance))?,
     };
     (closest.distance < allowed).then_some(closest)
+}
+
+/// Whether all of a line is on one side of another, endless one and no closer to it than `least`: so it is with most
+/// neighbours, and costs little to see.
+fn is_beside(endless: &Element, line: &Element, least: f64) -> bool {
+    if endless.arc.is_some() || line.arc.is_some() {
+        return false;
+    }
+    let way = sub(endless.to, endless.from);
+    let height = [line.from, line.to].map(|end| cross(way, sub(end, endless.from)));
+    let least = least * length(way);
+    least > 0.0 && (height[0].min(height[1]) >= least || height[0].max(height[1]) <= -least)
 }
 
 /// Whether two moves are at the same depth, and other axes in the same place.

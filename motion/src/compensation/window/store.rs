@@ -18,7 +18,7 @@ const CELLS_MAX: f64 = 128.0;
 const CELL_MIN_MM: f64 = 1e-3;
 
 /// Number of lists to which the cells are spread; a power of two. Two cells in one list cost time, nothing else.
-const LISTS: usize = 1 << 12;
+const LISTS: usize = 1 << 13;
 
 /// See the [module](self).
 #[derive(Clone, Debug)]
@@ -28,8 +28,8 @@ pub(super) struct Store<T> {
     /// Number of elements taken out at the front.
     gone: u64,
     items: VecDeque<Item<T>>,
-    /// Numbers of elements in growing order, those that are gone among them.
-    lists: Vec<VecDeque<u64>>,
+    /// Keys of cells and numbers of elements in growing order, those that are gone among them.
+    lists: Vec<VecDeque<(u64, u64)>>,
     beside: VecDeque<u64>,
     search: u64,
 }
@@ -123,12 +123,13 @@ impl<T> Store<T> {
             None => self.beside.push_back(number),
             Some(cells) => {
                 for cell in cells {
-                    let list = &mut self.lists[list_of(cell)];
-                    while list.front().is_some_and(|first| *first < self.gone) {
+                    let key = key_of(cell);
+                    let list = &mut self.lists[list_of(key)];
+                    while list.front().is_some_and(|(_, first)| *first < self.gone) {
                         list.pop_front();
                     }
-                    if list.back() != Some(&number) {
-                        list.push_back(number);
+                    if list.back() != Some(&(key, number)) {
+                        list.push_back((key, number));
                     }
                 }
             }
@@ -166,8 +167,11 @@ impl<T> Store<T> {
             }
             last = Some([x, y]);
             for (dx, dy) in AROUND {
-                let list = &self.lists[list_of([x + dx, y + dy])];
-                for number in list.iter().rev() {
+                let key = key_of([x + dx, y + dy]);
+                for (of, number) in self.lists[list_of(key)].iter().rev() {
+                    if *of != key {
+                        continue;
+                    }
                     let Some(index) = number.checked_sub(self.gone) else {
                         break;
                     };
@@ -224,11 +228,16 @@ const AROUND: [(i64, i64); 9] = [
     (1, 1),
 ];
 
-fn list_of([x, y]: [i64; 2]) -> usize {
+/// A number for a cell. Two cells with the same one cost time, nothing else.
+fn key_of([x, y]: [i64; 2]) -> u64 {
     let mixed = (x as u64)
         .wrapping_mul(0x9e37_79b9_7f4a_7c15)
         .wrapping_add((y as u64).wrapping_mul(0xc2b2_ae3d_27d4_eb4f));
-    (mixed >> 40) as usize & (LISTS - 1)
+    mixed ^ (mixed >> 32)
+}
+
+fn list_of(key: u64) -> usize {
+    (key >> 16) as usize & (LISTS - 1)
 }
 
 #[cfg(test)]
