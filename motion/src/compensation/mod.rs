@@ -22,10 +22,14 @@
 //! - a program stop at an inner corner waits for the corner, so that the tool does not stop in the wall behind it;
 //! - full circles count the turns that are made: the tool may get on them a little before their end, see `held.rs`;
 //! - an entry arc whose start lies on the wrong side of its end's tangent is an error, not almost a full circle;
-//! - a lathe tool's entry arc begins where the tip is, whatever follows.
+//! - a lathe tool's entry arc begins where the tip is, whatever follows;
+//! - what cuts into a part of the contour that is no neighbour is an error, or is dropped: `window/` has the rules. LinuxCNC does
+//!   not see it; [`Gouge::NeighboursOnly`] gives its path.
 //!
-//! No look-ahead goes beyond the next move: contours whose inner features are smaller than the tool are errors where this
-//! shows at a corner, and are cut into where features far apart on the contour lie close to each other in space.
+//! ```text
+//!   events -> corners, move by move (beside.rs, entry.rs, join.rs, held.rs)      moves of the centre
+//!          -> look-ahead over the contour (window/)                              the same, or without loops
+//! ```
 
 mod beside;
 mod class;
@@ -87,7 +91,7 @@ enum Mode {
     Off,
     /// On, and no move in the plane since.
     Entry(Tool),
-    Beside(Beside),
+    Beside(Box<Beside>),
 }
 
 /// What an event is to the look-ahead.
@@ -386,7 +390,7 @@ impl Compensator {
                     let source = mark.source;
                     self.made.push((Event { source, call: to_tip }, Part::Free));
                 }
-                self.mode = Mode::Beside(beside);
+                self.mode = Mode::Beside(Box::new(beside));
             }
             Mode::Beside(beside) if contour.is_still() => {
                 // The others move while the tool stays at the corner; it stands at the same point however far that was off.

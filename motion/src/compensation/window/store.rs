@@ -149,8 +149,8 @@ impl<T> Store<T> {
         let close = |other: &Circle| {
             let apart = sub(circle.centre, other.centre);
             let sum = circle.radius + other.radius + reach;
-            // Written so that no number that is none gets by.
-            !(apart[0] * apart[0] + apart[1] * apart[1] > sum * sum)
+            let square = apart[0] * apart[0] + apart[1] * apart[1];
+            square <= sum * sum || square.is_nan()
         };
         let Some(cells) = self.cells(element) else {
             let mut items = self.items.iter().filter(|item| close(&item.circle));
@@ -203,8 +203,7 @@ impl<T> Store<T> {
     /// looked at; `None` for an element that passes too many.
     fn cells(&self, element: &Element) -> Option<impl Iterator<Item = [i64; 2]> + use<T>> {
         let steps = (element.length() / (0.5 * self.cell_mm)).ceil().max(1.0);
-        // Also where the length is no number.
-        if !(steps <= CELLS_MAX) {
+        if steps > CELLS_MAX || steps.is_nan() {
             return None;
         }
         let (element, cell_mm) = (*element, self.cell_mm);
