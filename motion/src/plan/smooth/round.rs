@@ -180,7 +180,7 @@ pub(in crate::plan) fn nearest(leg: &Piece, q: &[f64; AXES], from: f64, to: f64,
         }
         let next = (s + along / square).clamp(from, to);
         // So near, the distance is the same to the last digits that matter.
-        if (next - s).abs() < 1e-10 {
+        if (next - s).abs() * square.sqrt() < 1e-10 {
             return (distance(q, &jet.q), s);
         }
         s = next;
