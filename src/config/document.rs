@@ -223,6 +223,11 @@ impl<'d, 'l> Section<'d, 'l> {
         }
     }
 
+    /// Whether a key stands here.
+    pub(super) fn has(&self, key: &str) -> bool {
+        self.table.contains_key(key)
+    }
+
     /// The value of a key if it stands here.
     pub(super) fn optional(&mut self, key: &'static str) -> Option<Item<'d, 'l>> {
         if !self.known.contains(&key) {

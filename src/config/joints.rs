@@ -51,6 +51,7 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
             section.wrong("following_error_mm", rule);
         }
     }
+    let squaring_offset_mm = section.number("squaring_offset_mm", Bound::Size(LENGTH_MAX), 0.0);
     let homing = homing(section, travel_mm, velocity_mm_s, counts_per_unit);
     if let (Some(counts), Some(travel)) = (counts_per_unit, travel_mm) {
         let counts_per_mm = ratio(counts);
@@ -89,6 +90,7 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         following_error_mm: following_error_mm?,
         homing: homing?,
         compensation,
+        squaring_offset_mm: squaring_offset_mm?,
     })
 }
 
@@ -249,8 +251,8 @@ fn homing(
     })
 }
 
-/// Reads all `[[axis]]`; every one of `joints` joints must belong to one axis.
-pub(super) fn axes(root: &mut Section<'_, '_>, joints: usize) -> Option<Vec<AxisMap>> {
+/// Reads all `[[axis]]`; every one of `joints` joints must belong to one axis. `follows`: each joint follows its axis.
+pub(super) fn axes(root: &mut Section<'_, '_>, joints: usize, follows: bool) -> Option<Vec<AxisMap>> {
     let mut axes: Vec<AxisMap> = Vec::new();
     let mut taken = vec![false; joints];
     let mut complete = true;
@@ -272,10 +274,20 @@ pub(super) fn axes(root: &mut Section<'_, '_>, joints: usize) -> Option<Vec<Axis
             section.wrong("wrapped", "only A, B and C turn without end");
             complete = false;
         }
-        section.not_yet(&["velocity_mm_s", "acceleration_mm_s2", "jerk_mm_s3", "travel_mm"]);
+        section.not_yet(&["velocity_mm_s", "acceleration_mm_s2", "jerk_mm_s3"]);
+        let travel_mm = section.has("travel_mm").then(|| travel(&mut section));
+        if travel_mm.is_some() && follows {
+            section.wrong("travel_mm", "the joints' own travel_mm is that of the axis");
+            complete = false;
+        }
         section.done();
-        match (axis, joints, wrapped) {
-            (Some(axis), Some(joints), Some(wrapped)) => axes.push(AxisMap { axis, joints, wrapped }),
+        match (axis, joints, wrapped, travel_mm) {
+            (Some(axis), Some(joints), Some(wrapped), None | Some(Some(_))) => axes.push(AxisMap {
+                axis,
+                joints,
+                wrapped,
+                travel_mm: travel_mm.flatten(),
+            }),
             _ => complete = false,
         }
     }

@@ -14,6 +14,7 @@ mod device;
 mod document;
 mod error;
 mod joints;
+mod kinematics;
 mod mapping;
 mod node;
 mod period;
@@ -24,6 +25,8 @@ mod tests;
 #[cfg(test)]
 mod tests_devices;
 #[cfg(test)]
+mod tests_kinematics;
+#[cfg(test)]
 mod tests_program;
 mod types;
 
@@ -31,6 +34,7 @@ pub use error::{ConfigError, ConfigErrors};
 pub use types::*;
 
 use document::{Bound, Log, Section};
+use kinematics::Family;
 use motion::canon::{LengthUnit, SPINDLES};
 use std::path::Path;
 use toml::de::DeTable;
@@ -110,7 +114,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     root.integer("schema", 1..=1, None);
 
     let machine = root.section("machine").map(machine);
-    let (name, cycle_us, unit) = machine.unwrap_or((None, None, None));
+    let (name, family, cycle_us, unit) = machine.unwrap_or((None, None, None, None));
     let rt = root.section("rt").and_then(|section| rt(section, cycle_us));
     let bus = root.section("bus").and_then(|mut section| {
         let bus = bus::bus(&mut section, cycle_us, path.parent().unwrap_or(Path::new("")));
@@ -138,7 +142,18 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         section.not_yet(&["probe", "rotary"]);
         section.done();
     }
-    let axes = joints::axes(&mut root, count);
+    let follows = family.is_none_or(Family::follows);
+    let axes = joints::axes(&mut root, count, follows);
+    let mut transform = root.section("kinematics").and_then(|mut section| {
+        let transform = kinematics::transform(&mut section, family?);
+        section.done();
+        transform
+    });
+    if let (Some(transform), Some(axes), true) = (&mut transform, &axes, joints.len() == count)
+        && !kinematics::fit(&root, transform, axes, &joints)
+    {
+        return None;
+    }
     let work_offsets = joints::offsets(&mut root, axes.as_deref());
     let spindle = root.section("spindle").and_then(spindle);
     let base = path.parent().unwrap_or(Path::new(""));
@@ -154,7 +169,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     });
     let nets = root.section("hal").and_then(hal);
     let sim = root.section("sim").and_then(sim);
-    root.not_yet(&["logic", "hmi", "service", "kinematics"]);
+    root.not_yet(&["logic", "hmi", "service"]);
     root.done();
 
     Some(Config {
@@ -164,6 +179,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         unit: unit?,
         rt: rt?,
         bus: bus?,
+        transform: transform?,
         joints: (joints.len() == count).then_some(joints)?,
         axes: axes?,
         work_offsets: work_offsets?,
@@ -175,20 +191,23 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     })
 }
 
-fn machine(mut section: Section<'_, '_>) -> (Option<String>, Option<u32>, Option<LengthUnit>) {
+/// Name, kinematics, cycle and unit.
+type Machine = (Option<String>, Option<Family>, Option<u32>, Option<LengthUnit>);
+
+fn machine(mut section: Section<'_, '_>) -> Machine {
     let name = section
         .required("name", "the name of the machine")
         .and_then(|item| item.text("machine.name"));
     if name.is_some_and(|name| !bus::is_name(name)) {
         section.wrong("name", bus::NAME_RULE);
     }
-    section.word("kinematics", &[("trivial", ())], ());
+    let family = section.word("kinematics", &Family::WORDS, Family::Trivial);
     let cycle_us = section
         .integer("cycle_us", 250..=10_000, 1000)
         .map(|cycle_us| cycle_us as u32);
     let unit = program::units(&mut section);
     section.done();
-    (name.map(str::to_owned), cycle_us, unit)
+    (name.map(str::to_owned), family, cycle_us, unit)
 }
 
 fn rt(mut section: Section<'_, '_>, cycle_us: Option<u32>) -> Option<Rt> {

@@ -5,6 +5,7 @@
 
 pub use gcode::ToolChanger;
 use motion::canon::{Axis, LengthUnit, Position};
+use motion::kinematics::{Follows, JOINTS, Kinematics, Transform};
 use motion::rt::{PitchTable, TakeUpLimits};
 pub use obd::device::{ConfigurationWrite, DeviceDescription};
 pub use powerlink::mn::{Stamp, StartUp};
@@ -13,7 +14,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Most joints that one machine can have.
-pub const JOINTS_MAX: usize = 16;
+pub const JOINTS_MAX: usize = JOINTS;
 
 /// A whole machine file.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,6 +32,8 @@ pub struct Config {
     pub rt: Rt,
     /// The field bus.
     pub bus: Bus,
+    /// Family of the kinematics, with its parameters.
+    pub transform: Transform,
     /// Joints in the order of the file.
     pub joints: Vec<Joint>,
     /// Program axes and their joints.
@@ -319,6 +322,8 @@ pub struct Joint {
     pub following_error_mm: f64,
     /// Homing.
     pub homing: Homing,
+    /// Of several joints of an axis: how far this one stands ahead of the axis where the gantry is square, mm; default 0.
+    pub squaring_offset_mm: f64,
     /// Backlash and pitch errors; the limits above are then what they leave.
     pub compensation: Option<Compensation>,
 }
@@ -378,6 +383,24 @@ pub struct AxisMap {
     pub joints: Vec<usize>,
     /// A rotary axis without ends: programs name angles of one turn; default false.
     pub wrapped: bool,
+    /// Soft limits of the axis itself where its joints are not the axis; `None`: only those of the joints.
+    pub travel_mm: Option<[f64; 2]>,
+}
+
+impl Config {
+    /// From axes to joints.
+    pub fn kinematics(&self) -> Kinematics {
+        let mut follows = [Follows::default(); JOINTS_MAX];
+        for (follows, joint) in follows.iter_mut().zip(&self.joints) {
+            follows.offset = joint.squaring_offset_mm;
+        }
+        for map in &self.axes {
+            for &joint in &map.joints {
+                follows[joint].axis = Some(map.axis);
+            }
+        }
+        Kinematics::new(self.transform, &follows[..self.joints.len()])
+    }
 }
 
 /// `[spindle]`

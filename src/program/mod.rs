@@ -7,10 +7,11 @@ mod settings;
 
 use crate::config::Config;
 use crate::machine::tables::Tables;
-use motion::canon::{Call, Event, PathMode, Position};
+use motion::canon::{Axis, Call, Event, PathMode, Position};
 use motion::element::Element;
+use motion::kinematics::{JOINTS, Kinematics, ToolFrame, Transform};
 use motion::plan::workers::Workers;
-use motion::plan::{AxisLimits, PlanError, Planner, Programmed, Pumped, Settings};
+use motion::plan::{AxisLimits, JointSpace, PlanError, Planner, Programmed, Pumped, Settings};
 use motion::ring::{Publish, Sink};
 use motion::rt::{MotionLimits, ScaleRamp, StopLimits};
 pub use settings::{interpreter_settings, settings_with};
@@ -277,11 +278,12 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
 
 /// Machine position after homing.
 pub fn home(config: &Config) -> Position {
-    let mut home = Position::ZERO;
-    for map in &config.axes {
-        home[map.axis] = config.joints[map.joints[0]].homing.position_mm;
-    }
-    home
+    let joints: Vec<f64> = config.joints.iter().map(|joint| joint.homing.position_mm).collect();
+    // Carriages of a delta may be homed where no rods could be; from there no program begins.
+    config
+        .kinematics()
+        .forward(&ToolFrame::OFF, &joints)
+        .unwrap_or_default()
 }
 
 /// Settings of a program that is planned: curves come as arcs.
@@ -296,32 +298,68 @@ fn planned_settings(config: &Config, tables: &Tables, start: Position) -> gcode:
 
 /// What the planner is told of a machine that stands at `start`.
 pub fn plan_settings(config: &Config, start: Position) -> Settings {
+    let kinematics = config.kinematics();
+    let follows = kinematics.is_trivial(&ToolFrame::OFF);
+    let is_belt = |map: &&crate::config::AxisMap| matches!(map.axis, Axis::X | Axis::Y);
+    let belts: Vec<usize> = config
+        .axes
+        .iter()
+        .filter(is_belt)
+        .flat_map(|map| map.joints.clone())
+        .collect();
     let mut axes = [const { None }; motion::canon::AXES];
     for map in &config.axes {
         // Several joints of an axis move together: the weakest says what it may do.
-        let joints = || map.joints.iter().map(|&joint| &config.joints[joint]);
+        let crossed = matches!(config.transform, Transform::CoreXy) && matches!(map.axis, Axis::X | Axis::Y);
+        // Either motor of a CoreXY moves by the sum of both axes: half of the weaker one for each is safe.
+        let moving = if crossed { &belts } else { &map.joints };
+        let share = if crossed { 0.5 } else { 1.0 };
+        let joints = || moving.iter().map(|&joint| &config.joints[joint]);
         let least = |value: fn(&crate::config::Joint) -> f64| joints().map(value).fold(f64::INFINITY, f64::min);
         axes[map.axis as usize] = Some(AxisLimits {
-            velocity: least(|joint| joint.limits.velocity_mm_s),
-            acceleration: least(|joint| joint.limits.acceleration_mm_s2),
-            jerk: least(|joint| joint.limits.jerk_mm_s3),
-            travel: [
-                joints()
-                    .map(|joint| joint.travel_mm[0])
-                    .fold(f64::NEG_INFINITY, f64::max),
-                least(|joint| joint.travel_mm[1]),
-            ],
+            velocity: share * least(|joint| joint.limits.velocity_mm_s),
+            acceleration: share * least(|joint| joint.limits.acceleration_mm_s2),
+            jerk: share * least(|joint| joint.limits.jerk_mm_s3),
+            travel: if follows {
+                [
+                    joints()
+                        .map(|joint| joint.travel_mm[0] - joint.squaring_offset_mm)
+                        .fold(f64::NEG_INFINITY, f64::max),
+                    least(|joint| joint.travel_mm[1] - joint.squaring_offset_mm),
+                ]
+            } else {
+                map.travel_mm.unwrap_or([f64::NEG_INFINITY, f64::INFINITY])
+            },
         });
     }
     Settings {
         axes,
-        joints: None,
+        joints: joint_space(config, kinematics),
         cycle_s: f64::from(config.cycle_us) * 1e-6,
         tolerance_mm: config.program.tolerance_mm,
         look_ahead_blocks: config.program.look_ahead_blocks,
         slope: config.program.planner,
         start,
     }
+}
+
+/// Joints of a machine whose kinematics are not trivial.
+fn joint_space(config: &Config, kinematics: Kinematics) -> Option<JointSpace> {
+    let mut limits = [AxisLimits {
+        velocity: 1.0,
+        acceleration: 1.0,
+        jerk: 1.0,
+        travel: [0.0; 2],
+    }; JOINTS];
+    for (limits, joint) in limits.iter_mut().zip(&config.joints) {
+        *limits = AxisLimits {
+            velocity: joint.limits.velocity_mm_s,
+            acceleration: joint.limits.acceleration_mm_s2,
+            jerk: joint.limits.jerk_mm_s3,
+            travel: joint.travel_mm,
+        };
+    }
+    (*kinematics.transform() != Transform::Trivial).then_some(JointSpace { kinematics, limits })
 }
 
 /// Elements that the ring must hold, so that the planner can hand in whatever it plans at once; many seconds of motion.

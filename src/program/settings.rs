@@ -40,6 +40,7 @@ pub fn interpreter_settings(config: &Config, start: Position) -> gcode::Settings
         diameter_mode: program.diameter_mode,
         spindles: config.spindle.count,
         wrapped_rotary,
+        kinematics: config.kinematics(),
         arc_radius_tolerance_mm: arc_radius_tolerance_mm(config),
         chip_breaking_clearance_mm: Some(program.chip_breaking_clearance_mm),
         peck_clearance_mm: Some(program.peck_clearance_mm),
@@ -116,6 +117,7 @@ mod tests {
             chip_breaking_clearance_mm: Some(0.254),
             peck_clearance_mm: Some(0.254),
             user_codes: Some(Vec::new()),
+            kinematics: demo().kinematics(),
             tools: found.tools.clone(),
             parameters: found.parameters.clone(),
             ..gcode::Settings::default()

@@ -16,7 +16,6 @@ use crate::machine::overruns::Overruns;
 use crate::service::operator::Inlets;
 use anyhow::{Context, anyhow};
 use hal_pins::Hal;
-use motion::kinematics::Kinematics;
 use motion::rt::{Monitor, MonitorLimits};
 use std::sync::Arc;
 
@@ -49,7 +48,7 @@ pub fn assemble<B: Fieldbus>(
         outputs: OutputImage::new(plans.iter().map(|plan| plan.outputs.octets)),
         inputs: InputImage::new(plans.iter().map(|plan| plan.inputs.octets)),
         drives,
-        kinematics: kinematics(config),
+        kinematics: config.kinematics(),
         monitor: Monitor::new(&config.joints.iter().map(monitor_limits).collect::<Vec<_>>(), cycle_s),
         hand: Hand::new(config),
         pins: Pins::new(hal, config, plans).context("pins")?,
@@ -90,15 +89,4 @@ fn monitor_limits(joint: &Joint) -> MonitorLimits {
             joint.stop.jerk_mm_s3,
         ],
     }
-}
-
-/// From axes to joints of a machine.
-pub(crate) fn kinematics(config: &Config) -> Kinematics {
-    let mut axis_of_joint = vec![None; config.joints.len()];
-    for map in &config.axes {
-        for &joint in &map.joints {
-            axis_of_joint[joint] = Some(map.axis);
-        }
-    }
-    Kinematics::trivial(&axis_of_joint)
 }

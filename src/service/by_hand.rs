@@ -10,7 +10,6 @@ use super::operator::Operator;
 use crate::config::Config;
 use crate::machine::sequence::Step;
 use crate::machine::state::State;
-use crate::rt::assemble::kinematics;
 use crate::rt::hand::{JogMotion, JogOrder};
 use crate::rt::shared::Command;
 use motion::kinematics::ToolFrame;
@@ -72,7 +71,7 @@ fn joints(what: Jogged, config: &Config) -> Result<u64, String> {
     let mask = |joints: &[usize]| joints.iter().fold(0, |mask, joint| mask | 1 << joint);
     match what {
         // A joint is no axis there, and to move an axis takes several of them in step.
-        Jogged::Axis(_) if !kinematics(config).is_trivial(&ToolFrame::OFF) => {
+        Jogged::Axis(_) if !config.kinematics().is_trivial(&ToolFrame::OFF) => {
             Err("the joints of this machine are not its axes; jog a joint by its number".into())
         }
         Jogged::Axis(axis) => match config.axes.iter().find(|map| map.axis == axis) {

@@ -56,6 +56,7 @@ const BENCH: Joint = Joint {
         position_mm: 0.0,
     },
     compensation: None,
+    squaring_offset_mm: 0.0,
 };
 
 /// What a drive is made of; kept for the next power-on.

@@ -65,6 +65,7 @@ pub(super) fn test_config() -> Config {
             position_mm: 0.0,
         },
         compensation: None,
+        squaring_offset_mm: 0.0,
     };
     Config {
         path: "test.toml".into(),
@@ -96,6 +97,7 @@ pub(super) fn test_config() -> Config {
                 node(10, "io", Profile::Io, 0x000F_0191, io_outputs, io_inputs),
             ],
         },
+        transform: motion::kinematics::Transform::Trivial,
         joints: vec![
             joint(0, [-5.0, 305.0], 21, 150.0),
             joint(1, [-5.0, 205.0], 21, 150.0),
@@ -106,16 +108,19 @@ pub(super) fn test_config() -> Config {
                 axis: Axis::X,
                 joints: vec![0],
                 wrapped: false,
+                travel_mm: None,
             },
             AxisMap {
                 axis: Axis::Y,
                 joints: vec![1],
                 wrapped: false,
+                travel_mm: None,
             },
             AxisMap {
                 axis: Axis::Z,
                 joints: vec![2],
                 wrapped: false,
+                travel_mm: None,
             },
         ],
         work_offsets: [Position::ZERO; 9],

@@ -279,7 +279,12 @@ impl Program {
         let piece = piece.in_frame(self.tool_frame);
         match &settings.joints {
             Some(joints) if !joints.kinematics.is_trivial(&self.tool_frame) => {
-                check_axes(&piece, &settings.axes)?;
+                // The axes' own travel is that of the joints which they are when the control is off.
+                if self.tool_frame.tcp {
+                    check_axes(&piece, &settings.axes)?;
+                } else {
+                    check_travel(&piece, &settings.axes)?;
+                }
                 joints.check(&piece)?;
             }
             Some(_) | None => check_travel(&piece, &settings.axes)?,

@@ -6,7 +6,6 @@
 //! The machine rests before the first set-point and after the last.
 
 use crate::config::Config;
-use crate::rt::assemble::kinematics;
 use motion::canon::{Axis, Position};
 use motion::kinematics::{Kinematics, ToolFrame};
 
@@ -39,7 +38,7 @@ pub(super) struct Joints {
 
 impl Joints {
     pub(super) fn new(config: &Config) -> Joints {
-        let kinematics = kinematics(config);
+        let kinematics = config.kinematics();
         let all: Vec<Joint> = (config.joints.iter().enumerate())
             .map(|(index, joint)| Joint {
                 axis: kinematics.joints().get(index).and_then(|follows| follows.axis),
