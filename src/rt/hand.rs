@@ -256,3 +256,58 @@ fn limits(config: &Config, joint: usize) -> JogLimits {
         range: config.joints[joint].travel_mm,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config;
+    use std::path::Path;
+
+    /// The demo mill with X and Y as the two sides of a gantry.
+    fn gantry() -> Config {
+        let machine = include_str!("../../configs/mill3-demo.toml");
+        let mut config = config::parse(machine, Path::new("demo.toml")).unwrap();
+        config.axes.remove(1);
+        config.axes[0].joints = vec![0, 1];
+        config.joints[0].travel_mm = [-5.0, 305.0];
+        config.joints[1].travel_mm = [-5.0, 205.0];
+        config.joints[1].limits.velocity_mm_s = 60.0;
+        config
+    }
+
+    #[test]
+    fn the_sides_of_a_gantry_move_together_and_the_first_end_of_travel_ends_both() {
+        let mut hand = Hand::new(&gantry());
+        assert_eq!((hand.moved_with(0b010), hand.moved_with(0b100)), (0b011, 0b100));
+        let mut command_mm = [10.0, 10.3, -7.0];
+        hand.begin(&command_mm);
+        let run = |joints| JogOrder {
+            joints,
+            motion: JogMotion::Run { velocity_mm_s: 150.0 },
+        };
+        // By either of its joints.
+        hand.obey(&run(0b010));
+        let keep = JogOrder {
+            joints: u64::MAX,
+            motion: JogMotion::Keep,
+        };
+        let mut fastest_mm_s = 0.0_f64;
+        for _ in 0..8000 {
+            hand.obey(&keep);
+            hand.step(&mut command_mm);
+            fastest_mm_s = fastest_mm_s.max(hand.speed_mm_s());
+            assert!((command_mm[1] - command_mm[0] - 0.3).abs() < 1e-9, "{command_mm:?}");
+        }
+        assert_eq!(command_mm[2], -7.0);
+        assert!((command_mm[1] - 205.0).abs() < 1e-9, "{command_mm:?}");
+        assert!(
+            (fastest_mm_s - 60.0).abs() < 1e-6,
+            "the slower side counts: {fastest_mm_s}"
+        );
+        assert!(hand.is_at_rest() && !hand.is_over(), "the hand is still on the key");
+        for _ in 0..200 {
+            hand.step(&mut command_mm);
+        }
+        assert!(hand.is_over());
+    }
+}

@@ -289,5 +289,4 @@ fn longest(ways: &[RestWay; AXES]) -> f64 {
 }
 
 #[cfg(test)]
-#[path = "world_tests.rs"]
 mod tests;
