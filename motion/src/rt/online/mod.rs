@@ -11,7 +11,7 @@
 //! The solver's tolerances are absolute and made for metres, so it is given thousandths of mm or degrees, and distances
 //! from where the joint is.
 //!
-//! RT: nothing allocates but [`Online::new`]; a new goal costs a few µs, a cycle some ns.
+//! RT: nothing allocates but [`Online::new`]; a new goal costs about a µs, a cycle some ns.
 
 mod segments;
 

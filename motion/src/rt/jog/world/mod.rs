@@ -263,7 +263,8 @@ impl WorldJog {
         for (number, (joint, limits)) in joints.iter().zip(&self.limits).enumerate() {
             let found = |why| Err(Obstruction { joint: number, why });
             let [low, high] = limits.range;
-            if !(joint.q >= low && joint.q <= high) && !self.returns(number, joint.q) {
+            let inside = joint.q >= low && joint.q <= high;
+            if !inside && !self.returns(number, joint.q) {
                 return found(Obstacle::Travel);
             }
             let motion = &limits.motion;

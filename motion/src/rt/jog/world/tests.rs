@@ -79,7 +79,7 @@ impl Watch {
         Ok(position)
     }
 
-    fn to_rest(&mut self, jog: &mut WorldJog) -> Position {
+    fn until_rest(&mut self, jog: &mut WorldJog) -> Position {
         for _ in 0..200_000 {
             let position = self.step(jog).unwrap();
             if jog.is_at_rest() {
@@ -103,7 +103,7 @@ fn axes_run_straight_and_as_fast_as_wanted_where_joints_can() {
     assert!((from.0[0] - to.0[0] - 0.05).abs() < 1e-9);
     assert_eq!((to.0[1], to.0[2]), (100.0, -50.0));
     jog.run(Axis::X, 0.0);
-    watch.to_rest(&mut jog);
+    watch.until_rest(&mut jog);
     assert_eq!(jog.obstruction(), None);
 }
 
@@ -112,7 +112,7 @@ fn the_end_of_the_reach_is_named_and_not_run_into() {
     let mut jog = scara();
     let mut watch = Watch::new(&jog);
     jog.run(Axis::X, 200.0);
-    let rest = watch.to_rest(&mut jog);
+    let rest = watch.until_rest(&mut jog);
     // Both arms in line would be at 489.9; near that the joints become infinitely fast.
     assert!(rest.0[0] > 470.0 && rest.0[0] < 490.0, "{rest:?}");
     assert!(jog.obstruction().is_some());
@@ -123,7 +123,7 @@ fn the_end_of_the_reach_is_named_and_not_run_into() {
     }
     assert!(watch.step(&mut jog).unwrap().0[0] < rest.0[0] - 30.0);
     jog.release_all();
-    watch.to_rest(&mut jog);
+    watch.until_rest(&mut jog);
 }
 
 #[test]
@@ -132,7 +132,7 @@ fn the_travel_of_a_joint_ends_the_jog_of_all_axes() {
     let mut watch = Watch::new(&jog);
     jog.run(Axis::Z, 100.0);
     jog.run(Axis::Y, 10.0);
-    let rest = watch.to_rest(&mut jog);
+    let rest = watch.until_rest(&mut jog);
     let travel = Obstruction {
         joint: 2,
         why: Obstacle::Travel,
