@@ -12,6 +12,7 @@ mod drawn;
 mod engraving;
 mod random;
 
+#[allow(unused_imports)] // neither uses every user random programs
 pub(crate) use random::Random;
 use std::fmt::Write as _;
 
