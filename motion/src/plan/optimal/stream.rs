@@ -615,7 +615,9 @@ impl Stream {
             } else {
                 self.jobs.try_next()
             };
-            let (Some(answer), Some(asked)) = (answer, self.asked.pop_front()) else {
+            // Only an answer takes its question away: one that is not there yet comes later.
+            let Some(answer) = answer else { return };
+            let Some(asked) = self.asked.pop_front() else {
                 return;
             };
             let states = answer.ok().and_then(Result::ok);
