@@ -5,6 +5,7 @@
 use crate::canon::SpindleDirection;
 use crate::path::Piece;
 use crate::ring::Timed;
+use crate::rt::MotionLimits;
 use std::fmt;
 
 /// One element of the plan.
@@ -14,6 +15,8 @@ use std::fmt;
 pub enum Element {
     /// Motion.
     Span(Span),
+    /// Motion in step with the spindle, from rest to rest.
+    Synced(Synced),
     /// Rest for a time.
     Dwell {
         /// Seconds.
@@ -34,6 +37,7 @@ impl Timed for Element {
     fn duration_s(&self) -> f64 {
         match self {
             Element::Span(span) => span.duration_s,
+            Element::Synced(synced) => synced.duration_s(),
             Element::Dwell { seconds, .. } => *seconds,
             Element::Action { .. } => 0.0,
         }
@@ -108,6 +112,44 @@ const fn factorial(n: u32) -> f64 {
         k += 1;
     }
     product
+}
+
+/// Motion along one piece in step with the spindle: the place is the pitch times the turns since an index (G33, G76), or there
+/// and back through a reversal of the spindle (G33.1). Where it is when, the spindle decides: `rt::Follower`.
+#[derive(Clone, Copy, Debug)]
+pub struct Synced {
+    /// The geometry; of a tapping move, from its start to beyond the depth.
+    pub piece: Piece,
+    /// Way per turn, mm, greater than 0.
+    pub pitch_mm: f64,
+    /// Along the piece, for motion of any timing: every joint keeps its own.
+    pub limits: MotionLimits,
+    /// The way back of a tapping move.
+    pub tap: Option<Tap>,
+    /// Programmed speed of the spindle, turns/s, greater than 0: for estimates.
+    pub turns_s: f64,
+    /// Line of the program.
+    pub line: u32,
+}
+
+impl Synced {
+    /// Time at the programmed speed of the spindle without start, reversal and stop, s: how long it really takes, the spindle
+    /// decides.
+    pub fn duration_s(&self) -> f64 {
+        let turns = self
+            .tap
+            .map_or(self.piece.length(), |tap| tap.depth_mm * (1.0 + 1.0 / tap.return_scale));
+        turns / (self.pitch_mm * self.turns_s)
+    }
+}
+
+/// What makes a synchronised move one of rigid tapping.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tap {
+    /// Place on the piece at which the spindle is to be reversed, mm; the piece goes on behind it for its run-down.
+    pub depth_mm: f64,
+    /// Speed of the spindle on the way back relative to the way in, greater than 0.
+    pub return_scale: f64,
 }
 
 /// Something to do at rest, between two moves.

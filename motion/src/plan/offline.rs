@@ -4,8 +4,9 @@
 
 use super::{PlanError, Planner, Programmed, Settings};
 use crate::canon::{Event, Position};
-use crate::element::Element;
+use crate::element::{Element, Synced};
 use crate::ring::{Publish, Sink, Timed};
+use crate::rt::{Follower, SpindleFeedback};
 
 /// A program, planned.
 #[derive(Clone, Debug)]
@@ -68,12 +69,18 @@ pub fn sample(elements: &[Element], start: Position, cycle_s: f64) -> Vec<Positi
     // Time from the last sample to the beginning of the element.
     let mut before = 0.0;
     for element in elements {
+        if let Element::Synced(synced) = element {
+            follow(synced, cycle_s, &mut samples);
+            rest = samples.last().copied().unwrap_or(rest);
+            before = 0.0;
+            continue;
+        }
         let duration = element.duration_s();
         let mut t = cycle_s - before;
         while t <= duration {
             samples.push(match element {
                 Element::Span(span) => span.piece.position(span.place(t)),
-                Element::Dwell { .. } | Element::Action { .. } => rest,
+                Element::Synced(_) | Element::Dwell { .. } | Element::Action { .. } => rest,
             });
             t += cycle_s;
         }
@@ -84,4 +91,20 @@ pub fn sample(elements: &[Element], start: Position, cycle_s: f64) -> Vec<Positi
     }
     samples.push(rest);
     samples
+}
+
+/// Positions of a move in step with a spindle that keeps its programmed speed, and reverses at once.
+fn follow(synced: &Synced, cycle_s: f64, samples: &mut Vec<Position>) {
+    let mut follower = Follower::new(cycle_s);
+    follower.begin(synced);
+    let mut spindle = SpindleFeedback {
+        turns: 0.0,
+        indexed: true,
+    };
+    while !follower.is_over() {
+        spindle.turns += cycle_s * synced.turns_s * follower.reversal().map_or(1.0, |scale| -scale);
+        follower.see(&spindle);
+        follower.step(&spindle);
+        samples.push(synced.piece.position(follower.place()));
+    }
 }

@@ -1,14 +1,15 @@
 //! Interpolation: where the axes are now.
 //!
-//! In:  elements of the ring; the wanted share of the planned speed.
+//! In:  elements of the ring; the wanted share of the planned speed; where the spindle is.
 //! Out: one [`Sample`] per cycle.
 //!
 //! Position always comes from the exact geometry at the place that plan time has reached, so that rounding of time can
 //! never leave the path. RT.
 
 use super::scale::ScaleRamp;
+use super::synced::{Follower, SpindleFeedback, SyncFault, SyncReport};
 use crate::canon::Position;
-use crate::element::{Action, Element, Span};
+use crate::element::{Action, Element, Span, Synced};
 use crate::kinematics::ToolFrame;
 use crate::ring::{Consumer, Timed};
 
@@ -48,6 +49,10 @@ pub struct Sample {
     pub state: SampleState,
     /// What waits to be acknowledged.
     pub action: Option<Action>,
+    /// A tap is on its way back: the spindle is to turn the other way, this much as fast as programmed.
+    pub reversal: Option<f64>,
+    /// Why a move in step with the spindle was given up; nothing moves from there on.
+    pub fault: Option<SyncFault>,
 }
 
 impl Sample {
@@ -61,6 +66,8 @@ impl Sample {
             rapid: false,
             state: SampleState::Finished,
             action: None,
+            reversal: None,
+            fault: None,
         }
     }
 }
@@ -75,6 +82,7 @@ pub struct Interpolator {
     time_s: f64,
     /// Plan time of the elements that are over, s.
     done_s: f64,
+    follower: Follower,
     sample: Sample,
 }
 
@@ -87,6 +95,7 @@ impl Interpolator {
         };
         Interpolator {
             consumer,
+            follower: Follower::new(ramp.cycle_s()),
             ramp,
             current: None,
             time_s: 0.0,
@@ -95,8 +104,15 @@ impl Interpolator {
         }
     }
 
-    /// One cycle further. `scale`: wanted share of the planned speed, 0 (hold) to 1. RT.
+    /// One cycle further, without an encoder on the spindle. RT.
     pub fn step(&mut self, scale: f64) -> Sample {
+        self.step_with(scale, &SpindleFeedback::NONE)
+    }
+
+    /// One cycle further. `scale`: wanted share of the planned speed, 0 (hold) to 1; of no effect on a move in step with the
+    /// spindle that has begun. RT.
+    pub fn step_with(&mut self, scale: f64, spindle: &SpindleFeedback) -> Sample {
+        self.follower.see(spindle);
         if self.at_planned_rest() {
             // Nothing moves, so that the share may change at once.
             self.ramp.jump(scale);
@@ -110,6 +126,15 @@ impl Interpolator {
                     }
                 }
                 Some(Element::Action { .. }) => break,
+                Some(Element::Synced(_)) => {
+                    if scale > 0.0 || !self.follower.is_waiting() {
+                        self.follower.step(spindle);
+                    }
+                    if self.follower.is_over() && self.follower.fault().is_none() {
+                        self.advance();
+                    }
+                    break;
+                }
                 Some(element @ (Element::Span(_) | Element::Dwell { .. })) => {
                     let rest_s = element.duration_s() - self.time_s;
                     if plan_s < rest_s {
@@ -145,6 +170,16 @@ impl Interpolator {
         }
     }
 
+    /// Ends a move in step with the spindle that is under way, as [`Follower::give_up`] says. Any other is held by its share. RT.
+    pub fn give_up_sync(&mut self) {
+        self.follower.give_up();
+    }
+
+    /// How the last move in step with the spindle went. RT.
+    pub fn sync_report(&self) -> SyncReport {
+        self.follower.report()
+    }
+
     /// Planned motion still to come, as far as it has been planned yet, s. RT.
     pub fn remaining_s(&self) -> f64 {
         (self.consumer.published_s() - self.done_s - self.time_s).max(0.0)
@@ -152,7 +187,14 @@ impl Interpolator {
 
     /// Whether nothing moves and nothing will before a step with a share above 0. RT.
     pub fn is_at_rest(&self) -> bool {
-        self.ramp.is_at_rest() || self.at_planned_rest()
+        match self.current {
+            Some(Element::Synced(_)) => {
+                self.follower.is_over() || (self.follower.is_waiting() && self.ramp.is_at_rest())
+            }
+            None | Some(Element::Span(_) | Element::Dwell { .. } | Element::Action { .. }) => {
+                self.ramp.is_at_rest() || self.at_planned_rest()
+            }
+        }
     }
 
     /// Whether the share of the planned speed is on its way to another one. RT.
@@ -165,10 +207,10 @@ impl Interpolator {
         self.ramp.ramp_s()
     }
 
-    /// Whether the plan itself stands still, whatever the share of its speed.
+    /// Whether the plan itself stands still, or moves, whatever the share of its speed: that may change at once.
     fn at_planned_rest(&self) -> bool {
         match self.current {
-            None | Some(Element::Action { .. } | Element::Dwell { .. }) => true,
+            None | Some(Element::Action { .. } | Element::Dwell { .. } | Element::Synced(_)) => true,
             Some(Element::Span(_)) => false,
         }
     }
@@ -177,22 +219,35 @@ impl Interpolator {
     fn advance(&mut self) -> bool {
         if let Some(element) = self.current.take() {
             self.done_s += element.duration_s();
-            if let Element::Span(span) = element {
-                self.show(&span, span.duration_s, 0.0);
+            match element {
+                Element::Span(span) => self.show(&span, span.duration_s, 0.0),
+                Element::Synced(synced) => self.show_synced(&synced),
+                Element::Dwell { .. } | Element::Action { .. } => {}
             }
         }
         self.time_s = 0.0;
         self.current = self.consumer.advance();
+        if let Some(Element::Synced(synced)) = &self.current {
+            self.follower.begin(synced);
+        }
         self.current.is_some()
     }
 
     fn evaluate(&mut self) {
         self.sample.action = None;
+        self.sample.reversal = None;
+        self.sample.fault = None;
         self.sample.velocity_mm_s = 0.0;
         match self.current {
             Some(Element::Span(span)) => {
                 let speed = span.speed(self.time_s).max(0.0) * self.ramp.share();
                 self.show(&span, self.time_s, speed);
+                self.sample.state = SampleState::Moving;
+            }
+            Some(Element::Synced(synced)) => {
+                self.show_synced(&synced);
+                self.sample.reversal = self.follower.reversal();
+                self.sample.fault = self.follower.fault().filter(|_| self.follower.is_over());
                 self.sample.state = SampleState::Moving;
             }
             Some(Element::Dwell { line, .. }) => {
@@ -219,6 +274,15 @@ impl Interpolator {
         self.sample.velocity_mm_s = speed;
         self.sample.line = span.line;
         self.sample.rapid = span.rapid;
+    }
+
+    fn show_synced(&mut self, synced: &Synced) {
+        let place = self.follower.place().clamp(0.0, synced.piece.length());
+        self.sample.position = synced.piece.position(place);
+        self.sample.frame = *synced.piece.frame();
+        self.sample.velocity_mm_s = self.follower.velocity().abs();
+        self.sample.line = synced.line;
+        self.sample.rapid = false;
     }
 }
 

@@ -14,9 +14,11 @@ mod monitor;
 mod online;
 pub mod probe;
 mod scale;
+mod synced;
 
 pub use interpolator::{Interpolator, Sample, SampleState};
 pub use joint_compensation::{JointCompensation, PitchError, PitchRow, PitchTable, TakeUpLimits};
 pub use monitor::{Monitor, MonitorLimits, Order, Peaks, Trip};
 pub use online::{Online, State};
 pub use scale::{MotionLimits, ScaleRamp, StopLimits};
+pub use synced::{Follower, PATIENCE_S, SpindleFeedback, SyncFault, SyncReport, run_in_mm};

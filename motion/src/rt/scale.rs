@@ -69,6 +69,11 @@ impl ScaleRamp {
         2.0 / self.curvature.sqrt()
     }
 
+    /// Cycle time, s.
+    pub(super) fn cycle_s(&self) -> f64 {
+        self.cycle_s
+    }
+
     /// Share of the planned speed, 0 to 1.
     pub fn share(&self) -> f64 {
         self.share

@@ -13,7 +13,7 @@
 //!
 //! RT: nothing allocates but [`Online::new`]; a new goal costs about a µs, a cycle some ns.
 
-mod segments;
+pub(super) mod segments;
 
 pub use segments::State;
 

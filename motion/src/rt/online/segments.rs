@@ -1,4 +1,4 @@
-//! Motion of one joint as pieces of constant jerk.
+//! Motion of one joint, or along a path, as pieces of constant jerk.
 //!
 //! In:  where the joint is and how it moves, the limits, a wanted velocity.
 //! Out: the pieces, and the state at any time on them.
@@ -49,23 +49,23 @@ impl State {
 }
 
 /// Three to another velocity, then seven to a place.
-pub(super) const PIECES_MAX: usize = 10;
+pub(in crate::rt) const PIECES_MAX: usize = 10;
 
 /// Pieces of constant jerk in a row, and the state they end in.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Segments {
+pub(in crate::rt) struct Segments {
     start: State,
     /// Duration, s, and jerk.
     pieces: [(f64, f64); PIECES_MAX],
     count: usize,
     duration_s: f64,
     /// Taken for exact: what rounding leaves over is the target's, not the sum's.
-    pub(super) end: State,
+    pub(in crate::rt) end: State,
 }
 
 impl Segments {
     /// Nothing but the state, which goes on with its velocity.
-    pub(super) fn none(start: State) -> Segments {
+    pub(in crate::rt) fn none(start: State) -> Segments {
         Segments {
             start,
             pieces: [(0.0, 0.0); PIECES_MAX],
@@ -76,7 +76,7 @@ impl Segments {
     }
 
     /// Appends a piece; one of no length is left out.
-    pub(super) fn push(&mut self, duration_s: f64, jerk: f64) {
+    pub(in crate::rt) fn push(&mut self, duration_s: f64, jerk: f64) {
         if duration_s > 0.0 && self.count < PIECES_MAX {
             self.pieces[self.count] = (duration_s, jerk);
             self.count += 1;
@@ -96,7 +96,7 @@ impl Segments {
     /// ```
     ///
     /// To velocity 0 it is also the shortest way to rest.
-    pub(super) fn to_velocity(start: State, velocity: f64, limits: StopLimits) -> Segments {
+    pub(in crate::rt) fn to_velocity(start: State, velocity: f64, limits: StopLimits) -> Segments {
         let StopLimits { acceleration, jerk } = limits;
         let a0 = start.acceleration;
         let missing = velocity - start.velocity;
@@ -124,12 +124,12 @@ impl Segments {
     }
 
     /// When the last piece is over, s.
-    pub(super) fn duration_s(&self) -> f64 {
+    pub(in crate::rt) fn duration_s(&self) -> f64 {
         self.duration_s
     }
 
     /// The state at a time since the start; behind the end the velocity of the end goes on. RT.
-    pub(super) fn at(&self, time_s: f64) -> State {
+    pub(in crate::rt) fn at(&self, time_s: f64) -> State {
         if time_s >= self.duration_s {
             return self.end.after(time_s - self.duration_s, 0.0);
         }
@@ -145,7 +145,7 @@ impl Segments {
     }
 
     /// The jerk at a time since the start. RT.
-    pub(super) fn jerk_at(&self, time_s: f64) -> f64 {
+    pub(in crate::rt) fn jerk_at(&self, time_s: f64) -> f64 {
         let mut left_s = time_s;
         for &(duration_s, jerk) in &self.pieces[..self.count] {
             if left_s < duration_s {
@@ -157,7 +157,7 @@ impl Segments {
     }
 
     /// Least and greatest position on the way. RT.
-    pub(super) fn extent(&self) -> [f64; 2] {
+    pub(in crate::rt) fn extent(&self) -> [f64; 2] {
         let mut state = self.start;
         let mut extent = [state.position; 2];
         let mut see = |position: f64| extent = [extent[0].min(position), extent[1].max(position)];
