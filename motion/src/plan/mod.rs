@@ -43,7 +43,7 @@ use crate::path::Piece;
 pub use deviation::{Deviation, deviation};
 pub use joint_space::JointSpace;
 pub use offline::{Offline, plan_offline};
-pub use planner::{Planner, Pumped};
+pub use planner::{FEED_OVERRIDE_MAX, Planner, Pumped};
 
 #[cfg(test)]
 mod tests;

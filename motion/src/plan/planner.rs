@@ -3,7 +3,7 @@
 //! In:  canonical calls.
 //! Out: publications to a ring.
 
-use super::optimal::{self, Stream};
+use super::optimal::{self, Override, Stream};
 use super::program::{Entry, Program};
 use super::smooth::{Passed, Smoother, Stretch};
 use super::workers::Workers;
@@ -12,6 +12,9 @@ use crate::canon::Event;
 use crate::element::Element;
 use crate::kinematics::ToolFrame;
 use crate::ring::Sink;
+
+/// Greatest feed override.
+pub const FEED_OVERRIDE_MAX: f64 = 1.2;
 
 /// What became of [`Planner::pump`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -164,6 +167,25 @@ impl<S: Sink<Element>> Planner<S> {
     /// The sink.
     pub fn sink(&mut self) -> &mut S {
         &mut self.sink
+    }
+
+    /// From now on feed moves run at `feed` times the programmed feed (0 to 1.2) and rapid moves with `rapid` times the speed
+    /// limits of the joints (0 to 1); what is no number counts as 0. With 0, the machine comes to rest on the path and waits.
+    ///
+    /// What is in the ring already is planned anew from a place a few hundredths of a second ahead of the machine, by the
+    /// next [`Planner::pump`]. Into a sink without a consumer it counts from the next rest on. With [`Slope::Classic`] it is
+    /// without effect: there, the interpolation scales time.
+    pub fn set_override(&mut self, feed: f64, rapid: f64) {
+        // Not `clamp`, which lets NaN pass.
+        #[allow(clippy::manual_clamp, reason = "max and min turn NaN into 0")]
+        let within = |share: f64, most: f64| share.max(0.0).min(most);
+        match &mut self.engine {
+            Engine::Classic(_) => {}
+            Engine::Optimal(stream) => stream.set_override(Override {
+                feed: within(feed, FEED_OVERRIDE_MAX),
+                rapid: within(rapid, 1.0),
+            }),
+        }
     }
 
     /// Hands over what is final.

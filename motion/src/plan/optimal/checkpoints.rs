@@ -20,6 +20,8 @@ const HALVINGS: u32 = 5;
 pub(super) struct Checkpoints<'a> {
     pub(super) joints: &'a Joints,
     pub(super) stretch: &'a Stretch,
+    /// Greatest speed along it, mm/s.
+    pub(super) feed: f64,
 }
 
 impl Checkpoints<'_> {
@@ -41,7 +43,7 @@ impl Checkpoints<'_> {
     }
 
     fn push(&self, span: Knotted, checkpoints: [&[JointJet]; 3], uncut: &mut Uncut) {
-        let cap = self.stretch.feed * self.stretch.feed;
+        let cap = (self.feed * self.feed).max(span.ease);
         uncut.push(span).push_span(span.to - span.from, cap, checkpoints);
     }
 

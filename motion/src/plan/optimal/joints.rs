@@ -104,6 +104,20 @@ impl Joints {
         }
     }
 
+    /// The speed along a piece at which the first joint somewhere reaches its speed limit, mm/s.
+    pub(super) fn fastest(&self, piece: &Piece, jets: &mut Vec<JointJet>) -> f64 {
+        const SAMPLES: u32 = 16;
+        let count = if self.are_even(piece) { 0 } else { SAMPLES };
+        let mut fastest = f64::INFINITY;
+        for k in 0..=count {
+            self.jets(piece, piece.length() * f64::from(k) / f64::from(SAMPLES), jets);
+            for (jet, limits) in jets.iter().zip(&self.limits) {
+                fastest = fastest.min(limits.velocity / jet.d1.abs());
+            }
+        }
+        fastest
+    }
+
     /// What limits leave at a point with these derivatives, for speeds up to `feed`.
     pub(super) fn allowed(&self, jets: &[JointJet], feed: f64) -> Allowed {
         let mut allowed = Allowed {
@@ -138,6 +152,8 @@ pub(super) struct Steady {
 const BEND_PART: f64 = 0.65;
 /// Part of what is left of the jerk that the change of acceleration on a bent path may take.
 const COUPLED_PART: f64 = 0.5;
+/// Part of the speed limits: less than what the solver plans with, so that it can go on from there.
+const SPEED_PART: f64 = 0.9997;
 /// Part of the limits that is used at all: samples may miss a crest.
 const USE: f64 = 0.985;
 
@@ -162,7 +178,7 @@ impl Steady {
         let all = || self.greatest.iter().zip(&joints.limits);
         let mut v = feed;
         for ([d1, d2, d3], limits) in all() {
-            v = v.min(limits.velocity / d1);
+            v = v.min(SPEED_PART * limits.velocity / d1);
             v = v.min((BEND_PART * USE * limits.acceleration / d2).sqrt());
             v = v.min((BEND_PART * USE * limits.jerk / d3).cbrt());
         }

@@ -11,7 +11,7 @@ use std::collections::VecDeque;
 
 use super::joints::{Allowed, Joints};
 use super::sections::{Log, Part};
-use super::solver::{JointJet, rise};
+use super::solver::{JointJet, State, rise};
 use crate::path::Piece;
 
 /// Time between knots as part of the time in which acceleration builds up, and its bounds in s.
@@ -25,6 +25,11 @@ const CHANGE: f64 = 0.6;
 const SHORTENINGS: u32 = 40;
 /// Fewest spans of a section, about.
 const LEAST_SPANS: f64 = 60.0;
+/// Part of the acceleration limit that a new plan takes at least to come down to an override, and of the jerk limit.
+const EASE: [f64; 2] = [0.4, 0.5];
+/// Cells of the way down: b falls by this part of its greatest value, or less; and at the most in an uneven piece.
+const EASE_STEP: f64 = 0.12;
+const EASE_CELLS: f64 = 64.0;
 /// Cells that wait before the passes are worth their time.
 const BATCH: usize = 64;
 
@@ -35,6 +40,8 @@ struct Cell {
     from: f64,
     to: f64,
     allowed: Allowed,
+    /// What b may still be for the sake of what it was, at both ends.
+    ease: [f64; 2],
     /// Number of the part it belongs to, counted in the section.
     part: u64,
 }
@@ -64,6 +71,8 @@ pub(super) struct Knotted {
     pub(super) to: f64,
     /// Estimated time, s.
     pub(super) time_s: f64,
+    /// What b may be here even where the feed is below it: motion that was faster comes down.
+    pub(super) ease: f64,
 }
 
 impl Knotted {
@@ -76,9 +85,51 @@ impl Knotted {
     }
 }
 
+/// How motion that has been handed over comes down to the feed, however low that is.
+#[derive(Clone, Copy, Debug)]
+struct Ease {
+    most: f64,
+    b: f64,
+    /// Length before b falls: acceleration has to turn round first.
+    held: f64,
+}
+
+impl Ease {
+    fn new(State { b, u }: State, allowed: &Allowed) -> Ease {
+        let [a, j] = [EASE[0] * allowed.a, EASE[1] * allowed.j];
+        let v = b.sqrt();
+        // Speed gained until acceleration is gone.
+        let risen = v + 0.5 * u.max(0.0) * u.max(0.0) / j;
+        let b = 1.04 * risen * risen;
+        Ease {
+            most: b,
+            b,
+            held: risen * ((u + a).max(0.0) / j + 0.01),
+        }
+    }
+
+    /// Over a length with this greatest acceleration: b at both ends.
+    fn over(&mut self, length: f64, a: f64) -> [f64; 2] {
+        let begin = self.b;
+        let held = self.held.min(length);
+        self.held -= held;
+        self.b = (begin - 2.0 * EASE[0] * a * (length - held)).max(0.0);
+        [begin, self.b]
+    }
+
+    /// A length over which b changes little.
+    fn step(&self, a: f64) -> f64 {
+        let step = EASE_STEP * self.most / (2.0 * EASE[0] * a);
+        step.max(self.held)
+    }
+}
+
 /// Places knots, section by section.
 #[derive(Debug)]
 pub(super) struct Knots {
+    /// State in which the section takes over from another plan, and what follows from it.
+    taken_over: Option<State>,
+    ease: Option<Ease>,
     cells: VecDeque<Cell>,
     /// Estimated b before the first cell: certain.
     begin: f64,
@@ -95,6 +146,8 @@ impl Knots {
     /// A section that begins with this speed: at the end of a launch from rest, or steady.
     pub(super) fn new(speed: f64) -> Knots {
         Knots {
+            taken_over: None,
+            ease: None,
             cells: VecDeque::new(),
             begin: speed * speed,
             nodes: Vec::new(),
@@ -104,51 +157,92 @@ impl Knots {
         }
     }
 
+    /// A section that takes over from another plan in this state, which may be faster than the feed.
+    pub(super) fn taken_over(state: State) -> Knots {
+        Knots {
+            taken_over: Some(state),
+            ..Knots::new(state.b.sqrt())
+        }
+    }
+
     /// The section goes on.
     pub(super) fn push(&mut self, part: Part, log: &Log, joints: &Joints, step_s: f64, jets: &mut Vec<JointJet>) {
         let Some(stretch) = log.stretch(part.item) else { return };
-        let feed = stretch.feed;
-        let mut cell = |from: f64, to: f64, allowed: Allowed| {
-            self.cells.push_back(Cell {
-                item: part.item,
-                from,
-                to,
-                allowed,
-                part: self.parts,
-            });
-        };
+        let feed = log.feed(part.item);
+        let cap = feed * feed;
+        // By what the joints allow only.
         let mut allowed = |piece: &Piece, s: f64| {
             joints.jets(piece, s, jets);
-            joints.allowed(jets, feed)
+            joints.allowed(jets, f64::INFINITY)
         };
+        let first = allowed(&stretch.piece, part.from);
+        if let Some(state) = self.taken_over.take() {
+            self.ease = Some(Ease::new(state, &first));
+        }
+        self.ease = self.ease.filter(|ease| ease.b > 0.0);
+        let length = part.to - part.from;
         if joints.are_even(&stretch.piece) {
-            cell(part.from, part.to, allowed(&stretch.piece, part.from));
+            let mut from = part.from;
+            while let Some(ease) = self.ease.filter(|ease| ease.b > cap)
+                && from < part.to
+            {
+                let step = ease.step(first.a);
+                let to = if part.to - from < 1.5 * step {
+                    part.to
+                } else {
+                    from + step
+                };
+                self.cell(part.item, [from, to], first, cap);
+                from = to;
+            }
+            if from < part.to {
+                self.cell(part.item, [from, part.to], first, cap);
+            }
         } else {
-            let length = part.to - part.from;
-            let mut last = allowed(&stretch.piece, part.from);
+            let mut last = first;
             let middle = allowed(&stretch.piece, part.from + 0.5 * length);
             let end = allowed(&stretch.piece, part.to);
-            let b = last.b.min(middle.b).min(end.b);
+            let b = last.b.min(middle.b).min(end.b).min(cap);
             // At least one, also for what is not a number.
-            let cells = (CELLS_PER_STEP * length / (b.sqrt() * step_s)).ceil().clamp(1.0, CELLS) as u32;
-            let step = length / f64::from(cells);
+            let mut cells = (CELLS_PER_STEP * length / (b.sqrt() * step_s)).ceil().clamp(1.0, CELLS);
+            if let Some(ease) = self.ease {
+                cells = cells.max((length / ease.step(first.a)).ceil().min(EASE_CELLS));
+            }
+            let step = length / cells;
+            let cells = cells as u32;
             for k in 0..cells {
                 let from = part.from + step * f64::from(k);
                 let to = if k + 1 == cells { part.to } else { from + step };
                 let next = allowed(&stretch.piece, to);
-                cell(
-                    from,
-                    to,
-                    Allowed {
-                        b: last.b.min(next.b),
-                        a: last.a.min(next.a),
-                        j: last.j.min(next.j),
-                    },
-                );
+                let least = Allowed {
+                    b: last.b.min(next.b),
+                    a: last.a.min(next.a),
+                    j: last.j.min(next.j),
+                };
+                self.cell(part.item, [from, to], least, cap);
                 last = next;
             }
         }
         self.parts += 1;
+    }
+
+    /// Adds a cell, of which the joints allow so much and the feed b up to `cap`.
+    fn cell(&mut self, item: u64, [from, to]: [f64; 2], allowed: Allowed, cap: f64) {
+        let ease = self
+            .ease
+            .as_mut()
+            .map_or([0.0; 2], |ease| ease.over(to - from, allowed.a));
+        self.cells.push_back(Cell {
+            item,
+            from,
+            to,
+            allowed: Allowed {
+                b: allowed.b.min(cap.max(ease[0])),
+                ..allowed
+            },
+            ease,
+            part: self.parts,
+        });
     }
 
     /// Where the last part that waits begins and ends; it waits as long as nothing follows it.
@@ -286,6 +380,7 @@ impl Cell {
                 from: self.from + x,
                 to: if h >= left { self.to } else { self.from + to },
                 time_s: h / self.expected(ends, x + 0.5 * h).sqrt(),
+                ease: self.ease[0] + (self.ease[1] - self.ease[0]) * (x / length),
             });
             x = to;
         }

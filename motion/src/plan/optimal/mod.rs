@@ -25,4 +25,4 @@ pub mod solver;
 mod stream;
 mod windows;
 
-pub(super) use stream::{Stream, largest_publication};
+pub(super) use stream::{Override, Stream, largest_publication};

@@ -21,6 +21,15 @@ pub(super) enum Item {
     Rest(Option<Element>),
 }
 
+/// What a speed that is programmed is multiplied by, each greater than 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Shares {
+    /// Feed of all but rapid moves.
+    pub(super) feed: f64,
+    /// Speed limits of the joints on rapid moves; at most 1.
+    pub(super) rapid: f64,
+}
+
 /// A place on the path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Place {
@@ -30,22 +39,43 @@ pub(super) struct Place {
     pub(super) s: f64,
 }
 
-/// What came and has not been handed over.
-#[derive(Debug, Default)]
+/// What came, as long as it may have to be planned or planned anew.
+#[derive(Debug)]
 pub(super) struct Log {
     /// Number of the first item that is kept.
     first: u64,
-    items: VecDeque<Item>,
+    items: VecDeque<Kept>,
+    pub(super) shares: Shares,
+}
+
+/// An item, and the speed that joints allow on it if it is a rapid move.
+#[derive(Clone, Copy, Debug)]
+struct Kept {
+    item: Item,
+    rapid: f64,
 }
 
 impl Log {
-    pub(super) fn push(&mut self, item: Item) {
-        self.items.push_back(item);
+    pub(super) fn new() -> Log {
+        Log {
+            first: 0,
+            items: VecDeque::new(),
+            shares: Shares { feed: 1.0, rapid: 1.0 },
+        }
+    }
+
+    /// Takes the next item; `rapid`: the least speed along it at which a joint reaches its speed limit.
+    pub(super) fn push(&mut self, item: Item, rapid: f64) {
+        self.items.push_back(Kept { item, rapid });
+    }
+
+    fn kept(&self, item: u64) -> Option<&Kept> {
+        let index = item.checked_sub(self.first)?;
+        self.items.get(usize::try_from(index).ok()?)
     }
 
     pub(super) fn get(&self, item: u64) -> Option<&Item> {
-        let index = item.checked_sub(self.first)?;
-        self.items.get(usize::try_from(index).ok()?)
+        self.kept(item).map(|kept| &kept.item)
     }
 
     /// The stretch of this number; items of sections are always stretches.
@@ -56,6 +86,28 @@ impl Log {
         }
     }
 
+    /// Greatest speed along a stretch, override included, mm/s; infinite where only the joints limit it.
+    pub(super) fn feed(&self, item: u64) -> f64 {
+        match self.kept(item) {
+            Some(&Kept {
+                item: Item::Stretch(Stretch { rapid: true, .. }),
+                rapid,
+            }) if self.shares.rapid < 1.0 => rapid * self.shares.rapid,
+            Some(Kept {
+                item: Item::Stretch(Stretch { rapid: true, feed, .. }),
+                ..
+            }) => *feed,
+            Some(Kept {
+                item: Item::Stretch(stretch),
+                ..
+            }) => stretch.feed * self.shares.feed,
+            Some(Kept {
+                item: Item::Rest(_), ..
+            })
+            | None => 0.0,
+        }
+    }
+
     /// Forgets what lies before this item.
     pub(super) fn drop_before(&mut self, item: u64) {
         while self.first < item && self.items.pop_front().is_some() {
@@ -63,8 +115,14 @@ impl Log {
         }
     }
 
-    pub(super) fn is_empty(&self) -> bool {
-        self.items.is_empty()
+    /// Number of the first item that is kept.
+    pub(super) fn begin(&self) -> u64 {
+        self.first
+    }
+
+    /// Number of the next item that comes.
+    pub(super) fn end(&self) -> u64 {
+        self.first + self.items.len() as u64
     }
 }
 
@@ -103,6 +161,8 @@ pub(super) struct Sections {
     last: Option<Part>,
     /// Whether parts have been given out since the last end.
     open: bool,
+    /// Path of `last` before the place from which it is planned: it was there when the zone at its end was laid out.
+    before: f64,
 }
 
 impl Sections {
@@ -117,6 +177,15 @@ impl Sections {
             next: from.item + u64::from(last.is_some()),
             last: last.filter(|part| part.to > part.from),
             open: false,
+            before: 0.0,
+        }
+    }
+
+    /// Begins at a place that is passed in motion.
+    pub(super) fn in_motion(from: Place, log: &Log) -> Sections {
+        Sections {
+            before: from.s,
+            ..Sections::new(from, log)
         }
     }
 
@@ -135,7 +204,10 @@ impl Sections {
                 if let Some(last) = self.last.take()
                     && let Some(before) = log.stretch(last.item)
                 {
-                    self.meet(last, before, &mut next, stretch, settings, out);
+                    let feeds = [log.feed(last.item), log.feed(self.next)];
+                    let [before, stretch] =
+                        [(before, feeds[0]), (stretch, feeds[1])].map(|(stretch, feed)| Stretch { feed, ..*stretch });
+                    self.meet(last, &before, &mut next, &stretch, settings, out);
                 }
                 self.last = Some(next);
             }
@@ -145,6 +217,7 @@ impl Sections {
             }
         }
         self.next += 1;
+        self.before = 0.0;
         true
     }
 
@@ -174,7 +247,7 @@ impl Sections {
         settings: &Settings,
         out: &mut Vec<Found>,
     ) {
-        let lengths = [last.to - last.from, next.to - next.from];
+        let lengths = [last.to - last.from + self.before, next.to - next.from];
         match meeting(before, after, lengths, settings) {
             Meeting::Smooth => self.part(last, out),
             Meeting::Slow { speed, zone } => {

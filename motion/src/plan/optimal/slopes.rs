@@ -20,8 +20,8 @@ pub(super) enum Side {
 /// The launch at the beginning or the end of a part; `None` where geometry leaves none.
 pub(super) fn launch(part: Part, side: Side, log: &Log, joints: &Joints, jets: &mut Vec<JointJet>) -> Option<Launch> {
     let stretch = log.stretch(part.item)?;
-    let cap = stretch.feed * stretch.feed;
-    solver::launch(joints.limits(), cap, part.to - part.from, 1.0, |x, at| {
+    let feed = log.feed(part.item);
+    solver::launch(joints.limits(), feed * feed, part.to - part.from, 1.0, |x, at| {
         let s = match side {
             Side::Start => part.from + x,
             Side::Stop => part.to - x,
@@ -31,10 +31,24 @@ pub(super) fn launch(part: Part, side: Side, log: &Log, joints: &Joints, jets: &
     })
 }
 
+/// Spans are divided until they take no longer, s: at the end of each, another plan may take over.
+const DIVISION_S: f64 = 0.01;
+/// Into so many at the most.
+const DIVISIONS: f64 = 512.0;
+
+/// An element, and where on the path it ends.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Made {
+    pub(super) element: Element,
+    pub(super) end: Place,
+    /// Whether another plan may take over at its end.
+    pub(super) opens: bool,
+}
+
 /// A place between two knots or phases, with the motion there, as elements.
 pub(super) struct Emission<'a> {
     pub(super) log: &'a Log,
-    pub(super) out: &'a mut Vec<Element>,
+    pub(super) out: &'a mut Vec<Made>,
 }
 
 impl Emission<'_> {
@@ -44,7 +58,7 @@ impl Emission<'_> {
         if let Some(stretch) = self.log.stretch(item)
             && duration_s > 0.0
         {
-            self.out.push(Element::Span(Span {
+            let span = Span {
                 piece: stretch.piece,
                 s0,
                 v0,
@@ -54,7 +68,30 @@ impl Emission<'_> {
                 duration_s,
                 line: stretch.line,
                 rapid: stretch.rapid,
-            }));
+            };
+            let end = span.place(duration_s);
+            self.divided(item, span, end);
+        }
+    }
+
+    /// A span that ends at `end`, in parts if it is long.
+    fn divided(&mut self, item: u64, span: Span, end: f64) {
+        let parts = (span.duration_s / DIVISION_S).ceil().clamp(1.0, DIVISIONS);
+        let step = span.duration_s / parts;
+        let mut part = span;
+        for k in 1..=parts as u32 {
+            let (begin, until) = (step * f64::from(k - 1), step * f64::from(k));
+            let last = f64::from(k) == parts;
+            part.duration_s = if last { span.duration_s - begin } else { step };
+            let s = if last { end } else { span.place(until) };
+            self.out.push(Made {
+                element: Element::Span(part),
+                end: Place { item, s },
+                opens: true,
+            });
+            part.s0 = s;
+            part.v0 = span.speed(until);
+            part.a0 = span.a0 + span.jerk * until + span.gradient * (s - span.s0);
         }
     }
 
@@ -127,7 +164,7 @@ impl Emission<'_> {
                 break;
             }
         }
-        self.out.push(Element::Span(span));
+        self.divided(part.item, span, part.to);
     }
 
     /// Phases along parts that follow each other; returns where they end.
@@ -181,7 +218,7 @@ pub(super) fn steady_limits(part: Part, log: &Log, joints: &Joints, jets: &mut V
     let mut steady = Steady::new();
     let mut feed = f64::INFINITY;
     if let Some(stretch) = log.stretch(part.item) {
-        feed = stretch.feed;
+        feed = log.feed(part.item);
         let count = if joints.are_even(&stretch.piece) { 1 } else { SAMPLES };
         for k in 0..=count {
             let x = f64::from(k) / f64::from(count);

@@ -5,13 +5,15 @@
 //!
 //! A publication ends at a border between windows, where the solution around the border shows how to stop, or at rest.
 
+mod publication;
+
 use std::collections::VecDeque;
 
 use super::checkpoints::Checkpoints;
 use super::joints::Joints;
 use super::knots::{Knots, Knotted, step_s};
 use super::sections::{Found, Item, Log, Part, Place, Sections};
-use super::slopes::{Emission, Side, launch, steady_limits};
+use super::slopes::{Emission, Made, Side, launch, steady_limits};
 use super::solver::{Grid, JointJet, Knotting, Launch, State};
 use super::windows::{Answer, Border, States, Times, Uncut, WINDOW_SPANS, Window};
 use crate::element::Element;
@@ -21,24 +23,28 @@ use crate::plan::smooth::Passed;
 use crate::plan::workers::{Ordered, Workers};
 use crate::plan::{Pumped, Settings};
 use crate::ring::{Publish, Sink};
+use publication::Changes;
+pub(in crate::plan) use publication::Override;
 
 /// Elements of a publication beyond those of its windows: what lies between sections.
 const PUBLICATION: usize = 1024;
 /// Parts that are planned without the solver, from rest to rest, where it found no way; then it is tried again.
 const CAREFUL_PARTS: usize = 8;
+/// Room that is kept in the ring for motion in place of motion that is in it already.
+const RESERVE: usize = 2048;
 /// Elements into which a span may be divided, on the mean of a window.
 const PER_SPAN: usize = 2;
 
 /// Elements that the largest publication may have.
 pub(in crate::plan) fn largest_publication() -> usize {
-    // A window and the stop behind it.
-    PUBLICATION + 2 * PER_SPAN * WINDOW_SPANS
+    // A window and the stop behind it, and what is kept free.
+    PUBLICATION + 2 * PER_SPAN * WINDOW_SPANS + RESERVE
 }
 
 /// Where the motion stops if nothing follows.
 #[derive(Clone, Debug)]
 struct Tail {
-    elements: Vec<Element>,
+    elements: Vec<Made>,
     /// Where it is at rest then.
     rest: Place,
 }
@@ -46,7 +52,7 @@ struct Tail {
 /// Motion that has been planned.
 #[derive(Clone, Debug)]
 struct Ready {
-    elements: Vec<Element>,
+    elements: Vec<Made>,
     /// Where it ends.
     end: Place,
     after: After,
@@ -83,8 +89,8 @@ struct Pending {
     tail: Option<Tail>,
     /// How to stop behind its left border.
     left_tail: Option<Tail>,
-    /// Where its section begins, and with which speed.
-    section: (Place, f64),
+    /// Where its section begins, and how.
+    section: (Place, Entry),
     /// Whether it ends at rest.
     rests: bool,
 }
@@ -100,11 +106,20 @@ enum Asked {
     Window(u64),
 }
 
+/// How a section begins.
+#[derive(Clone, Copy, Debug)]
+enum Entry {
+    /// At this steady speed, or at rest.
+    Speed(f64),
+    /// In the middle of another plan.
+    TakenOver(State),
+}
+
 /// The section under construction.
 #[derive(Debug)]
 struct Section {
     begin: Place,
-    speed: f64,
+    entry: Entry,
     /// Parts until it is clear whether there is more than one.
     parts: Vec<Part>,
     /// From the second part on.
@@ -126,8 +141,8 @@ pub(in crate::plan) struct Stream {
     log: Log,
     sections: Sections,
     section: Option<Section>,
-    /// Speed with which the next section begins.
-    speed: f64,
+    /// How the next section begins.
+    entry: Entry,
     /// Whether it is planned without the solver.
     careful: bool,
     steps: VecDeque<Step>,
@@ -145,13 +160,19 @@ pub(in crate::plan) struct Stream {
     /// How often planning has begun anew at some place.
     begun_anew: u64,
     jets: Vec<JointJet>,
+    /// Number of the item up to which everything has been handed over.
+    handed: u64,
+    /// How a change of the override is carried out.
+    changes: Changes,
+    /// Elements of the tail in the ring.
+    tail_length: usize,
 }
 
 impl Stream {
     /// At rest at the beginning of a path that comes.
     pub(in crate::plan) fn new(settings: &Settings, workers: &Workers) -> Stream {
         let joints = Joints::new(settings);
-        let log = Log::default();
+        let log = Log::new();
         let begin = Place { item: 0, s: 0.0 };
         Stream {
             times: times(&joints),
@@ -159,7 +180,7 @@ impl Stream {
             sections: Sections::new(begin, &log),
             log,
             section: None,
-            speed: 0.0,
+            entry: Entry::Speed(0.0),
             careful: false,
             steps: VecDeque::new(),
             pending: VecDeque::new(),
@@ -172,22 +193,32 @@ impl Stream {
             finished: false,
             begun_anew: 0,
             jets: Vec::new(),
+            handed: 0,
+            changes: Changes::default(),
+            tail_length: 0,
         }
     }
 
     /// The path goes on.
     pub(in crate::plan) fn push(&mut self, passed: Passed) {
         self.finished = false;
-        self.log.push(match passed {
-            Passed::Stretch(stretch) => Item::Stretch(stretch),
-            Passed::Stop => Item::Rest(None),
-        });
+        match passed {
+            Passed::Stretch(stretch) => {
+                let rapid = if stretch.rapid {
+                    self.joints.fastest(&stretch.piece, &mut self.jets)
+                } else {
+                    f64::INFINITY
+                };
+                self.log.push(Item::Stretch(stretch), rapid);
+            }
+            Passed::Stop => self.log.push(Item::Rest(None), f64::INFINITY),
+        }
     }
 
     /// What is known ends at rest, where `element` happens if there is one.
     pub(in crate::plan) fn rest(&mut self, element: Option<Element>) {
         self.finished = false;
-        self.log.push(Item::Rest(element));
+        self.log.push(Item::Rest(element), f64::INFINITY);
     }
 
     /// Nothing follows for now; the path has ended at rest.
@@ -197,25 +228,33 @@ impl Stream {
 
     /// Whether everything has been handed over after [`Stream::finish`].
     pub(in crate::plan) fn is_done(&self) -> bool {
-        self.finished && self.log.is_empty()
+        self.finished && self.handed >= self.log.end() && !self.changes.is_wanted()
     }
 
     /// Hands over what is final.
     pub(in crate::plan) fn pump<S: Sink<Element>>(&mut self, settings: &Settings, sink: &mut S) -> Pumped {
         loop {
             let begun_anew = self.begun_anew;
+            self.begin_change(sink);
             self.advance(settings);
             self.collect();
+            if self.changes.has_failed() {
+                self.take_over(sink, true);
+                continue;
+            }
             match self.publish(sink) {
                 Some(Publish::Done) => {}
-                Some(Publish::Full | Publish::Passed) => return Pumped::Blocked,
+                Some(Publish::Full) => return Pumped::Blocked,
+                Some(Publish::Passed) => self.take_over(sink, true),
                 Some(Publish::TailTaken) => {
+                    self.tail_length = 0;
                     let Some(rest) = self.tail.take() else { continue };
                     self.steps.clear();
                     self.pending.clear();
-                    self.restart(rest, 0.0, false);
+                    self.restart(rest, Entry::Speed(0.0), false);
                 }
                 None if self.is_done() => return Pumped::Done,
+                None if self.changes.withholds() => return Pumped::Blocked,
                 None if self.finished && self.jobs.under_way() > 0 => {}
                 None if self.begun_anew != begun_anew => {}
                 None => return Pumped::Hungry,
@@ -228,6 +267,7 @@ impl Stream {
         let mut found = Vec::new();
         // Jobs wait in memory: no more of them than keep all threads busy.
         while self.jobs.under_way() <= 4 * (self.workers.threads() + 1)
+            && !self.has_urgent()
             && self.sections.step(&self.log, settings, &mut found)
         {
             let begun_anew = self.begun_anew;
@@ -250,7 +290,7 @@ impl Stream {
                             item: part.item,
                             s: part.from,
                         },
-                        speed: self.speed,
+                        entry: self.entry,
                         parts: vec![part],
                         open: None,
                     });
@@ -261,7 +301,7 @@ impl Stream {
             Found::Zone { part, speed, behind } => self.zone(part, speed, behind),
             Found::Rest { item } => {
                 let elements = match self.log.get(item) {
-                    Some(Item::Rest(element)) => element.iter().copied().collect(),
+                    Some(Item::Rest(element)) => element.iter().map(|element| still(*element, item)).collect(),
                     Some(Item::Stretch(_)) | None => Vec::new(),
                 };
                 self.steps.push_back(Step::Ready(Ready {
@@ -307,22 +347,29 @@ impl Stream {
         let (false, &[part]) = (self.careful, &section.parts[..]) else {
             return;
         };
+        let grid = Grid::new(self.joints.limits());
         let mut start = None;
         let mut first = part;
-        let state = if section.speed == 0.0 {
-            let Some(launch) = launch(part, Side::Start, &self.log, &self.joints, &mut self.jets) else {
-                return;
-            };
-            first.from += launch.length();
-            start = Some((part, launch));
-            launch.start()
-        } else {
-            State {
-                b: section.speed * section.speed,
-                u: 0.0,
+        let (mut knots, uncut) = match section.entry {
+            Entry::TakenOver(state) => (Knots::taken_over(state), Uncut::taken_over(state, grid, self.times)),
+            Entry::Speed(0.0) => {
+                let Some(launch) = launch(part, Side::Start, &self.log, &self.joints, &mut self.jets) else {
+                    return;
+                };
+                first.from += launch.length();
+                start = Some((part, launch));
+                let state = launch.start();
+                let knots = Knots::new(state.b.sqrt());
+                (knots, Uncut::new(state, grid, self.times))
+            }
+            Entry::Speed(speed) => {
+                let state = State {
+                    b: speed * speed,
+                    u: 0.0,
+                };
+                (Knots::new(speed), Uncut::new(state, grid, self.times))
             }
         };
-        let mut knots = Knots::new(state.b.sqrt());
         knots.push(
             first,
             &self.log,
@@ -330,11 +377,7 @@ impl Stream {
             self.times.knotting.step_s,
             &mut self.jets,
         );
-        section.open = Some(Open {
-            knots,
-            uncut: Uncut::new(state, Grid::new(self.joints.limits()), self.times),
-            start,
-        });
+        section.open = Some(Open { knots, uncut, start });
     }
 
     /// Takes the spans of which the knots are certain into the grid.
@@ -351,6 +394,7 @@ impl Stream {
             let checkpoints = Checkpoints {
                 joints: &self.joints,
                 stretch,
+                feed: self.log.feed(span.item),
             };
             checkpoints.add(span, &mut open.uncut);
         }
@@ -365,7 +409,7 @@ impl Stream {
                 return;
             };
             let start = open.start.take();
-            let begin = (section.begin, section.speed);
+            let begin = (section.begin, section.entry);
             self.add_window(window, start, None, begin, Some(border), None);
         }
     }
@@ -375,7 +419,7 @@ impl Stream {
         mut window: Window,
         start: Option<(Part, Launch)>,
         stop: Option<(Part, Launch)>,
-        section: (Place, f64),
+        section: (Place, Entry),
         border: Option<Border>,
         speed_after: Option<f64>,
     ) {
@@ -389,8 +433,7 @@ impl Stream {
         }) = border
         {
             behind = spans;
-            self.asked.push_back(Asked::Border { window: number, before });
-            self.jobs.push(move || job.run());
+            self.order_job(Asked::Border { window: number, before }, job);
         }
         let mut left_tail = None;
         if self
@@ -423,8 +466,7 @@ impl Stream {
         match self.pending[index].window.job() {
             None => {}
             Some(Ok(job)) => {
-                self.asked.push_back(Asked::Window(number));
-                self.jobs.push(move || job.run());
+                self.order_job(Asked::Window(number), job);
             }
             Some(Err(_)) => self.give_up(index),
         }
@@ -439,11 +481,16 @@ impl Stream {
         if self
             .section
             .as_ref()
-            .is_some_and(|section| section.open.is_none() && !self.is_one_even_part(section))
+            .is_some_and(|section| section.open.is_none() && !self.is_phased(section))
         {
             self.open();
         }
         let stop = self.stop(speed);
+        if matches!((&self.section, self.entry), (None, Entry::TakenOver(_))) {
+            // A zone begins before the place from which this would go on.
+            self.changes.fail();
+            return;
+        }
         let Some(section) = &mut self.section else { return };
         let Some(open) = &mut section.open else {
             self.phases(speed);
@@ -470,13 +517,13 @@ impl Stream {
             state.b = f64::NAN;
         }
         let window = open.uncut.last(state);
-        self.speed = speed;
+        self.entry = Entry::Speed(speed);
         self.careful = false;
         self.add_window(
             window,
             open.start,
             stop,
-            (section.begin, section.speed),
+            (section.begin, section.entry),
             None,
             Some(speed),
         );
@@ -495,48 +542,110 @@ impl Stream {
         Ok(Some((part, launch)))
     }
 
-    fn is_one_even_part(&self, section: &Section) -> bool {
+    /// Whether seven phases run a closed section in the shortest time: one straight part.
+    fn is_phased(&self, section: &Section) -> bool {
         let even = |part: &Part| {
             self.log
                 .stretch(part.item)
                 .is_some_and(|stretch| self.joints.are_even(&stretch.piece))
         };
-        matches!(&section.parts[..], [part] if even(part))
+        matches!(section.entry, Entry::Speed(_)) && matches!(&section.parts[..], [part] if even(part))
+    }
+}
+
+/// An element at rest, which is item `item` of the log.
+fn still(element: Element, item: u64) -> Made {
+    Made {
+        element,
+        end: Place { item: item + 1, s: 0.0 },
+        opens: false,
     }
 }
 
 impl Stream {
     /// Plans the section under construction without knots: one part from speed to speed, several from rest to rest.
     fn phases(&mut self, speed: f64) {
+        self.careful = false;
         let Some(section) = self.section.take() else {
-            self.speed = speed;
+            self.entry = Entry::Speed(speed);
             return;
         };
+        let Entry::Speed(begin_speed) = section.entry else {
+            self.changes.fail();
+            return;
+        };
+        self.entry = Entry::Speed(speed);
         let mut elements = Vec::new();
         let mut end = section.begin;
         let last = section.parts.len() - 1;
         for (k, part) in section.parts.iter().enumerate() {
-            let v0 = if k == 0 { section.speed } else { 0.0 };
+            let v0 = if k == 0 { begin_speed } else { 0.0 };
             let v1 = if k == last { speed } else { 0.0 };
             let limits = steady_limits(*part, &self.log, &self.joints, &mut self.jets);
-            let phases = profile(v0, v1, part.to - part.from, &limits);
-            Emission {
-                log: &self.log,
-                out: &mut elements,
+            for phase in profile(v0, v1, part.to - part.from, &limits) {
+                self.cruise(*part, phase, &limits, &mut elements);
             }
-            .phases(&[*part], &phases);
             end = Place {
                 item: part.item,
                 s: part.to,
             };
         }
-        self.speed = speed;
-        self.careful = false;
+        if speed > 0.0
+            && let Some(last) = elements.last_mut()
+        {
+            last.opens = false;
+        }
         self.steps.push_back(Step::Ready(Ready {
             elements,
             end,
             after: if speed > 0.0 { After::More } else { After::Rest },
         }));
+    }
+
+    /// A phase on a part; where the speed stays the same for long, the machine could stop now and then.
+    fn cruise(&mut self, part: Part, phase: Phase, limits: &PathLimits, elements: &mut Vec<Made>) {
+        /// Time between such places.
+        const STEADY_S: f64 = 3.0;
+        let steady = phase.jerk == 0.0 && phase.a == 0.0;
+        let count = if steady {
+            (phase.duration / STEADY_S).ceil().max(1.0)
+        } else {
+            1.0
+        };
+        let step = phase.duration / count;
+        let stop = change_length(phase.v, 0.0, limits);
+        let mut done = 0.0;
+        while done < count {
+            let begin = step * done;
+            done += 1.0;
+            let mut piece = Phase {
+                duration: step,
+                s: phase.place(begin),
+                ..phase
+            };
+            if done >= count {
+                piece.duration = phase.duration - begin;
+            }
+            let end = Emission {
+                log: &self.log,
+                out: elements,
+            }
+            .phases(&[part], &[piece]);
+            if done >= count || end.s + stop >= part.to {
+                continue;
+            }
+            let mut tail = Vec::new();
+            let rest = Emission {
+                log: &self.log,
+                out: &mut tail,
+            }
+            .phases(&[Part { from: end.s, ..part }], &profile(phase.v, 0.0, stop, limits));
+            self.steps.push_back(Step::Ready(Ready {
+                elements: std::mem::take(elements),
+                end,
+                after: After::Stop(Tail { elements: tail, rest }),
+            }));
+        }
     }
 
     /// Constant speed beside a kink; behind it, the machine could stop on what is left of the stretch.
@@ -547,6 +656,11 @@ impl Stream {
             out: &mut elements,
         }
         .steady(part, speed);
+        let count = elements.len();
+        for (k, made) in elements.iter_mut().enumerate() {
+            // Only from its end on, all is as it is planned anew.
+            made.opens = behind && k + 1 == count;
+        }
         let end = Place {
             item: part.item,
             s: part.to,
@@ -573,18 +687,24 @@ impl Stream {
         self.steps.push_back(Step::Ready(Ready { elements, end, after }));
     }
 
-    /// Begins anew at a place, with this speed.
-    fn restart(&mut self, place: Place, speed: f64, careful: bool) {
+    /// Begins anew at a place.
+    fn restart(&mut self, place: Place, entry: Entry, careful: bool) {
         self.begun_anew += 1;
-        self.sections = Sections::new(place, &self.log);
+        self.sections = match entry {
+            Entry::Speed(_) => Sections::new(place, &self.log),
+            Entry::TakenOver(_) => Sections::in_motion(place, &self.log),
+        };
         self.section = None;
         self.left_over = None;
-        self.speed = speed;
+        self.entry = entry;
         self.careful = careful;
     }
 
     /// A window has no solution: what follows the last known place is planned anew, its beginning without the solver.
     fn give_up(&mut self, index: usize) {
+        if self.changes.fails() {
+            return;
+        }
         let Some(failed) = self.pending.drain(index..).next() else {
             return;
         };
@@ -600,7 +720,7 @@ impl Stream {
                     end: tail.rest,
                     after: After::Rest,
                 }));
-                self.restart(tail.rest, 0.0, true);
+                self.restart(tail.rest, Entry::Speed(0.0), true);
             }
             None => self.restart(failed.section.0, failed.section.1, true),
         }
@@ -608,6 +728,10 @@ impl Stream {
 
     /// Takes the answers that are there; waits for one where nothing else is left to do.
     fn collect(&mut self) {
+        if self.changes.is_under_way() {
+            self.do_urgent();
+            return;
+        }
         loop {
             let wait = self.finished || self.jobs.under_way() > 4 * (self.workers.threads() + 1);
             let answer = if wait {
@@ -620,11 +744,14 @@ impl Stream {
             let Some(asked) = self.asked.pop_front() else {
                 return;
             };
-            let states = answer.ok().and_then(Result::ok);
-            match asked {
-                Asked::Border { window, before } => self.border_solved(window, before, states),
-                Asked::Window(number) => self.window_solved(number, states),
-            }
+            self.solved(asked, answer.ok().and_then(Result::ok));
+        }
+    }
+
+    fn solved(&mut self, asked: Asked, states: Option<States>) {
+        match asked {
+            Asked::Border { window, before } => self.border_solved(window, before, states),
+            Asked::Window(number) => self.window_solved(number, states),
         }
     }
 
@@ -703,6 +830,12 @@ impl Stream {
                 s: part.to,
             };
         }
+        if pending.tail.is_none()
+            && !pending.rests
+            && let Some(last) = elements.last_mut()
+        {
+            last.opens = false;
+        }
         let after = match pending.tail {
             Some(tail) => After::Stop(tail),
             None if pending.rests => After::Rest,
@@ -714,50 +847,6 @@ impl Stream {
                 return;
             }
         }
-    }
-
-    /// Hands over as much as makes one publication; `None` if nothing can be.
-    fn publish<S: Sink<Element>>(&mut self, sink: &mut S) -> Option<Publish> {
-        let (mut count, mut steps) = (0, 0);
-        for (k, step) in self.steps.iter().enumerate() {
-            let Step::Ready(ready) = step else { break };
-            if steps > 0 && count + ready.elements.len() > PUBLICATION {
-                break;
-            }
-            count += ready.elements.len();
-            if !matches!(ready.after, After::More) {
-                steps = k + 1;
-            }
-        }
-        if steps == 0 {
-            return None;
-        }
-        let mut committed = Vec::new();
-        for step in self.steps.range(..steps) {
-            if let Step::Ready(ready) = step {
-                committed.extend_from_slice(&ready.elements);
-            }
-        }
-        let Some(Step::Ready(last)) = self.steps.get(steps - 1) else {
-            return None;
-        };
-        let tail = match &last.after {
-            After::Stop(tail) => &tail.elements[..],
-            After::Rest | After::More => &[],
-        };
-        if !(committed.is_empty() && tail.is_empty()) {
-            let result = sink.publish(&committed, tail);
-            if result != Publish::Done {
-                return Some(result);
-            }
-        }
-        self.tail = match &last.after {
-            After::Stop(tail) => Some(tail.rest),
-            After::Rest | After::More => None,
-        };
-        self.log.drop_before(last.end.item);
-        self.steps.drain(..steps);
-        Some(Publish::Done)
     }
 }
 
@@ -830,6 +919,8 @@ fn times(joints: &Joints) -> Times {
     const OVERLAP: f64 = 2.5;
     /// Window over overlap: the overlap is solved twice.
     const WINDOW: f64 = 8.0;
+    /// Time for braking to crawl before the first border of a new plan, over that of braking from full speed.
+    const FIRST: f64 = 2.5;
     let braking_s = joints
         .limits()
         .iter()
@@ -840,5 +931,6 @@ fn times(joints: &Joints) -> Times {
         knotting: Knotting::new(joints.limits(), step_s(joints)),
         overlap_s,
         window_s: WINDOW * overlap_s,
+        first_s: FIRST * braking_s + overlap_s,
     }
 }

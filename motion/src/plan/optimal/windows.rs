@@ -10,7 +10,9 @@
 //! step of the solver does. No window waits for another, and a join needs no smoothing.
 
 use super::knots::Knotted;
-use super::solver::{Grid, Infeasible, Knotting, Options, State, Workspace, first_crawl, first_profile, solve};
+use super::solver::{
+    Grid, Infeasible, Knotting, Options, State, Workspace, first_braking, first_crawl, first_profile, solve,
+};
 
 /// How the path is cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,6 +22,8 @@ pub(super) struct Times {
     pub(super) overlap_s: f64,
     /// Estimated time from border to border, s.
     pub(super) window_s: f64,
+    /// From where a new plan takes over to the first border: several times what braking to crawl takes.
+    pub(super) first_s: f64,
 }
 
 /// Spans of a window at the most, which bounds a publication.
@@ -62,6 +66,8 @@ impl Job {
 enum End {
     /// The section begins or ends there.
     Section(State),
+    /// The section takes over from another plan there, as fast as that plan is.
+    TakenOver(State),
     /// A border, with the half of its solution that lies in the window, once it is known.
     Border { spans: usize, states: Option<States> },
 }
@@ -81,7 +87,7 @@ impl Window {
     /// The job, as soon as both ends are known.
     pub(super) fn job(&mut self) -> Option<Result<Job, Infeasible>> {
         let known = |end: &End| match end {
-            End::Section(_) | End::Border { states: Some(_), .. } => true,
+            End::Section(_) | End::TakenOver(_) | End::Border { states: Some(_), .. } => true,
             End::Border { states: None, .. } => false,
         };
         (known(&self.left) && known(&self.right)).then(|| {
@@ -97,16 +103,17 @@ impl Window {
     fn start(&self) -> Result<States, Infeasible> {
         let count = self.grid.spans();
         let (from, begin) = match &self.left {
-            End::Section(state) => (0, *state),
+            End::Section(state) | End::TakenOver(state) => (0, *state),
             End::Border { spans, .. } => (*spans, self.crawl[*spans]),
         };
         let (to, end) = match &self.right {
-            End::Section(state) => (count, *state),
+            End::Section(state) | End::TakenOver(state) => (count, *state),
             End::Border { spans, .. } => (count - spans, self.crawl[count - spans]),
         };
         let middle = match (&self.left, &self.right) {
             (End::Border { .. }, End::Border { .. }) => self.crawl[from..=to].to_vec(),
-            (End::Section(_), _) | (_, End::Section(_)) => {
+            (End::TakenOver(_), _) => first_braking(&self.grid, from..to, begin, end, &self.crawl[from..=to])?,
+            (End::Section(_), _) | (_, End::Section(_) | End::TakenOver(_)) => {
                 first_profile(&self.grid, from..to, begin, end, &self.crawl[from..=to])?
             }
         };
@@ -162,6 +169,8 @@ pub(super) struct Uncut {
     at_s: Vec<f64>,
     /// Knot of the last border, or where the section begins.
     first: usize,
+    /// Time from there to the next one.
+    next_s: f64,
     left: End,
 }
 
@@ -174,7 +183,17 @@ impl Uncut {
             sources: Vec::new(),
             at_s: vec![0.0],
             first: 0,
+            next_s: times.window_s,
             left: End::Section(state),
+        }
+    }
+
+    /// A section that takes over from another plan in this state, its first window short, so that it is there soon.
+    pub(super) fn taken_over(state: State, grid: Grid, times: Times) -> Uncut {
+        Uncut {
+            next_s: times.first_s,
+            left: End::TakenOver(state),
+            ..Uncut::new(state, grid, times)
         }
     }
 
@@ -193,10 +212,8 @@ impl Uncut {
     /// The next window and the border at its end, if there is a border that stays whatever comes; `ended`: nothing comes.
     pub(super) fn cut(&mut self, ended: bool) -> Option<(Window, Border)> {
         let begin_s = self.at_s[self.first];
-        let Times {
-            overlap_s, window_s, ..
-        } = self.times;
-        let due = self.at_s[self.first..].partition_point(|s| s - begin_s < window_s);
+        let overlap_s = self.times.overlap_s;
+        let due = self.at_s[self.first..].partition_point(|s| s - begin_s < self.next_s);
         let border = self.first + due.min(WINDOW_SPANS);
         let border_s = *self.at_s.get(border)?;
         // Enough behind it for its own window, and not for nothing.
@@ -208,7 +225,7 @@ impl Uncut {
         let low = self.at_s[..border].partition_point(|s| border_s - s > overlap_s);
         // Border windows of one window do not touch.
         let taken = match &self.left {
-            End::Section(_) => 2,
+            End::Section(_) | End::TakenOver(_) => 2,
             End::Border { spans, .. } => *spans,
         };
         let low = low.max(self.first + taken + 1);
@@ -248,6 +265,7 @@ impl Uncut {
         self.sources.drain(..drop);
         self.at_s.drain(..drop);
         self.first = border - drop;
+        self.next_s = self.times.window_s;
         Some((window, around))
     }
 

@@ -7,6 +7,7 @@ use super::*;
 use crate::canon::{Call, Event, PathMode, Plane};
 
 mod joint_space;
+mod override_tests;
 mod random;
 
 fn settings() -> Settings {

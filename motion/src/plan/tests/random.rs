@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 
 /// A random step of a program, relative to where the program is.
 #[derive(Clone, Debug)]
-enum Step {
+pub(super) enum Step {
     Line {
         by: [f64; 3],
         scale: f64,
@@ -37,7 +37,7 @@ enum Step {
     Rest(u8),
 }
 
-fn step() -> impl Strategy<Value = Step> {
+pub(super) fn step() -> impl Strategy<Value = Step> {
     let scale = prop_oneof![Just(0.02), Just(0.3), Just(5.0), Just(30.0)];
     let direction = prop_oneof![
         3 => prop::array::uniform3(-1.0f64..1.0),
@@ -68,7 +68,7 @@ fn step() -> impl Strategy<Value = Step> {
 }
 
 /// The calls of a program. With `exact`, corners are never rounded.
-fn program(steps: &[Step], exact: bool) -> Vec<Event> {
+pub(super) fn program(steps: &[Step], exact: bool) -> Vec<Event> {
     let mut at = Position::ZERO;
     let mut calls = vec![
         F,

@@ -55,7 +55,7 @@ const SETTLE_JERK: f64 = 0.5;
 const SETTLE_ACCELERATION: f64 = 0.1;
 
 /// Greatest |q'| over acceleration and over jerk at the middle of a span.
-fn tangent(grid: &Grid, span: usize) -> [f64; 2] {
+pub(super) fn tangent(grid: &Grid, span: usize) -> [f64; 2] {
     let mut most = [0.0f64; 2];
     for row in grid.rows(span, 1) {
         most = [most[0].max(row.a1.abs()), most[1].max(row.j1.abs())];
@@ -101,7 +101,7 @@ fn coefficients(grid: &Grid, spans: Range<usize>, knotting: &Knotting) -> Vec<f6
 }
 
 /// State at the knot between two spans of these lengths and coefficients.
-fn between(lengths: [f64; 2], coefficients: [f64; 2]) -> State {
+pub(super) fn between(lengths: [f64; 2], coefficients: [f64; 2]) -> State {
     let sum = lengths[0] + lengths[1];
     State {
         b: (coefficients[0] * lengths[1] + coefficients[1] * lengths[0]) / sum,
@@ -181,7 +181,7 @@ pub fn first_profile(
 }
 
 /// Leaves a state: acceleration goes to a slow braking until crawl is met. `spans` and coefficients in that order.
-fn settle(grid: &Grid, spans: Vec<usize>, from: State, crawl: &[f64], values: &mut [f64]) {
+pub(super) fn settle(grid: &Grid, spans: Vec<usize>, from: State, crawl: &[f64], values: &mut [f64]) {
     let (mut b, mut u) = (coefficient(from, grid.length(spans[0])), from.u);
     values[0] = b;
     for k in 1..spans.len() {

@@ -29,6 +29,7 @@
 //! linear and w constant within a span. q''' and w jump at knots, hence checkpoints at both ends of every span.
 
 mod band;
+mod brake;
 mod crawl;
 mod first;
 mod grid;
@@ -39,6 +40,7 @@ mod roots;
 mod spacing;
 mod start;
 
+pub use brake::first_braking;
 pub use crawl::{CRAWL_REACH, CRAWL_STEP, crawl};
 pub use first::{Knotting, first_crawl, first_profile};
 pub use grid::{ACCELERATION_USE, Grid, JERK_USE, JointJet, JointLimits, SPEED_USE};

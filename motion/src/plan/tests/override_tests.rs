@@ -1,0 +1,266 @@
+//! Overrides that change while a machine runs: limits, reaction, and that the path is run to its end.
+
+use super::random::{Step, program, step};
+use super::*;
+use crate::element::Element;
+use crate::ring::{Producer, channel};
+use crate::rt::{Interpolator, MotionLimits, SampleState, ScaleRamp, StopLimits};
+use proptest::prelude::*;
+use std::collections::VecDeque;
+
+/// From the order to the first set-point that differs.
+const REACTION_CYCLES: usize = 50;
+
+/// A planner, a ring and the interpolation; between two cycles the planner does all that it can.
+struct Rig {
+    planner: Planner<Producer<Element>>,
+    interpolator: Interpolator,
+    events: VecDeque<Event>,
+    finished: bool,
+    ideal: Vec<Programmed>,
+    samples: Vec<Position>,
+    speeds: Vec<f64>,
+    share: f64,
+}
+
+impl Rig {
+    fn new(events: Vec<Event>) -> Rig {
+        let settings = Settings {
+            slope: Slope::Optimal,
+            ..settings()
+        };
+        let (producer, consumer) = channel(settings.largest_publication());
+        let axes = settings.axes.iter().flatten().map(|axis| {
+            let plan = MotionLimits {
+                velocity: axis.velocity,
+                acceleration: axis.acceleration,
+                jerk: axis.jerk,
+            };
+            let stop = StopLimits {
+                acceleration: 2.0 * axis.acceleration,
+                jerk: 4.0 * axis.jerk,
+            };
+            (plan, stop)
+        });
+        let ramp = ScaleRamp::new(&axes.collect::<Vec<_>>(), settings.cycle_s);
+        Rig {
+            planner: Planner::new(settings, producer),
+            interpolator: Interpolator::new(consumer, settings.start, ramp),
+            events: events.into(),
+            finished: false,
+            ideal: Vec::new(),
+            samples: vec![settings.start],
+            speeds: vec![0.0],
+            share: 1.0,
+        }
+    }
+
+    fn plan(&mut self) {
+        while self.planner.pump() == Pumped::Hungry {
+            match self.events.pop_front() {
+                Some(event) => self.planner.push(&event).unwrap(),
+                None if !self.finished => {
+                    self.planner.finish();
+                    self.finished = true;
+                }
+                None => break,
+            }
+            self.ideal.extend(self.planner.ideal_path());
+        }
+    }
+
+    /// One cycle; whether anything is still to come.
+    fn cycle(&mut self) -> bool {
+        self.plan();
+        let sample = self.interpolator.step(self.share);
+        self.samples.push(sample.position);
+        self.speeds.push(sample.velocity_mm_s);
+        if sample.action.is_some() {
+            self.interpolator.acknowledge_action();
+        }
+        let rests = matches!(sample.state, SampleState::Starved | SampleState::Finished);
+        !(rests && self.finished && self.planner.is_done())
+    }
+
+    fn cycles(&mut self, count: usize) {
+        for _ in 0..count {
+            self.cycle();
+        }
+    }
+
+    fn run(&mut self) {
+        for _ in 0..400_000 {
+            if !self.cycle() {
+                return;
+            }
+        }
+        panic!("the program does not end");
+    }
+
+    /// Asserts what must hold for any run.
+    fn proven(&self, tolerance: f64) {
+        let settings = settings();
+        let peaks = check(&self.samples, settings.cycle_s, &settings.axes);
+        assert_eq!(peaks.over(), 0, "{peaks:?}");
+        let found = deviation(&self.samples, &self.ideal, tolerance);
+        assert!(found.off_mm <= tolerance + 1e-9, "{found:?}");
+        if let (Some(last), Some(end)) = (self.ideal.last(), self.samples.last()) {
+            assert!(distance(&last.piece.position(last.piece.length()).0, &end.0) < 1e-9);
+        }
+    }
+}
+
+/// Cycles from now to the first set-point that is different because of this override.
+fn reaction(rig: &mut Rig, events: &[Event], before: impl Fn(&mut Rig), feed: f64, rapid: f64) -> usize {
+    let mut other = Rig::new(events.to_vec());
+    before(&mut other);
+    let since = rig.samples.len();
+    rig.planner.set_override(feed, rapid);
+    rig.cycles(120);
+    other.cycles(120);
+    let pairs = rig.samples[since..].iter().zip(&other.samples[since..]);
+    let differs = |(a, b): (&Position, &Position)| distance(&a.0, &b.0) > 1e-9;
+    pairs.map(differs).position(|differs| differs).unwrap() + 1
+}
+
+fn circle_of_chords() -> Vec<Event> {
+    let chords = (1..=1257).map(|k| {
+        let (sin, cos) = (f64::from(k) * 0.005).sin_cos();
+        feed(20.0 * cos - 20.0, 20.0 * sin, 0.0)
+    });
+    events([F, ROUND].into_iter().chain(chords))
+}
+
+fn long_line() -> Vec<Event> {
+    events([
+        Call::SetFeedRate {
+            linear: 80.0,
+            angular: 80.0,
+        },
+        feed(300.0, 100.0, 0.0),
+    ])
+}
+
+#[test]
+fn a_line_follows_the_override_soon_and_within_limits() {
+    let events = long_line();
+    let mut rig = Rig::new(events.clone());
+    let before = |rig: &mut Rig| rig.cycles(500);
+    before(&mut rig);
+    let cycles = reaction(&mut rig, &events, before, 0.5, 1.0);
+    assert!(cycles <= REACTION_CYCLES, "{cycles}");
+    rig.cycles(400);
+    let at = rig.samples.len();
+    rig.cycles(200);
+    for speed in &rig.speeds[at..] {
+        assert!((speed / 40.0 - 1.0).abs() < 0.002, "{speed}");
+    }
+    rig.planner.set_override(1.2, 1.0);
+    rig.cycles(500);
+    let speed = rig.speeds.last().unwrap();
+    assert!((speed / 96.0 - 1.0).abs() < 0.002, "{speed}");
+    rig.run();
+    rig.proven(0.0);
+}
+
+#[test]
+fn an_override_of_nothing_rests_on_the_path() {
+    for events in [long_line(), circle_of_chords()] {
+        let mut rig = Rig::new(events.clone());
+        let before = |rig: &mut Rig| rig.cycles(450);
+        before(&mut rig);
+        let cycles = reaction(&mut rig, &events, before, 0.0, 1.0);
+        assert!(cycles <= REACTION_CYCLES, "{cycles}");
+        rig.cycles(1500);
+        assert_eq!(rig.speeds.last(), Some(&0.0));
+        rig.planner.set_override(0.7, 1.0);
+        rig.cycles(20);
+        assert!(rig.speeds.last().unwrap() > &0.0);
+        rig.run();
+        rig.proven(0.01);
+    }
+}
+
+#[test]
+fn a_dense_curve_follows_the_override_soon_and_within_limits() {
+    let events = circle_of_chords();
+    for share in [0.1, 0.5, 0.9] {
+        let mut rig = Rig::new(events.clone());
+        let before = |rig: &mut Rig| rig.cycles(450);
+        before(&mut rig);
+        let cycles = reaction(&mut rig, &events, before, share, 1.0);
+        assert!(cycles <= REACTION_CYCLES, "{share}: {cycles}");
+        rig.cycles(600);
+        let at = rig.samples.len();
+        rig.cycles(150);
+        for speed in &rig.speeds[at..] {
+            assert!(*speed < 100.0 * share * 1.002, "{speed}");
+        }
+        rig.planner.set_override(1.0, 1.0);
+        rig.run();
+        rig.proven(0.01);
+    }
+}
+
+#[test]
+fn rapid_moves_have_an_override_of_their_own() {
+    let events = events([
+        F,
+        Call::StraightTraverse {
+            to: Position::xyz(200.0, 50.0, 0.0),
+        },
+        feed(250.0, 50.0, 0.0),
+    ]);
+    let mut rig = Rig::new(events.clone());
+    let before = |rig: &mut Rig| rig.cycles(600);
+    before(&mut rig);
+    let cycles = reaction(&mut rig, &events, before, 1.0, 0.25);
+    assert!(cycles <= REACTION_CYCLES, "{cycles}");
+    rig.cycles(500);
+    // X is the first joint at its limit, 100 mm/s.
+    let speed = rig.speeds.last().unwrap() * 200.0 / 200.0_f64.hypot(50.0);
+    assert!((speed / 25.0 - 1.0).abs() < 0.002, "{speed}");
+    rig.run();
+    rig.proven(0.0);
+    assert!(rig.speeds.iter().fold(0.0_f64, |most, speed| most.max(*speed)) > 99.0);
+}
+
+#[test]
+fn a_hold_while_the_override_changes_goes_on_to_the_end() {
+    let mut rig = Rig::new(circle_of_chords());
+    rig.cycles(450);
+    rig.share = 0.0;
+    rig.cycles(30);
+    rig.planner.set_override(0.3, 1.0);
+    rig.cycles(1000);
+    assert_eq!(rig.speeds.last(), Some(&0.0));
+    rig.share = 1.0;
+    rig.run();
+    let found = deviation(&rig.samples, &rig.ideal, 0.01);
+    assert!(found.off_mm <= 0.01 + 1e-9, "{found:?}");
+    let end = rig.samples.last().unwrap();
+    assert!(distance(&rig.ideal.last().unwrap().piece.position(1e9).0, &end.0) < 1e-2);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
+    /// Whatever the program and whatever is ordered when: limits hold, the path is kept, the end is reached.
+    #[test]
+    fn any_orders_keep_the_limits(
+        steps in prop::collection::vec(step(), 1..14),
+        orders in prop::collection::vec((1_usize..400, prop_oneof![1 => Just(0.0), 8 => 0.1f64..1.2], prop_oneof![3 => Just(1.0), 1 => 0.1f64..1.0]), 1..16),
+        exact in prop::bool::ANY,
+    ) {
+        let steps: Vec<Step> = steps;
+        let mut rig = Rig::new(program(&steps, exact));
+        for (wait, feed, rapid) in orders {
+            rig.cycles(wait);
+            rig.planner.set_override(feed, rapid);
+        }
+        rig.cycles(5);
+        rig.planner.set_override(1.0, 1.0);
+        rig.run();
+        rig.proven(0.051);
+    }
+}
