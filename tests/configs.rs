@@ -84,6 +84,7 @@ fn demo_machine() -> (Config, Settings) {
         cycle_s: f64::from(config.cycle_us) * 1e-6,
         tolerance_mm: config.program.tolerance_mm,
         look_ahead_blocks: config.program.look_ahead_blocks,
+        spindle_encoder: false,
         slope: config.program.planner,
         start: Position::ZERO,
     };

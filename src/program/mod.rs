@@ -338,6 +338,7 @@ pub fn plan_settings(config: &Config, start: Position) -> Settings {
         cycle_s: f64::from(config.cycle_us) * 1e-6,
         tolerance_mm: config.program.tolerance_mm,
         look_ahead_blocks: config.program.look_ahead_blocks,
+        spindle_encoder: false,
         slope: config.program.planner,
         start,
     }

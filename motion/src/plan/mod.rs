@@ -85,6 +85,9 @@ pub struct Settings {
     pub tolerance_mm: f64,
     /// Pieces of path that are looked ahead at the most: as far as speeds depend on it. Fewer may cost speed.
     pub look_ahead_blocks: usize,
+    /// Whether an encoder with an index tells where the spindle is: without it, a program with moves in step with the spindle
+    /// (G33, G33.1, G76) is refused.
+    pub spindle_encoder: bool,
     /// Machine position from which the program starts.
     pub start: Position,
     /// How speed is chosen along the path.
@@ -156,6 +159,17 @@ pub enum PlanErrorKind {
     NoFeedRate,
     /// An arc whose radius is zero at one end, or that makes no turn.
     BadArc,
+    /// A move in step with the spindle on a machine that does not know where its spindle is.
+    NoSpindleEncoder,
+    /// A move that goes by turns of a spindle that does not turn.
+    SpindleStands,
+    /// A move in step with the spindle that is too fast for the axes.
+    SpindleTooFast {
+        /// Pitch times the programmed speed, mm/s.
+        speed: f64,
+        /// Greatest speed of the axes along the move, mm/s.
+        limit: f64,
+    },
     /// A number that is infinite or none at all.
     NotFinite,
     /// A call that this planner cannot carry out.
@@ -202,6 +216,18 @@ impl fmt::Display for PlanErrorKind {
             ),
             PlanErrorKind::NoFeedRate => f.write_str("feed move without a feed rate; expected F before it"),
             PlanErrorKind::BadArc => f.write_str("arc of zero radius; expected start and end away from its centre"),
+            PlanErrorKind::NoSpindleEncoder => f.write_str(
+                "a move in step with the spindle (G33, G33.1, G76) needs an encoder with an index on it, which this machine has not; \
+                 expected a program without it",
+            ),
+            PlanErrorKind::SpindleStands => f.write_str(
+                "a move by turns of the spindle (G33, G33.1, G76, G95) while the spindle is to stand; expected S above 0 and M3 or \
+                 M4 before it",
+            ),
+            PlanErrorKind::SpindleTooFast { speed, limit } => write!(
+                f,
+                "pitch and spindle speed come to {speed:.3} mm/s, more than the axes reach ({limit:.3} mm/s); expected a lower S"
+            ),
             PlanErrorKind::NotFinite => f.write_str("position is not a finite number"),
             PlanErrorKind::Unsupported(what) => {
                 write!(f, "the control cannot run {what} yet; expected a program without it")

@@ -9,8 +9,9 @@ use super::smooth::{Passed, Smoother, Stretch};
 use super::workers::Workers;
 use super::{PlanError, Programmed, Settings, Slope, classic};
 use crate::canon::Event;
-use crate::element::Element;
+use crate::element::{Element, Synced};
 use crate::kinematics::ToolFrame;
+use crate::path::Piece;
 use crate::ring::Sink;
 
 /// Greatest feed override.
@@ -143,7 +144,12 @@ impl<S: Sink<Element>> Planner<S> {
                 self.rest(None);
                 self.frame = self.program.tool_frame();
             }
-            Some(Entry::Rest(element)) => self.rest(Some(element)),
+            Some(Entry::Rest(element)) => {
+                if let Element::Synced(synced) = &element {
+                    self.ideal.extend(programmed(synced));
+                }
+                self.rest(Some(element));
+            }
         }
         Ok(())
     }
@@ -215,4 +221,22 @@ impl<S: Sink<Element>> Planner<S> {
             self.engine.push(passed, &self.settings);
         }
     }
+}
+
+/// What a move in step with the spindle was programmed as; a tap goes there and back.
+fn programmed(synced: &Synced) -> impl Iterator<Item = Programmed> {
+    let depth = synced.tap.map_or(synced.piece.length(), |tap| tap.depth_mm);
+    let there = synced.piece.cut(0.0, depth);
+    let back = synced.tap.and_then(|_| {
+        let back = Piece::line(synced.piece.position(depth), synced.piece.position(0.0))?;
+        Some(back.in_frame(*synced.piece.frame()))
+    });
+    let feed = synced.pitch_mm * synced.turns_s;
+    let line = synced.line;
+    [there, back].into_iter().flatten().map(move |piece| Programmed {
+        piece,
+        feed,
+        line,
+        rapid: false,
+    })
 }

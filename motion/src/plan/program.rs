@@ -6,11 +6,13 @@
 use std::f64::consts::TAU;
 
 use super::frame::{Frame, check_axes, check_travel};
+use super::limits::Bounds;
 use super::{PlanErrorKind, Settings};
 use crate::canon::{Axis, Call, FeedMode, PathMode, Plane, Position, SpindleDirection, SpindleMode};
-use crate::element::{Action, Element};
+use crate::element::{Action, Element, Synced, Tap};
 use crate::kinematics::ToolFrame;
 use crate::path::{Circle, Group, Piece};
+use crate::rt::MotionLimits;
 
 /// What may happen to the path at the end of a move.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,13 +46,16 @@ struct Feed {
     degrees_s: f64,
 }
 
+/// Turns behind the depth of a tap within which the spindle must have come to rest, if the travel leaves as many.
+const RUN_DOWN_TURNS: f64 = 10.0;
+
 /// What a call comes to.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Entry {
     Move(Move),
     /// Rest, as the axes mean something else from here on.
     Halt,
-    /// A wait or an action, at rest.
+    /// A wait, an action, or motion from rest to rest in step with the spindle.
     Rest(Element),
 }
 
@@ -62,6 +67,12 @@ pub(super) struct Program {
     tool_frame: ToolFrame,
     position: Position,
     feed: Option<Feed>,
+    /// G95: `feed` counts way per turn, not per second.
+    per_turn: bool,
+    /// Way per turn of the moves in step with the spindle that follow, mm.
+    pitch_mm: Option<f64>,
+    /// Whether the feed override has been switched off. A move in step with the spindle takes no notice of it anyway.
+    override_off: bool,
     mode: PathMode,
     spindle: Option<SpindleDirection>,
     rpm: f64,
@@ -75,6 +86,9 @@ impl Program {
             tool_frame: ToolFrame::OFF,
             position: start,
             feed: None,
+            per_turn: false,
+            pitch_mm: None,
+            override_off: false,
             mode: PathMode::ExactPath,
             spindle: None,
             rpm: 0.0,
@@ -88,7 +102,15 @@ impl Program {
         let unsupported = |what| Err(PlanErrorKind::Unsupported(what));
         match call {
             Call::StraightTraverse { to } => self.straight(to, line, true, settings),
-            Call::StraightFeed { to } => self.straight(to, line, false, settings),
+            Call::StraightFeed { to } => match self.pitch_mm {
+                Some(pitch_mm) => self.synced(to, pitch_mm, None, line, settings),
+                None => self.straight(to, line, false, settings),
+            },
+            Call::RigidTap { to, return_scale } => match self.pitch_mm {
+                Some(pitch_mm) => self.synced(to, pitch_mm, Some(*return_scale), line, settings),
+                None => unsupported("rigid tapping (G33.1) without a pitch"),
+            },
+            Call::ArcFeed { .. } if self.pitch_mm.is_some() => unsupported("an arc in step with the spindle"),
             Call::ArcFeed {
                 to,
                 plane,
@@ -119,12 +141,10 @@ impl Program {
             | Call::UseLengthUnit(_)
             | Call::Comment(_)
             | Call::Record(_)
-            | Call::SetFeedMode(FeedMode::PerTime)
             | Call::SetSpindleMode {
                 mode: SpindleMode::Rpm, ..
             }
             | Call::SetCutterCompensation(None)
-            | Call::StopSpindleSync
             | Call::StartChange
             | Call::SetToolEntry(_)
             | Call::ReloadToolTable
@@ -132,12 +152,15 @@ impl Program {
             | Call::Probe(_)
             | Call::Reset
             | Call::Finish => Ok(None),
-            // Overrides are always in force: nothing changes where a program switches them on.
-            Call::EnableFeedOverride(true)
-            | Call::EnableSpeedOverride { on: true, .. }
+            // Off, it concerns feed moves alone, which are then refused.
+            Call::EnableFeedOverride(on) => {
+                self.override_off = !on;
+                Ok(None)
+            }
+            // In force anyway: nothing changes where a program switches them on.
+            Call::EnableSpeedOverride { on: true, .. }
             | Call::EnableAdaptiveFeed(false)
             | Call::EnableFeedHold(true) => Ok(None),
-            Call::EnableFeedOverride(false) => unsupported("switching the feed override off (M49, M50 P0)"),
             Call::EnableSpeedOverride { on: false, .. } => {
                 unsupported("switching the speed override off (M49, M51 P0)")
             }
@@ -147,10 +170,29 @@ impl Program {
                 unsupported("a programmed path with cutter compensation (G41, G42)")
             }
             Call::StraightProbe { .. } => unsupported("probing (G38.2 to G38.5)"),
-            Call::RigidTap { .. } => unsupported("rigid tapping (G33.1)"),
             Call::NurbsFeed { .. } => unsupported("a NURBS (G5.2)"),
-            Call::StartSpindleSync { .. } => unsupported("motion in step with the spindle (G33, G76, G95)"),
-            Call::SetFeedMode(FeedMode::PerTurn { .. }) => unsupported("feed per turn (G95)"),
+            Call::StartSpindleSync { spindle: 1.., .. } | Call::SetFeedMode(FeedMode::PerTurn { spindle: 1.. }) => {
+                unsupported("a second spindle ($1 and above)")
+            }
+            Call::StartSpindleSync { velocity: true, .. } => unsupported("motion at the speed of the spindle only"),
+            Call::StartSpindleSync { mm_per_turn, .. } => {
+                if !settings.spindle_encoder {
+                    return Err(PlanErrorKind::NoSpindleEncoder);
+                }
+                if !(mm_per_turn.is_finite() && *mm_per_turn != 0.0) {
+                    return Err(PlanErrorKind::NotFinite);
+                }
+                self.pitch_mm = Some(mm_per_turn.abs());
+                Ok(None)
+            }
+            Call::StopSpindleSync => {
+                self.pitch_mm = None;
+                Ok(None)
+            }
+            Call::SetFeedMode(mode) => {
+                self.per_turn = matches!(mode, FeedMode::PerTurn { .. });
+                Ok(None)
+            }
             Call::SetSpindleMode {
                 mode: SpindleMode::ConstantSurfaceSpeed { .. },
                 ..
@@ -251,6 +293,96 @@ impl Program {
         Ok(Some(Entry::Halt))
     }
 
+    /// Turns per second as programmed.
+    fn turns_s(&self) -> Result<f64, PlanErrorKind> {
+        let turns = self.spindle.is_some() && self.rpm > 0.0;
+        turns.then_some(self.rpm / 60.0).ok_or(PlanErrorKind::SpindleStands)
+    }
+
+    /// A straight move in step with the spindle, from rest to rest; `return_scale`: there and back.
+    fn synced(
+        &mut self,
+        to: &Position,
+        pitch_mm: f64,
+        return_scale: Option<f64>,
+        line: u32,
+        settings: &Settings,
+    ) -> Result<Option<Entry>, PlanErrorKind> {
+        if let Some(joints) = &settings.joints
+            && !joints.kinematics.is_trivial(&self.tool_frame)
+        {
+            return Err(PlanErrorKind::Unsupported(
+                "motion in step with the spindle where joints are not axes",
+            ));
+        }
+        let turns_s = self.turns_s()?;
+        let end = self.frame.machine(to);
+        if end.0.iter().any(|x| !x.is_finite()) {
+            return Err(PlanErrorKind::NotFinite);
+        }
+        let Some(way) = Piece::line(self.position, end) else {
+            return Ok(None);
+        };
+        check_travel(&way, &settings.axes)?;
+        let piece = match return_scale {
+            None => way,
+            Some(_) => self.with_run_down(&way, &end, pitch_mm, settings)?,
+        };
+        let limits = Bounds::of(&piece).limits(f64::INFINITY, settings);
+        let speed = pitch_mm * turns_s * return_scale.map_or(1.0, |scale| scale.max(1.0));
+        if speed > limits.v {
+            return Err(PlanErrorKind::SpindleTooFast { speed, limit: limits.v });
+        }
+        if return_scale.is_none() {
+            self.position = end;
+        }
+        Ok(Some(Entry::Rest(Element::Synced(Synced {
+            piece: piece.in_frame(self.tool_frame),
+            pitch_mm,
+            limits: MotionLimits {
+                velocity: limits.v,
+                acceleration: limits.a,
+                jerk: limits.j,
+            },
+            tap: return_scale.map(|return_scale| Tap {
+                depth_mm: way.length(),
+                return_scale,
+            }),
+            turns_s,
+            line,
+        }))))
+    }
+
+    /// The way to the depth of a tap and as far beyond as the travel allows: one turn at least.
+    fn with_run_down(
+        &self,
+        way: &Piece,
+        end: &Position,
+        pitch_mm: f64,
+        settings: &Settings,
+    ) -> Result<Piece, PlanErrorKind> {
+        let direction = way.jet(0.0).d1;
+        let beyond = |mm: f64| {
+            let end = std::array::from_fn(|axis| end.0[axis] + mm * direction[axis]);
+            Piece::line(self.position, Position(end)).ok_or(PlanErrorKind::NotFinite)
+        };
+        let least = beyond(pitch_mm)?;
+        check_travel(&least, &settings.axes)?;
+        let mut room = RUN_DOWN_TURNS * pitch_mm;
+        for ((limits, direction), end) in settings.axes.iter().zip(direction).zip(end.0) {
+            let Some(limits) = limits else { continue };
+            let limit = if direction > 0.0 {
+                limits.travel[1]
+            } else {
+                limits.travel[0]
+            };
+            if direction != 0.0 {
+                room = room.min((limit - end) / direction);
+            }
+        }
+        if room > pitch_mm { beyond(room) } else { Ok(least) }
+    }
+
     fn straight(
         &mut self,
         to: &Position,
@@ -292,11 +424,18 @@ impl Program {
         let feed = if rapid {
             f64::INFINITY
         } else {
+            if self.override_off {
+                return Err(PlanErrorKind::Unsupported(
+                    "a feed move with the feed override switched off (M49, M50 P0)",
+                ));
+            }
             let feed = self.feed.ok_or(PlanErrorKind::NoFeedRate)?;
+            // The speed as programmed, not as measured: what the spindle really does, the feed does not follow.
+            let per_s = if self.per_turn { self.turns_s()? } else { 1.0 };
             let delta = std::array::from_fn(|i| end.0[i] - self.position.0[i]);
             match Group::of(&delta) {
-                Some(Group::Rotary) => feed.degrees_s,
-                Some(Group::Main | Group::Parallel) | None => feed.mm_s,
+                Some(Group::Rotary) => feed.degrees_s * per_s,
+                Some(Group::Main | Group::Parallel) | None => feed.mm_s * per_s,
             }
         };
         self.position = end;
@@ -394,6 +533,7 @@ mod tests {
             cycle_s: 1e-3,
             tolerance_mm: 0.1,
             look_ahead_blocks: 9,
+            spindle_encoder: true,
             slope: crate::plan::Slope::Classic,
             start: Position::ZERO,
         }
@@ -487,6 +627,28 @@ mod tests {
     }
 
     #[test]
+    fn a_feed_per_turn_is_that_of_the_programmed_speed_and_none_where_the_spindle_stands() {
+        let mut program = with_feed();
+        let to = Position::xyz(0.0, 0.0, 1.0);
+        let mode = Call::SetFeedMode(FeedMode::PerTurn { spindle: 0 });
+        program.take(1, &mode, &settings()).unwrap();
+        program.take(1, &speed(90.0), &settings()).unwrap();
+        let stands = program.take(1, &Call::StraightFeed { to }, &settings());
+        assert_eq!(stands.unwrap_err(), PlanErrorKind::SpindleStands);
+        let start = Call::StartSpindle {
+            spindle: 0,
+            direction: SpindleDirection::Counterclockwise,
+            wait_for_speed: true,
+        };
+        program.take(1, &start, &settings()).unwrap();
+        assert_eq!(moved(&mut program, Call::StraightFeed { to }).feed, 7.5);
+        let mode = Call::SetFeedMode(FeedMode::PerTime);
+        program.take(1, &mode, &settings()).unwrap();
+        let to = Position::ZERO;
+        assert_eq!(moved(&mut program, Call::StraightFeed { to }).feed, 5.0);
+    }
+
+    #[test]
     fn what_cannot_be_run_is_refused_by_name() {
         let calls = [
             (
@@ -496,13 +658,6 @@ mod tests {
                     wait_for_speed: true,
                 },
                 "a second spindle ($1 and above)",
-            ),
-            (
-                Call::RigidTap {
-                    to: Position::ZERO,
-                    return_scale: 1.0,
-                },
-                "rigid tapping (G33.1)",
             ),
             (
                 arc(Position::ZERO, Plane::Uv, [1.0, 0.0], 1),

@@ -21,6 +21,7 @@ fn settings() -> Settings {
         cycle_s: 1e-3,
         tolerance_mm: 0.01,
         look_ahead_blocks: 100,
+        spindle_encoder: false,
         start: Position::ZERO,
         slope: Slope::Classic,
     }

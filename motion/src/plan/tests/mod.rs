@@ -37,6 +37,7 @@ fn settings() -> Settings {
         cycle_s: 1e-3,
         tolerance_mm: 0.05,
         look_ahead_blocks: 200,
+        spindle_encoder: false,
         slope: Slope::Classic,
         start: Position::ZERO,
     }

@@ -5,6 +5,7 @@ use crate::canon::Position;
 use crate::element::Tap;
 use crate::path::Piece;
 
+mod programs;
 pub(in crate::rt) mod spindle;
 use spindle::{Spindle, Turning};
 
