@@ -1,6 +1,6 @@
 //! Circle, helix and spiral.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 use super::{Group, Jet, LengthTable, by_length, dot3};
 use crate::canon::{AXES, Position};
@@ -190,7 +190,10 @@ impl Arc {
     }
 
     fn at(&self, u: f64) -> [f64; AXES] {
-        let (sin, cos) = (self.sweep * u).sin_cos();
+        self.at_angle(u, (self.sweep * u).sin_cos())
+    }
+
+    fn at_angle(&self, u: f64, (sin, cos): (f64, f64)) -> [f64; AXES] {
         let radius = self.radius + self.radius_change * u;
         let mut q = self.start;
         for (axis, q) in q.iter_mut().enumerate() {
@@ -209,20 +212,52 @@ impl Arc {
         let (sin, cos) = (self.sweep * u).sin_cos();
         let (r, dr, w) = (self.radius + self.radius_change * u, self.radius_change, self.sweep);
         // r(u) times the unit vector of angle w u, derived three times by u, in radial and tangential parts.
-        let turn = |radial: f64, tangential: f64, axis: usize| {
-            radial * (cos * self.radial[axis] + sin * self.tangential[axis])
-                + tangential * (cos * self.tangential[axis] - sin * self.radial[axis])
-        };
         let mut jet = Jet {
-            q: self.at(u),
+            q: self.at_angle(u, (sin, cos)),
             d1: self.even,
             ..Jet::default()
         };
         for axis in 0..3 {
-            jet.d1[axis] += turn(dr, r * w, axis);
-            jet.d2[axis] = turn(-r * w * w, 2.0 * dr * w, axis);
-            jet.d3[axis] = turn(-3.0 * dr * w * w, -r * w * w * w, axis);
+            let radial = cos * self.radial[axis] + sin * self.tangential[axis];
+            let tangential = cos * self.tangential[axis] - sin * self.radial[axis];
+            jet.d1[axis] += radial * dr + tangential * (r * w);
+            jet.d2[axis] = radial * (-r * w * w) + tangential * (2.0 * dr * w);
+            jet.d3[axis] = radial * (-3.0 * dr * w * w) + tangential * (-r * w * w * w);
         }
-        by_length(&jet, Group::Main)
+        by_length::<AXES>(jet, Group::Main)
     }
+
+    /// Greatest |q'|, |q''| and |q'''| of each axis between two lengths; `None` on a spiral.
+    pub(super) fn greatest_derivatives(&self, from: f64, to: f64) -> Option<[[f64; AXES]; 3]> {
+        if !self.is_round() {
+            return None;
+        }
+        let per_length = self.sweep / self.length;
+        let mut greatest = [[0.0; AXES]; 3];
+        greatest[0] = self.even.map(|x| (x / self.length).abs());
+        for axis in 0..3 {
+            let g = self.radius * self.radial[axis].hypot(self.tangential[axis]);
+            let phase = self.tangential[axis].atan2(self.radial[axis]);
+            let (begin, end) = (per_length * from - phase, per_length * to - phase);
+            // q = even + g cos(angle), derived three times.
+            let sine = sine_between(begin, end);
+            let cosine = sine_between(begin + FRAC_PI_2, end + FRAC_PI_2);
+            let even = self.even[axis] / self.length;
+            let greater = |[a, b]: [f64; 2]| a.abs().max(b.abs());
+            greatest[0][axis] = greater(sine.map(|sine| even - g * per_length * sine));
+            greatest[1][axis] = g * per_length.powi(2) * greater(cosine);
+            greatest[2][axis] = g * per_length.powi(3) * greater(sine);
+        }
+        Some(greatest)
+    }
+}
+
+/// Least and greatest sine of the angles between two.
+fn sine_between(begin: f64, end: f64) -> [f64; 2] {
+    let (a, b) = (begin.sin(), end.sin());
+    let passes = |angle: f64| ((begin - angle) / TAU).ceil() <= ((end - angle) / TAU).floor();
+    [
+        if passes(-FRAC_PI_2) { -1.0 } else { a.min(b) },
+        if passes(FRAC_PI_2) { 1.0 } else { a.max(b) },
+    ]
 }

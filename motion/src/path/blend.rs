@@ -1,6 +1,6 @@
 //! Rounded corner: a quintic with given position, direction and curvature at both ends.
 
-use super::{Group, Jet, LengthTable, by_length, dot3};
+use super::{Group, Jet, LengthTable, by_length};
 use crate::canon::{AXES, Position};
 
 /// One end of a [`Blend`].
@@ -24,6 +24,8 @@ pub struct Blend {
     c: [[f64; AXES]; 6],
     table: LengthTable,
     group: Group,
+    /// Whether no axis but X, Y and Z moves.
+    main_only: bool,
 }
 
 impl Blend {
@@ -44,11 +46,17 @@ impl Blend {
             c[4][axis] = -15.0 * rise + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1;
             c[5][axis] = 6.0 * rise - 3.0 * (v0 + v1) + 0.5 * (a1 - a0);
         }
+        let main_only = c[1..].iter().all(|row| row[3..].iter().all(|&x| x == 0.0));
         let speed = |u: f64| speed(&c, group, u);
         let table = LengthTable::new(speed);
         let mean = table.length();
         let slow = (0..=4 * 8).any(|k| speed(f64::from(k) / 32.0) < SLOWEST * mean);
-        (mean.is_finite() && mean > 0.0 && !slow).then_some(Blend { c, table, group })
+        (mean.is_finite() && mean > 0.0 && !slow).then_some(Blend {
+            c,
+            table,
+            group,
+            main_only,
+        })
     }
 
     pub(super) fn length(&self) -> f64 {
@@ -66,13 +74,22 @@ impl Blend {
 
     /// RT.
     pub(super) fn position(&self, s: f64) -> Position {
-        let u = self.parameter(s);
-        let mut q = [0.0; AXES];
-        for (axis, q) in q.iter_mut().enumerate() {
+        Position(self.position_at(self.parameter(s)))
+    }
+
+    /// Position at curve parameter `u`, 0 to 1. RT.
+    pub fn position_at(&self, u: f64) -> [f64; AXES] {
+        let mut q = self.c[0];
+        for (axis, q) in q[..self.axes()].iter_mut().enumerate() {
             let c = |k: usize| self.c[k][axis];
             *q = c(0) + u * (c(1) + u * (c(2) + u * (c(3) + u * (c(4) + u * c(5)))));
         }
-        Position(q)
+        q
+    }
+
+    /// Axes behind which none moves.
+    pub fn axes(&self) -> usize {
+        if self.main_only { 3 } else { AXES }
     }
 
     /// RT.
@@ -81,23 +98,41 @@ impl Blend {
     }
 
     /// Position and derivatives by length at curve parameter `u`, 0 to 1: the even scale for looking at the curve, which
-    /// may turn most where it is shortest.
+    /// may turn most where it is shortest. RT.
     pub fn jet_at(&self, u: f64) -> Jet {
-        let mut jet = Jet::default();
-        for axis in 0..AXES {
+        if self.main_only {
+            self.jet_of::<3>(u)
+        } else {
+            self.jet_of::<AXES>(u)
+        }
+    }
+
+    /// The same, where only the first `N` axes move.
+    fn jet_of<const N: usize>(&self, u: f64) -> Jet {
+        let mut jet = Jet {
+            q: self.c[0],
+            ..Jet::default()
+        };
+        for axis in 0..N {
             let c = |k: usize| self.c[k][axis];
             jet.q[axis] = c(0) + u * (c(1) + u * (c(2) + u * (c(3) + u * (c(4) + u * c(5)))));
             jet.d1[axis] = c(1) + u * (2.0 * c(2) + u * (3.0 * c(3) + u * (4.0 * c(4) + u * 5.0 * c(5))));
             jet.d2[axis] = 2.0 * c(2) + u * (6.0 * c(3) + u * (12.0 * c(4) + u * 20.0 * c(5)));
             jet.d3[axis] = 6.0 * c(3) + u * (24.0 * c(4) + u * 60.0 * c(5));
         }
-        by_length(&jet, self.group)
+        by_length::<N>(jet, self.group)
     }
 }
 
 /// Length per parameter. RT.
+#[inline]
 fn speed(c: &[[f64; AXES]; 6], group: Group, u: f64) -> f64 {
-    let [c1, c2, c3, c4, c5] = [1, 2, 3, 4, 5].map(|k| group.pick(&c[k]));
-    let d = [0, 1, 2].map(|i| c1[i] + u * (2.0 * c2[i] + u * (3.0 * c3[i] + u * (4.0 * c4[i] + u * 5.0 * c5[i]))));
-    dot3(&d, &d).sqrt()
+    let first = group.first();
+    let mut square = 0.0;
+    for axis in first..first + 3 {
+        let c = |k: usize| c[k][axis];
+        let d = c(1) + u * (2.0 * c(2) + u * (3.0 * c(3) + u * (4.0 * c(4) + u * 5.0 * c(5))));
+        square += d * d;
+    }
+    square.sqrt()
 }

@@ -50,13 +50,18 @@ impl Group {
             .find(|group| group.norm(delta) > 0.0)
     }
 
-    /// The part of a nine-axis vector that belongs to this group. RT.
-    pub const fn pick(self, vector: &[f64; AXES]) -> [f64; 3] {
-        let first = match self {
+    /// The first of its three axes. RT.
+    const fn first(self) -> usize {
+        match self {
             Group::Main => 0,
             Group::Rotary => 3,
             Group::Parallel => 6,
-        };
+        }
+    }
+
+    /// The part of a nine-axis vector that belongs to this group. RT.
+    pub const fn pick(self, vector: &[f64; AXES]) -> [f64; 3] {
+        let first = self.first();
         [vector[first], vector[first + 1], vector[first + 2]]
     }
 
@@ -159,6 +164,15 @@ impl Piece {
         }
     }
 
+    /// Greatest |q'|, |q''| and |q'''| of each axis, where they are known in closed form: not on spirals and blends.
+    pub fn greatest_derivatives(&self) -> Option<[[f64; AXES]; 3]> {
+        match &self.shape {
+            Shape::Line(line) => Some([line.jet(0.0).d1.map(f64::abs), [0.0; AXES], [0.0; AXES]]),
+            Shape::Arc(arc) => arc.greatest_derivatives(self.from, self.from + self.length),
+            Shape::Blend(_) => None,
+        }
+    }
+
     /// What the piece is made of.
     pub fn shape(&self) -> &Shape {
         &self.shape
@@ -192,24 +206,23 @@ fn dot3(a: &[f64; 3], b: &[f64; 3]) -> f64 {
 
 /// Changes derivatives by a curve parameter into derivatives by length. RT.
 ///
-/// `by_u` holds the position and its derivatives by the parameter, `group` the axes that measure the length.
-fn by_length(by_u: &Jet, group: Group) -> Jet {
-    let (first, second, third) = (group.pick(&by_u.d1), group.pick(&by_u.d2), group.pick(&by_u.d3));
-    let speed = dot3(&first, &first).sqrt();
-    let speed_u = dot3(&first, &second) / speed;
-    let speed_uu = (dot3(&second, &second) + dot3(&first, &third) - speed_u * speed_u) / speed;
-    let u1 = 1.0 / speed;
-    let u2 = -speed_u * u1 * u1 * u1;
-    let u3 = (-speed_uu + 3.0 * speed_u * speed_u * u1) * u1 * u1 * u1 * u1;
-    let mut jet = Jet {
-        q: by_u.q,
-        ..Jet::default()
-    };
-    for axis in 0..AXES {
-        let (a, b, c) = (by_u.d1[axis], by_u.d2[axis], by_u.d3[axis]);
+/// `jet` holds the position and its derivatives by the parameter, 0 but for the first `N` axes; `group` the axes that measure
+/// the length.
+fn by_length<const N: usize>(mut jet: Jet, group: Group) -> Jet {
+    let (first, second, third) = (group.pick(&jet.d1), group.pick(&jet.d2), group.pick(&jet.d3));
+    let u1 = 1.0 / dot3(&first, &first).sqrt();
+    let speed_u = dot3(&first, &second) * u1;
+    let speed_uu = (dot3(&second, &second) + dot3(&first, &third) - speed_u * speed_u) * u1;
+    let square = u1 * u1;
+    let cube = square * u1;
+    let u2 = -speed_u * cube;
+    let u3 = (-speed_uu + 3.0 * speed_u * speed_u * u1) * cube * u1;
+    let coupled = 3.0 * u1 * u2;
+    for axis in 0..N {
+        let (a, b, c) = (jet.d1[axis], jet.d2[axis], jet.d3[axis]);
         jet.d1[axis] = a * u1;
-        jet.d2[axis] = b * u1 * u1 + a * u2;
-        jet.d3[axis] = c * u1 * u1 * u1 + 3.0 * b * u1 * u2 + a * u3;
+        jet.d2[axis] = b * square + a * u2;
+        jet.d3[axis] = c * cube + b * coupled + a * u3;
     }
     jet
 }

@@ -14,6 +14,7 @@
 //! set-points come once a cycle T, and what the drive sees is differences over T: the second difference of a jump dv of
 //! velocity peaks at dv/T, the third at dv/T^2; the third of a jump da of acceleration at 0.75 da/T.
 
+use super::roots::cubic;
 use super::smooth::round::turning;
 use super::{AxisLimits, Settings};
 use crate::canon::AXES;
@@ -49,26 +50,21 @@ pub(super) struct PathLimits {
 
 impl Bounds {
     pub(super) fn of(piece: &Piece) -> Bounds {
+        if let Some([d1, d2, d3]) = piece.greatest_derivatives() {
+            return Bounds {
+                d1,
+                d2,
+                d3,
+                ..Bounds::default()
+            };
+        }
         match piece.shape() {
-            Shape::Line(_) => {
-                let jet = piece.jet(0.0);
-                Bounds {
-                    d1: jet.d1.map(f64::abs),
-                    ..Bounds::default()
-                }
-            }
-            // One sample every 0.05 rad, 8 for a short arc; a constant radius repeats after one turn.
+            Shape::Line(_) => Bounds::sampled(1, AXES, |x| piece.jet(piece.length() * x)),
+            // A spiral: one sample every 0.05 rad, 8 for a short one.
             Shape::Arc(arc) => {
                 let turn = arc.sweep_rad() * piece.length() / arc.length_mm();
-                let turn = if arc.is_round() {
-                    turn.min(std::f64::consts::TAU)
-                } else {
-                    turn
-                };
                 let steps = (turn / 0.05).ceil().clamp(8.0, 50_000.0) as usize;
-                let part = arc.length_mm() * turn / arc.sweep_rad();
-                let part = part.min(piece.length());
-                Bounds::sampled(steps, |x| piece.jet(part * x))
+                Bounds::sampled(steps, AXES, |x| piece.jet(piece.length() * x))
             }
             Shape::Blend(blend) => {
                 let (first, last) = (blend.jet_at(0.0), blend.jet_at(1.0));
@@ -77,25 +73,27 @@ impl Bounds {
                 } else {
                     96
                 };
-                Bounds::sampled(steps, |x| blend.jet_at(x))
+                Bounds::sampled(steps, blend.axes(), |x| blend.jet_at(x))
             }
         }
     }
 
-    /// Maxima over samples; a quarter of the step to the neighbour covers a crest between two samples.
-    fn sampled(steps: usize, jet: impl Fn(f64) -> Jet) -> Bounds {
+    /// Maxima over samples of the first axes; a quarter of the step to the neighbour covers a crest between two samples.
+    fn sampled(steps: usize, axes: usize, jet: impl Fn(f64) -> Jet) -> Bounds {
         let mut bounds = Bounds::default();
-        let mut last: Option<Jet> = None;
+        let mut before = jet(0.0);
         for k in 0..=steps {
             let jet = jet(k as f64 / steps as f64);
-            let before = last.unwrap_or(jet);
-            for axis in 0..AXES {
-                let crest = |now: f64, then: f64| now.abs().max(then.abs()) + (now - then).abs() / 4.0;
-                bounds.d1[axis] = bounds.d1[axis].max(crest(jet.d1[axis], before.d1[axis]));
-                bounds.d2[axis] = bounds.d2[axis].max(crest(jet.d2[axis], before.d2[axis]));
-                bounds.d3[axis] = bounds.d3[axis].max(crest(jet.d3[axis], before.d3[axis]));
+            for axis in 0..axes {
+                let crest = |most: &mut f64, now: f64, then: f64| {
+                    let crest = now.abs().max(then.abs()) + (now - then).abs() / 4.0;
+                    *most = most.max(crest);
+                };
+                crest(&mut bounds.d1[axis], jet.d1[axis], before.d1[axis]);
+                crest(&mut bounds.d2[axis], jet.d2[axis], before.d2[axis]);
+                crest(&mut bounds.d3[axis], jet.d3[axis], before.d3[axis]);
             }
-            last = Some(jet);
+            before = jet;
         }
         bounds
     }
@@ -123,10 +121,10 @@ impl Bounds {
         let mut v = feed;
         for (axis, limits) in existing(settings) {
             v = v.min(limits.velocity / self.d1[axis]);
-            v = v.min(root(curved * USE * limits.acceleration, |v| {
-                self.d2[axis] * v * v + self.kink[axis] * v / cycle
-            }));
-            v = v.min(root(curved * USE * limits.jerk, |v| self.fixed_jerk(axis, v, cycle)));
+            let (kink, bend) = (self.kink[axis] / cycle, 0.75 * self.bend[axis] / cycle);
+            v = v.min(cubic(kink, self.d2[axis], 0.0, curved * USE * limits.acceleration));
+            let bound = curved * USE * limits.jerk;
+            v = v.min(cubic(kink / cycle, bend, self.d3[axis], bound));
         }
         let mut a = f64::INFINITY;
         for (axis, limits) in existing(settings) {
@@ -155,27 +153,6 @@ fn existing(settings: &Settings) -> impl Iterator<Item = (usize, &AxisLimits)> {
         .iter()
         .enumerate()
         .filter_map(|(axis, limits)| limits.as_ref().map(|limits| (axis, limits)))
-}
-
-/// Greatest v with f(v) <= bound, for f rising from 0; infinite when f stays 0. The result is never above the root.
-fn root(bound: f64, f: impl Fn(f64) -> f64) -> f64 {
-    if f(1.0) == 0.0 {
-        return f64::INFINITY;
-    }
-    let (mut low, mut high) = (0.0, 1.0);
-    while f(high) <= bound && high < 1e12 {
-        low = high;
-        high *= 4.0;
-    }
-    for _ in 0..30 {
-        let middle = 0.5 * (low + high);
-        if f(middle) <= bound {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    low
 }
 
 /// Jumps of direction and curvature where two pieces meet, or `None` if there are none.

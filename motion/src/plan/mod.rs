@@ -31,6 +31,7 @@ pub mod optimal;
 mod planner;
 mod profile;
 mod program;
+mod roots;
 mod smooth;
 pub mod workers;
 

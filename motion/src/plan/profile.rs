@@ -5,6 +5,7 @@
 //! into the phase of constant speed.
 
 use super::limits::PathLimits;
+use super::roots::{cubic, greatest};
 
 /// A time of constant jerk.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,6 +73,17 @@ pub(super) fn change_length(x: f64, y: f64, limits: &PathLimits) -> f64 {
     0.5 * (x + y) * (2.0 * jerked + steady)
 }
 
+/// Change of [`change_length`] between `x` and a higher speed `y` with the root `z` of a part of their difference.
+fn change_slope(x: f64, y: f64, z: f64, limits: &PathLimits) -> f64 {
+    let (jerked, steady) = change_times(y - x, limits);
+    let time_slope = if steady > 0.0 {
+        2.0 * z / limits.a
+    } else {
+        2.0 * z / (limits.j * jerked)
+    };
+    z * (2.0 * jerked + steady) + 0.5 * (x + y) * time_slope
+}
+
 /// Time lost by slowing down from `x` to `y`, or speeding up the other way, against running on at `x`.
 pub(super) fn time_lost(x: f64, y: f64, limits: &PathLimits) -> f64 {
     let (jerked, steady) = change_times(x - y, limits);
@@ -87,16 +99,18 @@ pub(super) fn reachable(from: f64, cap: f64, length: f64, limits: &PathLimits) -
     if cap <= from || change_length(from, cap, limits) <= length {
         return cap.max(from).min(cap.max(0.0));
     }
-    let (mut low, mut high) = (from, cap);
-    for _ in 0..54 {
-        let middle = 0.5 * (low + high);
-        if change_length(from, middle, limits) <= length {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    low
+    let PathLimits { a, j, .. } = *limits;
+    let build_up = a * a / j;
+    let speed = if change_length(from, from + build_up, limits) >= length {
+        // (2 from + z^2) z = length sqrt(j), with z^2 the change of speed.
+        let z = cubic(2.0 * from, 0.0, 1.0, length * j.sqrt());
+        from + z * z
+    } else {
+        // (y + from) (y - from + a^2 / j) = 2 a length
+        let square = (from - 0.5 * build_up) * (from - 0.5 * build_up) + 2.0 * a * length;
+        square.sqrt() - 0.5 * build_up
+    };
+    speed.clamp(from, cap)
 }
 
 /// Greatest speed of at most `cap` before a run after which any speed of at most `after` will do.
@@ -153,20 +167,21 @@ pub(super) fn least_end_speed(from: f64, length: f64, limits: &PathLimits) -> f6
 /// The phases of a run of `length` from speed `v0` to `v1`, both within reach of each other. Empty phases are left out.
 pub(super) fn profile(v0: f64, v1: f64, length: f64, limits: &PathLimits) -> Vec<Phase> {
     let need = |peak: f64| change_length(v0, peak, limits) + change_length(peak, v1, limits);
-    let mut peak = v0.max(v1);
+    let base = v0.max(v1);
+    let mut peak = base;
     if limits.v > peak && need(limits.v) <= length {
         peak = limits.v;
     } else if limits.v > peak {
-        let (mut low, mut high) = (peak, limits.v);
-        for _ in 0..54 {
-            let middle = 0.5 * (low + high);
-            if need(middle) <= length {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        peak = low;
+        // By the root of the change of speed, of which the length is a smooth function.
+        let rise = |z: f64| {
+            let peak = base + z * z;
+            (
+                need(peak),
+                change_slope(v0, peak, z, limits) + change_slope(v1, peak, z, limits),
+            )
+        };
+        let z = greatest(0.0, (limits.v - base).sqrt(), length, rise);
+        peak = base + z * z;
     }
     let mut phases = Vec::with_capacity(7);
     let mut s = 0.0;

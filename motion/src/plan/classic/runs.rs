@@ -157,6 +157,10 @@ impl Run {
         let mut best = (time(&self.limits), self.limits);
         for curved in [0.9, 0.75, 0.5, 0.35, 0.25] {
             let limits = self.bounds.limits_with(curved, self.feed, settings);
+            // Of a straight run, curvature takes nothing.
+            if limits == best.1 {
+                continue;
+            }
             let time = time(&limits);
             if time < best.0 {
                 best = (time, limits);

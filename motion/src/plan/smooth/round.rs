@@ -148,7 +148,7 @@ fn deviation(blend: &Piece, a: &Piece, before: f64, b: &Piece, after: f64) -> f6
     let (mut off, mut missed) = (0.0f64, f64::INFINITY);
     for k in 1..STEPS {
         let x = k as f64 / STEPS as f64;
-        let q = curve.jet_at(x).q;
+        let q = curve.position_at(x);
         let near = if 2 * k <= STEPS {
             nearest(
                 a,

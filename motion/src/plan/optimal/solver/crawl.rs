@@ -2,7 +2,7 @@
 
 use super::grid::Grid;
 use super::profile::{State, span_value};
-use super::roots::cube_root;
+use crate::plan::roots::cube_root;
 
 /// Spans of one step of the crawl: it is a quadratic spline on every so many-th knot, which keeps u and w small.
 pub const CRAWL_STEP: usize = 8;

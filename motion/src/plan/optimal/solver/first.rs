@@ -12,7 +12,7 @@ use std::ops::Range;
 use super::grid::{Grid, JointLimits};
 use super::interior::Infeasible;
 use super::profile::{State, coefficient, worst};
-use super::roots::cube_root;
+use crate::plan::roots::cube_root;
 
 /// How knots were placed.
 #[derive(Clone, Copy, Debug, PartialEq)]

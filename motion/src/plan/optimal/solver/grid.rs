@@ -1,6 +1,6 @@
 //! What the solver knows of the path: derivatives at checkpoints of every span, scaled by the limits.
 
-use super::roots::cube_root;
+use crate::plan::roots::cube_root;
 
 /// Part of the acceleration limit that is planned with. Second differences of set-points are means over two cycles
 /// and never above the greatest value between; the rest covers what lies between two checkpoints.

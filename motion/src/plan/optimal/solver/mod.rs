@@ -36,7 +36,6 @@ mod grid;
 mod interior;
 mod lanes;
 mod profile;
-mod roots;
 mod spacing;
 mod start;
 

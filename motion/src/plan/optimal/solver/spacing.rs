@@ -7,7 +7,7 @@
 //! from rest gives. So v^(3/2) rises linearly over the path, until acceleration limits it and b does.
 
 use super::grid::{JointJet, JointLimits};
-use super::roots::cube_root;
+use crate::plan::roots::cube_root;
 
 /// A stretch of path within one piece of geometry.
 #[derive(Clone, Copy, Debug, PartialEq)]

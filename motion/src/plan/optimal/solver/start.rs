@@ -5,7 +5,7 @@
 
 use super::grid::{ACCELERATION_USE, Grid, JERK_USE, JointJet, JointLimits, SPEED_USE};
 use super::profile::{State, coefficient, span_value};
-use super::roots::cube_root;
+use crate::plan::roots::cube_root;
 
 /// Part of the jerk limit of a launch; the solver needs some room to go on from there.
 const LAUNCH_JERK: f64 = 0.99;
