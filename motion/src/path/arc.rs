@@ -106,8 +106,8 @@ impl Arc {
         (round * round + self.radius_change * self.radius_change + height * height).sqrt()
     }
 
-    /// Part of the turn at length `s`. RT.
-    fn parameter(&self, s: f64) -> f64 {
+    /// Part of the turn, 0 to 1, at length `s` from its beginning. RT.
+    pub(super) fn parameter(&self, s: f64) -> f64 {
         match &self.table {
             None => s / self.length,
             Some(table) => table.parameter(s, |u| self.speed(u)),
@@ -206,9 +206,26 @@ impl Arc {
         q
     }
 
+    pub(super) fn tangent(&self, s: f64) -> ([f64; AXES], [f64; AXES]) {
+        let u = self.parameter(s);
+        let (sin, cos) = (self.sweep * u).sin_cos();
+        let around = (self.radius + self.radius_change * u) * self.sweep;
+        let mut d1 = self.even;
+        for axis in 0..3 {
+            d1[axis] += self.radius_change * (cos * self.radial[axis] + sin * self.tangential[axis])
+                + around * (cos * self.tangential[axis] - sin * self.radial[axis]);
+        }
+        let per_length = 1.0 / self.speed(u);
+        (self.at_angle(u, (sin, cos)), d1.map(|x| x * per_length))
+    }
+
     /// RT.
     pub(super) fn jet(&self, s: f64) -> Jet {
-        let u = self.parameter(s);
+        self.jet_at(self.parameter(s))
+    }
+
+    /// Position and derivatives by length at the part `u` of the turn, 0 to 1. RT.
+    pub fn jet_at(&self, u: f64) -> Jet {
         let (sin, cos) = (self.sweep * u).sin_cos();
         let (r, dr, w) = (self.radius + self.radius_change * u, self.radius_change, self.sweep);
         // r(u) times the unit vector of angle w u, derived three times by u, in radial and tangential parts.

@@ -164,6 +164,25 @@ impl Piece {
         }
     }
 
+    /// The part of the curve of an arc on which the piece lies: parts of its turn; nothing to know of other shapes.
+    pub fn turn(&self) -> [f64; 2] {
+        match &self.shape {
+            Shape::Arc(arc) => [self.from, self.from + self.length].map(|s| arc.parameter(s)),
+            Shape::Line(_) | Shape::Blend(_) => [0.0, 1.0],
+        }
+    }
+
+    /// Position and its first derivative at `s`, which is clamped to the piece: less work than a whole jet.
+    pub fn tangent(&self, s: f64) -> ([f64; AXES], [f64; AXES]) {
+        match &self.shape {
+            Shape::Arc(arc) => arc.tangent(self.from + s.clamp(0.0, self.length)),
+            Shape::Line(_) | Shape::Blend(_) => {
+                let jet = self.jet(s);
+                (jet.q, jet.d1)
+            }
+        }
+    }
+
     /// Greatest |q'|, |q''| and |q'''| of each axis, where they are known in closed form: not on spirals and blends.
     pub fn greatest_derivatives(&self) -> Option<[[f64; AXES]; 3]> {
         match &self.shape {
@@ -277,7 +296,7 @@ impl LengthTable {
         self.s[INTERVALS]
     }
 
-    /// Parameter at length `s`. RT: one scan of the table, a cubic guess, two Newton steps.
+    /// Parameter at length `s`. RT: one scan of the table, a cubic guess, at most two Newton steps.
     fn parameter(&self, s: f64, speed: impl Fn(f64) -> f64) -> f64 {
         if s <= 0.0 {
             return 0.0;
@@ -297,8 +316,12 @@ impl LengthTable {
         let guess = x * x * (3.0 - 2.0 * x) * width + x * (1.0 - x) * ((1.0 - x) * slope0 - x * slope1);
         let mut u = from + guess.clamp(0.0, width);
         for _ in 0..2 {
-            let error = s - self.s[k] - integrate(from, u, &speed);
-            u = (u + error / speed(u)).clamp(from, from + width);
+            let step = (s - self.s[k] - integrate(from, u, &speed)) / speed(u);
+            u = (u + step).clamp(from, from + width);
+            // The next step would be about the square of this one.
+            if step.abs() < 1e-9 {
+                break;
+            }
         }
         u
     }

@@ -62,9 +62,9 @@ impl Bounds {
             Shape::Line(_) => Bounds::sampled(1, AXES, |x| piece.jet(piece.length() * x)),
             // A spiral: one sample every 0.05 rad, 8 for a short one.
             Shape::Arc(arc) => {
-                let turn = arc.sweep_rad() * piece.length() / arc.length_mm();
-                let steps = (turn / 0.05).ceil().clamp(8.0, 50_000.0) as usize;
-                Bounds::sampled(steps, AXES, |x| piece.jet(piece.length() * x))
+                let [from, to] = piece.turn();
+                let steps = (arc.sweep_rad() * (to - from) / 0.05).ceil().clamp(8.0, 50_000.0) as usize;
+                Bounds::sampled(steps, AXES, |x| arc.jet_at(from + (to - from) * x))
             }
             Shape::Blend(blend) => {
                 let (first, last) = (blend.jet_at(0.0), blend.jet_at(1.0));

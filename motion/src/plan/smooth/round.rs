@@ -172,16 +172,16 @@ fn deviation(blend: &Piece, a: &Piece, before: f64, b: &Piece, after: f64) -> f6
 pub(in crate::plan) fn nearest(leg: &Piece, q: &[f64; AXES], from: f64, to: f64, guess: f64) -> (f64, f64) {
     let mut s = guess.clamp(from, to);
     for _ in 0..4 {
-        let jet = leg.jet(s);
+        let (here, tangent) = leg.tangent(s);
         let (mut along, mut square) = (0.0, 0.0);
-        for (d1, (q, here)) in jet.d1.iter().zip(q.iter().zip(&jet.q)) {
+        for (d1, (q, here)) in tangent.iter().zip(q.iter().zip(&here)) {
             along += (q - here) * d1;
             square += d1 * d1;
         }
         let next = (s + along / square).clamp(from, to);
         // So near, the distance is the same to the last digits that matter.
         if (next - s).abs() * square.sqrt() < 1e-10 {
-            return (distance(q, &jet.q), s);
+            return (distance(q, &here), s);
         }
         s = next;
         if matches!(leg.shape(), Shape::Line(_)) {

@@ -73,6 +73,8 @@ pub struct Workspace {
     dual_gradient: Vec<f64>,
     /// Spans.
     count: usize,
+    /// Joints that move; the others bound nothing.
+    joints: Vec<usize>,
     result: Vec<State>,
 }
 
@@ -114,6 +116,13 @@ struct Dual {
 #[inline(always)]
 fn dot(row: &[Lane; 3], x: &[Lane; 3]) -> Lane {
     row[0] * x[0] + row[1] * x[1] + row[2] * x[2]
+}
+
+/// Two reciprocals for the price of one division, on which this code would wait else.
+#[inline(always)]
+fn both_recip(a: Lane, b: Lane) -> [Lane; 2] {
+    let both = (a * b).recip();
+    [b * both, a * both]
 }
 
 #[inline(always)]
@@ -175,6 +184,14 @@ impl Workspace {
         let count = spans.len();
         let blocks = count.div_ceil(LANES);
         self.count = count;
+        let moves = |joint: usize| {
+            let mut rows = spans.clone().flat_map(|span| {
+                (0..grid.checkpoints(span).len()).map(move |checkpoint| &grid.rows(span, checkpoint)[joint])
+            });
+            rows.any(|row| *row != Row::default())
+        };
+        self.joints.clear();
+        self.joints.extend((0..grid.joints()).filter(|&joint| moves(joint)));
         self.blocks.clear();
         self.rows.clear();
         for block in 0..blocks {
@@ -217,7 +234,7 @@ impl Workspace {
             let fine = (0..LANES).filter_map(own).any(|span| grid.is_fine(span));
             lanes.checkpoints = if fine { &FINE_CHECKPOINTS } else { &CHECKPOINTS };
             for (checkpoint, &(part, _)) in lanes.checkpoints.iter().enumerate() {
-                for joint in 0..grid.joints() {
+                for &joint in &self.joints {
                     let mut pair = Pair::default();
                     for lane in 0..LANES {
                         let Some(span) = own(lane) else { continue };
@@ -341,8 +358,9 @@ impl Workspace {
                 let pairs = &self.rows[first..first + joints];
                 for (pair, duals) in pairs.iter().zip(&mut self.duals[first..first + joints]) {
                     let a = dot(&pair.acceleration, &x);
+                    let q = dot(&pair.jerk, &x);
+                    let [inverse, inverse_of_jerk] = both_recip((one - a) * (one + a), (beta - q) * (beta + q));
                     let (plus, minus) = (one - a, one + a);
-                    let inverse = (plus * minus).recip();
                     let (inverse_plus, inverse_minus) = (minus * inverse, plus * inverse);
                     let l_plus = dual(&mut duals.acceleration[0], inverse_plus);
                     let l_minus = dual(&mut duals.acceleration[1], inverse_minus);
@@ -355,9 +373,8 @@ impl Workspace {
                     add_scaled(&mut by_barrier, two * a * inverse, &pair.acceleration);
                     add_scaled(&mut by_dual, l_plus - l_minus, &pair.acceleration);
 
-                    let q = dot(&pair.jerk, &x);
+                    let inverse = inverse_of_jerk;
                     let (plus, minus) = (beta - q, beta + q);
-                    let inverse = (plus * minus).recip();
                     let (inverse_plus, inverse_minus) = (minus * inverse, plus * inverse);
                     let l_plus = dual(&mut duals.jerk[0], inverse_plus);
                     let l_minus = dual(&mut duals.jerk[1], inverse_minus);
@@ -441,6 +458,8 @@ impl Workspace {
     fn step(&mut self, joints: usize, mu: f64, d: &[f64]) -> (f64, f64) {
         let (zero, one) = (Lane::splat(0.0), Lane::splat(1.0));
         let half = Lane::splat(0.5);
+        // A multiplier that is 0 belongs to no span.
+        let least = Lane::splat(1e-150);
         let mut most = zero;
         let mut fall = zero;
         let mut sinking = zero;
@@ -450,16 +469,22 @@ impl Workspace {
             let dx = block.x(&d[index * LANES..]);
             let b_begin = block.b_row(0.0);
             // `closing`: how much of the slack the step takes, as a part of it.
-            let mut dual = |dual: &mut [Lane; 2], inverse: Lane, closing: Lane| {
-                most = most.max(closing);
-                dual[1] = inverse * mu + dual[0] * closing;
+            let mut pair_of_duals = |[plus, minus]: [&mut [Lane; 2]; 2], inverse: [Lane; 2], closing: [Lane; 2]| {
+                most = most.max(closing[0]).max(closing[1]);
+                plus[1] = inverse[0] * mu + plus[0] * closing[0];
+                minus[1] = inverse[1] * mu + minus[0] * closing[1];
                 // fall = 1 - new / old
-                fall = fall.max(one - dual[1] * dual[0].max(Lane::splat(1e-300)).recip());
+                let [a, b] = both_recip(plus[0].max(least), minus[0].max(least));
+                fall = fall.max(one - plus[1] * a).max(one - minus[1] * b);
             };
-            let inverse = (one - block.knot * dot(&b_begin, &x)).recip();
-            dual(&mut block.knot_dual, inverse, inverse * block.knot * dot(&b_begin, &dx));
-            let inverse = (one - block.middle * x[0]).recip();
-            dual(&mut block.middle_dual, inverse, inverse * block.middle * dx[0]);
+            let knot = block.knot * dot(&b_begin, &dx);
+            let middle = block.middle * dx[0];
+            let [of_knot, of_middle] = both_recip(one - block.knot * dot(&b_begin, &x), one - block.middle * x[0]);
+            pair_of_duals(
+                [&mut block.knot_dual, &mut block.middle_dual],
+                [of_knot, of_middle],
+                [of_knot * knot, of_middle * middle],
+            );
             for (checkpoint, &(part, _)) in block.checkpoints.iter().enumerate() {
                 let first = block.first + checkpoint * joints;
                 let b_row = &block.b_row(part);
@@ -470,20 +495,17 @@ impl Workspace {
                 let dbeta = zero - half * beta * inverse_b * db;
                 let pairs = &self.rows[first..first + joints];
                 for (pair, duals) in pairs.iter().zip(&mut self.duals[first..first + joints]) {
-                    let a = dot(&pair.acceleration, &x);
-                    let da = dot(&pair.acceleration, &dx);
-                    let (plus, minus) = (one - a, one + a);
-                    let inverse = (plus * minus).recip();
-                    let (inverse_plus, inverse_minus) = (minus * inverse, plus * inverse);
-                    dual(&mut duals.acceleration[0], inverse_plus, inverse_plus * da);
-                    dual(&mut duals.acceleration[1], inverse_minus, zero - inverse_minus * da);
-                    let q = dot(&pair.jerk, &x);
-                    let dq = dot(&pair.jerk, &dx);
-                    let (plus, minus) = (beta - q, beta + q);
-                    let inverse = (plus * minus).recip();
-                    let (inverse_plus, inverse_minus) = (minus * inverse, plus * inverse);
-                    dual(&mut duals.jerk[0], inverse_plus, inverse_plus * (dq - dbeta));
-                    dual(&mut duals.jerk[1], inverse_minus, zero - inverse_minus * (dq + dbeta));
+                    let (a, da) = (dot(&pair.acceleration, &x), dot(&pair.acceleration, &dx));
+                    let (q, dq) = (dot(&pair.jerk, &x), dot(&pair.jerk, &dx));
+                    let [of_a, of_q] = both_recip((one - a) * (one + a), (beta - q) * (beta + q));
+                    let inverse = [(one + a) * of_a, (one - a) * of_a];
+                    let closing = [inverse[0] * da, zero - inverse[1] * da];
+                    let [plus, minus] = &mut duals.acceleration;
+                    pair_of_duals([plus, minus], inverse, closing);
+                    let inverse = [(beta + q) * of_q, (beta - q) * of_q];
+                    let closing = [inverse[0] * (dq - dbeta), zero - inverse[1] * (dq + dbeta)];
+                    let [plus, minus] = &mut duals.jerk;
+                    pair_of_duals([plus, minus], inverse, closing);
                 }
                 sinking = sinking.max(Lane::splat(-1.1) * db * inverse_b);
             }
@@ -517,7 +539,7 @@ pub fn solve(
         return Ok(solved);
     }
     workspace.pack(grid, spans.clone(), profile);
-    solved.converged = workspace.iterate(grid.joints(), options, &mut solved);
+    solved.converged = workspace.iterate(workspace.joints.len(), options, &mut solved);
     let mut result = std::mem::take(&mut workspace.result);
     workspace.unpack(grid, spans.clone(), profile, &mut result);
     // Not to be expected: rounding at a bound.
