@@ -20,6 +20,8 @@ const PECK_CLEARANCE_MAX_MM: f64 = 100.0;
 const CORNER_LIMIT: Bound = Bound::Within(1.0, 160.0);
 /// Folders that are searched for one file.
 const FOLDERS_MAX: usize = 10;
+/// Threads that plan; more than a PC has cores are of no use.
+const PLANNER_THREADS_MAX: i64 = 64;
 /// Values of `#<_ini[section]name>`.
 const VALUE_MAX: f64 = 1e9;
 
@@ -33,6 +35,7 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
         &[("optimal", Slope::Optimal), ("classic", Slope::Classic)],
         Some(default.planner),
     );
+    let planner_threads = section.optional_integer("planner_threads", 1..=PLANNER_THREADS_MAX);
     let parameter_file = file(section, "parameter_file", base, MayBeMissing::Yes);
     let directory = folder(section, "directory", base);
     let subroutine_directories = folders(section, "subroutine_directories", base);
@@ -77,6 +80,7 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
         tolerance_mm: tolerance_mm?,
         look_ahead_blocks: look_ahead_blocks? as usize,
         planner: planner?,
+        planner_threads: planner_threads?.map(|threads| threads as usize),
         parameter_file: parameter_file?,
         directory: directory?,
         subroutine_directories: subroutine_directories?,

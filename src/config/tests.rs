@@ -476,10 +476,11 @@ fn rules_of_axes_and_offsets() {
 fn rules_of_the_rest() {
     let end = "joints = [0]\n";
     check(&[
-        (end, "joints = [0]\n[spindle]\nrpm_max = 0\n[program]\ntolerance_mm = 0\nlook_ahead_blocks = 0\n", &[
+        (end, "joints = [0]\n[spindle]\nrpm_max = 0\n[program]\ntolerance_mm = 0\nlook_ahead_blocks = 0\nplanner_threads = 65\n", &[
             "m.toml:29:11: spindle.rpm_max = 0: must be above 0",
             "m.toml:31:16: program.tolerance_mm = 0: must be above 0",
             "m.toml:32:21: program.look_ahead_blocks = 0: must be an integer from 1 to 1000000",
+            "m.toml:33:19: program.planner_threads = 65: must be an integer from 1 to 64",
         ]),
         (end, "joints = [0]\n[sim]\nnatural_frequency_hz = 0\ndamping = -1\nstart = 1.5\n", &[
             "m.toml:29:24: sim.natural_frequency_hz = 0: must lie between 0.1 and 1000",

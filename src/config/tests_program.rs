@@ -46,6 +46,7 @@ fn what_is_left_out_is_as_in_linuxcnc() {
     assert!(!config.axes[0].wrapped);
     let program = config.program;
     assert_eq!((program.tolerance_mm, program.look_ahead_blocks), (0.01, 10_000));
+    assert_eq!(program.planner_threads, None);
     assert_eq!((program.parameter_file, program.directory), (None, None));
     assert!(!program.user_codes.allowed && !program.block_delete && !program.diameter_mode);
     assert!(program.keep_g92);
@@ -69,6 +70,7 @@ fn every_key_is_read_and_paths_start_at_the_machine_file() {
 tolerance_mm = 0.02
 look_ahead_blocks = 500
 planner = "classic"
+planner_threads = 3
 parameter_file = "made-later.var"
 directory = "programs"
 subroutine_directories = ["subs", "codes"]
@@ -117,6 +119,7 @@ orient_offset_degrees = -90
         tolerance_mm: 0.02,
         look_ahead_blocks: 500,
         planner: motion::plan::Slope::Classic,
+        planner_threads: Some(3),
         parameter_file: Some(here("made-later.var")),
         directory: Some(here("programs")),
         subroutine_directories: vec![here("subs"), here("codes")],

@@ -433,6 +433,9 @@ pub struct Program {
     pub look_ahead_blocks: usize,
     /// How speed is chosen along the path.
     pub planner: motion::plan::Slope,
+    /// Threads that plan, that of the program among them. `None`: one for every core that may be used and is not that of the
+    /// real-time threads, at most [`Program::PLANNER_THREADS_USUAL`].
+    pub planner_threads: Option<usize>,
     /// File of the parameters that outlive a program, LinuxCNC's var file; made if it is missing. `None`: nothing outlives
     /// the process, and [`Config::work_offsets`] hold at each start.
     pub parameter_file: Option<PathBuf>,
@@ -469,6 +472,11 @@ pub struct Program {
 /// LinuxCNC's tolerance of an arc's centre where the machine file names none, mm and inch.
 pub const ARC_RADIUS_TOLERANCE: [f64; 2] = [0.02 * std::f64::consts::SQRT_2, 0.002 * std::f64::consts::SQRT_2];
 
+impl Program {
+    /// Threads that plan at the most where the machine file names no number.
+    pub const PLANNER_THREADS_USUAL: usize = 4;
+}
+
 impl Default for Program {
     fn default() -> Program {
         let [arc_radius_tolerance_mm, arc_radius_tolerance_inch] = ARC_RADIUS_TOLERANCE;
@@ -476,6 +484,7 @@ impl Default for Program {
             tolerance_mm: 0.01,
             look_ahead_blocks: 10_000,
             planner: motion::plan::Slope::default(),
+            planner_threads: None,
             parameter_file: None,
             directory: None,
             subroutine_directories: Vec::new(),

@@ -5,7 +5,7 @@
 
 mod settings;
 
-use crate::config::Config;
+use crate::config::{self, Config};
 use crate::machine::tables::Tables;
 use motion::canon::{Axis, Call, Event, PathMode, Position};
 use motion::element::Element;
@@ -16,6 +16,8 @@ use motion::ring::{Publish, Sink};
 use motion::rt::{MotionLimits, ScaleRamp, StopLimits};
 pub use settings::{interpreter_settings, settings_with};
 use std::fmt;
+use std::num::NonZero;
+use std::thread::available_parallelism;
 
 /// Canonical calls that one call of [`Feeder::pump`] takes at the most.
 const EVENTS_PER_PUMP: usize = 256;
@@ -361,6 +363,18 @@ fn joint_space(config: &Config, kinematics: Kinematics) -> Option<JointSpace> {
         };
     }
     (*kinematics.transform() != Transform::Trivial).then_some(JointSpace { kinematics, limits })
+}
+
+/// The threads that help the calling one to plan. They run where it may run and have the rights that it has: to be called
+/// where both are settled.
+pub fn workers(config: &Config) -> Workers {
+    let usual = || {
+        available_parallelism()
+            .map_or(1, NonZero::get)
+            .min(config::Program::PLANNER_THREADS_USUAL)
+    };
+    let threads = config.program.planner_threads.unwrap_or_else(usual);
+    Workers::new(threads.saturating_sub(1), || ())
 }
 
 /// Elements that the ring must hold, so that the planner can hand in whatever it plans at once; many seconds of motion.

@@ -224,7 +224,9 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
             .name("program".into())
             .spawn_scoped(self.scope, move || {
                 rights::give_up_or_warn(Work::Ordinary);
-                let feeder = Feeder::new(config, &tables, text.octets(), position, producer);
+                // They inherit from here that they keep off the core of real time, and have no rights.
+                let workers = program::workers(config);
+                let feeder = Feeder::with_workers(config, &tables, text.octets(), position, producer, &workers);
                 let over = || stop.load(Ordering::Acquire) || given_up.load(Ordering::Acquire);
                 feed(feeder, path_max, over)
             })?;
