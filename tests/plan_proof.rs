@@ -213,6 +213,11 @@ fn bits(elements: &[Element]) -> Vec<u64> {
             let all = motion.into_iter().chain(begin.0).chain(end.0);
             all.map(f64::to_bits).chain([u64::from(span.line)]).collect()
         }
+        Element::Synced(synced) => {
+            let end = synced.piece.position(synced.piece.length());
+            let all = [synced.pitch_mm, synced.turns_s].into_iter().chain(end.0);
+            all.map(f64::to_bits).chain([u64::from(synced.line)]).collect()
+        }
         Element::Dwell { seconds, line } => vec![seconds.to_bits(), u64::from(*line)],
         Element::Synced(synced) => vec![u64::from(synced.line), synced.pitch_mm.to_bits()],
         Element::Action { line, .. } => vec![u64::from(*line)],
