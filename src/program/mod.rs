@@ -243,6 +243,11 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         self.planner.ideal_path()
     }
 
+    /// Overrides of feed and rapid moves, as shares, from the next [`Feeder::pump`] on; see [`Planner::set_override`].
+    pub fn set_override(&mut self, feed: f64, rapid: f64) {
+        self.planner.set_override(feed, rapid);
+    }
+
     /// Where the plan goes.
     pub fn sink(&mut self) -> &mut S {
         self.planner.sink()

@@ -242,6 +242,29 @@ fn a_hold_while_the_override_changes_goes_on_to_the_end() {
     assert!(distance(&rig.ideal.last().unwrap().piece.position(1e9).0, &end.0) < 1e-2);
 }
 
+/// Figures, not proof: `cargo test --release -p isocnc-motion --lib override_figures -- --ignored --nocapture`.
+#[test]
+#[ignore = "prints times"]
+fn override_figures() {
+    for (name, events) in [("line", long_line()), ("circle of chords", circle_of_chords())] {
+        for share in [0.1, 0.5, 0.9] {
+            let mut rig = Rig::new(events.clone());
+            let before = |rig: &mut Rig| rig.cycles(450);
+            before(&mut rig);
+            let cycles = reaction(&mut rig, &events, before, share, 1.0);
+            let mut rig = Rig::new(events.clone());
+            before(&mut rig);
+            rig.planner.set_override(share, 1.0);
+            let begin = std::time::Instant::now();
+            rig.planner.pump();
+            println!(
+                "{name}, to {share}: {cycles} cycles to reaction, planned in {:?}",
+                begin.elapsed()
+            );
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
