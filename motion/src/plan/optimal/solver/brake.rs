@@ -88,8 +88,8 @@ fn brake(grid: &Grid, spans: Range<usize>, from: State, crawl: &[f64], [a, j]: [
         };
         b += (u + next) * h;
         u = next;
-        // Not above: a NaN ends it, too.
-        if !(b + u * grid.length(span + 1) > crawl[k + 1]) {
+        let ahead = b + u * grid.length(span + 1);
+        if ahead <= crawl[k + 1] || ahead.is_nan() {
             return;
         }
     }
