@@ -219,7 +219,6 @@ fn bits(elements: &[Element]) -> Vec<u64> {
             all.map(f64::to_bits).chain([u64::from(synced.line)]).collect()
         }
         Element::Dwell { seconds, line } => vec![seconds.to_bits(), u64::from(*line)],
-        Element::Synced(synced) => vec![u64::from(synced.line), synced.pitch_mm.to_bits()],
         Element::Action { line, .. } => vec![u64::from(*line)],
     };
     elements.iter().flat_map(number).collect::<Vec<u64>>()
