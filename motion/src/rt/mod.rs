@@ -1,6 +1,6 @@
 //! The synchronous functions: plan to joint positions, once a cycle.
 //!
-//! In:  elements of the ring; the wanted share of the planned speed (feed override, hold, stop).
+//! In:  elements of the ring; the wanted share of the planned speed (feed override, hold, stop); where the spindle is.
 //! Out: axis positions ([`Sample`]), from which [`kinematics`](crate::kinematics) make joint positions.
 //!
 //! RT: nothing here allocates, locks or asks the system.
