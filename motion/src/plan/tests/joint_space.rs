@@ -1,13 +1,13 @@
 //! Machines whose joints are not their axes: frames, reach and travel. Places and messages; speeds are tested elsewhere.
 
 use super::settings;
-use crate::canon::{Axis, Call, Event, Position, Source};
+use crate::canon::{Axis, Call, Event, PathMode, Position, Source};
 use crate::element::Element;
 use crate::kinematics::{
     Elbow, Follows, Hand, JOINTS, Kinematics, LinearDelta, Rotary, RotaryAxis, Scara, TableTable, ToolFrame, Transform,
 };
 use crate::plan::offline::Recorder;
-use crate::plan::{AxisLimits, JointSpace, PlanError, Planner, Settings};
+use crate::plan::{AxisLimits, JointSpace, PlanError, Planner, Settings, Slope};
 
 fn machine(transform: Transform, axes: &[Axis], travel: [f64; 2]) -> Settings {
     let follows: Vec<Follows> = axes
@@ -22,9 +22,19 @@ fn machine(transform: Transform, axes: &[Axis], travel: [f64; 2]) -> Settings {
         travel,
         ..settings.axes[0].expect("an X axis")
     };
-    settings.axes = Axis::ALL.map(|axis| axes.contains(&axis).then_some(limits));
+    let kinematics = Kinematics::new(transform, &follows);
+    let of_axis = AxisLimits {
+        // Axes have a travel of their own only where they are joints.
+        travel: if kinematics.is_trivial(&ToolFrame::OFF) {
+            travel
+        } else {
+            [f64::NEG_INFINITY, f64::INFINITY]
+        },
+        ..limits
+    };
+    settings.axes = Axis::ALL.map(|axis| axes.contains(&axis).then_some(of_axis));
     settings.joints = Some(JointSpace {
-        kinematics: Kinematics::new(transform, &follows),
+        kinematics,
         limits: [limits; JOINTS],
     });
     settings
@@ -219,7 +229,7 @@ fn arms_and_rods_have_their_reach() {
         got.contains("joint 0 would reach 240.") && got.contains("limit 240.0000"),
         "{got}"
     );
-    let got = error(delta, &[feed(&[(Axis::Y, -120.0)])]);
+    let got = error(delta, &[feed(&[(Axis::Y, -121.0)])]);
     assert!(
         got.contains("the rod is too short for a place so far from its tower"),
         "{got}"
@@ -233,4 +243,77 @@ fn tool_centre_point_control_needs_kinematics_that_have_it() {
         got.contains("needs kinematics \"table-table\" or \"head-table\""),
         "{got}"
     );
+}
+
+/// Greatest velocity, acceleration and jerk of every joint over its limits, by differences of what drives are told.
+fn peaks(settings: &Settings, elements: &[Element]) -> [f64; 3] {
+    let joints = settings.joints.as_ref().expect("joints");
+    let (count, cycle_s) = (joints.count(), settings.cycle_s);
+    let mut samples: Vec<[f64; JOINTS]> = Vec::new();
+    let mut before = 0.0;
+    for element in elements {
+        let Element::Span(span) = element else { continue };
+        let mut t = cycle_s - before;
+        while t <= span.duration_s {
+            let mut at = [0.0; JOINTS];
+            let place = span.piece.position(span.place(t).clamp(0.0, span.piece.length()));
+            joints
+                .kinematics
+                .inverse(span.piece.frame(), &place.0, &mut at[..count])
+                .expect("a place within reach");
+            samples.push(at);
+            t += cycle_s;
+        }
+        before = span.duration_s - (t - cycle_s);
+    }
+    let mut peaks = [0.0_f64; 3];
+    for window in samples.windows(4) {
+        for (k, limits) in joints.limits[..count].iter().enumerate() {
+            let [q3, q2, q1, q0] = [0, 1, 2, 3].map(|i| window[i][k]);
+            let differences = [
+                (q0 - q1) / cycle_s / limits.velocity,
+                (q0 - 2.0 * q1 + q2) / cycle_s.powi(2) / limits.acceleration,
+                (q0 - 3.0 * q1 + 3.0 * q2 - q3) / cycle_s.powi(3) / limits.jerk,
+            ];
+            for (peak, amount) in peaks.iter_mut().zip(differences) {
+                *peak = peak.max(amount.abs());
+            }
+        }
+    }
+    peaks
+}
+
+#[test]
+fn limits_of_joints_hold_while_the_tip_stays_on_a_turning_work() {
+    use Axis::{A, C, X, Y, Z};
+    let mut settings = trunnion([-1e4, 1e4]);
+    settings.slope = Slope::Optimal;
+    let round = Call::SetPathMode(PathMode::Continuous {
+        tolerance_mm: Some(0.02),
+        naive_cam_tolerance_mm: None,
+    });
+    let fast = Call::SetFeedRate {
+        linear: 200.0,
+        angular: 200.0,
+    };
+    let calls = [
+        round,
+        fast,
+        tool(60.0),
+        Call::SetToolCentrePoint(true),
+        feed(&[(X, 80.0), (Z, 60.0)]),
+        // The tip at one place, the table by two turns under it.
+        feed(&[(X, 80.0), (Z, 60.0), (C, 720.0)]),
+        feed(&[(X, 60.0), (Y, 40.0), (Z, 80.0), (A, 40.0), (C, 600.0)]),
+        feed(&[(X, -60.0), (Y, 40.0), (Z, 80.0), (A, -30.0), (C, 700.0)]),
+        feed(&[(X, -60.0), (Y, -40.0), (Z, 70.0), (A, 10.0), (C, 500.0)]),
+    ];
+    let elements = plan(settings, &calls).unwrap();
+    let [velocity, acceleration, jerk] = peaks(&settings, &elements);
+    assert!(
+        velocity <= 1.0 && acceleration <= 1.0 && jerk <= 1.0,
+        "{velocity} {acceleration} {jerk}"
+    );
+    // They are used, too.
+    assert!(velocity > 0.9 && acceleration > 0.9, "{velocity} {acceleration} {jerk}");
 }
