@@ -152,6 +152,9 @@ pub(super) enum Found {
     Rest { item: u64 },
 }
 
+/// What is shorter is left out: no position of a drive is as fine, and knots so near to each other mean nothing.
+const SLIVER_MM: f64 = 1e-9;
+
 /// Finds sections, with one stretch of delay.
 #[derive(Debug)]
 pub(super) struct Sections {
@@ -222,7 +225,7 @@ impl Sections {
     }
 
     fn part(&mut self, part: Part, out: &mut Vec<Found>) {
-        if part.to > part.from {
+        if part.to - part.from > SLIVER_MM {
             self.open = true;
             out.push(Found::Part(part));
         }

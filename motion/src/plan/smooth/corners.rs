@@ -14,6 +14,9 @@ use crate::plan::program::{Corner, Move};
 /// Part of the tolerance that a rounded corner uses; the rest is for what set-points cut off between them.
 const USE: f64 = 0.98;
 
+/// Part of the room for a corner that it may use.
+const ROOM: f64 = 0.97;
+
 /// Rounds corners, with one move of delay.
 #[derive(Debug, Default)]
 pub(super) struct Corners {
@@ -56,8 +59,9 @@ fn meet(leg: &Leg, from: f64, next: &Leg, settings: &Settings, out: &mut Vec<Pas
     let corner = if a.piece.group() == Group::Rotary {
         None
     } else {
-        let room = (a.piece.length() - from).min(leg.room[1]);
-        round(&a.piece, room, &b.piece, next.room[0], USE * tolerance)
+        // Two corners that share a leg must not leave a sliver of it, on which knots would be next to each other.
+        let room = [(a.piece.length() - from).min(leg.room[1]), next.room[0]].map(|room| ROOM * room);
+        round(&a.piece, room[0], &b.piece, room[1], USE * tolerance)
             .filter(|corner| flat(a, b) || worth_it(corner, a, b, settings))
     };
     let Some(corner) = corner else {
