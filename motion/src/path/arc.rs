@@ -211,9 +211,8 @@ impl Arc {
         let (sin, cos) = (self.sweep * u).sin_cos();
         let around = (self.radius + self.radius_change * u) * self.sweep;
         let mut d1 = self.even;
-        for axis in 0..3 {
-            d1[axis] += self.radius_change * (cos * self.radial[axis] + sin * self.tangential[axis])
-                + around * (cos * self.tangential[axis] - sin * self.radial[axis]);
+        for (d1, (radial, tangential)) in d1.iter_mut().zip(self.radial.iter().zip(&self.tangential)) {
+            *d1 += self.radius_change * (cos * radial + sin * tangential) + around * (cos * tangential - sin * radial);
         }
         let per_length = 1.0 / self.speed(u);
         (self.at_angle(u, (sin, cos)), d1.map(|x| x * per_length))
@@ -252,9 +251,9 @@ impl Arc {
         let per_length = self.sweep / self.length;
         let mut greatest = [[0.0; AXES]; 3];
         greatest[0] = self.even.map(|x| (x / self.length).abs());
-        for axis in 0..3 {
-            let g = self.radius * self.radial[axis].hypot(self.tangential[axis]);
-            let phase = self.tangential[axis].atan2(self.radial[axis]);
+        for (axis, (&radial, &tangential)) in self.radial.iter().zip(&self.tangential).enumerate() {
+            let g = self.radius * radial.hypot(tangential);
+            let phase = tangential.atan2(radial);
             let (begin, end) = (per_length * from - phase, per_length * to - phase);
             // q = even + g cos(angle), derived three times.
             let sine = sine_between(begin, end);

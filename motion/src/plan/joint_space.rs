@@ -70,7 +70,7 @@ impl JointSpace {
             Ok(()) => Ok(joints),
             Err(unreachable) => Err(PlanErrorKind::Unreachable {
                 unreachable,
-                place: Position(jet.q),
+                place: Box::new(Position(jet.q)),
             }),
         }
     }
@@ -93,7 +93,7 @@ impl JointSpace {
                         rotary: self.kinematics.is_rotary(joint),
                         value: end.q,
                         limit,
-                        place: piece.position(s),
+                        place: Box::new(piece.position(s)),
                     });
                 }
             }

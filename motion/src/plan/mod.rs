@@ -109,7 +109,7 @@ pub struct Programmed {
 }
 
 /// Why a call cannot be planned.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PlanError {
     /// Where in the program.
     pub source: Source,
@@ -118,7 +118,7 @@ pub struct PlanError {
 }
 
 /// Kind of a [`PlanError`].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum PlanErrorKind {
     /// A move leaves the travel of an axis.
     Travel {
@@ -145,14 +145,14 @@ pub enum PlanErrorKind {
         /// The limit it would pass.
         limit: f64,
         /// Where on the move, machine coordinates of the axes.
-        place: Position,
+        place: Box<Position>,
     },
     /// A move leads to a place that the machine cannot take.
     Unreachable {
         /// Which joint cannot follow, and why.
         unreachable: Unreachable,
         /// Where on the move, machine coordinates of the axes.
-        place: Position,
+        place: Box<Position>,
     },
     /// Tool-centre-point control on a machine without it.
     NoToolCentrePoint,

@@ -287,7 +287,7 @@ impl Program {
             .reframe(&self.position, &self.tool_frame, &to)
             .map_err(|unreachable| PlanErrorKind::Unreachable {
                 unreachable,
-                place: self.position,
+                place: Box::new(self.position),
             })?;
         self.tool_frame = to;
         Ok(Some(Entry::Halt))

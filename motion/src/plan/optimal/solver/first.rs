@@ -189,8 +189,7 @@ pub(super) fn settle(grid: &Grid, spans: Vec<usize>, from: State, crawl: &[f64],
         let [acceleration, jerk] = tangent(grid, spans[k]);
         let next = (u - SETTLE_JERK / jerk * run / b.sqrt()).max(-SETTLE_ACCELERATION / acceleration);
         let ahead = b + (u + next) * run;
-        // Not above: a NaN ends it, too.
-        if !(ahead > crawl[k]) {
+        if ahead <= crawl[k] || ahead.is_nan() {
             return;
         }
         (b, u) = (ahead, next);
