@@ -112,8 +112,8 @@ fn nearest_limit(work: &Work, cycle: usize) -> (f64, usize, usize) {
     for around in cycle.saturating_sub(2)..=cycle + ORDERS {
         for (index, joint) in work.joints.all.iter().enumerate() {
             let differences = joint.differences(around);
-            for order in 0..ORDERS {
-                let used = differences[order].abs() / joint.limits[order];
+            for (order, (difference, limit)) in differences.iter().zip(&joint.limits).enumerate() {
+                let used = difference.abs() / limit;
                 if used > best.0 {
                     best = (used, index, order);
                 }

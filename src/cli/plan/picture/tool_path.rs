@@ -21,10 +21,12 @@ const HEIGHT: f64 = 560.0;
 /// A program is flat where its Z moves by less than this part of X and Y while it cuts.
 const FLAT: f64 = 0.02;
 
+/// A stretch of one colour, with its points; rapid ones have none.
+type Run = (Option<usize>, Vec<(f64, f64)>);
+
 /// What is seen, in pixels.
 pub(super) struct View {
-    /// Stretches of one colour; rapid ones have none.
-    runs: Vec<(Option<usize>, Vec<(f64, f64)>)>,
+    runs: Vec<Run>,
     /// Extents of the drawn path.
     width: f64,
     height: f64,
@@ -55,7 +57,7 @@ impl View {
         };
         let speed_max = round_up_finely(cuts().map(|cycle| cycle.speed_mm_s).fold(0.0, f64::max));
         let colour = |speed: f64| ((speed / speed_max * COLOURS as f64) as usize).min(COLOURS - 1);
-        let mut runs: Vec<(Option<usize>, Vec<(f64, f64)>)> = Vec::new();
+        let mut runs: Vec<Run> = Vec::new();
         let mut last = None;
         for cycle in work.cycles.iter().filter(|cycle| cycle.moving) {
             let position = &cycle.position;
@@ -84,8 +86,7 @@ impl View {
                 (*x, *y) = ((*x - left) * pixels_per_mm, (top - *y) * pixels_per_mm);
             }
         }
-        let count =
-            |runs: &[(Option<usize>, Vec<(f64, f64)>)]| runs.iter().map(|(_, points)| points.len()).sum::<usize>();
+        let count = |runs: &[Run]| runs.iter().map(|(_, points)| points.len()).sum::<usize>();
         // Half of the finest step of the picture, then coarser until it is small enough.
         let mut tolerance = 0.5 / f64::from(FINE);
         while count(&runs) > POINTS_MAX && tolerance < 2.0 {
@@ -178,8 +179,8 @@ impl View {
 }
 
 /// Runs shorter than what is left out take the colour of the one before.
-fn join_short(runs: Vec<(Option<usize>, Vec<(f64, f64)>)>, tolerance: f64) -> Vec<(Option<usize>, Vec<(f64, f64)>)> {
-    let mut joined: Vec<(Option<usize>, Vec<(f64, f64)>)> = Vec::new();
+fn join_short(runs: Vec<Run>, tolerance: f64) -> Vec<Run> {
+    let mut joined: Vec<Run> = Vec::new();
     for (colour, points) in runs {
         let length: f64 = points
             .windows(2)
