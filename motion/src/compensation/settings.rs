@@ -33,7 +33,7 @@ pub enum Gouge {
     NeighboursOnly,
 }
 
-/// See the [module](self).
+/// How compensation treats corners and what the tool cannot reach.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Settings {
     /// Outer corners.

@@ -4,7 +4,7 @@
 //! Out: how long it takes and what it asks of every joint, as text or JSON; on demand set-points, paths and a picture.
 //!
 //! The program goes through the planner twice: once for the time that planning takes, once through the ring and the
-//! interpolation of the machine, without a clock ([`run_down`]).
+//! interpolation of the machine, without a clock (`run_down`).
 
 mod export;
 mod joints;
