@@ -107,7 +107,8 @@ impl ScaleRamp {
         let distance = missing.abs() / cycle - self.rate * toward / 2.0;
         let next_rate = ((change * change + 8.0 * change * distance.max(0.0)).sqrt() - change) / 2.0 * toward;
         let next_rate = next_rate.clamp(self.rate - change, self.rate + change);
-        let passed = cycle * (self.share + cycle * (self.rate / 3.0 + next_rate / 6.0));
+        // Never more than all of the cycle: rounding must not make a plan faster than it is.
+        let passed = (cycle * (self.share + cycle * (self.rate / 3.0 + next_rate / 6.0))).min(cycle);
         let share = self.share + (self.rate + next_rate) / 2.0 * cycle;
         self.rate = next_rate;
         self.share = share;

@@ -10,9 +10,9 @@ use super::windows::Uncut;
 use crate::plan::smooth::Stretch;
 
 /// Acceleration or jerk, over its limit, by which what happens between checkpoints may differ from what they show.
-const UNSEEN: f64 = 0.006;
+const UNSEEN: f64 = 0.004;
 /// Speed over that for which knots were placed, at which this is judged.
-const FASTER: f64 = 1.5;
+const FASTER: f64 = 2.0;
 /// How often a span may be halved.
 const HALVINGS: u32 = 5;
 

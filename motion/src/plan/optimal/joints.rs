@@ -3,7 +3,7 @@
 //! In:  derivatives of the axes.
 //! Out: derivatives of the joints, and the speed that they allow.
 
-use super::solver::{JointJet, JointLimits};
+use super::solver::{JointJet, JointLimits, SPEED_USE};
 use crate::kinematics::{JOINTS, Jet3, Kinematics};
 use crate::path::{Piece, Shape};
 use crate::plan::limits::PathLimits;
@@ -144,8 +144,10 @@ impl Joints {
 /// Limits along the path that hold for any motion over a stretch, found from samples of it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Steady {
-    /// Greatest |q'|, |q''| and |q'''| of every joint, over its speed, acceleration and jerk.
+    /// Greatest first, second and third derivative of every joint, in amount.
     greatest: [[f64; 3]; JOINTS],
+    /// The sample before.
+    last: Option<[[f64; 3]; JOINTS]>,
 }
 
 /// Parts of acceleration and jerk that the bend of the path may take at full speed; the rest is for changes of speed.
@@ -161,14 +163,21 @@ impl Steady {
     pub(super) fn new() -> Steady {
         Steady {
             greatest: [[0.0; 3]; JOINTS],
+            last: None,
         }
     }
 
-    /// Takes a sample in.
+    /// Takes the next sample in; a quarter of the step from the one before covers a crest between the two.
     pub(super) fn see(&mut self, jets: &[JointJet]) {
-        for (greatest, jet) in self.greatest.iter_mut().zip(jets) {
-            for (most, value) in greatest.iter_mut().zip([jet.d1, jet.d2, jet.d3]) {
-                *most = most.max(value.abs());
+        let mut here = [[0.0; 3]; JOINTS];
+        for (values, jet) in here.iter_mut().zip(jets) {
+            *values = [jet.d1, jet.d2, jet.d3];
+        }
+        let last = self.last.replace(here).unwrap_or(here);
+        for (joint, greatest) in self.greatest.iter_mut().enumerate() {
+            for (order, most) in greatest.iter_mut().enumerate() {
+                let (now, then) = (here[joint][order], last[joint][order]);
+                *most = most.max(now.abs().max(then.abs()) + (now - then).abs() / 4.0);
             }
         }
     }

@@ -12,7 +12,7 @@ use crate::plan::profile::{reachable, time_lost};
 use crate::plan::program::{Corner, Move};
 
 /// Part of the tolerance that a rounded corner uses; the rest is for what set-points cut off between them.
-const USE: f64 = 0.98;
+const USE: f64 = 0.95;
 
 /// Part of the room for a corner that it may use.
 const ROOM: f64 = 0.97;

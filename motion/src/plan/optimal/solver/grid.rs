@@ -6,7 +6,7 @@ use crate::plan::roots::cube_root;
 /// and never above the greatest value between; the rest covers what lies between two checkpoints.
 pub const ACCELERATION_USE: f64 = 0.995;
 /// Part of the jerk limit that is planned with. Jerk varies most between checkpoints.
-pub const JERK_USE: f64 = 0.975;
+pub const JERK_USE: f64 = 0.965;
 /// Part of the speed limits, programmed feed included, that is planned with: room for rounding.
 pub const SPEED_USE: f64 = 0.9999;
 
