@@ -3,7 +3,7 @@
 //! In:  derivatives of the axes.
 //! Out: derivatives of the joints, and the speed that they allow.
 
-use super::solver::{JointJet, JointLimits, SPEED_USE};
+use super::solver::{JointJet, JointLimits};
 use crate::kinematics::{JOINTS, Jet3, Kinematics};
 use crate::path::{Piece, Shape};
 use crate::plan::limits::PathLimits;
