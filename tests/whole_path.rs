@@ -560,8 +560,8 @@ fn wave(lines: u32) -> String {
 #[test]
 fn a_starving_planner_makes_the_machine_rest_and_go_on() {
     // Slow enough for several windows of the planner.
-    let text = wave(1200).replace("F6000", "F1200");
-    let [fed, starved] = [1, 20_000].map(|feed_every| {
+    let text = wave(900).replace("F6000", "F1200");
+    let [fed, starved] = [1, 9000].map(|feed_every| {
         rehearse_part(NetConfig::clean(12), &text, |run| {
             run.feed_every = feed_every;
             assert_eq!(finish(run), Outcome::Completed);
@@ -744,6 +744,7 @@ fn disable_in_midst(run: &mut Rehearsal<'_>) {
     });
     reach_state(run, State::Disabled);
     // Records are fetched every few cycles.
+    run.run_until(20, |_| false).expect("a good program");
     let commands = commands(run);
     assert_ends_at_rest(&commands);
     assert_within_limits(&commands, true);
