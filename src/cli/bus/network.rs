@@ -50,6 +50,7 @@ pub(super) fn show(args: &NetworkArgs, topic: Topic, as_json: bool, out: &mut im
             return Ok(ExitCode::FAILURE);
         }
     };
+    let not_known_yet = view.live.is_none() && !status.is_null();
     match (as_json, topic) {
         (true, _) => {
             let mut value = serde_json::to_value(&view)?;
@@ -64,7 +65,7 @@ pub(super) fn show(args: &NetworkArgs, topic: Topic, as_json: bool, out: &mut im
     }
     out.flush()?;
     // The mapping is as the machine file says, whatever the nodes do.
-    let trouble = topic != Topic::Pdo && !troubles(&view).is_empty();
+    let trouble = topic != Topic::Pdo && (not_known_yet || !troubles(&view).is_empty());
     Ok(if trouble { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 

@@ -49,6 +49,11 @@ impl RestWay {
         self.0.duration_s()
     }
 
+    /// Times since the beginning at which its jerk changes, s. RT.
+    pub(super) fn borders(&self) -> impl Iterator<Item = f64> + '_ {
+        self.0.borders()
+    }
+
     /// How it moves at a time since the beginning. RT.
     pub(super) fn at(&self, time_s: f64) -> Moving {
         Moving {

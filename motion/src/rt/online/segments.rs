@@ -75,6 +75,14 @@ impl Segments {
         }
     }
 
+    /// Times at which pieces end.
+    pub(in crate::rt) fn borders(&self) -> impl Iterator<Item = f64> + '_ {
+        self.pieces[..self.count].iter().scan(0.0, |end, (duration_s, _)| {
+            *end += duration_s;
+            Some(*end)
+        })
+    }
+
     /// Appends a piece; one of no length is left out.
     pub(in crate::rt) fn push(&mut self, duration_s: f64, jerk: f64) {
         if duration_s > 0.0 && self.count < PIECES_MAX {

@@ -20,12 +20,16 @@ use crate::rt::online::{Moving, RestWay};
 
 /// Places on a way to rest that are looked at.
 const SAMPLES: u8 = 16;
+/// How far beside a jump of jerk is looked, s.
+const BESIDE_S: f64 = 1e-7;
 /// Share of the limits of joints that may be used: for what lies between two places.
 const MARGIN: f64 = 0.9;
 /// Shares of velocity, acceleration and jerk limits that the wanted motion itself may use; the rest is for changes of it.
 const STEADY: [f64; 3] = [0.85, 0.5, 0.3];
 /// The axes are not slowed down to less than this share of what is wanted; they rest instead.
 const SHARE_MIN: f64 = 1.0 / 256.0;
+/// Cycles that go well before a share that had to be halved is doubled again.
+const RECOVERY_CYCLES: u32 = 50;
 /// A change of the share by less than this one is left out.
 const SHARE_STEP: f64 = 0.01;
 
@@ -61,6 +65,8 @@ pub struct WorldJog {
     /// Share of the wanted velocities that was ordered last; what it is held to after a way that was not good.
     share: f64,
     share_max: f64,
+    /// Cycles since the last way that was not good.
+    good_cycles: u32,
     obstruction: Option<Obstruction>,
     stopping: bool,
 }
@@ -79,6 +85,7 @@ impl WorldJog {
             wanted: [0.0; AXES],
             share: 0.0,
             share_max: 1.0,
+            good_cycles: 0,
             obstruction: None,
             stopping: false,
         }
@@ -134,6 +141,7 @@ impl WorldJog {
                     axis.run_at(0.0);
                 }
                 self.share = f64::NAN;
+                self.good_cycles = 0;
                 self.share_max = match obstruction.why {
                     Obstacle::Speed if self.share_max > SHARE_MIN => self.share_max / 2.0,
                     Obstacle::Speed | Obstacle::Travel | Obstacle::Reach(_) => {
@@ -142,6 +150,8 @@ impl WorldJog {
                         1.0
                     }
                 };
+            } else {
+                self.recover();
             }
         }
         self.stopping = stops;
@@ -173,6 +183,15 @@ impl WorldJog {
     /// Whether the last cycle was part of an emergency stop. RT.
     pub fn is_stopping(&self) -> bool {
         self.stopping
+    }
+
+    /// What was in the way of a fast jog may lie behind.
+    fn recover(&mut self) {
+        self.good_cycles += 1;
+        if self.good_cycles >= RECOVERY_CYCLES {
+            self.good_cycles = 0;
+            self.share_max = (2.0 * self.share_max).min(1.0);
+        }
     }
 
     fn forget(&mut self) {
@@ -239,6 +258,13 @@ impl WorldJog {
         for sample in 0..=SAMPLES {
             let time_s = duration_s * f64::from(sample) / f64::from(SAMPLES);
             self.judge(&std::array::from_fn(|axis| ways[axis].at(time_s)))?;
+        }
+        // Where the jerk of an axis jumps, so does that of joints: both sides count.
+        for border_s in ways.iter().flat_map(RestWay::borders) {
+            for time_s in [border_s - BESIDE_S, border_s + BESIDE_S] {
+                let time_s = time_s.clamp(0.0, duration_s);
+                self.judge(&std::array::from_fn(|axis| ways[axis].at(time_s)))?;
+            }
         }
         Ok(())
     }
