@@ -592,7 +592,7 @@ impl<B: Fieldbus> Control<B> {
             let inverse = self
                 .parts
                 .kinematics
-                .inverse(&ToolFrame::OFF, &self.sample.position.0, joints);
+                .inverse(&self.sample.frame, &self.sample.position.0, joints);
             if let Err(unreachable) = inverse {
                 // The joints stay where they are; the planner should have refused the move.
                 self.fault(Fault::IllegalCommand {
