@@ -5,6 +5,7 @@
 //!
 //! RT: nothing here allocates, locks or asks the system.
 
+mod braking;
 pub mod dda;
 pub mod homing;
 mod interpolator;

@@ -13,7 +13,13 @@
 //!
 //! A plan within V, A, J therefore stays within `A r^2 + V |r.|` and `J r^3 + 3 A r |r.| + V |r..|`. [`ScaleRamp`] bounds
 //! |r..| and with it |r.|; [`ScaleRamp::new`] finds the quickest ramp for which both stay within the stop limits at
-//! every point of it. A share that changes again on its way is slower in |r.| at the same r, so it is covered.
+//! every point of it. A share that changes again on its way is slower in |r.| at the same r, so it is covered: all that
+//! keeps r between 0 and 1 and |r..| within its bound is.
+//!
+//! Who may let only so much plan time pass (to the end of a block, to the end of the way back) takes
+//! [`ScaleRamp::step_within`], which comes to rest just there. Run backward, a plan is another one within the same limits.
+
+use super::braking::{Braking, Pace};
 
 /// Limits that a plan keeps on one axis: mm (degrees) and seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,6 +53,8 @@ pub struct ScaleRamp {
     share: f64,
     /// r., 1/s.
     rate: f64,
+    /// On the way to rest at a given place.
+    braking: Option<Braking>,
 }
 
 impl ScaleRamp {
@@ -61,6 +69,7 @@ impl ScaleRamp {
             curvature: curvature(ramp_s),
             share: 0.0,
             rate: 0.0,
+            braking: None,
         }
     }
 
@@ -86,17 +95,19 @@ impl ScaleRamp {
 
     /// Whether the share is on its way to another one.
     pub fn is_changing(&self) -> bool {
-        self.rate != 0.0
+        self.rate != 0.0 || self.braking.is_some()
     }
 
     /// Takes a share at once: where the plan itself is at rest.
     pub fn jump(&mut self, share: f64) {
         self.share = share.clamp(0.0, 1.0);
         self.rate = 0.0;
+        self.braking = None;
     }
 
     /// One cycle towards `target` (0 to 1); returns the plan time that passes in it, s. RT.
     pub fn step(&mut self, target: f64) -> f64 {
+        self.braking = None;
         let (cycle, curvature) = (self.cycle_s, self.curvature);
         let target = target.clamp(0.0, 1.0);
         let change = curvature * cycle;
@@ -119,6 +130,59 @@ impl ScaleRamp {
         }
         self.share = self.share.clamp(0.0, 1.0);
         passed.max(0.0)
+    }
+
+    /// The same where no more than `way_s` of plan time may pass until rest; with a target above 0 all of it does in the end.
+    /// To be asked again with what is left of it, cycle by cycle; another length is possible if [`ScaleRamp::can_rest_in`]
+    /// says so. RT.
+    pub fn step_within(&mut self, target: f64, way_s: f64) -> f64 {
+        if !self.braking.is_some_and(|braking| braking.fits(way_s)) {
+            let mut next = *self;
+            let passed = next.step(target);
+            let left_s = way_s - passed;
+            // A hold needs less than a stop that begins with an even share.
+            let hold = target <= 0.0 && next.shortest(left_s).left_s() <= left_s;
+            if next.needed_s() <= left_s || hold {
+                *self = next;
+                return passed;
+            }
+            self.braking = Some(if self.is_at_rest() {
+                Braking::little(self.cycle_s, way_s.max(0.0))
+            } else {
+                Braking::over(self.pace(), self.curvature, self.cycle_s, way_s).unwrap_or_else(|| self.shortest(way_s))
+            });
+        }
+        let (pace, cycle_s) = (self.pace(), self.cycle_s);
+        let Some(braking) = &mut self.braking else { return 0.0 };
+        let (next, passed) = braking.step(pace, cycle_s);
+        match next {
+            Some(pace) => (self.share, self.rate) = (pace.share, pace.rate),
+            None => self.jump(0.0),
+        }
+        passed
+    }
+
+    /// Whether [`ScaleRamp::step_within`] can come to rest after just this much plan time. RT.
+    pub fn can_rest_in(&self, way_s: f64) -> bool {
+        match &self.braking {
+            Some(braking) if braking.fits(way_s) => true,
+            Some(_) | None => self.needed_s() <= way_s,
+        }
+    }
+
+    fn pace(&self) -> Pace {
+        Pace {
+            share: self.share,
+            rate: self.rate,
+        }
+    }
+
+    fn shortest(&self, way_s: f64) -> Braking {
+        Braking::shortest(self.pace(), self.curvature, way_s)
+    }
+
+    fn needed_s(&self) -> f64 {
+        Braking::needed_s(self.pace(), self.curvature)
     }
 }
 
@@ -224,6 +288,66 @@ mod tests {
         assert_eq!(ramp.step(1.0), CYCLE_S);
     }
 
+    /// Runs to rest within a way; gives what passed in each cycle.
+    fn run_within(ramp: &mut ScaleRamp, target: f64, way_s: f64) -> Vec<f64> {
+        let (mut left_s, mut all) = (way_s, Vec::new());
+        for _ in 0..20_000 {
+            let passed = ramp.step_within(target, left_s);
+            left_s -= passed;
+            all.push(passed);
+            if ramp.is_at_rest() && left_s < 1e-12 {
+                break;
+            }
+        }
+        all
+    }
+
+    #[test]
+    fn rest_is_reached_just_where_it_is_wanted() {
+        for way_s in [1e-12, 1e-9, 3e-7, 1e-5, 1e-3, 0.02, 0.1, 0.5, 3.0] {
+            let mut ramp = mill();
+            let passed = run_within(&mut ramp, 1.0, way_s);
+            let sum: f64 = passed.iter().sum();
+            assert!(ramp.is_at_rest() && (sum - way_s).abs() < 1e-13, "{sum} of {way_s}");
+            // As quick as it can be but for what a cycle is: four equal parts, or the ramp up, full speed, the ramp down.
+            let ramp_s = mill().ramp_s();
+            let least_s = if way_s > ramp_s {
+                way_s + ramp_s
+            } else {
+                4.0 * (way_s / (2.0 * mill().curvature)).cbrt()
+            };
+            let cycles = (least_s / CYCLE_S).ceil() as usize + 45;
+            assert!(
+                passed.len() <= cycles,
+                "{} of {cycles} cycles for {way_s} s",
+                passed.len()
+            );
+        }
+    }
+
+    #[test]
+    fn full_speed_is_kept_up_to_the_ramp_before_the_end() {
+        let mut ramp = mill();
+        ramp.jump(1.0);
+        let way_s = 1.23456;
+        let passed = run_within(&mut ramp, 1.0, way_s);
+        let steady = passed.iter().take_while(|&&passed| passed == CYCLE_S).count();
+        let braking_s = way_s - steady as f64 * CYCLE_S;
+        assert!(
+            braking_s >= ramp.ramp_s() / 2.0 && braking_s <= ramp.ramp_s() / 2.0 + CYCLE_S,
+            "{braking_s}"
+        );
+    }
+
+    #[test]
+    fn a_way_too_short_is_known() {
+        let mut ramp = mill();
+        assert!(ramp.can_rest_in(0.0));
+        ramp.jump(1.0);
+        assert!(ramp.can_rest_in(ramp.ramp_s() / 2.0 * 1.000001));
+        assert!(!ramp.can_rest_in(ramp.ramp_s() / 2.0 * 0.999));
+    }
+
     proptest! {
         /// Whatever is wanted whenever: |r..| keeps its bound, r stays between 0 and 1, plan time never runs back.
         #[test]
@@ -239,6 +363,30 @@ mod tests {
                     prop_assert!((0.0..=CYCLE_S * 1.000001).contains(&passed));
                 }
             }
+        }
+
+        /// Whatever is wanted on the way: rest just at its end, |r..| within its bound, r between 0 and 1.
+        #[test]
+        fn the_bound_holds_on_any_way_to_a_place(
+            way_s in prop_oneof![1e-9..1e-5_f64, 1e-5..0.05_f64, 0.05..2.0_f64],
+            wishes in prop::collection::vec((prop_oneof![Just(0.0), Just(1.0), 0.0..=1.0_f64], 1_usize..120), 0..30),
+        ) {
+            let mut ramp = mill();
+            let bound = ramp.curvature * CYCLE_S;
+            let ends = std::iter::repeat_n(1.0, 6000);
+            let wishes = wishes.iter().flat_map(|&(target, cycles)| std::iter::repeat_n(target, cycles));
+            let mut left_s = way_s;
+            for target in wishes.chain(ends) {
+                let (share, rate) = (ramp.share, ramp.rate);
+                let passed = ramp.step_within(target, left_s);
+                left_s -= passed;
+                prop_assert!((ramp.rate - rate).abs() <= bound * 1.011, "{} -> {}", rate, ramp.rate);
+                prop_assert!((ramp.share - share).abs() <= (rate.abs() + bound) * CYCLE_S);
+                prop_assert!((0.0..=1.0).contains(&ramp.share));
+                prop_assert!((0.0..=CYCLE_S * 1.000001).contains(&passed));
+                prop_assert!(left_s >= -1e-14, "{} beyond", left_s);
+            }
+            prop_assert!(ramp.is_at_rest() && left_s.abs() < 1e-13, "{} left, {:?}", left_s, ramp);
         }
     }
 }
