@@ -218,6 +218,11 @@ fn bits(elements: &[Element]) -> Vec<u64> {
             let all = [synced.pitch_mm, synced.turns_s].into_iter().chain(end.0);
             all.map(f64::to_bits).chain([u64::from(synced.line)]).collect()
         }
+        Element::Probing(probing) => {
+            let end = probing.piece.position(probing.piece.length());
+            let all = [probing.feed, probing.limits.velocity].into_iter().chain(end.0);
+            all.map(f64::to_bits).chain([u64::from(probing.line)]).collect()
+        }
         Element::Dwell { seconds, line } => vec![seconds.to_bits(), u64::from(*line)],
         Element::Action { line, .. } => vec![u64::from(*line)],
     };

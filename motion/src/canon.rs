@@ -197,6 +197,30 @@ pub struct ProbeMode {
     pub must_trip: bool,
 }
 
+/// How a probing move ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ProbeEnd {
+    /// The contact changed as it was to.
+    Tripped,
+    /// The end of the line was reached without.
+    Missed,
+    /// The contact was as it was to become before anything moved.
+    Already,
+    /// The operator ended it.
+    Aborted,
+}
+
+impl ProbeEnd {
+    /// Whether the program goes on: without a change of the contact only where the mode does not demand one.
+    pub fn is_fine(self, mode: ProbeMode) -> bool {
+        match self {
+            ProbeEnd::Tripped => true,
+            ProbeEnd::Missed | ProbeEnd::Already => !mode.must_trip,
+            ProbeEnd::Aborted => false,
+        }
+    }
+}
+
 /// Side of the contour on which the tool goes, in the direction of motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {

@@ -2,7 +2,7 @@
 //!
 //! In:  from the planner. Out: to the interpolation.
 
-use crate::canon::SpindleDirection;
+use crate::canon::{ProbeMode, SpindleDirection};
 use crate::path::Piece;
 use crate::ring::Timed;
 use crate::rt::MotionLimits;
@@ -17,6 +17,8 @@ pub enum Element {
     Span(Span),
     /// Motion in step with the spindle, from rest to rest.
     Synced(Synced),
+    /// Motion until a contact changes, from rest to rest; the plan goes on from wherever that is.
+    Probing(Probing),
     /// Rest for a time.
     Dwell {
         /// Seconds.
@@ -38,6 +40,7 @@ impl Timed for Element {
         match self {
             Element::Span(span) => span.duration_s,
             Element::Synced(synced) => synced.duration_s(),
+            Element::Probing(probing) => probing.duration_s(),
             Element::Dwell { seconds, .. } => *seconds,
             Element::Action { .. } => 0.0,
         }
@@ -150,6 +153,28 @@ pub struct Tap {
     pub depth_mm: f64,
     /// Speed of the spindle on the way back relative to the way in, greater than 0.
     pub return_scale: f64,
+}
+
+/// Motion along a straight piece that ends where a contact changes (G38.2 to G38.5): `rt::probe`.
+#[derive(Clone, Copy, Debug)]
+pub struct Probing {
+    /// The geometry, as far as the move may go.
+    pub piece: Piece,
+    /// What the move waits for.
+    pub mode: ProbeMode,
+    /// Programmed feed, mm/s (degrees/s on a purely rotary piece).
+    pub feed: f64,
+    /// Along the piece, for motion of any timing: every joint keeps its own.
+    pub limits: MotionLimits,
+    /// Line of the program.
+    pub line: u32,
+}
+
+impl Probing {
+    /// Time of the whole way at the programmed feed, without start and stop, s: how long it really takes, the contact decides.
+    pub fn duration_s(&self) -> f64 {
+        self.piece.length() / self.feed.min(self.limits.velocity)
+    }
 }
 
 /// Something to do at rest, between two moves.

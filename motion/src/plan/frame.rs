@@ -39,6 +39,16 @@ impl Frame {
             turned.get(axis).copied().unwrap_or(shifted[axis]) + self.g5x.0[axis] + self.tool.0[axis]
         }))
     }
+
+    /// The other way.
+    pub(super) fn work(&self, machine: &Position) -> Position {
+        let mut shifted: [f64; AXES] =
+            core::array::from_fn(|axis| machine.0[axis] - self.g5x.0[axis] - self.tool.0[axis]);
+        if let Some((sin, cos)) = self.turn {
+            (shifted[0], shifted[1]) = (shifted[0] * cos + shifted[1] * sin, shifted[1] * cos - shifted[0] * sin);
+        }
+        Position(core::array::from_fn(|axis| shifted[axis] - self.g92.0[axis]))
+    }
 }
 
 /// Whether every axis that moves along `piece` exists.
@@ -103,6 +113,9 @@ mod tests {
         let got = frame.machine(&Position::xyz(10.0, 20.0, 30.0));
         for (got, want) in got.0.iter().zip([100.0 - 22.0, 200.0 + 11.0, 383.0]) {
             assert!((got - want).abs() < 1e-12);
+        }
+        for (back, there) in frame.work(&got).0.iter().zip([10.0, 20.0, 30.0]) {
+            assert!((back - there).abs() < 1e-12);
         }
         frame.rotate(0.0);
         assert_eq!(frame.machine(&Position::ZERO), Position::xyz(101.0, 202.0, 353.0));

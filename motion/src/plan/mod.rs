@@ -29,6 +29,7 @@ mod limits;
 pub mod offline;
 pub mod optimal;
 mod planner;
+mod probing;
 mod profile;
 mod program;
 mod roots;

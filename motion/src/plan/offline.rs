@@ -80,13 +80,16 @@ pub fn sample(elements: &[Element], start: Position, cycle_s: f64) -> Vec<Positi
         while t <= duration {
             samples.push(match element {
                 Element::Span(span) => span.piece.position(span.place(t)),
+                Element::Probing(probing) => probing.piece.position(t * probing.piece.length() / duration),
                 Element::Synced(_) | Element::Dwell { .. } | Element::Action { .. } => rest,
             });
             t += cycle_s;
         }
         before = duration - (t - cycle_s);
-        if let Element::Span(span) = element {
-            rest = span.piece.position(span.place(duration));
+        match element {
+            Element::Span(span) => rest = span.piece.position(span.place(duration)),
+            Element::Probing(probing) => rest = probing.piece.position(probing.piece.length()),
+            Element::Synced(_) | Element::Dwell { .. } | Element::Action { .. } => {}
         }
     }
     samples.push(rest);

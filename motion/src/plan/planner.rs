@@ -8,7 +8,7 @@ use super::program::{Entry, Program};
 use super::smooth::{Passed, Smoother, Stretch};
 use super::workers::Workers;
 use super::{PlanError, Programmed, Settings, Slope, classic};
-use crate::canon::Event;
+use crate::canon::{Event, Position};
 use crate::element::{Element, Synced};
 use crate::kinematics::ToolFrame;
 use crate::path::Piece;
@@ -145,13 +145,31 @@ impl<S: Sink<Element>> Planner<S> {
                 self.frame = self.program.tool_frame();
             }
             Some(Entry::Rest(element)) => {
-                if let Element::Synced(synced) = &element {
-                    self.ideal.extend(programmed(synced));
+                match &element {
+                    Element::Synced(synced) => self.ideal.extend(programmed(synced)),
+                    Element::Probing(probing) => self.ideal.push(Programmed {
+                        piece: probing.piece,
+                        feed: probing.feed,
+                        line: probing.line,
+                        rapid: false,
+                    }),
+                    Element::Span(_) | Element::Dwell { .. } | Element::Action { .. } => {}
                 }
                 self.rest(Some(element));
             }
         }
         Ok(())
+    }
+
+    /// The last call was a probing move, and it came to rest here, machine position: what follows begins there. It may go to
+    /// the ring only once the move is over.
+    pub fn probed(&mut self, rest: Position) {
+        self.program.stands_at(rest);
+    }
+
+    /// Where a machine position lies in the work coordinates of the moment.
+    pub fn to_work(&self, machine: &Position) -> Position {
+        self.program.to_work(machine)
     }
 
     /// Nothing follows for now: what is known is planned to its end, at rest. More may be pushed later.

@@ -7,9 +7,10 @@ use std::f64::consts::TAU;
 
 use super::frame::{Frame, check_axes, check_travel};
 use super::limits::Bounds;
+use super::probing;
 use super::{PlanErrorKind, Settings};
-use crate::canon::{Axis, Call, FeedMode, PathMode, Plane, Position, SpindleDirection, SpindleMode};
-use crate::element::{Action, Element, Synced, Tap};
+use crate::canon::{Axis, Call, FeedMode, PathMode, Plane, Position, ProbeMode, SpindleDirection, SpindleMode};
+use crate::element::{Action, Element, Probing, Synced, Tap};
 use crate::kinematics::ToolFrame;
 use crate::path::{Circle, Group, Piece};
 use crate::rt::MotionLimits;
@@ -169,7 +170,7 @@ impl Program {
             Call::SetCutterCompensation(Some(_)) => {
                 unsupported("a programmed path with cutter compensation (G41, G42)")
             }
-            Call::StraightProbe { .. } => unsupported("probing (G38.2 to G38.5)"),
+            Call::StraightProbe { to, mode } => self.probe(to, *mode, line, settings),
             Call::NurbsFeed { .. } => unsupported("a NURBS (G5.2)"),
             Call::StartSpindleSync { spindle: 1.., .. } | Call::SetFeedMode(FeedMode::PerTurn { spindle: 1.. }) => {
                 unsupported("a second spindle ($1 and above)")
@@ -266,6 +267,39 @@ impl Program {
             Call::ProgramStop => rest(Action::ProgramStop),
             Call::OptionalProgramStop => rest(Action::OptionalStop),
             Call::ProgramEnd => rest(Action::ProgramEnd),
+        }
+    }
+
+    /// The axes rest somewhere on the way of the last move.
+    pub(super) fn stands_at(&mut self, position: Position) {
+        self.position = position;
+    }
+
+    /// Work coordinates of a machine position.
+    pub(super) fn to_work(&self, machine: &Position) -> Position {
+        self.frame.work(machine)
+    }
+
+    /// A straight move until a contact changes, from rest to rest.
+    fn probe(
+        &mut self,
+        to: &Position,
+        mode: ProbeMode,
+        line: u32,
+        settings: &Settings,
+    ) -> Result<Option<Entry>, PlanErrorKind> {
+        match self.straight(to, line, false, settings)? {
+            Some(Entry::Move(Move { piece, feed, line, .. })) => {
+                let limits = probing::limits_along(&piece, settings)?;
+                Ok(Some(Entry::Rest(Element::Probing(Probing {
+                    piece,
+                    mode,
+                    feed,
+                    limits,
+                    line,
+                }))))
+            }
+            other => Ok(other),
         }
     }
 

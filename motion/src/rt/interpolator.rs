@@ -1,15 +1,16 @@
 //! Interpolation: where the axes are now.
 //!
-//! In:  elements of the ring; the wanted share of the planned speed; where the spindle is.
+//! In:  elements of the ring; the wanted share of the planned speed; where the spindle is; the contact of a probe.
 //! Out: one [`Sample`] per cycle.
 //!
 //! Position always comes from the exact geometry at the place that plan time has reached, so that rounding of time can
 //! never leave the path. RT.
 
+use super::probe::{Probed, Prober, StopShares};
 use super::scale::ScaleRamp;
 use super::synced::{Follower, SpindleFeedback, SyncFault, SyncReport};
 use crate::canon::Position;
-use crate::element::{Action, Element, Span, Synced};
+use crate::element::{Action, Element, Probing, Span, Synced};
 use crate::kinematics::ToolFrame;
 use crate::ring::{Consumer, Timed};
 
@@ -83,6 +84,7 @@ pub struct Interpolator {
     /// Plan time of the elements that are over, s.
     done_s: f64,
     follower: Follower,
+    prober: Prober,
     sample: Sample,
 }
 
@@ -96,12 +98,32 @@ impl Interpolator {
         Interpolator {
             consumer,
             follower: Follower::new(ramp.cycle_s()),
+            prober: Prober::new(ramp.cycle_s()),
             ramp,
             current: None,
             time_s: 0.0,
             done_s: 0.0,
             sample,
         }
+    }
+
+    /// The same with a probe: `answers` get the result of every probing move; stops at a contact may be harder than planned
+    /// motion by `shares`. Without it, probing moves go their whole way.
+    pub fn with_probe(self, answers: rtrb::Producer<Probed>, shares: StopShares) -> Interpolator {
+        Interpolator {
+            prober: self.prober.answering(answers, shares),
+            ..self
+        }
+    }
+
+    /// Whether a probing move is under way, which wants [`Interpolator::see_probe`] before every step. RT.
+    pub fn is_probing(&self) -> bool {
+        matches!(self.current, Some(Element::Probing(_)))
+    }
+
+    /// What was read in this cycle: whether the probe is in contact, and where the axes were then. RT.
+    pub fn see_probe(&mut self, contact: bool, measured: &Position) {
+        self.prober.see(contact, measured);
     }
 
     /// One cycle further, without an encoder on the spindle. RT.
@@ -131,6 +153,13 @@ impl Interpolator {
                         self.follower.step(spindle);
                     }
                     if self.follower.is_over() && self.follower.fault().is_none() {
+                        self.advance();
+                    }
+                    break;
+                }
+                Some(Element::Probing(probing)) => {
+                    self.prober.step(&probing, scale == 0.0);
+                    if self.prober.take_result() {
                         self.advance();
                     }
                     break;
@@ -191,15 +220,21 @@ impl Interpolator {
             Some(Element::Synced(_)) => {
                 self.follower.is_over() || (self.follower.is_waiting() && self.ramp.is_at_rest())
             }
+            Some(Element::Probing(_)) => self.prober.is_at_rest() && self.ramp.is_at_rest(),
             None | Some(Element::Span(_) | Element::Dwell { .. } | Element::Action { .. }) => {
                 self.ramp.is_at_rest() || self.at_planned_rest()
             }
         }
     }
 
-    /// Whether the share of the planned speed is on its way to another one. RT.
+    /// Whether the share of the planned speed is on its way to another one, or a probing move stops at its contact. RT.
     pub fn is_scaling(&self) -> bool {
-        !self.at_planned_rest() && self.ramp.is_changing()
+        match self.current {
+            Some(Element::Probing(_)) => self.prober.is_stopping(),
+            None | Some(Element::Span(_) | Element::Synced(_) | Element::Dwell { .. } | Element::Action { .. }) => {
+                !self.at_planned_rest() && self.ramp.is_changing()
+            }
+        }
     }
 
     /// Time from full speed to rest in a hold, s.
@@ -210,7 +245,9 @@ impl Interpolator {
     /// Whether the plan itself stands still, or moves, whatever the share of its speed: that may change at once.
     fn at_planned_rest(&self) -> bool {
         match self.current {
-            None | Some(Element::Action { .. } | Element::Dwell { .. } | Element::Synced(_)) => true,
+            None | Some(Element::Action { .. } | Element::Dwell { .. } | Element::Synced(_) | Element::Probing(_)) => {
+                true
+            }
             Some(Element::Span(_)) => false,
         }
     }
@@ -222,13 +259,16 @@ impl Interpolator {
             match element {
                 Element::Span(span) => self.show(&span, span.duration_s, 0.0),
                 Element::Synced(synced) => self.show_synced(&synced),
+                Element::Probing(probing) => self.show_probing(&probing),
                 Element::Dwell { .. } | Element::Action { .. } => {}
             }
         }
         self.time_s = 0.0;
         self.current = self.consumer.advance();
-        if let Some(Element::Synced(synced)) = &self.current {
-            self.follower.begin(synced);
+        match &self.current {
+            Some(Element::Synced(synced)) => self.follower.begin(synced),
+            Some(Element::Probing(probing)) => self.prober.begin(probing),
+            None | Some(Element::Span(_) | Element::Dwell { .. } | Element::Action { .. }) => {}
         }
         self.current.is_some()
     }
@@ -248,6 +288,11 @@ impl Interpolator {
                 self.show_synced(&synced);
                 self.sample.reversal = self.follower.reversal();
                 self.sample.fault = self.follower.fault().filter(|_| self.follower.is_over());
+                self.sample.state = SampleState::Moving;
+            }
+            Some(Element::Probing(probing)) => {
+                self.show_probing(&probing);
+                self.sample.velocity_mm_s = self.prober.speed();
                 self.sample.state = SampleState::Moving;
             }
             Some(Element::Dwell { line, .. }) => {
@@ -274,6 +319,13 @@ impl Interpolator {
         self.sample.velocity_mm_s = speed;
         self.sample.line = span.line;
         self.sample.rapid = span.rapid;
+    }
+
+    fn show_probing(&mut self, probing: &Probing) {
+        self.sample.position = self.prober.position();
+        self.sample.frame = *probing.piece.frame();
+        self.sample.line = probing.line;
+        self.sample.rapid = false;
     }
 
     fn show_synced(&mut self, synced: &Synced) {

@@ -190,7 +190,7 @@ fn continuous(elements: &[Element]) {
                 q = Some(span.piece.position(span.place(t)).0);
                 (v, a) = (span.speed(t), span.a0 + t * span.jerk);
             }
-            Element::Synced(_) | Element::Dwell { .. } | Element::Action { .. } => {
+            Element::Synced(_) | Element::Probing(_) | Element::Dwell { .. } | Element::Action { .. } => {
                 assert!(v.abs() < 1e-7 && a.abs() < 1e-4, "no rest: {v} {a}");
                 (v, a) = (0.0, 0.0);
             }

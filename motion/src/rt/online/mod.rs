@@ -129,6 +129,15 @@ impl Online {
         self.state = self.segments.end;
     }
 
+    /// Another joint, at rest, that may go anywhere. RT.
+    pub fn restart(&mut self, position: f64, limits: MotionLimits, stop: StopLimits) {
+        self.limits = limits;
+        self.stop = stop;
+        self.range = [f64::NEG_INFINITY, f64::INFINITY];
+        self.stopping = false;
+        self.rest_at(position);
+    }
+
     /// To a place and rest there, at no more than `velocity` (its sign is of no account). A target out of the range or not a
     /// number is none: the joint comes to rest. Without effect while an emergency stop is under way. RT.
     pub fn go_to(&mut self, target: f64, velocity: f64) {

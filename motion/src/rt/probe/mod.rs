@@ -8,36 +8,19 @@
 //! allow: with `v` the speed, `A` and `J` the stop limits of the line, after `v²/(2 A) + v A/(2 J)` (`v sqrt(v/J)` where `A` is
 //! not reached). A contact that is already there where it is to come, or away where it is to go, moves nothing.
 //!
-//! RT: nothing allocates but [`Probe::new`].
+//! In a program, the interpolation runs them: [`Prober`].
+//!
+//! RT: nothing allocates but [`Probe::new`], [`Probe::idle`] and [`Prober::new`].
+
+mod prober;
+
+pub use prober::{Prober, StopShares};
 
 use super::online::Online;
 use super::scale::{MotionLimits, StopLimits};
+pub use crate::canon::ProbeEnd;
 use crate::canon::{Position, ProbeMode};
 use crate::path::Piece;
-
-/// How a probing move ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ProbeEnd {
-    /// The contact changed as it was to.
-    Tripped,
-    /// The end of the line was reached without.
-    Missed,
-    /// The contact was as it was to become before anything moved.
-    Already,
-    /// The operator ended it.
-    Aborted,
-}
-
-impl ProbeEnd {
-    /// Whether the program goes on: without a change of the contact only where the mode does not demand one.
-    pub fn is_fine(self, mode: ProbeMode) -> bool {
-        match self {
-            ProbeEnd::Tripped => true,
-            ProbeEnd::Missed | ProbeEnd::Already => !mode.must_trip,
-            ProbeEnd::Aborted => false,
-        }
-    }
-}
 
 /// Result of a probing move.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,13 +66,15 @@ const SETTLE_S: f64 = 0.05;
 /// A probing move.
 #[derive(Debug)]
 pub struct Probe {
-    line: Piece,
+    /// `None`: there has been no move yet.
+    line: Option<Piece>,
     mode: ProbeMode,
     feed: f64,
     online: Online,
     /// How it ends, once that is certain.
     end: Option<ProbeEnd>,
     begun: bool,
+    held: bool,
     latched: Option<Position>,
     position: Position,
     /// At the end of the line so far, s.
@@ -107,41 +92,78 @@ impl Probe {
         (motion, stop): (MotionLimits, StopLimits),
         cycle_s: f64,
     ) -> Probe {
-        let mut online = Online::new(0.0, motion, stop, cycle_s);
-        online.set_range([0.0, line.length()]);
+        let mut probe = Probe::idle(cycle_s);
+        probe.set_out(line, mode, feed, (motion, stop));
+        probe
+    }
+
+    /// None under way.
+    pub fn idle(cycle_s: f64) -> Probe {
+        let motion = MotionLimits {
+            velocity: 1.0,
+            acceleration: 1.0,
+            jerk: 1.0,
+        };
+        let stop = StopLimits {
+            acceleration: 1.0,
+            jerk: 1.0,
+        };
         Probe {
-            line,
-            mode,
-            feed,
-            online,
+            line: None,
+            mode: ProbeMode {
+                towards: true,
+                must_trip: false,
+            },
+            feed: 0.0,
+            online: Online::new(0.0, motion, stop, cycle_s),
             end: None,
             begun: false,
+            held: false,
             latched: None,
-            position: line.position(0.0),
+            position: Position::ZERO,
             settled_s: 0.0,
             cycle_s,
         }
     }
 
+    /// Another move, from rest at the start of `line`; see [`Probe::new`]. RT.
+    pub fn set_out(&mut self, line: Piece, mode: ProbeMode, feed: f64, (motion, stop): (MotionLimits, StopLimits)) {
+        self.online.restart(0.0, motion, stop);
+        self.online.set_range([0.0, line.length()]);
+        self.line = Some(line);
+        self.mode = mode;
+        self.feed = feed;
+        self.end = None;
+        self.begun = false;
+        self.held = false;
+        self.latched = None;
+        self.position = line.position(0.0);
+        self.settled_s = 0.0;
+    }
+
     /// One cycle further: the commanded position. `contact`: closed or not, as read in this cycle; `measured`: where the axes
     /// were then. RT.
     pub fn step(&mut self, contact: bool, measured: &Position) -> Position {
+        let Some(line) = &self.line else { return self.position };
+        let length = line.length();
         if self.end.is_none() {
             let as_wanted = contact == self.mode.towards;
-            if as_wanted && !self.begun {
-                self.end = Some(ProbeEnd::Already);
-            } else if as_wanted {
+            if as_wanted && self.begun {
                 self.end = Some(ProbeEnd::Tripped);
                 self.latched = Some(*measured);
                 self.online.stop();
-            } else if !self.begun {
-                self.begun = true;
-                self.online.go_to(self.line.length(), self.feed);
+            } else if !self.begun && !self.held {
+                if as_wanted {
+                    self.end = Some(ProbeEnd::Already);
+                } else {
+                    self.begun = true;
+                    self.online.go_to(length, self.feed);
+                }
             }
         }
         let place = self.online.step().position;
-        self.position = self.line.position(place);
-        if self.end.is_none() && self.online.is_at_rest() && place >= self.line.length() {
+        self.position = line.position(place);
+        if self.end.is_none() && self.online.is_at_rest() && place >= length {
             self.settled_s += self.cycle_s;
             if self.settled_s >= SETTLE_S {
                 self.end = Some(ProbeEnd::Missed);
@@ -152,13 +174,22 @@ impl Probe {
 
     /// The operator's hold: rest on the line, from which [`Probe::resume`] goes on. The contact is watched all the while. RT.
     pub fn hold(&mut self) {
-        self.online.run_at(0.0);
+        if !self.held {
+            self.held = true;
+            self.online.run_at(0.0);
+        }
     }
 
     /// Goes on after a hold. RT.
     pub fn resume(&mut self) {
-        if self.end.is_none() && self.begun {
-            self.online.go_to(self.line.length(), self.feed);
+        if !std::mem::take(&mut self.held) {
+            return;
+        }
+        if let Some(line) = &self.line
+            && self.end.is_none()
+            && self.begun
+        {
+            self.online.go_to(line.length(), self.feed);
         }
     }
 
@@ -201,3 +232,5 @@ impl Probe {
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tests_programs;

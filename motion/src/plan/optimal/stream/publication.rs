@@ -59,6 +59,7 @@ impl Live {
             Element::Span(span) => (span.line, Some(state_behind(span))),
             // From rest to rest.
             Element::Synced(synced) => (synced.line, None),
+            Element::Probing(probing) => (probing.line, None),
             Element::Dwell { line, .. } | Element::Action { line, .. } => (*line, None),
         };
         let passed = state.filter(|state| made.opens && state.b > SLOWEST * SLOWEST);
@@ -315,6 +316,8 @@ impl Stream {
         (feed || rapid)
             && elements.iter().any(|made| match &made.element {
                 Element::Span(span) => [feed, rapid][usize::from(span.rapid)],
+                // It keeps its own feed, but does not begin.
+                Element::Probing(_) => feed,
                 // Overrides do not act on motion in step with the spindle.
                 Element::Synced(_) | Element::Dwell { .. } | Element::Action { .. } => false,
             })
