@@ -551,26 +551,36 @@ fn overruns_of_boot_up_do_not_count_against_the_machine() {
 fn wave(lines: u32) -> String {
     let mut text = String::from("G21 G90 G94 G54 G64 P0.01\nG0 X0 Y50 Z0\nG1 F6000\n");
     for line in 1..=lines {
-        let x = f64::from(line) * 0.2;
-        writeln!(text, "X{x:.2} Y{:.4}", 50.0 + 20.0 * (x / 40.0).sin()).expect("a string takes everything");
+        let along = f64::from(line) * 0.2;
+        // To and fro, so that any number of lines fits the machine.
+        let x = (along % 480.0).min(480.0 - along % 480.0);
+        writeln!(text, "X{x:.2} Y{:.4}", 50.0 + 20.0 * (along / 40.0).sin()).expect("a string takes everything");
     }
     text + "G0 X10 Y10\nM2\n"
 }
 
 #[test]
 fn a_late_planner_makes_the_machine_wait_and_the_part_is_the_same() {
-    let text = wave(1200);
+    let text = wave(4000);
     let config = machine();
-    let [fed, starved] = [1, 1500].map(|feed_every| {
+    let mut waited = Vec::new();
+    let [fed, starved] = [1, 1000].map(|feed_every| {
         rehearse_on(&config, NetConfig::clean(12), &text, |run| {
             run.feed_every = feed_every;
             assert_eq!(finish(run), Outcome::Completed);
             let commands = commands(run);
             assert_within_limits(&commands, false);
             assert_on_path(run);
+            waited.push(run.operator.recorder.starved_cycles());
             commands
         })
     });
+    // What the second run takes longer, but for the braking and speeding up.
+    let longer = (starved.len() - fed.len()) as u64;
+    assert!(
+        waited[0] == 0 && waited[1] > longer / 2 && waited[1] < longer,
+        "{waited:?} of {longer}"
+    );
     for commands in [&fed, &starved] {
         let last = commands[commands.len() - 1];
         let off_mm = [30.0, 30.0, -60.0].iter().zip(last).map(|(end, at)| (end - at).abs());

@@ -106,6 +106,7 @@ pub struct Control<B> {
     cycle: u64,
     orders_taken: u64,
     program_cycles: u64,
+    program_has_moved: bool,
     late_max_ns: u64,
     cycles_skipped: u64,
     notices_lost: u64,
@@ -134,6 +135,7 @@ impl<B: Fieldbus> Control<B> {
             cycle: 0,
             orders_taken: 0,
             program_cycles: 0,
+            program_has_moved: false,
             late_max_ns: 0,
             cycles_skipped: 0,
             notices_lost: 0,
@@ -459,6 +461,7 @@ impl<B: Fieldbus> Control<B> {
         self.hold = false;
         self.waiting = None;
         self.program_cycles = 0;
+        self.program_has_moved = false;
         self.sample.state = SampleState::Starved;
         self.enter(State::Running);
     }
@@ -579,6 +582,7 @@ impl<B: Fieldbus> Control<B> {
         if let Some(program) = &mut self.program {
             self.sample = program.step(scale);
             self.program_cycles += 1;
+            self.program_has_moved |= self.sample.state == SampleState::Moving;
             // A ramp to rest may just reach the end of a move: what stands behind it, a spindle say, must not begin then.
             if scale > 0.0
                 && self.waiting.is_none()
@@ -720,6 +724,7 @@ impl<B: Fieldbus> Control<B> {
                 line: self.sample.line,
                 rapid: self.sample.rapid,
                 following_error_mm,
+                starved: self.program_has_moved && self.sample.state == SampleState::Starved,
             };
             self.trace_lost += u64::from(self.outlets.trace.push(record).is_err());
         }

@@ -81,6 +81,8 @@ pub struct Trace {
     pub rapid: bool,
     /// Greatest following error of all joints, mm.
     pub following_error_mm: f64,
+    /// The program has begun to move, and now rests only because nothing more has been planned yet.
+    pub starved: bool,
 }
 
 /// Latest values, readable by any thread at any time; each value is whole, the values are not of one instant.

@@ -25,6 +25,7 @@ pub struct PathSample {
 pub struct Recorder {
     samples: Vec<PathSample>,
     cycles: u64,
+    starved_cycles: u64,
     following_error_max_mm: f64,
     following_error_line: u32,
     line: u32,
@@ -34,6 +35,7 @@ impl Recorder {
     /// Takes one cycle.
     pub fn add(&mut self, record: &Trace) {
         self.cycles += 1;
+        self.starved_cycles += u64::from(record.starved);
         self.line = self.line.max(record.line);
         if record.following_error_mm > self.following_error_max_mm {
             self.following_error_max_mm = record.following_error_mm;
@@ -52,6 +54,11 @@ impl Recorder {
     /// Kept samples, one per cycle from the start of the program on.
     pub fn samples(&self) -> &[PathSample] {
         &self.samples
+    }
+
+    /// Cycles in which the machine stood because its plan came late.
+    pub fn starved_cycles(&self) -> u64 {
+        self.starved_cycles
     }
 
     /// Cycles of the program, kept or not.

@@ -87,6 +87,7 @@ impl Facts<'_> {
             lines: self.overview.lines,
             planned_time_s: self.overview.time_s,
             motion_time_s: recorder.cycles() as f64 * f64::from(self.config.cycle_us) * 1e-6,
+            starved_cycles: recorder.starved_cycles(),
             following_error_max_mm,
             following_error_max_line,
             deviation: deviation(path, recorder.samples(), self.config.program.tolerance_mm),
@@ -221,6 +222,8 @@ pub struct RunReport {
     pub planned_time_s: f64,
     /// Seconds that it took, holds and waits included.
     pub motion_time_s: f64,
+    /// Cycles of this in which the machine stood because its plan came late.
+    pub starved_cycles: u64,
     /// Greatest distance between command and actual position of any joint, mm.
     pub following_error_max_mm: f64,
     /// Program line where that was.
@@ -316,6 +319,7 @@ impl fmt::Display for RunReport {
             "program                {}: line {} of {}, {:.2} s ({:.2} s planned)",
             self.program, self.line_reached, self.lines, self.motion_time_s, self.planned_time_s
         )?;
+        writeln!(f, "waited for the plan    {} cycles", self.starved_cycles)?;
         if let Some(operational_s) = self.operational_s {
             writeln!(f, "network operational    after {operational_s:.2} s")?;
         }
