@@ -4,7 +4,7 @@
 //! `cargo bench --bench kinematics`
 
 use motion::canon::{Axis, Position};
-use motion::element::{Element, Span};
+use motion::element::{Element, Enables, Span};
 use motion::kinematics::{Follows, Hand, Jet3, Kinematics, Rotary, RotaryAxis, TableTable, ToolFrame, Transform};
 use motion::path::Piece;
 use motion::ring::{self, Sink};
@@ -81,6 +81,7 @@ fn main() {
             duration_s: f64::from(ROUNDS) * 1e-3,
             line: 1,
             rapid: false,
+            enables: Enables::default(),
         };
         producer.publish(&[Element::Span(span)], &[]);
         let plan = MotionLimits {

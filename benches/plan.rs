@@ -21,7 +21,7 @@ use isocnc::config::{self, Config};
 use isocnc::machine::tables::Tables;
 use isocnc::program::{Feeder, Progress, home, ring_capacity, stop_ramp};
 use motion::canon::Position;
-use motion::element::{Element, Span};
+use motion::element::{Element, Enables, Span};
 use motion::kinematics::{Hand, Kinematics, Rotary, RotaryAxis, TableTable, ToolFrame, Transform};
 use motion::path::Piece;
 use motion::plan::Slope;
@@ -301,6 +301,7 @@ fn five_axes() -> anyhow::Result<()> {
                 duration_s: 0.005,
                 line: k as u32,
                 rapid: false,
+                enables: Enables::default(),
             }))
         })
         .collect();

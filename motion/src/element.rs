@@ -72,6 +72,37 @@ pub struct Span {
     pub line: u32,
     /// Whether the move is a rapid one (G0).
     pub rapid: bool,
+    /// What acts on it from outside.
+    pub enables: Enables,
+}
+
+/// What acts on a move from outside, as the program has it at that block (M48 to M53).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Enables {
+    /// The operator's overrides of feed and of rapid moves (M48 to M50).
+    pub feed_override: bool,
+    /// His override of the spindle's speed (M48, M49, M51).
+    pub spindle_override: bool,
+    /// The feed that the machine adapts (M52).
+    pub adaptive_feed: bool,
+    /// The switch for feed hold (M53).
+    pub feed_hold: bool,
+}
+
+impl Enables {
+    /// As any program begins.
+    pub const INITIAL: Enables = Enables {
+        feed_override: true,
+        spindle_override: true,
+        adaptive_feed: false,
+        feed_hold: true,
+    };
+}
+
+impl Default for Enables {
+    fn default() -> Enables {
+        Enables::INITIAL
+    }
 }
 
 impl Span {
@@ -271,6 +302,7 @@ mod tests {
                 duration_s: t,
                 line: 1,
                 rapid: false,
+                enables: Enables::default(),
             };
             let r = gradient.abs().sqrt();
             let (sinh, cosh) = if gradient > 0.0 {

@@ -10,7 +10,7 @@ use super::limits::Bounds;
 use super::probing;
 use super::{PlanErrorKind, Settings};
 use crate::canon::{Axis, Call, FeedMode, PathMode, Plane, Position, ProbeMode, SpindleDirection, SpindleMode};
-use crate::element::{Action, Element, Probing, Synced, Tap};
+use crate::element::{Action, Element, Enables, Probing, Synced, Tap};
 use crate::kinematics::ToolFrame;
 use crate::path::{Circle, Group, Piece};
 use crate::rt::MotionLimits;
@@ -34,6 +34,7 @@ pub(super) struct Move {
     pub(super) feed: f64,
     pub(super) line: u32,
     pub(super) rapid: bool,
+    pub(super) enables: Enables,
     /// At its end.
     pub(super) corner: Corner,
     /// Q of G64: how far the ends of moves in line may be off for these to become one, mm; 0: not at all.
@@ -72,8 +73,8 @@ pub(super) struct Program {
     per_turn: bool,
     /// Way per turn of the moves in step with the spindle that follow, mm.
     pitch_mm: Option<f64>,
-    /// Whether the feed override has been switched off. A move in step with the spindle takes no notice of it anyway.
-    override_off: bool,
+    /// What acts on the moves that follow from outside. A move in step with the spindle takes no notice of it.
+    enables: Enables,
     mode: PathMode,
     spindle: Option<SpindleDirection>,
     rpm: f64,
@@ -89,7 +90,7 @@ impl Program {
             feed: None,
             per_turn: false,
             pitch_mm: None,
-            override_off: false,
+            enables: Enables::INITIAL,
             mode: PathMode::ExactPath,
             spindle: None,
             rpm: 0.0,
@@ -153,20 +154,24 @@ impl Program {
             | Call::Probe(_)
             | Call::Reset
             | Call::Finish => Ok(None),
-            // Off, it concerns feed moves alone, which are then refused.
             Call::EnableFeedOverride(on) => {
-                self.override_off = !on;
+                self.enables.feed_override = *on;
                 Ok(None)
             }
-            // In force anyway: nothing changes where a program switches them on.
-            Call::EnableSpeedOverride { on: true, .. }
-            | Call::EnableAdaptiveFeed(false)
-            | Call::EnableFeedHold(true) => Ok(None),
-            Call::EnableSpeedOverride { on: false, .. } => {
-                unsupported("switching the speed override off (M49, M51 P0)")
+            Call::EnableSpeedOverride { spindle: 0, on } => {
+                self.enables.spindle_override = *on;
+                Ok(None)
             }
-            Call::EnableAdaptiveFeed(true) => unsupported("adaptive feed (M52)"),
-            Call::EnableFeedHold(false) => unsupported("switching feed hold off (M53 P0)"),
+            // There is no other spindle: M48 and M49 name all that could be.
+            Call::EnableSpeedOverride { .. } => Ok(None),
+            Call::EnableAdaptiveFeed(on) => {
+                self.enables.adaptive_feed = *on;
+                Ok(None)
+            }
+            Call::EnableFeedHold(on) => {
+                self.enables.feed_hold = *on;
+                Ok(None)
+            }
             Call::SetCutterCompensation(Some(_)) => {
                 unsupported("a programmed path with cutter compensation (G41, G42)")
             }
@@ -458,11 +463,6 @@ impl Program {
         let feed = if rapid {
             f64::INFINITY
         } else {
-            if self.override_off {
-                return Err(PlanErrorKind::Unsupported(
-                    "a feed move with the feed override switched off (M49, M50 P0)",
-                ));
-            }
             let feed = self.feed.ok_or(PlanErrorKind::NoFeedRate)?;
             // The speed as programmed, not as measured: what the spindle really does, the feed does not follow.
             let per_s = if self.per_turn { self.turns_s()? } else { 1.0 };
@@ -496,6 +496,7 @@ impl Program {
             feed,
             line,
             rapid,
+            enables: self.enables,
             corner,
             naive_cam_mm,
         }))

@@ -1,6 +1,6 @@
 //! Interpolation: where the axes are now.
 //!
-//! In:  elements of the ring; the wanted share of the planned speed; where the spindle is; the contact of a probe.
+//! In:  elements of the ring; the wanted shares of the planned speed; where the spindle is; the contact of a probe.
 //! Out: one [`Sample`] per cycle.
 //!
 //! Position always comes from the exact geometry at the place that plan time has reached, so that rounding of time can
@@ -8,9 +8,10 @@
 
 use super::probe::{Probed, Prober, StopShares};
 use super::scale::ScaleRamp;
+use super::shares::Shares;
 use super::synced::{Follower, SpindleFeedback, SyncFault, SyncReport};
 use crate::canon::Position;
-use crate::element::{Action, Element, Probing, Span, Synced};
+use crate::element::{Action, Element, Enables, Probing, Span, Synced};
 use crate::kinematics::ToolFrame;
 use crate::ring::{Consumer, Timed};
 
@@ -46,6 +47,8 @@ pub struct Sample {
     pub line: u32,
     /// Whether the move is a rapid one.
     pub rapid: bool,
+    /// What acts on it from outside; on what is done at rest, as on the move before.
+    pub enables: Enables,
     /// What the interpolation is doing.
     pub state: SampleState,
     /// What waits to be acknowledged.
@@ -65,6 +68,7 @@ impl Sample {
             velocity_mm_s: 0.0,
             line: 0,
             rapid: false,
+            enables: Enables::INITIAL,
             state: SampleState::Finished,
             action: None,
             reversal: None,
@@ -134,18 +138,26 @@ impl Interpolator {
     /// One cycle further. `scale`: wanted share of the planned speed, 0 (hold) to 1; of no effect on a move in step with the
     /// spindle that has begun. RT.
     pub fn step_with(&mut self, scale: f64, spindle: &SpindleFeedback) -> Sample {
+        self.step_shares(&Shares::all(scale), spindle)
+    }
+
+    /// The same with shares that depend on what the machine is at. RT.
+    pub fn step_shares(&mut self, wanted: &Shares, spindle: &SpindleFeedback) -> Sample {
         self.follower.see(spindle);
+        let scale = wanted.on(self.current.as_ref(), self.sample.enables);
         if self.at_planned_rest() {
             // Nothing moves, so that the share may change at once.
             self.ramp.jump(scale);
         }
-        let mut plan_s = self.ramp.step(scale);
+        let passed_s = self.ramp.step(scale);
+        let mut plan_s = passed_s;
         for _ in 0..ELEMENTS_PER_CYCLE {
             match self.current {
                 None => {
                     if self.sample.state == SampleState::Finished || !self.advance() {
                         break;
                     }
+                    plan_s = self.share_from_rest(wanted, plan_s, passed_s);
                 }
                 Some(Element::Action { .. }) => break,
                 Some(Element::Synced(_)) => {
@@ -174,6 +186,7 @@ impl Interpolator {
                     if !self.advance() {
                         break;
                     }
+                    plan_s = self.share_from_rest(wanted, plan_s, passed_s);
                 }
             }
         }
@@ -248,8 +261,20 @@ impl Interpolator {
             None | Some(Element::Action { .. } | Element::Dwell { .. } | Element::Synced(_) | Element::Probing(_)) => {
                 true
             }
-            Some(Element::Span(_)) => false,
+            Some(Element::Span(span)) => self.time_s == 0.0 && span.v0 == 0.0 && span.a0 == 0.0,
         }
+    }
+
+    /// A move that begins at rest has its share at once, which may be none: gives what of it passes in this cycle, of which
+    /// `plan_s` out of `passed_s` was left with the share before.
+    fn share_from_rest(&mut self, wanted: &Shares, plan_s: f64, passed_s: f64) -> f64 {
+        let share = wanted.on(self.current.as_ref(), self.sample.enables);
+        if !self.at_planned_rest() || (share == self.ramp.share() && !self.ramp.is_changing()) {
+            return plan_s;
+        }
+        self.ramp.jump(share);
+        let left = if passed_s > 0.0 { plan_s / passed_s } else { 0.0 };
+        share * left * self.ramp.cycle_s()
     }
 
     /// Goes on to the next element; where there is none, the end of the last one is the rest. RT.
@@ -319,6 +344,7 @@ impl Interpolator {
         self.sample.velocity_mm_s = speed;
         self.sample.line = span.line;
         self.sample.rapid = span.rapid;
+        self.sample.enables = span.enables;
     }
 
     fn show_probing(&mut self, probing: &Probing) {
@@ -380,6 +406,7 @@ mod tests {
                 duration_s: t,
                 line,
                 rapid: false,
+                enables: Enables::default(),
             };
             (s0, v0, a0) = (span.place(t), span.speed(t), a0 + jerk * t);
             Element::Span(span)
@@ -450,6 +477,80 @@ mod tests {
         sample = interpolator.step(1.0);
         assert_eq!(sample.state, SampleState::Finished);
         assert!((sample.position.0[0] - 2.0).abs() < 1e-12);
+    }
+
+    /// Steps until nothing changes any more for a while; how many there were until then.
+    fn run_down(interpolator: &mut Interpolator, wanted: &Shares) -> usize {
+        let (mut cycles, mut before) = (0, interpolator.position());
+        for cycle in 1..3000 {
+            let sample = interpolator.step_shares(wanted, &SpindleFeedback::NONE);
+            if sample.position != before {
+                (cycles, before) = (cycle, sample.position);
+            }
+        }
+        cycles
+    }
+
+    fn as_move(elements: [Element; 4], rapid: bool, enables: Enables) -> [Element; 4] {
+        elements.map(|element| match element {
+            Element::Span(span) => Element::Span(Span { rapid, enables, ..span }),
+            other => other,
+        })
+    }
+
+    #[test]
+    fn each_kind_of_move_has_its_own_share_and_a_feed_move_of_none_is_not_begun() {
+        let (mut producer, mut interpolator) = rig();
+        let off = Enables {
+            feed_override: false,
+            ..Enables::INITIAL
+        };
+        let mut plan = as_move(there(0.0, 1), true, Enables::INITIAL).to_vec();
+        plan.extend(there(1.0, 2));
+        plan.extend(as_move(there(2.0, 3), false, off));
+        producer.publish(&plan, &[]);
+        let shares = |feed, rapid| Shares {
+            feed,
+            rapid,
+            ..Shares::FULL
+        };
+        // 0.2 s at half of the speed, then exactly at the end of the rapid move.
+        assert_eq!(run_down(&mut interpolator, &shares(0.0, 0.5)), 400);
+        assert_eq!(interpolator.position().0[0], 1.0);
+        assert!(interpolator.is_at_rest() && interpolator.sample.line == 2);
+        // A quarter on the feed move, all of the speed where overrides do not act; the last one ends where it should.
+        assert_eq!(run_down(&mut interpolator, &shares(0.25, 0.0)), 1000);
+        assert!((interpolator.position().0[0] - 3.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_machine_adapts_the_feed_and_the_switch_holds_where_the_program_lets_them() {
+        let adaptive = Enables {
+            adaptive_feed: true,
+            ..Enables::INITIAL
+        };
+        let deaf = Enables {
+            feed_hold: false,
+            ..Enables::INITIAL
+        };
+        let wanted = |switch, adaptive| Shares {
+            switch,
+            adaptive,
+            ..Shares::FULL
+        };
+        let cases = [
+            (Enables::INITIAL, wanted(1.0, 0.5), 200),
+            (adaptive, wanted(1.0, 0.5), 400),
+            (Enables::INITIAL, wanted(0.0, 1.0), 0),
+            (adaptive, wanted(1.0, 0.0), 0),
+            // Before the first move the switch acts, as when any program begins: that costs a cycle.
+            (deaf, wanted(0.0, 0.5), 201),
+        ];
+        for (enables, wanted, cycles) in cases {
+            let (mut producer, mut interpolator) = rig();
+            producer.publish(&as_move(there(0.0, 1), false, enables), &[]);
+            assert_eq!(run_down(&mut interpolator, &wanted), cycles, "{enables:?} {wanted:?}");
+        }
     }
 
     #[test]

@@ -15,6 +15,7 @@ mod monitor;
 mod online;
 pub mod probe;
 mod scale;
+mod shares;
 mod synced;
 
 pub use interpolator::{Interpolator, Sample, SampleState};
@@ -22,4 +23,5 @@ pub use joint_compensation::{JointCompensation, PitchError, PitchRow, PitchTable
 pub use monitor::{Monitor, MonitorLimits, Order, Peaks, Trip};
 pub use online::{Online, State};
 pub use scale::{MotionLimits, ScaleRamp, StopLimits};
+pub use shares::Shares;
 pub use synced::{Follower, PATIENCE_S, SpindleFeedback, SyncFault, SyncReport, run_in_mm};

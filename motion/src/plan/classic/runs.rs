@@ -4,7 +4,7 @@
 //! Out: runs. Acceleration is 0 where runs meet, so they must not be too short; all their pieces share the limits of the
 //! worst, so they must not differ too much. Both are decided by the data alone.
 
-use crate::element::{Element, Span};
+use crate::element::{Element, Enables, Span};
 use crate::path::Piece;
 use crate::plan::Settings;
 use crate::plan::kinks::{Bounded, Joined};
@@ -23,6 +23,7 @@ struct Part {
     piece: Piece,
     line: u32,
     rapid: bool,
+    enables: Enables,
 }
 
 /// Consecutive pieces under common limits.
@@ -100,6 +101,7 @@ impl Run {
                 piece: stretch.piece,
                 line: stretch.line,
                 rapid: stretch.rapid,
+                enables: stretch.enables,
             }],
             length: stretch.piece.length(),
             limits,
@@ -200,7 +202,12 @@ impl Run {
         if until <= from {
             return;
         }
-        let Part { piece, line, rapid } = self.parts[part];
+        let Part {
+            piece,
+            line,
+            rapid,
+            enables,
+        } = self.parts[part];
         out.push(Element::Span(Span {
             piece,
             s0: phase.place(from) - part_start,
@@ -211,6 +218,7 @@ impl Run {
             duration_s: until - from,
             line,
             rapid,
+            enables,
         }));
     }
 }

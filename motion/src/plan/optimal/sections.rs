@@ -90,17 +90,14 @@ impl Log {
     pub(super) fn feed(&self, item: u64) -> f64 {
         match self.kept(item) {
             Some(&Kept {
-                item: Item::Stretch(Stretch { rapid: true, .. }),
-                rapid,
-            }) if self.shares.rapid < 1.0 => rapid * self.shares.rapid,
-            Some(Kept {
-                item: Item::Stretch(Stretch { rapid: true, feed, .. }),
-                ..
-            }) => *feed,
-            Some(Kept {
                 item: Item::Stretch(stretch),
-                ..
-            }) => stretch.feed * self.shares.feed,
+                rapid,
+            }) => match (stretch.rapid, stretch.enables.feed_override) {
+                (_, false) => stretch.feed,
+                (true, true) if self.shares.rapid < 1.0 => rapid * self.shares.rapid,
+                (true, true) => stretch.feed,
+                (false, true) => stretch.feed * self.shares.feed,
+            },
             Some(Kept {
                 item: Item::Rest(_), ..
             })

@@ -68,6 +68,7 @@ impl Emission<'_> {
                 duration_s,
                 line: stretch.line,
                 rapid: stretch.rapid,
+                enables: stretch.enables,
             };
             let end = span.place(duration_s);
             self.divided(item, span, end);
@@ -154,6 +155,7 @@ impl Emission<'_> {
             duration_s: mean_s,
             line: stretch.line,
             rapid: stretch.rapid,
+            enables: stretch.enables,
         };
         // Newton's steps on a function that rises all along; the first guess is off by less than the change of acceleration.
         for _ in 0..12 {

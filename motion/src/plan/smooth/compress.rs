@@ -484,7 +484,8 @@ fn soft(a: &Move, b: &Move) -> bool {
         return false;
     };
     let group = a.piece.group();
-    if a.rapid || b.rapid || group != b.piece.group() || group == Group::Rotary || b.corner != a.corner {
+    let alike = b.corner == a.corner && b.enables == a.enables;
+    if a.rapid || b.rapid || group != b.piece.group() || group == Group::Rotary || !alike {
         return false;
     }
     let (end, start) = (a.piece.jet(0.0), b.piece.jet(0.0));

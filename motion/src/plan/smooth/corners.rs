@@ -74,6 +74,7 @@ fn meet(leg: &Leg, from: f64, next: &Leg, settings: &Settings, out: &mut Vec<Pas
         feed: a.feed.min(b.feed),
         line: b.line,
         rapid: b.rapid,
+        enables: b.enables,
     }));
     corner.after
 }
@@ -91,6 +92,7 @@ fn rest_of(part: &Move, from: f64, taken: f64, out: &mut Vec<Passed>) {
             feed: part.feed,
             line: part.line,
             rapid: part.rapid,
+            enables: part.enables,
         }));
     }
 }

@@ -25,6 +25,7 @@ use compress::Compressor;
 use corners::Corners;
 use naive_cam::NaiveCam;
 
+use crate::element::Enables;
 use crate::path::Piece;
 use crate::plan::Settings;
 use crate::plan::program::Move;
@@ -36,6 +37,7 @@ pub(super) struct Stretch {
     pub(super) feed: f64,
     pub(super) line: u32,
     pub(super) rapid: bool,
+    pub(super) enables: Enables,
 }
 
 /// What comes out.

@@ -44,7 +44,8 @@ impl NaiveCam {
         if let Some(before) = self.merged.take() {
             let middle = before.piece.position(before.piece.length());
             self.between.push(middle);
-            let same = before.feed == part.feed && before.corner == part.corner && self.between.len() < MOST;
+            let alike = before.feed == part.feed && before.corner == part.corner && before.enables == part.enables;
+            let same = alike && self.between.len() < MOST;
             match Piece::line(before.piece.position(0.0), part.piece.position(part.piece.length())) {
                 Some(piece) if same && in_line(&piece, &before.piece, &part.piece, &self.between, allowed) => {
                     self.merged = Some(Move { piece, ..part });
@@ -99,6 +100,7 @@ mod tests {
                 feed: if pair[1][0] > 100.0 { 5.0 } else { 10.0 },
                 line: k as u32 + 1,
                 rapid: false,
+                enables: crate::element::Enables::default(),
                 corner: Corner::Round(0.1),
                 naive_cam_mm: q,
             };

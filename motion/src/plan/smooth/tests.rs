@@ -3,6 +3,7 @@
 use super::round::distance;
 use super::*;
 use crate::canon::{AXES, Position};
+use crate::element::Enables;
 use crate::path::{Circle, Shape};
 use crate::plan::program::Corner;
 use crate::plan::{AxisLimits, Programmed, Slope, deviation};
@@ -34,6 +35,7 @@ fn moves(points: &[Position], tolerance: f64) -> Vec<Move> {
             feed: 100.0,
             line: k as u32 + 1,
             rapid: false,
+            enables: Enables::default(),
             corner: Corner::Round(tolerance),
             naive_cam_mm: 0.0,
         })
@@ -335,6 +337,7 @@ fn nearly_tangent_arcs_are_joined() {
         feed: 100.0,
         line: 1,
         rapid: false,
+        enables: Enables::default(),
         corner: Corner::Round(0.01),
         naive_cam_mm: 0.0,
     };

@@ -226,6 +226,51 @@ fn rapid_moves_have_an_override_of_their_own() {
 }
 
 #[test]
+fn where_the_program_switches_overrides_off_they_have_no_effect() {
+    let events = events([
+        ROUND,
+        Call::SetFeedRate {
+            linear: 60.0,
+            angular: 60.0,
+        },
+        feed(60.0, 0.0, 0.0),
+        Call::EnableFeedOverride(false),
+        feed(120.0, 0.0, 0.0),
+        feed(120.0, 60.0, 0.0),
+        Call::StraightTraverse {
+            to: Position::xyz(60.0, 60.0, 0.0),
+        },
+        Call::EnableFeedOverride(true),
+        Call::StraightTraverse {
+            to: Position::xyz(0.0, 60.0, 0.0),
+        },
+    ]);
+    for order_at in [0, 300, 900] {
+        let mut rig = Rig::new(events.clone());
+        rig.cycles(order_at);
+        rig.planner.set_override(0.3, 0.2);
+        rig.run();
+        rig.proven(0.011);
+        let fastest = |x: [f64; 2], y: [f64; 2]| {
+            let places = rig.samples.iter().zip(&rig.speeds);
+            let inside = places.filter(|(at, _)| (x[0]..x[1]).contains(&at.0[0]) && (y[0]..y[1]).contains(&at.0[1]));
+            inside.fold(0.0_f64, |most, (_, speed)| most.max(*speed))
+        };
+        let near = |got: f64, want: f64| assert!((got / want - 1.0).abs() < 0.002, "{order_at}: {got}, not {want}");
+        // On the path up to the order as fast as before, to which a new plan may add a little on its way down.
+        let first = fastest([-1.0, 59.9], [-1.0, 1.0]);
+        assert!(
+            (if order_at == 0 { 17.9..18.1 } else { 59.9..61.8 }).contains(&first),
+            "{order_at}: {first}"
+        );
+        near(fastest([60.1, 119.0], [-1.0, 1.0]), 60.0);
+        near(fastest([119.5, 121.0], [1.0, 59.0]), 60.0);
+        near(fastest([61.0, 119.0], [59.5, 61.0]), 100.0);
+        near(fastest([-1.0, 59.9], [59.5, 61.0]), 20.0);
+    }
+}
+
+#[test]
 fn a_hold_while_the_override_changes_goes_on_to_the_end() {
     let mut rig = Rig::new(circle_of_chords());
     rig.cycles(450);

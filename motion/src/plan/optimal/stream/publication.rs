@@ -315,7 +315,7 @@ impl Stream {
         let [feed, rapid] = self.changes.zero;
         (feed || rapid)
             && elements.iter().any(|made| match &made.element {
-                Element::Span(span) => [feed, rapid][usize::from(span.rapid)],
+                Element::Span(span) => span.enables.feed_override && [feed, rapid][usize::from(span.rapid)],
                 // It keeps its own feed, but does not begin.
                 Element::Probing(_) => feed,
                 // Overrides do not act on motion in step with the spindle.

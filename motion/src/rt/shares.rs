@@ -1,0 +1,61 @@
+//! Which share of the planned speed is wanted, by what the machine is at.
+//!
+//! In:  what holds the machine or slows it down: the operator, switches, overrides, the machine itself.
+//! Out: one share for the element under way. RT.
+
+use crate::element::{Element, Enables};
+
+/// Shares of the planned speed, 0 to 1 each; those that act on an element are multiplied.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shares {
+    /// Of everything, waits as well: 0 is a hold.
+    pub all: f64,
+    /// The same where the program lets the switch for feed hold act (M53).
+    pub switch: f64,
+    /// Of feed moves where the program lets overrides act (M48 to M50).
+    pub feed: f64,
+    /// Of rapid moves there.
+    pub rapid: f64,
+    /// Of moves where the program lets the machine adapt the feed (M52).
+    pub adaptive: f64,
+}
+
+impl Shares {
+    /// Everything runs as planned.
+    pub const FULL: Shares = Shares::all(1.0);
+
+    /// This share of everything.
+    pub const fn all(share: f64) -> Shares {
+        Shares {
+            all: share,
+            switch: 1.0,
+            feed: 1.0,
+            rapid: 1.0,
+            adaptive: 1.0,
+        }
+    }
+
+    /// The share of an element; of what is done at rest, with `enables` of the move before. Motion in step with the spindle
+    /// keeps the pace of the spindle: only what stands for a hold acts on it, before it begins.
+    pub(super) fn on(&self, element: Option<&Element>, enables: Enables) -> f64 {
+        let pick = |acts: bool, share: f64| if acts { share } else { 1.0 };
+        match element {
+            Some(Element::Span(span)) => {
+                let enables = span.enables;
+                let pace = if span.rapid { self.rapid } else { self.feed };
+                self.all
+                    * pick(enables.feed_hold, self.switch)
+                    * pick(enables.feed_override, pace)
+                    * pick(enables.adaptive_feed, self.adaptive)
+            }
+            // It keeps its own feed, but with none it rests.
+            Some(Element::Probing(_)) => {
+                let moves = if self.feed > 0.0 { 1.0 } else { 0.0 };
+                self.all * pick(enables.feed_hold, self.switch) * pick(enables.feed_override, moves)
+            }
+            None | Some(Element::Synced(_) | Element::Dwell { .. } | Element::Action { .. }) => {
+                self.all * pick(enables.feed_hold, self.switch)
+            }
+        }
+    }
+}
