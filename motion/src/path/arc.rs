@@ -243,30 +243,49 @@ impl Arc {
         by_length::<AXES>(jet, Group::Main)
     }
 
-    /// Greatest |q'|, |q''| and |q'''| of each axis between two lengths; `None` on a spiral.
+    /// Greatest |q'|, |q''| and |q'''| of each axis between two lengths; `None` on a spiral that is more than a circle whose
+    /// end point has been rounded.
     pub(super) fn greatest_derivatives(&self, from: f64, to: f64) -> Option<[[f64; AXES]; 3]> {
-        if !self.is_round() {
+        // By no more than this, as parts: direction against that of a circle, angle at a length against an even turn, and
+        // radius; the change of curvature adds about as much to the third derivative.
+        let spread = self.radius_change.abs() / self.radius.min(self.radius + self.radius_change);
+        let off = spread * (1.0 + self.sweep + 1.0 / self.sweep);
+        if off.is_nan() || off > NEARLY_ROUND {
             return None;
         }
         let per_length = self.sweep / self.length;
         let mut greatest = [[0.0; AXES]; 3];
-        greatest[0] = self.even.map(|x| (x / self.length).abs());
-        for (axis, (&radial, &tangential)) in self.radial.iter().zip(&self.tangential).enumerate() {
-            let g = self.radius * radial.hypot(tangential);
-            let phase = tangential.atan2(radial);
-            let (begin, end) = (per_length * from - phase, per_length * to - phase);
-            // q = even + g cos(angle), derived three times.
-            let sine = sine_between(begin, end);
-            let cosine = sine_between(begin + FRAC_PI_2, end + FRAC_PI_2);
+        for axis in 0..AXES {
             let even = self.even[axis] / self.length;
-            let greater = |[a, b]: [f64; 2]| a.abs().max(b.abs());
-            greatest[0][axis] = greater(sine.map(|sine| even - g * per_length * sine));
-            greatest[1][axis] = g * per_length.powi(2) * greater(cosine);
-            greatest[2][axis] = g * per_length.powi(3) * greater(sine);
+            let (mut own, mut g) = ([even.abs(), 0.0, 0.0], 0.0);
+            if axis < 3 {
+                let (radial, tangential) = (self.radial[axis], self.tangential[axis]);
+                g = self.radius * radial.hypot(tangential);
+                let phase = tangential.atan2(radial);
+                let (begin, end) = (per_length * from - phase, per_length * to - phase);
+                // q = even + g cos(angle), derived three times.
+                let sine = sine_between(begin, end);
+                let cosine = sine_between(begin + FRAC_PI_2, end + FRAC_PI_2);
+                let greater = |[a, b]: [f64; 2]| a.abs().max(b.abs());
+                own = [
+                    greater(sine.map(|sine| even - g * per_length * sine)),
+                    g * per_length.powi(2) * greater(cosine),
+                    g * per_length.powi(3) * greater(sine),
+                ];
+            }
+            // Whatever goes evenly with the angle no longer does with the length.
+            let mut around = g * per_length + even.abs();
+            for (greatest, own) in greatest.iter_mut().zip(own) {
+                greatest[axis] = own + 4.0 * off * (own + around);
+                around *= per_length;
+            }
         }
         Some(greatest)
     }
 }
+
+/// Part by which an arc may differ from a circle for its bounds to be those of a circle, and a little.
+const NEARLY_ROUND: f64 = 1e-3;
 
 /// Least and greatest sine of the angles between two.
 fn sine_between(begin: f64, end: f64) -> [f64; 2] {

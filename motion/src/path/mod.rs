@@ -183,7 +183,8 @@ impl Piece {
         }
     }
 
-    /// Greatest |q'|, |q''| and |q'''| of each axis, where they are known in closed form: not on spirals and blends.
+    /// Greatest |q'|, |q''| and |q'''| of each axis, where they are known in closed form: not on blends, and not on spirals
+    /// that are more than a circle with a rounded end point.
     pub fn greatest_derivatives(&self) -> Option<[[f64; AXES]; 3]> {
         match &self.shape {
             Shape::Line(line) => Some([line.jet(0.0).d1.map(f64::abs), [0.0; AXES], [0.0; AXES]]),

@@ -179,3 +179,42 @@ proptest! {
         }
     }
 }
+
+proptest! {
+    #[test]
+    fn an_arc_with_a_rounded_end_has_the_bounds_of_a_circle(
+        radius in 0.5f64..200.0, turn in 0.05f64..12.0, phase in 0.0f64..TAU, rounding in -1e-4f64..1e-4,
+        rise in -2.0f64..2.0, part in 0.0f64..0.5,
+    ) {
+        let at = |radius: f64, angle: f64, z: f64| Position::xyz(radius * angle.cos(), radius * angle.sin(), z);
+        let circle = Circle {
+            start: at(radius, phase, 0.0),
+            end: at(radius + rounding, phase + turn, rise),
+            centre_mm: [0.0; 3],
+            normal: [0.0, 0.0, 1.0],
+            sweep_rad: turn,
+        };
+        let whole = Piece::arc(&circle).unwrap();
+        let piece = whole.cut(part * whole.length(), whole.length()).unwrap();
+        let bounds = piece.greatest_derivatives();
+        prop_assume!(bounds.is_some());
+        let bounds = bounds.unwrap();
+        let mut most = [[0.0f64; AXES]; 3];
+        for k in 0..=2000 {
+            let jet = piece.jet(piece.length() * f64::from(k) / 2000.0);
+            for (most, here) in most.iter_mut().zip([jet.d1, jet.d2, jet.d3]) {
+                for (most, here) in most.iter_mut().zip(here) {
+                    *most = most.max(here.abs());
+                }
+            }
+        }
+        for order in 0..3 {
+            let whole = radius.powi(-(order as i32));
+            for axis in 0..3 {
+                let (bound, most) = (bounds[order][axis], most[order][axis]);
+                prop_assert!(bound >= most - 1e-9 * whole, "order {order}, axis {axis}: {bound} < {most}");
+                prop_assert!(bound <= most + 0.01 * whole, "order {order}, axis {axis}: {bound} > {most}");
+            }
+        }
+    }
+}

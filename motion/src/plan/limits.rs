@@ -71,29 +71,36 @@ impl Bounds {
                 let steps = if turning(piece.group(), &first, &last) < 0.3 {
                     16
                 } else {
-                    96
+                    64
                 };
                 Bounds::sampled(steps, blend.axes(), |x| blend.jet_at(x))
             }
         }
     }
 
-    /// Maxima over samples of the first axes; a quarter of the step to the neighbour covers a crest between two samples.
+    /// Maxima over samples of the first axes, and over the crests of the parabolas through three of them; what a parabola
+    /// may miss is covered by a part of the step to the neighbour.
     fn sampled(steps: usize, axes: usize, jet: impl Fn(f64) -> Jet) -> Bounds {
         let mut bounds = Bounds::default();
-        let mut before = jet(0.0);
-        for k in 0..=steps {
-            let jet = jet(k as f64 / steps as f64);
+        let mut last = jet(0.0);
+        let mut before = last;
+        for k in 1..=steps {
+            let now = jet(k as f64 / steps as f64);
+            let crest = |most: &mut f64, before: f64, last: f64, now: f64| {
+                let (fallen, risen) = (last - before, now - last);
+                let mut crest = last.abs().max(now.abs()) + risen.abs() / 16.0;
+                if fallen * risen < 0.0 {
+                    let vertex = last - (risen + fallen) * (risen + fallen) / (8.0 * (risen - fallen));
+                    crest = crest.max(vertex.abs());
+                }
+                *most = most.max(crest);
+            };
             for axis in 0..axes {
-                let crest = |most: &mut f64, now: f64, then: f64| {
-                    let crest = now.abs().max(then.abs()) + (now - then).abs() / 4.0;
-                    *most = most.max(crest);
-                };
-                crest(&mut bounds.d1[axis], jet.d1[axis], before.d1[axis]);
-                crest(&mut bounds.d2[axis], jet.d2[axis], before.d2[axis]);
-                crest(&mut bounds.d3[axis], jet.d3[axis], before.d3[axis]);
+                crest(&mut bounds.d1[axis], before.d1[axis], last.d1[axis], now.d1[axis]);
+                crest(&mut bounds.d2[axis], before.d2[axis], last.d2[axis], now.d2[axis]);
+                crest(&mut bounds.d3[axis], before.d3[axis], last.d3[axis], now.d3[axis]);
             }
-            before = jet;
+            (before, last) = (last, now);
         }
         bounds
     }
@@ -166,4 +173,34 @@ pub(super) fn jumps(before: &Jet, after: &Jet) -> Option<Bounds> {
         any |= bounds.kink[axis] > 1e-12 || bounds.bend[axis] > 1e-9 * (1.0 + before.d2[axis].abs());
     }
     any.then_some(bounds)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canon::Position;
+    use crate::plan::smooth::round::round;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn bounds_of_a_corner_are_those_of_many_samples(degrees in 2.0f64..150.0, tolerance in 1e-3f64..0.1, tilt in -1.0f64..1.0) {
+            let corner = Position::xyz(10.0, 0.0, 0.0);
+            let a = Piece::line(Position::ZERO, corner).unwrap();
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let b = Piece::line(corner, Position::xyz(10.0 + 10.0 * cos, 10.0 * sin, tilt)).unwrap();
+            let blend = round(&a, 5.0, &b, 5.0, tolerance).unwrap().blend;
+            let Shape::Blend(curve) = blend.shape() else { panic!("a corner is a blend") };
+            let bounds = Bounds::of(&blend);
+            let most = Bounds::sampled(4000, AXES, |x| curve.jet_at(x));
+            let pairs = [(bounds.d1, most.d1), (bounds.d2, most.d2), (bounds.d3, most.d3)];
+            for (bounds, most) in pairs {
+                let greatest = most.into_iter().fold(0.0, f64::max);
+                for axis in 0..AXES {
+                    prop_assert!(bounds[axis] >= most[axis] - 0.004 * greatest, "{} < {}", bounds[axis], most[axis]);
+                    prop_assert!(bounds[axis] <= most[axis] + 0.01 * greatest, "{} > {}", bounds[axis], most[axis]);
+                }
+            }
+        }
+    }
 }

@@ -97,6 +97,9 @@ pub(in crate::plan) struct Steps {
     fresh: usize,
     /// Nothing follows for now.
     finished: bool,
+    /// Elements of a publication and of the stop behind it: memory that is kept from one to the next.
+    committed: Vec<Element>,
+    tail: Vec<Element>,
 }
 
 impl Steps {
@@ -262,24 +265,34 @@ impl Steps {
 
     /// Hands over the first final steps with a stop behind them.
     fn publish<S: Sink<Element>>(&mut self, sink: &mut S) -> Publish {
-        let mut committed = Vec::new();
-        let mut tail = Vec::new();
+        let (mut committed, mut tail) = (std::mem::take(&mut self.committed), std::mem::take(&mut self.tail));
+        let result = self.publish_in(sink, &mut committed, &mut tail);
+        (self.committed, self.tail) = (committed, tail);
+        result
+    }
+
+    fn publish_in<S: Sink<Element>>(
+        &mut self,
+        sink: &mut S,
+        committed: &mut Vec<Element>,
+        tail: &mut Vec<Element>,
+    ) -> Publish {
         let (steps, tail_steps, after) = loop {
             committed.clear();
             let mut steps = 0;
             let mut after = self.speed;
             while steps < self.final_steps && (steps == 0 || committed.len() < PUBLICATION) {
                 let end_speed = self.speed_after(steps, after);
-                after = self.elements(steps, after, end_speed, &mut committed);
+                after = self.elements(steps, after, end_speed, committed);
                 steps += 1;
             }
-            match self.stop(steps, after, &mut tail) {
+            match self.stop(steps, after, tail) {
                 Some(tail_steps) => break (steps, tail_steps, after),
                 None => self.plan_short(),
             }
         };
         if !(committed.is_empty() && tail.is_empty()) {
-            let result = sink.publish(&committed, &tail);
+            let result = sink.publish(committed, tail);
             if result != Publish::Done {
                 return result;
             }
