@@ -85,6 +85,7 @@ fn demo_machine() -> (Config, Settings) {
         tolerance_mm: config.program.tolerance_mm,
         look_ahead_blocks: config.program.look_ahead_blocks,
         spindle_encoder: false,
+        await_spindle: false,
         slope: config.program.planner,
         start: Position::ZERO,
     };

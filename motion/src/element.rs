@@ -220,6 +220,8 @@ pub enum Action {
     },
     /// M5.
     SpindleOff,
+    /// Before the first feed move behind a change of speed: goes on once the spindle has it.
+    AwaitSpindle,
     /// M7 on, M9 off.
     Mist(bool),
     /// M8 on, M9 off.
@@ -269,6 +271,7 @@ impl fmt::Display for Action {
                 write!(f, "spindle on counter-clockwise, {rpm} 1/min")
             }
             Action::SpindleOff => f.write_str("spindle off"),
+            Action::AwaitSpindle => f.write_str("wait for the speed of the spindle"),
             Action::Mist(mist) => write!(f, "mist {}", on(mist)),
             Action::Flood(flood) => write!(f, "flood {}", on(flood)),
             Action::SelectTool { tool } => write!(f, "tool {tool} selected"),

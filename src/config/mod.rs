@@ -5,7 +5,7 @@
 //! with line, column, key path, value and the rule that it breaks. Where the text is no TOML at all, only the errors
 //! of its syntax are told.
 //!
-//! To add a key: a field in `types.rs`, a line in the reader of its section (`bus.rs`, `node.rs`, `joints.rs` or here), a row in
+//! To add a key: a field in `types.rs`, a line in the reader of its section (`bus.rs`, `node.rs`, `joints.rs`, `spindle.rs` or here), a row in
 //! `tests.rs`.
 
 mod bus;
@@ -20,6 +20,7 @@ mod node;
 mod period;
 mod program;
 mod remap;
+mod spindle;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
@@ -35,7 +36,7 @@ pub use types::*;
 
 use document::{Bound, Log, Section};
 use kinematics::Family;
-use motion::canon::{LengthUnit, SPINDLES};
+use motion::canon::LengthUnit;
 use std::path::Path;
 use toml::de::DeTable;
 
@@ -155,7 +156,10 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         return None;
     }
     let work_offsets = joints::offsets(&mut root, axes.as_deref());
-    let spindle = root.section("spindle").and_then(spindle);
+    let nodes = bus.as_ref().map(|bus| bus.nodes.as_slice());
+    let spindle = root
+        .section("spindle")
+        .and_then(|section| spindle::spindle(section, nodes));
     let base = path.parent().unwrap_or(Path::new(""));
     let program = root.section("program").and_then(|mut section| {
         let program = program::program(&mut section, base);
@@ -256,24 +260,6 @@ fn rt(mut section: Section<'_, '_>, cycle_us: Option<u32>) -> Option<Rt> {
         overruns_stop: overruns_stop? as u32,
         lock_memory: lock_memory?,
         require: require?,
-    })
-}
-
-fn spindle(mut section: Section<'_, '_>) -> Option<Spindle> {
-    let default = Spindle::default();
-    let rpm_max = section.number("rpm_max", Bound::Positive(1e6), default.rpm_max);
-    let count = section.integer("count", 1..=SPINDLES as i64, i64::from(default.count));
-    let orient_offset_degrees = section.number(
-        "orient_offset_degrees",
-        Bound::Size(360.0),
-        default.orient_offset_degrees,
-    );
-    section.not_yet(&["rpm_min", "orient", "node"]);
-    section.done();
-    Some(Spindle {
-        rpm_max: rpm_max?,
-        count: count? as u8,
-        orient_offset_degrees: orient_offset_degrees?,
     })
 }
 

@@ -3,6 +3,7 @@
 //! In:  from `read`, which turns TOML into these types or into located errors.
 //! Out: to every part of the process. Nothing here is ever invalid: ranges, references and names are checked.
 
+pub use super::spindle::{Spindle, SpindleCounter, SpindleDrive, SpindleEncoder};
 pub use gcode::ToolChanger;
 use motion::canon::{Axis, LengthUnit, Position};
 use motion::kinematics::{Follows, JOINTS, Kinematics, Transform};
@@ -400,27 +401,6 @@ impl Config {
             }
         }
         Kinematics::new(self.transform, &follows[..self.joints.len()])
-    }
-}
-
-/// `[spindle]`
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Spindle {
-    /// Highest speed, 1/min.
-    pub rpm_max: f64,
-    /// Spindles that programs may name by `$`; default 1.
-    pub count: u8,
-    /// Added to the angles of M19, degrees; default 0.
-    pub orient_offset_degrees: f64,
-}
-
-impl Default for Spindle {
-    fn default() -> Spindle {
-        Spindle {
-            rpm_max: 24_000.0,
-            count: 1,
-            orient_offset_degrees: 0.0,
-        }
     }
 }
 

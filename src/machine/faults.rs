@@ -8,8 +8,9 @@
 
 use super::overruns::CYCLES;
 use crate::bus::NodeIndex;
+use crate::rt::spindle::Late;
 use cia402::axis::AxisFault;
-use motion::rt::Order;
+use motion::rt::{Order, SyncFault};
 use powerlink::link::LinkError;
 
 /// Something that is wrong. Joints and nodes by their place in the machine file.
@@ -63,6 +64,16 @@ pub enum Fault {
         value: f64,
         /// Limit, in mm and s.
         limit: f64,
+    },
+    /// A move in step with the spindle was given up, and has come to rest.
+    OutOfStep {
+        /// Why.
+        fault: SyncFault,
+    },
+    /// The spindle did not get to its speed in time.
+    SpindleLate {
+        /// How far it came.
+        late: Late,
     },
     /// Whole cycles had to be left out.
     CyclesSkipped {
@@ -125,6 +136,8 @@ impl Fault {
             | Fault::FollowingError { .. }
             | Fault::SoftLimit { .. }
             | Fault::LimitExceeded { .. }
+            | Fault::OutOfStep { .. }
+            | Fault::SpindleLate { .. }
             | Fault::TooManyOverruns { .. }
             | Fault::ForeignMaster { .. }
             | Fault::LinkFailed {
@@ -147,6 +160,8 @@ impl Fault {
             | Fault::SoftLimit { .. }
             | Fault::IllegalCommand { .. }
             | Fault::LimitExceeded { .. }
+            | Fault::OutOfStep { .. }
+            | Fault::SpindleLate { .. }
             | Fault::CyclesSkipped { .. }
             | Fault::ManyOverruns { .. }
             | Fault::CycleHung
@@ -199,6 +214,18 @@ impl Fault {
                     joint(index)
                 )
             }
+            Fault::OutOfStep { fault } => format!("spindle: {fault}"),
+            Fault::SpindleLate { late } => match late.measured_rpm {
+                Some(measured_rpm) => format!(
+                    "spindle: turns at {measured_rpm:.0} 1/min, wanted are {:.0}: its drive, its encoder and \
+                     spindle.0.at-speed tell why",
+                    late.wanted_rpm
+                ),
+                None => format!(
+                    "spindle: spindle.0.at-speed does not tell that {:.0} 1/min are reached",
+                    late.wanted_rpm
+                ),
+            },
             Fault::CyclesSkipped { cycles } => format!("{cycles} cycles left out"),
             Fault::ManyOverruns { cycles } => format!(
                 "{cycles} of the last {CYCLES} cycles were left out: `isocnc doctor` says what keeps this PC from real time"

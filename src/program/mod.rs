@@ -345,7 +345,8 @@ pub fn plan_settings(config: &Config, start: Position) -> Settings {
         cycle_s: f64::from(config.cycle_us) * 1e-6,
         tolerance_mm: config.program.tolerance_mm,
         look_ahead_blocks: config.program.look_ahead_blocks,
-        spindle_encoder: false,
+        spindle_encoder: config.spindle.encoder.is_some(),
+        await_spindle: config.spindle.wait_for_speed,
         slope: config.program.planner,
         start,
     }

@@ -21,7 +21,7 @@ use cia402::axis::{AxisFault, Request, Status};
 use motion::canon::Position;
 use motion::element::Action;
 use motion::kinematics::{Kinematics, ToolFrame};
-use motion::rt::{Interpolator, Monitor, Peaks, Sample, SampleState, Trip};
+use motion::rt::{Interpolator, Monitor, Peaks, Sample, SampleState, SyncFault, Trip};
 use std::sync::Arc;
 
 /// Orders that are taken in one cycle at the most.
@@ -158,6 +158,7 @@ impl<B: Fieldbus> Control<B> {
         self.parts
             .drives
             .read(&self.parts.inputs, |node| self.bus.node_state(node));
+        self.parts.pins.spindle.see(&self.parts.inputs);
         self.watch(late_ns, skipped);
         self.take_orders();
         self.step_state();
@@ -331,6 +332,10 @@ impl<B: Fieldbus> Control<B> {
     fn stop_then(&mut self, then: AfterStop) {
         if self.parts.hand.is_active() {
             self.parts.hand.stop();
+        }
+        if let Some(program) = &mut self.program {
+            // A hold cannot act there: the spindle has the say. A tap is followed out of the work first.
+            program.give_up_sync();
         }
         self.after_stop = if self.state == State::Stopping {
             self.after_stop.max(then)
@@ -580,9 +585,10 @@ impl<B: Fieldbus> Control<B> {
             _ => 0.0,
         };
         if let Some(program) = &mut self.program {
-            self.sample = program.step(scale);
+            self.sample = program.step_with(scale, self.parts.pins.spindle.place());
             self.program_cycles += 1;
             self.program_has_moved |= self.sample.state == SampleState::Moving;
+            self.parts.pins.spindle.steer(&self.sample);
             // A ramp to rest may just reach the end of a move: what stands behind it, a spindle say, must not begin then.
             if scale > 0.0
                 && self.waiting.is_none()
@@ -602,6 +608,10 @@ impl<B: Fieldbus> Control<B> {
                 self.fault(Fault::IllegalCommand {
                     joint: unreachable.joint,
                 });
+            }
+            // A move that was ended by a stop has no fault of its own.
+            if let Some(fault) = self.sample.fault.filter(|&fault| fault != SyncFault::Aborted) {
+                self.fault(Fault::OutOfStep { fault });
             }
         } else {
             let by_hand = self.parts.hand.is_active();
@@ -630,6 +640,8 @@ impl<B: Fieldbus> Control<B> {
                 self.outlets.live.set_tool(tool);
             }
             self.end_wait();
+        } else if let Some(late) = self.parts.pins.spindle.late().filter(|_| self.program.is_some()) {
+            self.fault(Fault::SpindleLate { late });
         }
     }
 

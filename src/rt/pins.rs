@@ -8,13 +8,14 @@
 use super::drives::Drives;
 use super::figures::Timing;
 use super::recent::Second;
+use super::spindle::Spindle;
 use crate::bus::layout::Field;
 use crate::bus::network::NodePlan;
 use crate::bus::{BusState, Fieldbus, InputImage, OutputImage};
 use crate::config::{Config, Profile};
 use crate::machine::state::State;
 use hal_pins::{Hal, HalError, Input, Output};
-use motion::canon::{Axis, SpindleDirection};
+use motion::canon::Axis;
 use motion::element::Action;
 use motion::rt::Sample;
 
@@ -99,10 +100,8 @@ pub struct Pins {
     resume_before: bool,
     stop_before: bool,
 
-    spindle_on: Output<bool>,
-    spindle_forward: Output<bool>,
-    spindle_reverse: Output<bool>,
-    spindle_speed: Output<f64>,
+    /// The spindle.
+    pub spindle: Spindle,
     flood: Output<bool>,
     mist: Output<bool>,
     tool_change: Output<bool>,
@@ -264,7 +263,12 @@ impl Pins {
                 }
                 Profile::Io => {
                     let mut number = 0;
-                    for &field in &plan.inputs.fields {
+                    for &field in plan
+                        .inputs
+                        .fields
+                        .iter()
+                        .filter(|field| !Spindle::uses(config, index, field))
+                    {
                         for bit in 0..u32::from(field.object.bits) {
                             let pin = hal.output(&format!("io.{}.in-{number:02}", node.id))?;
                             bits_in.push(BitIn {
@@ -277,7 +281,12 @@ impl Pins {
                         }
                     }
                     number = 0;
-                    for &field in &plan.outputs.fields {
+                    for &field in plan
+                        .outputs
+                        .fields
+                        .iter()
+                        .filter(|field| !Spindle::uses(config, index, field))
+                    {
                         for bit in 0..u32::from(field.object.bits) {
                             let pin = hal.input(&format!("io.{}.out-{number:02}", node.id), false)?;
                             bits_out.push(BitOut {
@@ -311,10 +320,7 @@ impl Pins {
             stop: hal.input("halui.program.stop", false)?,
             resume_before: false,
             stop_before: false,
-            spindle_on: hal.output("spindle.0.on")?,
-            spindle_forward: hal.output("spindle.0.forward")?,
-            spindle_reverse: hal.output("spindle.0.reverse")?,
-            spindle_speed: hal.output("spindle.0.speed-out")?,
+            spindle: Spindle::new(hal, config, plans)?,
             flood: hal.output("iocontrol.0.coolant-flood")?,
             mist: hal.output("iocontrol.0.coolant-mist")?,
             tool_change: hal.output("iocontrol.0.tool-change")?,
@@ -357,17 +363,8 @@ impl Pins {
     /// Does what a block without motion asks for.
     pub fn begin_action(&mut self, action: Action) {
         match action {
-            Action::SpindleOn { rpm, direction } => {
-                self.spindle_on.set(true);
-                self.spindle_forward.set(direction == SpindleDirection::Clockwise);
-                self.spindle_reverse
-                    .set(direction == SpindleDirection::Counterclockwise);
-                self.spindle_speed.set(match direction {
-                    SpindleDirection::Clockwise => rpm,
-                    SpindleDirection::Counterclockwise => -rpm,
-                });
-            }
-            Action::SpindleOff => self.spindle_off(),
+            Action::SpindleOn { rpm, direction } => self.spindle.turn(rpm, direction),
+            Action::SpindleOff => self.spindle.stop(),
             Action::Mist(on) => self.mist.set(on),
             Action::Flood(on) => self.flood.set(on),
             Action::SelectTool { tool } | Action::SetTool { tool } => self.tool_number.set(tool),
@@ -376,7 +373,7 @@ impl Pins {
                 self.tool_change_asked = false;
             }
             Action::ProgramEnd => self.all_off(),
-            Action::ProgramStop | Action::OptionalStop | Action::Message { .. } => {}
+            Action::AwaitSpindle | Action::ProgramStop | Action::OptionalStop | Action::Message { .. } => {}
         }
     }
 
@@ -396,6 +393,7 @@ impl Pins {
                 }
                 done
             }
+            Action::AwaitSpindle => self.spindle.is_at_speed(),
             // The operator says when.
             Action::ProgramStop => false,
             // The switch for optional stops is off.
@@ -411,16 +409,9 @@ impl Pins {
         }
     }
 
-    fn spindle_off(&mut self) {
-        self.spindle_on.set(false);
-        self.spindle_forward.set(false);
-        self.spindle_reverse.set(false);
-        self.spindle_speed.set(0.0);
-    }
-
     /// Spindle and coolant off.
     pub fn all_off(&mut self) {
-        self.spindle_off();
+        self.spindle.stop();
         self.mist.set(false);
         self.flood.set(false);
         self.tool_change.set(false);
@@ -441,6 +432,7 @@ impl Pins {
             let word = bit.field.read(payload) & !(1 << bit.bit) | u64::from(bit.pin.get()) << bit.bit;
             bit.field.write(payload, word);
         }
+        self.spindle.write(outputs);
     }
 
     /// Shows how the last cycle kept its time.

@@ -3,9 +3,13 @@
 //! In:  outputs 6200h/1 and /2 from the managing node; [`Io::set_inputs`] for what is wired to the inputs.
 //! Out: inputs 6000h/1, the auxiliary contacts of the contactors on 6200h/1, and 6000h/2, the wired inputs.
 //!
+//! The spindle hangs on the same node: its frequency converter on the analog output 6411h/1, the counter of its encoder on
+//! 3000h/1, the count at the last index on 3000h/2.
+//!
 //! When the node is not OPERATIONAL the outputs fall back to zero, as the profile has it by default.
 
 use super::SimError;
+use super::spindle::Spindle;
 use crate::config::Node;
 use obd::{DataType, Dictionary, EntryDef, Key};
 use powerlink::cn::Cn;
@@ -25,6 +29,12 @@ pub(super) const IO_OBJECTS: &[EntryDef] = &[
     EntryDef::rw(0x6200, DataType::U8, "DigitalOutput_00h_AU8")
         .subs(1, 2)
         .rpdo(),
+    EntryDef::rw(0x6411, DataType::I16, "AnalogueOutput_00h_AI16")
+        .subs(1, 1)
+        .rpdo(),
+    EntryDef::ro(0x3000, DataType::U32, "SpindleEncoder_00h_AU32")
+        .subs(1, 2)
+        .tpdo(),
 ];
 
 const ENTRIES: usize = COMMUNICATION_ENTRIES + obd::lines_of(IO_OBJECTS);
@@ -38,16 +48,22 @@ pub(super) struct Io {
     powered: bool,
     input_keys: [Key<u8>; 2],
     output_keys: [Key<u8>; 2],
+    speed_key: Key<i16>,
+    encoder_keys: [Key<u32>; 2],
     wired: u8,
+    spindle: Spindle,
 }
 
 impl Io {
-    pub(super) fn new(node: &Node, now_ns: u64) -> Result<Io, SimError> {
+    pub(super) fn new(node: &Node, spindle: Spindle, now_ns: u64) -> Result<Io, SimError> {
         let objects: Dictionary<ENTRIES, OCTETS> =
             Dictionary::new(&[COMMUNICATION_PROFILE, IO_OBJECTS]).map_err(|error| SimError::new(node, error))?;
         let key = |index, sub| objects.key(index, sub).map_err(|error| SimError::new(node, error));
         let input_keys = [key(0x6000, 1)?, key(0x6000, 2)?];
         let output_keys = [key(0x6200, 1)?, key(0x6200, 2)?];
+        let speed_key = objects.key(0x6411, 1).map_err(|error| SimError::new(node, error))?;
+        let encoder_key = |sub| objects.key(0x3000, sub).map_err(|error| SimError::new(node, error));
+        let encoder_keys = [encoder_key(1)?, encoder_key(2)?];
         let cn = super::node::build(node, DEVICE_TYPE, objects, now_ns)?;
         Ok(Io {
             node: node.clone(),
@@ -55,7 +71,10 @@ impl Io {
             powered: true,
             input_keys,
             output_keys,
+            speed_key,
+            encoder_keys,
             wired: 0,
+            spindle,
         })
     }
 
@@ -68,14 +87,24 @@ impl Io {
         }
     }
 
-    /// Switches the contactors and reads the inputs.
+    /// One cycle: contactors, inputs, spindle.
     pub(super) fn work(&mut self) {
+        self.switch();
+        let objects = self.cn.dictionary_mut();
+        self.spindle.advance(objects.get(self.speed_key));
+        objects.set(self.encoder_keys[0], self.spindle.count() as u32);
+        objects.set(self.encoder_keys[1], self.spindle.latched() as u32);
+    }
+
+    /// Switches the contactors and reads the inputs.
+    fn switch(&mut self) {
         let operational = self.cn.nmt_state() == NmtState::Operational;
         let objects = self.cn.dictionary_mut();
         if !operational {
             for key in self.output_keys {
                 objects.set(key, 0);
             }
+            objects.set(self.speed_key, 0);
         }
         let contacts = objects.get(self.output_keys[0]);
         objects.set(self.input_keys[0], contacts);
@@ -84,7 +113,7 @@ impl Io {
 
     pub(super) fn poll(&mut self, now_ns: u64) {
         if self.powered && self.cn.poll(now_ns).nmt_state.is_some() {
-            self.work();
+            self.switch();
         }
     }
 
@@ -108,7 +137,7 @@ impl Io {
 
     pub(super) fn power_on(&mut self, now_ns: u64) -> Result<(), SimError> {
         let wired = self.wired;
-        *self = Io::new(&self.node.clone(), now_ns)?;
+        *self = Io::new(&self.node.clone(), self.spindle, now_ns)?;
         self.wired = wired;
         Ok(())
     }
@@ -133,5 +162,15 @@ impl Io {
     /// What is wired to 6000h/2.
     pub(super) fn set_inputs(&mut self, wired: u8) {
         self.wired = wired;
+    }
+
+    /// The spindle behind this node.
+    pub(super) fn spindle(&self) -> &Spindle {
+        &self.spindle
+    }
+
+    /// The same, to do something to it.
+    pub(super) fn spindle_mut(&mut self) -> &mut Spindle {
+        &mut self.spindle
     }
 }

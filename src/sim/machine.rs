@@ -9,6 +9,7 @@
 use super::SimError;
 use super::drive::Drive;
 use super::io::Io;
+use super::spindle::Spindle;
 use crate::config::{Config, Profile};
 use cia402::State;
 use powerlink::nmt::NmtState;
@@ -93,7 +94,7 @@ impl SimMachine {
                     let joint = config.joints.iter().find(|joint| joint.node == index);
                     Device::Drive(Box::new(Drive::new(node, joint, &config.sim, period_ns, 0)?))
                 }
-                Profile::Io => Device::Io(Box::new(Io::new(node, 0)?)),
+                Profile::Io => Device::Io(Box::new(Io::new(node, Spindle::new(config), 0)?)),
             };
             places.push(Place {
                 id: node.id,
@@ -247,6 +248,26 @@ impl SimMachine {
                 true
             }
             Some(Device::Drive(_)) | None => false,
+        }
+    }
+
+    /// Holds the shaft of the spindle behind an I/O node, or lets it go.
+    pub fn block_spindle(&mut self, node_id: u8, blocked: bool) -> bool {
+        match self.place(node_id).map(|place| &mut place.device) {
+            Some(Device::Io(io)) => {
+                io.spindle_mut().blocked = blocked;
+                true
+            }
+            Some(Device::Drive(_)) | None => false,
+        }
+    }
+
+    /// Turns of the spindle behind an I/O node, whole at its index: what a mark on the chuck would show.
+    pub fn spindle_turns(&self, node_id: u8) -> Option<f64> {
+        let place = self.places.iter().find(|place| place.id == node_id)?;
+        match &place.device {
+            Device::Io(io) => Some(io.spindle().turns_from_index()),
+            Device::Drive(_) => None,
         }
     }
 

@@ -10,6 +10,7 @@ mod motor;
 mod node;
 pub mod rehearsal;
 mod run;
+mod spindle;
 mod track;
 mod virtual_net;
 

@@ -90,6 +90,8 @@ pub struct Settings {
     /// Whether an encoder with an index tells where the spindle is: without it, a program with moves in step with the spindle
     /// (G33, G33.1, G76) is refused.
     pub spindle_encoder: bool,
+    /// Whether the first feed move behind a change of the spindle's speed waits until the speed is reached, at rest.
+    pub await_spindle: bool,
     /// Machine position from which the program starts.
     pub start: Position,
     /// How speed is chosen along the path.

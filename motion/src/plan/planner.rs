@@ -9,7 +9,7 @@ use super::smooth::{Passed, Smoother, Stretch};
 use super::workers::Workers;
 use super::{PlanError, Programmed, Settings, Slope, classic};
 use crate::canon::{Event, Position};
-use crate::element::{Element, Synced};
+use crate::element::{Action, Element, Synced};
 use crate::kinematics::ToolFrame;
 use crate::path::Piece;
 use crate::ring::Sink;
@@ -120,6 +120,12 @@ impl<S: Sink<Element>> Planner<S> {
 
     /// Takes the next call. An error concerns this call only, which is then of no effect.
     pub fn push(&mut self, event: &Event) -> Result<(), PlanError> {
+        if self.program.take_wait(&event.call, &self.settings) {
+            self.rest(Some(Element::Action {
+                action: Action::AwaitSpindle,
+                line: event.source.line,
+            }));
+        }
         let entry = self
             .program
             .take(event.source.line, &event.call, &self.settings)

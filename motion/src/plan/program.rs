@@ -78,6 +78,8 @@ pub(super) struct Program {
     mode: PathMode,
     spindle: Option<SpindleDirection>,
     rpm: f64,
+    /// The spindle was told another speed, and no feed move has come since.
+    speed_changed: bool,
     messages: u32,
 }
 
@@ -94,8 +96,18 @@ impl Program {
             mode: PathMode::ExactPath,
             spindle: None,
             rpm: 0.0,
+            speed_changed: false,
             messages: 0,
         }
+    }
+
+    /// Whether the spindle is to be waited for before this call. Told once.
+    pub(super) fn take_wait(&mut self, call: &Call, settings: &Settings) -> bool {
+        let cuts = matches!(
+            call,
+            Call::StraightFeed { .. } | Call::ArcFeed { .. } | Call::NurbsFeed { .. } | Call::RigidTap { .. }
+        );
+        cuts && std::mem::take(&mut self.speed_changed) && settings.await_spindle
     }
 
     /// On an error the position stays, and the call is of no effect.
@@ -244,11 +256,13 @@ impl Program {
             | Call::StopSpindle { spindle: 1.. } => unsupported("a second spindle ($1 and above)"),
             Call::SetSpindleSpeed { speed: rpm, .. } => {
                 self.rpm = *rpm;
+                self.speed_changed = self.spindle.is_some();
                 self.spindle
                     .map_or(Ok(None), |direction| rest(Action::SpindleOn { rpm: *rpm, direction }))
             }
             Call::StartSpindle { direction, .. } => {
                 self.spindle = Some(*direction);
+                self.speed_changed = true;
                 rest(Action::SpindleOn {
                     rpm: self.rpm,
                     direction: *direction,
@@ -256,6 +270,7 @@ impl Program {
             }
             Call::StopSpindle { .. } => {
                 self.spindle = None;
+                self.speed_changed = false;
                 rest(Action::SpindleOff)
             }
             Call::Mist(on) => rest(Action::Mist(*on)),
@@ -569,6 +584,7 @@ mod tests {
             tolerance_mm: 0.1,
             look_ahead_blocks: 9,
             spindle_encoder: true,
+            await_spindle: false,
             slope: crate::plan::Slope::Classic,
             start: Position::ZERO,
         }

@@ -23,6 +23,7 @@ fn settings() -> Settings {
         tolerance_mm: 0.01,
         look_ahead_blocks: 100,
         spindle_encoder: false,
+        await_spindle: false,
         start: Position::ZERO,
         slope: Slope::Classic,
     }

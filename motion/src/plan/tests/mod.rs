@@ -38,6 +38,7 @@ fn settings() -> Settings {
         tolerance_mm: 0.05,
         look_ahead_blocks: 200,
         spindle_encoder: false,
+        await_spindle: false,
         slope: Slope::Classic,
         start: Position::ZERO,
     }

@@ -29,6 +29,7 @@ fn settings(slope: Slope) -> Settings {
         tolerance_mm: 0.01,
         look_ahead_blocks: 100,
         spindle_encoder: true,
+        await_spindle: false,
         slope,
         start: Position::ZERO,
     }

@@ -1,0 +1,244 @@
+//! `[spindle]`: how fast it may turn, how its speed is set, and how the control sees where it is.
+//!
+//! In:  the section, the nodes of the bus.
+//! Out: a [`Spindle`] whose objects stand in the payloads of their nodes.
+
+use super::document::{Bound, Section};
+use super::mapping::parse_object;
+use super::types::{Exchange, Mapped, Node};
+use motion::canon::SPINDLES;
+
+/// `[spindle]`
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spindle {
+    /// Highest speed, 1/min.
+    pub rpm_max: f64,
+    /// Spindles that programs may name by `$`; default 1.
+    pub count: u8,
+    /// Added to the angles of M19, degrees; default 0.
+    pub orient_offset_degrees: f64,
+    /// Whether feed moves behind a start or a change of speed wait until the speed is reached; default true.
+    pub wait_for_speed: bool,
+    /// Distance from the programmed speed, as a share of it, at which it counts as reached; default 0.05.
+    pub speed_tolerance: f64,
+    /// How long the speed may take to be reached, s; default 20.
+    pub speed_timeout_s: f64,
+    /// The object that sets its speed; `None`: components do, from the pins.
+    pub drive: Option<SpindleDrive>,
+    /// What tells where the spindle is; `None`: nothing does.
+    pub encoder: Option<SpindleEncoder>,
+}
+
+/// `[spindle.drive]`: an output of a node that takes the speed, signed; its greatest value stands for the highest speed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SpindleDrive {
+    /// Index into `Bus::nodes`.
+    pub node: usize,
+    /// The object; it stands among the node's outputs.
+    pub speed: Mapped,
+}
+
+/// `[spindle.encoder]`
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SpindleEncoder {
+    /// Components write `spindle.0.revs` and `spindle.0.indexed`.
+    Pins,
+    /// A counter of a node.
+    Counter(SpindleCounter),
+}
+
+/// A counter of a node that follows the encoder, and wraps with its length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SpindleCounter {
+    /// Index into `Bus::nodes`; exchanged in every cycle.
+    pub node: usize,
+    /// The counter; it stands among the node's inputs.
+    pub counter: Mapped,
+    /// Counts of one turn; below 0 where it counts down with M3.
+    pub counts_per_turn: i32,
+    /// The object that holds the count at which the index was passed last; `None`: multiples of `counts_per_turn` are at the
+    /// index, and the length of the counter holds whole turns.
+    pub index: Option<Mapped>,
+}
+
+impl Default for Spindle {
+    fn default() -> Spindle {
+        Spindle {
+            rpm_max: 24_000.0,
+            count: 1,
+            orient_offset_degrees: 0.0,
+            wait_for_speed: true,
+            speed_tolerance: 0.05,
+            speed_timeout_s: 20.0,
+            drive: None,
+            encoder: None,
+        }
+    }
+}
+
+/// Where the spindle's encoder is read.
+#[derive(Clone, Copy)]
+enum Source {
+    Pins,
+    Node,
+}
+
+/// `[spindle]`; `nodes`: `None` if the bus is wrong itself.
+pub(super) fn spindle(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Option<Spindle> {
+    let default = Spindle::default();
+    let rpm_max = section.number("rpm_max", Bound::Positive(1e6), default.rpm_max);
+    let count = section.integer("count", 1..=SPINDLES as i64, i64::from(default.count));
+    let orient_offset_degrees = section.number(
+        "orient_offset_degrees",
+        Bound::Size(360.0),
+        default.orient_offset_degrees,
+    );
+    let wait_for_speed = section.flag("wait_for_speed", default.wait_for_speed);
+    let percent = section.number(
+        "speed_tolerance_percent",
+        Bound::Within(0.1, 50.0),
+        default.speed_tolerance * 100.0,
+    );
+    let speed_timeout_s = section.number("speed_timeout_s", Bound::Within(0.1, 600.0), default.speed_timeout_s);
+    let drive = match section.has("drive") {
+        false => Some(None),
+        true => section
+            .section("drive")
+            .and_then(|section| drive(section, nodes))
+            .map(Some),
+    };
+    let encoder = match section.has("encoder") {
+        false => Some(None),
+        true => section
+            .section("encoder")
+            .and_then(|section| encoder(section, nodes))
+            .map(Some),
+    };
+    section.not_yet(&["rpm_min", "orient"]);
+    section.done();
+    Some(Spindle {
+        rpm_max: rpm_max?,
+        count: count? as u8,
+        orient_offset_degrees: orient_offset_degrees?,
+        wait_for_speed: wait_for_speed?,
+        speed_tolerance: percent? / 100.0,
+        speed_timeout_s: speed_timeout_s?,
+        drive: drive?,
+        encoder: encoder?,
+    })
+}
+
+fn drive(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Option<SpindleDrive> {
+    let node = node(&mut section, nodes, |node| node.exchange != Exchange::AsyncOnly);
+    let speed = object(
+        &mut section,
+        "speed",
+        true,
+        node.map(|(_, node)| &node.outputs),
+        "outputs",
+    );
+    section.done();
+    Some(SpindleDrive {
+        node: node?.0,
+        speed: speed??,
+    })
+}
+
+fn encoder(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Option<SpindleEncoder> {
+    let words = [("pins", Source::Pins), ("node", Source::Node)];
+    let source = section.word("source", &words, None)?;
+    let encoder = match source {
+        Source::Pins => Some(SpindleEncoder::Pins),
+        Source::Node => counter(&mut section, nodes).map(SpindleEncoder::Counter),
+    };
+    section.done();
+    encoder
+}
+
+fn counter(section: &mut Section<'_, '_>, nodes: Option<&[Node]>) -> Option<SpindleCounter> {
+    let every_cycle = |node: &Node| matches!(node.exchange, Exchange::Polled | Exchange::Chained);
+    let node = node(section, nodes, every_cycle);
+    let inputs = node.map(|(_, node)| &node.inputs);
+    let counter = object(section, "counter", true, inputs, "inputs");
+    let index = object(section, "index", false, inputs, "inputs");
+    /// A turn in steps of a millionth is finer than any spindle runs round.
+    const COUNTS_MAX: i64 = 100_000_000;
+    let counts = section.integer("counts_per_turn", -COUNTS_MAX..=COUNTS_MAX, None)?;
+    let (node, counter, index) = (node?.0, counter??, index?);
+    let room = 1_i128 << counter.bits;
+    let counts_abs = i128::from(counts.abs());
+    // From one cycle to the next the counter is followed over less than half of its length.
+    let rule = if counts_abs < 4 {
+        "must be at least 4, or at most -4 where the counter counts down with M3".to_owned()
+    } else if index.is_none() && room % counts_abs != 0 {
+        format!(
+            "must be a power of two up to the length of the counter, {counter}: without `index`, its zero is at the index"
+        )
+    } else if counts_abs > room {
+        format!("must not be above the length of the counter, {counter}")
+    } else {
+        return Some(SpindleCounter {
+            node,
+            counter,
+            counts_per_turn: counts as i32,
+            index: match index {
+                Some(index) if index.bits != counter.bits => {
+                    section.wrong("index", format!("must have the length of the counter, {counter}"));
+                    return None;
+                }
+                Some(_) | None => index,
+            },
+        });
+    };
+    section.wrong("counts_per_turn", rule);
+    None
+}
+
+/// The node that `node` names by its id.
+fn node<'n>(
+    section: &mut Section<'_, '_>,
+    nodes: Option<&'n [Node]>,
+    fits: impl Fn(&Node) -> bool,
+) -> Option<(usize, &'n Node)> {
+    let id = section.integer("node", 1..=239, None)?;
+    let (index, node) = nodes?
+        .iter()
+        .enumerate()
+        .find(|(_, node)| i64::from(node.id) == id)
+        .or_else(|| {
+            section.wrong("node", "is no node of the bus");
+            None
+        })?;
+    if !fits(node) {
+        section.wrong("node", "must be a node whose process data are exchanged in every cycle");
+        return None;
+    }
+    Some((index, node))
+}
+
+/// An object that stands in a payload; `Some(None)`: left out.
+fn object(
+    section: &mut Section<'_, '_>,
+    key: &'static str,
+    required: bool,
+    payload: Option<&Vec<Mapped>>,
+    name: &str,
+) -> Option<Option<Mapped>> {
+    let item = match required {
+        true => Some(section.required(key, "an object of the node, like \"0x3000:1\"")?),
+        false => section.optional(key),
+    };
+    let Some(item) = item else { return Some(None) };
+    let text = item.text(&section.key(key))?;
+    let Some((index, sub)) = parse_object(text) else {
+        section.wrong(key, "must be an object like \"0x3000:1\"");
+        return None;
+    };
+    let found = payload?
+        .iter()
+        .find(|object| (object.index, object.sub) == (index, sub));
+    if found.is_none() {
+        section.wrong(key, format!("does not stand among the `{name}` of the node"));
+    }
+    found.map(|object| Some(*object))
+}

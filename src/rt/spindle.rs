@@ -1,0 +1,249 @@
+//! The spindle: what it is told, and what its encoder says.
+//!
+//! In:  actions of the program, samples of the interpolation, the inputs of the nodes, pins.
+//! Out: pins, the object that sets its speed; its place and speed for the interpolation.
+//!
+//! [`Spindle::new`] is made at start-up; the rest is RT.
+
+use super::encoder::{Encoder, Speed};
+use crate::bus::layout::Field;
+use crate::bus::network::NodePlan;
+use crate::bus::{InputImage, NodeIndex, OutputImage};
+use crate::config::{Config, SpindleEncoder};
+use hal_pins::{Hal, HalError, Input, Output};
+use motion::canon::SpindleDirection;
+use motion::rt::{Sample, SpindleFeedback};
+
+/// Distance from the wanted speed that no encoder is fine enough to judge, 1/min.
+const SPEED_SLACK_RPM: f64 = 5.0;
+
+/// What the program wants.
+#[derive(Clone, Copy, Debug)]
+struct Wanted {
+    rpm: f64,
+    direction: SpindleDirection,
+}
+
+/// Where its place comes from.
+enum Source {
+    /// Nowhere.
+    None,
+    /// Components.
+    Pins { revs: Input<f64>, indexed: Input<bool> },
+    /// A counter of a node; shown to components.
+    Counter {
+        encoder: Encoder,
+        revs: Output<f64>,
+        indexed: Output<bool>,
+    },
+}
+
+/// The object that sets the speed.
+struct Drive {
+    node: NodeIndex,
+    speed: Field,
+    /// Value at one turn a minute.
+    per_rpm: f64,
+}
+
+/// A spindle that does not get to its speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Late {
+    /// Wanted, 1/min, above 0 with M3.
+    pub wanted_rpm: f64,
+    /// Measured; `None` without an encoder.
+    pub measured_rpm: Option<f64>,
+}
+
+/// The spindle of the machine.
+pub struct Spindle {
+    on: Output<bool>,
+    forward: Output<bool>,
+    reverse: Output<bool>,
+    speed_out: Output<f64>,
+    speed_in: Output<f64>,
+    at_speed: Input<bool>,
+    source: Source,
+    drive: Option<Drive>,
+
+    cycle_s: f64,
+    rpm_max: f64,
+    tolerance: f64,
+    timeout_s: f64,
+    wanted: Option<Wanted>,
+    /// What it is told now, 1/min, above 0 with M3.
+    rpm: f64,
+    place: SpindleFeedback,
+    speed: Speed,
+    turns_per_cycle: f64,
+    waited_s: f64,
+}
+
+impl Spindle {
+    /// The spindle of the machine file.
+    ///
+    /// # Errors
+    /// Shared memory too small.
+    pub fn new(hal: &mut Hal, config: &Config, plans: &[NodePlan]) -> Result<Spindle, HalError> {
+        let spindle = &config.spindle;
+        let counter = match spindle.encoder {
+            Some(SpindleEncoder::Counter(counter)) => Encoder::new(counter, plans),
+            Some(SpindleEncoder::Pins) | None => None,
+        };
+        let source = match (spindle.encoder, counter) {
+            (Some(SpindleEncoder::Pins), _) => Source::Pins {
+                revs: hal.input("spindle.0.revs", 0.0)?,
+                indexed: hal.input("spindle.0.indexed", false)?,
+            },
+            (_, Some(encoder)) => Source::Counter {
+                encoder,
+                revs: hal.output("spindle.0.revs")?,
+                indexed: hal.output("spindle.0.indexed")?,
+            },
+            (_, None) => Source::None,
+        };
+        let drive = spindle.drive.and_then(|drive| {
+            let speed = plans
+                .get(drive.node)?
+                .outputs
+                .find(drive.speed.index, drive.speed.sub)?;
+            let greatest = (1_u64 << (drive.speed.bits - 1)) - 1;
+            Some(Drive {
+                node: drive.node,
+                speed,
+                per_rpm: greatest as f64 / spindle.rpm_max,
+            })
+        });
+        Ok(Spindle {
+            on: hal.output("spindle.0.on")?,
+            forward: hal.output("spindle.0.forward")?,
+            reverse: hal.output("spindle.0.reverse")?,
+            speed_out: hal.output("spindle.0.speed-out")?,
+            speed_in: hal.output("spindle.0.speed-in")?,
+            at_speed: hal.input("spindle.0.at-speed", true)?,
+            source,
+            drive,
+            cycle_s: f64::from(config.cycle_us) * 1e-6,
+            rpm_max: spindle.rpm_max,
+            tolerance: spindle.speed_tolerance,
+            timeout_s: spindle.speed_timeout_s,
+            wanted: None,
+            rpm: 0.0,
+            place: SpindleFeedback::NONE,
+            speed: Speed::new(),
+            turns_per_cycle: 0.0,
+            waited_s: 0.0,
+        })
+    }
+
+    /// Whether an object of a node is the spindle's own, so that nothing else shows or sets it.
+    pub fn uses(config: &Config, node: NodeIndex, field: &Field) -> bool {
+        let object = field.object;
+        let of_drive = config
+            .spindle
+            .drive
+            .is_some_and(|drive| (drive.node, drive.speed) == (node, object));
+        let of_encoder = match config.spindle.encoder {
+            Some(SpindleEncoder::Counter(counter)) => {
+                counter.node == node && (counter.counter == object || counter.index == Some(object))
+            }
+            Some(SpindleEncoder::Pins) | None => false,
+        };
+        of_drive || of_encoder
+    }
+
+    /// Looks at the encoder. RT.
+    pub fn see(&mut self, inputs: &InputImage) {
+        self.place = match &mut self.source {
+            Source::None => return,
+            Source::Pins { revs, indexed } => SpindleFeedback {
+                turns: revs.get(),
+                indexed: indexed.get(),
+            },
+            Source::Counter { encoder, revs, indexed } => {
+                let place = encoder.read(inputs, self.turns_per_cycle);
+                revs.set(place.turns);
+                indexed.set(place.indexed);
+                place
+            }
+        };
+        self.turns_per_cycle = self.speed.see(&self.place);
+        self.speed_in.set(self.turns_per_cycle / self.cycle_s);
+    }
+
+    /// Where it is. RT.
+    pub fn place(&self) -> &SpindleFeedback {
+        &self.place
+    }
+
+    /// M3, M4, S. RT.
+    pub fn turn(&mut self, rpm: f64, direction: SpindleDirection) {
+        self.wanted = Some(Wanted { rpm, direction });
+        self.waited_s = 0.0;
+        self.tell(None);
+    }
+
+    /// M5. RT.
+    pub fn stop(&mut self) {
+        self.wanted = None;
+        self.tell(None);
+    }
+
+    /// Tells it its direction and speed of this cycle. RT.
+    pub fn steer(&mut self, sample: &Sample) {
+        self.tell(sample.reversal);
+    }
+
+    fn tell(&mut self, reversal: Option<f64>) {
+        self.rpm = self.wanted.map_or(0.0, |wanted| {
+            let rpm = wanted.rpm.min(self.rpm_max);
+            let rpm = match wanted.direction {
+                SpindleDirection::Clockwise => rpm,
+                SpindleDirection::Counterclockwise => -rpm,
+            };
+            // What was programmed is within the highest speed; a quick way back may not be.
+            reversal.map_or(rpm, |scale| (-rpm * scale).clamp(-self.rpm_max, self.rpm_max))
+        });
+        let clockwise = self
+            .wanted
+            .map(|wanted| (wanted.direction == SpindleDirection::Clockwise) == reversal.is_none());
+        self.on.set(clockwise.is_some());
+        self.forward.set(clockwise == Some(true));
+        self.reverse.set(clockwise == Some(false));
+        self.speed_out.set(self.rpm);
+    }
+
+    /// Whether it has the speed that it is told: as the pin says, and the encoder where there is one. RT.
+    pub fn is_at_speed(&mut self) -> bool {
+        let measured = self.measured_rpm();
+        let off = measured.map_or(0.0, |measured| (measured - self.rpm).abs());
+        let slack = SPEED_SLACK_RPM.max(self.rpm.abs() * self.tolerance);
+        let at_speed = self.wanted.is_none() || (self.at_speed.get() && off <= slack);
+        self.waited_s = if at_speed { 0.0 } else { self.waited_s + self.cycle_s };
+        at_speed
+    }
+
+    /// Whether its speed has been waited for too long. RT.
+    pub fn late(&self) -> Option<Late> {
+        (self.waited_s > self.timeout_s).then(|| Late {
+            wanted_rpm: self.rpm,
+            measured_rpm: self.measured_rpm(),
+        })
+    }
+
+    fn measured_rpm(&self) -> Option<f64> {
+        match self.source {
+            Source::None => None,
+            Source::Pins { .. } | Source::Counter { .. } => Some(self.turns_per_cycle / self.cycle_s * 60.0),
+        }
+    }
+
+    /// Writes the object that sets its speed. RT.
+    pub fn write(&self, outputs: &mut OutputImage) {
+        if let Some(drive) = &self.drive {
+            // Within the object's numbers: the speed is at most the highest one.
+            let value = (self.rpm * drive.per_rpm).round() as i64;
+            drive.speed.write(outputs.node_mut(drive.node), value as u64);
+        }
+    }
+}
