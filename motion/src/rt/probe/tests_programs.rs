@@ -44,6 +44,7 @@ impl Rig {
             tolerance_mm: 0.01,
             look_ahead_blocks: 100,
             spindle_encoder: false,
+            await_spindle: false,
             slope,
             start: Position::ZERO,
         };

@@ -1,0 +1,293 @@
+//! Threads and taps on the whole path, on virtual time: program text to simulated drives, spindle and encoder, and back.
+
+use isocnc::config::{self, Config};
+use isocnc::machine::sequence::Outcome;
+use isocnc::machine::state::State;
+use isocnc::rt::shared::Command;
+use isocnc::sim::rehearsal::{Rehearsal, rehearse};
+use isocnc::sim::{Disturbance, NetConfig};
+use motion::canon::Axis;
+use std::path::Path;
+
+const LATHE: &str = include_str!("../configs/lathe2-demo.toml");
+/// The node of the spindle.
+const IO: u8 = 10;
+/// G54 of the machine, along Z.
+const WORK_Z: f64 = -250.0;
+const CYCLES_MAX: u64 = 120_000;
+
+/// What there is to know of one cycle; Z in work coordinates.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    line: u32,
+    x: f64,
+    z: f64,
+    /// As the control reads the encoder.
+    revs: f64,
+    /// As a mark on the chuck would show.
+    turns: f64,
+}
+
+fn lathe() -> Config {
+    config::parse(LATHE, Path::new("lathe2-demo.toml")).unwrap_or_else(|errors| panic!("{errors}"))
+}
+
+fn on_lathe<T>(config: &Config, seed: u64, text: &str, act: impl FnOnce(&mut Rehearsal<'_>) -> T) -> T {
+    println!("seed {seed}");
+    let text = format!("G21 G90 G18 G94 G54 G64\n{text}M5\nM2\n");
+    rehearse(config, text.as_bytes(), NetConfig::clean(seed), |run| Ok(act(run)))
+        .expect("a machine that can be rehearsed")
+}
+
+fn journal(run: &Rehearsal<'_>) -> String {
+    let entries = run.operator.journal().iter();
+    entries
+        .map(|entry| format!("{:9.3} {}\n", entry.time_s, entry.text))
+        .collect()
+}
+
+/// Runs on until `done`, and gives what was seen of the program on the way.
+fn watch(run: &mut Rehearsal<'_>, what: &str, mut done: impl FnMut(&mut Rehearsal<'_>) -> bool) -> Vec<Seen> {
+    let revs = run.hal.reader::<f64>("spindle.0.revs").expect("a pin");
+    let mut seen = Vec::new();
+    let reached = run.run_until(CYCLES_MAX, |run| {
+        if matches!(run.control.state(), State::Running | State::Stopping) {
+            let live = run.operator.live();
+            seen.push(Seen {
+                line: live.line,
+                x: live.position[Axis::X],
+                z: live.position[Axis::Z] - WORK_Z,
+                revs: revs.get(),
+                turns: run.net().machine().spindle_turns(IO).expect("a spindle"),
+            });
+        }
+        done(run)
+    });
+    assert!(reached.expect("a good program"), "never {what}:\n{}", journal(run));
+    seen
+}
+
+fn finish(run: &mut Rehearsal<'_>) -> Vec<Seen> {
+    let seen = watch(run, "over", |run| run.operator.outcome().is_some());
+    println!("{:?}\n{}", run.operator.outcome(), journal(run));
+    seen
+}
+
+fn causes(run: &Rehearsal<'_>) -> Vec<String> {
+    run.operator.alarms().iter().map(|alarm| alarm.cause.clone()).collect()
+}
+
+/// No joint was commanded beyond what it is planned with.
+fn assert_within_limits(run: &Rehearsal<'_>, config: &Config) {
+    for (peaks, joint) in run.control.peaks().iter().zip(&config.joints) {
+        println!("{peaks:?}");
+        assert_eq!(peaks.over, [0; 3], "{peaks:?} over {:?}", joint.limits);
+    }
+}
+
+/// Distances from the pitch, of cycles that are to be in step, as far as whole turns leave them open.
+fn phases<'s>(seen: impl Iterator<Item = &'s Seen>, pitch: f64, turns: impl Fn(&Seen) -> f64) -> Vec<f64> {
+    seen.map(|seen| {
+        let off = seen.z + pitch * turns(seen);
+        off - pitch * (off / pitch).round()
+    })
+    .collect()
+}
+
+fn spread(values: &[f64]) -> f64 {
+    let (low, high) = values
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+            (low.min(*value), high.max(*value))
+        });
+    high - low
+}
+
+const THREAD: &str = "S600 M3\nG0 X10 Z5\nG33 Z-20 K1.5\nG0 X12\nZ5\nX9.5\nG33 Z-20 K1.5\nG0 X12\n";
+
+#[test]
+fn two_passes_of_a_thread_are_in_phase() {
+    let config = lathe();
+    on_lathe(&config, 1, THREAD, |run| {
+        let seen = finish(run);
+        assert_eq!(
+            (run.operator.outcome(), causes(run)),
+            (Some(Outcome::Completed), vec![])
+        );
+        assert_within_limits(run, &config);
+        let mut all = Vec::new();
+        for line in [4, 8] {
+            let pass: Vec<&Seen> = seen
+                .iter()
+                .filter(|seen| seen.line == line && (-19.0..=2.0).contains(&seen.z))
+                .collect();
+            // 21 mm at 15 mm/s.
+            assert!(pass.len().abs_diff(1400) < 20, "{} cycles", pass.len());
+            let read = phases(pass.iter().copied(), 1.5, |seen| seen.revs);
+            let chuck = phases(pass.iter().copied(), 1.5, |seen| seen.turns);
+            println!(
+                "line {line}: off {:.5} mm, at the chuck {:.5} mm",
+                spread(&read),
+                spread(&chuck)
+            );
+            assert!(spread(&read) < 0.002, "{}", spread(&read));
+            all.extend(chuck);
+        }
+        assert!(spread(&all) < 0.003, "passes {} mm apart", spread(&all));
+    });
+}
+
+#[test]
+fn a_tap_follows_the_spindle_into_the_depth_and_back() {
+    let config = lathe();
+    on_lathe(&config, 2, "S300 M3\nG0 X0 Z5\nG33.1 Z-10 K1\n", |run| {
+        let reverse = run.hal.reader::<bool>("spindle.0.reverse").expect("a pin");
+        let mut reversed = 0;
+        let seen = watch(run, "over", |run| {
+            reversed += u32::from(reverse.get());
+            run.operator.outcome().is_some()
+        });
+        assert_eq!(
+            (run.operator.outcome(), causes(run)),
+            (Some(Outcome::Completed), vec![])
+        );
+        assert_within_limits(run, &config);
+        assert!(reversed > 1000, "{reversed} cycles in reverse");
+        let tap: Vec<&Seen> = seen.iter().filter(|seen| seen.line == 4 && seen.z < 3.0).collect();
+        let deepest = tap.iter().map(|seen| seen.z).fold(0.0, f64::min);
+        assert!((-12.0..-10.0).contains(&deepest), "{deepest}");
+        let off = phases(tap.into_iter(), 1.0, |seen| seen.revs);
+        println!("tap: off {:.5} mm, deepest {deepest:.3}", spread(&off));
+        assert!(spread(&off) < 0.02, "{}", spread(&off));
+        let last = seen.iter().rfind(|seen| seen.line == 4).expect("a tap");
+        assert!((last.z - 5.0).abs() < 1e-6, "back at {}", last.z);
+    });
+}
+
+#[test]
+fn the_passes_of_a_threading_cycle_are_in_phase() {
+    let config = lathe();
+    let text = "S480 M3\nG0 X12 Z5\nG76 P1.5 Z-15 I-1 J0.3 R1.5 K0.92 Q0 H1\n";
+    on_lathe(&config, 3, text, |run| {
+        let seen = finish(run);
+        assert_eq!(
+            (run.operator.outcome(), causes(run)),
+            (Some(Outcome::Completed), vec![])
+        );
+        assert_within_limits(run, &config);
+        // On the way in at 12 mm/s; rapid moves are ten times as fast.
+        let cutting = |pair: &&[Seen]| {
+            let step = pair[0].z - pair[1].z;
+            pair[0].line == 4 && (-14.0..=1.0).contains(&pair[0].z) && (0.005..0.03).contains(&step) && pair[0].x < 11.5
+        };
+        let cut: Vec<&Seen> = seen.windows(2).filter(cutting).map(|pair| &pair[0]).collect();
+        let mut depths: Vec<f64> = cut.iter().map(|seen| (seen.x * 1e3).round() / 1e3).collect();
+        depths.dedup();
+        assert!(depths.len() >= 5, "passes at {depths:?}");
+        let off = phases(cut.into_iter(), 1.5, |seen| seen.turns);
+        println!("{} passes: off {:.5} mm", depths.len(), spread(&off));
+        assert!(spread(&off) < 0.005, "{}", spread(&off));
+    });
+}
+
+/// Up to the midst of the move of a line, past a place.
+fn reach_midst(run: &mut Rehearsal<'_>, line: u32, z: f64) {
+    watch(run, "in the midst", |run| {
+        let live = run.operator.live();
+        live.line == line && live.position[Axis::Z] - WORK_Z < z
+    });
+}
+
+#[test]
+fn an_encoder_that_is_lost_stops_the_machine() {
+    let config = lathe();
+    on_lathe(&config, 4, THREAD, |run| {
+        reach_midst(run, 4, -5.0);
+        let now_ns = run.now_ns();
+        run.net().at(now_ns, Disturbance::Unplug { node: IO });
+        let seen = finish(run);
+        assert_eq!(run.operator.outcome(), Some(Outcome::Faulted));
+        assert_eq!(causes(run), ["io (node 10): lost, it does not answer any more"]);
+        assert_within_limits(run, &config);
+        // From 15 mm/s within the limits, after four lost answers.
+        let last = seen.last().expect("a program");
+        assert!((-7.0..-5.0).contains(&last.z), "{last:?}");
+    });
+}
+
+#[test]
+fn a_spindle_that_stands_is_a_fault_and_so_is_one_that_never_turns() {
+    let config = lathe();
+    on_lathe(&config, 5, THREAD, |run| {
+        reach_midst(run, 4, -5.0);
+        run.net().machine_mut().block_spindle(IO, true);
+        finish(run);
+        assert_eq!(run.operator.outcome(), Some(Outcome::Faulted));
+        assert_eq!(
+            causes(run),
+            ["spindle: the spindle stood for 5 s in a move in step with it; expected it to turn"]
+        );
+        assert_within_limits(run, &config);
+    });
+    on_lathe(&config, 6, THREAD, |run| {
+        run.net().machine_mut().block_spindle(IO, true);
+        let seen = finish(run);
+        assert_eq!(run.operator.outcome(), Some(Outcome::Faulted));
+        let causes = causes(run);
+        assert_eq!(causes.len(), 1);
+        assert!(
+            causes[0].starts_with("spindle: turns at 0 1/min, wanted are 600"),
+            "{causes:?}"
+        );
+        assert!(seen.iter().all(|seen| seen.z > 4.9), "cut with a spindle that stands");
+    });
+}
+
+#[test]
+fn a_spindle_without_an_index_is_a_fault() {
+    let text = LATHE.replace("source = \"node\"", "source = \"pins\"");
+    let from = text.find("node = 10\ncounter").expect("the encoder");
+    let text = &text[..from];
+    let config = config::parse(text, Path::new("pins.toml")).unwrap_or_else(|errors| panic!("{errors}"));
+    on_lathe(&config, 7, THREAD, |run| {
+        let mut turns = 0.0;
+        let seen = watch(run, "over", |run| {
+            turns += 0.01;
+            run.hal.set("spindle.0.revs", turns).expect("a pin");
+            run.operator.outcome().is_some()
+        });
+        assert_eq!(run.operator.outcome(), Some(Outcome::Faulted));
+        assert_eq!(
+            causes(run),
+            ["spindle: no index of the spindle within 5 s; expected one each turn"]
+        );
+        assert!(seen.iter().all(|seen| seen.z > 4.9), "cut without an index");
+    });
+}
+
+#[test]
+fn a_stop_ends_a_thread_at_once_and_a_tap_only_out_of_the_work() {
+    let config = lathe();
+    on_lathe(&config, 8, THREAD, |run| {
+        reach_midst(run, 4, -5.0);
+        run.operator.give(Command::Stop);
+        let seen = watch(run, "ready", |run| run.control.state() == State::Ready);
+        assert_eq!(causes(run), [""; 0]);
+        let last = seen.last().expect("a program");
+        assert!((-7.0..-5.0).contains(&last.z), "{last:?}");
+        assert_within_limits(run, &config);
+    });
+    on_lathe(&config, 9, "S300 M3\nG0 X0 Z5\nG33.1 Z-10 K1\n", |run| {
+        reach_midst(run, 4, -5.0);
+        run.operator.give(Command::Stop);
+        let seen = watch(run, "ready", |run| run.control.state() == State::Ready);
+        assert_eq!(causes(run), [""; 0]);
+        let deepest = seen.iter().map(|seen| seen.z).fold(0.0, f64::min);
+        assert!((-8.0..-5.0).contains(&deepest), "{deepest}");
+        let off = phases(seen.iter().filter(|seen| seen.z < 3.0), 1.0, |seen| seen.revs);
+        assert!(spread(&off) < 0.02, "torn by {}", spread(&off));
+        let last = seen.last().expect("a program");
+        assert!((last.z - 5.0).abs() < 1e-6, "back at {}", last.z);
+        assert_within_limits(run, &config);
+    });
+}
