@@ -260,9 +260,14 @@ impl Program {
                 self.spindle
                     .map_or(Ok(None), |direction| rest(Action::SpindleOn { rpm: *rpm, direction }))
             }
-            Call::StartSpindle { direction, .. } => {
+            Call::StartSpindle {
+                direction,
+                wait_for_speed,
+                ..
+            } => {
                 self.spindle = Some(*direction);
-                self.speed_changed = true;
+                // A tap in a floating holder goes back while the spindle still comes to its speed.
+                self.speed_changed = *wait_for_speed;
                 rest(Action::SpindleOn {
                     rpm: self.rpm,
                     direction: *direction,
