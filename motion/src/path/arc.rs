@@ -34,7 +34,9 @@ pub struct Arc {
     /// Radians, greater than 0.
     sweep: f64,
     length: f64,
-    /// Only needed where the radius changes: else length and angle are proportional.
+    /// Length per part of the turn, less at the end than at the beginning by so much, where it changes evenly.
+    slowing: f64,
+    /// Only needed where the radius changes so much that length per angle does not change evenly.
     table: Option<LengthTable>,
 }
 
@@ -82,6 +84,7 @@ impl Arc {
             radius_change,
             sweep,
             length: 0.0,
+            slowing: 0.0,
             table: None,
         }
         .measured()
@@ -89,9 +92,14 @@ impl Arc {
 
     /// Fills in the length.
     fn measured(mut self) -> Option<Arc> {
+        let (begin, end) = (self.speed(0.0), self.speed(1.0));
+        // Part of the length by which it differs from that of an even change of speed: speed² is a parabola.
+        let height = Group::Main.norm(&self.even);
+        let across = (self.radius_change * self.sweep).powi(2) * (self.radius_change.powi(2) + height * height);
         self.table = None;
-        self.length = self.speed(0.0);
-        if self.radius_change != 0.0 {
+        self.slowing = begin - end;
+        self.length = 0.5 * (begin + end);
+        if !(across < 1e-13 * begin.powi(4)) {
             let table = LengthTable::new(|u| self.speed(u));
             self.length = table.length();
             self.table = Some(table);
@@ -109,7 +117,12 @@ impl Arc {
     /// Part of the turn, 0 to 1, at length `s` from its beginning. RT.
     pub(super) fn parameter(&self, s: f64) -> f64 {
         match &self.table {
-            None => s / self.length,
+            None if self.slowing == 0.0 => s / self.length,
+            None => {
+                // Within rounding of its end, the root may pass it.
+                let begin = self.length + 0.5 * self.slowing;
+                (2.0 * s / (begin + (begin * begin - 2.0 * self.slowing * s).sqrt())).min(1.0)
+            }
             Some(table) => table.parameter(s, |u| self.speed(u)),
         }
     }
@@ -140,7 +153,7 @@ impl Arc {
 
     /// Whether the radius is the same all along.
     pub fn is_round(&self) -> bool {
-        self.table.is_none()
+        self.radius_change == 0.0
     }
 
     /// Angle of the whole arc, radians.

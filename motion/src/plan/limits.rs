@@ -68,10 +68,12 @@ impl Bounds {
             }
             Shape::Blend(blend) => {
                 let (first, last) = (blend.jet_at(0.0), blend.jet_at(1.0));
-                let steps = if turning(piece.group(), &first, &last) < 0.3 {
-                    16
-                } else {
-                    64
+                let turning = turning(piece.group(), &first, &last);
+                // The sharper the corner, the shorter the place where most of it turns.
+                let steps = match turning {
+                    ..0.3 => 16,
+                    ..2.0 => 32,
+                    _ => 96,
                 };
                 Bounds::sampled(steps, blend.axes(), |x| blend.jet_at(x))
             }

@@ -97,7 +97,10 @@ pub(in crate::plan) struct Steps {
     fresh: usize,
     /// Nothing follows for now.
     finished: bool,
-    /// Elements of a publication and of the stop behind it: memory that is kept from one to the next.
+    /// Memory that is kept from one call to the next: stretches, runs, and the elements of a publication and of the stop
+    /// behind it.
+    joined: Vec<Joined>,
+    built: Vec<Built>,
     committed: Vec<Element>,
     tail: Vec<Element>,
 }
@@ -106,20 +109,21 @@ impl Steps {
     /// The path goes on.
     pub(in crate::plan) fn push(&mut self, passed: Passed, settings: &Settings) {
         self.finished = false;
-        let mut joined = Vec::new();
+        let mut joined = std::mem::take(&mut self.joined);
         self.kinks.push(passed, settings, &mut joined);
-        self.run(joined, settings);
+        self.run(&mut joined, settings);
+        self.joined = joined;
     }
 
     /// What is known ends at rest, where `element` happens if there is one.
     pub(in crate::plan) fn rest(&mut self, element: Option<Element>, settings: &Settings) {
         let mut joined = Vec::new();
         self.kinks.flush(&mut joined);
-        self.run(joined, settings);
+        self.run(&mut joined, settings);
         let mut built = Vec::new();
         self.runs.flush(settings, &mut built);
         built.push(Built::Stop);
-        self.take(built);
+        self.take(&mut built);
         if element.is_some() {
             self.finished = false;
             self.steps.push_back(Step::new(What::Rest(element)));
@@ -168,16 +172,17 @@ impl Steps {
         }
     }
 
-    fn run(&mut self, joined: Vec<Joined>, settings: &Settings) {
-        let mut built = Vec::new();
-        for joined in joined {
+    fn run(&mut self, joined: &mut Vec<Joined>, settings: &Settings) {
+        let mut built = std::mem::take(&mut self.built);
+        for joined in joined.drain(..) {
             self.runs.push(joined, settings, &mut built);
         }
-        self.take(built);
+        self.take(&mut built);
+        self.built = built;
     }
 
-    fn take(&mut self, built: Vec<Built>) {
-        for built in built {
+    fn take(&mut self, built: &mut Vec<Built>) {
+        for built in built.drain(..) {
             let what = match built {
                 Built::Run(run) => {
                     self.pieces += run.pieces();
