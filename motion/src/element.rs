@@ -35,6 +35,18 @@ pub enum Element {
     },
 }
 
+impl Element {
+    /// Line of the program.
+    pub fn line(&self) -> u32 {
+        match self {
+            Element::Span(span) => span.line,
+            Element::Synced(synced) => synced.line,
+            Element::Probing(probing) => probing.line,
+            Element::Dwell { line, .. } | Element::Action { line, .. } => *line,
+        }
+    }
+}
+
 impl Timed for Element {
     fn duration_s(&self) -> f64 {
         match self {

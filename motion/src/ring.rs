@@ -330,9 +330,42 @@ impl<T: Timed> Consumer<T> {
         Some(element)
     }
 
+    /// What follows, as things are now, without moving on: all of it may be replaced before it is reached. RT.
+    pub fn ahead(&self) -> Ahead<'_, T> {
+        Ahead {
+            consumer: self,
+            at: self.at,
+        }
+    }
+
     /// Seconds of everything published so far, tails that were replaced left out. RT.
     pub fn published_s(&self) -> f64 {
         f64::from_bits(self.shared.published_s.load(Ordering::Relaxed))
+    }
+}
+
+/// A look at what a consumer would come to; see [`Consumer::ahead`].
+#[derive(Debug)]
+pub struct Ahead<'a, T> {
+    consumer: &'a Consumer<T>,
+    at: Option<u64>,
+}
+
+impl<'a, T> Iterator for Ahead<'a, T> {
+    type Item = &'a T;
+
+    fn next(&mut self) -> Option<&'a T> {
+        let shared = &self.consumer.shared;
+        let number = match Next::from_word(shared.next_of(self.at).load(Ordering::Acquire)) {
+            Next::Jump(number) => number,
+            Next::Sequel => self.at.map_or(0, |at| at + 1),
+            // Only what lies before the consumer has been passed.
+            Next::End | Next::Passed => return None,
+        };
+        self.at = Some(number);
+        // SAFETY: a word that was written with Release after the element led here. The producer leaves the slot alone until the
+        // consumer is beyond it, and that is borrowed; a slot that was replaced keeps its element until then as well.
+        Some(unsafe { (*shared.slot(number).element.get()).assume_init_ref() })
     }
 }
 
@@ -389,6 +422,23 @@ mod tests {
         assert_eq!(consumer.advance(), Some(step(1, false)));
         assert_eq!(consumer.advance(), Some(step(2, true)));
         assert_eq!(consumer.advance(), None);
+    }
+
+    #[test]
+    fn what_lies_ahead_can_be_seen_and_replaced() {
+        let (mut producer, mut consumer) = channel(16);
+        let seen = |consumer: &Consumer<Step>| consumer.ahead().copied().collect::<Vec<_>>();
+        assert_eq!(seen(&consumer), []);
+        producer.publish(&[step(0, false), step(1, false)], &[step(2, true)]);
+        assert_eq!(seen(&consumer), [step(0, false), step(1, false), step(2, true)]);
+        consumer.advance();
+        producer.publish(&[step(2, false)], &[step(3, true)]);
+        assert_eq!(seen(&consumer), [step(1, false), step(2, false), step(3, true)]);
+        assert_eq!(producer.publish_after(1, &[step(2, true)], &[]), Publish::Done);
+        assert_eq!(seen(&consumer), [step(1, false), step(2, true)]);
+        consumer.advance();
+        consumer.advance();
+        assert_eq!(seen(&consumer), []);
     }
 
     #[test]
@@ -563,6 +613,7 @@ mod tests {
                 chain.extend(new.map(|(k, step)| (begin + k as u64, step)));
                 tail = 2;
                 prop_assert_eq!(consumer.published_s(), seen + chain.len() as f64);
+                prop_assert!(consumer.ahead().eq(chain.iter().map(|(_, step)| step)));
             }
         }
     }

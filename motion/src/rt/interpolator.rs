@@ -4,12 +4,19 @@
 //! Out: one [`Sample`] per cycle.
 //!
 //! Position always comes from the exact geometry at the place that plan time has reached, so that rounding of time can
-//! never leave the path. RT.
+//! never leave the path.
+//!
+//! With a share below 0 plan time runs backward, over the elements that have been run, from rest and to rest; forward again
+//! it passes the same elements. It comes to rest where there is no way back: where the program began, behind an action or a
+//! move in step with the spindle, or where elements are no longer kept. In single block it comes to rest where the line of
+//! the plan changes, and waits there for [`Interpolator::next_block`]. RT.
 
+use super::braking::SAME_S;
 use super::probe::{Probed, Prober, StopShares};
 use super::scale::ScaleRamp;
 use super::shares::Shares;
 use super::synced::{Follower, SpindleFeedback, SyncFault, SyncReport};
+use super::track::{Track, begins_at_rest};
 use crate::canon::Position;
 use crate::element::{Action, Element, Enables, Probing, Span, Synced};
 use crate::kinematics::ToolFrame;
@@ -18,6 +25,12 @@ use crate::ring::{Consumer, Timed};
 /// Elements that one cycle may pass. A cycle that reaches this many waits for the next one; it takes elements shorter
 /// than a hundredth of a cycle to get there.
 const ELEMENTS_PER_CYCLE: usize = 128;
+
+/// Elements that are kept for the way back: seconds to minutes of motion.
+const KEPT: usize = 4096;
+
+/// Elements ahead among which the end of a block is looked for in one cycle.
+const BLOCK_ELEMENTS: usize = 256;
 
 /// What the interpolation is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,16 +90,32 @@ impl Sample {
     }
 }
 
+/// Where plan time is to end for now.
+#[derive(Clone, Copy, Debug)]
+struct End {
+    /// Number of the element behind it.
+    next: u64,
+    /// Plan time until there, s.
+    way_s: f64,
+    /// Whether the plan itself is at rest there.
+    rests: bool,
+}
+
 /// Runs down the plan.
 #[derive(Debug)]
 pub struct Interpolator {
-    consumer: Consumer<Element>,
+    track: Track,
     ramp: ScaleRamp,
-    current: Option<Element>,
     /// Plan time since the beginning of the current element, s.
     time_s: f64,
-    /// Plan time of the elements that are over, s.
+    /// Plan time of the elements before it, s.
     done_s: f64,
+    backward: bool,
+    single_block: bool,
+    /// At rest at the end of a block, or of the way back.
+    arrived: bool,
+    /// The end of the block before may be left.
+    leaves: bool,
     follower: Follower,
     prober: Prober,
     sample: Sample,
@@ -95,18 +124,26 @@ pub struct Interpolator {
 impl Interpolator {
     /// At rest at `start` (machine position), before the first element.
     pub fn new(consumer: Consumer<Element>, start: Position, ramp: ScaleRamp) -> Interpolator {
+        Interpolator::keeping(KEPT, consumer, start, ramp)
+    }
+
+    /// The same with as many elements kept for the way back.
+    fn keeping(kept: usize, consumer: Consumer<Element>, start: Position, ramp: ScaleRamp) -> Interpolator {
         let sample = Sample {
             state: SampleState::Starved,
             ..Sample::resting(start)
         };
         Interpolator {
-            consumer,
+            track: Track::new(consumer, kept),
             follower: Follower::new(ramp.cycle_s()),
             prober: Prober::new(ramp.cycle_s()),
             ramp,
-            current: None,
             time_s: 0.0,
             done_s: 0.0,
+            backward: false,
+            single_block: false,
+            arrived: false,
+            leaves: false,
             sample,
         }
     }
@@ -122,7 +159,7 @@ impl Interpolator {
 
     /// Whether a probing move is under way, which wants [`Interpolator::see_probe`] before every step. RT.
     pub fn is_probing(&self) -> bool {
-        matches!(self.current, Some(Element::Probing(_)))
+        matches!(self.track.current(), Some(Element::Probing(_)))
     }
 
     /// What was read in this cycle: whether the probe is in contact, and where the axes were then. RT.
@@ -135,59 +172,27 @@ impl Interpolator {
         self.step_with(scale, &SpindleFeedback::NONE)
     }
 
-    /// One cycle further. `scale`: wanted share of the planned speed, 0 (hold) to 1; of no effect on a move in step with the
-    /// spindle that has begun. RT.
+    /// One cycle further. `scale`: wanted share of the planned speed, from 1 over 0 (hold) to -1 (backward); of no effect on a
+    /// move in step with the spindle that has begun. RT.
     pub fn step_with(&mut self, scale: f64, spindle: &SpindleFeedback) -> Sample {
         self.step_shares(&Shares::all(scale), spindle)
     }
 
-    /// The same with shares that depend on what the machine is at. RT.
+    /// The same with shares that depend on what the machine is at; backward with [`Shares::all`] below 0. RT.
     pub fn step_shares(&mut self, wanted: &Shares, spindle: &SpindleFeedback) -> Sample {
         self.follower.see(spindle);
-        let scale = wanted.on(self.current.as_ref(), self.sample.enables);
+        let scale = wanted.on(self.track.current(), self.sample.enables);
+        let share = self.turn(scale);
+        let end = self.end();
         if self.at_planned_rest() {
-            // Nothing moves, so that the share may change at once.
-            self.ramp.jump(scale);
+            self.change_at_once(share, end);
         }
-        let passed_s = self.ramp.step(scale);
-        let mut plan_s = passed_s;
-        for _ in 0..ELEMENTS_PER_CYCLE {
-            match self.current {
-                None => {
-                    if self.sample.state == SampleState::Finished || !self.advance() {
-                        break;
-                    }
-                    plan_s = self.share_from_rest(wanted, plan_s, passed_s);
-                }
-                Some(Element::Action { .. }) => break,
-                Some(Element::Synced(_)) => {
-                    if scale > 0.0 || !self.follower.is_waiting() {
-                        self.follower.step(spindle);
-                    }
-                    if self.follower.is_over() && self.follower.fault().is_none() {
-                        self.advance();
-                    }
-                    break;
-                }
-                Some(Element::Probing(probing)) => {
-                    self.prober.step(&probing, scale == 0.0);
-                    if self.prober.take_result() {
-                        self.advance();
-                    }
-                    break;
-                }
-                Some(element @ (Element::Span(_) | Element::Dwell { .. })) => {
-                    let rest_s = element.duration_s() - self.time_s;
-                    if plan_s < rest_s {
-                        self.time_s += plan_s;
-                        break;
-                    }
-                    plan_s -= rest_s.max(0.0);
-                    if !self.advance() {
-                        break;
-                    }
-                    plan_s = self.share_from_rest(wanted, plan_s, passed_s);
-                }
+        let plan_s = self.plan_time(share, end);
+        if !self.arrived {
+            if self.backward {
+                self.run_backward(plan_s, scale, spindle);
+            } else {
+                self.run_forward(plan_s, end, wanted, spindle);
             }
         }
         self.evaluate();
@@ -201,8 +206,8 @@ impl Interpolator {
 
     /// The action of the last sample is done. RT.
     pub fn acknowledge_action(&mut self) {
-        if let Some(Element::Action { action, .. }) = self.current {
-            self.current = None;
+        if let Some(&Element::Action { action, .. }) = self.track.current() {
+            self.track.leave();
             self.sample.action = None;
             self.sample.state = if action == Action::ProgramEnd {
                 SampleState::Finished
@@ -210,6 +215,33 @@ impl Interpolator {
                 SampleState::Starved
             };
         }
+    }
+
+    /// Single block: comes to rest at the end of each block, where the line of the plan changes; where that comes sooner than
+    /// the machine can stop, at the end of the following one. RT.
+    pub fn set_single_block(&mut self, on: bool) {
+        self.single_block = on;
+        if !on && !self.backward {
+            self.arrived = false;
+        }
+    }
+
+    /// Whether it waits at the end of a block. RT.
+    pub fn is_block_over(&self) -> bool {
+        self.arrived && !self.backward
+    }
+
+    /// Lets the block behind the one that is over begin. RT.
+    pub fn next_block(&mut self) {
+        if self.is_block_over() {
+            self.arrived = false;
+            self.leaves = true;
+        }
+    }
+
+    /// Whether it waits at the end of the way back. RT.
+    pub fn is_way_back_over(&self) -> bool {
+        self.arrived && self.backward
     }
 
     /// Ends a move in step with the spindle that is under way, as [`Follower::give_up`] says. Any other is held by its share. RT.
@@ -224,12 +256,12 @@ impl Interpolator {
 
     /// Planned motion still to come, as far as it has been planned yet, s. RT.
     pub fn remaining_s(&self) -> f64 {
-        (self.consumer.published_s() - self.done_s - self.time_s).max(0.0)
+        (self.track.published_s() - self.done_s - self.time_s).max(0.0)
     }
 
-    /// Whether nothing moves and nothing will before a step with a share above 0. RT.
+    /// Whether nothing moves and nothing will before a step with a share other than 0. RT.
     pub fn is_at_rest(&self) -> bool {
-        match self.current {
+        match self.track.current() {
             Some(Element::Synced(_)) => {
                 self.follower.is_over() || (self.follower.is_waiting() && self.ramp.is_at_rest())
             }
@@ -242,7 +274,7 @@ impl Interpolator {
 
     /// Whether the share of the planned speed is on its way to another one, or a probing move stops at its contact. RT.
     pub fn is_scaling(&self) -> bool {
-        match self.current {
+        match self.track.current() {
             Some(Element::Probing(_)) => self.prober.is_stopping(),
             None | Some(Element::Span(_) | Element::Synced(_) | Element::Dwell { .. } | Element::Action { .. }) => {
                 !self.at_planned_rest() && self.ramp.is_changing()
@@ -257,29 +289,226 @@ impl Interpolator {
 
     /// Whether the plan itself stands still, or moves, whatever the share of its speed: that may change at once.
     fn at_planned_rest(&self) -> bool {
-        match self.current {
+        match self.track.current() {
             None | Some(Element::Action { .. } | Element::Dwell { .. } | Element::Synced(_) | Element::Probing(_)) => {
                 true
             }
-            Some(Element::Span(span)) => self.time_s == 0.0 && span.v0 == 0.0 && span.a0 == 0.0,
+            Some(Element::Span(span)) => self.time_s == 0.0 && begins_at_rest(span),
         }
     }
 
-    /// A move that begins at rest has its share at once, which may be none: gives what of it passes in this cycle, of which
-    /// `plan_s` out of `passed_s` was left with the share before.
-    fn share_from_rest(&mut self, wanted: &Shares, plan_s: f64, passed_s: f64) -> f64 {
-        let share = wanted.on(self.current.as_ref(), self.sample.enables);
-        if !self.at_planned_rest() || (share == self.ramp.share() && !self.ramp.is_changing()) {
-            return plan_s;
+    /// Takes the direction that is wanted, at rest; gives the share that is wanted in the direction of the moment.
+    fn turn(&mut self, scale: f64) -> f64 {
+        let backward = scale < 0.0 || (scale == 0.0 && self.backward);
+        if backward != self.backward && (self.ramp.is_at_rest() || self.at_planned_rest()) {
+            self.backward = backward;
+            (self.arrived, self.leaves) = (false, false);
         }
+        if self.arrived || backward != self.backward {
+            0.0
+        } else {
+            scale.abs()
+        }
+    }
+
+    /// Where plan time is to end for now, if that is near.
+    fn end(&self) -> Option<End> {
+        match (self.backward, self.single_block) {
+            (true, _) => Some(End {
+                next: 0,
+                way_s: self.track.way_back_s(self.time_s),
+                rests: self.track.rests_at_floor(),
+            }),
+            (false, true) => self.block_end(),
+            (false, false) => None,
+        }
+    }
+
+    /// The end of the block under way: the next change of line at which there can be a stop.
+    fn block_end(&self) -> Option<End> {
+        let mut following = self.track.following();
+        let mut next = self.track.next();
+        let (mut before, mut way_s) = match self.track.current().filter(|_| !self.leaves) {
+            Some(element) => (element, element.duration_s() - self.time_s),
+            None => {
+                let begun = following.next()?;
+                let before = self.track.last().filter(|_| !self.leaves);
+                if before.is_some_and(|before| before.line() != begun.line()) {
+                    let (way_s, rests) = (0.0, true);
+                    return Some(End { next, way_s, rests });
+                }
+                next += 1;
+                (begun, begun.duration_s())
+            }
+        };
+        for element in following.take(BLOCK_ELEMENTS) {
+            if element.line() != before.line() {
+                let rests = match (before, element) {
+                    (Element::Span(_), Element::Span(span)) => begins_at_rest(span),
+                    _ => true,
+                };
+                if rests || self.ramp.can_rest_in(way_s) {
+                    return Some(End { next, way_s, rests });
+                }
+            }
+            // There the share may change at once, and the rest of the way is looked at again. Nor is what is far of interest.
+            let stands = !matches!(element, Element::Span(_) | Element::Dwell { .. });
+            if stands || way_s > 2.0 * self.ramp.ramp_s() {
+                return None;
+            }
+            way_s += element.duration_s();
+            next += 1;
+            before = element;
+        }
+        None
+    }
+
+    /// Nothing moves, so that the share may change at once, unless the way is too short to come down from it.
+    fn change_at_once(&mut self, share: f64, end: Option<End>) {
         self.ramp.jump(share);
-        let left = if passed_s > 0.0 { plan_s / passed_s } else { 0.0 };
-        share * left * self.ramp.cycle_s()
+        if end.is_some_and(|end| !end.rests && !self.ramp.can_rest_in(end.way_s)) {
+            self.ramp.jump(0.0);
+        }
+    }
+
+    /// Plan time that passes in this cycle, s.
+    fn plan_time(&mut self, share: f64, end: Option<End>) -> f64 {
+        let Some(End { way_s, .. }) = end.filter(|end| !end.rests) else {
+            return self.ramp.step(share);
+        };
+        let passed_s = self.ramp.step_within(share, way_s);
+        if self.ramp.is_at_rest() && way_s - passed_s <= SAME_S {
+            // Just to the end, whatever the sum of the durations on the way.
+            f64::INFINITY
+        } else {
+            passed_s
+        }
+    }
+
+    fn run_forward(&mut self, passed_s: f64, end: Option<End>, wanted: &Shares, spindle: &SpindleFeedback) {
+        let (mut plan_s, mut end) = (passed_s, end);
+        let scale = wanted.on(self.track.current(), self.sample.enables);
+        for _ in 0..ELEMENTS_PER_CYCLE {
+            match self.track.current() {
+                None if self.sample.state == SampleState::Finished => break,
+                None => {}
+                Some(Element::Action { .. }) => break,
+                Some(Element::Synced(_)) => {
+                    self.step_synced(scale, spindle);
+                    if !self.follower.is_over() || self.follower.fault().is_some() {
+                        break;
+                    }
+                }
+                Some(Element::Probing(probing)) => {
+                    self.prober.step(probing, scale <= 0.0);
+                    if !self.prober.take_result() {
+                        break;
+                    }
+                }
+                Some(element @ (Element::Span(_) | Element::Dwell { .. })) => {
+                    let rest_s = element.duration_s() - self.time_s;
+                    if plan_s < rest_s {
+                        self.time_s += plan_s;
+                        break;
+                    }
+                    plan_s -= rest_s.max(0.0);
+                }
+            }
+            if let Some(end) = end
+                && end.next == self.track.next()
+            {
+                self.arrive(end.rests);
+                break;
+            }
+            // Behind what ends where a spindle or a probe will, the next element begins in the next cycle.
+            let apart = matches!(self.track.current(), Some(Element::Synced(_) | Element::Probing(_)));
+            if !self.advance() || apart {
+                break;
+            }
+            let share = wanted.on(self.track.current(), self.sample.enables);
+            if self.at_planned_rest() && (share != self.ramp.share() || self.ramp.is_changing()) {
+                // A move that begins at rest has its share at once, which may be none.
+                end = self.end();
+                self.change_at_once(share, end);
+                let left = if passed_s > 0.0 {
+                    (plan_s / passed_s).min(1.0)
+                } else {
+                    0.0
+                };
+                plan_s = self.ramp.share() * left * self.ramp.cycle_s();
+            }
+        }
+    }
+
+    fn run_backward(&mut self, plan_s: f64, scale: f64, spindle: &SpindleFeedback) {
+        let mut plan_s = plan_s;
+        for _ in 0..ELEMENTS_PER_CYCLE {
+            match self.track.current() {
+                Some(Element::Synced(_)) if !(self.follower.is_over() || self.follower.is_waiting()) => {
+                    self.step_synced(scale, spindle);
+                    break;
+                }
+                Some(Element::Probing(probing)) if !self.prober.is_at_rest() => {
+                    self.prober.step(probing, scale <= 0.0);
+                    break;
+                }
+                Some(Element::Span(_)) => {
+                    if plan_s < self.time_s {
+                        self.time_s -= plan_s;
+                        break;
+                    }
+                    plan_s -= self.time_s;
+                    self.time_s = 0.0;
+                }
+                None
+                | Some(Element::Dwell { .. } | Element::Action { .. } | Element::Synced(_) | Element::Probing(_)) => {}
+            }
+            if plan_s <= 0.0 {
+                break;
+            }
+            if !self.retreat() {
+                self.arrived = true;
+                self.ramp.jump(0.0);
+                break;
+            }
+        }
+    }
+
+    /// A hold acts on a move in step with the spindle only while it waits for the index; and there is no way back on it.
+    fn step_synced(&mut self, scale: f64, spindle: &SpindleFeedback) {
+        if scale > 0.0 || !self.follower.is_waiting() {
+            self.follower.step(spindle);
+        }
+    }
+
+    /// Comes to rest at the end of a block.
+    fn arrive(&mut self, rests: bool) {
+        self.arrived = true;
+        self.ramp.jump(0.0);
+        if rests {
+            self.pass();
+        } else if let Some(element) = self.track.current() {
+            self.time_s = element.duration_s();
+        }
     }
 
     /// Goes on to the next element; where there is none, the end of the last one is the rest. RT.
     fn advance(&mut self) -> bool {
-        if let Some(element) = self.current.take() {
+        self.pass();
+        let next = self.track.forward();
+        let goes_on = next.is_some();
+        match next {
+            Some(Element::Synced(synced)) => self.follower.begin(synced),
+            Some(Element::Probing(probing)) => self.prober.begin(probing),
+            None | Some(Element::Span(_) | Element::Dwell { .. } | Element::Action { .. }) => {}
+        }
+        self.leaves &= !goes_on;
+        goes_on
+    }
+
+    /// The current element is over; its end is shown until another one begins.
+    fn pass(&mut self) {
+        if let Some(&element) = self.track.current() {
             self.done_s += element.duration_s();
             match element {
                 Element::Span(span) => self.show(&span, span.duration_s, 0.0),
@@ -287,15 +516,21 @@ impl Interpolator {
                 Element::Probing(probing) => self.show_probing(&probing),
                 Element::Dwell { .. } | Element::Action { .. } => {}
             }
+            self.track.leave();
         }
         self.time_s = 0.0;
-        self.current = self.consumer.advance();
-        match &self.current {
-            Some(Element::Synced(synced)) => self.follower.begin(synced),
-            Some(Element::Probing(probing)) => self.prober.begin(probing),
-            None | Some(Element::Span(_) | Element::Dwell { .. } | Element::Action { .. }) => {}
-        }
-        self.current.is_some()
+    }
+
+    /// Goes back to the end of the element before. RT.
+    fn retreat(&mut self) -> bool {
+        let Some(element) = self.track.back() else { return false };
+        self.done_s -= element.duration_s();
+        self.time_s = match element {
+            Element::Span(span) => span.duration_s,
+            // Run forward again, it waits again.
+            Element::Dwell { .. } | Element::Action { .. } | Element::Synced(_) | Element::Probing(_) => 0.0,
+        };
+        true
     }
 
     fn evaluate(&mut self) {
@@ -303,7 +538,7 @@ impl Interpolator {
         self.sample.reversal = None;
         self.sample.fault = None;
         self.sample.velocity_mm_s = 0.0;
-        match self.current {
+        match self.track.current().copied() {
             Some(Element::Span(span)) => {
                 let speed = span.speed(self.time_s).max(0.0) * self.ramp.share();
                 self.show(&span, self.time_s, speed);
@@ -331,7 +566,11 @@ impl Interpolator {
             }
             None => {
                 if self.sample.state != SampleState::Finished {
-                    self.sample.state = SampleState::Starved;
+                    self.sample.state = if self.arrived {
+                        SampleState::Moving
+                    } else {
+                        SampleState::Starved
+                    };
                 }
             }
         }
@@ -365,207 +604,6 @@ impl Interpolator {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::path::Piece;
-    use crate::ring::{self, Producer, Publish, Sink};
-    use crate::rt::{MotionLimits, StopLimits};
-
-    const CYCLE_S: f64 = 1e-3;
-
-    fn rig() -> (Producer<Element>, Interpolator) {
-        let (producer, consumer) = ring::channel(64);
-        let plan = MotionLimits {
-            velocity: 100.0,
-            acceleration: 1000.0,
-            jerk: 20_000.0,
-        };
-        let stop = StopLimits {
-            acceleration: 2000.0,
-            jerk: 80_000.0,
-        };
-        (
-            producer,
-            Interpolator::new(consumer, Position::ZERO, ScaleRamp::new(&[(plan, stop)], CYCLE_S)),
-        )
-    }
-
-    /// Rest to rest over 1 mm along X in 0.2 s: jerk +J, -J, -J, +J of 50 ms each, J = 1/(2 t³) with t = 50 ms.
-    fn there(from_mm: f64, line: u32) -> [Element; 4] {
-        let (t, jerk) = (0.05, 4000.0);
-        let piece = Piece::line(Position::xyz(from_mm, 0.0, 0.0), Position::xyz(from_mm + 1.0, 0.0, 0.0)).unwrap();
-        let (mut s0, mut v0, mut a0) = (0.0, 0.0, 0.0);
-        [jerk, -jerk, -jerk, jerk].map(|jerk| {
-            let span = Span {
-                piece,
-                s0,
-                v0,
-                a0,
-                jerk,
-                gradient: 0.0,
-                duration_s: t,
-                line,
-                rapid: false,
-                enables: Enables::default(),
-            };
-            (s0, v0, a0) = (span.place(t), span.speed(t), a0 + jerk * t);
-            Element::Span(span)
-        })
-    }
-
-    #[test]
-    fn the_plan_is_followed_in_its_time_and_ends_at_its_end() {
-        let (mut producer, mut interpolator) = rig();
-        assert_eq!(producer.publish(&there(0.0, 7), &[]), Publish::Done);
-        assert_eq!(interpolator.remaining_s(), 0.2);
-        let samples: Vec<Sample> = (0..=200).map(|_| interpolator.step(1.0)).collect();
-        // Half of the way at half of the time, by symmetry.
-        assert!((samples[99].position.0[0] - 0.5).abs() < 1e-12);
-        assert!((samples[99].velocity_mm_s - 10.0).abs() < 1e-9);
-        assert_eq!((samples[99].line, samples[99].state), (7, SampleState::Moving));
-        assert!((samples[200].position.0[0] - 1.0).abs() < 1e-12);
-        assert_eq!(samples[200].state, SampleState::Starved);
-        assert!(interpolator.remaining_s() < 1e-9);
-    }
-
-    #[test]
-    fn a_hold_rests_on_the_path_and_a_resume_reaches_the_same_end() {
-        let (mut producer, mut interpolator) = rig();
-        producer.publish(&there(0.0, 1), &[]);
-        for _ in 0..60 {
-            interpolator.step(1.0);
-        }
-        let cycles = (interpolator.ramp_s() / CYCLE_S) as usize + 40;
-        for _ in 0..cycles {
-            interpolator.step(0.0);
-        }
-        assert!(interpolator.is_at_rest());
-        let held = interpolator.step(0.0);
-        assert!(held.position.0[0] > 0.0 && held.position.0[0] < 1.0 && held.velocity_mm_s == 0.0);
-        assert_eq!(interpolator.step(0.0), held);
-        let last = (0..2000).map(|_| interpolator.step(1.0)).last().unwrap();
-        assert!((last.position.0[0] - 1.0).abs() < 1e-12);
-    }
-
-    #[test]
-    fn an_action_waits_at_rest_until_it_is_acknowledged() {
-        let (mut producer, mut interpolator) = rig();
-        let action = Action::ChangeTool { tool: 3 };
-        let mut plan = there(0.0, 1).to_vec();
-        plan.push(Element::Action { action, line: 2 });
-        plan.extend(there(1.0, 3));
-        plan.push(Element::Action {
-            action: Action::ProgramEnd,
-            line: 4,
-        });
-        producer.publish(&plan, &[]);
-        let mut sample = Sample::resting(Position::ZERO);
-        for _ in 0..500 {
-            sample = interpolator.step(1.0);
-        }
-        assert_eq!(
-            (sample.action, sample.state, sample.line),
-            (Some(action), SampleState::Acting, 2)
-        );
-        assert!((sample.position.0[0] - 1.0).abs() < 1e-12);
-        interpolator.acknowledge_action();
-        for _ in 0..300 {
-            sample = interpolator.step(1.0);
-        }
-        assert_eq!(sample.action, Some(Action::ProgramEnd));
-        interpolator.acknowledge_action();
-        sample = interpolator.step(1.0);
-        assert_eq!(sample.state, SampleState::Finished);
-        assert!((sample.position.0[0] - 2.0).abs() < 1e-12);
-    }
-
-    /// Steps until nothing changes any more for a while; how many there were until then.
-    fn run_down(interpolator: &mut Interpolator, wanted: &Shares) -> usize {
-        let (mut cycles, mut before) = (0, interpolator.position());
-        for cycle in 1..3000 {
-            let sample = interpolator.step_shares(wanted, &SpindleFeedback::NONE);
-            if sample.position != before {
-                (cycles, before) = (cycle, sample.position);
-            }
-        }
-        cycles
-    }
-
-    fn as_move(elements: [Element; 4], rapid: bool, enables: Enables) -> [Element; 4] {
-        elements.map(|element| match element {
-            Element::Span(span) => Element::Span(Span { rapid, enables, ..span }),
-            other => other,
-        })
-    }
-
-    #[test]
-    fn each_kind_of_move_has_its_own_share_and_a_feed_move_of_none_is_not_begun() {
-        let (mut producer, mut interpolator) = rig();
-        let off = Enables {
-            feed_override: false,
-            ..Enables::INITIAL
-        };
-        let mut plan = as_move(there(0.0, 1), true, Enables::INITIAL).to_vec();
-        plan.extend(there(1.0, 2));
-        plan.extend(as_move(there(2.0, 3), false, off));
-        producer.publish(&plan, &[]);
-        let shares = |feed, rapid| Shares {
-            feed,
-            rapid,
-            ..Shares::FULL
-        };
-        // 0.2 s at half of the speed, then exactly at the end of the rapid move.
-        assert_eq!(run_down(&mut interpolator, &shares(0.0, 0.5)), 400);
-        assert_eq!(interpolator.position().0[0], 1.0);
-        assert!(interpolator.is_at_rest() && interpolator.sample.line == 2);
-        // A quarter on the feed move, all of the speed where overrides do not act; the last one ends where it should.
-        assert_eq!(run_down(&mut interpolator, &shares(0.25, 0.0)), 1000);
-        assert!((interpolator.position().0[0] - 3.0).abs() < 1e-12);
-    }
-
-    #[test]
-    fn the_machine_adapts_the_feed_and_the_switch_holds_where_the_program_lets_them() {
-        let adaptive = Enables {
-            adaptive_feed: true,
-            ..Enables::INITIAL
-        };
-        let deaf = Enables {
-            feed_hold: false,
-            ..Enables::INITIAL
-        };
-        let wanted = |switch, adaptive| Shares {
-            switch,
-            adaptive,
-            ..Shares::FULL
-        };
-        let cases = [
-            (Enables::INITIAL, wanted(1.0, 0.5), 200),
-            (adaptive, wanted(1.0, 0.5), 400),
-            (Enables::INITIAL, wanted(0.0, 1.0), 0),
-            (adaptive, wanted(1.0, 0.0), 0),
-            // Before the first move the switch acts, as when any program begins: that costs a cycle.
-            (deaf, wanted(0.0, 0.5), 201),
-        ];
-        for (enables, wanted, cycles) in cases {
-            let (mut producer, mut interpolator) = rig();
-            producer.publish(&as_move(there(0.0, 1), false, enables), &[]);
-            assert_eq!(run_down(&mut interpolator, &wanted), cycles, "{enables:?} {wanted:?}");
-        }
-    }
-
-    #[test]
-    fn a_dwell_takes_its_time() {
-        let (mut producer, mut interpolator) = rig();
-        producer.publish(
-            &[Element::Dwell {
-                seconds: 0.0505,
-                line: 1,
-            }],
-            &[],
-        );
-        let dwelling = (0..100)
-            .filter(|_| interpolator.step(1.0).state == SampleState::Dwelling)
-            .count();
-        assert_eq!(dwelling, 50);
-    }
-}
+mod tests;
+#[cfg(test)]
+mod tests_way;

@@ -17,6 +17,7 @@ pub mod probe;
 mod scale;
 mod shares;
 mod synced;
+mod track;
 
 pub use interpolator::{Interpolator, Sample, SampleState};
 pub use joint_compensation::{JointCompensation, PitchError, PitchRow, PitchTable, TakeUpLimits};
