@@ -63,6 +63,7 @@ fn planned(calls: &[Call], slope: Slope) -> (Vec<Element>, Consumer<Element>) {
         tolerance_mm: 0.05,
         look_ahead_blocks: 200,
         spindle_encoder: false,
+        await_spindle: false,
         slope,
         start: Position::ZERO,
     };
