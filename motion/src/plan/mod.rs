@@ -22,6 +22,7 @@
 pub mod check;
 pub mod classic;
 pub mod deviation;
+mod curve;
 mod frame;
 pub mod joint_space;
 mod kinks;
