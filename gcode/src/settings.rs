@@ -20,9 +20,12 @@ pub enum CompensatedPath {
 /// How curves (G5 to G5.3) are told.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Splines {
-    /// As what they are, by [`motion::canon::Call::NurbsFeed`]: for those who show a program.
+    /// As what they are, by [`motion::canon::Call::NurbsFeed`]: for those who show a program. In G93, LinuxCNC tells no feed
+    /// with them, and neither does this.
     #[default]
     Nurbs,
+    /// The same for a planner: in G93 with the feed that makes a curve take the time on its line.
+    Timed,
     /// By arcs and lines: for a planner that knows nothing else.
     Arcs {
         /// How far they may leave the curve, mm, above 0.

@@ -22,9 +22,6 @@ use std::thread::available_parallelism;
 /// Canonical calls that one call of [`Feeder::pump`] takes at the most.
 const EVENTS_PER_PUMP: usize = 256;
 
-/// How far the arcs of a curve (G5 to G5.3) may leave it, mm: as much as drives resolve.
-const CURVE_TOLERANCE_MM: f64 = 0.001;
-
 /// Why a program cannot be run; shown with its place in the text.
 #[derive(Debug)]
 pub struct ProgramErrors {
@@ -293,12 +290,10 @@ pub fn home(config: &Config) -> Position {
         .unwrap_or_default()
 }
 
-/// Settings of a program that is planned: curves come as arcs.
+/// Settings of a program that is planned.
 fn planned_settings(config: &Config, tables: &Tables, start: Position) -> gcode::Settings {
     gcode::Settings {
-        splines: gcode::Splines::Arcs {
-            tolerance_mm: CURVE_TOLERANCE_MM,
-        },
+        splines: gcode::Splines::Timed,
         ..settings_with(config, tables, start)
     }
 }

@@ -87,6 +87,47 @@ impl Blend {
         q
     }
 
+    /// Least and greatest position of an axis, within 1e-9.
+    ///
+    /// Halved until the Bézier points of a part, between which the curve lies, are in order or not beyond what is known.
+    pub fn reach(&self, axis: usize) -> (f64, f64) {
+        const NEAR: f64 = 1e-9;
+        /// Parts of 1/2^20 of a curve differ from their chord by its 2^40th part.
+        const HALVINGS: u32 = 20;
+        fn look(points: [f64; 6], halvings: u32, low: &mut f64, high: &mut f64) {
+            *low = low.min(points[0]).min(points[5]);
+            *high = high.max(points[0]).max(points[5]);
+            let inside = points.iter().all(|x| (*low - NEAR..=*high + NEAR).contains(x));
+            if inside || halvings == 0 {
+                return;
+            }
+            let (mut level, mut halves) = (points, [points; 2]);
+            for step in 0..6 {
+                halves[0][step] = level[0];
+                halves[1][5 - step] = level[5 - step];
+                for at in 0..5 - step {
+                    level[at] = 0.5 * (level[at] + level[at + 1]);
+                }
+            }
+            for half in halves {
+                look(half, halvings - 1, low, high);
+            }
+        }
+        let c = |k: usize| self.c[k][axis];
+        // u^k is the sum of (i over k) / (5 over k) of the Bernstein polynomials from i = k on.
+        let points = [
+            c(0),
+            c(0) + c(1) / 5.0,
+            c(0) + 2.0 * c(1) / 5.0 + c(2) / 10.0,
+            c(0) + 3.0 * c(1) / 5.0 + 3.0 * c(2) / 10.0 + c(3) / 10.0,
+            c(0) + 4.0 * c(1) / 5.0 + 6.0 * c(2) / 10.0 + 4.0 * c(3) / 10.0 + c(4) / 5.0,
+            c(0) + c(1) + c(2) + c(3) + c(4) + c(5),
+        ];
+        let (mut low, mut high) = (points[0].min(points[5]), points[0].max(points[5]));
+        look(points, HALVINGS, &mut low, &mut high);
+        (low, high)
+    }
+
     /// Axes behind which none moves.
     pub fn axes(&self) -> usize {
         if self.main_only { 3 } else { AXES }

@@ -41,7 +41,9 @@ pub fn deviation(samples: &[Position], path: &[Programmed], tolerance_mm: f64) -
         .collect();
     let points = pieces.iter().flat_map(|piece| {
         let count = match piece.shape() {
-            Shape::Line(_) | Shape::Blend(_) => 1,
+            Shape::Line(_) => 1,
+            // It turns by half a radian or so.
+            Shape::Blend(_) => 4,
             Shape::Arc(arc) => (arc.sweep_rad() * 2.0).ceil() as usize,
         };
         (0..=count).map(move |k| piece.position(piece.length() * k as f64 / count as f64))

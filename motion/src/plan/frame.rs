@@ -32,6 +32,13 @@ impl Frame {
         vector
     }
 
+    /// A work axis of X, Y and Z as a machine direction.
+    pub(super) fn direction(&self, axis: Axis) -> [f64; 3] {
+        let mut unit = [0.0; 3];
+        unit[axis as usize] = 1.0;
+        self.turned(unit)
+    }
+
     pub(super) fn machine(&self, work: &Position) -> Position {
         let shifted: [f64; AXES] = core::array::from_fn(|axis| work.0[axis] + self.g92.0[axis]);
         let turned = self.turned([shifted[0], shifted[1], shifted[2]]);
@@ -73,11 +80,13 @@ pub(super) fn check_travel(piece: &Piece, limits: &[Option<AxisLimits>; AXES]) -
         let k = axis as usize;
         let Some(limits) = limits[k] else { continue };
         within(axis, end.0[k], &limits)?;
-        if let Shape::Arc(arc) = piece.shape() {
-            let (low, high) = arc.reach(k);
-            within(axis, low, &limits)?;
-            within(axis, high, &limits)?;
-        }
+        let (low, high) = match piece.shape() {
+            Shape::Line(_) => continue,
+            Shape::Arc(arc) => arc.reach(k),
+            Shape::Blend(blend) => blend.reach(k),
+        };
+        within(axis, low, &limits)?;
+        within(axis, high, &limits)?;
     }
     Ok(())
 }
@@ -119,6 +128,11 @@ mod tests {
         }
         frame.rotate(0.0);
         assert_eq!(frame.machine(&Position::ZERO), Position::xyz(101.0, 202.0, 353.0));
+        frame.rotate(30.0);
+        let there = Position::xyz(10.0, 20.0, 30.0);
+        for (got, want) in frame.work(&frame.machine(&there)).0.iter().zip(there.0) {
+            assert!((got - want).abs() < 1e-12);
+        }
     }
 
     #[test]

@@ -7,6 +7,7 @@
 //!
 //! ```text
 //! program   calls -> pieces in machine coordinates, with feed and line           (frame: offsets, travel)
+//!                                                                                (curve: NURBS to quintics)
 //! smooth    rounds corners within the tolerance, stops where that cannot be
 //! kinks     slows down where pieces that are not rounded meet with a small jump
 //! optimal   speeds near the shortest time, by an interior point method; or
@@ -162,6 +163,20 @@ pub enum PlanErrorKind {
     NoToolCentrePoint,
     /// A feed move without a feed rate.
     NoFeedRate,
+    /// A curve (NURBS) of an order that is not planned, with too few control points, or with a weight that is not above 0.
+    BadCurve {
+        /// Its order: degree plus one.
+        order: u32,
+        /// How many control points it has.
+        points: usize,
+    },
+    /// A curve that begins elsewhere than the move before it has ended.
+    CurveStart {
+        /// Its beginning, machine coordinates.
+        place: Box<Position>,
+    },
+    /// A curve of which too many pieces would be needed.
+    WildCurve,
     /// An arc whose radius is zero at one end, or that makes no turn.
     BadArc,
     /// A move in step with the spindle on a machine that does not know where its spindle is.
@@ -221,6 +236,20 @@ impl fmt::Display for PlanErrorKind {
             ),
             PlanErrorKind::NoFeedRate => f.write_str("feed move without a feed rate; expected F before it"),
             PlanErrorKind::BadArc => f.write_str("arc of zero radius; expected start and end away from its centre"),
+            PlanErrorKind::BadCurve { order, points } => write!(
+                f,
+                "curve of order {order} with {points} control points; expected an order (L) from 2 to {}, at least as many control \
+                 points, and weights (P) above 0",
+                curve::ORDER_MAX
+            ),
+            PlanErrorKind::CurveStart { place } => write!(
+                f,
+                "a curve begins at {} (machine coordinates); expected it where the move before ends",
+                joint_space::place(place)
+            ),
+            PlanErrorKind::WildCurve => f.write_str(
+                "the curve would take too many pieces; expected control points less far off and weights (P) less unlike",
+            ),
             PlanErrorKind::NoSpindleEncoder => f.write_str(
                 "a move in step with the spindle (G33, G33.1, G76) needs an encoder with an index on it, which this machine has not; \
                  expected a program without it",

@@ -4,7 +4,7 @@
 //! Out: publications to a ring.
 
 use super::optimal::{self, Override, Stream};
-use super::program::{Entry, Program};
+use super::program::{Entry, Move, Program};
 use super::smooth::{Passed, Smoother, Stretch};
 use super::workers::Workers;
 use super::{PlanError, Programmed, Settings, Slope, classic};
@@ -135,17 +135,8 @@ impl<S: Sink<Element>> Planner<S> {
             })?;
         match entry {
             None => {}
-            Some(Entry::Move(part)) => {
-                self.ideal.push(Programmed {
-                    piece: part.piece,
-                    feed: part.feed,
-                    line: part.line,
-                    rapid: part.rapid,
-                });
-                let mut passed = Vec::new();
-                self.smoother.push(part, &self.settings, &mut passed);
-                self.pass(passed);
-            }
+            Some(Entry::Move(part)) => self.moved(part),
+            Some(Entry::Curve(parts)) => parts.into_iter().for_each(|part| self.moved(part)),
             Some(Entry::Halt) => {
                 self.rest(None);
                 self.frame = self.program.tool_frame();
@@ -221,6 +212,18 @@ impl<S: Sink<Element>> Planner<S> {
     /// Hands over what is final.
     pub fn pump(&mut self) -> Pumped {
         self.engine.pump(&self.settings, &mut self.sink)
+    }
+
+    fn moved(&mut self, part: Move) {
+        self.ideal.push(Programmed {
+            piece: part.piece,
+            feed: part.feed,
+            line: part.line,
+            rapid: part.rapid,
+        });
+        let mut passed = Vec::new();
+        self.smoother.push(part, &self.settings, &mut passed);
+        self.pass(passed);
     }
 
     /// Sends everything through the stages; it ends at rest.

@@ -3,6 +3,8 @@
 //! In:  canonical calls.
 //! Out: moves in machine coordinates with everything that holds for them, and what is to be done at rest.
 
+mod curves;
+
 use std::f64::consts::TAU;
 
 use super::frame::{Frame, check_axes, check_travel};
@@ -52,9 +54,11 @@ struct Feed {
 const RUN_DOWN_TURNS: f64 = 10.0;
 
 /// What a call comes to.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) enum Entry {
     Move(Move),
+    /// Parts of one move, in order.
+    Curve(Vec<Move>),
     /// Rest, as the axes mean something else from here on.
     Halt,
     /// A wait, an action, or motion from rest to rest in step with the spindle.
@@ -133,7 +137,7 @@ impl Program {
             } => {
                 let piece = self.arc(to, *plane, *centre_mm, *turns)?;
                 let end = self.frame.machine(to);
-                self.accept(piece, end, line, false, settings).map(Some)
+                self.accept(piece, end, line, false, settings).map(Entry::Move).map(Some)
             }
             Call::Dwell { seconds } => Ok(Some(Entry::Rest(Element::Dwell {
                 seconds: *seconds,
@@ -188,7 +192,7 @@ impl Program {
                 unsupported("a programmed path with cutter compensation (G41, G42)")
             }
             Call::StraightProbe { to, mode } => self.probe(to, *mode, line, settings),
-            Call::NurbsFeed { .. } => unsupported("a NURBS (G5.2)"),
+            Call::NurbsFeed { plane, points, order } => self.curve(*plane, points, *order, line, settings),
             Call::StartSpindleSync { spindle: 1.., .. } | Call::SetFeedMode(FeedMode::PerTurn { spindle: 1.. }) => {
                 unsupported("a second spindle ($1 and above)")
             }
@@ -454,7 +458,7 @@ impl Program {
             return Err(PlanErrorKind::NotFinite);
         }
         match Piece::line(self.position, end) {
-            Some(piece) => self.accept(piece, end, line, rapid, settings).map(Some),
+            Some(piece) => self.accept(piece, end, line, rapid, settings).map(Entry::Move).map(Some),
             None => Ok(None),
         }
     }
@@ -466,7 +470,7 @@ impl Program {
         line: u32,
         rapid: bool,
         settings: &Settings,
-    ) -> Result<Entry, PlanErrorKind> {
+    ) -> Result<Move, PlanErrorKind> {
         let piece = piece.in_frame(self.tool_frame);
         match &settings.joints {
             Some(joints) if !joints.kinematics.is_trivial(&self.tool_frame) => {
@@ -511,7 +515,7 @@ impl Program {
             } => naive_cam_tolerance_mm.unwrap_or(0.0),
             PathMode::ExactPath | PathMode::ExactStop => 0.0,
         };
-        Ok(Entry::Move(Move {
+        Ok(Move {
             piece,
             feed,
             line,
@@ -519,7 +523,7 @@ impl Program {
             enables: self.enables,
             corner,
             naive_cam_mm,
-        }))
+        })
     }
 
     fn arc(&self, to: &Position, plane: Plane, centre_mm: [f64; 2], turns: i32) -> Result<Piece, PlanErrorKind> {
@@ -533,12 +537,7 @@ impl Program {
         centre[first] = centre_mm[0];
         centre[second] = centre_mm[1];
         let centre = Group::Main.pick(&self.frame.machine(&centre).0);
-        let unit = |axis: Axis| {
-            let mut unit = [0.0; 3];
-            unit[axis as usize] = 1.0;
-            self.frame.turned(unit)
-        };
-        let (first, second, normal) = (unit(first), unit(second), unit(normal));
+        let [first, second, normal] = [first, second, normal].map(|axis| self.frame.direction(axis));
         let end = self.frame.machine(to);
         if end.0.iter().chain(&centre).any(|x| !x.is_finite()) {
             return Err(PlanErrorKind::NotFinite);

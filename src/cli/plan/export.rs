@@ -61,7 +61,16 @@ pub(super) fn programmed(path: &[Programmed]) -> String {
                 let turns = (arc.sweep_rad() / std::f64::consts::TAU - 1e-9).ceil() - 1.0;
                 text += &format!("C {end} {cx:.12} {cy:.12} {cz:.12} {nx} {ny} {nz}{feed} T {turns}\n");
             }
-            _ => text += &format!("L {end}{feed}\n"),
+            Shape::Line(_) => text += &format!("L {end}{feed}\n"),
+            // A part of a curve, which turns by less than a radian: lines that leave it by less than a micrometre.
+            Shape::Blend(_) => {
+                let length = element.piece.length();
+                let count = (length / 8e-3).sqrt().ceil().max(1.0) * 2.0;
+                for k in 1..=count as u32 {
+                    let end = xyz(&element.piece.position(length * f64::from(k) / count));
+                    text += &format!("L {end}{feed}\n");
+                }
+            }
         }
     }
     text

@@ -27,6 +27,9 @@ const NURBS_ORDER: u32 = 3;
 /// Most control points of a NURBS.
 pub(crate) const NURBS_POINTS_MAX: usize = 10_000;
 
+/// Arcs by which a curve is measured follow it so nearly, mm.
+const LENGTH_TOLERANCE_MM: f64 = 0.001;
+
 /// Letters that no curve takes.
 const OTHER_AXES: &[u8] = b"ZABCUVW";
 
@@ -160,20 +163,30 @@ impl State {
         block: &Block,
         calls: &mut Calls,
     ) -> Result<(), Fault> {
+        let pieces = |tolerance_mm| {
+            let pieces = biarc::pieces(&Curve::new(&points, order), tolerance_mm);
+            if pieces.len() > PIECES_MAX {
+                let max = PIECES_MAX;
+                return fault(motion_span(block), SplineError::TooManyPieces { max });
+            }
+            Ok(pieces)
+        };
+        let length_mm = |pieces: &[Piece]| PathLength::Mm(pieces.iter().map(Piece::length_mm).sum());
         match self.settings.splines {
-            Splines::Nurbs => calls.push_back(Call::NurbsFeed {
-                plane: Plane::Xy,
-                points,
-                order,
-            }),
-            Splines::Arcs { tolerance_mm } => {
-                let pieces = biarc::pieces(&Curve::new(&points, order), tolerance_mm);
-                if pieces.len() > PIECES_MAX {
-                    let max = PIECES_MAX;
-                    return fault(motion_span(block), SplineError::TooManyPieces { max });
+            Splines::Nurbs | Splines::Timed => {
+                if self.settings.splines == Splines::Timed && self.modal.feed_unit == FeedUnit::InverseTime {
+                    let pieces = pieces(LENGTH_TOLERANCE_MM)?;
+                    self.need_feed(block, || length_mm(&pieces), calls)?;
                 }
-                let length_mm = || PathLength::Mm(pieces.iter().map(Piece::length_mm).sum());
-                self.need_feed(block, length_mm, calls)?;
+                calls.push_back(Call::NurbsFeed {
+                    plane: Plane::Xy,
+                    points,
+                    order,
+                });
+            }
+            Splines::Arcs { tolerance_mm } => {
+                let pieces = pieces(tolerance_mm)?;
+                self.need_feed(block, || length_mm(&pieces), calls)?;
                 for (index, piece) in pieces.iter().enumerate() {
                     let mut end = to;
                     if index + 1 < pieces.len() {

@@ -140,6 +140,31 @@ fn arcs_take_the_time_that_g93_names() {
 }
 
 #[test]
+fn a_timed_curve_takes_the_time_that_g93_names() {
+    let settings = |splines| Settings {
+        splines,
+        ..Settings::default()
+    };
+    // y = x² / 40 from X-20 to X20, whose length is 20 (sqrt 2 + asinh 1), in half a minute.
+    let program = b"G0 X-20 Y10\nG93\nG5.1 X20 Y10 I20 J-20 F2\nM2\n";
+    let feeds = |splines| -> Vec<f64> {
+        crate::Interpreter::new(settings(splines))
+            .run(program)
+            .filter_map(|event| match event.unwrap().call {
+                Call::SetFeedRate { linear, .. } if linear > 0.0 => Some(linear),
+                _ => None,
+            })
+            .collect()
+    };
+    assert_eq!(feeds(Splines::Nurbs), []);
+    let length = 20.0 * (2.0_f64.sqrt() + 1.0_f64.asinh());
+    let [feed] = feeds(Splines::Timed)[..] else {
+        panic!("one feed");
+    };
+    assert!((feed - length / 30.0).abs() < 1e-5, "{feed}");
+}
+
+#[test]
 fn weights_make_a_nurbs_a_quarter_circle() {
     // Order 3, the middle one of three control points weighted by cos 45 degrees.
     let half = std::f64::consts::FRAC_1_SQRT_2;

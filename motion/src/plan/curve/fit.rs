@@ -12,7 +12,7 @@
 use super::bezier::{Bezier, Contact, minus};
 
 /// Greatest distance between a curve and what is run, mm.
-pub(in crate::plan) const TOLERANCE_MM: f64 = 1e-4;
+pub(super) const TOLERANCE_MM: f64 = 1e-4;
 /// The part of it for quintics; the rest is for what becomes a point.
 const QUINTIC_MM: f64 = TOLERANCE_MM / 2.0;
 /// A part of the curve of this size, of which no quintic is found, becomes a point, mm.

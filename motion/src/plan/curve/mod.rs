@@ -1,7 +1,7 @@
 //! Curves: G5, G5.1 and G5.2 as pieces of path.
 //!
 //! In:  control points of a NURBS in its plane, weights, order.
-//! Out: lines and quintics in machine coordinates that follow it within [`TOLERANCE_MM`] and have no jump of direction or
+//! Out: lines and quintics in machine coordinates that follow it within [`fit::TOLERANCE_MM`] and have no jump of direction or
 //! curvature but those of the curve itself.
 //!
 //! ```text
@@ -15,8 +15,6 @@ mod fit;
 use crate::path::{BlendEnd, Group, Jet, Piece};
 use crate::canon::{AXES, Position};
 use fit::{End, Part};
-
-pub(in crate::plan) use fit::TOLERANCE_MM;
 
 /// Greatest order of a curve: degree 31. Work goes with its third power.
 pub(super) const ORDER_MAX: u32 = 32;

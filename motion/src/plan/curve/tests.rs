@@ -1,3 +1,4 @@
+use super::fit::TOLERANCE_MM;
 use super::*;
 use crate::plan::limits::jumps;
 use crate::plan::smooth::round::{distance, nearest};
