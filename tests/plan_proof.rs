@@ -10,10 +10,11 @@ use isocnc::config::{self, Config};
 use isocnc::program::{home, interpreter_settings, plan_settings, ring_capacity, stop_ramp};
 use motion::canon::{AXES, Call, Event, PathMode, Position};
 use motion::element::Element;
+use motion::kinematics::ToolFrame;
 use motion::plan::check::check;
 use motion::plan::offline::sample;
 use motion::plan::workers::Workers;
-use motion::plan::{AxisLimits, Planner, Programmed, Pumped, Settings, Slope, deviation};
+use motion::plan::{AxisLimits, JointSpace, Planner, Programmed, Pumped, Settings, Slope, deviation};
 use motion::ring::{self, Publish, Sink, Timed};
 use motion::rt::{Interpolator, SampleState};
 use proof_programs::{CASES, Random, Size};
@@ -23,6 +24,8 @@ use std::path::Path;
 const THREE_AXES: &str = include_str!("proof_programs/three-axes.toml");
 const STIFF: &str = include_str!("proof_programs/three-axes-stiff.toml");
 const FAST: &str = include_str!("proof_programs/three-axes-fast.toml");
+const TRUNNION: &str = include_str!("../configs/trunnion5-demo.toml");
+const HEAD: &str = include_str!("../configs/head5-demo.toml");
 const PLANNERS: [Slope; 2] = [Slope::Optimal, Slope::Classic];
 const CYCLE_S: f64 = 1e-3;
 /// What rounding takes of a path that is kept exactly, mm.
@@ -46,7 +49,11 @@ fn uneven(planner: Slope) -> Config {
 }
 
 fn events(config: &Config, text: &str) -> Vec<Event> {
-    let run = Interpreter::new(interpreter_settings(config, home(config))).run(text.as_bytes());
+    events_with(interpreter_settings(config, home(config)), text)
+}
+
+fn events_with(settings: gcode::Settings, text: &str) -> Vec<Event> {
+    let run = Interpreter::new(settings).run(text.as_bytes());
     run.map(|event| event.unwrap_or_else(|error| panic!("{error}")))
         .collect()
 }
@@ -88,16 +95,23 @@ fn plan(config: &Config, text: &str) -> Planned {
 }
 
 fn plan_with(workers: &Workers, config: &Config, text: &str) -> Planned {
+    plan_events(workers, config, events(config, text))
+}
+
+fn plan_events(workers: &Workers, config: &Config, events: Vec<Event>) -> Planned {
     let settings = plan_settings(config, home(config));
     let mut planner = Planner::with_workers(settings, Recorder::default(), workers);
     let (mut mode_mm, mut tolerance_mm) = (0.0_f64, 0.0_f64);
-    for event in events(config, text) {
+    for event in events {
         match &event.call {
             Call::SetPathMode(PathMode::Continuous { tolerance_mm, .. }) => {
                 mode_mm = tolerance_mm.unwrap_or(settings.tolerance_mm);
             }
             Call::SetPathMode(PathMode::ExactPath | PathMode::ExactStop) => mode_mm = 0.0,
-            Call::StraightTraverse { .. } | Call::StraightFeed { .. } | Call::ArcFeed { .. } => {
+            Call::StraightTraverse { .. }
+            | Call::StraightFeed { .. }
+            | Call::ArcFeed { .. }
+            | Call::NurbsFeed { .. } => {
                 tolerance_mm = tolerance_mm.max(mode_mm);
             }
             _ => {}
@@ -199,6 +213,99 @@ fn every_limit_is_kept_on_a_fast_machine() {
 #[test]
 fn every_limit_is_kept_on_a_machine_of_unlike_axes() {
     prove_all(uneven);
+}
+
+#[test]
+fn a_curve_takes_no_longer_than_arcs_that_follow_it() {
+    for planner in PLANNERS {
+        let config = machine(THREE_AXES, planner);
+        for name in ["splines", "splines_g61", "splines_g61_1"] {
+            let text = proof_programs::find(name)
+                .expect("a program of this name")
+                .text(Size::Small);
+            let time_s = |splines| {
+                let settings = gcode::Settings {
+                    splines,
+                    ..interpreter_settings(&config, home(&config))
+                };
+                let planned = plan_events(&Workers::none(), &config, events_with(settings, &text));
+                planned.elements.iter().map(Timed::duration_s).sum::<f64>()
+            };
+            let as_arcs_s = time_s(gcode::Splines::Arcs { tolerance_mm: 1e-3 });
+            let as_curves_s = time_s(gcode::Splines::Timed);
+            println!("{name} {planner:?}: curves {as_curves_s:.3} s, arcs {as_arcs_s:.3} s");
+            assert!(
+                as_curves_s <= as_arcs_s,
+                "{name} {planner:?}: {as_curves_s} s, as arcs {as_arcs_s} s"
+            );
+        }
+    }
+}
+
+/// Joints once a millisecond, each in the place of an axis, where the tool's tip is controlled.
+fn joint_samples(planned: &Planned, space: &JointSpace) -> Vec<(Position, ToolFrame)> {
+    let (mut samples, mut into_s) = (Vec::new(), 0.0);
+    for element in &planned.elements {
+        let duration_s = element.duration_s();
+        if let Element::Span(span) = element {
+            while into_s <= duration_s {
+                let frame = *span.piece.frame();
+                let axes = span.piece.position(span.place(into_s));
+                let mut joints = Position::ZERO;
+                space
+                    .kinematics
+                    .inverse(&frame, &axes.0, &mut joints.0[..space.count()])
+                    .expect("a place in reach");
+                samples.push((joints, frame));
+                into_s += CYCLE_S;
+            }
+            into_s -= duration_s;
+        }
+    }
+    samples
+}
+
+#[test]
+fn five_axes_keep_the_limits_of_every_joint_and_the_path_of_the_tip() {
+    for (text, tilt) in [(TRUNNION, 'A'), (HEAD, 'B')] {
+        let config = machine(text, Slope::Optimal);
+        let planned = plan(&config, &proof_programs::five_axes::flank(tilt));
+        let space = planned.settings.joints.expect("joints of their own");
+        let samples = joint_samples(&planned, &space);
+        let limits = std::array::from_fn(|joint| (joint < space.count()).then(|| space.limits[joint]));
+        let joints: Vec<Position> = samples.iter().map(|(joints, _)| *joints).collect();
+        let peaks = check(&joints, CYCLE_S, &limits);
+        assert_eq!(peaks.over(), 0, "{tilt}: {peaks:?}");
+        // The turn past the pole is at the limit of C, so that it is what slows down.
+        assert!(
+            peaks.velocity.peak[4] > 0.9 * space.limits[4].velocity,
+            "{tilt}: {peaks:?}"
+        );
+        let path: Vec<Programmed> = planned
+            .path
+            .iter()
+            .filter(|part| part.piece.frame().tcp)
+            .copied()
+            .collect();
+        assert!(path.len() > 150);
+        let tips: Vec<Position> = samples
+            .iter()
+            .filter(|(_, frame)| frame.tcp)
+            .map(|(joints, frame)| {
+                space
+                    .kinematics
+                    .forward(frame, &joints.0[..space.count()])
+                    .expect("axes")
+            })
+            .collect();
+        let found = deviation(&tips, &path, planned.tolerance_mm);
+        assert!(
+            planned.tolerance_mm == 0.01 && found.off_mm <= 0.01 + 1e-9,
+            "{tilt}: {found:?}"
+        );
+        assert!(found.missed_mm <= 0.01 + sagitta_mm(&tips), "{tilt}: {found:?}");
+        assert!(found.length_mm - found.reached_mm <= 0.01 + 1e-6, "{tilt}: {found:?}");
+    }
 }
 
 /// All numbers of a plan as they are stored.

@@ -43,6 +43,14 @@ impl Family {
             Family::CoreXy | Family::Scara | Family::LinearDelta => false,
         }
     }
+
+    /// Whether joints are always a linear function of the axes.
+    pub(super) fn is_linear(self) -> bool {
+        match self {
+            Family::Trivial | Family::CoreXy => true,
+            Family::TableTable | Family::HeadTable | Family::Scara | Family::LinearDelta => false,
+        }
+    }
 }
 
 const ROTARY: [(&str, RotaryAxis); 3] = [("A", RotaryAxis::A), ("B", RotaryAxis::B), ("C", RotaryAxis::C)];

@@ -37,6 +37,7 @@ pub use types::*;
 use document::{Bound, Log, Section};
 use kinematics::Family;
 use motion::canon::LengthUnit;
+use motion::plan::Slope;
 use std::path::Path;
 use toml::de::DeTable;
 
@@ -109,6 +110,21 @@ pub fn parse(text: &(impl AsRef<[u8]> + ?Sized), path: &Path) -> Result<Config, 
     }
 }
 
+/// Whether the planner that is chosen suits the kinematics: once more where it has been changed.
+///
+/// # Errors
+/// Why it does not.
+pub fn check_planner(config: &Config) -> Result<(), &'static str> {
+    let tip = motion::kinematics::ToolFrame {
+        tcp: true,
+        ..motion::kinematics::ToolFrame::OFF
+    };
+    match config.program.planner {
+        Slope::Classic if !config.kinematics().is_linear(&tip) => Err(program::CLASSIC_IS_LINEAR),
+        Slope::Classic | Slope::Optimal => Ok(()),
+    }
+}
+
 /// Sections in an order in which each can be checked against those before.
 fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<Config> {
     let mut root = Section::root(log, table);
@@ -163,6 +179,12 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     let base = path.parent().unwrap_or(Path::new(""));
     let program = root.section("program").and_then(|mut section| {
         let program = program::program(&mut section, base);
+        let classic = program
+            .as_ref()
+            .is_some_and(|program| program.planner == Slope::Classic);
+        if classic && !family.is_none_or(Family::is_linear) {
+            section.wrong("planner", program::CLASSIC_IS_LINEAR);
+        }
         section.done();
         program
     });

@@ -25,6 +25,10 @@ const PLANNER_THREADS_MAX: i64 = 64;
 /// Values of `#<_ini[section]name>`.
 const VALUE_MAX: f64 = 1e9;
 
+/// Why the classic planner is refused: it bounds speed by what an axis of the program does, the joints do something else.
+pub(super) const CLASSIC_IS_LINEAR: &str = "plans for the axes of the program, and the limits of the joints of these kinematics would not \
+     hold: expected \"optimal\", or machine.kinematics \"trivial\" or \"corexy\"";
+
 /// Reads `[program]`; `base`: folder of the machine file.
 pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Program> {
     let default = Program::default();

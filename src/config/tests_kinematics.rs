@@ -113,6 +113,23 @@ fn rules_of_kinematics() {
 }
 
 #[test]
+fn the_classic_planner_is_for_linear_kinematics_only() {
+    let classic = |text: &str| {
+        assert!(!text.contains("[program]"), "the example has none of its own");
+        messages(&format!("{text}\n[program]\nplanner = \"classic\"\n"))
+    };
+    for text in [TRUNNION, HEAD, SCARA, DELTA] {
+        let found = classic(text);
+        let line = text.lines().count() + 3;
+        assert_eq!(found.len(), 1, "{found:?}");
+        let begin = format!("m.toml:{line}:11: program.planner = \"classic\": plans for the axes of the program");
+        assert!(found[0].starts_with(&begin), "{found:?}, not {begin}");
+        assert!(found[0].contains("expected \"optimal\""), "{found:?}");
+    }
+    assert_eq!(classic(COREXY), Vec::<String>::new());
+}
+
+#[test]
 fn the_elbow_stays_as_it_is_homed() {
     let text = SCARA
         .replace("[2.0, 150.0]", "[-150.0, -2.0]")

@@ -8,8 +8,10 @@
 #![allow(dead_code)] // not every user uses all of it
 
 mod chords;
+mod curves;
 mod drawn;
 mod engraving;
+pub(crate) mod five_axes;
 mod random;
 
 #[allow(unused_imports)] // neither uses every user random programs
@@ -121,6 +123,20 @@ pub(crate) const CASES: &[Case] = &[
     case("spiral", chords::spiral),
     case("trochoid", chords::trochoid),
     case("surface", chords::surface),
+    case("splines", curves::splines),
+    Case {
+        mode: Mode::ExactPath,
+        ..case("splines_g61", curves::splines)
+    },
+    Case {
+        mode: Mode::ExactStop,
+        ..case("splines_g61_1", curves::splines)
+    },
+    case("odd_splines", curves::odd_splines),
+    Case {
+        mode: Mode::ExactPath,
+        ..case("odd_splines_g61", curves::odd_splines)
+    },
     Case {
         feed_mm_min: 30_000.0,
         ..case("star", chords::star)

@@ -22,8 +22,8 @@
 
 pub mod check;
 pub mod classic;
-pub mod deviation;
 mod curve;
+pub mod deviation;
 mod frame;
 pub mod joint_space;
 mod kinks;

@@ -458,7 +458,10 @@ impl Program {
             return Err(PlanErrorKind::NotFinite);
         }
         match Piece::line(self.position, end) {
-            Some(piece) => self.accept(piece, end, line, rapid, settings).map(Entry::Move).map(Some),
+            Some(piece) => self
+                .accept(piece, end, line, rapid, settings)
+                .map(Entry::Move)
+                .map(Some),
             None => Ok(None),
         }
     }

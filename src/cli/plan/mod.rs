@@ -140,6 +140,7 @@ fn planned(args: &PlanArgs, text: &[u8]) -> Result<(Config, Tables, Work), Refus
         text: error.to_string(),
         json: json!({ "file": file.display().to_string(), "errors": [{ "rule": error.to_string() }] }),
     };
+    config::check_planner(&config).map_err(|rule| plain(&args.machine, &format!("--planner classic: {rule}")))?;
     let tables = Tables::read(&config).map_err(|error| plain(&args.machine, &error))?;
     let name = args.program.display().to_string();
     let errors = crate::program::check_text(&config, &tables, text);

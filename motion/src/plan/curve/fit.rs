@@ -63,7 +63,10 @@ enum Kind {
     Line,
     Quintic(End, End),
     /// So small that it may become a point: a place of it, and the pace there.
-    Point { middle: [f64; 2], pace: f64 },
+    Point {
+        middle: [f64; 2],
+        pace: f64,
+    },
 }
 
 /// Follows a curve; `continuity` is the number of derivatives that go on from span to span. `None`: it takes too many parts.

@@ -12,8 +12,8 @@
 mod bezier;
 mod fit;
 
-use crate::path::{BlendEnd, Group, Jet, Piece};
 use crate::canon::{AXES, Position};
+use crate::path::{BlendEnd, Group, Jet, Piece};
 use fit::{End, Part};
 
 /// Greatest order of a curve: degree 31. Work goes with its third power.
@@ -53,7 +53,10 @@ pub(super) fn pieces(
         return Err(Fault::Malformed);
     }
     let local: Vec<([f64; 2], f64)> = points.iter().map(|(at, w)| (bezier::minus(at, origin), *w)).collect();
-    if !local.iter().all(|(at, w)| at[0].is_finite() && at[1].is_finite() && w.is_finite()) {
+    if !local
+        .iter()
+        .all(|(at, w)| at[0].is_finite() && at[1].is_finite() && w.is_finite())
+    {
         return Err(Fault::NotFinite);
     }
     if local.iter().any(|(_, w)| *w <= 0.0) {
@@ -77,7 +80,12 @@ pub(super) fn pieces(
             }
         }
     };
-    parts.iter().enumerate().map(piece).collect::<Option<_>>().ok_or(Fault::NotFinite)
+    parts
+        .iter()
+        .enumerate()
+        .map(piece)
+        .collect::<Option<_>>()
+        .ok_or(Fault::NotFinite)
 }
 
 impl Plane {

@@ -85,7 +85,10 @@ fn compare(points: &Points, order: usize, pieces: &[Piece]) -> (f64, f64) {
 fn jumping(pieces: &[Piece]) -> (usize, usize) {
     let (mut kinks, mut bends) = (0, 0);
     for pair in pieces.windows(2) {
-        assert_eq!(pair[0].position(pair[0].length()).0.map(|x| (x * 1e9).round()), pair[1].position(0.0).0.map(|x| (x * 1e9).round()));
+        assert_eq!(
+            pair[0].position(pair[0].length()).0.map(|x| (x * 1e9).round()),
+            pair[1].position(0.0).0.map(|x| (x * 1e9).round())
+        );
         if let Some(jump) = jumps(&pair[0].jet(pair[0].length()), &pair[1].jet(0.0)) {
             let kink = jump.kink.iter().any(|x| *x > 1e-12);
             kinks += usize::from(kink);
@@ -111,7 +114,11 @@ fn a_cubic_is_kept_as_it_is() {
             let (mut low, mut high) = (0.0, 1.0);
             for _ in 0..60 {
                 let middle = 0.5 * (low + high);
-                let side = if place(&points, 4, middle)[0] < q[0] { &mut low } else { &mut high };
+                let side = if place(&points, 4, middle)[0] < q[0] {
+                    &mut low
+                } else {
+                    &mut high
+                };
                 *side = middle;
             }
             assert!((q[1] - place(&points, 4, low)[1]).abs() < 1e-9, "{q:?}");
@@ -184,12 +191,20 @@ fn control_points_on_each_other_and_in_line() {
         (&[[0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]], 4, 0),
         (&[[0.0, 0.0], [0.0, 0.0], [5.0, 8.0], [9.0, 3.0]], 4, usize::MAX),
         (&[[0.0, 0.0], [12.0, 0.0], [-3.0, 0.0], [9.0, 0.0]], 4, usize::MAX),
-        (&[[0.0, 0.0], [4.0, 0.0], [4.0, 0.0], [4.0, 0.0], [4.0, 5.0], [9.0, 9.0]], 4, usize::MAX),
+        (
+            &[[0.0, 0.0], [4.0, 0.0], [4.0, 0.0], [4.0, 0.0], [4.0, 5.0], [9.0, 9.0]],
+            4,
+            usize::MAX,
+        ),
     ];
     for (points, order, count) in cases {
         let points = weightless(points);
         let pieces = follow(&points, order);
-        assert!(count == usize::MAX || pieces.len() == count, "{points:?}: {}", pieces.len());
+        assert!(
+            count == usize::MAX || pieces.len() == count,
+            "{points:?}: {}",
+            pieces.len()
+        );
         if let Some(last) = pieces.last() {
             assert!(compare(&points, order as usize, &pieces).0 < TOLERANCE_MM, "{points:?}");
             let ([x, y], _) = points[points.len() - 1];
@@ -234,7 +249,10 @@ fn what_is_no_curve_is_refused() {
     assert_eq!(refused(&Vec::new(), 2), Fault::Malformed);
     assert_eq!(refused(&weightless(&[[0.0; 2]; 40]), ORDER_MAX + 1), Fault::Malformed);
     assert_eq!(refused(&vec![([0.0; 2], 1.0), ([1.0; 2], 0.0)], 2), Fault::Malformed);
-    assert_eq!(refused(&vec![([0.0; 2], 1.0), ([f64::NAN; 2], 1.0)], 2), Fault::NotFinite);
+    assert_eq!(
+        refused(&vec![([0.0; 2], 1.0), ([f64::NAN; 2], 1.0)], 2),
+        Fault::NotFinite
+    );
     assert_eq!(refused(&vec![([0.0; 2], 1.0), ([1e300; 2], 1e300)], 2), Fault::Wild);
 }
 
