@@ -261,7 +261,7 @@ pub(super) fn axes(root: &mut Section<'_, '_>, joints: usize, follows: bool) -> 
         return None;
     }
     for mut section in tables {
-        let axis = letter(&mut section);
+        let axis = letter(&mut section, "letter");
         if let Some(axis) = axis
             && axes.iter().any(|other| other.axis == axis)
         {
@@ -298,16 +298,17 @@ pub(super) fn axes(root: &mut Section<'_, '_>, joints: usize, follows: bool) -> 
     complete.then_some(axes)
 }
 
-fn letter(section: &mut Section<'_, '_>) -> Option<Axis> {
-    let item = section.required("letter", "one of X Y Z A B C U V W")?;
-    let text = item.text(&section.key("letter"))?;
+/// The axis that a key names.
+pub(super) fn letter(section: &mut Section<'_, '_>, key: &'static str) -> Option<Axis> {
+    let item = section.required(key, "one of X Y Z A B C U V W")?;
+    let text = item.text(&section.key(key))?;
     let mut letters = text.chars();
     let axis = letters
         .next()
         .filter(|_| letters.next().is_none())
         .and_then(Axis::from_letter);
     if axis.is_none() {
-        section.wrong("letter", "must be one of X Y Z A B C U V W");
+        section.wrong(key, "must be one of X Y Z A B C U V W");
     }
     axis
 }

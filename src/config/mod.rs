@@ -20,6 +20,7 @@ mod node;
 mod period;
 mod program;
 mod remap;
+mod sim;
 mod spindle;
 #[cfg(test)]
 mod tests;
@@ -34,7 +35,7 @@ mod types;
 pub use error::{ConfigError, ConfigErrors};
 pub use types::*;
 
-use document::{Bound, Log, Section};
+use document::{Log, Section};
 use kinematics::Family;
 use motion::canon::LengthUnit;
 use motion::plan::Slope;
@@ -194,7 +195,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         tools
     });
     let nets = root.section("hal").and_then(hal);
-    let sim = root.section("sim").and_then(sim);
+    let sim = root.section("sim").and_then(|section| sim::sim(section, nodes));
     root.not_yet(&["logic", "hmi", "service"]);
     root.done();
 
@@ -282,19 +283,6 @@ fn rt(mut section: Section<'_, '_>, cycle_us: Option<u32>) -> Option<Rt> {
         overruns_stop: overruns_stop? as u32,
         lock_memory: lock_memory?,
         require: require?,
-    })
-}
-
-fn sim(mut section: Section<'_, '_>) -> Option<Sim> {
-    // Beyond, the motor model of the simulated drives would need finer steps than the bus cycle gives.
-    let natural_frequency_hz = section.number("natural_frequency_hz", Bound::Within(0.1, 1000.0), 60.0);
-    let damping = section.number("damping", Bound::Within(0.01, 10.0), 0.8);
-    let start = section.number("start", Bound::Within(0.0, 1.0), 0.4);
-    section.done();
-    Some(Sim {
-        natural_frequency_hz: natural_frequency_hz?,
-        damping: damping?,
-        start: start?,
     })
 }
 

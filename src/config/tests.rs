@@ -142,7 +142,8 @@ fn the_demo_machine_is_read_whole() {
         Sim {
             natural_frequency_hz: 60.0,
             damping: 0.8,
-            start: 0.4
+            start: 0.4,
+            probe: None,
         }
     );
 }
@@ -486,6 +487,12 @@ fn rules_of_the_rest() {
             "m.toml:29:24: sim.natural_frequency_hz = 0: must lie between 0.1 and 1000",
             "m.toml:30:11: sim.damping = -1: must lie between 0.01 and 10",
             "m.toml:31:9: sim.start = 1.5: must lie between 0 and 1",
+        ]),
+        (end, "joints = [0]\n[sim.probe]\nnode = 1\ninput = 7\n[[sim.probe.surface]]\naxis = \"Q\"\nbelow_mm = 1\nabove_mm = 2\n", &[
+            "m.toml:29:8: sim.probe.node = 1: must be a [[bus.node]] of profile \"io\"",
+            "m.toml:30:9: sim.probe.input = 7: must be an integer from 8 to 15",
+            "m.toml:32:8: sim.probe.surface[0].axis = \"Q\": must be one of X Y Z A B C U V W",
+            "m.toml:32:8: sim.probe.surface[0].axis = \"Q\": must have either above_mm or below_mm beside it: where the body is",
         ]),
         (end, "joints = [0]\n[logic]\nperiod_ms = 10\n[hmi]\n[spindel]\n", &[
             "m.toml:28:2: logic: is not supported yet",

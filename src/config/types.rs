@@ -527,7 +527,7 @@ pub struct Net {
 }
 
 /// `[sim]`: the simulated motor and load, the same for every drive.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Sim {
     /// Natural frequency of the second-order motor and load under position control, Hz.
     pub natural_frequency_hz: f64,
@@ -535,4 +535,28 @@ pub struct Sim {
     pub damping: f64,
     /// Position at power-on as a share of the travel, 0 to 1.
     pub start: f64,
+    /// A touch probe in the spindle; `None`: there is none.
+    pub probe: Option<SimProbe>,
+}
+
+/// `[sim.probe]`: a probe that is in contact where its tip, the place of the axes, is in a body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SimProbe {
+    /// Index into [`Bus::nodes`] of the I/O node that it is wired to.
+    pub node: usize,
+    /// Number of the input, as in `io.10.in-08`; 8 to 15.
+    pub input: u8,
+    /// What it may touch.
+    pub surfaces: Vec<SimSurface>,
+}
+
+/// `[[sim.probe.surface]]`: a plane with a body behind it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SimSurface {
+    /// Axis that meets it squarely.
+    pub axis: Axis,
+    /// Where, machine coordinates, mm.
+    pub at_mm: f64,
+    /// Whether the body is above, else below.
+    pub above: bool,
 }

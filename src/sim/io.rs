@@ -52,6 +52,8 @@ pub(super) struct Io {
     encoder_keys: [Key<u32>; 2],
     wired: u8,
     spindle: Spindle,
+    /// What sensors of the machine say, in addition.
+    sensed: u8,
 }
 
 impl Io {
@@ -75,6 +77,7 @@ impl Io {
             encoder_keys,
             wired: 0,
             spindle,
+            sensed: 0,
         })
     }
 
@@ -108,7 +111,7 @@ impl Io {
         }
         let contacts = objects.get(self.output_keys[0]);
         objects.set(self.input_keys[0], contacts);
-        objects.set(self.input_keys[1], self.wired);
+        objects.set(self.input_keys[1], self.wired | self.sensed);
     }
 
     pub(super) fn poll(&mut self, now_ns: u64) {
@@ -157,6 +160,11 @@ impl Io {
         } else {
             [0; 2]
         }
+    }
+
+    /// A sensor of the machine at a bit of 6000h/2.
+    pub(super) fn sense(&mut self, bit: u8, closed: bool) {
+        self.sensed = self.sensed & !(1 << bit) | u8::from(closed) << bit;
     }
 
     /// What is wired to 6000h/2.

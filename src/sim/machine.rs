@@ -9,8 +9,9 @@
 use super::SimError;
 use super::drive::Drive;
 use super::io::Io;
+use super::sensors::Sensors;
 use super::spindle::Spindle;
-use crate::config::{Config, Profile};
+use crate::config::{Config, JOINTS_MAX, Profile};
 use cia402::State;
 use powerlink::nmt::NmtState;
 use powerlink::wire::{ETHER_TYPE, FRAME_LEN_MAX, message};
@@ -79,6 +80,8 @@ pub struct SimMachine {
     places: Vec<Place>,
     /// Index into `places` of each joint's drive.
     joints: Vec<usize>,
+    /// `None`: there are none.
+    sensors: Option<Sensors>,
     response: Box<[u8; FRAME_LEN_MAX]>,
     now_ns: u64,
 }
@@ -107,6 +110,7 @@ impl SimMachine {
         Ok(SimMachine {
             places,
             joints,
+            sensors: Sensors::new(config),
             response: Box::new([0; FRAME_LEN_MAX]),
             now_ns: 0,
         })
@@ -127,10 +131,35 @@ impl SimMachine {
             for place in &mut self.places {
                 match &mut place.device {
                     Device::Drive(drive) => drive.work(),
+                    Device::Io(_) => {}
+                }
+            }
+            // Of where the loads are now, as the drives will tell it, too.
+            self.sense();
+            for place in &mut self.places {
+                match &mut place.device {
+                    Device::Drive(_) => {}
                     Device::Io(io) => io.work(),
                 }
             }
         }
+    }
+
+    /// Lets the sensors look at the loads.
+    fn sense(&mut self) {
+        let Some(sensors) = &self.sensors else { return };
+        let mut loads_mm = [0.0; JOINTS_MAX];
+        let count = self.joints.len();
+        for (load_mm, &place) in loads_mm.iter_mut().zip(&self.joints) {
+            if let Device::Drive(drive) = &self.places[place].device {
+                *load_mm = drive.machine_position_mm();
+            }
+        }
+        sensors.look(&loads_mm[..count], &mut |node, bit, closed| {
+            if let Device::Io(io) = &mut self.places[node].device {
+                io.sense(bit, closed);
+            }
+        });
     }
 
     /// Sends what a node has written into `response`; the others hear it.

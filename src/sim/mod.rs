@@ -11,6 +11,7 @@ mod node;
 pub mod rehearsal;
 mod run;
 mod spindle;
+mod sensors;
 mod track;
 mod virtual_net;
 

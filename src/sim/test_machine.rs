@@ -132,6 +132,7 @@ pub(super) fn test_config() -> Config {
             natural_frequency_hz: 60.0,
             damping: 0.8,
             start: 0.37,
+            probe: None,
         },
     }
 }
