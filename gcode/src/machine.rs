@@ -3,13 +3,13 @@
 //! An answer is asked for when it is needed: after the call that brings it about (a probing move, M66, M6) was handed
 //! out, and before the next line is read. Who runs the calls answers when they have been run.
 
-use motion::canon::{Input, Position, ProbeMode, WaitMode};
+use motion::canon::{Input, Position, ProbeEnd, ProbeMode, WaitMode};
 
 /// How a probing move ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probed {
-    /// Whether the contact changed.
-    pub tripped: bool,
+    /// Whether the contact changed, or why the move ended else.
+    pub end: ProbeEnd,
     /// Where it changed or, if it did not, where the move ended; work coordinates.
     pub at: Position,
     /// Where the axes came to rest, work coordinates.
@@ -20,7 +20,8 @@ pub struct Probed {
 ///
 /// Every function has the answer of a machine that does all at once and has neither probe nor inputs.
 pub trait Machine {
-    /// How the probing move to `to`, begun at `from`, ended. A missing contact is an error where `mode` demands one.
+    /// How the probing move to `to`, begun at `from`, ended. No change of the contact is an error where `mode` demands
+    /// one.
     ///
     /// `None`: nothing was moved. The program goes on as in LinuxCNC's stand-alone interpreter: #5070 is 0, the probed
     /// point is the end of the move, the axes rest 0.254 mm before it, and no contact is missed.

@@ -27,4 +27,18 @@ pub enum ProbeError {
         "G38.4 came to its end still in contact: move the end further off the part, or write G38.5 where that is no mistake"
     )]
     ContactStays,
+    /// G38.2: the probe touched something before it moved.
+    #[error(
+        "G38.2 began in contact, where it is to find one: move off the part first, look at the probe and its wire, or write G38.3 \
+         where that is no mistake"
+    )]
+    InContact,
+    /// G38.4: the probe touched nothing before it moved.
+    #[error(
+        "G38.4 began without contact, which it is to leave: touch the part first (G38.2), or write G38.5 where that is no mistake"
+    )]
+    OffContact,
+    /// The operator ended it.
+    #[error("the probing move was ended by the operator")]
+    Aborted,
 }

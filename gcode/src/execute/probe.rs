@@ -12,7 +12,7 @@ use crate::machine::Probed;
 use crate::parameter::{PROBED, PROBED_POINT};
 use crate::scan::Fault;
 use crate::state::{Question, State};
-use motion::canon::{Axis, Call, Position, ProbeMode};
+use motion::canon::{Axis, Call, Position, ProbeEnd, ProbeMode};
 
 impl State {
     pub(super) fn probe(&mut self, mode: ProbeMode, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
@@ -49,21 +49,33 @@ impl State {
         mode: ProbeMode,
         probed: Option<Probed>,
     ) -> Result<(), ErrorKind> {
-        let missed = probed.is_some_and(|probed| mode.must_trip && !probed.tripped);
+        // Without a machine nothing is wrong.
+        let error = probed.and_then(|probed| fault(probed.end, mode));
         let probed = probed.unwrap_or_else(|| Probed {
-            tripped: false,
+            end: ProbeEnd::Missed,
             at: to,
             rest: backed_off(from, to),
         });
+        let tripped = probed.end == ProbeEnd::Tripped;
         self.at = probed.rest;
         self.parameters.set_position(PROBED_POINT, probed.at, self.modal.unit);
-        self.parameters.set(PROBED, f64::from(u8::from(probed.tripped)));
-        match (missed, mode.towards) {
-            (false, _) => Ok(()),
-            (true, true) => Err(ErrorKind::Probe(ProbeError::NoContact)),
-            (true, false) => Err(ErrorKind::Probe(ProbeError::ContactStays)),
-        }
+        self.parameters.set(PROBED, f64::from(u8::from(tripped)));
+        error.map_or(Ok(()), |error| Err(ErrorKind::Probe(error)))
     }
+}
+
+/// What is wrong with a move that ended so.
+fn fault(end: ProbeEnd, mode: ProbeMode) -> Option<ProbeError> {
+    if end.is_fine(mode) {
+        return None;
+    }
+    Some(match (end, mode.towards) {
+        (ProbeEnd::Aborted, _) => ProbeError::Aborted,
+        (ProbeEnd::Already, true) => ProbeError::InContact,
+        (ProbeEnd::Already, false) => ProbeError::OffContact,
+        (ProbeEnd::Tripped | ProbeEnd::Missed, true) => ProbeError::NoContact,
+        (ProbeEnd::Tripped | ProbeEnd::Missed, false) => ProbeError::ContactStays,
+    })
 }
 
 /// How far the stand-alone interpreter of LinuxCNC backs off from the end of a probing move, mm.
@@ -104,7 +116,8 @@ mod tests {
             }
             let mut rest = at;
             rest[Axis::X] += 0.5;
-            Some(Probed { tripped, at, rest })
+            let end = if tripped { ProbeEnd::Tripped } else { ProbeEnd::Missed };
+            Some(Probed { end, at, rest })
         }
     }
 
@@ -143,6 +156,38 @@ mod tests {
         for (code, error) in [
             ("G38.2", "G38.2 came to its end without contact"),
             ("G38.4", "G38.4 came to its end still in contact"),
+        ] {
+            let shown = run(code);
+            assert!(shown.contains(error) && !shown.contains("MESSAGE"), "{shown}");
+        }
+        for code in ["G38.3", "G38.5"] {
+            assert!(run(code).ends_with("MESSAGE(\"0.000000\")\n"), "{}", run(code));
+        }
+    }
+
+    /// Its probe is bent.
+    struct Ends(ProbeEnd);
+
+    impl Machine for Ends {
+        fn probed(&mut self, from: Position, _: Position, _: ProbeMode) -> Option<Probed> {
+            let Ends(end) = *self;
+            Some(Probed {
+                end,
+                at: from,
+                rest: from,
+            })
+        }
+    }
+
+    #[test]
+    fn a_contact_that_is_there_already_is_told_as_that() {
+        let run = |code: &str| {
+            let program = format!("F10\n{code} X10\n(debug,#5070)\nM2\n");
+            printed_with(&program, Settings::default(), Ends(ProbeEnd::Already))
+        };
+        for (code, error) in [
+            ("G38.2", "2:1: G38.2 began in contact"),
+            ("G38.4", "2:1: G38.4 began without contact"),
         ] {
             let shown = run(code);
             assert!(shown.contains(error) && !shown.contains("MESSAGE"), "{shown}");
