@@ -3,7 +3,7 @@
 //! Splines, threads and feeds per turn are counted without their time. Shows the three parts of the library: settings, events, and a machine that answers.
 
 use gcode::{Interpreter, Machine, Probed, Settings, ToolChanger, ToolTable};
-use motion::canon::{Axis, Call, FeedMode, LengthUnit, Position, ProbeMode};
+use motion::canon::{Axis, Call, FeedMode, LengthUnit, Position, ProbeEnd, ProbeMode};
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::f64::consts::TAU;
@@ -17,7 +17,7 @@ impl Machine for Simulated {
     fn probed(&mut self, from: Position, to: Position, _: ProbeMode) -> Option<Probed> {
         let at = half_way(from, to);
         Some(Probed {
-            tripped: true,
+            end: ProbeEnd::Tripped,
             at,
             rest: at,
         })

@@ -62,7 +62,10 @@ fn surface(mut section: Section<'_, '_>) -> Option<SimSurface> {
     let above_mm = limit(&mut section, "above_mm");
     let below_mm = limit(&mut section, "below_mm");
     if section.has("above_mm") == section.has("below_mm") {
-        section.wrong("axis", "must have either above_mm or below_mm beside it: where the body is");
+        section.wrong(
+            "axis",
+            "must have either above_mm or below_mm beside it: where the body is",
+        );
     }
     section.done();
     let (at_mm, above) = match (above_mm, below_mm) {

@@ -3,6 +3,7 @@
 //! In:  program text; what the machine remembers; the machine position from which it starts.
 //! Out: elements in the ring, as many as fit, until the program is planned; then what the program left to remember.
 
+pub mod probing;
 mod settings;
 
 use crate::config::{self, Config};
@@ -11,9 +12,11 @@ use motion::canon::{Axis, Call, Event, PathMode, Position};
 use motion::element::Element;
 use motion::kinematics::{JOINTS, Kinematics, ToolFrame, Transform};
 use motion::plan::workers::Workers;
-use motion::plan::{AxisLimits, JointSpace, PlanError, Planner, Programmed, Pumped, Settings};
+use motion::plan::{AxisLimits, JointSpace, PlanError, PlanErrorKind, Planner, Programmed, Pumped, Settings};
 use motion::ring::{Publish, Sink};
+use motion::rt::probe::{Probed, StopShares};
 use motion::rt::{MotionLimits, ScaleRamp, StopLimits};
+use probing::Probing;
 pub use settings::{interpreter_settings, settings_with};
 use std::fmt;
 use std::num::NonZero;
@@ -85,7 +88,9 @@ pub fn check(config: &Config, tables: &Tables, path: &str, text: &[u8]) -> Resul
     loop {
         match feeder.pump() {
             Ok(Progress::Done) => break,
-            Ok(Progress::Working | Progress::RingFull) => {}
+            Ok(Progress::Working | Progress::RingFull | Progress::Probing) => {}
+            // Where a probe will really touch is not known: what follows may be elsewhere, and is judged when it is there.
+            Err(error) if feeder.probing.has_assumed() && error.is_of_a_place() => break,
             Err(error) => {
                 return Err(ProgramErrors {
                     shown: error.located(path),
@@ -131,6 +136,21 @@ pub enum FeedError {
 }
 
 impl FeedError {
+    /// Whether it may come from where things are.
+    fn is_of_a_place(&self) -> bool {
+        match self {
+            // What holds wherever things are is found in the text before.
+            FeedError::Text(_) => true,
+            FeedError::Plan(error) => matches!(
+                error.kind,
+                PlanErrorKind::Travel { .. }
+                    | PlanErrorKind::JointTravel { .. }
+                    | PlanErrorKind::Unreachable { .. }
+                    | PlanErrorKind::BadArc
+            ),
+        }
+    }
+
     /// `file:line: what`.
     pub fn located(&self, path: &str) -> String {
         match self {
@@ -147,20 +167,18 @@ pub enum Progress {
     Working,
     /// The ring is full: try again when the machine has moved on.
     RingFull,
+    /// A probing move is under way: what follows it depends on how it ends. Try again in a while.
+    Probing,
     /// The whole program is in the ring.
     Done,
 }
-
-/// The machine as the planner sees it: all that was planned happens as planned.
-struct Planned;
-
-impl gcode::Machine for Planned {}
 
 /// A program on its way into the ring.
 pub struct Feeder<'t, S: Sink<Element>> {
     events: gcode::Run<'t>,
     planner: Planner<S>,
     waiting: Option<Event>,
+    probing: Probing,
     line: u32,
     ended: bool,
     /// What G64 without P allows, mm.
@@ -185,18 +203,27 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         sink: S,
         workers: &Workers,
     ) -> Feeder<'t, S> {
+        let (probing, asked) = Probing::new();
         Feeder {
             events: gcode::Interpreter::new(planned_settings(config, tables, start))
-                .with_machine(Planned)
+                .with_machine(asked)
                 .run(text),
             planner: Planner::with_workers(plan_settings(config, start), sink, workers),
             waiting: None,
+            probing,
             line: 0,
             ended: false,
             default_tolerance_mm: config.program.tolerance_mm,
             mode_tolerance_mm: 0.0,
             tolerance_mm: 0.0,
         }
+    }
+
+    /// The same for a machine that probes: `results` tell how each probing move ended, and nothing behind it is read before.
+    /// Without it, every probing move touches something at its end.
+    pub fn with_probe(mut self, results: rtrb::Consumer<Probed>) -> Feeder<'t, S> {
+        self.probing.wait_for(results);
+        self
     }
 
     /// Plans a part of the program.
@@ -207,6 +234,17 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         for _ in 0..EVENTS_PER_PUMP {
             if self.planner.pump() == Pumped::Blocked {
                 return Ok(Progress::RingFull);
+            }
+            if self.probing.is_under_way() {
+                let Some(probed) = self.probing.take() else {
+                    return Ok(Progress::Probing);
+                };
+                self.planner.probed(probed.rest);
+                self.probing.tell(gcode::Probed {
+                    end: probed.end,
+                    at: self.planner.to_work(&probed.at),
+                    rest: self.planner.to_work(&probed.rest),
+                });
             }
             if self.ended {
                 return Ok(if self.planner.is_done() {
@@ -220,6 +258,12 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
                     self.line = event.source.line;
                     self.look_at(&event.call);
                     self.planner.push(&event).map_err(FeedError::Plan)?;
+                    if let Call::StraightProbe { to, .. } = event.call
+                        && self.probing.begin(to)
+                    {
+                        // All before it, and the move itself; the rest is planned once it is over.
+                        self.planner.finish();
+                    }
                 }
                 Some(Err(error)) => {
                     self.planner.finish();
@@ -383,23 +427,29 @@ pub fn ring_capacity(config: &Config) -> usize {
     plan_settings(config, Position::ZERO).largest_publication()
 }
 
+/// Limits of each joint: of planned motion, and of stops.
+fn joint_limits(config: &Config) -> impl Iterator<Item = (MotionLimits, StopLimits)> + '_ {
+    config.joints.iter().map(|joint| {
+        let plan = MotionLimits {
+            velocity: joint.limits.velocity_mm_s,
+            acceleration: joint.limits.acceleration_mm_s2,
+            jerk: joint.limits.jerk_mm_s3,
+        };
+        let stop = StopLimits {
+            acceleration: joint.stop.acceleration_mm_s2,
+            jerk: joint.stop.jerk_mm_s3,
+        };
+        (plan, stop)
+    })
+}
+
 /// The ramp of holds and stops of a machine.
 pub fn stop_ramp(config: &Config) -> ScaleRamp {
-    let axes: Vec<(MotionLimits, StopLimits)> = config
-        .joints
-        .iter()
-        .map(|joint| {
-            let plan = MotionLimits {
-                velocity: joint.limits.velocity_mm_s,
-                acceleration: joint.limits.acceleration_mm_s2,
-                jerk: joint.limits.jerk_mm_s3,
-            };
-            let stop = StopLimits {
-                acceleration: joint.stop.acceleration_mm_s2,
-                jerk: joint.stop.jerk_mm_s3,
-            };
-            (plan, stop)
-        })
-        .collect();
+    let axes: Vec<(MotionLimits, StopLimits)> = joint_limits(config).collect();
     ScaleRamp::new(&axes, f64::from(config.cycle_us) * 1e-6)
+}
+
+/// How much harder than planned motion a probe may stop at its contact.
+pub fn stop_shares(config: &Config) -> StopShares {
+    StopShares::of(joint_limits(config))
 }

@@ -159,6 +159,7 @@ impl<B: Fieldbus> Control<B> {
             .drives
             .read(&self.parts.inputs, |node| self.bus.node_state(node));
         self.parts.pins.spindle.see(&self.parts.inputs);
+        self.parts.pins.show_inputs(&self.parts.inputs);
         self.watch(late_ns, skipped);
         self.take_orders();
         self.step_state();
@@ -585,6 +586,10 @@ impl<B: Fieldbus> Control<B> {
             _ => 0.0,
         };
         if let Some(program) = &mut self.program {
+            if program.is_probing() {
+                let measured = self.parts.drives.measured(&self.parts.kinematics, &self.sample);
+                program.see_probe(self.parts.pins.probe_input(), &measured);
+            }
             self.sample = program.step_with(scale, self.parts.pins.spindle.place());
             self.program_cycles += 1;
             self.program_has_moved |= self.sample.state == SampleState::Moving;
@@ -694,13 +699,9 @@ impl<B: Fieldbus> Control<B> {
 
     /// Tells everyone else what happened.
     fn show(&mut self) {
-        self.parts.pins.publish(
-            &mut self.bus,
-            &self.parts.inputs,
-            &self.parts.drives,
-            &self.sample,
-            self.state,
-        );
+        self.parts
+            .pins
+            .publish(&mut self.bus, &self.parts.drives, &self.sample, self.state);
         let (elapsed_s, remaining_s) = match &self.program {
             Some(program) => (self.program_cycles as f64 * self.parts.cycle_s, program.remaining_s()),
             None => (0.0, 0.0),

@@ -9,9 +9,11 @@
 use crate::bus::layout::{Field, Layout};
 use crate::bus::network::NodePlan;
 use crate::bus::{InputImage, NodeIndex, NodeState, OutputImage};
-use crate::config::{Compensation, Config, Joint};
+use crate::config::{Compensation, Config, JOINTS_MAX, Joint};
 use cia402::axis::{Axis, AxisConfig, Feedback, HomingState, Request, Setpoint, Status};
-use motion::rt::JointCompensation;
+use motion::canon::Position;
+use motion::kinematics::Kinematics;
+use motion::rt::{JointCompensation, Sample};
 
 /// Objects of one drive in its payloads; those that are not mapped are `None`.
 #[derive(Clone, Copy, Debug)]
@@ -275,6 +277,17 @@ impl Drives {
     /// Whether every drive shows a status that `wanted` accepts. RT.
     pub fn all(&self, wanted: impl Fn(&Drive) -> bool) -> bool {
         self.drives.iter().all(wanted)
+    }
+
+    /// Where the axes were measured, as the tool of `sample` is held; where no place of the axes is known, that of `sample`. RT.
+    pub fn measured(&self, kinematics: &Kinematics, sample: &Sample) -> Position {
+        let mut actual_mm = [0.0; JOINTS_MAX];
+        for (actual_mm, drive) in actual_mm.iter_mut().zip(&self.drives) {
+            *actual_mm = drive.actual_mm();
+        }
+        kinematics
+            .forward(&sample.frame, &actual_mm[..self.drives.len()])
+            .unwrap_or(sample.position)
     }
 
     /// The drives in the order of the joints.

@@ -95,6 +95,7 @@ pub struct Pins {
     current_vel: Output<f64>,
     feed_hold: Input<bool>,
     adaptive_feed: Input<f64>,
+    probe_input: Input<bool>,
     resume: Input<bool>,
     stop: Input<bool>,
     resume_before: bool,
@@ -316,6 +317,7 @@ impl Pins {
             current_vel: hal.output("motion.current-vel")?,
             feed_hold: hal.input("motion.feed-hold", false)?,
             adaptive_feed: hal.input("motion.adaptive-feed", 1.0)?,
+            probe_input: hal.input("motion.probe-input", false)?,
             resume: hal.input("halui.program.resume", false)?,
             stop: hal.input("halui.program.stop", false)?,
             resume_before: false,
@@ -459,15 +461,24 @@ impl Pins {
         }
     }
 
+    /// Shows what the nodes sent, so that what follows in this cycle sees it behind every net.
+    pub fn show_inputs(&mut self, inputs: &InputImage) {
+        for object in &mut self.objects_received {
+            object.show(inputs.payload.node(object.node));
+        }
+        for bit in &mut self.bits_in {
+            bit.pin
+                .set(bit.field.read(inputs.payload.node(bit.node)) >> bit.bit & 1 == 1);
+        }
+    }
+
+    /// Whether the probe is in contact.
+    pub fn probe_input(&self) -> bool {
+        self.probe_input.get()
+    }
+
     /// Shows the values of a cycle.
-    pub fn publish<B: Fieldbus>(
-        &mut self,
-        bus: &mut B,
-        inputs: &InputImage,
-        drives: &Drives,
-        sample: &Sample,
-        state: State,
-    ) {
+    pub fn publish<B: Fieldbus>(&mut self, bus: &mut B, drives: &Drives, sample: &Sample, state: State) {
         for (pins, drive) in self.joints.iter_mut().zip(drives.iter()) {
             pins.motor_pos_cmd.set(drive.command_mm());
             pins.motor_pos_fb.set(drive.actual_mm());
@@ -477,13 +488,6 @@ impl Pins {
         }
         for (axis, pos_cmd) in &mut self.axes {
             pos_cmd.set(sample.position[*axis]);
-        }
-        for object in &mut self.objects_received {
-            object.show(inputs.payload.node(object.node));
-        }
-        for bit in &mut self.bits_in {
-            bit.pin
-                .set(bit.field.read(inputs.payload.node(bit.node)) >> bit.bit & 1 == 1);
         }
         for (node, pins) in self.nodes.iter_mut().enumerate() {
             pins.state.set(bus.node_state(node) as u32);

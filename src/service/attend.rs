@@ -11,7 +11,7 @@ use super::standby::{Clients, Part};
 use super::systemd::{Service, Sight};
 use crate::machine::sequence::Step;
 use crate::machine::tables::lock;
-use crate::program::{self, FeedError, Feeder, ring_capacity, stop_ramp};
+use crate::program::{self, FeedError, Feeder, probing, ring_capacity, stop_ramp, stop_shares};
 use crate::rt::figures::Windows;
 use crate::rt::rights::{self, Work};
 use crate::rt::timeout;
@@ -211,6 +211,7 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
         } = self.session;
         let tables = lock(tables).clone();
         let (producer, consumer) = ring::channel(ring_capacity(config));
+        let (answers, results) = probing::line();
         let (text, path_max) = match (task, self.clients.part()) {
             (Task::Once(program), _) => (Text::Given(program.text), PATH_MAX),
             (Task::Repeat(program), _) => (Text::Given(program.text), 0),
@@ -226,12 +227,14 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
                 rights::give_up_or_warn(Work::Ordinary);
                 // They inherit from here that they keep off the core of real time, and have no rights.
                 let workers = program::workers(config);
-                let feeder = Feeder::with_workers(config, &tables, text.octets(), position, producer, &workers);
+                let feeder = Feeder::with_workers(config, &tables, text.octets(), position, producer, &workers)
+                    .with_probe(results);
                 let over = || stop.load(Ordering::Acquire) || given_up.load(Ordering::Acquire);
                 feed(feeder, path_max, over)
             })?;
         self.planner = Some(planner);
-        Ok(Box::new(Interpolator::new(consumer, position, stop_ramp(config))))
+        let interpolator = Interpolator::new(consumer, position, stop_ramp(config));
+        Ok(Box::new(interpolator.with_probe(answers, stop_shares(config))))
     }
 
     fn join_planner(&mut self, running: &mut Running, now_ns: u64) {
@@ -280,7 +283,7 @@ fn feed(mut feeder: Feeder<'_, Producer<Element>>, path_max: usize, over: impl F
         path.extend(feeder.ideal_path().take(room));
         match progress {
             Ok(program::Progress::Working) => {}
-            Ok(program::Progress::RingFull) => std::thread::sleep(to_next(PLANNER_PAUSE)),
+            Ok(program::Progress::RingFull | program::Progress::Probing) => std::thread::sleep(to_next(PLANNER_PAUSE)),
             Ok(program::Progress::Done) => break,
             Err(error) => {
                 failed = Some(error);

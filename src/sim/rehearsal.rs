@@ -13,7 +13,7 @@ use crate::bus::powerlink::Powerlink;
 use crate::config::Config;
 use crate::machine::sequence::Outcome;
 use crate::machine::tables::Tables;
-use crate::program::{Feeder, Progress, ring_capacity, stop_ramp};
+use crate::program::{Feeder, Progress, probing, ring_capacity, stop_ramp, stop_shares};
 use crate::rt::assemble::assemble;
 use crate::rt::cycle::Control;
 use crate::rt::pins::CAPACITY;
@@ -205,8 +205,11 @@ impl<'a> Rehearsal<'a> {
             Wish::Nothing => {}
             Wish::PlanFrom(position) => {
                 let (producer, consumer) = ring::channel(ring_capacity(self.config));
-                self.feeder = Some(Feeder::new(self.config, &self.tables, self.text, position, producer));
-                let program = Interpolator::new(consumer, position, stop_ramp(self.config));
+                let (answers, results) = probing::line();
+                let feeder = Feeder::new(self.config, &self.tables, self.text, position, producer);
+                self.feeder = Some(feeder.with_probe(results));
+                let program = Interpolator::new(consumer, position, stop_ramp(self.config))
+                    .with_probe(answers, stop_shares(self.config));
                 self.operator.start(Box::new(program));
             }
         }

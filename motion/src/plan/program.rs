@@ -328,6 +328,8 @@ impl Program {
                     line,
                 }))))
             }
+            // Nobody must wait for a move that never comes.
+            None => Err(PlanErrorKind::Unsupported("a probing move of no length")),
             other => Ok(other),
         }
     }

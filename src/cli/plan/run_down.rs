@@ -136,7 +136,7 @@ pub(super) fn run_down(
             work.path.extend(feeder.ideal_path());
             match progress {
                 Progress::Working => {}
-                Progress::RingFull => break,
+                Progress::RingFull | Progress::Probing => break,
                 Progress::Done => done = true,
             }
         }

@@ -54,7 +54,8 @@ pub struct Prober {
     shares: StopShares,
     /// Who waits for the results; `None`: every move goes its whole way.
     answers: Option<rtrb::Producer<Probed>>,
-    contact: bool,
+    /// `None`: nothing has been read since the move was begun.
+    contact: Option<bool>,
     measured: Position,
 }
 
@@ -65,7 +66,7 @@ impl Prober {
             probe: Probe::idle(cycle_s),
             shares: StopShares::NONE,
             answers: None,
-            contact: false,
+            contact: None,
             measured: Position::ZERO,
         }
     }
@@ -81,12 +82,13 @@ impl Prober {
 
     /// What was read in this cycle. RT.
     pub fn see(&mut self, contact: bool, measured: &Position) {
-        self.contact = contact;
+        self.contact = Some(contact);
         self.measured = *measured;
     }
 
     /// Begins a move, from rest at its start. RT.
     pub fn begin(&mut self, probing: &Probing) {
+        self.contact = None;
         let limits = (probing.limits, self.shares.along(probing.limits));
         self.probe.set_out(probing.piece, probing.mode, probing.feed, limits);
     }
@@ -99,12 +101,14 @@ impl Prober {
             self.probe.resume();
         }
         // Without a probe the contact is never as it is to become.
-        let contact = if self.answers.is_some() {
-            self.contact
-        } else {
-            !probing.mode.towards
+        let contact = match self.answers {
+            Some(_) => self.contact,
+            None => Some(!probing.mode.towards),
         };
-        self.probe.step(contact, &self.measured);
+        // What was read before the move counts for nothing.
+        if let Some(contact) = contact {
+            self.probe.step(contact, &self.measured);
+        }
     }
 
     /// Whether the move is over; who waits for its result is told once. RT.
