@@ -5,6 +5,7 @@
 
 use crate::error::Error;
 use crate::interpreter::{Interpreter, ReadSeek};
+use crate::machine::{Machine, NoMachine};
 use crate::{Settings, syntax};
 use std::io;
 
@@ -29,12 +30,14 @@ impl Default for CheckLimits {
 
 /// All errors of a program in memory, in the order of its lines.
 pub fn check(text: &[u8], settings: Settings) -> Vec<Error> {
-    match check_reader(
-        io::Cursor::new(text),
-        || Ok(io::Cursor::new(text)),
-        settings,
-        CheckLimits::default(),
-    ) {
+    check_on(text, settings, NoMachine)
+}
+
+/// The same with a machine that answers while the program is run: which lines follow a probing move may depend on it.
+pub fn check_on(text: &[u8], settings: Settings, machine: impl Machine + Send + 'static) -> Vec<Error> {
+    let again = || Ok(io::Cursor::new(text));
+    let interpreter = Interpreter::new(settings).with_machine(machine);
+    match check_run(io::Cursor::new(text), again, interpreter, CheckLimits::default()) {
         Ok(errors) => errors,
         Err(error) => unreachable!("memory can be read: {error}"),
     }
@@ -54,10 +57,17 @@ pub fn check_reader<R: ReadSeek>(
     settings: Settings,
     limits: CheckLimits,
 ) -> io::Result<Vec<Error>> {
+    check_run(text, again, Interpreter::new(settings), limits)
+}
+
+fn check_run<R: ReadSeek>(
+    text: R,
+    again: impl FnOnce() -> io::Result<R>,
+    interpreter: Interpreter,
+    limits: CheckLimits,
+) -> io::Result<Vec<Error>> {
     let mut errors = syntax::errors(text, limits.errors)?;
-    let run = Interpreter::new(settings)
-        .run_reader(again()?)
-        .limit_steps(limits.steps);
+    let run = interpreter.run_reader(again()?).limit_steps(limits.steps);
     for error in run.filter_map(Result::err) {
         if !errors.contains(&error) {
             errors.push(*error);

@@ -55,7 +55,7 @@ mod syntax;
 mod text;
 mod tool_table;
 
-pub use check::{CheckLimits, check, check_reader};
+pub use check::{CheckLimits, check, check_on, check_reader};
 pub use error::{CallSite, Error, ErrorKind, ProbeError, SplineError, TurningError};
 pub use flat::{FlatError, FlatWriter, Unwritable};
 pub use interpreter::{Interpreter, ReadSeek, Run};

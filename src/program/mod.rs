@@ -58,7 +58,7 @@ pub struct Overview {
 
 /// All errors of the text; what a machine can do is not looked at.
 pub fn check_text(config: &Config, tables: &Tables, text: &[u8]) -> Vec<gcode::Error> {
-    gcode::check(text, planned_settings(config, tables, home(config)))
+    gcode::check_on(text, planned_settings(config, tables, home(config)), Probing::new().1)
 }
 
 /// Interprets and plans the whole program without moving anything, so that all errors are found before it starts.
@@ -258,8 +258,8 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
                     self.line = event.source.line;
                     self.look_at(&event.call);
                     self.planner.push(&event).map_err(FeedError::Plan)?;
-                    if let Call::StraightProbe { to, .. } = event.call
-                        && self.probing.begin(to)
+                    if let Call::StraightProbe { .. } = event.call
+                        && self.probing.begin()
                     {
                         // All before it, and the move itself; the rest is planned once it is over.
                         self.planner.finish();

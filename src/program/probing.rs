@@ -6,7 +6,7 @@
 //! A program that is only looked at has nobody to wait for: its probing moves touch something at their very end. So loops that
 //! probe until they touch come to an end, and what follows a touch is seen.
 
-use motion::canon::{Position, ProbeEnd};
+use motion::canon::{Position, ProbeEnd, ProbeMode};
 use motion::rt::probe::Probed;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -20,8 +20,13 @@ pub fn line() -> (rtrb::Producer<Probed>, rtrb::Consumer<Probed>) {
 pub(super) struct Asked(Arc<Mutex<Option<gcode::Probed>>>);
 
 impl gcode::Machine for Asked {
-    fn probed(&mut self, _: Position, _: Position, _: motion::canon::ProbeMode) -> Option<gcode::Probed> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
+    fn probed(&mut self, _: Position, to: Position, _: ProbeMode) -> Option<gcode::Probed> {
+        let told = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
+        Some(told.unwrap_or(gcode::Probed {
+            end: ProbeEnd::Tripped,
+            at: to,
+            rest: to,
+        }))
     }
 }
 
@@ -52,17 +57,10 @@ impl Probing {
         self.results = Some(results);
     }
 
-    /// A probing move to `to` goes to the machine. Whether its end has to be awaited.
-    pub(super) fn begin(&mut self, to: Position) -> bool {
+    /// A probing move goes to the machine. Whether its end has to be awaited.
+    pub(super) fn begin(&mut self) -> bool {
         self.count += 1;
         self.under_way = self.results.is_some();
-        if !self.under_way {
-            self.tell(gcode::Probed {
-                end: ProbeEnd::Tripped,
-                at: to,
-                rest: to,
-            });
-        }
         self.under_way
     }
 
