@@ -10,8 +10,8 @@ mod motor;
 mod node;
 pub mod rehearsal;
 mod run;
-mod spindle;
 mod sensors;
+mod spindle;
 mod track;
 mod virtual_net;
 
