@@ -86,6 +86,7 @@ fn demo_machine() -> (Config, Settings) {
         look_ahead_blocks: config.program.look_ahead_blocks,
         spindle_encoder: false,
         await_spindle: false,
+        spindle_rpm_max: 6000.0,
         slope: config.program.planner,
         start: Position::ZERO,
     };

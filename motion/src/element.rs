@@ -6,6 +6,7 @@ use crate::canon::{ProbeMode, SpindleDirection};
 use crate::path::Piece;
 use crate::ring::Timed;
 use crate::rt::MotionLimits;
+use std::f64::consts::TAU;
 use std::fmt;
 
 /// One element of the plan.
@@ -99,6 +100,8 @@ pub struct Enables {
     pub adaptive_feed: bool,
     /// The switch for feed hold (M53).
     pub feed_hold: bool,
+    /// The speed of the spindle (G95): the move is planned for the speed that it is to have at most.
+    pub spindle_speed: bool,
 }
 
 impl Enables {
@@ -108,6 +111,7 @@ impl Enables {
         spindle_override: true,
         adaptive_feed: false,
         feed_hold: true,
+        spindle_speed: false,
     };
 }
 
@@ -220,15 +224,42 @@ impl Probing {
     }
 }
 
+/// Constant speed of the surface under the tool (G96).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surface {
+    /// Metres per minute, not negative.
+    pub m_per_minute: f64,
+    /// X of the spindle's axis in the machine, mm.
+    pub centre_mm: f64,
+}
+
+impl Surface {
+    /// Revolutions per minute where X stands at `x_mm` (machine), without regard for the highest speed. RT.
+    pub fn rpm(&self, x_mm: f64) -> f64 {
+        const MM_PER_M: f64 = 1000.0;
+        let circumference_mm = TAU * (x_mm - self.centre_mm).abs();
+        // At the centre there is no speed that would do.
+        if circumference_mm > 0.0 {
+            self.m_per_minute * MM_PER_M / circumference_mm
+        } else if self.m_per_minute > 0.0 {
+            f64::INFINITY
+        } else {
+            0.0
+        }
+    }
+}
+
 /// Something to do at rest, between two moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {
     /// M3, M4, or S while the spindle turns.
     SpindleOn {
-        /// Revolutions per minute, not negative.
+        /// Revolutions per minute, not negative; with a speed of the surface, the highest.
         rpm: f64,
         /// Which way.
         direction: SpindleDirection,
+        /// Where the speed follows the radius.
+        surface: Option<Surface>,
     },
     /// M5.
     SpindleOff,
@@ -272,15 +303,21 @@ impl fmt::Display for Action {
         match *self {
             Action::SpindleOn {
                 rpm,
-                direction: SpindleDirection::Clockwise,
+                direction,
+                surface,
             } => {
-                write!(f, "spindle on clockwise, {rpm} 1/min")
-            }
-            Action::SpindleOn {
-                rpm,
-                direction: SpindleDirection::Counterclockwise,
-            } => {
-                write!(f, "spindle on counter-clockwise, {rpm} 1/min")
+                let direction = match direction {
+                    SpindleDirection::Clockwise => "clockwise",
+                    SpindleDirection::Counterclockwise => "counter-clockwise",
+                };
+                match surface {
+                    None => write!(f, "spindle on {direction}, {rpm} 1/min"),
+                    Some(surface) => write!(
+                        f,
+                        "spindle on {direction}, {} m/min at the surface, {rpm} 1/min at most",
+                        surface.m_per_minute
+                    ),
+                }
             }
             Action::SpindleOff => f.write_str("spindle off"),
             Action::AwaitSpindle => f.write_str("wait for the speed of the spindle"),

@@ -386,6 +386,7 @@ pub fn plan_settings(config: &Config, start: Position) -> Settings {
         look_ahead_blocks: config.program.look_ahead_blocks,
         spindle_encoder: config.spindle.encoder.is_some(),
         await_spindle: config.spindle.wait_for_speed,
+        spindle_rpm_max: config.spindle.rpm_max,
         slope: config.program.planner,
         start,
     }

@@ -21,7 +21,7 @@ use cia402::axis::{AxisFault, Request, Status};
 use motion::canon::Position;
 use motion::element::Action;
 use motion::kinematics::{Kinematics, ToolFrame};
-use motion::rt::{Interpolator, Monitor, Peaks, Sample, SampleState, SyncFault, Trip};
+use motion::rt::{Interpolator, Monitor, Peaks, Sample, SampleState, Shares, SyncFault, Trip};
 use std::sync::Arc;
 
 /// Orders that are taken in one cycle at the most.
@@ -590,7 +590,11 @@ impl<B: Fieldbus> Control<B> {
                 let measured = self.parts.drives.measured(&self.parts.kinematics, &self.sample);
                 program.see_probe(self.parts.pins.probe_input(), &measured);
             }
-            self.sample = program.step_with(scale, self.parts.pins.spindle.place());
+            let shares = Shares {
+                turning: self.parts.pins.spindle.feed_share(),
+                ..Shares::all(scale)
+            };
+            self.sample = program.step_shares(&shares, self.parts.pins.spindle.place());
             self.program_cycles += 1;
             self.program_has_moved |= self.sample.state == SampleState::Moving;
             self.parts.pins.spindle.steer(&self.sample);

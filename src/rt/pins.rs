@@ -365,7 +365,11 @@ impl Pins {
     /// Does what a block without motion asks for.
     pub fn begin_action(&mut self, action: Action) {
         match action {
-            Action::SpindleOn { rpm, direction } => self.spindle.turn(rpm, direction),
+            Action::SpindleOn {
+                rpm,
+                direction,
+                surface,
+            } => self.spindle.turn(rpm, direction, surface),
             Action::SpindleOff => self.spindle.stop(),
             Action::Mist(on) => self.mist.set(on),
             Action::Flood(on) => self.flood.set(on),

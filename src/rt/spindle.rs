@@ -11,17 +11,23 @@ use crate::bus::network::NodePlan;
 use crate::bus::{InputImage, NodeIndex, OutputImage};
 use crate::config::{Config, SpindleEncoder};
 use hal_pins::{Hal, HalError, Input, Output};
-use motion::canon::SpindleDirection;
+use motion::canon::{Axis, SpindleDirection};
+use motion::element::Surface;
 use motion::rt::{Sample, SpindleFeedback};
 
 /// Distance from the wanted speed that no encoder is fine enough to judge, 1/min.
 const SPEED_SLACK_RPM: f64 = 5.0;
 
+/// A change of the share of the feed that is not worth following.
+const SHARE_STEP: f64 = 0.003;
+
 /// What the program wants.
 #[derive(Clone, Copy, Debug)]
 struct Wanted {
+    /// As programmed; with a speed of the surface, the most.
     rpm: f64,
     direction: SpindleDirection,
+    surface: Option<Surface>,
 }
 
 /// Where its place comes from.
@@ -77,6 +83,10 @@ pub struct Spindle {
     speed: Speed,
     turns_per_cycle: f64,
     waited_s: f64,
+    /// Share of the planned feed by turns that is wanted.
+    share: f64,
+    /// X of the last sample, machine.
+    x_mm: f64,
 }
 
 impl Spindle {
@@ -133,6 +143,8 @@ impl Spindle {
             speed: Speed::new(),
             turns_per_cycle: 0.0,
             waited_s: 0.0,
+            share: 1.0,
+            x_mm: 0.0,
         })
     }
 
@@ -177,8 +189,12 @@ impl Spindle {
     }
 
     /// M3, M4, S. RT.
-    pub fn turn(&mut self, rpm: f64, direction: SpindleDirection) {
-        self.wanted = Some(Wanted { rpm, direction });
+    pub fn turn(&mut self, rpm: f64, direction: SpindleDirection, surface: Option<Surface>) {
+        self.wanted = Some(Wanted {
+            rpm,
+            direction,
+            surface,
+        });
         self.waited_s = 0.0;
         self.tell(None);
     }
@@ -191,12 +207,14 @@ impl Spindle {
 
     /// Tells it its direction and speed of this cycle. RT.
     pub fn steer(&mut self, sample: &Sample) {
+        self.x_mm = sample.position[Axis::X];
         self.tell(sample.reversal);
     }
 
     fn tell(&mut self, reversal: Option<f64>) {
         self.rpm = self.wanted.map_or(0.0, |wanted| {
-            let rpm = wanted.rpm.min(self.rpm_max);
+            let at_surface = wanted.surface.map_or(f64::INFINITY, |surface| surface.rpm(self.x_mm));
+            let rpm = wanted.rpm.min(self.rpm_max).min(at_surface);
             let rpm = match wanted.direction {
                 SpindleDirection::Clockwise => rpm,
                 SpindleDirection::Counterclockwise => -rpm,
@@ -221,6 +239,23 @@ impl Spindle {
         let at_speed = self.wanted.is_none() || (self.at_speed.get() && off <= slack);
         self.waited_s = if at_speed { 0.0 } else { self.waited_s + self.cycle_s };
         at_speed
+    }
+
+    /// Share of the planned feed of moves that go by its turns (G95): as it turns, or without an encoder as it is told to. A
+    /// spindle that is faster than programmed is not followed. RT.
+    pub fn feed_share(&mut self) -> f64 {
+        let Some(wanted) = self.wanted else { return 0.0 };
+        let rpm = self.measured_rpm().unwrap_or(self.rpm).abs();
+        let share = if wanted.rpm > 0.0 {
+            (rpm / wanted.rpm).min(1.0)
+        } else {
+            0.0
+        };
+        // The feed is not to tremble with the steps of the encoder.
+        if (share - self.share).abs() > SHARE_STEP || share == 1.0 {
+            self.share = share;
+        }
+        self.share
     }
 
     /// Whether its speed has been waited for too long. RT.

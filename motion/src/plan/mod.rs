@@ -94,6 +94,8 @@ pub struct Settings {
     pub spindle_encoder: bool,
     /// Whether the first feed move behind a change of the spindle's speed waits until the speed is reached, at rest.
     pub await_spindle: bool,
+    /// Highest speed of the spindle, 1/min.
+    pub spindle_rpm_max: f64,
     /// Machine position from which the program starts.
     pub start: Position,
     /// How speed is chosen along the path.

@@ -12,7 +12,7 @@ use super::limits::Bounds;
 use super::probing;
 use super::{PlanErrorKind, Settings};
 use crate::canon::{Axis, Call, FeedMode, PathMode, Plane, Position, ProbeMode, SpindleDirection, SpindleMode};
-use crate::element::{Action, Element, Enables, Probing, Synced, Tap};
+use crate::element::{Action, Element, Enables, Probing, Surface, Synced, Tap};
 use crate::kinematics::ToolFrame;
 use crate::path::{Circle, Group, Piece};
 use crate::rt::MotionLimits;
@@ -81,7 +81,9 @@ pub(super) struct Program {
     enables: Enables,
     mode: PathMode,
     spindle: Option<SpindleDirection>,
-    rpm: f64,
+    /// S: 1/min or, with a speed of the surface, m/min.
+    speed: f64,
+    spindle_mode: SpindleMode,
     /// The spindle was told another speed, and no feed move has come since.
     speed_changed: bool,
     messages: u32,
@@ -99,7 +101,8 @@ impl Program {
             enables: Enables::INITIAL,
             mode: PathMode::ExactPath,
             spindle: None,
-            rpm: 0.0,
+            speed: 0.0,
+            spindle_mode: SpindleMode::Rpm,
             speed_changed: false,
             messages: 0,
         }
@@ -107,6 +110,9 @@ impl Program {
 
     /// Whether the spindle is to be waited for before this call. Told once.
     pub(super) fn take_wait(&mut self, call: &Call, settings: &Settings) -> bool {
+        // On a rapid move a constant speed of the surface may come to be quite another one of the spindle.
+        let rapid = matches!(call, Call::StraightTraverse { .. });
+        self.speed_changed |= rapid && self.spindle.is_some() && self.surface().is_some();
         let cuts = matches!(
             call,
             Call::StraightFeed { .. } | Call::ArcFeed { .. } | Call::NurbsFeed { .. } | Call::RigidTap { .. }
@@ -159,9 +165,6 @@ impl Program {
             | Call::UseLengthUnit(_)
             | Call::Comment(_)
             | Call::Record(_)
-            | Call::SetSpindleMode {
-                mode: SpindleMode::Rpm, ..
-            }
             | Call::SetCutterCompensation(None)
             | Call::StartChange
             | Call::SetToolEntry(_)
@@ -215,10 +218,12 @@ impl Program {
                 self.per_turn = matches!(mode, FeedMode::PerTurn { .. });
                 Ok(None)
             }
-            Call::SetSpindleMode {
-                mode: SpindleMode::ConstantSurfaceSpeed { .. },
-                ..
-            } => unsupported("constant surface speed (G96)"),
+            Call::SetSpindleMode { spindle: 1.., .. } => unsupported("a second spindle ($1 and above)"),
+            // S follows, or holds anew.
+            Call::SetSpindleMode { mode, .. } => {
+                self.spindle_mode = *mode;
+                Ok(None)
+            }
             Call::OrientSpindle { .. } | Call::WaitSpindleOriented { .. } => {
                 unsupported("orientation of the spindle (M19)")
             }
@@ -229,11 +234,11 @@ impl Program {
             Call::PalletShuttle => Ok(None),
             Call::SetG5xOffset { origin, .. } => {
                 self.frame.g5x = *origin;
-                Ok(None)
+                self.centre_moved(settings).map_or(Ok(None), rest)
             }
             Call::SetG92Offset { offset } => {
                 self.frame.g92 = *offset;
-                Ok(None)
+                self.centre_moved(settings).map_or(Ok(None), rest)
             }
             Call::SetXyRotation { degrees } => {
                 self.frame.rotate(*degrees);
@@ -246,7 +251,10 @@ impl Program {
                 };
                 let entry = self.reframe(tool_frame, settings)?;
                 self.frame.tool = *offset;
-                Ok(entry)
+                match entry {
+                    None => self.centre_moved(settings).map_or(Ok(None), rest),
+                    Some(_) => Ok(entry),
+                }
             }
             Call::SetToolCentrePoint(on) => {
                 let tool_frame = ToolFrame {
@@ -258,11 +266,10 @@ impl Program {
             Call::SetSpindleSpeed { spindle: 1.., .. }
             | Call::StartSpindle { spindle: 1.., .. }
             | Call::StopSpindle { spindle: 1.. } => unsupported("a second spindle ($1 and above)"),
-            Call::SetSpindleSpeed { speed: rpm, .. } => {
-                self.rpm = *rpm;
+            Call::SetSpindleSpeed { speed, .. } => {
+                self.speed = *speed;
                 self.speed_changed = self.spindle.is_some();
-                self.spindle
-                    .map_or(Ok(None), |direction| rest(Action::SpindleOn { rpm: *rpm, direction }))
+                self.spindle_on(settings).map_or(Ok(None), rest)
             }
             Call::StartSpindle {
                 direction,
@@ -272,10 +279,7 @@ impl Program {
                 self.spindle = Some(*direction);
                 // A tap in a floating holder goes back while the spindle still comes to its speed.
                 self.speed_changed = *wait_for_speed;
-                rest(Action::SpindleOn {
-                    rpm: self.rpm,
-                    direction: *direction,
-                })
+                self.spindle_on(settings).map_or(Ok(None), rest)
             }
             Call::StopSpindle { .. } => {
                 self.spindle = None;
@@ -358,10 +362,58 @@ impl Program {
         Ok(Some(Entry::Halt))
     }
 
-    /// Turns per second as programmed.
-    fn turns_s(&self) -> Result<f64, PlanErrorKind> {
-        let turns = self.spindle.is_some() && self.rpm > 0.0;
-        turns.then_some(self.rpm / 60.0).ok_or(PlanErrorKind::SpindleStands)
+    /// The constant speed of the surface, if it is in force.
+    fn surface(&self) -> Option<Surface> {
+        match self.spindle_mode {
+            SpindleMode::Rpm => None,
+            SpindleMode::ConstantSurfaceSpeed { .. } => Some(Surface {
+                m_per_minute: self.speed,
+                centre_mm: self.frame.machine(&Position::ZERO)[Axis::X],
+            }),
+        }
+    }
+
+    /// Speed of the spindle as programmed, 1/min; with a speed of the surface, the highest.
+    fn rpm(&self, settings: &Settings) -> f64 {
+        match self.spindle_mode {
+            SpindleMode::Rpm => self.speed,
+            SpindleMode::ConstantSurfaceSpeed { max_rpm } => {
+                max_rpm.unwrap_or(f64::INFINITY).min(settings.spindle_rpm_max)
+            }
+        }
+    }
+
+    /// What the spindle is to be told; `None`: it stands.
+    fn spindle_on(&self, settings: &Settings) -> Option<Action> {
+        Some(Action::SpindleOn {
+            rpm: self.rpm(settings),
+            direction: self.spindle?,
+            surface: self.surface(),
+        })
+    }
+
+    /// What the spindle is to be told where zero of X may be another place now.
+    fn centre_moved(&self, settings: &Settings) -> Option<Action> {
+        self.surface()?;
+        self.spindle_on(settings)
+    }
+
+    /// Turns per second for which feed by turns is planned: as programmed or, with a speed of the surface, the most. What the
+    /// spindle does less, the interpolation makes up for.
+    fn turns_s(&self, settings: &Settings) -> Result<f64, PlanErrorKind> {
+        let rpm = self.rpm(settings);
+        let turns = self.spindle.is_some() && self.speed > 0.0 && rpm > 0.0;
+        turns.then_some(rpm / 60.0).ok_or(PlanErrorKind::SpindleStands)
+    }
+
+    /// The highest speed on the way from one place to another, turns/s.
+    fn turns_s_between(&self, from: f64, to: f64, settings: &Settings) -> Result<f64, PlanErrorKind> {
+        let most = self.turns_s(settings)?;
+        Ok(self.surface().map_or(most, |surface| {
+            let [low, high] = [from.min(to), from.max(to)];
+            let nearest = surface.centre_mm.clamp(low, high);
+            most.min(surface.rpm(nearest) / 60.0)
+        }))
     }
 
     /// A straight move in step with the spindle, from rest to rest; `return_scale`: there and back.
@@ -380,11 +432,11 @@ impl Program {
                 "motion in step with the spindle where joints are not axes",
             ));
         }
-        let turns_s = self.turns_s()?;
         let end = self.frame.machine(to);
         if end.0.iter().any(|x| !x.is_finite()) {
             return Err(PlanErrorKind::NotFinite);
         }
+        let turns_s = self.turns_s_between(self.position[Axis::X], end[Axis::X], settings)?;
         let Some(way) = Piece::line(self.position, end) else {
             return Ok(None);
         };
@@ -493,8 +545,7 @@ impl Program {
             f64::INFINITY
         } else {
             let feed = self.feed.ok_or(PlanErrorKind::NoFeedRate)?;
-            // The speed as programmed, not as measured: what the spindle really does, the feed does not follow.
-            let per_s = if self.per_turn { self.turns_s()? } else { 1.0 };
+            let per_s = if self.per_turn { self.turns_s(settings)? } else { 1.0 };
             let delta = std::array::from_fn(|i| end.0[i] - self.position.0[i]);
             match Group::of(&delta) {
                 Some(Group::Rotary) => feed.degrees_s * per_s,
@@ -525,7 +576,10 @@ impl Program {
             feed,
             line,
             rapid,
-            enables: self.enables,
+            enables: Enables {
+                spindle_speed: self.per_turn,
+                ..self.enables
+            },
             corner,
             naive_cam_mm,
         })
@@ -594,6 +648,7 @@ mod tests {
             look_ahead_blocks: 9,
             spindle_encoder: true,
             await_spindle: false,
+            spindle_rpm_max: 6000.0,
             slope: crate::plan::Slope::Classic,
             start: Position::ZERO,
         }
@@ -781,13 +836,120 @@ mod tests {
                 direction,
                 wait_for_speed: true,
             }),
-            Some(Action::SpindleOn { rpm: 500.0, direction })
+            Some(Action::SpindleOn {
+                rpm: 500.0,
+                direction,
+                surface: None,
+            })
         );
-        assert_eq!(take(speed(9.0)), Some(Action::SpindleOn { rpm: 9.0, direction }));
+        assert_eq!(
+            take(speed(9.0)),
+            Some(Action::SpindleOn {
+                rpm: 9.0,
+                direction,
+                surface: None,
+            })
+        );
         assert_eq!(take(Call::StopSpindle { spindle: 0 }), Some(Action::SpindleOff));
         assert_eq!(take(speed(8.0)), None);
         assert_eq!(take(Call::Message("a".into())), Some(Action::Message { number: 0 }));
         assert_eq!(take(Call::Message("b".into())), Some(Action::Message { number: 1 }));
+    }
+
+    #[test]
+    fn a_constant_speed_of_the_surface_follows_its_zero_and_is_planned_for_its_highest_speed() {
+        let mut program = with_feed();
+        let direction = SpindleDirection::Clockwise;
+        let mode = |max_rpm| Call::SetSpindleMode {
+            spindle: 0,
+            mode: SpindleMode::ConstantSurfaceSpeed { max_rpm },
+        };
+        let start = Call::StartSpindle {
+            spindle: 0,
+            direction,
+            wait_for_speed: true,
+        };
+        let mut take = |call: Call| match program.take(1, &call, &settings()).unwrap() {
+            Some(Entry::Rest(Element::Action {
+                action: Action::SpindleOn { rpm, surface, .. },
+                ..
+            })) => Some((rpm, surface)),
+            _ => None,
+        };
+        let surface = |m_per_minute, centre_mm| {
+            Some(Surface {
+                m_per_minute,
+                centre_mm,
+            })
+        };
+        assert_eq!(take(mode(Some(1500.0))), None);
+        assert_eq!(take(speed(120.0)), None);
+        assert_eq!(take(start), Some((1500.0, surface(120.0, 0.0))));
+        let offset = Position::xyz(-7.0, 0.0, 3.0);
+        assert_eq!(
+            take(Call::SetG5xOffset {
+                system: 1,
+                origin: offset,
+            }),
+            Some((1500.0, surface(120.0, -7.0)))
+        );
+        take(Call::SetFeedMode(FeedMode::PerTurn { spindle: 0 }));
+        // 5 mm a turn.
+        let part = moved(
+            &mut program,
+            Call::StraightFeed {
+                to: Position::xyz(20.0, 0.0, 0.0),
+            },
+        );
+        assert_eq!((part.feed, part.enables.spindle_speed), (125.0, true));
+        // Without D as fast as the machine can.
+        program.take(1, &mode(None), &settings()).unwrap();
+        let part = moved(
+            &mut program,
+            Call::StraightFeed {
+                to: Position::xyz(30.0, 0.0, 0.0),
+            },
+        );
+        assert_eq!(part.feed, 500.0);
+        // 120 m/min at a radius of 30 mm.
+        let found = surface(120.0, -7.0).unwrap().rpm(23.0);
+        assert!(
+            (found - 120_000.0 / (60.0 * std::f64::consts::PI)).abs() < 1e-9,
+            "{found}"
+        );
+    }
+
+    #[test]
+    fn the_first_cut_behind_a_change_of_speed_waits_once() {
+        let settings = Settings {
+            await_spindle: true,
+            ..settings()
+        };
+        let mut program = with_feed();
+        let to = Position::xyz(1.0, 0.0, 0.0);
+        let cut = Call::StraightFeed { to };
+        let start = |wait_for_speed| Call::StartSpindle {
+            spindle: 0,
+            direction: SpindleDirection::Clockwise,
+            wait_for_speed,
+        };
+        let mut waits = |calls: &[Call]| {
+            let waits = |call: &Call| {
+                let waits = program.take_wait(call, &settings);
+                program.take(1, call, &settings).unwrap();
+                waits
+            };
+            calls.iter().map(waits).collect::<Vec<bool>>()
+        };
+        assert_eq!(waits(&[cut.clone(), speed(100.0), cut.clone()]), [false; 3]);
+        let rapid = Call::StraightTraverse { to };
+        assert_eq!(
+            waits(&[start(true), rapid, cut.clone(), cut.clone()]),
+            [false, false, true, false]
+        );
+        assert_eq!(waits(&[speed(200.0), cut.clone()]), [false, true]);
+        assert_eq!(waits(&[start(false), cut.clone()]), [false; 2]);
+        assert_eq!(waits(&[start(true), Call::StopSpindle { spindle: 0 }, cut]), [false; 3]);
     }
 
     #[test]

@@ -18,6 +18,8 @@ pub struct Shares {
     pub rapid: f64,
     /// Of moves where the program lets the machine adapt the feed (M52).
     pub adaptive: f64,
+    /// Of feed moves by turns of the spindle (G95): its speed as a share of the one that they are planned for.
+    pub turning: f64,
 }
 
 impl Shares {
@@ -32,6 +34,7 @@ impl Shares {
             feed: 1.0,
             rapid: 1.0,
             adaptive: 1.0,
+            turning: 1.0,
         }
     }
 
@@ -47,6 +50,7 @@ impl Shares {
                     * pick(enables.feed_hold, self.switch)
                     * pick(enables.feed_override, pace)
                     * pick(enables.adaptive_feed, self.adaptive)
+                    * pick(enables.spindle_speed && !span.rapid, self.turning)
             }
             // It keeps its own feed, but with none it rests.
             Some(Element::Probing(_)) => {

@@ -7,6 +7,7 @@
 //! interpolation of the machine, without a clock (`run_down`).
 
 mod export;
+mod ideal_spindle;
 mod joints;
 mod picture;
 mod report;
@@ -120,7 +121,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     } else {
         print!("{report}");
     }
-    Ok(if report.cycles_over_limits == 0 {
+    Ok(if report.cycles_over_limits == 0 && work.given_up.is_none() {
         ExitCode::SUCCESS
     } else {
         ExitCode::FAILURE

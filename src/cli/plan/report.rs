@@ -35,6 +35,8 @@ pub(super) struct Report {
     path_length_mm: f64,
     path_reached_mm: f64,
     starved_cycles: u64,
+    /// A move in step with the spindle behind which nothing was run down, and why.
+    given_up: Option<String>,
     #[serde(flatten)]
     feed: FeedKept,
 }
@@ -102,6 +104,7 @@ impl Report {
             path_length_mm: length_mm,
             path_reached_mm: reached_mm,
             starved_cycles: work.starved_cycles,
+            given_up: work.given_up.map(|(line, fault)| format!("line {line}: {fault}")),
             feed: feed_kept(work),
         }
     }
@@ -177,6 +180,9 @@ impl fmt::Display for Report {
                 place.limit,
                 place.limit_share * 100.0
             )?;
+        }
+        if let Some(given_up) = &self.given_up {
+            writeln!(f, "given up        {given_up}")?;
         }
         writeln!(f, "starved         {} cycles", self.starved_cycles)
     }

@@ -1,15 +1,16 @@
 //! A program through the planner: once against the clock, once through ring and interpolation.
 
+use super::ideal_spindle::IdealSpindle;
 use super::joints::Joints;
 use crate::config::Config;
 use crate::machine::tables::Tables;
 use crate::program::{FeedError, Feeder, Progress, home, ring_capacity, stop_ramp};
-use motion::canon::Position;
+use motion::canon::{Axis, Position};
 use motion::element::{Action, Element};
 use motion::plan::Programmed;
 use motion::plan::workers::Workers;
 use motion::ring::{self, Publish, Sink, Timed};
-use motion::rt::{Interpolator, Sample, SampleState};
+use motion::rt::{Interpolator, Sample, SampleState, Shares, SyncFault};
 use std::num::NonZero;
 use std::thread::available_parallelism;
 use std::time::Instant;
@@ -66,6 +67,8 @@ pub(super) struct Work {
     pub(super) tolerance_mm: f64,
     /// Cycles in which the machine stood because nothing was planned yet.
     pub(super) starved_cycles: u64,
+    /// Line of a move in step with the spindle that was given up, and why: nothing behind it was run down.
+    pub(super) given_up: Option<(u32, SyncFault)>,
     dwelling: bool,
 }
 
@@ -126,8 +129,10 @@ pub(super) fn run_down(
         elements,
         tolerance_mm: 0.0,
         starved_cycles: 0,
+        given_up: None,
         dwelling: false,
     };
+    let mut spindle = IdealSpindle::new(work.cycle_s, config.spindle.rpm_max);
     work.push(&Sample::resting(start));
     let mut done = false;
     loop {
@@ -140,11 +145,22 @@ pub(super) fn run_down(
                 Progress::Done => done = true,
             }
         }
-        let sample = interpolator.step(1.0);
-        if sample.action.is_some() {
+        let shares = Shares {
+            turning: spindle.feed_share(),
+            ..Shares::FULL
+        };
+        let sample = interpolator.step_shares(&shares, &spindle.place());
+        spindle.step(&sample);
+        if let Some(action) = sample.action
+            && spindle.act(action, sample.position[Axis::X])
+        {
             interpolator.acknowledge_action();
         }
         work.push(&sample);
+        if let Some(fault) = sample.fault {
+            work.given_up = Some((sample.line, fault));
+            break;
+        }
         match sample.state {
             SampleState::Finished => break,
             SampleState::Starved if done && sample.action.is_none() && interpolator.remaining_s() == 0.0 => break,

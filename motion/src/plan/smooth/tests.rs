@@ -24,6 +24,7 @@ fn settings() -> Settings {
         look_ahead_blocks: 100,
         spindle_encoder: false,
         await_spindle: false,
+        spindle_rpm_max: 6000.0,
         start: Position::ZERO,
         slope: Slope::Classic,
     }

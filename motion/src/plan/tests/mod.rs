@@ -39,6 +39,7 @@ fn settings() -> Settings {
         look_ahead_blocks: 200,
         spindle_encoder: false,
         await_spindle: false,
+        spindle_rpm_max: 6000.0,
         slope: Slope::Classic,
         start: Position::ZERO,
     }

@@ -45,6 +45,7 @@ impl Rig {
             look_ahead_blocks: 100,
             spindle_encoder: false,
             await_spindle: false,
+            spindle_rpm_max: 6000.0,
             slope,
             start: Position::ZERO,
         };

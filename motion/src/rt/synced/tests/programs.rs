@@ -30,6 +30,7 @@ fn settings(slope: Slope) -> Settings {
         look_ahead_blocks: 100,
         spindle_encoder: true,
         await_spindle: false,
+        spindle_rpm_max: 6000.0,
         slope,
         start: Position::ZERO,
     }
