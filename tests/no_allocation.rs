@@ -7,7 +7,7 @@ use isocnc::bus::managing_node::{mn_config, node_configs};
 use isocnc::bus::network;
 use isocnc::bus::powerlink::Powerlink;
 use isocnc::bus::{BusState, Fieldbus};
-use isocnc::config;
+use isocnc::config::{self, Config};
 use isocnc::machine::state::State;
 use isocnc::program::{Feeder, Progress, ring_capacity, stop_ramp};
 use isocnc::rt::assemble::assemble;
@@ -114,9 +114,23 @@ fn the_counter_counts() {
     assert_eq!(calls(|| aside(|| drop(std::hint::black_box(vec![0; 9])))), 0);
 }
 
-/// Squares of 100 mm with rounded corners, spindle and coolant, some 40 s long.
+/// The demo machine with an encoder on its spindle.
+fn machine() -> Config {
+    let text = include_str!("../configs/mill3-demo.toml").replace(
+        "name = \"io\"\n",
+        "name = \"io\"\noutputs = [\"0x6200:1/8\", \"0x6411:1/16\"]\n\
+         inputs = [\"0x6000:1/8\", \"0x3000:1/32\", \"0x3000:2/32\"]\n",
+    ) + "[spindle.drive]\nnode = 10\nspeed = \"0x6411:1\"\n\
+         [spindle.encoder]\nsource = \"node\"\nnode = 10\ncounter = \"0x3000:1\"\nindex = \"0x3000:2\"\ncounts_per_turn = 1000\n";
+    config::parse(&text, Path::new("m.toml")).unwrap_or_else(|errors| panic!("{errors}"))
+}
+
+/// A thread and a tap; then squares of 100 mm with rounded corners, spindle and coolant, some 40 s long.
 fn squares() -> String {
-    let mut text = String::from("G21 G90 G94 G54 G64 P0.01 T1 M6\nS1000 M3\nG0 X0 Y0 Z5\nG1 Z0 F6000\n");
+    let mut text = String::from(
+        "G21 G90 G94 G54 G64 P0.01 T1 M6\nS1000 M3\nG0 X0 Y0 Z5\nG33 Z1 K0.5\nG33.1 Z-1 K0.5\nG96 D900 S10\nG95 F6.6\nG1 X5\nX0\nG97 S1000\nG94\n\
+         G1 Z0 F6000\n",
+    );
     for _ in 0..8 {
         writeln!(
             text,
@@ -132,7 +146,7 @@ fn the_cycle_never_allocates() {
     const NODES: usize = 8;
     const SEED: u64 = 20;
     println!("seed {SEED}");
-    let config = config::parse(include_str!("../configs/mill3-demo.toml"), Path::new("m.toml")).expect("good");
+    let config = machine();
     let tables = isocnc::machine::tables::Tables::read(&config).expect("no files");
     let text = squares();
     let plans = network::plan(&config);

@@ -291,3 +291,153 @@ fn a_stop_ends_a_thread_at_once_and_a_tap_only_out_of_the_work() {
         assert_within_limits(run, &config);
     });
 }
+
+/// A spindle that components drive and measure, at the speed that `rpm` gives for what it is told.
+fn on_pins(text: &str, act: impl FnOnce(&mut Rehearsal<'_>)) {
+    let from = LATHE.find("[spindle.drive]").expect("the spindle's drive");
+    let machine = format!("{}[spindle.encoder]\nsource = \"pins\"\n", &LATHE[..from]);
+    let config = config::parse(&machine, Path::new("pins.toml")).unwrap_or_else(|errors| panic!("{errors}"));
+    on_lathe(&config, 10, text, act);
+}
+
+#[test]
+fn feed_by_turns_follows_a_spindle_that_is_slower_than_programmed() {
+    // 0.2 mm a turn at 600 1/min are 2 mm/s.
+    on_pins("G95 S600 M3\nG0 X20 Z1\nG1 Z-20 F0.2\n", |run| {
+        let told = run.hal.reader::<f64>("spindle.0.speed-out").expect("a pin");
+        run.hal.set("spindle.0.indexed", true).expect("a pin");
+        let (mut turns, mut stood) = (0.0, 0);
+        let mut at = Vec::new();
+        let done = run.run_until(CYCLES_MAX, |run| {
+            let live = run.operator.live();
+            let z = live.position[Axis::Z] - WORK_Z;
+            // It slows down by a quarter in the work, and stands for a second.
+            let share = match z {
+                z if z < -10.0 && stood < 1000 => 0.0,
+                z if z < -5.0 => 0.75,
+                _ => 1.0,
+            };
+            stood += u32::from(share == 0.0);
+            turns += told.get() / 60.0 * share * 1e-3;
+            if live.line == 4 {
+                at.push((live.velocity_mm_s, share));
+            }
+            run.hal.set("spindle.0.revs", turns).expect("a pin");
+            run.operator.outcome().is_some()
+        });
+        assert!(done.expect("a good program"), "{}", journal(run));
+        assert_eq!(
+            (run.operator.outcome(), causes(run)),
+            (Some(Outcome::Completed), vec![])
+        );
+        // The speed of most cycles of each part.
+        for (share, expected) in [(1.0, 2.0), (0.75, 1.5), (0.0, 0.0)] {
+            let mut speeds: Vec<f64> = at.iter().filter(|seen| seen.1 == share).map(|seen| seen.0).collect();
+            speeds.sort_by(f64::total_cmp);
+            let median = speeds[speeds.len() / 2];
+            println!("share {share}: {median} mm/s of {} cycles", speeds.len());
+            assert!((median - expected).abs() < 0.01, "{median}, not {expected}");
+        }
+        for peaks in run.control.peaks() {
+            assert_eq!(peaks.over, [0; 3], "{peaks:?}");
+        }
+    });
+}
+
+#[test]
+fn the_speed_of_the_surface_stays_while_the_radius_falls_up_to_the_highest_speed() {
+    let config = lathe();
+    // Facing from a radius of 50 mm inwards: 100 m/min, 1000 1/min at most, reached at 15.9 mm.
+    let text = "G0 X50 Z0\nG96 D1000 S100 M3\nG1 X40 F1200\nX1\n";
+    on_lathe(&config, 11, text, |run| {
+        let told = run.hal.reader::<f64>("spindle.0.speed-out").expect("a pin");
+        let mut worst = 0.0_f64;
+        let mut most = 0.0_f64;
+        let mut cycles = 0;
+        let seen = watch(run, "over", |run| {
+            let live = run.operator.live();
+            if run.control.state() == State::Running && matches!(live.line, 4 | 5) {
+                cycles += 1;
+                let radius_mm = live.position[Axis::X];
+                let wanted = (100e3 / (std::f64::consts::TAU * radius_mm)).min(1000.0);
+                worst = worst.max((told.get() - wanted).abs());
+                most = most.max(told.get());
+            }
+            run.operator.outcome().is_some()
+        });
+        assert_eq!(
+            (run.operator.outcome(), causes(run)),
+            (Some(Outcome::Completed), vec![])
+        );
+        assert!(cycles > 2000, "{cycles}");
+        println!("told within {worst} 1/min");
+        assert!(worst < 1e-6, "{worst}");
+        assert_eq!(most, 1000.0);
+        assert!(seen.iter().any(|seen| seen.x < 1.01));
+    });
+}
+
+#[test]
+fn a_tap_in_a_floating_holder_turns_the_spindle_back_at_the_depth() {
+    let config = lathe();
+    let text = "G17 S300 M3 F300\nG0 X0 Z5\nG84 Z-5 R1\nG80\n";
+    on_lathe(&config, 12, text, |run| {
+        let told = run.hal.reader::<f64>("spindle.0.speed-out").expect("a pin");
+        let mut directions = Vec::new();
+        watch(run, "over", |run| {
+            directions.push(told.get());
+            directions.dedup();
+            run.operator.outcome().is_some()
+        });
+        assert_eq!(
+            (run.operator.outcome(), causes(run)),
+            (Some(Outcome::Completed), vec![])
+        );
+        directions.retain(|told| *told != 0.0);
+        assert_eq!(directions, [300.0, -300.0, 300.0]);
+    });
+}
+
+/// `isocnc plan` of a program on the lathe: its exit code and what it says.
+fn planned(name: &str, program: &str) -> (bool, String) {
+    let folder = std::env::temp_dir().join(format!("isocnc-threading-{}-{name}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let file = folder.join("part.ngc");
+    std::fs::write(&file, format!("G21 G90 G18 G94 G54 G64\n{program}M5\nM2\n")).expect("a file");
+    let machine = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/lathe2-demo.toml");
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_isocnc"))
+        .args(["plan", machine])
+        .arg(&file)
+        .arg("--json")
+        .output()
+        .expect("the program");
+    std::fs::remove_dir_all(&folder).expect("the folder");
+    let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+    println!("{said}");
+    (output.status.success(), said)
+}
+
+#[test]
+fn threads_taps_and_feed_by_turns_are_planned_with_a_spindle_that_does_what_it_is_told() {
+    for (name, program) in [
+        ("thread", THREAD),
+        ("tap", "S300 M3\nG0 X0 Z5\nG33.1 Z-10 K1\n"),
+        (
+            "cycle",
+            "S480 M3\nG0 X12 Z5\nG76 P1.5 Z-15 I-1 J0.3 R1.5 K0.92 Q29 H1\n",
+        ),
+        ("facing", "G0 X50 Z0\nG96 D1000 S100 M3\nG95 G1 X1 F0.2\n"),
+    ] {
+        let (good, said) = planned(name, program);
+        assert!(good, "{name}: {said}");
+        assert!(
+            said.contains("\"given_up\": null") && said.contains("\"cycles_over_limits\": 0"),
+            "{name}: {said}"
+        );
+    }
+    let (good, said) = planned("fast", "S3000 M3\nG0 X10 Z5\nG33 Z-20 K4\n");
+    assert!(
+        !good && said.contains("pitch and spindle speed come to 200.000 mm/s"),
+        "{said}"
+    );
+}

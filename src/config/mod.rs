@@ -30,6 +30,8 @@ mod tests_devices;
 mod tests_kinematics;
 #[cfg(test)]
 mod tests_program;
+#[cfg(test)]
+mod tests_spindle;
 mod types;
 
 pub use error::{ConfigError, ConfigErrors};
