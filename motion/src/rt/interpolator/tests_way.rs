@@ -64,6 +64,7 @@ fn planned(calls: &[Call], slope: Slope) -> (Vec<Element>, Consumer<Element>) {
         look_ahead_blocks: 200,
         spindle_encoder: false,
         await_spindle: false,
+        spindle_rpm_max: 6000.0,
         slope,
         start: Position::ZERO,
     };
