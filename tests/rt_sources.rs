@@ -115,6 +115,11 @@ const START_UP: &[(&str, &str, &str)] = &[
         "makes the table and the rings of the means",
     ),
     ("motion/src/rt/monitor.rs", "new", "makes the monitor"),
+    (
+        "motion/src/rt/track.rs",
+        "new",
+        "makes room for the elements that are kept",
+    ),
     ("motion/src/rt/jog/mod.rs", "new", "makes the joints"),
     ("motion/src/rt/jog/world/mod.rs", "new", "makes the axes"),
     ("motion/src/rt/homing/mod.rs", "new", "makes the groups"),
@@ -133,7 +138,9 @@ fn files(root: &Path) -> Vec<PathBuf> {
         let before = files.len();
         for entry in std::fs::read_dir(&path).unwrap_or_else(|error| panic!("{name}: {error}")) {
             let path = entry.expect("a readable folder").path();
-            let is_test = path.file_stem().is_some_and(|stem| stem == "tests");
+            let is_test = path
+                .file_stem()
+                .is_some_and(|stem| stem.to_string_lossy().starts_with("tests"));
             if path.extension().is_some_and(|extension| extension == "rs") && !is_test {
                 files.push(path);
             }
