@@ -1,11 +1,12 @@
-//! `isocnc status`, `program run`, `enable`, `home`, `hold`, `resume`, `stop`, `alarm acknowledge`: clients of a running control.
+//! `isocnc status`, `program run`, `enable`, `home`, `hold`, `resume`, `reverse`, `single-block`, `stop`, `alarm acknowledge`:
+//! clients of a running control.
 //!
 //! In:  the control socket of a machine, or of the only one that runs.
 //! Out: a few lines or one JSON value. Exit code 1: the control refuses, or none runs.
 
 use crate::service::control::client::Client;
 use anyhow::Context;
-use clap::{Args, Subcommand};
+use clap::{Args, Subcommand, ValueEnum};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -52,6 +53,31 @@ pub struct AlarmArgs {
 enum AlarmCommand {
     /// Allow motion again after a fault whose cause is gone; switches nothing on
     Acknowledge,
+}
+
+/// Arguments of `reverse`.
+#[derive(Clone, Debug, Args)]
+pub struct ReverseArgs {
+    #[command(flatten)]
+    control: ControlArgs,
+    /// Percent of the speed at which the path was run
+    #[arg(default_value_t = 100.0, allow_negative_numbers = true)]
+    percent: f64,
+}
+
+/// Arguments of `single-block`.
+#[derive(Clone, Debug, Args)]
+pub struct SingleBlockArgs {
+    #[command(flatten)]
+    control: ControlArgs,
+    /// Whether the program rests at the end of each block
+    switch: Switch,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Switch {
+    On,
+    Off,
 }
 
 /// An order without parameters.
@@ -115,6 +141,32 @@ pub fn program(args: &ProgramArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Runs a program back along its path.
+///
+/// # Errors
+/// No control answers, or it refuses.
+pub fn reverse(args: &ReverseArgs) -> anyhow::Result<ExitCode> {
+    let answer = call(&args.control, "reverse", json!({ "percent": args.percent }))?;
+    let done = "goes back along the path; rest with: isocnc hold; forward with: isocnc resume";
+    print(&args.control, &answer, done);
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Switches single block on or off.
+///
+/// # Errors
+/// No control answers, or it refuses.
+pub fn single_block(args: &SingleBlockArgs) -> anyhow::Result<ExitCode> {
+    let on = args.switch == Switch::On;
+    let answer = call(&args.control, "single_block", json!({ "on": on }))?;
+    let done = match on {
+        true => "rests at the end of each block; the next one with: isocnc resume",
+        false => "blocks follow each other; a program that rests goes on with: isocnc resume",
+    };
+    print(&args.control, &answer, done);
+    Ok(ExitCode::SUCCESS)
+}
+
 /// Acknowledges.
 ///
 /// # Errors
@@ -150,7 +202,15 @@ fn words(status: &Value) -> String {
             Some(result) => result.to_owned(),
             None => format!("line {} of {}", status["line"], program["lines"]),
         };
-        lines.push(format!("program   {}: {progress}", text(&program["name"])));
+        let way = if status["direction"] == "reverse" {
+            ", backward"
+        } else {
+            ""
+        };
+        lines.push(format!("program   {}: {progress}{way}", text(&program["name"])));
+    }
+    if status["single_block"] == true {
+        lines.push("single    each block ends at rest".into());
     }
     if let Some(alarm) = status["alarm"].as_str() {
         lines.push(format!("alarm     {alarm}"));
@@ -184,6 +244,14 @@ mod tests {
             said.contains("\nprogram   /p.ngc: line 7 of 90\nalarm     x-drive lost\n"),
             "{said}"
         );
+        status["direction"] = json!("reverse");
+        status["single_block"] = json!(true);
+        let said = words(&status);
+        assert!(
+            said.contains("/p.ngc: line 7 of 90, backward\nsingle    each block ends at rest\n"),
+            "{said}"
+        );
+        status["direction"] = json!("forward");
         status["program"]["result"] = json!("stopped");
         assert!(words(&status).contains("/p.ngc: stopped\n"));
     }

@@ -44,8 +44,12 @@ enum Command {
     Jog(jog::JogArgs),
     /// Bring the program of a running control to rest on its path, and keep it.
     Hold(control::ControlArgs),
-    /// Go on after a hold.
+    /// Go on after a hold, forward; in single block, with the next block.
     Resume(control::ControlArgs),
+    /// Run the program that runs or is held back along its path.
+    Reverse(control::ReverseArgs),
+    /// Let the program rest at the end of each block; `resume` runs the next one.
+    SingleBlock(control::SingleBlockArgs),
     /// Bring the program of a running control to rest on its path, give it up, switch drives off.
     Stop(control::ControlArgs),
     /// Acknowledge the alarm of a running control.
@@ -80,6 +84,8 @@ pub fn main() -> ExitCode {
         Command::Jog(args) => jog::jog(args),
         Command::Hold(args) => control::order(args, control::Order::Hold),
         Command::Resume(args) => control::order(args, control::Order::Resume),
+        Command::Reverse(args) => control::reverse(args),
+        Command::SingleBlock(args) => control::single_block(args),
         Command::Stop(args) => control::order(args, control::Order::Stop),
         Command::Alarm(args) => control::alarm(args),
         Command::Check(args) => check::check(args),

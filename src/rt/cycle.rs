@@ -99,6 +99,9 @@ pub struct Control<B> {
     sample: Sample,
     command_mm: [f64; JOINTS_MAX],
     hold: bool,
+    /// Backward along the path, at this share of its speed.
+    reverse: Option<f64>,
+    single_block: bool,
     waiting: Option<Action>,
     fault_seen: bool,
     silenced: bool,
@@ -128,6 +131,8 @@ impl<B: Fieldbus> Control<B> {
             sample: Sample::resting(Position::ZERO),
             command_mm: [0.0; JOINTS_MAX],
             hold: false,
+            reverse: None,
+            single_block: false,
             waiting: None,
             fault_seen: false,
             silenced: false,
@@ -403,12 +408,16 @@ impl<B: Fieldbus> Control<B> {
             (Command::Hold, State::Running) => self.hold = true,
             (Command::Hold, State::Jogging) => self.parts.hand.release_all(),
             (Command::Resume, State::Running | State::Held) => {
-                self.hold = false;
+                self.run_along(None);
                 if let Some(Action::ProgramStop | Action::OptionalStop) = self.waiting {
                     self.end_wait();
                 }
-                if self.state == State::Held {
-                    self.enter(State::Running);
+            }
+            (Command::Reverse(share), State::Running | State::Held) => self.run_along(Some(share)),
+            (Command::SingleBlock(on), _) => {
+                self.single_block = on;
+                if let Some(program) = &mut self.program {
+                    program.set_single_block(on);
                 }
             }
             (Command::Stop, State::Jogging | State::Running | State::Held) => self.stop_then(AfterStop::Ready),
@@ -437,6 +446,7 @@ impl<B: Fieldbus> Control<B> {
             | (Command::Jog(_), _)
             | (Command::Hold, _)
             | (Command::Resume, _)
+            | (Command::Reverse(_), _)
             | (Command::Stop, _)
             | (Command::Disable, _)
             | (Command::Acknowledge, _) => {}
@@ -444,7 +454,7 @@ impl<B: Fieldbus> Control<B> {
     }
 
     /// Runs a program, if it begins where every joint stands: one planned from elsewhere would begin with a jump.
-    fn start(&mut self, program: Box<Interpolator>) {
+    fn start(&mut self, mut program: Box<Interpolator>) {
         let mut begin_mm = [0.0; JOINTS_MAX];
         let begin_mm = &mut begin_mm[..self.joints];
         let begin = program.position().0;
@@ -463,13 +473,30 @@ impl<B: Fieldbus> Control<B> {
             self.fault(Fault::IllegalCommand { joint });
             return;
         }
+        program.set_single_block(self.single_block);
         self.program = Some(program);
         self.hold = false;
+        self.reverse = None;
         self.waiting = None;
         self.program_cycles = 0;
         self.program_has_moved = false;
         self.sample.state = SampleState::Starved;
         self.enter(State::Running);
+    }
+
+    /// Goes on after whatever held the program: forward, or backward with a share of the speed. In single block, forward is the
+    /// next block.
+    fn run_along(&mut self, reverse: Option<f64>) {
+        self.hold = false;
+        self.reverse = reverse;
+        if let Some(program) = &mut self.program
+            && reverse.is_none()
+        {
+            program.next_block();
+        }
+        if self.state == State::Held {
+            self.enter(State::Running);
+        }
     }
 
     /// Moves joints by hand, if they and those that move with them know where they are, and no hold is asked for.
@@ -582,7 +609,7 @@ impl<B: Fieldbus> Control<B> {
     /// Next set-points of all joints.
     fn interpolate(&mut self) {
         let scale = match self.state {
-            State::Running if !self.hold => self.parts.pins.feed_scale(),
+            State::Running if !self.hold => self.parts.pins.feed_scale() * self.reverse.map_or(1.0, |share| -share),
             _ => 0.0,
         };
         if let Some(program) = &mut self.program {
@@ -596,6 +623,8 @@ impl<B: Fieldbus> Control<B> {
             };
             self.sample = program.step_shares(&shares, self.parts.pins.spindle.place());
             self.program_cycles += 1;
+            // Whoever runs block by block, or back, says when it goes on.
+            self.hold |= program.is_block_over() || program.is_way_back_over();
             self.program_has_moved |= self.sample.state == SampleState::Moving;
             self.parts.pins.spindle.steer(&self.sample);
             // A ramp to rest may just reach the end of a move: what stands behind it, a spindle say, must not begin then.
@@ -716,6 +745,8 @@ impl<B: Fieldbus> Control<B> {
             cycles: self.cycle,
             homed: self.homed(),
             line: self.sample.line,
+            reversing: self.reverse.is_some(),
+            single_block: self.single_block,
             velocity_mm_s: self.sample.velocity_mm_s,
             position: self.sample.position,
             late_max_ns: self.late_max_ns,

@@ -10,7 +10,7 @@ use crate::machine::state::State;
 use motion::canon::{AXES, Position};
 use motion::element::Action;
 use motion::rt::Interpolator;
-use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::Relaxed};
 
 /// An order for the cycle thread.
 #[derive(Debug)]
@@ -25,8 +25,12 @@ pub enum Command {
     Start(Box<Interpolator>),
     /// Come to rest on the path, keep the program.
     Hold,
-    /// Go on after a hold.
+    /// Go on, forward: after a hold, or with the next block in single block.
     Resume,
+    /// Run back along the path that has been run, at this share of its speed (0 to 1), as far as there is a way back.
+    Reverse(f64),
+    /// Whether to rest at the end of each block.
+    SingleBlock(bool),
     /// Come to rest on the path and give the program up.
     Stop,
     /// Switch all drives off.
@@ -93,6 +97,8 @@ pub struct Live {
     cycles: AtomicU64,
     homed: AtomicU64,
     line: AtomicU32,
+    reversing: AtomicBool,
+    single_block: AtomicBool,
     velocity_mm_s: AtomicU64,
     position: [AtomicU64; AXES],
     late_max_ns: AtomicU64,
@@ -111,6 +117,8 @@ impl Default for Live {
             cycles: AtomicU64::new(0),
             homed: AtomicU64::new(0),
             line: AtomicU32::new(0),
+            reversing: AtomicBool::new(false),
+            single_block: AtomicBool::new(false),
             velocity_mm_s: AtomicU64::new(0),
             position: [const { AtomicU64::new(0) }; AXES],
             late_max_ns: AtomicU64::new(0),
@@ -135,6 +143,10 @@ pub struct Snapshot {
     pub homed: u64,
     /// Line of the program.
     pub line: u32,
+    /// Whether the program was last sent back along its path.
+    pub reversing: bool,
+    /// Whether each block ends at rest.
+    pub single_block: bool,
     /// Speed on the path, mm/s.
     pub velocity_mm_s: f64,
     /// Commanded axis positions in the machine.
@@ -166,6 +178,8 @@ impl Live {
         self.cycles.store(snapshot.cycles, Relaxed);
         self.homed.store(snapshot.homed, Relaxed);
         self.line.store(snapshot.line, Relaxed);
+        self.reversing.store(snapshot.reversing, Relaxed);
+        self.single_block.store(snapshot.single_block, Relaxed);
         self.velocity_mm_s.store(snapshot.velocity_mm_s.to_bits(), Relaxed);
         for (cell, value) in self.position.iter().zip(snapshot.position.0) {
             cell.store(value.to_bits(), Relaxed);
@@ -190,6 +204,8 @@ impl Live {
             cycles: self.cycles.load(Relaxed),
             homed: self.homed.load(Relaxed),
             line: self.line.load(Relaxed),
+            reversing: self.reversing.load(Relaxed),
+            single_block: self.single_block.load(Relaxed),
             velocity_mm_s: float(&self.velocity_mm_s),
             position: Position(std::array::from_fn(|axis| float(&self.position[axis]))),
             late_max_ns: self.late_max_ns.load(Relaxed),

@@ -30,8 +30,12 @@ pub enum Order {
     Jog(Jog),
     /// Come to rest on the path, keep the program.
     Hold,
-    /// Go on after a hold.
+    /// Go on after a hold; in single block, with the next block.
     Resume,
+    /// Run back along the path, at this share of its speed.
+    Reverse(f64),
+    /// Whether to rest at the end of each block.
+    SingleBlock(bool),
     /// Come to rest on the path, give the program up, switch drives off.
     Stop,
     /// Allow motion again after a fault whose cause is gone.

@@ -110,7 +110,12 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                     self.may_begin(operator).and_then(|()| by_hand::home(operator, now_ns))
                 }
                 Order::Home => by_hand::home(operator, now_ns),
-                Order::Hold | Order::Resume | Order::Stop | Order::Acknowledge => obey(&order, operator, now_ns),
+                Order::Hold
+                | Order::Resume
+                | Order::Reverse(_)
+                | Order::SingleBlock(_)
+                | Order::Stop
+                | Order::Acknowledge => obey(&order, operator, now_ns),
             };
             let done = done
                 .map(|()| json!({}))
@@ -262,6 +267,16 @@ fn obey(order: &Order, operator: &mut Operator, now_ns: u64) -> Result<(), Strin
             Ok(())
         }
         Order::Resume => refused("nothing is held"),
+        Order::Reverse(share) if matches!(state, State::Held | State::Running) && operator.step() == Step::Program => {
+            operator.give(Command::Reverse(*share));
+            Ok(())
+        }
+        Order::Reverse(_) => refused("no program runs or is held"),
+        // Of a program that has not begun yet as well.
+        Order::SingleBlock(on) => {
+            operator.give(Command::SingleBlock(*on));
+            Ok(())
+        }
         Order::Stop => match operator.step() {
             Step::Enable | Step::Home | Step::SetUp | Step::Program | Step::Stop => {
                 operator.stop(now_ns);

@@ -119,8 +119,29 @@ pub const METHODS: &[Method] = &[
     Method {
         name: "resume",
         params: &[],
-        does: "goes on after a hold",
+        does: "goes on after a hold, and forward after \"reverse\"; in single block, runs the next block",
         call: |methods, _, ticket| methods.order(ticket, Order::Resume),
+    },
+    Method {
+        name: "reverse",
+        params: &["percent"],
+        does: "runs the program that runs or is held back along the path it has run, at \"percent\" (above 0 to 100, usually 100) \
+               of its speed, as far as the last block that moves nothing or turns with the spindle; \"hold\" rests, \"resume\" \
+               goes forward again",
+        call: |methods, params, ticket| match reverse_share(params) {
+            Ok(share) => methods.order(ticket, Order::Reverse(share)),
+            Err(error) => Some(Err(error)),
+        },
+    },
+    Method {
+        name: "single_block",
+        params: &["on"],
+        does: "\"on\" (true or false): the program rests at the end of each block, \"resume\" runs the next one; what is planned \
+               from now on stops at the end of each block exactly",
+        call: |methods, params, ticket| match params.flag("on") {
+            Ok(on) => methods.order(ticket, Order::SingleBlock(on)),
+            Err(error) => Some(Err(error)),
+        },
     },
     Method {
         name: "stop",
@@ -156,6 +177,16 @@ fn jog(params: &Params) -> Result<Jog, RpcError> {
         what: Some(what),
         motion,
     })
+}
+
+/// The share of "reverse".
+fn reverse_share(params: &Params) -> Result<f64, RpcError> {
+    let percent = params.real("percent")?.unwrap_or(100.0);
+    if percent > 0.0 && percent <= 100.0 {
+        return Ok(percent / 100.0);
+    }
+    let what = format!("parameter \"percent\": expected a number above 0 and up to 100, got {percent}");
+    Err(RpcError::new(code::INVALID_PARAMS, what))
 }
 
 /// The axis or joint of a jog, if one is given.
@@ -256,6 +287,8 @@ impl Methods {
             "late_max_us": live.late_max_ns as f64 / 1e3,
             "homed": (0..JOINTS_MAX).filter(|joint| live.homed >> joint & 1 == 1).collect::<Vec<_>>(),
             "line": live.line,
+            "direction": if live.reversing { "reverse" } else { "forward" },
+            "single_block": live.single_block,
             "velocity_mm_s": live.velocity_mm_s,
             "position_mm": live.position.0,
             "step": shown.step,

@@ -159,6 +159,38 @@ fn programs_come_by_path_or_as_text() {
     assert_eq!(desk.next(), Some((7, Order::Hold)));
     desk.answer(7, Ok(json!({})));
     assert_eq!(methods.later(), Some((7, Ok(json!({})))));
+    for (method, params, order) in [
+        ("reverse", json!({}), Order::Reverse(1.0)),
+        ("reverse", json!({ "percent": 25 }), Order::Reverse(0.25)),
+        ("single_block", json!({ "on": true }), Order::SingleBlock(true)),
+    ] {
+        assert_eq!(call(&mut methods, method, params), None);
+        assert_eq!(desk.next(), Some((7, order)));
+    }
+    for (method, params, refused) in [
+        (
+            "reverse",
+            json!({ "percent": 0 }),
+            "parameter \"percent\": expected a number above 0 and up to 100, got 0",
+        ),
+        (
+            "reverse",
+            json!({ "percent": 101.5 }),
+            "parameter \"percent\": expected a number above 0 and up to 100, got 101.5",
+        ),
+        (
+            "single_block",
+            json!({}),
+            "parameter \"on\": expected true or false, it is missing",
+        ),
+        (
+            "single_block",
+            json!({ "on": 1 }),
+            "parameter \"on\": expected true or false, got 1",
+        ),
+    ] {
+        assert_eq!(refusal(&mut methods, method, params), refused);
+    }
     drop(desk);
     assert_eq!(refusal(&mut methods, "stop", json!({})), "the control is ending");
 }

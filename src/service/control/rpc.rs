@@ -118,6 +118,18 @@ impl Params {
             .ok_or_else(|| invalid(format!("parameter \"{name}\": expected a text, got {value}")))
     }
 
+    /// Yes or no.
+    pub fn flag(&self, name: &str) -> Result<bool, RpcError> {
+        let expected = || format!("parameter \"{name}\": expected true or false");
+        let value = self
+            .0
+            .get(name)
+            .ok_or_else(|| invalid(format!("{}, it is missing", expected())))?;
+        value
+            .as_bool()
+            .ok_or_else(|| invalid(format!("{}, got {value}", expected())))
+    }
+
     /// Octets as hexadecimal digits: `"10270000"`.
     pub fn octets(&self, name: &str, most: usize) -> Result<Vec<u8>, RpcError> {
         let expected = || format!("parameter \"{name}\": expected up to {most} octets as pairs of hexadecimal digits");
