@@ -249,6 +249,17 @@ fn the_cycle_never_allocates() {
             }
             7_000 => hal.set("motion.feed-hold", true).expect("a pin"),
             7_500 => hal.set("motion.feed-hold", false).expect("a pin"),
+            8_000 => operator.give(Command::Reverse(0.5)),
+            8_500 => {
+                assert!(operator.live().reversing);
+                operator.give(Command::SingleBlock(true));
+                operator.give(Command::Resume);
+            }
+            8_600..9_500 if control.state() == State::Held => operator.give(Command::Resume),
+            9_500 => {
+                operator.give(Command::SingleBlock(false));
+                operator.give(Command::Resume);
+            }
             _ => {}
         }
         cycle(

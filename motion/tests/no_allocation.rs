@@ -3,12 +3,14 @@
 //! A counting allocator stands in front of the system's and counts for the thread and the time it is told to.
 
 use motion::canon::{AXES, Axis, Position, ProbeMode};
+use motion::element::{Element, Enables, Span};
 use motion::kinematics::{Elbow, Follows, Kinematics, Scara, ToolFrame, Transform};
 use motion::path::Piece;
+use motion::ring::{Publish, Sink, channel};
 use motion::rt::homing::{Homing, HomingInput, HomingJoint, HomingStatus, HomingWay};
 use motion::rt::jog::{Jog, JogLimits, WorldJog};
 use motion::rt::probe::Probe;
-use motion::rt::{MotionLimits, Online, StopLimits};
+use motion::rt::{Interpolator, MotionLimits, Online, ScaleRamp, StopLimits};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -117,6 +119,64 @@ fn a_way_that_is_not_found_costs_no_allocation() {
     let mut found = true;
     let counted = calls(|| found = solver.get_profile(&profile, &mut block));
     assert_eq!((found, counted), (false, 0));
+}
+
+/// Longer than what is kept for the way back, so that its oldest elements make room.
+#[test]
+fn backward_and_block_by_block_cost_no_allocation() {
+    const SPANS: u32 = 6000;
+    let (mut producer, consumer) = channel(8192);
+    let piece = Piece::line(Position::ZERO, Position::xyz(100.0, 0.0, 0.0)).unwrap();
+    // Rest to rest in spans of 1 ms: speed up for a third of the way, slow down for another.
+    let third = f64::from(SPANS / 3) * 1e-3;
+    let mut s0 = 0.0;
+    let spans: Vec<Element> = (0..SPANS)
+        .map(|number| {
+            let time_s = f64::from(number) * 1e-3;
+            let (v0, a0) = match number / (SPANS / 3) {
+                0 => (5.0 * time_s, 5.0),
+                1 => (5.0 * third, 0.0),
+                _ => (5.0 * (3.0 * third - time_s), -5.0),
+            };
+            let span = Span {
+                piece,
+                s0,
+                v0,
+                a0,
+                jerk: 0.0,
+                gradient: 0.0,
+                duration_s: 1e-3,
+                line: number / 500,
+                rapid: false,
+                enables: Enables::INITIAL,
+            };
+            s0 = span.place(1e-3);
+            Element::Span(span)
+        })
+        .collect();
+    assert_eq!(producer.publish(&spans, &[]), Publish::Done);
+    let mut interpolator = Interpolator::new(consumer, Position::ZERO, ScaleRamp::new(&[(LIMITS, STOP)], CYCLE_S));
+    let mut numbers = Numbers(7);
+    let (mut scale, mut blocks, mut ways_back) = (1.0, 0, 0);
+    let counted = calls(|| {
+        for _ in 0..3_000 {
+            match (numbers.next() * 9.0) as u8 {
+                0 => scale = 0.0,
+                1 | 2 => scale = -numbers.next(),
+                3..=5 => scale = 1.0,
+                6 => interpolator.set_single_block(true),
+                7 => interpolator.set_single_block(false),
+                _ => interpolator.next_block(),
+            }
+            for _ in 0..(numbers.next() * 400.0) as u16 {
+                interpolator.step(scale);
+            }
+            blocks += u32::from(interpolator.is_block_over());
+            ways_back += u32::from(interpolator.is_way_back_over());
+        }
+    });
+    assert_eq!(counted, 0);
+    assert!(blocks > 0 && ways_back > 0, "{blocks} blocks, {ways_back} ways back");
 }
 
 #[test]

@@ -3,11 +3,13 @@
 //! In:  program text; what the machine remembers; the machine position from which it starts.
 //! Out: elements in the ring, as many as fit, until the program is planned; then what the program left to remember.
 
+mod exact_stops;
 pub mod probing;
 mod settings;
 
 use crate::config::{self, Config};
 use crate::machine::tables::Tables;
+use exact_stops::ExactStops;
 use motion::canon::{Axis, Call, Event, PathMode, Position};
 use motion::element::Element;
 use motion::kinematics::{JOINTS, Kinematics, ToolFrame, Transform};
@@ -179,6 +181,8 @@ pub struct Feeder<'t, S: Sink<Element>> {
     planner: Planner<S>,
     waiting: Option<Event>,
     probing: Probing,
+    single_block: bool,
+    exact_stops: ExactStops,
     line: u32,
     ended: bool,
     /// What G64 without P allows, mm.
@@ -211,6 +215,8 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             planner: Planner::with_workers(plan_settings(config, start), sink, workers),
             waiting: None,
             probing,
+            single_block: false,
+            exact_stops: ExactStops::NONE,
             line: 0,
             ended: false,
             default_tolerance_mm: config.program.tolerance_mm,
@@ -257,7 +263,13 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
                 Some(Ok(event)) => {
                     self.line = event.source.line;
                     self.look_at(&event.call);
-                    self.planner.push(&event).map_err(FeedError::Plan)?;
+                    if let Some(call) = self.exact_stops.switch(self.single_block) {
+                        let source = event.source;
+                        self.planner.push(&Event { source, call }).map_err(FeedError::Plan)?;
+                    }
+                    if self.exact_stops.let_pass(&event.call) {
+                        self.planner.push(&event).map_err(FeedError::Plan)?;
+                    }
                     if let Call::StraightProbe { .. } = event.call
                         && self.probing.begin()
                     {
@@ -282,6 +294,11 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     /// Programmed path since the last call, before corners were rounded; machine coordinates.
     pub fn ideal_path(&mut self) -> std::vec::Drain<'_, Programmed> {
         self.planner.ideal_path()
+    }
+
+    /// Single block: what is interpreted from the next [`Feeder::pump`] on is planned with an exact stop behind each block.
+    pub fn set_single_block(&mut self, on: bool) {
+        self.single_block = on;
     }
 
     /// Overrides of feed and rapid moves, as shares, from the next [`Feeder::pump`] on; see [`Planner::set_override`].

@@ -1,0 +1,210 @@
+//! A program run back along its path and block by block, on virtual time: program text to simulated drives.
+
+use isocnc::config::{self, Config};
+use isocnc::machine::sequence::Outcome;
+use isocnc::machine::state::State;
+use isocnc::rt::shared::Command;
+use isocnc::sim::rehearsal::{Rehearsal, rehearse};
+use isocnc::sim::{Disturbance, NetConfig};
+use std::path::Path;
+
+const MACHINE: &str = include_str!("../configs/mill3-demo.toml");
+const PART: &str = include_str!("../configs/short-part.ngc");
+/// Where [`PART`] ends, machine coordinates: work X21 Y16 Z20 plus G54.
+const PART_END: [f64; 3] = [41.0, 36.0, -40.0];
+/// A line of [`PART`] in the second contour, and the first one behind its last action before that (coolant on).
+const MIDST: u32 = 24;
+const FIRST: u32 = 11;
+const CYCLES_MAX: u64 = 120_000;
+const CYCLE_S: f64 = 1e-3;
+
+fn machine() -> Config {
+    let mut config = config::parse(MACHINE, Path::new("mill3-demo.toml")).expect("a good machine file");
+    config.bus.pres_lost_max = 3;
+    config
+}
+
+fn rehearse_part<T>(seed: u64, act: impl FnOnce(&mut Rehearsal<'_>) -> T) -> T {
+    println!("seed {seed}");
+    rehearse(&machine(), PART.as_bytes(), NetConfig::clean(seed), |run| Ok(act(run))).expect("a rehearsal")
+}
+
+fn reach(run: &mut Rehearsal<'_>, what: &str, done: impl FnMut(&mut Rehearsal<'_>) -> bool) {
+    let reached = run.run_until(CYCLES_MAX, done).expect("a good program");
+    assert!(reached, "never {what}: {:#?}", run.operator.journal());
+}
+
+fn reach_state(run: &mut Rehearsal<'_>, state: State) {
+    reach(run, state.name(), |run| run.control.state() == state);
+}
+
+fn reach_midst(run: &mut Rehearsal<'_>) {
+    reach(run, "in the midst", |run| run.operator.live().line >= MIDST);
+}
+
+fn commands(run: &Rehearsal<'_>) -> Vec<[f64; 3]> {
+    let samples = run.operator.recorder.samples();
+    samples.iter().map(|sample| sample.command).collect()
+}
+
+/// Commands of a run without any orders.
+fn straight_on() -> Vec<[f64; 3]> {
+    rehearse_part(1, |run| {
+        assert_eq!(run.run(CYCLES_MAX).expect("an end"), Outcome::Completed);
+        commands(run)
+    })
+}
+
+fn distance_to_chord(at: &[f64; 3], from: &[f64; 3], to: &[f64; 3]) -> f64 {
+    let axes = [0, 1, 2];
+    let along = axes.map(|axis| to[axis] - from[axis]);
+    let length2: f64 = along.iter().map(|by| by * by).sum();
+    let dot: f64 = axes.iter().map(|&axis| (at[axis] - from[axis]) * along[axis]).sum();
+    let share = if length2 > 0.0 {
+        (dot / length2).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
+    let off = axes.map(|axis| from[axis] + share * along[axis] - at[axis]);
+    off.iter().map(|by| by * by).sum::<f64>().sqrt()
+}
+
+/// All commands lie on the path that a run without orders takes: but for the arrows of its chords, which at 60 mm/s on a radius
+/// of 4 mm are (0.06 mm)²/(8 * 4 mm).
+fn assert_on_path(commands: &[[f64; 3]], path: &[[f64; 3]]) {
+    for at in commands {
+        let near = path.windows(2).map(|chord| distance_to_chord(at, &chord[0], &chord[1]));
+        let off_mm = near.fold(f64::INFINITY, f64::min);
+        assert!(off_mm < 2e-4, "{off_mm} mm off the path at {at:?}");
+    }
+}
+
+fn assert_within_stop_limits(run: &Rehearsal<'_>) {
+    let commands = commands(run);
+    let last = *commands.last().expect("a program ran");
+    let standing: Vec<[f64; 3]> = commands.into_iter().chain([last; 3]).collect();
+    for (joint, limits) in machine().joints.iter().enumerate() {
+        for window in standing.windows(4) {
+            let [a, b, c, d] = [0, 1, 2, 3].map(|index: usize| window[index][joint]);
+            let acceleration = (d - 2.0 * c + b) / CYCLE_S.powi(2);
+            let jerk = (d - 3.0 * c + 3.0 * b - a) / CYCLE_S.powi(3);
+            assert!(
+                acceleration.abs() <= limits.stop.acceleration_mm_s2 * (1.0 + 1e-6),
+                "{acceleration}"
+            );
+            assert!(jerk.abs() <= limits.stop.jerk_mm_s3 * (1.0 + 1e-6) + 1e-2, "{jerk}");
+        }
+    }
+    for peaks in run.control.peaks() {
+        assert_eq!(peaks.over, [0; 3], "{peaks:?}");
+    }
+}
+
+fn assert_part_ends(run: &Rehearsal<'_>) {
+    let last = *commands(run).last().expect("a program ran");
+    for (at_mm, end_mm) in last.into_iter().zip(PART_END) {
+        assert!((at_mm - end_mm).abs() < 1e-9, "{last:?}");
+    }
+}
+
+#[test]
+fn a_part_is_run_back_to_the_last_action_and_cut_to_its_end() {
+    let path = straight_on();
+    rehearse_part(2, |run| {
+        reach_midst(run);
+        run.operator.give(Command::Hold);
+        reach_state(run, State::Held);
+        let turned = commands(run).len();
+        assert!(!run.operator.live().reversing);
+        run.operator.give(Command::Reverse(1.0));
+        reach_state(run, State::Running);
+        reach(run, "on its way back", |run| run.operator.live().line < MIDST - 3);
+        let live = run.operator.live();
+        assert!(live.reversing && live.velocity_mm_s > 0.0 && live.remaining_s > 0.0);
+        // Held on the way, and further at a quarter of the speed.
+        run.operator.give(Command::Hold);
+        reach_state(run, State::Held);
+        run.operator.give(Command::Reverse(0.25));
+        reach_state(run, State::Running);
+        // By itself it rests where there is no way back.
+        reach_state(run, State::Held);
+        let live = run.operator.live();
+        assert!(
+            live.reversing && live.line == FIRST && live.velocity_mm_s == 0.0,
+            "{live:?}"
+        );
+        let began = commands(run)[0];
+        for (axis, began) in began.iter().enumerate() {
+            assert!((live.position.0[axis] - began).abs() < 1e-9, "{live:?}");
+        }
+        assert!(commands(run).len() > turned + 1000);
+        run.operator.give(Command::Resume);
+        assert_eq!(run.run(CYCLES_MAX).expect("an end"), Outcome::Completed);
+        assert_part_ends(run);
+        assert_within_stop_limits(run);
+        assert_on_path(&commands(run), &path);
+        assert!(!run.operator.live().reversing);
+    });
+}
+
+#[test]
+fn it_turns_at_once_and_a_stop_or_a_fault_on_the_way_back_rests_on_the_path() {
+    let path = straight_on();
+    for fault in [false, true] {
+        rehearse_part(3, |run| {
+            reach_midst(run);
+            run.operator.give(Command::Reverse(1.0));
+            reach(run, "on its way back", |run| {
+                let live = run.operator.live();
+                live.line < MIDST && live.velocity_mm_s > 5.0
+            });
+            assert_eq!(run.control.state(), State::Running);
+            if fault {
+                let now_ns = run.now_ns();
+                let error_code = 0x2310;
+                run.net().at(now_ns, Disturbance::DriveFault { node: 1, error_code });
+            } else {
+                run.operator.give(Command::Stop);
+            }
+            reach_state(run, State::Stopping);
+            let end = run.run(CYCLES_MAX).expect("an end");
+            assert_eq!(end, if fault { Outcome::Faulted } else { Outcome::Stopped });
+            assert_within_stop_limits(run);
+            assert_on_path(&commands(run), &path);
+        });
+    }
+}
+
+#[test]
+fn block_by_block_the_part_is_the_same() {
+    let path = straight_on();
+    rehearse_part(4, |run| {
+        run.operator.give(Command::SingleBlock(true));
+        reach_state(run, State::Running);
+        let mut lines = Vec::new();
+        loop {
+            reach(run, "held or over", |run| {
+                matches!(run.control.state(), State::Held | State::Ready)
+            });
+            if run.control.state() == State::Ready {
+                break;
+            }
+            assert_eq!(run.operator.live().velocity_mm_s, 0.0);
+            assert!(run.operator.live().single_block);
+            lines.push(run.operator.live().line);
+            run.operator.give(Command::Resume);
+            reach_state(run, State::Running);
+        }
+        assert_eq!(run.run(CYCLES_MAX).expect("an end"), Outcome::Completed);
+        assert!(lines.is_sorted(), "{lines:?}");
+        lines.dedup();
+        // Every block that moves or does anything, but for the last one.
+        let blocks: Vec<u32> = (6..=46)
+            .filter(|line| ![9, 10, 23, 35, 36, 44].contains(line))
+            .collect();
+        assert_eq!(lines, blocks);
+        assert_part_ends(run);
+        assert_within_stop_limits(run);
+        assert_on_path(&commands(run), &path);
+    });
+}
