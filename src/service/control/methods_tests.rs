@@ -48,7 +48,8 @@ fn refusals_say_what_there_is() {
     assert_eq!(
         refusal(&mut methods, "bus.nodes", json!({})),
         "no method \"bus.nodes\"; there are methods, status, bus.network, bus.sdo_read, bus.sdo_write, \
-         program.run, enable, home, jog, jog.keep, jog.stop, hold, resume, stop, alarm.acknowledge"
+         program.run, enable, home, jog, jog.keep, jog.stop, hold, resume, reverse, single_block, stop, \
+         alarm.acknowledge"
     );
     assert_eq!(
         refusal(&mut methods, "status", json!({ "x": 1 })),
