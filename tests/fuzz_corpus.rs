@@ -12,6 +12,8 @@ mod frame;
 mod managing_node;
 #[path = "../fuzz/src/parameter_file.rs"]
 mod parameter_file;
+#[path = "../fuzz/src/pitch_table.rs"]
+mod pitch_table;
 #[path = "../fuzz/src/program_grammar.rs"]
 mod program_grammar;
 #[path = "../fuzz/src/program_text.rs"]
@@ -91,6 +93,11 @@ fn tool_table() {
 #[test]
 fn parameter_file() {
     replay("parameter_file", parameter_file::run);
+}
+
+#[test]
+fn pitch_table() {
+    replay("pitch_table", pitch_table::run);
 }
 
 /// The fuzzer of the managing node begins from a network that runs, not from one that never boots.

@@ -6,6 +6,7 @@ pub mod device_files;
 pub mod frame;
 pub mod managing_node;
 pub mod parameter_file;
+pub mod pitch_table;
 pub mod program_grammar;
 pub mod program_text;
 pub mod sdo_server;
