@@ -26,12 +26,14 @@ impl Default for Options {
 }
 
 /// Part of the way to the nearest bound that a step takes.
-const TO_BOUND: f64 = 0.99;
+const TO_BOUND: f64 = 0.98;
 /// What a step aims to leave of the gap: after a nearly full step, a medium one, and at least after a short one.
 const LEAVE: [f64; 3] = [0.125, 0.25, 0.1];
 /// The gap is not made smaller than this part of the first-order gain that is left (see [`Sums::residual`]): nearer to
 /// the bounds, the method would creep along them.
-const RESIDUAL_PART: f64 = 0.6;
+const RESIDUAL_PART: f64 = 0.3;
+/// Gap to begin with, as a part of the time: with more, the method would first slow down what is well within the limits.
+const FIRST_GAP: f64 = 0.3;
 /// Greatest ratio of a multiplier to the one that belongs to its slack, either way.
 const CENTRALITY: f64 = 1e4;
 /// Second derivative of the time by b, over b^(-5/2) h. That of h / sqrt(b) is 0.75; that of the same function seen
@@ -92,8 +94,9 @@ struct Block {
     middle: Lane,
     /// 1, or 0 for lanes behind the last span.
     used: Lane,
-    /// Index of its first row, and its checkpoints.
+    /// Index of its first row, rows of a checkpoint, and its checkpoints.
     first: usize,
+    rows: usize,
     checkpoints: &'static [(f64, f64)],
     knot_dual: [Lane; 2],
     middle_dual: [Lane; 2],
@@ -179,6 +182,29 @@ impl Pair {
     }
 }
 
+/// Where joints move evenly over all of these spans (`None`: no span): the tightest of each bound stands for those of all
+/// joints, the same at every checkpoint.
+fn straight(grid: &Grid, joints: &[usize], spans: impl Iterator<Item = Option<usize>>) -> Option<[Row; LANES]> {
+    let mut tightest = [Row::default(); LANES];
+    for (tightest, span) in tightest.iter_mut().zip(spans) {
+        let Some(span) = span else { continue };
+        if grid.is_fine(span) {
+            return None;
+        }
+        for checkpoint in 0..CHECKPOINTS.len() {
+            let rows = grid.rows(span, checkpoint);
+            for row in joints.iter().map(|&joint| &rows[joint]) {
+                if row.a2 != 0.0 || row.j3 != 0.0 {
+                    return None;
+                }
+                tightest.a1 = tightest.a1.max(row.a1.abs());
+                tightest.j1 = tightest.j1.max(row.j1.abs());
+            }
+        }
+    }
+    Some(tightest)
+}
+
 impl Workspace {
     fn pack(&mut self, grid: &Grid, spans: Range<usize>, profile: &[State]) {
         let count = spans.len();
@@ -197,6 +223,7 @@ impl Workspace {
         for block in 0..blocks {
             let mut lanes = Block {
                 first: 0,
+                rows: self.joints.len(),
                 checkpoints: &CHECKPOINTS,
                 h: Lane::splat(1.0),
                 inverse_h: Lane::splat(1.0),
@@ -231,6 +258,18 @@ impl Workspace {
                 (index < count).then_some(spans.start + index)
             };
             lanes.first = self.rows.len();
+            if let Some(pair) = straight(grid, &self.joints, (0..LANES).map(own)) {
+                lanes.rows = 1;
+                for &(part, _) in lanes.checkpoints {
+                    let mut at = Pair::default();
+                    for (lane, row) in pair.iter().enumerate() {
+                        at.set(lane, row, part, lanes.h.0[lane]);
+                    }
+                    self.rows.push(at);
+                }
+                self.blocks.push(lanes);
+                continue;
+            }
             let fine = (0..LANES).filter_map(own).any(|span| grid.is_fine(span));
             lanes.checkpoints = if fine { &FINE_CHECKPOINTS } else { &CHECKPOINTS };
             for (checkpoint, &(part, _)) in lanes.checkpoints.iter().enumerate() {
@@ -261,7 +300,7 @@ impl Workspace {
     }
 
     /// Multipliers from the start: complementarity `mu` everywhere.
-    fn start_duals(&mut self, joints: usize, mu: f64) {
+    fn start_duals(&mut self, mu: f64) {
         self.duals.clear();
         for (index, block) in self.blocks.iter_mut().enumerate() {
             let x = block.x(&self.c[index * LANES..]);
@@ -272,8 +311,8 @@ impl Workspace {
             block.middle_dual = [mu * (one - block.middle * x[0]).recip(); 2];
             for (checkpoint, &(part, _)) in block.checkpoints.iter().enumerate() {
                 let beta = dot(&block.b_row(part), &x).sqrt().recip();
-                let first = block.first + checkpoint * joints;
-                for pair in &self.rows[first..first + joints] {
+                let first = block.first + checkpoint * block.rows;
+                for pair in &self.rows[first..first + block.rows] {
                     let a = dot(&pair.acceleration, &x);
                     let q = dot(&pair.jerk, &x);
                     self.duals.push(Dual {
@@ -300,7 +339,7 @@ struct Sums {
 
 impl Workspace {
     /// Values, gradients and matrix at `c`; takes the part `take` of the last dual step.
-    fn assemble(&mut self, joints: usize, take: f64, mu: f64) -> Sums {
+    fn assemble(&mut self, take: f64, mu: f64) -> Sums {
         let size = self.c.len();
         self.band.reset(size);
         self.time_gradient.clear();
@@ -346,7 +385,7 @@ impl Workspace {
             by_dual[0] += multiplier * block.middle;
 
             for (checkpoint, &(part, weight)) in block.checkpoints.iter().enumerate() {
-                let first = block.first + checkpoint * joints;
+                let first = block.first + checkpoint * block.rows;
                 let b_row = &block.b_row(part);
                 let b = dot(b_row, &x);
                 let inverse_b = b.recip();
@@ -355,8 +394,8 @@ impl Workspace {
                 let slope = zero - half * beta * inverse_b;
                 let (mut both, mut turned, mut barrier) = (zero, [zero; 3], zero);
                 let mut duals_of_b = zero;
-                let pairs = &self.rows[first..first + joints];
-                for (pair, duals) in pairs.iter().zip(&mut self.duals[first..first + joints]) {
+                let pairs = &self.rows[first..first + block.rows];
+                for (pair, duals) in pairs.iter().zip(&mut self.duals[first..first + block.rows]) {
                     let a = dot(&pair.acceleration, &x);
                     let q = dot(&pair.jerk, &x);
                     let [inverse, inverse_of_jerk] = both_recip((one - a) * (one + a), (beta - q) * (beta + q));
@@ -455,7 +494,7 @@ impl Workspace {
 
     /// New multipliers for the step `d` of the coefficients; returns the greatest part of a slack (or of b, to 9/10)
     /// that the step would use up, and the greatest relative fall of a multiplier.
-    fn step(&mut self, joints: usize, mu: f64, d: &[f64]) -> (f64, f64) {
+    fn step(&mut self, mu: f64, d: &[f64]) -> (f64, f64) {
         let (zero, one) = (Lane::splat(0.0), Lane::splat(1.0));
         let half = Lane::splat(0.5);
         // A multiplier that is 0 belongs to no span.
@@ -486,15 +525,15 @@ impl Workspace {
                 [of_knot * knot, of_middle * middle],
             );
             for (checkpoint, &(part, _)) in block.checkpoints.iter().enumerate() {
-                let first = block.first + checkpoint * joints;
+                let first = block.first + checkpoint * block.rows;
                 let b_row = &block.b_row(part);
                 let b = dot(b_row, &x);
                 let db = dot(b_row, &dx);
                 let inverse_b = b.recip();
                 let beta = inverse_b.sqrt();
                 let dbeta = zero - half * beta * inverse_b * db;
-                let pairs = &self.rows[first..first + joints];
-                for (pair, duals) in pairs.iter().zip(&mut self.duals[first..first + joints]) {
+                let pairs = &self.rows[first..first + block.rows];
+                for (pair, duals) in pairs.iter().zip(&mut self.duals[first..first + block.rows]) {
                     let (a, da) = (dot(&pair.acceleration, &x), dot(&pair.acceleration, &dx));
                     let (q, dq) = (dot(&pair.jerk, &x), dot(&pair.jerk, &dx));
                     let [of_a, of_q] = both_recip((one - a) * (one + a), (beta - q) * (beta + q));
@@ -539,7 +578,7 @@ pub fn solve(
         return Ok(solved);
     }
     workspace.pack(grid, spans.clone(), profile);
-    solved.converged = workspace.iterate(workspace.joints.len(), options, &mut solved);
+    solved.converged = workspace.iterate(options, &mut solved);
     let mut result = std::mem::take(&mut workspace.result);
     workspace.unpack(grid, spans.clone(), profile, &mut result);
     // Not to be expected: rounding at a bound.
@@ -570,15 +609,15 @@ fn simpson_time(grid: &Grid, spans: Range<usize>, profile: &[State]) -> f64 {
 
 impl Workspace {
     /// Improves `c`; whether the gap was met.
-    fn iterate(&mut self, joints: usize, options: &Options, solved: &mut Solved) -> bool {
+    fn iterate(&mut self, options: &Options, solved: &mut Solved) -> bool {
         // Every span has two caps, and per checkpoint and joint two bounds of acceleration and two of jerk.
         let constraints = (2 * self.count + 4 * LANES * self.rows.len()) as f64;
         let free = 2..self.count;
-        let mut mu = solved.time_s / constraints;
-        self.start_duals(joints, mu);
+        let mut mu = FIRST_GAP * solved.time_s / constraints;
+        self.start_duals(mu);
         let (mut take, mut leave, mut stuck) = (0.0, LEAVE[1], 0);
         loop {
-            let sums = self.assemble(joints, take, mu);
+            let sums = self.assemble(take, mu);
             solved.time_s = sums.time;
             if sums.gap < options.gap * sums.time && sums.residual < options.gap * sums.time {
                 return true;
@@ -593,7 +632,7 @@ impl Workspace {
             }
             self.band.factor(free.clone());
             self.band.solve(free.clone(), &mut d);
-            let (most, fall) = self.step(joints, mu, &d);
+            let (most, fall) = self.step(mu, &d);
             let alpha = (TO_BOUND / most).min(1.0);
             take = (TO_BOUND / fall).min(1.0);
             for (c, d) in self.c[free.clone()].iter_mut().zip(&d[free.clone()]) {
@@ -610,7 +649,7 @@ impl Workspace {
             stuck = if alpha < STUCK.0 { stuck + 1 } else { 0 };
             if stuck >= STUCK.1 {
                 mu = 10.0 * sums.gap / constraints;
-                self.start_duals(joints, mu);
+                self.start_duals(mu);
                 (take, stuck) = (0.0, 0);
             }
             solved.iterations += 1;
