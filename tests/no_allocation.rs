@@ -148,7 +148,7 @@ fn the_cycle_never_allocates() {
     println!("seed {SEED}");
     let config = machine();
     let tables = isocnc::machine::tables::Tables::read(&config).expect("no files");
-    let text = squares();
+    let text = format!("M52 P1\n{}", squares());
     let plans = network::plan(&config);
     let nodes = node_configs(&config.bus, &plans);
     let net = VirtualNet::new(SimMachine::new(&config).expect("simulated"), NetConfig::clean(SEED));
@@ -218,7 +218,8 @@ fn the_cycle_never_allocates() {
         let now_ns = control.bus_mut().now_ns();
         if let Wish::PlanFrom(position) = operator.poll(now_ns) {
             let (producer, consumer) = ring::channel(ring_capacity(&config));
-            feeder = Some(Feeder::new(&config, &tables, text.as_bytes(), position, producer));
+            let new = Feeder::new(&config, &tables, text.as_bytes(), position, producer);
+            feeder = Some(new.following(operator.shared()));
             operator.start(Box::new(Interpolator::new(consumer, position, stop_ramp(&config))));
         }
         if control.state() == State::Running {
@@ -233,7 +234,7 @@ fn the_cycle_never_allocates() {
     let mut cycles = 0_u32;
     while cycles < 12_000 {
         if !planned {
-            planned = feeder.pump().expect("a good program") == Progress::Done;
+            planned = feeder.pump().expect("a good program") == Progress::Done && feeder.is_over();
         }
         let now_ns = control.bus_mut().now_ns();
         let net = &mut control.bus_mut().link_mut().0;
@@ -242,6 +243,8 @@ fn the_cycle_never_allocates() {
             1_500 => net.at(now_ns, Disturbance::DropPres { node: 10, count: 3 }),
             2_500 => hal.set("motion.adaptive-feed", 0.5).expect("a pin"),
             4_000 => hal.set("motion.adaptive-feed", 1.0).expect("a pin"),
+            4_500 => hal.set("halui.feed-override.scale", 0.1).expect("a pin"),
+            4_501 => hal.set("halui.feed-override.counts", -3).expect("a pin"),
             5_000 => operator.give(Command::Hold),
             6_000 => {
                 assert_eq!(control.state(), State::Held);

@@ -16,6 +16,8 @@ const REAL_TIME: &[&str] = &[
     "src/rt/drives.rs",
     "src/rt/encoder.rs",
     "src/rt/hand.rs",
+    "src/rt/override_pins.rs",
+    "src/rt/overrides.rs",
     "src/rt/pins.rs",
     "src/rt/softirq.rs",
     "src/rt/spindle.rs",

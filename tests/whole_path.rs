@@ -653,7 +653,8 @@ fn a_stop_before_the_program_ends_in_order_wherever_it_comes() {
 
 #[test]
 fn hold_and_override_keep_the_path_and_the_end() {
-    rehearse_part(NetConfig::clean(15), PART, |run| {
+    let text = PART.replacen("N10 ", "N10 M52 P1 ", 1);
+    rehearse_part(NetConfig::clean(15), &text, |run| {
         reach_midst(run);
         run.hal.set("motion.adaptive-feed", 0.4).expect("a pin");
         run.run_until(400, |_| false).expect("a good program");
@@ -888,7 +889,7 @@ fn a_node_lost_while_the_drives_are_off_wants_an_acknowledge() {
 
 #[test]
 fn a_held_machine_begins_nothing_and_a_feed_that_is_no_number_holds_it() {
-    let text = "G21 G90 G94 G54\nG1 X5 F600\nM3 S1000\nG1 X10\nM2\n";
+    let text = "G21 G90 G94 G54 M52 P1\nG1 X5 F600\nM3 S1000\nG1 X10\nM2\n";
     for not_moving in [0.0, f64::NAN] {
         rehearse_part(NetConfig::clean(25), text, |run| {
             let spindle = run.hal.reader::<bool>("spindle.0.on").expect("a pin");

@@ -1,5 +1,5 @@
-//! `isocnc status`, `program run`, `enable`, `home`, `hold`, `resume`, `reverse`, `single-block`, `stop`, `alarm acknowledge`:
-//! clients of a running control.
+//! `isocnc status`, `program run`, `enable`, `home`, `hold`, `resume`, `reverse`, `single-block`, `stop`, `override`,
+//! `alarm acknowledge`: clients of a running control.
 //!
 //! In:  the control socket of a machine, or of the only one that runs.
 //! Out: a few lines or one JSON value. Exit code 1: the control refuses, or none runs.
@@ -78,6 +78,25 @@ pub struct SingleBlockArgs {
 enum Switch {
     On,
     Off,
+}
+
+/// Arguments of `override`.
+#[derive(Clone, Debug, Args)]
+pub struct OverrideArgs {
+    #[command(flatten)]
+    control: ControlArgs,
+    /// What: the programmed feed, rapid moves, the speed of the spindle
+    what: Overridden,
+    /// Percent of what is programmed; 0 holds these moves
+    #[arg(allow_negative_numbers = true)]
+    percent: f64,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Overridden {
+    Feed,
+    Rapid,
+    Spindle,
 }
 
 /// An order without parameters.
@@ -167,6 +186,33 @@ pub fn single_block(args: &SingleBlockArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Turns an override.
+///
+/// # Errors
+/// No control answers, or it refuses.
+pub fn turn(args: &OverrideArgs) -> anyhow::Result<ExitCode> {
+    let (name, acts) = match args.what {
+        Overridden::Feed => ("feed", "feed_acts"),
+        Overridden::Rapid => ("rapid", "feed_acts"),
+        Overridden::Spindle => ("spindle", "spindle_acts"),
+    };
+    let answer = call(&args.control, "override", json!({ name: args.percent }))?;
+    let mut words = overrides(&answer);
+    if answer[acts] == false {
+        words += "\nthe program has switched this override off at the moment (M49 to M51)";
+    }
+    print(&args.control, &answer, &words);
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Where the overrides stand, in words.
+fn overrides(of: &Value) -> String {
+    format!(
+        "feed {} %, rapid {} %, spindle {} %",
+        of["feed_percent"], of["rapid_percent"], of["spindle_percent"]
+    )
+}
+
 /// Acknowledges.
 ///
 /// # Errors
@@ -212,6 +258,10 @@ fn words(status: &Value) -> String {
     if status["single_block"] == true {
         lines.push("single    each block ends at rest".into());
     }
+    let turned = ["feed_percent", "rapid_percent", "spindle_percent"].map(|what| status["override"][what] != 100.0);
+    if status["override"].is_object() && turned.contains(&true) {
+        lines.push(format!("override  {}", overrides(&status["override"])));
+    }
     if let Some(alarm) = status["alarm"].as_str() {
         lines.push(format!("alarm     {alarm}"));
     }
@@ -252,6 +302,10 @@ mod tests {
             "{said}"
         );
         status["direction"] = json!("forward");
+        status["override"] = json!({ "feed_percent": 100.0, "rapid_percent": 100.0, "spindle_percent": 100.0 });
+        assert!(!words(&status).contains("override"));
+        status["override"]["feed_percent"] = json!(62.5);
+        assert!(words(&status).contains("\noverride  feed 62.5 %, rapid 100.0 %, spindle 100.0 %\n"));
         status["program"]["result"] = json!("stopped");
         assert!(words(&status).contains("/p.ngc: stopped\n"));
     }

@@ -52,6 +52,8 @@ enum Command {
     SingleBlock(control::SingleBlockArgs),
     /// Bring the program of a running control to rest on its path, give it up, switch drives off.
     Stop(control::ControlArgs),
+    /// Run feed, rapid moves or the spindle at another percentage of what is programmed.
+    Override(control::OverrideArgs),
     /// Acknowledge the alarm of a running control.
     Alarm(control::AlarmArgs),
     /// Check a machine file: all errors at once, located.
@@ -87,6 +89,7 @@ pub fn main() -> ExitCode {
         Command::Reverse(args) => control::reverse(args),
         Command::SingleBlock(args) => control::single_block(args),
         Command::Stop(args) => control::order(args, control::Order::Stop),
+        Command::Override(args) => control::turn(args),
         Command::Alarm(args) => control::alarm(args),
         Command::Check(args) => check::check(args),
         Command::Interpret(args) => interpret::interpret(args),

@@ -9,6 +9,7 @@ mod settings;
 
 use crate::config::{self, Config};
 use crate::machine::tables::Tables;
+use crate::rt::shared::Live;
 use exact_stops::ExactStops;
 use motion::canon::{Axis, Call, Event, PathMode, Position};
 use motion::element::Element;
@@ -22,7 +23,9 @@ use probing::Probing;
 pub use settings::{interpreter_settings, settings_with};
 use std::fmt;
 use std::num::NonZero;
+use std::sync::Arc;
 use std::thread::available_parallelism;
+use std::time::Duration;
 
 /// Canonical calls that one call of [`Feeder::pump`] takes at the most.
 const EVENTS_PER_PUMP: usize = 256;
@@ -171,7 +174,7 @@ pub enum Progress {
     RingFull,
     /// A probing move is under way: what follows it depends on how it ends. Try again in a while.
     Probing,
-    /// The whole program is in the ring.
+    /// The whole program is in the ring. As long as the machine runs it, it may change: see [`Feeder::is_over`].
     Done,
 }
 
@@ -183,6 +186,9 @@ pub struct Feeder<'t, S: Sink<Element>> {
     probing: Probing,
     single_block: bool,
     exact_stops: ExactStops,
+    /// Where the operator's overrides are, and those that the plan was last made with.
+    live: Option<Arc<Live>>,
+    overrides: [f64; 2],
     line: u32,
     ended: bool,
     /// What G64 without P allows, mm.
@@ -217,6 +223,8 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             probing,
             single_block: false,
             exact_stops: ExactStops::NONE,
+            live: None,
+            overrides: [1.0; 2],
             line: 0,
             ended: false,
             default_tolerance_mm: config.program.tolerance_mm,
@@ -232,12 +240,21 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         self
     }
 
-    /// Plans a part of the program.
+    /// The same that follows the operator's overrides, from the next [`Feeder::pump`] on.
+    pub fn following(self, live: Arc<Live>) -> Feeder<'t, S> {
+        Feeder {
+            live: Some(live),
+            ..self
+        }
+    }
+
+    /// Plans a part of the program, and anew what an override has changed.
     ///
     /// # Errors
     /// The first thing that is wrong; what was planned before it stays in the ring and ends at rest.
     pub fn pump(&mut self) -> Result<Progress, FeedError> {
         for _ in 0..EVENTS_PER_PUMP {
+            self.follow_overrides();
             if self.planner.pump() == Pumped::Blocked {
                 return Ok(Progress::RingFull);
             }
@@ -301,9 +318,30 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         self.single_block = on;
     }
 
-    /// Overrides of feed and rapid moves, as shares, from the next [`Feeder::pump`] on; see [`Planner::set_override`].
-    pub fn set_override(&mut self, feed: f64, rapid: f64) {
-        self.planner.set_override(feed, rapid);
+    /// Pauses until there may be something to do: an order comes, or the machine has moved on for `most`.
+    pub fn pause(&self, most: Duration) {
+        match &self.live {
+            Some(live) => live.overrides.wait(most),
+            None => std::thread::sleep(most),
+        }
+    }
+
+    /// Whether no override can change anything any more: the machine has come to the last element of a program that is done.
+    pub fn is_over(&mut self) -> bool {
+        let sink = self.planner.sink();
+        sink.consumer_at().is_none_or(|at| at + 1 >= sink.next_number())
+    }
+
+    fn follow_overrides(&mut self) {
+        let Some(live) = &self.live else { return };
+        let mut wanted = self.overrides;
+        for (wanted, share) in wanted.iter_mut().zip(live.overrides.planned()) {
+            *wanted = share.unwrap_or(*wanted);
+        }
+        if wanted != self.overrides {
+            self.overrides = wanted;
+            self.planner.set_override(wanted[0], wanted[1]);
+        }
     }
 
     /// Where the plan goes.

@@ -7,6 +7,7 @@ use super::cycle::{Control, Outlets, Parts};
 use super::diagnosis;
 use super::drives::Drives;
 use super::hand::Hand;
+use super::overrides::Overrides;
 use super::pins::Pins;
 use super::shared::Live;
 use crate::bus::network::NodePlan;
@@ -39,7 +40,7 @@ pub fn assemble<B: Fieldbus>(
     let (notices_in, notices) = rtrb::RingBuffer::new(NOTICES);
     let (trace_in, trace) = rtrb::RingBuffer::new(TRACES);
     let (finished_in, finished) = rtrb::RingBuffer::new(PROGRAMS);
-    let live = Arc::new(Live::default());
+    let live = Arc::new(Live::new(Overrides::new(config.program.planner)));
     let drives = Drives::new(config, plans).map_err(|joint| {
         anyhow!("joint {joint}: its drive needs 6040h and 607Ah in `outputs`, 6041h and 6064h in `inputs`")
     })?;

@@ -504,7 +504,7 @@ impl<B: Fieldbus> Control<B> {
         let together = self.parts.hand.moved_with(order.joints);
         let mut drives = self.parts.drives.iter().enumerate();
         let homed = drives.all(|(joint, drive)| together >> joint & 1 == 0 || drive.is_homed());
-        let held = self.parts.pins.feed_scale() == 0.0;
+        let held = self.parts.pins.is_feed_hold();
         match (order.motion, self.state) {
             (JogMotion::Run { .. } | JogMotion::Advance { .. }, _) if !homed || held => return,
             (JogMotion::Run { .. } | JogMotion::Advance { .. }, State::Ready) => {
@@ -608,9 +608,12 @@ impl<B: Fieldbus> Control<B> {
 
     /// Next set-points of all joints.
     fn interpolate(&mut self) {
-        let scale = match self.state {
-            State::Running if !self.hold => self.parts.pins.feed_scale() * self.reverse.map_or(1.0, |share| -share),
-            _ => 0.0,
+        let wanted = match self.state {
+            State::Running if !self.hold => Shares {
+                all: self.reverse.map_or(1.0, |share| -share),
+                ..self.parts.pins.shares(&self.outlets.live.overrides)
+            },
+            _ => Shares::all(0.0),
         };
         if let Some(program) = &mut self.program {
             if program.is_probing() {
@@ -619,7 +622,7 @@ impl<B: Fieldbus> Control<B> {
             }
             let shares = Shares {
                 turning: self.parts.pins.spindle.feed_share(),
-                ..Shares::all(scale)
+                ..wanted
             };
             self.sample = program.step_shares(&shares, self.parts.pins.spindle.place());
             self.program_cycles += 1;
@@ -628,7 +631,7 @@ impl<B: Fieldbus> Control<B> {
             self.program_has_moved |= self.sample.state == SampleState::Moving;
             self.parts.pins.spindle.steer(&self.sample);
             // A ramp to rest may just reach the end of a move: what stands behind it, a spindle say, must not begin then.
-            if scale > 0.0
+            if !wanted.hold(self.sample.enables)
                 && self.waiting.is_none()
                 && let Some(action) = self.sample.action
             {
@@ -654,7 +657,7 @@ impl<B: Fieldbus> Control<B> {
         } else {
             let by_hand = self.parts.hand.is_active();
             if by_hand {
-                if self.parts.pins.feed_scale() == 0.0 {
+                if self.parts.pins.is_feed_hold() {
                     self.parts.hand.release_all();
                 }
                 self.parts.hand.step(&mut self.command_mm[..self.joints]);
@@ -681,6 +684,7 @@ impl<B: Fieldbus> Control<B> {
         } else if let Some(late) = self.parts.pins.spindle.late().filter(|_| self.program.is_some()) {
             self.fault(Fault::SpindleLate { late });
         }
+        (self.parts.pins).follow_overrides(&self.outlets.live.overrides, self.sample.enables);
     }
 
     fn end_wait(&mut self) {
@@ -741,6 +745,7 @@ impl<B: Fieldbus> Control<B> {
         };
         self.outlets.live.show(&Snapshot {
             state: self.state,
+            enables: self.sample.enables,
             orders_taken: self.orders_taken,
             cycles: self.cycle,
             homed: self.homed(),

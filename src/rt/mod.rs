@@ -9,6 +9,8 @@ pub mod encoder;
 pub mod figures;
 pub mod hand;
 pub mod jitter;
+pub mod override_pins;
+pub mod overrides;
 pub mod pins;
 pub mod probe;
 pub mod recent;

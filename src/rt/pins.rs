@@ -7,6 +7,8 @@
 
 use super::drives::Drives;
 use super::figures::Timing;
+use super::override_pins::OverridePins;
+use super::overrides::{Overridden, Overrides};
 use super::recent::Second;
 use super::spindle::Spindle;
 use crate::bus::layout::Field;
@@ -16,8 +18,8 @@ use crate::config::{Config, Profile};
 use crate::machine::state::State;
 use hal_pins::{Hal, HalError, Input, Output};
 use motion::canon::Axis;
-use motion::element::Action;
-use motion::rt::Sample;
+use motion::element::{Action, Enables};
+use motion::rt::{Sample, Shares};
 
 /// Pins and nets that there is room for.
 pub const CAPACITY: usize = 2048;
@@ -96,6 +98,7 @@ pub struct Pins {
     feed_hold: Input<bool>,
     adaptive_feed: Input<f64>,
     probe_input: Input<bool>,
+    overrides: OverridePins,
     resume: Input<bool>,
     stop: Input<bool>,
     resume_before: bool,
@@ -318,6 +321,7 @@ impl Pins {
             feed_hold: hal.input("motion.feed-hold", false)?,
             adaptive_feed: hal.input("motion.adaptive-feed", 1.0)?,
             probe_input: hal.input("motion.probe-input", false)?,
+            overrides: OverridePins::new(hal)?,
             resume: hal.input("halui.program.resume", false)?,
             stop: hal.input("halui.program.stop", false)?,
             resume_before: false,
@@ -338,14 +342,38 @@ impl Pins {
         Ok(pins)
     }
 
-    /// Share of the programmed speed that the pins allow, 0 to 1. What is no number holds the machine.
-    pub fn feed_scale(&self) -> f64 {
-        if self.feed_hold.get() {
-            return 0.0;
-        }
+    /// Whether the switch for feed hold is on.
+    pub fn is_feed_hold(&self) -> bool {
+        self.feed_hold.get()
+    }
+
+    /// Shares of the planned speed for a program that runs.
+    ///
+    /// `motion.adaptive-feed` may change in every cycle, far too often to plan anew each time: it scales time, which the
+    /// interpolation does along a ramp within the stop limits, whatever comes how often. What is no number holds the machine.
+    pub fn shares(&self, overrides: &Overrides) -> Shares {
+        let [feed, rapid] = overrides.of_time();
         // Not `clamp`, which lets NaN pass: any component may write this pin.
         #[allow(clippy::manual_clamp, reason = "max and min turn NaN into 0")]
-        self.adaptive_feed.get().max(0.0).min(1.0)
+        let adaptive = self.adaptive_feed.get().max(0.0).min(1.0);
+        Shares {
+            switch: if self.feed_hold.get() { 0.0 } else { 1.0 },
+            feed,
+            rapid,
+            adaptive,
+            ..Shares::FULL
+        }
+    }
+
+    /// Takes in what pins want of the overrides; the spindle follows its own.
+    pub fn follow_overrides(&mut self, overrides: &Overrides, enables: Enables) {
+        self.overrides.attend(overrides);
+        let factor = if enables.spindle_override {
+            overrides.share(Overridden::Spindle)
+        } else {
+            1.0
+        };
+        self.spindle.set_override(factor);
     }
 
     /// Whether the resume pin has risen since the last call.

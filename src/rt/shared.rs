@@ -4,11 +4,12 @@
 //! Out: [`Live`] (latest values), [`Notice`]s and [`Trace`] records, through rings that nobody in real time waits for.
 
 use super::hand::JogOrder;
+use super::overrides::Overrides;
 use crate::bus::BusEvent;
 use crate::machine::faults::Fault;
 use crate::machine::state::State;
 use motion::canon::{AXES, Position};
-use motion::element::Action;
+use motion::element::{Action, Enables};
 use motion::rt::Interpolator;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::Relaxed};
 
@@ -92,7 +93,10 @@ pub struct Trace {
 /// Latest values, readable by any thread at any time; each value is whole, the values are not of one instant.
 #[derive(Debug)]
 pub struct Live {
+    /// What the operator has turned overrides to: the one thing here that anyone may set.
+    pub overrides: Overrides,
     state: AtomicU8,
+    enables: AtomicU8,
     orders_taken: AtomicU64,
     cycles: AtomicU64,
     homed: AtomicU64,
@@ -111,7 +115,16 @@ pub struct Live {
 
 impl Default for Live {
     fn default() -> Live {
+        Live::new(Overrides::default())
+    }
+}
+
+impl Live {
+    /// Nothing has been shown yet.
+    pub fn new(overrides: Overrides) -> Live {
         Live {
+            overrides,
+            enables: AtomicU8::new(0),
             state: AtomicU8::new(State::Booting as u8),
             orders_taken: AtomicU64::new(0),
             cycles: AtomicU64::new(0),
@@ -135,6 +148,8 @@ impl Default for Live {
 pub struct Snapshot {
     /// What the machine is doing.
     pub state: State,
+    /// What acts on the move under way from outside.
+    pub enables: Enables,
     /// Orders taken so far.
     pub orders_taken: u64,
     /// Cycles so far.
@@ -175,6 +190,7 @@ impl Live {
 
     /// Shows new values. RT.
     pub fn show(&self, snapshot: &Snapshot) {
+        self.enables.store(bits(snapshot.enables), Relaxed);
         self.cycles.store(snapshot.cycles, Relaxed);
         self.homed.store(snapshot.homed, Relaxed);
         self.line.store(snapshot.line, Relaxed);
@@ -201,6 +217,7 @@ impl Live {
         Snapshot {
             orders_taken,
             state: State::from_u8(self.state.load(Relaxed)).unwrap_or(State::Down),
+            enables: enables(self.enables.load(Relaxed)),
             cycles: self.cycles.load(Relaxed),
             homed: self.homed.load(Relaxed),
             line: self.line.load(Relaxed),
@@ -213,5 +230,30 @@ impl Live {
             remaining_s: float(&self.remaining_s),
             elapsed_s: float(&self.elapsed_s),
         }
+    }
+}
+
+/// One bit each, of those that differ from how a program begins: what was never shown is that.
+fn bits(enables: Enables) -> u8 {
+    let initial = Enables::INITIAL;
+    let differ = [
+        enables.feed_override != initial.feed_override,
+        enables.spindle_override != initial.spindle_override,
+        enables.adaptive_feed != initial.adaptive_feed,
+        enables.feed_hold != initial.feed_hold,
+    ];
+    let bits = differ.iter().enumerate();
+    bits.fold(0, |word, (bit, differs)| word | u8::from(*differs) << bit)
+}
+
+fn enables(bits: u8) -> Enables {
+    let initial = Enables::INITIAL;
+    let differs = |bit: u8| bits >> bit & 1 == 1;
+    Enables {
+        feed_override: initial.feed_override ^ differs(0),
+        spindle_override: initial.spindle_override ^ differs(1),
+        adaptive_feed: initial.adaptive_feed ^ differs(2),
+        feed_hold: initial.feed_hold ^ differs(3),
+        ..initial
     }
 }

@@ -77,6 +77,8 @@ pub struct Spindle {
     tolerance: f64,
     timeout_s: f64,
     wanted: Option<Wanted>,
+    /// The operator's override, a share.
+    override_share: f64,
     /// What it is told now, 1/min, above 0 with M3.
     rpm: f64,
     place: SpindleFeedback,
@@ -138,6 +140,7 @@ impl Spindle {
             tolerance: spindle.speed_tolerance,
             timeout_s: spindle.speed_timeout_s,
             wanted: None,
+            override_share: 1.0,
             rpm: 0.0,
             place: SpindleFeedback::NONE,
             speed: Speed::new(),
@@ -205,6 +208,11 @@ impl Spindle {
         self.tell(None);
     }
 
+    /// From the next [`Spindle::steer`] on, this share of the programmed speed. RT.
+    pub fn set_override(&mut self, share: f64) {
+        self.override_share = share;
+    }
+
     /// Tells it its direction and speed of this cycle. RT.
     pub fn steer(&mut self, sample: &Sample) {
         self.x_mm = sample.position[Axis::X];
@@ -214,12 +222,12 @@ impl Spindle {
     fn tell(&mut self, reversal: Option<f64>) {
         self.rpm = self.wanted.map_or(0.0, |wanted| {
             let at_surface = wanted.surface.map_or(f64::INFINITY, |surface| surface.rpm(self.x_mm));
-            let rpm = wanted.rpm.min(self.rpm_max).min(at_surface);
+            let rpm = (self.override_share * wanted.rpm).min(self.rpm_max).min(at_surface);
             let rpm = match wanted.direction {
                 SpindleDirection::Clockwise => rpm,
                 SpindleDirection::Counterclockwise => -rpm,
             };
-            // What was programmed is within the highest speed; a quick way back may not be.
+            // What was programmed is within the highest speed; a quick way back, or an override, may not be.
             reversal.map_or(rpm, |scale| (-rpm * scale).clamp(-self.rpm_max, self.rpm_max))
         });
         let clockwise = self

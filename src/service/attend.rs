@@ -14,6 +14,7 @@ use crate::machine::tables::lock;
 use crate::program::{self, FeedError, Feeder, probing, ring_capacity, stop_ramp, stop_shares};
 use crate::rt::figures::Windows;
 use crate::rt::rights::{self, Work};
+use crate::rt::shared::Live;
 use crate::rt::timeout;
 use crate::rt::wait::{monotonic_ns, to_next};
 use motion::canon::Position;
@@ -29,7 +30,7 @@ use std::time::Duration;
 
 /// Pause of the loop.
 const PAUSE: Duration = Duration::from_millis(10);
-/// Pause of the planner while the ring is full.
+/// Pause of the planner while the ring is full, if no order wakes it.
 const PLANNER_PAUSE: Duration = Duration::from_millis(5);
 /// A cycle thread that has ended leaves this long to see what it ended with, ns.
 const ENDED_NS: u64 = 500_000_000;
@@ -159,9 +160,11 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
             Step::Network | Step::Enable | Step::Home | Step::SetUp | Step::Program | Step::Stop => {}
         }
         if let Wish::PlanFrom(position) = running.operator.poll(now_ns) {
-            // Of a program that is repeated, all was in the ring long since.
+            // A program that is repeated has come to its end: nobody waits for the machine any more.
+            self.given_up.store(true, Ordering::Release);
             self.join_planner(running, now_ns);
-            let program = self.plan_from(position)?;
+            let live = running.operator.shared();
+            let program = self.plan_from(position, live)?;
             running.operator.start(program);
         }
         if self.planner.as_ref().is_some_and(ScopedJoinHandle::is_finished) {
@@ -205,7 +208,7 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
     }
 
     /// Starts the program thread.
-    fn plan_from(&mut self, position: Position) -> anyhow::Result<Box<Interpolator>> {
+    fn plan_from(&mut self, position: Position, live: Arc<Live>) -> anyhow::Result<Box<Interpolator>> {
         let Session {
             config, task, tables, ..
         } = self.session;
@@ -228,7 +231,8 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
                 // They inherit from here that they keep off the core of real time, and have no rights.
                 let workers = program::workers(config);
                 let feeder = Feeder::with_workers(config, &tables, text.octets(), position, producer, &workers)
-                    .with_probe(results);
+                    .with_probe(results)
+                    .following(live);
                 let over = || stop.load(Ordering::Acquire) || given_up.load(Ordering::Acquire);
                 feed(feeder, path_max, over)
             })?;
@@ -273,7 +277,8 @@ impl Text<'_> {
     }
 }
 
-/// The program thread: plans until the program is in the ring or nobody wants it any more.
+/// The program thread: plans until the machine has come to the end of the program, as overrides may change till then, or
+/// until nobody wants it any more.
 fn feed(mut feeder: Feeder<'_, Producer<Element>>, path_max: usize, over: impl Fn() -> bool) -> Planned {
     let mut path = Vec::new();
     let mut failed = None;
@@ -283,8 +288,10 @@ fn feed(mut feeder: Feeder<'_, Producer<Element>>, path_max: usize, over: impl F
         path.extend(feeder.ideal_path().take(room));
         match progress {
             Ok(program::Progress::Working) => {}
-            Ok(program::Progress::RingFull | program::Progress::Probing) => std::thread::sleep(to_next(PLANNER_PAUSE)),
-            Ok(program::Progress::Done) => break,
+            Ok(program::Progress::Done) if feeder.is_over() => break,
+            Ok(program::Progress::RingFull | program::Progress::Probing | program::Progress::Done) => {
+                feeder.pause(to_next(PLANNER_PAUSE));
+            }
             Err(error) => {
                 failed = Some(error);
                 break;

@@ -2,6 +2,7 @@
 
 pub mod analyser;
 pub mod attend;
+pub mod bell;
 mod by_hand;
 pub mod control;
 pub mod desk;

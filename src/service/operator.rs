@@ -11,6 +11,7 @@ use crate::config::Config;
 use crate::machine::faults::{Fault, Reaction};
 use crate::machine::sequence::{Order, Outcome, Sequence, Step};
 use crate::machine::state::State;
+use crate::rt::overrides::Overridden;
 use crate::rt::shared::{Command, Live, Notice, Snapshot, TimedNotice, Trace};
 use crate::rt::timeout;
 use motion::canon::{Axis, Position};
@@ -82,6 +83,8 @@ pub struct Operator {
     /// Alarms that somebody has acknowledged, or begun another program after.
     alarms_over: usize,
     late_cycles: u64,
+    /// Overrides at the last look, and those of the journal, percent.
+    overrides: [[f64; 2]; 3],
     /// What the report is made of.
     pub recorder: Recorder,
 }
@@ -110,6 +113,7 @@ impl Operator {
             alarms: Vec::new(),
             alarms_over: 0,
             late_cycles: 0,
+            overrides: [[100.0; 2]; 3],
             recorder: Recorder::default(),
             programs: 0,
         }
@@ -181,6 +185,7 @@ impl Operator {
             }
         }
         while self.inlets.finished.pop().is_ok() {}
+        self.note_overrides();
         let live = self.live();
         // The state counts only once it is that of the last order.
         if live.orders_taken < self.orders_given {
@@ -262,6 +267,11 @@ impl Operator {
     /// Latest values.
     pub fn live(&self) -> Snapshot {
         self.inlets.live.snapshot()
+    }
+
+    /// The latest values themselves, and the overrides.
+    pub fn shared(&self) -> Arc<Live> {
+        Arc::clone(&self.inlets.live)
     }
 
     /// The tool that the last change brought; `None`: there was no change.
@@ -400,6 +410,18 @@ impl Operator {
             BusEvent::LinkFailed(error) => format!("network adapter: {error}"),
         };
         self.note(time_s, text);
+    }
+
+    /// Notes an override that has been turned, once it is not being turned any more.
+    fn note_overrides(&mut self) {
+        for what in Overridden::ALL {
+            let now = self.inlets.live.overrides.percent(what);
+            let [last, noted] = &mut self.overrides[what as usize];
+            let rests = now == std::mem::replace(last, now);
+            if rests && now != std::mem::replace(noted, now) {
+                self.tell(format!("{} override {now} %", what.name()));
+            }
+        }
     }
 
     fn note(&mut self, time_s: f64, text: String) {

@@ -18,6 +18,8 @@ pub struct PathSample {
     pub actual: [f64; 3],
     /// Whether the move is a rapid one.
     pub rapid: bool,
+    /// Line of the program.
+    pub line: u32,
 }
 
 /// Records of one run.
@@ -47,6 +49,7 @@ impl Recorder {
                 command: xyz(&record.command),
                 actual: xyz(&record.actual),
                 rapid: record.rapid,
+                line: record.line,
             });
         }
     }

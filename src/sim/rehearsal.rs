@@ -207,7 +207,7 @@ impl<'a> Rehearsal<'a> {
                 let (producer, consumer) = ring::channel(ring_capacity(self.config));
                 let (answers, results) = probing::line();
                 let feeder = Feeder::new(self.config, &self.tables, self.text, position, producer);
-                self.feeder = Some(feeder.with_probe(results));
+                self.feeder = Some(feeder.with_probe(results).following(self.operator.shared()));
                 let program = Interpolator::new(consumer, position, stop_ramp(self.config))
                     .with_probe(answers, stop_shares(self.config));
                 self.operator.start(Box::new(program));
@@ -220,7 +220,7 @@ impl<'a> Rehearsal<'a> {
             feeder.set_single_block(self.operator.live().single_block);
             let progress = feeder.pump().map_err(|error| anyhow!(error.located("program")))?;
             self.path.extend(feeder.ideal_path());
-            if progress == Progress::Done {
+            if progress == Progress::Done && feeder.is_over() {
                 self.feeder = None;
             }
         }

@@ -38,10 +38,18 @@ impl Shares {
         }
     }
 
+    /// Whether nothing that is done at rest may begin: held, or on the way back.
+    pub fn hold(&self, enables: Enables) -> bool {
+        self.on(None, enables) <= 0.0
+    }
+
     /// The share of an element; of what is done at rest, with `enables` of the move before. Motion in step with the spindle
     /// keeps the pace of the spindle: only what stands for a hold acts on it, before it begins.
     pub(super) fn on(&self, element: Option<&Element>, enables: Enables) -> f64 {
         let pick = |acts: bool, share: f64| if acts { share } else { 1.0 };
+        // What has a pace of its own, or none, is held by none.
+        let moves = |share: f64| if share > 0.0 { 1.0 } else { 0.0 };
+        let held = self.all * pick(enables.feed_hold, self.switch) * pick(enables.adaptive_feed, moves(self.adaptive));
         match element {
             Some(Element::Span(span)) => {
                 let enables = span.enables;
@@ -52,14 +60,8 @@ impl Shares {
                     * pick(enables.adaptive_feed, self.adaptive)
                     * pick(enables.spindle_speed && !span.rapid, self.turning)
             }
-            // It keeps its own feed, but with none it rests.
-            Some(Element::Probing(_)) => {
-                let moves = if self.feed > 0.0 { 1.0 } else { 0.0 };
-                self.all * pick(enables.feed_hold, self.switch) * pick(enables.feed_override, moves)
-            }
-            None | Some(Element::Synced(_) | Element::Dwell { .. } | Element::Action { .. }) => {
-                self.all * pick(enables.feed_hold, self.switch)
-            }
+            Some(Element::Probing(_)) => held * pick(enables.feed_override, moves(self.feed)),
+            None | Some(Element::Synced(_) | Element::Dwell { .. } | Element::Action { .. }) => held,
         }
     }
 }

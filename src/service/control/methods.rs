@@ -11,6 +11,7 @@ use crate::bus::SDO_VALUE_MAX;
 use crate::config::JOINTS_MAX;
 use crate::rt::diagnosis::{Inlet, Record, SdoOrder};
 use crate::rt::hand::JogMotion;
+use crate::rt::overrides::Overridden;
 use crate::rt::shared::Live;
 use crate::service::desk::{Counter, Jog, Jogged, Order, Source};
 use crate::service::network_view::{NetworkLive, NetworkView, NodeLive};
@@ -148,6 +149,14 @@ pub const METHODS: &[Method] = &[
         params: &[],
         does: "brings the machine to rest, a program on its path, gives it up and switches drives off",
         call: |methods, _, ticket| methods.order(ticket, Order::Stop),
+    },
+    Method {
+        name: "override",
+        params: &["feed", "rapid", "spindle"],
+        does: "from now on feed (0 to 120), rapid moves (0 to 100) and the spindle (50 to 120) run at this many percent of what \
+               is programmed; 0 holds these moves. At any time, for all programs; one that has switched overrides off (M49) \
+               is not changed there",
+        call: |methods, params, _| Some(methods.turn(params)),
     },
     Method {
         name: "alarm.acknowledge",
@@ -291,10 +300,47 @@ impl Methods {
             "single_block": live.single_block,
             "velocity_mm_s": live.velocity_mm_s,
             "position_mm": live.position.0,
+            "override": self.overrides(),
             "step": shown.step,
             "program": shown.program,
             "alarm": shown.alarm,
         })
+    }
+
+    /// Where the overrides stand, and whether the program lets them act at the moment.
+    fn overrides(&self) -> Value {
+        let percent = |what| self.live.overrides.percent(what);
+        let enables = self.live.snapshot().enables;
+        json!({
+            "feed_percent": percent(Overridden::Feed),
+            "rapid_percent": percent(Overridden::Rapid),
+            "spindle_percent": percent(Overridden::Spindle),
+            "feed_acts": enables.feed_override,
+            "spindle_acts": enables.spindle_override,
+            "adaptive_feed_acts": enables.adaptive_feed,
+            "feed_hold_acts": enables.feed_hold,
+        })
+    }
+
+    /// Turns overrides: all that are given, or none where one of them cannot be. No way over the operator's desk: whoever
+    /// cuts turns the feed down because he hears something.
+    fn turn(&self, params: &Params) -> Result<Value, RpcError> {
+        let invalid = |what: String| RpcError::new(code::INVALID_PARAMS, what);
+        let mut wanted = Vec::new();
+        for what in Overridden::ALL {
+            if let Some(percent) = params.real(what.name())? {
+                self.live.overrides.check(what, percent).map_err(invalid)?;
+                wanted.push((what, percent));
+            }
+        }
+        if wanted.is_empty() {
+            let what = "expected \"feed\", \"rapid\" or \"spindle\", in percent of what is programmed";
+            return Err(invalid(what.into()));
+        }
+        for (what, percent) in wanted {
+            self.live.overrides.order(what, percent).map_err(invalid)?;
+        }
+        Ok(self.overrides())
     }
 
     fn order(&mut self, ticket: Ticket, order: Order) -> Answer {

@@ -48,7 +48,7 @@ fn refusals_say_what_there_is() {
     assert_eq!(
         refusal(&mut methods, "bus.nodes", json!({})),
         "no method \"bus.nodes\"; there are methods, status, bus.network, bus.sdo_read, bus.sdo_write, \
-         program.run, enable, home, jog, jog.keep, jog.stop, hold, resume, reverse, single_block, stop, \
+         program.run, enable, home, jog, jog.keep, jog.stop, hold, resume, reverse, single_block, stop, override, \
          alarm.acknowledge"
     );
     assert_eq!(
@@ -244,4 +244,38 @@ fn a_jog_says_what_how_fast_and_how_far() {
     ] {
         assert_eq!(read(params), Err(why.to_owned()));
     }
+}
+
+#[test]
+fn overrides_are_turned_at_once_all_or_none() {
+    let mut methods = methods();
+    let turned = call(&mut methods, "override", json!({ "feed": 80, "rapid": 25.5 }))
+        .unwrap()
+        .unwrap();
+    let stands = json!({
+        "feed_percent": 80.0, "rapid_percent": 25.5, "spindle_percent": 100.0, "feed_acts": true, "spindle_acts": true,
+        "adaptive_feed_acts": false, "feed_hold_acts": true,
+    });
+    assert_eq!(turned, stands);
+    for (params, refused) in [
+        (
+            json!({}),
+            "expected \"feed\", \"rapid\" or \"spindle\", in percent of what is programmed",
+        ),
+        (json!({ "feed": 50, "rapid": 101 }), "rapid 101 %: expected 0 to 100 %"),
+        (json!({ "feed": 120.1 }), "feed 120.1 %: expected 0 to 120 %"),
+        (json!({ "spindle": 10 }), "spindle 10 %: expected 50 to 120 %"),
+        (
+            json!({ "feed": "fast" }),
+            "parameter \"feed\": expected a number, got \"fast\"",
+        ),
+        (
+            json!({ "speed": 50 }),
+            "unknown parameter \"speed\": known are feed, rapid, spindle",
+        ),
+    ] {
+        assert_eq!(refusal(&mut methods, "override", params), refused);
+    }
+    let status = call(&mut methods, "status", json!({})).unwrap().unwrap();
+    assert_eq!(status["override"], stands, "a refusal changes nothing");
 }

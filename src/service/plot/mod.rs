@@ -309,6 +309,7 @@ mod tests {
             command: [x, y, z],
             actual: [x + 0.001, y, z],
             rapid,
+            line: 1,
         }
     }
 
