@@ -99,7 +99,7 @@ impl Arc {
         self.table = None;
         self.slowing = begin - end;
         self.length = 0.5 * (begin + end);
-        if !(across < 1e-13 * begin.powi(4)) {
+        if across.is_nan() || across >= 1e-13 * begin.powi(4) {
             let table = LengthTable::new(|u| self.speed(u));
             self.length = table.length();
             self.table = Some(table);

@@ -1,0 +1,297 @@
+//! The section under construction: its parts become spans between knots, and those windows.
+//!
+//! In:  parts, zones, rests and ends of sections, as they are found.
+//! Out: steps to hand over, some of them windows that are still to be solved; their jobs.
+
+use super::{
+    After, Asked, CAREFUL_PARTS, Entry, Made, Open, Part, Pending, Place, Ready, Section, State, Step, Stream,
+};
+use crate::element::Element;
+use crate::plan::optimal::checkpoints::Checkpoints;
+use crate::plan::optimal::knots::Knots;
+use crate::plan::optimal::sections::{Found, Item};
+use crate::plan::optimal::slopes::{Side, launch};
+use crate::plan::optimal::solver::{Grid, Launch};
+use crate::plan::optimal::windows::{Border, Uncut, Window};
+
+impl Stream {
+    pub(super) fn take(&mut self, found: Found) {
+        match found {
+            Found::Part(part) => match &mut self.section {
+                None => {
+                    self.section = Some(Section {
+                        begin: Place {
+                            item: part.item,
+                            s: part.from,
+                        },
+                        entry: self.entry,
+                        parts: vec![part],
+                        open: None,
+                    });
+                }
+                Some(_) => self.go_on(part),
+            },
+            Found::End { speed } => self.end(speed),
+            Found::Zone { part, speed, behind } => self.zone(part, speed, behind),
+            Found::Rest { item } => {
+                let elements = match self.log.get(item) {
+                    Some(Item::Rest(element)) => element.iter().map(|element| still(*element, item)).collect(),
+                    Some(Item::Stretch(_)) | None => Vec::new(),
+                };
+                self.steps.push_back(Step::Ready(Ready {
+                    elements,
+                    end: Place { item: item + 1, s: 0.0 },
+                    after: After::Rest,
+                }));
+            }
+        }
+    }
+
+    /// The section under construction goes on with another part.
+    fn go_on(&mut self, part: Part) {
+        if self.section.as_ref().is_some_and(|section| section.open.is_none()) {
+            self.open();
+        }
+        let Some(section) = &mut self.section else { return };
+        match &mut section.open {
+            Some(open) => {
+                open.knots.push(
+                    part,
+                    &self.log,
+                    &self.joints,
+                    self.times.knotting.step_s,
+                    &mut self.jets,
+                );
+                self.add_spans(None);
+                self.cut(false);
+            }
+            None => {
+                section.parts.push(part);
+                if section.parts.len() >= CAREFUL_PARTS {
+                    self.phases(0.0);
+                }
+            }
+        }
+    }
+
+    /// Begins with knots in a section of which one part is known. Where that cannot be, the section stays closed, and is
+    /// planned without them.
+    fn open(&mut self) {
+        let Some(section) = &mut self.section else { return };
+        let (false, &[part]) = (self.careful, &section.parts[..]) else {
+            return;
+        };
+        let grid = Grid::new(self.joints.limits());
+        let mut start = None;
+        let mut first = part;
+        let (mut knots, uncut) = match section.entry {
+            Entry::TakenOver(state) => (Knots::taken_over(state), Uncut::taken_over(state, grid, self.times)),
+            Entry::Speed(0.0) => {
+                let Some(launch) = launch(part, Side::Start, &self.log, &self.joints, &mut self.jets) else {
+                    return;
+                };
+                first.from += launch.length();
+                start = Some((part, launch));
+                let state = launch.start();
+                let knots = Knots::new(state.b.sqrt());
+                (knots, Uncut::new(state, grid, self.times))
+            }
+            Entry::Speed(speed) => {
+                let state = State {
+                    b: speed * speed,
+                    u: 0.0,
+                };
+                (Knots::new(speed), Uncut::new(state, grid, self.times))
+            }
+        };
+        knots.push(
+            first,
+            &self.log,
+            &self.joints,
+            self.times.knotting.step_s,
+            &mut self.jets,
+        );
+        section.open = Some(Open { knots, uncut, start });
+    }
+
+    /// Takes the spans of which the knots are certain into the grid.
+    fn add_spans(&mut self, exit: Option<f64>) {
+        let Some(open) = self.section.as_mut().and_then(|section| section.open.as_mut()) else {
+            return;
+        };
+        let mut spans = Vec::new();
+        open.knots.take(exit, self.times.knotting.step_s, &mut spans);
+        for span in spans {
+            let Some(stretch) = self.log.stretch(span.item) else {
+                continue;
+            };
+            let checkpoints = Checkpoints {
+                joints: &self.joints,
+                stretch,
+                feed: self.log.feed(span.item),
+            };
+            checkpoints.add(span, &mut open.uncut);
+        }
+    }
+
+    /// Cuts off all windows that are certain.
+    fn cut(&mut self, ended: bool) {
+        loop {
+            let Some(section) = &mut self.section else { return };
+            let Some(open) = &mut section.open else { return };
+            let Some((window, border)) = open.uncut.cut(ended) else {
+                return;
+            };
+            let start = open.start.take();
+            let begin = (section.begin, section.entry);
+            self.add_window(window, start, None, begin, Some(border), None);
+        }
+    }
+
+    fn add_window(
+        &mut self,
+        mut window: Window,
+        start: Option<(Part, Launch)>,
+        stop: Option<(Part, Launch)>,
+        section: (Place, Entry),
+        border: Option<Border>,
+        speed_after: Option<f64>,
+    ) {
+        let number = self.windows;
+        self.windows += 1;
+        let mut behind = Vec::new();
+        if let Some(Border {
+            job,
+            before,
+            behind: spans,
+        }) = border
+        {
+            behind = spans;
+            self.order_job(Asked::Border { window: number, before }, job);
+        }
+        let mut left_tail = None;
+        if self
+            .left_over
+            .as_ref()
+            .is_some_and(|(for_window, ..)| *for_window == number)
+            && let Some((_, states, tail)) = self.left_over.take()
+        {
+            window.set_left(states);
+            left_tail = tail;
+        }
+        self.steps.push_back(Step::Window(number));
+        self.pending.push_back(Pending {
+            number,
+            window,
+            start,
+            stop,
+            behind,
+            tail: None,
+            left_tail,
+            section,
+            rests: speed_after == Some(0.0),
+        });
+        self.ask(number);
+    }
+
+    /// Hands in the job of a window if both its ends are known.
+    pub(super) fn ask(&mut self, number: u64) {
+        let Some(index) = self.index(number) else { return };
+        match self.pending[index].window.job() {
+            None => {}
+            Some(Ok(job)) => {
+                self.order_job(Asked::Window(number), job);
+            }
+            Some(Err(_)) => self.give_up(index),
+        }
+    }
+
+    pub(super) fn index(&self, number: u64) -> Option<usize> {
+        self.pending.iter().position(|pending| pending.number == number)
+    }
+
+    /// The section ends.
+    fn end(&mut self, speed: f64) {
+        if self
+            .section
+            .as_ref()
+            .is_some_and(|section| section.open.is_none() && !self.is_phased(section))
+        {
+            self.open();
+        }
+        let stop = self.stop(speed);
+        if matches!((&self.section, self.entry), (None, Entry::TakenOver(_))) {
+            // A zone begins before the place from which this would go on.
+            self.changes.fail();
+            return;
+        }
+        let Some(section) = &mut self.section else { return };
+        let Some(open) = &mut section.open else {
+            self.phases(speed);
+            return;
+        };
+        let failed = stop.is_err();
+        let stop = stop.unwrap_or(None);
+        if let Some((_, launch)) = stop {
+            open.knots.trim(launch.length());
+        }
+        self.add_spans(Some(stop.map_or(speed, |(_, launch)| launch.stop().b.sqrt())));
+        self.cut(true);
+        let Some(section) = self.section.take() else { return };
+        let Some(open) = section.open else { return };
+        let mut state = stop.map_or(
+            State {
+                b: speed * speed,
+                u: 0.0,
+            },
+            |(_, launch)| launch.stop(),
+        );
+        if failed {
+            // Nothing leads to a state that is none: the window is given up as soon as it is clear where it begins.
+            state.b = f64::NAN;
+        }
+        let window = open.uncut.last(state);
+        self.entry = Entry::Speed(speed);
+        self.careful = false;
+        self.add_window(
+            window,
+            open.start,
+            stop,
+            (section.begin, section.entry),
+            None,
+            Some(speed),
+        );
+    }
+
+    /// The launch of the stop at the end of the open section, if it ends at rest.
+    fn stop(&mut self, speed: f64) -> Result<Option<(Part, Launch)>, ()> {
+        if speed > 0.0 {
+            return Ok(None);
+        }
+        let Some(Section { open: Some(open), .. }) = &self.section else {
+            return Err(());
+        };
+        let part = open.knots.last_part().ok_or(())?;
+        let launch = launch(part, Side::Stop, &self.log, &self.joints, &mut self.jets).ok_or(())?;
+        Ok(Some((part, launch)))
+    }
+
+    /// Whether seven phases run a closed section in the shortest time: one straight part.
+    fn is_phased(&self, section: &Section) -> bool {
+        let even = |part: &Part| {
+            self.log
+                .stretch(part.item)
+                .is_some_and(|stretch| self.joints.are_even(&stretch.piece))
+        };
+        matches!(section.entry, Entry::Speed(_)) && matches!(&section.parts[..], [part] if even(part))
+    }
+}
+
+/// An element at rest, which is item `item` of the log.
+fn still(element: Element, item: u64) -> Made {
+    Made {
+        element,
+        end: Place { item: item + 1, s: 0.0 },
+        opens: false,
+    }
+}
