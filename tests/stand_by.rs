@@ -233,6 +233,11 @@ fn clients_run_hold_and_stop_programs() {
     assert_eq!((&status["program"], &status["alarm"]), (&Value::Null, &Value::Null));
     control.refused(&["hold"], "nothing runs that could be held; the machine is disabled");
     control.refused(&["stop"], "there is no program to stop");
+    control.refused(&["reverse"], "no program runs or is held; the machine is disabled");
+    for (switch, on) in [("on", true), ("off", false)] {
+        control.ask(&["single-block", switch]).unwrap();
+        control.wait_for("single block", |status| status["single_block"] == on);
+    }
     control.refused(&["alarm", "acknowledge"], "there is nothing to acknowledge");
     let bad = control.program("bad.ngc", "G1 X5\nG77\nM2\n");
     control.refused(&["program", "run", bad.to_str().unwrap()], "G77");
@@ -257,6 +262,15 @@ fn clients_run_hold_and_stop_programs() {
     control.wait_for("on the way again", |status| {
         status["position_mm"] != held["position_mm"]
     });
+    control.ask(&["reverse", "50"]).unwrap();
+    let back = control.wait_for("on the way back", |status| {
+        status["direction"] == "reverse" && status["state"] == "running"
+    });
+    control.wait_for("further back", |status| {
+        status["position_mm"][0].as_f64() < back["position_mm"][0].as_f64()
+    });
+    control.ask(&["resume"]).unwrap();
+    control.wait_for("forward", |status| status["direction"] == "forward");
     control.ask(&["stop"]).unwrap();
     let status = control.wait_for("standing by", standing_by);
     assert_eq!(status["program"]["result"], "stopped", "{status}");
