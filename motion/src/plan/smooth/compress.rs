@@ -177,6 +177,7 @@ impl Compressor {
                     out.extend(part.piece.cut(from, length).map(|piece| Leg {
                         part: Move { piece, ..part },
                         room: [room.min(length / 2.0), end],
+                        whole: piece.length(),
                     }));
                 }
                 Start::Curve(jet) => out.extend(bridge(&jet, &part)),
@@ -196,6 +197,7 @@ impl Compressor {
                     ..*part
                 },
                 room: [room, 0.0],
+                whole: piece.length(),
             }));
         }
     }
@@ -325,6 +327,7 @@ impl Compressor {
                     ..self.moves[chord]
                 },
                 room: [0.0; 2],
+                whole: piece.length(),
             });
             if chord + 1 < track.chords.len() && track.chords[chord].t[1] <= pair[1] {
                 chord += 1;
@@ -473,6 +476,7 @@ fn bridge(jet: &Jet, part: &Move) -> Option<Leg> {
     Some(Leg {
         part: Move { piece, ..*part },
         room: [0.0, room],
+        whole: piece.length(),
     })
 }
 

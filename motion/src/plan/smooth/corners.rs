@@ -62,7 +62,7 @@ fn meet(leg: &Leg, from: f64, next: &Leg, settings: &Settings, out: &mut Vec<Pas
         // Two corners that share a leg must not leave a sliver of it, on which knots would be next to each other.
         let room = [(a.piece.length() - from).min(leg.room[1]), next.room[0]].map(|room| ROOM * room);
         round(&a.piece, room[0], &b.piece, room[1], USE * tolerance)
-            .filter(|corner| flat(a, b) || worth_it(corner, a, b, settings))
+            .filter(|corner| flat(a, b) || worth_it(corner, leg, next, settings))
     };
     let Some(corner) = corner else {
         rest_of(a, from, 0.0, out);
@@ -105,13 +105,13 @@ fn flat(a: &Move, b: &Move) -> bool {
 
 /// Whether running through a blend takes less time than a stop at the corner. Where the tolerance is small against what
 /// the jerk allows, it may not; and a stop keeps to the path.
-fn worth_it(corner: &Rounded, a: &Move, b: &Move, settings: &Settings) -> bool {
-    let blend = Bounds::of(&corner.blend).limits(a.feed.min(b.feed), settings);
+fn worth_it(corner: &Rounded, a: &Leg, b: &Leg, settings: &Settings) -> bool {
+    let blend = Bounds::of(&corner.blend).limits(a.part.feed.min(b.part.feed), settings);
     let (mut stopping, mut rounding) = (0.0, corner.blend.length() / blend.v);
     for (leg, used) in [(a, corner.before), (b, corner.after)] {
-        let limits = Bounds::of(&leg.piece).limits(leg.feed, settings);
+        let limits = Bounds::of(&leg.part.piece).limits(leg.part.feed, settings);
         // What the leg allows in its middle, coming from rest.
-        let speed = reachable(0.0, limits.v, leg.piece.length() / 2.0, &limits);
+        let speed = reachable(0.0, limits.v, leg.whole / 2.0, &limits);
         stopping += time_lost(speed, 0.0, &limits);
         rounding += time_lost(speed, blend.v.min(speed), &limits) - used / speed;
     }

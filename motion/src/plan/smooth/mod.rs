@@ -7,6 +7,7 @@
 //! ```text
 //! naive_cam  straight moves in line -> one                    (only with Q of G64)
 //! compress   runs of short straight moves -> few quintics     (fit: least squares, bspline: basis and system)
+//! sway       lines and arcs that meet tangentially or nearly so -> short curves    (only for the optimal planner)
 //! corners    what is left of moves, and the blends between    (round: one corner)
 //! ```
 
@@ -20,15 +21,17 @@ mod corners;
 mod fit;
 mod naive_cam;
 pub(super) mod round;
+mod sway;
 
 use compress::Compressor;
 use corners::Corners;
 use naive_cam::NaiveCam;
+use sway::Sway;
 
 use crate::element::Enables;
 use crate::path::Piece;
-use crate::plan::Settings;
 use crate::plan::program::Move;
+use crate::plan::{Settings, Slope};
 
 /// A piece of path with all that bounds its speed besides geometry.
 #[derive(Clone, Copy, Debug)]
@@ -53,6 +56,8 @@ pub(super) enum Passed {
 struct Leg {
     part: Move,
     room: [f64; 2],
+    /// Length of the move of which this is a part: speed may change over it.
+    whole: f64,
 }
 
 /// The whole stage.
@@ -60,9 +65,11 @@ struct Leg {
 pub(super) struct Smoother {
     naive_cam: NaiveCam,
     compressor: Compressor,
+    sway: Sway,
     corners: Corners,
     moves: Vec<Move>,
     legs: Vec<Leg>,
+    swayed: Vec<Leg>,
 }
 
 impl Smoother {
@@ -77,7 +84,9 @@ impl Smoother {
         self.naive_cam.flush(&mut self.moves);
         self.pass(settings, out);
         self.compressor.flush(&mut self.legs);
-        for leg in self.legs.drain(..) {
+        self.round(settings, out);
+        self.sway.flush(settings, &mut self.swayed);
+        for leg in self.swayed.drain(..) {
             self.corners.push(leg, settings, out);
         }
         self.corners.flush(out);
@@ -87,7 +96,20 @@ impl Smoother {
         for part in self.moves.drain(..) {
             self.compressor.push(part, &mut self.legs);
         }
-        for leg in self.legs.drain(..) {
+        self.round(settings, out);
+    }
+
+    fn round(&mut self, settings: &Settings, out: &mut Vec<Passed>) {
+        match settings.slope {
+            Slope::Optimal => {
+                for leg in self.legs.drain(..) {
+                    self.sway.push(leg, settings, &mut self.swayed);
+                }
+            }
+            // One speed for every piece: many short ones are no gain.
+            Slope::Classic => self.swayed.append(&mut self.legs),
+        }
+        for leg in self.swayed.drain(..) {
             self.corners.push(leg, settings, out);
         }
     }

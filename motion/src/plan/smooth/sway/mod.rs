@@ -1,0 +1,598 @@
+//! Lines and arcs that meet at small angles: the path sways within the tolerance, over most of the length of the moves.
+//!
+//! In:  moves, with the room for corners at their ends.
+//! Out: the same; where lines and arcs in one plane met tangentially or nearly so there are short curves instead, joined with
+//! continuous position, direction and curvature, from the middle of the first such move to the middle of the last.
+//!
+//! Curvature jumps where a line meets an arc. A blend of that joint alone uses the tolerance on a short length only, and jerk
+//! bounds the speed there. Here, the whole run becomes one spline in time: about how fast each place will be passed is
+//! estimated ([`pace`]), and of all curves within the tolerance that with the least jerk at this pace is taken
+//! ([`least_jerk`]). So the path turns on long lengths where it is fast and on short ones where it is slow, uses both sides
+//! of the tolerance, and keeps some jerk for changes of speed.
+
+mod least_jerk;
+mod pace;
+
+use least_jerk::{Gate, LeastJerk, Plane};
+use pace::Pace;
+
+use super::Leg;
+use super::round::{distance, nearest, turning};
+use crate::canon::AXES;
+use crate::path::{BlendEnd, Group, Jet, Piece, Shape};
+use crate::plan::program::{Corner, Move};
+use crate::plan::{AxisLimits, Settings};
+
+/// Angle up to which two moves belong to one run, radians.
+const GENTLE: f64 = 1.0;
+/// Moves in a run at most.
+const MOST: usize = 16;
+/// Time between knots over that in which acceleration builds up, and its bounds in s.
+const KNOTS: f64 = 0.16;
+const KNOTS_S: [f64; 2] = [0.001, 0.010];
+/// Part of a move at the end of a run that stays as it is.
+const KEPT: f64 = 0.3;
+/// Part of the tolerance that is used; the rest is for what lies between the places that are looked at, and for what
+/// set-points cut off.
+const USE: f64 = 0.95;
+/// Part of the acceleration limit with which the pace is estimated.
+const EASY: f64 = 0.7;
+/// Times that the places on the path are found anew.
+const PASSES: u32 = 2;
+/// Price of being off along the path by the way of one span.
+const ALONG: f64 = 0.03;
+/// Tries with less of the tolerance where a curve goes beyond it.
+const TRIES: u32 = 3;
+
+/// Speed on an arc over that at which it takes all of the jerk.
+const ARC: f64 = 1.1;
+/// Speed through a corner of 1 rad over the cube root of tolerance squared times jerk.
+const CORNER: f64 = 4.0;
+/// Speed through a jump of curvature over that through a quintic blend of it.
+const BENT: f64 = 1.6;
+
+/// The run that waits.
+#[derive(Debug, Default)]
+pub(super) struct Sway {
+    run: Vec<Leg>,
+    entry: Entry,
+    pace: Pace,
+    solver: LeastJerk,
+}
+
+/// How a run begins.
+#[derive(Clone, Copy, Debug, Default)]
+// A run has one of them.
+#[allow(clippy::large_enum_variant)]
+enum Entry {
+    #[default]
+    Rest,
+    /// Behind this move.
+    Behind(Move),
+    /// In the middle of a move, with this speed.
+    Within(f64),
+}
+
+impl Sway {
+    pub(super) fn push(&mut self, leg: Leg, settings: &Settings, out: &mut Vec<Leg>) {
+        if let Some(last) = self.run.last().map(|leg| leg.part) {
+            if !self.joins(&leg.part) {
+                self.close(Some(&leg.part), settings, out);
+                self.entry = Entry::Behind(last);
+            } else if self.run.len() == MOST {
+                self.close_within(settings, out);
+            }
+        }
+        self.run.push(leg);
+    }
+
+    /// Nothing follows.
+    pub(super) fn flush(&mut self, settings: &Settings, out: &mut Vec<Leg>) {
+        self.close(None, settings, out);
+        self.entry = Entry::Rest;
+    }
+
+    /// Whether a move goes on with the run.
+    fn joins(&self, next: &Move) -> bool {
+        let Some(last) = self.run.last().map(|leg| &leg.part) else {
+            return false;
+        };
+        let arc = |part: &Move| matches!(part.piece.shape(), Shape::Arc(_));
+        let Some(normal) = (arc(last) || arc(next))
+            .then(|| self.normal().or_else(|| normal(&next.piece)))
+            .flatten()
+        else {
+            return false;
+        };
+        matches!(last.corner, Corner::Round(tolerance) if tolerance > 0.0)
+            && last.rapid == next.rapid
+            && flat(&last.piece, &normal)
+            && flat(&next.piece, &normal)
+            && turned(last, next) < GENTLE
+    }
+
+    /// Of the plane of the run.
+    fn normal(&self) -> Option<[f64; 3]> {
+        self.run.iter().take(2).find_map(|leg| normal(&leg.part.piece))
+    }
+
+    /// The run ends with its last move; `next` follows.
+    fn close(&mut self, next: Option<&Move>, settings: &Settings, out: &mut Vec<Leg>) {
+        if let [.., last] = &self.run[..]
+            && self.run.len() > 1
+            && let exit = next.map_or(0.0, |next| crossing(&last.part, next, settings))
+            && let Some(swayed) = self.sway(Exit::Speed(exit), settings)
+        {
+            self.let_go(swayed, out);
+        }
+        out.append(&mut self.run);
+    }
+
+    /// The run ends in the middle of its last move, the rest of which begins the next one.
+    fn close_within(&mut self, settings: &Settings, out: &mut Vec<Leg>) {
+        if let Some(swayed) = self.sway(Exit::Within, settings) {
+            self.entry = Entry::Within(swayed.speed);
+            self.let_go(swayed, out);
+        } else if let [.., before, _] = self.run[..] {
+            self.entry = Entry::Behind(before.part);
+            out.extend(self.run.drain(..self.run.len() - 1));
+        }
+    }
+
+    /// Lets go all of a run but what is left of its last move.
+    fn let_go(&mut self, swayed: Swayed, out: &mut Vec<Leg>) {
+        if let ([first, .., last], Swayed { from, to, legs, .. }) = (&self.run[..], swayed) {
+            out.extend(part_of(first, 0.0, from).map(|mut leg| {
+                leg.part.corner = Corner::Exact;
+                leg.room[1] = 0.0;
+                leg
+            }));
+            out.extend(legs);
+            let rest = part_of(last, to, last.part.piece.length());
+            let rest = rest.map(|leg| Leg {
+                room: [0.0, leg.room[1]],
+                ..leg
+            });
+            self.run.clear();
+            self.run.extend(rest);
+        }
+    }
+
+    /// What the run becomes; `None`: it stays as it is.
+    fn sway(&mut self, exit: Exit, settings: &Settings) -> Option<Swayed> {
+        let normal = self.normal()?;
+        let run = &self.run;
+        let last = run.len() - 1;
+        let [first_length, last_length] = [run[0].part.piece.length(), run[last].part.piece.length()];
+        let (from, enters) = match &self.entry {
+            Entry::Rest => (KEPT * first_length, 0.0),
+            Entry::Behind(before) => (KEPT * first_length, crossing(before, &run[0].part, settings)),
+            Entry::Within(speed) => (0.0, *speed),
+        };
+        let (to, exits) = match exit {
+            Exit::Speed(speed) => ((1.0 - KEPT) * last_length, speed),
+            Exit::Within => (0.5 * last_length, f64::INFINITY),
+        };
+        let limits = limits(run.iter().map(|leg| &leg.part.piece), settings)?;
+        let mut tolerance = f64::INFINITY;
+        let mut angle = 0.0f64;
+        self.pace.begin(enters);
+        for (k, leg) in run.iter().enumerate() {
+            let part = &leg.part;
+            let end = if k < last {
+                let next = &run[k + 1].part;
+                if let Corner::Round(most) = part.corner {
+                    tolerance = tolerance.min(most);
+                }
+                angle = angle.max(turned(part, next));
+                crossing(part, next, settings)
+            } else {
+                exits
+            };
+            self.pace.push(part.piece.length(), cap(part, &limits), end);
+        }
+        self.pace.finish(EASY * limits.acceleration);
+        let track = Track::new(run, normal);
+        // Inside a bend, the borders of the tolerance of both moves meet further from its vertex.
+        let tolerance = USE * tolerance * (0.5 * angle).cos();
+        let mut tube = tolerance;
+        for _ in 0..TRIES {
+            let curve = self.curve(&track, [from, to], &limits, tube)?;
+            let off = curve.deviation(&track);
+            if off <= tolerance {
+                return curve.into_legs(&self.run, [from, to], &track, &self.pace);
+            }
+            tube *= 0.98 * tolerance / off;
+        }
+        None
+    }
+
+    /// The curve of least jerk between two places of the run.
+    fn curve(&mut self, track: &Track, [from, to]: [f64; 2], limits: &AxisLimits, tube: f64) -> Option<Curve> {
+        let begin = self.pace.time_at(from);
+        let duration = self.pace.time_at(track.start(track.legs.len() - 1) + to) - begin;
+        let wanted = (KNOTS * limits.acceleration / limits.jerk).clamp(KNOTS_S[0], KNOTS_S[1]);
+        let spans = (duration / wanted).ceil();
+        if !(spans <= 10_000.0) {
+            return None;
+        }
+        let spans = (spans as usize).max(8);
+        let h = duration / spans as f64;
+        let mut spline: Vec<Plane> = (0..spans + 3)
+            .map(|k| track.place(self.pace.at(begin + (k as f64 - 1.0) * h).s).0)
+            .collect();
+        let ends = [begin, begin + duration].map(|t| {
+            let moment = self.pace.at(t);
+            let leg = if t == begin { 0 } else { track.legs.len() - 1 };
+            let jet = track.legs[leg].1.jet(if t == begin { from } else { to });
+            BlendEnd {
+                leg: jet,
+                pace: moment.v * h,
+                pace_change: moment.a * h * h,
+            }
+        });
+        for (end, at) in ends.iter().zip([0, spans]) {
+            let q = track.flat(&end.leg.q);
+            let (d1, d2) = (track.direction(&end.leg.d1), track.direction(&end.leg.d2));
+            let first = d1.map(|x| x * end.pace);
+            let second = [0, 1].map(|i| d2[i] * end.pace * end.pace + d1[i] * end.pace_change);
+            for i in 0..2 {
+                let middle = q[i] - second[i] / 6.0;
+                spline[at][i] = middle - first[i] + 0.5 * second[i];
+                spline[at + 1][i] = middle;
+                spline[at + 2][i] = middle + first[i] + 0.5 * second[i];
+            }
+        }
+        // Parameter and place of what the curve has to keep to: evenly, and both directions at every vertex.
+        let even: Vec<f64> = (2..2 * spans - 1).map(|k| 0.5 * k as f64).collect();
+        let mut places: Vec<f64> = even.iter().map(|x| self.pace.at(begin + h * x).s).collect();
+        let scale = 1.0 / (limits.jerk * h * h * h);
+        let mut gates = Vec::with_capacity(even.len() + 2 * track.legs.len());
+        for pass in 0..PASSES {
+            if pass > 0 {
+                let mut guess = 0.0;
+                for (x, place) in even.iter().zip(&mut places) {
+                    guess = track.nearest(&value(&spline, *x), guess).0;
+                    *place = guess;
+                }
+            }
+            gates.clear();
+            let mut gate = |x: f64, (place, along): (Plane, Plane)| {
+                let v = self.pace.at(begin + h * x).v;
+                let (span, weights) = weights(x, spans);
+                gates.push(Gate {
+                    span,
+                    weights,
+                    place,
+                    along,
+                    stiffness: ALONG.sqrt() / (v * h),
+                });
+            };
+            for (x, s) in even.iter().zip(&places) {
+                gate(*x, track.place(*s));
+            }
+            for pair in track.legs.windows(2) {
+                let vertex = pair[1].0;
+                let k = places.partition_point(|s| *s <= vertex);
+                if k == 0 || k == places.len() {
+                    continue;
+                }
+                let part = (vertex - places[k - 1]) / (places[k] - places[k - 1]);
+                let x = even[k - 1] + 0.5 * part;
+                for jet in [pair[0].1.jet(f64::INFINITY), pair[1].1.jet(0.0)] {
+                    gate(x, (track.flat(&jet.q), track.direction(&jet.d1)));
+                }
+            }
+            self.solver.solve(&mut spline, &gates, tube, scale);
+        }
+        spline
+            .iter()
+            .flatten()
+            .all(|x| x.is_finite())
+            .then_some(Curve { spline, ends })
+    }
+}
+
+/// How a run ends.
+#[derive(Clone, Copy, Debug)]
+enum Exit {
+    /// With its last move, and with this speed.
+    Speed(f64),
+    /// In the middle of its last move.
+    Within,
+}
+
+/// What became of a run.
+struct Swayed {
+    legs: Vec<Leg>,
+    /// Where on the first and on the last move.
+    from: f64,
+    to: f64,
+    /// Speed at the end.
+    speed: f64,
+}
+
+/// A run as a path in a plane.
+struct Track {
+    /// Where each piece begins.
+    legs: Vec<(f64, Piece)>,
+    origin: [f64; AXES],
+    axes: [[f64; 3]; 2],
+}
+
+impl Track {
+    fn new(run: &[Leg], normal: [f64; 3]) -> Track {
+        let mut s = 0.0;
+        let legs = run
+            .iter()
+            .map(|leg| {
+                let start = s;
+                s += leg.part.piece.length();
+                (start, leg.part.piece)
+            })
+            .collect();
+        // An axis of the machine where one lies in the plane, so that others do not move by rounding.
+        let unit = |k: usize| [0, 1, 2].map(|i| if i == k { 1.0 } else { 0.0 });
+        let jet = run[0].part.piece.jet(0.0);
+        let first = (0..3)
+            .find(|&k| normal[k] == 0.0)
+            .map_or(Group::Main.pick(&jet.d1), unit);
+        let second = [
+            normal[1] * first[2] - normal[2] * first[1],
+            normal[2] * first[0] - normal[0] * first[2],
+            normal[0] * first[1] - normal[1] * first[0],
+        ];
+        Track {
+            legs,
+            origin: jet.q,
+            axes: [first, second],
+        }
+    }
+
+    fn start(&self, leg: usize) -> f64 {
+        self.legs[leg].0
+    }
+
+    fn direction(&self, d: &[f64; AXES]) -> Plane {
+        self.axes.map(|axis| (0..3).map(|i| axis[i] * d[i]).sum())
+    }
+
+    fn flat(&self, q: &[f64; AXES]) -> Plane {
+        let mut from = *q;
+        for i in 0..3 {
+            from[i] -= self.origin[i];
+        }
+        self.direction(&from)
+    }
+
+    fn space(&self, p: &Plane) -> [f64; AXES] {
+        let mut q = [0.0; AXES];
+        for i in 0..3 {
+            q[i] = p[0] * self.axes[0][i] + p[1] * self.axes[1][i];
+        }
+        q
+    }
+
+    fn position(&self, p: &Plane) -> [f64; AXES] {
+        let mut q = self.space(p);
+        for i in 0..AXES {
+            q[i] += self.origin[i];
+        }
+        q
+    }
+
+    fn leg_at(&self, s: f64) -> usize {
+        self.legs.partition_point(|leg| leg.0 <= s).clamp(1, self.legs.len()) - 1
+    }
+
+    /// Place and direction.
+    fn place(&self, s: f64) -> (Plane, Plane) {
+        let (start, piece) = &self.legs[self.leg_at(s)];
+        let (q, d1) = piece.tangent(s - start);
+        (self.flat(&q), self.direction(&d1))
+    }
+
+    /// The place next to `q`, near the place `guess`, and how far it is.
+    fn nearest(&self, q: &Plane, guess: f64) -> (f64, f64) {
+        let q = self.position(q);
+        let at = self.leg_at(guess);
+        let mut best = (0.0, f64::INFINITY);
+        for (start, piece) in &self.legs[at..(at + 3).min(self.legs.len())] {
+            let (off, s) = nearest(piece, &q, 0.0, piece.length(), (guess - start).max(0.0));
+            if off < best.1 {
+                best = (start + s, off);
+            }
+        }
+        best
+    }
+}
+
+/// A spline with even knots.
+struct Curve {
+    spline: Vec<Plane>,
+    ends: [BlendEnd; 2],
+}
+
+impl Curve {
+    /// Position, first and second derivative at a knot.
+    fn knot(&self, k: usize) -> [Plane; 3] {
+        let [a, b, c] = [self.spline[k], self.spline[k + 1], self.spline[k + 2]];
+        let each = |of: fn(f64, f64, f64) -> f64| [0, 1].map(|i| of(a[i], b[i], c[i]));
+        [
+            each(|a, b, c| (a + 4.0 * b + c) / 6.0),
+            each(|a, _, c| 0.5 * (c - a)),
+            each(|a, b, c| a - 2.0 * b + c),
+        ]
+    }
+
+    /// Greatest distance from the run, a little on the safe side.
+    fn deviation(&self, track: &Track) -> f64 {
+        const STEPS: usize = 4;
+        const FINE: u32 = 8;
+        let spans = self.spline.len() - 3;
+        let (mut off, mut guess, mut x) = (0.0f64, 0.0, 0.0);
+        for k in 1..=STEPS * spans {
+            let next = k as f64 / STEPS as f64;
+            let near = track.nearest(&value(&self.spline, next), guess);
+            off = off.max(near.1);
+            if track.leg_at(near.0) != track.leg_at(guess) {
+                // The distance has a kink at the vertex.
+                for fine in 1..FINE {
+                    let x = x + (next - x) * f64::from(fine) / f64::from(FINE);
+                    off = off.max(track.nearest(&value(&self.spline, x), guess).1);
+                }
+            }
+            (guess, x) = (near.0, next);
+        }
+        1.005 * off
+    }
+
+    fn into_legs(self, run: &[Leg], [from, to]: [f64; 2], track: &Track, pace: &Pace) -> Option<Swayed> {
+        let spans = self.spline.len() - 3;
+        let mut legs = Vec::with_capacity(spans);
+        let mut guess = 0.0;
+        let mut begin = self.ends[0];
+        let mut owner = &run[0].part;
+        for span in 0..spans {
+            let end = if span + 1 == spans {
+                self.ends[1]
+            } else {
+                let [q, first, second] = self.knot(span + 1);
+                let pace = first[0].hypot(first[1]);
+                let along = first.map(|x| x / pace);
+                let pace_change = second[0] * along[0] + second[1] * along[1];
+                let bend = [0, 1].map(|i| (second[i] - pace_change * along[i]) / (pace * pace));
+                let near = track.nearest(&q, guess);
+                guess = near.0;
+                let leg = Jet {
+                    q: track.position(&q),
+                    d1: track.space(&along),
+                    d2: track.space(&bend),
+                    d3: [0.0; AXES],
+                };
+                BlendEnd { leg, pace, pace_change }
+            };
+            let next = if span + 1 == spans {
+                &run[run.len() - 1].part
+            } else {
+                &run[track.leg_at(guess)].part
+            };
+            legs.push(Leg {
+                part: Move {
+                    piece: Piece::blend(&begin, &end, Group::Main)?,
+                    feed: owner.feed.min(next.feed),
+                    corner: Corner::Exact,
+                    ..*next
+                },
+                room: [0.0; 2],
+                whole: next.piece.length(),
+            });
+            owner = next;
+            begin = end;
+        }
+        let speed = pace.at(pace.time_at(track.start(run.len() - 1) + to)).v;
+        Some(Swayed { legs, from, to, speed })
+    }
+}
+
+/// Weights of four coefficients at a parameter, counted in spans, and the first of them.
+fn weights(x: f64, spans: usize) -> (usize, [f64; 4]) {
+    let span = (x as usize).min(spans - 1);
+    let u = x - span as f64;
+    let w = 1.0 - u;
+    let inner = |u: f64| (4.0 - 6.0 * u * u + 3.0 * u * u * u) / 6.0;
+    (span, [w * w * w / 6.0, inner(u), inner(w), u * u * u / 6.0])
+}
+
+/// Where a spline is at a parameter.
+fn value(spline: &[Plane], x: f64) -> Plane {
+    let (span, weights) = weights(x, spline.len() - 3);
+    [0, 1].map(|i| (0..4).map(|k| weights[k] * spline[span + k][i]).sum())
+}
+
+/// Part of a leg.
+fn part_of(leg: &Leg, from: f64, to: f64) -> Option<Leg> {
+    let piece = leg.part.piece.cut(from, to)?;
+    Some(Leg {
+        part: Move { piece, ..leg.part },
+        ..*leg
+    })
+}
+
+/// Angle between two moves, radians.
+fn turned(a: &Move, b: &Move) -> f64 {
+    turning(Group::Main, &a.piece.jet(a.piece.length()), &b.piece.jet(0.0))
+}
+
+/// Unit vector about which an arc turns.
+fn normal(piece: &Piece) -> Option<[f64; 3]> {
+    match piece.shape() {
+        Shape::Arc(arc) => Some(arc.turns_about()),
+        Shape::Line(_) | Shape::Blend(_) => None,
+    }
+}
+
+/// Whether a line or arc stays in a plane of which this is the normal, and nothing but X, Y and Z moves.
+fn flat(piece: &Piece, normal: &[f64; 3]) -> bool {
+    const RISE: f64 = 1e-9;
+    let still = |jet: &Jet| jet.d1[3..].iter().all(|&d| d == 0.0);
+    let level = |d: &[f64; AXES]| (0..3).map(|i| d[i] * normal[i]).sum::<f64>().abs() < RISE;
+    piece.group() == Group::Main
+        && match piece.shape() {
+            Shape::Blend(_) => false,
+            Shape::Line(_) | Shape::Arc(_) => [0.0, 0.5, 1.0].iter().all(|x| {
+                let jet = piece.jet(x * piece.length());
+                still(&jet) && level(&jet.d1) && level(&jet.d2)
+            }),
+        }
+}
+
+/// The least limits of the axes that move.
+fn limits<'a>(pieces: impl Iterator<Item = &'a Piece>, settings: &Settings) -> Option<AxisLimits> {
+    let mut moves = [false; 3];
+    for piece in pieces {
+        for x in [0.0, 0.3, 0.8] {
+            let jet = piece.jet(x * piece.length());
+            for (moves, d) in moves.iter_mut().zip(&jet.d1) {
+                *moves |= d.abs() > 1e-9;
+            }
+        }
+    }
+    let mut least: Option<AxisLimits> = None;
+    for (axis, _) in settings.axes.iter().zip(moves).filter(|(_, moves)| *moves) {
+        let axis = (*axis)?;
+        least = Some(least.map_or(axis, |least| AxisLimits {
+            velocity: least.velocity.min(axis.velocity),
+            acceleration: least.acceleration.min(axis.acceleration),
+            jerk: least.jerk.min(axis.jerk),
+            ..least
+        }));
+    }
+    least
+}
+
+/// Speed that a move allows.
+fn cap(part: &Move, limits: &AxisLimits) -> f64 {
+    let bend = Group::Main.norm(&part.piece.jet(0.5 * part.piece.length()).d2);
+    part.feed
+        .min(limits.velocity)
+        .min((limits.acceleration / bend).sqrt())
+        .min(ARC * (limits.jerk / (bend * bend)).cbrt())
+}
+
+/// About the speed at which a corner between two moves will be passed.
+fn crossing(a: &Move, b: &Move, settings: &Settings) -> f64 {
+    let Corner::Round(tolerance) = a.corner else { return 0.0 };
+    if a.rapid != b.rapid || a.piece.group() != Group::Main || b.piece.group() != Group::Main {
+        return 0.0;
+    }
+    let Some(limits) = limits([&a.piece, &b.piece].into_iter(), settings) else {
+        return 0.0;
+    };
+    let (end, start) = (a.piece.jet(a.piece.length()), b.piece.jet(0.0));
+    let bend = distance(&end.d2, &start.d2);
+    // Third derivatives of the path.
+    let sharp = (turning(Group::Main, &end, &start) / CORNER).powi(3) / (tolerance * tolerance);
+    let bent = 1.2 * bend * (bend / tolerance).sqrt() * 0.1 / BENT.powi(3);
+    (limits.jerk / (sharp + bent)).cbrt()
+}
