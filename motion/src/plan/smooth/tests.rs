@@ -9,7 +9,7 @@ use crate::plan::program::Corner;
 use crate::plan::{AxisLimits, Programmed, Slope, deviation};
 use proptest::prelude::*;
 
-fn settings() -> Settings {
+fn settings(slope: Slope) -> Settings {
     let limits = AxisLimits {
         velocity: 100.0,
         acceleration: 1000.0,
@@ -26,7 +26,7 @@ fn settings() -> Settings {
         await_spindle: false,
         spindle_rpm_max: 6000.0,
         start: Position::ZERO,
-        slope: Slope::Classic,
+        slope,
     }
 }
 
@@ -45,12 +45,12 @@ fn moves(points: &[Position], tolerance: f64) -> Vec<Move> {
     points.windows(2).enumerate().filter_map(line).collect()
 }
 
-fn smoothed(moves: &[Move]) -> Vec<Passed> {
-    let (mut smoother, mut out) = (Smoother::default(), Vec::new());
+fn smoothed(moves: &[Move], slope: Slope) -> Vec<Passed> {
+    let (mut smoother, mut out, settings) = (Smoother::default(), Vec::new(), settings(slope));
     for part in moves {
-        smoother.push(*part, &settings(), &mut out);
+        smoother.push(*part, &settings, &mut out);
     }
-    smoother.flush(&settings(), &mut out);
+    smoother.flush(&settings, &mut out);
     out
 }
 
@@ -59,17 +59,20 @@ struct Found {
     quintics: usize,
     /// Corners that are left as they are.
     kinks: usize,
+    /// Greatest third derivative on quintics, 1/mm².
+    third: f64,
     /// Greatest curvature on quintics, 1/mm.
     curvature: f64,
 }
 
 /// Asserts what must hold for any path: both ends exact, no gap, continuous direction and curvature at both ends of
 /// every quintic, tolerance kept both ways.
-fn proven(moves: &[Move], tolerance: f64) -> Found {
-    let out = smoothed(moves);
+fn proven(moves: &[Move], tolerance: f64, slope: Slope) -> Found {
+    let out = smoothed(moves, slope);
     let mut found = Found {
         quintics: 0,
         kinks: 0,
+        third: 0.0,
         curvature: 0.0,
     };
     let mut samples = Vec::new();
@@ -109,6 +112,7 @@ fn proven(moves: &[Move], tolerance: f64) -> Found {
             let jet = piece.jet(piece.length() * k as f64 / steps as f64);
             if quintic {
                 found.curvature = found.curvature.max(distance(&jet.d2, &[0.0; AXES]));
+                found.third = found.third.max(distance(&jet.d3, &[0.0; AXES]));
             }
             samples.push(Position(jet.q));
         }
@@ -231,7 +235,7 @@ proptest! {
             part.naive_cam_mm = if others { tolerance } else { 0.0 };
         }
         if !moves.is_empty() {
-            proven(&moves, tolerance);
+            proven(&moves, tolerance, Slope::Classic);
         }
     }
 
@@ -246,7 +250,7 @@ proptest! {
                 }
                 Passed::Stop => vec![0],
             };
-            smoothed(&moves).iter().flat_map(bits).collect()
+            smoothed(&moves, Slope::Classic).iter().flat_map(bits).collect()
         };
         prop_assert_eq!(bits(), bits());
     }
@@ -258,7 +262,7 @@ fn a_circle_of_chords_becomes_few_quintics_of_even_curvature() {
         .map(|k| (f64::from(k) * 0.005).sin_cos())
         .map(|(sin, cos)| rounded(Position::xyz(20.0 * cos, 20.0 * sin, 0.0)))
         .collect();
-    let found = proven(&moves(&points, 0.01), 0.01);
+    let found = proven(&moves(&points, 0.01), 0.01, Slope::Classic);
     assert_eq!(found.kinks, 0);
     assert!(found.quintics < 1256 / 20, "{}", found.quintics);
     // Between two points, 0.0001 of rounding make a curvature of 0.01; here it is 1/20 and a third more where it begins and ends.
@@ -272,8 +276,8 @@ fn a_corner_in_the_middle_of_short_moves_is_kept_within_the_tolerance() {
         .map(|k| Position::xyz(leg(k), 0.0, 0.0))
         .chain((0..=40).map(|k| Position::xyz(leg(40), leg(k), 0.0)))
         .collect();
-    proven(&moves(&points, 0.01), 0.01);
-    proven(&moves(&points, 0.2), 0.2);
+    proven(&moves(&points, 0.01), 0.01, Slope::Classic);
+    proven(&moves(&points, 0.2), 0.2, Slope::Classic);
 }
 
 #[test]
@@ -289,10 +293,10 @@ fn long_moves_between_short_ones_stay_straight_in_their_middle() {
         .chain([Position::xyz(30.0, -3.0, 0.0)])
         .collect();
     let moves = moves(&points, 0.01);
-    let found = proven(&moves, 0.01);
+    let found = proven(&moves, 0.01, Slope::Classic);
     assert_eq!(found.kinks, 0);
     let straight = |passed: &&Passed| matches!(passed, Passed::Stretch(s) if matches!(s.piece.shape(), Shape::Line(_)) && s.piece.length() > 20.0);
-    assert_eq!(smoothed(&moves).iter().filter(straight).count(), 2);
+    assert_eq!(smoothed(&moves, Slope::Classic).iter().filter(straight).count(), 2);
     assert!(found.curvature < 0.5, "{}", found.curvature);
 }
 
@@ -304,7 +308,7 @@ fn feed_and_line_are_those_of_the_moves_covered() {
         part.feed = 50.0;
     }
     let mut x = 0.0;
-    for passed in smoothed(&moves) {
+    for passed in smoothed(&moves, Slope::Classic) {
         let Passed::Stretch(stretch) = passed else {
             panic!("no stop on a straight path")
         };
@@ -346,6 +350,7 @@ fn nearly_tangent_arcs_are_joined() {
     let found = proven(
         &[half(0.0, 4.0, 1.0), half(4.0, 10.0, -1.0), half(10.0, 12.0, 1.0)],
         0.01,
+        Slope::Classic,
     );
     assert_eq!((found.quintics, found.kinks), (2, 0));
 }
@@ -356,7 +361,7 @@ fn a_path_that_turns_back_stops_or_stays_within_the_tolerance() {
         .chain((0..20).rev())
         .map(|k| Position::xyz(f64::from(k) * 0.1, 0.0, 0.0))
         .collect();
-    let out = smoothed(&moves(&points, 0.01));
+    let out = smoothed(&moves(&points, 0.01), Slope::Classic);
     let furthest = out
         .iter()
         .filter_map(|passed| match passed {
@@ -365,4 +370,125 @@ fn a_path_that_turns_back_stops_or_stays_within_the_tolerance() {
         })
         .fold(0.0, f64::max);
     assert!((furthest - 2.0).abs() <= 0.01, "{furthest}");
+}
+
+/// A line or an arc that goes on from a place: turn before it, length, curvature.
+type Bend = (f64, f64, f64);
+
+/// Lines and arcs in the plane that is spanned by two unit vectors.
+fn bends(bends: &[Bend], axes: [[f64; 3]; 2], tolerance: f64) -> Vec<Move> {
+    let (mut at, mut heading) = ([0.0f64; 2], 0.4f64);
+    let space = |p: [f64; 2]| [0, 1, 2].map(|i| p[0] * axes[0][i] + p[1] * axes[1][i]);
+    let point = |p: [f64; 2]| {
+        let [x, y, z] = space(p);
+        Position::xyz(x, y, z)
+    };
+    let [a, b] = axes;
+    let normal = [0, 1, 2].map(|i| a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3]);
+    let mut moves = Vec::new();
+    for (k, &(turn, length, curvature)) in bends.iter().enumerate() {
+        heading += turn;
+        let (sin, cos) = heading.sin_cos();
+        let piece = if curvature == 0.0 {
+            let end = [at[0] + length * cos, at[1] + length * sin];
+            let piece = Piece::line(point(at), point(end));
+            at = end;
+            piece
+        } else {
+            let centre = [at[0] - sin / curvature, at[1] + cos / curvature];
+            heading += curvature * length;
+            let (sin, cos) = heading.sin_cos();
+            let end = [centre[0] + sin / curvature, centre[1] - cos / curvature];
+            let piece = Piece::arc(&Circle {
+                start: point(at),
+                end: point(end),
+                centre_mm: space(centre),
+                normal,
+                sweep_rad: curvature * length,
+            });
+            at = end;
+            piece
+        };
+        moves.extend(piece.map(|piece| Move {
+            piece,
+            feed: 100.0,
+            line: k as u32 + 1,
+            rapid: false,
+            corner: Corner::Round(tolerance),
+            naive_cam_mm: 0.0,
+        }));
+    }
+    moves
+}
+
+const XY: [[f64; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+const ZX: [[f64; 3]; 2] = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]];
+const TILTED: [[f64; 3]; 2] = [[0.6, 0.0, 0.8], [0.0, 1.0, 0.0]];
+
+fn bend() -> impl Strategy<Value = Bend> {
+    let turn = prop_oneof![4 => Just(0.0), 1 => -0.1f64..0.1, 2 => -1.2f64..1.2];
+    let length = prop_oneof![1 => 1e-4f64..0.05, 2 => 0.05f64..1.0, 6 => 1.0f64..12.0];
+    // Arcs of at most 2.5 rad, so that no circle is closed.
+    let curvature = prop_oneof![1 => Just(0.0), 1 => -1.0f64..1.0];
+    (turn, length, curvature).prop_map(|(turn, length, x)| (turn, length, x * 2.5 / length.max(0.8)))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn any_lines_and_arcs_are_joined_within_their_tolerance(
+        parts in prop::collection::vec(bend(), 2..24), axes in prop_oneof![Just(XY), Just(ZX), Just(TILTED)],
+        tolerance in prop_oneof![Just(0.001), Just(0.01), Just(0.1)],
+    ) {
+        proven(&bends(&parts, axes, tolerance), tolerance, Slope::Optimal);
+    }
+}
+
+/// A line, half a slot and so on: arcs of a quarter turn between lines, all of them tangential.
+fn slots(count: usize) -> Vec<Bend> {
+    (0..count)
+        .flat_map(|k| {
+            let side = if k % 3 == 0 { -1.0 } else { 1.0 };
+            [(0.0, 7.0, 0.0), (0.0, 5.0, side * 0.2)]
+        })
+        .collect()
+}
+
+#[test]
+fn tangent_arcs_are_entered_with_a_fraction_of_the_jerk() {
+    for axes in [XY, ZX, TILTED] {
+        let moves = bends(&slots(12), axes, 0.01);
+        let [apart, swaying] = [Slope::Classic, Slope::Optimal].map(|slope| proven(&moves, 0.01, slope));
+        assert_eq!((apart.kinks, swaying.kinks), (0, 0));
+        assert!(swaying.third < 0.6 * apart.third, "{} {}", swaying.third, apart.third);
+    }
+}
+
+#[test]
+fn moves_out_of_the_plane_are_left_as_they_are() {
+    let mut moves = bends(&slots(2), XY, 0.01);
+    for part in &mut moves {
+        if let Shape::Arc(arc) = *part.piece.shape() {
+            let (start, mut end) = (part.piece.position(0.0), part.piece.position(f64::INFINITY));
+            end.0[2] = 1.0;
+            part.piece = Piece::arc(&Circle {
+                start,
+                end,
+                centre_mm: arc.centre_mm(),
+                normal: arc.turns_about(),
+                sweep_rad: arc.sweep_rad(),
+            })
+            .unwrap();
+        }
+    }
+    let [classic, optimal] = [Slope::Classic, Slope::Optimal].map(|slope| {
+        smoothed(&moves[..2], slope)
+            .iter()
+            .filter(
+                |passed| matches!(passed, Passed::Stretch(stretch) if matches!(stretch.piece.shape(), Shape::Blend(_))),
+            )
+            .count()
+    });
+    assert_eq!(classic, optimal);
 }

@@ -15,9 +15,9 @@ pub(super) type Plane = [f64; 2];
 const WIDTH: usize = 8;
 /// Components of the coefficients at either end that stay.
 const FIXED: usize = 6;
-const ITERATIONS: u32 = 25;
+const ITERATIONS: u32 = 15;
 /// Mean of slack times price at which the result is near enough.
-const NEAR: f64 = 1e-4;
+const NEAR: f64 = 3e-3;
 /// Part of the way to the border of what is allowed that a step may go.
 const STEP: f64 = 0.98;
 
@@ -132,12 +132,12 @@ impl LeastJerk {
                 form
             };
             let along = gate.stiffness * gate.off(spline, gate.along);
-            self.add_parts(gate.span, &form(gate.along, gate.stiffness), 1.0, -along);
+            self.add(gate.span, &form(gate.along, gate.stiffness), 1.0, -along);
             let y = gate.off(spline, gate.across()) / tolerance;
             let pull = |bound: &Bound, beyond: f64| (target + bound.price * beyond) / bound.slack;
             let push = pull(&upper, y + upper.slack - 1.0) - pull(&lower, lower.slack - 1.0 - y);
             let weight = upper.price / upper.slack + lower.price / lower.slack;
-            self.add_parts(gate.span, &form(gate.across(), 1.0 / tolerance), weight, -push);
+            self.add(gate.span, &form(gate.across(), 1.0 / tolerance), weight, -push);
         }
         self.factor_and_solve(FIXED..size - FIXED);
         // How far the step may go.
@@ -172,7 +172,7 @@ impl LeastJerk {
     }
 
     /// Adds `weight` times the square of a linear form, and what pulls at it.
-    fn add_parts(&mut self, span: usize, form: &[f64; WIDTH], weight: f64, pull: f64) {
+    fn add(&mut self, span: usize, form: &[f64; WIDTH], weight: f64, pull: f64) {
         let base = 2 * span;
         for i in 0..WIDTH {
             let f = weight * form[i];
@@ -182,10 +182,6 @@ impl LeastJerk {
             }
             self.x[base + i] += pull * form[i];
         }
-    }
-
-    fn add(&mut self, span: usize, form: &[f64; WIDTH], weight: f64, pull: f64) {
-        self.add_parts(span, form, weight, pull);
     }
 
     /// Factors the part of the matrix of the unknowns that are free, and solves; 0 for the others.

@@ -31,7 +31,7 @@ const MOST: usize = 16;
 const KNOTS: f64 = 0.16;
 const KNOTS_S: [f64; 2] = [0.001, 0.010];
 /// Part of a move at the end of a run that stays as it is.
-const KEPT: f64 = 0.3;
+const KEPT: f64 = 0.2;
 /// Part of the tolerance that is used; the rest is for what lies between the places that are looked at, and for what
 /// set-points cut off.
 const USE: f64 = 0.95;
@@ -47,9 +47,13 @@ const TRIES: u32 = 3;
 /// Speed on an arc over that at which it takes all of the jerk.
 const ARC: f64 = 1.1;
 /// Speed through a corner of 1 rad over the cube root of tolerance squared times jerk.
-const CORNER: f64 = 4.0;
+const CORNER: f64 = 3.5;
 /// Speed through a jump of curvature over that through a quintic blend of it.
 const BENT: f64 = 1.6;
+
+/// Steps a span in which a curve is compared with the run; finer ones next to a vertex.
+const STEPS: usize = 4;
+const FINE: u32 = 8;
 
 /// The run that waits.
 #[derive(Debug, Default)]
@@ -198,11 +202,12 @@ impl Sway {
         let mut tube = tolerance;
         for _ in 0..TRIES {
             let curve = self.curve(&track, [from, to], &limits, tube)?;
-            let off = curve.deviation(&track);
-            if off <= tolerance {
-                return curve.into_legs(&self.run, [from, to], &track, &self.pace);
+            let walk = curve.walk(&track, from);
+            let end = track.start(last) + to;
+            if walk.off <= tolerance && walk.places.last().is_some_and(|s| (s - end).abs() < 1e-6) {
+                return curve.into_legs(&self.run, [from, to], &track, &walk, &self.pace);
             }
-            tube *= 0.98 * tolerance / off;
+            tube *= 0.98 * (tolerance / walk.off).min(1.0);
         }
         None
     }
@@ -250,10 +255,12 @@ impl Sway {
         let mut gates = Vec::with_capacity(even.len() + 2 * track.legs.len());
         for pass in 0..PASSES {
             if pass > 0 {
-                let mut guess = 0.0;
+                let mut last = 0.0f64;
                 for (x, place) in even.iter().zip(&mut places) {
-                    guess = track.nearest(&value(&spline, *x), guess).0;
-                    *place = guess;
+                    let around = self.pace.at(begin + h * x).v * h;
+                    let window = [(*place - around).max(last), (*place + around).max(last)];
+                    last = track.nearest(&value(&spline, *x), window).0;
+                    *place = last;
                 }
             }
             gates.clear();
@@ -392,19 +399,28 @@ impl Track {
         (self.flat(&q), self.direction(&d1))
     }
 
-    /// The place next to `q`, near the place `guess`, and how far it is.
-    fn nearest(&self, q: &Plane, guess: f64) -> (f64, f64) {
+    /// The place next to `q` between two places, and how far it is. Only what is due may be found: a path may come back to
+    /// where it was.
+    fn nearest(&self, q: &Plane, [from, to]: [f64; 2]) -> (f64, f64) {
         let q = self.position(q);
-        let at = self.leg_at(guess);
-        let mut best = (0.0, f64::INFINITY);
-        for (start, piece) in &self.legs[at..(at + 3).min(self.legs.len())] {
-            let (off, s) = nearest(piece, &q, 0.0, piece.length(), (guess - start).max(0.0));
+        let mut best = (from, f64::INFINITY);
+        for (start, piece) in &self.legs[self.leg_at(from)..=self.leg_at(to)] {
+            let [low, high] = [from, to].map(|s| (s - start).clamp(0.0, piece.length()));
+            let (off, s) = nearest(piece, &q, low, high, 0.5 * (low + high));
             if off < best.1 {
                 best = (start + s, off);
             }
         }
         best
     }
+}
+
+/// A curve compared with the run.
+struct Walk {
+    /// Places next to it, [`STEPS`] a span.
+    places: Vec<f64>,
+    /// Greatest distance, mm, a little on the safe side.
+    off: f64,
 }
 
 /// A spline with even knots.
@@ -425,32 +441,45 @@ impl Curve {
         ]
     }
 
-    /// Greatest distance from the run, a little on the safe side.
-    fn deviation(&self, track: &Track) -> f64 {
-        const STEPS: usize = 4;
-        const FINE: u32 = 8;
+    /// Looks at it in small steps: where it is next to, and how far it is off.
+    fn walk(&self, track: &Track, from: f64) -> Walk {
         let spans = self.spline.len() - 3;
-        let (mut off, mut guess, mut x) = (0.0f64, 0.0, 0.0);
+        let mut walk = Walk {
+            places: vec![from],
+            off: 0.0,
+        };
+        let (mut last, mut q) = (from, value(&self.spline, 0.0));
         for k in 1..=STEPS * spans {
-            let next = k as f64 / STEPS as f64;
-            let near = track.nearest(&value(&self.spline, next), guess);
-            off = off.max(near.1);
-            if track.leg_at(near.0) != track.leg_at(guess) {
+            let x = k as f64 / STEPS as f64;
+            let next = value(&self.spline, x);
+            let way = (next[0] - q[0]).hypot(next[1] - q[1]);
+            let window = [last, last + 2.0 * way];
+            let near = track.nearest(&next, window);
+            walk.off = walk.off.max(near.1);
+            let [leg, next_leg] = [last, near.0].map(|s| track.leg_at(s));
+            if leg != next_leg {
                 // The distance has a kink at the vertex.
                 for fine in 1..FINE {
-                    let x = x + (next - x) * f64::from(fine) / f64::from(FINE);
-                    off = off.max(track.nearest(&value(&self.spline, x), guess).1);
+                    let x = x - (1.0 - f64::from(fine) / f64::from(FINE)) / STEPS as f64;
+                    walk.off = walk.off.max(track.nearest(&value(&self.spline, x), window).1);
+                }
+                // All of the way between is due, too.
+                for leg in leg..next_leg {
+                    let vertex = track.flat(&track.legs[leg].1.jet(f64::INFINITY).q);
+                    let there = [0, 1].map(|i| vertex[i] - 0.5 * (q[i] + next[i]));
+                    walk.off = walk.off.max(there[0].hypot(there[1]) - 0.5 * way);
                 }
             }
-            (guess, x) = (near.0, next);
+            walk.places.push(near.0);
+            (last, q) = (near.0, next);
         }
-        1.005 * off
+        walk.off *= 1.005;
+        walk
     }
 
-    fn into_legs(self, run: &[Leg], [from, to]: [f64; 2], track: &Track, pace: &Pace) -> Option<Swayed> {
+    fn into_legs(self, run: &[Leg], [from, to]: [f64; 2], track: &Track, walk: &Walk, pace: &Pace) -> Option<Swayed> {
         let spans = self.spline.len() - 3;
         let mut legs = Vec::with_capacity(spans);
-        let mut guess = 0.0;
         let mut begin = self.ends[0];
         let mut owner = &run[0].part;
         for span in 0..spans {
@@ -462,8 +491,6 @@ impl Curve {
                 let along = first.map(|x| x / pace);
                 let pace_change = second[0] * along[0] + second[1] * along[1];
                 let bend = [0, 1].map(|i| (second[i] - pace_change * along[i]) / (pace * pace));
-                let near = track.nearest(&q, guess);
-                guess = near.0;
                 let leg = Jet {
                     q: track.position(&q),
                     d1: track.space(&along),
@@ -475,7 +502,7 @@ impl Curve {
             let next = if span + 1 == spans {
                 &run[run.len() - 1].part
             } else {
-                &run[track.leg_at(guess)].part
+                &run[track.leg_at(walk.places[STEPS * (span + 1)])].part
             };
             legs.push(Leg {
                 part: Move {
