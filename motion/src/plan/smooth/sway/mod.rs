@@ -2,7 +2,7 @@
 //!
 //! In:  moves, with the room for corners at their ends.
 //! Out: the same; where lines and arcs in one plane met tangentially or nearly so there are short curves instead, joined with
-//! continuous position, direction and curvature, from the middle of the first such move to the middle of the last.
+//! continuous position, direction and curvature, from a place on the first such move to one on the last.
 //!
 //! Curvature jumps where a line meets an arc. A blend of that joint alone uses the tolerance on a short length only, and jerk
 //! bounds the speed there. Here, the whole run becomes one spline in time: about how fast each place will be passed is
@@ -10,16 +10,19 @@
 //! ([`least_jerk`]). So the path turns on long lengths where it is fast and on short ones where it is slow, uses both sides
 //! of the tolerance, and keeps some jerk for changes of speed.
 
+mod curve;
 mod least_jerk;
 mod pace;
+mod track;
 
+use curve::{Curve, value, weights};
 use least_jerk::{Gate, LeastJerk, Plane};
 use pace::Pace;
+use track::{Track, flat, normal};
 
 use super::Leg;
-use super::round::{distance, nearest, turning};
-use crate::canon::AXES;
-use crate::path::{BlendEnd, Group, Jet, Piece, Shape};
+use super::round::{distance, turning};
+use crate::path::{BlendEnd, Group, Piece, Shape};
 use crate::plan::program::{Corner, Move};
 use crate::plan::{AxisLimits, Settings};
 
@@ -50,10 +53,6 @@ const ARC: f64 = 1.1;
 const CORNER: f64 = 3.5;
 /// Speed through a jump of curvature over that through a quintic blend of it.
 const BENT: f64 = 1.6;
-
-/// Steps a span in which a curve is compared with the run; finer ones next to a vertex.
-const STEPS: usize = 4;
-const FINE: u32 = 8;
 
 /// The run that waits.
 #[derive(Debug, Default)]
@@ -319,224 +318,6 @@ struct Swayed {
     speed: f64,
 }
 
-/// A run as a path in a plane.
-struct Track {
-    /// Where each piece begins.
-    legs: Vec<(f64, Piece)>,
-    origin: [f64; AXES],
-    axes: [[f64; 3]; 2],
-}
-
-impl Track {
-    fn new(run: &[Leg], normal: [f64; 3]) -> Track {
-        let mut s = 0.0;
-        let legs = run
-            .iter()
-            .map(|leg| {
-                let start = s;
-                s += leg.part.piece.length();
-                (start, leg.part.piece)
-            })
-            .collect();
-        // An axis of the machine where one lies in the plane, so that others do not move by rounding.
-        let unit = |k: usize| [0, 1, 2].map(|i| if i == k { 1.0 } else { 0.0 });
-        let jet = run[0].part.piece.jet(0.0);
-        let first = (0..3)
-            .find(|&k| normal[k] == 0.0)
-            .map_or(Group::Main.pick(&jet.d1), unit);
-        let second = [
-            normal[1] * first[2] - normal[2] * first[1],
-            normal[2] * first[0] - normal[0] * first[2],
-            normal[0] * first[1] - normal[1] * first[0],
-        ];
-        Track {
-            legs,
-            origin: jet.q,
-            axes: [first, second],
-        }
-    }
-
-    fn start(&self, leg: usize) -> f64 {
-        self.legs[leg].0
-    }
-
-    fn direction(&self, d: &[f64; AXES]) -> Plane {
-        self.axes.map(|axis| (0..3).map(|i| axis[i] * d[i]).sum())
-    }
-
-    fn flat(&self, q: &[f64; AXES]) -> Plane {
-        let mut from = *q;
-        for i in 0..3 {
-            from[i] -= self.origin[i];
-        }
-        self.direction(&from)
-    }
-
-    fn space(&self, p: &Plane) -> [f64; AXES] {
-        let mut q = [0.0; AXES];
-        for i in 0..3 {
-            q[i] = p[0] * self.axes[0][i] + p[1] * self.axes[1][i];
-        }
-        q
-    }
-
-    fn position(&self, p: &Plane) -> [f64; AXES] {
-        let mut q = self.space(p);
-        for i in 0..AXES {
-            q[i] += self.origin[i];
-        }
-        q
-    }
-
-    fn leg_at(&self, s: f64) -> usize {
-        self.legs.partition_point(|leg| leg.0 <= s).clamp(1, self.legs.len()) - 1
-    }
-
-    /// Place and direction.
-    fn place(&self, s: f64) -> (Plane, Plane) {
-        let (start, piece) = &self.legs[self.leg_at(s)];
-        let (q, d1) = piece.tangent(s - start);
-        (self.flat(&q), self.direction(&d1))
-    }
-
-    /// The place next to `q` between two places, and how far it is. Only what is due may be found: a path may come back to
-    /// where it was.
-    fn nearest(&self, q: &Plane, [from, to]: [f64; 2]) -> (f64, f64) {
-        let q = self.position(q);
-        let mut best = (from, f64::INFINITY);
-        for (start, piece) in &self.legs[self.leg_at(from)..=self.leg_at(to)] {
-            let [low, high] = [from, to].map(|s| (s - start).clamp(0.0, piece.length()));
-            let (off, s) = nearest(piece, &q, low, high, 0.5 * (low + high));
-            if off < best.1 {
-                best = (start + s, off);
-            }
-        }
-        best
-    }
-}
-
-/// A curve compared with the run.
-struct Walk {
-    /// Places next to it, [`STEPS`] a span.
-    places: Vec<f64>,
-    /// Greatest distance, mm, a little on the safe side.
-    off: f64,
-}
-
-/// A spline with even knots.
-struct Curve {
-    spline: Vec<Plane>,
-    ends: [BlendEnd; 2],
-}
-
-impl Curve {
-    /// Position, first and second derivative at a knot.
-    fn knot(&self, k: usize) -> [Plane; 3] {
-        let [a, b, c] = [self.spline[k], self.spline[k + 1], self.spline[k + 2]];
-        let each = |of: fn(f64, f64, f64) -> f64| [0, 1].map(|i| of(a[i], b[i], c[i]));
-        [
-            each(|a, b, c| (a + 4.0 * b + c) / 6.0),
-            each(|a, _, c| 0.5 * (c - a)),
-            each(|a, b, c| a - 2.0 * b + c),
-        ]
-    }
-
-    /// Looks at it in small steps: where it is next to, and how far it is off.
-    fn walk(&self, track: &Track, from: f64) -> Walk {
-        let spans = self.spline.len() - 3;
-        let mut walk = Walk {
-            places: vec![from],
-            off: 0.0,
-        };
-        let (mut last, mut q) = (from, value(&self.spline, 0.0));
-        for k in 1..=STEPS * spans {
-            let x = k as f64 / STEPS as f64;
-            let next = value(&self.spline, x);
-            let way = (next[0] - q[0]).hypot(next[1] - q[1]);
-            let window = [last, last + 2.0 * way];
-            let near = track.nearest(&next, window);
-            walk.off = walk.off.max(near.1);
-            let [leg, next_leg] = [last, near.0].map(|s| track.leg_at(s));
-            if leg != next_leg {
-                // The distance has a kink at the vertex.
-                for fine in 1..FINE {
-                    let x = x - (1.0 - f64::from(fine) / f64::from(FINE)) / STEPS as f64;
-                    walk.off = walk.off.max(track.nearest(&value(&self.spline, x), window).1);
-                }
-                // All of the way between is due, too.
-                for leg in leg..next_leg {
-                    let vertex = track.flat(&track.legs[leg].1.jet(f64::INFINITY).q);
-                    let there = [0, 1].map(|i| vertex[i] - 0.5 * (q[i] + next[i]));
-                    walk.off = walk.off.max(there[0].hypot(there[1]) - 0.5 * way);
-                }
-            }
-            walk.places.push(near.0);
-            (last, q) = (near.0, next);
-        }
-        walk.off *= 1.005;
-        walk
-    }
-
-    fn into_legs(self, run: &[Leg], [from, to]: [f64; 2], track: &Track, walk: &Walk, pace: &Pace) -> Option<Swayed> {
-        let spans = self.spline.len() - 3;
-        let mut legs = Vec::with_capacity(spans);
-        let mut begin = self.ends[0];
-        let mut owner = &run[0].part;
-        for span in 0..spans {
-            let end = if span + 1 == spans {
-                self.ends[1]
-            } else {
-                let [q, first, second] = self.knot(span + 1);
-                let pace = first[0].hypot(first[1]);
-                let along = first.map(|x| x / pace);
-                let pace_change = second[0] * along[0] + second[1] * along[1];
-                let bend = [0, 1].map(|i| (second[i] - pace_change * along[i]) / (pace * pace));
-                let leg = Jet {
-                    q: track.position(&q),
-                    d1: track.space(&along),
-                    d2: track.space(&bend),
-                    d3: [0.0; AXES],
-                };
-                BlendEnd { leg, pace, pace_change }
-            };
-            let next = if span + 1 == spans {
-                &run[run.len() - 1].part
-            } else {
-                &run[track.leg_at(walk.places[STEPS * (span + 1)])].part
-            };
-            legs.push(Leg {
-                part: Move {
-                    piece: Piece::blend(&begin, &end, Group::Main)?,
-                    feed: owner.feed.min(next.feed),
-                    corner: Corner::Exact,
-                    ..*next
-                },
-                room: [0.0; 2],
-                whole: next.piece.length(),
-            });
-            owner = next;
-            begin = end;
-        }
-        let speed = pace.at(pace.time_at(track.start(run.len() - 1) + to)).v;
-        Some(Swayed { legs, from, to, speed })
-    }
-}
-
-/// Weights of four coefficients at a parameter, counted in spans, and the first of them.
-fn weights(x: f64, spans: usize) -> (usize, [f64; 4]) {
-    let span = (x as usize).min(spans - 1);
-    let u = x - span as f64;
-    let w = 1.0 - u;
-    let inner = |u: f64| (4.0 - 6.0 * u * u + 3.0 * u * u * u) / 6.0;
-    (span, [w * w * w / 6.0, inner(u), inner(w), u * u * u / 6.0])
-}
-
-/// Where a spline is at a parameter.
-fn value(spline: &[Plane], x: f64) -> Plane {
-    let (span, weights) = weights(x, spline.len() - 3);
-    [0, 1].map(|i| (0..4).map(|k| weights[k] * spline[span + k][i]).sum())
-}
-
 /// Part of a leg.
 fn part_of(leg: &Leg, from: f64, to: f64) -> Option<Leg> {
     let piece = leg.part.piece.cut(from, to)?;
@@ -549,29 +330,6 @@ fn part_of(leg: &Leg, from: f64, to: f64) -> Option<Leg> {
 /// Angle between two moves, radians.
 fn turned(a: &Move, b: &Move) -> f64 {
     turning(Group::Main, &a.piece.jet(a.piece.length()), &b.piece.jet(0.0))
-}
-
-/// Unit vector about which an arc turns.
-fn normal(piece: &Piece) -> Option<[f64; 3]> {
-    match piece.shape() {
-        Shape::Arc(arc) => Some(arc.turns_about()),
-        Shape::Line(_) | Shape::Blend(_) => None,
-    }
-}
-
-/// Whether a line or arc stays in a plane of which this is the normal, and nothing but X, Y and Z moves.
-fn flat(piece: &Piece, normal: &[f64; 3]) -> bool {
-    const RISE: f64 = 1e-9;
-    let still = |jet: &Jet| jet.d1[3..].iter().all(|&d| d == 0.0);
-    let level = |d: &[f64; AXES]| (0..3).map(|i| d[i] * normal[i]).sum::<f64>().abs() < RISE;
-    piece.group() == Group::Main
-        && match piece.shape() {
-            Shape::Blend(_) => false,
-            Shape::Line(_) | Shape::Arc(_) => [0.0, 0.5, 1.0].iter().all(|x| {
-                let jet = piece.jet(x * piece.length());
-                still(&jet) && level(&jet.d1) && level(&jet.d2)
-            }),
-        }
 }
 
 /// The least limits of the axes that move.

@@ -6,7 +6,7 @@
 //! Speed changes with one acceleration everywhere. That is rough, but only the shape of the curve depends on it: where
 //! motion is slow the path can turn on a shorter length.
 
-/// A stretch between two nodes.
+/// A place, the speed there, and when it is passed.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     s: f64,
