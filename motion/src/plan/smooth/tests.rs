@@ -414,6 +414,7 @@ fn bends(bends: &[Bend], axes: [[f64; 3]; 2], tolerance: f64) -> Vec<Move> {
             feed: 100.0,
             line: k as u32 + 1,
             rapid: false,
+            enables: Enables::default(),
             corner: Corner::Round(tolerance),
             naive_cam_mm: 0.0,
         }));

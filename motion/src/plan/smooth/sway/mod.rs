@@ -109,6 +109,7 @@ impl Sway {
         };
         matches!(last.corner, Corner::Round(tolerance) if tolerance > 0.0)
             && last.rapid == next.rapid
+            && last.enables == next.enables
             && flat(&last.piece, &normal)
             && flat(&next.piece, &normal)
             && turned(last, next) < GENTLE
