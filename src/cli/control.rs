@@ -262,6 +262,9 @@ fn words(status: &Value) -> String {
     if status["override"].is_object() && turned.contains(&true) {
         lines.push(format!("override  {}", overrides(&status["override"])));
     }
+    if let Some(obstruction) = status["obstruction"].as_str() {
+        lines.push(obstruction.to_owned());
+    }
     if let Some(alarm) = status["alarm"].as_str() {
         lines.push(format!("alarm     {alarm}"));
     }

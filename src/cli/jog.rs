@@ -42,19 +42,20 @@ pub fn jog(args: &JogArgs) -> anyhow::Result<ExitCode> {
     order.remove("velocity_mm_s");
     order.remove("distance_mm");
     // The control does not jog any more where something has stopped it.
-    let position = loop {
+    let (position, obstruction) = loop {
         std::thread::sleep(RENEWAL);
         let status = client.call("status", json!({}))?;
         let rests = status["velocity_mm_s"].as_f64() == Some(0.0);
         if status["state"] != "jogging" || rests && !endless {
-            break status["position_mm"].clone();
+            break (status["position_mm"].clone(), status["obstruction"].clone());
         }
         if client.call("jog.keep", params.clone()).is_err() {
-            break status["position_mm"].clone();
+            break (status["position_mm"].clone(), status["obstruction"].clone());
         }
     };
-    let stopped = json!({ "position_mm": position });
-    print(&args.control, &stopped, &format!("at rest; axes at {position}"));
+    let why = obstruction.as_str().map(|why| format!("{why}\n")).unwrap_or_default();
+    let stopped = json!({ "position_mm": position, "obstruction": obstruction });
+    print(&args.control, &stopped, &format!("{why}at rest; axes at {position}"));
     Ok(ExitCode::SUCCESS)
 }
 

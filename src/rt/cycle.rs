@@ -511,7 +511,7 @@ impl<B: Fieldbus> Control<B> {
                 for (command_mm, drive) in self.command_mm.iter_mut().zip(self.parts.drives.iter()) {
                     *command_mm = drive.command_mm();
                 }
-                self.parts.hand.begin(&self.command_mm[..self.joints]);
+                self.parts.hand.begin(&self.command_mm[..self.joints], order);
                 self.enter(State::Jogging);
             }
             // Neither a renewal nor a release begins anything.
@@ -661,6 +661,9 @@ impl<B: Fieldbus> Control<B> {
                     self.parts.hand.release_all();
                 }
                 self.parts.hand.step(&mut self.command_mm[..self.joints]);
+                if let Some(obstruction) = self.parts.hand.take_obstruction() {
+                    self.notice(Notice::Obstructed(obstruction));
+                }
             } else {
                 // Each joint stays where it was told to be.
                 for (command_mm, drive) in self.command_mm.iter_mut().zip(self.parts.drives.iter()) {

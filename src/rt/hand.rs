@@ -11,8 +11,10 @@
 //!
 //! RT: nothing allocates but [`Hand::new`].
 
+use super::world_hand::WorldHand;
 use crate::config::{Config, JOINTS_MAX};
-use motion::rt::jog::{Jog, JogLimits};
+use motion::canon::Axis;
+use motion::rt::jog::{Jog, JogLimits, Obstruction};
 use motion::rt::{MotionLimits, StopLimits};
 
 /// How long an order holds without a renewal, s.
@@ -44,6 +46,8 @@ pub enum JogMotion {
 pub struct JogOrder {
     /// Which joints (bit n: joint n).
     pub joints: u64,
+    /// An axis, where joints are not axes; then `joints` are those that it may move: all.
+    pub axis: Option<Axis>,
     /// What each of them shall do.
     pub motion: JogMotion,
 }
@@ -66,6 +70,10 @@ pub struct Hand {
     joints: Box<[Joint]>,
     holds: u64,
     active: bool,
+    /// `None`: joints are axes.
+    world: Option<WorldHand>,
+    /// Axes are jogged, not joints.
+    in_world: bool,
 }
 
 impl Hand {
@@ -83,17 +91,25 @@ impl Hand {
             start_mm: 0.0,
             holds: 0,
         });
+        let holds = (HOLDS_S / cycle_s).round() as u64;
         Hand {
             jog: Jog::new(&limits, cycle_s),
             joints: joints.collect(),
-            holds: (HOLDS_S / cycle_s).round() as u64,
+            holds,
             active: false,
+            world: WorldHand::new(config, &limits, holds),
+            in_world: false,
         }
     }
 
-    /// Begins with all joints at rest at `positions_mm`.
-    pub fn begin(&mut self, positions_mm: &[f64]) {
+    /// Begins with all joints at rest at `positions_mm`, to carry out `order`.
+    pub fn begin(&mut self, positions_mm: &[f64], order: &JogOrder) {
         self.active = true;
+        self.in_world = order.axis.is_some();
+        if let Some(world) = &mut self.world {
+            // Joints that are nowhere in the world rest where they are.
+            self.in_world &= world.begin(positions_mm);
+        }
         self.jog.rest_at(positions_mm);
         for (joint, &position_mm) in self.joints.iter_mut().zip(positions_mm) {
             joint.start_mm = position_mm;
@@ -118,8 +134,18 @@ impl Hand {
         range_mm
     }
 
-    /// Carries out an order.
+    /// Carries out an order; one for an axis while joints move, or the other way round, is of no effect.
     pub fn obey(&mut self, order: &JogOrder) {
+        if let Some(world) = self.world.as_mut().filter(|_| self.in_world) {
+            let of_all = matches!(order.motion, JogMotion::Keep | JogMotion::Release) && order.joints == u64::MAX;
+            if order.axis.is_some() || of_all {
+                world.obey(order.axis, order.motion);
+            }
+            return;
+        }
+        if order.axis.is_some() {
+            return;
+        }
         for leader in 0..self.joints.len() {
             if self.joints[leader].leader == leader && self.together(leader) & order.joints != 0 {
                 self.lead(leader, order.motion);
@@ -171,6 +197,9 @@ impl Hand {
 
     /// Lets all joints come to rest.
     pub fn release_all(&mut self) {
+        if let Some(world) = self.world.as_mut().filter(|_| self.in_world) {
+            world.release_all();
+        }
         for joint in &mut self.joints {
             joint.holds = 0;
         }
@@ -179,6 +208,9 @@ impl Hand {
 
     /// Brings all joints to rest as quickly as their stop limits allow.
     pub fn stop(&mut self) {
+        if let Some(world) = self.world.as_mut().filter(|_| self.in_world) {
+            world.stop();
+        }
         for joint in &mut self.joints {
             joint.holds = 0;
         }
@@ -192,6 +224,10 @@ impl Hand {
 
     /// One cycle further: positions of all joints, mm.
     pub fn step(&mut self, command_mm: &mut [f64]) {
+        if let Some(world) = self.world.as_mut().filter(|_| self.in_world) {
+            world.step(command_mm);
+            return;
+        }
         for number in 0..self.joints.len() {
             match self.joints[number].holds {
                 0 => {}
@@ -215,21 +251,38 @@ impl Hand {
 
     /// Whether all joints rest and no order holds any more.
     pub fn is_over(&self) -> bool {
+        if let Some(world) = self.world() {
+            return world.is_over();
+        }
         self.jog.is_at_rest() && self.joints.iter().all(|joint| joint.holds == 0)
     }
 
     /// Whether all joints rest.
     pub fn is_at_rest(&self) -> bool {
-        self.jog.is_at_rest()
+        self.world().map_or(self.jog.is_at_rest(), WorldHand::is_at_rest)
     }
 
     /// Whether the last cycle was part of a stop, for which the limits of stops count.
     pub fn is_stopping(&self) -> bool {
-        self.jog.is_stopping()
+        // Between the places that it looks at, a jog of axes may pass the jerk of a joint by a little: it may use that of stops.
+        self.world().is_some() || self.jog.is_stopping()
+    }
+
+    /// What was in the way of an axis, told once.
+    pub fn take_obstruction(&mut self) -> Option<Obstruction> {
+        self.world.as_mut()?.take_obstruction()
+    }
+
+    /// The hand on the axes, if that is where it is.
+    fn world(&self) -> Option<&WorldHand> {
+        self.world.as_ref().filter(|_| self.in_world)
     }
 
     /// Greatest speed of all joints, mm/s.
     pub fn speed_mm_s(&self) -> f64 {
+        if let Some(world) = self.world() {
+            return world.speed_mm_s();
+        }
         let speeds = (0..self.joints.len()).filter_map(|joint| self.jog.state(joint));
         speeds.fold(0.0, |most, state| most.max(state.velocity.abs()))
     }
@@ -280,15 +333,17 @@ mod tests {
         let mut hand = Hand::new(&gantry());
         assert_eq!((hand.moved_with(0b010), hand.moved_with(0b100)), (0b011, 0b100));
         let mut command_mm = [10.0, 10.3, -7.0];
-        hand.begin(&command_mm);
         let run = |joints| JogOrder {
             joints,
+            axis: None,
             motion: JogMotion::Run { velocity_mm_s: 150.0 },
         };
+        hand.begin(&command_mm, &run(0b010));
         // By either of its joints.
         hand.obey(&run(0b010));
         let keep = JogOrder {
             joints: u64::MAX,
+            axis: None,
             motion: JogMotion::Keep,
         };
         let mut fastest_mm_s = 0.0_f64;

@@ -22,3 +22,4 @@ pub mod spindle;
 pub mod thread;
 pub mod timeout;
 pub mod wait;
+pub mod world_hand;

@@ -11,6 +11,7 @@ use crate::machine::state::State;
 use motion::canon::{AXES, Position};
 use motion::element::{Action, Enables};
 use motion::rt::Interpolator;
+use motion::rt::jog::Obstruction;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::Relaxed};
 
 /// An order for the cycle thread.
@@ -58,6 +59,8 @@ pub enum Notice {
     },
     /// The program reached a block that moves nothing.
     Action(Action),
+    /// Something is in the way of an axis that is jogged.
+    Obstructed(Obstruction),
     /// The program came to its end.
     ProgramEnded,
 }

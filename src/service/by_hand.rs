@@ -44,11 +44,18 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
         }
         _ => return Err(not_now(operator)),
     }
+    let axis = match jog.what {
+        Some(Jogged::Axis(axis)) if !config.kinematics().is_trivial(&ToolFrame::OFF) => Some(axis),
+        Some(Jogged::Axis(_) | Jogged::Joint(_)) | None => None,
+    };
     let joints = match jog.what {
         Some(what) => joints(what, config)?,
         // Those that do not move take no notice.
         None => u64::MAX,
     };
+    if axis.is_some() && matches!(jog.motion, JogMotion::Advance { .. }) {
+        return Err("where joints are not axes, an axis runs (+ or -) and does not advance by a distance".into());
+    }
     let begins = match jog.motion {
         JogMotion::Run { .. } | JogMotion::Advance { .. } => true,
         JogMotion::Keep | JogMotion::Release => false,
@@ -59,10 +66,13 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
     }
     // What was ordered a moment ago may not have begun yet.
     if !begins && live.state != State::Jogging && operator.is_up_to_date() {
-        return Err("nothing is being jogged".into());
+        return Err(operator.obstruction().unwrap_or("nothing is being jogged").to_owned());
+    }
+    if begins {
+        operator.forget_obstruction();
     }
     let motion = jog.motion;
-    operator.give(Command::Jog(JogOrder { joints, motion }));
+    operator.give(Command::Jog(JogOrder { joints, axis, motion }));
     Ok(())
 }
 
@@ -70,11 +80,9 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
 fn joints(what: Jogged, config: &Config) -> Result<u64, String> {
     let mask = |joints: &[usize]| joints.iter().fold(0, |mask, joint| mask | 1 << joint);
     match what {
-        // A joint is no axis there, and to move an axis takes several of them in step.
-        Jogged::Axis(_) if !config.kinematics().is_trivial(&ToolFrame::OFF) => {
-            Err("the joints of this machine are not its axes; jog a joint by its number".into())
-        }
         Jogged::Axis(axis) => match config.axes.iter().find(|map| map.axis == axis) {
+            // To move an axis takes several joints in step there, and all of them must know where they are.
+            Some(_) if !config.kinematics().is_trivial(&ToolFrame::OFF) => Ok((1 << config.joints.len()) - 1),
             Some(map) => Ok(mask(&map.joints)),
             None => {
                 let axes: Vec<String> = config.axes.iter().map(|map| map.axis.letter().to_string()).collect();

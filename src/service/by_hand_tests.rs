@@ -104,7 +104,10 @@ impl Hands<'_, '_> {
 }
 
 fn by_hand(act: impl FnOnce(&mut Hands<'_, '_>)) {
-    let machine = include_str!("../../configs/mill3-demo.toml");
+    by_hand_on(include_str!("../../configs/mill3-demo.toml"), act);
+}
+
+fn by_hand_on(machine: &str, act: impl FnOnce(&mut Hands<'_, '_>)) {
     let config = config::parse(machine, Path::new("demo.toml")).unwrap();
     rehearse_with(
         &config,
@@ -138,6 +141,7 @@ fn nothing_jogs_before_drives_are_on_and_joints_know_where_they_are() {
         assert_eq!(hands.jog(&KEEP).unwrap_err(), "nothing is being jogged");
         // Nor does the cycle thread believe it.
         hands.run.operator.give(Command::Jog(JogOrder {
+            axis: None,
             joints: 1,
             motion: JogMotion::Run { velocity_mm_s: 10.0 },
         }));
@@ -170,6 +174,7 @@ fn a_jog_that_is_not_renewed_comes_to_rest_and_a_renewal_begins_nothing() {
         // A late renewal, past the operator, too.
         assert_eq!(hands.jog(&KEEP).unwrap_err(), "nothing is being jogged");
         hands.run.operator.give(Command::Jog(JogOrder {
+            axis: None,
             joints: u64::MAX,
             motion: JogMotion::Keep,
         }));
@@ -278,5 +283,73 @@ fn a_fault_stops_a_jog_within_the_stop_limits() {
         assert_eq!(hands.run.operator.alarms().len(), 1);
         let over: Vec<_> = hands.run.control.peaks().iter().map(|peaks| peaks.over).collect();
         assert!(over.iter().all(|over| *over == [0; 3]), "{over:?}");
+    });
+}
+
+#[test]
+fn axes_of_an_arm_run_in_the_world_until_the_hand_is_off_or_a_joint_is_in_the_way() {
+    by_hand_on(include_str!("../../configs/scara-demo.toml"), |hands| {
+        hands.homed();
+        let begin = hands.position();
+        let refused = hands.jog(&advance(5.0)).unwrap_err();
+        assert!(refused.starts_with("where joints are not axes"), "{refused}");
+        hands.jog(&run_at(X, 50.0)).unwrap();
+        hands.keeping(500);
+        assert_eq!(hands.run.control.state(), State::Jogging);
+        let speed = hands.run.operator.live().velocity_mm_s;
+        assert!((speed - 50.0).abs() < 1e-6, "{speed}");
+        // Straight in the world, whatever the arms do for it.
+        let along = hands.position();
+        assert!(along.0[0] > begin.0[0] + 10.0, "{along:?}");
+        for axis in [1, 2, 3] {
+            assert!((along.0[axis] - begin.0[axis]).abs() < 1e-6, "{along:?} from {begin:?}");
+        }
+        // The hand is off.
+        hands.reach(State::Ready);
+        let rest = hands.position();
+        assert!(
+            rest.0[0] > along.0[0] && rest.0[0] < along.0[0] + 50.0 * 0.5,
+            "{rest:?}"
+        );
+        assert_eq!(hands.jog(&KEEP).unwrap_err(), "nothing is being jogged");
+
+        // As far as the arms reach.
+        hands.jog(&run_at(X, 50.0)).unwrap();
+        hands.cycles(50);
+        let mut ended = None;
+        for _ in 0..1000 {
+            ended = hands.jog(&KEEP).err();
+            if ended.is_some() {
+                break;
+            }
+            hands.cycles(50);
+        }
+        let ended = ended.expect("an end of the reach");
+        assert!(ended.starts_with("jog ended: ") && ended.contains("joint 1"), "{ended}");
+        let far = hands.position();
+        assert!(far.0[0] > 380.0 && (far.0[1] - begin.0[1]).abs() < 1e-6, "{far:?}");
+
+        // And back, another axis along with it.
+        hands.jog(&run_at(X, -50.0)).unwrap();
+        hands.jog(&run_at(Jogged::Axis(Axis::Z), -10.0)).unwrap();
+        hands.keeping(1000);
+        let back = hands.position();
+        assert!(back.0[0] < far.0[0] - 20.0 && back.0[2] < far.0[2] - 5.0, "{back:?}");
+        assert!(
+            hands.run.operator.alarms().is_empty(),
+            "{:?}",
+            hands.run.operator.alarms()
+        );
+        // Joints are jogged by their numbers as before.
+        hands.reach(State::Ready);
+        hands.jog(&run_at(Jogged::Joint(0), 5.0)).unwrap();
+        hands.keeping(200);
+        let turned = hands.position();
+        assert!((turned.0[1] - back.0[1]).abs() > 0.5, "{turned:?}");
+        assert!(
+            hands.run.operator.alarms().is_empty(),
+            "{:?}",
+            hands.run.operator.alarms()
+        );
     });
 }

@@ -85,6 +85,8 @@ pub struct Shown {
     pub program: Option<ShownProgram>,
     /// Why the machine stopped by itself; stands until it is acknowledged or another program begins.
     pub alarm: Option<String>,
+    /// What ended the last jog, if something was in its way.
+    pub obstruction: Option<String>,
 }
 
 /// A program of [`Shown`].
@@ -204,6 +206,7 @@ mod tests {
         assert_eq!(counter.answer(), Some((8, Ok(Value::Null))));
         let shown = Shown {
             alarm: Some("x-drive lost".into()),
+            obstruction: None,
             ..Shown::default()
         };
         desk.show(shown.clone());

@@ -16,6 +16,7 @@ use crate::rt::shared::{Command, Live, Notice, Snapshot, TimedNotice, Trace};
 use crate::rt::timeout;
 use motion::canon::{Axis, Position};
 use motion::rt::Interpolator;
+use motion::rt::jog::{Obstacle, Obstruction};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -85,6 +86,8 @@ pub struct Operator {
     late_cycles: u64,
     /// Overrides at the last look, and those of the journal, percent.
     overrides: [[f64; 2]; 3],
+    /// What ended the last jog.
+    obstruction: Option<String>,
     /// What the report is made of.
     pub recorder: Recorder,
 }
@@ -114,6 +117,7 @@ impl Operator {
             alarms_over: 0,
             late_cycles: 0,
             overrides: [[100.0; 2]; 3],
+            obstruction: None,
             recorder: Recorder::default(),
             programs: 0,
         }
@@ -279,6 +283,16 @@ impl Operator {
         self.inlets.live.tool()
     }
 
+    /// What ended the last jog, if something was in its way.
+    pub fn obstruction(&self) -> Option<&str> {
+        self.obstruction.as_deref()
+    }
+
+    /// Another jog begins.
+    pub fn forget_obstruction(&mut self) {
+        self.obstruction = None;
+    }
+
     /// Step of the sequence.
     pub fn step(&self) -> Step {
         self.sequence.step()
@@ -369,6 +383,16 @@ impl Operator {
                 }
             }
             Notice::Action(action) => self.note(time_s, format!("program: {action}")),
+            Notice::Obstructed(Obstruction { joint, why }) => {
+                let why = match why {
+                    Obstacle::Travel => "is at the end of its travel",
+                    Obstacle::Speed => "would have to be too fast: the place is near a singularity",
+                    Obstacle::Reach(why) => why,
+                };
+                let text = format!("jog ended: {}: {why}", self.joint_names[joint]);
+                self.note(time_s, text.clone());
+                self.obstruction = Some(text);
+            }
             Notice::ProgramEnded => self.program_ended = true,
         }
     }

@@ -229,6 +229,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 }),
             }),
             alarm: operator.alarm().map(|alarm| alarm.cause.clone()),
+            obstruction: operator.obstruction().map(str::to_owned),
         }
     }
 }

@@ -304,6 +304,7 @@ impl Methods {
             "step": shown.step,
             "program": shown.program,
             "alarm": shown.alarm,
+            "obstruction": shown.obstruction,
         })
     }
 

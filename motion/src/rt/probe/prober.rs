@@ -39,7 +39,8 @@ impl StopShares {
         }
     }
 
-    fn along(self, motion: MotionLimits) -> StopLimits {
+    /// Limits of stops beside those of planned motion.
+    pub fn along(self, motion: MotionLimits) -> StopLimits {
         StopLimits {
             acceleration: self.acceleration * motion.acceleration,
             jerk: self.jerk * motion.jerk,
