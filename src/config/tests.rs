@@ -137,13 +137,16 @@ fn the_demo_machine_is_read_whole() {
         (net.source.as_str(), &net.targets[..]),
         ("iocontrol.0.coolant-flood", &["io.10.out-01".to_owned()][..])
     );
+    let sim = &config.sim;
+    assert_eq!((sim.natural_frequency_hz, sim.damping, sim.start), (60.0, 0.8, 0.4));
+    let probe = sim.probe.as_ref().unwrap();
+    assert_eq!((probe.node, probe.input, probe.surfaces.len()), (3, 8, 5));
     assert_eq!(
-        config.sim,
-        Sim {
-            natural_frequency_hz: 60.0,
-            damping: 0.8,
-            start: 0.4,
-            probe: None,
+        probe.surfaces[4],
+        SimSurface {
+            axis: motion::canon::Axis::Z,
+            at_mm: -100.0,
+            above: false
         }
     );
 }
