@@ -184,7 +184,6 @@ pub struct Feeder<'t, S: Sink<Element>> {
     planner: Planner<S>,
     waiting: Option<Event>,
     probing: Probing,
-    single_block: bool,
     exact_stops: ExactStops,
     /// Where the operator's overrides are, and those that the plan was last made with.
     live: Option<Arc<Live>>,
@@ -221,7 +220,6 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             planner: Planner::with_workers(plan_settings(config, start), sink, workers),
             waiting: None,
             probing,
-            single_block: false,
             exact_stops: ExactStops::NONE,
             live: None,
             overrides: [1.0; 2],
@@ -240,7 +238,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         self
     }
 
-    /// The same that follows the operator's overrides, from the next [`Feeder::pump`] on.
+    /// The same that follows the operator, from the next [`Feeder::pump`] on: overrides; in single block, exact stops.
     pub fn following(self, live: Arc<Live>) -> Feeder<'t, S> {
         Feeder {
             live: Some(live),
@@ -280,7 +278,8 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
                 Some(Ok(event)) => {
                     self.line = event.source.line;
                     self.look_at(&event.call);
-                    if let Some(call) = self.exact_stops.switch(self.single_block) {
+                    let single_block = self.live.as_ref().is_some_and(|live| live.single_block());
+                    if let Some(call) = self.exact_stops.switch(single_block) {
                         let source = event.source;
                         self.planner.push(&Event { source, call }).map_err(FeedError::Plan)?;
                     }
@@ -311,11 +310,6 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     /// Programmed path since the last call, before corners were rounded; machine coordinates.
     pub fn ideal_path(&mut self) -> std::vec::Drain<'_, Programmed> {
         self.planner.ideal_path()
-    }
-
-    /// Single block: what is interpreted from the next [`Feeder::pump`] on is planned with an exact stop behind each block.
-    pub fn set_single_block(&mut self, on: bool) {
-        self.single_block = on;
     }
 
     /// Pauses until there may be something to do: an order comes, or the machine has moved on for `most`.

@@ -191,6 +191,11 @@ impl Live {
         u32::try_from(number).ok()
     }
 
+    /// Whether each block ends at rest: what is planned from now on is to end so.
+    pub fn single_block(&self) -> bool {
+        self.single_block.load(Relaxed)
+    }
+
     /// Shows new values. RT.
     pub fn show(&self, snapshot: &Snapshot) {
         self.enables.store(bits(snapshot.enables), Relaxed);

@@ -217,7 +217,6 @@ impl<'a> Rehearsal<'a> {
 
     fn feed(&mut self) -> anyhow::Result<()> {
         if let Some(feeder) = &mut self.feeder {
-            feeder.set_single_block(self.operator.live().single_block);
             let progress = feeder.pump().map_err(|error| anyhow!(error.located("program")))?;
             self.path.extend(feeder.ideal_path());
             if progress == Progress::Done && feeder.is_over() {
