@@ -27,6 +27,8 @@ pub struct Spindle {
     pub drive: Option<SpindleDrive>,
     /// What tells where the spindle is; `None`: nothing does.
     pub encoder: Option<SpindleEncoder>,
+    /// Cycles from the place of the spindle as it is read to where the axes are with the set-points that come of it; default 2.
+    pub encoder_lead_cycles: f64,
 }
 
 /// `[spindle.drive]`: an output of a node that takes the speed, signed; its greatest value stands for the highest speed.
@@ -72,6 +74,7 @@ impl Default for Spindle {
             speed_timeout_s: 20.0,
             drive: None,
             encoder: None,
+            encoder_lead_cycles: 2.0,
         }
     }
 }
@@ -124,7 +127,8 @@ pub(super) fn spindle(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> O
         speed_tolerance: percent? / 100.0,
         speed_timeout_s: speed_timeout_s?,
         drive: drive?,
-        encoder: encoder?,
+        encoder: encoder.map(|encoder| encoder.map(|(encoder, _)| encoder))?,
+        encoder_lead_cycles: encoder?.map_or(default.encoder_lead_cycles, |(_, lead)| lead),
     })
 }
 
@@ -144,15 +148,21 @@ fn drive(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Option<Spindle
     })
 }
 
-fn encoder(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Option<SpindleEncoder> {
+/// The encoder, and its lead.
+fn encoder(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Option<(SpindleEncoder, f64)> {
     let words = [("pins", Source::Pins), ("node", Source::Node)];
     let source = section.word("source", &words, None)?;
+    let lead = section.number(
+        "lead_cycles",
+        Bound::Within(0.0, 20.0),
+        Spindle::default().encoder_lead_cycles,
+    );
     let encoder = match source {
         Source::Pins => Some(SpindleEncoder::Pins),
         Source::Node => counter(&mut section, nodes).map(SpindleEncoder::Counter),
     };
     section.done();
-    encoder
+    Some((encoder?, lead?))
 }
 
 fn counter(section: &mut Section<'_, '_>, nodes: Option<&[Node]>) -> Option<SpindleCounter> {

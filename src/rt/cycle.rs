@@ -624,12 +624,13 @@ impl<B: Fieldbus> Control<B> {
                 turning: self.parts.pins.spindle.feed_share(),
                 ..wanted
             };
-            self.sample = program.step_shares(&shares, self.parts.pins.spindle.place());
+            self.sample = program.step_shares(&shares, &self.parts.pins.spindle.place());
             self.program_cycles += 1;
             // Whoever runs block by block, or back, says when it goes on.
             self.hold |= program.is_block_over() || program.is_way_back_over();
             self.program_has_moved |= self.sample.state == SampleState::Moving;
             self.parts.pins.spindle.steer(&self.sample);
+            let in_step = program.take_sync_report();
             // A ramp to rest may just reach the end of a move: what stands behind it, a spindle say, must not begin then.
             if !wanted.hold(self.sample.enables)
                 && self.waiting.is_none()
@@ -649,6 +650,9 @@ impl<B: Fieldbus> Control<B> {
                 self.fault(Fault::IllegalCommand {
                     joint: unreachable.joint,
                 });
+            }
+            if let Some((line, report)) = in_step {
+                self.notice(Notice::InStep { line, report });
             }
             // A move that was ended by a stop has no fault of its own.
             if let Some(fault) = self.sample.fault.filter(|&fault| fault != SyncFault::Aborted) {

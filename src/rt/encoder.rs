@@ -135,7 +135,8 @@ pub struct Speed {
     turns: [f64; SPEED_CYCLES],
     next: usize,
     seen: usize,
-    indexed: bool,
+    last: SpindleFeedback,
+    per_cycle: f64,
 }
 
 impl Speed {
@@ -145,29 +146,33 @@ impl Speed {
             turns: [0.0; SPEED_CYCLES],
             next: 0,
             seen: 0,
-            indexed: false,
+            last: SpindleFeedback::NONE,
+            per_cycle: 0.0,
         }
     }
 
     /// Takes this cycle's place; gives the turns of a cycle, 0 until enough are known. RT.
     pub fn see(&mut self, place: &SpindleFeedback) -> f64 {
-        // At the first index the count begins anew.
-        if !place.turns.is_finite() || place.indexed != self.indexed {
-            *self = Speed {
-                indexed: place.indexed,
-                ..Speed::new()
-            };
-        }
         if !place.turns.is_finite() {
+            *self = Speed::new();
             return 0.0;
         }
+        if place.indexed != self.last.indexed {
+            // The count begins anew, the spindle goes on.
+            let shift = place.turns - (self.last.turns + self.per_cycle);
+            for turns in &mut self.turns {
+                *turns += shift;
+            }
+        }
+        self.last = *place;
         let oldest = std::mem::replace(&mut self.turns[self.next], place.turns);
         self.next = (self.next + 1) % SPEED_CYCLES;
         if self.seen < SPEED_CYCLES {
             self.seen += 1;
-            return 0.0;
+        } else {
+            self.per_cycle = (place.turns - oldest) / SPEED_CYCLES as f64;
         }
-        (place.turns - oldest) / SPEED_CYCLES as f64
+        self.per_cycle
     }
 }
 
@@ -232,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn speed_is_that_of_the_last_cycles_and_starts_anew_at_the_index() {
+    fn speed_is_that_of_the_last_cycles_also_over_the_index() {
         let mut speed = Speed::new();
         let place = |turns, indexed| SpindleFeedback { turns, indexed };
         for cycle in 0..100 {
@@ -240,7 +245,10 @@ mod tests {
             let known = cycle >= SPEED_CYCLES as i32;
             assert!((found - if known { 0.02 } else { 0.0 }).abs() < 1e-12, "{cycle}");
         }
-        assert_eq!(speed.see(&place(0.3, true)), 0.0);
+        for cycle in 0..100 {
+            let found = speed.see(&place(0.3 + f64::from(cycle) * 0.02, true));
+            assert!((found - 0.02).abs() < 1e-12, "{cycle}");
+        }
         assert_eq!(speed.see(&place(f64::NAN, true)), 0.0);
     }
 }

@@ -10,8 +10,8 @@ use crate::machine::faults::Fault;
 use crate::machine::state::State;
 use motion::canon::{AXES, Position};
 use motion::element::{Action, Enables};
-use motion::rt::Interpolator;
 use motion::rt::jog::Obstruction;
+use motion::rt::{Interpolator, SyncReport};
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::Relaxed};
 
 /// An order for the cycle thread.
@@ -61,6 +61,13 @@ pub enum Notice {
     Action(Action),
     /// Something is in the way of an axis that is jogged.
     Obstructed(Obstruction),
+    /// A move in step with the spindle came to its end.
+    InStep {
+        /// Line of the program.
+        line: u32,
+        /// How it went.
+        report: SyncReport,
+    },
     /// The program came to its end.
     ProgramEnded,
 }

@@ -75,6 +75,7 @@ pub struct Spindle {
     cycle_s: f64,
     rpm_max: f64,
     tolerance: f64,
+    lead_cycles: f64,
     timeout_s: f64,
     wanted: Option<Wanted>,
     /// The operator's override, a share.
@@ -138,6 +139,7 @@ impl Spindle {
             cycle_s: f64::from(config.cycle_us) * 1e-6,
             rpm_max: spindle.rpm_max,
             tolerance: spindle.speed_tolerance,
+            lead_cycles: spindle.encoder_lead_cycles,
             timeout_s: spindle.speed_timeout_s,
             wanted: None,
             override_share: 1.0,
@@ -186,9 +188,12 @@ impl Spindle {
         self.speed_in.set(self.turns_per_cycle / self.cycle_s);
     }
 
-    /// Where it is. RT.
-    pub fn place(&self) -> &SpindleFeedback {
-        &self.place
+    /// Where it will be when the axes are where this cycle's set-points bring them. RT.
+    pub fn place(&self) -> SpindleFeedback {
+        SpindleFeedback {
+            turns: self.place.turns + self.lead_cycles * self.turns_per_cycle,
+            ..self.place
+        }
     }
 
     /// M3, M4, S. RT.

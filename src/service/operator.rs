@@ -393,6 +393,7 @@ impl Operator {
                 self.note(time_s, text.clone());
                 self.obstruction = Some(text);
             }
+            Notice::InStep { line, report } => self.note(time_s, format!("line {line}: {report}")),
             Notice::ProgramEnded => self.program_ended = true,
         }
     }

@@ -254,6 +254,11 @@ impl Interpolator {
         self.follower.report()
     }
 
+    /// Line of a move in step with the spindle that came to its end, and how it went; told once. RT.
+    pub fn take_sync_report(&mut self) -> Option<(u32, SyncReport)> {
+        self.follower.take_report()
+    }
+
     /// Planned motion still to come, as far as it has been planned yet, s. RT.
     pub fn remaining_s(&self) -> f64 {
         (self.track.published_s() - self.done_s - self.time_s).max(0.0)

@@ -110,6 +110,19 @@ pub struct SyncReport {
     pub cycles_off: u64,
 }
 
+impl fmt::Display for SyncReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.in_step_from_mm {
+            None => f.write_str("never in step with the spindle"),
+            Some(from_mm) => write!(
+                f,
+                "in step with the spindle from {from_mm:.3} mm on, off by {:.4} mm at most, {} cycles off by much",
+                self.deviation_mm, self.cycles_off
+            ),
+        }
+    }
+}
+
 /// Way that a move needs from rest until it is in step with a spindle of `turns_s` turns per second that keeps its speed, mm.
 pub fn run_in_mm(pitch_mm: f64, turns_s: f64, limits: &MotionLimits) -> f64 {
     ramp(pitch_mm * turns_s.abs(), limits).end.position
@@ -160,6 +173,8 @@ pub struct Follower {
     reversed: bool,
     fault: Option<SyncFault>,
     report: SyncReport,
+    /// Line of the last move that came to its end, and how it went, until it is taken.
+    over: Option<(u32, SyncReport)>,
 }
 
 impl Follower {
@@ -177,6 +192,7 @@ impl Follower {
             reversed: false,
             fault: None,
             report: SyncReport::default(),
+            over: None,
         }
     }
 
@@ -186,6 +202,7 @@ impl Follower {
             observer: self.observer,
             synced: Some(*synced),
             phase: Phase::Waiting,
+            over: self.over,
             ..Follower::new(self.cycle_s)
         };
     }
@@ -201,6 +218,7 @@ impl Follower {
     /// One cycle further; before it, [`Follower::see`]. RT.
     pub fn step(&mut self, spindle: &SpindleFeedback) {
         let Some(synced) = self.synced else { return };
+        let was_over = self.is_over();
         match self.phase {
             Phase::Waiting => self.wait(&synced),
             Phase::Ramp { way, time_s } => self.run_up(&synced, &way, time_s),
@@ -209,6 +227,14 @@ impl Follower {
             Phase::Over => {}
         }
         self.judge(&synced, spindle.turns);
+        if !was_over && self.is_over() {
+            self.over = Some((synced.line, self.report));
+        }
+    }
+
+    /// Line of the last move that came to its end, and how it went; told once. RT.
+    pub fn take_report(&mut self) -> Option<(u32, SyncReport)> {
+        self.over.take()
     }
 
     /// Place on the piece, mm. RT.
