@@ -18,6 +18,8 @@ use motion::rt::{Sample, SpindleFeedback};
 /// Distance from the wanted speed that no encoder is fine enough to judge, 1/min.
 const SPEED_SLACK_RPM: f64 = 5.0;
 
+/// More than any spindle turns, 1/min: what stands for the speed at the centre, where none is enough.
+const RPM_FINITE: f64 = 1e9;
 /// A change of the share of the feed that is not worth following.
 const SHARE_STEP: f64 = 0.003;
 
@@ -226,8 +228,12 @@ impl Spindle {
 
     fn tell(&mut self, reversal: Option<f64>) {
         self.rpm = self.wanted.map_or(0.0, |wanted| {
-            let at_surface = wanted.surface.map_or(f64::INFINITY, |surface| surface.rpm(self.x_mm));
-            let rpm = (self.override_share * wanted.rpm).min(self.rpm_max).min(at_surface);
+            let rpm = match wanted.surface {
+                None => self.override_share * wanted.rpm,
+                // An override changes the speed of the surface; the highest speed stays.
+                Some(surface) => (self.override_share * surface.rpm(self.x_mm).min(RPM_FINITE)).min(wanted.rpm),
+            };
+            let rpm = rpm.min(self.rpm_max);
             let rpm = match wanted.direction {
                 SpindleDirection::Clockwise => rpm,
                 SpindleDirection::Counterclockwise => -rpm,
