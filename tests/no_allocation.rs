@@ -119,7 +119,7 @@ fn machine() -> Config {
     let text = include_str!("../configs/mill3-demo.toml").replace(
         "name = \"io\"\n",
         "name = \"io\"\noutputs = [\"0x6200:1/8\", \"0x6411:1/16\"]\n\
-         inputs = [\"0x6000:1/8\", \"0x3000:1/32\", \"0x3000:2/32\"]\n",
+         inputs = [\"0x6000:1/8\", \"0x6000:2/8\", \"0x3000:1/32\", \"0x3000:2/32\"]\n",
     ) + "[spindle.drive]\nnode = 10\nspeed = \"0x6411:1\"\n\
          [spindle.encoder]\nsource = \"node\"\nnode = 10\ncounter = \"0x3000:1\"\nindex = \"0x3000:2\"\ncounts_per_turn = 1000\n";
     config::parse(&text, Path::new("m.toml")).unwrap_or_else(|errors| panic!("{errors}"))
