@@ -2,6 +2,11 @@
 //!
 //! Splines, threads and feeds per turn are counted without their time. Shows the three parts of the library: settings, events, and a machine that answers.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "a rough time need not be the same to the bit everywhere"
+)]
+
 use gcode::{Interpreter, Machine, Probed, Settings, ToolChanger, ToolTable};
 use motion::canon::{Axis, Call, FeedMode, LengthUnit, Position, ProbeEnd, ProbeMode};
 use std::collections::BTreeMap;

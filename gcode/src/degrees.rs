@@ -37,24 +37,24 @@ pub(crate) fn cos(degrees: f64) -> f64 {
 pub(crate) fn tan(degrees: f64) -> f64 {
     let (quadrant, rest) = reduce(degrees);
     let (angle, error) = radians(rest);
-    let tangent = angle.tan();
+    let tangent = libm::tan(angle);
     let tangent = tangent + error * (1.0 + tangent * tangent);
     if quadrant % 2 == 0 { tangent } else { -tangent.recip() }
 }
 
 /// The angle of a sine, from -90 to 90.
 pub(crate) fn asin(sine: f64) -> f64 {
-    in_degrees(sine.asin())
+    in_degrees(libm::asin(sine))
 }
 
 /// The angle of a cosine, from 0 to 180.
 pub(crate) fn acos(cosine: f64) -> f64 {
-    in_degrees(cosine.acos())
+    in_degrees(libm::acos(cosine))
 }
 
 /// The angle of the direction (x, y), from -180 to 180.
 pub(crate) fn atan2(y: f64, x: f64) -> f64 {
-    in_degrees(y.atan2(x))
+    in_degrees(libm::atan2(y, x))
 }
 
 /// Quarter turns, 0 to 3, and what is left of the angle, -45 to 45 degrees.
@@ -75,13 +75,13 @@ fn radians(degrees: f64) -> (f64, f64) {
 
 fn sin_of_rest(rest: f64) -> f64 {
     let (angle, error) = radians(rest);
-    let sine = angle.sin();
+    let sine = libm::sin(angle);
     sine + error * (1.0 - sine * sine).sqrt()
 }
 
 fn cos_of_rest(rest: f64) -> f64 {
     let (angle, error) = radians(rest);
-    angle.cos() - error * angle.sin()
+    libm::cos(angle) - error * libm::sin(angle)
 }
 
 fn in_degrees(radians: f64) -> f64 {

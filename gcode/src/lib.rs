@@ -23,6 +23,11 @@
 //! assert_eq!(errors[0].to_string(), "1:1: G1 needs a feed: F is not set");
 //! ```
 
+#![cfg_attr(
+    test,
+    allow(clippy::disallowed_methods, reason = "tests may use the PC's own functions")
+)]
+
 mod block;
 mod check;
 mod code;

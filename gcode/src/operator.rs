@@ -100,7 +100,7 @@ impl Operator {
                     exponent: right,
                 });
             }
-            Operator::Power => left.powf(right),
+            Operator::Power => libm::pow(left, right),
             Operator::Times => left * right,
             Operator::Divide => left / right,
             Operator::Modulo => {
@@ -200,10 +200,10 @@ impl Function {
             Function::Atan => degrees::atan2(argument, 1.0),
             Function::Cos => degrees::cos(argument),
             Function::Exists => argument,
-            Function::Exp => argument.exp(),
+            Function::Exp => libm::exp(argument),
             Function::Fix => argument.floor(),
             Function::Fup => argument.ceil(),
-            Function::Ln => argument.ln(),
+            Function::Ln => libm::log(argument),
             // Zero without sign, as from an integer.
             Function::Round => argument.round() + 0.0,
             Function::Sin => degrees::sin(argument),

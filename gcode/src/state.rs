@@ -31,7 +31,7 @@ pub(crate) struct Offsets {
 /// Turns X and Y counter-clockwise.
 pub(crate) fn turned(mut point: Position, degrees: f64) -> Position {
     if degrees != 0.0 {
-        let (sin, cos) = degrees.to_radians().sin_cos();
+        let (sin, cos) = libm::sincos(degrees.to_radians());
         let (x, y) = (point[Axis::X], point[Axis::Y]);
         point[Axis::X] = x * cos - y * sin;
         point[Axis::Y] = x * sin + y * cos;

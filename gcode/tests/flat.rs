@@ -3,6 +3,8 @@
 //! In:  events of a program up to its first error; those of the text that `FlatWriter` makes of them.
 //! Out: the same moves to the bit, with feeds, modes and offsets that are the same but for rounding.
 
+#![allow(clippy::disallowed_methods, reason = "tests may use the PC's own functions")]
+
 mod oracle;
 
 use gcode::{FlatError, FlatWriter, Interpreter, Settings};

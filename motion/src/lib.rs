@@ -5,6 +5,11 @@
 //!
 //! Everything left of the ring plans and may allocate; everything right of it runs in the cycle thread and may not.
 
+#![cfg_attr(
+    test,
+    allow(clippy::disallowed_methods, reason = "tests may use the PC's own functions")
+)]
+
 pub mod canon;
 pub mod compensation;
 pub mod element;

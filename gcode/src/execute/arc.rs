@@ -56,7 +56,7 @@ impl State {
             let [first, second, normal] = plane.axes();
             let in_plane = |position: Position| [position[first], position[second]];
             let length_mm = circle::length_mm(arc, in_plane(self.at), in_plane(to));
-            PathLength::Mm(length_mm.hypot(to[normal] - self.at[normal]))
+            PathLength::Mm(libm::hypot(length_mm, to[normal] - self.at[normal]))
         };
         self.need_feed(block, length, calls)?;
         calls.push_back(Call::ArcFeed {
@@ -150,7 +150,7 @@ impl State {
 const SAME_POINT_MM: f64 = 1e-9;
 
 pub(super) fn is_same_point(a: [f64; 2], b: [f64; 2]) -> bool {
-    (a[0] - b[0]).hypot(a[1] - b[1]) < SAME_POINT_MM
+    libm::hypot(a[0] - b[0], a[1] - b[1]) < SAME_POINT_MM
 }
 
 #[cfg(test)]

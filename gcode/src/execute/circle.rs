@@ -93,7 +93,7 @@ pub(crate) fn by_radius(
     unit: LengthUnit,
 ) -> Result<Arc, ErrorKind> {
     let half = [(end_mm[0] - start_mm[0]) / 2.0, (end_mm[1] - start_mm[1]) / 2.0];
-    let half_chord_mm = half[0].hypot(half[1]);
+    let half_chord_mm = libm::hypot(half[0], half[1]);
     let magnitude_mm = radius_mm.abs();
     if half_chord_mm - magnitude_mm > HALF_CHORD_TOLERANCE_MM {
         return Err(ErrorKind::ArcRadiusTooSmall {
@@ -122,7 +122,7 @@ pub(crate) fn length_mm(arc: Arc, start_mm: [f64; 2], end_mm: [f64; 2]) -> f64 {
 fn sweep(arc: Arc, start_mm: [f64; 2], end_mm: [f64; 2]) -> f64 {
     use std::f64::consts::TAU;
     let [cx, cy] = arc.centre_mm;
-    let angle = |point: [f64; 2]| (point[1] - cy).atan2(point[0] - cx);
+    let angle = |point: [f64; 2]| libm::atan2(point[1] - cy, point[0] - cx);
     let forward = (angle(end_mm) - angle(start_mm)) * f64::from(arc.turns.signum());
     // A full turn where start and end are the same direction; a rounding error below it is not a whole turn more.
     let part = forward.rem_euclid(TAU);
@@ -131,7 +131,7 @@ fn sweep(arc: Arc, start_mm: [f64; 2], end_mm: [f64; 2]) -> f64 {
 }
 
 fn distance_mm(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
+    libm::hypot(a[0] - b[0], a[1] - b[1])
 }
 
 #[cfg(test)]
@@ -206,7 +206,7 @@ mod tests {
             clockwise: bool,
         ) {
             prop_assume!((sweep - std::f64::consts::PI).abs() > 0.01);
-            let at = |angle: f64| [centre[0] + radius * angle.cos(), centre[1] + radius * angle.sin()];
+            let at = |angle: f64| [centre[0] + radius * libm::cos(angle), centre[1] + radius * libm::sin(angle)];
             let turns = signed_turns(clockwise, 1);
             let (start, end) = (at(from), at(from + sweep * f64::from(turns)));
             let signed = if sweep > std::f64::consts::PI { -radius } else { radius };

@@ -21,7 +21,7 @@ impl PathLength {
     /// Of a straight move.
     pub(super) fn straight(from: Position, to: Position) -> PathLength {
         let delta = minus(to, from);
-        let length = |axes: [Axis; 3]| axes.into_iter().fold(0.0, |sum: f64, axis| sum.hypot(delta[axis]));
+        let length = |axes: [Axis; 3]| axes.into_iter().fold(0.0, |sum, axis| libm::hypot(sum, delta[axis]));
         let xyz = length([Axis::X, Axis::Y, Axis::Z]);
         if xyz > 0.0 {
             return PathLength::Mm(xyz);

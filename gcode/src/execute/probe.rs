@@ -87,7 +87,7 @@ fn backed_off(from: Position, to: Position) -> Position {
     let main = [Axis::X, Axis::Y, Axis::Z];
     let distance_mm = main
         .iter()
-        .fold(0.0, |sum: f64, axis| sum.hypot(from[*axis] - to[*axis]));
+        .fold(0.0, |sum, axis| libm::hypot(sum, from[*axis] - to[*axis]));
     let mut rest = to;
     if distance_mm > 0.0 {
         for axis in main {

@@ -103,7 +103,7 @@ impl State {
             return Err((motion_span(block), ErrorKind::PolarMixed { letter }));
         }
         let (x, y) = (self.at[Axis::X], self.at[Axis::Y]);
-        let (mut radius, mut degrees) = (x.hypot(y), y.atan2(x).to_degrees());
+        let (mut radius, mut degrees) = (libm::hypot(x, y), libm::atan2(y, x).to_degrees());
         let distance = block.word_value(b'@').map(|number| number * self.modal.unit.mm());
         let angle = block.word_value(b'^');
         match self.modal.distance {
@@ -122,7 +122,7 @@ impl State {
                 degrees += angle.unwrap_or(0.0);
             }
         }
-        let (sin, cos) = degrees.to_radians().sin_cos();
+        let (sin, cos) = libm::sincos(degrees.to_radians());
         to[Axis::X] = radius * cos;
         to[Axis::Y] = radius * sin;
         Ok(())

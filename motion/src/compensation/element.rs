@@ -87,7 +87,7 @@ impl Element {
             None => add(self.from, scale(sub(self.to, self.from), part)),
             Some(arc) => {
                 // From the end backwards: that is where the radius is.
-                let (sin, cos) = (arc.sweep * (part - 1.0)).sin_cos();
+                let (sin, cos) = libm::sincos(arc.sweep * (part - 1.0));
                 let arm = sub(self.to, arc.centre);
                 add(arc.centre, [arm[0] * cos - arm[1] * sin, arm[0] * sin + arm[1] * cos])
             }

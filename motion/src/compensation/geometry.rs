@@ -37,7 +37,7 @@ pub(super) fn left(a: Point) -> Point {
 }
 
 pub(super) fn length(a: Point) -> f64 {
-    a[0].hypot(a[1])
+    libm::hypot(a[0], a[1])
 }
 
 /// `a` with length 1. The caller has made sure that it has a length.
@@ -47,7 +47,7 @@ pub(super) fn unit(a: Point) -> Point {
 
 /// Angle from `a` to `b`, positive to the left, from -pi to pi.
 pub(super) fn angle(a: Point, b: Point) -> f64 {
-    cross(a, b).atan2(dot(a, b))
+    libm::atan2(cross(a, b), dot(a, b))
 }
 
 /// An endless line or a circle, with the direction in which it is followed.

@@ -159,7 +159,7 @@ mod tests {
     use crate::canon::{Plane, Position};
 
     fn at(angle: f64) -> Point {
-        [2.0 * angle.cos(), 2.0 * angle.sin()]
+        [2.0 * libm::cos(angle), 2.0 * libm::sin(angle)]
     }
 
     /// An arc about zero from -0.5 to 0.5 rad, and full turns, of which corners leave the part between two angles.

@@ -34,7 +34,7 @@ pub(super) const TOO_FAR: Why = "the rod is too short for a place so far from it
 impl LinearDelta {
     /// Direction of a tower at an angle from X towards Y, degrees.
     pub fn tower(degrees: f64) -> [f64; 2] {
-        let (sin, cos) = degrees.to_radians().sin_cos();
+        let (sin, cos) = libm::sincos(degrees.to_radians());
         [cos, sin]
     }
 
@@ -92,7 +92,7 @@ impl LinearDelta {
 
     /// What is singular near these joints and axes, both by letters.
     pub(super) fn singularity(&self, joints: &[f64; AXES], z: f64) -> Option<Why> {
-        let least = self.rod_mm * NEARLY_DEGREES.to_radians().sin();
+        let least = self.rod_mm * libm::sin(NEARLY_DEGREES.to_radians());
         (joints[..3].iter().any(|joint| joint - z < least)).then_some("a rod is nearly level")
     }
 }

@@ -71,23 +71,23 @@ impl Number for f64 {
     }
 
     fn sin_cos(self) -> (f64, f64) {
-        f64::sin_cos(self)
+        libm::sincos(self)
     }
 
     fn atan2(self, x: f64) -> f64 {
-        f64::atan2(self, x)
+        libm::atan2(self, x)
     }
 
     fn acos(self) -> f64 {
-        f64::acos(self)
+        libm::acos(self)
     }
 
     fn asin(self) -> f64 {
-        f64::asin(self)
+        libm::asin(self)
     }
 
     fn hypot(self, other: f64) -> f64 {
-        f64::hypot(self, other)
+        libm::hypot(self, other)
     }
 }
 
@@ -235,7 +235,7 @@ impl Number for Jet3 {
     }
 
     fn sin_cos(self) -> (Jet3, Jet3) {
-        let (sin, cos) = self.q.sin_cos();
+        let (sin, cos) = libm::sincos(self.q);
         (
             self.through([sin, cos, -sin, -cos]),
             self.through([cos, -sin, -cos, sin]),
@@ -255,7 +255,7 @@ impl Number for Jet3 {
         let d2 = (n_1 - d1 * d_1) / d;
         let d3 = (n_2 - 2.0 * d2 * d_1 - d1 * d_2) / d;
         Jet3 {
-            q: y.q.atan2(x.q),
+            q: libm::atan2(y.q, x.q),
             d1,
             d2,
             d3,
@@ -264,18 +264,18 @@ impl Number for Jet3 {
 
     fn acos(self) -> Jet3 {
         let [_, f1, f2, f3] = arc_sine_derivatives(self.q);
-        self.through([self.q.acos(), -f1, -f2, -f3])
+        self.through([libm::acos(self.q), -f1, -f2, -f3])
     }
 
     fn asin(self) -> Jet3 {
         let [_, f1, f2, f3] = arc_sine_derivatives(self.q);
-        self.through([self.q.asin(), f1, f2, f3])
+        self.through([libm::asin(self.q), f1, f2, f3])
     }
 
     fn hypot(self, other: Jet3) -> Jet3 {
         let length = (self * self + other * other).sqrt();
         Jet3 {
-            q: self.q.hypot(other.q),
+            q: libm::hypot(self.q, other.q),
             ..length
         }
     }

@@ -88,7 +88,7 @@ impl Scara {
     /// Axes for joints. RT.
     pub(super) fn forward(&self, axes: &mut [f64; AXES]) {
         let (shoulder, elbow, wrist) = (axes[0], axes[1], axes[5]);
-        let along = |degrees: f64| degrees.to_radians().sin_cos();
+        let along = |degrees: f64| libm::sincos(degrees.to_radians());
         let (sin_s, cos_s) = along(shoulder);
         let (sin_e, cos_e) = along(shoulder + elbow);
         let (sin_w, cos_w) = along(shoulder + elbow + wrist);

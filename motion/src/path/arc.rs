@@ -175,11 +175,11 @@ impl Arc {
         let (mut low, mut high) = (start.min(end), start.max(end));
         if axis < 3 {
             // d/du of r cos(w u - phase) g + e u = 0: sin(w u - phase) = e / (r w g).
-            let g = self.radial[axis].hypot(self.tangential[axis]);
-            let phase = self.tangential[axis].atan2(self.radial[axis]);
+            let g = libm::hypot(self.radial[axis], self.tangential[axis]);
+            let phase = libm::atan2(self.tangential[axis], self.radial[axis]);
             let sine = self.even[axis] / (self.radius * self.sweep * g);
             if g > 0.0 && sine.abs() <= 1.0 {
-                let first = sine.asin();
+                let first = libm::asin(sine);
                 for base in [first + phase, std::f64::consts::PI - first + phase] {
                     // The first such place and the last: between them the height only helps in one direction.
                     let low_turn = base.rem_euclid(TAU);
@@ -203,7 +203,7 @@ impl Arc {
     }
 
     fn at(&self, u: f64) -> [f64; AXES] {
-        self.at_angle(u, (self.sweep * u).sin_cos())
+        self.at_angle(u, libm::sincos(self.sweep * u))
     }
 
     fn at_angle(&self, u: f64, (sin, cos): (f64, f64)) -> [f64; AXES] {
@@ -221,7 +221,7 @@ impl Arc {
 
     pub(super) fn tangent(&self, s: f64) -> ([f64; AXES], [f64; AXES]) {
         let u = self.parameter(s);
-        let (sin, cos) = (self.sweep * u).sin_cos();
+        let (sin, cos) = libm::sincos(self.sweep * u);
         let around = (self.radius + self.radius_change * u) * self.sweep;
         let mut d1 = self.even;
         for (d1, (radial, tangential)) in d1.iter_mut().zip(self.radial.iter().zip(&self.tangential)) {
@@ -238,7 +238,7 @@ impl Arc {
 
     /// Position and derivatives by length at the part `u` of the turn, 0 to 1. RT.
     pub fn jet_at(&self, u: f64) -> Jet {
-        let (sin, cos) = (self.sweep * u).sin_cos();
+        let (sin, cos) = libm::sincos(self.sweep * u);
         let (r, dr, w) = (self.radius + self.radius_change * u, self.radius_change, self.sweep);
         // r(u) times the unit vector of angle w u, derived three times by u, in radial and tangential parts.
         let mut jet = Jet {
@@ -273,8 +273,8 @@ impl Arc {
             let (mut own, mut g) = ([even.abs(), 0.0, 0.0], 0.0);
             if axis < 3 {
                 let (radial, tangential) = (self.radial[axis], self.tangential[axis]);
-                g = self.radius * radial.hypot(tangential);
-                let phase = tangential.atan2(radial);
+                g = self.radius * libm::hypot(radial, tangential);
+                let phase = libm::atan2(tangential, radial);
                 let (begin, end) = (per_length * from - phase, per_length * to - phase);
                 // q = even + g cos(angle), derived three times.
                 let sine = sine_between(begin, end);
@@ -302,7 +302,7 @@ const NEARLY_ROUND: f64 = 1e-3;
 
 /// Least and greatest sine of the angles between two.
 fn sine_between(begin: f64, end: f64) -> [f64; 2] {
-    let (a, b) = (begin.sin(), end.sin());
+    let (a, b) = (libm::sin(begin), libm::sin(end));
     let passes = |angle: f64| ((begin - angle) / TAU).ceil() <= ((end - angle) / TAU).floor();
     [
         if passes(-FRAC_PI_2) { -1.0 } else { a.min(b) },

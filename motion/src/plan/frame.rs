@@ -21,7 +21,7 @@ pub(super) struct Frame {
 impl Frame {
     pub(super) fn rotate(&mut self, degrees: f64) {
         self.rotation_deg = degrees;
-        self.turn = (degrees != 0.0).then(|| degrees.to_radians().sin_cos());
+        self.turn = (degrees != 0.0).then(|| libm::sincos(degrees.to_radians()));
     }
 
     /// Turns the XY part of a vector into machine directions.

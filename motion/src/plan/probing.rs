@@ -62,7 +62,7 @@ pub(super) fn limits_along(piece: &Piece, settings: &Settings) -> Result<MotionL
     let velocity = least(&|[d1, d2, d3], limits| {
         (limits.velocity / d1)
             .min((limits.acceleration / (3.0 * d2)).sqrt())
-            .min((limits.jerk / (4.0 * d3)).cbrt())
+            .min(libm::cbrt(limits.jerk / (4.0 * d3)))
     });
     let acceleration =
         least(&|[d1, d2, _], limits| (limits.acceleration / (1.5 * d1)).min(limits.jerk / (12.0 * d2 * velocity)));

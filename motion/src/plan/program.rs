@@ -605,7 +605,7 @@ impl Program {
             let arm = [0, 1, 2].map(|i| q.0[i] - centre[i]);
             let part = |unit: &[f64; 3]| arm[0] * unit[0] + arm[1] * unit[1] + arm[2] * unit[2];
             let (x, y) = (part(&first), part(&second));
-            (y.atan2(x), x.hypot(y))
+            (libm::atan2(y, x), libm::hypot(x, y))
         };
         let ((from, radius), (until, _)) = (angle_and_radius(&self.position), angle_and_radius(&end));
         let mut sweep = if turns > 0 { until - from } else { from - until }.rem_euclid(TAU);

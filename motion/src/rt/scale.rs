@@ -314,7 +314,7 @@ mod tests {
             let least_s = if way_s > ramp_s {
                 way_s + ramp_s
             } else {
-                4.0 * (way_s / (2.0 * mill().curvature)).cbrt()
+                4.0 * libm::cbrt(way_s / (2.0 * mill().curvature))
             };
             let cycles = (least_s / CYCLE_S).ceil() as usize + 45;
             assert!(

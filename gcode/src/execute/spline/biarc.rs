@@ -183,5 +183,5 @@ fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
 }
 
 fn length(vector: [f64; 2]) -> f64 {
-    vector[0].hypot(vector[1])
+    libm::hypot(vector[0], vector[1])
 }

@@ -85,6 +85,6 @@ impl Curve {
 /// A vector of length 1 in the same direction; `None`: there is none.
 fn unit(vector: [f64; 2]) -> Option<[f64; 2]> {
     const LENGTH_MIN: f64 = 1e-9;
-    let length = vector[0].hypot(vector[1]);
+    let length = libm::hypot(vector[0], vector[1]);
     (length > LENGTH_MIN).then(|| [vector[0] / length, vector[1] / length])
 }

@@ -101,12 +101,12 @@ impl State {
         let spring_cuts = block.word_value(b'H').map_or(0, |number| number.round() as u32);
         let degression = block.word_value(b'R').map_or(1.0, |number| number.max(1.0));
         // The n that makes K of J * n ** (1/R).
-        let count = (thread.depth / thread.first_cut).powf(degression) + f64::from(spring_cuts);
+        let count = libm::pow(thread.depth / thread.first_cut, degression) + f64::from(spring_cuts);
         if count > f64::from(PASSES_MAX) {
             return Err(self.too_long(block, count));
         }
         for n in 1..=PASSES_MAX {
-            let depth = thread.first_cut * f64::from(n).powf(1.0 / degression);
+            let depth = thread.first_cut * libm::pow(f64::from(n), 1.0 / degression);
             // As LinuxCNC asks it: counted from the start, the sum's rounding decides whether a last small cut is made.
             if thread.crest + depth >= thread.crest + thread.depth {
                 break;
@@ -171,7 +171,7 @@ impl State {
             first_cut,
             depth,
             pitch,
-            slide: angle.to_radians().tan(),
+            slide: libm::tan(angle.to_radians()),
             taper,
             taper_in: taper > 0.0 && taper_kind % 2.0 == 1.0,
             taper_out: taper > 0.0 && taper_kind >= 2.0,
@@ -206,7 +206,7 @@ impl Thread {
         let start_z = self.start_z + self.along * depth * self.slide;
         let end_z = self.end_z - self.along * (self.depth - depth) * self.slide;
         // So fast that the way along Z has the pitch of the thread.
-        let taper_pitch = || self.pitch * self.depth.hypot(self.taper) / self.taper;
+        let taper_pitch = || self.pitch * libm::hypot(self.depth, self.taper) / self.taper;
 
         calls.push_back(rapid(above_x, start_z));
         if !self.taper_in {

@@ -111,7 +111,7 @@ impl Segment {
             Some(arc) => {
                 let angle = |point: Point| {
                     let [x, y] = minus(point, arc.centre_mm);
-                    y.atan2(x)
+                    libm::atan2(y, x)
                 };
                 let turn = |from: f64, to: f64| ((to - from) * f64::from(arc.turns)).rem_euclid(std::f64::consts::TAU);
                 let whole = turn(angle(self.start), angle(self.end));
@@ -133,10 +133,8 @@ impl Segment {
                 let radius = minus(self.start, arc.centre_mm);
                 let end = minus(self.end, arc.centre_mm);
                 let turns = f64::from(arc.turns);
-                let whole = (turns * cross(radius, end))
-                    .atan2(dot(radius, end))
-                    .rem_euclid(std::f64::consts::TAU);
-                let (sin, cos) = (turns * share * whole).sin_cos();
+                let whole = libm::atan2(turns * cross(radius, end), dot(radius, end)).rem_euclid(std::f64::consts::TAU);
+                let (sin, cos) = libm::sincos(turns * share * whole);
                 let turned = [radius[0] * cos - radius[1] * sin, radius[0] * sin + radius[1] * cos];
                 plus(arc.centre_mm, turned)
             }
@@ -226,7 +224,7 @@ pub(super) fn cross(a: Point, b: Point) -> f64 {
 }
 
 pub(super) fn length(a: Point) -> f64 {
-    a[0].hypot(a[1])
+    libm::hypot(a[0], a[1])
 }
 
 impl Segment {

@@ -170,7 +170,7 @@ impl Writer {
             return self.rapid();
         }
         let (x, y) = (self.quarters(-20, 20), self.distance());
-        let half = f64::hypot(x, y) / 2.0;
+        let half = (x * x + y * y).sqrt() / 2.0;
         let radius = (half * 4.0).ceil() / 4.0 + self.quarters(0, 20);
         let sign = if self.random.once_in(3) { -1.0 } else { 1.0 };
         let mut words = vec![

@@ -44,7 +44,7 @@ pub(super) fn meet(a: &Mark, b: &Mark) -> bool {
 /// How close the centre may come to a wall.
 pub(super) fn allowed_mm(track: &Track, wall: &Wall, radius: f64) -> f64 {
     let flat = if track.mark.chain == wall.mark.chain {
-        2.0 * radius * (1.0 - track.mark.bend.max(wall.mark.bend).cos())
+        2.0 * radius * (1.0 - libm::cos(track.mark.bend.max(wall.mark.bend)))
     } else {
         0.0
     };

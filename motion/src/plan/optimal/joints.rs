@@ -128,7 +128,7 @@ impl Joints {
         for (jet, limits) in jets.iter().zip(&self.limits) {
             let (d1, d2, d3) = (jet.d1.abs(), jet.d2.abs(), jet.d3.abs());
             let speed = limits.velocity / d1;
-            let turning = (limits.jerk / d3).cbrt();
+            let turning = libm::cbrt(limits.jerk / d3);
             allowed.b = allowed
                 .b
                 .min(speed * speed)
@@ -189,7 +189,7 @@ impl Steady {
         for ([d1, d2, d3], limits) in all() {
             v = v.min(SPEED_PART * limits.velocity / d1);
             v = v.min((BEND_PART * USE * limits.acceleration / d2).sqrt());
-            v = v.min((BEND_PART * USE * limits.jerk / d3).cbrt());
+            v = v.min(libm::cbrt(BEND_PART * USE * limits.jerk / d3));
         }
         let (mut a, mut j) = (f64::INFINITY, f64::INFINITY);
         for ([d1, d2, d3], limits) in all() {

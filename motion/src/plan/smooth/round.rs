@@ -55,7 +55,7 @@ pub(in crate::plan) fn turning(group: Group, a: &Jet, b: &Jet) -> f64 {
         less += (a[i] - b[i]) * (a[i] - b[i]);
         more += (a[i] + b[i]) * (a[i] + b[i]);
     }
-    2.0 * less.sqrt().atan2(more.sqrt())
+    2.0 * libm::atan2(less.sqrt(), more.sqrt())
 }
 
 /// Distance from the vertex at which a corner of two straight legs must begin for its crest to be `tolerance` away.

@@ -155,7 +155,7 @@ impl ArcDda {
         if start == [0, 0] {
             return Err(ArcError::NoRadius);
         }
-        let [from, to] = [start, end].map(|[x, y]| f64::from(x).hypot(f64::from(y)));
+        let [from, to] = [start, end].map(|[x, y]| libm::hypot(f64::from(x), f64::from(y)));
         if (from - to).abs() > SLACK {
             return Err(ArcError::OffCircle { start: from, end: to });
         }

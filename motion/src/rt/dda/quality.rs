@@ -7,7 +7,7 @@
 pub fn path_variance(points: impl IntoIterator<Item = [i32; 2]>, radius: f64) -> f64 {
     let (mut sum, mut count) = (0.0, 0_u32);
     for [x, y] in points {
-        let off = f64::from(x).hypot(f64::from(y)) - radius;
+        let off = libm::hypot(f64::from(x), f64::from(y)) - radius;
         sum += off * off;
         count += 1;
     }

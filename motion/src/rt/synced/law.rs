@@ -32,7 +32,7 @@ pub(super) fn jerk(now: &State, wanted: &State, limits: &MotionLimits, cycle_s: 
     // On the curve speed = c distance^(2/3) the jerk is the same everywhere, 2/9 c³.
     let share = JERK_SHARE * jerk;
     let approach = (e.abs() / (3.0 * tau))
-        .min((share * e * e).cbrt())
+        .min(libm::cbrt(share * e * e))
         .min((2.0 * ACCELERATION_SHARE * acceleration * e.abs()).sqrt());
     let missing = wanted.velocity + approach.copysign(e) - now.velocity;
     let change = (missing.abs() / tau).min((jerk * missing.abs()).sqrt());

@@ -240,7 +240,7 @@ impl WorldJog {
                 let motion = &limits.motion;
                 share = share.min(STEADY[0] * motion.velocity / joint.d1.abs());
                 share = share.min((STEADY[1] * motion.acceleration / joint.d2.abs()).sqrt());
-                share = share.min((STEADY[2] * motion.jerk / joint.d3.abs()).cbrt());
+                share = share.min(libm::cbrt(STEADY[2] * motion.jerk / joint.d3.abs()));
             }
         }
         share
