@@ -109,7 +109,7 @@ impl Bezier {
                 high[axis] = high[axis].max(place[axis]);
             }
         }
-        (high[0] - low[0]).hypot(high[1] - low[1])
+        libm::hypot(high[0] - low[0], high[1] - low[1])
     }
 
     /// Whether the curve runs straight from its start to its end, however unevenly.
@@ -118,7 +118,7 @@ impl Bezier {
         const OFF_MM: f64 = 1e-11;
         let (start, end) = (self.start().q, self.end().q);
         let chord = minus(&end, &start);
-        let length = chord[0].hypot(chord[1]);
+        let length = libm::hypot(chord[0], chord[1]);
         let mut before = 0.0;
         length > 0.0
             && self.places().all(|place| {
@@ -152,7 +152,7 @@ impl Bezier {
             least = least.min(point[2]);
             binomial *= (degree - i) as f64 / (i + 1) as f64;
         }
-        let size = |sum: &[f64; 3]| sum[0].hypot(sum[1]) / sum[2];
+        let size = |sum: &[f64; 3]| libm::hypot(sum[0], sum[1]) / sum[2];
         sums.iter().map(size).fold(0.0, f64::max) / least
     }
 }

@@ -166,6 +166,8 @@ fn quintic(curve: &Bezier, start: Option<Shared>, end: Option<Shared>) -> Option
 /// Bézier points of the quintic between two ends.
 fn control_points(from: &End, to: &End) -> [[f64; 2]; 6] {
     let mut points = [[0.0; 2]; 6];
+    // One axis at a time; the points lie across the rows.
+    #[allow(clippy::needless_range_loop)]
     for axis in 0..2 {
         let first = |end: &End| end.d1[axis] * end.pace;
         let second = |end: &End| end.d2[axis] * end.pace * end.pace + end.d1[axis] * end.pace_change;
@@ -189,7 +191,9 @@ fn is_even(points: &[[f64; 2]; 6]) -> bool {
     for pair in points.windows(2) {
         let step = minus(&pair[1], &pair[0]);
         let along = dot(&step, &chord) / size;
-        if !(along >= TURN_COS * length(&step)) {
+        // Not so for NaN.
+        let turns_little = along >= TURN_COS * length(&step);
+        if !turns_little {
             return false;
         }
         least = least.min(along);
@@ -332,5 +336,5 @@ fn dot(a: &[f64; 2], b: &[f64; 2]) -> f64 {
 }
 
 fn length(vector: &[f64; 2]) -> f64 {
-    vector[0].hypot(vector[1])
+    libm::hypot(vector[0], vector[1])
 }
