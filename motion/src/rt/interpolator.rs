@@ -457,13 +457,15 @@ impl Interpolator {
                     self.prober.step(probing, scale <= 0.0);
                     break;
                 }
-                Some(Element::Span(_)) => {
+                Some(&Element::Span(span)) => {
                     if plan_s < self.time_s {
                         self.time_s -= plan_s;
                         break;
                     }
                     plan_s -= self.time_s;
                     self.time_s = 0.0;
+                    // What stands before it may have no place of its own.
+                    self.show(&span, 0.0, 0.0);
                 }
                 None
                 | Some(Element::Dwell { .. } | Element::Action { .. } | Element::Synced(_) | Element::Probing(_)) => {}
