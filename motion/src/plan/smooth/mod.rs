@@ -21,6 +21,7 @@ mod corners;
 mod fit;
 mod naive_cam;
 pub(super) mod round;
+#[allow(clippy::needless_range_loop)]
 mod sway;
 
 use compress::Compressor;

@@ -218,7 +218,7 @@ impl Sway {
         let duration = self.pace.time_at(track.start(track.legs.len() - 1) + to) - begin;
         let wanted = (KNOTS * limits.acceleration / limits.jerk).clamp(KNOTS_S[0], KNOTS_S[1]);
         let spans = (duration / wanted).ceil();
-        if !(spans <= 10_000.0) {
+        if !spans.is_finite() || spans > 10_000.0 {
             return None;
         }
         let spans = (spans as usize).max(8);
