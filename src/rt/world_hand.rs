@@ -152,12 +152,15 @@ impl WorldHand {
     }
 }
 
+/// Share of its limits that an axis uses by hand: one that is a joint as well stays within what [`WorldJog`] allows joints.
+const AXIS_SHARE: f64 = 0.85;
+
 /// What an axis may do in the world; joints have the last word.
 fn axis_limits(limits: Option<&AxisLimits>) -> MotionLimits {
     let finite = |value: Option<f64>| value.filter(|value| value.is_finite()).unwrap_or(1.0);
     MotionLimits {
-        velocity: finite(limits.map(|limits| limits.velocity)),
-        acceleration: finite(limits.map(|limits| limits.acceleration)),
-        jerk: finite(limits.map(|limits| limits.jerk)),
+        velocity: AXIS_SHARE * finite(limits.map(|limits| limits.velocity)),
+        acceleration: AXIS_SHARE * finite(limits.map(|limits| limits.acceleration)),
+        jerk: AXIS_SHARE * finite(limits.map(|limits| limits.jerk)),
     }
 }

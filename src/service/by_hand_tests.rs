@@ -337,3 +337,37 @@ fn axes_of_an_arm_run_in_the_world_until_the_hand_is_off() {
         );
     });
 }
+
+#[test]
+fn an_arm_that_is_nearly_stretched_comes_to_rest_and_the_joint_in_the_way_is_named() {
+    by_hand_on(include_str!("../../configs/scara-demo.toml"), |hands| {
+        hands.homed();
+        hands.jog(&run_at(X, 100.0)).unwrap();
+        let mut cycles = 0;
+        while hands.run.operator.obstruction().is_none() {
+            hands.keeping(50);
+            cycles += 50;
+            assert!(cycles < 20_000, "at {:?}", hands.position());
+        }
+        let said = hands.run.operator.obstruction().unwrap().to_owned();
+        assert!(said.contains("joint 1"), "{said}");
+        hands.reach(State::Ready);
+        assert!(
+            hands.run.operator.alarms().is_empty(),
+            "{:?}",
+            hands.run.operator.alarms()
+        );
+        let over: Vec<_> = hands.run.control.peaks().iter().map(|peaks| peaks.over).collect();
+        assert!(over.iter().all(|over| *over == [0; 3]), "{over:?}");
+        // Back it goes, and nothing is in the way any more.
+        let end = hands.position();
+        hands.jog(&run_at(X, -50.0)).unwrap();
+        hands.keeping(1000);
+        assert!(
+            hands.position().0[0] < end.0[0] - 5.0,
+            "{:?} from {end:?}",
+            hands.position()
+        );
+        assert_eq!(hands.run.operator.obstruction(), None);
+    });
+}

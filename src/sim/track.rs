@@ -101,8 +101,13 @@ impl Track {
             (Edge::HomeRight, Reach::Short) => (edge_mm - HOME_LENGTH_MM, edge_mm),
             (Edge::NegativeLimit | Edge::PositiveLimit, _) => (point_mm, point_mm),
         };
+        let start_mm = match joint.homing.method {
+            // Home is where the joint stands: whoever homes it has put it there.
+            35 | 37 => point_mm,
+            _ => low_mm + start * (high_mm - low_mm),
+        };
         Track {
-            start: counts(low_mm + start * (high_mm - low_mm)),
+            start: counts(start_mm),
             negative_limit: counts(negative_mm),
             positive_limit: counts(positive_mm),
             home: (counts(home_mm.0), counts(home_mm.1)),
