@@ -5,7 +5,7 @@
 
 use super::joints::Joints;
 use super::knots::Knotted;
-use super::solver::JointJet;
+use super::solver::{CREST, JointJet, crest};
 use super::windows::Uncut;
 use crate::plan::smooth::Stretch;
 
@@ -54,7 +54,9 @@ impl Checkpoints<'_> {
         let unseen = self
             .unseen(v, [begin, middle, end], &first)
             .max(self.unseen(v, [end, middle, begin], &third));
-        if halvings == 0 || unseen <= UNSEEN {
+        // Checkpoints at the quarters, which the grid adds by itself, make a crest four times lower.
+        let crest = crest(self.joints.limits(), span.to - span.from, [begin, middle, end]);
+        if halvings == 0 || (unseen <= UNSEEN && crest <= 4.0 * CREST) {
             self.push(span, [begin, middle, end], uncut);
             return;
         }

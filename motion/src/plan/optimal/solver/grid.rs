@@ -80,6 +80,29 @@ pub(super) const FINE_CHECKPOINTS: [(f64, f64); 5] = [
 ];
 /// What jerk may stray from the chord between two checkpoints without further ones, over the limit.
 const STRAY: f64 = 0.004;
+/// Crest of jerk between two checkpoints, over the limit, from which further ones are needed.
+pub const CREST: f64 = 0.02;
+
+/// By how much jerk, over its limit, may rise between two checkpoints above what they show, where the curvature of a joint and
+/// the acceleration along the path both change: with both linear in s, the second derivative of q''' v³ + 3 q'' v a + q' s...
+/// by s is 7 q''' v ds.../dv, and a parabola rises above its ends by an eighth of that. The jerk along the path is taken as
+/// high as the joints allow it.
+pub fn crest(limits: &[JointLimits], length: f64, [begin, middle, end]: [&[JointJet]; 3]) -> f64 {
+    let mut along = f64::INFINITY;
+    for (joint, limits) in limits.iter().enumerate() {
+        let d1 = [begin, middle, end].map(|jets| jets[joint].d1.abs());
+        along = along.min(JERK_USE * limits.jerk / d1[0].max(d1[1]).max(d1[2]));
+    }
+    let joints = limits.iter().enumerate();
+    let over = joints.map(|(joint, limits)| {
+        let (first, second) = (
+            (middle[joint].d2 - begin[joint].d2).abs(),
+            (end[joint].d2 - middle[joint].d2).abs(),
+        );
+        0.875 * first.max(second) * along * 0.5 * length / limits.jerk
+    });
+    over.fold(0.0, f64::max)
+}
 
 impl Grid {
     /// No spans yet.
@@ -106,14 +129,14 @@ impl Grid {
                 let speed = limits.velocity / checkpoints[at][joint].d1.abs();
                 speed * speed
             };
-            let (begin, middle, end) = (cap_at(0), cap_at(1), cap_at(2));
-            let least = begin.min(middle).min(end);
-            let ordinate = 2.0 * middle - 0.5 * (begin + end);
-            // Where a joint turns round its cap is infinite, and the quadratic through it tells nothing.
-            let ordinate = if ordinate > least && ordinate < f64::INFINITY {
-                ordinate
+            // Where a joint turns round its cap is infinite. A quadratic follows caps that are not too far apart.
+            const APART: f64 = 1.5;
+            let middle = cap_at(1).min(APART * cap_at(0).max(cap_at(2)));
+            let (begin, end) = (cap_at(0).min(APART * middle), cap_at(2).min(APART * middle));
+            let ordinate = if middle.is_finite() {
+                2.0 * middle - 0.5 * (begin + end)
             } else {
-                least
+                f64::INFINITY
             };
             speeds.begin = speeds.begin.min(begin);
             speeds.middle = speeds.middle.min(ordinate);
@@ -125,7 +148,7 @@ impl Grid {
         speeds.end *= margin;
         self.lengths.push(length);
         self.caps.push(speeds);
-        let fine = self.is_curved(cap, checkpoints);
+        let fine = self.is_curved(cap, length, checkpoints);
         self.first.push((self.rows.len(), fine));
         let [begin, middle, end] = checkpoints;
         if fine {
@@ -168,7 +191,12 @@ impl Grid {
     }
 
     /// Whether jerk may exceed its limit between three checkpoints that it keeps.
-    fn is_curved(&self, cap: f64, [begin, middle, end]: [&[JointJet]; 3]) -> bool {
+    fn is_curved(&self, cap: f64, length: f64, checkpoints: [&[JointJet]; 3]) -> bool {
+        crest(&self.limits, length, checkpoints) > CREST || self.strays(cap, checkpoints)
+    }
+
+    /// Whether the third derivatives leave the parabola that is taken for them.
+    fn strays(&self, cap: f64, [begin, middle, end]: [&[JointJet]; 3]) -> bool {
         // The speed that curvature allows, roughly.
         let mut v = cap.sqrt();
         for (joint, limits) in self.limits.iter().enumerate() {

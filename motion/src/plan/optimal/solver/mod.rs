@@ -42,7 +42,7 @@ mod start;
 pub use brake::first_braking;
 pub use crawl::{CRAWL_REACH, CRAWL_STEP, crawl};
 pub use first::{Knotting, first_crawl, first_profile};
-pub use grid::{ACCELERATION_USE, Grid, JERK_USE, JointJet, JointLimits, SPEED_USE};
+pub use grid::{ACCELERATION_USE, CREST, Grid, JERK_USE, JointJet, JointLimits, SPEED_USE, crest};
 pub use interior::{Infeasible, Options, Solved, Workspace, solve};
 pub use profile::{State, Worst, coefficient, worst};
 pub use spacing::{Cell, rise, spacing};
