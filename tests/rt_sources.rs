@@ -93,6 +93,17 @@ const START_UP: &[(&str, &str, &str)] = &[
     ("src/rt/drives.rs", "new", "makes the list of drives"),
     ("src/rt/hand.rs", "new", "makes the joints"),
     ("src/rt/figures.rs", "new", "makes empty figures"),
+    ("src/rt/override_pins.rs", "new", "makes the pins"),
+    (
+        "src/rt/overrides.rs",
+        "check",
+        "an order is looked at by the operator's thread before it becomes one",
+    ),
+    (
+        "motion/src/rt/pitch_file.rs",
+        "parse",
+        "reads a file of the machine at start-up",
+    ),
     ("src/rt/pins.rs", "object_name", "names are given when pins are made"),
     ("src/rt/pins.rs", "new", "makes and links the pins"),
     ("src/rt/softirq.rs", "", "reads what kernel it is, in imports"),

@@ -279,7 +279,7 @@ mod tests {
         assert_eq!(json["nodes"][3]["id"], 10);
         assert_eq!(json["joints"][1]["axes"], "Y");
         assert_eq!(json["joints"][0]["travel_mm"], json!([-5.0, 305.0]));
-        assert_eq!(json["nets"].as_array().map(Vec::len), Some(3));
+        assert_eq!(json["nets"].as_array().map(Vec::len), Some(4));
     }
 
     #[test]

@@ -6,6 +6,7 @@ use super::{PlanError, Planner, Programmed, Settings};
 use crate::canon::{Event, Position};
 use crate::element::{Element, Synced};
 use crate::ring::{Publish, Sink, Timed};
+use crate::rt::probe::Prober;
 use crate::rt::{Follower, SpindleFeedback};
 
 /// A program, planned.
@@ -75,21 +76,31 @@ pub fn sample(elements: &[Element], start: Position, cycle_s: f64) -> Vec<Positi
             before = 0.0;
             continue;
         }
+        if let Element::Probing(probing) = element {
+            // To its end: nothing is touched.
+            let mut prober = Prober::new(cycle_s);
+            prober.begin(probing);
+            while !prober.take_result() {
+                prober.step(probing, false);
+                samples.push(prober.position());
+            }
+            rest = probing.piece.position(probing.piece.length());
+            before = 0.0;
+            continue;
+        }
         let duration = element.duration_s();
         let mut t = cycle_s - before;
         while t <= duration {
             samples.push(match element {
                 Element::Span(span) => span.piece.position(span.place(t)),
-                Element::Probing(probing) => probing.piece.position(t * probing.piece.length() / duration),
-                Element::Synced(_) | Element::Dwell { .. } | Element::Action { .. } => rest,
+                Element::Synced(_) | Element::Probing(_) | Element::Dwell { .. } | Element::Action { .. } => rest,
             });
             t += cycle_s;
         }
         before = duration - (t - cycle_s);
         match element {
             Element::Span(span) => rest = span.piece.position(span.place(duration)),
-            Element::Probing(probing) => rest = probing.piece.position(probing.piece.length()),
-            Element::Synced(_) | Element::Dwell { .. } | Element::Action { .. } => {}
+            Element::Synced(_) | Element::Probing(_) | Element::Dwell { .. } | Element::Action { .. } => {}
         }
     }
     samples.push(rest);

@@ -157,14 +157,27 @@ impl Emission<'_> {
             rapid: stretch.rapid,
             enables: stretch.enables,
         };
-        // Newton's steps on a function that rises all along; the first guess is off by less than the change of acceleration.
-        for _ in 0..12 {
-            let error = span.place(span.duration_s) - part.to;
-            let step = error / span.speed(span.duration_s).max(0.1 * v0.min(v1));
-            span.duration_s -= step;
-            if step.abs() <= 1e-15 + 1e-15 * span.duration_s {
+        // Newton's steps within a bracket. The place rises until the end; behind it the motion may turn round soon, where speed
+        // has nearly come down to nothing.
+        let (mut low, mut high) = (0.0, f64::INFINITY);
+        for _ in 0..60 {
+            let t = span.duration_s;
+            let (error, speed) = (span.place(t) - part.to, span.speed(t));
+            if error > 0.0 || speed <= 0.0 {
+                high = t;
+            } else {
+                low = t;
+            }
+            let newton = t - error / speed;
+            if speed > 0.0 && (newton - t).abs() <= 1e-15 + 1e-15 * t {
                 break;
             }
+            let within = newton > low && newton < high;
+            span.duration_s = match (within, high < f64::INFINITY) {
+                (true, _) => newton,
+                (false, true) => 0.5 * (low + high),
+                (false, false) => 2.0 * t,
+            };
         }
         self.divided(part.item, span, part.to);
     }

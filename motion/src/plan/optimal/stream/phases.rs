@@ -96,6 +96,10 @@ impl Stream {
 
     /// Constant speed beside a kink; behind it, the machine could stop on what is left of the stretch.
     pub(super) fn zone(&mut self, part: Part, speed: f64, behind: bool) {
+        if matches!(self.entry, Entry::Speed(entry) if entry != speed) {
+            self.zone_from_rest(part);
+            return;
+        }
         let mut elements = Vec::new();
         Emission {
             log: &self.log,
@@ -130,6 +134,22 @@ impl Stream {
             }
             Some(_) | None => After::More,
         };
+        self.steps.push_back(Step::Ready(Ready { elements, end, after }));
+    }
+
+    /// A zone before which a section without knots has come to rest already: the kink is passed at rest as well.
+    fn zone_from_rest(&mut self, part: Part) {
+        let mut elements = Vec::new();
+        let limits = steady_limits(part, &self.log, &self.joints, &mut self.jets);
+        for phase in profile(0.0, 0.0, part.to - part.from, &limits) {
+            self.cruise(part, phase, &limits, &mut elements);
+        }
+        self.entry = Entry::Speed(0.0);
+        let end = Place {
+            item: part.item,
+            s: part.to,
+        };
+        let after = After::Rest;
         self.steps.push_back(Step::Ready(Ready { elements, end, after }));
     }
 }
