@@ -9,7 +9,7 @@ use gcode::Interpreter;
 use isocnc::config::{self, Config};
 use isocnc::program::{home, interpreter_settings, plan_settings, ring_capacity, stop_ramp};
 use motion::canon::{AXES, Call, Event, PathMode, Position};
-use motion::element::Element;
+use motion::element::{Element, Span};
 use motion::kinematics::ToolFrame;
 use motion::plan::check::check;
 use motion::plan::offline::sample;
@@ -244,26 +244,31 @@ fn a_curve_takes_no_longer_than_arcs_that_follow_it() {
     }
 }
 
-/// Joints once a millisecond, each in the place of an axis, where the tool's tip is controlled.
+/// Joints once a millisecond and at the end, each in the place of an axis, where the tool's tip is controlled.
 fn joint_samples(planned: &Planned, space: &JointSpace) -> Vec<(Position, ToolFrame)> {
-    let (mut samples, mut into_s) = (Vec::new(), 0.0);
+    let at = |span: &Span, into_s: f64| {
+        let frame = *span.piece.frame();
+        let axes = span.piece.position(span.place(into_s));
+        let mut joints = Position::ZERO;
+        space
+            .kinematics
+            .inverse(&frame, &axes.0, &mut joints.0[..space.count()])
+            .expect("a place in reach");
+        (joints, frame)
+    };
+    let (mut samples, mut into_s, mut end) = (Vec::new(), 0.0, None);
     for element in &planned.elements {
         let duration_s = element.duration_s();
         if let Element::Span(span) = element {
             while into_s <= duration_s {
-                let frame = *span.piece.frame();
-                let axes = span.piece.position(span.place(into_s));
-                let mut joints = Position::ZERO;
-                space
-                    .kinematics
-                    .inverse(&frame, &axes.0, &mut joints.0[..space.count()])
-                    .expect("a place in reach");
-                samples.push((joints, frame));
+                samples.push(at(span, into_s));
                 into_s += CYCLE_S;
             }
             into_s -= duration_s;
+            end = Some(at(span, duration_s));
         }
     }
+    samples.extend(end);
     samples
 }
 
