@@ -48,7 +48,7 @@ impl WorldHand {
             }
         });
         Some(WorldHand {
-            jog: WorldJog::new(kinematics.clone(), &axes, joints, cycle_s),
+            jog: WorldJog::new(kinematics, &axes, joints, cycle_s),
             kinematics,
             holds: [0; AXES],
             holds_max,
@@ -153,7 +153,7 @@ impl WorldHand {
 }
 
 /// Share of its limits that an axis uses by hand: one that is a joint as well stays within what [`WorldJog`] allows joints.
-const AXIS_SHARE: f64 = 0.85;
+const AXIS_SHARE: f64 = 0.8;
 
 /// What an axis may do in the world; joints have the last word.
 fn axis_limits(limits: Option<&AxisLimits>) -> MotionLimits {

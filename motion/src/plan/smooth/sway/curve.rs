@@ -53,7 +53,7 @@ impl Curve {
         for k in 1..=STEPS * spans {
             let x = k as f64 / STEPS as f64;
             let next = value(&self.spline, x);
-            let way = (next[0] - q[0]).hypot(next[1] - q[1]);
+            let way = libm::hypot(next[0] - q[0], next[1] - q[1]);
             let window = [last, last + 2.0 * way];
             let near = track.nearest(&next, window);
             walk.off = walk.off.max(near.1);
@@ -68,7 +68,7 @@ impl Curve {
                 for leg in leg..next_leg {
                     let vertex = track.flat(&track.legs[leg].1.jet(f64::INFINITY).q);
                     let there = [0, 1].map(|i| vertex[i] - 0.5 * (q[i] + next[i]));
-                    walk.off = walk.off.max(there[0].hypot(there[1]) - 0.5 * way);
+                    walk.off = walk.off.max(libm::hypot(there[0], there[1]) - 0.5 * way);
                 }
             }
             walk.places.push(near.0);
@@ -95,7 +95,7 @@ impl Curve {
                 self.ends[1]
             } else {
                 let [q, first, second] = self.knot(span + 1);
-                let pace = first[0].hypot(first[1]);
+                let pace = libm::hypot(first[0], first[1]);
                 let along = first.map(|x| x / pace);
                 let pace_change = second[0] * along[0] + second[1] * along[1];
                 let bend = [0, 1].map(|i| (second[i] - pace_change * along[i]) / (pace * pace));

@@ -198,7 +198,7 @@ impl Sway {
         self.pace.finish(EASY * limits.acceleration);
         let track = Track::new(run, normal);
         // Inside a bend, the borders of the tolerance of both moves meet further from its vertex.
-        let tolerance = USE * tolerance * (0.5 * angle).cos();
+        let tolerance = USE * tolerance * libm::cos(0.5 * angle);
         let mut tube = tolerance;
         for _ in 0..TRIES {
             let curve = self.curve(&track, [from, to], &limits, tube)?;
@@ -363,7 +363,7 @@ fn cap(part: &Move, limits: &AxisLimits) -> f64 {
     part.feed
         .min(limits.velocity)
         .min((limits.acceleration / bend).sqrt())
-        .min(ARC * (limits.jerk / (bend * bend)).cbrt())
+        .min(ARC * libm::cbrt(limits.jerk / (bend * bend)))
 }
 
 /// About the speed at which a corner between two moves will be passed.
@@ -380,5 +380,5 @@ fn crossing(a: &Move, b: &Move, settings: &Settings) -> f64 {
     // Third derivatives of the path.
     let sharp = (turning(Group::Main, &end, &start) / CORNER).powi(3) / (tolerance * tolerance);
     let bent = 1.2 * bend * (bend / tolerance).sqrt() * 0.1 / BENT.powi(3);
-    (limits.jerk / (sharp + bent)).cbrt()
+    libm::cbrt(limits.jerk / (sharp + bent))
 }

@@ -23,7 +23,7 @@ const SAMPLES: u8 = 16;
 /// How far beside a jump of jerk is looked, s.
 const BESIDE_S: f64 = 1e-7;
 /// Share of the limits of joints that may be used: for what lies between two places.
-const MARGIN: f64 = 0.9;
+const MARGIN: f64 = 0.85;
 /// Shares of velocity, acceleration and jerk limits that the wanted motion itself may use; the rest is for changes of it.
 const STEADY: [f64; 3] = [0.85, 0.5, 0.3];
 /// The axes are not slowed down to less than this share of what is wanted; they rest instead.
@@ -255,9 +255,15 @@ impl WorldJog {
         if duration_s == 0.0 {
             return Ok(());
         }
+        let step_s = duration_s / f64::from(SAMPLES);
+        let mut before: Option<[Jet3; JOINTS]> = None;
         for sample in 0..=SAMPLES {
-            let time_s = duration_s * f64::from(sample) / f64::from(SAMPLES);
-            self.judge(&std::array::from_fn(|axis| ways[axis].at(time_s)))?;
+            let time_s = step_s * f64::from(sample);
+            let joints = self.judge(&std::array::from_fn(|axis| ways[axis].at(time_s)))?;
+            if let Some(before) = before {
+                self.judge_turns(&before, &joints, step_s)?;
+            }
+            before = Some(joints);
         }
         // Where the jerk of an axis jumps, so does that of joints: both sides count.
         for border_s in ways.iter().flat_map(RestWay::borders) {
@@ -269,14 +275,29 @@ impl WorldJog {
         Ok(())
     }
 
-    /// Whether a state of the axes is good for every joint.
-    fn judge(&self, axes: &[Moving; AXES]) -> Result<(), Obstruction> {
+    /// A joint that turns round between two samples goes beyond both of them.
+    fn judge_turns(&self, before: &[Jet3; JOINTS], after: &[Jet3; JOINTS], step_s: f64) -> Result<(), Obstruction> {
+        for (joint, limits) in self.limits.iter().enumerate() {
+            let (before, after) = (before[joint], after[joint]);
+            let beyond = limits.motion.acceleration * step_s * step_s / 8.0;
+            let [low, high] = limits.range;
+            let out = before.q.min(after.q) - beyond < low || before.q.max(after.q) + beyond > high;
+            if before.d1 * after.d1 < 0.0 && out && !self.returns(joint, after.q) {
+                let why = Obstacle::Travel;
+                return Err(Obstruction { joint, why });
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a state of the axes is good for every joint; gives the joints.
+    fn judge(&self, axes: &[Moving; AXES]) -> Result<[Jet3; JOINTS], Obstruction> {
         let axes: [Jet3; AXES] = std::array::from_fn(|axis| {
             let Moving { state, jerk } = axes[axis];
             Jet3::new(state.position, state.velocity, state.acceleration, jerk)
         });
-        let mut joints = [Jet3::ZERO; JOINTS];
-        let joints = &mut joints[..self.limits.len()];
+        let mut all = [Jet3::ZERO; JOINTS];
+        let joints = &mut all[..self.limits.len()];
         if let Err(unreachable) = self.kinematics.inverse(&self.frame, &axes, joints) {
             return Err(Obstruction {
                 joint: unreachable.joint,
@@ -301,7 +322,7 @@ impl WorldJog {
                 return found(Obstacle::Speed);
             }
         }
-        Ok(())
+        Ok(all)
     }
 
     /// Whether a joint that stands out of its travel comes back.
