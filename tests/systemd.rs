@@ -122,6 +122,12 @@ fn a_service_tells_what_it_does_from_start_to_end() {
         "booting and homing take seconds"
     );
     assert!(!service.told.iter().any(|told| told.starts_with("STOPPING")));
+    // A sign of life later it is well on its way, so that it takes a while to stop.
+    let signs = |service: &Service| service.told.iter().filter(|told| *told == "WATCHDOG=1").count();
+    let before = signs(&service);
+    while signs(&service) == before {
+        service.hear(Duration::from_millis(100));
+    }
     kill(Pid::from_raw(service.process.id() as i32), Signal::SIGTERM).unwrap();
     service.hear_until("STATUS=down");
     assert!(service.place("STOPPING=1") < service.place("STATUS=stopping"));
