@@ -389,6 +389,18 @@ fn any_machine_gives_the_same_bits() {
     assert_eq!(found, DIGESTS, "in hexadecimal: {found:x?}");
 }
 
+/// By chance found, with what was wrong once: jerk between checkpoints, speed in a valley of its cap, the time of a span that
+/// nearly turns round, a kink passed at speed behind a section that had come to rest.
+#[test]
+fn programs_that_once_broke_a_limit_keep_it() {
+    for seed in [115, 276, 534, 676, 807, 298, 916, 943, 983, 32, 2931] {
+        judge(
+            &format!("seed {seed}"),
+            &plan(&uneven(Slope::Optimal), &Random(seed).program(54)),
+        );
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
