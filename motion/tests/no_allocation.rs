@@ -228,9 +228,10 @@ fn homing_costs_no_allocation() {
         motion: LIMITS,
         stop: STOP,
     };
-    let mut homing = Homing::new(&[(way, &[joint])], &[0.0], CYCLE_S);
+    let mut homing = Homing::new(&[(way, &[joint])], CYCLE_S);
     let mut positions = [0.0];
     let counted = calls(|| {
+        homing.begin(1, &positions);
         for _ in 0..100_000 {
             let input = HomingInput {
                 closed: positions[0] > 30.0,

@@ -13,6 +13,8 @@ const PASSES_MAX: u8 = 8;
 /// Where a group is on its way home; see the table of the parent module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
+    /// Not asked to home.
+    Idle,
     /// Other groups come first.
     Waiting,
     /// Off a switch that was closed at the beginning.
@@ -77,29 +79,45 @@ pub(super) struct Group {
 }
 
 impl Group {
-    pub(super) fn new(way: HomingWay, joints: &[HomingJoint], positions: &[f64], cycle_s: f64) -> Group {
-        let member = |spec: &HomingJoint| {
-            let start = positions.get(spec.joint).copied().unwrap_or_default();
-            Member {
-                spec: *spec,
-                online: Online::new(start, spec.motion, spec.stop, cycle_s),
-                start,
-                from: start,
-                found: start,
-                open_s: 0.0,
-                latched: None,
-            }
+    pub(super) fn new(way: HomingWay, joints: &[HomingJoint], cycle_s: f64) -> Group {
+        let member = |spec: &HomingJoint| Member {
+            spec: *spec,
+            online: Online::new(0.0, spec.motion, spec.stop, cycle_s),
+            start: 0.0,
+            from: 0.0,
+            found: 0.0,
+            open_s: 0.0,
+            latched: None,
         };
         Group {
             way,
             cycle_s,
             direction: way.search.signum(),
             members: joints.iter().map(member).collect(),
-            phase: Phase::Waiting,
+            phase: Phase::Idle,
             over: false,
             speed: way.latch,
             pass: 0,
             failure: None,
+        }
+    }
+
+    /// Waits for its turn if it has any of `joints` (bit n: joint n), all at rest at `positions`; else idle. RT.
+    pub(super) fn begin(&mut self, joints: u64, positions: &[f64]) {
+        let asked = self.members.iter().any(|member| joints >> member.spec.joint & 1 == 1);
+        self.phase = if asked { Phase::Waiting } else { Phase::Idle };
+        self.over = false;
+        self.speed = self.way.latch;
+        self.pass = 0;
+        self.failure = None;
+        for member in &mut self.members {
+            let position = positions.get(member.spec.joint).copied().unwrap_or_default();
+            member.online.restart(position, member.spec.motion, member.spec.stop);
+            member.start = position;
+            member.from = position;
+            member.found = position;
+            member.open_s = 0.0;
+            member.latched = None;
         }
     }
 
@@ -138,14 +156,14 @@ impl Group {
             Phase::Approach => self.rest_then(Phase::Latch),
             Phase::Index => self.index(inputs),
             Phase::Home => self.rest_then(Phase::Done),
-            Phase::Done | Phase::Failed => {}
+            Phase::Idle | Phase::Done | Phase::Failed => {}
         }
         self.check_skew();
     }
 
     /// One cycle further. RT.
     pub(super) fn step(&mut self, positions: &mut [f64]) {
-        if self.phase == Phase::Waiting {
+        if matches!(self.phase, Phase::Idle | Phase::Waiting) {
             return;
         }
         for member in &mut self.members {
@@ -255,7 +273,7 @@ impl Group {
                 }
             }
             Phase::Done => self.enter(next),
-            Phase::Waiting | Phase::Clear | Phase::Failed => {}
+            Phase::Idle | Phase::Waiting | Phase::Clear | Phase::Failed => {}
         }
     }
 
@@ -345,8 +363,14 @@ impl Group {
         self.way.sequence
     }
 
-    pub(super) fn is_done(&self) -> bool {
-        self.phase == Phase::Done
+    /// Begun, and neither done nor failed.
+    pub(super) fn is_under_way(&self) -> bool {
+        !matches!(self.phase, Phase::Idle | Phase::Done | Phase::Failed)
+    }
+
+    pub(super) fn speed(&self) -> f64 {
+        let speeds = self.members.iter().map(|member| member.online.state().velocity.abs());
+        speeds.fold(0.0, f64::max)
     }
 
     pub(super) fn is_at_rest(&self) -> bool {
@@ -375,6 +399,6 @@ impl Group {
 
     pub(super) fn offset(&self, joint: usize) -> Option<f64> {
         let member = self.members.iter().find(|member| member.spec.joint == joint)?;
-        self.is_done().then(|| member.offset())
+        (self.phase == Phase::Done).then(|| member.offset())
     }
 }

@@ -20,7 +20,7 @@
 //! within the wanted resolution; each finer one looks only where the one before has found the place. A switch may bounce:
 //! it counts as closed at once and as open when it has been so for a while.
 //!
-//! RT: nothing allocates but [`Homing::new`].
+//! Homing is made once and begun as often as joints have to be homed. RT: nothing allocates but [`Homing::new`].
 
 mod group;
 
@@ -135,12 +135,20 @@ pub struct Homing {
 }
 
 impl Homing {
-    /// Joints at rest at `positions`, by their numbers.
-    pub fn new(groups: &[(HomingWay, &[HomingJoint])], positions: &[f64], cycle_s: f64) -> Homing {
-        let group = |(way, joints): &(HomingWay, &[HomingJoint])| Group::new(*way, joints, positions, cycle_s);
+    /// Groups of joints, none of which homes before [`Homing::begin`].
+    pub fn new(groups: &[(HomingWay, &[HomingJoint])], cycle_s: f64) -> Homing {
+        let group = |(way, joints): &(HomingWay, &[HomingJoint])| Group::new(*way, joints, cycle_s);
         Homing {
             groups: groups.iter().map(group).collect(),
             failed: None,
+        }
+    }
+
+    /// Begins to home the groups of `joints` (bit n: joint n), all at rest at `positions`, by their numbers. RT.
+    pub fn begin(&mut self, joints: u64, positions: &[f64]) {
+        self.failed = None;
+        for group in &mut self.groups {
+            group.begin(joints, positions);
         }
     }
 
@@ -150,11 +158,11 @@ impl Homing {
         let now = self
             .groups
             .iter()
-            .filter(|group| !group.is_done())
+            .filter(|group| group.is_under_way())
             .map(Group::sequence)
             .min();
         for group in &mut self.groups {
-            if self.failed.is_none() && Some(group.sequence()) == now {
+            if self.failed.is_none() && group.is_under_way() && Some(group.sequence()) == now {
                 group.decide(inputs);
             }
         }
@@ -171,13 +179,9 @@ impl Homing {
 
     /// Comes to rest as quickly as the stop limits allow, and has failed. RT.
     pub fn abort(&mut self) {
-        if self.failed.is_none() && self.groups.iter().any(|group| !group.is_done()) {
-            let joint = self
-                .groups
-                .iter()
-                .find(|group| !group.is_done())
-                .map_or(0, Group::first_joint);
-            self.failed = Some((joint, HomingFailure::Aborted));
+        let under_way = self.groups.iter().find(|group| group.is_under_way());
+        if let Some(group) = under_way {
+            self.failed = self.failed.or(Some((group.first_joint(), HomingFailure::Aborted)));
         }
         self.stop_all();
     }
@@ -189,8 +193,8 @@ impl Homing {
         }
         match self.failed {
             Some((joint, failure)) => HomingStatus::Failed { joint, failure },
-            None if self.groups.iter().all(Group::is_done) => HomingStatus::Done,
-            None => HomingStatus::Running,
+            None if self.groups.iter().any(Group::is_under_way) => HomingStatus::Running,
+            None => HomingStatus::Done,
         }
     }
 
@@ -207,6 +211,11 @@ impl Homing {
     /// Whether the last cycle was part of a stop of some joint, for which the stop limits count. RT.
     pub fn is_stopping(&self) -> bool {
         self.groups.iter().any(Group::is_stopping)
+    }
+
+    /// Greatest speed of all joints. RT.
+    pub fn speed(&self) -> f64 {
+        self.groups.iter().map(Group::speed).fold(0.0, f64::max)
     }
 
     fn stop_all(&mut self) {

@@ -86,6 +86,13 @@ fn joint(joint: usize, switch: f64) -> HomingJoint {
     }
 }
 
+/// Homing of all groups, begun at these positions.
+fn begun(groups: &[(HomingWay, &[HomingJoint])], positions: &[f64]) -> Homing {
+    let mut homing = Homing::new(groups, CYCLE_S);
+    homing.begin(u64::MAX, positions);
+    homing
+}
+
 /// How a run ended.
 struct Run {
     status: HomingStatus,
@@ -136,7 +143,7 @@ fn no_index(_: usize, _: f64, _: f64) -> Option<f64> {
 
 #[test]
 fn the_joint_ends_at_home_and_knows_where_the_switch_is() {
-    let mut homing = Homing::new(&[(way(), &[joint(0, 250.0)])], &[3.0], CYCLE_S);
+    let mut homing = begun(&[(way(), &[joint(0, 250.0)])], &[3.0]);
     let run = run(&mut homing, &mut [Switch::at(90.0)], &[3.0], no_index);
     assert_eq!(run.status, HomingStatus::Done);
     let offset = homing.offset(0).unwrap();
@@ -161,7 +168,7 @@ fn every_phase_that_fails_has_a_name_and_ends_at_rest() {
         (dead, HomingFailure::NoSwitch),
         (Switch::at(500.0), HomingFailure::NoSwitch),
     ] {
-        let mut homing = Homing::new(&[(way(), &[joint(0, 0.0)])], &[3.0], CYCLE_S);
+        let mut homing = begun(&[(way(), &[joint(0, 0.0)])], &[3.0]);
         let run = run(&mut homing, &mut [switch], &[3.0], no_index);
         assert_eq!(run.status, HomingStatus::Failed { joint: 0, failure });
         assert_eq!(homing.offset(0), None);
@@ -181,7 +188,7 @@ fn a_switch_that_fails_on_the_way_is_named() {
         (Phase::Latch, false, HomingFailure::Lost),
         (Phase::Reopen, true, HomingFailure::StaysClosed),
     ] {
-        let mut homing = Homing::new(&[(way(), &[joint(0, 0.0)])], &[80.0], CYCLE_S);
+        let mut homing = begun(&[(way(), &[joint(0, 0.0)])], &[80.0]);
         let mut switch = Switch::at(90.0);
         let mut positions = [80.0];
         while homing.status() == HomingStatus::Running {
@@ -212,12 +219,12 @@ fn the_index_pulse_counts_where_there_is_one() {
         let place = (to / 5.0).floor() * 5.0;
         (from < place && to >= place).then_some(place)
     };
-    let mut homing = Homing::new(&[(way, &[joint(0, 7.0)])], &[3.0], CYCLE_S);
+    let mut homing = begun(&[(way, &[joint(0, 7.0)])], &[3.0]);
     let found = run(&mut homing, &mut [Switch::at(91.7)], &[3.0], pulse);
     assert_eq!(found.status, HomingStatus::Done);
     assert_eq!(homing.offset(0), Some(7.0 - 95.0));
 
-    let mut homing = Homing::new(&[(way, &[joint(0, 7.0)])], &[3.0], CYCLE_S);
+    let mut homing = begun(&[(way, &[joint(0, 7.0)])], &[3.0]);
     let missing = run(&mut homing, &mut [Switch::at(91.7)], &[3.0], no_index);
     let failure = HomingFailure::NoIndex;
     assert_eq!(missing.status, HomingStatus::Failed { joint: 0, failure });
@@ -227,7 +234,7 @@ fn the_index_pulse_counts_where_there_is_one() {
 fn a_gantry_ends_square() {
     // The second joint's switch is 0.4 mm further on, which is to be 0 for both: it stands 0.4 mm behind.
     let joints = [joint(0, 100.0), joint(1, 100.0)];
-    let mut homing = Homing::new(&[(way(), &joints)], &[50.0, 50.0], CYCLE_S);
+    let mut homing = begun(&[(way(), &joints)], &[50.0, 50.0]);
     let mut switches = [Switch::at(90.0), Switch::at(90.4)];
     let run = run(&mut homing, &mut switches, &[50.0, 50.0], no_index);
     assert_eq!(run.status, HomingStatus::Done);
@@ -242,7 +249,7 @@ fn a_gantry_ends_square() {
 #[test]
 fn a_gantry_too_far_from_square_is_not_bent() {
     let joints = [joint(0, 100.0), joint(1, 100.0)];
-    let mut homing = Homing::new(&[(way(), &joints)], &[50.0, 50.0], CYCLE_S);
+    let mut homing = begun(&[(way(), &joints)], &[50.0, 50.0]);
     let mut switches = [Switch::at(90.0), Switch::at(91.5)];
     let run = run(&mut homing, &mut switches, &[50.0, 50.0], no_index);
     let failure = HomingFailure::Skewed;
@@ -262,7 +269,7 @@ fn lower_sequence_numbers_home_first_equal_ones_side_by_side() {
         (way(), &[joint(1, 0.0)]),
         (way(), &[joint(2, 0.0)]),
     ];
-    let mut homing = Homing::new(&groups, &[0.0; 3], CYCLE_S);
+    let mut homing = begun(&groups, &[0.0; 3]);
     let mut switches = [Switch::at(30.0), Switch::at(20.0), Switch::at(40.0)];
     let mut positions = [0.0; 3];
     let mut done = [0; 3];
@@ -290,7 +297,7 @@ fn lower_sequence_numbers_home_first_equal_ones_side_by_side() {
 
 #[test]
 fn an_abort_rests_and_says_so() {
-    let mut homing = Homing::new(&[(way(), &[joint(0, 0.0)])], &[0.0], CYCLE_S);
+    let mut homing = begun(&[(way(), &[joint(0, 0.0)])], &[0.0]);
     let mut positions = [0.0];
     for _ in 0..500 {
         homing.step(&[HomingInput::default()], &mut positions);
@@ -302,6 +309,34 @@ fn an_abort_rests_and_says_so() {
     let failure = HomingFailure::Aborted;
     assert_eq!(homing.status(), HomingStatus::Failed { joint: 0, failure });
     assert!(positions[0] > 5.0 && positions[0] < 11.0, "{positions:?}");
+}
+
+#[test]
+fn joints_that_are_not_asked_stay_and_those_that_failed_begin_anew() {
+    let groups: [(HomingWay, &[HomingJoint]); 2] = [(way(), &[joint(0, 0.0)]), (way(), &[joint(1, 7.0)])];
+    let mut homing = Homing::new(&groups, CYCLE_S);
+    assert_eq!(homing.status(), HomingStatus::Done);
+    assert_eq!((homing.phase(1), homing.offset(1)), (Some(Phase::Idle), None));
+    let dead = Switch {
+        stuck: Some(false),
+        ..Switch::at(90.0)
+    };
+    let mut switches = [dead, Switch::at(40.0)];
+    homing.begin(0b01, &[3.0, 5.0]);
+    let failed = run(&mut homing, &mut switches, &[3.0, 5.0], no_index);
+    let failure = HomingFailure::NoSwitch;
+    assert_eq!(failed.status, HomingStatus::Failed { joint: 0, failure });
+    assert_eq!(failed.positions[1], 5.0);
+
+    // The cable is plugged in again. Nothing of the run before is left.
+    switches[0].stuck = None;
+    switches[0].steady = true;
+    homing.begin(0b11, &failed.positions);
+    assert_eq!((homing.offset(0), homing.offset(1)), (None, None));
+    let homed = run(&mut homing, &mut switches, &failed.positions, no_index);
+    assert_eq!(homed.status, HomingStatus::Done);
+    assert!((homing.offset(0).unwrap() + 90.0).abs() < 1e-6, "{:?}", homing.offset(0));
+    assert!((homing.offset(1).unwrap() + 33.0).abs() < 1e-6, "{:?}", homing.offset(1));
 }
 
 proptest! {
@@ -320,7 +355,7 @@ proptest! {
         // The switch looks along the direction of the search: mirrored, the joint moves the other way.
         let mut switch = Switch { bounce, random: seed, ..Switch::at(12.345_678_9) };
         switch.steady = start >= switch.place;
-        let mut homing = Homing::new(&[(way, &[joint(0, 0.0)])], &[start * sign], CYCLE_S);
+        let mut homing = begun(&[(way, &[joint(0, 0.0)])], &[start * sign]);
         let mut positions = [start * sign];
         let mut cycles = 0;
         while homing.status() == HomingStatus::Running {
