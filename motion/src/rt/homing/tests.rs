@@ -335,8 +335,16 @@ fn joints_that_are_not_asked_stay_and_those_that_failed_begin_anew() {
     assert_eq!((homing.offset(0), homing.offset(1)), (None, None));
     let homed = run(&mut homing, &mut switches, &failed.positions, no_index);
     assert_eq!(homed.status, HomingStatus::Done);
-    assert!((homing.offset(0).unwrap() + 90.0).abs() < 1e-6, "{:?}", homing.offset(0));
-    assert!((homing.offset(1).unwrap() + 33.0).abs() < 1e-6, "{:?}", homing.offset(1));
+    assert!(
+        (homing.offset(0).unwrap() + 90.0).abs() < 1e-6,
+        "{:?}",
+        homing.offset(0)
+    );
+    assert!(
+        (homing.offset(1).unwrap() + 33.0).abs() < 1e-6,
+        "{:?}",
+        homing.offset(1)
+    );
 }
 
 proptest! {
