@@ -5,7 +5,7 @@
 //! waited for the plan, were left out or late, and how fast the blocks passed. With the load and what the host stole.
 //!
 //! Options behind `--`: `--seconds S` of motion (20); `--memory`, the wire in memory also where a private network would be
-//! allowed; `--rounds N` (1).
+//! allowed; `--rounds N` (1); `--write DIR`, only the machine file and the program, as `router.toml` and `dense.ngc`.
 
 mod common;
 
@@ -14,7 +14,7 @@ use common::Busyness;
 use serde_json::Value;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 const MACHINE: &str = include_str!("../configs/mill3-demo.toml");
@@ -37,6 +37,7 @@ struct Options {
     seconds: f64,
     rounds: usize,
     memory: bool,
+    write: Option<PathBuf>,
 }
 
 impl Options {
@@ -45,6 +46,7 @@ impl Options {
             seconds: 20.0,
             rounds: 1,
             memory: false,
+            write: None,
         };
         let mut arguments = std::env::args().skip(1);
         while let Some(name) = arguments.next() {
@@ -53,7 +55,8 @@ impl Options {
                 "--memory" => options.memory = true,
                 "--seconds" => options.seconds = arguments.next().context("--seconds S")?.parse()?,
                 "--rounds" => options.rounds = arguments.next().context("--rounds N")?.parse()?,
-                other => anyhow::bail!("{other}: expected --seconds S, --rounds N or --memory"),
+                "--write" => options.write = Some(arguments.next().context("--write DIR")?.into()),
+                other => anyhow::bail!("{other}: expected --seconds S, --rounds N, --memory or --write DIR"),
             }
         }
         Ok(options)
@@ -98,6 +101,15 @@ fn program(seconds: f64) -> (String, usize) {
     (text + "M2\n", blocks)
 }
 
+/// Writes the machine file and the program; gives the number of blocks.
+fn write(folder: &Path, seconds: f64) -> anyhow::Result<usize> {
+    std::fs::create_dir_all(folder)?;
+    let (text, blocks) = program(seconds);
+    std::fs::write(folder.join("router.toml"), router())?;
+    std::fs::write(folder.join("dense.ngc"), &text)?;
+    Ok(blocks)
+}
+
 fn run(folder: &Path, memory: bool) -> anyhow::Result<Value> {
     let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
     command
@@ -118,10 +130,12 @@ fn run(folder: &Path, memory: bool) -> anyhow::Result<Value> {
 
 fn main() -> anyhow::Result<()> {
     let options = Options::read()?;
+    if let Some(folder) = &options.write {
+        write(folder, options.seconds)?;
+        return Ok(());
+    }
     let folder = tempfile::tempdir()?;
-    let (text, blocks) = program(options.seconds);
-    std::fs::write(folder.path().join("router.toml"), router())?;
-    std::fs::write(folder.path().join("dense.ngc"), &text)?;
+    let blocks = write(folder.path(), options.seconds)?;
     println!("{blocks} blocks of {BLOCK_MM} mm at {FEED_MM_MIN} mm/min\n");
     println!("result      motion s   blocks/s   waited for plan   left out   late at most us");
     for _ in 0..options.rounds {

@@ -19,6 +19,7 @@ use common::Busyness;
 use gcode::{Interpreter, Lexer, Settings};
 use nix::sys::resource::{UsageWho, getrusage};
 use nix::time::{ClockId, clock_gettime};
+use powerlink::link::simulated::SplitMix64;
 use std::fmt::Write as _;
 use std::fs::{self, File};
 use std::hint::black_box;
@@ -32,26 +33,9 @@ const STRAIGHT_LINES: usize = 200_000;
 /// Blocks of about 25 lines of the program of everything.
 const MIXED_BLOCKS: usize = 2000;
 
-/// Pseudo-random numbers that are the same everywhere (SplitMix64).
-struct Random(u64);
-
-impl Random {
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut bits = self.0;
-        bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        bits ^ (bits >> 31)
-    }
-
-    fn within(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-}
-
 /// Straight moves in three axes along a closed figure.
 fn straight(lines: usize) -> String {
-    let mut random = Random(1);
+    let mut random = SplitMix64::new(1);
     let mut text = String::from("G21 G90 G17 G94\nG0 X0 Y0 Z5\nF3000\nG1 Z0\n");
     for index in 0..lines {
         let angle = index as f64 * 0.01;
@@ -66,7 +50,7 @@ fn straight(lines: usize) -> String {
 
 /// Arcs in both forms, expressions, parameters, conditions, loops and calls of a subroutine with a loop.
 fn mixed(blocks: usize) -> String {
-    let mut random = Random(2);
+    let mut random = SplitMix64::new(2);
     let mut text = String::from(
         "(arcs, expressions, O-words)\nG21 G90 G17 G94\n\
          o100 sub\n#<d> = #1\n#<n> = #2\no101 while [#<n> GT 0]\n\

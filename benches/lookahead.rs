@@ -16,6 +16,7 @@ use common::Busyness;
 use motion::plan::classic::pass::{Buffers, Element, serial};
 use motion::plan::workers::Workers;
 use plotters::prelude::*;
+use powerlink::link::simulated::SplitMix64;
 use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Instant;
@@ -27,32 +28,15 @@ const BUFFERS: [(usize, usize); 6] = [(300, 5), (300, 20), (300, 50), (3000, 50)
 /// A measurement repeats what is shorter than so many elements.
 const AT_LEAST: usize = 30_000;
 
-/// Pseudo-random numbers that are the same everywhere (SplitMix64).
-struct Random(u64);
-
-impl Random {
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut bits = self.0;
-        bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        bits ^ (bits >> 31)
-    }
-
-    fn within(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-}
-
 /// A milled surface: blocks of 0.1 to 0.6 mm at 6 m/min and 1000 mm/s², most borders taken at somewhat less than the feed,
 /// one in forty a true corner.
 fn surface(count: usize) -> Arc<[Element]> {
-    let mut random = Random(1);
+    let mut random = SplitMix64::new(1);
     let element = |_| Element {
         length: random.within(0.1, 0.6),
         acceleration: 1000.0,
         feed: 100.0,
-        corner: match random.bits() % 40 {
+        corner: match random.next() % 40 {
             0 => random.within(1.0, 20.0),
             1..8 => random.within(40.0, 100.0),
             _ => 200.0,
@@ -63,12 +47,12 @@ fn surface(count: usize) -> Arc<[Element]> {
 
 /// Short blocks at high speed: 0.067 mm at 40 m/min and 3000 mm/s², so that braking takes 74 mm; a corner every 3000 blocks.
 fn fast(count: usize) -> Arc<[Element]> {
-    let mut random = Random(2);
+    let mut random = SplitMix64::new(2);
     let element = |_| Element {
         length: 0.067,
         acceleration: 3000.0,
         feed: 40e3 / 60.0,
-        corner: match random.bits() % 3000 {
+        corner: match random.next() % 3000 {
             0 => random.within(1.0, 200.0),
             _ => 1000.0,
         },

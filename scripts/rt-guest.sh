@@ -18,12 +18,14 @@ PATH=$PATH:/usr/sbin:/sbin
 
 usage() {
     cat <<'EOF'
-usage: rt-guest.sh [options] demo|doctor|jitter|isolcpus|shell
+usage: rt-guest.sh [options] demo|dense|doctor|jitter|isolcpus|shell
        rt-guest.sh [options] build
 
 checks, in a virtual machine with a PREEMPT_RT kernel and an isolated core:
   demo        the demo reaches OPERATIONAL and ends its program; both real-time threads run on the isolated core
               under SCHED_FIFO; `run` with rt.require = "strict" refuses nothing
+  dense       10,000 blocks a second for --seconds S: no cycle waits for the plan, none is left out or late
+              (left out and late are judged with icount only)
   doctor      `isocnc doctor` sees the kernel, the isolated core and its tick as they are
   jitter      `isocnc jitter` on one CPU shared with everything else; the SoC period at the far end of the wire must
               have a standard deviation of 0.3 us at most and a range below 12 us (judged with icount only)
@@ -33,9 +35,10 @@ checks, in a virtual machine with a PREEMPT_RT kernel and an isolated core:
   build       only makes the static program and prints where it is
 
   --kernel K      kernel series, 6.12 (default) or 6.1, or a file linux-image-...-rt-amd64.deb
-  --accel A       icount: time is counted in instructions, slow and repeatable (default of demo and jitter);
+  --accel A       icount: time is counted in instructions, slow and repeatable (default of demo, dense, jitter);
                   tcg: emulated as fast as this PC can (default of the others)
   --cycles N      cycles of `jitter` (default 20000; as a gate 100000, some ten minutes)
+  --seconds S     seconds of motion of `dense` (default 10)
   --program FILE  use this static program instead of building one
   --target T      build for x86_64-unknown-linux-gnu (default) or x86_64-unknown-linux-musl
   --timeout S     give up after so many seconds, boot included (default 3600)
@@ -66,11 +69,11 @@ say() {
 
 root=$(cd "$(dirname "$0")/.." && pwd)
 cache=${ISOCNC_RT_GUEST_CACHE:-${XDG_CACHE_HOME:-$HOME/.cache}/isocnc-rt-guest}
-kernel=6.12 accel="" cycles=20000 program="" target=x86_64-unknown-linux-gnu timeout_s=3600 keep="" check=""
+kernel=6.12 accel="" cycles=20000 program="" target=x86_64-unknown-linux-gnu timeout_s=3600 keep="" check="" seconds=10
 
 while [ $# -gt 0 ]; do
     case $1 in
-        --kernel | --accel | --cycles | --program | --target | --timeout | --keep)
+        --kernel | --accel | --cycles | --program | --target | --timeout | --keep | --seconds)
             [ $# -ge 2 ] || wrong_usage "$1 needs a value"
             case $1 in
                 --kernel) kernel=$2 ;;
@@ -80,6 +83,7 @@ while [ $# -gt 0 ]; do
                 --target) target=$2 ;;
                 --timeout) timeout_s=$2 ;;
                 --keep) keep=$2 ;;
+                --seconds) seconds=$2 ;;
             esac
             shift 2
             ;;
@@ -87,17 +91,17 @@ while [ $# -gt 0 ]; do
             usage
             exit 0
             ;;
-        demo | doctor | jitter | isolcpus | shell | build)
+        demo | dense | doctor | jitter | isolcpus | shell | build)
             [ -z "$check" ] || wrong_usage "one check at a time, not $check and $1"
             check=$1
             shift
             ;;
-        *) wrong_usage "'$1' is none of demo, doctor, jitter, isolcpus, shell, build or an option" ;;
+        *) wrong_usage "'$1' is none of demo, dense, doctor, jitter, isolcpus, shell, build or an option" ;;
     esac
 done
 [ -n "$check" ] || wrong_usage "no check given"
 if [ -z "$accel" ]; then
-    case $check in demo | jitter) accel=icount ;; *) accel=tcg ;; esac
+    case $check in demo | dense | jitter) accel=icount ;; *) accel=tcg ;; esac
 fi
 case $accel in tcg | icount) ;; *) wrong_usage "--accel $accel: expected tcg or icount" ;; esac
 case $target in
@@ -105,6 +109,7 @@ case $target in
     *) wrong_usage "--target $target: expected x86_64-unknown-linux-gnu or x86_64-unknown-linux-musl" ;;
 esac
 [[ $cycles =~ ^[1-9][0-9]{0,8}$ ]] || wrong_usage "--cycles $cycles: expected a number from 1 on"
+[[ $seconds =~ ^[1-9][0-9]{0,3}$ ]] || wrong_usage "--seconds $seconds: expected seconds from 1 on"
 [[ $timeout_s =~ ^[1-9][0-9]{0,6}$ ]] || wrong_usage "--timeout $timeout_s: expected seconds"
 
 # ---- the program ----------------------------------------------------------------------------------------------------
@@ -224,6 +229,11 @@ cp "$busybox" "$guest/bin/busybox"
 cp "$program" "$guest/bin/isocnc"
 add_program "$(command -v bash)" # for isolcpus.sh
 chmod 755 "$guest/init" "$guest/bin"/*
+if [ "$check" = dense ]; then
+    # The bench of the same name knows the machine and the program.
+    (cd "$root" && RUSTFLAGS="-C target-feature=+crt-static" cargo bench --quiet --target "$target" --bench dense -- \
+        --seconds "$seconds" --write "$guest/dense") || cannot "the bench 'dense' gave no program"
+fi
 cat >"$guest/check/settings" <<EOF
 export RT_GUEST_CHECK=$check RT_GUEST_ACCEL=$accel RT_GUEST_CYCLES=$cycles
 EOF
@@ -239,7 +249,7 @@ case $accel in
     icount)
         # One nanosecond an instruction, and no waiting for wall time where the guest idles.
         machine=(-accel "tcg,thread=single" -icount "shift=0,sleep=off")
-        if [ "$check" = jitter ]; then
+        if [ "$check" = jitter ] || [ "$check" = dense ]; then
             # QEMU lets the CPUs of such a guest take turns, each until the next timer: a turn of the other one would show as
             # lateness of ours. So there is one CPU, which the real-time threads share with everything else.
             cpus=1 isolation=""

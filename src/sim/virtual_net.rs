@@ -7,6 +7,7 @@
 //! and machine make the same run, octet by octet.
 
 use super::SimMachine;
+use powerlink::link::simulated::SplitMix64;
 use powerlink::link::{Link, LinkError, Received};
 use powerlink::wire::{FRAME_LEN_MAX, FRAME_LEN_MIN};
 use std::cmp::Reverse;
@@ -152,7 +153,7 @@ impl VirtualNet {
         VirtualNet {
             machine,
             config,
-            random: SplitMix64(config.seed),
+            random: SplitMix64::new(config.seed),
             now_ns: 0,
             flights: BinaryHeap::new(),
             order: 0,
@@ -334,42 +335,5 @@ impl Link for VirtualNet {
                 return Ok(None);
             }
         }
-    }
-}
-
-/// Steele, Lea and Flood's generator: small, quick, the same everywhere.
-#[derive(Clone, Debug)]
-struct SplitMix64(u64);
-
-impl SplitMix64 {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    /// From 0 to `end`, not included.
-    fn below(&mut self, end: u64) -> u64 {
-        self.next() % end.max(1)
-    }
-
-    fn happens(&mut self, share: f64) -> bool {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64 <= share && share > 0.0
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_generator_gives_its_published_numbers() {
-        let mut random = SplitMix64(1_234_567);
-        assert_eq!(
-            [random.next(), random.next()],
-            [6_457_827_717_110_365_317, 3_203_168_211_198_807_973]
-        );
     }
 }

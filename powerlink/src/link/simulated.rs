@@ -413,6 +413,11 @@ impl SplitMix64 {
         self.next() % end.max(1)
     }
 
+    /// From `low` to `high`, evenly.
+    pub fn within(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
     /// True in this share of calls; a share of 0 draws nothing.
     pub fn happens(&mut self, share: f64) -> bool {
         share > 0.0 && ((self.next() >> 11) as f64 / (1u64 << 53) as f64) < share
