@@ -27,9 +27,12 @@ const SHORTENINGS: u32 = 40;
 const LEAST_SPANS: f64 = 60.0;
 /// Part of the acceleration limit that a new plan takes at least to come down to an override, and of the jerk limit.
 const EASE: [f64; 2] = [0.4, 0.5];
-/// Cells of the way down: b falls by this part of its greatest value, or less; and at the most in an uneven piece.
-const EASE_STEP: f64 = 0.12;
-const EASE_CELLS: f64 = 64.0;
+/// b that it may have beyond what it comes from: room for the solver, and for a speed that is the feed without its margin.
+const EASE_ROOM: f64 = 1.0005;
+/// Cells of the way down: time of each, as part of that in which this acceleration builds up.
+const EASE_STEP: f64 = 0.4;
+/// Least length of such a cell, over that of the way down to rest.
+const EASE_LEAST: f64 = 2e-3;
 /// Cells that wait before the passes are worth their time.
 const BATCH: usize = 64;
 
@@ -71,7 +74,7 @@ pub(super) struct Knotted {
     pub(super) to: f64,
     /// Estimated time, s.
     pub(super) time_s: f64,
-    /// What b may be here even where the feed is below it: motion that was faster comes down.
+    /// What b may be here even where the feed is below it, as it is at the end: motion that was faster comes down.
     pub(super) ease: f64,
 }
 
@@ -85,50 +88,88 @@ impl Knotted {
     }
 }
 
+/// The motion of another plan, where a section takes over from it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct TakenOver {
+    /// Where the section begins.
+    pub(super) state: State,
+    /// Greatest b that the other plan comes to from there on before it slows down: at least that of the state.
+    pub(super) crest: f64,
+}
+
 /// How motion that has been handed over comes down to the feed, however low that is.
 #[derive(Clone, Copy, Debug)]
 struct Ease {
-    most: f64,
     b: f64,
     /// Length before b falls: acceleration has to turn round first.
     held: f64,
+    /// Length of a cell at the least: a small part of the whole way down.
+    least: f64,
 }
 
 impl Ease {
-    fn new(State { b, u }: State, allowed: &Allowed) -> Ease {
+    fn new(TakenOver { state, crest }: TakenOver, allowed: &Allowed) -> Ease {
         let [a, j] = [EASE[0] * allowed.a, EASE[1] * allowed.j];
-        let v = b.sqrt();
-        // Speed gained until acceleration is gone.
-        let risen = v + 0.5 * u.max(0.0) * u.max(0.0) / j;
-        let b = 1.04 * risen * risen;
+        let (v, u) = (state.b.sqrt(), state.u);
+        // Speed gained until acceleration is gone; no more than the other plan gains.
+        let risen = (v + 0.5 * u.max(0.0) * u.max(0.0) / j).min(crest.sqrt());
+        let b = EASE_ROOM * risen * risen;
         Ease {
-            most: b,
             b,
             held: risen * ((u + a).max(0.0) / j + 0.01),
+            least: EASE_LEAST * b / (2.0 * a),
         }
     }
 
-    /// Over a length with this greatest acceleration: b at both ends.
-    fn over(&mut self, length: f64, a: f64) -> [f64; 2] {
+    /// Over a length on which b is to come down to `cap`: b at both ends. Where it is there, it goes on down, for the sake of
+    /// what follows with a lower cap.
+    fn over(&mut self, length: f64, allowed: &Allowed, cap: f64) -> [f64; 2] {
         let begin = self.b;
+        let [a, j] = [EASE[0] * allowed.a, EASE[1] * allowed.j];
         let held = self.held.min(length);
         self.held -= held;
-        self.b = (begin - 2.0 * EASE[0] * a * (length - held)).max(0.0);
+        let mut left = length - held;
+        let mut fall = |until: f64| {
+            let part = left.min(((self.b - until) / (2.0 * a)).max(0.0));
+            self.b -= 2.0 * a * part;
+            left -= part;
+            left
+        };
+        if cap < begin {
+            // Acceleration comes back to nothing just as the cap is reached.
+            let least = cap.sqrt();
+            let landing = least + 0.5 * a * a / j;
+            let left = fall(landing * landing);
+            let v = self.b.sqrt();
+            let excess = ((v - least).max(0.0).sqrt() - (0.5 * j).sqrt() * left / v).max(0.0);
+            let v = least + excess * excess;
+            self.b = (v * v).min(self.b);
+            if left > 0.0 && excess == 0.0 {
+                self.b = cap;
+            }
+        } else {
+            fall(0.0);
+        }
         [begin, self.b]
     }
 
     /// A length over which b changes little.
-    fn step(&self, a: f64) -> f64 {
-        let step = EASE_STEP * self.most / (2.0 * EASE[0] * a);
-        step.max(self.held)
+    fn step(&self, allowed: &Allowed) -> f64 {
+        let turning_s = EASE[0] * allowed.a / (EASE[1] * allowed.j);
+        let step = if self.held > self.least {
+            self.held
+        } else {
+            self.b.sqrt() * EASE_STEP * turning_s
+        };
+        step.max(self.least)
     }
 }
 
 /// Places knots, section by section.
 #[derive(Debug)]
 pub(super) struct Knots {
-    /// State in which the section takes over from another plan, and what follows from it.
-    taken_over: Option<State>,
+    /// How the section takes over from another plan, and what follows from it.
+    taken_over: Option<TakenOver>,
     ease: Option<Ease>,
     cells: VecDeque<Cell>,
     /// Estimated b before the first cell: certain.
@@ -157,11 +198,11 @@ impl Knots {
         }
     }
 
-    /// A section that takes over from another plan in this state, which may be faster than the feed.
-    pub(super) fn taken_over(state: State) -> Knots {
+    /// A section that takes over from another plan, which may be faster than the feed.
+    pub(super) fn taken_over(from: TakenOver) -> Knots {
         Knots {
-            taken_over: Some(state),
-            ..Knots::new(state.b.sqrt())
+            taken_over: Some(from),
+            ..Knots::new(from.state.b.sqrt())
         }
     }
 
@@ -176,8 +217,8 @@ impl Knots {
             joints.allowed(jets, f64::INFINITY)
         };
         let first = allowed(&stretch.piece, part.from);
-        if let Some(state) = self.taken_over.take() {
-            self.ease = Some(Ease::new(state, &first));
+        if let Some(from) = self.taken_over.take() {
+            self.ease = Some(Ease::new(from, &first));
         }
         self.ease = self.ease.filter(|ease| ease.b > 0.0);
         let length = part.to - part.from;
@@ -186,7 +227,7 @@ impl Knots {
             while let Some(ease) = self.ease.filter(|ease| ease.b > cap)
                 && from < part.to
             {
-                let step = ease.step(first.a);
+                let step = ease.step(&first);
                 let to = if part.to - from < 1.5 * step {
                     part.to
                 } else {
@@ -204,15 +245,23 @@ impl Knots {
             let end = allowed(&stretch.piece, part.to);
             let b = last.b.min(middle.b).min(end.b).min(cap);
             // At least one, also for what is not a number.
-            let mut cells = (CELLS_PER_STEP * length / (b.sqrt() * step_s)).ceil().clamp(1.0, CELLS);
-            if let Some(ease) = self.ease {
-                cells = cells.max((length / ease.step(first.a)).ceil().min(EASE_CELLS));
-            }
+            let cells = (CELLS_PER_STEP * length / (b.sqrt() * step_s)).ceil().clamp(1.0, CELLS);
             let step = length / cells;
-            let cells = cells as u32;
-            for k in 0..cells {
-                let from = part.from + step * f64::from(k);
-                let to = if k + 1 == cells { part.to } else { from + step };
+            let (cells, mut k) = (cells as u32, 0);
+            // Where a cell has been divided.
+            let mut divided = None;
+            while k < cells {
+                let begin = part.from + step * f64::from(k);
+                let end = if k + 1 == cells { part.to } else { begin + step };
+                let from = divided.unwrap_or(begin);
+                // On the way down the feed changes sooner than the path.
+                let eased = self.ease.filter(|ease| ease.b > cap).map(|ease| ease.step(&last));
+                let to = match eased {
+                    Some(eased) if end - from > 1.5 * eased => from + eased,
+                    Some(_) | None => end,
+                };
+                divided = (to < end).then_some(to);
+                k += u32::from(divided.is_none());
                 let next = allowed(&stretch.piece, to);
                 let least = Allowed {
                     b: last.b.min(next.b),
@@ -231,7 +280,7 @@ impl Knots {
         let ease = self
             .ease
             .as_mut()
-            .map_or([0.0; 2], |ease| ease.over(to - from, allowed.a));
+            .map_or([0.0; 2], |ease| ease.over(to - from, &allowed, cap));
         self.cells.push_back(Cell {
             item,
             from,
@@ -380,7 +429,7 @@ impl Cell {
                 from: self.from + x,
                 to: if h >= left { self.to } else { self.from + to },
                 time_s: h / self.expected(ends, x + 0.5 * h).sqrt(),
-                ease: self.ease[0] + (self.ease[1] - self.ease[0]) * (x / length),
+                ease: self.ease[0] + (self.ease[1] - self.ease[0]) * (to.min(length) / length),
             });
             x = to;
         }

@@ -20,7 +20,7 @@ mod section;
 use std::collections::VecDeque;
 
 use super::joints::Joints;
-use super::knots::{Knots, Knotted, step_s};
+use super::knots::{Knots, Knotted, TakenOver, step_s};
 use super::sections::{Item, Log, Part, Place, Sections};
 use super::slopes::Made;
 use super::solver::{JointJet, Knotting, Launch, State};
@@ -119,7 +119,7 @@ enum Entry {
     /// At this steady speed, or at rest.
     Speed(f64),
     /// In the middle of another plan.
-    TakenOver(State),
+    TakenOver(TakenOver),
 }
 
 /// The section under construction.

@@ -14,7 +14,7 @@
 
 use std::collections::VecDeque;
 
-use super::{After, Asked, Entry, Made, PUBLICATION, Place, RESERVE, Ready, State, Step, Stream, Tail};
+use super::{After, Asked, Entry, Made, PUBLICATION, Place, RESERVE, Ready, State, Step, Stream, Tail, TakenOver};
 use crate::element::{Element, Span};
 use crate::plan::optimal::sections::Shares;
 use crate::plan::optimal::windows::Job;
@@ -47,10 +47,10 @@ struct Live {
     /// Item on which it ends.
     item: u64,
     line: u32,
-    /// Whether it moves.
-    moves: bool,
-    /// The place of its end, if a plan may begin there, and the state; none: at rest.
-    opens: Option<(Place, Option<State>)>,
+    /// The state at its end, if it moves.
+    motion: Option<State>,
+    /// The place of its end, if a plan may begin there; in motion, or at rest.
+    opens: Option<(Place, bool)>,
 }
 
 impl Live {
@@ -68,10 +68,10 @@ impl Live {
             seconds: made.element.duration_s(),
             item: made.end.item,
             line,
-            moves: state.is_some(),
+            motion: state,
             opens: match rest {
-                Some(rest) => Some((rest, None)),
-                None => passed.map(|state| (made.end, Some(state))),
+                Some(rest) => Some((rest, false)),
+                None => passed.map(|_| (made.end, true)),
             },
         }
     }
@@ -136,6 +136,24 @@ impl Changes {
         if let Some(change) = &mut self.under_way {
             change.failed = true;
         }
+    }
+
+    /// Greatest b from the end of an element on, where this is the state, until the machine slows down.
+    fn crest(&self, index: usize, state: State) -> f64 {
+        let mut last = state;
+        for live in self.live.range(index + 1..) {
+            let Some(next) = live.motion.filter(|_| last.u > 0.0) else {
+                break;
+            };
+            if next.u <= 0.0 {
+                // Between the two, acceleration passes 0; it changes about evenly.
+                let rising_s = live.seconds * last.u / (last.u - next.u);
+                let crest = last.b.sqrt() + 0.5 * last.u * rising_s;
+                return last.b.max(next.b).max(crest * crest);
+            }
+            last = next;
+        }
+        last.b
     }
 
     /// The same if the new plan begins in motion; whether it does.
@@ -213,15 +231,18 @@ impl Stream {
             if k > 0 {
                 ahead_s += live.seconds;
             }
-            let waits = k == 0 && !live.moves;
+            let waits = k == 0 && live.motion.is_none();
             if let Some(opens) = live.opens
                 && (ahead_s >= lead_s || waits || live.number == last.number)
             {
-                found = Some((*live, opens));
+                found = Some((k, *live, opens));
                 break;
             }
         }
-        let Some((live, (place, state))) = found else { return };
+        let Some((index, live, (place, moving))) = found else {
+            return;
+        };
+        let state = live.motion.filter(|_| moving);
         self.changes.under_way = Some(Change {
             number: live.number,
             moving: state.is_some(),
@@ -230,7 +251,10 @@ impl Stream {
             urgent: VecDeque::new(),
         });
         self.handed = place.item;
-        let entry = state.map_or(Entry::Speed(0.0), Entry::TakenOver);
+        let entry = state.map_or(Entry::Speed(0.0), |state| {
+            let crest = self.changes.crest(index, state);
+            Entry::TakenOver(TakenOver { state, crest })
+        });
         self.restart(place, entry, false);
         if state.is_none() && live.number != last.number && self.changes.zero.contains(&true) {
             // What followed must not happen yet: an end takes its place.

@@ -85,7 +85,7 @@ impl Stream {
         let mut start = None;
         let mut first = part;
         let (mut knots, uncut) = match section.entry {
-            Entry::TakenOver(state) => (Knots::taken_over(state), Uncut::taken_over(state, grid, self.times)),
+            Entry::TakenOver(from) => (Knots::taken_over(from), Uncut::taken_over(from.state, grid, self.times)),
             Entry::Speed(0.0) => {
                 let Some(launch) = launch(part, Side::Start, &self.log, &self.joints, &mut self.jets) else {
                     return;
