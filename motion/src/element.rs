@@ -183,6 +183,11 @@ pub struct Synced {
 }
 
 impl Synced {
+    /// As fast as the axes can follow the spindle, turns/s.
+    pub fn turns_s_max(&self) -> f64 {
+        self.limits.velocity / self.pitch_mm
+    }
+
     /// Time at the programmed speed of the spindle without start, reversal and stop, s: how long it really takes, the spindle
     /// decides.
     pub fn duration_s(&self) -> f64 {

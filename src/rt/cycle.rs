@@ -484,14 +484,12 @@ impl<B: Fieldbus> Control<B> {
         self.enter(State::Running);
     }
 
-    /// Goes on after whatever held the program: forward, or backward with a share of the speed. In single block, forward is the
-    /// next block.
+    /// Goes on after whatever held the program: forward, or backward with a share of the speed. In single block that is the next
+    /// block, backward the one before.
     fn run_along(&mut self, reverse: Option<f64>) {
         self.hold = false;
         self.reverse = reverse;
-        if let Some(program) = &mut self.program
-            && reverse.is_none()
-        {
+        if let Some(program) = &mut self.program {
             program.next_block();
         }
         if self.state == State::Held {

@@ -9,7 +9,7 @@
 //! With a share below 0 plan time runs backward, over the elements that have been run, from rest and to rest; forward again
 //! it passes the same elements. It comes to rest where there is no way back: where the program began, behind an action or a
 //! move in step with the spindle, or where elements are no longer kept. In single block it comes to rest where the line of
-//! the plan changes, and waits there for [`Interpolator::next_block`]. RT.
+//! the plan changes, in both directions, and waits there for [`Interpolator::next_block`]. RT.
 
 use super::braking::SAME_S;
 use super::probe::{Probed, Prober, StopShares};
@@ -68,6 +68,8 @@ pub struct Sample {
     pub action: Option<Action>,
     /// A tap is on its way back: the spindle is to turn the other way, this much as fast as programmed.
     pub reversal: Option<f64>,
+    /// A move in step with the spindle is under way, or waits for it: as fast as the axes can follow it, turns/s.
+    pub turns_s_max: Option<f64>,
     /// Why a move in step with the spindle was given up; nothing moves from there on.
     pub fault: Option<SyncFault>,
 }
@@ -85,14 +87,25 @@ impl Sample {
             state: SampleState::Finished,
             action: None,
             reversal: None,
+            turns_s_max: None,
             fault: None,
         }
     }
 }
 
+/// At rest, at the end of what was to be run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Arrived {
+    /// At the end of a block, on the way back at its beginning.
+    Block,
+    /// Where there is no way back.
+    WayBack,
+}
+
 /// Where plan time is to end for now.
 #[derive(Clone, Copy, Debug)]
 struct End {
+    what: Arrived,
     /// Number of the element behind it.
     next: u64,
     /// Plan time until there, s.
@@ -112,8 +125,7 @@ pub struct Interpolator {
     done_s: f64,
     backward: bool,
     single_block: bool,
-    /// At rest at the end of a block, or of the way back.
-    arrived: bool,
+    arrived: Option<Arrived>,
     /// The end of the block before may be left.
     leaves: bool,
     follower: Follower,
@@ -142,7 +154,7 @@ impl Interpolator {
             done_s: 0.0,
             backward: false,
             single_block: false,
-            arrived: false,
+            arrived: None,
             leaves: false,
             sample,
         }
@@ -188,9 +200,9 @@ impl Interpolator {
             self.change_at_once(share, end);
         }
         let plan_s = self.plan_time(share, end);
-        if !self.arrived {
+        if self.arrived.is_none() {
             if self.backward {
-                self.run_backward(plan_s, scale, spindle);
+                self.run_backward(plan_s, end, scale, spindle);
             } else {
                 self.run_forward(plan_s, end, wanted, spindle);
             }
@@ -218,30 +230,31 @@ impl Interpolator {
     }
 
     /// Single block: comes to rest at the end of each block, where the line of the plan changes; where that comes sooner than
-    /// the machine can stop, at the end of the following one. RT.
+    /// the machine can stop, at the end of the following one. On the way back the same at the beginning of each block that
+    /// moves. RT.
     pub fn set_single_block(&mut self, on: bool) {
         self.single_block = on;
-        if !on && !self.backward {
-            self.arrived = false;
+        if !on && self.is_block_over() {
+            self.arrived = None;
         }
     }
 
-    /// Whether it waits at the end of a block. RT.
+    /// Whether it waits at the end of a block; on the way back, at its beginning. RT.
     pub fn is_block_over(&self) -> bool {
-        self.arrived && !self.backward
+        self.arrived == Some(Arrived::Block)
     }
 
-    /// Lets the block behind the one that is over begin. RT.
+    /// Lets the block behind the one that is over begin; on the way back, the one before it. RT.
     pub fn next_block(&mut self) {
         if self.is_block_over() {
-            self.arrived = false;
+            self.arrived = None;
             self.leaves = true;
         }
     }
 
     /// Whether it waits at the end of the way back. RT.
     pub fn is_way_back_over(&self) -> bool {
-        self.arrived && self.backward
+        self.arrived == Some(Arrived::WayBack)
     }
 
     /// Ends a move in step with the spindle that is under way, as [`Follower::give_up`] says. Any other is held by its share. RT.
@@ -252,6 +265,14 @@ impl Interpolator {
     /// How the last move in step with the spindle went. RT.
     pub fn sync_report(&self) -> SyncReport {
         self.follower.report()
+    }
+
+    /// How far a tap is behind its depth, for as long as the spindle takes to reverse there, mm; else 0. RT.
+    pub fn over_run_mm(&self) -> f64 {
+        match self.track.current() {
+            Some(Element::Synced(_)) => self.follower.over_run_mm(),
+            None | Some(Element::Span(_) | Element::Probing(_) | Element::Dwell { .. } | Element::Action { .. }) => 0.0,
+        }
     }
 
     /// Line of a move in step with the spindle that came to its end, and how it went; told once. RT.
@@ -307,9 +328,9 @@ impl Interpolator {
         let backward = scale < 0.0 || (scale == 0.0 && self.backward);
         if backward != self.backward && (self.ramp.is_at_rest() || self.at_planned_rest()) {
             self.backward = backward;
-            (self.arrived, self.leaves) = (false, false);
+            (self.arrived, self.leaves) = (None, false);
         }
-        if self.arrived || backward != self.backward {
+        if self.arrived.is_some() || backward != self.backward {
             0.0
         } else {
             scale.abs()
@@ -318,12 +339,17 @@ impl Interpolator {
 
     /// Where plan time is to end for now, if that is near.
     fn end(&self) -> Option<End> {
-        match (self.backward, self.single_block) {
-            (true, _) => Some(End {
+        let way_back = || {
+            Some(End {
+                what: Arrived::WayBack,
                 next: 0,
                 way_s: self.track.way_back_s(self.time_s),
                 rests: self.track.rests_at_floor(),
-            }),
+            })
+        };
+        match (self.backward, self.single_block) {
+            (true, true) => self.block_begin().or_else(way_back),
+            (true, false) => way_back(),
             (false, true) => self.block_end(),
             (false, false) => None,
         }
@@ -339,8 +365,12 @@ impl Interpolator {
                 let begun = following.next()?;
                 let before = self.track.last().filter(|_| !self.leaves);
                 if before.is_some_and(|before| before.line() != begun.line()) {
-                    let (way_s, rests) = (0.0, true);
-                    return Some(End { next, way_s, rests });
+                    return Some(End {
+                        what: Arrived::Block,
+                        next,
+                        way_s: 0.0,
+                        rests: true,
+                    });
                 }
                 next += 1;
                 (begun, begun.duration_s())
@@ -353,7 +383,12 @@ impl Interpolator {
                     _ => true,
                 };
                 if rests || self.ramp.can_rest_in(way_s) {
-                    return Some(End { next, way_s, rests });
+                    return Some(End {
+                        what: Arrived::Block,
+                        next,
+                        way_s,
+                        rests,
+                    });
                 }
             }
             // There the share may change at once, and the rest of the way is looked at again. Nor is what is far of interest.
@@ -364,6 +399,44 @@ impl Interpolator {
             way_s += element.duration_s();
             next += 1;
             before = element;
+        }
+        None
+    }
+
+    /// The same on the way back: the last change of line, between spans, at which there can be a stop.
+    fn block_begin(&self) -> Option<End> {
+        let span = |(number, element): (u64, &Element)| match element {
+            Element::Span(span) => Some((number, *span)),
+            // It takes no time on the way back; beyond the others there is none.
+            Element::Dwell { .. } | Element::Action { .. } | Element::Synced(_) | Element::Probing(_) => None,
+        };
+        let mut preceding = self.track.preceding().filter_map(span);
+        let current = self.track.current().filter(|_| !self.leaves);
+        let under_way = current.and_then(|current| span((self.track.next() - 1, current)));
+        let (mut way_s, (mut next, mut begun)) = match under_way {
+            Some(begun) => (self.time_s, begun),
+            None => {
+                let (number, begun) = preceding.next()?;
+                (begun.duration_s, (number, begun))
+            }
+        };
+        for (number, before) in preceding.take(BLOCK_ELEMENTS) {
+            if before.line != begun.line {
+                let rests = begins_at_rest(&begun);
+                if rests || self.ramp.can_rest_in(way_s) {
+                    return Some(End {
+                        what: Arrived::Block,
+                        next,
+                        way_s,
+                        rests,
+                    });
+                }
+            }
+            if way_s > 2.0 * self.ramp.ramp_s() {
+                return None;
+            }
+            way_s += before.duration_s;
+            (next, begun) = (number, before);
         }
         None
     }
@@ -445,7 +518,7 @@ impl Interpolator {
         }
     }
 
-    fn run_backward(&mut self, plan_s: f64, scale: f64, spindle: &SpindleFeedback) {
+    fn run_backward(&mut self, plan_s: f64, end: Option<End>, scale: f64, spindle: &SpindleFeedback) {
         let mut plan_s = plan_s;
         for _ in 0..ELEMENTS_PER_CYCLE {
             match self.track.current() {
@@ -466,6 +539,11 @@ impl Interpolator {
                     self.time_s = 0.0;
                     // What stands before it may have no place of its own.
                     self.show(&span, 0.0, 0.0);
+                    if end.is_some_and(|end| end.what == Arrived::Block && end.next + 1 == self.track.next()) {
+                        self.arrived = Some(Arrived::Block);
+                        self.ramp.jump(0.0);
+                        break;
+                    }
                 }
                 None
                 | Some(Element::Dwell { .. } | Element::Action { .. } | Element::Synced(_) | Element::Probing(_)) => {}
@@ -474,10 +552,11 @@ impl Interpolator {
                 break;
             }
             if !self.retreat() {
-                self.arrived = true;
+                self.arrived = Some(Arrived::WayBack);
                 self.ramp.jump(0.0);
                 break;
             }
+            self.leaves = false;
         }
     }
 
@@ -490,7 +569,7 @@ impl Interpolator {
 
     /// Comes to rest at the end of a block.
     fn arrive(&mut self, rests: bool) {
-        self.arrived = true;
+        self.arrived = Some(Arrived::Block);
         self.ramp.jump(0.0);
         if rests {
             self.pass();
@@ -543,6 +622,7 @@ impl Interpolator {
     fn evaluate(&mut self) {
         self.sample.action = None;
         self.sample.reversal = None;
+        self.sample.turns_s_max = None;
         self.sample.fault = None;
         self.sample.velocity_mm_s = 0.0;
         match self.track.current().copied() {
@@ -554,6 +634,7 @@ impl Interpolator {
             Some(Element::Synced(synced)) => {
                 self.show_synced(&synced);
                 self.sample.reversal = self.follower.reversal();
+                self.sample.turns_s_max = Some(synced.turns_s_max());
                 self.sample.fault = self.follower.fault().filter(|_| self.follower.is_over());
                 self.sample.state = SampleState::Moving;
             }
@@ -573,7 +654,7 @@ impl Interpolator {
             }
             None => {
                 if self.sample.state != SampleState::Finished {
-                    self.sample.state = if self.arrived {
+                    self.sample.state = if self.arrived.is_some() {
                         SampleState::Moving
                     } else {
                         SampleState::Starved

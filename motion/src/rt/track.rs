@@ -107,6 +107,14 @@ impl Track {
         kept.chain(self.consumer.ahead())
     }
 
+    /// What lies before the current element, or before the place between two, with its number: the nearest first, as far as
+    /// there is a way back.
+    pub(super) fn preceding(&self) -> impl Iterator<Item = (u64, &Element)> {
+        let end = if self.between { self.next } else { self.next - 1 };
+        let numbers = self.floor.min(end)..end;
+        numbers.rev().filter_map(|number| Some((number, self.get(number)?)))
+    }
+
     /// Plan time until the end of the way back, s; `time_s`: since the beginning of the current element.
     pub(super) fn way_back_s(&self, time_s: f64) -> f64 {
         let (number, time_s) = match self.current() {

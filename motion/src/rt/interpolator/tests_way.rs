@@ -362,6 +362,63 @@ fn in_single_block_every_block_ends_at_rest() {
     }
 }
 
+/// Backward block by block to where there is no way back: lines at whose beginnings it came to rest, with the place of each.
+fn blocks_back(rig: &mut Rig) -> Vec<(u32, Position)> {
+    let mut blocks = Vec::new();
+    rig.interpolator.set_single_block(true);
+    loop {
+        let sample = rig.run_until(-1.0, |interpolator, _| {
+            interpolator.is_block_over() || interpolator.is_way_back_over()
+        });
+        assert!(rig.interpolator.is_at_rest() && sample.velocity_mm_s == 0.0);
+        blocks.push((sample.line, sample.position));
+        // There it stays.
+        assert_eq!(rig.step(-1.0).position, sample.position);
+        if rig.interpolator.is_way_back_over() {
+            return blocks;
+        }
+        rig.interpolator.next_block();
+    }
+}
+
+#[test]
+fn in_single_block_it_rests_at_the_beginning_of_every_block_on_the_way_back() {
+    for slope in [Slope::Optimal, Slope::Classic] {
+        for exact in [false, true] {
+            let mut calls = square();
+            if exact {
+                calls[1] = Call::SetPathMode(PathMode::ExactStop);
+                // It is no block of its own on the way back.
+                calls.insert(4, Call::Dwell { seconds: 0.05 });
+            }
+            let last = if exact { 7 } else { 6 };
+            let mut rig = Rig::new(&calls, slope, KEPT);
+            rig.run_until(1.0, |_, sample| sample.line == last);
+            for _ in 0..150 {
+                rig.step(1.0);
+            }
+            rig.run_until(0.0, |interpolator, _| interpolator.is_at_rest());
+            let back = blocks_back(&mut rig);
+            let lines: Vec<u32> = back.iter().map(|(line, _)| *line).collect();
+            assert_eq!(lines, if exact { [7, 6, 4, 3] } else { [6, 5, 4, 3] }, "{slope:?}");
+            // Their beginnings; in the rounding of a corner, within its tolerance and a little to either side of it.
+            let corners = [(0.0, 20.0), (20.0, 20.0), (20.0, 0.0), (0.0, 0.0)];
+            for ((line, at), (x, y)) in back.iter().zip(corners) {
+                let off_mm = distance(at, &Position::xyz(x, y, 0.0));
+                assert!(off_mm < if exact { 1e-12 } else { 1.0 }, "{line}: {at:?}");
+            }
+            // Forward from there it is block by block as well, and a turn between two blocks leaves none out.
+            let found = blocks(&mut Rig::new(&calls, slope, KEPT));
+            let first = rig.run_until(1.0, |interpolator, _| interpolator.is_block_over());
+            assert_eq!((first.line, first.position), found[0]);
+            let again = rig.run_until(-1.0, |interpolator, _| interpolator.is_way_back_over());
+            assert_eq!(again.position, Position::ZERO);
+            assert_eq!(blocks(&mut rig), found);
+            rig.proven();
+        }
+    }
+}
+
 #[test]
 fn where_the_plan_rests_a_block_costs_no_time_for_a_ramp() {
     let mut calls = square();

@@ -7,8 +7,8 @@
 //! the spindle, whatever its speed and whatever the limits of the machine. All passes of a thread are therefore in phase.
 //!
 //! ```text
-//! waiting   at rest at the beginning, until the spindle turns, its index is known, and the wanted place (which is still before
-//!           the beginning) is as far away as it gains on the ramp
+//! waiting   at rest at the beginning, until the spindle turns, no faster than it can be followed, its index is known, and the
+//!           wanted place (which is still before the beginning) is as far away as it gains on the ramp
 //! ramp      shortest way to the speed of the spindle; ends on the line: nothing is to be made up for but what the spindle
 //!           changed its speed by
 //! tracking  on the line (`law`); what the spindle does faster than the limits allow is not followed, but made up for
@@ -40,6 +40,8 @@ use std::fmt;
 pub const PATIENCE_S: f64 = 5.0;
 /// Speed below which the spindle stands, turns/s.
 const STANDS: f64 = 0.02;
+/// Part of the speed that can be followed by which the spindle may seem to be faster: what its encoder leaves open.
+const FASTER: f64 = 0.01;
 /// Part of the pitch within which the move is in step.
 const IN_STEP: f64 = 1.0 / 200.0;
 /// Halvings of a cycle that find the moment of braking: 2^-50 of a cycle is below rounding.
@@ -71,6 +73,8 @@ pub enum SyncFault {
     NoIndex,
     /// The spindle stood when it was to turn.
     SpindleStands,
+    /// The spindle stayed faster than the axes can follow.
+    TooFast,
     /// The spindle went on beyond the depth, farther than it may to reverse.
     NotReversed,
     /// The encoder gave no number.
@@ -90,6 +94,11 @@ impl fmt::Display for SyncFault {
                 f,
                 "the spindle stood for {PATIENCE_S} s in a move in step with it; expected it to turn"
             ),
+            SyncFault::TooFast => write!(
+                f,
+                "the spindle turned faster than the axes can follow at this pitch for {PATIENCE_S} s; expected a lower S, or less \
+                 than its override"
+            ),
             SyncFault::NotReversed => {
                 f.write_str("the spindle did not reverse in time behind the depth of a rigid tapping move")
             }
@@ -108,17 +117,23 @@ pub struct SyncReport {
     pub deviation_mm: f64,
     /// Cycles in which this was more than a two-hundredth of the pitch.
     pub cycles_off: u64,
+    /// Of a tap: way behind its depth in which the spindle came to its reversal, mm.
+    pub over_run_mm: Option<f64>,
 }
 
 impl fmt::Display for SyncReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.in_step_from_mm {
-            None => f.write_str("never in step with the spindle"),
+            None => f.write_str("never in step with the spindle")?,
             Some(from_mm) => write!(
                 f,
                 "in step with the spindle from {from_mm:.3} mm on, off by {:.4} mm at most, {} cycles off by much",
                 self.deviation_mm, self.cycles_off
-            ),
+            )?,
+        }
+        match self.over_run_mm {
+            None => Ok(()),
+            Some(over_run_mm) => write!(f, ", over-run {over_run_mm:.3} mm behind the depth"),
         }
     }
 }
@@ -247,6 +262,12 @@ impl Follower {
         self.state.velocity
     }
 
+    /// How far it is behind the depth of a tap, mm. RT.
+    pub fn over_run_mm(&self) -> f64 {
+        let tap = self.synced.and_then(|synced| synced.tap);
+        tap.map_or(0.0, |tap| (self.state.position - tap.depth_mm).max(0.0))
+    }
+
     /// Whether it waits at rest at the beginning: a hold may act. RT.
     pub fn is_waiting(&self) -> bool {
         matches!(self.phase, Phase::Waiting)
@@ -318,6 +339,10 @@ impl Follower {
         if turns_s.abs() < STANDS {
             self.turns0 = None;
             return self.lose_patience(Some(SyncFault::SpindleStands));
+        }
+        if turns_s.abs() > (1.0 + FASTER) * synced.turns_s_max() {
+            self.turns0 = None;
+            return self.lose_patience(Some(SyncFault::TooFast));
         }
         if turns_s.signum() != self.sense {
             self.sense = turns_s.signum();
@@ -451,6 +476,10 @@ impl Follower {
 
     /// How far off the pitch it is now, against the encoder as it was read.
     fn judge(&mut self, synced: &Synced, turns: f64) {
+        if synced.tap.is_some() {
+            let over_run_mm = self.report.over_run_mm.unwrap_or(0.0);
+            self.report.over_run_mm = Some(over_run_mm.max(self.over_run_mm()));
+        }
         let (Phase::Tracking, Some(turns0)) = (&self.phase, self.turns0) else {
             return;
         };

@@ -233,6 +233,8 @@ fn a_tap_follows_the_spindle_through_its_reversal_and_comes_back_to_its_start() 
         );
         assert_eq!(pass.follower.reversal(), None);
         let deepest = pass.places.iter().copied().fold(0.0, f64::max);
+        let over_run = pass.follower.report().over_run_mm.unwrap();
+        assert!((over_run - (deepest - 15.0)).abs() < 1e-9, "{over_run} {deepest}");
         assert!((deepest - 15.0 - run_down).abs() < 0.1 * pitch, "{deepest} {run_down}");
         // On the way back all is one and a half times as fast; begin and end of the reversal are steps of acceleration.
         let back = Turning {
@@ -249,18 +251,40 @@ fn a_tap_follows_the_spindle_through_its_reversal_and_comes_back_to_its_start() 
 }
 
 #[test]
-fn a_spindle_too_fast_for_the_machine_breaks_the_pitch_and_no_limit() {
-    let turning = Turning {
-        turns_s: 25.0,
-        ..STEADY
-    };
+fn a_thread_begins_only_once_the_spindle_is_slow_enough_to_be_followed() {
+    // 75 mm/s where 70 can be.
     let mut synced = thread(3.0, 60.0);
     synced.limits.velocity = 70.0;
-    let pass = run(&mut Spindle::new(turning, CYCLE_S), &synced);
-    keeps(&pass.places, &synced.limits);
-    assert_eq!((pass.follower.fault(), pass.follower.place()), (None, 60.0));
-    let report = pass.follower.report();
-    assert!(report.cycles_off > 500 && report.deviation_mm > 1.0, "{report:?}");
+    let too_fast = |until: u32, slow: f64| {
+        let mut turns = 0.0;
+        move |cycle: u32, _: &mut Follower| {
+            turns += if cycle < until { 25.0 } else { slow } * CYCLE_S;
+            at(turns)
+        }
+    };
+    let (follower, places) = against(&synced, too_fast(u32::MAX, 0.0));
+    assert_eq!((follower.fault(), follower.place()), (Some(SyncFault::TooFast), 0.0));
+    assert!((5000..5060).contains(&places.len()), "{}", places.len());
+    let (follower, places) = against(&synced, too_fast(1000, 23.0));
+    assert!(places[..1003].iter().all(|place| *place == 0.0));
+    assert_eq!((follower.fault(), follower.place()), (None, 60.0));
+    let report = follower.report();
+    assert!(report.cycles_off == 0 && report.in_step_from_mm.is_some(), "{report:?}");
+}
+
+#[test]
+fn a_spindle_too_fast_for_the_machine_breaks_the_pitch_and_no_limit() {
+    let mut synced = thread(3.0, 60.0);
+    synced.limits.velocity = 70.0;
+    // From 63 mm/s to 75 in the work, 3 mm/s in each tenth of a second.
+    let mut turns = 0.0;
+    let (follower, _) = against(&synced, |cycle, _| {
+        turns += (21.0 + 10.0 * (f64::from(cycle.min(700)) * CYCLE_S - 0.3).max(0.0)) * CYCLE_S;
+        at(turns)
+    });
+    assert_eq!((follower.fault(), follower.place()), (None, 60.0));
+    let report = follower.report();
+    assert!(report.cycles_off > 300 && report.deviation_mm > 1.0, "{report:?}");
     // Ripple that would take more jerk than there is, at a speed that the machine has.
     let turning = Turning {
         turns_s: 25.0,
