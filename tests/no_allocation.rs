@@ -114,9 +114,17 @@ fn the_counter_counts() {
     assert_eq!(calls(|| aside(|| drop(std::hint::black_box(vec![0; 9])))), 0);
 }
 
-/// The demo machine with an encoder on its spindle.
+/// Homing of X and Y in the demo machine, by their drives.
+const BY_DRIVE: &str =
+    "homing = { method = 21, search_mm_s = 40.0, latch_mm_s = 4.0, acceleration_mm_s2 = 500.0, position_mm = 0.0 }";
+const BY_CONTROL: &str = "homing = { by = \"control\", towards = \"negative\", switch_mm = -2.0, switch = \"drive\", \
+                          search_mm_s = 40.0, latch_mm_s = 4.0 }";
+
+/// The demo machine with an encoder on its spindle, and X homed by the control.
 fn machine() -> Config {
-    let text = include_str!("../configs/mill3-demo.toml").replace(
+    let text = include_str!("../configs/mill3-demo.toml");
+    assert_eq!(text.matches(BY_DRIVE).count(), 2);
+    let text = text.replacen(BY_DRIVE, BY_CONTROL, 1).replace(
         "name = \"io\"\n",
         "name = \"io\"\noutputs = [\"0x6200:1/8\", \"0x6411:1/16\"]\n\
          inputs = [\"0x6000:1/8\", \"0x6000:2/8\", \"0x3000:1/32\", \"0x3000:2/32\"]\n",

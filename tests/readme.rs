@@ -152,11 +152,15 @@ fn every_file_exists() {
 }
 
 #[test]
-fn every_section_of_the_machine_file_is_in_the_demo_machine() {
-    let machine = include_str!("../configs/mill3-demo.toml");
+fn every_section_of_the_machine_file_is_in_an_example() {
+    let examples = [
+        include_str!("../configs/mill3-demo.toml"),
+        include_str!("../configs/gantry-demo.toml"),
+    ];
     let sections: Vec<&str> = code_spans().into_iter().filter(|span| span.starts_with('[')).collect();
     assert!(sections.len() >= 9, "{sections:?}");
     for section in sections {
-        assert!(machine.lines().any(|line| line.trim() == section), "{section}");
+        let mut lines = examples.iter().flat_map(|machine| machine.lines());
+        assert!(lines.any(|line| line.trim() == section), "{section}");
     }
 }

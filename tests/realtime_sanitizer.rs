@@ -100,8 +100,13 @@ fn harmless(number: usize) -> usize {
 }
 
 fn rehearsed(seed: u64, act: impl FnOnce(&mut Rehearsal<'_>)) {
-    let machine = include_str!("../configs/mill3-demo.toml");
-    let config = config::parse(machine, Path::new("mill3-demo.toml")).expect("a good machine");
+    // X is homed by the control.
+    let machine = include_str!("../configs/mill3-demo.toml").replacen(
+        "method = 21, search_mm_s = 40.0, latch_mm_s = 4.0, acceleration_mm_s2 = 500.0, position_mm = 0.0",
+        "by = \"control\", towards = \"negative\", switch_mm = -2.0, switch = \"drive\", search_mm_s = 40.0, latch_mm_s = 4.0",
+        1,
+    );
+    let config = config::parse(&machine, Path::new("mill3-demo.toml")).expect("a good machine");
     rehearse(&config, PART.as_bytes(), NetConfig::clean(seed), |run| {
         act(run);
         Ok(())

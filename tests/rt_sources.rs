@@ -16,6 +16,7 @@ const REAL_TIME: &[&str] = &[
     "src/rt/drives.rs",
     "src/rt/encoder.rs",
     "src/rt/hand.rs",
+    "src/rt/homing.rs",
     "src/rt/override_pins.rs",
     "src/rt/overrides.rs",
     "src/rt/pins.rs",
@@ -92,6 +93,7 @@ const START_UP: &[(&str, &str, &str)] = &[
     ),
     ("src/rt/drives.rs", "new", "makes the list of drives"),
     ("src/rt/hand.rs", "new", "makes the joints"),
+    ("src/rt/homing.rs", "new", "makes the groups"),
     ("src/rt/figures.rs", "new", "makes empty figures"),
     ("src/rt/override_pins.rs", "new", "makes the pins"),
     (

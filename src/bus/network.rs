@@ -6,7 +6,9 @@
 
 use super::layout::Layout;
 use super::managing_node::{exchanges, pres_mn_octets};
-use crate::config::{Bus, Config, ConfigurationWrite, DeviceDescription, Exchange, Joint, Mapped, Node, Profile};
+use crate::config::{
+    Bus, Config, ConfigurationWrite, DeviceDescription, Exchange, HomingBy, Joint, Mapped, Node, Profile,
+};
 use obd::cdc::CdcWriter;
 use obd::mapping::MappingEntry;
 use obd::{Access, Scalar};
@@ -327,10 +329,16 @@ impl<'a> Configuration<'a> {
         self.set(0x6065, 0, increments(2.0 * joint.following_error_mm));
         self.set(0x605A, 0, 2_i16);
         self.set(0x6085, 0, increments(joint.stop.acceleration_mm_s2));
-        self.set(0x6098, 0, joint.homing.method);
-        self.set(0x6099, 1, increments(joint.homing.search_mm_s));
-        self.set(0x6099, 2, increments(joint.homing.latch_mm_s));
-        self.set(0x609A, 0, increments(joint.homing.acceleration_mm_s2));
+        if let HomingBy::Drive {
+            method,
+            acceleration_mm_s2,
+        } = joint.homing.by
+        {
+            self.set(0x6098, 0, method);
+            self.set(0x6099, 1, increments(joint.homing.search_mm_s));
+            self.set(0x6099, 2, increments(joint.homing.latch_mm_s));
+            self.set(0x609A, 0, increments(acceleration_mm_s2));
+        }
         self.set(0x607C, 0, 0_i32);
     }
 }

@@ -8,7 +8,7 @@ mod network;
 
 use crate::bus::cdc;
 use crate::bus::network::{NodePlan, plan};
-use crate::config::{self, BusKind, Config, Joint};
+use crate::config::{self, BusKind, Config, HomingBy, Joint};
 use crate::rt::pins::{CAPACITY, Pins};
 use anyhow::Context;
 use hal_pins::Hal;
@@ -176,14 +176,17 @@ impl Summary<'_> {
         let mut text = String::new();
         write!(
             text,
-            "{:<12} {} to {} {unit}, {} {unit}/s, {} {unit}/s2, {} {unit}/s3, homing method {}",
+            "{:<12} {} to {} {unit}, {} {unit}/s, {} {unit}/s2, {} {unit}/s3, {}",
             self.0.bus.nodes[joint.node].name,
             joint.travel_mm[0],
             joint.travel_mm[1],
             joint.limits.velocity_mm_s,
             joint.limits.acceleration_mm_s2,
             joint.limits.jerk_mm_s3,
-            joint.homing.method,
+            match joint.homing.by {
+                HomingBy::Drive { method, .. } => format!("homing method {method}"),
+                HomingBy::Control(_) => "homed by the control".to_owned(),
+            },
         )?;
         Ok(text)
     }
@@ -200,7 +203,10 @@ fn to_json(config: &Config, plans: &[NodePlan]) -> Json {
             "velocity_mm_s": joint.limits.velocity_mm_s,
             "acceleration_mm_s2": joint.limits.acceleration_mm_s2,
             "jerk_mm_s3": joint.limits.jerk_mm_s3,
-            "homing_method": joint.homing.method,
+            "homing_method": match joint.homing.by {
+                HomingBy::Drive { method, .. } => Some(method),
+                HomingBy::Control(_) => None,
+            },
         })
     });
     let axes = config

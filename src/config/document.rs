@@ -412,6 +412,11 @@ impl<'d, 'l> Section<'d, 'l> {
         }
     }
 
+    /// Keys that are read elsewhere or only where another one asks for them.
+    pub(super) fn known(&mut self, keys: &[&'static str]) {
+        self.known.extend(keys);
+    }
+
     /// Notes keys that the design knows and this version does not.
     pub(super) fn not_yet(&mut self, keys: &[&'static str]) {
         for key in keys {

@@ -2,20 +2,16 @@
 
 use super::compensation;
 use super::document::{Bound, Section};
-use super::types::{AxisMap, Homing, Joint, JointLimits, Node, Profile, StopLimits};
+use super::homing::{self, Known};
+use super::types::{AxisMap, Joint, JointLimits, Node, Profile, StopLimits};
 use motion::canon::{Axis, Position};
 use std::path::Path;
 
 /// No machine tool is larger or faster; keeps every later calculation far from overflow. mm or degrees.
-const LENGTH_MAX: f64 = 1e6;
-const VELOCITY_MAX: f64 = 1e5;
-const ACCELERATION_MAX: f64 = 1e7;
+pub(super) const LENGTH_MAX: f64 = 1e6;
+pub(super) const VELOCITY_MAX: f64 = 1e5;
+pub(super) const ACCELERATION_MAX: f64 = 1e7;
 const JERK_MAX: f64 = 1e10;
-
-/// Homing methods of CiA 402 that a drive does by itself; 15, 16, 31, 32 are reserved, 36 needs a touch probe.
-fn is_homing_method(method: i64) -> bool {
-    matches!(method, 1..=14 | 17..=30 | 33 | 34 | 35 | 37)
-}
 
 /// What a joint is checked against.
 pub(super) struct Surroundings<'c> {
@@ -52,7 +48,18 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         }
     }
     let squaring_offset_mm = section.number("squaring_offset_mm", Bound::Size(LENGTH_MAX), 0.0);
-    let homing = homing(section, travel_mm, velocity_mm_s, counts_per_unit);
+    let known = Known {
+        travel_mm,
+        velocity_mm_s,
+        stop: stop_acceleration_mm_s2
+            .zip(stop_jerk_mm_s3)
+            .map(|(acceleration_mm_s2, jerk_mm_s3)| StopLimits {
+                acceleration_mm_s2,
+                jerk_mm_s3,
+            }),
+        counts_per_unit,
+    };
+    let homing = homing::homing(section, &known);
     if let (Some(counts), Some(travel)) = (counts_per_unit, travel_mm) {
         let counts_per_mm = ratio(counts);
         for end in travel {
@@ -117,7 +124,7 @@ fn stop_limit(
     Some(stop)
 }
 
-fn ratio(counts_per_unit: [u32; 2]) -> f64 {
+pub(super) fn ratio(counts_per_unit: [u32; 2]) -> f64 {
     f64::from(counts_per_unit[0]) / f64::from(counts_per_unit[1])
 }
 
@@ -183,72 +190,6 @@ fn travel(section: &mut Section<'_, '_>) -> Option<[f64; 2]> {
         return None;
     }
     Some(travel)
-}
-
-fn homing(
-    joint: &mut Section<'_, '_>,
-    travel_mm: Option<[f64; 2]>,
-    velocity_mm_s: Option<f64>,
-    counts_per_unit: Option<[u32; 2]>,
-) -> Option<Homing> {
-    joint.required(
-        "homing",
-        "how the drive finds its reference point: { method = 35, ... }",
-    )?;
-    let mut section = joint.section("homing")?;
-    let method = section.integer("method", -128..=127, None);
-    let method = method.filter(|method| {
-        if !is_homing_method(*method) {
-            section.wrong(
-                "method",
-                "must be a homing method of CiA 402: 1 to 14, 17 to 30, 33, 34, 35 or 37",
-            );
-        }
-        is_homing_method(*method)
-    });
-    let search_mm_s = section.number("search_mm_s", Bound::Positive(VELOCITY_MAX), None);
-    let latch_mm_s = section.number("latch_mm_s", Bound::Positive(VELOCITY_MAX), None);
-    let acceleration_mm_s2 = section.number("acceleration_mm_s2", Bound::Positive(ACCELERATION_MAX), None);
-    let position_mm = section.number("position_mm", Bound::Size(LENGTH_MAX), 0.0);
-    if let (Some(search), Some(most)) = (search_mm_s, velocity_mm_s)
-        && search > most
-    {
-        section.wrong(
-            "search_mm_s",
-            format!("must not be above velocity_mm_s of the joint, {most}"),
-        );
-    }
-    if let (Some(latch), Some(search)) = (latch_mm_s, search_mm_s)
-        && latch > search
-    {
-        section.wrong("latch_mm_s", format!("must not be above search_mm_s, {search}"));
-    }
-    if let (Some(position), Some([lower, upper])) = (position_mm, travel_mm)
-        && !(lower..=upper).contains(&position)
-    {
-        section.wrong("position_mm", format!("must lie in travel_mm, {lower} to {upper}"));
-    }
-    if let Some(counts) = counts_per_unit {
-        // The drive is told whole increments per second (squared).
-        for (key, value) in [
-            ("search_mm_s", search_mm_s),
-            ("latch_mm_s", latch_mm_s),
-            ("acceleration_mm_s2", acceleration_mm_s2),
-        ] {
-            let fits = |value: f64| (1.0..=f64::from(u32::MAX)).contains(&(value * ratio(counts)));
-            if value.is_some_and(|value| !fits(value)) {
-                section.wrong(key, "must be 1 to 4294967295 in increments of the drive");
-            }
-        }
-    }
-    section.done();
-    Some(Homing {
-        method: method? as i8,
-        search_mm_s: search_mm_s?,
-        latch_mm_s: latch_mm_s?,
-        acceleration_mm_s2: acceleration_mm_s2?,
-        position_mm: position_mm?,
-    })
 }
 
 /// Reads all `[[axis]]`; every one of `joints` joints must belong to one axis. `follows`: each joint follows its axis.

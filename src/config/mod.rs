@@ -13,6 +13,7 @@ mod compensation;
 mod device;
 mod document;
 mod error;
+mod homing;
 mod joints;
 mod kinematics;
 mod mapping;
@@ -26,6 +27,8 @@ mod spindle;
 mod tests;
 #[cfg(test)]
 mod tests_devices;
+#[cfg(test)]
+mod tests_homing;
 #[cfg(test)]
 mod tests_kinematics;
 #[cfg(test)]
@@ -197,7 +200,15 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         tools
     });
     let nets = root.section("hal").and_then(hal);
-    let sim = root.section("sim").and_then(|section| sim::sim(section, nodes));
+    let all_joints = (joints.len() == count).then_some(joints.as_slice());
+    if let (Some(joints), Some(axes), Some(transform), Some(nodes), Some(nets)) =
+        (all_joints, &axes, &transform, nodes, &nets)
+    {
+        homing::fit(&mut root, joints, axes, transform, nodes, nets);
+    }
+    let sim = root
+        .section("sim")
+        .and_then(|section| sim::sim(section, nodes, all_joints));
     root.not_yet(&["logic", "hmi", "service"]);
     root.done();
 

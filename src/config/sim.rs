@@ -2,7 +2,7 @@
 
 use super::document::{Bound, Section};
 use super::joints::letter;
-use super::types::{Node, Profile, Sim, SimProbe, SimSurface};
+use super::types::{HomingBy, Joint, Node, Profile, Sim, SimJoint, SimProbe, SimSurface};
 use motion::canon::Axis;
 
 /// No machine is larger, mm.
@@ -10,15 +10,24 @@ const LENGTH_MAX: f64 = 1e6;
 /// Inputs of a simulated I/O node that something can be wired to; those below are the contacts of its own contactors.
 const WIRED: std::ops::RangeInclusive<i64> = 8..=15;
 
-/// Reads `[sim]`; `nodes`: `None` where the bus has errors of its own.
-pub(super) fn sim(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Option<Sim> {
+/// Reads `[sim]`; `nodes`, `joints`: `None` where they have errors of their own.
+pub(super) fn sim(mut section: Section<'_, '_>, nodes: Option<&[Node]>, joints: Option<&[Joint]>) -> Option<Sim> {
     // Beyond, the motor model of the simulated drives would need finer steps than the bus cycle gives.
     let natural_frequency_hz = section.number("natural_frequency_hz", Bound::Within(0.1, 1000.0), 60.0);
     let damping = section.number("damping", Bound::Within(0.01, 10.0), 0.8);
     let start = section.number("start", Bound::Within(0.0, 1.0), 0.4);
     let probe = section.optional_section("probe").map(|section| probe(section, nodes));
+    let mut special: Vec<SimJoint> = Vec::new();
+    let mut complete = true;
+    for table in section.sections("joint") {
+        match joint(table, nodes, joints, &special) {
+            Some(one) => special.push(one),
+            None => complete = false,
+        }
+    }
     section.done();
     Some(Sim {
+        joints: complete.then_some(special)?,
         natural_frequency_hz: natural_frequency_hz?,
         damping: damping?,
         start: start?,
@@ -26,6 +35,63 @@ pub(super) fn sim(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Optio
             None => None,
             Some(probe) => Some(probe?),
         },
+    })
+}
+
+fn joint(
+    mut section: Section<'_, '_>,
+    nodes: Option<&[Node]>,
+    joints: Option<&[Joint]>,
+    before: &[SimJoint],
+) -> Option<SimJoint> {
+    let number = section.integer("joint", 0..=i64::from(u16::MAX), None);
+    let length = |section: &mut Section<'_, '_>, key| match section.optional(key) {
+        None => Some(None),
+        Some(item) => item.number(&section.key(key), Bound::Size(LENGTH_MAX)).map(Some),
+    };
+    let start_mm = length(&mut section, "start_mm");
+    let switch_mm = length(&mut section, "switch_mm");
+    let wired = section.has("node") || section.has("input");
+    let input = if wired {
+        wire(&mut section, nodes).map(Some)
+    } else {
+        Some(None)
+    };
+    let joint = number? as usize;
+    let Some(of) = joints?.get(joint) else {
+        let count = joints?.len();
+        section.wrong(
+            "joint",
+            format!("there is no such joint; joints: {count}, counted from 0"),
+        );
+        return None;
+    };
+    if before.iter().any(|other| other.joint == joint) {
+        section.wrong("joint", "stands in a table above");
+    }
+    if let Some(Some(start_mm)) = start_mm
+        && !(of.travel_mm[0]..=of.travel_mm[1]).contains(&start_mm)
+    {
+        let [low, high] = of.travel_mm;
+        section.wrong(
+            "start_mm",
+            format!("must lie in travel_mm of the joint, {low} to {high}"),
+        );
+    }
+    if let HomingBy::Drive { .. } = of.homing.by {
+        for key in ["switch_mm", "node", "input"] {
+            if section.has(key) {
+                section.wrong(key, "is for a joint that homes by the control");
+            }
+        }
+    }
+    section.known(&["node", "input"]);
+    section.done();
+    Some(SimJoint {
+        joint,
+        start_mm: start_mm?,
+        switch_mm: switch_mm?,
+        input: input?,
     })
 }
 

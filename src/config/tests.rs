@@ -116,8 +116,17 @@ fn the_demo_machine_is_read_whole() {
     );
     assert_eq!(joint.following_error_mm, 2.0);
     assert_eq!(
-        (joint.homing.method, joint.homing.search_mm_s, joint.homing.position_mm),
-        (23, 40.0, 0.0)
+        joint.homing,
+        Homing {
+            search_mm_s: 40.0,
+            latch_mm_s: 4.0,
+            position_mm: 0.0,
+            sequence: None,
+            by: HomingBy::Drive {
+                method: 23,
+                acceleration_mm_s2: 500.0,
+            },
+        }
     );
     let axes: Vec<_> = config
         .axes

@@ -321,7 +321,7 @@ pub struct Joint {
     pub stop: StopLimits,
     /// Greatest distance between command and actual position, mm.
     pub following_error_mm: f64,
-    /// Homing.
+    /// How it finds out where it is.
     pub homing: Homing,
     /// Of several joints of an axis: how far this one stands ahead of the axis where the gantry is square, mm; default 0.
     pub squaring_offset_mm: f64,
@@ -360,19 +360,71 @@ pub struct StopLimits {
     pub jerk_mm_s3: f64,
 }
 
-/// Homing by the drive (CiA 402 mode 6).
+/// `[joint.homing]`: how a joint finds out where it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Homing {
-    /// Homing method, 6098.
-    pub method: i8,
-    /// 6099:1 as mm/s.
+    /// Speed towards the switch, mm/s; 6099:1.
     pub search_mm_s: f64,
-    /// 6099:2 as mm/s.
+    /// Speed at which its place is found, mm/s; 6099:2.
     pub latch_mm_s: f64,
-    /// 609A as mm/s².
-    pub acceleration_mm_s2: f64,
-    /// Machine position of the home point, mm.
+    /// Where the joint stands when it is homed, mm; of a drive: machine position of its home point. Default 0.
     pub position_mm: f64,
+    /// Joints of lower numbers home first, those of the same side by side; `None`: see [`Homing::sequence`].
+    pub sequence: Option<u8>,
+    /// Who homes it.
+    pub by: HomingBy,
+}
+
+impl Homing {
+    /// Place in the order of homing of a joint that moves `axis`; where the file names none, Z comes first, because the tool
+    /// must be clear before anything moves sideways.
+    pub fn sequence(&self, axis: Axis) -> u8 {
+        self.sequence.unwrap_or(if axis == Axis::Z { 0 } else { 1 })
+    }
+}
+
+/// Who homes a joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum HomingBy {
+    /// Its drive (CiA 402 mode 6).
+    Drive {
+        /// Homing method, 6098.
+        method: i8,
+        /// 609A as mm/s².
+        acceleration_mm_s2: f64,
+    },
+    /// The control, in the cyclic mode.
+    Control(HomingByControl),
+}
+
+/// Homing by the control; see `motion::rt::homing`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HomingByControl {
+    /// Direction in which the switch lies.
+    pub towards_positive: bool,
+    /// Who tells of the switch; default a pin.
+    pub switch: HomeSwitch,
+    /// Position that the place has at which the switch closes, mm.
+    pub switch_mm: f64,
+    /// Where the switch must be found within, mm; default from the far end of the travel, and the way of the release.
+    pub search_distance_mm: f64,
+    /// Where it must open again within, mm; default 5.
+    pub release_distance_mm: f64,
+    /// How exactly its place is to be found, mm; default 0.001, or an increment of the drive.
+    pub resolution_mm: f64,
+    /// How long it must be open to count as open, s; default 0.02.
+    pub bounce_s: f64,
+    /// How far joints that move an axis together may be moved against each other, mm; `None` for a joint alone.
+    pub skew_mm: Option<f64>,
+}
+
+/// Who tells whether a home switch is closed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HomeSwitch {
+    /// The pin `joint.N.home-sw-in`.
+    Pin,
+    /// Its drive: bit 2 of 60FDh.
+    Drive,
 }
 
 /// `[[axis]]`
@@ -389,6 +441,17 @@ pub struct AxisMap {
 }
 
 impl Config {
+    /// Sets of joints (bit n: joint n) in the order in which they home.
+    pub fn homing_order(&self) -> Vec<u64> {
+        let mut order: BTreeMap<u8, u64> = BTreeMap::new();
+        for map in &self.axes {
+            for &joint in &map.joints {
+                *order.entry(self.joints[joint].homing.sequence(map.axis)).or_default() |= 1 << joint;
+            }
+        }
+        order.into_values().collect()
+    }
+
     /// From axes to joints.
     pub fn kinematics(&self) -> Kinematics {
         let mut follows = [Follows::default(); JOINTS_MAX];
@@ -537,6 +600,28 @@ pub struct Sim {
     pub start: f64,
     /// A touch probe in the spindle; `None`: there is none.
     pub probe: Option<SimProbe>,
+    /// What is special about a joint.
+    pub joints: Vec<SimJoint>,
+}
+
+/// `[[sim.joint]]`: where a simulated joint stands and where its home switch is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SimJoint {
+    /// Index into [`Config::joints`].
+    pub joint: usize,
+    /// Where it stands at power-on, mm; `None`: as [`Sim::start`] has it.
+    pub start_mm: Option<f64>,
+    /// Where the home switch of a joint that homes by the control closes, mm; `None`: where the machine file believes it to be.
+    pub switch_mm: Option<f64>,
+    /// The input that it closes, beside bit 2 of 60FDh of its drive: index of an I/O node and number of the input, 8 to 15.
+    pub input: Option<(usize, u8)>,
+}
+
+impl Sim {
+    /// What is special about a joint, if something is.
+    pub fn joint(&self, joint: usize) -> Option<&SimJoint> {
+        self.joints.iter().find(|special| special.joint == joint)
+    }
 }
 
 /// `[sim.probe]`: a probe that is in contact where its tip, the place of the axes, is in a body.

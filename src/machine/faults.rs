@@ -10,6 +10,7 @@ use super::overruns::CYCLES;
 use crate::bus::NodeIndex;
 use crate::rt::spindle::Late;
 use cia402::axis::AxisFault;
+use motion::rt::homing::HomingFailure;
 use motion::rt::{Order, SyncFault};
 use powerlink::link::LinkError;
 
@@ -41,6 +42,13 @@ pub enum Fault {
         error_mm: f64,
         /// Limit, mm.
         limit_mm: f64,
+    },
+    /// The control could not home a joint, and has come to rest.
+    Homing {
+        /// The joint.
+        joint: usize,
+        /// Why.
+        failure: HomingFailure,
     },
     /// A command beyond the travel of a joint; the planner should have refused it.
     SoftLimit {
@@ -134,6 +142,7 @@ impl Fault {
             | Fault::Drive { .. }
             | Fault::DriveWarning { .. }
             | Fault::FollowingError { .. }
+            | Fault::Homing { .. }
             | Fault::SoftLimit { .. }
             | Fault::LimitExceeded { .. }
             | Fault::OutOfStep { .. }
@@ -157,6 +166,7 @@ impl Fault {
             Fault::Drive { .. }
             | Fault::DriveWarning { .. }
             | Fault::FollowingError { .. }
+            | Fault::Homing { .. }
             | Fault::SoftLimit { .. }
             | Fault::IllegalCommand { .. }
             | Fault::LimitExceeded { .. }
@@ -190,6 +200,7 @@ impl Fault {
                     joint(index)
                 )
             }
+            Fault::Homing { joint: index, failure } => format!("{}: not homed: {}", joint(index), failure.words()),
             Fault::SoftLimit {
                 joint: index,
                 position_mm,

@@ -7,6 +7,7 @@ use super::cycle::{Control, Outlets, Parts};
 use super::diagnosis;
 use super::drives::Drives;
 use super::hand::Hand;
+use super::homing::Homer;
 use super::overrides::Overrides;
 use super::pins::Pins;
 use super::shared::Live;
@@ -52,6 +53,7 @@ pub fn assemble<B: Fieldbus>(
         kinematics: config.kinematics(),
         monitor: Monitor::new(&config.joints.iter().map(monitor_limits).collect::<Vec<_>>(), cycle_s),
         hand: Hand::new(config),
+        homer: Homer::new(config),
         pins: Pins::new(hal, config, plans).context("pins")?,
         overruns: Overruns::new(config.rt.overruns_warn, config.rt.overruns_stop),
         mandatory: config.bus.nodes.iter().map(|node| node.mandatory).collect(),

@@ -10,6 +10,7 @@ use super::diagnosis;
 use super::drives::{Drive, Drives};
 use super::figures::Timing;
 use super::hand::{Hand, JogMotion, JogOrder};
+use super::homing::Homer;
 use super::pins::Pins;
 use super::shared::{Command, Live, Notice, Snapshot, TimedNotice, Trace};
 use crate::bus::{BusEvent, BusState, CycleReport, Fieldbus, InputImage, NodeIndex, NodeState, OutputImage};
@@ -21,6 +22,7 @@ use cia402::axis::{AxisFault, Request, Status};
 use motion::canon::Position;
 use motion::element::Action;
 use motion::kinematics::{Kinematics, ToolFrame};
+use motion::rt::homing::HomingStatus;
 use motion::rt::{Interpolator, Monitor, Peaks, Sample, SampleState, Shares, SyncFault, Trip};
 use std::sync::Arc;
 
@@ -75,6 +77,8 @@ pub struct Parts {
     pub monitor: Monitor,
     /// Moves joints by hand.
     pub hand: Hand,
+    /// Homes joints whose drives do not.
+    pub homer: Homer,
     /// The control's pins.
     pub pins: Pins,
     /// Counts cycles left out.
@@ -311,15 +315,20 @@ impl<B: Fieldbus> Control<B> {
             (Reaction::Silence, _) => {
                 self.end_program();
                 self.parts.hand.end();
+                self.parts.homer.end();
                 self.enter(State::Faulted);
             }
             (Reaction::QuickStop, _) => {
                 self.end_program();
                 self.parts.hand.end();
+                self.parts.homer.end();
                 self.quick_stop();
             }
             // To rest on the path first; `step_state` goes on to the quick stop.
             (Reaction::ControlledStop, State::Jogging | State::Running | State::Held | State::Stopping) => {
+                self.stop_then(AfterStop::Ready);
+            }
+            (Reaction::ControlledStop, State::Homing) if self.parts.homer.is_active() => {
                 self.stop_then(AfterStop::Ready);
             }
             (
@@ -339,6 +348,15 @@ impl<B: Fieldbus> Control<B> {
         if self.parts.hand.is_active() {
             self.parts.hand.stop();
         }
+        if self.parts.homer.is_active() {
+            self.parts.homer.stop();
+            // Drives that home themselves are on no path of ours: they stop by their own ramps.
+            self.parts.drives.request_of_homing(if self.fault_seen {
+                Request::QuickStop
+            } else {
+                Request::Disable
+            });
+        }
         if let Some(program) = &mut self.program {
             // A hold cannot act there: the spindle has the say. A tap is followed out of the work first.
             program.give_up_sync();
@@ -355,6 +373,7 @@ impl<B: Fieldbus> Control<B> {
     fn after_stop(&mut self) {
         self.end_program();
         self.parts.hand.end();
+        self.parts.homer.end();
         match (self.after_stop, self.fault_seen) {
             (AfterStop::Ready | AfterStop::Disable, true) => self.quick_stop(),
             (AfterStop::Ready, false) => self.enter(State::Ready),
@@ -397,8 +416,7 @@ impl<B: Fieldbus> Control<B> {
                 self.enter(State::Enabling);
             }
             (Command::Home(joints), State::Ready) => {
-                self.parts.drives.request(joints, Request::Home);
-                self.enter(State::Homing);
+                self.home(joints);
             }
             (Command::Jog(order), State::Ready | State::Jogging) => self.jog(&order),
             (Command::Start(program), State::Ready) if self.parts.drives.all(|drive| drive.is_homed()) => {
@@ -424,6 +442,9 @@ impl<B: Fieldbus> Control<B> {
             (Command::Disable, State::Jogging | State::Running | State::Held | State::Stopping) => {
                 self.stop_then(AfterStop::Disable)
             }
+            (Command::Stop | Command::Disable, State::Homing) if self.parts.homer.is_active() => {
+                self.stop_then(AfterStop::Disable);
+            }
             // A drive that homes is on no path: it stops by its own ramp.
             (Command::Stop, State::Homing) | (Command::Disable, State::Enabling | State::Ready | State::Homing) => {
                 self.switch_off(State::Disabling)
@@ -439,6 +460,9 @@ impl<B: Fieldbus> Control<B> {
             (Command::ShutDown, State::Jogging | State::Running | State::Held | State::Stopping) => {
                 self.stop_then(AfterStop::ShutDown)
             }
+            (Command::ShutDown, State::Homing) if self.parts.homer.is_active() => {
+                self.stop_then(AfterStop::ShutDown);
+            }
             // The network follows once the drives are without power: see `step_state`.
             (Command::ShutDown, _) => self.switch_off(State::ShuttingDown),
             (Command::Enable, _)
@@ -450,6 +474,38 @@ impl<B: Fieldbus> Control<B> {
             | (Command::Stop, _)
             | (Command::Disable, _)
             | (Command::Acknowledge, _) => {}
+        }
+    }
+
+    /// Homes joints side by side, each by its drive or by the control.
+    fn home(&mut self, joints: u64) {
+        let parts = &mut self.parts;
+        let by_control = parts.homer.chosen(joints);
+        parts.drives.request(joints & !by_control, Request::Home);
+        parts.drives.begin_homing(by_control);
+        for (command_mm, drive) in self.command_mm.iter_mut().zip(parts.drives.iter()) {
+            *command_mm = drive.command_mm();
+        }
+        parts.homer.begin(by_control, &self.command_mm[..self.joints]);
+        self.enter(State::Homing);
+    }
+
+    /// Takes in what came of homing by the control.
+    fn see_homing(&mut self) {
+        let parts = &mut self.parts;
+        match parts.homer.status() {
+            HomingStatus::Running => {}
+            HomingStatus::Failed { joint, failure } => self.fault(Fault::Homing { joint, failure }),
+            HomingStatus::Done => {
+                for joint in 0..self.joints {
+                    if parts.homer.under_way() >> joint & 1 == 1
+                        && let Some(found) = parts.homer.found(joint)
+                    {
+                        parts.drives.home_at(joint, &found);
+                    }
+                }
+                parts.homer.end();
+            }
         }
     }
 
@@ -521,6 +577,9 @@ impl<B: Fieldbus> Control<B> {
 
     /// Goes on to the next state where the drives and the network are ready for it.
     fn step_state(&mut self) {
+        if self.state == State::Homing && self.parts.homer.is_active() {
+            self.see_homing();
+        }
         let all = |wanted: Status| self.parts.drives.all(|drive| drive.status() == wanted);
         match self.state {
             State::Booting if self.network_up() && self.drives_off() => {
@@ -529,7 +588,7 @@ impl<B: Fieldbus> Control<B> {
                 self.enter(State::Disabled);
             }
             State::Enabling if all(Status::Enabled) => self.enter(State::Ready),
-            State::Homing if all(Status::Enabled) => self.enter(State::Ready),
+            State::Homing if all(Status::Enabled) && !self.parts.homer.is_active() => self.enter(State::Ready),
             State::Jogging if self.parts.hand.is_over() => {
                 self.parts.hand.end();
                 self.enter(State::Ready);
@@ -589,8 +648,10 @@ impl<B: Fieldbus> Control<B> {
     }
 
     fn at_rest(&self) -> bool {
-        let hand = &self.parts.hand;
-        self.program.as_ref().is_none_or(|program| program.is_at_rest()) && (!hand.is_active() || hand.is_at_rest())
+        let (hand, homer) = (&self.parts.hand, &self.parts.homer);
+        self.program.as_ref().is_none_or(|program| program.is_at_rest())
+            && (!hand.is_active() || hand.is_at_rest())
+            && (!homer.is_active() || homer.is_at_rest())
     }
 
     fn end_program(&mut self) {
@@ -667,16 +728,15 @@ impl<B: Fieldbus> Control<B> {
                     self.notice(Notice::Obstructed(obstruction));
                 }
             } else {
-                // Each joint stays where it was told to be.
-                for (command_mm, drive) in self.command_mm.iter_mut().zip(self.parts.drives.iter()) {
-                    *command_mm = drive.command_mm();
-                }
+                self.stay_or_home();
             }
             let joints = &self.command_mm[..self.joints];
             let position = self.parts.kinematics.forward(&ToolFrame::OFF, joints);
             self.sample = Sample::resting(position.unwrap_or(self.sample.position));
             if by_hand {
                 self.sample.velocity_mm_s = self.parts.hand.speed_mm_s();
+            } else if self.parts.homer.is_active() {
+                self.sample.velocity_mm_s = self.parts.homer.speed_mm_s();
             }
         }
         if let Some(action) = self.waiting
@@ -692,6 +752,21 @@ impl<B: Fieldbus> Control<B> {
         (self.parts.pins).follow_overrides(&self.outlets.live.overrides, self.sample.enables);
     }
 
+    /// Each joint stays where it was told to be, but for those that home by the control.
+    fn stay_or_home(&mut self) {
+        let parts = &mut self.parts;
+        let homing = parts.homer.under_way();
+        for (joint, (command_mm, drive)) in self.command_mm.iter_mut().zip(parts.drives.iter()).enumerate() {
+            if homing >> joint & 1 == 0 {
+                *command_mm = drive.command_mm();
+            }
+        }
+        if homing != 0 {
+            let command_mm = &mut self.command_mm[..self.joints];
+            parts.homer.step(&parts.drives, &parts.pins, command_mm);
+        }
+    }
+
     fn end_wait(&mut self) {
         self.waiting = None;
         if let Some(program) = &mut self.program {
@@ -704,12 +779,23 @@ impl<B: Fieldbus> Control<B> {
         let scaling = match &self.program {
             Some(program) => program.is_scaling(),
             None if self.parts.hand.is_active() => self.parts.hand.is_stopping(),
+            None if self.parts.homer.is_active() => self.parts.homer.is_stopping(),
             None => {
                 self.parts.monitor.restart();
                 return;
             }
         };
-        if let Some(trip) = self.parts.monitor.see(&self.command_mm[..self.joints], scaling) {
+        let homing = self.parts.homer.under_way();
+        let mut watched_mm = self.command_mm;
+        if homing != 0 {
+            // Joints that home by their drives are led by these, and count anew at the end.
+            for (joint, watched_mm) in watched_mm.iter_mut().enumerate() {
+                if homing >> joint & 1 == 0 {
+                    *watched_mm = 0.0;
+                }
+            }
+        }
+        if let Some(trip) = self.parts.monitor.see(&watched_mm[..self.joints], scaling) {
             self.fault(match trip {
                 Trip::NotFinite { joint } => Fault::IllegalCommand { joint },
                 Trip::Over {
@@ -730,6 +816,8 @@ impl<B: Fieldbus> Control<B> {
             let (position_mm, [low_mm, high_mm]) = (*command_mm, drive.travel_mm());
             if !position_mm.is_finite() {
                 *command_mm = drive.command_mm();
+            } else if homing != 0 {
+                // Travel has no meaning before a joint is homed; its search is bounded by distances.
             } else if position_mm < low_mm - TRAVEL_SLACK_MM || position_mm > high_mm + TRAVEL_SLACK_MM {
                 beyond = beyond.or(Some(Fault::SoftLimit { joint, position_mm }));
             }

@@ -3,13 +3,15 @@
 //! In:  the input image; commanded joint positions, mm.
 //! Out: actual joint positions, mm; the output image.
 //!
-//! A drive counts from its home point: `motor mm = increments / ratio + home position`. The motor stands beside its joint by
-//! the compensation of backlash and pitch errors, which nobody outside of this file sees.
+//! `motor mm = increments / ratio + zero`, where `zero` is the position at which the drive counts 0: its home point, or what
+//! homing by the control has found. The motor stands beside its joint by the compensation of backlash and pitch errors, which
+//! nobody outside of this file sees.
 
+use super::homing::Found;
 use crate::bus::layout::{Field, Layout};
 use crate::bus::network::NodePlan;
 use crate::bus::{InputImage, NodeIndex, NodeState, OutputImage};
-use crate::config::{Compensation, Config, JOINTS_MAX, Joint};
+use crate::config::{Compensation, Config, HomingBy, JOINTS_MAX, Joint};
 use cia402::axis::{Axis, AxisConfig, Feedback, HomingState, Request, Setpoint, Status};
 use motion::canon::Position;
 use motion::kinematics::Kinematics;
@@ -52,7 +54,10 @@ pub struct Drive {
     node: NodeIndex,
     fields: Fields,
     increments_per_mm: f64,
-    home_mm: f64,
+    /// Position at which the drive counts 0.
+    zero_mm: f64,
+    /// `None`: the drive homes itself; else whether the control has homed it since it came on line.
+    homed_by_control: Option<bool>,
     following_error_max_mm: f64,
     travel_mm: [f64; 2],
     /// Supervisor of the power state machine.
@@ -73,7 +78,14 @@ impl Drive {
             node: joint.node,
             fields: Fields::new(&plan.outputs, &plan.inputs)?,
             increments_per_mm: counts / units,
-            home_mm: joint.homing.position_mm,
+            zero_mm: match joint.homing.by {
+                HomingBy::Drive { .. } => joint.homing.position_mm,
+                HomingBy::Control(_) => 0.0,
+            },
+            homed_by_control: match joint.homing.by {
+                HomingBy::Drive { .. } => None,
+                HomingBy::Control(_) => Some(false),
+            },
             following_error_max_mm: joint.following_error_mm,
             travel_mm: joint.travel_mm,
             axis: Axis::new(AxisConfig::default()),
@@ -96,6 +108,10 @@ impl Drive {
     /// Takes what the drive sent. RT.
     fn read(&mut self, inputs: &InputImage, state: NodeState) {
         self.online = state == NodeState::Operational;
+        if !self.online {
+            // It may have been switched off meanwhile, and then counts anew.
+            self.forget_home();
+        }
         if !inputs.fresh[self.node] {
             return;
         }
@@ -115,10 +131,36 @@ impl Drive {
         };
     }
 
+    fn forget_home(&mut self) {
+        self.homed_by_control = self.homed_by_control.map(|_| false);
+    }
+
+    /// Homing by the control begins: the motor stays where it is, and follows without compensation. RT.
+    fn begin_homing(&mut self) {
+        self.forget_home();
+        if let Some(compensation) = &mut self.compensation {
+            self.zero_mm -= compensation.correction_mm();
+            compensation.restart();
+        }
+    }
+
+    /// Homing by the control is done: positions count anew, the motor stays where it is. RT.
+    fn home_at(&mut self, found: &Found) {
+        self.homed_by_control = Some(true);
+        // The motor stood beside the joint by this when the switch closed.
+        let beside_mm = self.compensation.as_ref().map_or(0.0, |compensation| {
+            compensation.correction_at_mm(found.switch_mm, found.forward)
+        });
+        self.zero_mm += found.offset_mm + beside_mm;
+        // Whole increments, so that rounding does not move the motor either.
+        self.command_mm = self.to_mm(self.axis.target_position());
+        self.command_before_mm = self.command_mm;
+    }
+
     /// Tells the drive where to be; a drive that is not enabled is kept where it is, so that enabling never jumps. RT.
     fn write(&mut self, now_ns: u64, command_mm: f64, outputs: &mut OutputImage) {
         let motor_mm = self.compensated(command_mm);
-        let increments = ((motor_mm - self.home_mm) * self.increments_per_mm).round() as i64;
+        let increments = ((motor_mm - self.zero_mm) * self.increments_per_mm).round() as i64;
         self.setpoint = self.axis.cycle(now_ns, self.online, &self.feedback, increments);
         self.command_before_mm = self.command_mm;
         let following = self.axis.status() == Status::Enabled;
@@ -146,6 +188,8 @@ impl Drive {
             return command_mm;
         };
         match self.axis.status() {
+            // Nobody knows of what place the error would be.
+            Status::Enabled if self.homed_by_control == Some(false) => command_mm + compensation.correction_mm(),
             Status::Enabled => compensation.step(command_mm),
             Status::Homing => {
                 // Afterwards the motor counts anew, and which way it came is not known.
@@ -167,7 +211,7 @@ impl Drive {
     }
 
     fn to_mm(&self, increments: i64) -> f64 {
-        let motor_mm = increments as f64 / self.increments_per_mm + self.home_mm;
+        let motor_mm = increments as f64 / self.increments_per_mm + self.zero_mm;
         let compensation = self.compensation.as_ref();
         motor_mm - compensation.map_or(0.0, JointCompensation::correction_mm)
     }
@@ -207,7 +251,8 @@ impl Drive {
 
     /// Whether the machine position is known.
     pub fn is_homed(&self) -> bool {
-        self.axis.homing() == HomingState::Homed
+        self.homed_by_control
+            .unwrap_or(self.axis.homing() == HomingState::Homed)
     }
 
     /// Whether the drive is without power as far as can be known, and no fault reset is under way in it.
@@ -274,6 +319,15 @@ impl Drives {
         }
     }
 
+    /// Asks the drives that home themselves now for something. RT.
+    pub fn request_of_homing(&mut self, request: Request) {
+        for drive in &mut self.drives {
+            if drive.status() == Status::Homing {
+                drive.axis.request(request);
+            }
+        }
+    }
+
     /// Whether every drive shows a status that `wanted` accepts. RT.
     pub fn all(&self, wanted: impl Fn(&Drive) -> bool) -> bool {
         self.drives.iter().all(wanted)
@@ -288,6 +342,22 @@ impl Drives {
         kinematics
             .forward(&sample.frame, &actual_mm[..self.drives.len()])
             .unwrap_or(sample.position)
+    }
+
+    /// Homing of the joints of `which` (bit n: joint n) by the control begins. RT.
+    pub fn begin_homing(&mut self, which: u64) {
+        for (index, drive) in self.drives.iter_mut().enumerate() {
+            if which >> index & 1 == 1 {
+                drive.begin_homing();
+            }
+        }
+    }
+
+    /// A joint has been homed by the control. RT.
+    pub fn home_at(&mut self, joint: usize, found: &Found) {
+        if let Some(drive) = self.drives.get_mut(joint) {
+            drive.home_at(found);
+        }
     }
 
     /// The drives in the order of the joints.

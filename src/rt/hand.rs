@@ -289,7 +289,7 @@ impl Hand {
 }
 
 /// What the joints of an axis can do together; soft limits are set when jogging begins.
-fn limits(config: &Config, joint: usize) -> JogLimits {
+pub(super) fn limits(config: &Config, joint: usize) -> JogLimits {
     let map = config.axes.iter().find(|map| map.joints.contains(&joint));
     let together = map.map_or(std::slice::from_ref(&joint), |map| &map.joints);
     let least = |value: fn(&crate::config::Joint) -> f64| {

@@ -8,6 +8,7 @@ pub mod drives;
 pub mod encoder;
 pub mod figures;
 pub mod hand;
+pub mod homing;
 pub mod jitter;
 pub mod override_pins;
 pub mod overrides;

@@ -30,6 +30,7 @@ struct JointPins {
     f_error: Output<f64>,
     homed: Output<bool>,
     amp_enabled: Output<bool>,
+    home_switch: Input<bool>,
 }
 
 /// A mapped object that a pin shows.
@@ -230,6 +231,7 @@ impl Pins {
                 f_error: hal.output(&name("f-error"))?,
                 homed: hal.output(&name("homed"))?,
                 amp_enabled: hal.output(&name("amp-enabled"))?,
+                home_switch: hal.input(&name("home-sw-in"), false)?,
             });
         }
         let mut axes = Vec::new();
@@ -502,6 +504,11 @@ impl Pins {
             bit.pin
                 .set(bit.field.read(inputs.payload.node(bit.node)) >> bit.bit & 1 == 1);
         }
+    }
+
+    /// Whether the home switch of a joint is closed, as its pin has it.
+    pub fn home_switch(&self, joint: usize) -> bool {
+        self.joints.get(joint).is_some_and(|pins| pins.home_switch.get())
     }
 
     /// Whether the probe is in contact.

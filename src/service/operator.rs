@@ -14,7 +14,7 @@ use crate::machine::state::State;
 use crate::rt::overrides::Overridden;
 use crate::rt::shared::{Command, Live, Notice, Snapshot, TimedNotice, Trace};
 use crate::rt::timeout;
-use motion::canon::{Axis, Position};
+use motion::canon::Position;
 use motion::rt::Interpolator;
 use motion::rt::jog::{Obstacle, Obstruction};
 use serde::Serialize;
@@ -97,7 +97,7 @@ impl Operator {
     pub fn new(config: &Config, inlets: Inlets, now_ns: u64) -> Operator {
         Operator {
             inlets,
-            sequence: Sequence::new(now_ns, &homing_order(config)),
+            sequence: Sequence::new(now_ns, &config.homing_order()),
             records: true,
             orders_given: 0,
             program_ended: false,
@@ -458,20 +458,6 @@ impl Operator {
         }
         self.journal.push(Entry { time_s, text });
     }
-}
-
-/// Sets of joints in the order of homing: those of Z first, because the tool must be clear before anything moves
-/// sideways, then all others together.
-fn homing_order(config: &Config) -> Vec<u64> {
-    let mask = |wanted: &dyn Fn(Axis) -> bool| {
-        let maps = config.axes.iter().filter(|map| wanted(map.axis));
-        maps.flat_map(|map| &map.joints)
-            .fold(0, |mask, joint| mask | 1 << joint)
-    };
-    [mask(&|axis| axis == Axis::Z), mask(&|axis| axis != Axis::Z)]
-        .into_iter()
-        .filter(|&joints| joints != 0)
-        .collect()
 }
 
 fn joint_names(config: &Config) -> Vec<String> {

@@ -10,7 +10,7 @@
 use super::SimError;
 use super::motor::{Motor, MotorConfig};
 use super::track::{Track, mm_to_counts};
-use crate::config::{Homing, Joint, JointLimits, Node, Sim, StopLimits};
+use crate::config::{Homing, HomingBy, Joint, JointLimits, Node, Sim, SimJoint, StopLimits};
 use cia402::State;
 use cia402::device::{DEVICE_TYPE, DRIVE_OBJECTS, Delays, Demand, Device, Injected, check_write};
 use obd::{AbortCode, Dictionary, Key};
@@ -49,11 +49,14 @@ const BENCH: Joint = Joint {
     },
     following_error_mm: 2.0,
     homing: Homing {
-        method: 37,
         search_mm_s: 20.0,
         latch_mm_s: 2.0,
-        acceleration_mm_s2: 500.0,
         position_mm: 0.0,
+        sequence: None,
+        by: HomingBy::Drive {
+            method: 37,
+            acceleration_mm_s2: 500.0,
+        },
     },
     compensation: None,
     squaring_offset_mm: 0.0,
@@ -95,6 +98,7 @@ impl Drive {
         node: &Node,
         joint: Option<&Joint>,
         sim: &Sim,
+        special: Option<&SimJoint>,
         period_ns: u32,
         now_ns: u64,
     ) -> Result<Drive, SimError> {
@@ -104,7 +108,7 @@ impl Drive {
             damping: sim.damping,
             acceleration_max: MOTOR_RESERVE * mm_to_counts(&joint, joint.stop.acceleration_mm_s2),
         };
-        let motor = Motor::new(config, Track::of(&joint, sim.start));
+        let motor = Motor::new(config, Track::of(&joint, sim.start, special));
         Drive::switch_on(
             Setup {
                 node: node.clone(),
@@ -291,16 +295,24 @@ impl Drive {
 fn commission(objects: &mut Dictionary<ENTRIES, OCTETS>, joint: &Joint) -> Result<(), AbortCode> {
     let counts = |mm: f64| (mm_to_counts(joint, mm).round().clamp(1.0, f64::from(u32::MAX)) as u32).to_le_bytes();
     let homing = &joint.homing;
+    let (method, acceleration_mm_s2) = match homing.by {
+        HomingBy::Drive {
+            method,
+            acceleration_mm_s2,
+        } => (method, acceleration_mm_s2),
+        // As drives come out of the box: nobody asks this one to home.
+        HomingBy::Control(_) => (0, joint.limits.acceleration_mm_s2),
+    };
     let values: [(u16, u8, &[u8]); 9] = [
         (0x6007, 0, &ABORT_QUICK_STOP.to_le_bytes()),
         (0x6065, 0, &counts(joint.following_error_mm)),
         (0x6083, 0, &counts(joint.limits.acceleration_mm_s2)),
         (0x6084, 0, &counts(joint.limits.acceleration_mm_s2)),
         (0x6085, 0, &counts(joint.stop.acceleration_mm_s2)),
-        (0x6098, 0, &homing.method.to_le_bytes()),
+        (0x6098, 0, &method.to_le_bytes()),
         (0x6099, 1, &counts(homing.search_mm_s)),
         (0x6099, 2, &counts(homing.latch_mm_s)),
-        (0x609A, 0, &counts(homing.acceleration_mm_s2)),
+        (0x609A, 0, &counts(acceleration_mm_s2)),
     ];
     for (index, sub, octets) in values {
         let handle = objects.find(index, sub)?;

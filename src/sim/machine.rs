@@ -94,8 +94,10 @@ impl SimMachine {
         for (index, node) in config.bus.nodes.iter().enumerate() {
             let device = match node.profile {
                 Profile::Cia402 => {
-                    let joint = config.joints.iter().find(|joint| joint.node == index);
-                    Device::Drive(Box::new(Drive::new(node, joint, &config.sim, period_ns, 0)?))
+                    let number = config.joints.iter().position(|joint| joint.node == index);
+                    let joint = number.map(|number| &config.joints[number]);
+                    let special = number.and_then(|number| config.sim.joint(number));
+                    Device::Drive(Box::new(Drive::new(node, joint, &config.sim, special, period_ns, 0)?))
                 }
                 Profile::Io => Device::Io(Box::new(Io::new(node, Spindle::new(config), 0)?)),
             };

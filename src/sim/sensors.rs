@@ -2,44 +2,79 @@
 //!
 //! In:  positions of the loads. Out: inputs of I/O nodes.
 
-use crate::config::{Config, SimProbe};
+use crate::config::{Config, HomingBy, SimJoint, SimProbe};
 use motion::kinematics::{Kinematics, ToolFrame};
 
 /// First input that something can be wired to: bit 0 of 6000h/2.
 const WIRED: u8 = 8;
 
+/// A home switch of a joint, closed from its place on.
+#[derive(Clone, Copy, Debug)]
+struct HomeSwitch {
+    joint: usize,
+    at_mm: f64,
+    /// It is closed above its place, else below.
+    above: bool,
+    node: usize,
+    input: u8,
+}
+
 /// All sensors of a machine.
 #[derive(Debug)]
 pub(super) struct Sensors {
     kinematics: Kinematics,
-    probe: SimProbe,
+    probe: Option<SimProbe>,
+    home_switches: Box<[HomeSwitch]>,
 }
 
 impl Sensors {
     /// `None`: the machine has none.
     pub(super) fn new(config: &Config) -> Option<Sensors> {
-        Some(Sensors {
+        let home_switch = |special: &SimJoint| {
+            let (node, input) = special.input?;
+            let HomingBy::Control(control) = config.joints[special.joint].homing.by else {
+                return None;
+            };
+            Some(HomeSwitch {
+                joint: special.joint,
+                at_mm: special.switch_mm.unwrap_or(control.switch_mm),
+                above: control.towards_positive,
+                node,
+                input,
+            })
+        };
+        let sensors = Sensors {
             kinematics: config.kinematics(),
-            probe: config.sim.probe.clone()?,
-        })
+            probe: config.sim.probe.clone(),
+            home_switches: config.sim.joints.iter().filter_map(home_switch).collect(),
+        };
+        (sensors.probe.is_some() || !sensors.home_switches.is_empty()).then_some(sensors)
     }
 
     /// Tells every sensor to `tell`: index of its node, bit of 6000h/2, whether it is closed.
     ///
     /// RT: no allocation, no locks.
     pub(super) fn look(&self, loads_mm: &[f64], tell: &mut dyn FnMut(usize, u8, bool)) {
+        for switch in &self.home_switches {
+            let load_mm = loads_mm.get(switch.joint).copied().unwrap_or_default();
+            let closed = is_beyond(load_mm, switch.at_mm, switch.above);
+            tell(switch.node, switch.input - WIRED, closed);
+        }
+        let Some(probe) = &self.probe else { return };
         // Where no tip can be, none touches anything.
         let tip = self.kinematics.forward(&ToolFrame::OFF, loads_mm);
         let closed = tip.is_some_and(|tip| {
-            self.probe.surfaces.iter().any(|surface| {
-                let at_mm = tip[surface.axis];
-                if surface.above {
-                    at_mm >= surface.at_mm
-                } else {
-                    at_mm <= surface.at_mm
-                }
-            })
+            let mut surfaces = probe.surfaces.iter();
+            surfaces.any(|surface| is_beyond(tip[surface.axis], surface.at_mm, surface.above))
         });
-        tell(self.probe.node, self.probe.input - WIRED, closed);
+        tell(probe.node, probe.input - WIRED, closed);
+    }
+}
+
+fn is_beyond(position_mm: f64, at_mm: f64, above: bool) -> bool {
+    if above {
+        position_mm >= at_mm
+    } else {
+        position_mm <= at_mm
     }
 }

@@ -58,11 +58,14 @@ pub(super) fn test_config() -> Config {
         },
         following_error_mm: 2.0,
         homing: Homing {
-            method,
             search_mm_s: 40.0,
             latch_mm_s: 4.0,
-            acceleration_mm_s2: 500.0,
             position_mm: 0.0,
+            sequence: None,
+            by: HomingBy::Drive {
+                method,
+                acceleration_mm_s2: 500.0,
+            },
         },
         compensation: None,
         squaring_offset_mm: 0.0,
@@ -133,6 +136,7 @@ pub(super) fn test_config() -> Config {
             damping: 0.8,
             start: 0.37,
             probe: None,
+            joints: Vec::new(),
         },
     }
 }

@@ -1,9 +1,9 @@
 //! What lies along the way of one joint: limit switches, home switch, zero marks, hard stops.
 //!
-//! In:  the joint of the machine file: travel, homing method, position of the home point.
-//! Out: positions in machine counts, laid so that homing by the joint's method finds the home point where the file says.
+//! In:  the joint of the machine file: travel, homing method, position of the home point or of the home switch.
+//! Out: positions in machine counts, laid so that homing finds the home point, or the switch, where the file says.
 
-use crate::config::Joint;
+use crate::config::{HomingBy, HomingByControl, Joint, SimJoint};
 
 /// From the end of the travel to the limit switch, mm.
 const LIMIT_MARGIN_MM: f64 = 2.0;
@@ -70,12 +70,56 @@ const METHODS: [(Edge, f64, Reach); 14] = [
 ];
 
 impl Track {
-    /// The track of a joint; `start` is the position at power-on as a share of the travel.
-    pub(super) fn of(joint: &Joint, start: f64) -> Track {
+    /// The track of a joint; `start` is the position at power-on as a share of the travel. `special` has the last word.
+    pub(super) fn of(joint: &Joint, start: f64, special: Option<&SimJoint>) -> Track {
+        let mut track = match joint.homing.by {
+            HomingBy::Drive { method, .. } => Track::by_drive(joint, method, start),
+            HomingBy::Control(HomingByControl {
+                towards_positive,
+                switch_mm,
+                ..
+            }) => {
+                let switch_mm = special.and_then(|special| special.switch_mm).unwrap_or(switch_mm);
+                Track::by_control(joint, towards_positive, switch_mm, start)
+            }
+        };
+        if let Some(start_mm) = special.and_then(|special| special.start_mm) {
+            track.start = mm_to_counts(joint, start_mm).round() as i64;
+        }
+        track
+    }
+
+    /// The home switch is closed from its place to the end; the limit switches lie beyond it and the travel.
+    fn by_control(joint: &Joint, towards_positive: bool, switch_mm: f64, start: f64) -> Track {
+        let counts = |mm: f64| mm_to_counts(joint, mm).round() as i64;
+        let [low_mm, high_mm] = joint.travel_mm;
+        let negative_mm = low_mm.min(switch_mm) - LIMIT_MARGIN_MM;
+        let positive_mm = high_mm.max(switch_mm) + LIMIT_MARGIN_MM;
+        let (stop_low, stop_high) = (
+            counts(negative_mm - STOP_MARGIN_MM),
+            counts(positive_mm + STOP_MARGIN_MM),
+        );
+        Track {
+            start: counts(low_mm + start * (high_mm - low_mm)),
+            negative_limit: counts(negative_mm),
+            positive_limit: counts(positive_mm),
+            home: if towards_positive {
+                (counts(switch_mm), stop_high)
+            } else {
+                (stop_low, counts(switch_mm))
+            },
+            mark: counts(switch_mm),
+            mark_distance: counts(TURN_MM).max(1),
+            stop_low,
+            stop_high,
+        }
+    }
+
+    fn by_drive(joint: &Joint, method: i8, start: f64) -> Track {
         let counts = |mm: f64| mm_to_counts(joint, mm).round() as i64;
         let [low_mm, high_mm] = joint.travel_mm;
         let point_mm = joint.homing.position_mm;
-        let (number, to_mark_mm) = match joint.homing.method {
+        let (number, to_mark_mm) = match method {
             method @ 1..=14 => (method, TURN_MM / 2.0),
             method @ 17..=30 => (method - 16, 0.0),
             // Without a switch: any; it lies at the home point.
@@ -101,7 +145,7 @@ impl Track {
             (Edge::HomeRight, Reach::Short) => (edge_mm - HOME_LENGTH_MM, edge_mm),
             (Edge::NegativeLimit | Edge::PositiveLimit, _) => (point_mm, point_mm),
         };
-        let start_mm = match joint.homing.method {
+        let start_mm = match method {
             // Home is where the joint stands: whoever homes it has put it there.
             35 | 37 => point_mm,
             _ => low_mm + start * (high_mm - low_mm),
@@ -145,7 +189,7 @@ mod tests {
     #[test]
     fn the_demo_machines_switches_lie_where_its_homing_methods_need_them() {
         let config = test_config();
-        let x = Track::of(&config.joints[0], 0.5);
+        let x = Track::of(&config.joints[0], 0.5, None);
         assert_eq!((x.negative_limit, x.positive_limit), (-70_000, 3_070_000));
         assert_eq!(
             x.home,
@@ -153,7 +197,7 @@ mod tests {
             "method 21: active on the whole negative side, up to machine zero"
         );
         assert_eq!((x.start, x.stop_low, x.stop_high), (1_500_000, -120_000, 3_120_000));
-        let z = Track::of(&config.joints[2], 0.0);
+        let z = Track::of(&config.joints[2], 0.0, None);
         assert_eq!(
             z.home,
             (0, 40_000),
@@ -177,8 +221,11 @@ mod tests {
             (3, 95_000),
             (10, 45_000),
         ] {
-            joint.homing.method = method;
-            let track = Track::of(&joint, 0.5);
+            joint.homing.by = HomingBy::Drive {
+                method,
+                acceleration_mm_s2: 500.0,
+            };
+            let track = Track::of(&joint, 0.5, None);
             let edges = [track.negative_limit, track.positive_limit, track.home.0, track.home.1];
             assert!(edges.contains(&edge), "method {method}: {edges:?}");
             let beyond = edge + if edge < 70_000 { 30_000 } else { -30_000 };
@@ -191,7 +238,7 @@ mod tests {
         let track = Track {
             mark: 150,
             mark_distance: 400,
-            ..Track::of(&test_config().joints[0], 0.5)
+            ..Track::of(&test_config().joints[0], 0.5, None)
         };
         let passed = |path: &[i64]| -> Vec<i64> {
             path.windows(2)

@@ -228,6 +228,16 @@ impl JointCompensation {
         self.correction_mm
     }
 
+    /// What is added in the end at a place that was come to in one direction, mm. RT.
+    pub fn correction_at_mm(&self, position_mm: f64, forward: bool) -> f64 {
+        let backlash_mm = if forward {
+            self.half_backlash_mm
+        } else {
+            -self.half_backlash_mm
+        };
+        backlash_mm + self.table.correction_mm(position_mm, forward)
+    }
+
     /// Forgets correction and direction: only while the motor does not follow commands. RT.
     pub fn restart(&mut self) {
         self.forward = None;
@@ -270,13 +280,7 @@ impl JointCompensation {
         let moved_mm = command_mm - self.before_mm;
         self.before_mm = command_mm;
         let Some(forward) = self.forward else { return 0.0 };
-        let backlash_mm = if forward {
-            self.half_backlash_mm
-        } else {
-            -self.half_backlash_mm
-        };
-        let ahead_mm = command_mm + moved_mm * self.delay_cycles;
-        backlash_mm + self.table.correction_mm(ahead_mm, forward)
+        self.correction_at_mm(command_mm + moved_mm * self.delay_cycles, forward)
     }
 }
 

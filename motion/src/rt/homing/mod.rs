@@ -188,7 +188,7 @@ impl Homing {
 
     /// How it stands. RT.
     pub fn status(&self) -> HomingStatus {
-        if !self.groups.iter().all(Group::is_at_rest) {
+        if !self.is_at_rest() {
             return HomingStatus::Running;
         }
         match self.failed {
@@ -196,6 +196,11 @@ impl Homing {
             None if self.groups.iter().any(Group::is_under_way) => HomingStatus::Running,
             None => HomingStatus::Done,
         }
+    }
+
+    /// Whether no joint moves. RT.
+    pub fn is_at_rest(&self) -> bool {
+        self.groups.iter().all(Group::is_at_rest)
     }
 
     /// What has to be added to the positions of a joint, once it is homed. RT.
