@@ -125,8 +125,12 @@ class Section:
             scale = max(np.max(cap), 1e-9)
             upper = np.minimum(cap, 3 * b + 1e-9)
             lower = np.minimum(np.maximum(low, 0.2 * b), upper)
-            res = linprog(-w / np.max(w), A_ub=left, b_ub=r / scale, bounds=np.c_[lower, upper] / scale, method='highs')
-            if res.status != 0:
+            # Where the simplex method finds no way for want of digits, the interior point method mostly does.
+            for method in ('highs', 'highs-ipm'):
+                res = linprog(-w / np.max(w), A_ub=left, b_ub=r / scale, bounds=np.c_[lower, upper] / scale, method=method)
+                if res.status == 0:
+                    break
+            else:
                 break
             goal = np.clip(res.x * scale, lower, upper)
             found = best

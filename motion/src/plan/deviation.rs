@@ -34,7 +34,7 @@ pub struct Deviation {
 pub fn deviation(samples: &[Position], path: &[Programmed], tolerance_mm: f64) -> Deviation {
     let pieces: Vec<Piece> = path.iter().map(|part| part.piece).collect();
     let around = 4.0 * tolerance_mm + 1e-3;
-    let (off_mm, reached_mm) = walk(samples.iter().copied(), &pieces, around, tolerance_mm + ROUNDING_MM);
+    let (off_mm, reached_mm) = walk(samples.iter().copied(), &pieces, around, tolerance_mm, ROUNDING_MM);
     let steps: Vec<Piece> = samples
         .windows(2)
         .filter_map(|pair| Piece::line(pair[0], pair[1]))
@@ -52,7 +52,7 @@ pub fn deviation(samples: &[Position], path: &[Programmed], tolerance_mm: f64) -
     let missed_mm = if steps.is_empty() {
         0.0
     } else {
-        walk(points, &steps, around + 2.0 * stride, tolerance_mm + SAGITTA_MM).0
+        walk(points, &steps, around + 2.0 * stride, tolerance_mm, SAGITTA_MM).0
     };
     Deviation {
         off_mm,
@@ -64,9 +64,10 @@ pub fn deviation(samples: &[Position], path: &[Programmed], tolerance_mm: f64) -
 
 /// Greatest distance of `points` from `path`, and the length up to which the path is near the last of them.
 ///
-/// A point is looked for from where the one before was found up to `around` beyond the way since then. Pieces within `near`
-/// of it that follow each other are one place.
-fn walk(points: impl Iterator<Item = Position>, path: &[Piece], around: f64, near: f64) -> (f64, f64) {
+/// A point is looked for from where the one before was found up to `around` beyond the way since then. Pieces within the
+/// tolerance and `slack` of it that follow each other are one place; one that is within the tolerance itself ends the search.
+fn walk(points: impl Iterator<Item = Position>, path: &[Piece], around: f64, tolerance: f64, slack: f64) -> (f64, f64) {
+    let near = tolerance + slack;
     let mut starts = vec![0.0];
     starts.extend(path.iter().scan(0.0, |sum, piece| {
         *sum += piece.length();
@@ -81,7 +82,8 @@ fn walk(points: impl Iterator<Item = Position>, path: &[Piece], around: f64, nea
         while first + 1 < path.len() && starts[first + 1] < low {
             first += 1;
         }
-        let (mut best, mut entered) = ((f64::INFINITY, reached), None);
+        // The best place, where the run of near pieces with it begins, and where the run under way does.
+        let (mut best, mut entered, mut run) = ((f64::INFINITY, reached), None, None);
         for (i, piece) in path.iter().enumerate().skip(first) {
             if starts[i] > high {
                 break;
@@ -99,14 +101,16 @@ fn walk(points: impl Iterator<Item = Position>, path: &[Piece], around: f64, nea
                 }
             }
             let place = (of_piece.0, starts[i] + of_piece.1);
-            if place.0 < best.0 {
-                best = place;
-            }
             if place.0 <= near {
-                entered = entered.or(Some(place.1));
+                run = run.or(Some(place.1));
                 left = left.max(place.1);
-            } else if entered.is_some() {
+            } else if best.0 <= tolerance {
                 break;
+            } else {
+                run = None;
+            }
+            if place.0 < best.0 {
+                (best, entered) = (place, run);
             }
         }
         if best.0.is_finite() {
@@ -156,6 +160,25 @@ mod tests {
         let trace: Vec<_> = (0..=300).map(|k| Position::xyz(f64::from(k) * 0.1, 0.0, 0.0)).collect();
         let found = deviation(&trace, &path, 0.001);
         assert!(found.length_mm - found.reached_mm > 29.9, "{found:?}");
+    }
+
+    #[test]
+    fn a_place_that_is_hardly_near_enough_does_not_hide_the_right_one() {
+        // The trace passes the corner of the path at a little more than the tolerance, turns away, and comes back to it.
+        let path = path(&[[0.0, 0.0], [5.0, 0.0], [5.0, 5.0]]);
+        let trace: Vec<_> = [
+            [0.0, 0.0],
+            [4.98995, 0.0],
+            [4.98, -0.008],
+            [4.98, 0.008],
+            [5.0, 0.008],
+            [5.0, 5.0],
+        ]
+        .iter()
+        .map(|point| Position::xyz(point[0], point[1], 0.0))
+        .collect();
+        let found = deviation(&trace, &path, 0.01);
+        assert!(found.missed_mm < 0.0099, "{found:?}");
     }
 
     #[test]
