@@ -44,7 +44,7 @@ impl WorldHand {
             JogLimits {
                 motion,
                 stop: shares.along(motion),
-                range: [f64::NEG_INFINITY, f64::INFINITY],
+                range: limits.map_or([f64::NEG_INFINITY, f64::INFINITY], |limits| limits.travel),
             }
         });
         Some(WorldHand {
@@ -83,6 +83,13 @@ impl WorldHand {
                 JogMotion::Run { velocity_mm_s } if axis.is_some() => {
                     *holds = self.holds_max;
                     self.jog.run(one, velocity_mm_s);
+                }
+                JogMotion::Advance {
+                    distance_mm,
+                    velocity_mm_s,
+                } if axis.is_some() => {
+                    *holds = self.holds_max;
+                    self.jog.advance(one, distance_mm, velocity_mm_s);
                 }
                 JogMotion::Keep if *holds > 0 => *holds = self.holds_max,
                 JogMotion::Release => {

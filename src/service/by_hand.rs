@@ -53,9 +53,6 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
         // Those that do not move take no notice.
         None => u64::MAX,
     };
-    if axis.is_some() && matches!(jog.motion, JogMotion::Advance { .. }) {
-        return Err("where joints are not axes, an axis runs (+ or -) and does not advance by a distance".into());
-    }
     let begins = match jog.motion {
         JogMotion::Run { .. } | JogMotion::Advance { .. } => true,
         JogMotion::Keep | JogMotion::Release => false,

@@ -291,8 +291,6 @@ fn axes_of_an_arm_run_in_the_world_until_the_hand_is_off() {
     by_hand_on(include_str!("../../configs/scara-demo.toml"), |hands| {
         hands.homed();
         let begin = hands.position();
-        let refused = hands.jog(&advance(5.0)).unwrap_err();
-        assert!(refused.starts_with("where joints are not axes"), "{refused}");
         hands.jog(&run_at(X, 50.0)).unwrap();
         hands.keeping(500);
         assert_eq!(hands.run.control.state(), State::Jogging);
@@ -335,6 +333,43 @@ fn axes_of_an_arm_run_in_the_world_until_the_hand_is_off() {
             "{:?}",
             hands.run.operator.alarms()
         );
+    });
+}
+
+#[test]
+fn axes_of_an_arm_advance_by_a_distance_to_the_end_and_no_farther() {
+    by_hand_on(include_str!("../../configs/scara-demo.toml"), |hands| {
+        hands.homed();
+        let begin = hands.position();
+        for _ in 0..3 {
+            hands.jog(&advance(-2.5)).unwrap();
+            hands.cycles(20);
+        }
+        hands.keeping(1500);
+        let end = hands.position();
+        assert!((end.0[0] - begin.0[0] + 7.5).abs() < 1e-6, "{end:?} from {begin:?}");
+        for axis in [1, 2, 3] {
+            assert!((end.0[axis] - begin.0[axis]).abs() < 1e-6, "{end:?} from {begin:?}");
+        }
+        // The hand is off before the end.
+        hands.reach(State::Ready);
+        hands.jog(&advance(-50.0)).unwrap();
+        hands.reach(State::Ready);
+        let way_mm = end.0[0] - hands.position().0[0];
+        assert!(
+            way_mm > 3.0 && way_mm < 10.0,
+            "0.2 s at 20 mm/s and a release: {way_mm}"
+        );
+        // Beyond the reach, a joint is named.
+        hands.jog(&advance(500.0)).unwrap();
+        let mut cycles = 0;
+        while hands.run.operator.obstruction().is_none() {
+            hands.keeping(50);
+            cycles += 50;
+            assert!(cycles < 40_000, "at {:?}", hands.position());
+        }
+        hands.reach(State::Ready);
+        hands.all_is_well();
     });
 }
 

@@ -1,6 +1,6 @@
 //! Jogging in the world: axes of any machine moved by hand, joints follow by its kinematics.
 //!
-//! In:  for each axis, at any cycle: run at a velocity, release; how the tool is held.
+//! In:  for each axis, at any cycle: run at a velocity, advance by an increment, release; how the tool is held.
 //! Out: one position per joint and cycle; what is in the way, if something is.
 //!
 //! The axes are generated each for itself, then turned into joints. Joints have limits of their own, which no limit of an
@@ -53,6 +53,22 @@ pub struct Obstruction {
     pub why: Obstacle,
 }
 
+/// What an axis was told last.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Wanted {
+    Rest,
+    /// To the end of its travel, if it has one.
+    Run {
+        velocity: f64,
+        end: Option<f64>,
+    },
+    /// To a place; `velocity` above 0.
+    Advance {
+        target: f64,
+        velocity: f64,
+    },
+}
+
 /// Moves the axes of a machine by hand.
 #[derive(Debug)]
 pub struct WorldJog {
@@ -61,7 +77,9 @@ pub struct WorldJog {
     axes: Box<[Online]>,
     limits: Box<[JogLimits]>,
     joints: [f64; JOINTS],
-    wanted: [f64; AXES],
+    /// Where each axis may go by limits of its own.
+    ranges: [[f64; 2]; AXES],
+    wanted: [Wanted; AXES],
     /// Share of the wanted velocities that was ordered last; what it is held to after a way that was not good.
     share: f64,
     share_max: f64,
@@ -73,7 +91,7 @@ pub struct WorldJog {
 
 impl WorldJog {
     /// All axes at rest at zero, which need not be a place of the machine; see [`WorldJog::rest_at`]. `axes`: in the order of
-    /// [`Axis::ALL`], their limits in the world; `joints`: the limits of the joints.
+    /// [`Axis::ALL`], their limits in the world, infinite where it has none of its own; `joints`: the limits of the joints.
     pub fn new(kinematics: Kinematics, axes: &[JogLimits; AXES], joints: &[JogLimits], cycle_s: f64) -> WorldJog {
         let axis = |limits: &JogLimits| Online::new(0.0, limits.motion, limits.stop, cycle_s);
         WorldJog {
@@ -82,7 +100,8 @@ impl WorldJog {
             axes: axes.iter().map(axis).collect(),
             limits: joints.into(),
             joints: [0.0; JOINTS],
-            wanted: [0.0; AXES],
+            ranges: axes.map(|limits| limits.range),
+            wanted: [Wanted::Rest; AXES],
             share: 0.0,
             share_max: 1.0,
             good_cycles: 0,
@@ -102,11 +121,63 @@ impl WorldJog {
         self.kinematics.inverse(&frame, &position.0, joints).is_ok()
     }
 
-    /// Runs along an axis at a velocity; other axes go on as they do. Said again while it runs, it changes nothing. RT.
+    /// Runs along an axis at a velocity, to the end of its travel if it has one of its own; other axes go on as they do. Said
+    /// again while it runs, it changes nothing. RT.
     pub fn run(&mut self, axis: Axis, velocity: f64) {
-        let velocity = if velocity.is_finite() { velocity } else { 0.0 };
-        if self.wanted[axis as usize] != velocity {
-            self.wanted[axis as usize] = velocity;
+        let number = axis as usize;
+        if !velocity.is_finite() || velocity == 0.0 {
+            return self.want(axis, Wanted::Rest);
+        }
+        if let Wanted::Run { velocity: before, .. } = self.wanted[number]
+            && before == velocity
+        {
+            return;
+        }
+        let [low, high] = self.ranges[number];
+        let end = if velocity > 0.0 { high } else { low };
+        let end = end.is_finite().then_some(end);
+        // An axis that cannot come to rest before the end, or stands behind it, goes no farther; nor does it turn back.
+        let room = end.map_or(f64::INFINITY, |end| {
+            (end - self.axes[number].resting_place()) * velocity.signum()
+        });
+        self.want(
+            axis,
+            if room > 0.0 {
+                Wanted::Run { velocity, end }
+            } else {
+                Wanted::Rest
+            },
+        );
+    }
+
+    /// Moves along an axis by `distance` from where it is or will be at rest after the increments before, at no more than
+    /// `velocity`. Gives the distance that it will be if no joint is in the way: less at the end of its own travel, 0 where it
+    /// is not a number. RT.
+    pub fn advance(&mut self, axis: Axis, distance: f64, velocity: f64) -> f64 {
+        let number = axis as usize;
+        let from = match self.wanted[number] {
+            Wanted::Advance { target, .. } => target,
+            Wanted::Rest | Wanted::Run { .. } => self.axes[number].resting_place(),
+        };
+        let [low, high] = self.ranges[number];
+        // Behind an end only the way back is open, and that as far as it was meant.
+        let target = if distance >= 0.0 {
+            (from + distance).min(high.max(from))
+        } else {
+            (from + distance).max(low.min(from))
+        };
+        let velocity = velocity.abs();
+        let possible = distance.is_finite() && target.is_finite() && target >= low && target <= high;
+        if !possible || target == from || velocity.is_nan() || velocity == 0.0 {
+            return 0.0;
+        }
+        self.want(axis, Wanted::Advance { target, velocity });
+        target - from
+    }
+
+    fn want(&mut self, axis: Axis, wanted: Wanted) {
+        if self.wanted[axis as usize] != wanted {
+            self.wanted[axis as usize] = wanted;
             // No share at all, so that whatever comes next is ordered.
             self.share = f64::NAN;
             self.share_max = 1.0;
@@ -146,7 +217,7 @@ impl WorldJog {
                     Obstacle::Speed if self.share_max > SHARE_MIN => self.share_max / 2.0,
                     Obstacle::Speed | Obstacle::Travel | Obstacle::Reach(_) => {
                         self.obstruction = Some(obstruction);
-                        self.wanted = [0.0; AXES];
+                        self.wanted = [Wanted::Rest; AXES];
                         1.0
                     }
                 };
@@ -156,8 +227,14 @@ impl WorldJog {
         }
         self.stopping = stops;
         let mut position = [0.0; AXES];
-        for (axis, position) in self.axes.iter_mut().zip(&mut position) {
+        for ((axis, wanted), position) in self.axes.iter_mut().zip(&mut self.wanted).zip(&mut position) {
             *position = axis.step().position;
+            if let Wanted::Advance { target, .. } = *wanted
+                && *position == target
+                && axis.is_at_rest()
+            {
+                *wanted = Wanted::Rest;
+            }
         }
         // A place that cannot be taken leaves the joints where they are.
         let count = self.limits.len();
@@ -177,7 +254,7 @@ impl WorldJog {
 
     /// Whether nothing moves nor will without an order. RT.
     pub fn is_at_rest(&self) -> bool {
-        self.wanted == [0.0; AXES] && self.axes.iter().all(Online::is_at_rest)
+        self.wanted == [Wanted::Rest; AXES] && self.axes.iter().all(Online::is_at_rest)
     }
 
     /// Whether the last cycle was part of an emergency stop. RT.
@@ -195,7 +272,7 @@ impl WorldJog {
     }
 
     fn forget(&mut self) {
-        self.wanted = [0.0; AXES];
+        self.wanted = [Wanted::Rest; AXES];
         self.share = 0.0;
         self.share_max = 1.0;
         self.obstruction = None;
@@ -203,7 +280,7 @@ impl WorldJog {
 
     /// Orders as much of the wanted velocities as the joints can do here and on the way to rest.
     fn steer(&mut self) {
-        if self.wanted == [0.0; AXES] {
+        if self.wanted == [Wanted::Rest; AXES] {
             if self.share != 0.0 {
                 self.share = 0.0;
                 self.axes.iter_mut().for_each(|axis| axis.run_at(0.0));
@@ -215,8 +292,25 @@ impl WorldJog {
         if self.share.is_nan() || (share - self.share).abs() > SHARE_STEP * self.share {
             self.share = share;
             for (axis, wanted) in self.axes.iter_mut().zip(&self.wanted) {
-                axis.run_at(wanted * share);
+                match *wanted {
+                    Wanted::Rest => axis.run_at(0.0),
+                    Wanted::Run { velocity, end: None } => axis.run_at(velocity * share),
+                    Wanted::Run {
+                        velocity,
+                        end: Some(end),
+                    } => axis.go_to(end, velocity * share),
+                    Wanted::Advance { target, velocity } => axis.go_to(target, velocity * share),
+                }
             }
+        }
+    }
+
+    /// Velocity at which an axis goes on if nothing slows it down.
+    fn wanted_velocity(&self, axis: usize) -> f64 {
+        match self.wanted[axis] {
+            Wanted::Rest => 0.0,
+            Wanted::Run { velocity, .. } => velocity,
+            Wanted::Advance { target, velocity } => velocity.copysign(target - self.axes[axis].state().position),
         }
     }
 
@@ -228,7 +322,7 @@ impl WorldJog {
         for sample in [0.0, 0.5, 1.0] {
             let axes: [Jet3; AXES] = std::array::from_fn(|axis| {
                 let place = ways[axis].at(duration_s * sample).state.position;
-                Jet3::new(place, self.wanted[axis], 0.0, 0.0)
+                Jet3::new(place, self.wanted_velocity(axis), 0.0, 0.0)
             });
             let mut joints = [Jet3::ZERO; JOINTS];
             let joints = &mut joints[..self.limits.len()];

@@ -33,6 +33,11 @@ fn joints() -> [JogLimits; 4] {
 
 /// At X 300, Y 100, Z -50.
 fn scara() -> WorldJog {
+    scara_within([f64::NEG_INFINITY, f64::INFINITY])
+}
+
+/// The same with a travel of its own for each axis.
+fn scara_within(range: [f64; 2]) -> WorldJog {
     let scara = Scara {
         inner_arm_mm: 300.0,
         outer_arm_mm: 200.0,
@@ -45,7 +50,7 @@ fn scara() -> WorldJog {
         offset: 0.0,
     });
     let kinematics = Kinematics::new(Transform::Scara(scara), &follows);
-    let axis = limits(300.0, 1000.0, 10_000.0, [f64::NEG_INFINITY, f64::INFINITY]);
+    let axis = limits(300.0, 1000.0, 10_000.0, range);
     let mut jog = WorldJog::new(kinematics, &[axis; AXES], &joints(), CYCLE_S);
     assert!(jog.rest_at(&Position::xyz(300.0, 100.0, -50.0), ToolFrame::OFF));
     jog
@@ -104,6 +109,77 @@ fn axes_run_straight_and_as_fast_as_wanted_where_joints_can() {
     assert_eq!((to.0[1], to.0[2]), (100.0, -50.0));
     jog.run(Axis::X, 0.0);
     watch.until_rest(&mut jog);
+    assert_eq!(jog.obstruction(), None);
+}
+
+#[test]
+fn an_increment_ends_exactly_where_it_should() {
+    let mut jog = scara();
+    let mut watch = Watch::new(&jog);
+    assert_eq!(jog.advance(Axis::X, -12.5, 80.0), -12.5);
+    assert_eq!(jog.advance(Axis::Y, 3.25, 300.0), 3.25);
+    let rest = watch.until_rest(&mut jog);
+    assert_eq!((rest.0[0], rest.0[1], rest.0[2]), (287.5, 103.25, -50.0));
+    // And the joints are there.
+    let reached = jog.kinematics.forward(&ToolFrame::OFF, &watch.joints).unwrap();
+    for axis in [0, 1, 2] {
+        assert!((reached.0[axis] - rest.0[axis]).abs() < 1e-9, "{reached:?}");
+    }
+    // Orders that come while one is carried out add up; one the other way round turns it back.
+    for distance in [10.0, 10.0, -5.0] {
+        jog.advance(Axis::X, distance, 50.0);
+        for _ in 0..40 {
+            watch.step(&mut jog).unwrap();
+        }
+    }
+    assert_eq!(watch.until_rest(&mut jog).0[0], 302.5);
+    assert_eq!(jog.advance(Axis::X, f64::NAN, 50.0), 0.0);
+    assert_eq!(jog.advance(Axis::X, 5.0, 0.0), 0.0);
+    assert!(jog.is_at_rest());
+    assert_eq!(jog.obstruction(), None);
+}
+
+#[test]
+fn an_increment_beyond_the_reach_ends_before_it_and_says_so() {
+    let mut jog = scara();
+    let mut watch = Watch::new(&jog);
+    jog.advance(Axis::X, 400.0, 200.0);
+    let rest = watch.until_rest(&mut jog);
+    assert!(rest.0[0] > 470.0 && rest.0[0] < 490.0, "{rest:?}");
+    assert!(jog.obstruction().is_some());
+    jog.advance(Axis::X, -100.0, 200.0);
+    let back = watch.until_rest(&mut jog);
+    assert_eq!(back.0[0], rest.0[0] - 100.0);
+    // Let go in between, it rests where it can.
+    jog.advance(Axis::X, -100.0, 50.0);
+    for _ in 0..500 {
+        watch.step(&mut jog).unwrap();
+    }
+    jog.release_all();
+    let released = watch.until_rest(&mut jog);
+    assert!(
+        released.0[0] < back.0[0] - 10.0 && released.0[0] > back.0[0] - 60.0,
+        "{released:?}"
+    );
+}
+
+#[test]
+fn the_travel_of_an_axis_itself_ends_runs_and_increments_exactly() {
+    let mut jog = scara_within([-1000.0, 305.0]);
+    let mut watch = Watch::new(&jog);
+    jog.run(Axis::X, 60.0);
+    for _ in 0..2000 {
+        watch.step(&mut jog).unwrap();
+    }
+    assert_eq!(watch.step(&mut jog).unwrap().0[0], 305.0);
+    jog.run(Axis::X, 0.0);
+    watch.until_rest(&mut jog);
+    jog.run(Axis::X, 60.0);
+    assert!(jog.is_at_rest(), "no farther");
+    assert_eq!(jog.advance(Axis::X, 2.0, 60.0), 0.0);
+    assert_eq!(jog.advance(Axis::X, -2.0, 60.0), -2.0);
+    assert_eq!(jog.advance(Axis::X, 7.0, 60.0), 2.0);
+    assert_eq!(watch.until_rest(&mut jog).0[0], 305.0);
     assert_eq!(jog.obstruction(), None);
 }
 
@@ -174,12 +250,17 @@ proptest! {
     /// Any wishes at any cycle, into corners and singularities: every joint keeps its limits and its travel, and rests in the end.
     #[test]
     fn joints_keep_their_limits_for_any_wishes(
-        wishes in prop::collection::vec((0_usize..4, -300.0..300.0_f64, 1_usize..600), 1..12),
+        wishes in prop::collection::vec((0_usize..4, -300.0..300.0_f64, 1_usize..600, any::<bool>()), 1..12),
     ) {
         let mut jog = scara();
         let mut watch = Watch::new(&jog);
-        for (axis, velocity, cycles) in wishes {
-            jog.run([Axis::X, Axis::Y, Axis::Z, Axis::C][axis], velocity);
+        for (axis, velocity, cycles, by_distance) in wishes {
+            let axis = [Axis::X, Axis::Y, Axis::Z, Axis::C][axis];
+            if by_distance {
+                jog.advance(axis, velocity / 4.0, velocity);
+            } else {
+                jog.run(axis, velocity);
+            }
             for _ in 0..cycles {
                 watch.step(&mut jog).map_err(TestCaseError::fail)?;
             }
