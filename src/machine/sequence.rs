@@ -246,6 +246,13 @@ impl Sequence {
             (Step::Home, State::Ready) if self.ordered => {
                 self.homing.pop();
                 self.ordered = false;
+                // Each set of joints has the whole limit.
+                self.step_since_ns = now_ns;
+            }
+            // A pin has stopped it.
+            (Step::Home, State::Disabled) if self.ordered => {
+                self.outcome = Outcome::Stopped;
+                self.enter(Step::Disable, now_ns);
             }
             (Step::Program, State::Ready) if program_ended && self.ordered => {
                 let again = self.repeats && self.outcome == Outcome::Completed;
@@ -430,6 +437,33 @@ mod tests {
         sequence.poll(2 * SECOND, State::Disabled, true);
         sequence.poll(2 * SECOND, State::Down, true);
         assert_eq!(sequence.outcome(), Some(Outcome::Stopped));
+    }
+
+    #[test]
+    fn homing_that_a_pin_stops_is_over_and_each_set_of_joints_has_its_time() {
+        let mut sequence = Sequence::new(0, &[0b01, 0b10]);
+        for (now, state) in [(1, State::Disabled), (1, State::Ready), (1, State::Homing)] {
+            sequence.poll(now * SECOND, state, false);
+        }
+        assert_eq!(
+            sequence.poll(100 * SECOND, State::Ready, false),
+            Some(Order::Home(0b10))
+        );
+        assert_eq!(sequence.poll(200 * SECOND, State::Homing, false), None);
+        assert_eq!(sequence.step(), Step::Home);
+        assert_eq!(
+            sequence.poll(201 * SECOND, State::Disabled, false),
+            Some(Order::Disable)
+        );
+        sequence.poll(202 * SECOND, State::Disabled, false);
+        sequence.poll(203 * SECOND, State::Down, false);
+        assert_eq!(sequence.outcome(), Some(Outcome::Stopped));
+
+        let mut sequence = Sequence::new(0, &[0b01]);
+        for (now, state) in [(1, State::Disabled), (1, State::Ready), (1, State::Homing)] {
+            sequence.poll(now * SECOND, state, false);
+        }
+        assert_eq!(sequence.poll(122 * SECOND, State::Homing, false), Some(Order::Disable));
     }
 
     #[test]
