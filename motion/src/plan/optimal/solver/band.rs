@@ -8,14 +8,13 @@ pub(super) struct Band {
     pub(super) rows: Vec<BandRow>,
 }
 
-/// One row from its diagonal on; after [`Band::factor`], of its LDLᵀ factor.
+/// One row from its diagonal on.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct BandRow {
-    /// Diagonal of the matrix; then 1/D.
     pub(super) diagonal: f64,
-    /// Next to the diagonal; then the entry of L below the diagonal.
+    /// Next to the diagonal.
     pub(super) next: f64,
-    /// One further; then the entry of L two below.
+    /// One further.
     pub(super) second: f64,
 }
 
@@ -28,12 +27,31 @@ impl Band {
         self.rows.clear();
         self.rows.resize(size, BandRow::default());
     }
+}
 
-    /// Factors the part of the matrix that belongs to the unknowns `free`.
-    pub(super) fn factor(&mut self, free: Range<usize>) {
-        // What rows above take: from this diagonal, from the entry next to it, and from the next diagonal.
+/// Buffer of a factorisation LDLᵀ.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Factor {
+    /// The two entries of L below the diagonal, by column.
+    below: Vec<[f64; 2]>,
+}
+
+impl Factor {
+    /// Solves for the unknowns `free`; the others are 0.
+    pub(super) fn solve(&mut self, matrix: &Band, free: Range<usize>, right: &[f64], x: &mut Vec<f64>) {
+        self.below.clear();
+        x.clear();
+        x.resize(right.len(), 0.0);
+        let unknowns = &mut x[free.clone()];
+        // What rows above take: from this diagonal, from the entry next to it, and from the next diagonal; and from this right
+        // side and the next.
         let (mut diagonal, mut next, mut next_diagonal) = (0.0, 0.0, 0.0);
-        for row in &mut self.rows[free] {
+        let (mut y1, mut y2) = (0.0, 0.0);
+        for ((row, right), x) in matrix.rows[free.clone()]
+            .iter()
+            .zip(&right[free])
+            .zip(unknowns.iter_mut())
+        {
             let pivot = (row.diagonal - diagonal).max(LEAST_PIVOT * row.diagonal);
             let inverse = 1.0 / pivot;
             let below = row.next - next;
@@ -41,30 +59,15 @@ impl Band {
             diagonal = next_diagonal + l1 * below;
             next = l1 * row.second;
             next_diagonal = l2 * row.second;
-            *row = BandRow {
-                diagonal: inverse,
-                next: l1,
-                second: l2,
-            };
-        }
-    }
-
-    /// Solves with the factor; `x` is the right side and becomes the solution, 0 outside `free`.
-    pub(super) fn solve(&self, free: Range<usize>, x: &mut [f64]) {
-        x[..free.start].fill(0.0);
-        x[free.end..].fill(0.0);
-        let rows = &self.rows[free.clone()];
-        let x = &mut x[free];
-        let (mut y1, mut y2) = (0.0, 0.0);
-        for (row, x) in rows.iter().zip(x.iter_mut()) {
-            let y = *x - y1;
-            *x = y * row.diagonal;
-            y1 = y2 + row.next * y;
-            y2 = row.second * y;
+            self.below.push([l1, l2]);
+            let y = right - y1;
+            *x = y * inverse;
+            y1 = y2 + l1 * y;
+            y2 = l2 * y;
         }
         let (mut below, mut second) = (0.0, 0.0);
-        for (row, x) in rows.iter().zip(x.iter_mut()).rev() {
-            *x -= row.next * below + row.second * second;
+        for ([l1, l2], x) in self.below.iter().zip(unknowns.iter_mut()).rev() {
+            *x -= l1 * below + l2 * second;
             second = below;
             below = *x;
         }

@@ -1,4 +1,6 @@
 //! The same arithmetic on several spans at once, in a form that compilers turn into vector instructions.
+//!
+//! Every operation is written out lane by lane: so it is vector instructions also where nothing is optimised between crates.
 
 use std::ops::{Add, AddAssign, Mul, Sub};
 
@@ -9,6 +11,20 @@ pub(super) const LANES: usize = 4;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Lane(pub(super) [f64; LANES]);
 
+/// A lane by an expression of the numbers in one or two lanes.
+macro_rules! each {
+    ($a:ident => $value:expr; $x:expr) => {{
+        let [p, q, r, s] = $x.0;
+        let f = |$a: f64| $value;
+        Lane([f(p), f(q), f(r), f(s)])
+    }};
+    ($a:ident, $b:ident => $value:expr; $x:expr, $y:expr) => {{
+        let ([p, q, r, s], [t, u, v, w]) = ($x.0, $y.0);
+        let f = |$a: f64, $b: f64| $value;
+        Lane([f(p, t), f(q, u), f(r, v), f(s, w)])
+    }};
+}
+
 impl Lane {
     #[inline(always)]
     pub(super) fn splat(value: f64) -> Lane {
@@ -16,40 +32,45 @@ impl Lane {
     }
 
     #[inline(always)]
-    fn zip(self, other: Lane, f: impl Fn(f64, f64) -> f64) -> Lane {
-        Lane(core::array::from_fn(|lane| f(self.0[lane], other.0[lane])))
-    }
-
-    #[inline(always)]
     pub(super) fn recip(self) -> Lane {
-        Lane(core::array::from_fn(|lane| 1.0 / self.0[lane]))
+        each!(a => 1.0 / a; self)
     }
 
     #[inline(always)]
     pub(super) fn sqrt(self) -> Lane {
-        Lane(core::array::from_fn(|lane| self.0[lane].sqrt()))
+        each!(a => a.sqrt(); self)
     }
 
     /// The greater one; never keeps a NaN of `other`.
     #[inline(always)]
     pub(super) fn max(self, other: Lane) -> Lane {
-        self.zip(other, |a, b| if b > a { b } else { a })
+        each!(a, b => if b > a { b } else { a }; self, other)
     }
 
     /// The smaller one; never keeps a NaN of `other`.
     #[inline(always)]
     pub(super) fn min(self, other: Lane) -> Lane {
-        self.zip(other, |a, b| if b < a { b } else { a })
+        each!(a, b => if b < a { b } else { a }; self, other)
     }
 
     #[inline(always)]
     pub(super) fn greatest(self) -> f64 {
-        self.0.iter().fold(f64::NEG_INFINITY, |a, &b| if b > a { b } else { a })
+        let [a, b, c, d] = self.0;
+        let more = |a: f64, b: f64| if b > a { b } else { a };
+        more(more(more(more(f64::NEG_INFINITY, a), b), c), d)
+    }
+
+    /// Whether one of them is above a bound.
+    #[inline(always)]
+    pub(super) fn exceeds(self, bound: f64) -> bool {
+        let [a, b, c, d] = self.0;
+        (a > bound) | (b > bound) | (c > bound) | (d > bound)
     }
 
     #[inline(always)]
     pub(super) fn sum(self) -> f64 {
-        self.0.iter().sum()
+        let [a, b, c, d] = self.0;
+        a + b + c + d
     }
 }
 
@@ -57,7 +78,7 @@ impl Add for Lane {
     type Output = Lane;
     #[inline(always)]
     fn add(self, other: Lane) -> Lane {
-        self.zip(other, |a, b| a + b)
+        each!(a, b => a + b; self, other)
     }
 }
 
@@ -65,7 +86,7 @@ impl Sub for Lane {
     type Output = Lane;
     #[inline(always)]
     fn sub(self, other: Lane) -> Lane {
-        self.zip(other, |a, b| a - b)
+        each!(a, b => a - b; self, other)
     }
 }
 
@@ -73,7 +94,7 @@ impl Mul for Lane {
     type Output = Lane;
     #[inline(always)]
     fn mul(self, other: Lane) -> Lane {
-        self.zip(other, |a, b| a * b)
+        each!(a, b => a * b; self, other)
     }
 }
 

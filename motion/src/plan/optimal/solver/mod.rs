@@ -30,11 +30,13 @@
 
 mod band;
 mod brake;
+mod constraints;
 mod crawl;
 mod first;
 mod grid;
 mod interior;
 mod lanes;
+mod passes;
 mod profile;
 mod spacing;
 mod start;
