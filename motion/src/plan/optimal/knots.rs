@@ -54,15 +54,15 @@ impl Cell {
         self.to - self.from
     }
 
-    /// Greatest b expected after `length` of it, beginning with `b`.
-    fn rise(&self, b: f64, length: f64) -> f64 {
-        rise(b, length, self.allowed.a, self.allowed.j)
+    /// Greatest b expected after `length` of it, beginning with `b`; at most `cap`.
+    fn rise(&self, b: f64, length: f64, cap: f64) -> f64 {
+        rise(b, length, [self.allowed.a, self.allowed.j], cap)
     }
 
     /// b at a place, between known b at both ends.
     fn expected(&self, [begin, end]: [f64; 2], x: f64) -> f64 {
         let cap = self.allowed.b.max(begin.min(end));
-        self.rise(begin, x).min(self.rise(end, self.length() - x)).min(cap)
+        self.rise(end, self.length() - x, self.rise(begin, x, cap))
     }
 }
 
@@ -360,7 +360,7 @@ impl Knots {
         let mut b = self.begin;
         for (k, cell) in self.cells.iter().enumerate() {
             let next = self.cells.get(k + 1).map_or(cell.allowed.b, |next| next.allowed.b);
-            b = cell.rise(b, cell.length()).min(cell.allowed.b).min(next);
+            b = cell.rise(b, cell.length(), cell.allowed.b.min(next));
             self.nodes.push(b);
         }
         let mut certain = 0;
@@ -375,16 +375,15 @@ impl Knots {
             let kept = self.cells.iter().rev().take_while(|cell| cell.part == last).count();
             let most = count - kept;
             for (k, cell) in self.cells.iter().enumerate().rev() {
-                let before = cell.rise(after, cell.length());
-                if before >= self.nodes[k] && k <= most {
-                    (certain, after) = (k, self.nodes[k]);
+                after = cell.rise(after, cell.length(), self.nodes[k]);
+                if after >= self.nodes[k] && k <= most {
+                    certain = k;
                     break;
                 }
-                after = before.min(self.nodes[k]);
             }
         }
         for k in (0..certain).rev() {
-            after = self.nodes[k].min(self.cells[k].rise(after, self.cells[k].length()));
+            after = self.cells[k].rise(after, self.cells[k].length(), self.nodes[k]);
             self.nodes[k] = after;
         }
         certain

@@ -9,6 +9,8 @@
 //! starts from the halves of the border solutions and crawl between them: a profile that keeps all limits, so that every
 //! step of the solver does. No window waits for another, and a join needs no smoothing.
 
+use std::cell::RefCell;
+
 use super::knots::Knotted;
 use super::solver::{
     Grid, Infeasible, Knotting, Options, State, Workspace, first_braking, first_crawl, first_profile, solve,
@@ -49,6 +51,12 @@ pub(super) struct Job {
 /// What a job gives: states at all its knots, and whether they have converged.
 pub(super) type Answer = Result<States, Infeasible>;
 
+thread_local! {
+    /// Memory of the solver, which begins anew with every job: to take it from the system each time takes as long as some of
+    /// the iterations.
+    static WORKSPACE: RefCell<Workspace> = RefCell::default();
+}
+
 impl Job {
     pub(super) fn run(mut self) -> Answer {
         let spans = 0..self.grid.spans();
@@ -56,7 +64,7 @@ impl Job {
             gap: self.gap,
             ..Options::default()
         };
-        solve(&self.grid, spans, &mut self.start, &options, &mut Workspace::default())?;
+        WORKSPACE.with_borrow_mut(|workspace| solve(&self.grid, spans, &mut self.start, &options, workspace))?;
         Ok(self.start)
     }
 }

@@ -67,13 +67,13 @@ pub(super) fn tangent(grid: &Grid, span: usize) -> [f64; 2] {
 fn own_speed(grid: &Grid, span: usize, step_s: f64) -> f64 {
     let caps = grid.caps(span);
     let mut b = STEADY * caps.begin.min(caps.middle).min(caps.end);
-    for checkpoint in 0..grid.checkpoints(span).len() {
-        for row in grid.rows(span, checkpoint) {
-            b = b.min(STEADY / row.a2.abs());
-            let root = cube_root(STEADY / row.j3.abs());
-            b = b.min(root * root);
-        }
+    let (mut a2, mut j3) = (0.0f64, 0.0f64);
+    for row in grid.all_rows(span) {
+        a2 = a2.max(row.a2.abs());
+        j3 = j3.max(row.j3.abs());
     }
+    let root = cube_root(STEADY / j3);
+    b = b.min(STEADY / a2).min(root * root);
     b.sqrt().min(CRAWL * grid.length(span) / step_s)
 }
 

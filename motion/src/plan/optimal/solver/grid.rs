@@ -307,4 +307,10 @@ impl Grid {
         let first = self.first[span].0 + checkpoint * joints;
         &self.rows[first..first + joints]
     }
+
+    /// The rows of all checkpoints of a span.
+    pub(super) fn all_rows(&self, span: usize) -> &[Row] {
+        let first = self.first[span].0;
+        &self.rows[first..first + self.checkpoints(span).len() * self.limits.len()]
+    }
 }

@@ -75,16 +75,23 @@ impl Cell {
         cell
     }
 
-    fn rise(&self, b: f64, length: f64) -> f64 {
-        rise(b, length, self.acceleration, self.jerk)
+    fn rise(&self, b: f64, length: f64, cap: f64) -> f64 {
+        rise(b, length, [self.acceleration, self.jerk], cap)
     }
 }
 
-/// Greatest b expected after a stretch of path that begins with `b`, where joints allow this acceleration and jerk along it.
-pub fn rise(b: f64, length: f64, acceleration: f64, jerk: f64) -> f64 {
+/// Greatest b expected after a stretch of path that begins with `b`, where joints allow this acceleration and jerk along it;
+/// at most `cap`.
+pub fn rise(b: f64, length: f64, [acceleration, jerk]: [f64; 2], cap: f64) -> f64 {
     let by_acceleration = b + 2.0 * ACCELERATION_PART * acceleration * length;
+    let most = by_acceleration.min(cap);
     let three_halves = (b * b.sqrt()).sqrt() + 1.5 * (2.0 * jerk).sqrt() * length;
-    by_acceleration.min(three_halves * cube_root(three_halves))
+    // Mostly it is beyond the cap, and no root needed to see that.
+    let square = three_halves * three_halves;
+    if square * square >= most * most * most {
+        return most;
+    }
+    most.min(three_halves * cube_root(three_halves))
 }
 
 /// Lengths of spans for cells between two ends with known b (at a rest, that at the end of the launch), about `dt`
@@ -94,10 +101,10 @@ pub fn spacing(cells: &[Cell], from: f64, to: f64, dt: f64, mut span: impl FnMut
     let mut borders = vec![to; cells.len() + 1];
     for (index, cell) in cells.iter().enumerate().rev() {
         let before = if index > 0 { cells[index - 1].cap } else { from };
-        borders[index] = cell.rise(borders[index + 1], cell.length).min(cell.cap).min(before);
+        borders[index] = cell.rise(borders[index + 1], cell.length, cell.cap.min(before));
     }
     for (index, cell) in cells.iter().enumerate() {
-        borders[index + 1] = borders[index + 1].min(cell.rise(borders[index], cell.length));
+        borders[index + 1] = cell.rise(borders[index], cell.length, borders[index + 1]);
     }
     let time: f64 = cells
         .iter()
@@ -124,9 +131,8 @@ impl Cell {
 
     /// b at a place, between known b at both ends.
     fn expected(&self, from: f64, to: f64, s: f64) -> f64 {
-        self.rise(from, s)
-            .min(self.rise(to, self.length - s))
-            .min(self.cap.max(from).max(to))
+        let cap = self.cap.max(from).max(to);
+        self.rise(to, self.length - s, self.rise(from, s, cap))
     }
 
     /// Cuts the cell by the expected speed.
