@@ -375,9 +375,9 @@ fn digest(numbers: &[u64]) -> u64 {
 #[test]
 fn any_machine_gives_the_same_bits() {
     const DIGESTS: [(&str, [u64; 2]); 3] = [
-        ("mixed", [0xE6AC_116A_9108_6F4B, 0xFCDA_41B6_49D9_8856]),
-        ("rose", [0x9F28_F7D6_3A70_D679, 0x5C33_59E3_0DD7_6047]),
-        ("text", [0xCC4A_F5DA_1A25_D554, 0x807B_651B_0BA7_E8B7]),
+        ("mixed", [0xBBC3_05C4_5757_3CA9, 0xFCDA_41B6_49D9_8856]),
+        ("rose", [0x438A_B139_D18D_9E0C, 0x5C33_59E3_0DD7_6047]),
+        ("text", [0xC008_164D_B68B_C314, 0x807B_651B_0BA7_E8B7]),
     ];
     let found = DIGESTS.map(|(name, _)| {
         let text = proof_programs::find(name)
