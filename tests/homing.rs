@@ -392,6 +392,39 @@ fn soft_limits_hold_once_a_joint_is_homed_and_not_before_it_may_be_jogged() {
 }
 
 #[test]
+fn a_stop_while_a_drive_homes_beside_the_control_ends_both() {
+    let config = machine_with(&[(
+        "position_mm = 5.0               # where",
+        "sequence = 0\nposition_mm = 5.0 # where",
+    )]);
+    by_hand(&config, |run| {
+        let begin = loads(run);
+        let now_ns = run.now_ns();
+        assert!(run.operator.set_up(now_ns, true));
+        reach(run, "both on their way", |run| {
+            let now = loads(run);
+            (now[X] - begin[X]).abs() > 20.0 && (now[Z] - begin[Z]).abs() > 5.0
+        });
+        let at_mm = loads(run);
+        let now_ns = run.now_ns();
+        run.operator.stop(now_ns);
+        reach(run, "off", |run| {
+            run.operator.step() == Step::StandBy && run.control.state() == State::Disabled
+        });
+        let rest = loads(run);
+        for joint in [X, Z] {
+            assert!(!is_homed(run, joint), "joint {joint}");
+            let way_mm = (rest[joint] - at_mm[joint]).abs();
+            assert!(way_mm < 6.0, "joint {joint}: {way_mm} mm");
+        }
+        assert_eq!(run.operator.alarms(), []);
+        assert_no_limit_was_broken(run);
+        homed_by_hand(run);
+        assert_true(run, &[X, LEFT, RIGHT]);
+    });
+}
+
+#[test]
 fn joints_home_in_the_order_of_their_numbers_and_by_whom_makes_no_difference() {
     // X with Z, whose drive homes it; the gantry behind them.
     let config = machine_with(&[(

@@ -281,7 +281,11 @@ fn jogging_in_the_world_costs_no_allocation() {
         range: [-120.0, 120.0],
     };
     let kinematics = Kinematics::new(Transform::Scara(scara), &follows);
-    let mut jog = WorldJog::new(kinematics, &[limits; AXES], &[limits; 4], CYCLE_S);
+    let of_axes = JogLimits {
+        range: [-400.0, 400.0],
+        ..limits
+    };
+    let mut jog = WorldJog::new(kinematics, &[of_axes; AXES], &[limits; 4], CYCLE_S);
     assert!(jog.rest_at(&Position::xyz(300.0, 100.0, 0.0), ToolFrame::OFF));
     let mut numbers = Numbers(4);
     let mut positions = [0.0; 4];
@@ -289,7 +293,11 @@ fn jogging_in_the_world_costs_no_allocation() {
     let counted = calls(|| {
         for _ in 0..300 {
             let axis = [Axis::X, Axis::Y, Axis::Z][(numbers.next() * 3.0) as usize];
-            jog.run(axis, 200.0 * numbers.next() - 100.0);
+            if numbers.next() < 0.3 {
+                jog.advance(axis, 60.0 * numbers.next() - 30.0, 100.0);
+            } else {
+                jog.run(axis, 200.0 * numbers.next() - 100.0);
+            }
             for _ in 0..500 {
                 jog.step(&mut positions);
             }

@@ -1,6 +1,6 @@
 //! The machine file: TOML to a checked [`Config`], or located errors.
 //!
-//! In:  a TOML file (`configs/mill3-demo.toml` names every key).
+//! In:  a TOML file (`configs/mill3-demo.toml` names every key but those of other machines: `configs/*-demo.toml`).
 //! Out: a [`Config`], which is always a machine that may run, or [`ConfigErrors`] with *every* error of the file, each
 //! with line, column, key path, value and the rule that it breaks. Where the text is no TOML at all, only the errors
 //! of its syntax are told.

@@ -5,7 +5,8 @@
 //!
 //! The joints of an axis are one group. Whoever gives a set of joints of equal sequence numbers has them home side by side,
 //! those that home by their drives among them. Motion keeps the limits of the joints; soft limits are unknown until a joint
-//! is homed, so distances of the machine file bound the search instead.
+//! is homed, so distances of the machine file bound the search instead. As with drives that home themselves, a hold or an
+//! override does not act; a stop ends it.
 //!
 //! RT: nothing allocates but [`Homer::new`].
 

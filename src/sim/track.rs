@@ -234,6 +234,36 @@ mod tests {
     }
 
     #[test]
+    fn a_home_switch_for_the_control_reaches_from_its_place_to_the_end() {
+        let mut joint = test_config().joints[0].clone();
+        let mut control = HomingByControl {
+            towards_positive: false,
+            switch: crate::config::HomeSwitch::Drive,
+            switch_mm: -8.0,
+            search_distance_mm: 400.0,
+            release_distance_mm: 5.0,
+            resolution_mm: 1e-3,
+            bounce_s: 0.02,
+            skew_mm: None,
+        };
+        joint.homing.by = HomingBy::Control(control);
+        let track = Track::of(&joint, 0.5, None);
+        // The limit switch lies behind it.
+        assert_eq!((track.home, track.negative_limit), ((-150_000, -80_000), -100_000));
+        control.towards_positive = true;
+        joint.homing.by = HomingBy::Control(control);
+        let special = SimJoint {
+            joint: 0,
+            start_mm: Some(12.0),
+            switch_mm: Some(306.0),
+            input: None,
+        };
+        let track = Track::of(&joint, 0.5, Some(&special));
+        assert_eq!((track.home, track.positive_limit), ((3_060_000, 3_130_000), 3_080_000));
+        assert_eq!(track.start, 120_000);
+    }
+
+    #[test]
     fn marks_are_passed_both_ways_and_counted_once() {
         let track = Track {
             mark: 150,
