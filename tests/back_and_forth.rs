@@ -3,6 +3,7 @@
 use isocnc::config::{self, Config};
 use isocnc::machine::sequence::Outcome;
 use isocnc::machine::state::State;
+use isocnc::rt::overrides::Overridden;
 use isocnc::rt::shared::Command;
 use isocnc::sim::rehearsal::{Rehearsal, rehearse};
 use isocnc::sim::{Disturbance, NetConfig};
@@ -223,4 +224,75 @@ fn block_by_block_the_part_is_the_same() {
         // Corners that were rounded are run to their ends now.
         assert_on_path(&commands(run), &path, TOLERANCE_MM + ARROW_MM);
     });
+}
+
+#[test]
+fn on_the_way_back_it_rests_block_by_block_too() {
+    let path = straight_on();
+    rehearse_part(5, |run| {
+        reach_midst(run);
+        run.operator.give(Command::Hold);
+        reach_state(run, State::Held);
+        run.operator.give(Command::SingleBlock(true));
+        let mut lines = Vec::new();
+        while run.operator.live().line > FIRST.0 {
+            run.operator.give(Command::Reverse(1.0));
+            reach_state(run, State::Running);
+            reach_state(run, State::Held);
+            let live = run.operator.live();
+            assert!(live.reversing && live.velocity_mm_s == 0.0, "{live:?}");
+            lines.push(live.line);
+        }
+        // One after the other, none of them left out that moves: to the line behind the last thing that was done at rest.
+        let moves: Vec<u32> = (FIRST.0..=MIDST).rev().filter(|line| ![23].contains(line)).collect();
+        assert_eq!(lines, moves);
+        // Block by block forward again, and then to its end.
+        for line in [FIRST.0, FIRST.0 + 1] {
+            run.operator.give(Command::Resume);
+            reach_state(run, State::Running);
+            reach_state(run, State::Held);
+            assert_eq!(run.operator.live().line, line);
+        }
+        run.operator.give(Command::SingleBlock(false));
+        run.operator.give(Command::Resume);
+        assert_eq!(run.run(CYCLES_MAX).expect("an end"), Outcome::Completed);
+        assert_part_ends(run);
+        assert_within_stop_limits(run);
+        assert_on_path(&commands(run), &path, TOLERANCE_MM + ARROW_MM);
+    });
+}
+
+#[test]
+fn an_override_that_is_turned_on_the_way_back_leaves_path_and_limits_alone() {
+    let path = straight_on();
+    for (seed, percents) in [(6, [50.0, 110.0]), (7, [120.0, 20.0]), (8, [0.0, 70.0])] {
+        rehearse_part(seed, |run| {
+            let turn = |run: &mut Rehearsal<'_>, percent: f64| {
+                let overrides = &run.operator.shared().overrides;
+                overrides.order(Overridden::Feed, percent).expect("within its range");
+            };
+            let wait = |run: &mut Rehearsal<'_>, cycles: u64| {
+                let mut left = cycles;
+                reach(run, "some cycles later", |_| {
+                    left -= 1;
+                    left == 0
+                });
+            };
+            reach_midst(run);
+            run.operator.give(Command::Reverse(1.0));
+            for percent in percents {
+                wait(run, 250);
+                turn(run, percent);
+            }
+            wait(run, 250);
+            assert!(run.operator.live().reversing);
+            run.operator.give(Command::Resume);
+            wait(run, 400);
+            turn(run, 100.0);
+            assert_eq!(run.run(CYCLES_MAX).expect("an end"), Outcome::Completed);
+            assert_part_ends(run);
+            assert_within_stop_limits(run);
+            assert_on_path(&commands(run), &path, ARROW_MM);
+        });
+    }
 }

@@ -27,7 +27,8 @@ pub struct Spindle {
     pub drive: Option<SpindleDrive>,
     /// What tells where the spindle is; `None`: nothing does.
     pub encoder: Option<SpindleEncoder>,
-    /// Cycles from the place of the spindle as it is read to where the axes are with the set-points that come of it; default 2.
+    /// Cycles from the place of the spindle as it is read to where the axes are with the set-points that come of it: what the exchange
+    /// takes, and the lag of the drives. Default 3.5 for a counter of a node, 2.5 for pins.
     pub encoder_lead_cycles: f64,
 }
 
@@ -74,10 +75,16 @@ impl Default for Spindle {
             speed_timeout_s: 20.0,
             drive: None,
             encoder: None,
-            encoder_lead_cycles: 2.0,
+            encoder_lead_cycles: LEAD_CYCLES,
         }
     }
 }
+
+/// From the cycle in which a place is known to where the axes are with the set-points that come of it, cycles: those computed in
+/// it leave in the next one and are reached at the end of the following one; half a cycle is for the lag of the drives.
+const LEAD_CYCLES: f64 = 2.5;
+/// What a node tells was so when the cycle before ended.
+const LATCHED_CYCLES: f64 = 1.0;
 
 /// Where the spindle's encoder is read.
 #[derive(Clone, Copy)]
@@ -152,11 +159,11 @@ fn drive(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Option<Spindle
 fn encoder(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Option<(SpindleEncoder, f64)> {
     let words = [("pins", Source::Pins), ("node", Source::Node)];
     let source = section.word("source", &words, None)?;
-    let lead = section.number(
-        "lead_cycles",
-        Bound::Within(0.0, 20.0),
-        Spindle::default().encoder_lead_cycles,
-    );
+    let usual = match source {
+        Source::Pins => LEAD_CYCLES,
+        Source::Node => LEAD_CYCLES + LATCHED_CYCLES,
+    };
+    let lead = section.number("lead_cycles", Bound::Within(0.0, 20.0), usual);
     let encoder = match source {
         Source::Pins => Some(SpindleEncoder::Pins),
         Source::Node => counter(&mut section, nodes).map(SpindleEncoder::Counter),

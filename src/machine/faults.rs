@@ -83,6 +83,13 @@ pub enum Fault {
         /// How far it came.
         late: Late,
     },
+    /// An index of the spindle's encoder came a number of counts away from where whole turns are.
+    CountsLost {
+        /// Counts, below 0 where some were lost.
+        counts: i64,
+        /// Whether a move in step with the spindle is under way.
+        in_step: bool,
+    },
     /// Whole cycles had to be left out.
     CyclesSkipped {
         /// How many in a row.
@@ -137,7 +144,8 @@ impl Fault {
             | Fault::LinkFailed {
                 error: LinkError::NoBuffers,
             } => Reaction::Count,
-            Fault::ManyOverruns { .. } => Reaction::Warn,
+            // Turns count from the new index on, as the next thread does.
+            Fault::ManyOverruns { .. } | Fault::CountsLost { in_step: false, .. } => Reaction::Warn,
             Fault::NodeLost { .. }
             | Fault::Drive { .. }
             | Fault::DriveWarning { .. }
@@ -147,6 +155,7 @@ impl Fault {
             | Fault::LimitExceeded { .. }
             | Fault::OutOfStep { .. }
             | Fault::SpindleLate { .. }
+            | Fault::CountsLost { in_step: true, .. }
             | Fault::TooManyOverruns { .. }
             | Fault::ForeignMaster { .. }
             | Fault::LinkFailed {
@@ -172,6 +181,7 @@ impl Fault {
             | Fault::LimitExceeded { .. }
             | Fault::OutOfStep { .. }
             | Fault::SpindleLate { .. }
+            | Fault::CountsLost { .. }
             | Fault::CyclesSkipped { .. }
             | Fault::ManyOverruns { .. }
             | Fault::CycleHung
@@ -237,6 +247,12 @@ impl Fault {
                     late.wanted_rpm
                 ),
             },
+            Fault::CountsLost { counts, .. } => format!(
+                "spindle: its encoder counted {} {} than whole turns between two indexes: look at its cable, its shield and \
+                 counts_per_turn",
+                counts.unsigned_abs(),
+                if counts < 0 { "less" } else { "more" }
+            ),
             Fault::CyclesSkipped { cycles } => format!("{cycles} cycles left out"),
             Fault::ManyOverruns { cycles } => format!(
                 "{cycles} of the last {CYCLES} cycles were left out: `isocnc doctor` says what keeps this PC from real time"

@@ -238,6 +238,10 @@ impl<B: Fieldbus> Control<B> {
             Verdict::Many { skipped: cycles } => self.fault(Fault::ManyOverruns { cycles }),
             Verdict::TooMany { skipped: cycles } => self.fault(Fault::TooManyOverruns { cycles }),
         }
+        let in_step = self.sample.turns_s_max.is_some();
+        if let Some(counts) = self.parts.pins.spindle.take_slip(in_step) {
+            self.fault(Fault::CountsLost { counts, in_step });
+        }
         for _ in 0..BUS_EVENTS_PER_CYCLE {
             let Some(event) = self.bus.pop_event() else { break };
             self.notice(Notice::Bus(event));
@@ -690,6 +694,7 @@ impl<B: Fieldbus> Control<B> {
             self.program_has_moved |= self.sample.state == SampleState::Moving;
             self.parts.pins.spindle.steer(&self.sample);
             let in_step = program.take_sync_report();
+            let held = self.parts.pins.spindle.take_held();
             // A ramp to rest may just reach the end of a move: what stands behind it, a spindle say, must not begin then.
             if !wanted.hold(self.sample.enables)
                 && self.waiting.is_none()
@@ -709,6 +714,10 @@ impl<B: Fieldbus> Control<B> {
                 self.fault(Fault::IllegalCommand {
                     joint: unreachable.joint,
                 });
+            }
+            if let Some(share) = held {
+                let line = self.sample.line;
+                self.notice(Notice::SpindleHeld { line, share });
             }
             if let Some((line, report)) = in_step {
                 self.notice(Notice::InStep { line, report });

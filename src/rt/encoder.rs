@@ -13,6 +13,8 @@ use motion::rt::SpindleFeedback;
 
 /// Cycles over which the speed is measured: of an encoder with 1000 counts it is then known to 2 turns a minute at 1 ms.
 const SPEED_CYCLES: usize = 32;
+/// Counts by which two indexes may be apart from whole turns: an index is a count wide, and seen from both sides.
+const SLIP_COUNTS: i64 = 2;
 /// Cycles without a value that are bridged at the last speed.
 const BRIDGED_CYCLES: u32 = 5;
 
@@ -25,10 +27,14 @@ pub struct Turns {
     last: Option<u64>,
     /// Counts since the beginning, not wrapped.
     counts: i64,
-    /// Latched count before the first index: another one is an index.
-    latch_before: Option<u64>,
+    /// The last latched count: another one is an index.
+    latched: Option<u64>,
     /// Counts at the index from which turns count.
     zero: Option<i64>,
+    /// Counts at the last index.
+    index: i64,
+    /// Distance of the last index from a whole number of turns, counts, until it is taken.
+    slip: i64,
 }
 
 impl Turns {
@@ -39,8 +45,10 @@ impl Turns {
             counts_per_turn: f64::from(counts_per_turn),
             last: None,
             counts: 0,
-            latch_before: None,
+            latched: None,
             zero: None,
+            index: 0,
+            slip: 0,
         }
     }
 
@@ -53,18 +61,40 @@ impl Turns {
             None => self.counts = self.difference(counter, 0),
         }
         self.last = Some(counter);
-        match (latched, self.latch_before) {
+        match (latched, self.latched) {
             (None, _) => self.zero = Some(0),
-            (Some(latched), None) => self.latch_before = Some(latched),
-            (Some(latched), Some(before)) => {
-                if self.zero.is_none() && latched != before {
-                    self.zero = Some(self.counts - self.difference(counter, latched));
-                }
-            }
+            (Some(_), None) => {}
+            (Some(latched), Some(before)) if latched != before => self.pass_index(self.difference(counter, latched)),
+            (Some(_), Some(_)) => {}
         }
+        self.latched = latched;
         SpindleFeedback {
             turns: (self.counts - self.zero.unwrap_or(0)) as f64 / self.counts_per_turn,
             indexed: self.zero.is_some(),
+        }
+    }
+
+    /// An index was passed, so many counts ago. The first one is where turns count from; all others are whole turns away from it,
+    /// or counts were lost, or some that are none were counted.
+    fn pass_index(&mut self, ago: i64) {
+        self.index = self.counts - ago;
+        let zero = *self.zero.get_or_insert(self.index);
+        let a_turn = (self.counts_per_turn.abs() as i64).max(1);
+        let off = (self.index - zero).rem_euclid(a_turn);
+        let off = if 2 * off > a_turn { off - a_turn } else { off };
+        self.slip = if off.abs() > SLIP_COUNTS { off } else { 0 };
+    }
+
+    /// Counts by which the last index was not where whole turns are; told once for each index. `None`: it was. RT.
+    pub fn take_slip(&mut self) -> Option<i64> {
+        let slip = std::mem::take(&mut self.slip);
+        (slip != 0).then_some(slip)
+    }
+
+    /// Turns count from the last index from now on. RT.
+    pub fn adopt_index(&mut self) {
+        if self.latched.is_some() && self.zero.is_some() {
+            self.zero = Some(self.index);
         }
     }
 
@@ -102,6 +132,16 @@ impl Encoder {
             seen: SpindleFeedback::NONE,
             missing: BRIDGED_CYCLES,
         })
+    }
+
+    /// See [`Turns::take_slip`]. RT.
+    pub fn take_slip(&mut self) -> Option<i64> {
+        self.turns.take_slip()
+    }
+
+    /// See [`Turns::adopt_index`]. RT.
+    pub fn adopt_index(&mut self) {
+        self.turns.adopt_index();
     }
 
     /// This cycle's place. Where the answer of the node got lost, the spindle is taken to go on as it did (`turns_per_cycle`)
@@ -220,6 +260,42 @@ mod tests {
             let last = seen[4999].turns - seen[first].turns;
             let counts = step as f64 * (4999 - first) as f64;
             assert!((last - counts / f64::from(counts_per_turn)).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn counts_that_are_lost_show_at_the_next_index() {
+        for counts_per_turn in [3000, -3000] {
+            let mut turns = Turns::new(16, counts_per_turn);
+            let (mut slips, mut places) = (Vec::new(), Vec::new());
+            // 150 counts a cycle, an index every 20 cycles; 7 counts are lost in the fifth turn, 2 in the ninth.
+            for cycle in 0..300_i64 {
+                let lost = if cycle >= 190 {
+                    9
+                } else if cycle >= 110 {
+                    7
+                } else {
+                    0
+                };
+                let latched = cycle / 20 * 3000
+                    - if cycle >= 200 {
+                        9
+                    } else if cycle >= 120 {
+                        7
+                    } else {
+                        0
+                    };
+                let place = turns.see((cycle * 150 - lost) as u64 & 0xFFFF, Some(latched as u64 & 0xFFFF));
+                if let Some(slip) = turns.take_slip() {
+                    slips.push((cycle, slip));
+                    turns.adopt_index();
+                }
+                places.push(place.turns.abs());
+            }
+            // What is adopted counts no more; two counts are within the width of an index.
+            assert_eq!(slips, [(120, -7)]);
+            assert!((places[119] - (119.0 * 150.0 - 7.0 - 3000.0) / 3000.0).abs() < 1e-9);
+            assert!((places[121] - 5.05).abs() < 1e-9, "{}", places[121]);
         }
     }
 

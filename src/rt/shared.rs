@@ -61,6 +61,13 @@ pub enum Notice {
     Action(Action),
     /// Something is in the way of an axis that is jogged.
     Obstructed(Obstruction),
+    /// In a move in step with the spindle, its override acts up to a share only: the axes cannot follow more.
+    SpindleHeld {
+        /// Line of the program.
+        line: u32,
+        /// Share of the programmed speed.
+        share: f64,
+    },
     /// A move in step with the spindle came to its end.
     InStep {
         /// Line of the program.

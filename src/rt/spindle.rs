@@ -20,6 +20,11 @@ const SPEED_SLACK_RPM: f64 = 5.0;
 
 /// More than any spindle turns, 1/min: what stands for the speed at the centre, where none is enough.
 const RPM_FINITE: f64 = 1e9;
+/// Part of the speed that the axes can follow in a move in step with the spindle to which its override may raise it: the rest is
+/// for what the spindle itself is faster.
+const FOLLOWED: f64 = 0.99;
+/// Cycles until the operator is told again that counts were lost.
+const SLIP_QUIET_CYCLES: u32 = 10_000;
 /// A change of the share of the feed that is not worth following.
 const SHARE_STEP: f64 = 0.003;
 
@@ -82,6 +87,12 @@ pub struct Spindle {
     wanted: Option<Wanted>,
     /// The operator's override, a share.
     override_share: f64,
+    /// Greatest speed in a move in step with the spindle that is under way, 1/min.
+    followed_rpm: Option<f64>,
+    /// Share to which this holds an override that is greater, until it is taken, and whether it was told.
+    held: Option<f64>,
+    is_held: bool,
+    slip_quiet: u32,
     /// What it is told now, 1/min, above 0 with M3.
     rpm: f64,
     place: SpindleFeedback,
@@ -145,6 +156,10 @@ impl Spindle {
             timeout_s: spindle.speed_timeout_s,
             wanted: None,
             override_share: 1.0,
+            followed_rpm: None,
+            held: None,
+            is_held: false,
+            slip_quiet: 0,
             rpm: 0.0,
             place: SpindleFeedback::NONE,
             speed: Speed::new(),
@@ -190,6 +205,24 @@ impl Spindle {
         self.speed_in.set(self.turns_per_cycle / self.cycle_s);
     }
 
+    /// Counts by which its encoder was off at the last index: some were lost, or some that are none were counted. In a move in step
+    /// with it (`in_step`) they are told as they are; else turns count from that index from now on, and it is told now and then.
+    /// RT.
+    pub fn take_slip(&mut self, in_step: bool) -> Option<i64> {
+        self.slip_quiet = self.slip_quiet.saturating_sub(1);
+        let Source::Counter { encoder, .. } = &mut self.source else {
+            return None;
+        };
+        let slip = encoder.take_slip()?;
+        if in_step {
+            return Some(slip);
+        }
+        encoder.adopt_index();
+        let told = self.slip_quiet == 0;
+        self.slip_quiet = SLIP_QUIET_CYCLES;
+        told.then_some(slip)
+    }
+
     /// Where it will be when the axes are where this cycle's set-points bring them. RT.
     pub fn place(&self) -> SpindleFeedback {
         SpindleFeedback {
@@ -223,24 +256,49 @@ impl Spindle {
     /// Tells it its direction and speed of this cycle. RT.
     pub fn steer(&mut self, sample: &Sample) {
         self.x_mm = sample.position[Axis::X];
+        self.followed_rpm = sample.turns_s_max.map(|turns_s| FOLLOWED * turns_s * 60.0);
         self.tell(sample.reversal);
     }
 
+    /// The share to which a move in step with the spindle holds a greater override; told once each time. RT.
+    pub fn take_held(&mut self) -> Option<f64> {
+        self.held.take()
+    }
+
+    /// The speed under an override, of which the axes may allow less; what is programmed has been looked at by the planner.
+    fn overridden(&mut self, programmed_rpm: f64) -> f64 {
+        let wanted = self.override_share * programmed_rpm;
+        let most = self.followed_rpm.map_or(f64::INFINITY, |most| most.max(programmed_rpm));
+        let is_held = wanted.min(self.rpm_max) > most;
+        if is_held && !self.is_held {
+            self.held = Some(most / programmed_rpm);
+        }
+        self.is_held = is_held;
+        wanted.min(most)
+    }
+
     fn tell(&mut self, reversal: Option<f64>) {
-        self.rpm = self.wanted.map_or(0.0, |wanted| {
-            let rpm = match wanted.surface {
-                None => self.override_share * wanted.rpm,
-                // An override changes the speed of the surface; the highest speed stays.
-                Some(surface) => (self.override_share * surface.rpm(self.x_mm).min(RPM_FINITE)).min(wanted.rpm),
-            };
-            let rpm = rpm.min(self.rpm_max);
-            let rpm = match wanted.direction {
-                SpindleDirection::Clockwise => rpm,
-                SpindleDirection::Counterclockwise => -rpm,
-            };
-            // What was programmed is within the highest speed; a quick way back, or an override, may not be.
-            reversal.map_or(rpm, |scale| (-rpm * scale).clamp(-self.rpm_max, self.rpm_max))
-        });
+        self.rpm = match self.wanted {
+            None => 0.0,
+            Some(wanted) => {
+                // On the way back of a tap this much as fast.
+                let scale = reversal.unwrap_or(1.0);
+                let rpm = match wanted.surface {
+                    None => self.overridden(scale * wanted.rpm),
+                    // An override changes the speed of the surface; the highest speed stays.
+                    Some(surface) => {
+                        let programmed = surface.rpm(self.x_mm).min(RPM_FINITE);
+                        self.overridden(scale * programmed).min(scale * wanted.rpm)
+                    }
+                };
+                // What was programmed is within the highest speed; a quick way back, or an override, may not be.
+                let rpm = rpm.min(self.rpm_max);
+                match (wanted.direction, reversal) {
+                    (SpindleDirection::Clockwise, None) | (SpindleDirection::Counterclockwise, Some(_)) => rpm,
+                    (SpindleDirection::Counterclockwise, None) | (SpindleDirection::Clockwise, Some(_)) => -rpm,
+                }
+            }
+        };
         let clockwise = self
             .wanted
             .map(|wanted| (wanted.direction == SpindleDirection::Clockwise) == reversal.is_none());

@@ -393,6 +393,13 @@ impl Operator {
                 self.note(time_s, text.clone());
                 self.obstruction = Some(text);
             }
+            Notice::SpindleHeld { line, share } => self.note(
+                time_s,
+                format!(
+                    "line {line}: spindle override held to {:.0} %: the axes cannot follow more in step with the spindle",
+                    (share * 100.0).floor()
+                ),
+            ),
             Notice::InStep { line, report } => self.note(time_s, format!("line {line}: {report}")),
             Notice::ProgramEnded => self.program_ended = true,
         }

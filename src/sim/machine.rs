@@ -293,6 +293,17 @@ impl SimMachine {
         }
     }
 
+    /// The encoder of the spindle behind an I/O node counts so many that are none; below 0: it loses some.
+    pub fn slip_encoder(&mut self, node_id: u8, counts: i64) -> bool {
+        match self.place(node_id).map(|place| &mut place.device) {
+            Some(Device::Io(io)) => {
+                io.spindle_mut().slipped += counts;
+                true
+            }
+            Some(Device::Drive(_)) | None => false,
+        }
+    }
+
     /// Turns of the spindle behind an I/O node, whole at its index: what a mark on the chuck would show.
     pub fn spindle_turns(&self, node_id: u8) -> Option<f64> {
         let place = self.places.iter().find(|place| place.id == node_id)?;

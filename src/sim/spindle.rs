@@ -24,6 +24,8 @@ pub(super) struct Spindle {
     latched: u64,
     /// The shaft is held: it stands, whatever it is told.
     pub(super) blocked: bool,
+    /// Counts that came from nowhere; below 0: that got lost.
+    pub(super) slipped: i64,
 }
 
 impl Spindle {
@@ -41,6 +43,7 @@ impl Spindle {
             turns_s: 0.0,
             latched: 0,
             blocked: false,
+            slipped: 0,
         }
     }
 
@@ -81,6 +84,6 @@ impl Spindle {
     fn count_at(&self, turns: f64) -> u64 {
         let counts = self.encoder.map_or(0.0, |encoder| f64::from(encoder.counts_per_turn));
         // Far below the numbers that an f64 holds exactly: a day at 24,000 1/min are 3.5e11 counts of 10,000 a turn.
-        (turns * counts).floor() as i64 as u64
+        ((turns * counts).floor() as i64).wrapping_add(self.slipped) as u64
     }
 }

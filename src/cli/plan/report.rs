@@ -4,7 +4,6 @@ use super::joints::ORDERS;
 use super::run_down::Work;
 use super::slow_places::{FeedKept, feed_kept};
 use crate::config::Config;
-use motion::canon::Position;
 use motion::plan::{Deviation, Slope, deviation};
 use serde::Serialize;
 use std::fmt;
@@ -31,6 +30,8 @@ pub(super) struct Report {
     deviation_max_mm: f64,
     /// Of a programmed point from the set-points.
     missed_max_mm: f64,
+    /// Way of a tap behind its depth, in which its spindle comes to the reversal; no part of the deviation.
+    over_run_mm: f64,
     /// Length of the programmed path, and up to where the set-points were followed.
     path_length_mm: f64,
     path_reached_mm: f64,
@@ -77,13 +78,13 @@ impl Report {
                 }
             })
             .collect();
-        let positions: Vec<Position> = work.cycles.iter().map(|cycle| cycle.position).collect();
+        let over_run_mm = work.cycles.iter().map(|cycle| cycle.over_run_mm).fold(0.0, f64::max);
         let Deviation {
             off_mm,
             missed_mm,
             reached_mm,
             length_mm,
-        } = deviation(&positions, &work.path, work.tolerance_mm);
+        } = deviation(&work.programmed_positions(), &work.path, work.tolerance_mm);
         Report {
             planner: match config.program.planner {
                 Slope::Optimal => "optimal",
@@ -101,6 +102,7 @@ impl Report {
             tolerance_mm: work.tolerance_mm,
             deviation_max_mm: off_mm,
             missed_max_mm: missed_mm,
+            over_run_mm,
             path_length_mm: length_mm,
             path_reached_mm: reached_mm,
             starved_cycles: work.starved_cycles,
@@ -155,6 +157,13 @@ impl fmt::Display for Report {
             "deviation       {:.6} mm off the path, {:.6} mm of it missed; the program allows {} mm",
             self.deviation_max_mm, self.missed_max_mm, self.tolerance_mm
         )?;
+        if self.over_run_mm > 0.0 {
+            writeln!(
+                f,
+                "over-run        {:.3} mm behind the depth of a tap, until its spindle reverses",
+                self.over_run_mm
+            )?;
+        }
         if self.path_length_mm - self.path_reached_mm > 2.0 * self.tolerance_mm + 1e-3 {
             writeln!(
                 f,

@@ -26,6 +26,8 @@ pub(super) struct Cycle {
     pub(super) rapid: bool,
     /// On the way, neither waiting nor acting.
     pub(super) moving: bool,
+    /// How far a tap is behind its depth, mm; else 0.
+    pub(super) over_run_mm: f64,
 }
 
 /// Something that happens at rest.
@@ -133,7 +135,7 @@ pub(super) fn run_down(
         dwelling: false,
     };
     let mut spindle = IdealSpindle::new(work.cycle_s, config.spindle.rpm_max);
-    work.push(&Sample::resting(start));
+    work.push(&Sample::resting(start), 0.0);
     let mut done = false;
     loop {
         while !done {
@@ -156,7 +158,7 @@ pub(super) fn run_down(
         {
             interpolator.acknowledge_action();
         }
-        work.push(&sample);
+        work.push(&sample, interpolator.over_run_mm());
         if let Some(fault) = sample.fault {
             work.given_up = Some((sample.line, fault));
             break;
@@ -182,7 +184,24 @@ pub(super) fn whole<S: Sink<Element>>(feeder: &mut Feeder<'_, S>) -> Result<(), 
 }
 
 impl Work {
-    fn push(&mut self, sample: &Sample) {
+    /// Where the machine is in each cycle as far as the program says: where a tap is behind its depth, at its depth.
+    pub(super) fn programmed_positions(&self) -> Vec<Position> {
+        let mut positions: Vec<Position> = Vec::with_capacity(self.cycles.len());
+        let mut depth = None;
+        for cycle in &self.cycles {
+            let over_mm = cycle.over_run_mm;
+            // A tap is straight: the depth lies back on the way of the first cycle behind it.
+            depth = match (positions.last(), depth) {
+                (_, _) if over_mm <= 0.0 => None,
+                (Some(before), None) => Some(back_towards(&cycle.position, before, over_mm)),
+                (_, depth) => depth,
+            };
+            positions.push(depth.unwrap_or(cycle.position));
+        }
+        positions
+    }
+
+    fn push(&mut self, sample: &Sample, over_run_mm: f64) {
         let cycle = self.cycles.len();
         let what = match (sample.state, sample.action) {
             (_, Some(Action::ChangeTool { tool })) => Some(Event::ToolChange(tool)),
@@ -203,6 +222,23 @@ impl Work {
             line: sample.line,
             rapid: sample.rapid,
             moving: sample.state == SampleState::Moving,
+            over_run_mm,
         });
     }
+}
+
+/// The place at a distance from `at` on the straight way to another one.
+fn back_towards(at: &Position, to: &Position, distance_mm: f64) -> Position {
+    let square = |(a, b): (&f64, &f64)| (a - b).powi(2);
+    let length_mm = at.0.iter().zip(&to.0).map(square).sum::<f64>().sqrt();
+    let share = if length_mm > 0.0 {
+        (distance_mm / length_mm).min(1.0)
+    } else {
+        0.0
+    };
+    let mut place = *at;
+    for (place, to) in place.0.iter_mut().zip(to.0) {
+        *place += (to - *place) * share;
+    }
+    place
 }

@@ -4,7 +4,7 @@ use super::random::{Step, program, step};
 use super::*;
 use crate::element::Element;
 use crate::ring::{Producer, channel};
-use crate::rt::{Interpolator, MotionLimits, SampleState, ScaleRamp, StopLimits};
+use crate::rt::{Interpolator, Monitor, MonitorLimits, MotionLimits, SampleState, ScaleRamp, StopLimits};
 use proptest::prelude::*;
 use std::collections::VecDeque;
 
@@ -108,6 +108,81 @@ impl Rig {
             assert!(distance(&last.piece.position(last.piece.length()).0, &end.0) < 1e-9);
         }
     }
+}
+
+/// Watches what a machine that may go backward is told: where it is when, and the limits, those of stops while its pace changes.
+struct Watch(Monitor);
+
+impl Watch {
+    fn new() -> Watch {
+        let settings = settings();
+        let limits = settings.axes.iter().flatten().map(|axis| MonitorLimits {
+            of_order: [axis.velocity, axis.acceleration, axis.jerk],
+            scaling: [axis.velocity, 2.0 * axis.acceleration, 4.0 * axis.jerk],
+        });
+        Watch(Monitor::new(&limits.collect::<Vec<_>>(), settings.cycle_s))
+    }
+
+    fn see(&mut self, rig: &Rig) {
+        let at = rig.samples.last().unwrap();
+        let joints: Vec<f64> = settings()
+            .axes
+            .iter()
+            .zip(at.0)
+            .filter_map(|(axis, at)| axis.map(|_| at))
+            .collect();
+        let trip = self.0.see(&joints, rig.interpolator.is_scaling());
+        assert_eq!(trip, None, "in cycle {}", rig.samples.len());
+    }
+
+    /// No limit was passed, all of it was on the path that is run without orders, and its end was reached.
+    fn proven(&self, rig: &Rig, undisturbed: &[Position]) {
+        /// What the chord of a millisecond takes of a curve, and of a small kink that is passed at speed.
+        const ARROW_MM: f64 = 2e-3;
+        /// Chords around the last place among which the next one is looked for.
+        const AROUND: usize = 200;
+        for (_, peaks) in self.0.peaks() {
+            assert_eq!(peaks.over, [0; 3], "{peaks:?}");
+        }
+        let mut near = 0_usize;
+        for (cycle, at) in rig.samples.iter().enumerate() {
+            let range = near.saturating_sub(AROUND)..(near + AROUND).min(undisturbed.len() - 1);
+            let off = |k: usize| (to_chord(&at.0, &undisturbed[k].0, &undisturbed[k + 1].0), k);
+            let nearest = range.map(off).min_by(|a, b| a.0.total_cmp(&b.0));
+            let (off_mm, place) = nearest.unwrap_or((0.0, 0));
+            assert!(off_mm <= ARROW_MM, "cycle {cycle}: {off_mm} mm off the path");
+            near = place;
+        }
+        let (last, end) = (undisturbed.last().unwrap(), rig.samples.last().unwrap());
+        assert!(distance(&last.0, &end.0) < 1e-9);
+    }
+}
+
+fn to_chord(at: &[f64; AXES], from: &[f64; AXES], to: &[f64; AXES]) -> f64 {
+    let mut along = [0.0; AXES];
+    let (mut dot, mut length2) = (0.0, 0.0);
+    for axis in 0..AXES {
+        along[axis] = to[axis] - from[axis];
+        dot += (at[axis] - from[axis]) * along[axis];
+        length2 += along[axis] * along[axis];
+    }
+    let share = if length2 > 0.0 {
+        (dot / length2).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
+    let mut foot = *from;
+    for axis in 0..AXES {
+        foot[axis] += share * along[axis];
+    }
+    distance(at, &foot)
+}
+
+/// Set-points of a program without any orders.
+fn undisturbed(events: Vec<Event>) -> Vec<Position> {
+    let mut rig = Rig::new(events);
+    rig.run();
+    rig.samples
 }
 
 /// Cycles from now to the first set-point that is different because of this override.
@@ -317,6 +392,43 @@ fn where_the_program_switches_overrides_off_they_have_no_effect() {
 }
 
 #[test]
+fn an_override_that_changes_on_the_way_back_acts_on_what_has_not_been_run() {
+    for events in [long_line(), circle_of_chords()] {
+        let path = undisturbed(events.clone());
+        let mut rig = Rig::new(events);
+        let mut watch = Watch::new();
+        let mut run = |rig: &mut Rig, cycles: usize| {
+            for _ in 0..cycles {
+                rig.cycle();
+                watch.see(rig);
+            }
+        };
+        run(&mut rig, 600);
+        rig.share = -1.0;
+        run(&mut rig, 300);
+        let turned = rig.samples[..rig.samples.len() - 200].to_vec();
+        rig.planner.set_override(0.5, 1.0);
+        run(&mut rig, 100);
+        let back = *rig.samples.last().unwrap();
+        rig.share = 1.0;
+        run(&mut rig, 700);
+        // Forward again beyond where it turned: at half the feed behind the elements that were in the machine's hands.
+        let last = rig.samples.last().unwrap();
+        let farthest = turned
+            .iter()
+            .map(|at| distance(&at.0, &[0.0; AXES]))
+            .fold(0.0, f64::max);
+        assert!(distance(&back.0, &[0.0; AXES]) < farthest - 5.0, "{back:?}");
+        assert!(distance(&last.0, &back.0) > 5.0, "{last:?}");
+        let speed = *rig.speeds.last().unwrap();
+        let full = rig.speeds.iter().fold(0.0f64, |most, speed| most.max(*speed));
+        assert!((speed / (0.5 * full) - 1.0).abs() < 0.002, "{speed} of {full}");
+        rig.run();
+        watch.proven(&rig, &path);
+    }
+}
+
+#[test]
 fn a_hold_while_the_override_changes_goes_on_to_the_end() {
     let mut rig = Rig::new(circle_of_chords());
     rig.cycles(450);
@@ -376,5 +488,42 @@ proptest! {
         rig.planner.set_override(1.0, 1.0);
         rig.run();
         rig.proven(0.051);
+    }
+    /// The same backward and forward, held and let go: the plan may change while the machine goes back over what it has run.
+    #[test]
+    fn any_orders_keep_the_limits_and_the_path_on_the_way_back(
+        steps in prop::collection::vec(step(), 1..10),
+        orders in prop::collection::vec(
+            (
+                1_usize..300,
+                prop_oneof![3 => Just(1.0), 1 => 0.2f64..1.0, 3 => Just(-1.0), 1 => -1.0f64..-0.2, 1 => Just(0.0)],
+                prop::option::of((0.1f64..1.2, prop_oneof![2 => Just(1.0), 1 => 0.1f64..1.0])),
+            ),
+            1..16,
+        ),
+        exact in prop::bool::ANY,
+    ) {
+        let steps: Vec<Step> = steps;
+        let mut rig = Rig::new(program(&steps, exact));
+        let mut watch = Watch::new();
+        for (cycles, share, feeds) in orders {
+            rig.share = share;
+            if let Some((feed, rapid)) = feeds {
+                rig.planner.set_override(feed, rapid);
+            }
+            for _ in 0..cycles {
+                rig.cycle();
+                watch.see(&rig);
+            }
+        }
+        rig.share = 1.0;
+        rig.planner.set_override(1.0, 1.0);
+        for _ in 0..400_000 {
+            if !rig.cycle() {
+                break;
+            }
+            watch.see(&rig);
+        }
+        watch.proven(&rig, &undisturbed(program(&steps, exact)));
     }
 }
