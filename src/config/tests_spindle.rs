@@ -30,9 +30,17 @@ fn the_lathe_has_an_encoder_with_an_index_and_a_speed() {
                 counts_per_turn: 4096,
                 index: Some(object(0x3000, 2, 32)),
             })),
+            encoder_lead_cycles: 3.5,
             ..Spindle::default()
         }
     );
+    // Left out it is the same, and a cycle less for pins, which are not latched by a node.
+    let left_out = with("lead_cycles = 3.5 ", "# ");
+    assert_eq!(left_out.unwrap().encoder_lead_cycles, 3.5);
+    let from = LATHE.find("[spindle.encoder]").unwrap();
+    let pins = format!("{}[spindle.encoder]\nsource = \"pins\"\n", &LATHE[..from]);
+    let pins = parse(&pins, Path::new("m.toml")).unwrap();
+    assert_eq!(pins.spindle.encoder_lead_cycles, 2.5);
     // A counter whose zero is at the index, counting down.
     let spindle = with(
         "counts_per_turn = 4096          # below 0: counts down with M3\nindex = \"0x3000:2\" ",
