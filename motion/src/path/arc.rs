@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use super::{Group, Jet, LengthTable, by_length, dot3};
+use super::{Group, Jet, LengthTable, by_length, distance, dot3};
 use crate::canon::{AXES, Position};
 
 /// How an arc is told: two end points, a centre and a turn about an axis.
@@ -241,31 +241,76 @@ impl Arc {
         let (sin, cos) = libm::sincos(self.sweep * u);
         let (r, dr, w) = (self.radius + self.radius_change * u, self.radius_change, self.sweep);
         // r(u) times the unit vector of angle w u, derived three times by u, in radial and tangential parts.
-        let mut jet = Jet {
-            q: self.at_angle(u, (sin, cos)),
-            d1: self.even,
-            ..Jet::default()
-        };
+        let mut derivatives = [self.even, [0.0; AXES], [0.0; AXES]];
         for axis in 0..3 {
             let radial = cos * self.radial[axis] + sin * self.tangential[axis];
             let tangential = cos * self.tangential[axis] - sin * self.radial[axis];
-            jet.d1[axis] += radial * dr + tangential * (r * w);
-            jet.d2[axis] = radial * (-r * w * w) + tangential * (2.0 * dr * w);
-            jet.d3[axis] = radial * (-3.0 * dr * w * w) + tangential * (-r * w * w * w);
+            derivatives[0][axis] += radial * dr + tangential * (r * w);
+            derivatives[1][axis] = radial * (-r * w * w) + tangential * (2.0 * dr * w);
+            derivatives[2][axis] = radial * (-3.0 * dr * w * w) + tangential * (-r * w * w * w);
         }
-        by_length::<AXES>(jet, Group::Main)
+        let [d1, d2, d3] = by_length(derivatives, Group::Main.first());
+        Jet {
+            q: self.at_angle(u, (sin, cos)),
+            d1,
+            d2,
+            d3,
+        }
+    }
+
+    /// See [`super::Piece::nearest`].
+    ///
+    /// The radius is taken at the angle of `q`. On a nearly round spiral another place is a little nearer, by the square of
+    /// its slope.
+    pub(super) fn nearest(&self, q: &[f64; AXES], stretch: [f64; 2], guess: f64) -> Option<(f64, f64)> {
+        if self.table.is_some() || !self.is_nearly_round() || self.even.iter().any(|x| *x != 0.0) {
+            return None;
+        }
+        let mut off = [0.0; AXES];
+        for axis in 0..AXES {
+            off[axis] = q[axis] - self.start[axis];
+        }
+        let arm = [0, 1, 2].map(|i| off[i] + self.radius * self.radial[i]);
+        let (x, y) = (dot3(&arm, &self.radial), dot3(&arm, &self.tangential));
+        let [from, to, guess] = [stretch[0], stretch[1], guess].map(|s| self.parameter(s));
+        let angle = libm::atan2(y, x);
+        let turns = ((guess * self.sweep - angle) / TAU).round();
+        let u = (angle + turns * TAU) / self.sweep;
+        if u < from || u > to {
+            let (u, s) = if u < from { (from, stretch[0]) } else { (to, stretch[1]) };
+            return Some((distance(q, &self.at(u)), s));
+        }
+        let across = (x * x + y * y).sqrt() - (self.radius + self.radius_change * u);
+        let mut square = across * across;
+        for i in 0..3 {
+            let out = arm[i] - x * self.radial[i] - y * self.tangential[i];
+            square += out * out;
+        }
+        square += off[3..].iter().map(|x| x * x).sum::<f64>();
+        let s = u * (self.length + 0.5 * self.slowing * (1.0 - u));
+        Some((square.sqrt(), s))
+    }
+
+    /// By how much it differs from a circle at the most, as parts: direction against that of the circle, angle at a length
+    /// against an even turn, and radius.
+    fn spread(&self) -> f64 {
+        let spread = self.radius_change.abs() / self.radius.min(self.radius + self.radius_change);
+        spread * (1.0 + self.sweep + 1.0 / self.sweep)
+    }
+
+    /// Whether it is a circle, or one whose end point has been rounded.
+    fn is_nearly_round(&self) -> bool {
+        self.spread() <= NEARLY_ROUND
     }
 
     /// Greatest |q'|, |q''| and |q'''| of each axis between two lengths; `None` on a spiral that is more than a circle whose
     /// end point has been rounded.
     pub(super) fn greatest_derivatives(&self, from: f64, to: f64) -> Option<[[f64; AXES]; 3]> {
-        // By no more than this, as parts: direction against that of a circle, angle at a length against an even turn, and
-        // radius; the change of curvature adds about as much to the third derivative.
-        let spread = self.radius_change.abs() / self.radius.min(self.radius + self.radius_change);
-        let off = spread * (1.0 + self.sweep + 1.0 / self.sweep);
-        if off.is_nan() || off > NEARLY_ROUND {
+        if !self.is_nearly_round() {
             return None;
         }
+        // The change of curvature adds about as much to the third derivative.
+        let off = self.spread();
         let per_length = self.sweep / self.length;
         let mut greatest = [[0.0; AXES]; 3];
         for axis in 0..AXES {

@@ -1,6 +1,6 @@
 //! Rounded corner: a quintic with given position, direction and curvature at both ends.
 
-use super::{Group, Jet, LengthTable, by_length};
+use super::{Derivatives, Group, Jet, LengthTable, by_length};
 use crate::canon::{AXES, Position};
 
 /// One end of a [`Blend`].
@@ -157,11 +157,26 @@ impl Blend {
         for axis in 0..N {
             let c = |k: usize| self.c[k][axis];
             jet.q[axis] = c(0) + u * (c(1) + u * (c(2) + u * (c(3) + u * (c(4) + u * c(5)))));
-            jet.d1[axis] = c(1) + u * (2.0 * c(2) + u * (3.0 * c(3) + u * (4.0 * c(4) + u * 5.0 * c(5))));
-            jet.d2[axis] = 2.0 * c(2) + u * (6.0 * c(3) + u * (12.0 * c(4) + u * 20.0 * c(5)));
-            jet.d3[axis] = 6.0 * c(3) + u * (24.0 * c(4) + u * 60.0 * c(5));
         }
-        by_length::<N>(jet, self.group)
+        let [d1, d2, d3] = self.derivatives_at::<N>(u);
+        jet.d1[..N].copy_from_slice(&d1);
+        jet.d2[..N].copy_from_slice(&d2);
+        jet.d3[..N].copy_from_slice(&d3);
+        jet
+    }
+
+    /// Derivatives by length of the first `N` axes (see [`Blend::axes`]) at curve parameter `u`, 0 to 1. RT.
+    #[inline]
+    pub fn derivatives_at<const N: usize>(&self, u: f64) -> Derivatives<N> {
+        let mut derivatives = [[0.0; N]; 3];
+        let [d1, d2, d3] = &mut derivatives;
+        for axis in 0..N {
+            let c = |k: usize| self.c[k][axis];
+            d1[axis] = c(1) + u * (2.0 * c(2) + u * (3.0 * c(3) + u * (4.0 * c(4) + u * 5.0 * c(5))));
+            d2[axis] = 2.0 * c(2) + u * (6.0 * c(3) + u * (12.0 * c(4) + u * 20.0 * c(5)));
+            d3[axis] = 6.0 * c(3) + u * (24.0 * c(4) + u * 60.0 * c(5));
+        }
+        by_length(derivatives, self.group.first())
     }
 }
 

@@ -1,6 +1,6 @@
 //! Straight stretch.
 
-use super::{Group, Jet};
+use super::{Group, Jet, distance};
 use crate::canon::{AXES, Position};
 
 /// Straight stretch in nine axes.
@@ -51,6 +51,18 @@ impl Line {
             *q += (self.end[axis] - self.start[axis]) * u;
         }
         Position(q)
+    }
+
+    /// See [`super::Piece::nearest`].
+    pub(super) fn nearest(&self, q: &[f64; AXES], [from, to]: [f64; 2]) -> (f64, f64) {
+        let (mut along, mut square) = (0.0, 0.0);
+        for axis in 0..AXES {
+            let delta = self.end[axis] - self.start[axis];
+            along += (q[axis] - self.start[axis]) * delta;
+            square += delta * delta;
+        }
+        let s = (along / square * self.length).clamp(from, to);
+        (distance(q, &self.position(s).0), s)
     }
 
     /// RT.

@@ -183,6 +183,20 @@ impl Piece {
         }
     }
 
+    /// Distance of `q` over all nine axes (a degree counts as a millimetre) from the stretch between two lengths, and where it
+    /// is nearest, if there is a closed form for that: on lines and on flat arcs that are circles but for rounding. Of places
+    /// on a circle that are several turns apart, that next to `guess`.
+    pub fn nearest(&self, q: &[f64; AXES], stretch: [f64; 2], guess: f64) -> Option<(f64, f64)> {
+        let of_shape = stretch.map(|s| self.from + s);
+        let (distance, s) = match &self.shape {
+            Shape::Line(line) => Some(line.nearest(q, of_shape)),
+            Shape::Arc(arc) => arc.nearest(q, of_shape, self.from + guess),
+            Shape::Blend(_) => None,
+        }?;
+        // Rounding must not lead beyond.
+        Some((distance, (s - self.from).clamp(stretch[0], stretch[1])))
+    }
+
     /// Greatest |q'|, |q''| and |q'''| of each axis, where they are known in closed form: not on blends, and not on spirals
     /// that are more than a circle with a rounded end point.
     pub fn greatest_derivatives(&self) -> Option<[[f64; AXES]; 3]> {
@@ -220,31 +234,40 @@ impl Piece {
     }
 }
 
+fn distance(a: &[f64; AXES], b: &[f64; AXES]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
 fn dot3(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+/// First three derivatives of the first `N` axes.
+pub type Derivatives<const N: usize> = [[f64; N]; 3];
+
 /// Changes derivatives by a curve parameter into derivatives by length. RT.
 ///
-/// `jet` holds the position and its derivatives by the parameter, 0 but for the first `N` axes; `group` the axes that measure
-/// the length.
-fn by_length<const N: usize>(mut jet: Jet, group: Group) -> Jet {
-    let (first, second, third) = (group.pick(&jet.d1), group.pick(&jet.d2), group.pick(&jet.d3));
-    let u1 = 1.0 / dot3(&first, &first).sqrt();
-    let speed_u = dot3(&first, &second) * u1;
-    let speed_uu = (dot3(&second, &second) + dot3(&first, &third) - speed_u * speed_u) * u1;
+/// `first` is the first of the three axes that measure the length.
+#[inline]
+fn by_length<const N: usize>(mut derivatives: Derivatives<N>, first: usize) -> Derivatives<N> {
+    let [d1, d2, d3] = &mut derivatives;
+    let dot =
+        |a: &[f64; N], b: &[f64; N]| a[first] * b[first] + a[first + 1] * b[first + 1] + a[first + 2] * b[first + 2];
+    let u1 = 1.0 / dot(d1, d1).sqrt();
+    let speed_u = dot(d1, d2) * u1;
+    let speed_uu = (dot(d2, d2) + dot(d1, d3) - speed_u * speed_u) * u1;
     let square = u1 * u1;
     let cube = square * u1;
     let u2 = -speed_u * cube;
     let u3 = (-speed_uu + 3.0 * speed_u * speed_u * u1) * cube * u1;
     let coupled = 3.0 * u1 * u2;
     for axis in 0..N {
-        let (a, b, c) = (jet.d1[axis], jet.d2[axis], jet.d3[axis]);
-        jet.d1[axis] = a * u1;
-        jet.d2[axis] = b * square + a * u2;
-        jet.d3[axis] = c * cube + b * coupled + a * u3;
+        let (a, b, c) = (d1[axis], d2[axis], d3[axis]);
+        d1[axis] = a * u1;
+        d2[axis] = b * square + a * u2;
+        d3[axis] = c * cube + b * coupled + a * u3;
     }
-    jet
+    derivatives
 }
 
 /// Abscissae and weights of five-point Gauss integration over 0..1.

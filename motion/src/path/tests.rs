@@ -218,3 +218,40 @@ proptest! {
         }
     }
 }
+
+proptest! {
+    #[test]
+    fn the_nearest_place_of_lines_and_flat_arcs_is_that_of_many_places(
+        radius in 0.5f64..50.0, turn in 0.05f64..6.2, phase in 0.0f64..TAU, rounding in -1e-4f64..1e-4,
+        x in -1.5f64..1.5, y in -1.5f64..1.5, z in -0.1f64..0.1, part in 0.0f64..0.5, clockwise: bool, round: bool,
+    ) {
+        let at = |radius: f64, angle: f64| Position::xyz(radius * angle.cos(), radius * angle.sin(), 1.0);
+        let turn = if clockwise { -turn } else { turn };
+        let end = at(radius + rounding, phase + turn);
+        let circle = Circle {
+            start: at(radius, phase),
+            end,
+            centre_mm: [0.0; 3],
+            normal: [0.0, 0.0, 1.0],
+            sweep_rad: turn,
+        };
+        let whole = if round { Piece::arc(&circle) } else { Piece::line(circle.start, end) }.unwrap();
+        let piece = whole.cut(part * whole.length(), whole.length()).unwrap();
+        let [from, to] = [0.1, 0.9].map(|part| part * piece.length());
+        let mut q = Position::xyz(radius * x, radius * y, 1.0 + radius * z);
+        q.0[7] = 0.01;
+        let (distance, s) = match piece.nearest(&q.0, [from, to], 0.5 * (from + to)) {
+            Some(nearest) => nearest,
+            // An end point that has been rounded by much of the radius.
+            None => return Ok(()),
+        };
+        prop_assert!((from..=to).contains(&s));
+        let far = |s: f64| super::distance(&piece.position(s).0, &q.0);
+        let least = (0..=4000).map(|k| far(from + (to - from) * f64::from(k) / 4000.0)).fold(f64::INFINITY, f64::min);
+        prop_assert!((far(s) - distance).abs() < 1e-6 * radius, "{} at the place, {distance}", far(s));
+        // Opposite the middle, the other end of the stretch may be nearer.
+        if distance < radius {
+            prop_assert!(distance <= least + 1e-6 * radius && distance >= least - 1e-5 * radius, "{distance} {least}");
+        }
+    }
+}

@@ -42,7 +42,7 @@ impl Kinks {
             Passed::Stretch(stretch) => {
                 let mut next = Bounded {
                     stretch,
-                    bounds: Bounds::of(&stretch.piece),
+                    bounds: stretch.bounds.unwrap_or_else(|| Bounds::of(&stretch.piece)),
                 };
                 if let Some(last) = self.last.take() {
                     meet(last, &mut next, settings, out);

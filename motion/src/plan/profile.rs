@@ -164,25 +164,44 @@ pub(super) fn least_end_speed(from: f64, length: f64, limits: &PathLimits) -> f6
     high
 }
 
-/// The phases of a run of `length` from speed `v0` to `v1`, both within reach of each other. Empty phases are left out.
-pub(super) fn profile(v0: f64, v1: f64, length: f64, limits: &PathLimits) -> Vec<Phase> {
+/// Highest speed of a run of `length` from speed `v0` to `v1`, both within reach of each other, and the length that is
+/// needed for the changes of speed.
+fn peak(v0: f64, v1: f64, length: f64, limits: &PathLimits) -> (f64, f64) {
     let need = |peak: f64| change_length(v0, peak, limits) + change_length(peak, v1, limits);
     let base = v0.max(v1);
-    let mut peak = base;
-    if limits.v > peak && need(limits.v) <= length {
-        peak = limits.v;
-    } else if limits.v > peak {
-        // By the root of the change of speed, of which the length is a smooth function.
-        let rise = |z: f64| {
-            let peak = base + z * z;
-            (
-                need(peak),
-                change_slope(v0, peak, z, limits) + change_slope(v1, peak, z, limits),
-            )
-        };
-        let z = greatest(0.0, (limits.v - base).sqrt(), length, rise);
-        peak = base + z * z;
+    if limits.v <= base {
+        return (base, need(base));
     }
+    let most = need(limits.v);
+    if most <= length {
+        return (limits.v, most);
+    }
+    // By the root of the change of speed, of which the length is a smooth function.
+    let rise = |z: f64| {
+        let peak = base + z * z;
+        (
+            need(peak),
+            change_slope(v0, peak, z, limits) + change_slope(v1, peak, z, limits),
+        )
+    };
+    let z = greatest(0.0, (limits.v - base).sqrt(), length, rise);
+    let peak = base + z * z;
+    (peak, need(peak))
+}
+
+/// Time of the run of [`profile`], s.
+pub(super) fn duration(v0: f64, v1: f64, length: f64, limits: &PathLimits) -> f64 {
+    let (peak, need) = peak(v0, v1, length, limits);
+    let change = |dv: f64| {
+        let (jerked, steady) = change_times(dv, limits);
+        2.0 * jerked + steady
+    };
+    change(peak - v0) + ((length - need) / peak).max(0.0) + change(peak - v1)
+}
+
+/// The phases of a run of `length` from speed `v0` to `v1`, both within reach of each other. Empty phases are left out.
+pub(super) fn profile(v0: f64, v1: f64, length: f64, limits: &PathLimits) -> Vec<Phase> {
+    let (peak, need) = peak(v0, v1, length, limits);
     let mut phases = Vec::with_capacity(7);
     let mut s = 0.0;
     let mut add = |duration: f64, v: f64, a: f64, jerk: f64| {
@@ -203,7 +222,7 @@ pub(super) fn profile(v0: f64, v1: f64, length: f64, limits: &PathLimits) -> Vec
     add(up, v0, 0.0, j);
     add(steady, v0 + 0.5 * a * up, a, 0.0);
     add(up, v0 + a * (0.5 * up + steady), a, -j);
-    add(((length - need(peak)) / peak).max(0.0), peak, 0.0, 0.0);
+    add(((length - need) / peak).max(0.0), peak, 0.0, 0.0);
     let (down, steady) = change_times(peak - v1, limits);
     let a = j * down;
     add(down, peak, 0.0, -j);
@@ -279,6 +298,8 @@ mod tests {
                 prop_assert!(speed <= v * (1.0 + 1e-9) && speed >= -1e-9 * v);
             }
             prop_assert!((s - length).abs() < 1e-12 * length.max(1.0), "{s} {length}");
+            let sum: f64 = profile(v0, v1, length, &limits).iter().map(|phase| phase.duration).sum();
+            prop_assert!((duration(v0, v1, length, &limits) - sum).abs() <= 1e-12 * sum);
             prop_assert!((speed - v1).abs() < 1e-9 * v && acceleration.abs() < 1e-9 * a);
         }
 

@@ -9,7 +9,7 @@ use crate::path::Piece;
 use crate::plan::Settings;
 use crate::plan::kinks::{Bounded, Joined};
 use crate::plan::limits::{Bounds, PathLimits};
-use crate::plan::profile::{Phase, brakeable, end_speed, profile};
+use crate::plan::profile::{Phase, brakeable, duration, end_speed, profile};
 
 /// Pieces in one run at most, which bounds the number of elements that must be published together.
 pub(super) const RUN_PIECES: usize = 512;
@@ -151,15 +151,19 @@ impl Run {
         let time = |limits: &PathLimits| {
             let v0 = before.min(brakeable(after.min(limits.v), limits.v, self.length, limits));
             let v1 = end_speed(v0, after.min(limits.v), self.length, limits);
-            profile(v0, v1, self.length, limits)
-                .iter()
-                .map(|phase| phase.duration)
-                .sum::<f64>()
+            duration(v0, v1, self.length, limits)
         };
+        // Of a straight run, curvature takes nothing.
+        if self.bounds.is_straight() {
+            return;
+        }
         let mut best = (time(&self.limits), self.limits);
         for curved in [0.9, 0.75, 0.5, 0.35, 0.25] {
-            let limits = self.bounds.limits_with(curved, self.feed, settings);
-            // Of a straight run, curvature takes nothing.
+            let v = self.bounds.speed_with(curved, self.feed, settings);
+            if self.length >= best.0 * v {
+                continue;
+            }
+            let limits = self.bounds.limits_at(v, settings);
             if limits == best.1 {
                 continue;
             }

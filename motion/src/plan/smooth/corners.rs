@@ -7,7 +7,7 @@ use super::round::{Rounded, round, turning};
 use super::{Leg, Passed, Stretch};
 use crate::path::Group;
 use crate::plan::Settings;
-use crate::plan::limits::Bounds;
+use crate::plan::limits::{Bounds, PathLimits};
 use crate::plan::profile::{reachable, time_lost};
 use crate::plan::program::{Corner, Move};
 
@@ -20,63 +20,70 @@ const ROOM: f64 = 0.97;
 /// Rounds corners, with one move of delay.
 #[derive(Debug, Default)]
 pub(super) struct Corners {
-    /// The last move, and what the corner before it has taken of it.
-    last: Option<(Leg, f64)>,
+    last: Option<Last>,
+}
+
+/// The last move.
+#[derive(Debug)]
+struct Last {
+    leg: Leg,
+    /// What the corner before it has taken of it.
+    from: f64,
+    /// Known where the corner before it needed it.
+    pace: Option<Pace>,
 }
 
 impl Corners {
     pub(super) fn push(&mut self, next: Leg, settings: &Settings, out: &mut Vec<Passed>) {
-        let taken = match &self.last {
-            None => 0.0,
-            Some((leg, from)) => meet(leg, *from, &next, settings, out),
+        let mut next = Last {
+            leg: next,
+            from: 0.0,
+            pace: None,
         };
-        self.last = Some((next, taken));
+        if let Some(last) = self.last.take() {
+            meet(&last, &mut next, settings, out);
+        }
+        self.last = Some(next);
     }
 
     /// Nothing follows: the last move ends where it is programmed to end.
     pub(super) fn flush(&mut self, out: &mut Vec<Passed>) {
-        if let Some((leg, from)) = self.last.take() {
-            rest_of(&leg.part, from, 0.0, out);
+        if let Some(last) = self.last.take() {
+            last.let_go(0.0, out);
         }
     }
 }
 
-/// Lets `leg` go, from `from` on, and the corner behind it; what that takes of `next`.
-fn meet(leg: &Leg, from: f64, next: &Leg, settings: &Settings, out: &mut Vec<Passed>) -> f64 {
-    let (a, b) = (&leg.part, &next.part);
+/// Lets `last` go, and the corner behind it.
+fn meet(last: &Last, next: &mut Last, settings: &Settings, out: &mut Vec<Passed>) {
+    let (a, b) = (&last.leg.part, &next.leg.part);
     let tolerance = match a.corner {
         Corner::Round(tolerance) if joinable(a, b) => tolerance,
         Corner::Exact if joinable(a, b) => {
-            rest_of(a, from, 0.0, out);
-            return 0.0;
+            last.let_go(0.0, out);
+            return;
         }
         Corner::Exact | Corner::Stop | Corner::Round(_) => {
-            rest_of(a, from, 0.0, out);
+            last.let_go(0.0, out);
             out.push(Passed::Stop);
-            return 0.0;
+            return;
         }
     };
-    let corner = if a.piece.group() == Group::Rotary {
-        None
-    } else {
-        // Two corners that share a leg must not leave a sliver of it, on which knots would be next to each other.
-        let room = [(a.piece.length() - from).min(leg.room[1]), next.room[0]].map(|room| ROOM * room);
-        round(&a.piece, room[0], &b.piece, room[1], USE * tolerance)
-            .filter(|corner| flat(a, b) || worth_it(corner, leg, next, settings))
+    let Some((corner, bounds)) = rounded(last, next, tolerance, settings) else {
+        last.let_go(0.0, out);
+        return;
     };
-    let Some(corner) = corner else {
-        rest_of(a, from, 0.0, out);
-        return 0.0;
-    };
-    rest_of(a, from, corner.before, out);
+    last.let_go(corner.before, out);
+    let (a, b) = (&last.leg.part, &next.leg.part);
     out.push(Passed::Stretch(Stretch {
         piece: corner.blend,
+        bounds,
         feed: a.feed.min(b.feed),
         line: b.line,
         rapid: b.rapid,
         enables: b.enables,
     }));
-    corner.after
+    next.from = corner.after;
 }
 
 /// Whether speed may be carried from one move into the other.
@@ -84,16 +91,44 @@ fn joinable(a: &Move, b: &Move) -> bool {
     a.rapid == b.rapid && a.piece.group() == b.piece.group()
 }
 
-/// Lets go what the corners have left of a move.
-fn rest_of(part: &Move, from: f64, taken: f64, out: &mut Vec<Passed>) {
-    if let Some(piece) = part.piece.cut(from, part.piece.length() - taken) {
-        out.push(Passed::Stretch(Stretch {
-            piece,
-            feed: part.feed,
-            line: part.line,
-            rapid: part.rapid,
-            enables: part.enables,
-        }));
+/// The corner between two moves, if it is worth rounding, and the bounds of the blend if they were needed for that.
+fn rounded(last: &Last, next: &mut Last, tolerance: f64, settings: &Settings) -> Option<(Rounded, Option<Bounds>)> {
+    let (a, b) = (&last.leg.part, &next.leg.part);
+    if a.piece.group() == Group::Rotary {
+        return None;
+    }
+    // Two corners that share a leg must not leave a sliver of it, on which knots would be next to each other.
+    let room = [(a.piece.length() - last.from).min(last.leg.room[1]), next.leg.room[0]].map(|room| ROOM * room);
+    let corner = round(&a.piece, room[0], &b.piece, room[1], USE * tolerance)?;
+    if flat(a, b) {
+        return Some((corner, None));
+    }
+    let bounds = Bounds::of(&corner.blend);
+    let blend = bounds.limits(a.feed.min(b.feed), settings);
+    let paces = [
+        (
+            last.pace.unwrap_or_else(|| Pace::of(&last.leg, settings)),
+            corner.before,
+        ),
+        (*next.pace.insert(Pace::of(&next.leg, settings)), corner.after),
+    ];
+    worth_it(corner.blend.length(), &blend, &paces).then_some((corner, Some(bounds)))
+}
+
+impl Last {
+    /// Lets go what the corners have left of a move.
+    fn let_go(&self, taken: f64, out: &mut Vec<Passed>) {
+        let part = &self.leg.part;
+        if let Some(piece) = part.piece.cut(self.from, part.piece.length() - taken) {
+            out.push(Passed::Stretch(Stretch {
+                piece,
+                bounds: None,
+                feed: part.feed,
+                line: part.line,
+                rapid: part.rapid,
+                enables: part.enables,
+            }));
+        }
     }
 }
 
@@ -103,17 +138,29 @@ fn flat(a: &Move, b: &Move) -> bool {
     turning(a.piece.group(), &a.piece.jet(a.piece.length()), &b.piece.jet(0.0)) < ANGLE
 }
 
-/// Whether running through a blend takes less time than a stop at the corner. Where the tolerance is small against what
-/// the jerk allows, it may not; and a stop keeps to the path.
-fn worth_it(corner: &Rounded, a: &Leg, b: &Leg, settings: &Settings) -> bool {
-    let blend = Bounds::of(&corner.blend).limits(a.part.feed.min(b.part.feed), settings);
-    let (mut stopping, mut rounding) = (0.0, corner.blend.length() / blend.v);
-    for (leg, used) in [(a, corner.before), (b, corner.after)] {
+/// How fast a leg can be run.
+#[derive(Clone, Copy, Debug)]
+struct Pace {
+    limits: PathLimits,
+    /// What it allows in its middle, coming from rest.
+    speed: f64,
+}
+
+impl Pace {
+    fn of(leg: &Leg, settings: &Settings) -> Pace {
         let limits = Bounds::of(&leg.part.piece).limits(leg.part.feed, settings);
-        // What the leg allows in its middle, coming from rest.
         let speed = reachable(0.0, limits.v, leg.whole / 2.0, &limits);
-        stopping += time_lost(speed, 0.0, &limits);
-        rounding += time_lost(speed, blend.v.min(speed), &limits) - used / speed;
+        Pace { limits, speed }
+    }
+}
+
+/// Whether running through a blend takes less time than a stop at the corner. Where the tolerance is small against what
+/// the jerk allows, it may not; and a stop keeps to the path. Both legs come with what the blend takes of them.
+fn worth_it(length: f64, blend: &PathLimits, legs: &[(Pace, f64); 2]) -> bool {
+    let (mut stopping, mut rounding) = (0.0, length / blend.v);
+    for (Pace { limits, speed }, used) in legs {
+        stopping += time_lost(*speed, 0.0, limits);
+        rounding += time_lost(*speed, blend.v.min(*speed), limits) - used / speed;
     }
     rounding < stopping
 }

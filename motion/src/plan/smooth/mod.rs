@@ -31,6 +31,7 @@ use sway::Sway;
 
 use crate::element::Enables;
 use crate::path::Piece;
+use crate::plan::limits::Bounds;
 use crate::plan::program::Move;
 use crate::plan::{Settings, Slope};
 
@@ -38,6 +39,8 @@ use crate::plan::{Settings, Slope};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stretch {
     pub(super) piece: Piece,
+    /// Of its geometry, where they were needed to make it.
+    pub(super) bounds: Option<Bounds>,
     pub(super) feed: f64,
     pub(super) line: u32,
     pub(super) rapid: bool,

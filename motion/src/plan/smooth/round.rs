@@ -42,6 +42,13 @@ fn shape(interior_deg: f64) -> (f64, f64) {
     (at.1, at.2)
 }
 
+/// By how much the blend of size `d` of tangent legs is off, per `d²` and jump of curvature; a little more than it is, so
+/// that the first try is good.
+const TANGENT: f64 = 0.025;
+
+/// A blend of bent legs that is not off by enough is at most so much larger in the next try.
+const GROWTH: f64 = 2.0;
+
 /// Distance of two points over all nine axes; a degree counts as a millimetre.
 pub(in crate::plan) fn distance(a: &[f64; AXES], b: &[f64; AXES]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
@@ -67,7 +74,7 @@ pub(in crate::plan) fn reach(group: Group, a: &Jet, b: &Jet, tolerance: f64) -> 
 /// Rounds a corner, using up to `room` of each leg. `None`: nothing to round, or no curve found.
 ///
 /// How far the blend of two straight legs is off is known, and proportional to its size `d`; bent legs add what goes about
-/// with its square. That factor is found from the blends themselves, and `d` is chosen so that the tolerance is used up.
+/// with its square. These two factors are found from the blends themselves, and `d` is chosen so that the tolerance is used up.
 pub(in crate::plan) fn round(a: &Piece, room_a: f64, b: &Piece, room_b: f64, tolerance: f64) -> Option<Rounded> {
     let group = a.group();
     let (end, start) = (a.jet(a.length()), b.jet(0.0));
@@ -82,19 +89,18 @@ pub(in crate::plan) fn round(a: &Piece, room_a: f64, b: &Piece, room_b: f64, tol
         let d = reach(group, &end, &start, tolerance).min(room);
         return try_size(a, b, d, ratios);
     }
-    let linear = gap * (1.0 + 5.0 * ratios.0 + 10.0 * ratios.1) / 32.0;
-    let mut square = 0.05 * bend;
+    // Off by linear d + square d².
+    let mut linear = gap * (1.0 + 5.0 * ratios.0 + 10.0 * ratios.1) / 32.0;
+    let mut square = TANGENT * bend;
     let (mut best, mut most) = (None, room);
-    let mut d = room;
+    // Size, and by how much off per size: of the last blend within the tolerance, and of the last one beyond it.
+    let (mut within, mut beyond): (Option<[f64; 2]>, Option<[f64; 2]>) = (None, None);
     for _ in 0..10 {
-        // linear d + square d^2 = a little less than the tolerance.
         let aim = 0.95 * tolerance;
+        // Not a number where the legs bend towards each other and the blend is never so much off.
         let root = 2.0 * aim / (linear + (linear * linear + 4.0 * square * aim).sqrt());
-        d = if root.is_finite() {
-            root.clamp(0.1 * d, most)
-        } else {
-            most
-        };
+        let d = within.map_or(most, |[d, _]| most.min(GROWTH * d));
+        let d = if root < d { root } else { d };
         let Some(corner) = try_size(a, b, d, ratios) else {
             most = 0.5 * d;
             continue;
@@ -102,13 +108,20 @@ pub(in crate::plan) fn round(a: &Piece, room_a: f64, b: &Piece, room_b: f64, tol
         let off = deviation(&corner.blend, a, d, b, d);
         if off <= tolerance {
             best = Some(corner);
+            within = Some([d, off / d]);
             if off > 0.85 * tolerance || d >= 0.98 * most {
                 break;
             }
         } else {
             most = 0.98 * d;
+            beyond = Some([d, off / d]);
         }
-        square = ((off - linear * d) / (d * d)).max(0.01 * square);
+        if let (Some([low, less]), Some([high, more])) = (within, beyond) {
+            square = (more - less) / (high - low);
+            linear = less - square * low;
+        } else {
+            square = (off / d - linear) / d;
+        }
     }
     best
 }
@@ -170,6 +183,9 @@ fn deviation(blend: &Piece, a: &Piece, before: f64, b: &Piece, after: f64) -> f6
 
 /// Distance of `q` from the stretch of a leg, and where, found from a first guess by steps along the tangent.
 pub(in crate::plan) fn nearest(leg: &Piece, q: &[f64; AXES], from: f64, to: f64, guess: f64) -> (f64, f64) {
+    if let Some(nearest) = leg.nearest(q, [from, to], guess) {
+        return nearest;
+    }
     let mut s = guess.clamp(from, to);
     for _ in 0..4 {
         let (here, tangent) = leg.tangent(s);
@@ -184,9 +200,6 @@ pub(in crate::plan) fn nearest(leg: &Piece, q: &[f64; AXES], from: f64, to: f64,
             return (distance(q, &here), s);
         }
         s = next;
-        if matches!(leg.shape(), Shape::Line(_)) {
-            break;
-        }
     }
     (distance(q, &leg.position(s).0), s)
 }
