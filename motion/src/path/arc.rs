@@ -322,8 +322,9 @@ impl Arc {
                 let phase = libm::atan2(tangential, radial);
                 let (begin, end) = (per_length * from - phase, per_length * to - phase);
                 // q = even + g cos(angle), derived three times.
-                let sine = sine_between(begin, end);
-                let cosine = sine_between(begin + FRAC_PI_2, end + FRAC_PI_2);
+                let (at_begin, at_end) = (libm::sincos(begin), libm::sincos(end));
+                let sine = between(begin, end, [at_begin.0, at_end.0]);
+                let cosine = between(begin + FRAC_PI_2, end + FRAC_PI_2, [at_begin.1, at_end.1]);
                 let greater = |[a, b]: [f64; 2]| a.abs().max(b.abs());
                 own = [
                     greater(sine.map(|sine| even - g * per_length * sine)),
@@ -345,9 +346,8 @@ impl Arc {
 /// Part by which an arc may differ from a circle for its bounds to be those of a circle, and a little.
 const NEARLY_ROUND: f64 = 1e-3;
 
-/// Least and greatest sine of the angles between two.
-fn sine_between(begin: f64, end: f64) -> [f64; 2] {
-    let (a, b) = (libm::sin(begin), libm::sin(end));
+/// Least and greatest sine of the angles between two, whose sines are known.
+fn between(begin: f64, end: f64, [a, b]: [f64; 2]) -> [f64; 2] {
     let passes = |angle: f64| ((begin - angle) / TAU).ceil() <= ((end - angle) / TAU).floor();
     [
         if passes(-FRAC_PI_2) { -1.0 } else { a.min(b) },

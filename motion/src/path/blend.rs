@@ -63,7 +63,8 @@ impl Blend {
         self.table.length()
     }
 
-    pub(super) fn group(&self) -> Group {
+    /// Axes along which the length is counted.
+    pub fn group(&self) -> Group {
         self.group
     }
 

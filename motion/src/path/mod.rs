@@ -51,7 +51,7 @@ impl Group {
     }
 
     /// The first of its three axes. RT.
-    const fn first(self) -> usize {
+    pub const fn first(self) -> usize {
         match self {
             Group::Main => 0,
             Group::Rotary => 3,
@@ -226,6 +226,11 @@ impl Piece {
     #[must_use]
     pub fn in_frame(self, frame: ToolFrame) -> Piece {
         Piece { frame, ..self }
+    }
+
+    /// From now on its positions of the axes are meant as `frame` says.
+    pub fn set_frame(&mut self, frame: ToolFrame) {
+        self.frame = frame;
     }
 
     /// How the axes of this piece are meant: what kinematics need besides their positions. RT.

@@ -33,7 +33,7 @@ pub(super) struct Kinks {
 }
 
 impl Kinks {
-    pub(super) fn push(&mut self, passed: Passed, settings: &Settings, out: &mut Vec<Joined>) {
+    pub(super) fn push(&mut self, passed: &Passed, settings: &Settings, out: &mut Vec<Joined>) {
         match passed {
             Passed::Stop => {
                 self.flush(out);
@@ -41,10 +41,10 @@ impl Kinks {
             }
             Passed::Stretch(stretch) => {
                 let mut next = Bounded {
-                    stretch,
+                    stretch: *stretch,
                     bounds: stretch.bounds.unwrap_or_else(|| Bounds::of(&stretch.piece)),
                 };
-                if let Some(last) = self.last.take() {
+                if let Some(last) = &self.last {
                     meet(last, &mut next, settings, out);
                 }
                 self.last = Some(next);
@@ -97,10 +97,10 @@ pub(super) fn meeting(a: &Stretch, b: &Stretch, lengths: [f64; 2], settings: &Se
 }
 
 /// Lets `last` go; puts zones or a halt between it and `next`, which is shortened by its zone.
-fn meet(last: Bounded, next: &mut Bounded, settings: &Settings, out: &mut Vec<Joined>) {
+fn meet(last: &Bounded, next: &mut Bounded, settings: &Settings, out: &mut Vec<Joined>) {
     let (a, b) = (&last.stretch.piece, &next.stretch.piece);
     let Some(jump) = jumps(&a.jet(a.length()), &b.jet(0.0)) else {
-        out.push(Joined::Stretch(last));
+        out.push(Joined::Stretch(*last));
         return;
     };
     let reach_s = 3.0 * settings.cycle_s;
@@ -109,7 +109,7 @@ fn meet(last: Bounded, next: &mut Bounded, settings: &Settings, out: &mut Vec<Jo
     let speed = limits.v.min(0.5 * a.length().min(b.length()) / reach_s);
     // Slower than what a few cycles of jerk give, rest is no worse.
     if speed < limits.j * (2.0 * settings.cycle_s) * (2.0 * settings.cycle_s) {
-        out.push(Joined::Stretch(last));
+        out.push(Joined::Stretch(*last));
         out.push(Joined::Stop);
         return;
     }
@@ -131,9 +131,9 @@ fn meet(last: Bounded, next: &mut Bounded, settings: &Settings, out: &mut Vec<Jo
         })
     };
     let end = a.length();
-    let (main, before) = (part(&last, 0.0, end - zone), part(&last, end - zone, end));
+    let (main, before) = (part(last, 0.0, end - zone), part(last, end - zone, end));
     let (after, rest) = (part(next, 0.0, zone), part(next, zone, b.length()));
-    out.extend(main.map(|stretch| Joined::Stretch(Bounded { stretch, ..last })));
+    out.extend(main.map(|stretch| Joined::Stretch(Bounded { stretch, ..*last })));
     out.extend(before.map(|stretch| slow(stretch, &last.bounds)));
     out.extend(after.map(|stretch| slow(stretch, &next.bounds)));
     if let Some(stretch) = rest {

@@ -15,10 +15,9 @@
 //! velocity peaks at dv/T, the third at dv/T^2; the third of a jump da of acceleration at 0.75 da/T.
 
 use super::roots::cubic;
-use super::smooth::round::turning;
 use super::{AxisLimits, Settings};
 use crate::canon::AXES;
-use crate::path::{Derivatives, Jet, Piece, Shape};
+use crate::path::{Blend, Derivatives, Jet, Piece, Shape};
 
 /// Part of the limits of acceleration and jerk that is used; the rest is for rounding and for what sampling of curves may miss.
 const USE: f64 = 0.985;
@@ -68,22 +67,27 @@ impl Bounds {
                 Bounds::sampled(steps, |x| of_jet(arc.jet_at(from + (to - from) * x)))
             }
             Shape::Blend(blend) => {
-                let (first, last) = (blend.jet_at(0.0), blend.jet_at(1.0));
-                let turning = turning(piece.group(), &first, &last);
-                // The sharper the corner, the shorter the place where most of it turns.
-                let steps = match turning {
-                    ..0.3 => 12,
-                    ..1.0 => 16,
-                    ..2.0 => 24,
-                    _ => 64,
-                };
                 if blend.axes() == 3 {
-                    Bounds::sampled(steps, |x| blend.derivatives_at::<3>(x))
+                    Bounds::of_blend::<3>(blend)
                 } else {
-                    Bounds::sampled(steps, |x| blend.derivatives_at::<AXES>(x))
+                    Bounds::of_blend::<AXES>(blend)
                 }
             }
         }
+    }
+
+    fn of_blend<const N: usize>(blend: &Blend) -> Bounds {
+        let first = blend.group().first();
+        let [from, to] = [0.0, 1.0].map(|x| blend.derivatives_at::<N>(x)[0]);
+        let cosine: f64 = (first..first + 3).map(|axis| from[axis] * to[axis]).sum();
+        // The sharper the corner, the shorter the place where most of it turns: up to 0.3, 1 and 2 radians.
+        let steps = match cosine {
+            0.955.. => 12,
+            0.54.. => 16,
+            -0.416.. => 24,
+            _ => 64,
+        };
+        Bounds::sampled(steps, |x| blend.derivatives_at::<N>(x))
     }
 
     /// From so many samples at equal steps, and one more; at least 4.
@@ -139,7 +143,7 @@ impl Bounds {
     pub(super) fn speed_with(&self, curved: f64, feed: f64, settings: &Settings) -> f64 {
         let cycle = settings.cycle_s;
         let mut v = feed;
-        for (axis, limits) in existing(settings) {
+        for (axis, limits) in self.moving(settings) {
             v = v.min(limits.velocity / self.d1[axis]);
             let (kink, bend) = (self.kink[axis] / cycle, 0.75 * self.bend[axis] / cycle);
             v = v.min(cubic(kink, self.d2[axis], 0.0, curved * USE * limits.acceleration));
@@ -153,18 +157,28 @@ impl Bounds {
     pub(super) fn limits_at(&self, v: f64, settings: &Settings) -> PathLimits {
         let cycle = settings.cycle_s;
         let mut a = f64::INFINITY;
-        for (axis, limits) in existing(settings) {
+        for (axis, limits) in self.moving(settings) {
             let fixed = self.d2[axis] * v * v + self.kink[axis] * v / cycle;
             a = a.min((USE * limits.acceleration - fixed) / self.d1[axis]);
             let left = USE * limits.jerk - self.fixed_jerk(axis, v, cycle);
             a = a.min(COUPLED_JERK * left / (3.0 * self.d2[axis] * v));
         }
         let mut j = f64::INFINITY;
-        for (axis, limits) in existing(settings) {
+        for (axis, limits) in self.moving(settings) {
             let left = USE * limits.jerk - self.fixed_jerk(axis, v, cycle);
             j = j.min((left - 3.0 * self.d2[axis] * v * a) / self.d1[axis]);
         }
         PathLimits { v, a, j }
+    }
+
+    /// Axes that are bounded and move.
+    fn moving<'a>(&'a self, settings: &'a Settings) -> impl Iterator<Item = (usize, &'a AxisLimits)> {
+        settings.axes.iter().enumerate().filter_map(|(axis, limits)| {
+            let moves = [&self.d1, &self.kink, &self.bend]
+                .iter()
+                .any(|values| values[axis] > 0.0);
+            limits.as_ref().filter(|_| moves).map(|limits| (axis, limits))
+        })
     }
 
     /// Jerk of an axis at constant speed.
@@ -234,14 +248,6 @@ impl Crest {
 #[inline]
 fn greater(x: f64, y: f64) -> f64 {
     if x > y { x } else { y }
-}
-
-fn existing(settings: &Settings) -> impl Iterator<Item = (usize, &AxisLimits)> {
-    settings
-        .axes
-        .iter()
-        .enumerate()
-        .filter_map(|(axis, limits)| limits.as_ref().map(|limits| (axis, limits)))
 }
 
 /// Jumps of direction and curvature where two pieces meet, or `None` if there are none.

@@ -5,7 +5,7 @@
 
 use super::optimal::{self, Override, Stream};
 use super::program::{Entry, Move, Program};
-use super::smooth::{Passed, Smoother, Stretch};
+use super::smooth::{Passed, Smoother};
 use super::workers::Workers;
 use super::{PlanError, Programmed, Settings, Slope, classic};
 use crate::canon::{Event, Position};
@@ -46,10 +46,10 @@ enum Engine {
 }
 
 impl Engine {
-    fn push(&mut self, passed: Passed, settings: &Settings) {
+    fn push(&mut self, passed: &Passed, settings: &Settings) {
         match self {
             Engine::Classic(steps) => steps.push(passed, settings),
-            Engine::Optimal(stream) => stream.push(passed),
+            Engine::Optimal(stream) => stream.push(*passed),
         }
     }
 
@@ -93,6 +93,8 @@ pub struct Planner<S> {
     /// How the axes of what passes the stages are meant.
     frame: ToolFrame,
     ideal: Vec<Programmed>,
+    /// What the smoother lets go: memory that is kept from one move to the next.
+    passed: Vec<Passed>,
 }
 
 impl<S: Sink<Element>> Planner<S> {
@@ -115,6 +117,7 @@ impl<S: Sink<Element>> Planner<S> {
             engine,
             frame: ToolFrame::OFF,
             ideal: Vec::new(),
+            passed: Vec::new(),
         }
     }
 
@@ -221,32 +224,28 @@ impl<S: Sink<Element>> Planner<S> {
             line: part.line,
             rapid: part.rapid,
         });
-        let mut passed = Vec::new();
-        self.smoother.push(part, &self.settings, &mut passed);
-        self.pass(passed);
+        self.smoother.push(part, &self.settings, &mut self.passed);
+        self.pass();
     }
 
     /// Sends everything through the stages; it ends at rest.
     fn rest(&mut self, element: Option<Element>) {
-        let mut passed = Vec::new();
-        self.smoother.flush(&self.settings, &mut passed);
-        self.pass(passed);
+        self.smoother.flush(&self.settings, &mut self.passed);
+        self.pass();
         self.engine.rest(element, &self.settings);
     }
 
     /// What the smoother lets go, to the slope. Pieces that it made are meant as the moves they come from: it is empty when
     /// that changes.
-    fn pass(&mut self, passed: Vec<Passed>) {
-        for passed in passed {
-            let passed = match passed {
-                Passed::Stretch(stretch) => Passed::Stretch(Stretch {
-                    piece: stretch.piece.in_frame(self.frame),
-                    ..stretch
-                }),
-                Passed::Stop => Passed::Stop,
-            };
+    fn pass(&mut self) {
+        for passed in &mut self.passed {
+            match passed {
+                Passed::Stretch(stretch) => stretch.piece.set_frame(self.frame),
+                Passed::Stop => {}
+            }
             self.engine.push(passed, &self.settings);
         }
+        self.passed.clear();
     }
 }
 

@@ -10,6 +10,7 @@ use crate::plan::Settings;
 use crate::plan::kinks::{Bounded, Joined};
 use crate::plan::limits::{Bounds, PathLimits};
 use crate::plan::profile::{Phase, brakeable, duration, end_speed, profile};
+use crate::plan::smooth::Stretch;
 
 /// Pieces in one run at most, which bounds the number of elements that must be published together.
 pub(super) const RUN_PIECES: usize = 512;
@@ -54,59 +55,55 @@ pub(super) struct Runs {
 }
 
 impl Runs {
-    pub(super) fn push(&mut self, joined: Joined, settings: &Settings, out: &mut Vec<Built>) {
-        match joined {
+    pub(super) fn push(&mut self, joined: &Joined, settings: &Settings, out: &mut Vec<Built>) {
+        let next = match joined {
+            Joined::Stretch(next) => next,
             Joined::Stop => {
                 self.flush(settings, out);
                 out.push(Built::Stop);
+                return;
             }
-            Joined::Stretch(next) => {
-                let next = Run::of(next, settings);
-                match self.open.take() {
-                    None => self.open = Some(next),
-                    Some(run) => {
-                        let (closed, open) = run.join(next, settings);
-                        if let Some(run) = closed {
-                            self.close(run, open.limits.v, settings, out);
-                        }
-                        self.open = Some(open);
-                    }
-                }
+        };
+        let limits = next.bounds.limits(next.stretch.feed, settings);
+        if let Some(open) = &mut self.open {
+            if open.join(next, &limits, settings) {
+                return;
             }
+            let before = self.before;
+            self.before = open.choose_speed(before, limits.v, settings);
         }
+        out.extend(self.open.replace(Run::of(next, limits)).map(Built::Run));
     }
 
     /// What is open ends at rest.
     pub(super) fn flush(&mut self, settings: &Settings, out: &mut Vec<Built>) {
-        if let Some(run) = self.open.take() {
-            self.close(run, 0.0, settings, out);
+        if let Some(open) = &mut self.open {
+            open.choose_speed(self.before, 0.0, settings);
         }
+        out.extend(self.open.take().map(Built::Run));
         self.before = 0.0;
     }
+}
 
-    /// Nothing is appended to `run` any more; `after` is about the speed of what follows.
-    fn close(&mut self, mut run: Run, after: f64, settings: &Settings, out: &mut Vec<Built>) {
-        run.choose_speed(self.before, after, settings);
-        self.before = run.limits.v;
-        out.push(Built::Run(run));
+impl Part {
+    fn of(stretch: &Stretch) -> Part {
+        Part {
+            piece: stretch.piece,
+            line: stretch.line,
+            rapid: stretch.rapid,
+            enables: stretch.enables,
+        }
     }
 }
 
 impl Run {
-    fn of(one: Bounded, settings: &Settings) -> Run {
-        let stretch = one.stretch;
-        let limits = one.bounds.limits(stretch.feed, settings);
+    fn of(one: &Bounded, limits: PathLimits) -> Run {
         Run {
-            parts: vec![Part {
-                piece: stretch.piece,
-                line: stretch.line,
-                rapid: stretch.rapid,
-                enables: stretch.enables,
-            }],
-            length: stretch.piece.length(),
+            parts: vec![Part::of(&one.stretch)],
+            length: one.stretch.piece.length(),
             limits,
             bounds: one.bounds,
-            feed: stretch.feed,
+            feed: one.stretch.feed,
             fastest: limits.v,
         }
     }
@@ -116,38 +113,39 @@ impl Run {
         self.parts.len()
     }
 
-    /// Appends `next`, a single piece, where that loses little; else gives both back.
-    fn join(mut self, next: Run, settings: &Settings) -> (Option<Run>, Run) {
+    /// Appends `next`, which has the given limits on its own, where that loses little.
+    fn join(&mut self, next: &Bounded, own: &PathLimits, settings: &Settings) -> bool {
         /// Speeds that differ by less are alike.
         const ALIKE: f64 = 0.85;
+        let next_length = next.stretch.piece.length();
         let bounds = self.bounds.union(&next.bounds);
-        let mean = (self.length + next.length) / (self.pieces() + 1) as f64;
-        let mut feed = self.feed.min(next.feed);
+        let mean = (self.length + next_length) / (self.pieces() + 1) as f64;
+        let mut feed = self.feed.min(next.stretch.feed);
         if self.pieces() as f64 > PIECES_PER_CYCLE {
             feed = feed.min(PIECES_PER_CYCLE * mean / settings.cycle_s);
         }
         let limits = bounds.limits(feed, settings);
-        let fastest = self.fastest.max(next.fastest);
+        let fastest = self.fastest.max(own.v);
         let PathLimits { v, a, j } = limits;
         // Over this length, speed can change by about a quarter; two runs shorter than it are no better than one.
         let short = v * (v / j).sqrt();
         // Braking and accelerating fit into this; a longer run gains nothing.
         let long = 2.0 * v * (v / a + a / j);
         let alike = v >= ALIKE * fastest && self.length < long;
-        let both_short = self.length < short && next.length < short;
+        let both_short = self.length < short && next_length < short;
         if !(alike || both_short) || self.pieces() >= RUN_PIECES {
-            return (Some(self), next);
+            return false;
         }
-        self.parts.extend(next.parts);
-        self.length += next.length;
+        self.parts.push(Part::of(&next.stretch));
+        self.length += next_length;
         self.fastest = if alike { fastest } else { v };
         (self.bounds, self.feed, self.limits) = (bounds, feed, limits);
-        (None, self)
+        true
     }
 
     /// On a curve, less speed leaves more for changing it: chooses what takes the least time between the given speeds
-    /// at both ends.
-    fn choose_speed(&mut self, before: f64, after: f64, settings: &Settings) {
+    /// at both ends. Nothing is appended any more. Returns the speed.
+    fn choose_speed(&mut self, before: f64, after: f64, settings: &Settings) -> f64 {
         let time = |limits: &PathLimits| {
             let v0 = before.min(brakeable(after.min(limits.v), limits.v, self.length, limits));
             let v1 = end_speed(v0, after.min(limits.v), self.length, limits);
@@ -155,7 +153,7 @@ impl Run {
         };
         // Of a straight run, curvature takes nothing.
         if self.bounds.is_straight() {
-            return;
+            return self.limits.v;
         }
         let mut best = (time(&self.limits), self.limits);
         for curved in [0.9, 0.75, 0.5, 0.35, 0.25] {
@@ -173,6 +171,7 @@ impl Run {
             }
         }
         self.limits = best.1;
+        self.limits.v
     }
 
     /// The motion from speed `v0` to `v1`, one span per phase and piece.
@@ -206,23 +205,18 @@ impl Run {
         if until <= from {
             return;
         }
-        let Part {
-            piece,
-            line,
-            rapid,
-            enables,
-        } = self.parts[part];
+        let part = &self.parts[part];
         out.push(Element::Span(Span {
-            piece,
+            piece: part.piece,
             s0: phase.place(from) - part_start,
             v0: phase.speed(from).max(0.0),
             a0: phase.a + from * phase.jerk,
             jerk: phase.jerk,
             gradient: 0.0,
             duration_s: until - from,
-            line,
-            rapid,
-            enables,
+            line: part.line,
+            rapid: part.rapid,
+            enables: part.enables,
         }));
     }
 }

@@ -107,7 +107,7 @@ pub(in crate::plan) struct Steps {
 
 impl Steps {
     /// The path goes on.
-    pub(in crate::plan) fn push(&mut self, passed: Passed, settings: &Settings) {
+    pub(in crate::plan) fn push(&mut self, passed: &Passed, settings: &Settings) {
         self.finished = false;
         let mut joined = std::mem::take(&mut self.joined);
         self.kinks.push(passed, settings, &mut joined);
@@ -174,9 +174,10 @@ impl Steps {
 
     fn run(&mut self, joined: &mut Vec<Joined>, settings: &Settings) {
         let mut built = std::mem::take(&mut self.built);
-        for joined in joined.drain(..) {
+        for joined in &*joined {
             self.runs.push(joined, settings, &mut built);
         }
+        joined.clear();
         self.take(&mut built);
         self.built = built;
     }

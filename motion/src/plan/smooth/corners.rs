@@ -3,7 +3,7 @@
 //! In:  moves, with the room for corners at their ends.
 //! Out: stretches: what is left of the moves and the blends between them; halts where the machine must come to rest.
 
-use super::round::{Rounded, round, turning};
+use super::round::{Rounded, round};
 use super::{Leg, Passed, Stretch};
 use crate::path::Group;
 use crate::plan::Settings;
@@ -13,6 +13,9 @@ use crate::plan::program::{Corner, Move};
 
 /// Part of the tolerance that a rounded corner uses; the rest is for what set-points cut off between them.
 const USE: f64 = 0.95;
+
+/// A corner that turns less is flat, radians.
+const FLAT: f64 = 0.2;
 
 /// Part of the room for a corner that it may use.
 const ROOM: f64 = 0.97;
@@ -100,7 +103,8 @@ fn rounded(last: &Last, next: &mut Last, tolerance: f64, settings: &Settings) ->
     // Two corners that share a leg must not leave a sliver of it, on which knots would be next to each other.
     let room = [(a.piece.length() - last.from).min(last.leg.room[1]), next.leg.room[0]].map(|room| ROOM * room);
     let corner = round(&a.piece, room[0], &b.piece, room[1], USE * tolerance)?;
-    if flat(a, b) {
+    // So flat, a stop is never better.
+    if corner.turning < FLAT {
         return Some((corner, None));
     }
     let bounds = Bounds::of(&corner.blend);
@@ -130,12 +134,6 @@ impl Last {
             }));
         }
     }
-}
-
-/// Whether a corner turns so little that a stop is never better.
-fn flat(a: &Move, b: &Move) -> bool {
-    const ANGLE: f64 = 0.2;
-    turning(a.piece.group(), &a.piece.jet(a.piece.length()), &b.piece.jet(0.0)) < ANGLE
 }
 
 /// How fast a leg can be run.

@@ -14,6 +14,8 @@ pub(in crate::plan) struct Rounded {
     pub(in crate::plan) blend: Piece,
     /// What is taken from the beginning of the second leg.
     pub(in crate::plan) after: f64,
+    /// Angle between the directions of the legs, radians.
+    pub(in crate::plan) turning: f64,
 }
 
 /// Where the inner control points lie on the legs, as parts of the distance from the vertex, by interior angle in
@@ -67,8 +69,13 @@ pub(in crate::plan) fn turning(group: Group, a: &Jet, b: &Jet) -> f64 {
 
 /// Distance from the vertex at which a corner of two straight legs must begin for its crest to be `tolerance` away.
 pub(in crate::plan) fn reach(group: Group, a: &Jet, b: &Jet, tolerance: f64) -> f64 {
-    let (p1, p2) = shape(180.0 - turning(group, a, b).to_degrees());
-    32.0 * tolerance / ((1.0 + 5.0 * p1 + 10.0 * p2) * distance(&a.d1, &b.d1))
+    let ratios = shape(180.0 - turning(group, a, b).to_degrees());
+    tolerance / off_per_size(ratios, distance(&a.d1, &b.d1))
+}
+
+/// How far the blend of two straight legs is off, by its size; `gap` is the length of the difference of their directions.
+fn off_per_size((p1, p2): (f64, f64), gap: f64) -> f64 {
+    gap * (1.0 + 5.0 * p1 + 10.0 * p2) / 32.0
 }
 
 /// Rounds a corner, using up to `room` of each leg. `None`: nothing to round, or no curve found.
@@ -83,14 +90,21 @@ pub(in crate::plan) fn round(a: &Piece, room_a: f64, b: &Piece, room_b: f64, tol
     if gap < 1e-9 && (straight || bend < 1e-9) {
         return None;
     }
-    let ratios = shape(180.0 - turning(group, &end, &start).to_degrees());
+    let turning = turning(group, &end, &start);
+    let ratios = shape(180.0 - turning.to_degrees());
     let room = room_a.min(room_b);
-    if straight {
-        let d = reach(group, &end, &start, tolerance).min(room);
-        return try_size(a, b, d, ratios);
-    }
     // Off by linear d + square d².
-    let mut linear = gap * (1.0 + 5.0 * ratios.0 + 10.0 * ratios.1) / 32.0;
+    let mut linear = off_per_size(ratios, gap);
+    let rounded = |d, blend| Rounded {
+        before: d,
+        blend,
+        after: d,
+        turning,
+    };
+    if straight {
+        let d = room.min(tolerance / linear);
+        return try_size(a, b, d, ratios).map(|blend| rounded(d, blend));
+    }
     let mut square = TANGENT * bend;
     let (mut best, mut most) = (None, room);
     // Size, and by how much off per size: of the last blend within the tolerance, and of the last one beyond it.
@@ -101,13 +115,13 @@ pub(in crate::plan) fn round(a: &Piece, room_a: f64, b: &Piece, room_b: f64, tol
         let root = 2.0 * aim / (linear + (linear * linear + 4.0 * square * aim).sqrt());
         let d = within.map_or(most, |[d, _]| most.min(GROWTH * d));
         let d = if root < d { root } else { d };
-        let Some(corner) = try_size(a, b, d, ratios) else {
+        let Some(blend) = try_size(a, b, d, ratios) else {
             most = 0.5 * d;
             continue;
         };
-        let off = deviation(&corner.blend, a, d, b, d);
+        let off = deviation(&blend, a, d, b, d);
         if off <= tolerance {
-            best = Some(corner);
+            best = Some(rounded(d, blend));
             within = Some([d, off / d]);
             if off > 0.85 * tolerance || d >= 0.98 * most {
                 break;
@@ -127,7 +141,7 @@ pub(in crate::plan) fn round(a: &Piece, room_a: f64, b: &Piece, room_b: f64, tol
 }
 
 /// The blend that begins and ends `d` from the vertex.
-fn try_size(a: &Piece, b: &Piece, d: f64, (p1, p2): (f64, f64)) -> Option<Rounded> {
+fn try_size(a: &Piece, b: &Piece, d: f64, (p1, p2): (f64, f64)) -> Option<Piece> {
     if d < 1e-6 {
         return None;
     }
@@ -142,11 +156,7 @@ fn try_size(a: &Piece, b: &Piece, d: f64, (p1, p2): (f64, f64)) -> Option<Rounde
         pace,
         pace_change: -pace_change,
     };
-    Some(Rounded {
-        before: d,
-        blend: Piece::blend(&from, &to, a.group())?,
-        after: d,
-    })
+    Piece::blend(&from, &to, a.group())
 }
 
 /// Greatest distance between a blend and the legs that it replaces, both ways, a little on the safe side: the first half
