@@ -146,9 +146,9 @@ impl Bounds {
         for (axis, limits) in self.moving(settings) {
             v = v.min(limits.velocity / self.d1[axis]);
             let (kink, bend) = (self.kink[axis] / cycle, 0.75 * self.bend[axis] / cycle);
-            v = v.min(cubic(kink, self.d2[axis], 0.0, curved * USE * limits.acceleration));
-            let bound = curved * USE * limits.jerk;
-            v = v.min(cubic(kink / cycle, bend, self.d3[axis], bound));
+            let share = curved * USE;
+            v = least(v, kink, self.d2[axis], 0.0, share * limits.acceleration);
+            v = least(v, kink / cycle, bend, self.d3[axis], share * limits.jerk);
         }
         v
     }
@@ -248,6 +248,16 @@ impl Crest {
 #[inline]
 fn greater(x: f64, y: f64) -> f64 {
     if x > y { x } else { y }
+}
+
+/// The greatest speed up to `v` with c1 v + c2 v² + c3 v³ <= bound.
+fn least(v: f64, c1: f64, c2: f64, c3: f64, bound: f64) -> f64 {
+    // An infinite speed times no coefficient is not a number, of which nothing is known.
+    if v * (c1 + v * (c2 + v * c3)) <= bound {
+        v
+    } else {
+        v.min(cubic(c1, c2, c3, bound))
+    }
 }
 
 /// Jumps of direction and curvature where two pieces meet, or `None` if there are none.

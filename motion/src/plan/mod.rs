@@ -87,7 +87,8 @@ pub struct Settings {
     pub cycle_s: f64,
     /// Greatest deviation from the path where G64 names none, mm.
     pub tolerance_mm: f64,
-    /// Pieces of path that are looked ahead at the most: as far as speeds depend on it. Fewer may cost speed.
+    /// Pieces of path that are looked ahead where speeds depend on so many. More where three braking lengths are longer; the
+    /// optimal planner always looks as far as that.
     pub look_ahead_blocks: usize,
     /// Whether an encoder with an index tells where the spindle is: without it, a program with moves in step with the spindle
     /// (G33, G33.1, G76) is refused.

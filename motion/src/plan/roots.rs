@@ -9,10 +9,11 @@ pub(super) fn cube_root(x: f64) -> f64 {
     if x.is_nan() || x >= 1e200 {
         return f64::INFINITY;
     }
-    // A third of the exponent gives the root to some per cent, Newton the rest.
+    // A third of the exponent gives the root to some per cent, Halley's method the rest: it triples the digits each time.
     let mut root = f64::from_bits(x.to_bits() / 3 + 0x3ff0_0000_0000_0000 / 3 * 2);
-    for _ in 0..5 {
-        root -= (root - x / (root * root)) / 3.0;
+    for _ in 0..3 {
+        let cube = root * root * root;
+        root -= root * (cube - x) / (cube + cube + x);
     }
     root
 }

@@ -9,8 +9,8 @@
 //! backward pass ends where it finds the speed of the pass before: nothing further ahead can change.
 //!
 //! Two things bound memory, cost speed where they apply, and break nothing, because the backward pass gives the greatest
-//! speed from which the machine can still stop, and more path never makes it smaller: if the window is full without a
-//! final place, its older half is made final; and if the stop behind a publication would have too many elements, speeds are
+//! speed from which the machine can still stop, and more path never makes it smaller: if the window, of so many pieces and
+//! [`BRAKING_LENGTHS`], is full without a final place, its older half is made final; and if the stop behind a publication would have too many elements, speeds are
 //! planned for a stop that has not.
 
 use std::collections::VecDeque;
@@ -18,7 +18,7 @@ use std::collections::VecDeque;
 use super::runs::{Built, RUN_PIECES, Run, Runs};
 use crate::element::Element;
 use crate::plan::kinks::{Joined, Kinks};
-use crate::plan::profile::{brakeable, end_speed, least_end_speed};
+use crate::plan::profile::{brakeable, change_length, end_speed, least_end_speed};
 use crate::plan::smooth::Passed;
 use crate::plan::{Pumped, Settings};
 use crate::ring::{Publish, Sink};
@@ -60,18 +60,16 @@ impl Step {
 }
 
 /// Final elements from which on a publication is not made larger.
-const PUBLICATION: usize = 512;
+const PUBLICATION: usize = 128;
 
 /// Elements that the stop behind a publication may have: enough for a second of braking over short blocks.
 const TAIL: usize = 8192;
 
 /// Pieces that are new before speeds are planned anew, at the most.
-const FRESH: usize = 512;
+const FRESH: usize = 128;
 
-/// Pieces that are looked ahead at the most.
-fn window(settings: &Settings) -> usize {
-    settings.look_ahead_blocks.max(1)
-}
+/// Braking lengths that are looked ahead at the least, however many pieces that are: up to what that many stops may have.
+const BRAKING_LENGTHS: usize = 3;
 
 /// Elements that the largest publication may have. It does not depend on how far is looked ahead.
 pub(in crate::plan) fn largest_publication() -> usize {
@@ -166,10 +164,25 @@ impl Steps {
 
     /// Plans if there is enough new to make a difference, or no reason to wait.
     fn plan_if_due(&mut self, settings: &Settings) {
-        let window = window(settings);
-        if self.finished || self.pieces >= window || self.fresh >= window.div_ceil(4).min(FRESH) {
+        if self.finished || self.fresh >= settings.look_ahead_blocks.div_ceil(4).clamp(1, FRESH) {
             self.plan(settings);
         }
+    }
+
+    /// Whether enough is looked ahead: the pieces that are asked for, and three braking lengths from the highest speed.
+    fn is_full(&self, settings: &Settings) -> bool {
+        if self.pieces < settings.look_ahead_blocks {
+            return false;
+        }
+        let (mut length, mut braking) = (0.0, 0.0_f64);
+        for step in &self.steps {
+            if let What::Run(run) = &step.what {
+                length += run.length;
+                braking = braking.max(change_length(run.limits.v, 0.0, &run.limits));
+            }
+        }
+        // No stop has more elements, so that no braking length is of more pieces, either.
+        length >= BRAKING_LENGTHS as f64 * braking || self.pieces >= BRAKING_LENGTHS * TAIL
     }
 
     fn run(&mut self, joined: &mut Vec<Joined>, settings: &Settings) {
@@ -234,7 +247,7 @@ impl Steps {
             self.steps[i].end_speed = Some(after);
             after = self.before(i, after);
         }
-        if self.final_steps == 0 && self.pieces >= window(settings) {
+        if self.final_steps == 0 && self.is_full(settings) {
             self.final_steps = self.steps.len().div_ceil(2);
         }
     }

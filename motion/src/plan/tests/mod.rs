@@ -110,6 +110,24 @@ fn a_circle_of_short_chords_does_not_crawl() {
 }
 
 #[test]
+fn blocks_of_a_small_part_of_the_braking_length_are_run_at_full_speed() {
+    // Braking takes 7.6 mm: 760 blocks. As exact paths they stay what they are.
+    let blocks = (1..=6000).map(|k| feed(0.01 * f64::from(k), 0.0, 0.0));
+    let calls = events([F].into_iter().chain(blocks));
+    let time = |look_ahead_blocks| {
+        let settings = Settings {
+            look_ahead_blocks,
+            ..settings()
+        };
+        proven(&calls, settings, 0.0).motion_time_s
+    };
+    let (few, all) = (time(20), time(10_000));
+    assert!((few - all).abs() < 1e-9, "{few} {all}");
+    // 60 mm at 100 mm/s, and two ramps of 0.15 s at half the speed; some more where runs meet.
+    assert!(all < 0.8, "{all}");
+}
+
+#[test]
 fn errors_say_line_axis_value_and_limit() {
     let error = plan_offline(&events([F, feed(1.0, 2.0, 3.0), feed(1.0, -501.5, 3.0)]), settings()).unwrap_err();
     assert_eq!(
