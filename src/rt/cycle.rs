@@ -169,6 +169,9 @@ impl<B: Fieldbus> Control<B> {
             .read(&self.parts.inputs, |node| self.bus.node_state(node));
         self.parts.pins.spindle.see(&self.parts.inputs);
         self.parts.pins.show_inputs(&self.parts.inputs);
+        if report.lost > 0 {
+            self.parts.homer.doubt();
+        }
         self.watch(late_ns, skipped);
         self.take_orders();
         self.step_state();

@@ -136,6 +136,11 @@ impl Homer {
         self.under_way != 0
     }
 
+    /// Answers of nodes were lost in this cycle. RT.
+    pub fn doubt(&mut self) {
+        self.homing.doubt();
+    }
+
     /// One cycle further: positions of the joints that home, mm; others stay as they are. RT.
     pub fn step(&mut self, drives: &Drives, pins: &Pins, command_mm: &mut [f64]) {
         for (number, (place, drive)) in self.joints.iter().zip(drives.iter()).enumerate() {

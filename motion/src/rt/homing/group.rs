@@ -9,6 +9,8 @@ use crate::rt::Online;
 const FINER: f64 = 16.0;
 /// Passes at most, however fine the resolution.
 const PASSES_MAX: u8 = 8;
+/// Cycles in which a switch may be seen late after an answer was lost: that one, and the one in which it comes again.
+const DOUBT_CYCLES: u8 = 2;
 
 /// Where a group is on its way home; see the table of the parent module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,6 +77,10 @@ pub(super) struct Group {
     /// Speed of the pass that latches.
     speed: f64,
     pass: u8,
+    /// Cycles for which what is read may be old still.
+    doubt_cycles: u8,
+    /// A place of this pass was latched in doubt: it is looked for once more.
+    again: bool,
     failure: Option<(usize, HomingFailure)>,
 }
 
@@ -98,6 +104,8 @@ impl Group {
             over: false,
             speed: way.latch,
             pass: 0,
+            doubt_cycles: 0,
+            again: false,
             failure: None,
         }
     }
@@ -109,6 +117,8 @@ impl Group {
         self.over = false;
         self.speed = self.way.latch;
         self.pass = 0;
+        self.doubt_cycles = 0;
+        self.again = false;
         self.failure = None;
         for member in &mut self.members {
             let position = positions.get(member.spec.joint).copied().unwrap_or_default();
@@ -158,7 +168,13 @@ impl Group {
             Phase::Home => self.rest_then(Phase::Done),
             Phase::Idle | Phase::Done | Phase::Failed => {}
         }
+        self.doubt_cycles = self.doubt_cycles.saturating_sub(1);
         self.check_skew();
+    }
+
+    /// What is read in this cycle may be old. RT.
+    pub(super) fn doubt(&mut self) {
+        self.doubt_cycles = DOUBT_CYCLES;
     }
 
     /// One cycle further. RT.
@@ -214,6 +230,7 @@ impl Group {
 
     fn begin_latch(&mut self) {
         self.enter(Phase::Latch);
+        self.again = false;
         for member in &mut self.members {
             member.latched = None;
         }
@@ -283,6 +300,7 @@ impl Group {
                 let input = inputs.get(member.spec.joint).copied().unwrap_or_default();
                 member.latched = Some(input.measured);
                 member.online.stop();
+                self.again |= self.doubt_cycles > 0;
             }
         }
         if self.members.iter().all(|member| member.latched.is_some()) {
@@ -290,10 +308,12 @@ impl Group {
                 return;
             }
             self.pass += 1;
-            if self.speed * self.cycle_s <= self.way.resolution {
+            if self.speed * self.cycle_s <= self.way.resolution && !self.again {
                 self.rest_then(self.behind_the_switch());
             } else if self.pass < PASSES_MAX {
-                self.speed /= FINER;
+                if !self.again {
+                    self.speed /= FINER;
+                }
                 self.rest_then(Phase::Reopen);
             } else {
                 self.check(HomingFailure::Unsteady, |_, _| true);

@@ -18,7 +18,8 @@
 //!
 //! A switch is read once a cycle, so a pass finds its place to the way of one cycle. Passes become slower until that is
 //! within the wanted resolution; each finer one looks only where the one before has found the place. A switch may bounce:
-//! it counts as closed at once and as open when it has been so for a while.
+//! it counts as closed at once and as open when it has been so for a while. A place found while answers of nodes are lost
+//! does not count.
 //!
 //! Homing is made once and begun as often as joints have to be homed. RT: nothing allocates but [`Homing::new`].
 
@@ -175,6 +176,12 @@ impl Homing {
         for group in &mut self.groups {
             group.step(positions);
         }
+    }
+
+    /// What is read in this cycle may be older than a cycle, because an answer was lost: a place that is latched then is
+    /// looked for once more. Before [`Homing::step`]. RT.
+    pub fn doubt(&mut self) {
+        self.groups.iter_mut().for_each(Group::doubt);
     }
 
     /// Comes to rest as quickly as the stop limits allow, and has failed. RT.

@@ -312,6 +312,51 @@ fn an_abort_rests_and_says_so() {
 }
 
 #[test]
+fn a_place_found_while_answers_are_lost_does_not_count() {
+    // What is read in these cycles is that of the last one before.
+    let found = |lost: &dyn Fn(f64) -> bool, doubts: bool| {
+        let way = HomingWay {
+            resolution: 0.002,
+            ..way()
+        };
+        let mut homing = begun(&[(way, &[joint(0, 0.0)])], &[80.0]);
+        let mut switch = Switch::at(90.0);
+        let (mut positions, mut before) = ([80.0], 80.0);
+        let (mut input, mut lost_cycles) = (HomingInput::default(), 0);
+        let mut losses = 0;
+        while homing.status() == HomingStatus::Running {
+            let slow = positions[0] - before > 0.0015 && positions[0] - before < 0.0025;
+            before = positions[0];
+            if slow && lost_cycles == 0 && losses < 2 && lost(positions[0]) {
+                lost_cycles = 5;
+                losses += 1;
+            }
+            let closed = switch.read(positions[0]);
+            if lost_cycles > 0 {
+                lost_cycles -= 1;
+                if doubts {
+                    homing.doubt();
+                }
+            } else {
+                input = HomingInput {
+                    closed,
+                    measured: positions[0],
+                    index: None,
+                };
+            }
+            homing.step(&[input], &mut positions);
+        }
+        assert_eq!(homing.status(), HomingStatus::Done);
+        assert!(losses > 0 || doubts);
+        (homing.offset(0).unwrap() + 90.0).abs()
+    };
+    let at_the_switch = |position: f64| position > 89.996 && position < 90.0;
+    assert!(found(&at_the_switch, false) > 0.004, "it would be wrong");
+    assert!(found(&at_the_switch, true) <= 0.002);
+    assert!(found(&|_| false, true) <= 0.002);
+}
+
+#[test]
 fn joints_that_are_not_asked_stay_and_those_that_failed_begin_anew() {
     let groups: [(HomingWay, &[HomingJoint]); 2] = [(way(), &[joint(0, 0.0)]), (way(), &[joint(1, 7.0)])];
     let mut homing = Homing::new(&groups, CYCLE_S);
