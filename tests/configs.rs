@@ -79,16 +79,10 @@ fn the_tables_that_ship_are_those_of_the_example_mills() {
 fn demo_machine() -> (Config, Settings) {
     let config = parse(DEMO).unwrap_or_else(|errors| panic!("{errors}"));
     let mut settings = Settings {
-        axes: [None; 9],
-        joints: None,
-        cycle_s: f64::from(config.cycle_us) * 1e-6,
         tolerance_mm: config.program.tolerance_mm,
         look_ahead_blocks: config.program.look_ahead_blocks,
-        spindle_encoder: false,
-        await_spindle: false,
-        spindle_rpm_max: 6000.0,
         slope: config.program.planner,
-        start: Position::ZERO,
+        ..Settings::new([None; 9], f64::from(config.cycle_us) * 1e-6)
     };
     for map in &config.axes {
         let joint = &config.joints[map.joints[0]];

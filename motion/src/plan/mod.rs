@@ -103,6 +103,25 @@ pub struct Settings {
     pub slope: Slope,
 }
 
+impl Settings {
+    /// Those of a machine whose joints are its axes, without an encoder on the spindle (0 to 6000/min): from the origin, 0.01 mm
+    /// where G64 names no tolerance, 10,000 blocks of look-ahead.
+    pub fn new(axes: [Option<AxisLimits>; AXES], cycle_s: f64) -> Settings {
+        Settings {
+            axes,
+            joints: None,
+            cycle_s,
+            tolerance_mm: 0.01,
+            look_ahead_blocks: 10_000,
+            spindle_encoder: false,
+            await_spindle: false,
+            spindle_rpm_max: 6000.0,
+            start: Position::ZERO,
+            slope: Slope::default(),
+        }
+    }
+}
+
 /// A programmed move before anything is rounded.
 #[derive(Clone, Copy, Debug)]
 pub struct Programmed {

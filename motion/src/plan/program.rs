@@ -641,16 +641,11 @@ mod tests {
         };
         let axes = [Some(axis); AXES];
         Settings {
-            axes,
-            joints: None,
-            cycle_s: 1e-3,
             tolerance_mm: 0.1,
             look_ahead_blocks: 9,
             spindle_encoder: true,
-            await_spindle: false,
-            spindle_rpm_max: 6000.0,
             slope: crate::plan::Slope::Classic,
-            start: Position::ZERO,
+            ..Settings::new(axes, 1e-3)
         }
     }
 

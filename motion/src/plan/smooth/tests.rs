@@ -17,16 +17,9 @@ fn settings(slope: Slope) -> Settings {
         travel: [-1e6, 1e6],
     };
     Settings {
-        axes: [Some(limits); AXES],
-        joints: None,
-        cycle_s: 1e-3,
-        tolerance_mm: 0.01,
         look_ahead_blocks: 100,
-        spindle_encoder: false,
-        await_spindle: false,
-        spindle_rpm_max: 6000.0,
-        start: Position::ZERO,
         slope,
+        ..Settings::new([Some(limits); AXES], 1e-3)
     }
 }
 

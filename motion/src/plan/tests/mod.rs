@@ -32,16 +32,10 @@ fn settings() -> Settings {
         travel: [-1e5, 1e5],
     });
     Settings {
-        axes,
-        joints: None,
-        cycle_s: 1e-3,
         tolerance_mm: 0.05,
         look_ahead_blocks: 200,
-        spindle_encoder: false,
-        await_spindle: false,
-        spindle_rpm_max: 6000.0,
         slope: Slope::Classic,
-        start: Position::ZERO,
+        ..Settings::new(axes, 1e-3)
     }
 }
 

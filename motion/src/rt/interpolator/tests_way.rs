@@ -57,16 +57,10 @@ fn planned(calls: &[Call], slope: Slope) -> (Vec<Element>, Consumer<Element>) {
     let mut axes = [None; AXES];
     axes[..3].fill(Some(limits));
     let settings = Settings {
-        axes,
-        joints: None,
-        cycle_s: CYCLE_S,
         tolerance_mm: 0.05,
         look_ahead_blocks: 200,
-        spindle_encoder: false,
-        await_spindle: false,
-        spindle_rpm_max: 6000.0,
         slope,
-        start: Position::ZERO,
+        ..Settings::new(axes, CYCLE_S)
     };
     let (producer, consumer) = ring::channel(1 << 15);
     let elements = Vec::new();

@@ -38,16 +38,9 @@ impl Rig {
             travel: [-200.0, 200.0],
         }));
         let settings = Settings {
-            axes,
-            joints: None,
-            cycle_s: CYCLE_S,
-            tolerance_mm: 0.01,
             look_ahead_blocks: 100,
-            spindle_encoder: false,
-            await_spindle: false,
-            spindle_rpm_max: 6000.0,
             slope,
-            start: Position::ZERO,
+            ..Settings::new(axes, CYCLE_S)
         };
         let (producer, consumer) = ring::channel(settings.largest_publication());
         let (answers, results) = rtrb::RingBuffer::new(1);

@@ -23,16 +23,10 @@ fn settings(slope: Slope) -> Settings {
         travel: [-200.0, 200.0],
     }));
     Settings {
-        axes,
-        joints: None,
-        cycle_s: CYCLE_S,
-        tolerance_mm: 0.01,
         look_ahead_blocks: 100,
         spindle_encoder: true,
-        await_spindle: false,
-        spindle_rpm_max: 6000.0,
         slope,
-        start: Position::ZERO,
+        ..Settings::new(axes, CYCLE_S)
     }
 }
 
