@@ -146,10 +146,17 @@ impl Watch {
         }
         let mut near = 0_usize;
         for (cycle, at) in rig.samples.iter().enumerate() {
-            let range = near.saturating_sub(AROUND)..(near + AROUND).min(undisturbed.len() - 1);
+            let chords = undisturbed.len() - 1;
             let off = |k: usize| (to_chord(&at.0, &undisturbed[k].0, &undisturbed[k + 1].0), k);
-            let nearest = range.map(off).min_by(|a, b| a.0.total_cmp(&b.0));
-            let (off_mm, place) = nearest.unwrap_or((0.0, 0));
+            let nearest = |range: std::ops::Range<usize>| {
+                let nearest = range.map(off).min_by(|a, b| a.0.total_cmp(&b.0));
+                nearest.unwrap_or((distance(&at.0, &undisturbed[0].0), 0))
+            };
+            let (mut off_mm, mut place) = nearest(near.saturating_sub(AROUND)..(near + AROUND).min(chords));
+            if off_mm > ARROW_MM {
+                // The path may have come by here twice, and the other time was taken for this one.
+                (off_mm, place) = nearest(0..chords);
+            }
             assert!(off_mm <= ARROW_MM, "cycle {cycle}: {off_mm} mm off the path");
             near = place;
         }
@@ -178,10 +185,11 @@ fn to_chord(at: &[f64; AXES], from: &[f64; AXES], to: &[f64; AXES]) -> f64 {
     distance(at, &foot)
 }
 
-/// Set-points of a program without any orders.
+/// Set-points of a program without any orders, each once: where it waits takes no time on the way back.
 fn undisturbed(events: Vec<Event>) -> Vec<Position> {
     let mut rig = Rig::new(events);
     rig.run();
+    rig.samples.dedup();
     rig.samples
 }
 
