@@ -22,8 +22,10 @@
 //!    away from the boundary, both passes compute the same expressions on equal numbers.
 //! 3. So one such node in the right overlap (or the last node of the chunk) is a certificate for the backward pass over the
 //!    chunk and its left overlap; the same with left and right changed, and b for the caps, for the forward pass.
-//! 4. Without a certificate the overlap is doubled and this chunk done again. An overlap that reaches the end of the path
-//!    needs none. Where it would become several times the chunk, the chunk is left to the caller, who does it with the
+//! 4. The overlap on the left is at least what its elements ask for: b gains 2aL per element from 0, so that the cap at the
+//!    border of the chunk is met where the gains of the overlap sum up to it, the braking length. On the right, where too
+//!    little shows at once, this is looked for only without a certificate, and the chunk done again. Should rounding still leave no certificate, the overlap is doubled. One that reaches the end of the
+//!    path needs none. Where it would become several times the chunk, the chunk is left to the caller, who does it with the
 //!    boundary values of its neighbours, as the serial pass would.
 //!
 //! All numbers are at least +0 (what is not, counts as 0), so that neither NaN nor -0 can tell apart what compares equal. An
@@ -31,6 +33,7 @@
 //!
 //! The certificate is also the rule of what is final in a stream, with rest assumed behind what is known: [`settled`].
 
+use std::cell::Cell;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -284,13 +287,37 @@ struct Done {
     first: f64,
 }
 
+/// How many of these elements b needs to gain what it may be at node `node`.
+fn needed<'a>(elements: &[Element], node: usize, mut beyond: impl Iterator<Item = &'a Element>, most: usize) -> usize {
+    let (Some(before), Some(after)) = (node.checked_sub(1).and_then(|k| elements.get(k)), elements.get(node)) else {
+        return 0;
+    };
+    let cap = cap(before, after);
+    let mut gained = 0.0;
+    let mut count = 0;
+    while gained < cap && count < most {
+        let Some(element) = beyond.next() else { break };
+        gained += element.gain();
+        count += 1;
+    }
+    // One more for rounding.
+    (count + 1).min(most)
+}
+
+thread_local! {
+    /// b of the chunk that a thread is at: memory that is kept from chunk to chunk.
+    static B: Cell<Vec<f64>> = const { Cell::new(Vec::new()) };
+}
+
 /// Does a chunk without knowing its neighbours.
 fn alone(elements: &[Element], own: Range<usize>, overlap: usize, bits: &[AtomicU64]) -> Done {
     let nodes = elements.len() + 1;
-    let (mut left, mut right) = (overlap, overlap);
     let mut chunk = Chunk::default();
-    let mut b = Vec::new();
+    let mut b = B.take();
     let most = OVERLAP_CHUNKS.saturating_mul(own.len()).max(overlap);
+    // Too little on the left would show only after all of the work, and too little on the right at once.
+    let before = elements[..own.start].iter().rev();
+    let (mut left, mut right) = (needed(elements, own.start, before, most).max(overlap), overlap);
     while left <= most && right <= most {
         let outer = own.start.saturating_sub(left)..own.end.saturating_add(right).min(nodes);
         b.clear();
@@ -303,7 +330,8 @@ fn alone(elements: &[Element], own: Range<usize>, overlap: usize, bits: &[Atomic
         };
         let found = backward(elements, last..outer.end, beyond, last, &mut b);
         if outer.end < nodes && found.is_none() {
-            right = right.saturating_mul(2).max(1);
+            let twice = right.saturating_mul(2).max(1);
+            right = needed(elements, last, elements[last..].iter(), most).max(twice);
             chunk.redone += 1;
             continue;
         }
@@ -325,8 +353,10 @@ fn alone(elements: &[Element], own: Range<usize>, overlap: usize, bits: &[Atomic
         }
         chunk.left = own.start - found.unwrap_or(0);
         store(&b[own.start - outer.start..], bits);
+        B.set(b);
         return Done { chunk, first };
     }
+    B.set(b);
     chunk.handed_back = true;
     Done { chunk, first: 0.0 }
 }
