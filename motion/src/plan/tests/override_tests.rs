@@ -209,7 +209,7 @@ fn reaction(rig: &mut Rig, events: &[Event], before: impl Fn(&mut Rig), feed: f6
 /// What must hold of speeds behind an order that lowers the feed from one to another: never faster than before, down and not
 /// up again, then even.
 fn assert_comes_down(speeds: &[f64], [from, to]: [f64; 2], what: &str) {
-    /// Part of a speed within which the solver leaves the slowest way down.
+    /// Part of a speed by which the way down may go up again in between.
     const EVEN: f64 = 0.005;
     let fastest = speeds.iter().fold(0.0f64, |most, speed| most.max(*speed));
     assert!(fastest <= from * 1.0005, "{what}: {fastest} after {from}");
@@ -217,11 +217,15 @@ fn assert_comes_down(speeds: &[f64], [from, to]: [f64; 2], what: &str) {
     let mut least = fastest;
     for (k, &speed) in speeds.iter().enumerate().skip(crest) {
         least = least.min(speed);
-        assert!(speed <= least + EVEN * to, "{what}: from {least} up to {speed} at {k}");
+        assert!(
+            speed <= least * (1.0 + EVEN),
+            "{what}: from {least} up to {speed} at {k}"
+        );
     }
     assert!(least >= to * (1.0 - EVEN), "{what}: down to {least} on the way to {to}");
     for speed in &speeds[450..] {
-        assert!((speed / to - 1.0).abs() < 0.001, "{what}: {speed}, not {to}");
+        // What the solver leaves is below the feed, never above it.
+        assert!(*speed > 0.998 * to && *speed < 1.0005 * to, "{what}: {speed}, not {to}");
     }
 }
 
