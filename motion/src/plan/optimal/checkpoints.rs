@@ -16,6 +16,13 @@ const FASTER: f64 = 2.0;
 /// How often a span may be halved.
 const HALVINGS: u32 = 5;
 
+/// The end of a span, at which the next one may begin.
+#[derive(Debug, Default)]
+pub(super) struct Seen {
+    place: Option<(u64, f64)>,
+    jets: Vec<JointJet>,
+}
+
 /// Checkpoints on a stretch.
 pub(super) struct Checkpoints<'a> {
     pub(super) joints: &'a Joints,
@@ -31,14 +38,23 @@ impl Checkpoints<'_> {
         jets
     }
 
-    /// Adds a span.
-    pub(super) fn add(&self, span: Knotted, uncut: &mut Uncut) {
-        let begin = self.at(span.from);
+    /// Adds a span; `seen`: the end of the one before.
+    pub(super) fn add(&self, span: Knotted, uncut: &mut Uncut, seen: &mut Seen) {
+        let begin = if seen.place == Some((span.item, span.from)) {
+            std::mem::take(&mut seen.jets)
+        } else {
+            self.at(span.from)
+        };
+        seen.place = None;
         if self.joints.are_even(&self.stretch.piece) {
             self.push(span, [&begin, &begin, &begin], uncut);
         } else {
             let (middle, end) = (self.at(0.5 * (span.from + span.to)), self.at(span.to));
             self.divide(span, [&begin, &middle, &end], HALVINGS, uncut);
+            *seen = Seen {
+                place: Some((span.item, span.to)),
+                jets: end,
+            };
         }
     }
 

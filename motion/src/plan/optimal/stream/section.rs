@@ -7,7 +7,7 @@ use super::{
     After, Asked, CAREFUL_PARTS, Entry, Made, Open, Part, Pending, Place, Ready, Section, State, Step, Stream,
 };
 use crate::element::Element;
-use crate::plan::optimal::checkpoints::Checkpoints;
+use crate::plan::optimal::checkpoints::{Checkpoints, Seen};
 use crate::plan::optimal::knots::Knots;
 use crate::plan::optimal::sections::{Found, Item};
 use crate::plan::optimal::slopes::{Side, launch};
@@ -121,6 +121,7 @@ impl Stream {
         };
         let mut spans = Vec::new();
         open.knots.take(exit, self.times.knotting.step_s, &mut spans);
+        let mut seen = Seen::default();
         for span in spans {
             let Some(stretch) = self.log.stretch(span.item) else {
                 continue;
@@ -130,7 +131,7 @@ impl Stream {
                 stretch,
                 feed: self.log.feed(span.item),
             };
-            checkpoints.add(span, &mut open.uncut);
+            checkpoints.add(span, &mut open.uncut, &mut seen);
         }
     }
 
