@@ -1,4 +1,12 @@
-//! Primal-dual interior point method for the fastest profile.
+//! Interior point method for the fastest profile.
+//!
+//! In:  a grid; a strictly feasible profile to start from.
+//! Out: a faster one, strictly feasible.
+//!
+//! Every iteration is a Newton step of the time and the barriers of all constraints, in which multipliers say how stiff each
+//! constraint is (primal-dual). The step goes on until shortly before the first bound. One constraint of thousands that was
+//! not seen in time would make it short; so those that a step would break are made stiffer, and the step is computed anew,
+//! before any of it is done. The weight of the barriers sinks with what steps still gain.
 
 use std::ops::Range;
 

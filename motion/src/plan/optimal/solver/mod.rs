@@ -7,12 +7,15 @@
 //! Pure functions: no clock, no threads, no I/O; the same input gives the same bits.
 //!
 //! ```text
-//! spacing    where to put knots: about evenly in time
-//! grid       derivatives at the checkpoints, scaled by the limits
-//! profile    b = v² as a quadratic spline; its worst constraint
-//! crawl      a slow feasible profile, from which to start
-//! start      launch from rest and the way to the crawl
-//! interior   primal-dual interior point method (lanes: several spans at once; band: linear system)
+//! spacing      where to put knots: about evenly in time
+//! grid         derivatives at the checkpoints, scaled by the limits
+//! profile      b = v² as a quadratic spline; its worst constraint
+//! crawl        a slow feasible profile, from which to start
+//! start        launch from rest and the way to the crawl
+//! interior     interior point method
+//! constraints  bounds of several neighbouring spans at once, in the order in which they are worked on (lanes)
+//! passes       over all constraints: Newton system, what a step uses up, multipliers
+//! band         the linear system
 //! ```
 //!
 //! # The problem

@@ -17,7 +17,7 @@ use super::lanes::{LANES, Lane};
 const TIME_CURVATURE: f64 = 0.25;
 /// Part of a slack from which on a step is held back by the constraint, and how hard.
 const KNEE: f64 = 0.9;
-const STIFFENING: f64 = 3.0;
+const STIFFENING: f64 = 2.0;
 
 /// Matrix and gradients at some coefficients.
 #[derive(Clone, Debug, Default)]
