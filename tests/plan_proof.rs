@@ -375,9 +375,9 @@ fn digest(numbers: &[u64]) -> u64 {
 #[test]
 fn any_machine_gives_the_same_bits() {
     const DIGESTS: [(&str, [u64; 2]); 3] = [
-        ("mixed", [0xE814_76B6_A066_08E3, 0x73FB_2112_174D_6E4D]),
-        ("rose", [0x8C01_CBD8_BABB_F13E, 0x1236_0E3F_291F_D7F7]),
-        ("text", [0xAEA2_B826_D218_9A3E, 0xA7E5_6AD4_F8B1_E4A4]),
+        ("mixed", [0xD394_7511_3978_C94E, 0x73FB_2112_174D_6E4D]),
+        ("rose", [0x572C_6926_F793_0B68, 0x1236_0E3F_291F_D7F7]),
+        ("text", [0xC1D6_D885_9E97_1773, 0xA7E5_6AD4_F8B1_E4A4]),
     ];
     let found = DIGESTS.map(|(name, _)| {
         let text = proof_programs::find(name)
