@@ -65,7 +65,8 @@ pub fn deviation(samples: &[Position], path: &[Programmed], tolerance_mm: f64) -
 /// Greatest distance of `points` from `path`, and the length up to which the path is near the last of them.
 ///
 /// A point is looked for from where the one before was found up to `around` beyond the way since then. Pieces within the
-/// tolerance and `slack` of it that follow each other are one place; one that is within the tolerance itself ends the search.
+/// tolerance and `slack` of it that follow each other are one place. One that is within the tolerance itself ends the search;
+/// behind one that is not, a better one is looked for close by.
 fn walk(points: impl Iterator<Item = Position>, path: &[Piece], around: f64, tolerance: f64, slack: f64) -> (f64, f64) {
     let near = tolerance + slack;
     let mut starts = vec![0.0];
@@ -78,7 +79,7 @@ fn walk(points: impl Iterator<Item = Position>, path: &[Piece], around: f64, tol
     for point in points {
         let step = before.map_or(0.0, |before| distance(&point.0, &before.0));
         before = Some(point);
-        let (low, high) = (reached, reached + 2.0 * step + around);
+        let (low, mut high) = (reached, reached + 2.0 * step + around);
         while first + 1 < path.len() && starts[first + 1] < low {
             first += 1;
         }
@@ -106,8 +107,8 @@ fn walk(points: impl Iterator<Item = Position>, path: &[Piece], around: f64, tol
                 left = left.max(place.1);
             } else if best.0 <= tolerance {
                 break;
-            } else {
-                run = None;
+            } else if run.take().is_some() {
+                high = high.min(starts[i] + 4.0 * tolerance);
             }
             if place.0 < best.0 {
                 (best, entered) = (place, run);
