@@ -242,9 +242,9 @@ impl Arc {
         let (r, dr, w) = (self.radius + self.radius_change * u, self.radius_change, self.sweep);
         // r(u) times the unit vector of angle w u, derived three times by u, in radial and tangential parts.
         let mut derivatives = [self.even, [0.0; AXES], [0.0; AXES]];
-        for axis in 0..3 {
-            let radial = cos * self.radial[axis] + sin * self.tangential[axis];
-            let tangential = cos * self.tangential[axis] - sin * self.radial[axis];
+        for (axis, (&out, &along)) in self.radial.iter().zip(&self.tangential).enumerate() {
+            let radial = cos * out + sin * along;
+            let tangential = cos * along - sin * out;
             derivatives[0][axis] += radial * dr + tangential * (r * w);
             derivatives[1][axis] = radial * (-r * w * w) + tangential * (2.0 * dr * w);
             derivatives[2][axis] = radial * (-3.0 * dr * w * w) + tangential * (-r * w * w * w);
@@ -282,8 +282,8 @@ impl Arc {
         }
         let across = (x * x + y * y).sqrt() - (self.radius + self.radius_change * u);
         let mut square = across * across;
-        for i in 0..3 {
-            let out = arm[i] - x * self.radial[i] - y * self.tangential[i];
+        for (arm, (radial, tangential)) in arm.iter().zip(self.radial.iter().zip(&self.tangential)) {
+            let out = arm - x * radial - y * tangential;
             square += out * out;
         }
         square += off[3..].iter().map(|x| x * x).sum::<f64>();

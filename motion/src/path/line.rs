@@ -56,9 +56,9 @@ impl Line {
     /// See [`super::Piece::nearest`].
     pub(super) fn nearest(&self, q: &[f64; AXES], [from, to]: [f64; 2]) -> (f64, f64) {
         let (mut along, mut square) = (0.0, 0.0);
-        for axis in 0..AXES {
-            let delta = self.end[axis] - self.start[axis];
-            along += (q[axis] - self.start[axis]) * delta;
+        for (q, (start, end)) in q.iter().zip(self.start.iter().zip(self.end.iter())) {
+            let delta = end - start;
+            along += (q - start) * delta;
             square += delta * delta;
         }
         let s = (along / square * self.length).clamp(from, to);
