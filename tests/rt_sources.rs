@@ -13,6 +13,8 @@ use std::path::{Path, PathBuf};
 const REAL_TIME: &[&str] = &[
     "src/rt/diagnosis.rs",
     "src/rt/cycle.rs",
+    "src/rt/cycle/orders.rs",
+    "src/rt/cycle/stops.rs",
     "src/rt/drives.rs",
     "src/rt/encoder.rs",
     "src/rt/hand.rs",

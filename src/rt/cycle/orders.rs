@@ -1,0 +1,191 @@
+//! Orders: which of them fits which state, and what it begins.
+//!
+//! In:  orders of the operator and of pins.
+//! Out: programs, homing and jogs that begin; states; wishes to stop.
+
+use super::*;
+
+impl<B: Fieldbus> Control<B> {
+    pub(super) fn take_orders(&mut self) {
+        for _ in 0..COMMANDS_PER_CYCLE {
+            let Ok(command) = self.outlets.commands.pop() else {
+                break;
+            };
+            self.obey(command);
+            self.orders_taken += 1;
+        }
+        if self.parts.pins.take_stop() {
+            self.obey(Command::Stop);
+        }
+        if self.parts.pins.take_resume() {
+            self.obey(Command::Resume);
+        }
+    }
+
+    /// Orders that do not fit the state are without effect.
+    pub(super) fn obey(&mut self, command: Command) {
+        match (command, self.state) {
+            (Command::Enable, State::Disabled) if !self.fault_seen => {
+                self.parts.drives.request(u64::MAX, Request::Enable);
+                self.enter(State::Enabling);
+            }
+            (Command::Home(joints), State::Ready) => {
+                self.home(joints);
+            }
+            (Command::Jog(order), State::Ready | State::Jogging) => self.jog(&order),
+            (Command::Start(program), State::Ready) if self.parts.drives.all(|drive| drive.is_homed()) => {
+                self.start(program);
+            }
+            (Command::Start(program), _) => self.give_back(program),
+            (Command::Hold, State::Running) => self.hold = true,
+            (Command::Hold, State::Jogging) => self.parts.hand.release_all(),
+            (Command::Resume, State::Running | State::Held) => {
+                self.run_along(None);
+                if let Some(Action::ProgramStop | Action::OptionalStop) = self.waiting {
+                    self.end_wait();
+                }
+            }
+            (Command::Reverse(share), State::Running | State::Held) => self.run_along(Some(share)),
+            (Command::SingleBlock(on), _) => {
+                self.single_block = on;
+                if let Some(program) = &mut self.program {
+                    program.set_single_block(on);
+                }
+            }
+            (Command::Stop, State::Jogging | State::Running | State::Held) => self.stop_then(AfterStop::Ready),
+            (Command::Disable, State::Jogging | State::Running | State::Held | State::Stopping) => {
+                self.stop_then(AfterStop::Disable)
+            }
+            (Command::Stop | Command::Disable, State::Homing) if self.parts.homer.is_active() => {
+                self.stop_then(AfterStop::Disable);
+            }
+            // A drive that homes is on no path: it stops by its own ramp.
+            (Command::Stop, State::Homing) | (Command::Disable, State::Enabling | State::Ready | State::Homing) => {
+                self.switch_off(State::Disabling)
+            }
+            // A control that was silenced stays so: only a new one is known to be sound.
+            (Command::Acknowledge, State::Faulted) if !self.silenced => {
+                self.fault_seen = false;
+                self.parts.overruns.clear();
+                self.parts.drives.request(u64::MAX, Request::ResetFault);
+                self.enter(State::Disabling);
+            }
+            (Command::ShutDown, State::ShuttingDown | State::Down) => {}
+            (Command::ShutDown, State::Jogging | State::Running | State::Held | State::Stopping) => {
+                self.stop_then(AfterStop::ShutDown)
+            }
+            (Command::ShutDown, State::Homing) if self.parts.homer.is_active() => {
+                self.stop_then(AfterStop::ShutDown);
+            }
+            // The network follows once the drives are without power: see `step_state`.
+            (Command::ShutDown, _) => self.switch_off(State::ShuttingDown),
+            (Command::Enable, _)
+            | (Command::Home(_), _)
+            | (Command::Jog(_), _)
+            | (Command::Hold, _)
+            | (Command::Resume, _)
+            | (Command::Reverse(_), _)
+            | (Command::Stop, _)
+            | (Command::Disable, _)
+            | (Command::Acknowledge, _) => {}
+        }
+    }
+
+    /// Homes joints side by side, each by its drive or by the control.
+    pub(super) fn home(&mut self, joints: u64) {
+        let parts = &mut self.parts;
+        let by_control = parts.homer.chosen(joints);
+        parts.drives.request(joints & !by_control, Request::Home);
+        parts.drives.begin_homing(by_control);
+        for (command_mm, drive) in self.command_mm.iter_mut().zip(parts.drives.iter()) {
+            *command_mm = drive.command_mm();
+        }
+        parts.homer.begin(by_control, &self.command_mm[..self.joints]);
+        self.enter(State::Homing);
+    }
+
+    /// Takes in what came of homing by the control.
+    pub(super) fn see_homing(&mut self) {
+        let parts = &mut self.parts;
+        match parts.homer.status() {
+            HomingStatus::Running => {}
+            HomingStatus::Failed { joint, failure } => self.fault(Fault::Homing { joint, failure }),
+            HomingStatus::Done => {
+                for joint in 0..self.joints {
+                    if parts.homer.under_way() >> joint & 1 == 1
+                        && let Some(found) = parts.homer.found(joint)
+                    {
+                        parts.drives.home_at(joint, &found);
+                    }
+                }
+                parts.homer.end();
+            }
+        }
+    }
+
+    /// Runs a program, if it begins where every joint stands: one planned from elsewhere would begin with a jump.
+    pub(super) fn start(&mut self, mut program: Box<Interpolator>) {
+        let mut begin_mm = [0.0; JOINTS_MAX];
+        let begin_mm = &mut begin_mm[..self.joints];
+        let begin = program.position().0;
+        let far = match self.parts.kinematics.inverse(&ToolFrame::OFF, &begin, begin_mm) {
+            Err(unreachable) => Some(unreachable.joint),
+            Ok(()) => {
+                let mut joints = begin_mm.iter().zip(self.parts.drives.iter());
+                joints.position(|(begin_mm, drive)| {
+                    let off_mm = (begin_mm - drive.command_mm()).abs();
+                    off_mm.is_nan() || off_mm > START_SLACK_MM
+                })
+            }
+        };
+        if let Some(joint) = far {
+            self.give_back(program);
+            self.fault(Fault::IllegalCommand { joint });
+            return;
+        }
+        program.set_single_block(self.single_block);
+        self.program = Some(program);
+        self.hold = false;
+        self.reverse = None;
+        self.waiting = None;
+        self.program_cycles = 0;
+        self.program_has_moved = false;
+        self.sample.state = SampleState::Starved;
+        self.enter(State::Running);
+    }
+
+    /// Goes on after whatever held the program: forward, or backward with a share of the speed. In single block that is the next
+    /// block, backward the one before.
+    pub(super) fn run_along(&mut self, reverse: Option<f64>) {
+        self.hold = false;
+        self.reverse = reverse;
+        if let Some(program) = &mut self.program {
+            program.next_block();
+        }
+        if self.state == State::Held {
+            self.enter(State::Running);
+        }
+    }
+
+    /// Moves joints by hand, if they and those that move with them know where they are, and no hold is asked for.
+    pub(super) fn jog(&mut self, order: &JogOrder) {
+        let together = self.parts.hand.moved_with(order.joints);
+        let mut drives = self.parts.drives.iter().enumerate();
+        let homed = drives.all(|(joint, drive)| together >> joint & 1 == 0 || drive.is_homed());
+        let held = self.parts.pins.is_feed_hold();
+        match (order.motion, self.state) {
+            (JogMotion::Run { .. } | JogMotion::Advance { .. }, _) if !homed || held => return,
+            (JogMotion::Run { .. } | JogMotion::Advance { .. }, State::Ready) => {
+                for (command_mm, drive) in self.command_mm.iter_mut().zip(self.parts.drives.iter()) {
+                    *command_mm = drive.command_mm();
+                }
+                self.parts.hand.begin(&self.command_mm[..self.joints], order);
+                self.enter(State::Jogging);
+            }
+            // Neither a renewal nor a release begins anything.
+            (JogMotion::Keep | JogMotion::Release, State::Ready) => return,
+            (JogMotion::Run { .. } | JogMotion::Advance { .. } | JogMotion::Keep | JogMotion::Release, _) => {}
+        }
+        self.parts.hand.obey(order);
+    }
+}

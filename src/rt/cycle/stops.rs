@@ -1,0 +1,200 @@
+//! Faults, and every way to rest.
+//!
+//! In:  lateness, events of the bus, drives.
+//! Out: what a fault does by the table of [`crate::machine::faults`]; stops on the path, quick stops, drives off.
+
+use super::*;
+
+impl<B: Fieldbus> Control<B> {
+    /// Looks for faults: lateness, the bus, the drives.
+    pub(super) fn watch(&mut self, late_ns: u64, skipped: u64) {
+        self.late_max_ns = self.late_max_ns.max(late_ns);
+        if skipped > 0 {
+            self.cycles_skipped += skipped;
+            self.fault(Fault::CyclesSkipped { cycles: skipped });
+        }
+        match self.parts.overruns.count(skipped) {
+            Verdict::Fine => {}
+            Verdict::Many { skipped: cycles } => self.fault(Fault::ManyOverruns { cycles }),
+            Verdict::TooMany { skipped: cycles } => self.fault(Fault::TooManyOverruns { cycles }),
+        }
+        let in_step = self.sample.turns_s_max.is_some();
+        if let Some(counts) = self.parts.pins.spindle.take_slip(in_step) {
+            self.fault(Fault::CountsLost { counts, in_step });
+        }
+        for _ in 0..BUS_EVENTS_PER_CYCLE {
+            let Some(event) = self.bus.pop_event() else { break };
+            self.notice(Notice::Bus(event));
+            match event {
+                BusEvent::NodeLost(node) if self.parts.mandatory[node] => {
+                    self.fault(Fault::NodeLost { node });
+                }
+                BusEvent::ForeignMaster(mac) => self.fault(Fault::ForeignMaster { mac }),
+                BusEvent::LinkFailed(error) => self.fault(Fault::LinkFailed { error }),
+                BusEvent::Network(_)
+                | BusEvent::Identified(_)
+                | BusEvent::WrongIdentity { .. }
+                | BusEvent::ConfigurationRefused { .. }
+                | BusEvent::Missing(_)
+                | BusEvent::BootFailed(_)
+                | BusEvent::NodeUp(_)
+                | BusEvent::NodeLost(_)
+                | BusEvent::NodeError { .. } => {}
+            }
+        }
+        if !self.under_command() {
+            return;
+        }
+        // Beside the events, of which a burst may lose some.
+        if let Some(node) = self.mandatory_node_down() {
+            self.fault(Fault::NodeLost { node });
+        }
+        let mut drives = self.parts.drives.iter().enumerate();
+        if let Some(fault) = drives.find_map(|(joint, drive)| drive_fault(joint, drive)) {
+            self.fault(fault);
+        }
+    }
+
+    /// Whether drives are or should be under power.
+    pub(super) fn under_command(&self) -> bool {
+        match self.state {
+            State::Enabling
+            | State::Ready
+            | State::Homing
+            | State::Jogging
+            | State::Running
+            | State::Held
+            | State::Stopping => true,
+            State::Booting
+            | State::Disabled
+            | State::Disabling
+            | State::Faulted
+            | State::ShuttingDown
+            | State::Down => false,
+        }
+    }
+
+    /// Does what the table of faults says.
+    pub(super) fn fault(&mut self, fault: Fault) {
+        let reaction = fault.reaction();
+        match reaction {
+            Reaction::Count | Reaction::Warn => {
+                self.notice(Notice::Fault { fault, first: false });
+                return;
+            }
+            Reaction::ControlledStop | Reaction::QuickStop | Reaction::Silence => {}
+        }
+        if self.state == State::Booting && fault.is_usual_in_boot() {
+            return;
+        }
+        if !self.fault_seen {
+            self.fault_seen = true;
+            self.notice(Notice::Fault { fault, first: true });
+        } else if reaction == Reaction::ControlledStop {
+            // The first cause has set everything going.
+            return;
+        }
+        match (reaction, self.state) {
+            (Reaction::Count | Reaction::Warn, _) | (_, State::Faulted | State::ShuttingDown | State::Down) => {}
+            (Reaction::Silence, _) => {
+                self.end_program();
+                self.parts.hand.end();
+                self.parts.homer.end();
+                self.enter(State::Faulted);
+            }
+            (Reaction::QuickStop, _) => {
+                self.end_program();
+                self.parts.hand.end();
+                self.parts.homer.end();
+                self.quick_stop();
+            }
+            // To rest on the path first; `step_state` goes on to the quick stop.
+            (Reaction::ControlledStop, State::Jogging | State::Running | State::Held | State::Stopping) => {
+                self.stop_then(AfterStop::Ready);
+            }
+            (Reaction::ControlledStop, State::Homing) if self.parts.homer.is_active() => {
+                self.stop_then(AfterStop::Ready);
+            }
+            (
+                Reaction::ControlledStop,
+                State::Booting | State::Disabled | State::Enabling | State::Ready | State::Homing | State::Disabling,
+            ) => self.quick_stop(),
+        }
+    }
+
+    pub(super) fn quick_stop(&mut self) {
+        self.parts.drives.request(u64::MAX, Request::QuickStop);
+        self.enter(State::Faulted);
+    }
+
+    /// Brings a machine that moves to rest, on its path if it has one; `step_state` goes on from there.
+    pub(super) fn stop_then(&mut self, then: AfterStop) {
+        if self.parts.hand.is_active() {
+            self.parts.hand.stop();
+        }
+        if self.parts.homer.is_active() {
+            self.parts.homer.stop();
+            // Drives that home themselves are on no path of ours: they stop by their own ramps.
+            self.parts.drives.request_of_homing(if self.fault_seen {
+                Request::QuickStop
+            } else {
+                Request::Disable
+            });
+        }
+        if let Some(program) = &mut self.program {
+            // A hold cannot act there: the spindle has the say. A tap is followed out of the work first.
+            program.give_up_sync();
+        }
+        self.after_stop = if self.state == State::Stopping {
+            self.after_stop.max(then)
+        } else {
+            then
+        };
+        self.enter(State::Stopping);
+    }
+
+    /// Goes on from rest, as the wish was or as the fault wants it.
+    pub(super) fn after_stop(&mut self) {
+        self.end_program();
+        self.parts.hand.end();
+        self.parts.homer.end();
+        match (self.after_stop, self.fault_seen) {
+            (AfterStop::Ready | AfterStop::Disable, true) => self.quick_stop(),
+            (AfterStop::Ready, false) => self.enter(State::Ready),
+            (AfterStop::Disable, false) => self.switch_off(State::Disabling),
+            (AfterStop::ShutDown, false) => self.switch_off(State::ShuttingDown),
+            (AfterStop::ShutDown, true) => {
+                self.quick_stop();
+                self.enter(State::ShuttingDown);
+            }
+        }
+    }
+
+    pub(super) fn switch_off(&mut self, next: State) {
+        self.parts.pins.all_off();
+        self.parts.drives.request(u64::MAX, Request::Disable);
+        self.enter(next);
+    }
+}
+
+/// What is wrong with a drive that is or should be under power.
+fn drive_fault(joint: usize, drive: &Drive) -> Option<Fault> {
+    match drive.status() {
+        Status::Faulted(fault) => Some(Fault::Drive { joint, fault }),
+        // It was not there when the drives were switched on: a drive lost later is in fault.
+        Status::Offline => Some(Fault::Drive {
+            joint,
+            fault: AxisFault::Lost,
+        }),
+        Status::Enabled if drive.warns() => Some(Fault::DriveWarning { joint }),
+        Status::Enabled => {
+            let (error_mm, limit_mm) = (drive.following_error_mm(), drive.following_error_max_mm());
+            (error_mm.abs() > limit_mm).then_some(Fault::FollowingError {
+                joint,
+                error_mm,
+                limit_mm,
+            })
+        }
+        Status::Disabled | Status::Enabling | Status::Homing | Status::Disabling | Status::QuickStopping => None,
+    }
+}
