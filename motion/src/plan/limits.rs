@@ -27,6 +27,9 @@ pub(super) const CURVED: f64 = 0.6;
 /// Part of the jerk that the change of acceleration on a bent path may take of what curvature leaves.
 const COUPLED_JERK: f64 = 0.5;
 
+/// What samples of a curve may miss of its direction, as a part: all of the limit of speed is used, with no room for it.
+const SLOPE_MISSED: f64 = 1e-4;
+
 /// Greatest derivatives of each axis over a stretch.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Bounds {
@@ -109,7 +112,7 @@ impl Bounds {
             most
         });
         Bounds {
-            d1,
+            d1: d1.map(|slope| slope * (1.0 + SLOPE_MISSED)),
             d2,
             d3,
             ..Bounds::default()
