@@ -28,8 +28,9 @@ pub(super) struct Times {
     pub(super) first_s: f64,
 }
 
-/// Spans of a window at the most, which bounds a publication.
-pub(super) const WINDOW_SPANS: usize = 2048;
+/// Spans of a window at the most, which bounds a publication. A quarter of them lies behind a border and must be enough to stop
+/// in: where blocks are so short that it is not, no way is found and the machine creeps. 4 um at 100 mm/s are long enough.
+pub(super) const WINDOW_SPANS: usize = 8192;
 
 /// Part of the time by which a window may be slower than it could be.
 const WINDOW_GAP: f64 = 2e-3;

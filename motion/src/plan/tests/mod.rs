@@ -122,6 +122,19 @@ fn blocks_of_a_small_part_of_the_braking_length_are_run_at_full_speed() {
 }
 
 #[test]
+fn short_exact_blocks_go_on_at_full_speed_from_window_to_window() {
+    // More blocks than a window has spans: the stop behind each border takes 760 of them.
+    let blocks = (1..=20_000).map(|k| feed(0.01 * f64::from(k), 0.0, 0.0));
+    let settings = Settings {
+        slope: Slope::Optimal,
+        ..settings()
+    };
+    let plan = proven(&events([F].into_iter().chain(blocks)), settings, 0.0);
+    // 200 mm at 100 mm/s, and two ramps of 0.15 s at half the speed.
+    assert!(plan.motion_time_s < 2.17, "{}", plan.motion_time_s);
+}
+
+#[test]
 fn errors_say_line_axis_value_and_limit() {
     let error = plan_offline(&events([F, feed(1.0, 2.0, 3.0), feed(1.0, -501.5, 3.0)]), settings()).unwrap_err();
     assert_eq!(
