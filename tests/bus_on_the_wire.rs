@@ -25,6 +25,7 @@ fn main() {
     let simulated = Simulated::start(&machine);
     alone_on_the_interface();
     beside_a_control(folder.path());
+    one_sender_of_an_interface(folder.path(), &simulated);
     drop(simulated);
     println!("bus_on_the_wire ... ok");
 }
@@ -93,6 +94,24 @@ fn alone_on_the_interface() {
     );
 }
 
+/// Two machines at one end of the wire would both answer; one that was killed holds nothing any more.
+fn one_sender_of_an_interface(folder: &Path, simulated: &Simulated) {
+    let machine = folder.join("machine.toml");
+    let simulate = || {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+        command.arg("simulate").arg(&machine).args(["--interface", "plk1"]);
+        command
+    };
+    let second = simulate().output().expect("the binary runs");
+    let taken = format!("isocnc: interface plk1: process {} (", simulated.0.id());
+    assert_eq!(second.status.code(), Some(1));
+    assert!(text(&second).starts_with(&taken), "{}", text(&second));
+    let get = bus(&["sdo", "get", "--interface", "plk1", "--node", "3", "0x1000"]);
+    assert!(text(&get).starts_with(&taken), "{}", text(&get));
+    let scan = bus(&["scan", "--interface", "plk0", "--listen", "0.3"]);
+    assert!(scan.status.success(), "killed controls hold nothing: {}", text(&scan));
+}
+
 /// A control that expects another vendor of node 3.
 fn beside_a_control(folder: &Path) {
     let line = 1 + DEMO.lines().position(|line| line == "id = 3").expect("node 3");
@@ -137,7 +156,19 @@ fn beside_a_control(folder: &Path) {
         }
         sleep(Duration::from_millis(50));
     };
-    // On its interface nobody else may send.
+    // On its interface nobody else may send: no control of another name either, which would not be heard by the first one.
+    let other = folder.join("other-name.toml");
+    std::fs::write(&other, DEMO.replace("name = \"mill3-demo\"", "name = \"other-name\"")).expect("our folder");
+    let second = Command::new(env!("CARGO_BIN_EXE_isocnc"))
+        .arg("run")
+        .arg(&other)
+        .output();
+    let second = second.expect("the binary runs");
+    let second = (
+        second.status.code(),
+        String::from_utf8_lossy(&second.stderr).into_owned(),
+    );
+    let taken = format!("isocnc: interface plk0: process {} (", control.id());
     let scan = bus(&["scan", "--interface", "plk0"]);
     let busy = "isocnc: the control of machine \"wrong-vendor\" is at work on plk0: ask it, without --interface and with \
                 --machine wrong-vendor\n";
@@ -149,6 +180,12 @@ fn beside_a_control(folder: &Path) {
     let _ = control.wait();
     assert!(found, "never told: {expected}");
     assert_eq!(said, (Some(1), busy.to_owned()));
+    assert_eq!(second.0, Some(1), "{}", second.1);
+    assert!(
+        second.1.starts_with(&taken) && second.1.contains("nothing was sent"),
+        "{}",
+        second.1
+    );
     assert_eq!(far.status.code(), Some(1));
     assert!(
         text(&far).starts_with("a managing node is at work on this wire ("),

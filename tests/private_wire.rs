@@ -3,6 +3,7 @@
 //! This program has no test harness, for a namespace is entered by a process of one thread: it runs itself again, once per
 //! user, and checks what the other one says. Where the system refuses, it prints the reason and passes.
 
+use isocnc::bus::sender::{ClaimError, SoleSender};
 use isocnc::service::analyser::Analyser;
 use isocnc::service::netns::{NetnsError, private_wire};
 use nix::ifaddrs::getifaddrs;
@@ -71,6 +72,11 @@ fn check(name: &str, configure: impl FnOnce(&mut Command)) -> Option<String> {
 
 /// Runs in a process of its own.
 fn make_wire() {
+    if !nix::unistd::geteuid().is_root() {
+        // Whoever may not send cannot keep others from it either.
+        let refused = SoleSender::claim("lo").expect_err("an ordinary user has no raw sockets");
+        assert!(matches!(refused, ClaimError::Open(_)), "{refused}");
+    }
     let wire = match private_wire("plk0", "plk1") {
         Ok(wire) => wire,
         Err(error @ NetnsError::Forbidden { .. }) => {
@@ -104,11 +110,30 @@ fn make_wire() {
             "no IPv6 address, so no neighbour discovery: {addresses}"
         );
     }
+    claim_interfaces();
     measure_soc_periods();
     println!(
         "WIRE MADE, user namespace: {}, notes: {:?}",
         wire.user_namespace, wire.notes
     );
+}
+
+/// An interface has one sender, who is named; another interface is free, and so is this one behind him.
+fn claim_interfaces() {
+    let near = SoleSender::claim("plk0").expect("nobody sends on a new wire");
+    let refused = SoleSender::claim("plk0").expect_err("it is taken");
+    let ClaimError::Taken { interface, by } = &refused else {
+        panic!("{refused}");
+    };
+    let (pid, command) = by.process.clone().expect("our own process can be seen");
+    assert_eq!((interface.as_str(), pid), ("plk0", std::process::id()));
+    assert!(command.contains("private_wire"), "{command}");
+    let far = SoleSender::claim("plk1").expect("another interface");
+    drop(near);
+    SoleSender::claim("plk0").expect("free again");
+    drop(far);
+    let missing = SoleSender::claim("plk9").expect_err("there is none");
+    assert!(missing.to_string().contains("no interface has this name"), "{missing}");
 }
 
 /// The far end sees every SoC that the near end sends, stamped, and what the far end sends itself.

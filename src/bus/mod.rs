@@ -10,6 +10,7 @@ pub mod layout;
 pub mod managing_node;
 pub mod network;
 pub mod powerlink;
+pub mod sender;
 
 use ::powerlink::link::LinkError;
 use ::powerlink::mn::{Counters, Diagnosis, NetworkDiagnosis, SdoCommand, SdoError};

@@ -1,5 +1,6 @@
 //! `isocnc simulate`: the simulated machine as controlled nodes on an interface.
 
+use crate::bus::sender::SoleSender;
 use crate::config::{self, KeepAwake, Require, Rt};
 use crate::rt::setup::{self, Role, STACK_SIZE, enter_thread};
 use crate::rt::wait::to_next;
@@ -66,6 +67,7 @@ pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
         stay_with_parent();
     }
     let mut machine = SimMachine::new(&config).map_err(|error| anyhow!("{error}"))?;
+    let _sole = SoleSender::claim(&args.interface)?;
     let mut link = RawLink::open(
         &args.interface,
         RawConfig {

@@ -16,6 +16,7 @@ use super::tap::{Tap, TapBridge};
 use crate::bus::managing_node::{mn_config, node_configs};
 use crate::bus::network;
 use crate::bus::powerlink::{NODES_MAX, Powerlink, wall_clock};
+use crate::bus::sender::SoleSender;
 use crate::bus::{EthernetFrame, Fieldbus, NodeStatistics};
 use crate::config::{Config, KeepAwake};
 use crate::machine::tables::Tables;
@@ -121,6 +122,11 @@ pub struct Ended {
 /// # Errors
 /// What keeps it from starting; a thread that panicked. How the machine fared is no error but in [`Ended`].
 pub fn run(session: &Session<'_>, wire: Wire, attendant: &mut dyn Attendant) -> anyhow::Result<Ended> {
+    // Before anything that takes time: nothing is to be tuned for a wire that is another one's.
+    let _sole = match &wire {
+        Wire::Interface(interface) => Some(SoleSender::claim(interface)?),
+        Wire::Memory => None,
+    };
     let mut process = setup::prepare_process(&session.config.rt)?;
     let calibration = calibrate(session.config, &mut process);
     if !session.quiet {

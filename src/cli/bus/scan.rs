@@ -37,7 +37,7 @@ pub struct ScanArgs {
 pub(super) fn scan(args: &ScanArgs, as_json: bool, out: &mut impl Write) -> anyhow::Result<ExitCode> {
     let link = open(&args.interface)?;
     let mac = link.mac();
-    scan_on(Box::new(link), mac, args, as_json, out)
+    scan_on(Box::new(link), mac, Some(&args.interface), args, as_json, out)
 }
 
 /// A link that hears all nodes, also what is sent to another one.
@@ -75,6 +75,7 @@ fn sees_our_interfaces(pid: &serde_json::Value) -> bool {
 fn scan_on(
     mut link: Box<dyn Link>,
     mac: Mac,
+    interface: Option<&str>,
     args: &ScanArgs,
     as_json: bool,
     out: &mut impl Write,
@@ -87,7 +88,7 @@ fn scan_on(
         return Ok(ExitCode::FAILURE);
     }
     // Listened already.
-    let mut station = Station::take_over(link, mac, 0)?;
+    let mut station = Station::take_over(link, mac, interface, 0)?;
     let shows_progress = std::io::stderr().is_terminal() && !as_json;
     let found = station.scan(u64::from(args.answer_us) * 1000, &mut |id| {
         if shows_progress {

@@ -21,7 +21,7 @@ fn args() -> ScanArgs {
 
 fn printed(link: impl Link + 'static, as_json: bool) -> (String, ExitCode) {
     let mut out = Vec::new();
-    let code = scan_on(Box::new(link), MAC, &args(), as_json, &mut out).unwrap();
+    let code = scan_on(Box::new(link), MAC, None, &args(), as_json, &mut out).unwrap();
     (String::from_utf8(out).unwrap(), code)
 }
 

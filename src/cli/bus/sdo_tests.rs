@@ -18,7 +18,7 @@ fn on_machine(node: u8, commands: &[&str], device: Option<&DeviceDescription>) -
     let stop = AtomicBool::new(false);
     std::thread::scope(|scope| {
         let machine = scope.spawn(|| serve(&mut far, &mut machine, &stop, &mut |_| {}, &mut |_, _| {}));
-        let mut access = Access::on(Box::new(near), [2, 0, 0, 0, 0, 0xF0], node, 1_000_000).unwrap();
+        let mut access = Access::on(Box::new(near), [2, 0, 0, 0, 0, 0xF0], None, node, 1_000_000).unwrap();
         let (mut out, mut codes) = (Vec::new(), Vec::new());
         for command in commands {
             let words = ["sdo"].into_iter().chain(command.split_whitespace());
@@ -133,7 +133,7 @@ fn who_does_not_answer_is_named() {
         let mut buffer = [0; 1514];
         while powerlink::link::Link::receive(&mut far, &mut buffer, u64::MAX).is_ok() {}
     });
-    let Err(error) = Access::on(Box::new(near), [2, 0, 0, 0, 0, 0xF0], 77, 1_000_000) else {
+    let Err(error) = Access::on(Box::new(near), [2, 0, 0, 0, 0, 0xF0], None, 77, 1_000_000) else {
         panic!("found")
     };
     reader.join().unwrap();

@@ -4,6 +4,7 @@
 //! Out: who answers, values of objects. Frames go out by hand: SoA after SoA, never a SoC, a PReq or an NMT command, so that
 //! no node is reset or starts anything.
 
+use crate::bus::sender::SoleSender;
 use anyhow::{anyhow, bail};
 use powerlink::link::{Link, LinkError};
 use powerlink::nmt::NmtState;
@@ -112,19 +113,28 @@ fn node_of(frame: &[u8]) -> Option<u8> {
 pub struct Station {
     link: Box<dyn Link>,
     mac: Mac,
+    /// `None`: the wire is no interface of this PC.
+    _sole: Option<SoleSender>,
     buffer: [u8; FRAME_LEN_MAX],
 }
 
 impl Station {
-    /// Takes the wire over after listening for `listen_ns`, and wakes the nodes.
+    /// Takes the wire over after listening for `listen_ns`, and wakes the nodes. `interface`: that of the link, if it is one of
+    /// this PC.
     ///
     /// # Errors
-    /// A managing node is there; the link fails.
-    pub fn take_over(mut link: Box<dyn Link>, mac: Mac, listen_ns: u64) -> anyhow::Result<Station> {
+    /// A managing node is there, or another sender of this PC; the link fails.
+    pub fn take_over(
+        mut link: Box<dyn Link>,
+        mac: Mac,
+        interface: Option<&str>,
+        listen_ns: u64,
+    ) -> anyhow::Result<Station> {
         if let Some(foreign) = listen(&mut *link, listen_ns, &mut |_, _| {})? {
             return Err(foreign.into());
         }
         let mut station = Station {
+            _sole: interface.map(SoleSender::claim).transpose()?,
             link,
             mac,
             buffer: [0; FRAME_LEN_MAX],

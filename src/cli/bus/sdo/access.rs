@@ -49,7 +49,7 @@ impl Access {
         if let Some(interface) = &args.interface {
             let link = open(interface)?;
             let mac = link.mac();
-            return Access::on(Box::new(link), mac, id, LISTEN_NS).map_err(|error| {
+            return Access::on(Box::new(link), mac, Some(interface), id, LISTEN_NS).map_err(|error| {
                 match error.downcast_ref::<super::super::station::ForeignMaster>() {
                     Some(_) => {
                         error.context("leave out --interface to ask through the control of this PC, or use --udp")
@@ -78,8 +78,14 @@ impl Access {
     }
 
     /// As the only managing node on a link.
-    pub(super) fn on(link: Box<dyn Link>, mac: [u8; 6], id: u8, listen_ns: u64) -> anyhow::Result<Access> {
-        let mut station = Station::take_over(link, mac, listen_ns)?;
+    pub(super) fn on(
+        link: Box<dyn Link>,
+        mac: [u8; 6],
+        interface: Option<&str>,
+        id: u8,
+        listen_ns: u64,
+    ) -> anyhow::Result<Access> {
+        let mut station = Station::take_over(link, mac, interface, listen_ns)?;
         let target = station.find(id)?;
         Ok(Access::Wire(Box::new(Parameters::of(station, target))))
     }
