@@ -278,7 +278,7 @@ impl Run<'_> {
     }
 
     fn leave_failed_call(&mut self) {
-        self.state.turning = None;
+        self.state.leave_profile();
         if let Some(level) = self.levels.pop()
             && let Some(back) = level.back
         {
@@ -300,6 +300,10 @@ impl Run<'_> {
         }
         let here = self.place();
         let is_program = o_word.keyword == Keyword::Program;
+        if is_program && !self.state.settings.fanuc_subprograms {
+            let word = o_word.label.to_string();
+            return Err((o_word.span, ErrorKind::FanucSubprogram { word }));
+        }
         let found = Subroutine {
             start: here,
             is_program,
@@ -483,7 +487,7 @@ impl Run<'_> {
         match self.enter(Label::Number(program), LevelKind::Profile, span) {
             Ok(()) => self.state.parameters.set_arguments([0.0; ARGUMENTS]),
             Err((span, kind)) => {
-                self.state.turning = None;
+                self.state.leave_profile();
                 self.fail(span, kind);
             }
         }

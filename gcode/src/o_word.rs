@@ -170,7 +170,14 @@ pub(crate) fn read(mut cursor: Cursor<'_>, values: &impl Values) -> Result<Optio
     let mut arguments = [0.0; ARGUMENTS];
     let mut argument_count = 0;
     let (least, most) = keyword.arguments();
-    while cursor.peek() == Some(b'[') {
+    while let Some(octet @ (b'[' | b'(')) = cursor.peek() {
+        if octet == b'(' {
+            // A note between arguments.
+            if let Some(Err(fault)) = cursor.item() {
+                return Err(fault);
+            }
+            continue;
+        }
         let at = cursor.at;
         let value = cursor.value(values)?;
         if argument_count == most {

@@ -6,8 +6,8 @@
 use crate::degrees;
 use crate::error::ErrorKind;
 
-/// Numbers that differ by less are equal for `EQ` and `NE`.
-const EQUAL: f64 = 1e-4;
+/// Numbers that differ by less are equal for `EQ`, `NE`, `GE` and `LE`, as in LinuxCNC; `GT` and `LT` compare exactly.
+const EQUAL: f64 = 1e-6;
 
 /// An operator between two values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -91,6 +91,7 @@ impl Operator {
                 f64::from(truth)
             }
         };
+        let equal = (left - right).abs() < EQUAL;
         let result = match self {
             Operator::Divide | Operator::Modulo if right == 0.0 => return Err(ErrorKind::DivideByZero { operator }),
             Operator::Power if left == 0.0 && right < 0.0 => return Err(ErrorKind::DivideByZero { operator }),
@@ -109,12 +110,12 @@ impl Operator {
             }
             Operator::Plus => left + right,
             Operator::Minus => left - right,
-            Operator::Equal => truth((left - right).abs() < EQUAL),
-            Operator::NotEqual => truth((left - right).abs() >= EQUAL),
+            Operator::Equal => truth(equal),
+            Operator::NotEqual => truth(!equal),
             Operator::Greater => truth(left > right),
-            Operator::GreaterOrEqual => truth(left >= right),
+            Operator::GreaterOrEqual => truth(equal || left > right),
             Operator::Less => truth(left < right),
-            Operator::LessOrEqual => truth(left <= right),
+            Operator::LessOrEqual => truth(equal || left < right),
             Operator::And => truth(left != 0.0 && right != 0.0),
             Operator::Or => truth(left != 0.0 || right != 0.0),
             Operator::ExclusiveOr => truth((left != 0.0) != (right != 0.0)),
@@ -237,14 +238,19 @@ mod tests {
             (-7.0, Modulo, 3.0, 2.0),
             (-7.0, Modulo, -3.0, 2.0),
             (1.0, Modulo, -3.0, 1.0),
-            (1.0, Equal, 1.00009, 1.0),
-            (1.0, Equal, 1.00011, 0.0),
-            (1.0, NotEqual, 1.00009, 0.0),
-            (1.0, NotEqual, 1.00011, 1.0),
-            (1.0, Less, 1.00009, 1.0),
+            (1.0, Equal, 1.0000009, 1.0),
+            (1.0, Equal, 1.0000011, 0.0),
+            (1.0, NotEqual, 1.0000009, 0.0),
+            (1.0, NotEqual, 1.0000011, 1.0),
+            (1.0, Less, 1.0000009, 1.0),
             (1.0, GreaterOrEqual, 1.0, 1.0),
+            (1.0, GreaterOrEqual, 1.0000009, 1.0),
+            (1.0, GreaterOrEqual, 1.0000011, 0.0),
             (1.0, Greater, 1.0, 0.0),
+            (1.0000009, Greater, 1.0, 1.0),
             (1.0, LessOrEqual, 0.5, 0.0),
+            (1.0000009, LessOrEqual, 1.0, 1.0),
+            (1.0000011, LessOrEqual, 1.0, 0.0),
             (2.0, And, -0.1, 1.0),
             (2.0, And, 0.0, 0.0),
             (0.0, Or, 0.1, 1.0),

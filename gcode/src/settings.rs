@@ -115,9 +115,9 @@ pub struct Settings {
     pub wrapped_rotary: [bool; AXES],
     /// Greatest difference of the radii at start and end of an arc, mm; `None`: LinuxCNC's for the unit in force.
     pub arc_radius_tolerance_mm: Option<f64>,
-    /// How far G73 backs off, mm; `None`: 0.254 mm.
+    /// How far G73 backs off where its line has no D, mm; `None`: 1 mm, in inches 0.05 in.
     pub chip_breaking_clearance_mm: Option<f64>,
-    /// How far above the last depth G83 begins to feed again, mm; `None`: 0.254 mm.
+    /// How far above the last depth G83 begins to feed again where its line has no D, mm; `None`: as for G73.
     pub peck_clearance_mm: Option<f64>,
     /// Added to the angles of M19, degrees.
     pub orient_offset_degrees: f64,
@@ -125,6 +125,8 @@ pub struct Settings {
     pub subroutine_folders: Vec<PathBuf>,
     /// Codes of M100 to M199 that can be run; `None`: all, for those who only look at a program.
     pub user_codes: Option<Vec<u8>>,
+    /// Whether there are subprograms in Fanuc's style: a bare O-word, M98 and M99. Without them these words are errors.
+    pub fanuc_subprograms: bool,
     /// Whether M99 in the program itself begins it anew; else it ends it.
     pub repeats_by_m99: bool,
     /// Codes that call subroutines.
@@ -171,6 +173,7 @@ impl Default for Settings {
             orient_offset_degrees: 0.0,
             subroutine_folders: Vec::new(),
             user_codes: None,
+            fanuc_subprograms: true,
             repeats_by_m99: false,
             remaps: Vec::new(),
             ini_values: BTreeMap::new(),

@@ -8,9 +8,10 @@
 
 mod oracle;
 
-use std::{collections::BTreeSet, env, path::Path};
+use std::{collections::BTreeSet, env};
 
 use oracle::{
+    Oracle, Version,
     case::{Case, corpus},
     grammar, ours,
 };
@@ -20,20 +21,16 @@ use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestRng, TestRu
 const STEPS: usize = 30;
 
 /// The interpreter to compare with; without one the test says so and ends.
-fn rs274() -> Option<std::path::PathBuf> {
-    match oracle::find() {
-        Ok(path) => Some(path),
-        Err(reason) => {
-            eprintln!("skipped: {reason}");
-            None
-        }
-    }
+fn rs274(version: Version) -> Option<Oracle> {
+    oracle::find(version)
+        .inspect_err(|reason| eprintln!("skipped: {reason}"))
+        .ok()
 }
 
 /// What our interpreter makes of a case in another way than LinuxCNC's.
-fn difference(rs274: &Path, case: &Case) -> Option<String> {
+fn difference(rs274: &Oracle, case: &Case) -> Option<String> {
     let theirs = oracle::run(rs274, case);
-    let ours = ours::run(case);
+    let ours = ours::run(case, rs274.version);
     if ours.canon != theirs.canon {
         let (theirs_at, ours_at) = first_difference(&theirs.canon, &ours.canon);
         return Some(format!(
@@ -75,8 +72,17 @@ fn first_difference<'t>(theirs: &'t str, ours: &'t str) -> (&'t str, &'t str) {
 
 #[test]
 fn the_corpus_as_linuxcnc_does_it() {
-    let Some(rs274) = rs274() else { return };
-    let known: BTreeSet<String> = known_differences();
+    the_corpus_as(Version::Packaged);
+}
+
+#[test]
+fn the_corpus_as_the_newest_linuxcnc_does_it() {
+    the_corpus_as(Version::Newest);
+}
+
+fn the_corpus_as(version: Version) {
+    let Some(rs274) = rs274(version) else { return };
+    let known: BTreeSet<String> = known_differences(version);
     let failures: Vec<String> = corpus()
         .iter()
         .filter(|(_, case)| !known.contains(&case.name))
@@ -90,22 +96,35 @@ fn the_corpus_as_linuxcnc_does_it() {
     );
 }
 
-/// Cases of the corpus in which the packaged version is known to differ, and those we do not do yet.
-fn known_differences() -> BTreeSet<String> {
+/// Cases of the corpus in which a version is known to differ, and those we do not do yet.
+fn known_differences(version: Version) -> BTreeSet<String> {
+    let section = match version {
+        Version::Packaged => "case",
+        Version::Newest => "newest",
+    };
     let table: toml::Table = include_str!("corpus/differences.toml")
         .parse()
         .expect("differences.toml");
     let cases = table
-        .get("case")
+        .get(section)
         .and_then(toml::Value::as_table)
-        .expect("differences.toml: [case]");
+        .unwrap_or_else(|| panic!("differences.toml: [{section}]"));
     let pending = include_str!("corpus/pending.txt").lines().map(str::to_owned);
     cases.keys().cloned().chain(pending).collect()
 }
 
 #[test]
 fn generated_programs_as_linuxcnc_does_them() {
-    let Some(rs274) = rs274() else { return };
+    generated_programs_as(Version::Packaged);
+}
+
+#[test]
+fn generated_programs_as_the_newest_linuxcnc_does_them() {
+    generated_programs_as(Version::Newest);
+}
+
+fn generated_programs_as(version: Version) {
+    let Some(rs274) = rs274(version) else { return };
     let number = |name: &str, usual: u64| {
         env::var(name).map_or(usual, |text| {
             text.parse().unwrap_or_else(|_| panic!("{name}={text} is no number"))
@@ -122,7 +141,7 @@ fn generated_programs_as_linuxcnc_does_them() {
     bytes[..8].copy_from_slice(&seed.to_le_bytes());
     let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &bytes));
     let outcome = runner.run(&grammar::steps(STEPS), |steps| {
-        let program = grammar::program(&steps);
+        let program = grammar::program(&steps, version);
         match difference(&rs274, &Case::of_text("generated", &program)) {
             None => Ok(()),
             Some(told) => Err(TestCaseError::fail(format!(

@@ -338,7 +338,10 @@ fn every_program_of_the_corpus_comes_back() {
     for (_, case) in &cases {
         let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).expect("a folder for the case");
         case.write_to(folder.path());
-        match difference(&ours::settings(case, folder.path()), &case.program) {
+        match difference(
+            &ours::settings(case, folder.path(), oracle::Version::Newest),
+            &case.program,
+        ) {
             Ok(None) => {}
             Ok(Some(difference)) => failures.push(format!("== {}\n{difference}", case.name)),
             Err(reason) => unwritable.push((case.name.clone(), reason)),
@@ -368,10 +371,13 @@ fn runner(cases: u32) -> TestRunner {
 #[test]
 fn generated_programs_come_back() {
     let outcome = runner(200).run(&grammar::steps(30), |steps| {
-        let program = grammar::program(&steps);
+        let program = grammar::program(&steps, oracle::Version::Newest);
         let case = Case::of_text("generated", &program);
         let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).expect("a folder for the case");
-        match difference(&ours::settings(&case, folder.path()), &case.program) {
+        match difference(
+            &ours::settings(&case, folder.path(), oracle::Version::Newest),
+            &case.program,
+        ) {
             Ok(None) => Ok(()),
             Err(reason) if reason == TAP || reason.starts_with("an arc that G2 and G3 refuse in mm") => Ok(()),
             Err(reason) => Err(TestCaseError::fail(format!("{reason}\n--- program\n{program}---"))),

@@ -47,13 +47,15 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
     let block_delete = section.flag("block_delete", default.block_delete);
     let diameter_mode = section.flag("diameter_mode", default.diameter_mode);
     let keep_g92 = section.flag("keep_g92", default.keep_g92);
-    let clearance = Bound::Within(0.0, PECK_CLEARANCE_MAX_MM);
-    let chip_breaking_clearance_mm = section.number(
-        "chip_breaking_clearance_mm",
-        clearance,
-        default.chip_breaking_clearance_mm,
-    );
-    let peck_clearance_mm = section.number("peck_clearance_mm", clearance, default.peck_clearance_mm);
+    let fanuc_subroutines = section.flag("fanuc_subroutines", default.fanuc_subroutines);
+    let mut clearance = |key| match section.has(key) {
+        true => section
+            .number(key, Bound::Within(0.0, PECK_CLEARANCE_MAX_MM), None)
+            .map(Some),
+        false => Some(None),
+    };
+    let chip_breaking_clearance_mm = clearance("chip_breaking_clearance_mm");
+    let peck_clearance_mm = clearance("peck_clearance_mm");
     let cutter_corner = cutter_corner(section);
     let gouges = [("error", Gouge::Error), ("drop-loop", Gouge::DropLoop)];
     let gouge = section.word("gouge", &gouges, default.gouge);
@@ -73,13 +75,7 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
         }
         table.done();
     }
-    section.not_yet(&[
-        "optional_stop",
-        "log_directory",
-        "startup_code",
-        "fanuc_subroutines",
-        "read_pins",
-    ]);
+    section.not_yet(&["optional_stop", "log_directory", "startup_code", "read_pins"]);
     Some(Program {
         tolerance_mm: tolerance_mm?,
         look_ahead_blocks: look_ahead_blocks? as usize,
@@ -92,6 +88,7 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
         block_delete: block_delete?,
         diameter_mode: diameter_mode?,
         keep_g92: keep_g92?,
+        fanuc_subroutines: fanuc_subroutines?,
         chip_breaking_clearance_mm: chip_breaking_clearance_mm?,
         peck_clearance_mm: peck_clearance_mm?,
         cutter_corner: cutter_corner?,

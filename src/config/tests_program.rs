@@ -49,10 +49,10 @@ fn what_is_left_out_is_as_in_linuxcnc() {
     assert_eq!(program.planner_threads, None);
     assert_eq!((program.parameter_file, program.directory), (None, None));
     assert!(!program.user_codes.allowed && !program.block_delete && !program.diameter_mode);
-    assert!(program.keep_g92);
+    assert!(program.keep_g92 && program.fanuc_subroutines);
     assert_eq!(
         (program.chip_breaking_clearance_mm, program.peck_clearance_mm),
-        (0.254, 0.254)
+        (None, None)
     );
     assert!((program.arc_radius_tolerance_mm - 0.028_284).abs() < 1e-6);
     assert!((program.arc_radius_tolerance_inch - 0.002_828_4).abs() < 1e-7);
@@ -79,6 +79,7 @@ user_code_directories = ["codes"]
 block_delete = true
 diameter_mode = true
 keep_g92 = false
+fanuc_subroutines = false
 chip_breaking_clearance_mm = 1
 peck_clearance_mm = 0.5
 cutter_corner = "intersection"
@@ -130,8 +131,9 @@ orient_offset_degrees = -90
         block_delete: true,
         diameter_mode: true,
         keep_g92: false,
-        chip_breaking_clearance_mm: 1.0,
-        peck_clearance_mm: 0.5,
+        fanuc_subroutines: false,
+        chip_breaking_clearance_mm: Some(1.0),
+        peck_clearance_mm: Some(0.5),
         cutter_corner: motion::compensation::Corner::Intersection { limit_degrees: 95.0 },
         gouge: motion::compensation::Gouge::DropLoop,
         arc_radius_tolerance_mm: 0.01,

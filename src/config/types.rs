@@ -494,10 +494,12 @@ pub struct Program {
     pub diameter_mode: bool,
     /// The offset of G92 and G52 outlives the process; default true.
     pub keep_g92: bool,
-    /// How far G73 backs off, mm; default 0.254.
-    pub chip_breaking_clearance_mm: f64,
-    /// How far above the last depth G83 begins to feed again, mm; default 0.254.
-    pub peck_clearance_mm: f64,
+    /// Subprograms in Fanuc's style (a bare O-word, M98, M99); default true.
+    pub fanuc_subroutines: bool,
+    /// How far G73 backs off where its line has no D, mm; `None`: 1 mm, in a program in inches 0.05 in.
+    pub chip_breaking_clearance_mm: Option<f64>,
+    /// How far above the last depth G83 begins to feed again where its line has no D, mm; `None`: as for G73.
+    pub peck_clearance_mm: Option<f64>,
     /// How the tool goes around outer corners under G41 and G42; default by an arc.
     pub cutter_corner: motion::compensation::Corner,
     /// What happens where it would cut into another part of the contour; default an error.
@@ -535,8 +537,9 @@ impl Default for Program {
             block_delete: false,
             diameter_mode: false,
             keep_g92: true,
-            chip_breaking_clearance_mm: 0.254,
-            peck_clearance_mm: 0.254,
+            fanuc_subroutines: true,
+            chip_breaking_clearance_mm: None,
+            peck_clearance_mm: None,
             cutter_corner: motion::compensation::Corner::default(),
             gouge: motion::compensation::Gouge::default(),
             arc_radius_tolerance_mm,

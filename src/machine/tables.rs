@@ -87,6 +87,13 @@ fn count(errors: usize) -> String {
     }
 }
 
+/// Takes the offset of G92 and G52 out of parameters.
+pub fn forget_g92(parameters: &mut [(u16, f64)]) {
+    for (_, value) in parameters.iter_mut().filter(|(number, _)| G92.contains(number)) {
+        *value = 0.0;
+    }
+}
+
 impl Tables {
     /// Reads the files of a machine. A parameter file that is missing is made later; until then, and without one, the work
     /// offsets are those of the machine file.
@@ -107,10 +114,7 @@ impl Tables {
         };
         tables.refresh(config)?;
         if !config.program.keep_g92 {
-            let g92 = |number: u16| G92.contains(&number);
-            for entry in tables.parameters.iter_mut().filter(|entry| g92(entry.0)) {
-                entry.1 = 0.0;
-            }
+            forget_g92(&mut tables.parameters);
         }
         Ok(tables)
     }

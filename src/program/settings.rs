@@ -42,8 +42,9 @@ pub fn interpreter_settings(config: &Config, start: Position) -> gcode::Settings
         wrapped_rotary,
         kinematics: config.kinematics(),
         arc_radius_tolerance_mm: arc_radius_tolerance_mm(config),
-        chip_breaking_clearance_mm: Some(program.chip_breaking_clearance_mm),
-        peck_clearance_mm: Some(program.peck_clearance_mm),
+        chip_breaking_clearance_mm: program.chip_breaking_clearance_mm,
+        peck_clearance_mm: program.peck_clearance_mm,
+        fanuc_subprograms: program.fanuc_subroutines,
         cutter_corner: program.cutter_corner,
         gouge: program.gouge,
         orient_offset_degrees: config.spindle.orient_offset_degrees,
@@ -114,8 +115,6 @@ mod tests {
         let mut expected = gcode::Settings {
             start: Position::xyz(1.0, 2.0, 3.0),
             spindles: 1,
-            chip_breaking_clearance_mm: Some(0.254),
-            peck_clearance_mm: Some(0.254),
             user_codes: Some(Vec::new()),
             kinematics: demo().kinematics(),
             tools: found.tools.clone(),
@@ -149,8 +148,9 @@ mod tests {
         program.user_codes.directories = vec![PathBuf::from("nowhere"), folder.path().to_owned()];
         program.block_delete = true;
         program.diameter_mode = true;
-        program.chip_breaking_clearance_mm = 1.0;
-        program.peck_clearance_mm = 2.0;
+        program.chip_breaking_clearance_mm = Some(1.0);
+        program.peck_clearance_mm = Some(2.0);
+        program.fanuc_subroutines = false;
         program.cutter_corner = Corner::Intersection { limit_degrees: 60.0 };
         program.gouge = Gouge::DropLoop;
         program.arc_radius_tolerance_inch = 0.001;
@@ -176,6 +176,7 @@ mod tests {
             (found.chip_breaking_clearance_mm, found.peck_clearance_mm),
             (Some(1.0), Some(2.0))
         );
+        assert!(!found.fanuc_subprograms);
         assert_eq!(found.cutter_corner, Corner::Intersection { limit_degrees: 60.0 });
         assert_eq!(found.gouge, Gouge::DropLoop);
         assert_eq!(found.subroutine_folders, ["parts", "one", "two"].map(PathBuf::from));

@@ -627,6 +627,14 @@ pub enum ErrorKind {
         /// How it was called.
         by_m98: bool,
     },
+    /// M98, M99 or a bare O-word where the settings do not allow them.
+    #[error(
+        "{word} belongs to subprograms in Fanuc's style, which the machine has switched off: use sub, call and endsub"
+    )]
+    FanucSubprogram {
+        /// What stands there.
+        word: String,
+    },
     /// A remapped code without a word that its subroutine needs.
     #[error("{code} needs {letter}, a parameter of its subroutine")]
     RemapWordMissing {

@@ -402,6 +402,10 @@ impl State {
         let Some(code) = block.codes.stop else {
             return Ok(Flow::On);
         };
+        if matches!(code.value, Stop::Call | Stop::Return) && !self.settings.fanuc_subprograms {
+            let word = if code.value == Stop::Call { "M98" } else { "M99" }.into();
+            return Err((code.span, ErrorKind::FanucSubprogram { word }));
+        }
         if matches!(code.value, Stop::End | Stop::PalletEnd) {
             self.check_nurbs_closed(None).map_err(|kind| (code.span, kind))?;
         }

@@ -117,7 +117,7 @@ fn check_letters(block: &Block, motion: Option<Motion>) -> Result<(), Fault> {
 
 /// Codes that use a letter, for messages.
 const USERS: [(u8, &str); 11] = [
-    (b'D', "G41, G42, G41.1, G42.1, G96 and G70 to G72.2"),
+    (b'D', "G41, G42, G41.1, G42.1, G96, G70 to G73 and G83"),
     (b'E', "M66, M67, M68, G70 and G76"),
     (b'H', "G43, G43.2, G43.4 and G76"),
     (b'I', "G2, G3, G5, G5.1, G10 L1, G33.1, G70 to G72.2, G76 and G87"),
@@ -238,7 +238,7 @@ fn letters_of_motion(motion: Motion) -> u32 {
         Motion::Cycle(cycle) => match cycle {
             Cycle::Drilling | Cycle::Boring => letters(b"RL"),
             Cycle::DwellDrilling | Cycle::StopBoring | Cycle::ManualBoring | Cycle::DwellBoring => letters(b"RLP"),
-            Cycle::ChipBreaking | Cycle::PeckDrilling => letters(b"RLQ"),
+            Cycle::ChipBreaking | Cycle::PeckDrilling => letters(b"RLQD"),
             Cycle::LeftTapping | Cycle::RightTapping => letters(b"RLP$"),
             Cycle::BackBoring => letters(b"RLIJK"),
         },

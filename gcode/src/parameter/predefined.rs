@@ -90,9 +90,13 @@ impl State {
         }
     }
 
-    /// The position that a program sees: that of the tool's centre while this differs from the programmed one.
+    /// The position that a program sees: that of the tool's centre while this differs from the programmed one. In the
+    /// profile of a lathe cycle nothing moves yet, and it is the end of the last move of the profile.
     fn shown(&self) -> Position {
-        self.cutter_at.unwrap_or(self.at)
+        match &self.turning {
+            Some(_) => self.at,
+            None => self.cutter_at.unwrap_or(self.at),
+        }
     }
 
     /// A length in the unit of the machine, or an angle.
@@ -117,9 +121,9 @@ impl Values for State {
         }
         Some(match index {
             5021..=5029 => self.told_by_number(self.machine(), index, 5021),
-            5081..=5089 => self.told_by_number(self.offsets.tool, index, 5081),
+            5081..=5089 => self.stored(self.offsets.tool, index, 5081),
             5400 => f64::from(self.tools.in_spindle),
-            5401..=5409 => self.stored(self.offsets.tool, index, 5401),
+            5401..=5409 => self.stored(self.tool().offset, index, 5401),
             5410 => self.tool().diameter_mm / self.settings.machine_unit.mm(),
             5411 => self.tool().front_angle_deg,
             5412 => self.tool().back_angle_deg,

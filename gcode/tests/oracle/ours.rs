@@ -6,7 +6,7 @@ use gcode::{CanonPrinter, Interpreter, Remap, Settings, ToolChangePlace, ToolCha
 use motion::canon::{Axis, Call, LengthUnit, Position, Record};
 use motion::compensation::Gouge;
 
-use super::case::Case;
+use super::{Version, case::Case};
 
 /// The packaged interpreter's unit is the inch, and no setting changes it.
 const MACHINE_UNIT: LengthUnit = LengthUnit::Inch;
@@ -27,7 +27,7 @@ pub struct Outcome {
 }
 
 /// Runs a case.
-pub fn run(case: &Case) -> Outcome {
+pub fn run(case: &Case, version: Version) -> Outcome {
     // Subroutine files are looked for in a folder.
     let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).expect("a folder for the case");
     if !case.files.is_empty() {
@@ -38,7 +38,7 @@ pub fn run(case: &Case) -> Outcome {
     let mut printed = String::new();
     let mut errors = Vec::new();
     let mut error_lines = Vec::new();
-    let mut run = Interpreter::new(settings(case, folder.path()))
+    let mut run = Interpreter::new(settings(case, folder.path(), version))
         .run(&case.program)
         .number_by_release();
     if case.options.continue_after_error {
@@ -77,7 +77,7 @@ pub fn run(case: &Case) -> Outcome {
 }
 
 /// The settings of a case: its tables and what its INI values say.
-pub fn settings(case: &Case, folder: &Path) -> Settings {
+pub fn settings(case: &Case, folder: &Path, version: Version) -> Settings {
     let value = |section: &str, key: &str| case.options.ini.get(section).and_then(|keys| keys.get(key));
     let number = |section: &str, key: &str| value(section, key).map(|text| text.parse::<f64>().expect("a number"));
     let flag = |section: &str, key: &str| number(section, key).is_some_and(|number| number != 0.0);
@@ -86,14 +86,18 @@ pub fn settings(case: &Case, folder: &Path) -> Settings {
     } else {
         ToolChanger::Fixed
     };
+    let clearance_mm = match version {
+        Version::Packaged => Some(0.254),
+        Version::Newest => None,
+    };
     let mut settings = Settings {
         machine_unit: MACHINE_UNIT,
         tools: ToolTable::parse(case.tool_table.as_bytes(), MACHINE_UNIT, changer).expect("a tool table"),
         block_delete: case.options.block_delete,
         spindles: number("TRAJ", "SPINDLES").map_or(1, |count| count as u8),
         orient_offset_degrees: number("RS274NGC", "ORIENT_OFFSET").unwrap_or(0.0),
-        chip_breaking_clearance_mm: number("RS274NGC", "G73_PECK_CLEARANCE"),
-        peck_clearance_mm: number("RS274NGC", "G83_PECK_CLEARANCE"),
+        chip_breaking_clearance_mm: number("RS274NGC", "G73_PECK_CLEARANCE").or(clearance_mm),
+        peck_clearance_mm: number("RS274NGC", "G83_PECK_CLEARANCE").or(clearance_mm),
         // A greater one than the usual is not taken.
         arc_radius_tolerance_mm: number("RS274NGC", "CENTER_ARC_RADIUS_TOLERANCE_MM").filter(|mm| *mm < 0.0282),
         user_codes: Some(Vec::new()),
@@ -103,6 +107,7 @@ pub fn settings(case: &Case, folder: &Path) -> Settings {
             at_g30: flag("EMCIO", "TOOL_CHANGE_AT_G30"),
         },
         gouge: Gouge::NeighboursOnly,
+        fanuc_subprograms: !flag("RS274NGC", "DISABLE_FANUC_STYLE_SUB"),
         keep_tool_offset: flag("RS274NGC", "RETAIN_G43"),
         ..Settings::default()
     };

@@ -4,7 +4,7 @@
 //! Out: [`gcode::Settings`], or every mistake of the files on standard error.
 
 use super::InterpretArgs;
-use crate::machine::tables::bare_tools;
+use crate::machine::tables::{bare_tools, forget_g92};
 use crate::{config, program};
 use anyhow::Context;
 use gcode::{Located, Settings, Splines, ToolChanger, ToolTable, parameter};
@@ -24,10 +24,12 @@ pub(super) struct Tables {
 /// # Errors
 /// A file that cannot be read.
 pub(super) fn read(args: &InterpretArgs) -> anyhow::Result<Option<Tables>> {
+    let mut keeps_g92 = true;
     let (mut settings, changer, tool_file, parameter_file) = match &args.machine {
         Some(path) => match config::read(path) {
             Ok(config) => {
                 let settings = program::interpreter_settings(&config, program::home(&config));
+                keeps_g92 = config.program.keep_g92;
                 (
                     settings,
                     config.tools.changer,
@@ -65,7 +67,12 @@ pub(super) fn read(args: &InterpretArgs) -> anyhow::Result<Option<Tables>> {
     if let Some(path) = args.var.as_ref().or(parameter_file.as_ref()) {
         let content = read_file(path)?;
         match parameter::file::parse(&content) {
-            Ok(parameters) => settings.set_parameters(&parameters),
+            Ok(mut parameters) => {
+                if !keeps_g92 {
+                    forget_g92(&mut parameters);
+                }
+                settings.set_parameters(&parameters);
+            }
             Err(errors) => return Ok(mistakes(path, &content, &errors)),
         }
     }

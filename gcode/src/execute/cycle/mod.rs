@@ -21,15 +21,12 @@ use crate::print::length_in;
 use crate::scan::Fault;
 use crate::state::State;
 use hole::Hole;
-use motion::canon::{Axis, Call, PathMode, Plane, SpindleDirection};
+use motion::canon::{Axis, Call, LengthUnit, PathMode, Plane, SpindleDirection};
 use steps::{SpindleRule, spindle_rule, steps};
 
 /// How often the tool may go into the work on one line. Far more than a hole or a row of holes can have; without a bound a
 /// forgotten decimal point could fill the memory.
 pub(super) const PASSES_MAX: u32 = 20_000;
-
-/// How far a peck comes out, or stays away from the last depth, where no setting says so, mm.
-const CLEARANCE_MM: f64 = 0.254;
 
 /// Levels nearer to each other than this, in program units, are the same.
 const LEVEL_ROUNDING: f64 = 1e-9;
@@ -247,6 +244,7 @@ impl State {
     /// P, Q, I, J and K, from the line or, in a run of the same cycle, from before.
     fn hole_words(&self, cycle: Cycle, block: &Block, r: f64, depth: f64) -> Result<Words, Fault> {
         not_negative(block, b'P')?;
+        not_negative(block, b'D')?;
         let held = self.cycle.cycle == Some(cycle);
         let before = &self.cycle;
         let word = |letter: u8, before: f64| block.word_value(letter).unwrap_or(before);
@@ -321,7 +319,11 @@ impl State {
             retract,
             counterbore,
             peck: words.peck,
-            clearance: length_in(clearance_mm.unwrap_or(CLEARANCE_MM), self.modal.unit),
+            clearance: match (block.word_value(b'D'), clearance_mm) {
+                (Some(clearance), _) => clearance,
+                (None, Some(clearance_mm)) => length_in(clearance_mm, self.modal.unit),
+                (None, None) => usual_clearance(self.modal.unit),
+            },
             dwell_s: words.dwell_s,
             aside_mm: [first, second].map(|axis| (axis, aside(axis) * unit_mm)),
             spindle,
@@ -422,6 +424,14 @@ pub(super) fn not_integer(block: &Block, letter: u8) -> Result<(), Fault> {
             },
         )),
         Some(_) | None => Ok(()),
+    }
+}
+
+/// How far a peck comes out, or stays away from the last depth, where neither D nor a setting says so: as in LinuxCNC.
+fn usual_clearance(unit: LengthUnit) -> f64 {
+    match unit {
+        LengthUnit::Millimetre => 1.0,
+        LengthUnit::Inch => 0.05,
     }
 }
 

@@ -33,7 +33,7 @@ fn short(program: &str) -> String {
 /// What LinuxCNC prints of each cycle behind "F100 G61 G98 G0 Z5".
 const EACH: [(&str, &str); 11] = [
     (
-        "G73 X1 Z-2 R1 Q1.25",
+        "G73 X1 Z-2 R1 Q1.25 D0.254",
         "rapid 1 0 5; rapid 1 0 1; feed 1 0 -0.25; rapid 1 0 0.004; feed 1 0 -1.5; rapid 1 0 -1.246; feed 1 0 -2; rapid 1 0 5",
     ),
     (
@@ -48,7 +48,7 @@ const EACH: [(&str, &str); 11] = [
         "rapid 1 0 5; rapid 1 0 1; feed 1 0 -2; DWELL(0.2500); rapid 1 0 5",
     ),
     (
-        "G83 X1 Z-2 R1 Q1.25",
+        "G83 X1 Z-2 R1 Q1.25 D0.254",
         "rapid 1 0 5; rapid 1 0 1; feed 1 0 -0.25; rapid 1 0 1; rapid 1 0 0.004; feed 1 0 -1.5; rapid 1 0 1; \
          rapid 1 0 -1.246; feed 1 0 -2; rapid 1 0 5",
     ),

@@ -35,12 +35,9 @@ pub(crate) struct Turning {
     /// Number of the subroutine.
     pub(crate) profile: u32,
     work: Work,
-    /// Where it works from, `[Z, X]`.
+    /// Where it works from, `[Z, X]`. While the profile is read, the current point is the end of its last move.
     start: Point,
-    /// End of the last move.
-    at: Point,
     moves: Vec<Move>,
-    motion: Motion,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -131,14 +128,12 @@ impl State {
         }
         self.at = to;
         calls.push_back(Call::StraightTraverse { to });
-        let start = [to[Axis::Z], to[Axis::X]];
+        self.modal.motion = Some(Motion::Traverse);
         self.turning = Some(Turning {
             profile: number as u32,
             work,
-            start,
-            at: start,
+            start: [to[Axis::Z], to[Axis::X]],
             moves: Vec::new(),
-            motion: Motion::Traverse,
         });
         Ok(())
     }
@@ -153,7 +148,7 @@ impl State {
         result
     }
 
-    fn gather_move(&self, turning: &mut Turning, block: &Block) -> Result<(), Fault> {
+    fn gather_move(&mut self, turning: &mut Turning, block: &Block) -> Result<(), Fault> {
         if let Some(span) = block.codes.first_beside_motion() {
             return fault(span, TurningError::NoProfile);
         }
@@ -162,11 +157,11 @@ impl State {
             Some((
                 Some(motion @ (Motion::Traverse | Motion::Feed | Motion::ArcClockwise | Motion::ArcCounterclockwise)),
                 _,
-            )) => turning.motion = motion,
+            )) => self.modal.motion = Some(motion),
             Some((_, span)) => return fault(span, TurningError::NoProfile),
         }
         other_axes(block, b"YBV@^STDEHJLPQ$")?;
-        let at = turning.at;
+        let at = [self.at[Axis::Z], self.at[Axis::X]];
         let x = self.profile_end(block, Axis::X, b'U', at[1])?;
         let z = self.profile_end(block, Axis::Z, b'W', at[0])?;
         let end = [z, x];
@@ -176,8 +171,10 @@ impl State {
         if turning.moves.len() >= MOVES_MAX {
             return fault(motion_span(block), TurningError::TooLong { max: MOVES_MAX });
         }
-        let segment = match turning.motion {
-            Motion::ArcClockwise | Motion::ArcCounterclockwise => self.profile_arc(turning.motion, block, at, end)?,
+        let segment = match self.modal.motion {
+            Some(motion @ (Motion::ArcClockwise | Motion::ArcCounterclockwise)) => {
+                self.profile_arc(motion, block, at, end)?
+            }
             _ => Segment::line(at, end),
         };
         let mm = self.modal.unit.mm();
@@ -193,7 +190,7 @@ impl State {
             (None, Some(size)) => Some(Corner::Cut(size)),
             (None, None) => None,
         };
-        turning.at = end;
+        [self.at[Axis::Z], self.at[Axis::X]] = end;
         turning.moves.push(Move {
             segment,
             corner,
@@ -280,9 +277,16 @@ impl State {
         Ok(Segment::arc(start, end, centre, turns))
     }
 
+    /// Ends the reading of a profile; the tool is still where the cycle begins.
+    pub(crate) fn leave_profile(&mut self) -> Option<Turning> {
+        let turning = self.turning.take()?;
+        [self.at[Axis::Z], self.at[Axis::X]] = turning.start;
+        Some(turning)
+    }
+
     /// The profile is read: tells the cuts.
     pub(crate) fn turn(&mut self, calls: &mut Calls) -> Result<(), ErrorKind> {
-        let Some(turning) = self.turning.take() else {
+        let Some(turning) = self.leave_profile() else {
             return Ok(());
         };
         let (frame, cuts) = turning.cuts(self.modal.unit.mm()).map_err(ErrorKind::Turning)?;

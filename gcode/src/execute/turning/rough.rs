@@ -132,7 +132,17 @@ fn falls(segment: &Segment) -> bool {
 }
 
 impl Rougher<'_> {
-    /// Moves along the present segment.
+    /// Down along the present segment. The first one, if it is straight, is the way to the profile beside the stock.
+    fn dive(&mut self, to: Point) {
+        if self.index == 0 && self.path[0].arc.is_none() {
+            self.at = to;
+            self.cuts.push(Cut::Rapid(to));
+        } else {
+            self.follow(to);
+        }
+    }
+
+    /// Cuts along the present segment.
     fn follow(&mut self, to: Point) {
         let segment = self.path[self.index];
         let stays = length(minus(to, self.at)) < SAME_MM;
@@ -140,11 +150,7 @@ impl Rougher<'_> {
         if stays && segment.arc.is_some() {
             return; // not a full circle
         }
-        let cut = if self.index == 0 {
-            Cut::Rapid(to)
-        } else {
-            along(&segment, to)
-        };
+        let cut = along(&segment, to);
         // The two halves of a valley are one arc again.
         if let (Some(Cut::Arc { to: last, arc: before }), Cut::Arc { arc, .. }) = (self.cuts.last_mut(), cut)
             && *before == arc
@@ -160,7 +166,7 @@ impl Rougher<'_> {
     /// Down to the bottom without cuts beside.
     fn go_down(&mut self) {
         while let Some(segment) = self.path.get(self.index).filter(|segment| falls(segment)) {
-            self.follow(segment.end);
+            self.dive(segment.end);
             self.index += 1;
         }
     }
@@ -173,13 +179,13 @@ impl Rougher<'_> {
                 self.level -= above * self.step_mm;
             }
             if self.level < segment.end[1] - SAME_MM {
-                self.follow(segment.end);
+                self.dive(segment.end);
                 self.index += 1;
                 continue;
             }
             let level = self.level.max(segment.end[1]);
             let p = segment.crossings(level).last().copied().unwrap_or(segment.end[0]);
-            self.follow([p, level]);
+            self.dive([p, level]);
             self.cut_ahead();
             if self.cuts.len() > CUTS_MAX {
                 return Err(TurningError::TooManyCuts { max: CUTS_MAX });

@@ -93,6 +93,10 @@ impl Writer {
 
     /// Saves and restores, also the other way round, which is refused.
     pub(super) fn save(&mut self) {
+        // The newest LinuxCNC tells what M72 restores in another order.
+        if self.newest {
+            return self.reference_point();
+        }
         if !self.saved {
             self.raw("M70");
             self.saved = true;
@@ -136,7 +140,13 @@ impl Writer {
         }
         match code {
             "G82" | "G89" => words.push(format!("P{}", self.distance())),
-            "G83" | "G73" => words.push(format!("Q{}", 1.0 + self.distance())),
+            "G83" | "G73" => {
+                words.push(format!("Q{}", 1.0 + self.distance()));
+                // Without D it clears pecks by one unit of the program, were it an inch.
+                if self.newest {
+                    words.push(format!("D{}", self.distance()));
+                }
+            }
             _ => {}
         }
         if self.random.once_in(3) {

@@ -7,6 +7,7 @@ mod flow;
 mod machine;
 mod steps;
 
+use super::Version;
 use proptest::prelude::*;
 
 /// One thing a program does: a line, or a few that belong together.
@@ -22,9 +23,12 @@ pub fn steps(most: usize) -> impl Strategy<Value = Vec<Step>> {
     prop::collection::vec(step, 1..most)
 }
 
-/// The program of the steps.
-pub fn program(steps: &[Step]) -> String {
-    let mut writer = Writer::default();
+/// The program of the steps, without what a version is known to do otherwise.
+pub fn program(steps: &[Step], version: Version) -> String {
+    let mut writer = Writer {
+        newest: version == Version::Newest,
+        ..Writer::default()
+    };
     // The stand-alone begins with the tool of its first pocket and the number 0.
     writer.text.push_str("T1 M6\n");
     for step in steps {
@@ -76,6 +80,8 @@ enum FeedMode {
 #[derive(Debug, Default)]
 struct Writer {
     text: String,
+    /// For the newest LinuxCNC.
+    newest: bool,
     /// Subroutines, behind the main program.
     subs: String,
     random: Random,

@@ -266,7 +266,10 @@ impl Writer {
     }
 
     fn tool(&mut self) {
-        let number = self.random.pick(&[0, 1, 2, 10]);
+        // The changer of the newest stand-alone goes by index: the tenth tool is none.
+        let number = self
+            .random
+            .pick(if self.newest { &[0, 1, 2, 2] } else { &[0, 1, 2, 10] });
         // Not M61: the stand-alone's changer takes no notice of it.
         match self.random.below(2) {
             0 => self.line(vec![format!("T{number}")]),
@@ -309,7 +312,7 @@ impl Writer {
         self.line(words);
     }
 
-    fn reference_point(&mut self) {
+    pub(super) fn reference_point(&mut self) {
         let code = self.random.pick(&["G28", "G30", "G28.1", "G30.1"]);
         let mut words = vec![code.to_owned()];
         if !code.ends_with(".1") && self.random.once_in(2) {
