@@ -8,6 +8,8 @@ use isocnc::program::check;
 use isocnc::rt::shared::Command;
 use isocnc::sim::NetConfig;
 use isocnc::sim::rehearsal::{Rehearsal, rehearse};
+use motion::canon::Position;
+use motion::plan::deviation;
 use std::path::Path;
 
 const MACHINE: &str = include_str!("../configs/mill3-demo.toml");
@@ -109,6 +111,15 @@ fn the_middle_of_a_pocket_is_found() {
         assert!((y - 100.0).abs() < 2e-3, "{y}");
         assert!((z - (FLOOR_MM + 20.0)).abs() < 2e-3, "{z}");
         assert_within_limits(&commands);
+        // Judged by what was to be run: probing moves end where they came to rest, and what follows begins there.
+        let points: Vec<Position> = commands.iter().map(|&[x, y, z]| Position::xyz(x, y, z)).collect();
+        let found = deviation(&points, run.path(), 0.01);
+        assert!(found.off_mm < 1e-6 && found.missed_mm < 1e-3, "{found:?}");
+        assert!((found.length_mm - found.reached_mm).abs() < 0.1, "{found:?}");
+        // 11 probing moves begin and end at rest, which is no part of their planned time.
+        let planned_s = run.probed_time_s().expect("it was probed");
+        let took_s = commands.len() as f64 * CYCLE_S;
+        assert!((took_s - planned_s).abs() < 5.0, "{took_s} s, planned {planned_s} s");
     });
 }
 

@@ -60,6 +60,11 @@ pub trait Sink<T> {
         None
     }
 
+    /// Seconds of everything handed in so far, without what was replaced. `None`: nobody counts them.
+    fn published_s(&self) -> Option<f64> {
+        None
+    }
+
     /// Hands in elements in place of all that follows the element of this number, which must be one that the consumer would
     /// come to or is at.
     fn publish_after(&mut self, _number: u64, _committed: &[T], _tail: &[T]) -> Publish {
@@ -277,6 +282,10 @@ impl<T: Timed> Sink<T> for Producer<T> {
 
     fn consumer_at(&self) -> Option<u64> {
         Some(self.shared.at.load(Ordering::Acquire))
+    }
+
+    fn published_s(&self) -> Option<f64> {
+        Some(self.committed_s + self.tail_s)
     }
 
     fn publish_after(&mut self, number: u64, committed: &[T], tail: &[T]) -> Publish {

@@ -190,6 +190,8 @@ pub struct Feeder<'t, S: Sink<Element>> {
     overrides: [f64; 2],
     line: u32,
     ended: bool,
+    /// Planned time of what probing moves left of their ways at a contact, s.
+    left_s: f64,
     /// What G64 without P allows, mm.
     default_tolerance_mm: f64,
     /// What the path mode of the moment allows, and the most of that for any move.
@@ -225,6 +227,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             overrides: [1.0; 2],
             line: 0,
             ended: false,
+            left_s: 0.0,
             default_tolerance_mm: config.program.tolerance_mm,
             mode_tolerance_mm: 0.0,
             tolerance_mm: 0.0,
@@ -260,7 +263,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
                 let Some(probed) = self.probing.take() else {
                     return Ok(Progress::Probing);
                 };
-                self.planner.probed(probed.rest);
+                self.left_s += self.planner.probed(probed.rest);
                 self.probing.tell(gcode::Probed {
                     end: probed.end,
                     at: self.planner.to_work(&probed.at),
@@ -290,6 +293,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
                         && self.probing.begin()
                     {
                         // All before it, and the move itself; the rest is planned once it is over.
+                        self.planner.await_contact();
                         self.planner.finish();
                     }
                 }
@@ -307,7 +311,21 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         Ok(Progress::Working)
     }
 
-    /// Programmed path since the last call, before corners were rounded; machine coordinates.
+    /// Nobody waits for the end of a probing move any more: the path has all of its way.
+    pub fn give_up_contact(&mut self) {
+        self.planner.give_up_contact();
+    }
+
+    /// Planned time of a program whose probing moves ended where the machine touched something, s: of the ways that they and
+    /// what follows them really had, as far as it was planned. `None`: none did, and a look at the text says as much.
+    pub fn probed_time_s(&mut self) -> Option<f64> {
+        let left_s = self.left_s;
+        let published_s = self.planner.sink().published_s().filter(|_| left_s > 0.0)?;
+        Some(published_s - left_s)
+    }
+
+    /// Programmed path since the last call, before corners were rounded; machine coordinates. A probing move is told when it is
+    /// over, as far as it went.
     pub fn ideal_path(&mut self) -> std::vec::Drain<'_, Programmed> {
         self.planner.ideal_path()
     }

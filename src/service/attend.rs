@@ -1,7 +1,7 @@
 //! The operator's loop of a running control: orders, the program thread, whoever looks after it; until everything is over.
 //!
 //! In:  what the real-time threads show and report, a wish to stop.
-//! Out: orders to the cycle thread; the programmed path as far as it was planned.
+//! Out: orders to the cycle thread; what was planned of the last program.
 
 use super::desk::Desk;
 use super::keeper::Keeper;
@@ -67,15 +67,24 @@ pub(super) struct Attendance<'scope, 'env> {
     planner: Option<PlannerThread<'scope>>,
     /// Nobody wants the rest of the program that is being planned.
     given_up: Arc<AtomicBool>,
-    path: Vec<Programmed>,
+    ran: Ran,
     keeper: Keeper<'scope, 'env>,
 }
 
 type PlannerThread<'scope> = ScopedJoinHandle<'scope, Planned>;
 
+/// What was planned of a program while it ran.
+#[derive(Debug, Default)]
+pub(super) struct Ran {
+    /// The programmed path as far as it was planned; of probing moves what they went.
+    pub(super) path: Vec<Programmed>,
+    /// As [`Feeder::probed_time_s`] says.
+    pub(super) probed_time_s: Option<f64>,
+}
+
 /// What the program thread ends with.
 struct Planned {
-    path: Vec<Programmed>,
+    ran: Ran,
     error: Option<FeedError>,
     /// What the program left for the machine to remember.
     left: gcode::Settings,
@@ -97,17 +106,17 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
             keeper: Keeper::new(scope, session.tables),
             planner: None,
             given_up: Arc::default(),
-            path: Vec::new(),
+            ran: Ran::default(),
         }
     }
 
-    /// Runs until everything is over; gives the programmed path.
+    /// Runs until everything is over; gives what was planned of the last program.
     pub(super) fn run(
         mut self,
         running: &mut Running,
         attendant: &mut dyn Attendant,
         cycle_thread_lives: &dyn Fn() -> bool,
-    ) -> anyhow::Result<Vec<Programmed>> {
+    ) -> anyhow::Result<Ran> {
         let mut service = Service::from_environment();
         let (mut cycles, mut cycles_since_ns) = (0, monotonic_ns());
         while running.operator.outcome().is_none() {
@@ -139,11 +148,11 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
         self.stop.store(true, Ordering::Release);
         // What it may still find wrong concerns nobody any more.
         if let Some(Ok(planned)) = self.planner.take().map(ScopedJoinHandle::join) {
-            self.path = planned.path;
+            self.ran = planned.ran;
             self.keep(planned.left);
         }
         self.keeper.finish(&mut running.operator);
-        Ok(self.path)
+        Ok(self.ran)
     }
 
     fn step(&mut self, running: &mut Running, now_ns: u64) -> anyhow::Result<()> {
@@ -244,8 +253,8 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
     fn join_planner(&mut self, running: &mut Running, now_ns: u64) {
         match self.planner.take().map(ScopedJoinHandle::join) {
             None => {}
-            Some(Ok(Planned { path, error, left })) => {
-                self.path = path;
+            Some(Ok(Planned { ran, error, left })) => {
+                self.ran = ran;
                 self.keep(left);
                 if let Some(error) = error {
                     let name = self.program_name().unwrap_or_default();
@@ -298,8 +307,12 @@ fn feed(mut feeder: Feeder<'_, Producer<Element>>, path_max: usize, over: impl F
             }
         }
     }
+    feeder.give_up_contact();
+    let room = path_max.saturating_sub(path.len());
+    path.extend(feeder.ideal_path().take(room));
+    let probed_time_s = feeder.probed_time_s();
     Planned {
-        path,
+        ran: Ran { path, probed_time_s },
         error: failed,
         left: feeder.left_behind(),
     }

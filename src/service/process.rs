@@ -97,8 +97,10 @@ pub enum Wire {
 pub struct Ended {
     /// Journal, alarms, outcome, what the program did.
     pub operator: Operator,
-    /// The programmed path as far as it was planned.
+    /// The programmed path as far as it was planned; of probing moves what they went.
     pub path: Vec<Programmed>,
+    /// Planned time of a program whose probing moves ended at a contact: of what was really to be run, s.
+    pub probed_time_s: Option<f64>,
     /// How the cycle thread ran.
     pub figures: Box<CycleFigures>,
     /// Peaks of each joint.
@@ -226,7 +228,7 @@ fn run_on<L: Link + Send>(
         cpu: process.cpu,
     };
     let stop = AtomicBool::new(false);
-    let (figures, path) = std::thread::scope(|scope| -> anyhow::Result<_> {
+    let (figures, ran) = std::thread::scope(|scope| -> anyhow::Result<_> {
         let limits = Limits::of(&config.bus, &rt, grid);
         let timeouts = TimeoutThread::spawn(Arc::clone(process), Arc::clone(&watch), limits, reports)?;
         let cycle = std::thread::Builder::new()
@@ -254,13 +256,13 @@ fn run_on<L: Link + Send>(
         let ended = StopOnDrop(&stop);
         let lives = || !cycle.is_finished();
         let attendance = Attendance::new(scope, session, &stop, desk);
-        let path = attendance.run(&mut running, attendant, &lives);
+        let ran = attendance.run(&mut running, attendant, &lives);
         drop(ended);
         let figures = cycle
             .join()
             .map_err(|_| anyhow!("the cycle thread panicked; the drives stop for want of SoC"));
         drop(timeouts);
-        Ok((figures?, path?))
+        Ok((figures?, ran?))
     })?;
     if let Err(cause) = rights::use_files() {
         // Folders that this user may write anyway are none the worse.
@@ -269,7 +271,8 @@ fn run_on<L: Link + Send>(
 
     Ok(Ended {
         operator: running.operator,
-        path,
+        path: ran.path,
+        probed_time_s: ran.probed_time_s,
         figures,
         peaks: control.peaks(),
         statistics: (0..config.bus.nodes.len())

@@ -56,6 +56,7 @@ impl Facts<'_> {
         let Ended {
             operator,
             path,
+            probed_time_s,
             figures,
             peaks,
             statistics,
@@ -85,7 +86,7 @@ impl Facts<'_> {
             operational_s: operator.operational_s(),
             line_reached: recorder.line(),
             lines: self.overview.lines,
-            planned_time_s: self.overview.time_s,
+            planned_time_s: probed_time_s.unwrap_or(self.overview.time_s),
             motion_time_s: recorder.cycles() as f64 * f64::from(self.config.cycle_us) * 1e-6,
             starved_cycles: recorder.starved_cycles(),
             following_error_max_mm,
@@ -218,7 +219,7 @@ pub struct RunReport {
     pub line_reached: u32,
     /// Last line of the program with something to do.
     pub lines: u32,
-    /// Seconds that the program was planned to take.
+    /// Seconds that the program was planned to take; its probing moves, and what follows them, as far as they really went.
     pub planned_time_s: f64,
     /// Seconds that it took, holds and waits included.
     pub motion_time_s: f64,

@@ -51,6 +51,7 @@ pub struct Rehearsal<'a> {
     text: &'a [u8],
     feeder: Option<Feeder<'a, Producer<Element>>>,
     path: Vec<Programmed>,
+    probed_time_s: Option<f64>,
     grid: Grid,
     deadline_ns: u64,
     skipped: u64,
@@ -106,6 +107,7 @@ pub fn rehearse_with<T>(
         text,
         feeder: None,
         path: Vec::new(),
+        probed_time_s: None,
         grid,
         deadline_ns: grid.first_after(0),
         skipped: 0,
@@ -126,9 +128,15 @@ impl<'a> Rehearsal<'a> {
         self.control.bus_mut().now_ns()
     }
 
-    /// Programmed path as far as it was planned, before corners were rounded.
+    /// Programmed path as far as it was planned, before corners were rounded; of probing moves what they went, once they are
+    /// over.
     pub fn path(&self) -> &[Programmed] {
         &self.path
+    }
+
+    /// Planned time of a program whose probing moves ended at a contact: of what was really to be run, s.
+    pub fn probed_time_s(&self) -> Option<f64> {
+        self.probed_time_s
     }
 
     /// One cycle, `late_ns` after its date; where that is too late for the date, at the next one that can be kept.
@@ -219,6 +227,7 @@ impl<'a> Rehearsal<'a> {
         if let Some(feeder) = &mut self.feeder {
             let progress = feeder.pump().map_err(|error| anyhow!(error.located("program")))?;
             self.path.extend(feeder.ideal_path());
+            self.probed_time_s = feeder.probed_time_s();
             if progress == Progress::Done && feeder.is_over() {
                 self.feeder = None;
             }

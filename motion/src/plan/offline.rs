@@ -70,6 +70,10 @@ pub fn sample(elements: &[Element], start: Position, cycle_s: f64) -> Vec<Positi
     // Time from the last sample to the beginning of the element.
     let mut before = 0.0;
     for element in elements {
+        if matches!(element, Element::Synced(_) | Element::Probing(_)) && before > 0.0 {
+            // These begin with a cycle, once the motion before them has come to rest.
+            samples.push(rest);
+        }
         if let Element::Synced(synced) = element {
             follow(synced, cycle_s, &mut samples);
             rest = samples.last().copied().unwrap_or(rest);

@@ -93,6 +93,10 @@ pub struct Planner<S> {
     /// How the axes of what passes the stages are meant.
     frame: ToolFrame,
     ideal: Vec<Programmed>,
+    /// A probing move that was pushed last, and its planned time, s: kept back until it is known how far it went.
+    awaited: Option<(Programmed, f64)>,
+    /// Planned time of the last probing move, s.
+    probing_s: f64,
     /// What the smoother lets go: memory that is kept from one move to the next.
     passed: Vec<Passed>,
 }
@@ -117,6 +121,8 @@ impl<S: Sink<Element>> Planner<S> {
             engine,
             frame: ToolFrame::OFF,
             ideal: Vec::new(),
+            awaited: None,
+            probing_s: 0.0,
             passed: Vec::new(),
         }
     }
@@ -147,12 +153,15 @@ impl<S: Sink<Element>> Planner<S> {
             Some(Entry::Rest(element)) => {
                 match &element {
                     Element::Synced(synced) => self.ideal.extend(programmed(synced)),
-                    Element::Probing(probing) => self.ideal.push(Programmed {
-                        piece: probing.piece,
-                        feed: probing.feed,
-                        line: probing.line,
-                        rapid: false,
-                    }),
+                    Element::Probing(probing) => {
+                        self.probing_s = probing.duration_s();
+                        self.ideal.push(Programmed {
+                            piece: probing.piece,
+                            feed: probing.feed,
+                            line: probing.line,
+                            rapid: false,
+                        });
+                    }
                     Element::Span(_) | Element::Dwell { .. } | Element::Action { .. } => {}
                 }
                 self.rest(Some(element));
@@ -161,10 +170,28 @@ impl<S: Sink<Element>> Planner<S> {
         Ok(())
     }
 
+    /// The last call was a probing move, and a contact may end it before its end: [`Planner::probed`] is to tell where it did.
+    /// Until then it is no part of [`Planner::ideal_path`]. Without this, it goes its whole way.
+    pub fn await_contact(&mut self) {
+        self.awaited = self.ideal.pop().map(|way| (way, self.probing_s));
+    }
+
     /// The last call was a probing move, and it came to rest here, machine position: what follows begins there. It may go to
-    /// the ring only once the move is over.
-    pub fn probed(&mut self, rest: Position) {
+    /// the ring only once the move is over. Gives the planned time of the way that was left, s.
+    pub fn probed(&mut self, rest: Position) -> f64 {
         self.program.stands_at(rest);
+        let Some((way, planned_s)) = self.awaited.take() else {
+            return 0.0;
+        };
+        let gone = Piece::line(way.piece.position(0.0), rest).map(|piece| piece.in_frame(*way.piece.frame()));
+        let gone_mm = gone.as_ref().map_or(0.0, Piece::length);
+        self.ideal.extend(gone.map(|piece| Programmed { piece, ..way }));
+        planned_s * (1.0 - gone_mm / way.piece.length()).max(0.0)
+    }
+
+    /// Nobody waits for the end of a probing move any more: it counts as programmed.
+    pub fn give_up_contact(&mut self) {
+        self.ideal.extend(self.awaited.take().map(|(way, _)| way));
     }
 
     /// Where a machine position lies in the work coordinates of the moment.
@@ -183,7 +210,7 @@ impl<S: Sink<Element>> Planner<S> {
         self.engine.is_done()
     }
 
-    /// Programmed moves since the last call of this function, in machine coordinates.
+    /// Programmed moves since the last call of this function, in machine coordinates; a probing move as far as it went.
     pub fn ideal_path(&mut self) -> std::vec::Drain<'_, Programmed> {
         self.ideal.drain(..)
     }

@@ -498,9 +498,10 @@ impl Interpolator {
                 self.arrive(end.rests);
                 break;
             }
-            // Behind what ends where a spindle or a probe will, the next element begins in the next cycle.
-            let apart = matches!(self.track.current(), Some(Element::Synced(_) | Element::Probing(_)));
-            if !self.advance() || apart {
+            // What a spindle or a probe leads is generated cycle by cycle: it begins with the cycle behind the one in which the
+            // motion before it came to rest, else both would move in that one; and so does what follows it.
+            let apart = self.is_led();
+            if !self.advance() || apart || self.is_led() {
                 break;
             }
             let share = wanted.on(self.track.current(), self.sample.enables);
@@ -516,6 +517,11 @@ impl Interpolator {
                 plan_s = self.ramp.share() * left * self.ramp.cycle_s();
             }
         }
+    }
+
+    /// Whether a spindle or a probe decides where the current element is when.
+    fn is_led(&self) -> bool {
+        matches!(self.track.current(), Some(Element::Synced(_) | Element::Probing(_)))
     }
 
     fn run_backward(&mut self, plan_s: f64, end: Option<End>, scale: f64, spindle: &SpindleFeedback) {
