@@ -142,6 +142,7 @@ const START_UP: &[(&str, &str, &str)] = &[
     ("motion/src/rt/homing/mod.rs", "new", "makes the groups"),
     ("motion/src/rt/homing/group.rs", "new", "makes the joints"),
     ("motion/src/ring.rs", "channel", "makes the ring"),
+    ("motion/src/ring.rs", "hold", "the planner's end takes memory"),
 ];
 
 fn files(root: &Path) -> Vec<PathBuf> {

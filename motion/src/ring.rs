@@ -14,10 +14,14 @@
 //! passed ([`Sink::publish_after`]): that is how an override changes the speed. Then either the consumer goes over to the
 //! new motion at the end of that element, or it has passed it and the old plan stays ([`Publish::Passed`]).
 //!
-//! RT: [`Consumer`] does not allocate, lock or loop. Memory is allocated by [`channel`] only.
+//! Slots have memory where there are elements that the consumer has not passed: the producer takes it by the chunk, and uses a
+//! chunk again once the consumer is beyond it. So the room of a ring costs nothing until it is needed.
+//!
+//! RT: [`Consumer`] does not allocate, lock or loop. Memory is allocated by [`channel`] and [`Producer`] only.
 
 use std::cell::UnsafeCell;
 use std::mem::MaybeUninit;
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -114,8 +118,31 @@ struct Slot<T> {
     next: AtomicU64,
 }
 
+impl<T> Slot<T> {
+    fn empty() -> Slot<T> {
+        Slot {
+            element: UnsafeCell::new(MaybeUninit::uninit()),
+            next: AtomicU64::new(Next::END),
+        }
+    }
+}
+
+/// Slots that lie side by side.
+type Chunk<T> = Box<[Slot<T>]>;
+
+/// Slots of a chunk at the most.
+const CHUNK_MAX: usize = 512;
+/// Chunks of a small ring.
+const CHUNKS_MIN: usize = 8;
+
 struct Shared<T> {
-    slots: Box<[Slot<T>]>,
+    /// Slots that may be in use; a power of two.
+    capacity: usize,
+    /// Slots of a chunk; a power of two.
+    chunk: u64,
+    /// Memory of the chunks in use; the others are empty. Twice as many as the capacity comes to, as the first one and the last
+    /// one in use need not be so as a whole.
+    chunks: Box<[UnsafeCell<Chunk<T>>]>,
     /// What follows the beginning, as if it were an element.
     first: AtomicU64,
     /// Number of the slot that the consumer is at; all before it are free.
@@ -126,13 +153,21 @@ struct Shared<T> {
 
 // SAFETY: an element is written by the producer only while no `next` word leads to its slot, and read by the consumer
 // only after such a word was read with Acquire that the producer had written with Release. A slot is written again only
-// after the consumer has moved `at` beyond it with Release.
+// after the consumer has moved `at` beyond it with Release. The same holds for the chunk in which a slot lies, which the
+// producer puts in its place before it writes the first slot of it, and takes away after `at` has moved beyond the last one.
 unsafe impl<T: Send> Sync for Shared<T> {}
 
 impl<T> Shared<T> {
+    /// Where the memory of a chunk lies, by its number.
+    fn place(&self, chunk: u64) -> &UnsafeCell<Chunk<T>> {
+        &self.chunks[(chunk & (self.chunks.len() as u64 - 1)) as usize]
+    }
+
+    /// A slot in use. RT.
     fn slot(&self, number: u64) -> &Slot<T> {
-        // The length is a power of two.
-        &self.slots[(number & (self.slots.len() as u64 - 1)) as usize]
+        // SAFETY: the producer changes a place only while no slot of its chunk is in use.
+        let slots = unsafe { &*self.place(number / self.chunk).get() };
+        &slots[(number & (self.chunk - 1)) as usize]
     }
 
     fn next_of(&self, number: Option<u64>) -> &AtomicU64 {
@@ -153,6 +188,10 @@ pub struct Producer<T> {
     tail_end: Option<u64>,
     committed_s: f64,
     tail_s: f64,
+    /// Chunks that have memory.
+    held: Range<u64>,
+    /// Memory of chunks that the consumer has passed.
+    spare: Vec<Chunk<T>>,
 }
 
 /// The cycle thread's end of a ring.
@@ -163,14 +202,12 @@ pub struct Consumer<T> {
 
 /// A ring of at least `capacity` elements.
 pub fn channel<T: Timed + Send>(capacity: usize) -> (Producer<T>, Consumer<T>) {
-    let slots = (0..capacity.max(2).next_power_of_two())
-        .map(|_| Slot {
-            element: UnsafeCell::new(MaybeUninit::uninit()),
-            next: AtomicU64::new(Next::END),
-        })
-        .collect();
+    let capacity = capacity.max(2).next_power_of_two();
+    let chunk = (capacity / CHUNKS_MIN).clamp(1, CHUNK_MAX);
     let shared = Arc::new(Shared {
-        slots,
+        capacity,
+        chunk: chunk as u64,
+        chunks: (0..2 * capacity / chunk).map(|_| UnsafeCell::default()).collect(),
         first: AtomicU64::new(Next::END),
         at: AtomicU64::new(0),
         published_s: AtomicU64::new(0),
@@ -183,11 +220,39 @@ pub fn channel<T: Timed + Send>(capacity: usize) -> (Producer<T>, Consumer<T>) {
         tail_end: None,
         committed_s: 0.0,
         tail_s: 0.0,
+        held: 0..0,
+        spare: Vec::new(),
     };
     (producer, Consumer { shared, at: None })
 }
 
 impl<T: Timed> Producer<T> {
+    /// Elements that a publication may have while the consumer is at a slot.
+    fn room(&self, at: u64) -> usize {
+        self.shared.capacity - (self.write - at) as usize
+    }
+
+    /// Sees to it that the next slot to be written has memory. The consumer is at `at` or beyond.
+    fn hold(&mut self, at: u64) {
+        let chunk = self.write / self.shared.chunk;
+        // What was written behind an element that had been passed is written again.
+        if chunk < self.held.end {
+            return;
+        }
+        let passed = self.held.start..(at / self.shared.chunk).min(self.held.end);
+        for chunk in passed.clone() {
+            // SAFETY: the consumer is beyond all slots of this chunk and this thread comes to none of them either, as its
+            // anchor is not before `at`.
+            self.spare
+                .push(std::mem::take(unsafe { &mut *self.shared.place(chunk).get() }));
+        }
+        let memory = self.spare.pop();
+        let memory = memory.unwrap_or_else(|| (0..self.shared.chunk).map(|_| Slot::empty()).collect());
+        // SAFETY: no word leads to a slot of this chunk yet; the chunk that had its place was at least the capacity before it.
+        unsafe { *self.shared.place(chunk).get() = memory };
+        self.held = passed.end..chunk + 1;
+    }
+
     fn put(&mut self, element: T, next: Next) {
         let slot = self.shared.slot(self.write);
         // SAFETY: `write_all` has checked that the consumer is beyond this slot, and no word leads to it yet.
@@ -197,19 +262,20 @@ impl<T: Timed> Producer<T> {
     }
 
     /// Writes a publication behind everything else, where no word leads to it yet; gives the number of its first element,
-    /// or `None` where there is no room.
-    fn write_all(&mut self, committed: &[T], tail: &[T]) -> Option<u64> {
+    /// or `None` where there is no room. The consumer is at `at` or beyond.
+    fn write_all(&mut self, at: u64, committed: &[T], tail: &[T]) -> Option<u64> {
         let count = committed.len() + tail.len();
         assert!(count > 0, "a publication has elements");
         assert!(
-            count <= self.shared.slots.len(),
+            count <= self.shared.capacity,
             "a publication of {count} elements never fits the ring"
         );
-        if count > self.free() {
+        if count > self.room(at) {
             return None;
         }
         let begin = self.write;
         for (place, &element) in committed.iter().chain(tail).enumerate() {
+            self.hold(at);
             self.put(element, if place + 1 == count { Next::End } else { Next::Sequel });
         }
         Some(begin)
@@ -231,10 +297,18 @@ impl<T: Timed> Producer<T> {
         self.tail_end = (!tail.is_empty()).then_some(self.write - 1);
     }
 
+    /// The consumer has passed the anchor into the tail, so that the tail is what happens.
+    fn tail_taken(&mut self) -> Publish {
+        self.anchor = self.tail_end.take();
+        self.anchor_next = Next::End;
+        self.committed_s += std::mem::take(&mut self.tail_s);
+        Publish::TailTaken
+    }
+
     /// Seconds of all that would follow an element.
     fn seconds_behind(&self, mut number: u64) -> f64 {
         let mut seconds = 0.0;
-        for _ in 0..self.shared.slots.len() {
+        for _ in 0..self.shared.capacity {
             number = match Next::from_word(self.shared.slot(number).next.load(Ordering::Relaxed)) {
                 Next::Sequel => number + 1,
                 Next::Jump(to) => to,
@@ -250,12 +324,15 @@ impl<T: Timed> Producer<T> {
 
 impl<T: Timed> Sink<T> for Producer<T> {
     fn free(&self) -> usize {
-        let used = self.write - self.shared.at.load(Ordering::Acquire);
-        self.shared.slots.len() - used as usize
+        self.room(self.shared.at.load(Ordering::Acquire))
     }
 
     fn publish(&mut self, committed: &[T], tail: &[T]) -> Publish {
-        let Some(begin) = self.write_all(committed, tail) else {
+        let at = self.shared.at.load(Ordering::Acquire);
+        if self.anchor.is_some_and(|anchor| anchor < at) {
+            return self.tail_taken();
+        }
+        let Some(begin) = self.write_all(at, committed, tail) else {
             return Publish::Full;
         };
         let link = self.shared.next_of(self.anchor).compare_exchange(
@@ -265,12 +342,8 @@ impl<T: Timed> Sink<T> for Producer<T> {
             Ordering::Relaxed,
         );
         if link.is_err() {
-            // The consumer has passed the anchor into the tail, so that the tail is what happens.
             self.write = begin;
-            self.anchor = self.tail_end.take();
-            self.anchor_next = Next::End;
-            self.committed_s += std::mem::take(&mut self.tail_s);
-            return Publish::TailTaken;
+            return self.tail_taken();
         }
         self.linked(begin, committed, tail);
         Publish::Done
@@ -290,7 +363,8 @@ impl<T: Timed> Sink<T> for Producer<T> {
 
     fn publish_after(&mut self, number: u64, committed: &[T], tail: &[T]) -> Publish {
         assert!(number < self.write, "element {number} has never been published");
-        if number < self.shared.at.load(Ordering::Acquire) {
+        let at = self.shared.at.load(Ordering::Acquire);
+        if number < at {
             return Publish::Passed;
         }
         // Only this thread writes a word that is not `Passed`, so what is read here is what the exchange finds.
@@ -299,7 +373,7 @@ impl<T: Timed> Sink<T> for Producer<T> {
             return Publish::Passed;
         }
         let replaced_s = self.seconds_behind(number);
-        let Some(begin) = self.write_all(committed, tail) else {
+        let Some(begin) = self.write_all(at, committed, tail) else {
             return Publish::Full;
         };
         let link = self.shared.slot(number).next.compare_exchange(
@@ -485,6 +559,30 @@ mod tests {
         consumer.advance();
         assert_eq!(producer.publish(&[step(2, false)], &[step(3, true)]), Publish::Done);
         assert_eq!(consumer.advance(), Some(step(2, false)));
+    }
+
+    #[test]
+    fn memory_is_taken_for_what_lies_ahead_and_used_again() {
+        let (mut producer, mut consumer) = channel(1 << 16);
+        let chunks =
+            |producer: &Producer<Step>| (producer.held.end - producer.held.start) as usize + producer.spare.len();
+        assert_eq!(chunks(&producer), 0);
+        let steps = |from: u64, count: u64| (from..from + count).map(|from| step(from, false)).collect::<Vec<_>>();
+        let mut number = 0;
+        for _ in 0..1000 {
+            producer.publish(&steps(number, 300), &[step(number + 300, true)]);
+            number += 300;
+            while consumer.at.is_none_or(|at| at + 2 < producer.write) {
+                consumer.advance().unwrap();
+            }
+        }
+        // Elements ahead lie in one chunk or in two.
+        assert_eq!(chunks(&producer), 2);
+        assert_eq!(
+            producer.publish(&steps(number, 60_000), &[step(number, true)]),
+            Publish::Done
+        );
+        assert_eq!(chunks(&producer), 60_000_usize.div_ceil(CHUNK_MAX) + 1);
     }
 
     /// What a planner does: goes on from the last committed number, or from the rest if it came too late.

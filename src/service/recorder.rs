@@ -2,14 +2,16 @@
 //!
 //! In:  trace records of the cycle thread.
 //! Out: samples of commanded and actual positions for the report; greatest following error of the whole run.
+//!
+//! Memory is bounded, as it is locked: a longer run has a sample for two cycles, or four, and so on.
 
 use crate::rt::shared::Trace;
 use motion::canon::Axis;
 
-/// Samples kept: 10 minutes at 1 ms with three axes take 34 MB. Later ones still count for the greatest values.
-const SAMPLES_MAX: usize = 600_000;
+/// Samples kept: 3.7 MB. An even number.
+const SAMPLES_MAX: usize = 65_536;
 
-/// One cycle of a program; positions in the machine, mm or degrees.
+/// A cycle of a program; positions in the machine, mm or degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathSample {
     /// Commanded X, Y, Z.
@@ -22,10 +24,27 @@ pub struct PathSample {
     pub line: u32,
 }
 
+impl PathSample {
+    /// Square of the distance from the commanded to the actual position.
+    fn off2(&self) -> f64 {
+        let axes = self.command.iter().zip(&self.actual);
+        axes.map(|(command, actual)| (command - actual).powi(2)).sum()
+    }
+
+    /// The one whose actual position is further off; of equals the first.
+    fn further_off(self, other: PathSample) -> PathSample {
+        if other.off2() > self.off2() { other } else { self }
+    }
+}
+
 /// Records of one run.
 #[derive(Debug, Default)]
 pub struct Recorder {
     samples: Vec<PathSample>,
+    /// A sample stands for two to this power of cycles.
+    halvings: u32,
+    /// Cycles that the last one stands for.
+    cycles_of_last: u64,
     cycles: u64,
     starved_cycles: u64,
     following_error_max_mm: f64,
@@ -43,18 +62,39 @@ impl Recorder {
             self.following_error_max_mm = record.following_error_mm;
             self.following_error_line = record.line;
         }
-        if self.samples.len() < SAMPLES_MAX {
-            let xyz = |position: &motion::canon::Position| [Axis::X, Axis::Y, Axis::Z].map(|axis| position[axis]);
-            self.samples.push(PathSample {
-                command: xyz(&record.command),
-                actual: xyz(&record.actual),
-                rapid: record.rapid,
-                line: record.line,
-            });
+        let xyz = |position: &motion::canon::Position| [Axis::X, Axis::Y, Axis::Z].map(|axis| position[axis]);
+        let sample = PathSample {
+            command: xyz(&record.command),
+            actual: xyz(&record.actual),
+            rapid: record.rapid,
+            line: record.line,
+        };
+        match self.samples.last_mut() {
+            Some(last) if self.cycles_of_last < 1 << self.halvings => {
+                *last = last.further_off(sample);
+                self.cycles_of_last += 1;
+            }
+            _ => {
+                if self.samples.len() == SAMPLES_MAX {
+                    self.halve();
+                }
+                self.samples.push(sample);
+                self.cycles_of_last = 1;
+            }
         }
     }
 
-    /// Kept samples, one per cycle from the start of the program on.
+    /// Makes one sample of two.
+    fn halve(&mut self) {
+        for pair in 0..SAMPLES_MAX / 2 {
+            self.samples[pair] = self.samples[2 * pair].further_off(self.samples[2 * pair + 1]);
+        }
+        self.samples.truncate(SAMPLES_MAX / 2);
+        self.halvings += 1;
+    }
+
+    /// Kept samples, from the start of the program on: one a cycle, or of as many cycles as a sample stands for the one in
+    /// which the actual position was furthest from the commanded one.
     pub fn samples(&self) -> &[PathSample] {
         &self.samples
     }
@@ -77,5 +117,42 @@ impl Recorder {
     /// Greatest following error of any joint, mm, and the program line of that cycle.
     pub fn following_error_max(&self) -> (f64, u32) {
         (self.following_error_max_mm, self.following_error_line)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use motion::canon::Position;
+
+    #[test]
+    fn a_run_of_any_length_takes_the_same_memory_and_keeps_what_was_furthest_off() {
+        let mut recorder = Recorder::default();
+        let cycles = 5 * SAMPLES_MAX as u64 + 3;
+        for cycle in 0..cycles {
+            let off_mm = if cycle % 1001 == 1000 { 0.5 } else { 0.01 };
+            recorder.add(&Trace {
+                cycle,
+                command: Position::xyz(cycle as f64, 0.0, 0.0),
+                actual: Position::xyz(cycle as f64, off_mm, 0.0),
+                line: 1,
+                rapid: false,
+                following_error_mm: off_mm,
+                starved: false,
+            });
+            if cycle + 1 == SAMPLES_MAX as u64 {
+                let each = recorder.samples().iter().map(|sample| sample.command[0] as u64);
+                assert!(each.eq(0..SAMPLES_MAX as u64), "one a cycle");
+            }
+        }
+        // Eight cycles a sample, and three in the last one.
+        assert_eq!(recorder.samples().len(), (cycles as usize).div_ceil(8));
+        assert!(recorder.samples().len() <= SAMPLES_MAX && recorder.cycles() == cycles);
+        assert!(recorder.samples().is_sorted_by(|a, b| a.command[0] < b.command[0]));
+        let far = recorder.samples().iter().filter(|sample| sample.actual[1] == 0.5);
+        assert!(
+            far.map(|sample| sample.command[0] as u64)
+                .eq((1000..cycles).step_by(1001))
+        );
     }
 }

@@ -30,10 +30,10 @@ pub trait FarEnd {
 }
 
 /// What pictures are drawn of; kept out of the report itself.
-#[derive(Clone, Debug, Default)]
-pub struct Pictures {
+#[derive(Clone, Copy, Debug)]
+pub struct Pictures<'a> {
     /// Samples of the program.
-    pub samples: Vec<PathSample>,
+    pub samples: &'a [PathSample],
 }
 
 /// Everything that is known at the end of a run.
@@ -50,9 +50,9 @@ pub struct Facts<'a> {
     pub soc_period: Option<SocReport>,
 }
 
-impl Facts<'_> {
+impl<'a> Facts<'a> {
     /// The report, and what its pictures are drawn of.
-    pub fn report(self) -> (RunReport, Pictures) {
+    pub fn report(self) -> (RunReport, Pictures<'a>) {
         let Ended {
             operator,
             path,
@@ -119,7 +119,7 @@ impl Facts<'_> {
         (
             report,
             Pictures {
-                samples: recorder.samples().to_vec(),
+                samples: recorder.samples(),
             },
         )
     }
@@ -160,7 +160,7 @@ pub fn prepare_for(folder: &Path, names: &[&str]) -> anyhow::Result<()> {
 ///
 /// # Errors
 /// What the file system refuses.
-pub fn write(folder: &Path, report: &RunReport, pictures: &Pictures) -> anyhow::Result<()> {
+pub fn write(folder: &Path, report: &RunReport, pictures: &Pictures<'_>) -> anyhow::Result<()> {
     let put = |name: &str, text: String| {
         let path = folder.join(name);
         std::fs::write(&path, text).with_context(|| path.display().to_string())
@@ -169,7 +169,7 @@ pub fn write(folder: &Path, report: &RunReport, pictures: &Pictures) -> anyhow::
     put(RUN, serde_json::to_string_pretty(report)?)?;
     if !pictures.samples.is_empty() {
         let title = format!("{} on {}", report.program, report.machine);
-        put(TOOLPATH, plot::toolpath_svg(&title, &pictures.samples)?)?;
+        put(TOOLPATH, plot::toolpath_svg(&title, pictures.samples)?)?;
     }
     if let Some(soc_period) = &report.soc_period {
         put(SOC_PERIOD, plot::soc_period_svg(soc_period)?)?;
@@ -186,12 +186,8 @@ fn deviation(path: &[Programmed], samples: &[PathSample], tolerance_mm: f64) -> 
         return None;
     }
     let from_path = |position: fn(&PathSample) -> [f64; 3], around_mm: f64| {
-        let positions: Vec<Position> = samples
-            .iter()
-            .map(position)
-            .map(|[x, y, z]| Position::xyz(x, y, z))
-            .collect();
-        motion::plan::deviation(&positions, path, around_mm).off_mm
+        let positions = samples.iter().map(position).map(|[x, y, z]| Position::xyz(x, y, z));
+        motion::plan::deviation::off_mm(positions, path, around_mm)
     };
     Some(Deviation {
         command_max_mm: from_path(|sample| sample.command, tolerance_mm),

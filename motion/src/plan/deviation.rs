@@ -32,14 +32,14 @@ pub struct Deviation {
 /// Compares `samples` with the programmed `path`; `tolerance_mm` says how far it may be off, which is how far the walk
 /// looks around.
 pub fn deviation(samples: &[Position], path: &[Programmed], tolerance_mm: f64) -> Deviation {
-    let pieces: Vec<Piece> = path.iter().map(|part| part.piece).collect();
-    let around = 4.0 * tolerance_mm + 1e-3;
-    let (off_mm, reached_mm) = walk(samples.iter().copied(), &pieces, around, tolerance_mm, ROUNDING_MM);
+    let (off_mm, reached_mm) = off(samples.iter().copied(), path, tolerance_mm);
+    let around = around_mm(tolerance_mm);
     let steps: Vec<Piece> = samples
         .windows(2)
         .filter_map(|pair| Piece::line(pair[0], pair[1]))
         .collect();
-    let points = pieces.iter().flat_map(|piece| {
+    let pieces = path.iter().map(|part| &part.piece);
+    let points = pieces.clone().flat_map(|piece| {
         let count = match piece.shape() {
             Shape::Line(_) => 1,
             // It turns by half a radian or so.
@@ -52,14 +52,45 @@ pub fn deviation(samples: &[Position], path: &[Programmed], tolerance_mm: f64) -
     let missed_mm = if steps.is_empty() {
         0.0
     } else {
-        walk(points, &steps, around + 2.0 * stride, tolerance_mm, SAGITTA_MM).0
+        walk(
+            points,
+            &steps,
+            |step| step,
+            around + 2.0 * stride,
+            tolerance_mm,
+            SAGITTA_MM,
+        )
+        .0
     };
     Deviation {
         off_mm,
         missed_mm,
         reached_mm,
-        length_mm: pieces.iter().map(Piece::length).sum(),
+        length_mm: pieces.map(Piece::length).sum(),
     }
+}
+
+/// Greatest distance of a set-point from the programmed path, mm, as in [`Deviation::off_mm`], in memory that does not grow with
+/// the number of set-points.
+pub fn off_mm(samples: impl Iterator<Item = Position>, path: &[Programmed], tolerance_mm: f64) -> f64 {
+    off(samples, path, tolerance_mm).0
+}
+
+/// Greatest distance of a set-point, and the length up to which the path was passed.
+fn off(samples: impl Iterator<Item = Position>, path: &[Programmed], tolerance_mm: f64) -> (f64, f64) {
+    walk(
+        samples,
+        path,
+        |part| &part.piece,
+        around_mm(tolerance_mm),
+        tolerance_mm,
+        ROUNDING_MM,
+    )
+}
+
+/// How far ahead a point is looked for.
+fn around_mm(tolerance_mm: f64) -> f64 {
+    4.0 * tolerance_mm + 1e-3
 }
 
 /// Greatest distance of `points` from `path`, and the length up to which the path is near the last of them.
@@ -67,11 +98,18 @@ pub fn deviation(samples: &[Position], path: &[Programmed], tolerance_mm: f64) -
 /// A point is looked for from where the one before was found up to `around` beyond the way since then. Pieces within the
 /// tolerance and `slack` of it that follow each other are one place. One that is within the tolerance itself ends the search;
 /// behind one that is not, a better one is looked for close by.
-fn walk(points: impl Iterator<Item = Position>, path: &[Piece], around: f64, tolerance: f64, slack: f64) -> (f64, f64) {
+fn walk<P>(
+    points: impl Iterator<Item = Position>,
+    path: &[P],
+    piece: impl Fn(&P) -> &Piece,
+    around: f64,
+    tolerance: f64,
+    slack: f64,
+) -> (f64, f64) {
     let near = tolerance + slack;
     let mut starts = vec![0.0];
-    starts.extend(path.iter().scan(0.0, |sum, piece| {
-        *sum += piece.length();
+    starts.extend(path.iter().scan(0.0, |sum, part| {
+        *sum += piece(part).length();
         Some(*sum)
     }));
     let (mut worst, mut reached, mut left, mut first) = (0.0f64, 0.0f64, 0.0f64, 0);
@@ -85,7 +123,7 @@ fn walk(points: impl Iterator<Item = Position>, path: &[Piece], around: f64, tol
         }
         // The best place, where the run of near pieces with it begins, and where the run under way does.
         let (mut best, mut entered, mut run) = ((f64::INFINITY, reached), None, None);
-        for (i, piece) in path.iter().enumerate().skip(first) {
+        for (i, piece) in path.iter().map(&piece).enumerate().skip(first) {
             if starts[i] > high {
                 break;
             }

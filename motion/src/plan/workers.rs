@@ -104,6 +104,9 @@ impl Drop for Pool {
     }
 }
 
+/// Stack of a thread, octets: in a control all of it is locked in memory. Jobs have their large data on the heap.
+const STACK_SIZE: usize = 512 * 1024;
+
 /// A pool of threads; clones share it, and the last one ends it after all jobs that were handed in.
 #[derive(Clone)]
 pub struct Workers(Arc<Pool>);
@@ -116,7 +119,8 @@ impl Workers {
         let start = Arc::new(start);
         let spawn = |number: usize| {
             let (shared, start) = (Arc::clone(&shared), Arc::clone(&start));
-            Builder::new().name(format!("planner {number}")).spawn(move || {
+            let thread = Builder::new().name(format!("planner {number}")).stack_size(STACK_SIZE);
+            thread.spawn(move || {
                 start();
                 shared.work();
             })

@@ -14,7 +14,9 @@
 
 use std::collections::VecDeque;
 
-use super::{After, Asked, Entry, Made, PUBLICATION, Place, RESERVE, Ready, State, Step, Stream, Tail, TakenOver};
+use super::{
+    AHEAD, After, Asked, Entry, Made, PUBLICATION, Place, RESERVE, Ready, State, Step, Stream, Tail, TakenOver,
+};
 use crate::element::{Element, Span};
 use crate::plan::optimal::sections::Shares;
 use crate::plan::optimal::windows::Job;
@@ -386,7 +388,7 @@ impl Stream {
         if !lives.is_empty() {
             let result = match &self.changes.under_way {
                 Some(change) => sink.publish_after(change.number, &committed, &tail),
-                None if sink.consumer_at().is_some() && sink.free() < lives.len() + RESERVE => Publish::Full,
+                None if !has_room(sink, lives.len()) => Publish::Full,
                 None => sink.publish(&committed, &tail),
             };
             if result != Publish::Done {
@@ -422,4 +424,12 @@ impl Stream {
             self.tail_length = tail;
         }
     }
+}
+
+/// Whether so many elements may be handed over: they fit, room for others in their place is left, and the machine has not too
+/// much ahead of it already.
+fn has_room<S: Sink<Element>>(sink: &S, count: usize) -> bool {
+    let ahead = |at| sink.next_number() - at;
+    let behind = sink.consumer_at();
+    behind.is_none_or(|at| ahead(at) < AHEAD && sink.free() >= count + RESERVE)
 }
