@@ -108,6 +108,15 @@ fn inside() {
         true,
     );
 
+    for config in [stamped, by_calls] {
+        tags_are_seen(raw("plk-a", stamped), raw("plk-b", config));
+        let every_ether_type = RawConfig {
+            every_ether_type: true,
+            ..config
+        };
+        tags_are_seen(raw("plk-a", stamped), raw("plk-b", every_ether_type));
+    }
+
     overflow(raw("plk-a", stamped), |ring_frames| {
         raw("plk-b", RawConfig { ring_frames, ..stamped })
     });
@@ -206,6 +215,26 @@ fn exchange(name: &str, mut a: impl Link, mut b: impl Link, b_stamps: bool) {
             max: FRAME_LEN_MAX,
         });
         assert_eq!(a.send(&vec![0; length]), refused, "{name}");
+    }
+}
+
+/// A frame of another network on the same cable arrives with the VLAN tag that it had on the wire.
+fn tags_are_seen(mut a: impl Link, mut b: impl Link) {
+    let mut buffer = [0; FRAME_LEN_MAX];
+    for (number, tag) in [
+        (1, [0x81, 0x00, 0x00, 0x05]),
+        // A priority and no network.
+        (2, [0x81, 0x00, 0xE0, 0x00]),
+        (3, [0x88, 0xA8, 0x0F, 0xFE]),
+    ] {
+        let mut tagged = frame(number, 60);
+        tagged.splice(12..12, tag);
+        a.send(&tagged).unwrap();
+        a.send(&frame(number, 60)).unwrap();
+        for expected in [tagged, frame(number, 60)] {
+            let received = next(&mut b, &mut buffer).unwrap();
+            assert_eq!(buffer[..received.length], expected);
+        }
     }
 }
 

@@ -13,7 +13,7 @@ pub mod powerlink;
 pub mod sender;
 
 use ::powerlink::link::LinkError;
-use ::powerlink::mn::{Counters, Diagnosis, NetworkDiagnosis, SdoCommand, SdoError};
+use ::powerlink::mn::{Counters, Diagnosis, ForeignSign, NetworkDiagnosis, SdoCommand, SdoError};
 use ::powerlink::wire::FRAME_LEN_MAX;
 use obd::AbortCode;
 use std::ops::Range;
@@ -95,7 +95,7 @@ pub enum BusEvent {
         code: u16,
     },
     /// Another managing node is on the wire.
-    ForeignMaster([u8; 6]),
+    ForeignMaster(ForeignSign),
     /// The network adapter does not send or receive.
     LinkFailed(LinkError),
 }

@@ -220,7 +220,7 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
                 node: index(node)?,
                 code: entry.code,
             },
-            MnEvent::ForeignMn { mac } => BusEvent::ForeignMaster(mac),
+            MnEvent::ForeignMn(sign) => BusEvent::ForeignMaster(sign),
         })
     }
 

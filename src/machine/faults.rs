@@ -13,6 +13,7 @@ use cia402::axis::AxisFault;
 use motion::rt::homing::HomingFailure;
 use motion::rt::{Order, SyncFault};
 use powerlink::link::LinkError;
+use powerlink::mn::ForeignSign;
 
 /// Something that is wrong. Joints and nodes by their place in the machine file.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -109,8 +110,8 @@ pub enum Fault {
     CycleHung,
     /// Another managing node is on the wire.
     ForeignMaster {
-        /// Its address.
-        mac: [u8; 6],
+        /// Who was heard.
+        sign: ForeignSign,
     },
     /// The network adapter does not send or receive.
     LinkFailed {
@@ -264,11 +265,7 @@ impl Fault {
             Fault::CycleHung => {
                 "cycle thread hung; the network was silenced: end this control and start it anew".into()
             }
-            Fault::ForeignMaster {
-                mac: [a, b, c, d, e, f],
-            } => format!(
-                "another managing node is on the wire: {a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{f:02x}; disconnect it"
-            ),
+            Fault::ForeignMaster { sign } => format!("{sign}; disconnect it or end it"),
             Fault::LinkFailed { error } => format!("network adapter: {error}"),
         }
     }

@@ -412,7 +412,7 @@ impl NetworkLive {
             foreign: network.foreign_mn.map(|foreign| {
                 format!(
                     "{}, {} frames, the last {}",
-                    mac(foreign.mac),
+                    foreign.sign,
                     foreign.frames,
                     ago(now_ns, foreign.heard_ns)
                 )
@@ -566,10 +566,7 @@ fn network_why(reason: NetworkReason, now_ns: u64) -> String {
     let left = |until_ns: u64| span(until_ns.saturating_sub(now_ns));
     match reason {
         NetworkReason::Listening { until_ns } => format!("listens for another managing node for {}", left(until_ns)),
-        NetworkReason::ForeignMn { mac: foreign } => format!(
-            "another managing node is on the wire: {}; silent until it has gone",
-            mac(foreign)
-        ),
+        NetworkReason::ForeignMn(sign) => format!("{sign}; silent until it has gone"),
         NetworkReason::Starting => "wakes and resets the nodes".into(),
         NetworkReason::MinimumStay { until_ns } => {
             format!(

@@ -1,6 +1,7 @@
 use super::*;
 use crate::config;
 use obd::AbortCode;
+use powerlink::mn::ForeignSign;
 use std::path::Path;
 
 const MACHINE: &str = include_str!("../../configs/mill3-demo.toml");
@@ -32,9 +33,10 @@ fn a_view_goes_through_json_unchanged() {
     view.live = Some(NetworkLive::of(
         &NetworkDiagnosis {
             state: NmtState::NotActive,
-            reason: Some(NetworkReason::ForeignMn {
+            reason: Some(NetworkReason::ForeignMn(ForeignSign {
+                id: 240,
                 mac: [2, 0, 0, 0, 0, 9],
-            }),
+            })),
             foreign_mn: None,
         },
         &Counters::default(),

@@ -438,7 +438,7 @@ impl Operator {
             }
             BusEvent::NodeLost(node) => format!("{} lost", self.node_names[node]),
             BusEvent::NodeError { node, code } => format!("{} reports error {code:04X}h", self.node_names[node]),
-            BusEvent::ForeignMaster(_) => "another managing node is on the wire".into(),
+            BusEvent::ForeignMaster(sign) => sign.to_string(),
             BusEvent::LinkFailed(error) => format!("network adapter: {error}"),
         };
         self.note(time_s, text);

@@ -13,13 +13,23 @@ use crate::wire::node;
 
 pub(super) type Plan = CopyPlan<MAPPING_ENTRIES>;
 
-/// What an RPDO is read from: 0x1400/1.
+/// What an RPDO is read from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Source(pub(super) u8);
+pub(super) enum Source {
+    /// The PReq of the managing node.
+    Preq,
+    /// The PRes of this node.
+    Pres(u8),
+}
 
 impl Source {
-    /// The PReq of the managing node.
-    pub(super) const PREQ: Source = Source(0);
+    /// As 0x1400/1 tells it: 0 is the PReq, and no node.
+    fn of(node_id: u8) -> Source {
+        match node_id {
+            node::INVALID => Source::Preq,
+            from => Source::Pres(from),
+        }
+    }
 }
 
 /// A received PDO.
@@ -74,7 +84,7 @@ impl Pdos {
         receive: [Rpdo {
             plan: Plan::EMPTY,
             version: 0,
-            source: Source::PREQ,
+            source: Source::Preq,
             limit: 0,
             fault: None,
         }; RPDOS],
@@ -90,7 +100,7 @@ impl Pdos {
     pub(super) fn activate<const E: usize, const B: usize>(dictionary: &Dictionary<E, B>, keys: &Keys) -> Pdos {
         let mut pdos = Pdos::EMPTY;
         for (rpdo, keys_of) in pdos.receive.iter_mut().zip(&keys.receive) {
-            let source = Source(dictionary.get(keys_of.node));
+            let source = Source::of(dictionary.get(keys_of.node));
             let limit = source_limit(dictionary, keys, source);
             let count = dictionary.get(keys_of.count);
             *rpdo = Rpdo {
@@ -129,7 +139,7 @@ impl Pdos {
 
     /// Checks the length of a PReq, mapped or not; the error holds the fault unless it was reported before.
     pub(super) fn check_preq(&mut self, pdo: &Pdo<'_>) -> Result<(), Option<u16>> {
-        if pdo.source != Source::PREQ {
+        if pdo.source != Source::Preq {
             return Ok(());
         }
         let known = core::mem::replace(&mut self.preq_too_long, pdo.payload.len() > self.preq_limit);
@@ -185,11 +195,11 @@ const fn main_version(version: u8) -> u8 {
 
 /// Longest payload of a source in octets: 0x1F98/4 for the PReq, 0x1F8D/n for the PRes of node n.
 fn source_limit<const E: usize, const B: usize>(dictionary: &Dictionary<E, B>, keys: &Keys, source: Source) -> usize {
-    if source == Source::PREQ {
+    let Source::Pres(from) = source else {
         return usize::from(dictionary.get(keys.preq_limit));
-    }
+    };
     // Sub-indices 1..=254 are those of the node ids that 0x1400/1 takes.
-    match dictionary.read(0x1F8D, source.0) {
+    match dictionary.read(0x1F8D, from) {
         Ok(&[low, high]) => usize::from(u16::from_le_bytes([low, high])),
         Ok(_) | Err(_) => 0,
     }
@@ -223,13 +233,13 @@ pub(super) fn check_write<const E: usize, const B: usize>(
     let number = usize::from(index & 0xFF);
     match (index, sub) {
         (0x1400..=0x14FF, 1) => {
-            let limit = source_limit(dictionary, keys, Source(first));
+            let limit = source_limit(dictionary, keys, Source::of(first));
             keys.receive
                 .get(number)
                 .map_or(Ok(()), |rpdo| still_fits(dictionary, rpdo, Direction::Receive, limit))
         }
         (0x1600..=0x16FF, _) => keys.receive.get(number).map_or(Ok(()), |rpdo| {
-            let limit = source_limit(dictionary, keys, Source(dictionary.get(rpdo.node)));
+            let limit = source_limit(dictionary, keys, Source::of(dictionary.get(rpdo.node)));
             check_mapping(dictionary, rpdo, Direction::Receive, (sub, first), limit)
         }),
         (0x1A00, _) => {
@@ -237,8 +247,8 @@ pub(super) fn check_write<const E: usize, const B: usize>(
             check_mapping(dictionary, &keys.transmit, Direction::Transmit, (sub, first), limit)
         }
         (0x1F98, 5) => still_fits(dictionary, &keys.transmit, Direction::Transmit, octets_of(value)?),
-        (0x1F98, 4) => check_source(dictionary, keys, Source::PREQ, octets_of(value)?),
-        (0x1F8D, from @ 1..=node::MN) => check_source(dictionary, keys, Source(from), octets_of(value)?),
+        (0x1F98, 4) => check_source(dictionary, keys, Source::Preq, octets_of(value)?),
+        (0x1F8D, from @ 1..=node::MN) => check_source(dictionary, keys, Source::Pres(from), octets_of(value)?),
         _ => Ok(()),
     }
 }
@@ -284,7 +294,10 @@ fn check_source<const E: usize, const B: usize>(
     source: Source,
     limit_octets: usize,
 ) -> Result<(), AbortCode> {
-    let readers = keys.receive.iter().filter(|rpdo| dictionary.get(rpdo.node) == source.0);
+    let readers = keys
+        .receive
+        .iter()
+        .filter(|rpdo| Source::of(dictionary.get(rpdo.node)) == source);
     for rpdo in readers {
         still_fits(dictionary, rpdo, Direction::Receive, limit_octets)?;
     }

@@ -8,45 +8,40 @@ use super::pdo::{Pdo, Received, Source};
 use super::{Cn, Events, Reaction};
 use crate::nmt::{CnEvent, NmtState};
 use crate::wire::{
-    Asnd, FRAME_LEN_MAX, Frame, Header, PAYLOAD_MAX, Preq, Pres, RequestedService, Soa, Soc, multicast, node,
+    self, Asnd, FRAME_LEN_MAX, Frame, Header, PAYLOAD_MAX, Preq, Pres, RequestedService, Soa, Soc, multicast, node,
 };
 
 impl<const E: usize, const B: usize> Cn<E, B> {
     /// Takes one received Ethernet frame that arrived at `now_ns` (the receive stamp, where there is one: the watch over the SoC
     /// and the time of a chained PRes depend on it), and writes the frame that has to be sent at once into `response`. Frames
-    /// that are malformed or meant for others change nothing. RT: no allocation, no locks, bounded.
+    /// that are malformed, that their sender may not send, or meant for others change nothing. RT: no allocation, no locks, bounded.
     pub fn receive(&mut self, now_ns: u64, frame: &[u8], response: &mut [u8; FRAME_LEN_MAX]) -> Reaction {
         let mut reaction = Reaction::default();
         self.run_timers(now_ns, &mut reaction.events);
-        let (Ok(header), Ok(frame)) = (Header::parse(frame), Frame::parse(frame)) else {
+        let Ok((header, frame)) = wire::accept(frame) else {
             return reaction;
         };
-        let from_mn = header.source_node == node::MN;
+        // What says that it is from this node is from another one with the same id.
+        if header.source_node == self.node_id {
+            return reaction;
+        }
         let to_us = header.destination_node == self.node_id;
         let events = &mut reaction.events;
         match frame {
-            Frame::Soc(soc) if from_mn => self.receive_soc(now_ns, soc, events),
-            Frame::Soa(soa) if from_mn => reaction.transmit = self.receive_soa(now_ns, &soa, response, events),
-            Frame::Preq(preq) if from_mn => {
+            Frame::Soc(soc) => self.receive_soc(now_ns, soc, events),
+            Frame::Soa(soa) => reaction.transmit = self.receive_soa(now_ns, &soa, response, events),
+            Frame::Preq(preq) => {
                 self.hear(CnEvent::PollFrame, now_ns, events);
                 if to_us {
                     reaction.transmit = self.receive_preq(&preq, response, events);
                 }
             }
-            Frame::Pres(pres) if header.source_node != self.node_id => {
+            Frame::Pres(pres) => {
                 self.hear(CnEvent::PollFrame, now_ns, events);
                 self.receive_pres(now_ns, header.source_node, &pres, events);
             }
-            Frame::Asnd(asnd) if header.source_node != self.node_id => {
-                self.receive_asnd(now_ns, &header, &asnd, events);
-            }
-            Frame::Soc(_)
-            | Frame::Soa(_)
-            | Frame::Preq(_)
-            | Frame::Pres(_)
-            | Frame::Asnd(_)
-            | Frame::Amni(_)
-            | Frame::Ainv(_) => {}
+            Frame::Asnd(asnd) => self.receive_asnd(now_ns, &header, &asnd, events),
+            Frame::Amni(_) | Frame::Ainv(_) => {}
         }
         reaction
     }
@@ -77,7 +72,7 @@ impl<const E: usize, const B: usize> Cn<E, B> {
         self.take_preq(preq.multiplexed);
         self.signalling_step(|signalling| signalling.acknowledge(preq.exception_acknowledge));
         let pdo = Pdo {
-            source: Source::PREQ,
+            source: Source::Preq,
             version: preq.pdo_version,
             ready: preq.ready,
             payload: preq.payload,
@@ -114,7 +109,7 @@ impl<const E: usize, const B: usize> Cn<E, B> {
             self.start_chain(now_ns);
         }
         let pdo = Pdo {
-            source: Source(from),
+            source: Source::Pres(from),
             version: pres.pdo_version,
             ready: pres.ready,
             payload: pres.payload,

@@ -8,6 +8,7 @@ use objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE}
 use std::string::ToString;
 use std::vec::Vec;
 
+mod addresses;
 mod any_frames;
 mod chained;
 mod errors;

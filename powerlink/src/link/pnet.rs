@@ -1,7 +1,8 @@
 //! A second link to a network interface, on libpnet: keeps the first one honest, and serves tools.
 //!
 //! In and out as [`raw`](super::raw). Not RT: libpnet allocates at every time-out and waits in whole milliseconds, so this
-//! link looks for frames and sleeps in short steps. It has no receive stamps.
+//! link looks for frames and sleeps in short steps. It has no receive stamps, and does not see the VLAN tags that the kernel takes
+//! off.
 
 use std::boxed::Box;
 use std::io;

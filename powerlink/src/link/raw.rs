@@ -1,6 +1,7 @@
 //! A network interface through an AF_PACKET socket.
 //!
-//! In:  whole Ethernet frames to send. Out: POWERLINK frames that arrive at the interface, with the kernel's stamp.
+//! In:  whole Ethernet frames to send. Out: POWERLINK frames that arrive at the interface, with the kernel's stamp, and with
+//! their VLAN tag if they have one: as they were on the wire.
 //! RT after [`RawLink::open`]: `send` is one system call. `receive` looks into memory shared with the kernel, without a
 //! system call; where the system refuses that memory, it reads by `recvmsg` ([`RawLink::reception`] says which and why).
 //! With nothing there it spins if told to, then waits in `ppoll`. No allocation, no lock.
@@ -9,6 +10,7 @@
 
 mod ring;
 mod socket;
+mod tag;
 
 use std::fmt;
 use std::format;
@@ -23,6 +25,7 @@ use ring::Ring;
 pub use socket::OpenError;
 use socket::{PACKET_OUTGOING, errno};
 pub(super) use socket::{Socket, error, socket_error};
+use tag::Tag;
 
 /// How often a look that finds nothing asks for the state of the interface.
 const STATE_LOOK_NS: u64 = 1_000_000;
@@ -112,8 +115,11 @@ impl RawLink {
                 Err((what, error)) => calls(format!("{what}: {error}")),
             },
         };
-        if ring.is_none() && config.receive_stamps {
-            socket.switch_stamps_on(interface)?;
+        if ring.is_none() {
+            socket.tell_of_tags(interface)?;
+            if config.receive_stamps {
+                socket.switch_stamps_on(interface)?;
+            }
         }
         socket.bind(interface, config)?;
         Ok(RawLink {
@@ -250,33 +256,42 @@ fn read(fd: &OwnedFd, buffer: &mut [u8]) -> Result<Option<Received>, LinkError> 
         if from.sll_pkttype == PACKET_OUTGOING {
             continue;
         }
+        let (stamp_ns, tag) = told(&message);
+        let length = length as usize;
         return Ok(Some(Received {
-            length: length as usize,
-            stamp_ns: stamp(&message),
+            length: tag.map_or(length, |tag| tag.put_back(buffer, length)),
+            stamp_ns,
         }));
     }
 }
 
-/// Octets of control messages: one stamp needs 32.
-const CONTROL_LEN: usize = 64;
+/// Octets of control messages: a stamp needs 32, what is told of the frame 40.
+const CONTROL_LEN: usize = 128;
 
 #[repr(C, align(8))]
 struct Control([u8; CONTROL_LEN]);
 
-/// The kernel's receive stamp of a message, if it has one.
-fn stamp(message: &libc::msghdr) -> Option<u64> {
+/// The kernel's receive stamp of a message, and the VLAN tag that it took off, as far as there are any.
+fn told(message: &libc::msghdr) -> (Option<u64>, Option<Tag>) {
+    let (mut stamp_ns, mut tag) = (None, None);
     // SAFETY: the kernel has filled the control buffer of `message`, which is aligned and still lives; the macros walk
     // it by the lengths in it.
     unsafe {
         let mut header = libc::CMSG_FIRSTHDR(message);
         while !header.is_null() {
-            if (*header).cmsg_level == libc::SOL_SOCKET && (*header).cmsg_type == libc::SCM_TIMESTAMPNS {
-                return Some(from_timespec(
-                    libc::CMSG_DATA(header).cast::<libc::timespec>().read_unaligned(),
-                ));
+            match ((*header).cmsg_level, (*header).cmsg_type) {
+                (libc::SOL_SOCKET, libc::SCM_TIMESTAMPNS) => {
+                    let stamp = libc::CMSG_DATA(header).cast::<libc::timespec>().read_unaligned();
+                    stamp_ns = Some(from_timespec(stamp));
+                }
+                (libc::SOL_PACKET, libc::PACKET_AUXDATA) => {
+                    let frame = libc::CMSG_DATA(header).cast::<libc::tpacket_auxdata>().read_unaligned();
+                    tag = Tag::of(frame.tp_status, frame.tp_vlan_tpid, frame.tp_vlan_tci);
+                }
+                _ => {}
             }
             header = libc::CMSG_NXTHDR(message, header);
         }
     }
-    None
+    (stamp_ns, tag)
 }

@@ -6,6 +6,7 @@
 use core::fmt;
 
 use super::boot::Stage;
+use super::event::ForeignSign;
 use super::fault::Fault;
 use super::network::Reduced;
 use super::node::{Node, us};
@@ -13,7 +14,7 @@ use super::record::{ErrorLog, LastFault};
 use super::slot::Shutdown;
 use super::{Assignment, Mn, NodeState, NodeStatistics};
 use crate::nmt::NmtState;
-use crate::wire::{IdentResponse, Mac};
+use crate::wire::IdentResponse;
 
 /// Where the boot-up of a node stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -219,10 +220,7 @@ pub enum NetworkReason {
         until_ns: u64,
     },
     /// NOT_ACTIVE, and another managing node was heard.
-    ForeignMn {
-        /// Its MAC.
-        mac: Mac,
-    },
+    ForeignMn(ForeignSign),
     /// The nodes are being woken and reset.
     Starting,
     /// PRE_OPERATIONAL_1 lasts at least that long (0x1F89/3).
@@ -263,12 +261,7 @@ impl fmt::Display for NetworkReason {
             NetworkReason::Listening { until_ns } => {
                 write!(f, "listening for another managing node until {}", Seconds(until_ns))
             }
-            NetworkReason::ForeignMn { mac } => {
-                write!(
-                    f,
-                    "another managing node is on the wire, MAC {mac:02x?}; silent until it has gone"
-                )
-            }
+            NetworkReason::ForeignMn(sign) => write!(f, "{sign}; silent until it has gone"),
             NetworkReason::Starting => f.write_str("waking and resetting the nodes"),
             NetworkReason::MinimumStay { until_ns } => {
                 write!(f, "PRE_OPERATIONAL_1 lasts until {} (1F89h/03h)", Seconds(until_ns))
@@ -301,9 +294,9 @@ impl fmt::Display for NetworkReason {
 /// Another managing node on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ForeignMn {
-    /// Its MAC.
-    pub mac: Mac,
-    /// When it was heard last, in ns.
+    /// By what it was heard last.
+    pub sign: ForeignSign,
+    /// When that was, in ns.
     pub heard_ns: u64,
     /// Frames of it, or of several, since the start.
     pub frames: u64,
@@ -329,9 +322,9 @@ impl fmt::Display for NetworkDiagnosis {
         if let Some(foreign) = self.foreign_mn {
             write!(
                 f,
-                " (another managing node was heard last at {}, MAC {:02x?}, {} frames)",
+                " ({}; heard last at {}, {} frames)",
+                foreign.sign,
                 Seconds(foreign.heard_ns),
-                foreign.mac,
                 foreign.frames
             )?;
         }
@@ -416,8 +409,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         NetworkDiagnosis {
             state: self.state,
             reason: self.network_reason(),
-            foreign_mn: self.foreign_heard_ns.map(|heard_ns| ForeignMn {
-                mac: self.foreign_mac,
+            foreign_mn: self.foreign.map(|(heard_ns, sign)| ForeignMn {
+                sign,
                 heard_ns,
                 frames: self.counters.foreign_mn_frames,
             }),
@@ -518,8 +511,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             return Some(NetworkReason::ShuttingDown);
         }
         let Some(state) = self.next_state() else {
-            return Some(match (self.state, self.foreign_heard_ns) {
-                (NmtState::NotActive, Some(_)) => NetworkReason::ForeignMn { mac: self.foreign_mac },
+            return Some(match (self.state, self.foreign) {
+                (NmtState::NotActive, Some((_, sign))) => NetworkReason::ForeignMn(sign),
                 (NmtState::NotActive, None) => NetworkReason::Listening {
                     until_ns: self.listen_until_ns.unwrap_or(0),
                 },

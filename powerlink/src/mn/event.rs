@@ -9,7 +9,10 @@ use obd::AbortCode;
 
 use super::{NodeState, Stamp, Threshold};
 use crate::nmt::{NmtCommand, NmtState};
-use crate::wire::{ErrorEntry, Mac, WireError};
+use crate::wire::{self, ErrorEntry, Mac, WireError};
+
+/// What stands in the place of the EtherType in a frame with a VLAN tag: IEEE 802.1Q, 802.1ad.
+const VLAN_ETHER_TYPES: [u16; 2] = [0x8100, 0x88A8];
 
 /// Events the ring holds.
 pub const EVENTS_MAX: usize = 64;
@@ -156,10 +159,41 @@ pub enum MnEvent {
         command: NmtCommand,
     },
     /// Another managing node is on the wire.
-    ForeignMn {
-        /// Its MAC.
-        mac: Mac,
-    },
+    ForeignMn(ForeignSign),
+}
+
+/// The frame that shows that there is another managing node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ForeignSign {
+    /// Node id of its sender: of the other managing node (240; 241 to 250, redundant), or of a node that answers one.
+    pub id: u8,
+    /// MAC of its sender.
+    pub mac: Mac,
+}
+
+impl ForeignSign {
+    /// The managing node itself was heard, and not only a node that answers it.
+    pub fn is_its_own(&self) -> bool {
+        (wire::node::MN..=wire::node::MN_MAX).contains(&self.id)
+    }
+}
+
+impl fmt::Display for ForeignSign {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ForeignSign {
+            id,
+            mac: [a, b, c, d, e, g],
+        } = self;
+        let mac = format_args!("{a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{g:02x}");
+        if self.is_its_own() {
+            write!(f, "another managing node is on the wire: {mac}, node id {id}")
+        } else {
+            write!(
+                f,
+                "another managing node is on the wire, perhaps on this PC: node {id} ({mac}) answers one"
+            )
+        }
+    }
 }
 
 impl fmt::Display for MnEvent {
@@ -224,7 +258,7 @@ impl fmt::Display for MnEvent {
                 write!(f, "managing node: {next:?} would be next; waits for the application")
             }
             MnEvent::AllOnError { command } => write!(f, "a mandatory node dropped out: {command:?} to all"),
-            MnEvent::ForeignMn { mac } => write!(f, "another managing node is on the wire, MAC {mac:02x?}"),
+            MnEvent::ForeignMn(sign) => sign.fmt(f),
         }
     }
 }
@@ -266,7 +300,7 @@ impl Events {
     }
 }
 
-/// Frames that could not be read, by reason.
+/// Frames that were not looked at any further, by reason.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Malformed {
     /// Shorter than their fields.
@@ -275,10 +309,16 @@ pub struct Malformed {
     pub too_long: u64,
     /// Not POWERLINK.
     pub ether_type: u64,
+    /// With a VLAN tag.
+    pub vlan: u64,
     /// Message type the standard does not define.
     pub message_type: u64,
     /// The size field of a PReq or PRes promises more than there is.
     pub payload_size: u64,
+    /// Of a type that no node of that id sends.
+    pub source: u64,
+    /// Of a type that does not go to a node of that id.
+    pub destination: u64,
 }
 
 impl Malformed {
@@ -287,29 +327,34 @@ impl Malformed {
             WireError::TooShort { .. } => &mut self.too_short,
             // Reading never fails for lack of room.
             WireError::TooLong { .. } | WireError::NoRoom { .. } => &mut self.too_long,
+            WireError::EtherType { got } if VLAN_ETHER_TYPES.contains(&got) => &mut self.vlan,
             WireError::EtherType { .. } => &mut self.ether_type,
             WireError::MessageType { .. } => &mut self.message_type,
             WireError::PayloadSize { .. } => &mut self.payload_size,
+            WireError::Source { .. } => &mut self.source,
+            WireError::Destination { .. } => &mut self.destination,
         };
         *counter += 1;
     }
 
     /// All reasons together.
     pub fn total(&self) -> u64 {
-        self.too_short + self.too_long + self.ether_type + self.message_type + self.payload_size
+        let unreadable = self.too_short + self.too_long + self.message_type + self.payload_size;
+        let not_ours = self.ether_type + self.vlan;
+        unreadable + not_ours + self.source + self.destination
     }
 }
 
 /// What happened on the wire, not belonging to one node. Nothing is ever reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Counters {
-    /// Frames that could not be read.
+    /// Frames that were not looked at any further.
     pub malformed: Malformed,
     /// Frames of known nodes that nobody had asked for.
     pub unexpected: u64,
     /// Frames of nodes that are not configured, or for another node.
     pub unknown_node: u64,
-    /// SoC, SoA, PReq or AMNI of another managing node.
+    /// Frames of another managing node, or in NOT_ACTIVE of nodes that answer one.
     pub foreign_mn_frames: u64,
     /// Our own frames, seen again.
     pub own_frames: u64,

@@ -47,7 +47,7 @@ pub use application::NodeCommandError;
 pub use budget::{Budget, BudgetLine, Part, WorstCycle, wire_time_ns};
 pub use config::{BootTimes, Direction, Identity, MnConfig, MnConfigError, NodeConfig, Stamp};
 pub use diagnosis::{BootStage, Diagnosis, ForeignMn, NetworkDiagnosis, NetworkReason, Reason};
-pub use event::{Counters, EVENTS_MAX, IdentityField, Malformed, MnEvent, NodeStatistics};
+pub use event::{Counters, EVENTS_MAX, ForeignSign, IdentityField, Malformed, MnEvent, NodeStatistics};
 pub use fault::Fault;
 pub use objects::{DeviceInfo, FEATURE_FLAGS, HISTORY_ENTRIES, MN_PROFILE, MnObjects};
 pub use record::{ERRORS_KEPT, ErrorLog, LastFault, LoggedError};
@@ -58,7 +58,7 @@ pub use threshold::Threshold;
 use crate::ethernet_queue::EthernetQueue;
 pub use crate::ethernet_queue::{ETHERNET_FRAMES, QueueError};
 use crate::nmt::{self, MnTrigger, NmtState};
-use crate::wire::{self, FRAME_LEN_MAX, Mac, NetTime, PAYLOAD_MAX};
+use crate::wire::{self, FRAME_LEN_MAX, NetTime, PAYLOAD_MAX};
 use config::check;
 use cycle::Phase;
 use event::Events;
@@ -144,8 +144,8 @@ pub struct Mn<'a, const NODES: usize> {
     gate: Gate,
     /// Command to all that waits for a slot.
     to_all: Option<ToAll>,
-    foreign_heard_ns: Option<u64>,
-    foreign_mac: Mac,
+    /// When another managing node was heard last, and by what.
+    foreign: Option<(u64, ForeignSign)>,
     cycle_started_ns: Option<u64>,
     net_time: NetTime,
     relative_time_us: u64,
@@ -204,8 +204,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             being_configured: 0,
             gate: Gate::default(),
             to_all: None,
-            foreign_heard_ns: None,
-            foreign_mac: [0; 6],
+            foreign: None,
             cycle_started_ns: None,
             net_time: NetTime::default(),
             relative_time_us: 0,

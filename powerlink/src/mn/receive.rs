@@ -1,15 +1,26 @@
 //! What arrives: frames of the nodes, of another managing node, garbage.
 //!
 //! In:  any octets, and when they came. Out: the node they belong to is told; everything else is counted by reason.
+//!
+//! | frame | from | to | what it is |
+//! |---|---|---|---|
+//! | any that the standard does not know between these nodes | | | counted (`malformed`), nothing else |
+//! | any that carries our own MAC | | | counted (`own_frames`), nothing else |
+//! | SoC, PReq, PRes, SoA, ASnd, AInv | 240 | as the standard has it | another managing node |
+//! | AMNI | 241..=250 | 255 | another managing node |
+//! | PRes, ASnd, in NOT_ACTIVE | 1..=239, 253, 254 | as the standard has it | an answer to another managing node |
+//! | PRes, once we have sent | 1..=239 | 255 | the node's process data, if it was polled |
+//! | ASnd, once we have sent | 1..=239, 253 | 240, 255 | the node's answer; it ends the slot that was the node's |
+//!
 //! RT: no allocation, no locks, bounded; never panics.
 
 use super::Mn;
 use super::cycle::Phase;
-use super::event::MnEvent;
+use super::event::{ForeignSign, MnEvent};
 use super::node::us;
 use super::slot::Grant;
 use crate::nmt::NmtState;
-use crate::wire::{self, Asnd, Frame, Header, Mac, Pres};
+use crate::wire::{self, Asnd, Frame, Header, Pres};
 
 /// Another managing node is reported again after it was silent for this time.
 const FOREIGN_SILENCE_NS: u64 = 1_000_000_000;
@@ -17,31 +28,40 @@ const FOREIGN_SILENCE_NS: u64 = 1_000_000_000;
 impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// Hands in a frame that arrived. Garbage is counted by reason and does nothing else; never panics.
     pub fn receive(&mut self, now_ns: u64, frame: &[u8]) {
-        let (header, body) = match Header::parse(frame).and_then(|header| Ok((header, Frame::parse(frame)?))) {
-            Ok(parsed) => parsed,
+        let (header, body) = match wire::accept(frame) {
+            Ok(accepted) => accepted,
             Err(error) => return self.counters.malformed.count(error),
         };
         if header.source == self.config.mac {
             self.counters.own_frames += 1;
             return;
         }
+        // Nobody sends anything unless a managing node asks for it, and in NOT_ACTIVE we have asked nobody. What another control
+        // of this PC sends on the same interface is not heard, only the answers to it.
+        if header.is_from_managing_node() || self.state == NmtState::NotActive {
+            return self.foreign_mn(now_ns, &header);
+        }
         match body {
-            Frame::Soc(_) | Frame::Soa(_) | Frame::Preq(_) | Frame::Amni(_) => self.foreign_mn(now_ns, header.source),
             Frame::Pres(pres) => self.receive_pres(now_ns, &header, &pres),
             Frame::Asnd(asnd) => self.receive_asnd(now_ns, &header, &asnd),
-            Frame::Ainv(_) => self.counters.unexpected += 1,
+            Frame::Soc(_) | Frame::Soa(_) | Frame::Preq(_) | Frame::Amni(_) | Frame::Ainv(_) => {
+                self.counters.unexpected += 1;
+            }
         }
     }
 
-    fn foreign_mn(&mut self, now_ns: u64, mac: Mac) {
+    fn foreign_mn(&mut self, now_ns: u64, header: &Header) {
         self.counters.foreign_mn_frames += 1;
         let silent = self
-            .foreign_heard_ns
-            .is_none_or(|heard_ns| now_ns >= heard_ns + FOREIGN_SILENCE_NS);
-        self.foreign_heard_ns = Some(now_ns);
-        self.foreign_mac = mac;
+            .foreign
+            .is_none_or(|(heard_ns, _)| now_ns >= heard_ns + FOREIGN_SILENCE_NS);
+        let sign = ForeignSign {
+            id: header.source_node,
+            mac: header.source,
+        };
+        self.foreign = Some((now_ns, sign));
         if silent {
-            self.events.push(MnEvent::ForeignMn { mac });
+            self.events.push(MnEvent::ForeignMn(sign));
         }
         if self.state == NmtState::NotActive {
             self.listen_until_ns = Some(now_ns + us(self.config.boot.wait_not_active_us));

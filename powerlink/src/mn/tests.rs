@@ -1,5 +1,6 @@
 //! The managing node against controlled nodes of this crate, on virtual time; the test is the wire.
 
+mod addresses;
 mod assignment;
 mod boot;
 mod chaining;
@@ -33,6 +34,10 @@ const MS: u64 = 1_000_000;
 const CYCLE_NS: u64 = MS;
 const MN_MAC: Mac = [2, 0, 0, 0, 0, 0xF0];
 const FOREIGN_MAC: Mac = [2, 0, 0, 0, 0, 0xEE];
+const FOREIGN: ForeignSign = ForeignSign {
+    id: 240,
+    mac: FOREIGN_MAC,
+};
 /// What a node takes to answer.
 const ANSWER_NS: u64 = 20 * US;
 const NODES: usize = 8;

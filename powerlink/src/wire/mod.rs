@@ -6,6 +6,7 @@
 //!
 //! Offsets count from the first octet of the Ethernet header; numbers are little endian, only the EtherType is not.
 
+mod addresses;
 mod asnd;
 mod chaining;
 mod ident;
@@ -63,8 +64,12 @@ pub mod node {
     pub const CN_MAX: u8 = 239;
     /// The managing node.
     pub const MN: u8 = 240;
+    /// Highest id of a redundant managing node; 241 is the lowest.
+    pub const MN_MAX: u8 = 250;
     /// A diagnostic device.
     pub const DIAGNOSTIC: u8 = 253;
+    /// A router to other networks.
+    pub const ROUTER: u8 = 254;
     /// All nodes.
     pub const BROADCAST: u8 = 255;
 }
@@ -137,6 +142,20 @@ pub enum WireError {
         /// Octets after the poll header, at most 1490.
         room: usize,
     },
+    /// No node of this id sends frames of this type.
+    Source {
+        /// The message type.
+        message_type: u8,
+        /// Node id of the sender.
+        got: u8,
+    },
+    /// No frame of this type goes to a node of this id.
+    Destination {
+        /// The message type.
+        message_type: u8,
+        /// Node id of the receiver.
+        got: u8,
+    },
     /// Emitting: the buffer or the frame is too small for what shall be sent.
     NoRoom {
         /// Octets needed.
@@ -155,6 +174,12 @@ impl core::fmt::Display for WireError {
             WireError::MessageType { got } => write!(f, "unknown message type {got:#04x}"),
             WireError::PayloadSize { size, room } => {
                 write!(f, "size field says {size} octets, there is room for {room}")
+            }
+            WireError::Source { message_type, got } => {
+                write!(f, "node {got} cannot be the sender of message type {message_type:#04x}")
+            }
+            WireError::Destination { message_type, got } => {
+                write!(f, "message type {message_type:#04x} does not go to node {got}")
             }
             WireError::NoRoom { need, got } => write!(f, "{need} octets do not fit into {got}"),
         }
@@ -205,6 +230,11 @@ impl Header {
         }
     }
 
+    /// A managing node has sent it, active or redundant.
+    pub fn is_from_managing_node(&self) -> bool {
+        (node::MN..=node::MN_MAX).contains(&self.source_node)
+    }
+
     fn emit(&self, message_type: u8, frame: &mut [u8]) {
         frame[0..6].copy_from_slice(&self.destination);
         frame[6..12].copy_from_slice(&self.source);
@@ -213,6 +243,15 @@ impl Header {
         frame[15] = self.destination_node;
         frame[16] = self.source_node;
     }
+}
+
+/// Reads an untrusted frame as a node has to: nobody looks into a frame that the standard does not let its sender send to its
+/// receiver. Never panics.
+pub fn accept(frame: &[u8]) -> Result<(Header, Frame<'_>), WireError> {
+    let header = Header::parse(frame)?;
+    let parsed = Frame::parse(frame)?;
+    addresses::judge(parsed.message_type(), header.source_node, header.destination_node)?;
+    Ok((header, parsed))
 }
 
 /// What a frame says, without its addresses (see [`Header`]).

@@ -5,9 +5,11 @@
 use super::*;
 use crate::nmt::{NmtCommand, NmtState};
 use proptest::prelude::*;
+use std::string::ToString;
 use std::vec;
 use std::vec::Vec;
 
+mod addresses;
 mod chaining;
 
 const MN_MAC: Mac = [0x02, 0x00, 0x5E, 0x00, 0x00, 0x01];

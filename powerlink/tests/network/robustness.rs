@@ -4,12 +4,12 @@ use std::cell::Cell;
 use std::rc::Rc;
 
 use powerlink::link::simulated::SplitMix64;
-use powerlink::mn::{BootTimes, MnEvent, NodeState};
+use powerlink::mn::{BootTimes, ForeignSign, MnEvent, NodeState};
 use powerlink::nmt::NmtState;
 use powerlink::wire::{Asnd, FRAME_LEN_MAX, Frame, Header, IdentResponse, Pres, Requests, message, multicast};
 
 use super::device::{PDO_BYTES, WRITES, mac};
-use super::weather::{FOREIGN_MAC, second_mn};
+use super::weather::{FOREIGN, FOREIGN_MAC, second_mn};
 use super::world::{PRES_LOST_MAX, Setup, World};
 
 /// A whole boot of the test network on good wires takes fewer cycles.
@@ -46,14 +46,18 @@ fn frame(source: u8, destination: u8, message_type: u8, tail: &[u8]) -> Vec<u8> 
 }
 
 /// Garbage of every kind that brought the other stack down, and how the managing node counts it: unreadable for being short, of
-/// another EtherType, of an unknown type, for its size field; from unknown nodes; unasked.
-fn garbage() -> Vec<(Vec<u8>, [u64; 6])> {
-    const SHORT: [u64; 6] = [1, 0, 0, 0, 0, 0];
-    const ETHER_TYPE: [u64; 6] = [0, 1, 0, 0, 0, 0];
-    const TYPE: [u64; 6] = [0, 0, 1, 0, 0, 0];
-    const SIZE: [u64; 6] = [0, 0, 0, 1, 0, 0];
-    const UNKNOWN: [u64; 6] = [0, 0, 0, 0, 1, 0];
-    const UNASKED: [u64; 6] = [0, 0, 0, 0, 0, 1];
+/// another EtherType, of an unknown type, for its size field; from unknown nodes; unasked; from or to a node that it cannot be
+/// from or for; with a VLAN tag.
+fn garbage() -> Vec<(Vec<u8>, [u64; 9])> {
+    const SHORT: [u64; 9] = [1, 0, 0, 0, 0, 0, 0, 0, 0];
+    const ETHER_TYPE: [u64; 9] = [0, 1, 0, 0, 0, 0, 0, 0, 0];
+    const TYPE: [u64; 9] = [0, 0, 1, 0, 0, 0, 0, 0, 0];
+    const SIZE: [u64; 9] = [0, 0, 0, 1, 0, 0, 0, 0, 0];
+    const UNKNOWN: [u64; 9] = [0, 0, 0, 0, 1, 0, 0, 0, 0];
+    const UNASKED: [u64; 9] = [0, 0, 0, 0, 0, 1, 0, 0, 0];
+    const SOURCE: [u64; 9] = [0, 0, 0, 0, 0, 0, 1, 0, 0];
+    const DESTINATION: [u64; 9] = [0, 0, 0, 0, 0, 0, 0, 1, 0];
+    const VLAN: [u64; 9] = [0, 0, 0, 0, 0, 0, 0, 0, 1];
     let mut buffer = [0; FRAME_LEN_MAX];
     let header = Header::multicast(multicast::ASND, FOREIGN_MAC, 1);
     let ident = Frame::Asnd(Asnd::IdentResponse(IdentResponse::default()));
@@ -96,8 +100,47 @@ fn garbage() -> Vec<(Vec<u8>, [u64; 6])> {
         (frame(1, 255, message::ASND, &[0x02, 0, 0]), SHORT),
         (ident, UNASKED),
     ];
-    for id in [0, 99, 239, 241, 253, 254, 255] {
+    for id in [99, 239] {
         garbage.push((pres(id), UNKNOWN));
+    }
+    for id in [0, 241, 250, 253, 254, 255] {
+        garbage.push((pres(id), SOURCE));
+    }
+    // What only a managing node sends, from somebody who is none; what it sends, to nobody who is meant.
+    for (source, destination, message_type) in [
+        (1, 255, message::SOC),
+        (0, 255, message::SOA),
+        (241, 255, message::SOA),
+        (7, 1, message::PREQ),
+        (239, 255, message::AMNI),
+        (240, 255, message::AMNI),
+        (251, 255, message::AMNI),
+        (0, 240, message::ASND),
+        (255, 240, message::ASND),
+    ] {
+        garbage.push((frame(source, destination, message_type, &[0; 43]), SOURCE));
+    }
+    for (source, destination, message_type) in [
+        (240, 1, message::SOC),
+        (240, 0, message::SOA),
+        (240, 255, message::PREQ),
+        (240, 240, message::PREQ),
+        (1, 240, message::PRES),
+        (245, 1, message::AMNI),
+        (1, 0, message::ASND),
+        (1, 250, message::ASND),
+    ] {
+        garbage.push((frame(source, destination, message_type, &[0; 43]), DESTINATION));
+    }
+    // A true cycle, but of another network on the same cable.
+    for tag in [
+        [0x81, 0x00, 0x00, 0x05],
+        [0x81, 0x00, 0x00, 0x00],
+        [0x88, 0xA8, 0xE0, 0x07],
+    ] {
+        let mut tagged = frame(240, 255, message::SOC, &[0; 43]);
+        tagged.splice(12..12, tag);
+        garbage.push((tagged, VLAN));
     }
     // The intruder speaks outside of the isochronous phase; in it a PRes of a node that is being polled is taken for its own.
     garbage.push((pres(1), UNASKED));
@@ -133,13 +176,14 @@ fn garbage_before_and_after_the_start_is_counted_by_reason_and_does_nothing_else
     setup.path.jitter_ns = 0;
     let mut quiet = World::new(&setup);
     let mut noisy = World::new(&setup);
-    let mut expected = [0; 6];
+    let mut expected = [0; 9];
     let mut next = garbage().into_iter().cycle();
     for cycle in 0..2_000_u64 {
         // In NOT_ACTIVE, through the whole boot, and in OPERATIONAL; late in the cycle, when nobody else sends. What a node might
-        // say itself comes when it has nothing more to say.
+        // say itself comes when it has nothing more to say; in NOT_ACTIVE it would be an answer to another managing node.
         let (octets, counts) = next.next().unwrap();
-        if counts[5] == 0 || noisy.is_operational() {
+        let of_a_node = counts[4] + counts[5] > 0;
+        if !of_a_node || noisy.is_operational() {
             noisy.intrusions.push_back((noisy.now_ns + 700_000, octets));
             for (sum, count) in expected.iter_mut().zip(counts) {
                 *sum += count;
@@ -159,6 +203,9 @@ fn garbage_before_and_after_the_start_is_counted_by_reason_and_does_nothing_else
         counters.malformed.payload_size,
         counters.unknown_node,
         counters.unexpected,
+        counters.malformed.source,
+        counters.malformed.destination,
+        counters.malformed.vlan,
     ];
     assert_eq!(counted, expected);
     assert_eq!(counters.foreign_mn_frames, 0);
@@ -260,7 +307,7 @@ fn a_second_mn_is_named_within_a_cycle_and_the_network_is_back_by_itself_when_it
         let named = world
             .events
             .iter()
-            .filter(|(_, event)| *event == MnEvent::ForeignMn { mac: FOREIGN_MAC })
+            .filter(|(_, event)| *event == MnEvent::ForeignMn(FOREIGN))
             .count();
         assert_eq!(named, 1, "in cycle {cycle}");
     }
@@ -287,9 +334,50 @@ fn a_network_that_another_mn_runs_is_left_alone_until_it_has_gone() {
         world
             .events
             .iter()
-            .any(|(_, event)| *event == MnEvent::ForeignMn { mac: FOREIGN_MAC })
+            .any(|(_, event)| *event == MnEvent::ForeignMn(FOREIGN))
     );
     world.run_until_operational(BOOT_CYCLES);
+}
+
+/// What another control of the same PC sends on the same interface is not heard there; its nodes are.
+#[test]
+fn a_node_that_answers_somebody_else_counts_as_another_managing_node() {
+    let mut buffer = [0; FRAME_LEN_MAX];
+    let mut frame = |id, frame: Frame<'_>| {
+        let header = Header::multicast(multicast::ASND, mac(id), id);
+        let length = frame.emit(&header, &mut buffer).unwrap();
+        buffer[..length].to_vec()
+    };
+    let pres = Frame::Pres(Pres {
+        nmt_state: NmtState::Operational,
+        multiplexed: false,
+        exception_new: false,
+        ready: true,
+        requests: Requests::default(),
+        pdo_version: 0,
+        payload: &[0; PDO_BYTES],
+    });
+    let ident = Frame::Asnd(Asnd::IdentResponse(IdentResponse::default()));
+    // Nodes of ours, and of a network of other nodes.
+    for (id, octets) in [
+        (1, frame(1, pres)),
+        (2, frame(2, ident)),
+        (99, frame(99, pres)),
+        (253, frame(253, ident)),
+    ] {
+        let mut world = World::new(&Setup::new(8, 2));
+        for _ in 0..500 {
+            world.intrusions.push_back((world.now_ns + 700_000, octets.clone()));
+            world.cycle();
+            assert_eq!(world.mn.nmt_state(), NmtState::NotActive);
+        }
+        let counters = world.mn.counters();
+        assert_eq!((counters.soa_sent, counters.asnd_sent, counters.cycles), (0, 0, 0));
+        let sign = ForeignSign { id, mac: mac(id) };
+        let told: Vec<_> = world.events.iter().map(|(_, event)| *event).collect();
+        assert_eq!(told, [MnEvent::ForeignMn(sign)], "told once");
+        world.run_until_operational(BOOT_CYCLES);
+    }
 }
 
 #[test]
@@ -415,7 +503,12 @@ fn an_unasked_ident_response_does_nothing() {
     let length = ident
         .emit(&Header::multicast(multicast::ASND, FOREIGN_MAC, 1), &mut buffer)
         .unwrap();
-    world.intrusions.push_back((700_000, buffer[..length].to_vec()));
+    // The nodes are being woken and reset.
+    world.run(22);
+    assert_eq!(world.mn.nmt_state(), NmtState::PreOperational1);
+    world
+        .intrusions
+        .push_back((world.now_ns + 700_000, buffer[..length].to_vec()));
     world.run(2);
     assert_eq!(world.mn.node_state(0), NodeState::Absent);
     assert_eq!(world.mn.counters().unexpected, 1);

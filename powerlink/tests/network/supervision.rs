@@ -12,6 +12,7 @@ use powerlink::nmt::NmtState;
 use powerlink::wire::{Frame, Header, node};
 
 use super::device::Node;
+use super::watch::may_be;
 
 /// One threshold counter: +8 for an error, -1 for a good cycle, back to 0 at the threshold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -117,7 +118,7 @@ impl Supervision {
         let (Ok(header), Ok(frame)) = (Header::parse(octets), Frame::parse(octets)) else {
             return;
         };
-        if header.source_node != node::MN {
+        if header.source_node != node::MN || !may_be(octets) {
             return;
         }
         match frame {

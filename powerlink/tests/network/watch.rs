@@ -64,6 +64,19 @@ struct MnModel {
     foreign_mn_frames: u64,
 }
 
+/// Whether the standard lets this sender send this frame to this receiver. By octets, as the wire has them.
+pub fn may_be(octets: &[u8]) -> bool {
+    let [kind, to, from] = [octets[14] & 0x7F, octets[15], octets[16]];
+    match (kind, from) {
+        (1 | 5, 240) => to == 255,
+        (3, 240) => matches!(to, 1..=239),
+        (4, 1..=240) => to == 255,
+        (6, 1..=240 | 253 | 254) | (0x0D, 240) => matches!(to, 1..=240 | 253..=255),
+        (7, 241..=250) => to == 255,
+        _ => false,
+    }
+}
+
 /// Lines of the log that a failed test shows.
 const LOG_LEN: usize = 100;
 /// Octets of each frame in the log, from the message type on.
@@ -306,13 +319,20 @@ impl Watch {
         if arrival.faults.any() || intruder || now_ns < self.excused_until_ns[arrival.from.index()] {
             self.misled_until_ns = now_ns + self.cycle_ns;
         }
-        let Ok(frame) = Frame::parse(octets) else {
-            self.mn.malformed += 1;
-            return;
+        let frame = match Frame::parse(octets) {
+            Ok(frame) if may_be(octets) => frame,
+            Ok(_) | Err(_) => {
+                self.mn.malformed += 1;
+                return;
+            }
         };
         let header = Header::parse(octets).unwrap();
         if header.source == MN_MAC {
             self.mn.own_frames += 1;
+            return;
+        }
+        if (240..=250).contains(&header.source_node) || self.mn_state == NmtState::NotActive {
+            self.mn.foreign_mn_frames += 1;
             return;
         }
         match frame {
@@ -329,8 +349,7 @@ impl Watch {
                     node.misled = arrival.faults.any() || intruder;
                 }
             }
-            Frame::Soc(_) | Frame::Preq(_) | Frame::Soa(_) | Frame::Amni(_) => self.mn.foreign_mn_frames += 1,
-            Frame::Asnd(_) | Frame::Ainv(_) => {}
+            Frame::Soc(_) | Frame::Preq(_) | Frame::Soa(_) | Frame::Amni(_) | Frame::Asnd(_) | Frame::Ainv(_) => {}
         }
     }
 

@@ -3,6 +3,7 @@
 //! In:  a kind of weather, a source of chance, the network. Out: the network's wires and intruders changed for one cycle.
 
 use powerlink::link::simulated::{Path, SplitMix64};
+use powerlink::mn::ForeignSign;
 use powerlink::nmt::NmtState;
 use powerlink::wire::{
     FRAME_LEN_MAX, Frame, Header, Mac, NetTime, RequestedService, Soa, Soc, message, multicast, node,
@@ -12,6 +13,11 @@ use super::world::World;
 
 /// MAC of the second managing node.
 pub const FOREIGN_MAC: Mac = [2, 0, 0, 0, 0, 0xEE];
+/// How it is told.
+pub const FOREIGN: ForeignSign = ForeignSign {
+    id: node::MN,
+    mac: FOREIGN_MAC,
+};
 /// Octets in which wires turn bits over: all that says what a frame is and whom it is for, with the sequence layer of SDO. What
 /// lies behind (process data, values of objects) nobody could tell from right data: in the field the FCS guards it.
 const CORRUPT_OCTETS: core::ops::Range<usize> = 0..24;

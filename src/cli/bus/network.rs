@@ -104,7 +104,7 @@ fn troubles(view: &NetworkView) -> Vec<String> {
     };
     let mut list = Vec::new();
     if let Some(foreign) = &live.foreign {
-        list.push(format!("another managing node was heard: {foreign}"));
+        list.push(foreign.clone());
     }
     if live.nmt_state != "OPERATIONAL" {
         let why = live.why.as_deref().unwrap_or("no reason is known");

@@ -9,7 +9,9 @@ use anyhow::{anyhow, bail};
 use powerlink::link::{Link, LinkError};
 use powerlink::nmt::NmtState;
 use powerlink::sdo::{Client, SERVICE_DATA_MAX, Timing};
-use powerlink::wire::{Asnd, FRAME_LEN_MAX, Frame, Header, IdentResponse, Mac, RequestedService, Soa, multicast, node};
+use powerlink::wire::{
+    self, Asnd, FRAME_LEN_MAX, Frame, Header, IdentResponse, Mac, RequestedService, Soa, multicast, node,
+};
 
 const MS: u64 = 1_000_000;
 /// A SoA to wake nodes (C_DLL_PREOP1_START_CYCLES of them).
@@ -94,19 +96,15 @@ pub fn listen(
     Ok(foreign)
 }
 
-/// Who sends what only a managing node sends.
+/// The managing node that sent a frame.
 fn master(frame: &[u8]) -> Option<Mac> {
-    let mac = Header::parse(frame).ok()?.source;
-    match Frame::parse(frame) {
-        Ok(Frame::Soc(_) | Frame::Soa(_) | Frame::Preq(_) | Frame::Amni(_) | Frame::Ainv(_)) => Some(mac),
-        Ok(Frame::Pres(_) | Frame::Asnd(_)) | Err(_) => None,
-    }
+    let (header, _) = wire::accept(frame).ok()?;
+    header.is_from_managing_node().then_some(header.source)
 }
 
 /// The node that sent a frame. No node sends anything unless a managing node asks for it.
 fn node_of(frame: &[u8]) -> Option<u8> {
-    Frame::parse(frame).ok()?;
-    Header::parse(frame).ok().map(|header| header.source_node)
+    wire::accept(frame).ok().map(|(header, _)| header.source_node)
 }
 
 /// The station.
@@ -168,7 +166,7 @@ impl Station {
                 return Ok(false);
             };
             let frame = &self.buffer[..received.length.min(FRAME_LEN_MAX)];
-            let (Ok(header), Ok(parsed)) = (Header::parse(frame), Frame::parse(frame)) else {
+            let Ok((header, parsed)) = wire::accept(frame) else {
                 continue;
             };
             if let Some(foreign) = master(frame).filter(|foreign| *foreign != self.mac) {

@@ -29,7 +29,7 @@ impl<B: Fieldbus> Control<B> {
                 BusEvent::NodeLost(node) if self.parts.mandatory[node] => {
                     self.fault(Fault::NodeLost { node });
                 }
-                BusEvent::ForeignMaster(mac) => self.fault(Fault::ForeignMaster { mac }),
+                BusEvent::ForeignMaster(sign) => self.fault(Fault::ForeignMaster { sign }),
                 BusEvent::LinkFailed(error) => self.fault(Fault::LinkFailed { error }),
                 BusEvent::Network(_)
                 | BusEvent::Identified(_)

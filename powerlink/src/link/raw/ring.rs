@@ -12,6 +12,7 @@ use std::ptr::{self, NonNull};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use super::socket::{PACKET_OUTGOING, set_option};
+use super::tag::Tag;
 use crate::link::Received;
 use crate::link::clock::from_timespec;
 
@@ -112,8 +113,9 @@ impl Ring {
                 let length = (header.tp_snaplen as usize).min(PLACE_LEN - at).min(buffer.len());
                 // SAFETY: `at + length` is within the place, `length` within the buffer; the mapping is no part of it.
                 unsafe { ptr::copy_nonoverlapping(place.add(at), buffer.as_mut_ptr(), length) };
+                let tag = Tag::of(header.tp_status, header.tp_vlan_tpid, header.tp_vlan_tci);
                 Received {
-                    length,
+                    length: tag.map_or(length, |tag| tag.put_back(buffer, length)),
                     stamp_ns: Some(from_timespec(libc::timespec {
                         tv_sec: header.tp_sec.into(),
                         tv_nsec: header.tp_nsec.into(),

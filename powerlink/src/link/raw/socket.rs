@@ -15,6 +15,8 @@ use crate::wire::{ETHER_TYPE, Mac, multicast};
 
 /// `PACKET_IGNORE_OUTGOING`, since Linux 4.20; not in the libc crate.
 const PACKET_IGNORE_OUTGOING: libc::c_int = 23;
+/// Where a frame has its EtherType.
+const ETHER_TYPE_AT: u32 = 12;
 /// `sll_pkttype` of a frame that this host sent.
 pub(super) const PACKET_OUTGOING: libc::c_uchar = 4;
 
@@ -104,13 +106,15 @@ impl Socket {
         Ok(Socket { fd, mac, index })
     }
 
-    /// Frames of the interface arrive from now on.
+    /// Frames of the interface arrive from now on: of every EtherType, but for what the filter leaves out. The kernel takes a
+    /// VLAN tag off and tells of it only those who hear every EtherType; to others a frame of another network on the same cable
+    /// would look like one of this.
     pub(in crate::link) fn bind(&self, interface: &str, config: RawConfig) -> Result<(), OpenError> {
-        let protocol = if config.every_ether_type {
-            libc::ETH_P_ALL as u16
-        } else {
-            ETHER_TYPE
-        };
+        if !config.every_ether_type {
+            self.hear_powerlink_only()
+                .map_err(|error| OpenError::new(interface, "choose POWERLINK frames", error))?;
+        }
+        let protocol = libc::ETH_P_ALL as u16;
         // SAFETY: all-zero is a valid sockaddr_ll.
         let mut address: libc::sockaddr_ll = unsafe { mem::zeroed() };
         address.sll_family = libc::AF_PACKET as libc::c_ushort;
@@ -128,6 +132,34 @@ impl Socket {
             return Err(OpenError::new(interface, "bind to it", io::Error::last_os_error()));
         }
         Ok(())
+    }
+
+    /// Has the kernel hand over frames of POWERLINK's EtherType only, also of those with a VLAN tag.
+    fn hear_powerlink_only(&self) -> io::Result<()> {
+        let statement = |code: u32, jump_if: u8, jump_else: u8, k: u32| libc::sock_filter {
+            code: code as u16,
+            jt: jump_if,
+            jf: jump_else,
+            k,
+        };
+        let mut program = [
+            statement(libc::BPF_LD | libc::BPF_H | libc::BPF_ABS, 0, 0, ETHER_TYPE_AT),
+            statement(libc::BPF_JMP | libc::BPF_JEQ | libc::BPF_K, 0, 1, ETHER_TYPE.into()),
+            statement(libc::BPF_RET | libc::BPF_K, 0, 0, u32::MAX),
+            statement(libc::BPF_RET | libc::BPF_K, 0, 0, 0),
+        ];
+        // The kernel reads the program behind the pointer while it is set, and keeps a copy.
+        let filter = libc::sock_fprog {
+            len: program.len() as libc::c_ushort,
+            filter: program.as_mut_ptr(),
+        };
+        set_option(self.fd.as_raw_fd(), libc::SOL_SOCKET, libc::SO_ATTACH_FILTER, &filter)
+    }
+
+    /// Has the VLAN tags of frames that are read by system calls told.
+    pub(super) fn tell_of_tags(&self, interface: &str) -> Result<(), OpenError> {
+        set_option(self.fd.as_raw_fd(), libc::SOL_PACKET, libc::PACKET_AUXDATA, &1i32)
+            .map_err(|error| OpenError::new(interface, "ask for VLAN tags", error))
     }
 
     /// Has frames that are read by system calls stamped as they arrive.

@@ -224,9 +224,9 @@ fn another_managing_node_is_named() {
     let header = Header::multicast(multicast::SOC, FOREIGN_MAC, 240);
     net.hear(header, &Frame::Soc(Soc::default()));
     let diagnosis = net.mn.network_diagnosis();
-    assert_eq!(diagnosis.reason, Some(NetworkReason::ForeignMn { mac: FOREIGN_MAC }));
+    assert_eq!(diagnosis.reason, Some(NetworkReason::ForeignMn(FOREIGN)));
     let foreign = ForeignMn {
-        mac: FOREIGN_MAC,
+        sign: FOREIGN,
         heard_ns: 2 * MS,
         frames: 1,
     };

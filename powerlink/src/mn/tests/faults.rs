@@ -193,7 +193,7 @@ fn another_managing_node_keeps_this_one_silent() {
     assert_eq!(net.mn.nmt_state(), NmtState::NotActive);
     assert!(net.log.is_empty());
     assert_eq!(
-        net.count_events(|event| *event == MnEvent::ForeignMn { mac: FOREIGN_MAC }),
+        net.count_events(|event| *event == MnEvent::ForeignMn(FOREIGN)),
         1,
         "not once a frame"
     );
@@ -213,7 +213,7 @@ fn another_managing_node_on_a_running_network_is_reported() {
         &Frame::Soa(Soa::new(NmtState::PreOperational1, RequestedService::NoService, 0)),
     );
     net.cycles(3);
-    assert_eq!(net.events, [MnEvent::ForeignMn { mac: FOREIGN_MAC }]);
+    assert_eq!(net.events, [MnEvent::ForeignMn(FOREIGN)]);
     assert_eq!(net.mn.nmt_state(), NmtState::Operational);
 }
 
