@@ -401,7 +401,6 @@ fn three_recorded_nodes_reach_operational() {
                 .collect();
             let expected = [
                 NmtCommand::ResetConfiguration,
-                NmtCommand::ResetConfiguration,
                 NmtCommand::EnableReadyToOperate,
                 NmtCommand::StartNode,
             ];

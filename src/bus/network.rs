@@ -183,7 +183,10 @@ impl<'a> Configuration<'a> {
     fn network(&mut self, config: &Config, node: &Node) {
         let bus = &config.bus;
         self.write(0x1006, 0, config.cycle_us);
+        // A node that waits for the SoC by its clock begins to count after that; one that sees by the order of frames that a SoC
+        // is missing counts at once.
         self.set(0x1C14, 0, bus.soc_lost_max * config.cycle_us * 1000);
+        self.set(0x1C0B, 3, LOSS_COUNT * bus.soc_lost_max.max(1));
         // Polls that get lost on the wire are judged by the control, which misses the answers. To a node, a control too late to
         // poll is one too late for its SoC; by default it would bear only one within eight cycles. A node that is never polled
         // must not wait for polls: 0 switches the watch off.

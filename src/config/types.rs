@@ -179,7 +179,8 @@ pub struct Bus {
     pub async_slot_timeout_us: u32,
     /// Polls lost in a row that are ridden out.
     pub pres_lost_max: u32,
-    /// Cycles without a SoC that the nodes ride out with their last set-point before they stop by themselves (1C14).
+    /// SoCs lost in a row that the nodes ride out with their last set-point before they stop by themselves (1C0B:3), counted where
+    /// the order of frames shows them. Without any frames they are counted after as many cycles more (1C14).
     pub soc_lost_max: u32,
     /// Cycles of a multiplexed round (1F98:7); 0: none.
     pub multiplex_cycles: u8,

@@ -205,8 +205,8 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// Limits for a cycle and a tick: late by a quarter cycle; hung two cycles after the nodes have given up waiting for
-    /// the SoC, which they do after `soc_lost_max` cycles. Every tick is looked at.
+    /// Limits for a cycle and a tick: late by a quarter cycle; hung two cycles after the nodes have begun to count lost SoCs,
+    /// which they do after `soc_lost_max` cycles. Every tick is looked at.
     pub fn new(period_ns: u64, tick_ns: u64, soc_lost_max: u32) -> Limits {
         Limits {
             period_ns,

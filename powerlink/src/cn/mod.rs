@@ -198,6 +198,8 @@ pub struct Cn<const E: usize, const B: usize> {
     outbox: Outbox,
     /// 0x1F98/8 when the configuration was activated.
     async_mtu: u16,
+    /// 0x1020/1 and /2 when the configuration was activated: which one is in use.
+    configuration: (u32, u32),
     /// When NOT_ACTIVE ends for lack of frames.
     silent_at_ns: Option<u64>,
     /// The device may go to READY_TO_OPERATE.
@@ -253,6 +255,7 @@ impl<const E: usize, const B: usize> Cn<E, B> {
             chaining: Chaining::default(),
             outbox: Outbox::new(),
             async_mtu: 0,
+            configuration: (0, 0),
             silent_at_ns: None,
             application_ready: true,
             ready_requested: false,

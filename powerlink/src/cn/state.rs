@@ -130,6 +130,10 @@ impl<const E: usize, const B: usize> Cn<E, B> {
         let (dictionary, keys) = (&self.dictionary, &self.keys);
         self.pdos = Pdos::activate(dictionary, keys);
         self.async_mtu = dictionary.get(keys.async_mtu);
+        self.configuration = (
+            dictionary.get(keys.configuration_date),
+            dictionary.get(keys.configuration_time),
+        );
         self.watch
             .configure(dictionary.get(keys.cycle_us), dictionary.get(keys.multiplexed_cycles));
     }

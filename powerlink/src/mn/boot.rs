@@ -13,7 +13,7 @@
 
 use super::NodeState;
 use super::chaining::Chain;
-use super::configure::timing;
+use super::configure::{expected_stamp, timing};
 use super::event::{Events, MnEvent};
 use super::fault::{Fault, reset_reason};
 use super::node::{Network, Node, us};
@@ -26,9 +26,11 @@ const CHECK_CYCLES: u32 = 3;
 /// An NMT command that has shown no effect is sent again after this time, or after some cycles if they take longer.
 const COMMAND_RETRY_NS: u64 = 15_000_000;
 const COMMAND_RETRY_CYCLES: u64 = 4;
-/// ResetConfiguration goes out so often: a node that has not heard it answers afterwards like one that has, but goes on with
-/// the cycle length it had, or without a watch over the SoC.
-const RESET_CONFIGURATION_REPEAT: u8 = 2;
+/// ResetConfiguration goes out so often at the most. A node that has not heard it goes on with the cycle length it had, or
+/// without a watch over the SoC; that it has heard it shows in its IdentResponse by date and time of the configuration.
+const RESET_CONFIGURATION_MAX: u8 = 3;
+/// Where they are not known, one that has not heard it answers like one that has: it goes out so often.
+const RESET_CONFIGURATION_BLIND: u8 = 2;
 /// A node is not asked who it is for this time after ResetConfiguration: the answer could be from before the reset.
 const RESTART_NS: u64 = 4_000_000;
 /// A node that was refused (identity, configuration) is looked at again after this time.
@@ -47,10 +49,10 @@ pub(super) enum Stage {
     Configure,
     /// Everything is written; the SDO connection is being closed.
     CloseSdo,
-    /// ResetConfiguration waits for a slot, and goes out so many times more.
-    ResetConfiguration { left: u8 },
-    /// ResetConfiguration was sent; IdentRequests until the node is back.
-    Reidentify { deadline_ns: u64 },
+    /// ResetConfiguration waits for a slot; so many were sent.
+    ResetConfiguration { sent: u8 },
+    /// So many ResetConfigurations were sent; IdentRequests until the node is back.
+    Reidentify { deadline_ns: u64, sent: u8 },
     /// Configured; waits for PRE_OPERATIONAL_2.
     Enable { deadline_ns: u64 },
     /// EnableReadyToOperate was ordered; waits for READY_TO_OPERATE.
@@ -115,6 +117,11 @@ impl<'a> Node<'a> {
         )
     }
 
+    /// The node has reached READY_TO_OPERATE, or is further.
+    pub(super) fn is_ready_to_operate(&self) -> bool {
+        self.is_ready() || matches!(self.stage, Stage::Check { .. })
+    }
+
     /// The node is READY_TO_OPERATE or further, and its communication was checked.
     pub(super) fn is_ready(&self) -> bool {
         matches!(
@@ -147,6 +154,10 @@ impl<'a> Node<'a> {
         self.record.identified(now_ns, ident);
         match self.stage {
             Stage::Search => {}
+            Stage::Reidentify { sent, .. } if sent < RESET_CONFIGURATION_MAX && self.missed_its_reset(ident) => {
+                self.order_reset_configuration(sent);
+                return;
+            }
             Stage::Reidentify { .. } => {
                 self.requests = ident.requests;
                 self.restart_signalling(now_ns);
@@ -273,16 +284,17 @@ impl<'a> Node<'a> {
             | Stage::Operational
             | Stage::TakenOver => {}
         }
-        if let (NmtCommand::ResetConfiguration, Stage::ResetConfiguration { left }) = (order.command, self.stage) {
+        if let (NmtCommand::ResetConfiguration, Stage::ResetConfiguration { sent }) = (order.command, self.stage) {
             self.silence();
-            if left > 1 {
-                self.command(NmtCommand::ResetConfiguration);
-                self.stage = Stage::ResetConfiguration { left: left - 1 };
+            let sent = sent + 1;
+            if sent < RESET_CONFIGURATION_BLIND && expected_stamp(&self.config).is_none() {
+                self.order_reset_configuration(sent);
                 return;
             }
             self.ident_due_ns = now_ns + RESTART_NS;
             self.stage = Stage::Reidentify {
                 deadline_ns: now_ns + us(network.boot.timeout_pre_op_2_us),
+                sent,
             };
         }
     }
@@ -310,14 +322,11 @@ impl<'a> Node<'a> {
             }
             Stage::CloseSdo => {
                 if !self.sdo.wants_to_transmit(now_ns) {
-                    self.command(NmtCommand::ResetConfiguration);
-                    self.stage = Stage::ResetConfiguration {
-                        left: RESET_CONFIGURATION_REPEAT,
-                    };
+                    self.order_reset_configuration(0);
                 }
             }
             Stage::ResetConfiguration { .. } => {}
-            Stage::Reidentify { deadline_ns } => {
+            Stage::Reidentify { deadline_ns, .. } => {
                 self.check_time(now_ns, deadline_ns, NmtState::PreOperational1, network, events)
             }
             Stage::Enable { deadline_ns } => {
@@ -398,6 +407,12 @@ impl<'a> Node<'a> {
         const EXTENDED_COMMANDS: u32 = 1 << 5;
         let flags = self.record.ident.map_or(0, |(_, ident)| ident.feature_flags);
         flags & EXTENDED_COMMANDS != 0
+    }
+
+    /// Orders ResetConfiguration, of which so many were sent.
+    fn order_reset_configuration(&mut self, sent: u8) {
+        self.command(NmtCommand::ResetConfiguration);
+        self.stage = Stage::ResetConfiguration { sent };
     }
 
     /// Orders an NMT command.

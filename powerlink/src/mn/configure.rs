@@ -83,11 +83,14 @@ impl<'a> Node<'a> {
             return true;
         };
         let expected = expected_stamp(&self.config);
-        let got = Stamp {
-            date: ident.configuration_date,
-            time: ident.configuration_time,
-        };
-        writes.flatten().next().is_none() || (network.startup.check_configuration && expected == Some(got))
+        let is_expected = expected == Some(configuration_of(ident));
+        writes.flatten().next().is_none() || (network.startup.check_configuration && is_expected)
+    }
+
+    /// The node shows date and time of another configuration than the one that was written: it has not heard
+    /// ResetConfiguration, by which that came into use.
+    pub(super) fn missed_its_reset(&self, ident: &IdentResponse) -> bool {
+        expected_stamp(&self.config).is_some_and(|expected| expected != configuration_of(ident))
     }
 
     /// Takes the result of the last write and starts the next one.
@@ -146,6 +149,13 @@ impl<'a> Node<'a> {
     }
 }
 
+fn configuration_of(ident: &IdentResponse) -> Stamp {
+    Stamp {
+        date: ident.configuration_date,
+        time: ident.configuration_time,
+    }
+}
+
 /// The date and time (0x1020/1, /2) that a configured node reports: as configured (0x1F26, 0x1F27), else as the concise DCF
 /// writes them. `None`: it cannot be told, as a date or a time of zero is what a node without configuration has.
 pub(super) fn expected_stamp(config: &NodeConfig<'_>) -> Option<Stamp> {
@@ -166,12 +176,12 @@ pub(super) fn expected_stamp(config: &NodeConfig<'_>) -> Option<Stamp> {
     (stamp.date != 0 && stamp.time != 0).then_some(stamp)
 }
 
-/// A node without these objects is configured all the same: they store parameters, tune its watch over the network, or tell
-/// it of other nodes and of slots it may have no part in. What it lacks is told as an event. A node that has the object and
+/// A node without these objects is configured all the same: they store parameters, say which configuration it holds, tune its
+/// watch over the network, or tell it of other nodes and of slots it may have no part in. What it lacks is told as an event. A node that has the object and
 /// refuses the value is refused.
 fn may_be_refused(index: u16, sub: u8, code: AbortCode) -> bool {
     let optional = match index {
-        0x1010 | 0x1011 | 0x1C0A..=0x1C14 | 0x1F81 | 0x1F8D | 0x1F9B => true,
+        0x1010 | 0x1011 | 0x1020 | 0x1C0A..=0x1C14 | 0x1F81 | 0x1F8D | 0x1F9B => true,
         // Length of the multiplexed round, AsyncMTU, prescaler.
         0x1F98 => matches!(sub, 7..=9),
         _ => false,

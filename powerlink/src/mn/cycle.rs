@@ -134,23 +134,28 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             Phase::Idle | Phase::AsndSent => {}
             Phase::AwaitAsnd { grant, .. } => self.slot_over(now_ns, grant),
             Phase::PreqSent { index } | Phase::AwaitPres { index, .. } => {
-                self.cycle_exceeded();
+                self.cut_off_before_soa();
                 self.poll_lost(now_ns, index);
             }
             Phase::ChainSent | Phase::AwaitChain { .. } => {
-                self.cycle_exceeded();
+                self.cut_off_before_soa();
                 self.chain_over(now_ns);
             }
-            Phase::SocDue { .. }
-            | Phase::SocSent
+            Phase::SocSent
             | Phase::AfterSoc { .. }
             | Phase::ChainDue
             | Phase::NextPreq { .. }
             | Phase::PresMnDue
-            | Phase::SoaDue
-            | Phase::SoaSent { .. } => self.cycle_exceeded(),
+            | Phase::SoaDue => self.cut_off_before_soa(),
+            Phase::SocDue { .. } | Phase::SoaSent { .. } => self.cycle_exceeded(),
         }
         self.phase = Phase::Idle;
+    }
+
+    /// No SoC follows a SoC: the nodes wait for the SoA between.
+    fn cut_off_before_soa(&mut self) {
+        self.soa_owed = true;
+        self.cycle_exceeded();
     }
 
     /// The next cycle of the multiplexed round.
@@ -207,7 +212,16 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     None => self.phase = Phase::SoaDue,
                 },
                 // The network has started again since the cycle was made ready.
-                Phase::SocDue { .. } if !self.state.is_isochronous() => self.phase = Phase::Idle,
+                Phase::SocDue { .. } if !self.state.is_isochronous() => {
+                    self.soa_owed = false;
+                    self.phase = Phase::Idle;
+                }
+                Phase::SocDue { .. } if self.soa_owed => {
+                    self.soa_owed = false;
+                    if let Some(len) = self.write_owed_soa() {
+                        return Action::Send(Buffer::Asnd, len);
+                    }
+                }
                 Phase::SocDue { len } => {
                     self.phase = Phase::SocSent;
                     self.counters.cycles += 1;
@@ -299,11 +313,15 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                         return Action::Send(Buffer::Cycle, len);
                     }
                 }
-                Phase::SoaDue if self.state.is_isochronous() && !self.fits(now_ns, wire_time_ns(SOA_LEN)) => {
-                    self.cycle_exceeded();
-                    self.phase = Phase::Idle;
-                }
                 Phase::SoaDue => {
+                    if self.state.is_isochronous() && !self.fits(now_ns, wire_time_ns(SOA_LEN)) {
+                        // Late, but never left out.
+                        self.cycle_exceeded();
+                        if !self.state.is_isochronous() {
+                            self.phase = Phase::Idle;
+                            continue;
+                        }
+                    }
                     let (grant, len) = self.write_soa(now_ns);
                     self.phase = Phase::SoaSent { grant };
                     if let Some(len) = len {
@@ -463,10 +481,11 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             source_node: wire::node::MN,
         };
         let node_takes_data = matches!(node.nmt_state, NmtState::ReadyToOperate | NmtState::Operational);
+        let valid = self.outputs_valid && self.state == NmtState::Operational;
         let preq = Preq {
             multiplexed: node.config.multiplex_cycle != 0,
             exception_acknowledge: node.signalling.exception_acknowledge(),
-            ready: self.outputs_valid && node_takes_data,
+            ready: valid && node_takes_data,
             pdo_version: node.config.preq_version,
             payload: node.output(),
         };
@@ -504,9 +523,21 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             self.grant(now_ns)
         };
         self.counters.soa_sent += 1;
-        self.counters.cycle_exceeded.good();
+        self.soa_showed = Some(self.state);
+        if !self.exceeded {
+            self.counters.cycle_exceeded.good();
+        }
         self.counters.crc_errors.good();
         let header = Header::multicast(multicast::SOA, self.config.mac, wire::node::MN);
         (grant, soa.emit(&header, &mut self.cycle_frame).ok())
+    }
+
+    /// The SoA of a cycle that was cut off; nobody gets a slot. The SoC lies ready in the buffer of the cycle.
+    fn write_owed_soa(&mut self) -> Option<usize> {
+        self.counters.soa_sent += 1;
+        self.soa_showed = Some(self.state);
+        let header = Header::multicast(multicast::SOA, self.config.mac, wire::node::MN);
+        let soa = Soa::new(self.state, RequestedService::NoService, 0);
+        soa.emit(&header, &mut self.asnd_frame).ok()
     }
 }

@@ -488,7 +488,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             if next == NmtState::PreOperational2 {
                 node.is_identified() && !node.is_being_configured()
             } else if next == NmtState::ReadyToOperate {
-                node.is_configured()
+                node.is_ready_to_operate()
             } else {
                 node.is_ready()
             }

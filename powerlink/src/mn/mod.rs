@@ -131,6 +131,10 @@ pub struct Mn<'a, const NODES: usize> {
     done_due: bool,
     /// This cycle has been counted as exceeded.
     exceeded: bool,
+    /// A cycle was cut off before its SoA: that goes out before the next SoC.
+    soa_owed: bool,
+    /// The state that the last SoA showed.
+    soa_showed: Option<NmtState>,
     /// End of listening in NOT_ACTIVE; set by the first call that brings the time.
     listen_until_ns: Option<u64>,
     pre_op_1_since_ns: u64,
@@ -196,6 +200,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             outputs_valid: false,
             done_due: false,
             exceeded: false,
+            soa_owed: false,
+            soa_showed: None,
             listen_until_ns: None,
             pre_op_1_since_ns: 0,
             missing_reported: false,
@@ -261,7 +267,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         self.counters.collisions += 1;
     }
 
-    /// Whether the outputs may be used (RD of the PReq). It is sent only to nodes in READY_TO_OPERATE or OPERATIONAL.
+    /// Whether the outputs may be used (RD of the PReq). It is sent only in OPERATIONAL, to nodes in READY_TO_OPERATE or
+    /// OPERATIONAL.
     pub fn set_outputs_valid(&mut self, valid: bool) {
         self.outputs_valid = valid;
     }

@@ -103,7 +103,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     self.report_missing();
                 }
             }
-            NmtState::PreOperational2 if self.mandatory(Node::is_configured) => {
+            // Every state on the way is shown by a SoA at least.
+            NmtState::PreOperational2 | NmtState::ReadyToOperate if self.soa_showed != Some(self.state) => {}
+            NmtState::PreOperational2 if self.mandatory(Node::is_ready_to_operate) => {
                 if self.passes(startup.application_enters_ready_to_operate, NmtState::ReadyToOperate) {
                     self.trigger(MnTrigger::MandatoryConfigured);
                 }

@@ -110,6 +110,8 @@ pub struct Watch {
     relative_time_us: Option<(u64, u64)>,
     soc_seen: bool,
     soa_seen: bool,
+    /// The SoA of the cycle before, which was cut off, has to come before the next SoC.
+    soa_owed: bool,
     outstanding: Option<Outstanding>,
     slot: Slot,
     mn: MnModel,
@@ -139,6 +141,7 @@ impl Watch {
             relative_time_us: None,
             soc_seen: false,
             soa_seen: false,
+            soa_owed: false,
             outstanding: None,
             slot: Slot { target: 0, used: true },
             mn: MnModel::default(),
@@ -194,6 +197,7 @@ impl Watch {
                 "{now_ns}: a cycle without SoA, begun at {}",
                 self.cycle_started_ns
             );
+            self.soa_owed |= self.soc_seen && !self.soa_seen;
         }
         self.cycle_started_ns = now_ns;
         self.soc_seen = false;
@@ -246,7 +250,7 @@ impl Watch {
         match Frame::parse(octets).unwrap() {
             Frame::Soc(soc) => {
                 assert!(
-                    self.mn_state.is_isochronous() && !self.soc_seen && !self.soa_seen,
+                    self.mn_state.is_isochronous() && !self.soc_seen && !self.soa_seen && !self.soa_owed,
                     "{now_ns}: SoC"
                 );
                 if let Some((last_ns, last_us)) = self.relative_time_us {
@@ -284,9 +288,17 @@ impl Watch {
             }
             Frame::Soa(soa) => {
                 let isochronous = self.mn_state.is_isochronous();
-                assert!(!isochronous || (self.soc_seen && !self.soa_seen), "{now_ns}: SoA");
                 assert_eq!(soa.nmt_state, self.mn_state, "{now_ns}: state in the SoA");
-                self.soa_seen = true;
+                if isochronous && std::mem::take(&mut self.soa_owed) {
+                    assert!(
+                        soa.target == 0 && !self.soc_seen,
+                        "{now_ns}: {soa:?} of the cycle before"
+                    );
+                } else {
+                    assert!(!isochronous || (self.soc_seen && !self.soa_seen), "{now_ns}: SoA");
+                    self.soa_seen = true;
+                }
+                self.soa_owed = false;
                 self.mn.soa_sent += 1;
                 self.slot = Slot {
                     target: soa.target,

@@ -106,3 +106,19 @@ fn a_node_without_polls_does_not_wait_for_them() {
     assert_ne!(values(&plans[0], 0x1C0D, 3), [0]);
     assert!(values(&plans[1], 0x1600, 0).is_empty());
 }
+
+#[test]
+fn all_watches_over_the_cycle_follow_the_socs_that_may_be_lost() {
+    let mut config = demo();
+    for (lost_max, thresholds) in [(0, [8, 32]), (3, [24, 32]), (100, [800, 800])] {
+        config.bus.soc_lost_max = lost_max;
+        config.bus.pres_lost_max = 3;
+        let plan = &plan(&config)[0];
+        let cycle_ns = u64::from(config.cycle_us) * 1000;
+        assert_eq!(values(plan, 0x1C14, 0), [u64::from(lost_max) * cycle_ns]);
+        assert_eq!(
+            (values(plan, 0x1C0B, 3), values(plan, 0x1C0D, 3)),
+            (vec![thresholds[0]], vec![thresholds[1]])
+        );
+    }
+}

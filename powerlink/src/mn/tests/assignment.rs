@@ -74,38 +74,37 @@ fn bit_2_clear_holds_a_node_until_the_application_boots_it() {
 
 #[test]
 fn bit_4_takes_a_running_node_over_as_it_is() {
-    let stamp = Stamp { date: 15_000, time: 77 };
-    let configuration = configuration();
-    let mut nodes = [
-        NodeConfig {
-            configuration_stamp: Some(stamp),
-            ..node_config(1, &configuration)
-        },
-        node_config(2, &configuration),
-    ];
-    nodes[0].assignment.keep_alive = true;
-    for (time, kept) in [(77, true), (78, false)] {
+    let (stamped, plain) = (boot::stamped_configuration(), configuration());
+    let kept_alive = |expected| {
+        let mut nodes = [
+            NodeConfig {
+                configuration_stamp: expected,
+                ..node_config(1, &stamped)
+            },
+            node_config(2, &plain),
+        ];
+        nodes[0].assignment.keep_alive = true;
+        nodes
+    };
+    // The stamp that the configuration itself writes, and another one.
+    for (expected, kept) in [(None, true), (Some(Stamp { date: 15_000, time: 78 }), false)] {
+        let nodes = kept_alive(None);
         let mut before = Net::new(&nodes);
         before.boot();
         // The managing node is started anew; the nodes do not watch the SoC.
+        let nodes = kept_alive(expected);
         let mut net = Net::new(&nodes);
         net.drives = before.drives;
         net.now_ns = before.now_ns;
         for drive in net.drives.values_mut() {
             let dictionary = drive.dictionary_mut();
-            for (index, sub, octets) in [
-                (0x1020, 1, &stamp.date.to_le_bytes()[..]),
-                (0x1020, 2, &u32::to_le_bytes(time)),
-                (0x1C0B, 3, &[0; 4]),
-            ] {
-                let handle = dictionary.find(index, sub).unwrap();
-                dictionary.set_octets(handle, octets).unwrap();
-            }
+            let handle = dictionary.find(0x1C0B, 3).unwrap();
+            dictionary.set_octets(handle, &[0; 4]).unwrap();
         }
         net.boot();
         let statistics = net.mn.statistics(0);
         assert_eq!((statistics.boots, statistics.faults), (1, 0));
-        assert_eq!(statistics.objects_written, if kept { 0 } else { 9 });
+        assert_eq!(statistics.objects_written, if kept { 0 } else { 10 });
         let commands = net.commands();
         assert!(commands.iter().all(|(target, _)| *target != 255), "no reset of all");
         assert_eq!(commands.iter().all(|(target, _)| *target != 1), kept, "{commands:?}");

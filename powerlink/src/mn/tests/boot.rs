@@ -128,10 +128,7 @@ fn process_data_go_there_and_back() {
 
 #[test]
 fn a_configuration_that_is_there_is_not_written_again() {
-    let mut octets = configuration();
-    // Date and time: one write more than `configuration` has.
-    octets[0] = 10;
-    octets.extend([0x20, 0x10, 2, 4, 0, 0, 0, 0x11, 0x22, 0, 0]);
+    let octets = stamped_configuration();
     let nodes = [node_config(1, &octets)];
     let mut net = Net::new(&nodes);
     for (sub, value) in [(1, 20_000_u32), (2, 0x2211)] {
@@ -433,4 +430,139 @@ fn a_lost_reset_configuration_leaves_no_node_with_what_it_had_before() {
     // By it the cycle length becomes active: without, a node may have no watch over the SoC.
     assert_eq!(net.resets, [(1, Reset::Node), (1, Reset::Configuration)]);
     assert_eq!((net.mn.statistics(0).boots, net.mn.statistics(0).faults), (1, 0));
+}
+
+/// Concise DCF with date and time of the configuration: ten writes.
+pub(super) fn stamped_configuration() -> Vec<u8> {
+    let mut octets = configuration();
+    octets[0] = 10;
+    octets.extend([0x20, 0x10, 2, 4, 0, 0, 0, 0x11, 0x22, 0, 0]);
+    octets
+}
+
+#[test]
+fn reset_configuration_is_sent_once_to_a_node_that_shows_that_it_has_heard_it() {
+    let configuration = stamped_configuration();
+    let nodes = [1, 2, 3].map(|id| node_config(id, &configuration));
+    let mut net = Net::new(&nodes);
+    net.boot();
+    for id in [1, 2, 3] {
+        let to_node: Vec<_> = net
+            .commands()
+            .iter()
+            .filter(|sent| sent.0 == id)
+            .map(|sent| sent.1)
+            .collect();
+        let expected = [
+            NmtCommand::ResetConfiguration,
+            NmtCommand::EnableReadyToOperate,
+            NmtCommand::StartNode,
+        ];
+        assert_eq!(to_node, expected, "node {id}");
+    }
+}
+
+#[test]
+fn a_lost_reset_configuration_is_seen_and_sent_again() {
+    let configuration = stamped_configuration();
+    let nodes = [node_config(1, &configuration)];
+    let mut net = Net::new(&nodes);
+    let cycles = {
+        let mut clean = Net::new(&nodes);
+        clean.boot()
+    };
+    net.lose_command = Some(NmtCommand::ResetConfiguration);
+    let lost = net.boot();
+    assert_eq!(net.lose_command, None);
+    assert_eq!(net.resets, [(1, Reset::Node), (1, Reset::Configuration)]);
+    let sent = net.commands();
+    let resets = sent.iter().filter(|sent| **sent == (1, NmtCommand::ResetConfiguration));
+    assert_eq!(resets.count(), 2, "{sent:?}");
+    assert_eq!((net.mn.statistics(0).boots, net.mn.statistics(0).faults), (1, 0));
+    assert!(lost <= cycles + 20, "{lost} cycles, without loss {cycles}");
+}
+
+/// A node that never shows the stamp that was written into it is not held up for ever.
+#[test]
+fn a_node_without_a_stamp_of_its_configuration_comes_up_all_the_same() {
+    let configuration = configuration();
+    let nodes = [NodeConfig {
+        configuration_stamp: Some(Stamp { date: 15_000, time: 77 }),
+        ..node_config(1, &configuration)
+    }];
+    let mut net = Net::new(&nodes);
+    net.boot();
+    let sent = net.commands();
+    let resets = sent.iter().filter(|sent| **sent == (1, NmtCommand::ResetConfiguration));
+    assert_eq!(resets.count(), 3, "{sent:?}");
+}
+
+/// States of the managing node as its SoAs show them, each once, with those of the mandatory nodes at the first SoA of it.
+fn states_shown(net: &Net<'_>) -> Vec<NmtState> {
+    let mut shown = Vec::new();
+    for sent in &net.log {
+        if let Frame::Soa(soa) = sent.frame()
+            && shown.last() != Some(&soa.nmt_state)
+        {
+            shown.push(soa.nmt_state);
+        }
+    }
+    shown
+}
+
+#[test]
+fn every_state_on_the_way_is_shown_and_ready_to_operate_only_when_the_nodes_are() {
+    let all = [
+        NmtState::PreOperational1,
+        NmtState::PreOperational2,
+        NmtState::ReadyToOperate,
+        NmtState::Operational,
+    ];
+    // Without nodes nothing holds the network up.
+    let mut net = Net::new(&[]);
+    net.until(200, |net| net.mn.nmt_state() == NmtState::Operational);
+    net.cycle();
+    assert_eq!(states_shown(&net), all);
+
+    let configuration = configuration();
+    let nodes = [1, 2, 3].map(|id| node_config(id, &configuration));
+    let mut net = Net::new(&nodes);
+    net.mn.set_outputs_valid(true);
+    for _ in 0..2000 {
+        net.cycle();
+        let shown = net.log.iter().rev().find_map(|sent| match sent.frame() {
+            Frame::Soa(soa) => Some(soa.nmt_state),
+            _ => None,
+        });
+        if shown == Some(NmtState::ReadyToOperate) {
+            let states = net.drives.values().map(Drive::nmt_state);
+            assert!(
+                states.into_iter().all(|state| state == NmtState::ReadyToOperate),
+                "{:?}",
+                net.drives[&1].nmt_state()
+            );
+        }
+        if net.all_operational() {
+            break;
+        }
+    }
+    assert_eq!(states_shown(&net), all);
+    // RD: only since the managing node is OPERATIONAL, and then to all.
+    let mut state = NmtState::PreOperational1;
+    let mut polls = [0, 0];
+    for sent in &net.log {
+        match sent.frame() {
+            Frame::Soa(soa) => state = soa.nmt_state,
+            Frame::Preq(preq) => {
+                assert!(
+                    !preq.ready || state == NmtState::Operational,
+                    "RD in {state:?} at {}",
+                    sent.now_ns
+                );
+                polls[usize::from(preq.ready)] += 1;
+            }
+            _ => {}
+        }
+    }
+    assert!(polls[0] > 0 && polls[1] > 0, "{polls:?}");
 }

@@ -196,6 +196,8 @@ fn a_cycle_that_is_ready_is_moved_to_a_later_date_or_given_up_and_nothing_else_o
     );
     net.now_ns += CYCLE_NS;
     net.mn.start_cycle(net.now_ns, NetTime::default());
+    // The SoA of the cycle that was cut off goes out first.
+    assert!(matches!(net.mn.poll(net.now_ns), Step::Send(frame) if frame[14] == 5));
     let next = soc(&mut net);
     assert_eq!(next.relative_time_us - moved.relative_time_us, CYCLE_NS / 1000);
 
@@ -219,9 +221,12 @@ fn exceeded_cycles_are_counted_and_only_a_threshold_starts_the_network_again() {
         });
         net.until(300, |net| net.mn.nmt_state() == NmtState::Operational);
         net.cycles(10);
-        for _ in 0..5 {
-            // The next cycle begins before anything but the SoC of this one was sent.
+        for round in 0..5 {
+            // The next cycle begins before anything but the SoC of this one was sent; what it then begins with is its SoA.
             net.mn.start_cycle(net.now_ns, NetTime::default());
+            if round > 0 {
+                assert!(matches!(net.mn.poll(net.now_ns), Step::Send(frame) if frame[14] == 5));
+            }
             assert!(matches!(net.mn.poll(net.now_ns), Step::Send(frame) if frame[14] == 1));
             net.now_ns += CYCLE_NS;
         }
@@ -229,8 +234,9 @@ fn exceeded_cycles_are_counted_and_only_a_threshold_starts_the_network_again() {
         let counters = net.mn.counters();
         assert_eq!((counters.cycles_overrun, counters.cycle_exceeded.cumulative), (5, 5));
         assert_eq!(net.mn.nmt_state() == NmtState::Operational, survives);
+        let soa = matches!(net.mn.poll(net.now_ns), Step::Send(frame) if frame[14] == 5);
         let soc = matches!(net.mn.poll(net.now_ns), Step::Send(frame) if frame[14] == 1);
-        assert_eq!(soc, survives, "no SoC once the network starts again");
+        assert_eq!((soa, soc), (survives, survives), "no SoC once the network starts again");
         let expected = if survives { 0 } else { 1 };
         while let Some(event) = net.mn.pop_event() {
             net.events.push(event);
@@ -422,4 +428,77 @@ fn what_came_in_a_cycle_that_ended_the_network_is_not_fresh_in_the_next() {
     net.mn.start_cycle(net.now_ns, NetTime::default());
     assert_eq!(net.mn.nmt_state(), NmtState::PreOperational1);
     assert!(!net.mn.input(0).fresh);
+}
+
+/// The caller's thread may be kept from running at any place of a cycle, for any time.
+#[test]
+fn between_two_socs_there_is_always_a_soa_wherever_the_caller_stalls() {
+    let configuration = configuration();
+    let nodes = [1, 2].map(|id| node_config(id, &configuration));
+    let mut net = Net::new(&nodes);
+    net.boot();
+    let mut cycle_ns = net.now_ns;
+    for polls in 0..14 {
+        for stall_ns in (0..2_500_000).step_by(83_000) {
+            net.log.clear();
+            net.mn.start_cycle(cycle_ns, NetTime::default());
+            net.now_ns = cycle_ns;
+            for _ in 0..polls {
+                if let Step::Send(frame) = net.mn.poll(net.now_ns) {
+                    let frame = frame.to_vec();
+                    net.transmit(frame);
+                }
+                while net.deliver(net.now_ns) {}
+            }
+            net.now_ns += stall_ns;
+            // What is due is sent until the date of the next cycle that can be kept.
+            let next_ns = cycle_ns + (net.now_ns - cycle_ns).div_ceil(CYCLE_NS).max(1) * CYCLE_NS;
+            for _ in 0..40 {
+                if net.now_ns >= next_ns {
+                    break;
+                }
+                match net.mn.poll(net.now_ns) {
+                    Step::Send(frame) => {
+                        let frame = frame.to_vec();
+                        net.transmit(frame);
+                    }
+                    Step::WaitUntil(until_ns) => {
+                        if !net.deliver(until_ns.min(next_ns)) {
+                            net.now_ns = until_ns.min(next_ns).max(net.now_ns);
+                        }
+                    }
+                    Step::IsochronousDone => {}
+                    Step::Idle => break,
+                }
+            }
+            net.coming.clear();
+            cycle_ns = next_ns.max(net.now_ns);
+            net.mn.start_cycle(cycle_ns, NetTime::default());
+            net.now_ns = cycle_ns;
+            for _ in 0..3 {
+                if let Step::Send(frame) = net.mn.poll(net.now_ns) {
+                    let frame = frame.to_vec();
+                    net.transmit(frame);
+                }
+            }
+            let kinds: Vec<_> = net
+                .log
+                .iter()
+                .map(|sent| sent.octets[14])
+                .filter(|kind| matches!(kind, 1 | 5))
+                .collect();
+            let place = std::format!("{polls} polls, then a stall of {stall_ns} ns: {kinds:x?}");
+            for pair in kinds.windows(2) {
+                assert_ne!(pair, [1, 1], "{place}");
+                assert_ne!(pair, [5, 5], "{place}");
+            }
+            // Back to even cycles.
+            net.coming.clear();
+            cycle_ns += CYCLE_NS;
+            net.now_ns = cycle_ns;
+            net.cycles(3);
+            cycle_ns = net.now_ns;
+        }
+    }
+    assert_eq!(net.mn.nmt_state(), NmtState::Operational);
 }
