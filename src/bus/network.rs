@@ -443,6 +443,7 @@ mod tests {
         assert_eq!(
             left_out,
             [
+                (0x1C0B, 3, LeftOutReason::NotInDevice),
                 (0x1F9B, 1, LeftOutReason::NotInDevice),
                 (0x1C14, 0, LeftOutReason::ManagingNodeSets),
                 (0x2030, 0, LeftOutReason::NotWritable),

@@ -56,7 +56,7 @@ enum State {
     Closed,
     /// We asked for a connection.
     Opening,
-    /// The server agreed; we said that we take it as open.
+    /// The server agreed; we say that we take it as open, at the most twice.
     Confirming,
     Open,
 }
@@ -119,6 +119,10 @@ enum Missing {
 pub struct Client {
     timing: Timing,
     state: State,
+    /// The server was told once that we take the connection as open.
+    confirmed: bool,
+    /// The server has said that it takes the connection as open.
+    heard_open: bool,
     flow: Flow,
     transaction: u8,
     progress: Progress,
@@ -147,6 +151,8 @@ impl Client {
         Client {
             timing,
             state: State::Closed,
+            confirmed: false,
+            heard_open: false,
             flow: Flow::new(Number::new(0)),
             transaction: 0,
             progress: Progress::Idle,
@@ -308,16 +314,20 @@ impl Client {
             (State::Opening, Con::Init, Con::Init) => {
                 self.flow = Flow::new(sequence.sent);
                 self.state = State::Confirming;
+                self.confirmed = false;
+                self.heard_open = false;
                 self.send_now();
             }
             // The server repeats its agreement: our confirmation got lost.
             (State::Confirming, Con::Init, Con::Init) => self.again_at_ns = None,
             (State::Confirming, Con::Valid, Con::Valid | Con::Request) => {
                 self.state = State::Open;
+                self.heard_open = true;
                 self.alive_ns = Some(now_ns);
                 self.send_now();
             }
             (State::Open, Con::Valid | Con::Request, Con::Valid | Con::Request) => {
+                self.heard_open = true;
                 self.receive_open(now_ns, sequence, content, sink);
             }
             // The server has no connection (any more). A running command opens a new one, no faster than the time-out allows
@@ -338,9 +348,9 @@ impl Client {
     }
 
     /// The command starts anew, unless the server may have carried it out already: a copy that it refuses for lack of a
-    /// connection tells nothing of the copies before.
+    /// connection tells nothing of the copies before. Where it never had one, it refused them all.
     fn connection_lost(&mut self) {
-        let carried_out = !self.request.is_read() && self.request.completed > 1;
+        let carried_out = self.heard_open && !self.request.is_read() && self.request.completed > 1;
         self.reset_connection();
         if self.progress == Progress::Running && carried_out {
             self.fail(ClientError::ConnectionLost, None);
@@ -481,7 +491,16 @@ impl Client {
                 self.flow = Flow::new(Number::new(0));
                 return self.emit_empty(Con::None, Con::Init, out);
             }
-            State::Confirming => return self.emit_empty(Con::Init, Con::Valid, out),
+            State::Confirming => {
+                let len = self.emit_empty(Con::Init, Con::Valid, out);
+                if core::mem::replace(&mut self.confirmed, true) {
+                    // What got lost is our confirmation or the answer to it. Not every server answers one that it has already,
+                    // so the command follows at once: that is answered by whoever has taken the connection as open.
+                    self.state = State::Open;
+                    self.send_now();
+                }
+                return len;
+            }
             State::Open => {}
         }
         if self.missing == Missing::Tell {

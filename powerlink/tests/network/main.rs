@@ -6,6 +6,7 @@ mod boot;
 mod captures;
 mod device;
 mod endurance;
+mod lost_asnd;
 mod robustness;
 mod supervision;
 mod watch;

@@ -407,3 +407,66 @@ fn copies(fate: Option<u8>) -> usize {
         Some(_) | None => 1,
     }
 }
+
+/// A server that is open does not have to say so twice (openPOWERLINK's does not): without its first word the command follows
+/// the second confirmation.
+#[test]
+fn a_lost_end_of_the_handshake_is_followed_by_the_command() {
+    let first = Timing::default().first_timeout_ns;
+    let mut client = Caller::new(Timing::default());
+    client.start_write(0x1006, 0, &[0xE8, 0x03, 0, 0]).unwrap();
+    transmit(&mut client, 0).unwrap();
+    client.receive(MS, &[0x01, 0x01, 0, 0]);
+    let confirmation = [0x01, 0x02, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+    assert_eq!(transmit(&mut client, MS).unwrap(), confirmation);
+    assert_eq!(transmit(&mut client, first), None, "the answer may still come");
+    assert_eq!(transmit(&mut client, MS + first).unwrap(), confirmation);
+    let command = transmit(&mut client, MS + first).unwrap();
+    assert_eq!(command[..2], [0x02, 0x06]);
+    client.receive(2 * MS + first, &[0x06, 0x06, 0, 0, 0, 1, 0x80, 1, 0, 0, 0, 0]);
+    assert_eq!(client.result(), Some(Ok(&[][..])));
+}
+
+/// Each frame of a connection gets lost once, one at a time, to and from a server that repeats nothing by itself.
+#[test]
+fn every_single_loss_costs_one_time_out() {
+    let run = |lost: usize| {
+        let mut client = Caller::new(Timing::default());
+        let (mut server, mut objects): (Server, _) = (Server::new(), Objects::new(&[TABLE]).unwrap());
+        client.start_write(0x1006, 0, &[0xE8, 0x03, 0, 0]).unwrap();
+        let mut frames = 0;
+        for step in 0..10_000 {
+            let now_ns = step * MS;
+            let mut arrives = || {
+                frames += 1;
+                frames != lost + 1
+            };
+            if let Some(frame) = transmit(&mut client, now_ns)
+                && arrives()
+            {
+                server.receive(240, &frame, &mut objects);
+            }
+            let mut out = [0; SERVICE_DATA_MAX];
+            if let Some((_, len)) = server.poll_transmit(&mut out)
+                && arrives()
+            {
+                client.receive(now_ns, &out[..len]);
+            }
+            if let Some(result) = client.client.result() {
+                assert_eq!(result, Ok(0), "frame {lost} lost");
+                return (frames, now_ns);
+            }
+        }
+        panic!("frame {lost} lost: no end");
+    };
+    let (frames, clean_ns) = run(usize::MAX - 1);
+    assert_eq!(frames, 6, "three there and three back");
+    for lost in 0..frames {
+        let (_, taken_ns) = run(lost);
+        let cost_ns = taken_ns - clean_ns;
+        assert!(
+            cost_ns <= Timing::default().first_timeout_ns + 5 * MS,
+            "frame {lost} lost costs {cost_ns} ns"
+        );
+    }
+}
