@@ -8,6 +8,7 @@ use isocnc::program::check;
 use isocnc::rt::shared::Command;
 use isocnc::sim::NetConfig;
 use isocnc::sim::rehearsal::{Rehearsal, rehearse};
+use motion::cancel::Cancel;
 use motion::canon::Position;
 use motion::plan::deviation;
 use std::path::Path;
@@ -206,7 +207,7 @@ fn a_stop_in_a_probing_move_ends_the_program_at_rest() {
 fn what_depends_on_a_touch_is_not_judged_before_it() {
     let config = machine();
     let tables = Tables::read(&config).expect("no tables");
-    let judge = |text: &str| check(&config, &tables, "part", text.as_bytes());
+    let judge = |text: &str| check(&config, &tables, "part", text.as_bytes(), &Cancel::default());
     // Were the floor at the end of the probing move, the cut would lie below the travel.
     let text = "G21 G90 G94 G54\nG53 G0 Z-80\nG38.2 Z-44 F600\nG10 L20 P1 Z0\nG1 Z-3\nM2\n";
     assert!(judge(text).is_ok());

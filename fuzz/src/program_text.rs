@@ -22,9 +22,11 @@ pub fn look_at(text: &[u8]) {
     let limits = CheckLimits {
         steps: STEPS,
         errors: 20,
+        ..CheckLimits::default()
     };
     let open = || Ok(Cursor::new(text));
-    let errors = check_reader(Cursor::new(text), open, Settings::default(), limits).expect("memory can be read");
+    let errors =
+        check_reader(Cursor::new(text), open, Settings::default(), limits.clone()).expect("memory can be read");
     assert!(errors.len() <= limits.errors + 1);
     for error in &errors {
         assert!(error.line > 0 && error.column > 0);

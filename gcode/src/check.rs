@@ -7,37 +7,53 @@ use crate::error::Error;
 use crate::interpreter::{Interpreter, ReadSeek};
 use crate::machine::{Machine, NoMachine};
 use crate::{Settings, syntax};
+use motion::cancel::Cancel;
 use std::io;
+use std::time::Duration;
 
-/// What a check does at most.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What a check does at most, as a program may never end.
+#[derive(Clone, Debug)]
 pub struct CheckLimits {
     /// Lines that are run, those of loops counted each time.
     pub steps: u64,
+    /// Lines that are run one after the other while nothing moves and nothing is waited for.
+    pub idle_steps: u64,
+    /// Time for running them.
+    pub time: Duration,
     /// Mistakes that are told.
     pub errors: usize,
+    /// Gives it up from outside: the last error is [`ErrorKind::Cancelled`](crate::ErrorKind::Cancelled) then.
+    pub cancel: Cancel,
 }
 
 impl Default for CheckLimits {
-    /// A hundred million lines, a hundred mistakes.
+    /// A hundred million lines, ten million without a move, ten minutes, a hundred mistakes.
     fn default() -> CheckLimits {
         CheckLimits {
             steps: 100_000_000,
+            idle_steps: 10_000_000,
+            time: Duration::from_secs(600),
             errors: 100,
+            cancel: Cancel::default(),
         }
     }
 }
 
 /// All errors of a program in memory, in the order of its lines.
 pub fn check(text: &[u8], settings: Settings) -> Vec<Error> {
-    check_on(text, settings, NoMachine)
+    check_on(text, settings, NoMachine, CheckLimits::default())
 }
 
 /// The same with a machine that answers while the program is run: which lines follow a probing move may depend on it.
-pub fn check_on(text: &[u8], settings: Settings, machine: impl Machine + Send + 'static) -> Vec<Error> {
+pub fn check_on(
+    text: &[u8],
+    settings: Settings,
+    machine: impl Machine + Send + 'static,
+    limits: CheckLimits,
+) -> Vec<Error> {
     let again = || Ok(io::Cursor::new(text));
     let interpreter = Interpreter::new(settings).with_machine(machine);
-    match check_run(io::Cursor::new(text), again, interpreter, CheckLimits::default()) {
+    match check_run(io::Cursor::new(text), again, interpreter, limits) {
         Ok(errors) => errors,
         Err(error) => unreachable!("memory can be read: {error}"),
     }
@@ -66,8 +82,8 @@ fn check_run<R: ReadSeek>(
     interpreter: Interpreter,
     limits: CheckLimits,
 ) -> io::Result<Vec<Error>> {
-    let mut errors = syntax::errors(text, limits.errors)?;
-    let run = interpreter.run_reader(again()?).limit_steps(limits.steps);
+    let mut errors = syntax::errors(text, limits.errors, &limits.cancel)?;
+    let run = interpreter.run_reader(again()?).within(limits);
     for error in run.filter_map(Result::err) {
         if !errors.contains(&error) {
             errors.push(*error);

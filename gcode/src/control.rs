@@ -409,7 +409,7 @@ impl Run<'_> {
                 self.files[known].text.seek(0, 0);
                 return Ok(());
             }
-            match std::fs::File::open(&path) {
+            match files::open(&path) {
                 Ok(file) => {
                     self.files.push(File::new(shown, Box::new(BufReader::new(file))));
                     self.file = self.files.len() - 1;

@@ -17,11 +17,13 @@ use crate::remap::{Phase, Rest};
 use crate::scan::{Fault, LINE_MAX, Span, is_blank, is_empty};
 use crate::state::State;
 use crate::text::Text;
-use crate::{CompensatedPath, Settings};
+use crate::{CheckLimits, CompensatedPath, Settings};
+use motion::cancel::Cancel;
 use motion::canon::{Call, Event, Source};
 use motion::compensation::{CompensationError, Compensator};
 use std::collections::{HashMap, VecDeque};
 use std::io::{Cursor, Read, Seek};
+use std::time::{Duration, Instant};
 
 /// Text that can be read from any place.
 pub trait ReadSeek: Read + Seek + Send {}
@@ -103,6 +105,10 @@ impl Interpreter {
             ended: false,
             steps: 0,
             steps_max: u64::MAX,
+            idle_steps: 0,
+            idle_steps_max: u64::MAX,
+            time: None,
+            cancel: Cancel::default(),
             continues: false,
             stop_before: None,
             line: Vec::new(),
@@ -149,6 +155,12 @@ pub struct Run<'t> {
     /// Lines that were read.
     steps: u64,
     steps_max: u64,
+    /// Those since the machine was told to move or to wait.
+    idle_steps: u64,
+    idle_steps_max: u64,
+    /// Since when it may run for how long.
+    time: Option<(Instant, Duration)>,
+    cancel: Cancel,
     continues: bool,
     /// The line before which a start in the middle of the program stops passing over events.
     pub(crate) stop_before: Option<u32>,
@@ -164,6 +176,17 @@ impl Run<'_> {
     pub fn limit_steps(mut self, steps: u64) -> Self {
         self.steps_max = steps;
         self
+    }
+
+    /// Stops with an error where a check has to: at so many lines, after so long, or when it is cancelled.
+    pub fn within(self, limits: CheckLimits) -> Self {
+        Run {
+            steps_max: limits.steps,
+            idle_steps_max: limits.idle_steps,
+            time: Some((Instant::now(), limits.time)),
+            cancel: limits.cancel,
+            ..self
+        }
     }
 
     /// Gives moves that cutter compensation held back the N-word of the line that let them go, which is what `rs274` prints;
@@ -198,10 +221,12 @@ impl Run<'_> {
             return self.fail(Span::default(), kind);
         }
         self.steps += 1;
-        if self.steps > self.steps_max {
+        self.idle_steps += 1;
+        if (self.steps > self.steps_max || self.idle_steps > self.idle_steps_max || self.steps.is_multiple_of(1 << 14))
+            && let Some(kind) = self.exceeded()
+        {
             self.ended = true;
-            let steps = self.steps_max;
-            return self.fail(Span::default(), ErrorKind::TooManySteps { steps });
+            return self.fail(Span::default(), kind);
         }
         let file = &mut self.files[self.file];
         let line = match file.text.next_line() {
@@ -257,6 +282,22 @@ impl Run<'_> {
             return self.o_line();
         }
         self.run_block();
+    }
+
+    /// The limit that has been passed.
+    #[cold]
+    fn exceeded(&self) -> Option<ErrorKind> {
+        if self.steps > self.steps_max {
+            let steps = self.steps_max;
+            return Some(ErrorKind::TooManySteps { steps });
+        }
+        if self.idle_steps > self.idle_steps_max {
+            let steps = self.idle_steps_max;
+            return Some(ErrorKind::TooManyIdleSteps { steps });
+        }
+        let (since, time) = self.time?;
+        let seconds = time.as_secs();
+        (since.elapsed() > time).then_some(ErrorKind::OutOfTime { seconds })
     }
 
     fn run_block(&mut self) {
@@ -481,6 +522,9 @@ impl Iterator for Run<'_> {
     #[inline]
     fn next(&mut self) -> Option<Self::Item> {
         loop {
+            if self.cancel.is_cancelled() {
+                return self.cancelled();
+            }
             if let Some(event) = self.compensated.pop_front() {
                 return Some(Ok(event));
             }
@@ -488,6 +532,9 @@ impl Iterator for Run<'_> {
                 return self.end_by_error(error);
             }
             if let Some(call) = self.calls.pop_front() {
+                if takes_time(&call) {
+                    self.idle_steps = 0;
+                }
                 let source = self.source;
                 let event = Event { source, call };
                 if !self.is_compensated(&event.call) {
@@ -516,7 +563,41 @@ impl Iterator for Run<'_> {
     }
 }
 
+/// Whether a call moves the machine or lets it wait.
+#[inline]
+fn takes_time(call: &Call) -> bool {
+    matches!(
+        call,
+        Call::StraightTraverse { .. }
+            | Call::StraightFeed { .. }
+            | Call::ArcFeed { .. }
+            | Call::NurbsFeed { .. }
+            | Call::StraightProbe { .. }
+            | Call::RigidTap { .. }
+            | Call::Dwell { .. }
+            | Call::WaitInput { .. }
+            | Call::WaitSpindleOriented { .. }
+            | Call::ChangeTool { .. }
+            | Call::UserCode { .. }
+            | Call::ProgramStop
+            | Call::OptionalProgramStop
+            | Call::PalletShuttle
+    )
+}
+
 impl Run<'_> {
+    /// Nothing is run any more, and nothing that was is handed out.
+    #[cold]
+    fn cancelled(&mut self) -> Option<Result<Event, Box<Error>>> {
+        if self.ended && self.calls.is_empty() && self.errors.is_empty() && self.refused.is_none() {
+            return None;
+        }
+        self.fail(Span::default(), ErrorKind::Cancelled);
+        let error = self.errors.pop()?;
+        self.refused = None;
+        self.end_by_error(Box::new(error))
+    }
+
     /// The error of the line read last, whose calls have been handed out.
     #[cold]
     fn failed(&mut self) -> Box<Error> {

@@ -8,6 +8,9 @@ use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 use std::fmt;
 use std::ops::Range;
 
+/// Mistakes of a file that are told: behind so many, the file is not what it is taken for.
+pub(crate) const MISTAKES_MAX: usize = 100;
+
 /// What is wrong (`kind`), and where.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Located<Kind> {

@@ -10,6 +10,7 @@ use crate::expression::Values;
 use crate::o_word::{self, Keyword, Label, OWord};
 use crate::scan::{Fault, LINE_MAX, Span, is_blank, is_empty};
 use crate::text::Text;
+use motion::cancel::Cancel;
 use std::io::{self, Read, Seek};
 
 /// Parameters of a program that is not run: all there, none known.
@@ -68,7 +69,7 @@ impl Opened {
 ///
 /// # Errors
 /// The text cannot be read.
-pub(crate) fn errors(text: impl Read + Seek, errors_max: usize) -> io::Result<Vec<Error>> {
+pub(crate) fn errors(text: impl Read + Seek, errors_max: usize, cancel: &Cancel) -> io::Result<Vec<Error>> {
     let mut text = Text::new(text);
     let mut errors = Vec::new();
     let mut block = Block::default();
@@ -76,6 +77,7 @@ pub(crate) fn errors(text: impl Read + Seek, errors_max: usize) -> io::Result<Ve
     let mut opened: Vec<Opened> = Vec::new();
     let (mut any, mut percent) = (false, false);
     while errors.len() < errors_max
+        && !cancel.is_cancelled()
         && let Some(line) = text.next_line()?
     {
         let octets = text.octets();
@@ -114,6 +116,9 @@ pub(crate) fn errors(text: impl Read + Seek, errors_max: usize) -> io::Result<Ve
             let range = usize::from(span.start)..usize::from(span.end);
             errors.push(Error::at("", line.number, octets, range, kind));
         }
+    }
+    if cancel.is_cancelled() {
+        opened.clear(); // what closes them has not been read
     }
     for block in opened {
         let expected = block

@@ -10,6 +10,7 @@
     allow(clippy::disallowed_methods, reason = "tests may use the PC's own functions")
 )]
 
+pub mod cancel;
 pub mod canon;
 pub mod compensation;
 pub mod element;

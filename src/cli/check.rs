@@ -67,7 +67,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
     }
     if let Some(path) = &args.cdc {
         let octets = with_mn_config(&config, &plans, cdc::write);
-        std::fs::write(path, octets).with_context(|| format!("{}: cannot be written", path.display()))?;
+        files::write(path, octets).with_context(|| format!("{}: cannot be written", path.display()))?;
     }
     print(&if args.json {
         format!("{:#}\n", to_json(&config, &plans))
@@ -80,7 +80,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
 /// Lists a concise DCF: exit code 0 if it can be read as one, 1 if not. What our managing node would refuse of it is told, too.
 fn list_cdc(path: &Path) -> anyhow::Result<ExitCode> {
     let file = path.display();
-    let octets = std::fs::read(path).with_context(|| format!("{file}: cannot be read"))?;
+    let octets = files::read(path, files::read::TEXT_MAX).with_context(|| format!("{file}: cannot be read"))?;
     match cdc::listing(&octets) {
         Ok(listing) => print(&listing)?,
         Err(error) => {

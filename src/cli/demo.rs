@@ -56,11 +56,11 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     let (name, text) = match &args.program {
         Some(path) => (
             path.display().to_string(),
-            std::fs::read(path).with_context(|| path.display().to_string())?,
+            files::read(path, files::read::PROGRAM_MAX).with_context(|| path.display().to_string())?,
         ),
         None => (PROGRAM_NAME.to_owned(), PROGRAM.to_vec()),
     };
-    std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
+    files::make_folder(&args.out).with_context(|| args.out.display().to_string())?;
     let machine = machine_file(args.machine.as_deref(), &args.out)?;
     let mut config = match config::read(&machine) {
         Ok(config) => config,
@@ -122,7 +122,7 @@ pub(super) fn machine_file(given: Option<&Path>, out: &Path) -> anyhow::Result<P
         return Ok(path.to_owned());
     }
     let path = out.join("machine.toml");
-    std::fs::write(&path, MACHINE).with_context(|| path.display().to_string())?;
+    files::write(&path, MACHINE).with_context(|| path.display().to_string())?;
     Ok(path)
 }
 
@@ -174,7 +174,7 @@ impl FarEnd for FarMachine {
             }
             std::thread::sleep(Duration::from_millis(10));
         }
-        let text = std::fs::read_to_string(&self.measurement).ok()?;
+        let text = files::read_text(&self.measurement, files::read::TEXT_MAX).ok()?;
         serde_json::from_str(&text).ok()
     }
 }

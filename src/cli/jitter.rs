@@ -8,6 +8,7 @@ use crate::service::jitter::report::Ended;
 use crate::service::jitter::run::{FarEnd, Wanted};
 use crate::service::jitter::table::table;
 use crate::service::jitter::{output, program, run};
+use crate::service::job::given_up;
 use crate::service::netns;
 use crate::service::process::Program;
 use crate::service::progress::say;
@@ -85,7 +86,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
     let (name, text) = match &args.program {
         Some(path) => (
             path.display().to_string(),
-            std::fs::read(path).with_context(|| path.display().to_string())?,
+            files::read(path, files::read::PROGRAM_MAX).with_context(|| path.display().to_string())?,
         ),
         None => (
             program::NAME.to_owned(),
@@ -99,7 +100,10 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
             return Ok(ExitCode::FAILURE);
         }
     };
-    if let Err(errors) = crate::program::check(&config, &tables, &name, &text) {
+    if let Err(errors) = crate::program::check(&config, &tables, &name, &text, signal.cancel()) {
+        if errors.is_cancelled() {
+            return Ok(given_up(&signal));
+        }
         eprintln!("{errors}\n\nnothing was moved");
         return Ok(ExitCode::FAILURE);
     }
@@ -137,12 +141,14 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
         }
         (Err(error), None) => return Err(error),
     };
-    output::write(&args.out, &report)?;
+    // A full disk must not keep from the user what was measured.
+    let written = output::write(&args.out, &report);
     if args.json {
         say(&format!("{}\n", serde_json::to_string(&report)?));
     } else {
         say(&format!("\n{}\n\nreport in {}\n", table(&report), args.out.display()));
     }
+    written.context("the report could not be written")?;
     Ok(match (report.result, signal.caught()) {
         (Ended::Cut, Some(signal)) => ExitCode::from(signals::exit_code(signal)),
         (Ended::Completed | Ended::Cut, _) => ExitCode::SUCCESS,

@@ -42,7 +42,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     let Some(program) = &args.program else {
         return stand_by(&config, wire, args.json, signal);
     };
-    let text = std::fs::read(program).with_context(|| program.display().to_string())?;
+    let text = files::read(program, files::read::PROGRAM_MAX).with_context(|| program.display().to_string())?;
     let job = Job {
         config: &config,
         program: Program {

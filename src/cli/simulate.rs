@@ -132,17 +132,17 @@ pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
             .map_err(|_| anyhow!("the simulated machine panicked"))?;
         served.with_context(|| args.interface.clone())
     })?;
-    if let Some(analyser) = analyser {
-        let measured = analyser.stop()?;
-        if let Some(path) = &args.analyse {
-            std::fs::write(path, serde_json::to_string(&measured)?).with_context(|| path.display().to_string())?;
-        }
-    }
     if !args.with_parent {
         println!(
             "{} frames received, {} sent, {} dropped",
             served.received, served.sent, served.dropped
         );
+    }
+    if let Some(analyser) = analyser {
+        let measured = analyser.stop()?;
+        if let Some(path) = &args.analyse {
+            files::write(path, serde_json::to_string(&measured)?).with_context(|| path.display().to_string())?;
+        }
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -21,7 +21,7 @@ pub(super) fn keys(section: &mut Section<'_, '_>, folder: &Path) -> Option<Optio
         return backlash_mm.map(asked_for);
     };
     let path = folder.join(item.text(&section.key("compensation_file"))?);
-    let text = match std::fs::read_to_string(&path) {
+    let text = match files::read_text(&path, files::read::TEXT_MAX) {
         Ok(text) => text,
         Err(error) => {
             section.wrong("compensation_file", format!("cannot be read: {error}"));

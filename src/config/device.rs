@@ -26,7 +26,7 @@ pub(super) fn file(
     };
     let text = item.text(&section.key("device_file"))?;
     let path = folder.join(text);
-    let octets = match std::fs::read(&path) {
+    let octets = match files::read(&path, files::read::TEXT_MAX) {
         Ok(octets) => octets,
         Err(error) => {
             section.wrong("device_file", format!("cannot be read: {error}"));

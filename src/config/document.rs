@@ -6,17 +6,26 @@
 //! Deserialising with serde would stop at the first wrong type or unknown key and so hide every other error; here each
 //! key is read by itself.
 
-use super::error::{ConfigError, nearest};
-use std::cell::RefCell;
+use super::error::{ConfigError, lines, nearest};
+use std::cell::{Cell, RefCell};
 use std::ops::{Range, RangeInclusive};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
+
+/// Errors of a file that are told; the others are counted.
+const ERRORS_MAX: usize = 100;
+/// Most items of an array: beyond all that a machine has, and few enough to be compared with each other.
+const ITEMS_MAX: usize = 4096;
 
 /// Collects the errors of one file.
 pub(super) struct Log<'d> {
     file: &'d str,
     text: &'d str,
+    /// First octet of each line.
+    lines: Vec<usize>,
     errors: RefCell<Vec<ConfigError>>,
+    /// Errors beyond those that are told.
+    more: Cell<usize>,
     /// Stands for a section that is left out.
     nothing: DeTable<'d>,
 }
@@ -26,28 +35,43 @@ impl<'d> Log<'d> {
         Log {
             file,
             text,
+            lines: lines(text),
             errors: RefCell::default(),
+            more: Cell::default(),
             nothing: DeTable::new(),
         }
     }
 
     /// Notes an error about the value at `span`.
     pub(super) fn wrong(&self, span: Range<usize>, key: &str, rule: impl Into<String>, hint: Option<String>) {
-        let mut error = ConfigError::at(self.file, self.text, span.clone(), key.to_owned(), rule.into());
-        error.value = self.text.get(span).map(shortened);
-        error.hint = hint;
-        self.errors.borrow_mut().push(error);
+        let value = self.text.get(span.clone()).map(shortened);
+        self.note(span, key, value, rule.into(), hint);
     }
 
     /// Notes an error about a key that is missing or not wanted.
     pub(super) fn misplaced(&self, span: Range<usize>, key: &str, rule: impl Into<String>, hint: Option<String>) {
-        let mut error = ConfigError::at(self.file, self.text, span, key.to_owned(), rule.into());
-        error.hint = hint;
-        self.errors.borrow_mut().push(error);
+        self.note(span, key, None, rule.into(), hint);
     }
 
-    pub(super) fn into_errors(self) -> Vec<ConfigError> {
-        self.errors.into_inner()
+    fn note(&self, span: Range<usize>, key: &str, value: Option<String>, rule: String, hint: Option<String>) {
+        let mut errors = self.errors.borrow_mut();
+        if errors.len() == ERRORS_MAX {
+            self.more.set(self.more.get() + 1);
+            return;
+        }
+        let mut error = ConfigError::at(self.file, (self.text, &self.lines), span, key.to_owned(), rule);
+        (error.value, error.hint) = (value, hint);
+        errors.push(error);
+    }
+
+    /// Whether more errors would only be counted.
+    fn is_full(&self) -> bool {
+        self.errors.borrow().len() == ERRORS_MAX
+    }
+
+    /// The errors, and how many more there are.
+    pub(super) fn into_errors(self) -> (Vec<ConfigError>, usize) {
+        (self.errors.into_inner(), self.more.get())
     }
 }
 
@@ -179,12 +203,22 @@ impl<'d, 'l> Item<'d, 'l> {
         flag
     }
 
+    /// Whether an array is as short as one may be; else notes an error.
+    fn is_short(self, key: &str, count: usize) -> bool {
+        if count > ITEMS_MAX {
+            let rule = format!("must not have more than {ITEMS_MAX} items, has {count}");
+            self.log.misplaced(self.value.span(), key, rule, None);
+        }
+        count <= ITEMS_MAX
+    }
+
     pub(super) fn items(self, key: &str) -> Option<Vec<Item<'d, 'l>>> {
         let array = self.value.get_ref().as_array();
         if array.is_none() {
             self.is_no(key, "an array");
         }
-        Some(array?.iter().map(|value| Item { log: self.log, value }).collect())
+        let array = array.filter(|array| self.is_short(key, array.len()))?;
+        Some(array.iter().map(|value| Item { log: self.log, value }).collect())
     }
 }
 
@@ -373,6 +407,9 @@ impl<'d, 'l> Section<'d, 'l> {
             item.is_no(&path, &format!("an array of tables: [[{path}]]"));
             return Vec::new();
         };
+        if !item.is_short(&path, items.len()) {
+            return Vec::new();
+        }
         let items = items.iter().enumerate();
         items
             .filter_map(|(index, value)| self.inner(Item { log: self.log, value }, format!("{path}[{index}]")))
@@ -433,6 +470,10 @@ impl<'d, 'l> Section<'d, 'l> {
         for key in self.table.keys() {
             let name = key.get_ref().as_ref();
             if !self.known.contains(&name) {
+                if self.log.is_full() {
+                    self.log.misplaced(key.span(), name, "unknown key", None);
+                    continue;
+                }
                 let hint = match nearest(name, self.known.iter().copied()) {
                     Some(near) => format!("did you mean `{near}`?"),
                     None => format!("known here: {}", self.known.join(", ")),

@@ -8,6 +8,9 @@ use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 use std::fmt;
 use std::ops::Range;
 
+/// Octets of a line that are shown.
+const EXCERPT_MAX: usize = 400;
+
 /// One thing wrong with a machine file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ConfigError {
@@ -31,24 +34,34 @@ pub struct ConfigError {
 
 impl ConfigError {
     /// An error at octets `span` of `text`. A span outside the text, or inside a character, is moved to the nearest place.
-    pub(super) fn at(file: &str, text: &str, span: Range<usize>, key: String, rule: String) -> ConfigError {
+    /// `lines` are the first octets of its lines ([`lines`]).
+    pub(super) fn at(
+        file: &str,
+        (text, lines): (&str, &[usize]),
+        span: Range<usize>,
+        key: String,
+        rule: String,
+    ) -> ConfigError {
         let start = char_boundary(text, span.start);
-        let line_start = text[..start].rfind('\n').map_or(0, |newline| newline + 1);
-        let line_end = text[start..].find('\n').map_or(text.len(), |newline| start + newline);
+        let number = lines.partition_point(|line| *line <= start).max(1);
+        let line_start = lines[number - 1];
+        let line_end = lines.get(number).map_or(text.len(), |next| next - 1);
         let line = text[line_start..line_end].trim_end_matches('\r');
         let from = (start - line_start).min(line.len());
         let to = char_boundary(line, span.end.saturating_sub(line_start)).max(from);
+        let column = 1 + line[..from].chars().count();
+        // Of a line that nobody wrote by hand the part around the place is enough.
+        let cut = char_boundary(line, from.saturating_sub(EXCERPT_MAX / 2));
+        let cut = if line.len() > EXCERPT_MAX { cut } else { 0 };
+        let line = &line[cut..char_boundary(line, cut + EXCERPT_MAX)];
         ConfigError {
             file: file.to_owned(),
-            place: Some((
-                1 + text[..line_start].matches('\n').count(),
-                1 + text[line_start..line_start + from].chars().count(),
-            )),
+            place: Some((number, column)),
             key,
             value: None,
             rule,
             hint: None,
-            excerpt: Some((line.to_owned(), from..to)),
+            excerpt: Some((line.to_owned(), from - cut..(to - cut).min(line.len()))),
             at: start,
         }
     }
@@ -105,29 +118,33 @@ impl fmt::Display for ConfigError {
 
 /// Everything wrong with a machine file, in the order of the file; never empty.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ConfigErrors(Vec<ConfigError>);
+pub struct ConfigErrors {
+    errors: Vec<ConfigError>,
+    /// Errors that are not told.
+    more: usize,
+}
 
 impl ConfigErrors {
     /// Sorts by place; of two errors with one text only the first is kept.
-    pub(super) fn new(mut errors: Vec<ConfigError>) -> ConfigErrors {
+    pub(super) fn new(mut errors: Vec<ConfigError>, more: usize) -> ConfigErrors {
         errors.sort_by_key(|error| error.at);
         errors.dedup();
-        ConfigErrors(errors)
+        ConfigErrors { errors, more }
     }
 
-    /// The errors in the order of the file; never empty.
+    /// The errors that are told, in the order of the file; never empty.
     pub fn errors(&self) -> &[ConfigError] {
-        &self.0
+        &self.errors
     }
 
     /// One line for each error.
     pub fn lines(&self) -> impl Iterator<Item = String> + '_ {
-        self.0.iter().map(ConfigError::to_string)
+        self.errors.iter().map(ConfigError::to_string)
     }
 
     /// The `file` and its `errors`: objects with `line`, `column`, `key`, `value`, `rule` and `hint`.
     pub fn to_json(&self) -> serde_json::Value {
-        let errors = self.0.iter().map(|error| {
+        let errors = self.errors.iter().map(|error| {
             serde_json::json!({
                 "line": error.place.map(|place| place.0),
                 "column": error.place.map(|place| place.1),
@@ -137,17 +154,17 @@ impl ConfigErrors {
                 "hint": error.hint,
             })
         });
-        serde_json::json!({ "file": self.0.first().map(|error| &error.file), "errors": errors.collect::<Vec<_>>() })
+        serde_json::json!({ "file": self.errors.first().map(|error| &error.file), "errors": errors.collect::<Vec<_>>(), "more": self.more })
     }
 }
 
 /// All errors, each with the line of the file and the place in it underlined.
 impl fmt::Display for ConfigErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for error in &self.0 {
+        for error in &self.errors {
             writeln!(f, "{}", error.render())?;
         }
-        match self.0.len() {
+        match self.errors.len() + self.more {
             1 => writeln!(f, "1 error in the machine file"),
             count => writeln!(f, "{count} errors in the machine file"),
         }
@@ -155,6 +172,12 @@ impl fmt::Display for ConfigErrors {
 }
 
 impl std::error::Error for ConfigErrors {}
+
+/// The first octet of each line of a text.
+pub(super) fn lines(text: &str) -> Vec<usize> {
+    let behind = text.match_indices('\n').map(|(newline, _)| newline + 1);
+    std::iter::once(0).chain(behind).collect()
+}
 
 /// The start of the character at `at`, or the end of the text.
 fn char_boundary(text: &str, at: usize) -> usize {
@@ -225,10 +248,16 @@ mod tests {
     fn columns_count_characters_and_the_place_is_underlined() {
         let text = "a = 1\nname = \"µ\" # x\nb = 2\n";
         let start = text.find('#').unwrap();
-        let error = ConfigError::at("m.toml", text, start..start + 3, "name".into(), "no".into());
+        let error = ConfigError::at(
+            "m.toml",
+            (text, &lines(text)),
+            start..start + 3,
+            "name".into(),
+            "no".into(),
+        );
         assert_eq!(error.place, Some((2, 12)));
         assert_eq!(
-            ConfigErrors::new(vec![error]).to_string(),
+            ConfigErrors::new(vec![error], 0).to_string(),
             "error: m.toml:2:12: name: no\n  |\n2 | name = \"µ\" # x\n  |            ^^^\n1 error in the machine file\n"
         );
     }
@@ -238,7 +267,7 @@ mod tests {
         let text = "ä\r\n\nö";
         for start in 0..8 {
             for end in 0..8 {
-                let error = ConfigError::at("m", text, start..end, String::new(), String::new());
+                let error = ConfigError::at("m", (text, &lines(text)), start..end, String::new(), String::new());
                 assert!(!error.render().is_empty());
             }
         }

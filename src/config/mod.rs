@@ -41,6 +41,7 @@ pub use error::{ConfigError, ConfigErrors};
 pub use types::*;
 
 use document::{Log, Section};
+use files::read::TEXT_MAX;
 use kinematics::Family;
 use motion::canon::LengthUnit;
 use motion::plan::Slope;
@@ -52,14 +53,12 @@ use toml::de::DeTable;
 /// # Errors
 /// The file cannot be read, or every error in it.
 pub fn read(path: &Path) -> Result<Config, ConfigErrors> {
-    match std::fs::read(path) {
+    match files::read(path, TEXT_MAX) {
         Ok(bytes) => parse(&bytes, path),
         Err(error) => {
             let rule = format!("cannot be read: {error}");
-            Err(ConfigErrors::new(vec![ConfigError::whole(
-                &path.display().to_string(),
-                rule,
-            )]))
+            let error = ConfigError::whole(&path.display().to_string(), rule);
+            Err(ConfigErrors::new(vec![error], 0))
         }
     }
 }
@@ -69,7 +68,7 @@ pub fn read(path: &Path) -> Result<Config, ConfigErrors> {
 /// # Errors
 /// As [`read`].
 pub fn read_with_cycle(path: &Path, cycle_us: Option<u32>) -> Result<Config, ConfigErrors> {
-    match (std::fs::read_to_string(path), cycle_us) {
+    match (files::read_text(path, TEXT_MAX), cycle_us) {
         (Ok(text), Some(cycle_us)) => parse(&period::with_cycle_us(&text, cycle_us), path),
         // What cannot be read, or is no text, says so there.
         (Ok(_) | Err(_), _) => read(path),
@@ -89,8 +88,9 @@ pub fn parse(text: &(impl AsRef<[u8]> + ?Sized), path: &Path) -> Result<Config, 
             let valid = &text.as_ref()[..error.valid_up_to()];
             let valid = std::str::from_utf8(valid).unwrap_or_default();
             let rule = "must be UTF-8 text".to_owned();
-            let error = ConfigError::at(&file, valid, valid.len()..valid.len(), String::new(), rule);
-            return Err(ConfigErrors::new(vec![error]));
+            let lines = error::lines(valid);
+            let error = ConfigError::at(&file, (valid, &lines), valid.len()..valid.len(), String::new(), rule);
+            return Err(ConfigErrors::new(vec![error], 0));
         }
     };
     let log = Log::new(&file, text);
@@ -104,15 +104,15 @@ pub fn parse(text: &(impl AsRef<[u8]> + ?Sized), path: &Path) -> Result<Config, 
     } else {
         None
     };
-    let errors = log.into_errors();
+    let (errors, more) = log.into_errors();
     match config {
         Some(config) if errors.is_empty() => Ok(config),
         // A value is only ever left out with an error; should that fail, the machine must still be refused.
-        _ if errors.is_empty() => Err(ConfigErrors::new(vec![ConfigError::whole(
-            &file,
-            "is refused for a reason that was lost".to_owned(),
-        )])),
-        _ => Err(ConfigErrors::new(errors)),
+        _ if errors.is_empty() => {
+            let rule = "is refused for a reason that was lost".to_owned();
+            Err(ConfigErrors::new(vec![ConfigError::whole(&file, rule)], 0))
+        }
+        _ => Err(ConfigErrors::new(errors, more)),
     }
 }
 

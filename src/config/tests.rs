@@ -747,3 +747,24 @@ fn a_mistake_in_a_compensation_file_is_told_with_its_place() {
         messages(&worn)
     );
 }
+
+/// A generated file with a hundred thousand mistakes is told like one with a hundred: what is told grows with what is shown, not
+/// with the square of the file.
+#[test]
+fn of_very_many_mistakes_the_first_are_told_and_all_are_counted() {
+    let keys: String = (0..100_000).map(|number| format!("key{number} = 1\n")).collect();
+    let errors = parse(&format!("{keys}{SMALL}"), Path::new("m.toml")).unwrap_err();
+    assert_eq!(errors.errors().len(), 100);
+    assert!(errors.to_string().ends_with("\n100000 errors in the machine file\n"));
+    assert_eq!(errors.to_json()["more"], 99_900);
+    // On one line, each excerpt would be the whole file.
+    let keys: String = (0..20_000).map(|number| format!("key{number}=1,")).collect();
+    let line = format!("{SMALL}[hal]\nset = {{{}}}\n[rt]\nspin = {{{}}}\n", keys, keys);
+    let errors = parse(&line, Path::new("m.toml")).unwrap_err();
+    assert!(errors.to_string().len() < 2000, "{errors}");
+    let many = "[[hal.net]]\nname = \"a\"\n".repeat(4097);
+    assert_eq!(
+        messages(&format!("{SMALL}{many}")),
+        ["m.toml:28:1: hal.net: must not have more than 4096 items, has 4097"]
+    );
+}

@@ -27,7 +27,7 @@ pub trait Files {
     fn lock(&mut self, folder: &Path) -> io::Result<Self::Lock>;
     /// The whole content; `None`: there is no such file.
     fn read(&mut self, path: &Path) -> io::Result<Option<Vec<u8>>>;
-    /// Makes an empty file, also where there is one; with the rights of the file `like`, if there is one.
+    /// Makes a new file in place of one that is there; with the rights of the file `like`, if there is one.
     fn create(&mut self, path: &Path, like: &Path) -> io::Result<Self::Writer>;
     /// Appends to it.
     fn write(&mut self, writer: &mut Self::Writer, octets: &[u8]) -> io::Result<()>;
@@ -115,7 +115,7 @@ impl Files for Disk {
     }
 
     fn read(&mut self, path: &Path) -> io::Result<Option<Vec<u8>>> {
-        match std::fs::read(path) {
+        match files::read(path, files::read::TEXT_MAX) {
             Ok(content) => Ok(Some(content)),
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(error) => Err(error),
@@ -123,8 +123,16 @@ impl Files for Disk {
     }
 
     fn create(&mut self, path: &Path, like: &Path) -> io::Result<File> {
-        let file = File::create(path)?;
-        if let Ok(metadata) = std::fs::metadata(like) {
+        // One that an earlier crash left, or a link that somebody else has put there.
+        if let Err(error) = std::fs::remove_file(path)
+            && error.kind() != io::ErrorKind::NotFound
+        {
+            return Err(error);
+        }
+        let file = File::create_new(path)?;
+        if let Ok(metadata) = std::fs::symlink_metadata(like)
+            && metadata.is_file()
+        {
             file.set_permissions(metadata.permissions())?;
         }
         Ok(file)

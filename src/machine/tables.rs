@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Longest file that is read, octets; a full tool table with long remarks has a tenth of it.
-const FILE_MAX: usize = 4 << 20;
+const FILE_MAX: u64 = 4 << 20;
 
 /// Tools of a machine that names no tool table.
 const BARE_TOOLS: std::ops::RangeInclusive<u32> = 1..=99;
@@ -194,15 +194,11 @@ impl Tables {
 impl Kept {
     /// The content of the file if it is not the one that is known.
     fn changed(&self) -> Result<Option<Vec<u8>>, TablesError> {
-        let content = match std::fs::read(&self.path) {
+        let content = match files::read(&self.path, FILE_MAX) {
             Ok(content) => content,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(TablesError::unreadable(&self.path, &error)),
         };
-        if content.len() > FILE_MAX {
-            let cause = format!("longer than {FILE_MAX} octets: this is no such file");
-            return Err(TablesError::unreadable(&self.path, &cause));
-        }
         Ok(Some(content).filter(|content| self.content.as_ref() != Some(content)))
     }
 }
@@ -258,7 +254,7 @@ pub fn lock(tables: &Mutex<Tables>) -> MutexGuard<'_, Tables> {
 ///
 /// # Errors
 /// What cannot be written, by file; the other file is written all the same.
-pub fn save(files: &mut impl Files, tables: &Mutex<Tables>) -> Result<(), String> {
+pub fn save(disk: &mut impl Files, tables: &Mutex<Tables>) -> Result<(), String> {
     let contents = lock(tables).contents().map(|content| {
         let (kept, text) = content?;
         let text = text.into_bytes();
@@ -266,9 +262,9 @@ pub fn save(files: &mut impl Files, tables: &Mutex<Tables>) -> Result<(), String
     });
     let mut errors = Vec::new();
     for (path, content) in contents.into_iter().flatten() {
-        // A link stays a link: the file behind it is replaced.
-        let file = std::fs::canonicalize(&path).unwrap_or_else(|_| path.clone());
-        match safe_file::replace(files, &file, &content) {
+        // A link of one's own stays a link: the file behind it is replaced.
+        let replaced = files::hold(&path).and_then(|held| safe_file::replace(disk, held.path(), &content));
+        match replaced {
             Ok(_) => lock(tables).saved(&path, content),
             Err(error) => errors.push(format!("{}: {error}", path.display())),
         }

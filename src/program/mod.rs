@@ -11,6 +11,8 @@ use crate::config::{self, Config};
 use crate::machine::tables::Tables;
 use crate::rt::shared::Live;
 use exact_stops::ExactStops;
+use gcode::CheckLimits;
+use motion::cancel::Cancel;
 use motion::canon::{Axis, Call, Event, PathMode, Position};
 use motion::element::Element;
 use motion::kinematics::{JOINTS, Kinematics, ToolFrame, Transform};
@@ -25,7 +27,7 @@ use std::fmt;
 use std::num::NonZero;
 use std::sync::Arc;
 use std::thread::available_parallelism;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Canonical calls that one call of [`Feeder::pump`] takes at the most.
 const EVENTS_PER_PUMP: usize = 256;
@@ -35,6 +37,7 @@ const EVENTS_PER_PUMP: usize = 256;
 pub struct ProgramErrors {
     shown: String,
     count: usize,
+    is_cancelled: bool,
 }
 
 impl fmt::Display for ProgramErrors {
@@ -50,6 +53,11 @@ impl ProgramErrors {
     pub fn count(&self) -> usize {
         self.count
     }
+
+    /// Whether there is nothing wrong but that nobody wants the program any more.
+    pub fn is_cancelled(&self) -> bool {
+        self.is_cancelled
+    }
 }
 
 /// What a whole program comes to.
@@ -62,23 +70,42 @@ pub struct Overview {
 }
 
 /// All errors of the text; what a machine can do is not looked at.
-pub fn check_text(config: &Config, tables: &Tables, text: &[u8]) -> Vec<gcode::Error> {
-    gcode::check_on(text, planned_settings(config, tables, home(config)), Probing::new().1)
+pub fn check_text(config: &Config, tables: &Tables, text: &[u8], limits: CheckLimits) -> Vec<gcode::Error> {
+    let settings = planned_settings(config, tables, home(config));
+    gcode::check_on(text, settings, Probing::new().1, limits)
 }
 
-/// Interprets and plans the whole program without moving anything, so that all errors are found before it starts.
+/// Interprets and plans the whole program without moving anything, so that all errors are found before it starts. `cancel` ends
+/// it at once; time and memory that it takes are limited.
 ///
 /// # Errors
-/// All errors of the text, or the first one of the plan (a limit of the machine).
-pub fn check(config: &Config, tables: &Tables, path: &str, text: &[u8]) -> Result<Overview, ProgramErrors> {
-    let errors = check_text(config, tables, text);
+/// All errors of the text, or the first one of the plan: a limit of the machine, or of the check.
+pub fn check(
+    config: &Config,
+    tables: &Tables,
+    path: &str,
+    text: &[u8],
+    cancel: &Cancel,
+) -> Result<Overview, ProgramErrors> {
+    let limits = CheckLimits {
+        cancel: cancel.clone(),
+        ..CheckLimits::default()
+    };
+    let mut budget = Budget::new(limits.time);
+    let errors = check_text(config, tables, text, limits.clone());
     if !errors.is_empty() {
         let shown: Vec<String> = errors.iter().map(|error| error.render(path)).collect();
         return Err(ProgramErrors {
             shown: shown.join("\n\n"),
             count: errors.len(),
+            is_cancelled: cancel.is_cancelled(),
         });
     }
+    let failed = |shown: String| ProgramErrors {
+        shown,
+        count: 1,
+        is_cancelled: cancel.is_cancelled(),
+    };
     let mut overview = Overview::default();
     let mut feeder = Feeder::new(
         config,
@@ -89,19 +116,18 @@ pub fn check(config: &Config, tables: &Tables, path: &str, text: &[u8]) -> Resul
             time_s: 0.0,
             tail_s: 0.0,
         },
-    );
+    )
+    .within(limits);
     loop {
         match feeder.pump() {
             Ok(Progress::Done) => break,
             Ok(Progress::Working | Progress::RingFull | Progress::Probing) => {}
             // Where a probe will really touch is not known: what follows may be elsewhere, and is judged when it is there.
-            Err(error) if feeder.probing.has_assumed() && error.is_of_a_place() => break,
-            Err(error) => {
-                return Err(ProgramErrors {
-                    shown: error.located(path),
-                    count: 1,
-                });
-            }
+            Err(error) if feeder.probing.has_assumed() && error.is_of_a_place() && !cancel.is_cancelled() => break,
+            Err(error) => return Err(failed(error.located(path))),
+        }
+        if let Some(limit) = budget.passed() {
+            return Err(failed(format!("{path}:{}: {limit}", feeder.line())));
         }
         feeder.ideal_path();
         overview.lines = overview.lines.max(feeder.line());
@@ -110,6 +136,53 @@ pub fn check(config: &Config, tables: &Tables, path: &str, text: &[u8]) -> Resul
     let measure = feeder.sink();
     overview.time_s = measure.time_s + measure.tail_s;
     Ok(overview)
+}
+
+/// Memory that a check may take, octets: beside a machine that stands by it is locked, and wanted by others.
+const CHECK_MEMORY_MAX: u64 = 512 << 20;
+
+/// Time and memory that a check may still take.
+struct Budget {
+    began: Instant,
+    time: Duration,
+    /// When memory was looked at last, and what the process had at the beginning.
+    looked: Instant,
+    before: Option<u64>,
+}
+
+impl Budget {
+    fn new(time: Duration) -> Budget {
+        Budget {
+            began: Instant::now(),
+            time,
+            looked: Instant::now(),
+            before: resident(),
+        }
+    }
+
+    /// The limit that has been passed, in words. To be asked often.
+    fn passed(&mut self) -> Option<String> {
+        let now = Instant::now();
+        if now - self.looked < Duration::from_millis(20) {
+            return None;
+        }
+        self.looked = now;
+        if now - self.began > self.time {
+            let seconds = self.time.as_secs();
+            return Some(format!("the check may take {seconds} s and has only come so far"));
+        }
+        let taken = resident()?.saturating_sub(self.before?);
+        let most = CHECK_MEMORY_MAX >> 20;
+        (taken > CHECK_MEMORY_MAX).then(|| format!("the check may take {most} MiB of memory, and has only come so far"))
+    }
+}
+
+/// Memory of this process, octets; `None` where the kernel does not tell.
+fn resident() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+    let kib: u64 = line.trim().strip_suffix(" kB")?.parse().ok()?;
+    Some(kib << 10)
 }
 
 /// Takes a plan for its duration only.
@@ -232,6 +305,12 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             mode_tolerance_mm: 0.0,
             tolerance_mm: 0.0,
         }
+    }
+
+    /// The same that stops with an error where a check has to, or when it is cancelled.
+    pub fn within(mut self, limits: CheckLimits) -> Feeder<'t, S> {
+        self.events = self.events.within(limits);
+        self
     }
 
     /// The same for a machine that probes: `results` tell how each probing move ended, and nothing behind it is read before.

@@ -17,6 +17,8 @@ use crate::rt::rights::{self, Work};
 use crate::rt::shared::Live;
 use crate::rt::timeout;
 use crate::rt::wait::{monotonic_ns, to_next};
+use gcode::CheckLimits;
+use motion::cancel::Cancel;
 use motion::canon::Position;
 use motion::element::Element;
 use motion::plan::Programmed;
@@ -66,7 +68,7 @@ pub(super) struct Attendance<'scope, 'env> {
     clients: Clients<'scope, 'env>,
     planner: Option<PlannerThread<'scope>>,
     /// Nobody wants the rest of the program that is being planned.
-    given_up: Arc<AtomicBool>,
+    given_up: Cancel,
     ran: Ran,
     keeper: Keeper<'scope, 'env>,
 }
@@ -105,7 +107,7 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
             clients: Clients::new(scope, session.config, session.tables, stands_by, desk),
             keeper: Keeper::new(scope, session.tables),
             planner: None,
-            given_up: Arc::default(),
+            given_up: Cancel::default(),
             ran: Ran::default(),
         }
     }
@@ -146,6 +148,8 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
         attendant.attend(running, monotonic_ns());
         self.tell(&mut service, &running.operator, monotonic_ns());
         self.stop.store(true, Ordering::Release);
+        self.clients.give_up_check();
+        self.given_up.cancel();
         // What it may still find wrong concerns nobody any more.
         if let Some(Ok(planned)) = self.planner.take().map(ScopedJoinHandle::join) {
             self.ran = planned.ran;
@@ -158,6 +162,7 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
     fn step(&mut self, running: &mut Running, now_ns: u64) -> anyhow::Result<()> {
         if self.session.signal.caught().is_some() {
             running.operator.end(now_ns);
+            self.clients.give_up_check();
         }
         self.clients.attend(&mut running.operator, now_ns)?;
         while let Ok(report) = running.reports.pop() {
@@ -165,12 +170,12 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
         }
         match running.operator.step() {
             // What is left of it to come to rest on is in the ring already.
-            Step::StandBy | Step::Disable | Step::ShutDown | Step::Done => self.given_up.store(true, Ordering::Release),
+            Step::StandBy | Step::Disable | Step::ShutDown | Step::Done => self.given_up.cancel(),
             Step::Network | Step::Enable | Step::Home | Step::SetUp | Step::Program | Step::Stop => {}
         }
         if let Wish::PlanFrom(position) = running.operator.poll(now_ns) {
             // A program that is repeated has come to its end: nobody waits for the machine any more.
-            self.given_up.store(true, Ordering::Release);
+            self.given_up.cancel();
             self.join_planner(running, now_ns);
             let live = running.operator.shared();
             let program = self.plan_from(position, live)?;
@@ -231,8 +236,8 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
             (Task::StandBy, None) => anyhow::bail!("a program was begun that is not there"),
         };
         let stop = self.stop;
-        self.given_up = Arc::default();
-        let given_up = Arc::clone(&self.given_up);
+        self.given_up = Cancel::default();
+        let given_up = self.given_up.clone();
         let planner = std::thread::Builder::new()
             .name("program".into())
             .spawn_scoped(self.scope, move || {
@@ -241,8 +246,9 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
                 let workers = program::workers(config);
                 let feeder = Feeder::with_workers(config, &tables, text.octets(), position, producer, &workers)
                     .with_probe(results)
+                    .within(running_limits(given_up.clone()))
                     .following(live);
-                let over = || stop.load(Ordering::Acquire) || given_up.load(Ordering::Acquire);
+                let over = || stop.load(Ordering::Acquire) || given_up.is_cancelled();
                 feed(feeder, path_max, over)
             })?;
         self.planner = Some(planner);
@@ -286,6 +292,16 @@ impl Text<'_> {
     }
 }
 
+/// A program that runs may take as long as it likes, but a loop without a move would have the machine wait for ever.
+fn running_limits(cancel: Cancel) -> CheckLimits {
+    CheckLimits {
+        steps: u64::MAX,
+        time: Duration::MAX,
+        cancel,
+        ..CheckLimits::default()
+    }
+}
+
 /// The program thread: plans until the machine has come to the end of the program, as overrides may change till then, or
 /// until nobody wants it any more.
 fn feed(mut feeder: Feeder<'_, Producer<Element>>, path_max: usize, over: impl Fn() -> bool) -> Planned {
@@ -301,6 +317,7 @@ fn feed(mut feeder: Feeder<'_, Producer<Element>>, path_max: usize, over: impl F
             Ok(program::Progress::RingFull | program::Progress::Probing | program::Progress::Done) => {
                 feeder.pause(to_next(PLANNER_PAUSE));
             }
+            Err(_) if over() => break,
             Err(error) => {
                 failed = Some(error);
                 break;

@@ -10,6 +10,7 @@ use super::signals::{self, StopSignal};
 use crate::config::Config;
 use crate::machine::tables::{Tables, lock};
 use crate::program::check;
+use anyhow::Context;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Mutex;
@@ -45,9 +46,10 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
             return Ok(ExitCode::FAILURE);
         }
     };
-    let checked = check(config, &lock(&tables), program.name, program.text);
+    let checked = check(config, &lock(&tables), program.name, program.text, job.signal.cancel());
     let overview = match checked {
         Ok(overview) => overview,
+        Err(errors) if errors.is_cancelled() => return Ok(given_up(&job.signal)),
         Err(errors) => {
             eprintln!("{errors}\n\nnothing was moved");
             return Ok(ExitCode::FAILURE);
@@ -74,17 +76,27 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
         soc_period,
     };
     let (report, pictures) = facts.report();
-    report::write(out, &report, &pictures)?;
+    // A full disk must not keep from the user how the program ended.
+    let written = report::write(out, &report, &pictures);
     if job.json {
         say(&format!("{}\n", serde_json::to_string_pretty(&report)?));
     } else {
         say(&format!("\n{report}\nreport                 {}\n", out.display()));
     }
+    written.context("the report could not be written")?;
     Ok(match (session.signal.caught(), report.result.as_str()) {
         (Some(signal), _) if report.alarms.is_empty() => ExitCode::from(signals::exit_code(signal)),
         (None, "completed") => ExitCode::SUCCESS,
         _ => ExitCode::FAILURE,
     })
+}
+
+/// A signal came while the program was checked.
+pub fn given_up(signal: &StopSignal) -> ExitCode {
+    eprintln!("isocnc: stopped while the program was checked; nothing was moved");
+    signal
+        .caught()
+        .map_or(ExitCode::FAILURE, |signal| ExitCode::from(signals::exit_code(signal)))
 }
 
 impl Attendant for Progress {

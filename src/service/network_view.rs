@@ -297,7 +297,7 @@ fn budget(config: &Config) -> Vec<BudgetView> {
 
 /// Line of each `[[bus.node]]`, from 1; empty where the file is gone or not the same any more.
 fn node_lines(config: &Config) -> Vec<usize> {
-    let Ok(text) = std::fs::read_to_string(&config.path) else {
+    let Ok(text) = files::read_text(&config.path, files::read::TEXT_MAX) else {
         return Vec::new();
     };
     let (document, _) = DeTable::parse_recoverable(&text);

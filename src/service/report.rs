@@ -146,11 +146,11 @@ pub fn prepare(folder: &Path) -> anyhow::Result<()> {
 /// # Errors
 /// What the file system refuses.
 pub fn prepare_for(folder: &Path, names: &[&str]) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    files::make_folder(folder).with_context(|| folder.display().to_string())?;
     for name in names {
         let path = folder.join(name);
         // Made and taken away again: what cannot be written is known before anything moves.
-        let gone = std::fs::write(&path, "").and_then(|()| std::fs::remove_file(&path));
+        let gone = files::write(&path, "").and_then(|()| files::remove(&path));
         gone.with_context(|| path.display().to_string())?;
     }
     Ok(())
@@ -163,9 +163,9 @@ pub fn prepare_for(folder: &Path, names: &[&str]) -> anyhow::Result<()> {
 pub fn write(folder: &Path, report: &RunReport, pictures: &Pictures<'_>) -> anyhow::Result<()> {
     let put = |name: &str, text: String| {
         let path = folder.join(name);
-        std::fs::write(&path, text).with_context(|| path.display().to_string())
+        files::write(&path, text).with_context(|| path.display().to_string())
     };
-    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    files::make_folder(folder).with_context(|| folder.display().to_string())?;
     put(RUN, serde_json::to_string_pretty(report)?)?;
     if !pictures.samples.is_empty() {
         let title = format!("{} on {}", report.program, report.machine);

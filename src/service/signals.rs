@@ -1,11 +1,15 @@
 //! Ctrl-C, `kill`, a closed terminal: a wish to stop, never an end in mid motion.
 
+use motion::cancel::Cancel;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
 
 /// The last signal that asked for a stop.
 #[derive(Clone, Debug)]
-pub struct StopSignal(Arc<AtomicI32>);
+pub struct StopSignal {
+    caught: Arc<AtomicI32>,
+    cancel: Cancel,
+}
 
 impl StopSignal {
     /// Catches SIGINT, SIGTERM and SIGHUP (the terminal is gone) from now on. A SIGHUP that whoever started this process
@@ -14,21 +18,32 @@ impl StopSignal {
     /// # Errors
     /// If the system refuses.
     pub fn install() -> std::io::Result<StopSignal> {
-        let caught = Arc::new(AtomicI32::new(0));
+        let (caught, cancel) = (Arc::new(AtomicI32::new(0)), Cancel::default());
         for signal in [libc::SIGINT, libc::SIGTERM, libc::SIGHUP] {
             if signal == libc::SIGHUP && is_ignored(signal)? {
                 continue;
             }
-            let caught = Arc::clone(&caught);
-            // SAFETY: storing to an atomic is all that the handler does.
-            unsafe { signal_hook::low_level::register(signal, move || caught.store(signal, Ordering::Relaxed)) }?;
+            let (caught, cancel) = (Arc::clone(&caught), cancel.clone());
+            let handler = move || {
+                caught.store(signal, Ordering::Relaxed);
+                cancel.cancel();
+            };
+            // SAFETY: storing to two atomics is all that the handler does.
+            unsafe { signal_hook::low_level::register(signal, handler) }?;
         }
-        Ok(StopSignal(caught))
+        Ok(StopSignal { caught, cancel })
     }
 
     /// The signal that came, if one did.
     pub fn caught(&self) -> Option<i32> {
-        Some(self.0.load(Ordering::Relaxed)).filter(|signal| *signal != 0)
+        Some(self.caught.load(Ordering::Relaxed)).filter(|signal| *signal != 0)
+    }
+}
+
+impl StopSignal {
+    /// Ends checks of programs when a signal comes.
+    pub fn cancel(&self) -> &Cancel {
+        &self.cancel
     }
 }
 

@@ -23,6 +23,7 @@ use crate::machine::tables::{Tables, lock};
 use crate::program::{Overview, check};
 use crate::rt::rights::{self, Work};
 use crate::rt::shared::Command;
+use motion::cancel::Cancel;
 use serde_json::{Value, json};
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex};
@@ -54,6 +55,7 @@ pub(super) struct Clients<'scope, 'env> {
 struct Checking<'scope> {
     /// Who waits for it to begin; `None`: nobody any more, and it does not begin.
     wanted: Option<Ticket>,
+    cancel: Cancel,
     thread: ScopedJoinHandle<'scope, Checked>,
 }
 
@@ -88,9 +90,11 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             let done = match order {
                 Order::Run(source) => match self.may_begin(operator) {
                     Ok(()) => {
+                        let cancel = Cancel::default();
                         self.checking = Some(Checking {
                             wanted: Some(ticket),
-                            thread: self.check(source)?,
+                            thread: self.check(source, cancel.clone())?,
+                            cancel,
                         });
                         continue;
                     }
@@ -126,7 +130,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             .checking
             .as_ref()
             .is_some_and(|checking| checking.thread.is_finished())
-            && let Some(Checking { wanted, thread }) = self.checking.take()
+            && let Some(Checking { wanted, thread, .. }) = self.checking.take()
         {
             let checked = thread
                 .join()
@@ -143,8 +147,12 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     }
 
     /// Whoever wants a stop while a program is being checked does not want it to begin behind that. False: there is none.
-    fn give_up_check(&mut self) -> bool {
-        let Some(ticket) = self.checking.as_mut().and_then(|checking| checking.wanted.take()) else {
+    pub(super) fn give_up_check(&mut self) -> bool {
+        let Some(checking) = &mut self.checking else {
+            return false;
+        };
+        checking.cancel.cancel();
+        let Some(ticket) = checking.wanted.take() else {
             return false;
         };
         let what = "stopped before it began";
@@ -158,6 +166,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             && checking.wanted == Some(ticket)
         {
             checking.wanted = None;
+            checking.cancel.cancel();
         }
     }
 
@@ -180,7 +189,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     }
 
     /// Reads and checks a program in a thread of its own: that may take seconds.
-    fn check(&self, source: Source) -> std::io::Result<ScopedJoinHandle<'scope, Checked>> {
+    fn check(&self, source: Source, cancel: Cancel) -> std::io::Result<ScopedJoinHandle<'scope, Checked>> {
         let (config, tables) = (self.config, self.tables);
         let work = move || {
             rights::give_up_or_warn(Work::Ordinary);
@@ -191,7 +200,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 tables.refresh(config).map_err(|error| error.to_string())?;
                 tables.clone()
             };
-            let overview = check(config, &tables, &name, &text).map_err(|errors| errors.to_string())?;
+            let overview = check(config, &tables, &name, &text, &cancel).map_err(|errors| errors.to_string())?;
             Ok(Part { name, text, overview })
         };
         std::thread::Builder::new()
@@ -240,11 +249,7 @@ fn read(source: Source) -> Result<(String, Vec<u8>), String> {
         Source::File(path) => {
             let name = path.display().to_string();
             let failed = |cause: std::io::Error| format!("{name}: {cause}");
-            // Nothing that never ends, and nothing that waits for a writer.
-            if !std::fs::metadata(&path).map_err(failed)?.is_file() {
-                return Err(format!("{name}: is no file"));
-            }
-            let text = std::fs::read(&path).map_err(failed)?;
+            let text = files::read(&path, files::read::PROGRAM_MAX).map_err(failed)?;
             Ok((name, text))
         }
     }
@@ -435,6 +440,43 @@ mod tests {
             };
             assert_eq!((begun.0, begun.1.is_ok()), (3, true));
             assert_eq!(run.operator.step(), Step::Enable);
+        });
+    }
+
+    /// Else the thread goes on for as long as the limits of a check allow, and the next program is refused meanwhile.
+    #[test]
+    fn the_check_of_a_program_that_nobody_wants_any_more_ends_at_once() {
+        let endless = || {
+            Order::Run(Source::Text {
+                name: "endless".into(),
+                text: "G21 G90 F100\no1 while [1]\nG1 X1\nX2\no1 endwhile\nM2\n".into(),
+            })
+        };
+        while_standing_by(|run, mut clients, counter| {
+            let giving_up = [
+                |_: &mut Clients<'_, '_>, counter: &Counter| counter.put(2, Order::Stop).unwrap(),
+                |_: &mut Clients<'_, '_>, counter: &Counter| assert!(counter.withdraw(1)),
+                // As the loop does when a signal comes.
+                |clients: &mut Clients<'_, '_>, _: &Counter| assert!(clients.give_up_check()),
+            ];
+            for give_up in giving_up {
+                counter.put(1, endless()).unwrap();
+                attend(run, &mut clients);
+                give_up(&mut clients, counter);
+                while let Ok(Some((ticket, order))) = Ok::<_, ()>(clients.desk.next()) {
+                    match order {
+                        Order::Withdraw => clients.withdraw(ticket),
+                        order => assert_eq!((order, clients.give_up_check()), (Order::Stop, true)),
+                    }
+                }
+                let Checking { wanted, thread, .. } = clients.checking.take().expect("it is under way");
+                let said = thread.join().unwrap().unwrap_err();
+                assert!(
+                    wanted.is_none() && said.contains("given up here, before the end"),
+                    "{said}"
+                );
+                while counter.answer().is_some() {}
+            }
         });
     }
 }

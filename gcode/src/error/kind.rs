@@ -729,6 +729,23 @@ pub enum ErrorKind {
         /// Lines that were run.
         steps: u64,
     },
+    /// A check was stopped.
+    #[error("{steps} lines were run one after the other without a move, a dwell or a stop: a loop that never ends?")]
+    TooManyIdleSteps {
+        /// Lines that were run.
+        steps: u64,
+    },
+    /// A check was stopped.
+    #[error(
+        "the program has been run for {seconds} s up to here, and has not come to its end: a loop that never ends?"
+    )]
+    OutOfTime {
+        /// The time that it may take.
+        seconds: u64,
+    },
+    /// Whoever wanted the program does not want it any more.
+    #[error("given up here, before the end of the program")]
+    Cancelled,
     /// G53 with anything but G0 and G1.
     #[error("G53 needs a G0 or G1 move on its line")]
     MachineCoordinatesNeedStraight,

@@ -19,7 +19,7 @@
 
 use super::PARAMETER_MAX;
 use crate::Settings;
-use crate::located::{Located, lines, text_of};
+use crate::located::{Located, MISTAKES_MAX, lines, text_of};
 use motion::canon::{Axis, Position};
 use std::fmt::Write;
 use std::ops::{Range, RangeInclusive};
@@ -86,11 +86,14 @@ pub fn required() -> impl Iterator<Item = u16> {
 /// Reads a file; an empty one gives the required parameters, all 0.
 ///
 /// # Errors
-/// All that is wrong, in the order of the file.
+/// What is wrong, in the order of the file; a hundred mistakes are told.
 pub fn parse(text: &[u8]) -> Result<Vec<(u16, f64)>, Vec<ParameterFileError>> {
     let mut found: Vec<(u16, f64)> = Vec::new();
     let mut errors = Vec::new();
     for (index, line) in lines(text).enumerate() {
+        if errors.len() >= MISTAKES_MAX {
+            break;
+        }
         let line = text_of(line);
         let mut wrong = |(span, kind)| errors.push(Located::at(index, &line, span, kind));
         match read_line(&line) {
@@ -215,6 +218,13 @@ mod tests {
     fn errors(text: &str) -> Vec<String> {
         let errors = parse(text.as_bytes()).unwrap_err();
         errors.iter().map(ParameterFileError::to_string).collect()
+    }
+
+    #[test]
+    fn of_a_file_that_is_none_a_hundred_mistakes_are_told() {
+        assert_eq!(errors(&"x\n".repeat(1_000_000)).len(), 100);
+        let tools = crate::ToolTable::parse(&b"x\n".repeat(1_000_000), LengthUnit::Inch, crate::ToolChanger::Fixed);
+        assert!(tools.unwrap_err().len() <= 102);
     }
 
     #[test]

@@ -7,7 +7,7 @@
 //! blanks or tabs between. T and P must be there. LinuxCNC skips lines that it cannot read; here they are errors.
 
 use super::{Line, POCKET_MAX, SetToolError, TOOLS_MAX, Tool, ToolChanger, ToolTable};
-use crate::located::{Located, lines, text_of};
+use crate::located::{Located, MISTAKES_MAX, lines, text_of};
 use motion::canon::{Axis, LengthUnit};
 use std::cmp::Ordering;
 use std::collections::HashMap;
@@ -97,13 +97,16 @@ impl ToolTable {
     /// Reads a file; lengths in it are in `unit`.
     ///
     /// # Errors
-    /// All that is wrong, in the order of the file.
+    /// What is wrong, in the order of the file; about a hundred mistakes are told.
     pub fn parse(text: &[u8], unit: LengthUnit, changer: ToolChanger) -> Result<ToolTable, Vec<TableError>> {
         let mut table = ToolTable::new(unit, changer);
         let mut errors = Vec::new();
         let mut tools = HashMap::new();
         let mut pockets = HashMap::new();
         for (index, line) in lines(text).enumerate() {
+            if errors.len() >= MISTAKES_MAX {
+                break;
+            }
             let line = text_of(line);
             let found = match read_line(index, &line, unit, changer, &mut errors) {
                 Read::Text => {

@@ -332,6 +332,23 @@ fn what_is_no_device_description_is_refused() {
         "{:?}",
         mistakes(&deep)
     );
+    // As many attributes as fit were compared with each other: ten minutes for a file of the greatest length.
+    let attributes: String = (0..500_000).map(|number| std::format!(" a{number}='>'")).collect();
+    let crowded = std::format!(
+        "<!-- {} --><ISO15745ProfileContainer{attributes}/>",
+        "a='b' ".repeat(300)
+    );
+    assert_eq!(
+        mistakes(&crowded),
+        ["d:1:1810: expected at most 256 attributes of an element"]
+    );
+    let names: String = (0..1001).map(|number| std::format!("<a xmlns='{number}'/>")).collect();
+    assert_eq!(
+        mistakes(&std::format!(
+            "<ISO15745ProfileContainer>{names}</ISO15745ProfileContainer>"
+        )),
+        ["d:1:1: expected at most 1000 declarations of namespaces"]
+    );
     let bomb = "<!DOCTYPE a [<!ENTITY b \"bb\">]><ISO15745ProfileContainer>&b;</ISO15745ProfileContainer>";
     assert!(mistakes(bomb)[0].contains("expected XML: "), "{:?}", mistakes(bomb));
 }

@@ -16,8 +16,16 @@ use std::vec::Vec;
 const NODES_MAX: u32 = 1 << 20;
 /// Deepest nesting; a description needs about ten levels.
 const DEPTH_MAX: usize = 64;
+/// Most attributes of one element, which are compared with each other.
+const ATTRIBUTES_MAX: usize = 256;
+/// Most declarations of namespaces: elements within copy those around them.
+const NAMESPACES_MAX: usize = 1000;
 
 pub(super) fn read(text: &str, log: &mut Log<'_>) -> Option<DeviceDescription> {
+    if let Some((offset, rule)) = excess(text) {
+        log.wrong(offset, "", None, rule);
+        return None;
+    }
     let options = ParsingOptions {
         nodes_limit: NODES_MAX,
         ..ParsingOptions::default()
@@ -42,18 +50,6 @@ pub(super) fn read(text: &str, log: &mut Log<'_>) -> Option<DeviceDescription> {
             "root element",
             Some(got),
             "expected ISO15745ProfileContainer",
-        );
-        return None;
-    }
-    if let Some(deep) = root
-        .descendants()
-        .find(|node| node.ancestors().nth(DEPTH_MAX).is_some())
-    {
-        log.wrong(
-            deep.range().start,
-            "",
-            None,
-            std::format!("expected at most {DEPTH_MAX} elements inside each other"),
         );
         return None;
     }
@@ -103,6 +99,64 @@ pub(super) fn read(text: &str, log: &mut Log<'_>) -> Option<DeviceDescription> {
         objects,
         notes: Vec::new(),
     })
+}
+
+/// Where a text asks for more than the parser can give in a time that is in proportion to its length, and what it may ask for.
+///
+/// Passes over the tags only, and takes no offence at anything: what is no XML, the parser says.
+fn excess(text: &str) -> Option<(usize, String)> {
+    if text.matches("xmlns").count() > NAMESPACES_MAX {
+        return Some((
+            0,
+            std::format!("expected at most {NAMESPACES_MAX} declarations of namespaces"),
+        ));
+    }
+    let mut depth = 0_usize;
+    let mut at = 0;
+    while let Some(open) = text[at..].find('<').map(|found| at + found) {
+        let tag = &text[open..];
+        let passed_over = [("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>")];
+        if let Some((_, end)) = passed_over.iter().find(|(begin, _)| tag.starts_with(begin)) {
+            at = open + tag.find(end)? + end.len();
+            continue;
+        }
+        let (mut attributes, mut quote, mut last) = (0, None, b'<');
+        let mut end = tag.len();
+        for (index, octet) in tag.bytes().enumerate() {
+            match (quote, octet) {
+                (None, b'>') => {
+                    end = index + 1;
+                    break;
+                }
+                (None, b'"' | b'\'') => {
+                    attributes += 1;
+                    quote = Some(octet);
+                }
+                (Some(open), _) if open == octet => quote = None,
+                (None | Some(_), _) => {}
+            }
+            last = octet;
+        }
+        if attributes > ATTRIBUTES_MAX {
+            return Some((
+                open,
+                std::format!("expected at most {ATTRIBUTES_MAX} attributes of an element"),
+            ));
+        }
+        if tag.starts_with("</") {
+            depth = depth.saturating_sub(1);
+        } else if last != b'/' && !tag.starts_with("<!") {
+            depth += 1;
+            if depth > DEPTH_MAX {
+                return Some((
+                    open,
+                    std::format!("expected at most {DEPTH_MAX} elements inside each other"),
+                ));
+            }
+        }
+        at = open + end;
+    }
+    None
 }
 
 /// `parameter` elements of the application process by their id.

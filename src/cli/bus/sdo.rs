@@ -85,7 +85,7 @@ pub(super) fn sdo(args: &SdoArgs, as_json: bool, out: &mut impl Write) -> anyhow
     let device = match &args.device {
         None => None,
         Some(path) => {
-            let octets = std::fs::read(path).with_context(|| path.display().to_string())?;
+            let octets = files::read(path, files::read::TEXT_MAX).with_context(|| path.display().to_string())?;
             match obd::device::parse(&path.display().to_string(), &octets) {
                 Ok(device) => Some(device),
                 Err(errors) => {

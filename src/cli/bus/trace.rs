@@ -50,6 +50,9 @@ fn seconds(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Longest capture that is read, octets: hours of a network with many nodes.
+const CAPTURE_MAX: u64 = 8 << 30;
+
 /// Runs the command. Exit code 1: the file is damaged, frames cannot be read, or the summary finds trouble.
 ///
 /// # Errors
@@ -59,7 +62,7 @@ pub(super) fn trace(args: &TraceArgs, as_json: bool, out: &mut impl Write) -> an
         ensure!(from <= to, "--from {from} is behind --to {to}");
     }
     let file = args.file.display();
-    let octets = std::fs::read(&args.file).with_context(|| file.to_string())?;
+    let octets = files::read(&args.file, CAPTURE_MAX).with_context(|| file.to_string())?;
     let ended = decode_all(args, &octets, as_json, out).with_context(|| file.to_string())?;
     out.flush()?;
     if let Some(error) = &ended.damage {

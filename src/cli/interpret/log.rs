@@ -7,6 +7,7 @@ use anyhow::Context;
 use motion::canon::Record;
 use std::fs::File;
 use std::io::{BufWriter, Write};
+use std::path::Path;
 
 /// The log under way, if there is one.
 #[derive(Debug, Default)]
@@ -21,8 +22,8 @@ impl Log {
     /// A file that cannot be opened or written.
     pub(super) fn record(&mut self, record: &Record) -> anyhow::Result<()> {
         match record {
-            Record::OpenLog(path) => self.open(path, File::create(path)),
-            Record::AppendLog(path) => self.open(path, File::options().append(true).create(true).open(path)),
+            Record::OpenLog(path) => self.open(path, files::create(Path::new(path))),
+            Record::AppendLog(path) => self.open(path, files::append(Path::new(path))),
             Record::Log(text) => match &mut self.open {
                 Some((path, file)) => writeln!(file, "{text}").with_context(|| path.clone()),
                 None => Ok(()),

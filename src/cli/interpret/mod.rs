@@ -13,11 +13,11 @@ mod log;
 mod tables;
 
 use anyhow::Context;
+use files::read::PROGRAM_MAX;
 use gcode::{CanonPrinter, CheckLimits, Error, FlatError, FlatWriter, Interpreter, ReadSeek, Resume, Run, Settings};
 use json::JsonPrinter;
 use log::Log;
 use motion::canon::{Call, Event, LengthUnit, Record, Source};
-use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -149,13 +149,17 @@ impl Text {
             return Ok(Text::File(path.to_owned()));
         }
         let mut text = Vec::new();
-        io::stdin().lock().read_to_end(&mut text)?;
+        io::stdin().lock().take(PROGRAM_MAX + 1).read_to_end(&mut text)?;
+        if text.len() as u64 > PROGRAM_MAX {
+            let what = format!("is longer than {PROGRAM_MAX} octets: give it as a file");
+            return Err(io::Error::new(io::ErrorKind::FileTooLarge, what));
+        }
         Ok(Text::Memory(text.into()))
     }
 
     fn read(&self) -> io::Result<Box<dyn ReadSeek>> {
         Ok(match self {
-            Text::File(path) => Box::new(File::open(path)?),
+            Text::File(path) => Box::new(files::open(path)?),
             Text::Memory(text) => Box::new(io::Cursor::new(Arc::clone(text))),
         })
     }
@@ -167,7 +171,7 @@ fn check(args: &InterpretArgs, text: &Text, name: &str, settings: Settings) -> a
     limits.steps = args.steps.unwrap_or(limits.steps);
     let read = || text.read();
     let first = read().with_context(|| name.to_owned())?;
-    let errors = gcode::check_reader(first, read, settings, limits).with_context(|| name.to_owned())?;
+    let errors = gcode::check_reader(first, read, settings, limits.clone()).with_context(|| name.to_owned())?;
     for error in &errors {
         eprintln!("{}\n", error.render(name));
     }
@@ -241,7 +245,7 @@ fn run(args: &InterpretArgs, text: &Text, name: &str, tables: tables::Tables) ->
     if let Some(path) = &tables.write_parameters {
         let parameters: Vec<(u16, f64)> = run.snapshot().parameters.into_iter().collect();
         let text = gcode::parameter::file::write(&parameters);
-        std::fs::write(path, text).with_context(|| path.display().to_string())?;
+        files::write(path, text).with_context(|| path.display().to_string())?;
     }
     Ok(errors)
 }

@@ -94,7 +94,7 @@ fn stand_alone() -> Settings {
 }
 
 fn read_file(path: &Path) -> anyhow::Result<Vec<u8>> {
-    std::fs::read(path).with_context(|| path.display().to_string())
+    files::read(path, files::read::TEXT_MAX).with_context(|| path.display().to_string())
 }
 
 fn mistakes<Kind: Display, T>(path: &Path, content: &[u8], errors: &[Located<Kind>]) -> Option<T> {

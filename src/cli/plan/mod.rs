@@ -22,7 +22,6 @@ use motion::plan::Slope;
 use report::Report;
 use run_down::Work;
 use serde_json::{Value as Json, json};
-use std::fs::write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -85,7 +84,8 @@ struct Refusal {
 /// # Errors
 /// Files that cannot be read or written.
 pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
-    let text = std::fs::read(&args.program).with_context(|| args.program.display().to_string())?;
+    let text =
+        files::read(&args.program, files::read::PROGRAM_MAX).with_context(|| args.program.display().to_string())?;
     let (config, tables, work) = match planned(args, &text) {
         Ok(planned) => planned,
         Err(refusal) => {
@@ -98,7 +98,13 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
         }
     };
     let report = Report::of(&config, &work);
-    let put = |file: &Path, text: String| write(file, text).with_context(|| file.display().to_string());
+    // What was found out first: a disk may be full.
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&report)?);
+    } else {
+        print!("{report}");
+    }
+    let put = |file: &Path, text: String| files::write(file, text).with_context(|| file.display().to_string());
     if let Some(file) = &args.samples {
         put(file, export::samples(&config, &work))?;
     }
@@ -115,11 +121,6 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     if let Some(file) = &args.svg {
         let name = args.program.file_name().unwrap_or_default().to_string_lossy();
         put(file, picture::picture(&name, &work, &report)?)?;
-    }
-    if args.json {
-        println!("{}", serde_json::to_string_pretty(&report)?);
-    } else {
-        print!("{report}");
     }
     Ok(if report.cycles_over_limits == 0 && work.given_up.is_none() {
         ExitCode::SUCCESS
@@ -144,7 +145,7 @@ fn planned(args: &PlanArgs, text: &[u8]) -> Result<(Config, Tables, Work), Refus
     config::check_planner(&config).map_err(|rule| plain(&args.machine, &format!("--planner classic: {rule}")))?;
     let tables = Tables::read(&config).map_err(|error| plain(&args.machine, &error))?;
     let name = args.program.display().to_string();
-    let errors = crate::program::check_text(&config, &tables, text);
+    let errors = crate::program::check_text(&config, &tables, text, gcode::CheckLimits::default());
     if !errors.is_empty() {
         let shown: Vec<String> = errors.iter().map(|error| error.render(&name)).collect();
         let listed: Vec<Json> = errors.iter().map(error_json).collect();

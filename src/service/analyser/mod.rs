@@ -200,7 +200,7 @@ impl Capture {
             path: path.to_owned(),
             cause,
         };
-        let file = File::create(path).map_err(failed)?;
+        let file = files::create(path).map_err(failed)?;
         let writer = PcapWriter::new(BufWriter::new(file)).map_err(failed)?;
         Ok(Capture {
             path: path.to_owned(),

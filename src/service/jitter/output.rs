@@ -27,7 +27,7 @@ pub fn prepare(folder: &Path) -> anyhow::Result<()> {
 pub fn write(folder: &Path, report: &JitterReport) -> anyhow::Result<()> {
     let put = |name: &str, text: String| {
         let path = folder.join(name);
-        std::fs::write(&path, text).with_context(|| path.display().to_string())
+        files::write(&path, text).with_context(|| path.display().to_string())
     };
     put(REPORT, serde_json::to_string(report)?)?;
     put(HISTOGRAM, csv::histogram(report))?;
