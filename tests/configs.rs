@@ -207,3 +207,35 @@ fn one_mistake_does_not_hide_another() {
     let keys: Vec<&str> = errors.errors().iter().map(|error| error.key.as_str()).collect();
     assert_eq!(keys, ["rt.prio", "joint[2].jerk_mm_s3", "axis[1].letter"]);
 }
+
+/// No joints and no axes are a machine; one without the other is not.
+#[test]
+fn a_machine_of_inputs_and_outputs_runs_no_programs_and_says_why() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/io-only.toml");
+    let config = config::read(&file).unwrap_or_else(|errors| panic!("{errors}"));
+    assert_eq!(
+        (config.joints.len(), config.axes.len(), config.bus.nodes.len()),
+        (0, 0, 2)
+    );
+    let tables = Tables::read(&config).unwrap();
+    let cancel = motion::cancel::Cancel::default();
+    let refused = isocnc::program::check(&config, &tables, "part.ngc", b"M2\n", &cancel).unwrap_err();
+    assert_eq!(
+        refused.to_string(),
+        "part.ngc: cannot be run: io-only has no joints: it exchanges inputs and outputs, and moves nothing"
+    );
+    let text = std::fs::read_to_string(&file).unwrap();
+    for (half, missing) in [
+        (
+            "[[axis]]\nletter = \"X\"\njoints = []\n",
+            "joint: is missing: at least one [[joint]] is needed",
+        ),
+        (
+            "[[joint]]\nnode = 10\n",
+            "axis: is missing: at least one [[axis]] is needed",
+        ),
+    ] {
+        let errors = parse(&format!("{text}{half}")).unwrap_err().to_string();
+        assert!(errors.contains(missing), "{errors}");
+    }
+}

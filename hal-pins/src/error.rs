@@ -172,3 +172,21 @@ fn because(by: &str) -> String {
         format!(" by {by}")
     }
 }
+
+impl HalError {
+    /// The pin that is meant, if it is one.
+    pub fn pin(&self) -> Option<&str> {
+        match self {
+            HalError::Name { name, .. }
+            | HalError::Taken { name, .. }
+            | HalError::Full { name, .. }
+            | HalError::Unknown { name, .. }
+            | HalError::TypeMismatch { name, .. }
+            | HalError::SourceNotOutput { name, .. }
+            | HalError::TargetNotInput { name, .. }
+            | HalError::Linked { name, .. }
+            | HalError::NotSettable { name, .. } => Some(name),
+            _ => None,
+        }
+    }
+}

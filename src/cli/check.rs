@@ -9,7 +9,7 @@ mod network;
 use crate::bus::cdc;
 use crate::bus::network::{NodePlan, plan};
 use crate::config::{self, BusKind, Config, HomingBy, Joint};
-use crate::rt::pins::{CAPACITY, Pins};
+use crate::rt::pins::{CAPACITY, Pins, PinsError};
 use anyhow::Context;
 use hal_pins::Hal;
 use network::{budget_json, node_json, with_mn_config, write_budget, write_node};
@@ -54,14 +54,20 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
     let plans = plan(&config);
     if let Err(error) = connections(&config, &plans) {
         let file = args.machine.display();
-        if args.json {
-            let errors = json!([{ "rule": format!("{error:#}") }]);
+        if let PinsError::Nets(errors) = &error {
+            if args.json {
+                print(&format!("{:#}\n", errors.to_json()))?;
+            } else {
+                eprint!("{errors}");
+            }
+        } else if args.json {
+            let errors = json!([{ "rule": format!("hal: {error}") }]);
             print(&format!(
                 "{:#}\n",
                 json!({ "file": file.to_string(), "errors": errors })
             ))?;
         } else {
-            eprintln!("{file}: {error:#}\n1 error in {file}");
+            eprintln!("{file}: hal: {error}\n1 error in {file}");
         }
         return Ok(ExitCode::FAILURE);
     }
@@ -109,12 +115,11 @@ fn print(text: &str) -> std::io::Result<()> {
 }
 
 /// What shows only when the parts are put together: whether the pins exist that nets name.
-fn connections(config: &Config, plans: &[NodePlan]) -> anyhow::Result<()> {
+fn connections(config: &Config, plans: &[NodePlan]) -> Result<(), PinsError> {
     // A control of this machine may be running: not under its name, and not where it would be found.
     let name = format!("check-{}", std::process::id());
-    Hal::create_in(&[std::env::temp_dir()], &name, CAPACITY)
-        .and_then(|mut hal| Pins::new(&mut hal, config, plans).map(drop))
-        .context("hal")
+    let mut hal = Hal::create_in(&[std::env::temp_dir()], &name, CAPACITY)?;
+    Pins::new(&mut hal, config, plans).map(drop)
 }
 
 fn bus_name(kind: BusKind) -> &'static str {
@@ -150,10 +155,18 @@ impl fmt::Display for Summary<'_> {
             write_node(f, config, node, plan)?;
         }
         writeln!(f, "joints")?;
+        if config.joints.is_empty() {
+            writeln!(
+                f,
+                "       none: the machine exchanges inputs and outputs, and runs no programs"
+            )?;
+        }
         for (number, joint) in config.joints.iter().enumerate() {
             writeln!(f, "  {number:>3}  {}", self.joint(number, joint)?)?;
         }
-        writeln!(f, "axes")?;
+        if !config.axes.is_empty() {
+            writeln!(f, "axes")?;
+        }
         for map in &config.axes {
             let joints: Vec<String> = map.joints.iter().map(usize::to_string).collect();
             writeln!(f, "    {}  joint {}", map.axis.letter(), joints.join(" and "))?;
@@ -335,9 +348,44 @@ mod tests {
     fn a_net_to_a_pin_that_does_not_exist_is_an_error() {
         let good = demo("", "");
         connections(&good, &plan(&good)).expect("nets between pins that exist");
-        let config = demo("source = \"spindle.0.on\"", "source = \"spindle.0.onn\"");
-        let error = connections(&config, &plan(&config)).expect_err("no such pin");
-        let text = format!("{error:#}");
-        assert!(text.starts_with("hal: ") && text.contains("spindle.0.onn"), "{text}");
+        let text = include_str!("../../configs/mill3-demo.toml")
+            .replace("source = \"spindle.0.on\"", "source = \"spindle.0.onn\"")
+            .replace(
+                "targets = [\"io.10.out-01\"]",
+                "targets = [\"io.10.out-02\", \"io.10.in-01\"]",
+            );
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        std::fs::write(file.path(), &text).expect("it can be written");
+        let config = config::read(file.path()).expect("each net is well formed");
+        let error = connections(&config, &plan(&config)).expect_err("no such pins");
+        let PinsError::Nets(errors) = error else {
+            panic!("{error}")
+        };
+        let name = file.path().display();
+        let row = |what: &str| text.lines().position(|line| line.contains(what)).expect("it is there") + 1;
+        assert_eq!(
+            errors.lines().collect::<Vec<_>>(),
+            [
+                format!(
+                    "{name}:{}:10: hal.net[0].source = \"spindle.0.onn\": no pin or net 'spindle.0.onn'; did you mean \
+                     'spindle.0.on'?",
+                    row("spindle.0.onn")
+                ),
+                format!(
+                    "{name}:{}:28: hal.net[2].targets[1] = \"io.10.in-01\": net 'coolant': target 'io.10.in-01' is an output \
+                     and has its own writer; targets must be inputs",
+                    row("io.10.in-01")
+                ),
+            ]
+        );
+        // One that has been changed meanwhile has no places.
+        std::fs::write(file.path(), "").expect("it can be written");
+        let error = connections(&config, &plan(&config))
+            .expect_err("no such pins")
+            .to_string();
+        assert!(
+            error.contains("hal.net[0].source: no pin or net 'spindle.0.onn'"),
+            "{error}"
+        );
     }
 }

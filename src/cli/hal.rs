@@ -4,6 +4,7 @@
 //! Out: lines or JSON on standard output; `set` changes an input that no net reaches.
 
 use anyhow::{Context, bail};
+use glob::Pattern;
 use hal_pins::{AnyValue, Attached, Found, PinInfo};
 use serde_json::{Value as Json, json};
 use std::io::{ErrorKind, Write};
@@ -29,13 +30,12 @@ pub struct HalArgs {
 pub enum HalCommand {
     /// All pins and nets: name, type, direction, value, net
     List {
-        /// Only names that begin so
-        #[arg(default_value = "")]
-        prefix: String,
+        /// Only names that begin so, or that a pattern fits: 'joint.*.f-error', '*in-0?', '*.[xy]-*'
+        names: Vec<String>,
     },
-    /// The value of pins or nets, one a line
+    /// The value of pins or nets, one a line; of those that a pattern fits, with their names
     Get {
-        /// Names
+        /// Names, or patterns as with list
         #[arg(required = true)]
         names: Vec<String>,
     },
@@ -49,7 +49,7 @@ pub enum HalCommand {
     },
     /// Print values as they change, until Ctrl-C or the end of the control
     Watch {
-        /// Names; none: all
+        /// Names, or patterns as with list; none: all
         names: Vec<String>,
         /// Time between two looks; changes in between are not seen
         #[arg(long, value_name = "MS", default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=3_600_000))]
@@ -98,12 +98,16 @@ fn the_only_one(running: Vec<Found>) -> anyhow::Result<String> {
 
 fn run(command: &HalCommand, as_json: bool, pins: &Attached, out: &mut impl Write) -> anyhow::Result<()> {
     match command {
-        HalCommand::List { prefix } => {
-            let list: Vec<PinInfo> = pins
-                .list()?
-                .into_iter()
-                .filter(|pin| pin.name.starts_with(prefix.as_str()))
-                .collect();
+        HalCommand::List { names } => {
+            let patterns = names.iter().map(|name| pattern(name)).collect::<Result<Vec<_>, _>>()?;
+            let is_wanted = |pin: &PinInfo| {
+                let fits = |(name, pattern): (&String, &Option<Pattern>)| match pattern {
+                    Some(pattern) => pattern.matches(&pin.name),
+                    None => pin.name.starts_with(name.as_str()),
+                };
+                names.is_empty() || names.iter().zip(&patterns).any(fits)
+            };
+            let list: Vec<PinInfo> = pins.list()?.into_iter().filter(is_wanted).collect();
             if as_json {
                 writeln!(out, "{:#}", Json::from_iter(list.iter().map(to_json)))?;
             } else {
@@ -111,11 +115,12 @@ fn run(command: &HalCommand, as_json: bool, pins: &Attached, out: &mut impl Writ
             }
         }
         HalCommand::Get { names } => {
-            let found = names.iter().map(|name| pins.get(name)).collect::<Result<Vec<_>, _>>()?;
-            for pin in &found {
+            let plain = !names.iter().any(|name| is_pattern(name));
+            for pin in &chosen(pins, names)? {
                 match as_json {
                     true => writeln!(out, "{}", to_json(pin))?,
-                    false => writeln!(out, "{}", pin.value)?,
+                    false if plain => writeln!(out, "{}", pin.value)?,
+                    false => writeln!(out, "{}  {}", pin.name, pin.value)?,
                 }
             }
         }
@@ -137,6 +142,39 @@ fn run(command: &HalCommand, as_json: bool, pins: &Attached, out: &mut impl Writ
     Ok(())
 }
 
+fn is_pattern(name: &str) -> bool {
+    name.contains(['*', '?', '['])
+}
+
+/// The pattern that a name is, if it is one.
+fn pattern(name: &str) -> anyhow::Result<Option<Pattern>> {
+    is_pattern(name)
+        .then(|| Pattern::new(name).with_context(|| format!("'{name}'")))
+        .transpose()
+}
+
+/// The pins and nets that names and patterns mean, each once.
+fn chosen(pins: &Attached, names: &[String]) -> anyhow::Result<Vec<PinInfo>> {
+    let mut chosen: Vec<PinInfo> = Vec::new();
+    for name in names {
+        let found = match pattern(name)? {
+            None => vec![pins.get(name)?],
+            Some(pattern) => {
+                let fits = |pin: &PinInfo| pattern.matches(&pin.name);
+                let found: Vec<PinInfo> = pins.list()?.into_iter().filter(fits).collect();
+                if found.is_empty() {
+                    bail!("no pin or net fits '{name}'");
+                }
+                found
+            }
+        };
+        let is_new = |pin: &PinInfo| !chosen.iter().any(|other| other.name == pin.name);
+        let found: Vec<PinInfo> = found.into_iter().filter(is_new).collect();
+        chosen.extend(found);
+    }
+    Ok(chosen)
+}
+
 fn watch(
     names: &[String],
     interval: Duration,
@@ -151,15 +189,14 @@ fn watch(
         let running = pins.is_running();
         let now = match names {
             [] => pins.list()?,
-            names => names.iter().map(|name| pins.get(name)).collect::<Result<Vec<_>, _>>()?,
+            names => chosen(pins, names)?,
         };
         let t_s = start.elapsed().as_secs_f64();
         for (index, pin) in now.iter().enumerate() {
-            // Pins are only ever added, so the same place is the same pin.
-            if last
-                .get(index)
-                .is_some_and(|before| same_value(before.value, pin.value))
-            {
+            // Most often in the same place: pins are only ever added.
+            let same = |before: &&PinInfo| before.name == pin.name;
+            let before = last.get(index).filter(same).or_else(|| last.iter().find(same));
+            if before.is_some_and(|before| same_value(before.value, pin.value)) {
                 continue;
             }
             match as_json {
@@ -278,6 +315,38 @@ x-pos-cmd              float  net  -12.5  from joint.0.motor-pos-cmd
         let list: Json = serde_json::from_str(said[1].as_ref().unwrap()).unwrap();
         let pin = json!([{ "name": "motion.feed-hold", "type": "bit", "direction": "in", "value": false, "net": null, "source": null }]);
         assert_eq!(list, pin);
+    }
+
+    #[test]
+    fn patterns_choose_pins_in_every_command_that_reads() {
+        let said = on_a_control(&[
+            "list joint.0.*",
+            "list *cmd motion",
+            "get *.target x-pos-cmd",
+            "get joint.?.motor-pos-cmd drive.[0-3].* joint.* --json",
+            "get joint.1.*",
+            "get joint.[",
+            "list nothing.*",
+        ]);
+        let names = |said: &Result<String, String>| -> Vec<String> {
+            let rows = said.as_ref().unwrap().lines().skip(1);
+            rows.map(|row| row.split_whitespace().next().unwrap().to_owned())
+                .collect()
+        };
+        assert_eq!(names(&said[0]), ["joint.0.motor-pos-cmd"]);
+        assert_eq!(
+            names(&said[1]),
+            ["joint.0.motor-pos-cmd", "motion.feed-hold", "x-pos-cmd"]
+        );
+        assert_eq!(said[2].as_deref(), Ok("drive.0.target  -12.5\nx-pos-cmd  -12.5\n"));
+        assert_eq!(said[3].as_ref().unwrap().lines().count(), 2);
+        assert_eq!(said[4].as_ref().unwrap_err(), "no pin or net fits 'joint.1.*'");
+        assert!(
+            said[5].as_ref().unwrap_err().starts_with("'joint.[': "),
+            "{:?}",
+            said[5]
+        );
+        assert_eq!(names(&said[6]), Vec::<String>::new());
     }
 
     #[test]

@@ -42,6 +42,7 @@ pub use types::*;
 
 use document::{Log, Section};
 use files::read::TEXT_MAX;
+use hal_pins::HalError;
 use kinematics::Family;
 use motion::canon::LengthUnit;
 use motion::plan::Slope;
@@ -131,6 +132,48 @@ pub fn check_planner(config: &Config) -> Result<(), &'static str> {
     }
 }
 
+/// Mistakes in nets that show only where the pins are there, at their places in the machine file: number of the net, and why.
+pub fn net_errors(config: &Config, refused: &[(usize, HalError)]) -> ConfigErrors {
+    let file = config.path.display().to_string();
+    let text = files::read_text(&config.path, TEXT_MAX).unwrap_or_default();
+    let (document, _) = DeTable::parse_recoverable(&text);
+    let hal = document.get_ref().get("hal").and_then(|hal| hal.get_ref().as_table());
+    let tables = hal.and_then(|hal| hal.get("net")?.get_ref().as_array());
+    let log = Log::new(&file, &text);
+    let mut elsewhere = Vec::new();
+    for (number, error) in refused {
+        let net = &config.nets[*number];
+        let table = tables.and_then(|tables| tables.get(*number)?.get_ref().as_table());
+        let target = net
+            .targets
+            .iter()
+            .position(|target| Some(target.as_str()) == error.pin());
+        let is_source = Some(net.source.as_str()) == error.pin();
+        let (key, value) = match target {
+            Some(target) => {
+                let targets = table.and_then(|table| table.get("targets")?.get_ref().as_array());
+                (
+                    format!("targets[{target}]"),
+                    targets.and_then(|targets| targets.get(target)),
+                )
+            }
+            None => {
+                let key = if is_source { "source" } else { "name" };
+                (key.to_owned(), table.and_then(|table| table.get(key)))
+            }
+        };
+        let key = format!("hal.net[{number}].{key}");
+        match value {
+            Some(value) => log.wrong(value.span(), &key, error.to_string(), None),
+            // The file is not the one any more that was read.
+            None => elsewhere.push(ConfigError::whole(&file, format!("{key}: {error}"))),
+        }
+    }
+    let (mut errors, more) = log.into_errors();
+    errors.append(&mut elsewhere);
+    ConfigErrors::new(errors, more)
+}
+
 /// Sections in an order in which each can be checked against those before.
 fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<Config> {
     let mut root = Section::root(log, table);
@@ -151,7 +194,11 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         folder: path.parent().unwrap_or(Path::new("")),
     };
     let mut taken = Vec::new();
-    let tables = root.some_sections("joint");
+    // Neither joints nor axes: a machine of inputs and outputs only.
+    let tables = match root.has("axis") {
+        true => root.some_sections("joint"),
+        false => root.sections("joint"),
+    };
     let count = tables.len();
     if count > JOINTS_MAX {
         root.wrong(

@@ -442,6 +442,12 @@ pub struct AxisMap {
 }
 
 impl Config {
+    /// Why a machine without joints refuses whatever would move something.
+    pub fn without_joints(&self) -> String {
+        let name = &self.name;
+        format!("{name} has no joints: it exchanges inputs and outputs, and moves nothing")
+    }
+
     /// Sets of joints (bit n: joint n) in the order in which they home.
     pub fn homing_order(&self) -> Vec<u64> {
         let mut order: BTreeMap<u8, u64> = BTreeMap::new();

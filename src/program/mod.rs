@@ -91,6 +91,14 @@ pub fn check(
         cancel: cancel.clone(),
         ..CheckLimits::default()
     };
+    let failed = |shown: String| ProgramErrors {
+        shown,
+        count: 1,
+        is_cancelled: cancel.is_cancelled(),
+    };
+    if config.joints.is_empty() {
+        return Err(failed(format!("{path}: cannot be run: {}", config.without_joints())));
+    }
     let mut budget = Budget::new(limits.time);
     let errors = check_text(config, tables, text, limits.clone());
     if !errors.is_empty() {
@@ -101,11 +109,6 @@ pub fn check(
             is_cancelled: cancel.is_cancelled(),
         });
     }
-    let failed = |shown: String| ProgramErrors {
-        shown,
-        count: 1,
-        is_cancelled: cancel.is_cancelled(),
-    };
     let mut overview = Overview::default();
     let mut feeder = Feeder::new(
         config,

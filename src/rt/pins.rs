@@ -14,7 +14,7 @@ use super::spindle::Spindle;
 use crate::bus::layout::Field;
 use crate::bus::network::NodePlan;
 use crate::bus::{BusState, Fieldbus, InputImage, OutputImage};
-use crate::config::{Config, Profile};
+use crate::config::{self, Config, ConfigErrors, Profile};
 use crate::machine::state::State;
 use hal_pins::{Hal, HalError, Input, Output};
 use motion::canon::Axis;
@@ -216,12 +216,23 @@ fn is_signed(index: u16) -> bool {
     )
 }
 
+/// Why the pins of a machine cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum PinsError {
+    /// The shared memory, or a pin of our own.
+    #[error(transparent)]
+    Hal(#[from] HalError),
+    /// Nets of the machine file, at their places there.
+    #[error("{0}")]
+    Nets(ConfigErrors),
+}
+
 impl Pins {
     /// Makes all pins and links them as the machine file says.
     ///
     /// # Errors
-    /// Shared memory too small, or a net that names a pin that does not exist or is driven twice.
-    pub fn new(hal: &mut Hal, config: &Config, plans: &[NodePlan]) -> Result<Pins, HalError> {
+    /// Shared memory too small; every net that names a pin that does not exist or is driven twice.
+    pub fn new(hal: &mut Hal, config: &Config, plans: &[NodePlan]) -> Result<Pins, PinsError> {
         let mut joints = Vec::new();
         for joint in 0..config.joints.len() {
             let name = |pin: &str| format!("joint.{joint}.{pin}");
@@ -337,11 +348,17 @@ impl Pins {
             tool_change_asked: false,
             timing: TimingPins::new(hal)?,
         };
-        for net in &config.nets {
+        let mut refused = Vec::new();
+        for (number, net) in config.nets.iter().enumerate() {
             let targets: Vec<&str> = net.targets.iter().map(String::as_str).collect();
-            hal.link(&net.name, &net.source, &targets)?;
+            if let Err(error) = hal.link(&net.name, &net.source, &targets) {
+                refused.push((number, error));
+            }
         }
-        Ok(pins)
+        match refused.is_empty() {
+            true => Ok(pins),
+            false => Err(PinsError::Nets(config::net_errors(config, &refused))),
+        }
     }
 
     /// Whether the switch for feed hold is on.

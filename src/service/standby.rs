@@ -177,6 +177,9 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         if self.checking.is_some() {
             return Err("another program is being checked".into());
         }
+        if self.config.joints.is_empty() {
+            return Err(self.config.without_joints());
+        }
         match (operator.step(), operator.live().state) {
             (Step::StandBy, State::Disabled) => Ok(()),
             (Step::StandBy, State::Faulted) => {
@@ -478,5 +481,39 @@ mod tests {
                 while counter.answer().is_some() {}
             }
         });
+    }
+
+    /// The whole control of a machine without joints, in virtual time: it comes up, moves its inputs to its outputs, and refuses
+    /// whatever would move something.
+    #[test]
+    fn a_machine_of_inputs_and_outputs_stands_by_and_refuses_to_move() {
+        let machine = include_str!("../../configs/io-only.toml");
+        let config = config::parse(machine, Path::new("io-only.toml")).unwrap();
+        let tables = Mutex::new(Tables::read(&config).unwrap());
+        let net = NetConfig::clean(1);
+        rehearse_with(&config, b"", net, Operator::standing_by, |run| {
+            assert!(run.run_until(60_000, |run| run.control.state() == State::Disabled)?);
+            let (counter, desk) = desk();
+            std::thread::scope(|scope| {
+                let mut clients = Clients::new(scope, &config, &tables, true, desk);
+                let jog = crate::service::desk::Jog {
+                    what: Some(crate::service::desk::Jogged::Joint(0)),
+                    motion: crate::rt::hand::JogMotion::Release,
+                };
+                for (ticket, order) in [run_order(), Order::Enable, Order::Home, Order::Jog(jog)]
+                    .into_iter()
+                    .enumerate()
+                {
+                    counter.put(ticket as u64, order).unwrap();
+                    attend(run, &mut clients);
+                    let (_, answer) = counter.answer().expect("an answer at once");
+                    let told = answer.unwrap_err().message;
+                    assert_eq!(told, config.without_joints(), "{ticket}");
+                }
+            });
+            assert_eq!(run.control.state(), State::Disabled);
+            Ok(())
+        })
+        .unwrap();
     }
 }

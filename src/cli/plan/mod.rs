@@ -145,6 +145,10 @@ fn planned(args: &PlanArgs, text: &[u8]) -> Result<(Config, Tables, Work), Refus
     config::check_planner(&config).map_err(|rule| plain(&args.machine, &format!("--planner classic: {rule}")))?;
     let tables = Tables::read(&config).map_err(|error| plain(&args.machine, &error))?;
     let name = args.program.display().to_string();
+    if config.joints.is_empty() {
+        let rule = format!("cannot be planned: {}", config.without_joints());
+        return Err(plain(&args.program, &format!("{name}: {rule}")));
+    }
     let errors = crate::program::check_text(&config, &tables, text, gcode::CheckLimits::default());
     if !errors.is_empty() {
         let shown: Vec<String> = errors.iter().map(|error| error.render(&name)).collect();
