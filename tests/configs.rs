@@ -208,7 +208,7 @@ fn one_mistake_does_not_hide_another() {
     assert_eq!(keys, ["rt.prio", "joint[2].jerk_mm_s3", "axis[1].letter"]);
 }
 
-/// No joints and no axes are a machine; one without the other is not.
+/// No joints and no axes are a machine if the file says so.
 #[test]
 fn a_machine_of_inputs_and_outputs_runs_no_programs_and_says_why() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/io-only.toml");
@@ -225,6 +225,14 @@ fn a_machine_of_inputs_and_outputs_runs_no_programs_and_says_why() {
         "part.ngc: cannot be run: io-only has no joints: it exchanges inputs and outputs, and moves nothing"
     );
     let text = std::fs::read_to_string(&file).unwrap();
+    // Not by leaving something out.
+    let errors = parse(&text.replace("kinematics = \"none\"", ""))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        errors.contains("joint: is missing: at least one [[joint]] is needed"),
+        "{errors}"
+    );
     for (half, missing) in [
         (
             "[[axis]]\nletter = \"X\"\njoints = []\n",

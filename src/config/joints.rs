@@ -197,9 +197,6 @@ pub(super) fn axes(root: &mut Section<'_, '_>, joints: usize, follows: bool) -> 
     let mut axes: Vec<AxisMap> = Vec::new();
     let mut taken = vec![false; joints];
     let mut complete = true;
-    if joints == 0 && root.optional("axis").is_none() {
-        return Some(axes);
-    }
     let tables = root.some_sections("axis");
     if tables.is_empty() {
         return None;

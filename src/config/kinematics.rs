@@ -3,6 +3,7 @@
 //! | `machine.kinematics` | keys |
 //! |---|---|
 //! | `"trivial"`, `"corexy"` | none |
+//! | `"none"`: a machine of inputs and outputs, without joints and axes | none |
 //! | `"table-table"` | `primary`, `primary_centre_mm`, `primary_turns`; `secondary`, `secondary_centre_mm`, `secondary_turns` |
 //! | `"head-table"` | `head`, `head_turns`, `pivot_length_mm`, `pivot_offset_mm`; `table`, `table_centre_mm`, `table_turns` |
 //! | `"scara"` | `inner_arm_mm`, `outer_arm_mm`, `tool_offset_mm` |
@@ -24,22 +25,25 @@ pub(super) enum Family {
     HeadTable,
     Scara,
     LinearDelta,
+    /// Nothing moves.
+    None,
 }
 
 impl Family {
-    pub(super) const WORDS: [(&'static str, Family); 6] = [
+    pub(super) const WORDS: [(&'static str, Family); 7] = [
         ("trivial", Family::Trivial),
         ("corexy", Family::CoreXy),
         ("table-table", Family::TableTable),
         ("head-table", Family::HeadTable),
         ("scara", Family::Scara),
         ("linear-delta", Family::LinearDelta),
+        ("none", Family::None),
     ];
 
     /// Whether each joint follows its axis, but for tool-centre-point control.
     pub(super) fn follows(self) -> bool {
         match self {
-            Family::Trivial | Family::TableTable | Family::HeadTable => true,
+            Family::Trivial | Family::TableTable | Family::HeadTable | Family::None => true,
             Family::CoreXy | Family::Scara | Family::LinearDelta => false,
         }
     }
@@ -47,7 +51,7 @@ impl Family {
     /// Whether joints are always a linear function of the axes.
     pub(super) fn is_linear(self) -> bool {
         match self {
-            Family::Trivial | Family::CoreXy => true,
+            Family::Trivial | Family::CoreXy | Family::None => true,
             Family::TableTable | Family::HeadTable | Family::Scara | Family::LinearDelta => false,
         }
     }
@@ -59,7 +63,7 @@ const HANDS: [(&str, Hand); 2] = [("right-handed", Hand::Right), ("left-handed",
 /// Reads `[kinematics]`.
 pub(super) fn transform(section: &mut Section<'_, '_>, family: Family) -> Option<Transform> {
     match family {
-        Family::Trivial => Some(Transform::Trivial),
+        Family::Trivial | Family::None => Some(Transform::Trivial),
         Family::CoreXy => Some(Transform::CoreXy),
         Family::TableTable => table_table(section).map(Transform::TableTable),
         Family::HeadTable => head_table(section).map(Transform::HeadTable),

@@ -194,10 +194,11 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         folder: path.parent().unwrap_or(Path::new("")),
     };
     let mut taken = Vec::new();
-    // Neither joints nor axes: a machine of inputs and outputs only.
-    let tables = match root.has("axis") {
-        true => root.some_sections("joint"),
-        false => root.sections("joint"),
+    // To be said, so that a file that ends too soon is no machine.
+    let is_still = family == Some(Family::None);
+    let tables = match is_still {
+        true => no_tables(&mut root, "joint"),
+        false => root.some_sections("joint"),
     };
     let count = tables.len();
     if count > JOINTS_MAX {
@@ -213,7 +214,10 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         section.done();
     }
     let follows = family.is_none_or(Family::follows);
-    let axes = joints::axes(&mut root, count, follows);
+    let axes = match is_still {
+        true => no_tables(&mut root, "axis").is_empty().then(Vec::new),
+        false => joints::axes(&mut root, count, follows),
+    };
     let mut transform = root.section("kinematics").and_then(|mut section| {
         let transform = kinematics::transform(&mut section, family?);
         section.done();
@@ -276,6 +280,14 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         nets: nets?,
         sim: sim?,
     })
+}
+
+/// Tables that a machine of inputs and outputs does not have.
+fn no_tables<'d, 'l>(root: &mut Section<'d, 'l>, key: &'static str) -> Vec<Section<'d, 'l>> {
+    if root.optional(key).is_some() {
+        root.wrong(key, "cannot be: machine.kinematics is \"none\"");
+    }
+    Vec::new()
 }
 
 /// Name, kinematics, cycle and unit.

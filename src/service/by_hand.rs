@@ -36,6 +36,9 @@ pub(super) fn home(operator: &mut Operator, now_ns: u64) -> Result<(), String> {
 
 /// Moves joints by hand.
 pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result<(), String> {
+    if config.joints.is_empty() {
+        return Err(config.without_joints());
+    }
     let live = operator.live();
     match (operator.step(), live.state) {
         (Step::SetUp, State::Ready | State::Jogging) => {}
@@ -81,7 +84,6 @@ fn joints(what: Jogged, config: &Config) -> Result<u64, String> {
             // To move an axis takes several joints in step there, and all of them must know where they are.
             Some(_) if !config.kinematics().is_trivial(&ToolFrame::OFF) => Ok((1 << config.joints.len()) - 1),
             Some(map) => Ok(mask(&map.joints)),
-            None if config.joints.is_empty() => Err(config.without_joints()),
             None => {
                 let axes: Vec<String> = config.axes.iter().map(|map| map.axis.letter().to_string()).collect();
                 let letter = axis.letter();
@@ -95,7 +97,6 @@ fn joints(what: Jogged, config: &Config) -> Result<u64, String> {
             let map = config.axes.iter().find(|map| map.joints.contains(&joint));
             Ok(map.map_or(1 << joint, |map| mask(&map.joints)))
         }
-        Jogged::Joint(_) if config.joints.is_empty() => Err(config.without_joints()),
         Jogged::Joint(joint) => {
             let last = config.joints.len() - 1;
             Err(format!("there is no joint {joint}; joints are 0 to {last}"))
