@@ -233,17 +233,25 @@ fn a_machine_of_inputs_and_outputs_runs_no_programs_and_says_why() {
         errors.contains("joint: is missing: at least one [[joint]] is needed"),
         "{errors}"
     );
-    for (half, missing) in [
+    // Not by leaving something out.
+    let errors = parse(&text.replace("kinematics = \"none\"", ""))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        errors.contains("joint: is missing: at least one [[joint]] is needed"),
+        "{errors}"
+    );
+    for (half, refused) in [
         (
             "[[axis]]\nletter = \"X\"\njoints = []\n",
-            "joint: is missing: at least one [[joint]] is needed",
+            "axis: cannot be: machine.kinematics is \"none\"",
         ),
         (
             "[[joint]]\nnode = 10\n",
-            "axis: is missing: at least one [[axis]] is needed",
+            "joint: cannot be: machine.kinematics is \"none\"",
         ),
     ] {
         let errors = parse(&format!("{text}{half}")).unwrap_err().to_string();
-        assert!(errors.contains(missing), "{errors}");
+        assert!(errors.contains(refused), "{errors}");
     }
 }

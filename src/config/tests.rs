@@ -256,7 +256,7 @@ fn rules_of_machine_and_rt() {
         ]),
         ("name = \"small\"", "name = 7", &["m.toml:3:8: machine.name = 7: must be a string, is an integer"]),
         ("\n[bus]", "\nkinematics = \"trivia\"\n[bus]", &[
-            "m.toml:4:14: machine.kinematics = \"trivia\": must be \"trivial\" or \"corexy\" or \"table-table\" or \"head-table\" or \"scara\" or \"linear-delta\"; did you mean \"trivial\"?",
+            "m.toml:4:14: machine.kinematics = \"trivia\": must be \"trivial\" or \"corexy\" or \"table-table\" or \"head-table\" or \"scara\" or \"linear-delta\" or \"none\"; did you mean \"trivial\"?",
         ]),
         ("\n[bus]", "\nunits = \"in\"\n[bus]", &["m.toml:4:9: machine.units = \"in\": must be \"mm\" or \"inch\""]),
         ("\n[bus]", "\ncycle_us = 249\n[bus]", &[

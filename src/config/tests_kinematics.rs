@@ -79,7 +79,7 @@ fn every_family_is_read_with_its_parameters() {
 fn rules_of_kinematics() {
     check(TRUNNION, &[
         ("kinematics = \"table-table\"", "kinematics = \"tabletable\"", &[
-            "machine.kinematics = \"tabletable\": must be \"trivial\" or \"corexy\" or \"table-table\" or \"head-table\" or \"scara\" or \"linear-delta\"; did you mean \"table-table\"?",
+            "machine.kinematics = \"tabletable\": must be \"trivial\" or \"corexy\" or \"table-table\" or \"head-table\" or \"scara\" or \"linear-delta\" or \"none\"; did you mean \"table-table\"?",
         ]),
         ("primary = \"A\" ", "primary = \"D\" ", &["kinematics.primary = \"D\": must be \"A\" or \"B\" or \"C\""]),
         ("primary = \"A\" ", "primary = \"C\" ", &["kinematics.secondary = \"C\": must be another axis than primary"]),
