@@ -9,26 +9,76 @@
 
 use obd::cdc::{CdcError, CdcReader, CdcWrite, CdcWriter};
 use obd::mapping::MappingEntry;
-use powerlink::mn::{Assignment, BootTimes, MnConfig, NodeConfig, RefusedBit, Stamp, StartUp};
+use powerlink::mn::{
+    Assignment, BootTimes, CHANNEL_OCTETS_MAX, IMAGE_IN, IMAGE_OCTETS_MAX, IMAGE_OUT, MnConfig, NodeConfig, RefusedBit,
+    Stamp, StartUp,
+};
 use powerlink::wire::{PAYLOAD_LIMIT_MIN, node::MN};
 use std::collections::BTreeMap;
 use std::fmt::{self, Write as _};
 
 /// NodeAssignment while the rest is written: the node exists, is a controlled node and would be started.
 const EXISTS: u32 = 0x0000_0007;
-/// Process image of the managing node: its outputs and inputs, one sub-index for each node.
-const IMAGE_OUT: u16 = 0xA040;
-const IMAGE_IN: u16 = 0xA4C0;
+/// Why a network cannot be written down for other managing nodes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CdcWriteError {
+    /// More process data of one node than a mapping of octets has entries.
+    Channel {
+        /// Node id; 240: the managing node's own PRes.
+        node: u8,
+        /// Octets.
+        octets: usize,
+    },
+    /// More process data of all nodes, in one direction, than the arrays of the process image have entries.
+    Image {
+        /// Octets.
+        octets: usize,
+    },
+}
+
+impl fmt::Display for CdcWriteError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            CdcWriteError::Channel { node, octets } => write!(
+                f,
+                "node {node}: {octets} octets of process data, at most {CHANNEL_OCTETS_MAX} can be mapped octet by octet"
+            ),
+            CdcWriteError::Image { octets } => write!(
+                f,
+                "{octets} octets of process data in one direction, the process image holds {IMAGE_OCTETS_MAX}"
+            ),
+        }
+    }
+}
+
+impl std::error::Error for CdcWriteError {}
 
 /// The concise DCF of a managing node.
-pub fn write(config: &MnConfig<'_>) -> Vec<u8> {
+///
+/// # Errors
+/// More process data than can be mapped octet by octet, as other managing nodes want it.
+pub fn write(config: &MnConfig<'_>) -> Result<Vec<u8>, CdcWriteError> {
+    for image in [IMAGE_OUT, IMAGE_IN] {
+        let mut sum = 0;
+        for channel in 0..=config.nodes.len() {
+            let octets = config.channel_octets(image, channel);
+            if octets > CHANNEL_OCTETS_MAX {
+                let node = channel.checked_sub(1).map_or(MN, |at| config.nodes[at].id);
+                return Err(CdcWriteError::Channel { node, octets });
+            }
+            sum += octets;
+        }
+        if sum > IMAGE_OCTETS_MAX {
+            return Err(CdcWriteError::Image { octets: sum });
+        }
+    }
     let mut file = File(Vec::new());
     for node in config.nodes {
         file.number(0x1F81, node.id, EXISTS);
     }
     network(&mut file, config);
     for (channel, node) in (1..).zip(config.nodes) {
-        one_node(&mut file, channel, node);
+        one_node(&mut file, config, channel, node);
     }
     if config.pres_mn_bytes.is_some() {
         file.number(0x1F81, MN, 1 | 1 << 12 | Assignment::VALID);
@@ -36,7 +86,7 @@ pub fn write(config: &MnConfig<'_>) -> Vec<u8> {
     for node in config.nodes {
         file.number(0x1F81, node.id, node.assignment.to_bits());
     }
-    file.octets()
+    Ok(file.octets())
 }
 
 struct File(Vec<(u16, u8, Vec<u8>)>);
@@ -54,21 +104,23 @@ impl File {
         self.0.push((index, sub, vec![value]));
     }
 
-    /// The one entry of a mapping: process data as a whole, in the process image.
-    fn mapping(&mut self, communication: u16, node: u8, version: u8, image: (u16, u8), octets: u16) {
+    /// A channel of process data: octet by octet in the process image, as a managing node maps whole objects only.
+    fn channel(&mut self, config: &MnConfig<'_>, image: u16, channel: u16, node: u8, version: u8) {
+        let communication = channel + if image == IMAGE_OUT { 0x1800 } else { 0x1400 };
         let mapping = communication + 0x200;
-        let entry = MappingEntry {
-            index: image.0,
-            sub: image.1,
-            bit_offset: 0,
-            bit_length: octets.saturating_mul(8),
-        };
         self.octet(mapping, 0, 0);
         self.octet(communication, 1, node);
         self.octet(communication, 2, version);
-        if octets > 0 {
-            self.0.push((mapping, 1, entry.to_u64().to_le_bytes().to_vec()));
-            self.octet(mapping, 0, 1);
+        let mut count = 0;
+        for sub in 1..=CHANNEL_OCTETS_MAX as u8 {
+            let Some(entry) = config.mapping_entry(image, usize::from(channel), sub) else {
+                break;
+            };
+            self.0.push((mapping, sub, entry.to_le_bytes().to_vec()));
+            count = sub;
+        }
+        if count > 0 {
+            self.octet(mapping, 0, count);
         }
     }
 
@@ -106,11 +158,11 @@ fn network(file: &mut File, config: &MnConfig<'_>) {
     if let Some(octets) = config.pres_mn_bytes {
         file.short(0x1F8D, MN, limit(octets));
         // Node 0: to all.
-        file.mapping(0x1800, 0, config.pres_mn_version, (IMAGE_OUT, MN), octets);
+        file.channel(config, IMAGE_OUT, 0, 0, config.pres_mn_version);
     }
 }
 
-fn one_node(file: &mut File, channel: u16, node: &NodeConfig<'_>) {
+fn one_node(file: &mut File, config: &MnConfig<'_>, channel: u16, node: &NodeConfig<'_>) {
     let id = node.id;
     let identity = &node.identity;
     let expected = [
@@ -140,15 +192,9 @@ fn one_node(file: &mut File, channel: u16, node: &NodeConfig<'_>) {
     if !node.assignment.async_only {
         // What is for a chained node stands in the managing node's own PRes.
         if !node.assignment.chained {
-            file.mapping(
-                0x1800 + channel,
-                id,
-                node.preq_version,
-                (IMAGE_OUT, id),
-                node.preq_bytes,
-            );
+            file.channel(config, IMAGE_OUT, channel, id, node.preq_version);
         }
-        file.mapping(0x1400 + channel, id, node.pres_version, (IMAGE_IN, id), node.pres_bytes);
+        file.channel(config, IMAGE_IN, channel, id, node.pres_version);
     }
     if !node.configuration.is_empty() {
         file.0.push((0x1F22, id, node.configuration.to_vec()));

@@ -64,6 +64,7 @@ pub fn node_configs<'a>(bus: &Bus, plans: &'a [NodePlan]) -> Vec<NodeConfig<'a>>
     nodes
         .map(|(node, plan)| NodeConfig {
             configuration: &plan.configuration,
+            configuration_stamp: plan.stamp,
             ..node
         })
         .collect()

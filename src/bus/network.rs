@@ -12,6 +12,7 @@ use crate::config::{
 use obd::cdc::CdcWriter;
 use obd::mapping::MappingEntry;
 use obd::{Access, Scalar};
+use powerlink::mn::Stamp;
 use powerlink::wire::{PAYLOAD_LIMIT_MIN, node::MN};
 
 /// One node of the network, ready for the managing node.
@@ -25,6 +26,8 @@ pub struct NodePlan {
     pub configuration: Vec<u8>,
     /// What stands in the concise DCF.
     pub writes: Vec<ConfigurationWrite>,
+    /// Date and time (0x1020) that tell this configuration from any other; `None`: the device does not keep them.
+    pub stamp: Option<Stamp>,
     /// What was not written, and why.
     pub left_out: Vec<LeftOut>,
 }
@@ -73,7 +76,9 @@ pub fn plan(config: &Config) -> Vec<NodePlan> {
             for write in &node.writes {
                 dcf.push(write.clone());
             }
+            let stamp = dcf.stamp();
             NodePlan {
+                stamp,
                 outputs: Layout::new(&node.outputs),
                 inputs: Layout::new(&node.inputs),
                 configuration: concise_dcf(&dcf.writes),
@@ -96,6 +101,12 @@ fn concise_dcf(writes: &[ConfigurationWrite]) -> Vec<u8> {
             .expect("the length was summed up");
     }
     dcf.finish().to_vec()
+}
+
+/// Hash of octets, the same on every machine (Fowler, Noll, Vo: FNV-1a of 64 bits).
+fn fnv_1a(octets: &[u8]) -> u64 {
+    let step = |hash: u64, octet: &u8| (hash ^ u64::from(*octet)).wrapping_mul(0x0000_0100_0000_01B3);
+    octets.iter().fold(0xCBF2_9CE4_8422_2325, step)
 }
 
 /// What the error counters of POWERLINK add for each loss; each good cycle takes one back.
@@ -314,6 +325,27 @@ impl<'a> Configuration<'a> {
         }
     }
 
+    /// Date and time of the configuration, written behind all else: a node that keeps them, and shows them when it is found,
+    /// holds this very configuration. They are made from its content, so that they change with it and with nothing else.
+    fn stamp(&mut self) -> Option<Stamp> {
+        const DATE: (u16, u8) = (0x1020, 1);
+        const TIME: (u16, u8) = (0x1020, 2);
+        // Days since 1984 up to the end of 16 bits; milliseconds of a day. Neither is 0, which means none.
+        const DAYS: u64 = 0xFFFF;
+        const MILLISECONDS: u64 = 86_399_999;
+        for (index, sub) in [DATE, TIME] {
+            self.forget(index, sub);
+        }
+        let content = fnv_1a(&concise_dcf(&self.writes));
+        let stamp = Stamp {
+            date: 1 + (content / MILLISECONDS % DAYS) as u32,
+            time: 1 + (content % MILLISECONDS) as u32,
+        };
+        self.set(DATE.0, DATE.1, stamp.date);
+        self.set(TIME.0, TIME.1, stamp.time);
+        (self.has(DATE.0, DATE.1) && self.has(TIME.0, TIME.1)).then_some(stamp)
+    }
+
     /// What a servo drive must know: interpolation time, following error, ramps, homing.
     fn drive(&mut self, joint: &Joint, cycle_us: u32) {
         let [counts, units] = joint.counts_per_unit.map(f64::from);
@@ -440,6 +472,7 @@ mod tests {
         let order: Vec<_> = of_second.iter().map(|write| (write.sub, write.value[0])).collect();
         assert_eq!(order, [(0, 0), (1, 0x10), (0, 1)]);
         let left_out: Vec<_> = plan.left_out.iter().map(|it| (it.index, it.sub, it.reason)).collect();
+        assert_eq!(plan.stamp, None, "the device keeps none");
         assert_eq!(
             left_out,
             [
@@ -447,6 +480,8 @@ mod tests {
                 (0x1F9B, 1, LeftOutReason::NotInDevice),
                 (0x1C14, 0, LeftOutReason::ManagingNodeSets),
                 (0x2030, 0, LeftOutReason::NotWritable),
+                (0x1020, 1, LeftOutReason::NotInDevice),
+                (0x1020, 2, LeftOutReason::NotInDevice),
             ]
         );
     }

@@ -72,7 +72,8 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::FAILURE);
     }
     if let Some(path) = &args.cdc {
-        let octets = with_mn_config(&config, &plans, cdc::write);
+        let octets = with_mn_config(&config, &plans, cdc::write)
+            .with_context(|| format!("{}: cannot be written", path.display()))?;
         files::write(path, octets).with_context(|| format!("{}: cannot be written", path.display()))?;
     }
     print(&if args.json {

@@ -1,6 +1,17 @@
 //! The way of a received frame through a controlled node.
 //!
 //! In:  octets of one Ethernet frame and the time it arrived. Out: what has to be sent at once, and [`Events`].
+//!
+//! | frame | from | to | what it does |
+//! |---|---|---|---|
+//! | any that the standard does not know between these nodes; any that carries our own node id | | | nothing |
+//! | SoC, SoA | 240 | 255 | cycle, invitation |
+//! | PReq | 240 | us | outputs, and the PRes in answer; to another node: a sign of life of the network |
+//! | PRes | 1..=240 | 255 | outputs of the RPDOs that read this node; of 240, the start of a chain |
+//! | ASnd NMTCommand | 240 | us, 255 | the command |
+//! | ASnd SDO | 1..=240, 253, 254 | us | a frame of an SDO client |
+//! | ASnd SyncResponse | 1..=239 | any | the delay between its sender and us |
+//! | AMNI, AInv, every other ASnd | | | nothing |
 
 use super::error::PROFILE_COMMUNICATION;
 use super::objects::RPDOS;

@@ -416,6 +416,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 }
                 self.trigger(MnTrigger::ListenOver);
                 self.pre_op_1_since_ns = now_ns;
+                for node in self.nodes.iter_mut().flatten() {
+                    node.record.searched_since_ns = now_ns;
+                }
                 None
             }
             NmtState::PreOperational1 => {

@@ -1,6 +1,7 @@
 //! Diagnosis: what a node is, where its boot-up stands, and why it is not operational; the same of the network as a whole.
 //!
-//! In:  the managing node as it stands. Out: copies of fixed size, and words for people.
+//! In:  the managing node as it stands. Out: copies of fixed size, and words for people. Its clock counts from somewhere that
+//! people do not see: times are in the copies only, for whoever knows what time it is.
 //! RT: no allocation, no locks, bounded by the number of nodes.
 
 use core::fmt;
@@ -133,15 +134,9 @@ impl fmt::Display for Reason {
             Reason::NetworkNotRunning { state } => {
                 write!(f, "the managing node is in {state:?} and does not look for nodes")
             }
-            Reason::NotAnswering { since_ns } => {
-                write!(f, "does not answer IdentRequests, since {}", Seconds(since_ns))
-            }
-            Reason::GivenUp { fault, since_ns } => write!(
-                f,
-                "{fault}; was reset at {} and does not answer IdentRequests since",
-                Seconds(since_ns)
-            ),
-            Reason::Refused { fault, again_ns } => write!(f, "{fault}; tried again at {}", Seconds(again_ns)),
+            Reason::NotAnswering { .. } => f.write_str("does not answer IdentRequests"),
+            Reason::GivenUp { fault, .. } => write!(f, "{fault}; was reset and does not answer IdentRequests since"),
+            Reason::Refused { fault, .. } => write!(f, "{fault}; tried again later"),
             Reason::Booting { stage } => write!(f, "{stage}"),
             Reason::WaitingForNetwork { state, held_by } => {
                 write!(f, "waits for the network to be in {state:?}")?;
@@ -151,16 +146,6 @@ impl fmt::Display for Reason {
                 }
             }
         }
-    }
-}
-
-/// A time on the clock of the managing node.
-struct Seconds(u64);
-
-impl fmt::Display for Seconds {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ms = self.0 / 1_000_000;
-        write!(f, "{}.{:03} s", ms / 1000, ms % 1000)
     }
 }
 
@@ -204,9 +189,7 @@ impl fmt::Display for Diagnosis {
                 write!(f, " (the {count}. time)")
             }
             (Some(Reason::GivenUp { .. } | Reason::Refused { .. }), _) | (_, None) => Ok(()),
-            (_, Some(LastFault { fault, at_ns, count })) => {
-                write!(f, " (last fault, at {}: {fault}; {count} in a row)", Seconds(at_ns))
-            }
+            (_, Some(LastFault { fault, count, .. })) => write!(f, " (last fault: {fault}; {count} in a row)"),
         }
     }
 }
@@ -258,13 +241,11 @@ pub enum NetworkReason {
 impl fmt::Display for NetworkReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
-            NetworkReason::Listening { until_ns } => {
-                write!(f, "listening for another managing node until {}", Seconds(until_ns))
-            }
+            NetworkReason::Listening { .. } => f.write_str("listening for another managing node"),
             NetworkReason::ForeignMn(sign) => write!(f, "{sign}; silent until it has gone"),
             NetworkReason::Starting => f.write_str("waking and resetting the nodes"),
-            NetworkReason::MinimumStay { until_ns } => {
-                write!(f, "PRE_OPERATIONAL_1 lasts until {} (1F89h/03h)", Seconds(until_ns))
+            NetworkReason::MinimumStay { .. } => {
+                f.write_str("PRE_OPERATIONAL_1 has not lasted long enough (1F89h/03h)")
             }
             NetworkReason::WaitingForNode {
                 state,
@@ -320,13 +301,7 @@ impl fmt::Display for NetworkDiagnosis {
             write!(f, ": {reason}")?;
         }
         if let Some(foreign) = self.foreign_mn {
-            write!(
-                f,
-                " ({}; heard last at {}, {} frames)",
-                foreign.sign,
-                Seconds(foreign.heard_ns),
-                foreign.frames
-            )?;
+            write!(f, " ({}; {} frames)", foreign.sign, foreign.frames)?;
         }
         Ok(())
     }

@@ -31,6 +31,7 @@ mod cycle;
 mod diagnosis;
 mod event;
 mod fault;
+mod image;
 mod network;
 mod node;
 mod objects;
@@ -49,6 +50,7 @@ pub use config::{BootTimes, Direction, Identity, MnConfig, MnConfigError, NodeCo
 pub use diagnosis::{BootStage, Diagnosis, ForeignMn, NetworkDiagnosis, NetworkReason, Reason};
 pub use event::{Counters, EVENTS_MAX, ForeignSign, IdentityField, Malformed, MnEvent, NodeStatistics};
 pub use fault::Fault;
+pub use image::{CHANNEL_OCTETS_MAX, IMAGE_IN, IMAGE_OCTETS_MAX, IMAGE_OUT};
 pub use objects::{DeviceInfo, FEATURE_FLAGS, HISTORY_ENTRIES, MN_PROFILE, MnObjects};
 pub use record::{ERRORS_KEPT, ErrorLog, LastFault, LoggedError};
 pub use service::{SdoCommand, SdoError, SdoRefused, SdoResult};

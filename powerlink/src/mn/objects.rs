@@ -14,6 +14,7 @@ pub use table::{FEATURE_FLAGS, HISTORY_ENTRIES, MN_PROFILE};
 
 use super::configure::{SDO_GIVE_UP_NS, expected_stamp};
 use super::event::Events;
+use super::image::{ARRAYS, IMAGE_IN, IMAGE_OUT, octet_at};
 use super::node::{Network, Node};
 use super::{Assignment, Counters, Mn, MnConfig, NOBODY, NodeState, Stamp};
 use crate::nmt::{NmtCommand, NmtState};
@@ -110,17 +111,19 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     }
 }
 
-/// A line of the table that was found, and for process data which channel.
+/// A line of the table that was found; for process data which channel, for the process image which array.
 #[derive(Clone, Copy, Debug)]
 struct Found {
     def: &'static EntryDef,
     channel: usize,
 }
 
-/// The object of the table that stands for this one, and the channel of process data.
+/// The object of the table that stands for this one, and the channel of process data or the array of the process image.
 fn base(index: u16) -> (u16, usize) {
-    for first in [0x1400, 0x1600, 0x1800, 0x1A00] {
-        if (first..=first + CHANNEL_LAST).contains(&index) {
+    let objects = [0x1400, 0x1600, 0x1800, 0x1A00].map(|first| (first, CHANNEL_LAST));
+    let arrays = [IMAGE_OUT, IMAGE_IN].map(|first| (first, ARRAYS - 1));
+    for (first, last) in objects.into_iter().chain(arrays) {
+        if (first..=first + last).contains(&index) {
             return (first, usize::from(index - first));
         }
     }
@@ -133,7 +136,7 @@ static NUMBER_OF_ENTRIES: EntryDef = EntryDef::constant(0, DataType::U8, "Number
 impl<'a> MnObjects<'_, 'a> {
     fn find(&self, index: u16, sub: u8) -> Result<Found, AbortCode> {
         let (object, channel) = base(index);
-        if channel > self.config.nodes.len() {
+        if channel > self.config.nodes.len() && object != IMAGE_OUT && object != IMAGE_IN {
             return Err(AbortCode::NO_OBJECT);
         }
         let lines = || MN_PROFILE.iter().filter(|def| def.index == object);
@@ -191,8 +194,23 @@ impl<'a> MnObjects<'_, 'a> {
             (0x1400, 2) => self.of_channel(channel)?.config.pres_version.into(),
             (0x1800, 2) if channel == 0 => config.pres_mn_version.into(),
             (0x1800, 2) => self.of_channel(channel)?.config.preq_version.into(),
-            (0x1600 | 0x1A00, 0) => u32::from(self.mapping(index, channel) != 0),
-            (0x1600 | 0x1A00, _) => return Some(self.mapping(index, channel)),
+            (0x1600 | 0x1A00, 0) => {
+                let image = image_of(index);
+                (1..=254)
+                    .take_while(|sub| config.mapping_entry(image, channel, *sub).is_some())
+                    .count() as u32
+            }
+            (0x1600 | 0x1A00, sub) => return Some(config.mapping_entry(image_of(index), channel, sub).unwrap_or(0)),
+            (IMAGE_OUT | IMAGE_IN, sub) => {
+                let (of_channel, at) = config.channel_of(index, octet_at(channel, sub))?;
+                let node = self.of_channel(of_channel)?;
+                let octets = if index == IMAGE_OUT {
+                    node.output()
+                } else {
+                    node.input().0
+                };
+                (*octets.get(at)?).into()
+            }
             (0x1C00 | 0x1C02, 1) => counter.cumulative,
             (0x1C00 | 0x1C02, 2) => counter.count,
             (0x1C00, _) => config.crc_threshold,
@@ -259,8 +277,6 @@ impl<'a> MnObjects<'_, 'a> {
             (0x1030, 5) => &self.config.mac,
             (0x1F22, _) => self.node(sub)?.config.configuration,
             (0x1F9A, _) => device.host_name.as_bytes(),
-            (0xA040, _) => self.node(sub)?.output(),
-            (0xA4C0, _) => self.node(sub)?.input().0,
             _ => return None,
         })
     }
@@ -275,22 +291,6 @@ impl<'a> MnObjects<'_, 'a> {
     fn own_assignment(&self) -> u32 {
         let sends_pres = u32::from(self.config.pres_mn_bytes.is_some()) << 12;
         1 | sends_pres | Assignment::VALID
-    }
-
-    /// The one entry of a mapping: the process data of the node as a whole, an entry of the process image; 0: no data.
-    fn mapping(&self, index: u16, channel: usize) -> u64 {
-        let (image, sub, octets) = match (index, self.of_channel(channel)) {
-            (0x1600, Some(node)) => (0xA4C0, node.config.id, node.config.pres_bytes),
-            // What is for a chained node stands in the PRes of the managing node.
-            (0x1A00, Some(node)) if node.config.assignment.chained => return 0,
-            (0x1A00, Some(node)) => (0xA040, node.config.id, node.config.preq_bytes),
-            (0x1A00, None) => (0xA040, wire::node::MN, self.config.pres_mn_bytes.unwrap_or(0)),
-            (_, _) => return 0,
-        };
-        match octets {
-            0 => 0,
-            octets => (u64::from(octets) * 8) << 48 | u64::from(sub) << 16 | image,
-        }
     }
 
     /// The last faults of the nodes, the newest first; the node's id is the first octet of the additional information.
@@ -492,6 +492,11 @@ fn le_number(value: &[u8]) -> u64 {
         .take(8)
         .rev()
         .fold(0, |number, octet| number << 8 | u64::from(*octet))
+}
+
+/// The image that the channels of this mapping object map.
+fn image_of(mapping: u16) -> u16 {
+    if mapping == 0x1A00 { IMAGE_OUT } else { IMAGE_IN }
 }
 
 fn payload_limit(octets: u16) -> u32 {

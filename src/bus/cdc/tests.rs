@@ -108,7 +108,7 @@ fn writes(octets: &[u8]) -> Vec<CdcWrite<'_>> {
 #[test]
 fn nodes_come_first_and_last_and_everything_else_between() {
     let nodes = nodes();
-    let octets = write(&whole(&nodes));
+    let octets = write(&whole(&nodes)).unwrap();
     // 81 1F sub, four octets, 00000007h: how every file of another tool begins, too.
     assert_eq!(octets[4..15], [0x81, 0x1F, 1, 4, 0, 0, 0, 7, 0, 0, 0]);
     let writes = writes(&octets);
@@ -142,7 +142,7 @@ fn nodes_come_first_and_last_and_everything_else_between() {
 fn reading_back_gives_the_same_configuration() {
     let nodes = nodes();
     let config = whole(&nodes);
-    let octets = write(&config);
+    let octets = write(&config).unwrap();
     let network = read(&octets).unwrap();
     assert_eq!(network.config(MAC), config);
     assert_eq!(network.others, []);
@@ -155,7 +155,7 @@ fn the_demo_machine_comes_back_but_for_what_no_object_holds() {
     let plans = network::plan(&config);
     let nodes = node_configs(&config.bus, &plans);
     let config = mn_config(&config, &nodes, MAC);
-    let octets = write(&config);
+    let octets = write(&config).unwrap();
     let network = read(&octets).unwrap();
     let read = network.config(MAC);
     let boot = BootTimes {
@@ -176,7 +176,7 @@ fn the_demo_machine_comes_back_but_for_what_no_object_holds() {
 fn every_value_is_the_one_that_the_managing_nodes_dictionary_shows() {
     let nodes = nodes();
     let config = whole(&nodes);
-    let octets = write(&config);
+    let octets = write(&config).unwrap();
     let last: BTreeMap<_, _> = writes(&octets)
         .into_iter()
         .map(|write| ((write.index, write.sub), write.value))
@@ -229,14 +229,16 @@ fn what_our_managing_node_does_not_serve_is_told() {
 #[test]
 fn the_listing_shows_each_write_and_those_of_the_nodes_below() {
     let nodes = nodes();
-    let octets = write(&whole(&nodes[..1]));
+    let octets = write(&whole(&nodes[..1])).unwrap();
     let text = listing(&octets).unwrap();
     let mut lines = text.lines();
     for expected in [
         "0x1F81:1   4 octets  0x00000007",
         "0x1006:0   4 octets  0x000007D0",
         "0x1F98:8   2 octets  0x04B0",
-        "0x1A01:1   8 octets  0x005800000001A040",
+        "0x1A01:1   8 octets  0x000800000007A040",
+        "0x1A01:11  8 octets  0x000800500011A040",
+        "0x1A01:0   1 octets  0x0B",
         "0x1F22:1   15 octets, the configuration of node 1:",
         "    0x1006:0   4 octets  0x000003E8",
         "0x1F81:1   4 octets  0x8000000F",
@@ -254,7 +256,7 @@ proptest! {
     fn any_octets_and_every_truncation_are_read_or_refused(octets in prop::collection::vec(any::<u8>(), 0..200), at in 0usize..600) {
         let _ = (read(&octets), listing(&octets));
         let nodes = nodes();
-        let good = write(&whole(&nodes));
+        let good = write(&whole(&nodes)).unwrap();
         if at < good.len() {
             prop_assert!(read(&good[..at]).is_err());
             prop_assert!(listing(&good[..at]).is_err());
@@ -264,9 +266,110 @@ proptest! {
     #[test]
     fn a_changed_octet_never_panics(at in 0usize..2000, octet in any::<u8>()) {
         let nodes = nodes();
-        let mut file = write(&whole(&nodes));
+        let mut file = write(&whole(&nodes)).unwrap();
         let at = at % file.len();
         file[at] = octet;
         let _ = (read(&file).map(|network| network.config(MAC).cycle_ns), listing(&file));
     }
+}
+
+#[test]
+fn process_data_are_mapped_octet_by_octet_and_each_octet_once() {
+    let text = include_str!("../../../configs/mill3-demo.toml");
+    let config = config::parse(text, Path::new("m.toml")).unwrap();
+    let plans = network::plan(&config);
+    let nodes = node_configs(&config.bus, &plans);
+    let octets = write(&mn_config(&config, &nodes, MAC)).unwrap();
+    let mut places = Vec::new();
+    for (at, node) in nodes.iter().enumerate() {
+        for (mapping, image, size) in [(0x1600, 0xA4C0, node.pres_bytes), (0x1A00, 0xA040, node.preq_bytes)] {
+            let mapping = mapping + at as u16 + 1;
+            let of_channel = writes(&octets).into_iter().filter(|write| write.index == mapping);
+            let (counts, entries): (Vec<_>, Vec<_>) = of_channel.partition(|write| write.sub == 0);
+            let counts: Vec<_> = counts.iter().map(|write| write.value[0]).collect();
+            assert_eq!(counts, [0, size as u8], "off before, on after its entries");
+            assert_eq!(entries.len(), usize::from(size));
+            for (octet, write) in entries.iter().enumerate() {
+                let entry = MappingEntry::from_u64(u64::from_le_bytes(write.value.try_into().unwrap()));
+                assert_eq!(usize::from(write.sub), octet + 1);
+                assert_eq!((entry.bit_offset, entry.bit_length), (8 * octet as u16, 8));
+                assert!((image..image + 16).contains(&entry.index) && (1..=252).contains(&entry.sub));
+                places.push((entry.index, entry.sub));
+            }
+        }
+    }
+    let all = places.len();
+    places.sort_unstable();
+    places.dedup();
+    assert_eq!(
+        (places.len(), all),
+        (
+            all,
+            nodes
+                .iter()
+                .map(|node| usize::from(node.preq_bytes + node.pres_bytes))
+                .sum()
+        )
+    );
+}
+
+#[test]
+fn what_cannot_be_mapped_octet_by_octet_is_refused() {
+    let long = |id, octets| NodeConfig {
+        id,
+        pres_bytes: octets,
+        ..NodeConfig::default()
+    };
+    let refused = |nodes: &[NodeConfig<'_>]| {
+        let nodes = MnConfig {
+            nodes,
+            ..MnConfig::default()
+        };
+        write(&nodes).unwrap_err().to_string()
+    };
+    assert_eq!(
+        refused(&[long(3, 255)]),
+        "node 3: 255 octets of process data, at most 254 can be mapped octet by octet"
+    );
+    let many: Vec<_> = (1..=16).map(|id| long(id, 253)).collect();
+    assert_eq!(
+        refused(&many),
+        "4048 octets of process data in one direction, the process image holds 4032"
+    );
+}
+
+/// Date and time of each node's configuration stand in the file twice: what the node is told, and what it is expected to show.
+#[test]
+fn an_unchanged_node_is_known_by_its_stamp() {
+    let text = include_str!("../../../configs/mill3-demo.toml");
+    let stamps = |text: &str| {
+        let config = config::parse(text, Path::new("m.toml")).unwrap();
+        let plans = network::plan(&config);
+        let nodes = node_configs(&config.bus, &plans);
+        let octets = write(&mn_config(&config, &nodes, MAC)).unwrap();
+        let file: BTreeMap<_, _> = writes(&octets)
+            .into_iter()
+            .map(|write| ((write.index, write.sub), write.value.to_vec()))
+            .collect();
+        let of_node = |node: &NodeConfig<'_>| {
+            let own = writes(node.configuration);
+            let last: Vec<_> = own[own.len() - 2..]
+                .iter()
+                .map(|write| (write.index, write.sub))
+                .collect();
+            assert_eq!(last, [(0x1020, 1), (0x1020, 2)], "at the end, when all else is written");
+            let [date, time] = [own[own.len() - 2].value, own[own.len() - 1].value].map(<[u8]>::to_vec);
+            assert_eq!((&file[&(0x1F26, node.id)], &file[&(0x1F27, node.id)]), (&date, &time));
+            assert!(date != [0; 4] && time != [0; 4]);
+            (date, time)
+        };
+        nodes.iter().map(of_node).collect::<Vec<_>>()
+    };
+    let before = stamps(text);
+    assert_eq!(stamps(text), before, "the same machine, the same stamps");
+    let changed = text.replacen("following_error_mm = ", "following_error_mm = 1", 1);
+    assert_ne!(changed, text);
+    let after = stamps(&changed);
+    assert_ne!(after[0], before[0], "its drive is told another limit");
+    assert_eq!(after[1..], before[1..]);
 }

@@ -120,7 +120,7 @@ fn run(
                 let data_type = data_type.or_else(|| typed(device, *index, *sub));
                 match access.read(*index, *sub) {
                     Ok(value) => print(*index, *sub, &value, data_type, as_json, out)?,
-                    Err(Failure::Refused(why)) => {
+                    Err(Failure::NoObject(why) | Failure::Refused(why)) => {
                         code = ExitCode::FAILURE;
                         refused(*index, *sub, &why, as_json, out)?;
                     }
@@ -205,7 +205,7 @@ fn set(
     let before = match access.read(index, sub) {
         Ok(value) => Some(value),
         // Some objects can only be written.
-        Err(Failure::Refused(_)) => None,
+        Err(Failure::NoObject(_) | Failure::Refused(_)) => None,
         Err(Failure::Broken(error)) => return Err(error),
     };
     let data_type = match (data_type, &before) {
@@ -216,7 +216,7 @@ fn set(
     let octets = encode(text, data_type).map_err(|what| anyhow!("{object}: {what}"))?;
     if let Err(failure) = access.write(index, sub, &octets) {
         return match failure {
-            Failure::Refused(why) => {
+            Failure::NoObject(why) | Failure::Refused(why) => {
                 refused(index, sub, &why, as_json, out)?;
                 Ok(ExitCode::FAILURE)
             }
@@ -264,7 +264,12 @@ fn list(
 ) -> anyhow::Result<ExitCode> {
     let mut shown = 0;
     if let Some(device) = device {
+        // A node without an object has none of its entries: the first answer is enough.
+        let mut missing = None;
         for object in &device.objects {
+            if missing == Some(object.index) {
+                continue;
+            }
             match access.read(object.index, object.sub) {
                 Ok(value) => print(
                     object.index,
@@ -274,6 +279,10 @@ fn list(
                     as_json,
                     out,
                 )?,
+                Err(Failure::NoObject(why)) => {
+                    missing = Some(object.index);
+                    refused(object.index, object.sub, &why, as_json, out)?;
+                }
                 Err(Failure::Refused(why)) => refused(object.index, object.sub, &why, as_json, out)?,
                 Err(Failure::Broken(error)) => return Err(error),
             }
@@ -304,7 +313,7 @@ fn standard_indices() -> Vec<u16> {
 fn list_object(access: &mut Access, index: u16, as_json: bool, out: &mut impl Write) -> anyhow::Result<u32> {
     let mut read = |sub: u8| match access.read(index, sub) {
         Ok(value) => Ok(Some(value)),
-        Err(Failure::Refused(_)) => Ok(None),
+        Err(Failure::NoObject(_) | Failure::Refused(_)) => Ok(None),
         Err(Failure::Broken(error)) => Err(error),
     };
     let Some(first) = read(0)? else {

@@ -192,3 +192,26 @@ fn ways_exclude_each_other() {
     assert!(!parse("sdo --node 3 get 1000"));
     assert!(!parse("sdo --node 3 get 0x1000 --type u33"));
 }
+
+/// A node of a newer or older firmware than its device file: 255 questions for an object that it does not have.
+#[test]
+fn an_object_that_a_node_does_not_have_is_asked_for_once() {
+    let entries =
+        (0..=8).map(|sub| format!("[9999sub{sub}]\nParameterName=x\nObjectType=7\nDataType=7\nAccessType=rw\n"));
+    let object = |index: &str| format!("[{index}]\nParameterName=x\nObjectType=7\nDataType=7\nAccessType=ro\n");
+    let file = format!(
+        "[DeviceInfo]\n[MandatoryObjects]\nSupportedObjects=1\n1=0x1000\n[ManufacturerObjects]\nSupportedObjects=2\n\
+         1=0x9999\n2=0x999A\n{}[9999]\nParameterName=x\nObjectType=9\nSubNumber=9\n{}{}",
+        object("1000"),
+        entries.collect::<String>(),
+        object("999A"),
+    );
+    let device = obd::device::parse("x.eds", file.as_bytes()).unwrap_or_else(|errors| panic!("{errors}"));
+    assert_eq!(device.objects.iter().filter(|object| object.index == 0x9999).count(), 9);
+    let (text, codes) = on_machine(1, &["list"], Some(&device));
+    let of_missing = text.lines().filter(|line| line.starts_with("0x9999"));
+    assert_eq!(of_missing.count(), 1, "{text}");
+    // What comes behind it is asked for.
+    assert!(text.contains("0x1000") && text.contains("0x999A"), "{text}");
+    assert_eq!(codes, ["ok"]);
+}

@@ -16,6 +16,7 @@ use crate::rt::shared::Live;
 use crate::service::desk::{Counter, Jog, Jogged, Order, Source};
 use crate::service::network_view::{NetworkLive, NetworkView, NodeLive};
 use motion::canon::Axis;
+use obd::AbortCode;
 use powerlink::mn::{Counters, Diagnosis, NetworkDiagnosis, SdoCommand, SdoError};
 use powerlink::sdo::ClientError;
 use serde_json::{Value, json};
@@ -463,7 +464,11 @@ impl Serve for Methods {
             Ok(_) => Ok(json!({})),
             Err(SdoError::Client(ClientError::Aborted(abort))) => {
                 let what = format!("{} (0x{:08X})", abort.text(), abort.0);
-                Err(RpcError::new(code::NODE_ABORT, what))
+                let kind = match abort {
+                    AbortCode::NO_OBJECT => code::NODE_NO_OBJECT,
+                    _ => code::NODE_ABORT,
+                };
+                Err(RpcError::new(kind, what))
             }
             Err(error) => Err(RpcError::new(code::NODE, error.to_string())),
         };

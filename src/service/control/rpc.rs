@@ -22,6 +22,8 @@ pub mod code {
     pub const NODE: i32 = -32001;
     /// A node has refused it, with an abort code.
     pub const NODE_ABORT: i32 = -32002;
+    /// A node does not have the object.
+    pub const NODE_NO_OBJECT: i32 = -32003;
 }
 
 /// An error that goes back to the client.

@@ -6,6 +6,7 @@
 
 use obd::{DataType, EntryDef};
 
+use crate::mn::image::{ENTRIES, IMAGE_IN, IMAGE_OUT};
 use crate::wire::{EPL_VERSION, ERROR_ENTRY_LEN, PAYLOAD_LIMIT_MIN, PAYLOAD_MAX};
 
 /// Errors of the history (0x1003).
@@ -74,12 +75,12 @@ pub const MN_PROFILE: &[EntryDef] = &[
     // Channel 0 is the PRes of the managing node, channel k the node at place k of the configuration, counted from 1.
     rws(0x1400, U8, "NodeID_U8").sub(1).limits(0, 254),
     rws(0x1400, U8, "MappingVersion_U8").sub(2),
-    rws(0x1600, U8, "NumberOfEntries").limits(0, 1),
-    rws(0x1600, DataType::U64, "ObjectMapping").sub(1),
+    rws(0x1600, U8, "NumberOfEntries").limits(0, 254),
+    rws(0x1600, DataType::U64, "ObjectMapping").subs(1, 254),
     rws(0x1800, U8, "NodeID_U8").sub(1).limits(0, 254),
     rws(0x1800, U8, "MappingVersion_U8").sub(2),
-    rws(0x1A00, U8, "NumberOfEntries").limits(0, 1),
-    rws(0x1A00, DataType::U64, "ObjectMapping").sub(1),
+    rws(0x1A00, U8, "NumberOfEntries").limits(0, 254),
+    rws(0x1A00, DataType::U64, "ObjectMapping").subs(1, 254),
 
     rw(0x1C00, U32, "CRCError CumulativeCnt_U32").sub(1),
     ro(0x1C00, U32, "CRCError ThresholdCnt_U32").sub(2),
@@ -153,7 +154,7 @@ pub const MN_PROFILE: &[EntryDef] = &[
     rw(0x1F9F, U8, "CmdTarget_U8").sub(3),
     rw(0x1F9F, DataType::Domain, "CmdData_DOM").sub(4).capacity(32),
 
-    // The process image: what the channels of process data map.
-    per_node(ro(0xA040, DataType::Domain, "process data to the node").capacity(PAYLOAD_MAX as u16)),
-    per_node(ro(0xA4C0, DataType::Domain, "process data of the node").capacity(PAYLOAD_MAX as u16)),
+    // The process image: what the channels of process data map. The first of 16 arrays stands for all.
+    ro(IMAGE_OUT, U8, "octets of process data to the nodes").subs(1, ENTRIES),
+    ro(IMAGE_IN, U8, "octets of process data of the nodes").subs(1, ENTRIES),
 ];

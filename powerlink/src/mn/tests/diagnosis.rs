@@ -56,7 +56,8 @@ fn the_node_that_is_missing_is_named_by_all_that_wait_for_it() {
     net.cycles(25);
     assert_eq!(net.mn.network_diagnosis().reason, Some(NetworkReason::Starting));
     net.cycles(200);
-    assert_eq!(reason(&net, 1), Reason::NotAnswering { since_ns: 0 });
+    // Since the network looks for nodes, and not since the clock began to count.
+    assert_eq!(reason(&net, 1), Reason::NotAnswering { since_ns: 20 * MS });
     assert_eq!(
         reason(&net, 0),
         Reason::WaitingForNetwork {
@@ -67,14 +68,14 @@ fn the_node_that_is_missing_is_named_by_all_that_wait_for_it() {
     assert_eq!(
         net.mn.network_diagnosis().to_string(),
         "network: PreOperational1: PreOperational2 waits for mandatory node 2 and 1 other: node 2 does not answer \
-         IdentRequests, since 0.000 s"
+         IdentRequests"
     );
     net.dead = std::vec![4];
     net.until(1000, |net| net.mn.nmt_state() == NmtState::Operational);
     assert_eq!(net.mn.network_diagnosis().reason, None);
     assert_eq!(
         reason(&net, 3),
-        Reason::NotAnswering { since_ns: 0 },
+        Reason::NotAnswering { since_ns: 20 * MS },
         "an optional node holds nobody"
     );
 }
@@ -98,7 +99,7 @@ fn a_wrong_identity_is_named_with_object_and_both_values() {
     assert!(got == fault && again_ns > net.now_ns);
     let words = diagnosis.to_string();
     assert!(
-        words.starts_with("node 2: revision number (1018h/03h) is 0x00000003, expected 0x00010002; tried again at "),
+        words.starts_with("node 2: revision number (1018h/03h) is 0x00000003, expected 0x00010002; tried again "),
         "{words}"
     );
     let (_, ident) = diagnosis.ident.unwrap();
@@ -188,11 +189,7 @@ fn a_lost_node_keeps_its_reason_after_it_is_back() {
         assert_eq!(diagnosis.reason, None);
         let last = diagnosis.last_fault.unwrap();
         assert_eq!((last.fault, last.at_ns, last.count), (fault, since_ns, count));
-        assert!(
-            diagnosis
-                .to_string()
-                .starts_with("node 2: operational (last fault, at ")
-        );
+        assert!(diagnosis.to_string().starts_with("node 2: operational (last fault: "));
     }
 }
 

@@ -18,8 +18,8 @@ const PROFILE: &[(u16, u8, u8, usize, &str, i64)] = &[
     (0x1030, 4, 4, 2, "const", 1518), (0x1030, 5, 5, 6, "const", 0), (0x1030, 6, 6, 0, "const", 0),
     (0x1030, 7, 7, 1, "ro", 1), (0x1030, 8, 8, 1, "rw", 1), (0x1030, 9, 9, 1, "ro", 1),
     (0x1300, 0, 0, 4, "rws", 15_000),
-    (0x1400, 1, 1, 1, "rws", 0), (0x1400, 2, 2, 1, "rws", 0), (0x1600, 0, 0, 1, "rws", 0), (0x1600, 1, 1, 8, "rws", 0),
-    (0x1800, 1, 1, 1, "rws", 0), (0x1800, 2, 2, 1, "rws", 0), (0x1A00, 0, 0, 1, "rws", 0), (0x1A00, 1, 1, 8, "rws", 0),
+    (0x1400, 1, 1, 1, "rws", 0), (0x1400, 2, 2, 1, "rws", 0), (0x1600, 0, 0, 1, "rws", 0), (0x1600, 1, 254, 8, "rws", 0),
+    (0x1800, 1, 1, 1, "rws", 0), (0x1800, 2, 2, 1, "rws", 0), (0x1A00, 0, 0, 1, "rws", 0), (0x1A00, 1, 254, 8, "rws", 0),
     (0x1C00, 1, 1, 4, "rw", 0), (0x1C00, 2, 2, 4, "ro", 0), (0x1C00, 3, 3, 4, "rws", 15),
     (0x1C02, 1, 1, 4, "rw", 0), (0x1C02, 2, 2, 4, "ro", 0), (0x1C02, 3, 3, 4, "rws", 15),
     (0x1C07, 1, 254, 4, "rw", 0), (0x1C08, 1, 254, 4, "ro", 0), (0x1C09, 1, 254, 4, "rws", 15),
@@ -46,7 +46,7 @@ const PROFILE: &[(u16, u8, u8, usize, &str, i64)] = &[
     (0x1F98, 7, 7, 1, "rws", 0), (0x1F98, 8, 8, 2, "rws", 300), (0x1F98, 9, 9, 2, "rws", 2),
     (0x1F9A, 0, 0, 0, "rws", 0), (0x1F9B, 1, 254, 1, "rws", 0), (0x1F9E, 0, 0, 1, "rw", 0xFF),
     (0x1F9F, 1, 1, 1, "rw", 0), (0x1F9F, 2, 2, 1, "rw", 0), (0x1F9F, 3, 3, 1, "rw", 0), (0x1F9F, 4, 4, 0, "rw", 0),
-    (0xA040, 1, 254, 0, "ro", 0), (0xA4C0, 1, 254, 0, "ro", 0),
+    (0xA040, 1, 252, 1, "ro", 0), (0xA4C0, 1, 252, 1, "ro", 0),
 ];
 
 fn access(def: &EntryDef) -> &'static str {
@@ -218,11 +218,18 @@ fn the_configuration_is_shown_as_it_is() {
         (0x1801, 2, 0x21),
         (0x1802, 1, 5),
         (0x1401, 2, 0x30),
-        (0x1A00, 0, 1),
-        (0x1A00, 1, 0x0060_0000_00F0_A040),
-        (0x1A01, 1, 0x0030_0000_0001_A040),
-        (0x1A02, 1, 0x0140_0000_0005_A040),
-        (0x1601, 1, 0x0030_0000_0001_A4C0),
+        // Octet by octet: twelve of our PRes, six and forty of the nodes' PReqs.
+        (0x1A00, 0, 12),
+        (0x1A00, 1, 0x0008_0000_0001_A040),
+        (0x1A00, 12, 0x0008_0058_000C_A040),
+        (0x1A01, 0, 6),
+        (0x1A01, 1, 0x0008_0000_000D_A040),
+        (0x1A02, 0, 40),
+        (0x1A02, 1, 0x0008_0000_0013_A040),
+        (0x1A02, 40, 0x0008_0138_003A_A040),
+        (0x1601, 0, 6),
+        (0x1601, 1, 0x0008_0000_0001_A4C0),
+        (0x1601, 6, 0x0008_0028_0006_A4C0),
         (0x1600, 0, 0),
         (0x1600, 1, 0),
     ] {
@@ -255,7 +262,15 @@ fn states_counters_and_process_data_are_live() {
     }
     assert_eq!(number(&mut net, 0x1001, 0), 0);
     net.mn.output_mut(1).copy_from_slice(&[1, 2, 3, 4, 5, 6]);
-    assert_eq!(read(&mut net, 0xA040, 2), Ok(std::vec![1, 2, 3, 4, 5, 6]));
+    let image: Vec<_> = (1..=13).map(|sub| number(&mut net, 0xA040, sub)).collect();
+    assert_eq!(
+        image,
+        [0, 0, 0, 0, 0, 0, 1, 2, 3, 4, 5, 6, 0],
+        "behind the octets of node 1"
+    );
+    assert_eq!(number(&mut net, 0xA04F, 252), 0);
+    assert_eq!(read(&mut net, 0xA050, 1), Err(AbortCode::NO_OBJECT));
+    assert_eq!(read(&mut net, 0xA040, 253), Err(AbortCode::NO_SUB_INDEX));
     net.lose_pres.insert(1, 2);
     net.cycles(2);
     assert_eq!(number(&mut net, 0x1C07, 1), 2);

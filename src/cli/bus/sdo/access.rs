@@ -7,6 +7,7 @@ use crate::service::control::client::{Client, ClientError};
 use crate::service::control::methods::value_of;
 use crate::service::control::rpc::{RpcError, code, to_hex};
 use anyhow::{Context, anyhow};
+use obd::AbortCode;
 use powerlink::link::Link;
 use powerlink::sdo;
 use powerlink::sdo::datagram::UDP_PORT;
@@ -22,7 +23,9 @@ const LISTEN_NS: u64 = 1_000_000_000;
 /// Why an object was not read or written.
 #[derive(Debug)]
 pub(super) enum Failure {
-    /// The node refuses, and says why.
+    /// The node does not have the object.
+    NoObject(String),
+    /// The node refuses for another reason, and says which.
     Refused(String),
     /// Nothing more can be asked.
     Broken(anyhow::Error),
@@ -149,7 +152,13 @@ fn wire_result(done: anyhow::Result<Result<usize, sdo::ClientError>>) -> Result<
 
 fn client_failure(error: sdo::ClientError) -> Failure {
     match error {
-        sdo::ClientError::Aborted(code) => Failure::Refused(format!("{} (0x{:08X})", code.text(), code.0)),
+        sdo::ClientError::Aborted(code) => {
+            let why = format!("{} (0x{:08X})", code.text(), code.0);
+            match code {
+                AbortCode::NO_OBJECT => Failure::NoObject(why),
+                _ => Failure::Refused(why),
+            }
+        }
         error => Failure::Broken(error.into()),
     }
 }
@@ -167,6 +176,10 @@ fn control_failure(error: ClientError) -> Failure {
             code: code::NODE_ABORT,
             message,
         }) => Failure::Refused(message),
+        ClientError::Refused(RpcError {
+            code: code::NODE_NO_OBJECT,
+            message,
+        }) => Failure::NoObject(message),
         error => Failure::Broken(error.into()),
     }
 }
