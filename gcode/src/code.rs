@@ -4,6 +4,7 @@
 //! Out: typed codes, to `block`, which keeps one a group.
 
 use crate::error::ErrorKind;
+use crate::near_miss::distance;
 use motion::canon::{LengthUnit, Plane, ProbeMode, Side, SpindleDirection};
 
 /// Group 1: what axis words do. `None` beside it: G80.
@@ -25,6 +26,10 @@ pub(crate) enum Motion {
     Nurbs,
     /// G5.3
     NurbsEnd,
+    /// G6.2: a line of a NURBS with knots, which the last of these end.
+    NurbsKnot,
+    /// G6.3
+    NurbsKnotEnd,
     /// G33
     SpindleSynchronised,
     /// G33.1
@@ -371,6 +376,8 @@ const G_CODES: &[(u16, GCode)] = &[
     (51, GCode::Motion(Some(Motion::QuadraticSpline))),
     (52, GCode::Motion(Some(Motion::Nurbs))),
     (53, GCode::Motion(Some(Motion::NurbsEnd))),
+    (62, GCode::Motion(Some(Motion::NurbsKnot))),
+    (63, GCode::Motion(Some(Motion::NurbsKnotEnd))),
     (70, GCode::Diameter(true)),
     (80, GCode::Diameter(false)),
     (100, GCode::NonModal(NonModal::SetData)),
@@ -545,7 +552,7 @@ impl GCode {
         }
         Err(ErrorKind::UnknownG {
             number,
-            nearest: g_name(nearest(G_CODES, tenths)),
+            nearest: g_name(nearest(G_CODES, &format!("G{number}"), g_name, tenths)),
         })
     }
 }
@@ -560,21 +567,22 @@ impl MCode {
                 number,
                 nearest: m_name(match number {
                     150.0.. => 199,
-                    _ => nearest(M_CODES, number),
+                    _ => nearest(M_CODES, &format!("M{number}"), m_name, number),
                 }),
             }),
         }
     }
 }
 
-/// Number of the code nearest to `wanted`.
-fn nearest<T>(codes: &[(u16, T)], wanted: f64) -> u16 {
-    let distance = |code: u16| (f64::from(code) - wanted).abs();
+/// Number of the code that takes the fewest changes of what was typed, of several the one nearest to `wanted`.
+fn nearest<T>(codes: &[(u16, T)], typed: &str, name: fn(u16) -> String, wanted: f64) -> u16 {
+    let typed: Vec<char> = typed.to_lowercase().chars().collect();
+    let far = |code: u16| (distance(&typed, &name(code)), (f64::from(code) - wanted).abs());
     codes
         .iter()
-        .map(|(code, _)| *code)
-        .min_by(|a, b| distance(*a).total_cmp(&distance(*b)))
-        .unwrap_or(0)
+        .map(|(code, _)| (far(*code), *code))
+        .min_by(|((a, at), _), ((b, bt), _)| a.cmp(b).then(at.total_cmp(bt)))
+        .map_or(0, |(_, code)| code)
 }
 
 /// `G1` of 10, `G59.1` of 591.
@@ -637,8 +645,11 @@ mod tests {
         };
         unknown_g(22.0, "G21");
         unknown_g(38.6, "G38.5");
-        unknown_g(-1.0, "G0");
-        unknown_g(1e9, "G99");
+        unknown_g(-1.0, "G1");
+        unknown_g(6.1, "G6.2");
+        unknown_g(41.2, "G41.1");
+        unknown_g(910.0, "G91");
+        unknown_g(1e9, "G10");
         let unknown_m = |number, nearest: &str| {
             let nearest = nearest.into();
             assert_eq!(MCode::of(number), Err(ErrorKind::UnknownM { number, nearest }));

@@ -223,7 +223,12 @@ impl FlatWriter {
             } => self.arc(*to, *plane, *centre_mm, *turns),
             Call::StraightProbe { to, mode } => self.probe(*to, mode.towards, mode.must_trip),
             Call::RigidTap { to, return_scale } => self.rigid_tap(*to, *return_scale),
-            Call::NurbsFeed { plane, points, order } => self.nurbs(*plane, points, *order),
+            Call::NurbsFeed {
+                plane,
+                points,
+                order,
+                knots,
+            } => self.nurbs(*plane, points, *order, knots),
             Call::Dwell { seconds } => self.one_word("G4", 'P', *seconds),
             Call::StartSpindleSync { velocity: true, .. } => Err(Unwritable::SpeedOnly),
             Call::StartSpindleSync {

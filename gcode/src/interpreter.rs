@@ -82,6 +82,10 @@ impl Interpreter {
         }
     }
 
+    pub(crate) fn settings(&self) -> &Settings {
+        &self.state.settings
+    }
+
     /// The events of a program in memory, lazily.
     pub fn run(self, text: &[u8]) -> Run<'_> {
         self.run_reader(Cursor::new(text))
@@ -234,7 +238,10 @@ impl Run<'_> {
             Ok(None) => return self.end_of_text(),
             Err(error) => {
                 self.ended = true;
-                let reason = error.to_string();
+                let reason = match error.kind() {
+                    std::io::ErrorKind::IsADirectory => "it is a folder".into(),
+                    _ => error.to_string(),
+                };
                 return self.fail(Span::default(), ErrorKind::NotReadable { reason });
             }
         };
@@ -408,6 +415,10 @@ impl Run<'_> {
     #[cold]
     fn fail_all(&mut self) {
         let octets = self.line_of(self.source);
+        if octets.contains(&0) {
+            self.ended = true;
+            self.faults = vec![(Span::default(), ErrorKind::Binary)];
+        }
         let sites: Vec<CallSite> = self
             .levels
             .iter()

@@ -86,7 +86,7 @@ impl Words<'_> {
                 },
                 Err(fault) => return Some(Err(located(fault))),
             };
-            let word = self.cursor.value(&Unknown).map(|value| Word {
+            let word = self.cursor.value(&Unknown::default()).map(|value| Word {
                 letter,
                 value,
                 span: self.cursor.span().range(),
@@ -96,8 +96,8 @@ impl Words<'_> {
     }
 
     fn assignment(&mut self) -> Result<(), Fault> {
-        self.cursor.parameter_target(&Unknown)?;
-        self.cursor.value(&Unknown)?;
+        self.cursor.parameter_target(&Unknown::default())?;
+        self.cursor.value(&Unknown::default())?;
         Ok(())
     }
 }

@@ -17,7 +17,7 @@ pub(crate) fn nearest<'c>(word: &str, candidates: impl IntoIterator<Item = &'c s
 }
 
 /// Changes that turn `word` into `candidate` (optimal string alignment).
-fn distance(word: &[char], candidate: &str) -> usize {
+pub(crate) fn distance(word: &[char], candidate: &str) -> usize {
     let candidate: Vec<char> = candidate.chars().flat_map(char::to_lowercase).collect();
     let width = candidate.len() + 1;
     let mut before_last: Vec<usize> = vec![0; width];

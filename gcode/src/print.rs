@@ -107,6 +107,9 @@ impl CanonPrinter {
                 let linear = [Axis::X, Axis::Y, Axis::Z].map(|axis| self.length(to[axis]));
                 self.numbers(source, "RIGID_TAP(", &linear, ", ");
             }
+            Call::NurbsFeed { knots, .. } if !knots.is_empty() => {
+                self.line(source, format_args!("NURBS_G6_FEED({}, ...)", knots.len()));
+            }
             Call::NurbsFeed { points, .. } => {
                 self.line(source, format_args!("NURBS_G5_FEED({}, ...)", points.len()));
             }

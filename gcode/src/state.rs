@@ -165,6 +165,10 @@ pub(crate) enum Question {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Nurbs {
     pub(crate) order: u32,
+    /// Plane in which it was begun.
+    pub(crate) plane: Plane,
+    /// Knots of G6.2; `None`: G5.2.
+    pub(crate) knots: Option<Vec<f64>>,
     /// Control points on the first and second axis of the plane, mm, each with its weight.
     pub(crate) points: Vec<([f64; 2], f64)>,
 }
@@ -222,6 +226,8 @@ pub(crate) struct State {
     pub(crate) spindle: u8,
     /// A feed was set and then cleared by a change of the feed mode.
     pub(crate) feed_cleared: bool,
+    /// The line that set the feed to 0, while it is.
+    pub(crate) feed_zero_line: Option<u32>,
     /// Number of the line that is being run.
     pub(crate) line: u32,
     /// Subroutine calls under way.
@@ -304,6 +310,7 @@ impl State {
             cycle: CycleWords::default(),
             spindle: 0,
             feed_cleared: false,
+            feed_zero_line: None,
             line: 0,
             call_level: 0,
             remaps: settings.remaps.iter().map(remap::Entry::new).collect(),

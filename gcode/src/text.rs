@@ -10,6 +10,9 @@
 use crate::scan::LINE_MAX;
 use std::io::{self, Read, Seek, SeekFrom};
 
+/// Of UTF-8.
+const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
+
 /// Octets of a window.
 const WINDOW: usize = 64 * 1024;
 /// What is read first at a new place, which may be left soon.
@@ -186,8 +189,12 @@ impl<R: Read + Seek> Text<R> {
     }
 
     /// The line of `length` octets at `start` of the buffer, followed by a line end of `end` octets.
-    fn take(&mut self, start: usize, length: usize, end: usize) -> Line {
+    fn take(&mut self, mut start: usize, mut length: usize, end: usize) -> Line {
         self.at = start + length + end;
+        // Some editors begin a text with a mark of its encoding.
+        if self.window.base + start as u64 == 0 && self.window.buffer[..length].starts_with(BYTE_ORDER_MARK) {
+            (start, length) = (BYTE_ORDER_MARK.len(), length - BYTE_ORDER_MARK.len());
+        }
         self.number = self.number.saturating_add(1);
         let length = match self.window.buffer[start..start + length] {
             [.., b'\r'] => length - 1,

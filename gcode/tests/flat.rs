@@ -22,7 +22,7 @@ const UNWRITABLE: [(&str, &str); 4] = [
     // G20 allows more than G21.
     (
         "arc-radius-differs-inches",
-        "an arc that G2 and G3 refuse in mm: radius at start 25.4000, at end 25.4508: difference 0.0508 > 0.0283 tolerance",
+        "an arc that G2 and G3 refuse in mm: radius at start 25.4000, at end 25.4508: difference 0.0508 > 0.0283 tolerance (centre 0.0000 0.0000, end 0.0000 25.4508, in the units of the program); is the unit right (G20, G21), and are the centre's words offsets from the start (G91.1) or a place (G90.1)?",
     ),
     ("cycle-left-hand-tap", TAP),
     ("cycle-right-hand-tap", TAP),

@@ -366,7 +366,7 @@ pub enum Call {
         /// I: speed of the way back relative to the way in.
         return_scale: f64,
     },
-    /// G5.2, G5.3: a curve at feed in a plane; other axes stand.
+    /// G5 to G5.3, G6.2: a curve at feed in a plane; other axes stand.
     NurbsFeed {
         /// Plane of the curve.
         plane: Plane,
@@ -374,6 +374,9 @@ pub enum Call {
         points: Vec<([f64; 2], f64)>,
         /// Order of the curve: its degree plus one.
         order: u32,
+        /// Knots, as many as points and order together, never falling, the first and the last each as often as the order;
+        /// none: evenly spaced.
+        knots: Vec<f64>,
     },
     /// G33, G76: the moves that follow are in step with a spindle.
     StartSpindleSync {

@@ -17,7 +17,7 @@ pub enum ErrorKind {
         max: usize,
     },
     /// A character that has no meaning outside comments.
-    #[error("character {0:?} is not allowed here: comments stand in ( ) or behind ;{hint}", hint = percent_hint(*.0))]
+    #[error("character {0:?} is not allowed here: {hint}", hint = character_hint(*.0))]
     BadCharacter(char),
     /// `(` within `( )`.
     #[error("a comment stands inside a comment: close the first one before this (")]
@@ -322,12 +322,14 @@ pub enum ErrorKind {
         motion: String,
     },
     /// A feed move without feed.
-    #[error("{motion} needs a feed: F is not set{hint}", hint = if *.cleared { " (G93, G94 clear it)" } else { "" })]
+    #[error("{motion} needs a feed: {hint}", hint = feed_hint(*.cleared, *.zero_line))]
     FeedMissing {
         /// Motion code.
         motion: String,
         /// Whether a feed was set once and then cleared.
         cleared: bool,
+        /// The line that set it to 0, if one did.
+        zero_line: Option<u32>,
     },
     /// A feed move in G93 without F.
     #[error("{motion} in inverse time mode (G93) needs F on its own line")]
@@ -721,6 +723,9 @@ pub enum ErrorKind {
         /// What the system says.
         reason: String,
     },
+    /// Octets of 0.
+    #[error("this is no text: it has octets of 0, which no program has; is it a binary file?")]
+    Binary,
     /// A check was stopped.
     #[error(
         "the program was still running after {steps} lines: a loop that never ends? A greater budget checks more of it"
@@ -819,7 +824,10 @@ pub enum ErrorKind {
     ArcRadiusZero,
     /// Centre form that does not fit.
     #[error(
-        "radius at start {start:.4}, at end {end:.4}: difference {difference:.4} > {tolerance:.4} tolerance",
+        "radius at start {start:.4}, at end {end:.4}: difference {difference:.4} > {tolerance:.4} tolerance (centre {}, end {}, \
+         in the units of the program); is the unit right (G20, G21), and are the centre's words offsets from the start (G91.1) or \
+         a place (G90.1)?",
+        pair(*.centre), pair(*.end_at),
         difference = (.start - .end).abs()
     )]
     ArcRadiiDiffer {
@@ -829,6 +837,10 @@ pub enum ErrorKind {
         end: f64,
         /// Greatest difference allowed, program units.
         tolerance: f64,
+        /// Where the centre lies, on the axes of the plane, program units.
+        centre: [f64; 2],
+        /// Where the end lies.
+        end_at: [f64; 2],
     },
     /// P of an arc.
     #[error("P{value} of an arc is its number of turns: an integer from 1 to {max}")]
@@ -1040,12 +1052,25 @@ fn named_word_hint(nearest: &Option<String>) -> String {
         .map_or_else(String::new, |word| format!(": did you mean {word}?"))
 }
 
-fn percent_hint(character: char) -> &'static str {
-    if character == '%' {
-        " (% stands alone on the first and last line)"
-    } else {
-        ""
+fn feed_hint(cleared: bool, zero_line: Option<u32>) -> String {
+    match (zero_line, cleared) {
+        (Some(line), _) => format!("F is 0 since line {line}"),
+        (None, true) => "F is not set (G93, G94 clear it)".into(),
+        (None, false) => "F is not set".into(),
     }
+}
+
+fn character_hint(character: char) -> &'static str {
+    match character {
+        '%' => "comments stand in ( ) or behind ; (% stands alone on the first and last line)",
+        ',' => "a number has a decimal point, as in 1.5",
+        _ => "comments stand in ( ) or behind ;",
+    }
+}
+
+/// Two numbers of a place.
+fn pair([first, second]: [f64; 2]) -> String {
+    format!("{first:.4} {second:.4}")
 }
 
 /// The probable meaning, behind a message.

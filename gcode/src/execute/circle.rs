@@ -76,6 +76,8 @@ pub(crate) fn by_centre(
             start: start_radius_mm / unit.mm(),
             end: end_radius_mm / unit.mm(),
             tolerance: tolerance_mm / unit.mm(),
+            centre: centre_mm.map(|mm| mm / unit.mm()),
+            end_at: end_mm.map(|mm| mm / unit.mm()),
         });
     }
     Ok(Arc { centre_mm, turns })

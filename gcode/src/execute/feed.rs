@@ -68,6 +68,7 @@ impl State {
         if unit != FeedUnit::InverseTime {
             self.feed_cleared |= self.modal.feed > 0.0;
             self.modal.feed = 0.0;
+            self.feed_zero_line = None;
             self.tell_feed(calls);
         }
     }
@@ -78,6 +79,7 @@ impl State {
             FeedUnit::InverseTime => {} // belongs to the move of this line alone
             FeedUnit::UnitsPerMinute | FeedUnit::UnitsPerTurn => {
                 self.modal.feed = number;
+                self.feed_zero_line = (number == 0.0).then_some(self.line);
                 self.tell_feed(calls);
             }
         }
@@ -123,8 +125,13 @@ impl State {
     #[cold]
     fn feed_missing(&self, block: &Block) -> Fault {
         let motion = self.motion_name(block);
-        let cleared = self.feed_cleared;
-        (motion_span(block), ErrorKind::FeedMissing { motion, cleared })
+        let (cleared, zero_line) = (self.feed_cleared, self.feed_zero_line);
+        let kind = ErrorKind::FeedMissing {
+            motion,
+            cleared,
+            zero_line,
+        };
+        (motion_span(block), kind)
     }
 
     fn inverse_time_feed(&self, block: &Block, length: PathLength, calls: &mut Calls) -> Result<(), Fault> {

@@ -172,6 +172,8 @@ impl State {
                 | Motion::QuadraticSpline
                 | Motion::Nurbs
                 | Motion::NurbsEnd
+                | Motion::NurbsKnot
+                | Motion::NurbsKnotEnd
                 | Motion::Probe(_)
                 | Motion::Finish
                 | Motion::Rough(_),
@@ -373,7 +375,10 @@ impl State {
             Some(Motion::Feed) => self.straight_feed(block, calls),
             Some(motion @ (Motion::ArcClockwise | Motion::ArcCounterclockwise)) => self.arc(motion, block, calls),
             Some(motion @ (Motion::CubicSpline | Motion::QuadraticSpline)) => self.spline(motion, block, calls),
-            Some(motion @ (Motion::Nurbs | Motion::NurbsEnd)) => self.nurbs(motion, block, calls),
+            Some(Motion::Nurbs) => self.nurbs_point(block),
+            Some(Motion::NurbsEnd) => self.end_nurbs(block, calls),
+            Some(Motion::NurbsKnot) => self.nurbs_knot(block, calls),
+            Some(Motion::NurbsKnotEnd) => self.end_nurbs_knots(block),
             Some(Motion::SpindleSynchronised) => self.spindle_synchronised(block, calls),
             Some(Motion::RigidTap) => self.rigid_tap(block, calls),
             Some(Motion::Probe(mode)) => self.probe(mode, block, calls),

@@ -24,6 +24,7 @@ pub(super) fn length_offset_takes_axes(block: &Block) -> bool {
 pub(super) fn moves_without_axes(modal: Motion, block: &Block) -> bool {
     match modal {
         Motion::ArcClockwise | Motion::ArcCounterclockwise => block.has(letters(b"IJK")),
+        Motion::NurbsKnot => block.has(letters(b"K")),
         _ => false,
     }
 }
@@ -122,17 +123,17 @@ const USERS: [(u8, &str); 11] = [
     (b'H', "G43, G43.2, G43.4 and G76"),
     (b'I', "G2, G3, G5, G5.1, G10 L1, G33.1, G70 to G72.2, G76 and G87"),
     (b'J', "G2, G3, G5, G5.1, G10 L1, G76 and G87"),
-    (b'K', "G2, G3, G33, G33.1, G76 and G87"),
+    (b'K', "G2, G3, G6.2, G33, G33.1, G76 and G87"),
     (b'L', "G10, G5.2, G41.1, G42.1, G73 to G89, M66 and M98"),
     (
         b'P',
-        "G2, G3, G4, G5, G5.2, G10, G64, G70, G74, G76, G82, G84, G86, G88, G89, M19, M50 to M53, M62 to M66, M98 and M100 to M199",
+        "G2, G3, G4, G5, G5.2, G6.2, G10, G64, G70, G74, G76, G82, G84, G86, G88, G89, M19, M50 to M53, M62 to M66, M98 and M100 to M199",
     ),
     (
         b'Q',
-        "G5, G10, G64, G70 to G73, G76, G83, M19, M61, M66 to M68 and M100 to M199",
+        "G5, G6.2, G10, G64, G70 to G73, G76, G83, M19, M61, M66 to M68 and M100 to M199",
     ),
-    (b'R', "G2, G3, G10, G64, G70 to G76, G81 to G89, M19"),
+    (b'R', "G2, G3, G6.2, G10, G64, G70 to G76, G81 to G89, M19"),
     (
         b'$',
         "S, M3, M4, M5, M19, M51, G33, G33.1, G74, G76, G84, G95, G96 and G97",
@@ -225,11 +226,12 @@ fn used_letters(block: &Block, motion: Option<Motion>) -> u32 {
 
 fn letters_of_motion(motion: Motion) -> u32 {
     match motion {
-        Motion::Traverse | Motion::Feed | Motion::Probe(_) | Motion::NurbsEnd => 0,
+        Motion::Traverse | Motion::Feed | Motion::Probe(_) | Motion::NurbsEnd | Motion::NurbsKnotEnd => 0,
         Motion::ArcClockwise | Motion::ArcCounterclockwise => letters(b"IJKRP"),
         Motion::CubicSpline => letters(b"IJPQ"),
         Motion::QuadraticSpline => letters(b"IJ"),
         Motion::Nurbs => letters(b"PL"),
+        Motion::NurbsKnot => letters(b"PQRK"),
         Motion::SpindleSynchronised => letters(b"K$"),
         Motion::RigidTap => letters(b"KI$"),
         Motion::Finish => letters(b"QEDP"),

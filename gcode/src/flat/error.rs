@@ -28,7 +28,7 @@ pub enum Unwritable {
     /// A whole turn or more at once.
     #[error("{0} has no ends and turns by a whole turn or more, which a word cannot say")]
     Wrapped(char),
-    /// A curve that does not begin where the axes stand, or outside the XY plane.
+    /// A curve that does not begin where the axes stand, or in a plane of U, V and W.
     #[error("a spline {0}")]
     Spline(&'static str),
     /// An arc, spline or probing move in step with a spindle.

@@ -179,43 +179,74 @@ impl FlatWriter {
         Ok(())
     }
 
-    pub(super) fn nurbs(&mut self, plane: Plane, points: &[([f64; 2], f64)], order: u32) -> Result<(), Unwritable> {
+    pub(super) fn nurbs(
+        &mut self,
+        plane: Plane,
+        points: &[([f64; 2], f64)],
+        order: u32,
+        knots: &[f64],
+    ) -> Result<(), Unwritable> {
         if self.synchronised.is_some() {
             return Err(Unwritable::Synchronised("a spline"));
         }
-        if plane != Plane::Xy {
-            return Err(Unwritable::Spline("outside the XY plane: G5.2 works in G17 only"));
+        if let Plane::Uv | Plane::Wu | Plane::Vw = plane {
+            return Err(Unwritable::Spline("in a plane of U, V and W"));
         }
+        let [first, second, _] = plane.axes();
+        let letters = [first, second].map(Axis::letter);
         let Some(((start, start_weight), rest)) = points.split_first() else {
             return Err(Unwritable::Spline("without points"));
         };
-        if points.len() < order as usize || order < 3 {
+        if points.len() < order as usize || order < 2 || (order < 3 && knots.is_empty()) {
             return Err(Unwritable::Spline(
                 "with fewer points than its order, or an order below 3",
             ));
         }
-        if (start[0] - self.at[Axis::X]).abs() > SAME || (start[1] - self.at[Axis::Y]).abs() > SAME {
+        if (start[0] - self.at[first]).abs() > SAME || (start[1] - self.at[second]).abs() > SAME {
             return Err(Unwritable::Spline("that does not begin where the axes stand"));
         }
-        self.select_plane(Plane::Xy)?;
+        self.select_plane(plane)?;
         let mut to = self.at;
         if let Some((last, _)) = rest.last() {
-            [to[Axis::X], to[Axis::Y]] = *last;
+            [to[first], to[second]] = *last;
         }
-        self.line.begin("G5.2").word('P', *start_weight).word('L', order);
+        match knots.first() {
+            None => self.line.begin("G5.2").word('P', *start_weight).word('L', order),
+            Some(knot) => {
+                let line = self
+                    .line
+                    .begin("G6.2")
+                    .word(letters[0], start[0])
+                    .word(letters[1], start[1]);
+                line.word('R', *start_weight)
+                    .word('K', *knot)
+                    .word('P', order)
+                    .word('Q', 1)
+            }
+        };
         // Its feed counts mm, also where it ends where it began.
         let mut along = self.at;
-        along[Axis::X] += 1.0;
+        along[first] += 1.0;
         self.push_feed(along)?;
         self.push_line()?;
-        for ([x, y], weight) in rest {
-            self.line.begin("").word('X', *x).word('Y', *y).word('P', *weight);
+        for (index, ([x, y], weight)) in rest.iter().enumerate() {
+            let line = self.line.begin("").word(letters[0], *x).word(letters[1], *y);
+            match knots.get(index + 1) {
+                None => line.word('P', *weight),
+                Some(knot) => line.word('R', *weight).word('K', *knot),
+            };
             self.push_line()?;
         }
-        self.plain("G5.3")?;
+        for knot in knots.iter().skip(points.len()) {
+            self.line.begin("").word('K', *knot);
+            self.push_line()?;
+        }
+        if knots.is_empty() {
+            self.plain("G5.3")?;
+        }
         self.at = to;
-        self.known[Axis::X as usize] = true;
-        self.known[Axis::Y as usize] = true;
+        self.known[first as usize] = true;
+        self.known[second as usize] = true;
         Ok(())
     }
 }

@@ -128,7 +128,7 @@ fn arcs_have_absolute_centres_in_their_own_plane() {
     let wrong = arc(Position::xyz(10.0, 0.0, 0.0), Plane::Xy, [4.0, 0.0], -1);
     assert_eq!(
         refused(&[FEED, wrong]),
-        "line 2: cannot be written as plain G-code: an arc that G2 and G3 refuse in mm: radius at start 4.0000, at end 6.0000: difference 2.0000 > 0.0283 tolerance"
+        "line 2: cannot be written as plain G-code: an arc that G2 and G3 refuse in mm: radius at start 4.0000, at end 6.0000: difference 2.0000 > 0.0283 tolerance (centre 4.0000 0.0000, end 10.0000 0.0000, in the units of the program); is the unit right (G20, G21), and are the centre's words offsets from the start (G91.1) or a place (G90.1)?"
     );
 }
 
@@ -151,6 +151,7 @@ fn curves_threads_taps_and_probing_moves() {
         plane,
         points: vec![(start, 1.0), ([2.0, 1.0], 0.5), ([3.0, 0.0], 1.0)],
         order,
+        knots: Vec::new(),
     };
     let calls = [
         FEED,
@@ -192,8 +193,8 @@ fn curves_threads_taps_and_probing_moves() {
             "a probing move in step with a spindle",
         ),
         (
-            vec![FEED, nurbs(Plane::Zx, [0.0, 0.0], 3)],
-            "a spline outside the XY plane: G5.2 works in G17 only",
+            vec![FEED, nurbs(Plane::Uv, [0.0, 0.0], 3)],
+            "a spline in a plane of U, V and W",
         ),
         (
             vec![FEED, nurbs(Plane::Xy, [1.0, 0.0], 3)],

@@ -59,6 +59,7 @@ fn moves() {
             plane: Plane::Xy,
             points: vec![([0.0, 0.0], 1.0); 4],
             order: 3,
+            knots: Vec::new(),
         },
         Call::Dwell { seconds: 0.5 },
     ];

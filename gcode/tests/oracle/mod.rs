@@ -212,7 +212,7 @@ pub fn newest_form(printed: &str) -> String {
     for line in printed.lines() {
         let restored = line.contains(WITHOUT_COUNT).then(|| {
             let line = line.replace(WITHOUT_COUNT, "NURBS_G6_FEED");
-            format!("    0{}", &line[line.find(" N").unwrap_or(0)..])
+            format!("    0 {}", line.trim_start())
         });
         let line = restored.as_deref().unwrap_or(line);
         // The count has five places or more, the column of line numbers seven or more.

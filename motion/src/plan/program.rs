@@ -195,7 +195,12 @@ impl Program {
                 unsupported("a programmed path with cutter compensation (G41, G42)")
             }
             Call::StraightProbe { to, mode } => self.probe(to, *mode, line, settings),
-            Call::NurbsFeed { plane, points, order } => self.curve(*plane, points, *order, line, settings),
+            Call::NurbsFeed {
+                plane,
+                points,
+                order,
+                knots,
+            } => self.curve(*plane, (points, *order, knots), line, settings),
             Call::StartSpindleSync { spindle: 1.., .. } | Call::SetFeedMode(FeedMode::PerTurn { spindle: 1.. }) => {
                 unsupported("a second spindle ($1 and above)")
             }

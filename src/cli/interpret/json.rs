@@ -57,11 +57,17 @@ impl JsonPrinter {
                 json!({ "to": to.0, "towards": mode.towards, "must_trip": mode.must_trip }),
             ),
             Call::RigidTap { to, return_scale } => ("rigid_tap", json!({ "to": to.0, "return_scale": return_scale })),
-            Call::NurbsFeed { plane, points, order } => {
+            Call::NurbsFeed {
+                plane,
+                points,
+                order,
+                knots,
+            } => {
                 let (points, weights): (Vec<_>, Vec<_>) = points.iter().copied().unzip();
+                let plane = plane_name(*plane);
                 (
                     "nurbs_feed",
-                    json!({ "plane": plane_name(*plane), "points_mm": points, "weights": weights, "order": order }),
+                    json!({ "plane": plane, "points_mm": points, "weights": weights, "order": order, "knots": knots }),
                 )
             }
             Call::StartSpindleSync {

@@ -76,6 +76,7 @@ fn samples() -> Vec<(&'static str, Call)> {
                 plane: Plane::Xy,
                 points: vec![([1.0, 2.0], 3.0), ([4.0, 5.0], 6.0)],
                 order: 3,
+                knots: Vec::new(),
             },
         ),
         (

@@ -1,7 +1,7 @@
 //! A NURBS in its plane: point and direction at any place.
 //!
-//! In:  control points with weights, order; the knots are LinuxCNC's: evenly spaced, the ends as often as the order, so
-//!      that the curve begins at the first control point and ends at the last.
+//! In:  control points with weights, order, knots; without knots they are LinuxCNC's, evenly spaced. The ends are there as
+//!      often as the order, so that the curve begins at the first control point and ends at the last.
 //! Out: points, mm.
 
 /// A rational B-spline.
@@ -10,27 +10,37 @@ pub(super) struct Curve {
     /// Control points times weight, and the weight: homogeneous coordinates.
     points: Vec<[f64; 3]>,
     order: usize,
+    knots: Vec<f64>,
+    /// Number of the first knot of each span that is not empty.
+    spans: Vec<usize>,
 }
 
 impl Curve {
     /// `points` are at least as many as `order`, which is 2 or more; weights are above 0.
-    pub(super) fn new(points: &[([f64; 2], f64)], order: u32) -> Curve {
+    pub(super) fn new(points: &[([f64; 2], f64)], order: u32, knots: &[f64]) -> Curve {
         debug_assert!(order >= 2 && points.len() >= order as usize);
+        let order = order as usize;
+        let count = points.len() + 1 - order;
+        let even = |index: usize| (index + 1).saturating_sub(order).min(count) as f64;
+        let knots = match knots.is_empty() {
+            true => (0..points.len() + order).map(even).collect(),
+            false => knots.to_vec(),
+        };
+        let spans = (order - 1..points.len())
+            .filter(|at| knots[*at] < knots[at + 1])
+            .collect();
         let points = points.iter().map(|([x, y], w)| [x * w, y * w, *w]).collect();
         Curve {
             points,
-            order: order as usize,
+            order,
+            knots,
+            spans,
         }
     }
 
     /// Number of polynomial pieces: the parameter runs from 0 to this.
     pub(super) fn spans(&self) -> usize {
-        self.points.len() + 1 - self.order
-    }
-
-    /// The knot of an index.
-    fn knot(&self, index: usize) -> f64 {
-        (index + 1).saturating_sub(self.order).min(self.spans()) as f64
+        self.spans.len()
     }
 
     /// The point at a parameter.
@@ -42,17 +52,21 @@ impl Curve {
     pub(super) fn point_and_derivative(&self, parameter: f64) -> ([f64; 2], [f64; 2]) {
         let degree = self.order - 1;
         let parameter = parameter.clamp(0.0, self.spans() as f64);
-        let span = (parameter as usize).min(self.spans() - 1); // clamped to few thousands
-        let mut level: Vec<[f64; 3]> = self.points[span..=span + degree].to_vec();
+        let piece = (parameter as usize).min(self.spans() - 1); // clamped to few thousands
+        let first = self.spans[piece];
+        let width = self.knots[first + 1] - self.knots[first];
+        let parameter = self.knots[first] + (parameter - piece as f64) * width;
+        let span = first - degree;
+        let mut level: Vec<[f64; 3]> = self.points[span..=first].to_vec();
         let mut derivative = [0.0; 3];
         for step in 1..=degree {
             for at in (step..=degree).rev() {
-                let low = self.knot(span + at);
-                let high = self.knot(span + at + self.order - step);
+                let low = self.knots[span + at];
+                let high = self.knots[span + at + self.order - step];
                 let share = (parameter - low) / (high - low);
                 let (before, here) = (level[at - 1], level[at]);
                 if step == degree {
-                    let rate = degree as f64 / (high - low);
+                    let rate = width * degree as f64 / (high - low);
                     derivative = std::array::from_fn(|axis| rate * (here[axis] - before[axis]));
                 }
                 level[at] = std::array::from_fn(|axis| before[axis] + share * (here[axis] - before[axis]));

@@ -1,10 +1,15 @@
-//! Curves: G5 (cubic), G5.1 (quadratic), G5.2 and G5.3 (NURBS).
+//! Curves: G5 (cubic), G5.1 (quadratic), G5.2 and G5.3 (NURBS), G6.2 (NURBS with knots).
 //!
 //! In:  control points in words: those of a Bézier curve on one line, those of a NURBS on lines of their own.
 //! Out: the curve itself ([`Call::NurbsFeed`]) or arcs that follow it, as [`Settings::splines`](crate::Settings) says.
 //!
-//! LinuxCNC's rules: XY plane only; G5 and G5.1 leave the modal motion as it was; while G5.2 is open the current point
-//! stays at its start, so that in G91 every control point counts from there.
+//! LinuxCNC's rules: G5 and G5.1 in the XY plane only, NURBS in those of X, Y and Z; G5 and G5.1 leave the modal motion as
+//! it was; while a NURBS is open the current point stays at its start, so that in G91 every control point counts from
+//! there.
+//!
+//! G6.2 has a knot K on each line, control points with their weights R first, then as many lines with K alone as the order
+//! P of the first line says. The knots end it: the last is there as often as the order. Q, which of LinuxCNC's three ways
+//! to follow the curve is meant, is of no effect: all of them are within our tolerance.
 
 mod biarc;
 mod curve;
@@ -30,15 +35,16 @@ pub(crate) const NURBS_POINTS_MAX: usize = 10_000;
 /// Arcs by which a curve is measured follow it so nearly, mm.
 const LENGTH_TOLERANCE_MM: f64 = 0.001;
 
-/// Letters that no curve takes.
-const OTHER_AXES: &[u8] = b"ZABCUVW";
-
 fn fault<T>(span: crate::scan::Span, error: SplineError) -> Result<T, Fault> {
     Err((span, ErrorKind::Spline(error)))
 }
 
 impl State {
     pub(super) fn spline(&mut self, motion: Motion, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
+        if self.modal.plane != Plane::Xy {
+            let plane = super::arc::ArcWords::of(self.modal.plane).plane;
+            return fault(motion_span(block), SplineError::Plane { plane });
+        }
         self.check_curve(block)?;
         if block.first_axis().is_none() {
             let code = self.motion_name(block);
@@ -46,7 +52,7 @@ impl State {
         }
         self.check_curve_feed(block)?;
         let to = self.end(block)?;
-        let (start, end) = (xy(self.at), xy(to));
+        let (start, end) = (in_plane(self.at, Plane::Xy), in_plane(to, Plane::Xy));
         let points = if motion == Motion::QuadraticSpline {
             let first = self.pair(block, *b"IJ", |missing| SplineError::FirstPoint {
                 code: "G5.1",
@@ -65,28 +71,27 @@ impl State {
         };
         let order = points.len() as u32;
         let points = points.into_iter().map(|point| (point, 1.0)).collect();
-        self.curve(points, order, to, block, calls)
-    }
-
-    pub(super) fn nurbs(&mut self, motion: Motion, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
-        match motion {
-            Motion::NurbsEnd => self.end_nurbs(block, calls),
-            _ => self.nurbs_point(block),
-        }
+        self.curve(points, order, Vec::new(), to, block, calls)
     }
 
     /// Refuses what would leave control points of an open NURBS behind.
     pub(super) fn check_nurbs_closed(&self, motion: Option<Motion>) -> Result<(), ErrorKind> {
-        match (&self.nurbs, motion) {
-            (None, _) | (Some(_), Some(Motion::Nurbs | Motion::NurbsEnd)) => Ok(()),
-            (Some(nurbs), _) => Err(ErrorKind::Spline(SplineError::NotClosed {
-                points: nurbs.points.len(),
-            })),
-        }
+        let Some(nurbs) = &self.nurbs else { return Ok(()) };
+        let points = nurbs.points.len();
+        let error = match (&nurbs.knots, motion) {
+            (None, Some(Motion::Nurbs | Motion::NurbsEnd)) => return Ok(()),
+            (Some(_), Some(Motion::NurbsKnot | Motion::NurbsKnotEnd)) => return Ok(()),
+            (None, _) => SplineError::NotClosed { points },
+            (Some(_), _) => SplineError::KnotsMissing {
+                points,
+                order: nurbs.order,
+            },
+        };
+        Err(ErrorKind::Spline(error))
     }
 
     /// A line of a NURBS: its first one may tell the weight of the start, all others are control points.
-    fn nurbs_point(&mut self, block: &Block) -> Result<(), Fault> {
+    pub(super) fn nurbs_point(&mut self, block: &Block) -> Result<(), Fault> {
         self.check_curve(block)?;
         if self.modal.feed_unit != FeedUnit::InverseTime {
             self.check_curve_feed(block)?;
@@ -106,20 +111,20 @@ impl State {
             return fault(block.span(b'P'), SplineError::Weight { value });
         }
         let first = self.nurbs.is_none();
-        let point = match [b'X', b'Y'].map(|letter| block.has(letters(&[letter]))) {
-            [true, true] => Some(xy(self.end(block)?)),
-            [false, false] if first => None,
-            [false, false] => return fault(span, SplineError::StartWeightLate),
-            [true, false] => return fault(span, SplineError::PointIncomplete { missing: 'Y' }),
-            [false, true] => return fault(span, SplineError::PointIncomplete { missing: 'X' }),
-        };
+        let point = self.control_point(block, "G5.2")?;
+        if !first && point.is_none() {
+            return fault(span, SplineError::StartWeightLate);
+        }
         if !first && weight.is_none() {
             return fault(span, SplineError::WeightMissing);
         }
-        let start = xy(self.at);
+        let plane = self.modal.plane;
+        let start = in_plane(self.at, plane);
         let weight = weight.unwrap_or(1.0);
         let nurbs = self.nurbs.get_or_insert_with(|| Nurbs {
             order: NURBS_ORDER,
+            plane,
+            knots: None,
             points: vec![(start, if point.is_none() { weight } else { 1.0 })],
         });
         if let Some(order) = order {
@@ -134,10 +139,22 @@ impl State {
         Ok(())
     }
 
-    fn end_nurbs(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
+    /// The control point of a line, if it has one.
+    fn control_point(&self, block: &Block, code: &'static str) -> Result<Option<[f64; 2]>, Fault> {
+        let [first, second, _] = self.modal.plane.axes();
+        let missing = match [first, second].map(|axis| block.axis(axis).is_some()) {
+            [true, true] => return Ok(Some(in_plane(self.end(block)?, self.modal.plane))),
+            [false, false] => return Ok(None),
+            [true, false] => second.letter(),
+            [false, true] => first.letter(),
+        };
+        fault(motion_span(block), SplineError::PointIncomplete { code, missing })
+    }
+
+    pub(super) fn end_nurbs(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
         let span = motion_span(block);
         self.modal.motion = None;
-        let Some(Nurbs { order, points }) = self.nurbs.take() else {
+        let Some(Nurbs { order, points, .. }) = self.nurbs.take() else {
             return fault(span, SplineError::NotOpen);
         };
         if let Some(letter) = block.first_axis() {
@@ -147,11 +164,123 @@ impl State {
             let points = points.len();
             return fault(span, SplineError::TooFewPoints { order, points });
         }
+        let to = self.end_of_points(&points);
+        self.curve(points, order, Vec::new(), to, block, calls)
+    }
+
+    /// Where a curve with these control points ends.
+    fn end_of_points(&self, points: &[([f64; 2], f64)]) -> Position {
+        let [first, second, _] = self.modal.plane.axes();
         let mut to = self.at;
-        if let Some(([x, y], _)) = points.last() {
-            (to[Axis::X], to[Axis::Y]) = (*x, *y);
+        if let Some((last, _)) = points.last() {
+            [to[first], to[second]] = *last;
         }
-        self.curve(points, order, to, block, calls)
+        to
+    }
+
+    /// G6.2: a control point with its knot, or one of the knots behind the points. The last knot tells the curve.
+    pub(super) fn nurbs_knot(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
+        self.check_curve(block)?;
+        if self.modal.feed_unit != FeedUnit::InverseTime {
+            self.check_curve_feed(block)?;
+        }
+        let span = motion_span(block);
+        let order = match block.word_value(b'P') {
+            None => None,
+            Some(value) => match integer_in(value, 2..=NURBS_POINTS_MAX as i64) {
+                Some(order) => Some(order as u32),
+                None => return fault(block.span(b'P'), SplineError::KnotOrder { value }),
+            },
+        };
+        if let Some(value) = block.word_value(b'Q')
+            && integer_in(value, 1..=3).is_none()
+        {
+            return fault(block.span(b'Q'), SplineError::KnotWay { value });
+        }
+        let weight = block.word_value(b'R').unwrap_or(1.0);
+        if weight <= 0.0 {
+            return fault(block.span(b'R'), SplineError::KnotWeight { value: weight });
+        }
+        let point = self.control_point(block, "G6.2")?;
+        let Some(knot) = block.word_value(b'K') else {
+            return fault(span, SplineError::KnotMissing);
+        };
+        let plane = self.modal.plane;
+        let mut nurbs = match (self.nurbs.take(), order) {
+            (Some(nurbs), _) => nurbs,
+            (None, None) => return fault(span, SplineError::KnotOrderMissing),
+            (None, Some(order)) => Nurbs {
+                order,
+                plane,
+                knots: Some(Vec::new()),
+                points: Vec::new(),
+            },
+        };
+        nurbs.order = order.unwrap_or(nurbs.order);
+        let mut knots = nurbs.knots.take().unwrap_or_default();
+        if let Some(last) = knots.last()
+            && knot < *last
+        {
+            let (value, before) = (knot, *last);
+            return fault(block.span(b'K'), SplineError::KnotFalls { value, before });
+        }
+        if point.is_some() && knots.len() > nurbs.points.len() {
+            return fault(span, SplineError::PointBehindKnots);
+        }
+        if knots.len() >= NURBS_POINTS_MAX {
+            return fault(span, SplineError::TooManyPoints { max: NURBS_POINTS_MAX });
+        }
+        nurbs.points.extend(point.map(|point| (point, weight)));
+        knots.push(knot);
+        let order = nurbs.order as usize;
+        let ends = knots.len() > order && knots[knots.len() - order] == knot;
+        if !ends {
+            nurbs.knots = Some(knots);
+            self.nurbs = Some(nurbs);
+            return Ok(());
+        }
+        self.modal.motion = None;
+        let Nurbs { order, points, .. } = nurbs;
+        let wanted = knots.len() - order as usize;
+        if points.len() != wanted || wanted < order as usize {
+            let points = points.len();
+            return fault(
+                span,
+                SplineError::KnotCount {
+                    points,
+                    knots: knots.len(),
+                    order,
+                },
+            );
+        }
+        let degree = order as usize - 1;
+        let torn = (1..wanted).find(|at| knots[*at] == knots[at + degree]);
+        if knots[0] != knots[degree] || torn.is_some() {
+            return fault(span, SplineError::KnotEnds { order });
+        }
+        // LinuxCNC's curve begins at its first point, wherever the tool is.
+        let mut start = self.at;
+        let [first, second, _] = plane.axes();
+        [start[first], start[second]] = points[0].0;
+        if start != self.at {
+            calls.push_back(Call::StraightFeed { to: start });
+            self.at = start;
+        }
+        let to = self.end_of_points(&points);
+        self.curve(points, order, knots, to, block, calls)
+    }
+
+    /// G6.3: of no effect behind the last knot of G6.2, which ends the curve.
+    pub(super) fn end_nurbs_knots(&mut self, block: &Block) -> Result<(), Fault> {
+        self.modal.motion = None;
+        match (self.nurbs.take(), block.first_axis()) {
+            (Some(Nurbs { points, order, .. }), _) => {
+                let points = points.len();
+                fault(motion_span(block), SplineError::KnotsMissing { points, order })
+            }
+            (None, Some(letter)) => fault(block.span(letter), SplineError::EndWithPoint),
+            (None, None) => Ok(()),
+        }
     }
 
     /// Tells a curve that begins at the current point.
@@ -159,12 +288,15 @@ impl State {
         &mut self,
         points: Vec<([f64; 2], f64)>,
         order: u32,
+        knots: Vec<f64>,
         to: Position,
         block: &Block,
         calls: &mut Calls,
     ) -> Result<(), Fault> {
+        let plane = self.modal.plane;
+        let [first, second, _] = plane.axes();
         let pieces = |tolerance_mm| {
-            let pieces = biarc::pieces(&Curve::new(&points, order), tolerance_mm);
+            let pieces = biarc::pieces(&Curve::new(&points, order, &knots), tolerance_mm);
             if pieces.len() > PIECES_MAX {
                 let max = PIECES_MAX;
                 return fault(motion_span(block), SplineError::TooManyPieces { max });
@@ -179,9 +311,10 @@ impl State {
                     self.need_feed(block, || length_mm(&pieces), calls)?;
                 }
                 calls.push_back(Call::NurbsFeed {
-                    plane: Plane::Xy,
+                    plane,
                     points,
                     order,
+                    knots,
                 });
             }
             Splines::Arcs { tolerance_mm } => {
@@ -190,12 +323,12 @@ impl State {
                 for (index, piece) in pieces.iter().enumerate() {
                     let mut end = to;
                     if index + 1 < pieces.len() {
-                        [end[Axis::X], end[Axis::Y]] = piece.end;
+                        [end[first], end[second]] = piece.end;
                     }
                     calls.push_back(match piece.arc {
                         Some(arc) => Call::ArcFeed {
                             to: end,
-                            plane: Plane::Xy,
+                            plane,
                             centre_mm: arc.centre_mm,
                             turns: arc.turns,
                         },
@@ -214,12 +347,24 @@ impl State {
         if self.cutter.is_some() {
             return fault(span, SplineError::Compensated);
         }
-        if self.modal.plane != Plane::Xy {
-            let plane = super::arc::ArcWords::of(self.modal.plane).plane;
+        let plane = self.modal.plane;
+        if let Plane::Uv | Plane::Wu | Plane::Vw = plane {
+            let plane = super::arc::ArcWords::of(plane).plane;
             return fault(span, SplineError::Plane { plane });
         }
-        match block.first_of(OTHER_AXES) {
-            Some(letter) => fault(block.span(letter), SplineError::OtherAxis { letter: letter.into() }),
+        if self.nurbs.as_ref().is_some_and(|nurbs| nurbs.plane != plane) {
+            return fault(span, SplineError::PlaneChange);
+        }
+        let [first, second, _] = plane.axes();
+        let other = |axis: &Axis| ![first, second].contains(axis) && block.axis(*axis).is_some();
+        match Axis::ALL.into_iter().find(other) {
+            Some(axis) => {
+                let [letter, first, second] = [axis, first, second].map(Axis::letter);
+                fault(
+                    block.span(letter as u8),
+                    SplineError::OtherAxis { letter, first, second },
+                )
+            }
             None => Ok(()),
         }
     }
@@ -240,8 +385,9 @@ impl State {
     }
 }
 
-fn xy(position: Position) -> [f64; 2] {
-    [position[Axis::X], position[Axis::Y]]
+fn in_plane(position: Position, plane: Plane) -> [f64; 2] {
+    let [first, second, _] = plane.axes();
+    [position[first], position[second]]
 }
 
 fn sum(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {

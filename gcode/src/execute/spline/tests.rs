@@ -51,7 +51,7 @@ fn every_rule_has_its_error() {
     for (program, error) in [
         (
             "G18 G5 X1 Y1 I1 J1 P1 Q1",
-            "2:5: curves (G5 to G5.3) lie in the XY plane, and G18 is active",
+            "2:5: this curve cannot lie in the plane G18: G5 and G5.1 take G17",
         ),
         (
             "G41.1 D1 G5.1 X1 Y1 I1 J1",
@@ -72,7 +72,7 @@ fn every_rule_has_its_error() {
         ("F0 G5.2 X1 Y1 P1", "2:4: G5.2 needs a feed"),
         (
             "G5.2 X1 P1",
-            "2:1: a control point of G5.2 needs both X and Y: Y is missing",
+            "2:1: a control point of G5.2 needs both axes of the plane: Y is missing",
         ),
         ("G5.2 X1 Y1 P0", "2:12: P0 is no weight"),
         ("G5.2 X1 Y1 P1 L3.5", "2:15: L3.5 is no order"),
@@ -91,7 +91,60 @@ fn every_rule_has_its_error() {
             "G5.2 X1 Y1 P1",
             "3:1: the curve begun with G5.2 has 2 control points and no end",
         ),
-        ("G5.2 X1 Y1 P1\nX2 Y2 P1\nG5.3 X1", "4:6: G5.3 only ends the curve"),
+        (
+            "G5.2 X1 Y1 P1\nX2 Y2 P1\nG5.3 X1",
+            "4:6: G5.3 and G6.3 only end the curve",
+        ),
+        ("G17.1 G5.2 U1 V1 P1", "2:7: this curve cannot lie in the plane"),
+        (
+            "G18 G5.2 X1 Z1 Y1 P1",
+            "2:16: Y cannot move along a curve, which takes Z and X only",
+        ),
+        (
+            "G18 G5.2 Z1 P1",
+            "2:5: a control point of G5.2 needs both axes of the plane: X is missing",
+        ),
+        (
+            "G5.2 X1 Y1 P1\nG18\nX1 Z1 P1",
+            "4:1: the plane has changed since this curve was begun",
+        ),
+        ("F0 G6.2 X1 Y1 R1 K0 P3", "2:4: G6.2 needs a feed"),
+        ("G6.2 X1 Y1 R1 K0 Q1", "2:1: the first line of G6.2 needs P"),
+        ("G6.2 X1 Y1 R1 K0 P1.5", "2:18: P1.5 is no order"),
+        ("G6.2 X1 Y1 R1 K0 P3 Q4", "2:21: Q4 of G6.2 is 1, 2 or 3"),
+        ("G6.2 X1 Y1 R0 K0 P3", "2:12: R0 is no weight"),
+        ("G6.2 X1 Y1 R1 P3", "2:1: G6.2 needs K"),
+        (
+            "G6.2 X1 R1 K0 P3",
+            "2:1: a control point of G6.2 needs both axes of the plane: Y is missing",
+        ),
+        ("G6.2 X1 Y1 K1 P3\nX2 Y2 K0", "3:7: K0 is below the knot before, K1"),
+        (
+            "G6.2 X1 Y1 K1 P3\nK1\nX2 Y2 K1",
+            "4:1: a control point behind a knot alone",
+        ),
+        (
+            "G6.2 X1 Y1 K0 P3\nX2 Y2 K0\nK0\nK0",
+            "5:1: the last knot has come 3 times, and there are 2 control points and 4 knots",
+        ),
+        (
+            "G6.2 X1 Y1 K0 P2\nX2 Y2 K1\nX3 Y3 K2\nK3\nK3",
+            "6:1: the first knot must come 2 times",
+        ),
+        (
+            "G6.2 X1 Y1 K0 P3\nG1 X5",
+            "3:1: the curve begun with G6.2 has 1 control points and no end",
+        ),
+        (
+            "G6.2 X1 Y1 K0 P3",
+            "3:1: the curve begun with G6.2 has 1 control points and no end",
+        ),
+        (
+            "G6.2 X1 Y1 K0 P3\nG6.3",
+            "3:1: the curve begun with G6.2 has 1 control points and no end",
+        ),
+        ("G6.2 X1 Y1 K0 P3\nG5.2 X1 Y1 P1", "3:1: the curve begun with G6.2"),
+        ("G5.2 X1 Y1 P1\nG6.2 X1 Y1 K0 P3", "3:1: the curve begun with G5.2"),
     ] {
         let shown = printed(&format!("F100\n{program}\nM2\n"));
         assert!(shown.lines().any(|line| line.starts_with(error)), "{program}: {shown}");
@@ -127,7 +180,7 @@ fn arcs_take_the_time_that_g93_names() {
             Call::ArcFeed {
                 to, centre_mm, turns, ..
             } => {
-                let to = xy(to);
+                let to = in_plane(to, Plane::Xy);
                 let arc = super::super::circle::Arc { centre_mm, turns };
                 time_s += super::super::circle::length_mm(arc, at, to) / feed_mm_s;
                 at = to;
@@ -168,7 +221,7 @@ fn a_timed_curve_takes_the_time_that_g93_names() {
 fn weights_make_a_nurbs_a_quarter_circle() {
     // Order 3, the middle one of three control points weighted by cos 45 degrees.
     let half = std::f64::consts::FRAC_1_SQRT_2;
-    let curve = Curve::new(&[([1.0, 0.0], 1.0), ([1.0, 1.0], half), ([0.0, 1.0], 1.0)], 3);
+    let curve = Curve::new(&[([1.0, 0.0], 1.0), ([1.0, 1.0], half), ([0.0, 1.0], 1.0)], 3, &[]);
     for parameter in [0.0, 0.1, 0.5, 0.77, 1.0] {
         let [x, y] = curve.point(parameter);
         assert!((x.hypot(y) - 1.0).abs() < 1e-14, "{parameter}: {x} {y}");
@@ -210,7 +263,7 @@ proptest! {
         // Without cusps: the arms point away from each other.
         let end = [end[0] + 60.0, end[1]];
         let points = [[0.0, 0.0], first, [end[0] - last[0], end[1] + last[1]], end].map(|point| (point, 1.0));
-        let curve = Curve::new(&points, 4);
+        let curve = Curve::new(&points, 4, &[]);
         let arcs = pieces(&curve, tolerance_mm);
         prop_assert_eq!(arcs[0].start, [0.0, 0.0]);
         let off = [0, 1].map(|axis| (arcs[arcs.len() - 1].end[axis] - end[axis]).abs());
@@ -236,7 +289,7 @@ proptest! {
     ) {
         let points: Vec<([f64; 2], f64)> =
             points.iter().map(|([x, y], w)| ([f64::from(*x), f64::from(*y)], f64::from(*w))).collect();
-        let curve = Curve::new(&points, order);
+        let curve = Curve::new(&points, order, &[]);
         let arcs = pieces(&curve, 0.01);
         let finite = |piece: &Piece| {
             let centre = piece.arc.map_or([0.0; 2], |arc| arc.centre_mm);
@@ -259,5 +312,61 @@ fn a_curve_beyond_all_machines_is_refused_in_bounded_memory() {
     let shown = with_arcs("F100\nG5 X999999999 Y-999999999 I999999999 J999999999 P-999999999 Q0\nM2\n");
     assert!(shown.lines().count() < 100_000, "{} lines", shown.lines().count());
     let points: Vec<_> = (0..50).map(|at| ([f64::powi(-1e200, at), 1.0], 1.0)).collect();
-    assert!(pieces(&Curve::new(&points, 4), 0.001).len() <= biarc::PIECES_MAX + 2);
+    assert!(pieces(&Curve::new(&points, 4, &[]), 0.001).len() <= biarc::PIECES_MAX + 2);
+}
+
+#[test]
+fn knots_tell_the_same_curve_whatever_their_scale() {
+    // Four quarters of a circle: knots within come twice, and spans are as wide as they are.
+    let h = std::f64::consts::FRAC_1_SQRT_2;
+    let corners = [
+        [1.0, 0.0],
+        [1.0, 1.0],
+        [0.0, 1.0],
+        [-1.0, 1.0],
+        [-1.0, 0.0],
+        [-1.0, -1.0],
+        [0.0, -1.0],
+        [1.0, -1.0],
+        [1.0, 0.0],
+    ];
+    let points: Vec<([f64; 2], f64)> = (0..)
+        .zip(corners)
+        .map(|(k, at)| (at, if k % 2 == 0 { 1.0 } else { h }))
+        .collect();
+    let curve = Curve::new(
+        &points,
+        3,
+        &[0.0, 0.0, 0.0, 1.0, 1.0, 2.5, 2.5, 7.0, 7.0, 8.0, 8.0, 8.0],
+    );
+    assert_eq!(curve.spans(), 4);
+    for k in 0..=40 {
+        let (at, along) = curve.point_and_derivative(f64::from(k) / 10.0);
+        assert!((libm::hypot(at[0], at[1]) - 1.0).abs() < 1e-12, "{at:?}");
+        assert!((at[0] * along[0] + at[1] * along[1]).abs() < 1e-9, "{along:?}");
+    }
+    assert_eq!(curve.point(2.0), [-1.0, 0.0]);
+}
+
+#[test]
+fn a_curve_with_knots_begins_at_its_first_point_and_ends_at_its_last() {
+    let program =
+        "F100 G18\nG6.2 Z1 X2 R1 K0 P3 Q2\nZ2 X4 K0 R2\nZ3 X2 K0\nK1\nK1\nK1\nG6.3\n(debug,#5420 #5422)\nM2\n";
+    assert_eq!(
+        printed(program),
+        "SET_FEED_RATE(100.0000)\nSELECT_PLANE(CANON_PLANE_XZ)\nSTRAIGHT_FEED(2.0000, 0.0000, 1.0000, 0.0000, 0.0000, 0.0000)\n\
+         NURBS_G6_FEED(6, ...)\nMESSAGE(\"2.000000 3.000000\")\n"
+    );
+    let mut run = crate::Interpreter::new(Settings::default()).run(program.as_bytes());
+    let told = run.find_map(|event| match event.unwrap().call {
+        Call::NurbsFeed {
+            plane,
+            points,
+            order,
+            knots,
+        } => Some((plane, points, order, knots)),
+        _ => None,
+    });
+    let points = vec![([1.0, 2.0], 1.0), ([2.0, 4.0], 2.0), ([3.0, 2.0], 1.0)];
+    assert_eq!(told, Some((Plane::Zx, points, 3, vec![0.0, 0.0, 0.0, 1.0, 1.0, 1.0])));
 }

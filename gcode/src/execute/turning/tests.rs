@@ -131,6 +131,23 @@ fn pockets_are_cut_left_or_cut_after() {
 }
 
 #[test]
+fn a_valley_too_narrow_for_what_is_left_is_bridged() {
+    // 1 mm wide and 1 mm deep, with 1 mm left on the profile: two arcs around its edges meet above it.
+    let profile = "o1 sub\nG0 X5\nG1 Z-5\nX4\nZ-6\nX5\nZ-9\nX8\no1 endsub\nG18 F10\nG0 X12 Z2\n";
+    assert_eq!(
+        moves(&format!("{profile}G70 Q1 E1\nM2\n"))[2..],
+        [
+            "R 6.0000 2.0000",
+            "F 6.0000 -5.0000",
+            "A 5.8660 -5.5000 5.0000 -5.0000 1",
+            "A 6.0000 -6.0000 5.0000 -6.0000 1",
+            "F 6.0000 -8.0000",
+            "F 8.0000 -8.0000",
+        ]
+    );
+}
+
+#[test]
 fn corners_are_rounded_and_cut() {
     let profile = "o1 sub\nG0 X5\nG1 Z-10 A1\nX8\nZ-15 C1\nX10 Z-18\no1 endsub\nG18 F10\nG0 X12 Z2\n";
     assert_eq!(
@@ -206,9 +223,9 @@ fn every_rule_has_its_error() {
         let shown = printed(&format!("o1 sub\n{lines}\no1 endsub\nG18 F10\nG0 X12 Z2\nG71 Q1\nM2\n"));
         assert!(shown.lines().any(|line| line.starts_with(error)), "{lines}: {shown}");
     }
-    let narrow = "o1 sub\nG0 X5\nG1 Z-5\nX4\nZ-6\nX5\nZ-9\no1 endsub\nG18 F10\nG0 X12 Z2\nG71 Q1 D1\nM2\n";
+    let narrow = "o1 sub\nG0 X5\nG1 Z-5\nX6\nZ-6\nX5\nZ-9\no1 endsub\nG18 F10\nG0 X12 Z2\nG71 Q1 D-1\nM2\n";
     assert!(
-        printed(narrow).contains("D: 1.0000 beside the profile there is no path"),
+        printed(narrow).contains("D: -1.0000 beside the profile there is no path"),
         "{}",
         printed(narrow)
     );
@@ -287,6 +304,27 @@ proptest! {
             for two in beside.windows(2) {
                 prop_assert!(length(minus(two[0].end, two[1].start)) < SAME_MM);
             }
+        }
+    }
+
+    #[test]
+    fn a_disc_from_above_never_comes_nearer_and_leaves_nothing(steps in profiles(), radius_mm in 0.01..6.0_f64) {
+        let path = path_of(&steps);
+        let (first, last) = (path[1].beside(radius_mm).unwrap(), path[path.len() - 1].beside(radius_mm).unwrap());
+        prop_assume!(first.start[0] >= last.end[0]);
+        let above = allowance::above(&path[1..], radius_mm).unwrap();
+        for (ends, wanted) in [(above[0].start, first.start), (above[above.len() - 1].end, last.end)] {
+            prop_assert!((ends[0] - wanted[0]).abs() < SAME_MM && ends[1] > wanted[1] - SAME_MM, "{ends:?} {wanted:?}");
+        }
+        for segment in &above {
+            for place in 0..=10 {
+                let point = segment.at(f64::from(place) / 10.0);
+                let near = path[1..].iter().map(|other| other.distance(point)).fold(f64::MAX, f64::min);
+                prop_assert!((near - radius_mm).abs() < 1e-4, "{near} at {point:?} of {segment:?}");
+            }
+        }
+        for two in above.windows(2) {
+            prop_assert!(length(minus(two[0].end, two[1].start)) < SAME_MM, "{two:?}");
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Rational Bézier curves in a plane: what a NURBS is between two of its knots.
 //!
-//! In:  control points with weights and the order of a NURBS; its knots are LinuxCNC's: evenly spaced, the ends as often as
-//!      the order, so that the curve begins at the first control point and ends at the last.
+//! In:  control points with weights, order and knots of a NURBS. The first and the last knot are there as often as the order,
+//!      so that the curve begins at the first control point and ends at the last.
 //! Out: its spans, their halves, places and derivatives at their ends, and what their control points tell about all between:
 //!      a curve with weights above 0 lies in the convex hull of its control points.
 
@@ -20,16 +20,42 @@ pub(super) struct Bezier {
     points: Vec<[f64; 3]>,
 }
 
-/// The spans of a NURBS of `order` 2 or more between its knots; `points` are at least as many as `order`.
+/// The knots of a NURBS of `points` control points, as many as `order` or more; none given: LinuxCNC's, evenly spaced.
+/// `None`: they are none.
+pub(super) fn knots(points: usize, order: usize, given: &[f64]) -> Option<Vec<f64>> {
+    if given.is_empty() {
+        let count = points + 1 - order;
+        let even = |index: usize| (index + 1).saturating_sub(order).min(count) as f64;
+        return Some((0..points + order).map(even).collect());
+    }
+    let [first, .., last] = given else { return None };
+    let is_clamped = given.len() == points + order
+        && given[order - 1] == *first
+        && given[points] == *last
+        && given.is_sorted()
+        && given.iter().all(|knot| knot.is_finite());
+    // A knot within as often as the order would tear the curve.
+    let is_whole = || (0..points).all(|at| given[at] < given[at + order]);
+    (is_clamped && is_whole()).then(|| given.to_vec())
+}
+
+/// The spans of a NURBS of `order` 2 or more between its knots; `points` are at least as many as `order`. Each comes with the
+/// number of derivatives that go on from the one before.
 ///
 /// The control points of a span are values of its blossom: de Boor's algorithm with a parameter of its own in each step, the
 /// end of the span in some of them and its beginning in the others.
-pub(super) fn spans(points: &[([f64; 2], f64)], order: usize) -> impl Iterator<Item = Bezier> {
-    debug_assert!(order >= 2 && points.len() >= order);
+pub(super) fn spans(points: &[([f64; 2], f64)], order: usize, knots: &[f64]) -> impl Iterator<Item = (usize, Bezier)> {
+    debug_assert!(order >= 2 && points.len() >= order && knots.len() == points.len() + order);
     let degree = order - 1;
     let count = points.len() - degree;
-    let knot = move |index: usize| (index + 1).saturating_sub(order).min(count) as f64;
-    (0..count).map(move |span| {
+    let is_some = move |span: &usize| knots[span + degree] < knots[span + order];
+    (0..count).filter(is_some).map(move |span| {
+        let (begin, end) = (knots[span + degree], knots[span + order]);
+        let times = knots[..=span + degree]
+            .iter()
+            .rev()
+            .take_while(|knot| **knot == begin)
+            .count();
         let own: Vec<[f64; 3]> = points[span..=span + degree]
             .iter()
             .map(|([x, y], w)| [x * w, y * w, *w])
@@ -37,17 +63,16 @@ pub(super) fn spans(points: &[([f64; 2], f64)], order: usize) -> impl Iterator<I
         let blossom = |ends: usize| {
             let mut level = own.clone();
             for step in 1..=degree {
-                let parameter = if step <= ends { span + 1 } else { span } as f64;
+                let parameter = if step <= ends { end } else { begin };
                 for at in (step..=degree).rev() {
-                    let (low, high) = (knot(span + at), knot(span + at + order - step));
+                    let (low, high) = (knots[span + at], knots[span + at + order - step]);
                     level[at] = between(&level[at - 1], &level[at], (parameter - low) / (high - low));
                 }
             }
             level[degree]
         };
-        Bezier {
-            points: (0..=degree).map(blossom).collect(),
-        }
+        let points = (0..=degree).map(blossom).collect();
+        (degree.saturating_sub(times), Bezier { points })
     })
 }
 

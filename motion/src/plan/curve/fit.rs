@@ -69,11 +69,11 @@ enum Kind {
     },
 }
 
-/// Follows a curve; `continuity` is the number of derivatives that go on from span to span. `None`: it takes too many parts.
-pub(super) fn follow(spans: impl Iterator<Item = Bezier>, continuity: usize) -> Option<Vec<Part>> {
+/// Follows a curve, whose spans come with the number of derivatives that go on into them. `None`: it takes too many parts.
+pub(super) fn follow(spans: impl Iterator<Item = (usize, Bezier)>) -> Option<Vec<Part>> {
     let mut leaves = Vec::new();
     let mut before: Option<Shared> = None;
-    for span in spans {
+    for (continuity, span) in spans {
         let start = Shared::of(&span.start());
         let start = match (before, start) {
             // Equal but for rounding, which must not look like a corner.

@@ -1,6 +1,6 @@
-//! Curves: G5, G5.1 and G5.2 as pieces of path.
+//! Curves: G5, G5.1, G5.2 and G6.2 as pieces of path.
 //!
-//! In:  control points of a NURBS in its plane, weights, order.
+//! In:  control points of a NURBS in its plane, weights, order, knots.
 //! Out: lines and quintics in machine coordinates that follow it within [`fit::TOLERANCE_MM`] and have no jump of direction or
 //! curvature but those of the curve itself.
 //!
@@ -22,7 +22,7 @@ pub(super) const ORDER_MAX: u32 = 32;
 /// Why there are no pieces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fault {
-    /// Order or number of points, or a weight.
+    /// Order or number of points, a weight, or the knots.
     Malformed,
     NotFinite,
     /// It would take too many pieces.
@@ -43,6 +43,7 @@ pub(super) struct Plane {
 pub(super) fn pieces(
     points: &[([f64; 2], f64)],
     order: u32,
+    knots: &[f64],
     plane: &Plane,
     end: &Position,
 ) -> Result<Vec<Piece>, Fault> {
@@ -62,7 +63,8 @@ pub(super) fn pieces(
     if local.iter().any(|(_, w)| *w <= 0.0) {
         return Err(Fault::Malformed);
     }
-    let parts = fit::follow(bezier::spans(&local, order), order - 2).ok_or(Fault::Wild)?;
+    let knots = bezier::knots(local.len(), order, knots).ok_or(Fault::Malformed)?;
+    let parts = fit::follow(bezier::spans(&local, order, &knots)).ok_or(Fault::Wild)?;
     let last = parts.len().saturating_sub(1);
     let piece = |(index, part): (usize, &Part)| {
         // The ends of the whole are what others continue from: not a digit off.

@@ -19,7 +19,7 @@ fn weightless(points: &[[f64; 2]]) -> Points {
 /// The pieces of a curve that begins at zero.
 fn follow(points: &Points, order: u32) -> Vec<Piece> {
     let [x, y] = points[points.len() - 1].0;
-    pieces(points, order, &FLAT, &Position::xyz(x, y, 0.0)).expect("a good curve")
+    pieces(points, order, &[], &FLAT, &Position::xyz(x, y, 0.0)).expect("a good curve")
 }
 
 /// A place of a NURBS by the definition of its basis, which is another way than that of the code.
@@ -233,7 +233,7 @@ fn a_curve_in_a_turned_plane_ends_where_it_is_told_to() {
     };
     let points = weightless(&[[3.0, 3.0], [13.0, 3.0], [13.0, 13.0]]);
     let end = Position::xyz(90.0, 210.0, -7.0);
-    let pieces = pieces(&points, 3, &plane, &end).unwrap();
+    let pieces = pieces(&points, 3, &[], &plane, &end).unwrap();
     assert_eq!(pieces[0].position(0.0), plane.start);
     let last = pieces[pieces.len() - 1];
     assert!(distance(&last.position(last.length()).0, &end.0) < 1e-12);
@@ -243,7 +243,7 @@ fn a_curve_in_a_turned_plane_ends_where_it_is_told_to() {
 #[test]
 fn what_is_no_curve_is_refused() {
     let line = weightless(&[[0.0, 0.0], [1.0, 0.0]]);
-    let refused = |points: &Points, order| pieces(points, order, &FLAT, &Position::ZERO).unwrap_err();
+    let refused = |points: &Points, order| pieces(points, order, &[], &FLAT, &Position::ZERO).unwrap_err();
     assert_eq!(refused(&line, 3), Fault::Malformed);
     assert_eq!(refused(&line, 1), Fault::Malformed);
     assert_eq!(refused(&Vec::new(), 2), Fault::Malformed);
@@ -284,5 +284,54 @@ proptest! {
             prop_assert_eq!(bends, 0);
         }
         prop_assert!(kinks < 100, "{}", kinks);
+    }
+}
+
+#[test]
+fn knots_that_are_given_tell_where_the_spans_meet() {
+    let points = vec![
+        ([0.0, 0.0], 1.0),
+        ([1.0, 3.0], 1.0),
+        ([4.0, 3.0], 2.0),
+        ([6.0, 0.0], 1.0),
+        ([8.0, -1.0], 0.5),
+        ([9.0, 2.0], 1.0),
+    ];
+    let end = Position::xyz(9.0, 2.0, 0.0);
+    let with = |knots: &[f64]| pieces(&points, 4, knots, &FLAT, &end).map(|pieces| format!("{pieces:?}"));
+    // Evenly spaced ones, also of another scale, are those that are meant where none are given.
+    let even = with(&[]).expect("a good curve");
+    assert_eq!(
+        with(&[0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0, 3.0, 3.0, 3.0]).expect("the same"),
+        even
+    );
+    // Others tell another curve: with a knot three times within, it goes through a control point, here with a corner.
+    let corner = with(&[0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 5.0, 5.0, 5.0, 5.0]).expect("a good curve");
+    assert_ne!(corner, even);
+    let through = with(&[2.0, 2.0, 2.0, 2.0, 2.5, 2.5, 2.5, 9.0, 9.0, 9.0]);
+    assert_eq!(
+        through.unwrap_err(),
+        Fault::Malformed,
+        "the end is there three times only"
+    );
+    let seven: Points = points.iter().copied().chain([([10.0, 0.0], 1.0)]).collect();
+    let end = Position::xyz(10.0, 0.0, 0.0);
+    let knots = [2.0, 2.0, 2.0, 2.0, 2.5, 2.5, 2.5, 9.0, 9.0, 9.0, 9.0];
+    let through = pieces(&seven, 4, &knots, &FLAT, &end).expect("a good curve");
+    let passes = |place: [f64; 2]| {
+        let ends = through.iter().map(|piece| piece.position(piece.length()));
+        ends.map(|at| libm::hypot(at.0[0] - place[0], at.0[1] - place[1]))
+            .fold(f64::INFINITY, f64::min)
+    };
+    assert!(passes([6.0, 0.0]) < 1e-9, "{}", passes([6.0, 0.0]));
+    for wrong in [
+        &[0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0, 3.0, 3.0][..],
+        &[0.0, 0.0, 0.0, 0.0, 2.0, 1.0, 3.0, 3.0, 3.0, 3.0],
+        &[-1.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0, 3.0, 3.0, 3.0],
+        &[0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 3.0, 3.0, 3.0, 3.0],
+        &[0.0, 0.0, 0.0, 0.0, f64::NAN, 2.0, 3.0, 3.0, 3.0, 3.0],
+        &[0.0; 10],
+    ] {
+        assert_eq!(with(wrong).unwrap_err(), Fault::Malformed, "{wrong:?}");
     }
 }

@@ -1,6 +1,6 @@
-//! Curves (G5, G5.1, G5.2) to moves.
+//! Curves (G5, G5.1, G5.2, G6.2) to moves.
 //!
-//! In:  control points in work coordinates.
+//! In:  control points in work coordinates, knots.
 //! Out: moves along lines and quintics, of which only the last ends as the mode of the program says.
 
 use super::{Corner, Entry, Move, Program};
@@ -16,8 +16,7 @@ impl Program {
     pub(super) fn curve(
         &mut self,
         plane: Plane,
-        points: &[([f64; 2], f64)],
-        order: u32,
+        (points, order, knots): (&[([f64; 2], f64)], u32, &[f64]),
         line: u32,
         settings: &Settings,
     ) -> Result<Option<Entry>, PlanErrorKind> {
@@ -52,7 +51,7 @@ impl Program {
             first: self.frame.direction(first),
             second: self.frame.direction(second),
         };
-        let pieces = curve::pieces(points, order, &plane, &end).map_err(|fault| match fault {
+        let pieces = curve::pieces(points, order, knots, &plane, &end).map_err(|fault| match fault {
             Fault::Malformed => PlanErrorKind::BadCurve {
                 order,
                 points: points.len(),
