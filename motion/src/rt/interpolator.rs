@@ -257,6 +257,36 @@ impl Interpolator {
         self.arrived == Some(Arrived::WayBack)
     }
 
+    /// The element under way. RT.
+    pub fn element(&self) -> Option<&Element> {
+        self.track.current()
+    }
+
+    /// For how many cycles the element under way goes on by its law, alone and at its planned speed. RT.
+    pub fn even_cycles(&self) -> u64 {
+        let as_planned = self.ramp.share() == 1.0 && !self.ramp.is_changing();
+        let left_s = match self.track.current() {
+            Some(element @ (Element::Span(_) | Element::Dwell { .. }))
+                if as_planned && !self.backward && !self.single_block && self.arrived.is_none() =>
+            {
+                element.duration_s() - self.time_s
+            }
+            Some(Element::Probing(_)) => self.prober.even_s(),
+            None | Some(Element::Span(_) | Element::Dwell { .. } | Element::Synced(_) | Element::Action { .. }) => 0.0,
+        };
+        ((left_s / self.ramp.cycle_s()) as u64).saturating_sub(1)
+    }
+
+    /// Goes on by so many cycles at once, no more than [`Interpolator::even_cycles`]: for whoever need not see them. RT.
+    pub fn skip(&mut self, cycles: u64) {
+        let cycles = cycles.min(self.even_cycles()) as f64;
+        match self.track.current() {
+            Some(Element::Probing(_)) => self.prober.skip(cycles),
+            Some(Element::Span(_) | Element::Dwell { .. }) => self.time_s += cycles * self.ramp.cycle_s(),
+            None | Some(Element::Synced(_) | Element::Action { .. }) => {}
+        }
+    }
+
     /// Ends a move in step with the spindle that is under way, as [`Follower::give_up`] says. Any other is held by its share. RT.
     pub fn give_up_sync(&mut self) {
         self.follower.give_up();

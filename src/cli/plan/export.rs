@@ -27,8 +27,8 @@ pub(super) fn samples(config: &Config, work: &Work) -> String {
     let axes = letters(config);
     let mut csv = String::from("t");
     axes.iter().for_each(|(_, letter)| csv.extend([',', *letter]));
-    for (cycle, now) in work.cycles.iter().enumerate() {
-        let _ = write!(csv, "\n{:.6}", cycle as f64 * work.cycle_s);
+    for now in &work.cycles {
+        let _ = write!(csv, "\n{:.6}", now.number as f64 * work.cycle_s);
         for (axis, _) in &axes {
             let _ = write!(csv, ",{:.12}", now.position[*axis]);
         }

@@ -85,6 +85,16 @@ impl IdealSpindle {
         self.turns += (before + self.turns_s) / 2.0 * self.cycle_s;
     }
 
+    /// Whether it turns as it is to: then it goes on so.
+    pub(super) fn keeps(&self, sample: &Sample) -> bool {
+        self.turns_s == self.wanted(sample.position[Axis::X], sample.reversal)
+    }
+
+    /// So many cycles further, at its speed.
+    pub(super) fn skip(&mut self, cycles: u64) {
+        self.turns += self.turns_s * cycles as f64 * self.cycle_s;
+    }
+
     /// Turns/s, above 0 with M3.
     fn wanted(&self, x_mm: f64, reversal: Option<f64>) -> f64 {
         let Some((rpm, direction, surface)) = self.told else {

@@ -3,7 +3,8 @@
 //! In:  positions of the joints, one per cycle.
 //! Out: velocity, acceleration and jerk as differences of neighbouring set-points, which is what a drive sees.
 //!
-//! The machine rests before the first set-point and after the last.
+//! The machine rests before the first set-point and after the last. Behind cycles that were not run, a difference is known
+//! once all set-points that it takes are.
 
 use crate::config::Config;
 use motion::canon::{Axis, Position};
@@ -23,9 +24,22 @@ pub(super) struct Joint {
     pub(super) axis: Option<Axis>,
     /// Greatest velocity, acceleration and jerk, mm (degrees) and s.
     pub(super) limits: [f64; ORDERS],
-    /// One per cycle, mm or degrees.
+    /// One per cycle that was run, mm or degrees.
     pub(super) positions: Vec<f64>,
+    /// For each of them, how many of the cycles right before it were run, up to [`ORDERS`].
+    known: Vec<u8>,
     cycle_s: f64,
+}
+
+/// What set-points ask of a joint at the most, by order.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Peaks {
+    /// Greatest amounts.
+    pub(super) greatest: [f64; ORDERS],
+    /// Cycles over the limit.
+    pub(super) over: [u64; ORDERS],
+    /// Where the greatest amounts are, as places among the set-points.
+    pub(super) at: [usize; ORDERS],
 }
 
 /// The joints of a machine, and the way to them.
@@ -48,6 +62,7 @@ impl Joints {
                     joint.limits.jerk_mm_s3,
                 ],
                 positions: Vec::new(),
+                known: Vec::new(),
                 cycle_s: f64::from(config.cycle_us) * 1e-6,
             })
             .collect();
@@ -58,12 +73,18 @@ impl Joints {
         }
     }
 
-    /// Takes the set-point of a cycle. A position that the machine cannot take leaves the joints where they are.
-    pub(super) fn push(&mut self, position: &Position, frame: &ToolFrame) {
+    /// Takes the set-point of a cycle, and whether the one before it was run as well. A position that the machine cannot take
+    /// leaves the joints where they are.
+    pub(super) fn push(&mut self, position: &Position, frame: &ToolFrame, follows: bool) {
         // The planner has refused such positions; and the peaks would tell of the jump behind them.
         let _ = self.kinematics.inverse(frame, &position.0, &mut self.now);
         for (joint, position) in self.all.iter_mut().zip(&self.now) {
             joint.positions.push(*position);
+            let before = joint
+                .known
+                .last()
+                .map_or(ORDERS as u8, |known| (known + 1).min(ORDERS as u8));
+            joint.known.push(if follows { before } else { 0 });
         }
     }
 }
@@ -78,9 +99,16 @@ impl Joint {
         }
     }
 
-    /// Velocity, acceleration and jerk in the cycle that ends at this set-point; up to three cycles behind the last one
-    /// there is still something to see.
+    /// Velocity, acceleration and jerk in the cycle that ends at this set-point, as far as they are known, else 0; up to three
+    /// cycles behind the last one there is still something to see.
     pub(super) fn differences(&self, cycle: usize) -> [f64; ORDERS] {
+        let known = self.known.get(cycle).map_or(ORDERS, |known| usize::from(*known));
+        let mut differences = self.all_differences(cycle);
+        differences[known..].fill(0.0);
+        differences
+    }
+
+    fn all_differences(&self, cycle: usize) -> [f64; ORDERS] {
         let at = |back: usize| {
             let index = cycle.saturating_sub(back).min(self.positions.len().saturating_sub(1));
             self.positions.get(index).copied().unwrap_or(0.0)
@@ -99,9 +127,9 @@ impl Joint {
         self.positions.len() + ORDERS
     }
 
-    /// Greatest amounts, and how many cycles are over the limit, by order.
-    pub(super) fn peaks(&self) -> ([f64; ORDERS], [u64; ORDERS]) {
-        let (mut peaks, mut over) = ([0.0_f64; ORDERS], [0; ORDERS]);
+    /// What is asked of it at the most.
+    pub(super) fn peaks(&self) -> Peaks {
+        let mut peaks = Peaks::default();
         for cycle in 0..self.cycles() {
             let differences = self.differences(cycle);
             let position = self
@@ -114,12 +142,14 @@ impl Joint {
             let rounding = 8.0 * f64::EPSILON * position.abs().max(1.0);
             for order in 0..ORDERS {
                 let amount = differences[order].abs();
-                peaks[order] = peaks[order].max(amount);
+                if amount > peaks.greatest[order] {
+                    (peaks.greatest[order], peaks.at[order]) = (amount, cycle);
+                }
                 let noise = rounding / self.cycle_s.powi(order as i32 + 1);
-                over[order] += u64::from(amount > self.limits[order] * (1.0 + SLACK) + noise);
+                peaks.over[order] += u64::from(amount > self.limits[order] * (1.0 + SLACK) + noise);
             }
         }
-        (peaks, over)
+        peaks
     }
 
     /// Whether it moves at all.
@@ -138,6 +168,7 @@ mod tests {
             axis: Some(Axis::X),
             limits: [10.0, 50.0, 1500.0],
             positions: vec![5.0, 5.0, 6.0, 8.0],
+            known: vec![3; 4],
             cycle_s: 0.1,
         };
         let seen: Vec<[f64; 3]> = (0..joint.cycles()).map(|cycle| joint.differences(cycle)).collect();
@@ -153,8 +184,23 @@ mod tests {
         for (seen, expected) in seen.iter().flatten().zip(expected.iter().flatten()) {
             assert!((seen - expected).abs() < 1e-9, "{seen} {expected}");
         }
-        let (peaks, over) = joint.peaks();
-        assert!((peaks[2] - 3000.0).abs() < 1e-9);
-        assert_eq!(over, [1, 3, 2]);
+        let peaks = joint.peaks();
+        assert!((peaks.greatest[2] - 3000.0).abs() < 1e-9);
+        assert_eq!((peaks.over, peaks.at[2]), ([1, 3, 2], 4));
+    }
+
+    #[test]
+    fn behind_cycles_that_were_not_run_nothing_is_judged_that_is_not_known() {
+        let joint = Joint {
+            axis: Some(Axis::X),
+            limits: [10.0, 50.0, 1500.0],
+            positions: vec![0.0, 0.5, 100.5, 101.0, 101.5, 102.0],
+            known: vec![3, 3, 0, 1, 2, 3],
+            cycle_s: 0.1,
+        };
+        assert_eq!(joint.differences(2), [0.0; 3]);
+        assert_eq!(joint.differences(3), [5.0, 0.0, 0.0]);
+        assert!(joint.differences(5)[2].abs() < 1e-9);
+        assert_eq!(joint.peaks().over[0], 0);
     }
 }

@@ -122,7 +122,14 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
         let name = args.program.file_name().unwrap_or_default().to_string_lossy();
         put(file, picture::picture(&name, &work, &report)?)?;
     }
-    Ok(if report.cycles_over_limits == 0 && work.given_up.is_none() {
+    let wrong = report.wrong();
+    if !args.json {
+        let program = args.program.display();
+        wrong
+            .iter()
+            .for_each(|(line, what)| eprintln!("{program}:{line}: {what}"));
+    }
+    Ok(if wrong.is_empty() {
         ExitCode::SUCCESS
     } else {
         ExitCode::FAILURE
@@ -158,7 +165,13 @@ fn planned(args: &PlanArgs, text: &[u8]) -> Result<(Config, Tables, Work), Refus
             json: json!({ "file": name, "errors": listed }),
         });
     }
-    match run_down::run_down(&config, &tables, text, args.threads.map(usize::from)) {
+    match run_down::run_down(
+        &config,
+        &tables,
+        text,
+        args.threads.map(usize::from),
+        args.samples.is_some(),
+    ) {
         Ok(work) => Ok((config, tables, work)),
         Err(error) => {
             let listed = match &error {

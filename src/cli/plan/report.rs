@@ -1,6 +1,6 @@
 //! What a plan comes to, as a table for people or JSON for programs.
 
-use super::joints::ORDERS;
+use super::joints::{NAMES, ORDERS, Peaks};
 use super::run_down::Work;
 use super::slow_places::{FeedKept, feed_kept};
 use crate::config::Config;
@@ -23,7 +23,12 @@ pub(super) struct Report {
     blocks_per_s: f64,
     threads: usize,
     pub(super) joints: Vec<JointReport>,
+    /// Cycles of the whole program, and how many of them were run and judged: of elements that take long, not every one.
+    cycles: u64,
+    cycles_judged: usize,
     pub(super) cycles_over_limits: u64,
+    /// Where each limit that is not kept is passed the most.
+    over_limits: Vec<OverLimit>,
     /// What the program allows.
     tolerance_mm: f64,
     /// Of a set-point from the path.
@@ -37,9 +42,47 @@ pub(super) struct Report {
     path_reached_mm: f64,
     starved_cycles: u64,
     /// A move in step with the spindle behind which nothing was run down, and why.
-    given_up: Option<String>,
+    given_up: Option<GivenUp>,
     #[serde(flatten)]
     feed: FeedKept,
+}
+
+/// A limit that is not kept.
+#[derive(Debug, Serialize)]
+struct OverLimit {
+    joint: usize,
+    axis: Option<char>,
+    limit: &'static str,
+    cycles: u64,
+    /// The most, what is allowed, and where.
+    value: f64,
+    allowed: f64,
+    line: u32,
+    time_s: f64,
+}
+
+impl fmt::Display for OverLimit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let axis = self.axis.map(|axis| format!(" ({axis})")).unwrap_or_default();
+        write!(
+            f,
+            "joint {}{axis} passes its {} limit: {:.1} of {:.1}, {:.1} %, {:.3} s after the start; {} cycles are over",
+            self.joint,
+            self.limit,
+            self.value,
+            self.allowed,
+            self.value / self.allowed * 100.0,
+            self.time_s,
+            self.cycles
+        )
+    }
+}
+
+/// A move in step with the spindle that was given up.
+#[derive(Debug, Serialize)]
+struct GivenUp {
+    line: u32,
+    why: String,
 }
 
 /// What a plan asks of a joint; [velocity, acceleration, jerk] in seconds and the unit of the joint.
@@ -60,10 +103,28 @@ pub(super) struct JointReport {
 
 impl Report {
     pub(super) fn of(config: &Config, work: &Work) -> Report {
+        let mut over_limits = Vec::new();
         let joints: Vec<JointReport> = (work.joints.all.iter().enumerate())
             .map(|(index, joint)| {
-                let (peaks, over) = joint.peaks();
+                let Peaks {
+                    greatest: peaks,
+                    over,
+                    at,
+                } = joint.peaks();
                 let share = |order: usize| peaks[order] / joint.limits[order];
+                over_limits.extend((0..ORDERS).filter(|&order| over[order] > 0).filter_map(|order| {
+                    let cycle = work.cycles.get(at[order]).or(work.cycles.last())?;
+                    Some(OverLimit {
+                        joint: index,
+                        axis: joint.axis.map(|axis| axis.letter()),
+                        limit: NAMES[order],
+                        cycles: over[order],
+                        value: peaks[order],
+                        allowed: joint.limits[order],
+                        line: cycle.line,
+                        time_s: cycle.number as f64 * work.cycle_s,
+                    })
+                }));
                 JointReport {
                     joint: index,
                     axis: joint.axis.map(|axis| axis.letter()),
@@ -97,7 +158,10 @@ impl Report {
             wall_time_s: work.wall_time_s,
             blocks_per_s: work.path.len() as f64 / work.wall_time_s,
             threads: work.threads,
+            cycles: work.cycle_count(),
+            cycles_judged: work.cycles.len(),
             cycles_over_limits: joints.iter().flat_map(|joint| joint.over).sum(),
+            over_limits,
             joints,
             tolerance_mm: work.tolerance_mm,
             deviation_max_mm: off_mm,
@@ -106,9 +170,22 @@ impl Report {
             path_length_mm: length_mm,
             path_reached_mm: reached_mm,
             starved_cycles: work.starved_cycles,
-            given_up: work.given_up.map(|(line, fault)| format!("line {line}: {fault}")),
+            given_up: work.given_up.map(|(line, fault)| GivenUp {
+                line,
+                why: fault.to_string(),
+            }),
             feed: feed_kept(work),
         }
+    }
+
+    /// What keeps the program from being run as it is, each with its line.
+    pub(super) fn wrong(&self) -> Vec<(u32, String)> {
+        let over = self.over_limits.iter().map(|over| (over.line, over.to_string()));
+        let given_up = self
+            .given_up
+            .iter()
+            .map(|given_up| (given_up.line, given_up.why.clone()));
+        over.chain(given_up).collect()
     }
 
     /// In one line, for the head of a picture.
@@ -152,6 +229,13 @@ impl fmt::Display for Report {
             )?;
         }
         writeln!(f, "over limits     {} cycles", self.cycles_over_limits)?;
+        if (self.cycles_judged as u64) < self.cycles {
+            writeln!(
+                f,
+                "judged          {} of {} cycles: of elements that take long, their ends and places on the way (all: --samples)",
+                self.cycles_judged, self.cycles
+            )?;
+        }
         writeln!(
             f,
             "deviation       {:.6} mm off the path, {:.6} mm of it missed; the program allows {} mm",
@@ -191,7 +275,7 @@ impl fmt::Display for Report {
             )?;
         }
         if let Some(given_up) = &self.given_up {
-            writeln!(f, "given up        {given_up}")?;
+            writeln!(f, "given up        line {}: {}", given_up.line, given_up.why)?;
         }
         writeln!(f, "starved         {} cycles", self.starved_cycles)
     }

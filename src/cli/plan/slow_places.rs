@@ -60,13 +60,17 @@ pub(super) fn feed_kept(work: &Work) -> FeedKept {
         feed.map(|feed| now.speed_mm_s / feed)
     };
     let (mut fed, mut reached, mut stops) = (0_u64, 0_u64, 0);
+    let mut before = None;
     let mut lowest: Vec<(f64, usize)> = Vec::new();
     let mut valley = Valley::default();
     for cycle in 0..work.cycles.len() {
+        // It stands for those before it that were not run.
+        let number = work.cycles[cycle].number;
+        let cycles = before.replace(number).map_or(1, |before| number - before);
         match share(cycle) {
             Some(share) => {
-                fed += 1;
-                reached += u64::from(share >= REACHED);
+                fed += cycles;
+                reached += if share >= REACHED { cycles } else { 0 };
                 match valley.see(share, cycle) {
                     Some((low, _)) if low < STOP => stops += 1,
                     Some(place) => lowest.push(place),
@@ -85,7 +89,7 @@ pub(super) fn feed_kept(work: &Work) -> FeedKept {
             let (limit_share, joint, order) = nearest_limit(work, cycle);
             places.push(SlowPlace {
                 line: now.line,
-                time_s: cycle as f64 * work.cycle_s,
+                time_s: now.number as f64 * work.cycle_s,
                 speed_mm_s: now.speed_mm_s,
                 feed_mm_s: now.speed_mm_s / share,
                 feed_share: share,

@@ -23,6 +23,10 @@ const CELLS: f64 = 12.0;
 /// Greatest change of b over a span, as a part of it, about, and how often a span is shortened for it.
 const CHANGE: f64 = 0.6;
 const SHORTENINGS: u32 = 40;
+/// Spans of even time at both ends of a cell; farther inside they grow by this part from one to the next. So there are no more of
+/// them where motion takes hours, as it takes these because nothing changes.
+const EVEN: f64 = 400.0;
+const GROWTH: f64 = 0.05;
 /// Fewest spans of a section, about.
 const LEAST_SPANS: f64 = 60.0;
 /// Part of the acceleration limit that a new plan takes at least to come down to an override, and of the jerk limit.
@@ -405,12 +409,14 @@ impl Cell {
         while x < length {
             let here = self.expected(ends, x);
             let left = length - x;
-            let mut h = here.sqrt() * step_s;
+            let even = here.sqrt() * step_s;
+            let grown = GROWTH * (x.min(left) - EVEN * even).max(0.0);
+            let mut h = even + grown;
             for _ in 0..SHORTENINGS {
                 let there = self.expected(ends, (x + h).min(length));
                 let (low, high) = (here.min(there), here.max(there));
                 if high <= (1.0 + CHANGE) * low {
-                    h = h.min(low.sqrt() * step_s);
+                    h = h.min(low.sqrt() * step_s + grown);
                     break;
                 }
                 h *= 0.7;

@@ -33,8 +33,9 @@ pub(super) fn launch(part: Part, side: Side, log: &Log, joints: &Joints, jets: &
 
 /// Spans are divided until they take no longer, s: at the end of each, another plan may take over.
 const DIVISION_S: f64 = 0.01;
-/// Into so many at the most.
-const DIVISIONS: f64 = 512.0;
+/// Those that take longer stay whole until they are handed over, s: of constant jerk, and of the spline. There may be hours of
+/// motion in one.
+const LONG_S: [f64; 2] = [5.12, 0.2];
 
 /// An element, and where on the path it ends.
 #[derive(Clone, Copy, Debug)]
@@ -43,6 +44,40 @@ pub(super) struct Made {
     pub(super) end: Place,
     /// Whether another plan may take over at its end.
     pub(super) opens: bool,
+}
+
+impl Made {
+    /// Into how many elements it is divided when a machine may have to leave its plan on the way; 1: it is as it stays.
+    pub(super) fn parts(&self) -> usize {
+        match &self.element {
+            // Rounding makes no part.
+            Element::Span(span) => ((span.duration_s / DIVISION_S * (1.0 - 1e-9)).ceil() as usize).max(1),
+            Element::Synced(_) | Element::Probing(_) | Element::Dwell { .. } | Element::Action { .. } => 1,
+        }
+    }
+
+    /// Takes this many of its parts, of which there must be more, off its beginning.
+    pub(super) fn take(&mut self, count: usize, out: &mut Vec<Made>) {
+        let parts = self.parts();
+        let Element::Span(left) = &mut self.element else { return };
+        let whole = *left;
+        let step = whole.duration_s / parts as f64;
+        for k in 0..count {
+            let mut part = *left;
+            part.duration_s = step;
+            let until = step * (k + 1) as f64;
+            left.s0 = whole.place(until);
+            left.v0 = whole.speed(until);
+            left.a0 = whole.a0 + whole.jerk * until + whole.gradient * (left.s0 - whole.s0);
+            left.duration_s = whole.duration_s - until;
+            let item = self.end.item;
+            out.push(Made {
+                element: Element::Span(part),
+                end: Place { item, s: left.s0 },
+                opens: true,
+            });
+        }
+    }
 }
 
 /// A place between two knots or phases, with the motion there, as elements.
@@ -71,13 +106,21 @@ impl Emission<'_> {
                 enables: stretch.enables,
             };
             let end = span.place(duration_s);
-            self.divided(item, span, end);
+            self.divided(item, span, end, LONG_S[0]);
         }
     }
 
-    /// A span that ends at `end`, in parts if it is long.
-    fn divided(&mut self, item: u64, span: Span, end: f64) {
-        let parts = (span.duration_s / DIVISION_S).ceil().clamp(1.0, DIVISIONS);
+    /// A span that ends at `end`, in parts if it takes long, but not if it takes very long.
+    fn divided(&mut self, item: u64, span: Span, end: f64, long_s: f64) {
+        if span.duration_s > long_s {
+            self.out.push(Made {
+                element: Element::Span(span),
+                end: Place { item, s: end },
+                opens: true,
+            });
+            return;
+        }
+        let parts = (span.duration_s / DIVISION_S).ceil().max(1.0);
         let step = span.duration_s / parts;
         let mut part = span;
         for k in 1..=parts as u32 {
@@ -179,7 +222,7 @@ impl Emission<'_> {
                 (false, false) => 2.0 * t,
             };
         }
-        self.divided(part.item, span, part.to);
+        self.divided(part.item, span, part.to, LONG_S[1]);
     }
 
     /// Phases along parts that follow each other; returns where they end.

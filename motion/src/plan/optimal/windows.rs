@@ -32,6 +32,10 @@ pub(super) struct Times {
 /// in: where blocks are so short that it is not, no way is found and the machine creeps. 4 um at 100 mm/s are long enough.
 pub(super) const WINDOW_SPANS: usize = 8192;
 
+/// Spans on each side of a border and between two of them at the least: where motion takes hours, one takes longer than a
+/// window of others.
+const BORDER_SPANS: usize = 8;
+
 /// Part of the time by which a window may be slower than it could be.
 const WINDOW_GAP: f64 = 2e-3;
 /// The same at a border: its window improves it all but for the state at the border, and sooner from well within the limits.
@@ -223,23 +227,26 @@ impl Uncut {
         let begin_s = self.at_s[self.first];
         let overlap_s = self.times.overlap_s;
         let due = self.at_s[self.first..].partition_point(|s| s - begin_s < self.next_s);
-        let border = self.first + due.min(WINDOW_SPANS);
-        let border_s = *self.at_s.get(border)?;
-        // Enough behind it for its own window, and not for nothing.
-        let knots = self.at_s.len() - 1;
-        let behind_s = self.now_s() - border_s;
-        if behind_s < 1.5 * overlap_s {
-            return None;
-        }
-        let low = self.at_s[..border].partition_point(|s| border_s - s > overlap_s);
         // Border windows of one window do not touch.
         let taken = match &self.left {
             End::Section(_) | End::TakenOver(_) => 2,
             End::Border { spans, .. } => *spans,
         };
-        let low = low.max(self.first + taken + 1);
+        let border = self.first + due.max(taken + 2 * BORDER_SPANS).min(WINDOW_SPANS);
+        let border_s = *self.at_s.get(border)?;
+        // Enough behind it for its own window, and not for nothing.
+        let knots = self.at_s.len() - 1;
+        let behind_s = self.now_s() - border_s;
+        if behind_s < 1.5 * overlap_s || knots < border + BORDER_SPANS + 2 {
+            return None;
+        }
+        let low = self.at_s[..border].partition_point(|s| border_s - s > overlap_s);
+        let low = low.min(border - BORDER_SPANS).max(self.first + taken + 1);
         let high = border + self.at_s[border..].partition_point(|s| s - border_s < overlap_s);
-        let high = high.min(knots - 1).min(border + WINDOW_SPANS / 4).max(border + 1);
+        let high = high
+            .min(knots - 1)
+            .min(border + WINDOW_SPANS / 4)
+            .max(border + BORDER_SPANS);
         if !ended && knots < high + self.times.knotting.reach + 2 {
             return None;
         }

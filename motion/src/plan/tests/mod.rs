@@ -9,6 +9,7 @@ use crate::canon::{Call, Event, PathMode, Plane};
 mod joint_space;
 mod override_tests;
 mod random;
+mod slow;
 
 fn settings() -> Settings {
     let linear = AxisLimits {

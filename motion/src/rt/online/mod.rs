@@ -190,6 +190,17 @@ impl Online {
         self.state
     }
 
+    /// For how long its jerk stays what it is, s, on a way to somewhere. RT.
+    pub(super) fn even_s(&self) -> f64 {
+        let border = self.segments.borders().find(|border| *border > self.time_s);
+        border.map_or(0.0, |border| border - self.time_s)
+    }
+
+    /// Goes on by so many cycles at once, no longer than [`Online::even_s`]. RT.
+    pub(super) fn skip(&mut self, cycles: f64) {
+        self.time_s += cycles * self.cycle_s;
+    }
+
     /// Where the joint is and how it moves. RT.
     pub fn state(&self) -> State {
         self.state

@@ -201,6 +201,15 @@ impl Probe {
         self.online.stop();
     }
 
+    /// For how long it goes on by its law if no contact comes, s. RT.
+    fn even_s(&self) -> f64 {
+        if self.begun && !self.held && self.end.is_none() {
+            self.online.even_s()
+        } else {
+            0.0
+        }
+    }
+
     /// Whether nothing moves. RT.
     pub fn is_at_rest(&self) -> bool {
         self.online.is_at_rest()

@@ -112,6 +112,19 @@ impl Prober {
         }
     }
 
+    /// For how long the move goes on by its law; nothing where a contact may come. RT.
+    pub fn even_s(&self) -> f64 {
+        match self.answers {
+            Some(_) => 0.0,
+            None => self.probe.even_s(),
+        }
+    }
+
+    /// Goes on by so many cycles at once, which are no longer than that. RT.
+    pub fn skip(&mut self, cycles: f64) {
+        self.probe.online.skip(cycles);
+    }
+
     /// Whether the move is over; who waits for its result is told once. RT.
     pub fn take_result(&mut self) -> bool {
         let Some(result) = self.probe.result() else {

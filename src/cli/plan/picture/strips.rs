@@ -88,7 +88,7 @@ impl<'a> Strips<'a> {
 
     /// Grid of time, and what happened at rest.
     fn draw_time(&self, root: &Area<'_>, top: i32, bottom: i32) -> Result<(), PlotError> {
-        let end_s = self.work.cycles.len().max(2) as f64 * self.work.cycle_s;
+        let end_s = self.work.cycle_count().max(2) as f64 * self.work.cycle_s;
         let pixel = |time_s: f64| LEFT + (time_s / end_s * COLUMNS as f64).round() as i32;
         let step_s = round_up(end_s / 12.0);
         for k in 0..=(end_s / step_s) as i32 {
@@ -132,7 +132,7 @@ impl<'a> Strips<'a> {
         order: usize,
     ) -> Result<(), PlotError> {
         let limit = joint.limits[order];
-        let columns = columns(joint, order);
+        let columns = columns(self.work, joint, order);
         let peak = columns
             .iter()
             .flatten()
@@ -177,10 +177,18 @@ impl<'a> Strips<'a> {
 }
 
 /// Least and greatest value of each column of pixels, in the order in which they came.
-fn columns(joint: &Joint, order: usize) -> Vec<Vec<f64>> {
-    let cycles = joint.cycles();
+fn columns(work: &Work, joint: &Joint, order: usize) -> Vec<Vec<f64>> {
+    let count = work.cycles.len();
+    let cycles = work.cycle_count() as usize + ORDERS;
     let value = |cycle: usize| joint.differences(cycle)[order];
-    let begin = |column: usize| column * cycles / COLUMNS;
+    // Place among the cycles that were run of the first that is not before this one.
+    let place = |number: usize| {
+        let run = work.cycles.partition_point(|cycle| cycle.number < number as u64);
+        run + number
+            .saturating_sub(work.cycle_count() as usize)
+            .min(joint.cycles() - count)
+    };
+    let begin = |column: usize| place(column * cycles / COLUMNS);
     (0..COLUMNS)
         .map(|column| {
             let (from, to) = (begin(column), begin(column + 1));

@@ -52,8 +52,10 @@ impl Stream {
     fn cruise(&mut self, part: Part, phase: Phase, limits: &PathLimits, elements: &mut Vec<Made>) {
         /// Time between such places.
         const STEADY_S: f64 = 3.0;
+        /// What takes longer is handed over bit by bit in any case, with the stop at its end.
+        const WHOLE_S: f64 = 10.0;
         let steady = phase.jerk == 0.0 && phase.a == 0.0;
-        let count = if steady {
+        let count = if steady && phase.duration <= WHOLE_S {
             (phase.duration / STEADY_S).ceil().max(1.0)
         } else {
             1.0

@@ -29,6 +29,8 @@ const LEAD_S: f64 = 0.022;
 const LEAD_GROWTH: (f64, f64) = (1.25, 0.005);
 /// What an override of 0 is planned with: the machine creeps to where it can stop.
 const LEAST: f64 = 0.01;
+/// With so many elements, parts of those that take long end a publication.
+const PARTS: usize = 4096;
 /// Slower than this, mm/s, nothing takes over from motion.
 const SLOWEST: f64 = 0.1;
 
@@ -350,22 +352,51 @@ impl Stream {
     }
 
     /// Hands over as much as makes one publication; `None` if nothing can be.
+    ///
+    /// A machine that may have to leave its plan on the way gets what takes long in parts, a few of them at a time: what is left
+    /// of it follows as a tail, whole, which the next parts replace.
     pub(super) fn publish<S: Sink<Element>>(&mut self, sink: &mut S) -> Option<Publish> {
-        let steps = self.next_publication(self.changes.is_under_way());
+        let mut steps = self.next_publication(self.changes.is_under_way());
         let next = self.steps.get(steps);
         self.changes.withholds = matches!(next, Some(Step::Ready(ready)) if self.is_forbidden(&ready.elements));
         if steps == 0 {
             return None;
         }
         let mut committed = Vec::new();
+        let mut tail = Vec::new();
         let mut lives = Vec::new();
         let begin = sink.next_number();
-        for step in self.steps.range(..steps) {
+        let consumed = sink.consumer_at().is_some();
+        let mut cut = None;
+        for (index, step) in self.steps.range(..steps).enumerate() {
             let Step::Ready(ready) = step else { break };
             for (k, made) in ready.elements.iter().enumerate() {
                 let rests = matches!(ready.after, After::Rest) && k + 1 == ready.elements.len();
-                lives.push(Live::new(begin + lives.len() as u64, made, rests.then_some(ready.end)));
-                committed.push(made.element);
+                let mut left = *made;
+                if consumed && cut.is_none() && made.parts() > 1 {
+                    let parts = made.parts();
+                    let room = PARTS.saturating_sub(committed.len()).max(1);
+                    let mut taken = Vec::new();
+                    left.take(room.min(parts - 1), &mut taken);
+                    for part in &taken {
+                        lives.push(Live::new(begin + lives.len() as u64, part, None));
+                        committed.push(part.element);
+                    }
+                    if room < parts {
+                        cut = Some((index, k, left));
+                    }
+                }
+                if cut.is_some() {
+                    left.opens = false;
+                    tail.push(left.element);
+                } else {
+                    committed.push(left.element);
+                }
+                lives.push(Live::new(begin + lives.len() as u64, &left, rests.then_some(ready.end)));
+            }
+            if cut.is_some() && !matches!(ready.after, After::More) {
+                steps = index + 1;
+                break;
             }
         }
         let Some(Step::Ready(last)) = self.steps.get(steps - 1) else {
@@ -375,7 +406,6 @@ impl Stream {
             After::Stop(tail) => Some(tail),
             After::Rest | After::More => None,
         };
-        let mut tail = Vec::new();
         if let Some(Tail { elements, rest }) = stop {
             for (k, made) in elements.iter().enumerate() {
                 let made = Made { opens: false, ..*made };
@@ -384,7 +414,12 @@ impl Stream {
                 tail.push(made.element);
             }
         }
-        let (end, rest) = (last.end, stop.map(|tail| tail.rest));
+        let mut rest = stop.map(|tail| tail.rest);
+        let mut end = last.end;
+        if let Some((.., left)) = &cut {
+            rest = rest.or(Some(last.end));
+            end = left.end;
+        }
         if !lives.is_empty() {
             let result = match &self.changes.under_way {
                 Some(change) => sink.publish_after(change.number, &committed, &tail),
@@ -394,14 +429,23 @@ impl Stream {
             if result != Publish::Done {
                 return Some(result);
             }
-            self.published(sink.consumer_at().is_some(), lives, tail.len());
+            self.published(consumed, lives, tail.len());
         }
         self.tail = rest;
         self.handed = end.item;
-        if sink.consumer_at().is_none() {
+        if !consumed {
             self.log.drop_before(end.item);
         }
-        self.steps.drain(..steps);
+        match cut {
+            None => drop(self.steps.drain(..steps)),
+            Some((index, k, left)) => {
+                self.steps.drain(..index);
+                if let Some(Step::Ready(ready)) = self.steps.front_mut() {
+                    ready.elements.drain(..k);
+                    ready.elements[0] = left;
+                }
+            }
+        }
         Some(Publish::Done)
     }
 
