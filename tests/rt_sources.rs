@@ -23,6 +23,7 @@ const REAL_TIME: &[&str] = &[
     "src/rt/overrides.rs",
     "src/rt/pins.rs",
     "src/rt/softirq.rs",
+    "src/rt/spin.rs",
     "src/rt/spindle.rs",
     "src/rt/thread.rs",
     "src/rt/timeout.rs",

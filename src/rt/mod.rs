@@ -19,6 +19,7 @@ pub mod rights;
 pub mod setup;
 pub mod shared;
 pub mod softirq;
+pub mod spin;
 pub mod spindle;
 pub mod thread;
 pub mod timeout;

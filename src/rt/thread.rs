@@ -6,10 +6,11 @@
 use super::cycle::Control;
 use super::figures::{CycleFigures, CycleTimes, Recorder};
 use super::softirq::SoftirqLock;
+use super::spin::Spin;
 use super::timeout::Watch;
 use super::wait::{Grid, monotonic_ns, sleep_until, spin_until};
 use crate::bus::Fieldbus;
-use crate::config::{Config, Rt};
+use crate::config::Config;
 use crate::machine::state::State;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -31,21 +32,26 @@ pub fn grid(config: &Config) -> Grid {
 pub fn run<B: Fieldbus>(
     control: &mut Control<B>,
     grid: Grid,
-    rt: &Rt,
+    spin: &mut Spin,
     watch: &Watch,
     mut recorder: Recorder,
     stop: &AtomicBool,
 ) -> Box<CycleFigures> {
-    let spin_ns = u64::from(rt.spin_us()) * 1000;
     let softirqs = SoftirqLock::open();
     let (mut cycle, mut skipped) = (0, 0);
     let mut deadline_ns = grid.first_after(monotonic_ns());
     recorder.begin();
     while control.state() != State::Down && !stop.load(Ordering::Acquire) {
+        let spin_ns = spin.ns();
         control.bus_mut().serve(deadline_ns.saturating_sub(spin_ns + QUIET_NS));
         control.prepare(deadline_ns);
-        sleep_until(deadline_ns.saturating_sub(spin_ns));
+        let wake_ns = deadline_ns.saturating_sub(spin_ns);
+        let sleeps = monotonic_ns() < wake_ns;
+        sleep_until(wake_ns);
         softirqs.pass();
+        if sleeps {
+            spin.see(monotonic_ns().saturating_sub(wake_ns));
+        }
         let woke_ns = spin_until(deadline_ns);
         // What wakes up too late for its date waits for another one: a SoC is late by no more than the grid bears, or left out.
         let keep = grid.keep(deadline_ns, woke_ns);

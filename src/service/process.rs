@@ -193,6 +193,7 @@ fn run_on<L: Link + Send>(
 ) -> anyhow::Result<Ended> {
     let config = session.config;
     let rt = calibration.applied(&config.rt);
+    let mut spin = calibration.spin(config);
     let grid = Grid {
         phase_ns: calibration.phase_ns(),
         ..thread::grid(config)
@@ -237,7 +238,7 @@ fn run_on<L: Link + Send>(
             .spawn_scoped(scope, || {
                 // What is missing has been told by `prepare_process`.
                 drop(enter_thread(Role::Cycle, process));
-                thread::run(&mut control, grid, &rt, &watch, recorder, &stop)
+                thread::run(&mut control, grid, &mut spin, &watch, recorder, &stop)
             })?;
         if let Some(socket) = &socket {
             std::thread::Builder::new()
@@ -282,7 +283,10 @@ fn run_on<L: Link + Send>(
         cpu: process.cpu,
         kept_awake: process.kept_awake(),
         findings: process.findings.clone(),
-        calibration,
+        calibration: Calibration {
+            spin_raised_us: spin.raised_us(),
+            ..calibration
+        },
     })
 }
 

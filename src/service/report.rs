@@ -362,6 +362,13 @@ impl fmt::Display for RunReport {
             self.cycle.free.mean_us,
             self.cycle.free.min_us,
         )?;
+        if let Some(raised_us) = self.calibration.spin_raised_us {
+            writeln!(
+                f,
+                "spin                   raised from {} to {raised_us} us: wake-ups came later than at the start",
+                self.calibration.spin_us.value
+            )?;
+        }
         writeln!(f, "\nnode                       polled    answered    lost")?;
         for node in &self.nodes {
             writeln!(

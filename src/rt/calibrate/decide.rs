@@ -2,6 +2,7 @@
 
 use super::{Calibration, Chosen, Compared, Measured, Plan, Round, Source};
 use crate::config::{KeepAwake, Rt};
+use crate::rt::spin::covering_ns;
 use std::fmt;
 
 /// What takes the place of a default is earlier by this share of its lateness, and by this many ns: less is chance.
@@ -9,10 +10,6 @@ const CLEARLY_SHARE: f64 = 0.2;
 const CLEARLY_NS: u64 = 1_000;
 /// Rounds are compared by this quantile of their latenesses.
 const COMPARED: f64 = 0.9;
-/// The spin covers the first of these quantiles that a spin of the greatest length can cover.
-const COVERED: [f64; 3] = [0.999, 0.99, 0.9];
-/// Spins are whole multiples of this, µs.
-const SPIN_STEP_US: u32 = 5;
 
 /// The timing for a plan and the rounds that it has led to.
 pub(super) fn decide(rt: &Rt, plan: &Plan, rounds: &[Round]) -> Calibration {
@@ -48,20 +45,19 @@ pub(super) fn decide(rt: &Rt, plan: &Plan, rounds: &[Round]) -> Calibration {
             phase_us: compared(&phases),
         }),
         unmeasured: None,
+        spin_raised_us: None,
     }
 }
 
-/// How long to spin so that nearly all wake-ups of these latenesses are in time, µs. Less than the default is never chosen: half a
-/// second does not show the rare late ones. What no spin could cover (a machine that stood still) is not covered.
+/// How long to spin so that every wake-up of these latenesses is in time that a spin can have in time, µs. Less than the default
+/// is never chosen: half a second does not show the rare late ones. What no spin could cover (a machine that stood still) is not
+/// covered.
 fn spin_us(sorted_ns: &[u64], most_us: u32) -> u32 {
-    let quantiles = COVERED.iter().filter_map(|share| quantile(sorted_ns, *share));
-    let mut wanted_us = quantiles.map(|late_ns| {
-        let late_us = u32::try_from(late_ns.div_ceil(1000)).unwrap_or(u32::MAX / 2);
-        late_us.next_multiple_of(SPIN_STEP_US)
-    });
-    wanted_us
-        .find(|wanted_us| *wanted_us <= most_us)
-        .map_or(Rt::SPIN_DEFAULT_US, |wanted_us| wanted_us.max(Rt::SPIN_DEFAULT_US))
+    let mut wanted_us = sorted_ns.iter().rev().map(|late_ns| covering_ns(*late_ns) / 1000);
+    let covered_us = wanted_us.find(|wanted_us| *wanted_us <= u64::from(most_us));
+    covered_us
+        .map_or(0, |covered_us| covered_us as u32)
+        .max(Rt::SPIN_DEFAULT_US)
 }
 
 /// The default, unless another one is clearly earlier; without the default, the earliest.
@@ -143,6 +139,12 @@ impl fmt::Display for Calibration {
             way.value.name(),
             way.source,
         )?;
+        if let Some(raised_us) = self.spin_raised_us {
+            write!(
+                f,
+                "\n  spin raised to {raised_us} µs while it ran: wake-ups came later than at the start"
+            )?;
+        }
         if let Some(reason) = &self.unmeasured {
             write!(f, "\n  not measured: {reason}")?;
         }

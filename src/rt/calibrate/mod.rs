@@ -6,7 +6,8 @@
 //!
 //! A real-time thread wakes up at several phases of each cycle, in short rounds that take turns between the ways to keep the
 //! core awake. `decide` then compares medians of rounds, so that a burst of other work in one of them changes nothing, and
-//! stays with the defaults unless something else is clearly better. Ticks of the time-out thread are no candidate: what they
+//! stays with the defaults unless something else is clearly better. The spin is the longest that any wake-up wanted, and is made
+//! longer while the control runs where that is not enough: [`Calibration::spin`]. Ticks of the time-out thread are no candidate: what they
 //! take from the core shows in everything but a wake-up.
 
 mod decide;
@@ -15,6 +16,7 @@ mod tests;
 
 use super::probe::{Clock, System, on_a_thread};
 use super::setup::{Item, Process, usual_keep_awake};
+use super::spin::Spin;
 use super::wait::Grid;
 use crate::bus::managing_node::{exchanges, latencies, network};
 use crate::config::{Config, KeepAwake, Rt};
@@ -63,6 +65,8 @@ pub struct Calibration {
     pub phase_us: Chosen<u32>,
     /// The cycle thread sleeps until this long before a cycle and then spins, µs.
     pub spin_us: Chosen<u32>,
+    /// To how much the spin was raised while the control ran, µs; `None`: it was not.
+    pub spin_raised_us: Option<u32>,
     /// What was measured; `None`: nothing.
     pub measured: Option<Measured>,
     /// Why nothing was measured.
@@ -139,11 +143,16 @@ impl Plan {
             keep_awake,
             phases_us,
             cycles: (ROUND_US / cycle_us).max(2) as usize,
-            spin_max_us: (cycle_us / 5)
-                .min(cycle_us.saturating_sub(busy_us))
-                .max(Rt::SPIN_DEFAULT_US),
+            spin_max_us: spin_max_us(cycle_us, busy_us),
         }
     }
+}
+
+/// The longest spin that is chosen, µs: a fifth of the cycle, and no more than the exchange leaves.
+fn spin_max_us(cycle_us: u32, busy_us: u32) -> u32 {
+    (cycle_us / 5)
+        .min(cycle_us.saturating_sub(busy_us))
+        .max(Rt::SPIN_DEFAULT_US)
 }
 
 impl Calibration {
@@ -153,6 +162,7 @@ impl Calibration {
             keep_awake: Chosen::default_or_given(rt.keep_awake, keep_awake),
             phase_us: Chosen::default_or_given(rt.phase_us, rt.phase_us(cycle_us)),
             spin_us: Chosen::default_or_given(rt.spin_us, rt.spin_us()),
+            spin_raised_us: None,
             measured: None,
             unmeasured: Some(reason.into()),
         }
@@ -163,9 +173,20 @@ impl Calibration {
         Rt {
             keep_awake: Some(self.keep_awake.value),
             phase_us: Some(self.phase_us.value),
-            spin_us: Some(self.spin_us.value),
+            spin_us: Some(self.spin_raised_us.unwrap_or(self.spin_us.value)),
             ..rt.clone()
         }
+    }
+
+    /// The spin to begin with; it may be raised while the control runs unless the machine file gives it or wants no calibration.
+    pub fn spin(&self, config: &Config) -> Spin {
+        let spin_us = self.spin_us.value;
+        let most_us = if self.spin_us.source == Source::File || !config.rt.calibrate {
+            spin_us
+        } else {
+            spin_max_us(config.cycle_us, busy_us(config))
+        };
+        Spin::new(spin_us, most_us)
     }
 
     /// The phase, ns.

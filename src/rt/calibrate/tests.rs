@@ -103,8 +103,9 @@ fn the_spin_covers_what_a_spin_can_cover() {
     assert_eq!(with_late(&[]), 50);
     assert_eq!(with_late(&[71]), 75, "the one in a thousand");
     assert_eq!(with_late(&[200]), 200);
-    // A stall of 3 ms is beyond any spin; the 1 % below it is not.
-    assert_eq!(with_late(&[3000, 90, 80, 61]), 65);
+    // A stall of 3 ms is beyond any spin; all below it is not.
+    assert_eq!(with_late(&[3000, 90, 80, 61]), 90);
+    assert_eq!(with_late(&[3000, 3000, 201, 161]), 165);
     assert_eq!(with_late(&[3000, 3000, 3000, 3000]), 50);
     assert_eq!(with_late(&[3000; 20]), 50);
 }
@@ -130,6 +131,40 @@ fn what_the_file_gives_is_taken_whatever_is_measured() {
     );
     let all = Rt { spin_us: Some(0), ..rt };
     assert_eq!(values(&decide(&all, &plan(), &rounds)), (DmaLatency, 175, 0));
+}
+
+#[test]
+fn a_spin_is_raised_while_running_unless_the_file_gives_it_and_that_is_told() {
+    let text = include_str!("../../../configs/mill3-demo.toml");
+    let mut config = crate::config::parse(text, std::path::Path::new("demo.toml")).unwrap();
+    let raised_us = |rt: Rt, config: &mut Config| {
+        config.rt = rt;
+        let mut spin = Calibration::unmeasured(&config.rt, 1000, Nothing, "why").spin(config);
+        (0..3).for_each(|_| spin.see(60_000));
+        spin.raised_us()
+    };
+    let given = Rt {
+        spin_us: Some(50),
+        ..Rt::default()
+    };
+    let set = Rt {
+        calibrate: false,
+        ..Rt::default()
+    };
+    assert_eq!(raised_us(Rt::default(), &mut config), Some(60));
+    assert_eq!(raised_us(given, &mut config), None);
+    assert_eq!(raised_us(set, &mut config), None);
+
+    let rounds = rounds([(DmaLatency, [4, 4, 4]), (IdleThread, [4, 4, 4]), (Nothing, [4, 4, 4])]);
+    let chosen = Calibration {
+        spin_raised_us: Some(165),
+        ..decide(&Rt::default(), &plan(), &rounds)
+    };
+    assert!(
+        chosen.to_string().contains("spin raised to 165 µs while it ran"),
+        "{chosen}"
+    );
+    assert_eq!(chosen.applied(&Rt::default()).spin_us, Some(165));
 }
 
 #[test]

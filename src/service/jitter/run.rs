@@ -13,7 +13,7 @@ use super::processes::{FarAnalyser, FarMachine};
 use super::ratios::{good_medians, judge, medians, merged, per_10000};
 use super::report::{ControlFigures, Ended, JitterReport, Medians, Merged, Round, Settings};
 use super::window::Window;
-use crate::config::Config;
+use crate::config::{Config, Rt};
 use crate::machine::sequence::Outcome;
 use crate::machine::tables::Tables;
 use crate::service::process::{self, Program, Session, Task, Wire};
@@ -100,7 +100,7 @@ impl FarEnd<'_> {
 /// Nothing could be measured.
 pub fn run(wanted: &Wanted<'_>) -> anyhow::Result<JitterReport> {
     let cycles = wanted.cycles;
-    // The first round finds the timing, the others keep it.
+    // The first round finds the timing, the others keep it but for the spin, which depends on what else the PC does.
     let mut config = wanted.config.clone();
     if cycles == 0 {
         bail!("0 cycles: expected 1 or more");
@@ -308,10 +308,19 @@ impl Measured<'_> {
         let settings = &mut report.settings;
         settings.keep_awake = ended.kept_awake.name().into();
         settings.phase_us = ended.calibration.phase_us.value;
-        settings.spin_us = ended.calibration.spin_us.value;
+        settings.spin_us = ended.calibration.applied(&config.rt).spin_us();
         if self.number == 1 {
             settings.calibration = ended.calibration.to_string().lines().map(str::to_owned).collect();
-            config.rt = ended.calibration.applied(&config.rt);
+            config.rt = Rt {
+                spin_us: config.rt.spin_us,
+                ..ended.calibration.applied(&config.rt)
+            };
+        }
+        if let Some(raised_us) = ended.calibration.spin_raised_us {
+            let round = self.number;
+            report.notes.push(format!(
+                "round {round}: the spin was raised to {raised_us} µs: wake-ups came later than at the start"
+            ));
         }
         if !window.was_open() {
             let cause = match (ended.operator.alarms().first(), ended.operator.outcome()) {
