@@ -5,7 +5,7 @@
 
 use super::cycle::Control;
 use super::figures::{CycleFigures, CycleTimes, Recorder};
-use super::softirq::SoftirqLock;
+use super::network_locks::NetworkLocks;
 use super::spin::Spin;
 use super::timeout::Watch;
 use super::wait::{Grid, monotonic_ns, sleep_until, spin_until};
@@ -37,7 +37,7 @@ pub fn run<B: Fieldbus>(
     mut recorder: Recorder,
     stop: &AtomicBool,
 ) -> Box<CycleFigures> {
-    let softirqs = SoftirqLock::open();
+    let locks = NetworkLocks::open();
     let (mut cycle, mut skipped) = (0, 0);
     let mut deadline_ns = grid.first_after(monotonic_ns());
     recorder.begin();
@@ -48,7 +48,7 @@ pub fn run<B: Fieldbus>(
         let wake_ns = deadline_ns.saturating_sub(spin_ns);
         let sleeps = monotonic_ns() < wake_ns;
         sleep_until(wake_ns);
-        softirqs.pass();
+        locks.pass();
         if sleeps {
             spin.see(monotonic_ns().saturating_sub(wake_ns));
         }
