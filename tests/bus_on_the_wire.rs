@@ -27,6 +27,7 @@ fn main() {
     beside_a_control(folder.path());
     one_sender_of_an_interface(folder.path(), &simulated);
     drop(simulated);
+    a_machine_without_anybody_to_hear_it_ends(&machine);
     println!("bus_on_the_wire ... ok");
 }
 
@@ -91,6 +92,41 @@ fn alone_on_the_interface() {
     assert_eq!(
         text(&refused),
         "0x1000      refused: attempt to write a read-only object (0x06010002)\n"
+    );
+}
+
+/// Nobody reads its first line; or whoever started it has gone before it asked the kernel to watch him.
+fn a_machine_without_anybody_to_hear_it_ends(machine: &Path) {
+    let ends = |arguments: &[&str], why: &str| {
+        let (reader, writer) = std::io::pipe().expect("a pipe");
+        drop(reader);
+        let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+        command
+            .arg("simulate")
+            .arg(machine)
+            .args(["--interface", "plk1"])
+            .args(arguments);
+        let mut process = command
+            .stdout(writer)
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the binary runs");
+        let give_up = Instant::now() + PATIENCE;
+        while process.try_wait().expect("our own child").is_none() {
+            if Instant::now() > give_up {
+                let _ = process.kill();
+            }
+            sleep(Duration::from_millis(20));
+        }
+        let output = process.wait_with_output().expect("our own child");
+        assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+        assert!(text(&output).contains(why), "{}", text(&output));
+    };
+    ends(&[], "nobody hears that the machine is ready");
+    // No process of this number can be the parent.
+    ends(
+        &["--with-parent", "4194305"],
+        "process 4194305, for which this machine was to be, has ended",
     );
 }
 

@@ -12,6 +12,8 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use serde_json::Value;
 use std::io::Write;
+use std::os::unix::fs::MetadataExt;
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -132,6 +134,39 @@ fn a_fault_lets_nothing_begin_before_it_is_acknowledged() {
     });
 }
 
+#[test]
+fn a_pc_that_stands_still_while_drives_are_off_is_warned_of_and_nothing_has_to_be_acknowledged() {
+    stand_by(PART, |run| {
+        reach(run, "disabled", |run| run.control.state() == State::Disabled);
+        // Short stalls, of which the nodes notice nothing; then one in which they all give up.
+        for late_ms in [1; 80].into_iter().chain([2_000]) {
+            run.cycle(late_ms * 1_000_000 + 600_000).unwrap();
+            assert!(run.control.state() != State::Faulted);
+        }
+        reach(run, "booting", |run| run.control.state() == State::Booting);
+        reach(run, "disabled again", |run| run.control.state() == State::Disabled);
+        assert_eq!(run.operator.alarm(), None);
+        let told = |run: &Rehearsal<'_>, what: &str| {
+            let journal = run.operator.journal().iter();
+            journal
+                .filter(|entry| entry.text.starts_with("warning: ") && entry.text.contains(what))
+                .count()
+        };
+        let (overruns, lost) = (told(run, "cycles were left out"), told(run, "lost"));
+        assert!(
+            (1..=3).contains(&overruns) && lost >= 1,
+            "{:#?}",
+            run.operator.journal()
+        );
+        assert!(begin(run), "nothing to acknowledge");
+        // With drives on it is a fault.
+        reach(run, "running", |run| run.control.state() == State::Running);
+        run.cycle(2_000_600_000).unwrap();
+        reach(run, "faulted", |run| run.control.state() == State::Faulted);
+        assert!(run.operator.alarm().is_some());
+    });
+}
+
 /// A control that stands by over the wire in memory.
 struct Control {
     process: Child,
@@ -221,6 +256,79 @@ fn a_reader_who_does_not_read_keeps_nobody_from_stopping_the_machine() {
     let long = control.program("long.ngc", LONG);
     control.ask(&["program", "run", long.to_str().unwrap()]).unwrap();
     control.wait_for("running", |status| status["state"] == "running");
+    control.ask(&["stop"]).unwrap();
+    control.wait_for("the stop", |status| status["program"]["result"] == "stopped");
+}
+
+#[test]
+fn signals_that_are_no_wish_to_stop_do_nothing_and_the_others_stop_in_order() {
+    let mut control = Control::start("signals", Stdio::null());
+    control.wait_for("standing by", |status| status["state"] == "disabled");
+    let long = control.program("long.ngc", LONG);
+    control.ask(&["program", "run", long.to_str().unwrap()]).unwrap();
+    let pid = Pid::from_raw(control.process.id() as i32);
+    let mut status = control.wait_for("running", |status| status["state"] == "running");
+    for signal in [
+        Signal::SIGUSR1,
+        Signal::SIGUSR2,
+        Signal::SIGALRM,
+        Signal::SIGPROF,
+        Signal::SIGIO,
+        Signal::SIGTSTP,
+        Signal::SIGTTOU,
+    ] {
+        kill(pid, signal).unwrap();
+        status = control.wait_for("further on", |now| {
+            now["state"] == "running" && now["position_mm"] != status["position_mm"]
+        });
+    }
+    kill(pid, Signal::SIGQUIT).unwrap();
+    assert_eq!(
+        control.process.wait().unwrap().code(),
+        Some(131),
+        "in order, not by the signal"
+    );
+}
+
+#[test]
+fn pins_that_are_cut_short_stop_the_machine_and_kill_nobody() {
+    let mut control = Control::start("cut-short", Stdio::null());
+    control.wait_for("standing by", |status| status["state"] == "disabled");
+    let long = control.program("long.ngc", LONG);
+    control.ask(&["program", "run", long.to_str().unwrap()]).unwrap();
+    control.wait_for("running", |status| status["state"] == "running");
+    let name = format!("isocnc-hal.{}", control.machine);
+    let mut places = hal_pins::directories().into_iter().map(|folder| folder.join(&name));
+    let pins = places.find(|path| path.exists()).expect("the pins");
+    let file = std::fs::OpenOptions::new().write(true).open(pins).unwrap();
+    file.set_len(0).unwrap();
+    let status = control.wait_for("the stop", |status| !status["program"]["result"].is_null());
+    assert_eq!(
+        (&status["program"]["result"], &status["state"]),
+        (&"faulted".into(), &"faulted".into())
+    );
+    let alarm = status["alarm"].as_str().unwrap();
+    assert!(alarm.contains("the pins was cut short by another process"), "{alarm}");
+    kill(Pid::from_raw(control.process.id() as i32), Signal::SIGTERM).unwrap();
+    assert_eq!(control.process.wait().unwrap().code(), Some(143));
+}
+
+#[test]
+fn idle_connections_keep_no_stop_out() {
+    let control = Control::start("crowded", Stdio::null());
+    control.wait_for("standing by", |status| status["state"] == "disabled");
+    let long = control.program("long.ngc", LONG);
+    control.ask(&["program", "run", long.to_str().unwrap()]).unwrap();
+    control.wait_for("running", |status| status["state"] == "running");
+    let name = format!("isocnc-control.{}", control.machine);
+    let mut places = hal_pins::directories().into_iter().map(|folder| folder.join(&name));
+    let socket = places.find(|path| path.exists()).expect("the socket");
+    let folder = std::fs::metadata(socket.parent().unwrap()).unwrap();
+    assert_eq!(
+        (folder.mode() & 0o7777, folder.uid()),
+        (0o700, nix::unistd::geteuid().as_raw())
+    );
+    let _idle: Vec<UnixStream> = (0..40).map(|_| UnixStream::connect(&socket).unwrap()).collect();
     control.ask(&["stop"]).unwrap();
     control.wait_for("the stop", |status| status["program"]["result"] == "stopped");
 }

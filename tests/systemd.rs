@@ -153,12 +153,40 @@ fn a_hung_cycle_thread_gives_no_sign_of_life() {
     while service.is_running() {
         service.hear(Duration::from_millis(100));
     }
+    assert_eq!(service.process.wait().unwrap().code(), Some(3), "to be started anew");
     let signs = service.told.iter().filter(|told| *told == "WATCHDOG=1").count();
     assert!(
         signs <= 1,
         "{signs} signs; one is for cycles before it hung: {:?}",
         service.told
     );
+}
+
+#[test]
+fn a_control_whose_time_out_thread_hangs_comes_to_rest_and_ends_to_be_started_anew() {
+    let mut service = Service::start(Duration::from_secs(2));
+    service.hear_until("STATUS=running");
+    let watcher = service.thread("rt-timeout");
+    if let Err(reason) = freeze(watcher) {
+        println!("a_control_whose_time_out_thread_hangs ... SKIPPED: one thread cannot be stopped: {reason}");
+        return;
+    }
+    service.frozen = Some(watcher);
+    service.hear_until("STATUS=down");
+    assert!(
+        service.place("STATUS=stopping") < service.place("STATUS=down"),
+        "{:?}",
+        service.told
+    );
+    let alarm = service
+        .told
+        .iter()
+        .find(|told| told.contains("alarm: the time-out thread hung"));
+    assert!(alarm.is_some(), "{:?}", service.told);
+    while service.is_running() {
+        service.hear(Duration::from_millis(100));
+    }
+    assert_eq!(service.process.wait().unwrap().code(), Some(3));
 }
 
 /// Stops one thread of a child.

@@ -114,7 +114,11 @@ impl Attached {
             let count = self.words.count()?;
             (0..count).map(|index| self.words.read(index, count)).collect()
         };
-        read().map_err(|what| HalError::Corrupt {
+        let entries = match read() {
+            _ if self.words.is_lost() => Err("was cut short by another process".into()),
+            entries => entries,
+        };
+        entries.map_err(|what| HalError::Corrupt {
             path: self.path.clone(),
             what,
         })

@@ -136,6 +136,14 @@ pub enum HalError {
         /// User id of its owner.
         owner: u32,
     },
+    /// A folder that others may enter, or that is none.
+    #[error("{}: {what}: the files of a control lie in a folder of its user alone", .path.display())]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
     /// A file that is not what this version writes.
     #[error("{}: {what}", .path.display())]
     Corrupt {
@@ -145,7 +153,7 @@ pub enum HalError {
         what: String,
     },
     /// No directory for the file.
-    #[error("neither /dev/shm nor $XDG_RUNTIME_DIR is a directory that can be written: mount a tmpfs on /dev/shm")]
+    #[error("neither /run, $XDG_RUNTIME_DIR nor /dev/shm is a tmpfs that can be written: mount one on /dev/shm")]
     NoDirectory,
     /// The system refused.
     #[error("{}: {doing}: {cause}", .path.display())]

@@ -2,15 +2,20 @@
 //!
 //! A new file is filled under another name and then linked to its own, so nobody ever sees half a file. The owner holds a
 //! lock on it that the kernel takes away with the process; a file without that lock is left over and is replaced.
+//!
+//! All of it lies in a folder that nobody but the user can enter: another one can neither put a file or a socket there under
+//! the name of a control, nor take one away.
 
 use crate::HalError;
 use crate::layout::{Words, file_len};
 use crate::name::check_machine;
 use memmap2::MmapOptions;
 use nix::fcntl::{FcntlArg, fcntl};
-use std::fs::{File, OpenOptions};
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use nix::sys::statfs::{TMPFS_MAGIC, statfs};
+use std::fs::{DirBuilder, File, OpenOptions};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 const PREFIX: &str = "isocnc-hal.";
 /// Tries of taking a name over from dead processes while others do the same.
@@ -27,14 +32,154 @@ pub struct Found {
     pub path: PathBuf,
 }
 
-/// Where files are kept: `/dev/shm`, then `$XDG_RUNTIME_DIR`; those that exist.
+/// Folders that hold files of this user's controls, each of them his alone; those that exist.
 pub fn directories() -> Vec<PathBuf> {
-    let runtime = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
-    [Some(PathBuf::from("/dev/shm")), runtime]
-        .into_iter()
-        .flatten()
-        .filter(|dir| dir.is_absolute() && dir.is_dir())
-        .collect()
+    let mut found = places();
+    found.retain(|place| Folder::private(place).is_ok());
+    found
+}
+
+/// The same, made where they are not there yet; at least one.
+pub(crate) fn own_directories() -> Result<Vec<PathBuf>, HalError> {
+    let mut refused = HalError::NoDirectory;
+    let mut own = Vec::new();
+    for place in places() {
+        match Folder::make(&place) {
+            Ok(()) => own.push(place),
+            Err(error) => refused = error,
+        }
+    }
+    match own.is_empty() {
+        true => Err(refused),
+        false => Ok(own),
+    }
+}
+
+/// Where such a folder may be, best first: `/run/isocnc` (made by root or by a service manager), in `$XDG_RUNTIME_DIR`, in
+/// `/dev/shm` for everybody else. What is looked for by the user's number is so by the one that he had at first: in a user
+/// namespace of its own, every process is root.
+fn places() -> Vec<PathBuf> {
+    static PLACES: OnceLock<Vec<PathBuf>> = OnceLock::new();
+    let find = || {
+        let user = nix::unistd::geteuid();
+        let runtime = std::env::var_os("XDG_RUNTIME_DIR").map(|folder| PathBuf::from(folder).join("isocnc"));
+        let mut places = vec![PathBuf::from("/run/isocnc")];
+        places.extend(runtime.filter(|place| place.is_absolute()));
+        places.push(format!("/run/user/{user}/isocnc").into());
+        places.push(format!("/dev/shm/isocnc-{user}").into());
+        places.retain(|place| place.parent().is_some_and(is_memory));
+        let mut seen = Vec::new();
+        places.retain(|place| {
+            !seen.contains(place) && {
+                seen.push(place.clone());
+                true
+            }
+        });
+        places
+    };
+    PLACES.get_or_init(find).clone()
+}
+
+/// Whether files of a folder lie in memory: pages of a disk are written back, and a cycle that writes one meanwhile waits.
+fn is_memory(folder: &Path) -> bool {
+    statfs(folder).is_ok_and(|system| system.filesystem_type() == TMPFS_MAGIC)
+}
+
+/// A folder and its lock: one process at a time makes and sweeps files there.
+struct Folder {
+    file: File,
+    path: PathBuf,
+}
+
+impl Folder {
+    /// Makes a private one where there is none yet.
+    fn make(path: &Path) -> Result<(), HalError> {
+        match DirBuilder::new().mode(0o700).create(path) {
+            Err(cause) if cause.kind() != std::io::ErrorKind::AlreadyExists => Err(HalError::System {
+                path: path.to_owned(),
+                doing: "make the folder",
+                cause,
+            }),
+            _ => Folder::private(path),
+        }
+    }
+
+    /// Makes sure that nobody but this user can enter it.
+    fn private(path: &Path) -> Result<(), HalError> {
+        let folder = Folder::open(path, "open")?;
+        let found = folder.file.metadata().map_err(|cause| HalError::System {
+            path: path.to_owned(),
+            doing: "look at the folder",
+            cause,
+        })?;
+        if found.uid() != nix::unistd::geteuid().as_raw() {
+            return Err(HalError::Foreign {
+                path: path.to_owned(),
+                owner: found.uid(),
+            });
+        }
+        if found.mode() & 0o077 != 0 {
+            return Err(HalError::Folder {
+                path: path.to_owned(),
+                what: format!("others may enter (mode {:o}, wanted is 700)", found.mode() & 0o7777),
+            });
+        }
+        Ok(())
+    }
+
+    fn open(path: &Path, doing: &'static str) -> Result<Folder, HalError> {
+        let system = |cause| HalError::System {
+            path: path.to_owned(),
+            doing,
+            cause,
+        };
+        let file = OpenOptions::new()
+            .read(true)
+            .custom_flags(libc::O_DIRECTORY | libc::O_NOFOLLOW | libc::O_NONBLOCK)
+            .open(path)
+            .map_err(system)?;
+        Ok(Folder {
+            file,
+            path: path.to_owned(),
+        })
+    }
+
+    /// Until it is dropped, no other process makes or sweeps files here. It is held for moments.
+    fn lock(&self) -> Result<(), HalError> {
+        self.file.lock().map_err(|cause| HalError::System {
+            path: self.path.clone(),
+            doing: "lock the folder",
+            cause,
+        })
+    }
+
+    /// Removes what dead controls have left: their pins, drafts of pins, and what else carries their name, like sockets.
+    /// `own`: the machine for which all this is done.
+    fn sweep(&self, own: &str) {
+        let Ok(entries) = std::fs::read_dir(&self.path) else {
+            return;
+        };
+        for entry in entries.flatten() {
+            let name = entry.file_name();
+            let is_dead = |machine: &str| {
+                machine != own
+                    && check_machine(machine).is_ok()
+                    && matches!(open_alive(&path_in(&self.path, machine)), Ok(None))
+            };
+            let left_over = match name.to_str() {
+                // Whoever makes one holds the lock.
+                Some(name) if name.starts_with(&format!(".{PREFIX}")) => true,
+                Some(name) if name.starts_with("isocnc-") => {
+                    name.split_once('.').is_some_and(|(_, machine)| is_dead(machine))
+                }
+                Some(_) | None => false,
+            };
+            if left_over {
+                // What cannot be removed is in nobody's way.
+                let _ = std::fs::remove_file(entry.path());
+            }
+        }
+    }
 }
 
 /// The controls of this user that are running, by name.
@@ -91,6 +236,15 @@ impl OwnFile {
         capacity: usize,
     ) -> Result<(OwnFile, Words), HalError> {
         check_machine(machine)?;
+        // In whichever folder: a machine is run by one control.
+        for directory in directories {
+            if let Ok(Some((_, words))) = open_alive(&path_in(directory, machine)) {
+                return Err(HalError::Running {
+                    machine: machine.to_owned(),
+                    pid: words.pid(),
+                });
+            }
+        }
         let mut refused = HalError::NoDirectory;
         for directory in directories {
             match OwnFile::create_at(directory, machine, capacity) {
@@ -102,6 +256,8 @@ impl OwnFile {
     }
 
     fn create_at(directory: &Path, machine: &str, capacity: usize) -> Result<(OwnFile, Words), HalError> {
+        let folder = Folder::open(directory, "create")?;
+        folder.lock()?;
         let path = path_in(directory, machine);
         // Hidden, so that `find` passes it by; unique, so that processes and threads do not meet.
         let unique = format!(
@@ -129,12 +285,16 @@ impl OwnFile {
             .populate()
             .map_raw(&file)
             .map_err(failed("map"))?;
-        let words = Words::format(map, capacity);
+        let words = Words::format(map, &file, capacity);
         lock(&file).map_err(failed("lock"))?;
 
         for _ in 0..ATTEMPTS {
             match std::fs::hard_link(&draft.0, &path) {
-                Ok(()) => return Ok((OwnFile { path, file }, words)),
+                Ok(()) => {
+                    drop(draft);
+                    folder.sweep(machine);
+                    return Ok((OwnFile { path, file }, words));
+                }
                 Err(cause) if cause.kind() == std::io::ErrorKind::AlreadyExists => remove_left_over(&path, machine)?,
                 Err(cause) => {
                     return Err(HalError::System {
@@ -242,7 +402,7 @@ pub(crate) fn map_checked(file: &File, path: &Path) -> Result<Words, HalError> {
         .populate()
         .map_raw(file)
         .map_err(system("map"))?;
-    Words::check(map).map_err(corrupt)
+    Words::check(map, file).map_err(corrupt)
 }
 
 pub(crate) fn open(path: &Path) -> Result<File, HalError> {
@@ -301,5 +461,45 @@ fn same_file(file: &File, path: &Path) -> bool {
     match (file.metadata(), std::fs::symlink_metadata(path)) {
         (Ok(a), Ok(b)) => (a.dev(), a.ino()) == (b.dev(), b.ino()),
         _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs::{Permissions, create_dir, set_permissions, write};
+    use std::os::unix::fs::{PermissionsExt, symlink};
+
+    #[test]
+    fn a_folder_is_made_for_one_user_alone_and_no_other_is_taken() {
+        let base = tempfile::tempdir().unwrap();
+        let at = |name: &str| base.path().join(name);
+        Folder::make(&at("new")).unwrap();
+        assert_eq!(std::fs::metadata(at("new")).unwrap().mode() & 0o7777, 0o700);
+        Folder::make(&at("new")).unwrap();
+        create_dir(at("open")).unwrap();
+        set_permissions(at("open"), Permissions::from_mode(0o777)).unwrap();
+        let open = Folder::make(&at("open")).unwrap_err().to_string();
+        assert!(open.contains("others may enter (mode 777, wanted is 700)"), "{open}");
+        // Not where another one points either.
+        symlink(at("new"), at("link")).unwrap();
+        assert!(matches!(Folder::make(&at("link")), Err(HalError::System { .. })));
+        write(at("file"), "").unwrap();
+        assert!(matches!(Folder::make(&at("file")), Err(HalError::System { .. })));
+        if nix::unistd::geteuid().is_root() {
+            std::os::unix::fs::chown(at("new"), Some(65_534), None).unwrap();
+            assert!(matches!(
+                Folder::make(&at("new")),
+                Err(HalError::Foreign { owner: 65_534, .. })
+            ));
+        }
+    }
+
+    #[test]
+    fn places_lie_in_memory_and_each_is_of_one_user() {
+        for place in places() {
+            assert!(is_memory(place.parent().unwrap()), "{}", place.display());
+            assert!(place.file_name().unwrap().to_str().unwrap().starts_with("isocnc"));
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! The owner's side: claiming pins, connecting them, and the handles that the cycle uses.
 
 use crate::attached::{self, Attached, PinInfo};
-use crate::file::{OwnFile, directories};
+use crate::file::{OwnFile, own_directories};
 use crate::layout::{CAPACITY_MAX, Entry, Kind, Words};
 use crate::{AnyValue, HalError, Type, Value, check_name, nearest};
 use std::marker::PhantomData;
@@ -30,7 +30,7 @@ impl Hal {
     /// # Errors
     /// [`HalError::Running`] if a control of that name is running, and whatever the system refuses.
     pub fn create(machine: &str, capacity: usize) -> Result<Hal, HalError> {
-        Hal::create_in(&directories(), machine, capacity)
+        Hal::create_in(&own_directories()?, machine, capacity)
     }
 
     /// As [`Hal::create`], in the first of these directories that takes the file.
@@ -94,6 +94,13 @@ impl Hal {
             index,
             value: PhantomData,
         })
+    }
+
+    /// The memory behind all of it.
+    pub fn memory(&self) -> Memory {
+        Memory {
+            shared: self.shared.clone(),
+        }
     }
 
     /// One more reader of any pin or net.
@@ -251,6 +258,18 @@ impl Hal {
                 other: self.entries[other].name.clone(),
             }),
         }
+    }
+}
+
+/// The memory behind pins.
+pub struct Memory {
+    shared: Arc<Shared>,
+}
+
+impl Memory {
+    /// RT: whether somebody has cut the file short: pins that were lost read as zeros until they are written again.
+    pub fn is_lost(&self) -> bool {
+        self.shared.words.is_lost()
     }
 }
 

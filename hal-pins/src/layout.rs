@@ -13,8 +13,10 @@
 //! `net + 1` is the entry of the net a pin is on, `source + 1` the entry whose cell holds the value of an input or a net;
 //! 0 is none.
 
+use crate::guard::Guard;
 use crate::{AnyValue, NAME_LEN_MAX, Type, check_name};
 use memmap2::MmapRaw;
+use std::fs::File;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 pub(crate) const MAGIC: u64 = u64::from_le_bytes(*b"isocHAL\n");
@@ -93,15 +95,18 @@ pub(crate) const fn file_len(capacity: usize) -> usize {
 
 /// The mapped words. The mapping stays until the last handle is gone.
 pub(crate) struct Words {
+    /// Dropped before the mapping.
+    guard: Guard,
     map: MmapRaw,
     capacity: usize,
 }
 
 impl Words {
     /// Lays out fresh, zeroed memory.
-    pub(crate) fn format(map: MmapRaw, capacity: usize) -> Words {
+    pub(crate) fn format(map: MmapRaw, file: &File, capacity: usize) -> Words {
         assert!((1..=CAPACITY_MAX).contains(&capacity) && map.len() == file_len(capacity));
-        let words = Words { map, capacity };
+        let guard = Guard::of(&map, file);
+        let words = Words { guard, map, capacity };
         words.word(at::VERSION).store(VERSION, Ordering::Relaxed);
         words
             .word(at::FILE_LEN)
@@ -115,11 +120,16 @@ impl Words {
     }
 
     /// Checks the header of memory that another process made. The error says what was found.
-    pub(crate) fn check(map: MmapRaw) -> Result<Words, String> {
+    pub(crate) fn check(map: MmapRaw, file: &File) -> Result<Words, String> {
         if map.len() < file_len(1) || !map.len().is_multiple_of(8) {
             return Err(format!("{} octets are no pins of a control: too short", map.len()));
         }
-        let words = Words { map, capacity: 0 };
+        let guard = Guard::of(&map, file);
+        let words = Words {
+            guard,
+            map,
+            capacity: 0,
+        };
         let header = |index| words.word(index).load(Ordering::Acquire);
         if header(at::MAGIC) != MAGIC {
             return Err(format!(
@@ -149,6 +159,12 @@ impl Words {
 
     pub(crate) fn capacity(&self) -> usize {
         self.capacity
+    }
+
+    /// RT: whether somebody has cut the file short: what was lost reads as zeros until it is written again.
+    pub(crate) fn is_lost(&self) -> bool {
+        // Where somebody else was the first to touch what was gone, there is no fault here.
+        self.guard.is_lost() || self.word(at::MAGIC).load(Ordering::Relaxed) != MAGIC
     }
 
     /// Entries that are complete; never above the capacity.

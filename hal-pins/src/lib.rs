@@ -17,12 +17,14 @@
 //! atomic access each: RT, wait-free, without allocation.
 //!
 //! The file holds 64-bit words only and is read with atomic loads and checked indices, so a damaged or foreign file is
-//! an error and never undefined behaviour. It belongs to one user (mode 0600) and goes with the process; what a killed
-//! process leaves behind is recognised by its lost lock and replaced.
+//! an error and never undefined behaviour. It lies in a folder of one user alone and goes with the process; what a killed
+//! process leaves behind is recognised by its lost lock, and removed when the next control starts. One that is cut short while
+//! it is mapped is seen ([`Memory::is_lost`]) and kills nobody.
 
 mod attached;
 mod error;
 mod file;
+mod guard;
 mod hal;
 mod layout;
 mod name;
@@ -31,7 +33,7 @@ mod value;
 pub use attached::{Attached, PinInfo};
 pub use error::HalError;
 pub use file::{Found, directories, find};
-pub use hal::{Hal, Input, Output};
+pub use hal::{Hal, Input, Memory, Output};
 pub use layout::{CAPACITY_MAX, Kind};
 pub use name::{NAME_LEN_MAX, check_name, nearest};
 pub use value::{AnyValue, Type, Value};

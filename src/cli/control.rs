@@ -116,12 +116,17 @@ pub enum Order {
 
 /// Shows how a control is.
 ///
+/// Exit code 1: its network is silenced, and it ends.
+///
 /// # Errors
 /// No control answers.
 pub fn status(args: &ControlArgs) -> anyhow::Result<ExitCode> {
     let status = call(args, "status", json!({}))?;
     print(args, &status, &words(&status));
-    Ok(ExitCode::SUCCESS)
+    Ok(match status["state"] == "silenced" {
+        true => ExitCode::FAILURE,
+        false => ExitCode::SUCCESS,
+    })
 }
 
 /// Gives an order.

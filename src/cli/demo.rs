@@ -139,7 +139,8 @@ impl FarMachine {
         command
             .arg("simulate")
             .arg(machine)
-            .args(["--interface", INTERFACES[1], "--with-parent"]);
+            .args(["--interface", INTERFACES[1], "--with-parent"])
+            .arg(std::process::id().to_string());
         command.arg("--analyse").arg(&measurement);
         if let Some(capture) = &args.capture {
             command
@@ -147,19 +148,21 @@ impl FarMachine {
                 .arg(capture)
                 .args(["--other-end", INTERFACES[0]]);
         }
-        let mut process = command
+        let process = command
             // A signal to all processes of the terminal is for the control: the machine lives on until that has stopped.
             .process_group(0)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .spawn()
             .context("simulated machine")?;
+        // Ended with this, whatever comes.
+        let mut machine = FarMachine { process, measurement };
         let mut line = String::new();
-        if let Some(output) = process.stdout.take() {
+        if let Some(output) = machine.process.stdout.take() {
             BufReader::new(output).read_line(&mut line)?;
         }
         ensure!(line.trim() == READY, "the simulated machine did not start");
-        Ok(FarMachine { process, measurement })
+        Ok(machine)
     }
 }
 

@@ -5,16 +5,18 @@ use crate::config::{self, KeepAwake, Require, Rt};
 use crate::rt::setup::{self, Role, STACK_SIZE, enter_thread};
 use crate::rt::wait::to_next;
 use crate::service::analyser::Analyser;
+use crate::service::process::StopOnDrop;
+use crate::service::progress::say;
 use crate::service::signals::StopSignal;
 use crate::service::tap::Tap;
 use crate::sim::{self, SimMachine, serve};
-use anyhow::{Context, anyhow};
+use anyhow::{Context, anyhow, ensure};
 use clap::Args;
 use powerlink::link::raw::{RawConfig, RawLink};
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 /// What is printed once the machine listens.
@@ -48,13 +50,17 @@ pub struct SimulateArgs {
     /// Cycle instead of that of the machine file, µs.
     #[arg(long, value_name = "P", hide = true)]
     cycle_us: Option<u32>,
-    /// End with the process that started this one, and leave Ctrl-C to it.
-    #[arg(long, hide = true)]
-    with_parent: bool,
+    /// End with the process (id) that started this one, and leave Ctrl-C to it.
+    #[arg(long, value_name = "PID", hide = true)]
+    with_parent: Option<u32>,
 }
 
 /// Simulates until a signal ends it.
 pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
+    // Before anything else: nobody but the parent would end this process.
+    if let Some(parent) = args.with_parent {
+        stay_with(parent)?;
+    }
     let config = match config::read_with_cycle(&args.machine, args.cycle_us) {
         Ok(config) => config,
         Err(errors) => {
@@ -63,9 +69,6 @@ pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
         }
     };
     let signal = StopSignal::install().context("signals")?;
-    if args.with_parent {
-        stay_with_parent();
-    }
     let mut machine = SimMachine::new(&config).map_err(|error| anyhow!("{error}"))?;
     let _sole = SoleSender::claim(&args.interface)?;
     let mut link = RawLink::open(
@@ -121,22 +124,28 @@ pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
                 drop(enter_thread(Role::Machine, &process));
                 serve(&mut link, &mut machine, &stop, &mut hand_in, &mut |_, _| {})
             })?;
-        println!("{READY}");
-        std::io::stdout().flush()?;
+        // However this ends, the machine ends with it.
+        let ended = StopOnDrop(&stop);
+        let mut out = std::io::stdout().lock();
+        writeln!(out, "{READY}")
+            .and_then(|()| out.flush())
+            .context("nobody hears that the machine is ready")?;
+        drop(out);
         while !machine_thread.is_finished() && (signal.caught().is_none() || only_interrupted(args, &signal)) {
             std::thread::sleep(to_next(Duration::from_millis(20)));
         }
-        stop.store(true, Ordering::Release);
+        drop(ended);
         let served = machine_thread
             .join()
             .map_err(|_| anyhow!("the simulated machine panicked"))?;
         served.with_context(|| args.interface.clone())
     })?;
-    if !args.with_parent {
-        println!(
-            "{} frames received, {} sent, {} dropped",
+    if args.with_parent.is_none() {
+        say(&format!(
+            "{} frames received, {} sent, {} dropped
+",
             served.received, served.sent, served.dropped
-        );
+        ));
     }
     if let Some(analyser) = analyser {
         let measured = analyser.stop()?;
@@ -149,10 +158,18 @@ pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
 
 /// Ctrl-C reaches every process of the terminal; the machine must live on until the control has stopped.
 fn only_interrupted(args: &SimulateArgs, signal: &StopSignal) -> bool {
-    args.with_parent && signal.caught() == Some(libc::SIGINT)
+    args.with_parent.is_some() && signal.caught() == Some(libc::SIGINT)
 }
 
-fn stay_with_parent() {
+/// Has the kernel end this process with the thread that started it.
+fn stay_with(parent: u32) -> anyhow::Result<()> {
     // SAFETY: takes two numbers and touches no memory.
     unsafe { libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGTERM as libc::c_ulong) };
+    // It says nothing of a parent that has ended before.
+    let parent_now = std::os::unix::process::parent_id();
+    ensure!(
+        parent_now == parent,
+        "process {parent}, for which this machine was to be, has ended"
+    );
+    Ok(())
 }

@@ -15,6 +15,10 @@ use motion::rt::{Order, SyncFault};
 use powerlink::link::LinkError;
 use powerlink::mn::ForeignSign;
 
+/// What every command says of a control whose cycle thread hung.
+pub const SILENCED: &str = "the network is silenced, because the cycle thread hung: drives stop by themselves for want of SoC; \
+                            this control ends and is to be started anew";
+
 /// Something that is wrong. Joints and nodes by their place in the machine file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
@@ -108,6 +112,8 @@ pub enum Fault {
     },
     /// The time-out thread took the cycle thread for hung and forbade further cycles.
     CycleHung,
+    /// The file of the pins was cut short by another process.
+    PinsLost,
     /// Another managing node is on the wire.
     ForeignMaster {
         /// Who was heard.
@@ -158,6 +164,7 @@ impl Fault {
             | Fault::SpindleLate { .. }
             | Fault::CountsLost { in_step: true, .. }
             | Fault::TooManyOverruns { .. }
+            | Fault::PinsLost
             | Fault::ForeignMaster { .. }
             | Fault::LinkFailed {
                 error: LinkError::Down | LinkError::FrameLength { .. } | LinkError::Os { .. },
@@ -186,6 +193,7 @@ impl Fault {
             | Fault::CyclesSkipped { .. }
             | Fault::ManyOverruns { .. }
             | Fault::CycleHung
+            | Fault::PinsLost
             | Fault::ForeignMaster { .. } => false,
         }
     }
@@ -262,8 +270,9 @@ impl Fault {
                 "{cycles} of the last {CYCLES} cycles were left out, more than rt.overruns_stop bears: `isocnc doctor` says what \
                  keeps this PC from real time"
             ),
-            Fault::CycleHung => {
-                "cycle thread hung; the network was silenced: end this control and start it anew".into()
+            Fault::CycleHung => SILENCED.into(),
+            Fault::PinsLost => {
+                "the file of the pins was cut short by another process: pins are lost; end this control and start it anew".into()
             }
             Fault::ForeignMaster { sign } => format!("{sign}; disconnect it or end it"),
             Fault::LinkFailed { error } => format!("network adapter: {error}"),

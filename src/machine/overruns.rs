@@ -58,28 +58,48 @@ impl Overruns {
         }
     }
 
-    /// RT: a cycle runs, and so many before it were left out.
-    pub fn count(&mut self, skipped: u64) -> Verdict {
-        self.cycles_in_part += 1 + skipped;
+    /// RT: a cycle runs, and so many before it were left out. `at_ease`: nothing moves and nothing can, so that any number is
+    /// borne.
+    pub fn count(&mut self, skipped: u64, at_ease: bool) -> Verdict {
         self.quiet = self.quiet.saturating_sub(1 + skipped);
-        if self.cycles_in_part > PART {
-            self.part = (self.part + 1) % PARTS;
-            self.parts[self.part] = 0;
-            self.cycles_in_part = 0;
+        // A longer gap fills all that is remembered.
+        let mut left_out = skipped.min(CYCLES);
+        while left_out > 0 {
+            let here = left_out.min(self.room());
+            self.parts[self.part] += here;
+            self.cycles_in_part += here;
+            left_out -= here;
         }
-        self.parts[self.part] += skipped;
+        let remembered = self.parts.iter().sum();
+        self.room();
+        self.cycles_in_part += 1;
         if skipped == 0 {
             return Verdict::Fine;
         }
-        let skipped = self.parts.iter().sum();
-        if skipped > self.too_many {
+        let skipped = remembered;
+        if skipped > self.too_many && !at_ease {
             Verdict::TooMany { skipped }
-        } else if skipped > self.many && self.quiet == 0 {
+        } else if skipped > self.many.min(self.too_many) && self.quiet == 0 {
             self.quiet = CYCLES;
             Verdict::Many { skipped }
         } else {
             Verdict::Fine
         }
+    }
+
+    /// RT: cycles for which there is room in the part under way, above 0: behind a full one, the oldest is begun anew.
+    fn room(&mut self) -> u64 {
+        if self.cycles_in_part == PART {
+            self.part = (self.part + 1) % PARTS;
+            self.parts[self.part] = 0;
+            self.cycles_in_part = 0;
+        }
+        PART - self.cycles_in_part
+    }
+
+    /// RT: whether any of the last thousand cycles was left out.
+    pub fn are_some(&self) -> bool {
+        self.parts.iter().any(|skipped| *skipped > 0)
     }
 
     /// RT: the operator has acknowledged; what was before does not count any more.
@@ -94,7 +114,7 @@ mod tests {
 
     /// Verdicts that are not [`Verdict::Fine`], with the number of the cycle, where every so many cycles one is left out.
     fn verdicts(overruns: &mut Overruns, cycles: u64, every: u64) -> Vec<(u64, Verdict)> {
-        let verdict = |cycle: u64| (cycle, overruns.count(u64::from(cycle.is_multiple_of(every))));
+        let verdict = |cycle: u64| (cycle, overruns.count(u64::from(cycle.is_multiple_of(every)), false));
         (1..=cycles)
             .map(verdict)
             .filter(|(_, verdict)| *verdict != Verdict::Fine)
@@ -123,19 +143,44 @@ mod tests {
     #[test]
     fn too_many_are_not_borne_until_they_are_acknowledged() {
         let mut overruns = Overruns::new(0, 50);
-        assert_eq!(overruns.count(50), Verdict::Fine);
-        assert_eq!(overruns.count(1), Verdict::TooMany { skipped: 51 });
-        assert_eq!(overruns.count(0), Verdict::Fine, "only a new one says so again");
-        assert_eq!(overruns.count(1), Verdict::TooMany { skipped: 52 });
+        assert_eq!(overruns.count(50, false), Verdict::Fine);
+        assert_eq!(overruns.count(1, false), Verdict::TooMany { skipped: 51 });
+        assert_eq!(overruns.count(0, false), Verdict::Fine, "only a new one says so again");
+        assert_eq!(overruns.count(1, false), Verdict::TooMany { skipped: 52 });
         overruns.clear();
-        assert_eq!(overruns.count(50), Verdict::Fine);
+        assert_eq!(overruns.count(50, false), Verdict::Fine);
         // A thousand good cycles later all is forgotten.
         assert_eq!(verdicts(&mut overruns, 1_100, u64::MAX), []);
-        assert_eq!(overruns.count(50), Verdict::Fine);
+        assert_eq!(overruns.count(50, false), Verdict::Fine);
+    }
+
+    #[test]
+    fn no_more_are_told_of_than_are_looked_at() {
+        for gap in [126, 999, 1_000, 1_021, 1_000_000] {
+            let mut overruns = Overruns::new(5, 50);
+            assert_eq!(verdicts(&mut overruns, 500, 100), []);
+            let Verdict::TooMany { skipped } = overruns.count(gap, false) else {
+                panic!("{gap} are too many");
+            };
+            assert!(
+                (gap.min(CYCLES - PART)..=CYCLES).contains(&skipped),
+                "{skipped} of {gap}"
+            );
+        }
+    }
+
+    #[test]
+    fn at_ease_any_number_is_borne_and_told_of_once_in_a_thousand_cycles() {
+        let mut overruns = Overruns::new(0, 50);
+        assert_eq!(overruns.count(600, true), Verdict::Many { skipped: 600 });
+        for _ in 0..10 {
+            assert_eq!(overruns.count(9, true), Verdict::Fine);
+        }
+        assert_eq!(overruns.count(1, false), Verdict::TooMany { skipped: 691 });
     }
 
     #[test]
     fn limits_of_nought_never_speak() {
-        assert_eq!(Overruns::new(0, 0).count(1_000_000), Verdict::Fine);
+        assert_eq!(Overruns::new(0, 0).count(1_000_000, false), Verdict::Fine);
     }
 }

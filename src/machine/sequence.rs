@@ -223,6 +223,12 @@ impl Sequence {
 
     /// What to order now, given the state of the machine and whether the program has ended.
     pub fn poll(&mut self, now_ns: u64, state: State, program_ended: bool) -> Option<Order> {
+        if state == State::Silenced {
+            // No order would be heard by anybody.
+            self.outcome = Outcome::Faulted;
+            self.by_hand = None;
+            self.enter(Step::Done, now_ns);
+        }
         if state == State::Faulted && !matches!(self.step, Step::StandBy | Step::Disable | Step::ShutDown | Step::Done)
         {
             self.outcome = Outcome::Faulted;

@@ -31,12 +31,15 @@ pub enum State {
     ShuttingDown,
     /// Nothing is sent any more.
     Down,
-    /// Joints are moved by hand. Last, because the numbers of the states are shown by a pin.
+    /// Joints are moved by hand. Behind the others, because the numbers of the states are shown by a pin.
     Jogging,
+    /// Nothing may be sent any more: the cycle thread hung, and what it was about nobody knows. Drives stop by themselves for
+    /// want of SoC; the control ends and is to be started anew.
+    Silenced,
 }
 
 impl State {
-    const ALL: [State; 13] = [
+    const ALL: [State; 14] = [
         State::Booting,
         State::Disabled,
         State::Enabling,
@@ -50,6 +53,7 @@ impl State {
         State::ShuttingDown,
         State::Down,
         State::Jogging,
+        State::Silenced,
     ];
 
     /// The state of a number made by `as u8`.
@@ -73,6 +77,7 @@ impl State {
             State::Faulted => "faulted",
             State::ShuttingDown => "shutting down",
             State::Down => "down",
+            State::Silenced => "silenced",
         }
     }
 }

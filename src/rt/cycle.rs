@@ -113,7 +113,6 @@ pub struct Control<B> {
     single_block: bool,
     waiting: Option<Action>,
     fault_seen: bool,
-    silenced: bool,
     network_closing: bool,
     cycle: u64,
     orders_taken: u64,
@@ -144,7 +143,6 @@ impl<B: Fieldbus> Control<B> {
             single_block: false,
             waiting: None,
             fault_seen: false,
-            silenced: false,
             network_closing: false,
             cycle: 0,
             orders_taken: 0,
@@ -230,8 +228,9 @@ impl<B: Fieldbus> Control<B> {
 
     /// The cycle thread was taken for hung: no frame may leave any more.
     pub fn silence(&mut self) {
-        self.silenced = true;
-        self.fault(Fault::CycleHung);
+        if !matches!(self.state, State::Silenced | State::Down) {
+            self.fault(Fault::CycleHung);
+        }
     }
 
     /// Goes on to the next state where the drives and the network are ready for it.
@@ -241,6 +240,7 @@ impl<B: Fieldbus> Control<B> {
         }
         let all = |wanted: Status| self.parts.drives.all(|drive| drive.status() == wanted);
         match self.state {
+            State::Disabled if !self.network_up() => self.enter(State::Booting),
             State::Booting if self.network_up() && self.drives_off() => {
                 // What was usual in boot-up counts no more against what follows.
                 self.parts.overruns.clear();
@@ -280,7 +280,8 @@ impl<B: Fieldbus> Control<B> {
             | State::Disabling
             | State::Faulted
             | State::ShuttingDown
-            | State::Down => {}
+            | State::Down
+            | State::Silenced => {}
         }
     }
 

@@ -16,7 +16,7 @@ use crate::bus::network::NodePlan;
 use crate::bus::{BusState, Fieldbus, InputImage, OutputImage};
 use crate::config::{self, Config, ConfigErrors, Profile};
 use crate::machine::state::State;
-use hal_pins::{Hal, HalError, Input, Output};
+use hal_pins::{Hal, HalError, Input, Memory, Output};
 use motion::canon::Axis;
 use motion::element::{Action, Enables};
 use motion::rt::{Sample, Shares};
@@ -83,6 +83,7 @@ struct NodePins {
 
 /// All pins of the control.
 pub struct Pins {
+    memory: Memory,
     joints: Vec<JointPins>,
     axes: Vec<(Axis, Output<f64>)>,
     objects_received: Vec<ObjectPin>,
@@ -327,6 +328,7 @@ impl Pins {
             bits_in,
             bits_out,
             nodes,
+            memory: hal.memory(),
             network_up: hal.output("plk.operational")?,
             machine_state: hal.output("motion.machine-state")?,
             program_line: hal.output("motion.program-line")?,
@@ -400,6 +402,11 @@ impl Pins {
         let now = self.resume.get();
         let before = std::mem::replace(&mut self.resume_before, now);
         now && !before
+    }
+
+    /// Whether the file of the pins was cut short: values are lost.
+    pub fn are_lost(&self) -> bool {
+        self.memory.is_lost()
     }
 
     /// Whether the stop pin has risen since the last call.

@@ -112,6 +112,8 @@ pub struct Trace {
 pub struct Live {
     /// What the operator has turned overrides to: the one thing here that anyone may set.
     pub overrides: Overrides,
+    /// Shown in place of every state of the cycle thread, which may be unable to show one.
+    silenced: AtomicBool,
     state: AtomicU8,
     enables: AtomicU8,
     orders_taken: AtomicU64,
@@ -141,6 +143,7 @@ impl Live {
     pub fn new(overrides: Overrides) -> Live {
         Live {
             overrides,
+            silenced: AtomicBool::new(false),
             enables: AtomicU8::new(0),
             state: AtomicU8::new(State::Booting as u8),
             orders_taken: AtomicU64::new(0),
@@ -205,6 +208,11 @@ impl Live {
         u32::try_from(number).ok()
     }
 
+    /// The cycle thread hung and may send nothing any more: from now on the state is [`State::Silenced`].
+    pub fn silence(&self) {
+        self.silenced.store(true, Relaxed);
+    }
+
     /// Whether each block ends at rest: what is planned from now on is to end so.
     pub fn single_block(&self) -> bool {
         self.single_block.load(Relaxed)
@@ -236,9 +244,11 @@ impl Live {
     pub fn snapshot(&self) -> Snapshot {
         let float = |cell: &AtomicU64| f64::from_bits(cell.load(Relaxed));
         let orders_taken = self.orders_taken.load(std::sync::atomic::Ordering::Acquire);
+        let shown = State::from_u8(self.state.load(Relaxed)).unwrap_or(State::Down);
+        let silenced = self.silenced.load(Relaxed) && shown != State::Down;
         Snapshot {
             orders_taken,
-            state: State::from_u8(self.state.load(Relaxed)).unwrap_or(State::Down),
+            state: if silenced { State::Silenced } else { shown },
             enables: enables(self.enables.load(Relaxed)),
             cycles: self.cycles.load(Relaxed),
             homed: self.homed.load(Relaxed),

@@ -38,6 +38,7 @@ pub fn run<B: Fieldbus>(
     stop: &AtomicBool,
 ) -> Box<CycleFigures> {
     let locks = NetworkLocks::open();
+    watch.watch_this_thread();
     let (mut cycle, mut skipped) = (0, 0);
     let mut deadline_ns = grid.first_after(monotonic_ns());
     recorder.begin();
@@ -58,6 +59,7 @@ pub fn run<B: Fieldbus>(
         if keep.skipped > 0 {
             deadline_ns = keep.deadline_ns;
             skipped += keep.skipped;
+            watch.leave_out(deadline_ns, grid.period_ns);
             continue;
         }
         if !watch.soc_allowed() {

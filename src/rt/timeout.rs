@@ -4,16 +4,20 @@
 //! Out: a poll or async slot that is over is taken away from the cycle thread; late and hung cycles are reported; a hung
 //!      cycle thread may send no SoC any more, and the drives stop by its loss. Reports go through a fixed ring.
 //!
+//! A cycle thread hangs that computes and does not come to the end of its cycle. One that does not get the core (of another
+//! process, of the host of a virtual machine) is late: it goes on where it was, and nodes that have given up are lost and
+//! reported. Its processor time tells the two apart; it costs a system call at each look that finds it overdue for that long.
+//!
 //! Its ticks lie on a grid in whose gaps the cycle begins. It sleeps over those at which nothing can be due: a tick takes the
 //! core from the cycle thread, in a virtual machine for far longer than the thread itself runs (`benches/timeout.rs`).
 //!
 //! All decisions are in [`Limits`] and [`Watchdog::tick`], which know no clock; [`TimeoutThread`] gives them one.
 
 use super::setup::{Process, Role, STACK_SIZE, enter_thread};
-use super::wait::{Grid, monotonic_ns, thread_cpu_ns, wait_until};
+use super::wait::{Grid, cpu_ns, monotonic_ns, sleep_until, thread_cpu_clock, thread_cpu_ns, wait_until};
 use crate::config::{Bus, KeepAwake, Rt};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 
 /// Ticks between two looks at the thread's own processor time, which cost a system call each.
@@ -22,6 +26,8 @@ const CPU_TIME_TICKS: u64 = 1024;
 const CLEAR_NS: u64 = 15_000;
 /// The thread looks at least this often whether it shall end, ns.
 const LOOK_AGAIN_NS: u64 = 10_000_000;
+/// The thread is given so many of these times to end.
+const END_LOOKS: u32 = 500;
 /// Reports that fit the ring until somebody reads them; more are counted and dropped.
 pub const REPORTS: usize = 256;
 
@@ -37,6 +43,8 @@ pub struct Watch {
     finished: AtomicU64,
     /// No wait begins between that end and the next cycle.
     rests: AtomicBool,
+    /// Clock of its processor time; 0: not known.
+    cpu_clock: AtomicI32,
     /// Outstanding waits, see [`open_wait`]; 0: none. Whoever sets one to 0 has decided it.
     poll: AtomicU64,
     async_slot: AtomicU64,
@@ -72,6 +80,25 @@ pub struct Counters {
 }
 
 impl Watch {
+    /// The calling thread is the cycle thread.
+    pub fn watch_this_thread(&self) {
+        self.cpu_clock.store(thread_cpu_clock().unwrap_or(0), Ordering::Release);
+    }
+
+    /// RT: processor time of the cycle thread, ns, where it is known. A system call.
+    fn ran_ns(&self) -> Option<u64> {
+        match self.cpu_clock.load(Ordering::Acquire) {
+            0 => None,
+            clock => cpu_ns(clock),
+        }
+    }
+
+    /// RT: the cycle thread leaves cycles out and waits for the one of `deadline_ns`: it is late and alive.
+    pub fn leave_out(&self, deadline_ns: u64, period_ns: u64) {
+        self.deadline_ns
+            .store(deadline_ns.saturating_sub(period_ns), Ordering::Release);
+    }
+
     /// RT: the cycle thread begins a cycle. `deadline_ns` is the date it was planned for, not the time now.
     pub fn begin_cycle(&self, cycle: u64, deadline_ns: u64) {
         self.cycle.store(cycle, Ordering::Relaxed);
@@ -183,6 +210,15 @@ pub enum Event {
         /// How long the next one is overdue.
         overdue_ns: u64,
     },
+    /// The cycle thread is overdue for as long and has hardly computed: it does not get the core. Once per cycle.
+    CycleStarved {
+        /// Number of the last cycle that began.
+        cycle: u64,
+        /// How long the next one is overdue.
+        overdue_ns: u64,
+        /// How long of that it computed.
+        ran_ns: u64,
+    },
 }
 
 /// The limits.
@@ -260,7 +296,10 @@ pub struct Watchdog {
     /// Date of the cycle that is watched, and what has been seen of its successor since.
     deadline_ns: u64,
     late_reported: bool,
+    starved_reported: bool,
     hung_reported: bool,
+    /// Processor time of the cycle thread at the first look that found it overdue.
+    ran_ns: Option<u64>,
     /// Overdue time during which this watchdog was running itself. Where the whole PC stood still (a virtual machine that
     /// was not scheduled), the cycle thread is not to blame and gets its time first.
     observed_ns: u64,
@@ -276,15 +315,22 @@ impl Watchdog {
             due_ns: 0,
             deadline_ns: 0,
             late_reported: false,
+            starved_reported: false,
             hung_reported: false,
+            ran_ns: None,
             observed_ns: 0,
         }
     }
 
-    /// RT: looks at every limit and gives the date by which to look again. At most four reports; no system call, no lock, no
-    /// allocation.
+    /// RT: looks at every limit and gives the date by which to look again. At most four reports; no lock, no allocation, and no
+    /// system call but for the processor time of a cycle thread that is overdue.
     #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
-    pub fn tick(&mut self, now_ns: u64, mut report: impl FnMut(Report)) -> u64 {
+    pub fn tick(&mut self, now_ns: u64, report: impl FnMut(Report)) -> u64 {
+        self.look(now_ns, report, Watch::ran_ns)
+    }
+
+    /// `ran_ns` gives the processor time of the cycle thread, where it is known.
+    fn look(&mut self, now_ns: u64, mut report: impl FnMut(Report), ran_ns: impl Fn(&Watch) -> Option<u64>) -> u64 {
         self.watch.ticks.fetch_add(1, Ordering::Relaxed);
         let mut report = |event| report(Report { at_ns: now_ns, event });
         if let Some(node) = take_expired(&self.watch.poll, now_ns) {
@@ -295,7 +341,7 @@ impl Watchdog {
             self.watch.async_lost.fetch_add(1, Ordering::Relaxed);
             report(Event::AsyncTimeout { node });
         }
-        let overdue = self.watch_cycle(now_ns, &mut report);
+        let overdue = self.watch_cycle(now_ns, &mut report, ran_ns);
         self.last_tick_ns = now_ns;
         self.due_ns = if overdue || self.limits.every_tick {
             // The very next tick, however late this one is.
@@ -307,12 +353,18 @@ impl Watchdog {
     }
 
     /// Looks whether the next cycle has begun in time; whether it is overdue and the cycle thread not yet given up.
-    fn watch_cycle(&mut self, now_ns: u64, report: &mut impl FnMut(Event)) -> bool {
+    fn watch_cycle(
+        &mut self,
+        now_ns: u64,
+        report: &mut impl FnMut(Event),
+        ran_ns: impl Fn(&Watch) -> Option<u64>,
+    ) -> bool {
         let watch = &*self.watch;
         let deadline_ns = watch.deadline_ns.load(Ordering::Acquire);
         if deadline_ns != self.deadline_ns {
             self.deadline_ns = deadline_ns;
-            (self.late_reported, self.hung_reported, self.observed_ns) = (false, false, 0);
+            (self.late_reported, self.starved_reported, self.hung_reported) = (false, false, false);
+            self.observed_ns = 0;
         }
         let due_ns = deadline_ns + self.limits.period_ns;
         if deadline_ns == 0 || now_ns <= due_ns {
@@ -325,6 +377,7 @@ impl Watchdog {
         let cycle = watch.cycle.load(Ordering::Relaxed);
         if overdue_ns > self.limits.late_ns && !self.late_reported {
             self.late_reported = true;
+            self.ran_ns = ran_ns(watch);
             watch.late_cycles.fetch_add(1, Ordering::Relaxed);
             let computing = watch.finished.load(Ordering::Acquire) <= cycle;
             report(Event::CycleLate {
@@ -333,10 +386,31 @@ impl Watchdog {
                 computing,
             });
         }
-        if self.observed_ns > u64::from(self.limits.hung_cycles) * self.limits.period_ns && !self.hung_reported {
-            self.hung_reported = true;
-            watch.soc_forbidden.store(true, Ordering::Release);
-            report(Event::CycleHung { cycle, overdue_ns });
+        let limit_ns = u64::from(self.limits.hung_cycles) * self.limits.period_ns;
+        if self.observed_ns > limit_ns && !self.hung_reported {
+            // A thread whose processor time is not known is taken to compute.
+            let ran_ns = self
+                .ran_ns
+                .zip(ran_ns(watch))
+                .map(|(before, now)| now.saturating_sub(before));
+            match ran_ns {
+                // More than half of the limit for a cycle that takes a part of one: less is waiting for the core.
+                Some(ran_ns) if ran_ns <= limit_ns / 2 => {
+                    if !self.starved_reported {
+                        self.starved_reported = true;
+                        report(Event::CycleStarved {
+                            cycle,
+                            overdue_ns,
+                            ran_ns,
+                        });
+                    }
+                }
+                Some(_) | None => {
+                    self.hung_reported = true;
+                    watch.soc_forbidden.store(true, Ordering::Release);
+                    report(Event::CycleHung { cycle, overdue_ns });
+                }
+            }
         }
         !self.hung_reported
     }
@@ -430,11 +504,17 @@ impl TimeoutThread {
 }
 
 impl Drop for TimeoutThread {
+    /// Waits for its end, which comes with its next look. One that hangs is left behind: it has nothing of anybody else's.
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Release);
-        if let Some(thread) = self.thread.take() {
-            // A panic of the thread has been printed; there is nothing more to do about it here.
-            let _ = thread.join();
+        let Some(thread) = self.thread.take() else { return };
+        for _ in 0..END_LOOKS {
+            if thread.is_finished() {
+                // A panic of the thread has been printed; there is nothing more to do about it here.
+                let _ = thread.join();
+                return;
+            }
+            sleep_until(monotonic_ns() + LOOK_AGAIN_NS);
         }
     }
 }
@@ -629,6 +709,51 @@ mod tests {
         rig.watch.begin_cycle(2, 60_000_000);
         rig.run(60_100_000, 61_000_000);
         assert_eq!(rig.take(), []);
+    }
+
+    #[test]
+    fn a_cycle_thread_that_does_not_get_the_core_is_starved_and_one_that_computes_hangs() {
+        for (share, hangs_at_ns) in [(0, None), (10, None), (60, Some(10_000_000)), (100, Some(9_050_000))] {
+            let mut rig = Rig::new();
+            rig.watch.begin_cycle(3, 3_000_000);
+            for now_ns in (3_000_000..20_000_000).step_by(50_000) {
+                let ran_ns = Some(7_000_000 + now_ns * share / 100);
+                let report = |report| rig.seen.push(report);
+                rig.watchdog.look(now_ns, report, |_| ran_ns);
+            }
+            let hung = rig.seen.iter().find_map(|report| match report.event {
+                Event::CycleHung { cycle: 3, .. } => Some(report.at_ns),
+                _ => None,
+            });
+            assert!(
+                hung.is_some() == hangs_at_ns.is_some() && hung <= hangs_at_ns,
+                "{share} %: {hung:?}"
+            );
+            assert_eq!(rig.watch.soc_allowed(), hung.is_none(), "{share} %");
+            let starved = |report: &&Report| matches!(report.event, Event::CycleStarved { cycle: 3, .. });
+            let starved = rig.seen.iter().filter(starved).count();
+            assert_eq!(starved, usize::from(share < 60), "{share} %: told of once");
+            // It goes on where it was.
+            rig.watch.begin_cycle(30, 30_000_000);
+            rig.seen.clear();
+            rig.run(30_000_000, 31_000_000);
+            assert_eq!(rig.take(), []);
+        }
+    }
+
+    #[test]
+    fn a_cycle_thread_that_leaves_every_cycle_out_is_late_and_alive() {
+        let mut rig = Rig::new();
+        rig.watch.begin_cycle(1, 1_000_000);
+        for cycle in 2..40 {
+            let date_ns = cycle * 1_000_000;
+            rig.run(date_ns - 600_000, date_ns + 350_000);
+            rig.watch.leave_out(date_ns + LIMITS.period_ns, LIMITS.period_ns);
+            rig.run(date_ns + 350_000, date_ns + 400_000);
+        }
+        let late = |report: &Report| matches!(report.event, Event::CycleLate { .. });
+        assert!(rig.seen.len() >= 38 && rig.seen.iter().all(late), "{:?}", rig.seen);
+        assert!(rig.watch.soc_allowed());
     }
 
     #[test]

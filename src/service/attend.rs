@@ -6,10 +6,12 @@
 use super::desk::Desk;
 use super::keeper::Keeper;
 use super::operator::{Operator, Wish};
-use super::process::{Session, Task};
+use super::process::{ANEW, Session, Task};
+use super::stalls::Stalls;
 use super::standby::{Clients, Part};
 use super::systemd::{Service, Sight};
 use crate::machine::sequence::Step;
+use crate::machine::state::State;
 use crate::machine::tables::lock;
 use crate::program::{self, FeedError, Feeder, probing, ring_capacity, stop_ramp, stop_shares};
 use crate::rt::figures::Windows;
@@ -38,6 +40,13 @@ const PLANNER_PAUSE: Duration = Duration::from_millis(5);
 const ENDED_NS: u64 = 500_000_000;
 /// A cycle thread without a cycle for this long is given up, ns.
 const DEAD_NS: u64 = 5_000_000_000;
+/// A control that is silenced says so for this long before it ends, ns.
+const SILENCED_NS: u64 = 500_000_000;
+/// A time-out thread that has not looked for this long, ns, and through so many cycles and turns of this loop, hangs. It looks
+/// every 10 ms at least.
+const UNWATCHED_NS: u64 = 1_000_000_000;
+const UNWATCHED_CYCLES: u64 = 100;
+const UNWATCHED_TURNS: u32 = 20;
 /// Pieces of the programmed path that are kept for the report.
 const PATH_MAX: usize = 500_000;
 
@@ -47,6 +56,8 @@ pub struct Running {
     pub operator: Operator,
     /// What the time-out thread reports.
     pub reports: rtrb::Consumer<timeout::Report>,
+    /// Shows whether it looks.
+    pub watch: Arc<timeout::Watch>,
     /// Cuts the figures of the cycle into windows.
     pub windows: Windows,
     /// The core of the real-time threads.
@@ -71,6 +82,10 @@ pub(super) struct Attendance<'scope, 'env> {
     given_up: Cancel,
     ran: Ran,
     keeper: Keeper<'scope, 'env>,
+    stalls: Stalls,
+    /// A stall of the cycle thread that is not told of yet, and the cycle in which it began.
+    stalled: Option<(timeout::Report, u64)>,
+    watcher: Watcher,
 }
 
 type PlannerThread<'scope> = ScopedJoinHandle<'scope, Planned>;
@@ -98,6 +113,7 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
         session: &'scope Session<'env>,
         stop: &'scope AtomicBool,
         desk: Desk,
+        cpu: usize,
     ) -> Attendance<'scope, 'env> {
         let stands_by = matches!(session.task, Task::StandBy);
         Attendance {
@@ -109,6 +125,9 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
             planner: None,
             given_up: Cancel::default(),
             ran: Ran::default(),
+            stalls: Stalls::new(cpu),
+            stalled: None,
+            watcher: Watcher::default(),
         }
     }
 
@@ -121,9 +140,18 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
     ) -> anyhow::Result<Ran> {
         let mut service = Service::from_environment();
         let (mut cycles, mut cycles_since_ns) = (0, monotonic_ns());
-        while running.operator.outcome().is_none() {
+        let mut silenced_ns = None;
+        loop {
             let now_ns = monotonic_ns();
             let live = running.operator.live();
+            if live.state == State::Silenced && self.session.signal.caught().is_none() {
+                // Whoever asks meanwhile is told.
+                if now_ns - *silenced_ns.get_or_insert(now_ns) > SILENCED_NS {
+                    break;
+                }
+            } else if running.operator.outcome().is_some() {
+                break;
+            }
             if live.cycles != cycles {
                 (cycles, cycles_since_ns) = (live.cycles, now_ns);
             } else if now_ns - cycles_since_ns > ENDED_NS && !cycle_thread_lives() {
@@ -132,9 +160,10 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
                 // It cannot be joined either: the end of the process is what is left.
                 let _ = writeln!(
                     std::io::stderr(),
-                    "isocnc: the cycle thread has stopped; the drives stop for want of SoC"
+                    "isocnc: the cycle thread has stopped; the drives stop for want of SoC: {}",
+                    self.stalls.evidence(now_ns)
                 );
-                std::process::exit(1);
+                std::process::exit(i32::from(ANEW));
             }
             if self.session.signal.caught().is_some() {
                 service.stopping();
@@ -165,8 +194,29 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
             self.clients.give_up_check();
         }
         self.clients.attend(&mut running.operator, now_ns)?;
+        let (ticks, cycles) = (running.watch.counters().ticks, running.operator.live().cycles);
         while let Ok(report) = running.reports.pop() {
-            running.operator.hear(&report);
+            match report.event {
+                // The kernel counts a wait for the core once it is over.
+                timeout::Event::CycleStarved { .. } => self.stalled = Some((report, cycles)),
+                timeout::Event::PresTimeout { .. }
+                | timeout::Event::AsyncTimeout { .. }
+                | timeout::Event::CycleLate { .. }
+                | timeout::Event::CycleHung { .. } => {
+                    let evidence = || self.stalls.evidence(now_ns).to_string();
+                    running.operator.hear(&report, evidence);
+                }
+            }
+        }
+        if let Some((report, _)) = self.stalled.take_if(|(_, stalled_at)| cycles > *stalled_at) {
+            let evidence = || self.stalls.evidence(now_ns).to_string();
+            running.operator.hear(&report, evidence);
+        }
+        if self.stalled.is_none() {
+            self.stalls.attend(now_ns);
+        }
+        if self.watcher.is_gone(now_ns, ticks, cycles) {
+            running.operator.is_unwatched(now_ns);
         }
         match running.operator.step() {
             // What is left of it to come to rest on is in the ring already.
@@ -275,6 +325,34 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
     }
 }
 
+/// Sees whether the time-out thread still looks.
+#[derive(Debug, Default)]
+struct Watcher {
+    ticks: u64,
+    /// When and in which cycle it was last seen to look.
+    seen: (u64, u64),
+    /// Turns of the loop since.
+    turns: u32,
+}
+
+impl Watcher {
+    /// Whether it has not looked for long while everything else went on. A PC that stands still is no such thing, nor is a
+    /// control in which no cycle runs: that has a limit of its own.
+    fn is_gone(&mut self, now_ns: u64, ticks: u64, cycles: u64) -> bool {
+        if ticks != self.ticks || self.turns == 0 {
+            *self = Watcher {
+                ticks,
+                seen: (now_ns, cycles),
+                turns: 1,
+            };
+            return false;
+        }
+        self.turns = self.turns.saturating_add(1);
+        let (seen_ns, seen_at) = self.seen;
+        now_ns - seen_ns > UNWATCHED_NS && cycles - seen_at > UNWATCHED_CYCLES && self.turns > UNWATCHED_TURNS
+    }
+}
+
 /// Text of a program.
 enum Text<'env> {
     /// That of the session.
@@ -332,5 +410,33 @@ fn feed(mut feeder: Feeder<'_, Producer<Element>>, path_max: usize, over: impl F
         ran: Ran { path, probed_time_s },
         error: failed,
         left: feeder.left_behind(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    #[test]
+    fn a_time_out_thread_that_looks_no_more_is_missed_only_while_everything_else_goes_on() {
+        // Turns of 10 ms with ten cycles each; then nothing of it looks any more.
+        let turns = |ticks_to: u64, cycles_to: u64, turn_ms: u64| {
+            let mut watcher = Watcher::default();
+            let mut turns = 0..400_u64;
+            turns.find(|turn| {
+                let (ticks, cycles) = ((turn * 10).min(ticks_to), (turn * 10).min(cycles_to));
+                watcher.is_gone(turn * turn_ms * MS, ticks, cycles)
+            })
+        };
+        assert_eq!(turns(u64::MAX, u64::MAX, 10), None);
+        assert_eq!(turns(1_000, u64::MAX, 10), Some(201), "a second and a turn later");
+        assert_eq!(turns(1_000, 1_050, 10), None, "no cycle runs either");
+        assert_eq!(
+            turns(1_000, u64::MAX, 1_000),
+            Some(120),
+            "the PC stood still between two turns"
+        );
     }
 }

@@ -84,6 +84,9 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
         say(&format!("\n{report}\nreport                 {}\n", out.display()));
     }
     written.context("the report could not be written")?;
+    if ended.operator.ends_anew() {
+        return Ok(ExitCode::from(process::ANEW));
+    }
     Ok(match (session.signal.caught(), report.result.as_str()) {
         (Some(signal), _) if report.alarms.is_empty() => ExitCode::from(signals::exit_code(signal)),
         (None, "completed") => ExitCode::SUCCESS,

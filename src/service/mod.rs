@@ -18,6 +18,7 @@ pub mod progress;
 pub mod recorder;
 pub mod report;
 pub mod signals;
+pub mod stalls;
 pub mod standby;
 pub mod systemd;
 pub mod tap;

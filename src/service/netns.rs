@@ -137,6 +137,8 @@ pub fn start_interface(interface: &str) -> Result<Option<String>, NetnsError> {
 
 /// Enters a new network namespace; true: with a user namespace around it.
 fn enter() -> Result<bool, NetnsError> {
+    // In a user namespace everybody is root: his folders are those of the number that he has outside.
+    hal_pins::directories();
     let threads = std::fs::read_dir("/proc/self/task").map_or(1, Iterator::count);
     if threads != 1 {
         return Err(NetnsError::Threads { threads });

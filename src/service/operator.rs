@@ -8,7 +8,7 @@
 use super::recorder::Recorder;
 use crate::bus::{BusEvent, BusState};
 use crate::config::Config;
-use crate::machine::faults::{Fault, Reaction};
+use crate::machine::faults::{Fault, Reaction, SILENCED};
 use crate::machine::sequence::{Order, Outcome, Sequence, Step};
 use crate::machine::state::State;
 use crate::rt::overrides::Overridden;
@@ -22,6 +22,12 @@ use std::sync::Arc;
 
 /// Entries of the journal that are kept; older ones go.
 const JOURNAL_MAX: usize = 20_000;
+
+/// Stalls of the cycle thread are told of no more often, ns.
+const STALLS_TOLD_NS: u64 = 1_000_000_000;
+/// What is said of a control whose time-out thread hangs.
+const UNWATCHED: &str = "the time-out thread hung: nothing watches the cycle any more; this control comes to rest, ends and is \
+                         to be started anew";
 
 /// Ends of the rings on this side.
 pub struct Inlets {
@@ -84,6 +90,11 @@ pub struct Operator {
     /// Alarms that somebody has acknowledged, or begun another program after.
     alarms_over: usize,
     late_cycles: u64,
+    /// Stalls of the cycle thread since the last one that was told of, and when that was.
+    stalls: u64,
+    stall_told_ns: u64,
+    /// The control cannot go on and must be started anew.
+    ends_anew: bool,
     /// Overrides at the last look, and those of the journal, percent.
     overrides: [[f64; 2]; 3],
     /// What ended the last jog.
@@ -116,6 +127,9 @@ impl Operator {
             alarms: Vec::new(),
             alarms_over: 0,
             late_cycles: 0,
+            stalls: 0,
+            stall_told_ns: 0,
+            ends_anew: false,
             overrides: [[100.0; 2]; 3],
             obstruction: None,
             recorder: Recorder::default(),
@@ -191,8 +205,8 @@ impl Operator {
         while self.inlets.finished.pop().is_ok() {}
         self.note_overrides();
         let live = self.live();
-        // The state counts only once it is that of the last order.
-        if live.orders_taken < self.orders_given {
+        // The state counts only once it is that of the last order; a thread that hangs takes none.
+        if live.orders_taken < self.orders_given && live.state != State::Silenced {
             return Wish::Nothing;
         }
         match self.sequence.poll(now_ns, live.state, self.program_ended) {
@@ -224,21 +238,65 @@ impl Operator {
         self.sequence.stop(now_ns);
     }
 
-    /// Takes in what the time-out thread saw.
-    pub fn hear(&mut self, report: &timeout::Report) {
+    /// Takes in what the time-out thread saw. `evidence`: what the system says of the cycle thread's last time.
+    pub fn hear(&mut self, report: &timeout::Report, evidence: impl FnOnce() -> String) {
         match report.event {
             // These are counted where they happen, and judged by the managing node.
             timeout::Event::PresTimeout { .. }
             | timeout::Event::AsyncTimeout { .. }
             | timeout::Event::CycleLate { .. } => {}
-            timeout::Event::CycleHung { cycle, overdue_ns } => {
+            timeout::Event::CycleStarved {
+                cycle,
+                overdue_ns,
+                ran_ns,
+            } => {
+                self.stalls += 1;
+                if report.at_ns - self.stall_told_ns < STALLS_TOLD_NS {
+                    return;
+                }
+                let more = match std::mem::take(&mut self.stalls) {
+                    1 => String::new(),
+                    stalls => format!(", {stalls} times"),
+                };
+                self.stall_told_ns = report.at_ns;
                 let text = format!(
-                    "cycle thread hung for {} ms; no SoC is sent any more",
-                    overdue_ns / 1_000_000
+                    "warning: the cycle thread did not get its core for {:.1} ms{more}, and computed {:.1} ms of them: {}",
+                    overdue_ns as f64 * 1e-6,
+                    ran_ns as f64 * 1e-6,
+                    evidence()
                 );
                 self.note(cycle as f64 * self.cycle_s, text);
             }
+            timeout::Event::CycleHung { cycle, overdue_ns } => {
+                let hung_ms = overdue_ns as f64 * 1e-6;
+                self.silence(
+                    cycle,
+                    format!("{SILENCED}. It hung for {hung_ms:.1} ms: {}", evidence()),
+                );
+            }
         }
+    }
+
+    /// Nothing can be steered any more.
+    fn silence(&mut self, cycle: u64, cause: String) {
+        self.inlets.live.silence();
+        self.ends_anew = true;
+        let time_s = cycle as f64 * self.cycle_s;
+        self.note(time_s, format!("alarm: {cause}"));
+        self.alarms.push(Alarm { time_s, cause });
+    }
+
+    /// The time-out thread does not look any more: the machine comes to rest and the control ends.
+    pub fn is_unwatched(&mut self, now_ns: u64) {
+        if !std::mem::replace(&mut self.ends_anew, true) {
+            self.fail(now_ns, UNWATCHED.into());
+        }
+        self.end(now_ns);
+    }
+
+    /// Whether this control cannot go on and must be started anew.
+    pub fn ends_anew(&self) -> bool {
+        self.ends_anew
     }
 
     /// Something outside the cycle thread went wrong: stop and say why.
@@ -371,6 +429,15 @@ impl Operator {
                 fault: Fault::CyclesSkipped { cycles },
                 ..
             } => self.late_cycles += cycles,
+            // The time-out thread says more of it, and may have said it already.
+            Notice::Fault {
+                fault: Fault::CycleHung,
+                ..
+            } => {
+                if !self.ends_anew {
+                    self.silence(cycle, SILENCED.into());
+                }
+            }
             Notice::Fault { fault, first } => {
                 let node = |index: usize| self.node_names[index].clone();
                 let joint = |index: usize| self.joint_names[index].clone();
@@ -378,7 +445,7 @@ impl Operator {
                 if first {
                     self.note(time_s, format!("alarm: {cause}"));
                     self.alarms.push(Alarm { time_s, cause });
-                } else if fault.reaction() == Reaction::Warn {
+                } else if fault.reaction() != Reaction::Count {
                     self.note(time_s, format!("warning: {cause}"));
                 }
             }

@@ -47,6 +47,11 @@ use std::sync::{Arc, Mutex};
 /// Look for an answer this long before sleeping for it, ns: longer than a quick node takes, too short to matter.
 const ANSWER_SPIN_NS: u64 = 20_000;
 
+/// Exit code of a control that cannot go on by itself and is to be started anew.
+pub const ANEW: u8 = 3;
+/// A cycle thread that hung is given this long to end, in looks of 10 ms.
+const END_LOOKS: u32 = 100;
+
 /// Address of the managing node on the wire in memory.
 const MEMORY_MAC: [u8; 6] = [0x02, 0, 0, 0, 0, 0xF0];
 /// A control from power-on to power-off.
@@ -225,6 +230,7 @@ fn run_on<L: Link + Send>(
             Task::StandBy => operator.standing_by(),
         },
         reports: watch_reports,
+        watch: Arc::clone(&watch),
         windows,
         cpu: process.cpu,
     };
@@ -256,9 +262,12 @@ fn run_on<L: Link + Send>(
         }
         let ended = StopOnDrop(&stop);
         let lives = || !cycle.is_finished();
-        let attendance = Attendance::new(scope, session, &stop, desk);
+        let attendance = Attendance::new(scope, session, &stop, desk, process.cpu);
         let ran = attendance.run(&mut running, attendant, &lives);
         drop(ended);
+        if running.operator.ends_anew() {
+            end_with_thread(&cycle, &running.operator);
+        }
         let figures = cycle
             .join()
             .map_err(|_| anyhow!("the cycle thread panicked; the drives stop for want of SoC"));
@@ -288,6 +297,21 @@ fn run_on<L: Link + Send>(
             ..calibration
         },
     })
+}
+
+/// A thread that hangs cannot be joined: where it does not come back, the process ends without a report.
+fn end_with_thread<T>(cycle: &std::thread::ScopedJoinHandle<'_, T>, operator: &Operator) {
+    for _ in 0..END_LOOKS {
+        if cycle.is_finished() {
+            return;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    let cause = operator
+        .alarm()
+        .map_or("the cycle thread hung", |alarm| alarm.cause.as_str());
+    let _ = writeln!(std::io::stderr(), "isocnc: {cause}");
+    std::process::exit(i32::from(ANEW));
 }
 
 /// The socket by which other processes reach this control. A control that cannot have one still cuts.
@@ -338,7 +362,7 @@ fn managing_node_of<'a, L: Link + Send + 'a, const NODES: usize>(
 }
 
 /// Ends threads also where the one that would end them panics: a scope waits for all of them.
-struct StopOnDrop<'a>(&'a AtomicBool);
+pub(crate) struct StopOnDrop<'a>(pub(crate) &'a AtomicBool);
 
 impl Drop for StopOnDrop<'_> {
     fn drop(&mut self) {

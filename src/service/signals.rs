@@ -1,8 +1,33 @@
 //! Ctrl-C, `kill`, a closed terminal: a wish to stop, never an end in mid motion.
+//!
+//! Every other signal that would end or freeze the process by default is without effect; SIGKILL and SIGSTOP cannot be caught,
+//! and those of a defect (SIGSEGV and the like) are one.
 
 use motion::cancel::Cancel;
+use nix::sys::signal::{SigHandler, Signal, signal};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
+
+/// Wishes to stop: Ctrl-C, Ctrl-\, `kill`, a closed terminal, power that fails, a limit of processor time that is reached.
+const STOPPING: [libc::c_int; 6] = [
+    libc::SIGINT,
+    libc::SIGTERM,
+    libc::SIGHUP,
+    libc::SIGQUIT,
+    libc::SIGPWR,
+    libc::SIGXCPU,
+];
+/// Without effect: somebody's mistake, or Ctrl-Z, which would freeze the cycle with the process.
+const HARMLESS: [libc::c_int; 8] = [
+    libc::SIGUSR1,
+    libc::SIGUSR2,
+    libc::SIGALRM,
+    libc::SIGVTALRM,
+    libc::SIGPROF,
+    libc::SIGIO,
+    libc::SIGSTKFLT,
+    libc::SIGTSTP,
+];
 
 /// The last signal that asked for a stop.
 #[derive(Clone, Debug)]
@@ -12,15 +37,15 @@ pub struct StopSignal {
 }
 
 impl StopSignal {
-    /// Catches SIGINT, SIGTERM and SIGHUP (the terminal is gone) from now on. A SIGHUP that whoever started this process
-    /// has it ignore, as `nohup` does, stays ignored.
+    /// Catches every signal of [`STOPPING`] from now on, and has the others do nothing. A SIGHUP that whoever started this
+    /// process has it ignore, as `nohup` does, stays ignored; so does SIGQUIT.
     ///
     /// # Errors
     /// If the system refuses.
     pub fn install() -> std::io::Result<StopSignal> {
         let (caught, cancel) = (Arc::new(AtomicI32::new(0)), Cancel::default());
-        for signal in [libc::SIGINT, libc::SIGTERM, libc::SIGHUP] {
-            if signal == libc::SIGHUP && is_ignored(signal)? {
+        for signal in STOPPING {
+            if matches!(signal, libc::SIGHUP | libc::SIGQUIT) && is_ignored(signal)? {
                 continue;
             }
             let (caught, cancel) = (Arc::clone(&caught), cancel.clone());
@@ -30,6 +55,17 @@ impl StopSignal {
             };
             // SAFETY: storing to two atomics is all that the handler does.
             unsafe { signal_hook::low_level::register(signal, handler) }?;
+        }
+        // Caught and not ignored: processes that are started from here have them as usual.
+        for signal in HARMLESS.into_iter().chain(libc::SIGRTMIN()..=libc::SIGRTMAX()) {
+            // SAFETY: the handler does nothing.
+            unsafe { signal_hook::low_level::register(signal, || {}) }?;
+        }
+        // A terminal would refuse what is printed for as long as these are caught, and freeze the process by default. A file
+        // that has become too large is an error of whoever writes it.
+        for ignored in [Signal::SIGTTOU, Signal::SIGTTIN, Signal::SIGXFSZ] {
+            // SAFETY: no handler is given.
+            unsafe { signal(ignored, SigHandler::SigIgn) }?;
         }
         Ok(StopSignal { caught, cancel })
     }
@@ -57,7 +93,7 @@ fn is_ignored(signal: i32) -> std::io::Result<bool> {
     }
 }
 
-/// Exit code of a process that a signal asked to end: 130 for SIGINT, 143 for SIGTERM, 129 for SIGHUP.
+/// Exit code of a process that a signal asked to end: 130 for SIGINT, 143 for SIGTERM, 129 for SIGHUP, 131 for SIGQUIT.
 pub fn exit_code(signal: i32) -> u8 {
     128 + signal as u8
 }

@@ -17,6 +17,7 @@ use super::process::{self, Session, Task, Wire};
 use super::progress::{is_heard, say};
 use super::signals::{self, StopSignal};
 use crate::config::Config;
+use crate::machine::faults::SILENCED;
 use crate::machine::sequence::{Outcome, Step};
 use crate::machine::state::State;
 use crate::machine::tables::{Tables, lock};
@@ -88,6 +89,12 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         // Orders first: a stop reaches a program that would begin in this turn.
         while let Some((ticket, order)) = self.desk.next() {
             let done = match order {
+                Order::Withdraw => {
+                    self.withdraw(ticket);
+                    continue;
+                }
+                // Whatever it is: nothing can be done any more.
+                _ if operator.live().state == State::Silenced => Err(SILENCED.to_owned()),
                 Order::Run(source) => match self.may_begin(operator) {
                     Ok(()) => {
                         let cancel = Cancel::default();
@@ -100,10 +107,6 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                     }
                     Err(what) => Err(what),
                 },
-                Order::Withdraw => {
-                    self.withdraw(ticket);
-                    continue;
-                }
                 Order::Stop if self.give_up_check() => Ok(()),
                 Order::Jog(jog) => by_hand::jog(&jog, self.config, operator),
                 Order::Enable => self
@@ -343,6 +346,9 @@ pub fn stand_by(config: &Config, wire: Wire, as_json: bool, signal: StopSignal) 
         let (programs, alarms) = (operator.programs(), operator.alarms().len());
         say(&format!("{programs} programs run, {alarms} alarms\n"));
     }
+    if operator.ends_anew() {
+        return Ok(ExitCode::from(process::ANEW));
+    }
     Ok(match session.signal.caught() {
         Some(signal) => ExitCode::from(signals::exit_code(signal)),
         None => ExitCode::FAILURE,
@@ -371,6 +377,7 @@ impl Attendant for Journal {
 mod tests {
     use super::*;
     use crate::config;
+    use crate::rt::timeout;
     use crate::service::desk::{Counter, desk};
     use crate::sim::NetConfig;
     use crate::sim::rehearsal::{Rehearsal, rehearse_with};
@@ -404,6 +411,42 @@ mod tests {
     fn attend(run: &mut Rehearsal<'_>, clients: &mut Clients<'_, '_>) {
         let now_ns = run.now_ns();
         clients.attend(&mut run.operator, now_ns).unwrap();
+    }
+
+    #[test]
+    fn a_silenced_machine_refuses_every_order_with_the_cause_and_ends() {
+        while_standing_by(|run, mut clients, counter| {
+            let now_ns = run.now_ns();
+            let report = timeout::Report {
+                at_ns: now_ns,
+                event: timeout::Event::CycleHung {
+                    cycle: 3,
+                    overdue_ns: 5_050_000,
+                },
+            };
+            run.operator.hear(&report, || "it ran 5.0 ms".into());
+            for order in [Order::Acknowledge, Order::Enable, Order::Stop, run_order()] {
+                counter.put(1, order).unwrap();
+                attend(run, &mut clients);
+                let (_, answer) = counter.answer().expect("an answer at once");
+                assert_eq!(answer.unwrap_err().message, SILENCED);
+            }
+            // The thread that hung takes no order and shows nothing.
+            assert_eq!(run.operator.outcome(), None);
+            run.operator.poll(now_ns);
+            assert_eq!(run.operator.outcome(), Some(Outcome::Faulted));
+            assert!(run.operator.ends_anew());
+            let [alarm] = run.operator.alarms() else {
+                panic!("{:?}", run.operator.alarms());
+            };
+            assert_eq!(alarm.cause, format!("{SILENCED}. It hung for 5.0 ms: it ran 5.0 ms"));
+            // Nor does it say so a second time where it comes back.
+            run.control.silence();
+            run.cycle(0).unwrap();
+            let now_ns = run.now_ns();
+            run.operator.poll(now_ns);
+            assert_eq!((run.control.state(), run.operator.alarms().len()), (State::Silenced, 1));
+        });
     }
 
     #[test]

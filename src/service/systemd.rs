@@ -141,7 +141,7 @@ fn is_up(state: State) -> bool {
         | State::Stopping
         | State::Disabling
         | State::Faulted => true,
-        State::Booting | State::ShuttingDown | State::Down => false,
+        State::Booting | State::ShuttingDown | State::Down | State::Silenced => false,
     }
 }
 

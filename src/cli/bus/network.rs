@@ -6,6 +6,7 @@
 
 use super::words::counted;
 use crate::config;
+use crate::machine::faults::SILENCED;
 use crate::service::control::client::{Client, ClientError};
 use crate::service::network_view::{BudgetView, MappedView, NetworkView, NodeView};
 use anyhow::{Context, bail};
@@ -54,8 +55,8 @@ pub(super) fn show(args: &NetworkArgs, topic: Topic, as_json: bool, out: &mut im
     match (as_json, topic) {
         (true, _) => {
             let mut value = serde_json::to_value(&view)?;
-            value["control"] = status;
-            value["trouble"] = troubles(&view).into();
+            value["trouble"] = troubles(&view, &status).into();
+            value["control"].clone_from(&status);
             writeln!(out, "{value:#}")?;
         }
         (false, Topic::Nodes) => nodes(&view, &status, out)?,
@@ -65,7 +66,8 @@ pub(super) fn show(args: &NetworkArgs, topic: Topic, as_json: bool, out: &mut im
     }
     out.flush()?;
     // The mapping is as the machine file says, whatever the nodes do.
-    let trouble = topic != Topic::Pdo && (not_known_yet || !troubles(&view).is_empty());
+    let trouble =
+        is_silenced(&status) || topic != Topic::Pdo && (not_known_yet || !troubles(&view, &status).is_empty());
     Ok(if trouble { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
@@ -97,8 +99,17 @@ fn who(node: &NodeView) -> String {
     format!("node {} ({})", node.id, node.name)
 }
 
+/// Whether the control can do nothing any more.
+fn is_silenced(status: &Value) -> bool {
+    status["state"] == "silenced"
+}
+
 /// What is wrong, in sentences.
-fn troubles(view: &NetworkView) -> Vec<String> {
+fn troubles(view: &NetworkView, status: &Value) -> Vec<String> {
+    if is_silenced(status) {
+        // What is known of the nodes is from before.
+        return vec![SILENCED.to_owned()];
+    }
     let Some(live) = &view.live else {
         return Vec::new();
     };
@@ -152,8 +163,8 @@ fn head(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<
     }
 }
 
-fn tail(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
-    let troubles = troubles(view);
+fn tail(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<()> {
+    let troubles = troubles(view, status);
     if troubles.is_empty() {
         return Ok(());
     }
@@ -168,7 +179,7 @@ fn width<'a>(names: impl Iterator<Item = &'a str>, least: usize) -> usize {
 fn nodes(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<()> {
     head(view, status, out)?;
     node_table(view, out)?;
-    tail(view, out)
+    tail(view, status, out)
 }
 
 /// Identity as reported, or as expected where nothing was reported.
@@ -231,7 +242,7 @@ fn state(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result
     head(view, status, out)?;
     state_table(view, out)?;
     errors(view, out)?;
-    tail(view, out)
+    tail(view, status, out)
 }
 
 fn state_table(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
@@ -302,7 +313,11 @@ fn errors(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
 
 fn pdo(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<()> {
     head(view, status, out)?;
-    mapping(view, out)
+    mapping(view, out)?;
+    match is_silenced(status) {
+        true => tail(view, status, out),
+        false => Ok(()),
+    }
 }
 
 fn mapping(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
@@ -388,10 +403,10 @@ fn report(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Resul
             status["cycles_skipped"]
         )?;
     }
-    if view.live.is_some() {
-        match &troubles(view)[..] {
+    if view.live.is_some() || is_silenced(status) {
+        match &troubles(view, status)[..] {
             [] => writeln!(out, "\nno trouble: every node is operational")?,
-            _ => tail(view, out)?,
+            _ => tail(view, status, out)?,
         }
     }
     node_table(view, out)?;

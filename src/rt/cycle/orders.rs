@@ -63,14 +63,15 @@ impl<B: Fieldbus> Control<B> {
             (Command::Stop, State::Homing) | (Command::Disable, State::Enabling | State::Ready | State::Homing) => {
                 self.switch_off(State::Disabling)
             }
-            // A control that was silenced stays so: only a new one is known to be sound.
-            (Command::Acknowledge, State::Faulted) if !self.silenced => {
+            (Command::Acknowledge, State::Faulted) => {
                 self.fault_seen = false;
                 self.parts.overruns.clear();
                 self.parts.drives.request(u64::MAX, Request::ResetFault);
                 self.enter(State::Disabling);
             }
             (Command::ShutDown, State::ShuttingDown | State::Down) => {}
+            // Nothing can be sent that would bring it down.
+            (Command::ShutDown, State::Silenced) => self.enter(State::Down),
             (Command::ShutDown, State::Jogging | State::Running | State::Held | State::Stopping) => {
                 self.stop_then(AfterStop::ShutDown)
             }

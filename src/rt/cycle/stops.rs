@@ -13,10 +13,13 @@ impl<B: Fieldbus> Control<B> {
             self.cycles_skipped += skipped;
             self.fault(Fault::CyclesSkipped { cycles: skipped });
         }
-        match self.parts.overruns.count(skipped) {
+        match self.parts.overruns.count(skipped, self.is_at_ease()) {
             Verdict::Fine => {}
             Verdict::Many { skipped: cycles } => self.fault(Fault::ManyOverruns { cycles }),
             Verdict::TooMany { skipped: cycles } => self.fault(Fault::TooManyOverruns { cycles }),
+        }
+        if self.parts.pins.are_lost() {
+            self.fault(Fault::PinsLost);
         }
         let in_step = self.sample.turns_s_max.is_some();
         if let Some(counts) = self.parts.pins.spindle.take_slip(in_step) {
@@ -70,8 +73,14 @@ impl<B: Fieldbus> Control<B> {
             | State::Disabling
             | State::Faulted
             | State::ShuttingDown
-            | State::Down => false,
+            | State::Down
+            | State::Silenced => false,
         }
+    }
+
+    /// Whether nothing moves and nothing can: drives are off, and the network may come and go.
+    fn is_at_ease(&self) -> bool {
+        matches!(self.state, State::Booting | State::Disabled)
     }
 
     /// Does what the table of faults says.
@@ -87,6 +96,12 @@ impl<B: Fieldbus> Control<B> {
         if self.state == State::Booting && fault.is_usual_in_boot() {
             return;
         }
+        // Nodes that gave up because this PC stood still while nothing moved are booted again, and the next order waits for them.
+        let stood_still = self.state == State::Disabled && self.parts.overruns.are_some();
+        if stood_still && matches!(fault, Fault::NodeLost { .. }) {
+            self.notice(Notice::Fault { fault, first: false });
+            return;
+        }
         if !self.fault_seen {
             self.fault_seen = true;
             self.notice(Notice::Fault { fault, first: true });
@@ -95,13 +110,14 @@ impl<B: Fieldbus> Control<B> {
             return;
         }
         match (reaction, self.state) {
-            (Reaction::Count | Reaction::Warn, _) | (_, State::Faulted | State::ShuttingDown | State::Down) => {}
             (Reaction::Silence, _) => {
                 self.end_program();
                 self.parts.hand.end();
                 self.parts.homer.end();
-                self.enter(State::Faulted);
+                self.enter(State::Silenced);
             }
+            (Reaction::Count | Reaction::Warn, _)
+            | (_, State::Faulted | State::ShuttingDown | State::Down | State::Silenced) => {}
             (Reaction::QuickStop, _) => {
                 self.end_program();
                 self.parts.hand.end();

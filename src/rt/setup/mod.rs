@@ -32,7 +32,7 @@ pub(crate) use awake::usual as usual_keep_awake;
 
 use awake::Awake;
 use nix::errno::Errno;
-use nix::sys::signal::SigSet;
+use nix::sys::signal::{SigSet, Signal};
 use std::fs::read_to_string;
 
 /// Stack of a real-time thread, octets; all of it is real memory when memory is locked.
@@ -150,7 +150,10 @@ pub fn usual_core() -> usize {
 /// As [`enter_thread`], for a thread that has no part in a control: a probe. `priority` is that of SCHED_FIFO, 1 to 99.
 pub fn enter_core(cpu: usize, priority: u8) -> Vec<Finding> {
     let mut findings = Vec::new();
-    if let Err(errno) = SigSet::all().thread_block() {
+    let mut blocked = SigSet::all();
+    // Pins that are cut short: a thread that had it blocked would end the process before the handler can help.
+    blocked.remove(Signal::SIGBUS);
+    if let Err(errno) = blocked.thread_block() {
         findings.push(unexpected(format!("signals cannot be blocked ({errno})")));
     }
     // The core before the policy: a FIFO thread must never run, even for a moment, on a core that others need.

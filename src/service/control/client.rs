@@ -4,6 +4,7 @@
 //! Out: answers, or why there are none.
 
 use super::rpc::{RpcError, code};
+use super::socket;
 use super::socket::find_in;
 use serde_json::{Value, json};
 use std::fmt;
@@ -76,6 +77,16 @@ impl fmt::Display for ClientError {
 
 impl std::error::Error for ClientError {}
 
+impl ClientError {
+    /// Whether there is a control that takes no connection, or is not who it should be.
+    fn is_mute(&self) -> bool {
+        let ClientError::Io { cause, .. } = self else {
+            return false;
+        };
+        matches!(cause.kind(), ErrorKind::TimedOut | ErrorKind::PermissionDenied)
+    }
+}
+
 /// A connection to a control.
 #[derive(Debug)]
 pub struct Client {
@@ -99,30 +110,46 @@ impl Client {
     }
 
     fn open_all(directories: &[PathBuf]) -> Vec<(String, Client)> {
-        let sockets = find_in(directories).into_iter();
         // Those of dead processes, and of other users, do not answer.
-        sockets
-            .filter_map(|(name, path)| Some((name, Client::open(&path).ok()?)))
-            .collect()
+        let opened = Client::try_all(directories, None).into_iter();
+        opened.filter_map(|(name, opened)| Some((name, opened.ok()?))).collect()
+    }
+
+    fn try_all(directories: &[PathBuf], machine: Option<&str>) -> Vec<(String, Result<Client, ClientError>)> {
+        let mut sockets = find_in(directories);
+        sockets.retain(|(name, _)| machine.is_none_or(|machine| machine == name));
+        let opened = sockets.into_iter().map(|(name, path)| {
+            let opened = Client::open(&path);
+            (name, opened.map_err(|cause| ClientError::Io { path, cause }))
+        });
+        opened.collect()
     }
 
     /// As [`connect`](Self::connect), for sockets in these folders.
     pub fn connect_in(directories: &[PathBuf], machine: Option<&str>) -> Result<Client, ClientError> {
-        let mut found = Client::open_all(directories);
-        found.retain(|(name, _)| machine.is_none_or(|machine| machine == name));
-        match found.len() {
-            0 => Err(ClientError::NotRunning {
+        let (mut found, mut mute) = (Vec::new(), None);
+        for (name, opened) in Client::try_all(directories, machine) {
+            match opened {
+                Ok(client) => found.push((name, client)),
+                // Somebody is there.
+                Err(error @ ClientError::Io { .. }) if error.is_mute() => mute = Some(error),
+                Err(_) => {}
+            }
+        }
+        match (found.len(), mute) {
+            (0, Some(mute)) => Err(mute),
+            (0, None) => Err(ClientError::NotRunning {
                 machine: machine.map(str::to_owned),
             }),
-            1 => Ok(found.remove(0).1),
-            _ => Err(ClientError::Several {
+            (1, _) => Ok(found.remove(0).1),
+            (_, _) => Err(ClientError::Several {
                 machines: found.into_iter().map(|(name, _)| name).collect(),
             }),
         }
     }
 
     fn open(path: &Path) -> io::Result<Client> {
-        let stream = UnixStream::connect(path)?;
+        let stream = socket::connect(path)?;
         stream.set_read_timeout(Some(ANSWER_WAIT))?;
         stream.set_write_timeout(Some(ANSWER_WAIT))?;
         Ok(Client {

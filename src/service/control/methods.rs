@@ -9,6 +9,8 @@ use super::rpc::{Params, Request, RpcError, code, from_hex, to_hex};
 use super::server::{Serve, Ticket};
 use crate::bus::SDO_VALUE_MAX;
 use crate::config::JOINTS_MAX;
+use crate::machine::faults::SILENCED;
+use crate::machine::state::State;
 use crate::rt::diagnosis::{Inlet, Record, SdoOrder};
 use crate::rt::hand::JogMotion;
 use crate::rt::overrides::Overridden;
@@ -30,6 +32,8 @@ pub struct Method {
     pub params: &'static [&'static str],
     /// What it does.
     pub does: &'static str,
+    /// Looks and changes nothing: answered also where the network is silenced.
+    looks: bool,
     call: fn(&mut Methods, &Params, Ticket) -> Answer,
 }
 
@@ -42,30 +46,35 @@ pub const METHODS: &[Method] = &[
         name: "methods",
         params: &[],
         does: "this table",
+        looks: true,
         call: |_, _, _| Some(Ok(table())),
     },
     Method {
         name: "status",
         params: &[],
         does: "machine, process, state, cycles, position, program, alarm",
+        looks: true,
         call: |methods, _, _| Some(Ok(methods.status())),
     },
     Method {
         name: "bus.network",
         params: &[],
         does: "the network and its nodes: what they are, how they are, why they are not operational",
+        looks: true,
         call: |methods, _, _| Some(methods.network()),
     },
     Method {
         name: "bus.sdo_read",
         params: &["node", "index", "sub"],
         does: "reads an object of a node; its octets as hexadecimal digits in \"value\"",
+        looks: false,
         call: |methods, params, ticket| methods.sdo(params, ticket, false),
     },
     Method {
         name: "bus.sdo_write",
         params: &["node", "index", "sub", "value"],
         does: "writes an object of a node; \"value\" holds its octets as hexadecimal digits",
+        looks: false,
         call: |methods, params, ticket| methods.sdo(params, ticket, true),
     },
     Method {
@@ -73,6 +82,7 @@ pub const METHODS: &[Method] = &[
         params: &["path", "name", "text"],
         does: "checks a program, switches drives on, homes, runs it, switches drives off; only while standing by. A file \
                that the control may read (\"path\", absolute), or \"text\" and its \"name\"",
+        looks: false,
         call: |methods, params, ticket| match source(params) {
             Ok(source) => methods.order(ticket, Order::Run(source)),
             Err(error) => Some(Err(error)),
@@ -82,12 +92,14 @@ pub const METHODS: &[Method] = &[
         name: "enable",
         params: &[],
         does: "switches drives on, to home and jog by hand; moves nothing; only while standing by. \"stop\" switches them off",
+        looks: false,
         call: |methods, _, ticket| methods.order(ticket, Order::Enable),
     },
     Method {
         name: "home",
         params: &[],
         does: "homes all joints, Z first; switches drives on if they are off, and leaves them on",
+        looks: false,
         call: |methods, _, ticket| methods.order(ticket, Order::Home),
     },
     Method {
@@ -95,6 +107,7 @@ pub const METHODS: &[Method] = &[
         params: &["axis", "joint", "velocity_mm_s", "distance_mm"],
         does: "moves an \"axis\" (letter) or a \"joint\" (number) by hand: at a velocity, whose sign is the direction, as far \
                as the soft limit; or by \"distance_mm\", which adds up. Holds for 0.2 s: renew it with \"jog.keep\"",
+        looks: false,
         call: |methods, params, ticket| match jog(params) {
             Ok(jog) => methods.order(ticket, Order::Jog(jog)),
             Err(error) => Some(Err(error)),
@@ -104,24 +117,28 @@ pub const METHODS: &[Method] = &[
         name: "jog.keep",
         params: &["axis", "joint"],
         does: "the hand is still on the key: what is being jogged goes on for another 0.2 s; begins nothing",
+        looks: false,
         call: |methods, params, ticket| methods.jogging(params, ticket, JogMotion::Keep),
     },
     Method {
         name: "jog.stop",
         params: &["axis", "joint"],
         does: "lets an axis, a joint or all that is being jogged come to rest",
+        looks: false,
         call: |methods, params, ticket| methods.jogging(params, ticket, JogMotion::Release),
     },
     Method {
         name: "hold",
         params: &[],
         does: "brings the program to rest on its path and keeps it; a jog is over",
+        looks: false,
         call: |methods, _, ticket| methods.order(ticket, Order::Hold),
     },
     Method {
         name: "resume",
         params: &[],
         does: "goes on after a hold, and forward after \"reverse\"; in single block, runs the next block",
+        looks: false,
         call: |methods, _, ticket| methods.order(ticket, Order::Resume),
     },
     Method {
@@ -130,6 +147,7 @@ pub const METHODS: &[Method] = &[
         does: "runs the program that runs or is held back along the path it has run, at \"percent\" (above 0 to 100, usually 100) \
                of its speed, as far as the last block that moves nothing or turns with the spindle; \"hold\" rests, \"resume\" \
                goes forward again",
+        looks: false,
         call: |methods, params, ticket| match reverse_share(params) {
             Ok(share) => methods.order(ticket, Order::Reverse(share)),
             Err(error) => Some(Err(error)),
@@ -140,6 +158,7 @@ pub const METHODS: &[Method] = &[
         params: &["on"],
         does: "\"on\" (true or false): the program rests at the end of each block, \"resume\" runs the next one; what is planned \
                from now on stops at the end of each block exactly",
+        looks: false,
         call: |methods, params, ticket| match params.flag("on") {
             Ok(on) => methods.order(ticket, Order::SingleBlock(on)),
             Err(error) => Some(Err(error)),
@@ -149,6 +168,7 @@ pub const METHODS: &[Method] = &[
         name: "stop",
         params: &[],
         does: "brings the machine to rest, a program on its path, gives it up and switches drives off",
+        looks: false,
         call: |methods, _, ticket| methods.order(ticket, Order::Stop),
     },
     Method {
@@ -157,12 +177,14 @@ pub const METHODS: &[Method] = &[
         does: "from now on feed (0 to 120), rapid moves (0 to 100) and the spindle (50 to 120) run at this many percent of what \
                is programmed; 0 holds these moves. At any time, for all programs; one that has switched overrides off (M49) \
                is not changed there",
+        looks: false,
         call: |methods, params, _| Some(methods.turn(params)),
     },
     Method {
         name: "alarm.acknowledge",
         params: &[],
         does: "allows motion again after a fault whose cause is gone; moves nothing and switches nothing on",
+        looks: false,
         call: |methods, _, ticket| methods.order(ticket, Order::Acknowledge),
     },
 ];
@@ -436,6 +458,9 @@ impl Serve for Methods {
         };
         if let Err(error) = request.params.only(method.params) {
             return Some(Err(error));
+        }
+        if !method.looks && self.live.snapshot().state == State::Silenced {
+            return Some(Err(RpcError::new(code::REFUSED, SILENCED)));
         }
         (method.call)(self, &request.params, ticket)
     }

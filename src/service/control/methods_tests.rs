@@ -82,6 +82,23 @@ fn refusals_say_what_there_is() {
 }
 
 #[test]
+fn a_silenced_control_shows_itself_and_refuses_everything_else_at_once() {
+    let mut methods = methods();
+    methods.live.silence();
+    let status = call(&mut methods, "status", json!({})).unwrap().unwrap();
+    assert_eq!(status["state"], "silenced");
+    assert!(call(&mut methods, "bus.network", json!({})).unwrap().is_ok());
+    for method in METHODS.iter().filter(|method| !method.looks) {
+        assert_eq!(
+            refusal(&mut methods, method.name, json!({})),
+            SILENCED,
+            "{}",
+            method.name
+        );
+    }
+}
+
+#[test]
 fn before_the_first_record_only_the_machine_file_is_told() {
     let mut methods = methods();
     let network = call(&mut methods, "bus.network", json!({})).unwrap().unwrap();

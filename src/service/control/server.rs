@@ -5,7 +5,7 @@
 //! read is not read any more either, and the others do not notice.
 
 use super::rpc::{self, Request, RpcError, code};
-use super::socket::Socket;
+use super::socket::{Socket, check_peer};
 use crate::rt::wait::to_next;
 use nix::poll::{PollFd, PollFlags, ppoll};
 use nix::sys::time::TimeSpec;
@@ -16,8 +16,11 @@ use std::os::unix::net::UnixStream;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// Clients at the same time.
+/// Clients at the same time. One more takes the place of the one that has been silent for the longest time: a stop must get
+/// through whoever else is there.
 pub const CLIENTS_MAX: usize = 16;
+/// Clients that are taken in one turn: each is read in the next one, before it can be the longest silent of many new ones.
+const TAKEN_PER_TURN: usize = 4;
 /// Octets of a line without its end.
 pub const LINE_MAX: usize = 64 * 1024;
 /// With so many octets of answers waiting, a client is not served before it has read.
@@ -61,7 +64,7 @@ pub fn serve(socket: &Socket, service: &mut impl Serve, stop: &AtomicBool) {
         }
         clients.retain(|client| !client.is_over());
         wait(socket, &mut clients);
-        accept(socket, &mut clients);
+        accept(socket, &mut clients, service, &mut next_ticket);
     }
     // What is ready should still arrive.
     clients.iter_mut().for_each(Client::write);
@@ -98,25 +101,34 @@ fn ready(socket: &Socket, clients: &[Client]) -> Vec<usize> {
         .collect()
 }
 
-fn accept(socket: &Socket, clients: &mut Vec<Client>) {
-    while let Ok((stream, _)) = socket.listener().accept() {
-        if stream.set_nonblocking(true).is_err() {
+fn accept(socket: &Socket, clients: &mut Vec<Client>, service: &mut impl Serve, next_ticket: &mut Ticket) {
+    for _ in 0..TAKEN_PER_TURN {
+        let Ok((stream, _)) = socket.listener().accept() else {
+            return;
+        };
+        if stream.set_nonblocking(true).is_err() || check_peer(&stream).is_err() {
             continue;
         }
-        let mut client = Client::new(stream);
         if clients.len() >= CLIENTS_MAX {
-            let what = format!("{CLIENTS_MAX} clients are connected already");
-            client.answer(&Value::Null, Err(RpcError::new(code::REFUSED, what)));
-            client.write();
-            continue;
+            // One that waits for an answer goes only where all do.
+            let silent = (0..clients.len()).min_by_key(|at| (clients[*at].waits(), clients[*at].heard));
+            if let Some(mut client) = silent.map(|at| clients.swap_remove(at)) {
+                let what = format!("{CLIENTS_MAX} others are connected, and this one was silent for the longest time");
+                client.answer(&Value::Null, Err(RpcError::new(code::REFUSED, what)));
+                client.write();
+                client.pending.iter().for_each(|(ticket, _)| _ = service.gone(*ticket));
+            }
         }
-        clients.push(client);
+        *next_ticket += 1;
+        clients.push(Client::new(stream, *next_ticket));
     }
 }
 
 /// One connection.
 struct Client {
     stream: UnixStream,
+    /// When something of it was heard last: the ticket of that, or of its connection.
+    heard: Ticket,
     /// What has come and is not served yet: at most a line and a chunk.
     input: Vec<u8>,
     /// A line that is too long has been refused; its rest is passed over.
@@ -130,9 +142,10 @@ struct Client {
 }
 
 impl Client {
-    fn new(stream: UnixStream) -> Client {
+    fn new(stream: UnixStream, heard: Ticket) -> Client {
         Client {
             stream,
+            heard,
             input: Vec::new(),
             skipping: false,
             output: Vec::new(),
@@ -145,6 +158,11 @@ impl Client {
     fn is_over(&self) -> bool {
         let served = self.ended && self.pending.is_empty() && self.output.is_empty() && !self.has_line();
         self.broken && self.pending.iter().all(|(_, id)| id.is_none()) || served
+    }
+
+    /// Whether it has asked for something that it has no answer to.
+    fn waits(&self) -> bool {
+        !self.pending.is_empty() || !self.input.is_empty()
     }
 
     fn has_line(&self) -> bool {
@@ -205,6 +223,7 @@ impl Client {
                 self.refuse_long_line();
             } else if !line.iter().all(u8::is_ascii_whitespace) {
                 *next_ticket += 1;
+                self.heard = *next_ticket;
                 self.serve_line(line, service, *next_ticket);
             }
         }

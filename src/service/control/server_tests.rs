@@ -128,7 +128,7 @@ fn a_client_that_has_gone_is_told_of_and_one_that_only_says_no_more_is_not() {
     let pair = || {
         let (near, far) = UnixStream::pair().unwrap();
         near.set_nonblocking(true).unwrap();
-        let mut client = Client::new(near);
+        let mut client = Client::new(near, 0);
         client.pending = vec![(7, Some(json!(1))), (8, None)];
         (client, far)
     };
@@ -216,33 +216,56 @@ fn a_client_that_does_not_read_holds_nobody_up() {
 }
 
 #[test]
-fn clients_beyond_the_limit_are_told_and_those_that_go_make_room() {
+fn idle_clients_keep_nobody_out_and_the_longest_silent_one_is_told_why_it_goes() {
     beside(|path| {
         let mut peers: Vec<Peer> = (0..CLIENTS_MAX).map(|_| Peer::connect(path)).collect();
-        for peer in &mut peers {
-            peer.ask(1, "echo", json!({}));
-            assert_eq!(peer.line()["id"], 1);
-        }
-        let mut one_more = Peer::connect(path);
-        assert_eq!(one_more.line()["error"]["message"], "16 clients are connected already");
-        assert!(one_more.ends());
-        peers.pop();
-        // The server hears of it with its next look.
-        let served = (0..100).any(|_| {
-            let mut peer = Peer::connect(path);
-            if peer
-                .0
-                .get_mut()
-                .write_all(b"{\"jsonrpc\":\"2.0\",\"id\":9,\"method\":\"echo\"}\n")
-                .is_err()
-            {
-                return false;
+        for id in [1, 2] {
+            for peer in &mut peers {
+                peer.ask(id, "echo", json!({}));
+                assert_eq!(peer.line()["id"], id);
             }
-            let mut line = String::new();
-            peer.0.read_line(&mut line).is_ok_and(|_| line.contains("\"id\":9"))
-        });
-        assert!(served);
+        }
+        // The first one says something; the second one waits for an answer.
+        peers[0].ask(3, "echo", json!({}));
+        assert_eq!(peers[0].line()["id"], 3);
+        peers[1].ask(4, "later", json!({"of": 2}));
+        let mut one_more = Peer::connect(path);
+        one_more.ask(5, "echo", json!({}));
+        assert_eq!(one_more.line()["id"], 5);
+        let expected = "16 others are connected, and this one was silent for the longest time";
+        assert_eq!(peers[2].line()["error"]["message"], expected);
+        assert!(peers[2].ends());
+        // However many come, each is served, and the one that waits stays.
+        let mut many: Vec<Peer> = (0..100).map(|_| Peer::connect(path)).collect();
+        let last = many.last_mut().unwrap();
+        last.ask(6, "later", json!({"of": 2}));
+        assert_eq!(last.line()["id"], 6);
+        peers[1].ask(7, "echo", json!({}));
+        assert_eq!(peers[1].line()["id"], 7);
     });
+}
+
+#[test]
+fn where_all_wait_for_an_answer_the_longest_silent_one_goes_and_is_forsaken() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("isocnc-control.test");
+    let socket = Socket::bind(&path).unwrap();
+    let mut echo = Echo::default();
+    let mut ticket = 100;
+    let mut clients = Vec::new();
+    let far: Vec<UnixStream> = (0..CLIENTS_MAX as u64)
+        .map(|heard| {
+            let (near, far) = UnixStream::pair().unwrap();
+            clients.push(Client::new(near, heard));
+            clients.last_mut().unwrap().pending.push((heard, Some(json!(1))));
+            far
+        })
+        .collect();
+    let _stream = UnixStream::connect(&path).unwrap();
+    accept(&socket, &mut clients, &mut echo, &mut ticket);
+    assert_eq!((clients.len(), echo.forsaken.as_slice()), (CLIENTS_MAX, &[0][..]));
+    assert_eq!(clients.iter().filter(|client| client.heard == 101).count(), 1);
+    drop(far);
 }
 
 #[test]
@@ -251,7 +274,7 @@ fn a_client_that_has_gone_while_its_request_waits_ends_no_wait() {
     let socket = Socket::bind(&directory.path().join("isocnc-control.test")).unwrap();
     let (here, there) = UnixStream::pair().unwrap();
     here.set_nonblocking(true).unwrap();
-    let mut client = Client::new(here);
+    let mut client = Client::new(here, 0);
     drop(there);
     assert_eq!(ready(&socket, std::slice::from_ref(&client)), [0], "that it has gone");
     client.read();

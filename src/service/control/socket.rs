@@ -1,20 +1,26 @@
 //! The socket of a running control: found by the machine's name, for its user alone.
 //!
 //! In:  the name of the machine and the file of its pins, whose lock makes this process the only control of that name.
-//! Out: a listening Unix stream socket with mode 0600, which goes with the process; and the sockets that others left here.
+//! Out: a listening Unix stream socket with mode 0600, which goes with the process; connections to it. It lies beside the pins,
+//! in a folder that no other user can enter, and both ends ask the kernel who is at the other one.
 
-use nix::sys::socket::{AddressFamily, SockFlag, SockType, UnixAddr, bind, listen, socket};
+use nix::errno::Errno;
+use nix::sys::socket::sockopt::PeerCredentials;
+use nix::sys::socket::{AddressFamily, SockFlag, SockType, UnixAddr, bind, getsockopt, listen, socket};
 use nix::sys::stat::{Mode, fchmod};
 use std::fmt;
 use std::io::{self, ErrorKind};
-use std::os::fd::AsRawFd;
+use std::os::fd::{AsFd, AsRawFd};
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 const PREFIX: &str = "isocnc-control.";
 /// Connections that wait to be taken.
 const BACKLOG: i32 = 16;
+/// A control whose queue of connections stays full for this long takes none.
+const CONNECT_WAIT: Duration = Duration::from_secs(2);
 
 /// Why a control cannot be reached from outside.
 #[derive(Debug)]
@@ -75,6 +81,43 @@ pub fn find_in(directories: &[PathBuf]) -> Vec<(String, PathBuf)> {
         .collect();
     found.sort();
     found
+}
+
+/// Connects to a control of this user, or of root.
+///
+/// # Errors
+/// Nobody listens; the queue of connections stays full; another user listens.
+pub fn connect(path: &Path) -> io::Result<UnixStream> {
+    let give_up = Instant::now() + CONNECT_WAIT;
+    let address = UnixAddr::new(path)?;
+    let flags = SockFlag::SOCK_CLOEXEC | SockFlag::SOCK_NONBLOCK;
+    let fd = socket(AddressFamily::Unix, SockType::Stream, flags, None)?;
+    // A connection that waits would wait for ever where nobody takes it.
+    while let Err(errno) = nix::sys::socket::connect(fd.as_raw_fd(), &address) {
+        match errno {
+            Errno::EAGAIN if Instant::now() < give_up => std::thread::sleep(Duration::from_millis(10)),
+            Errno::EAGAIN => return Err(io::Error::new(ErrorKind::TimedOut, "takes no connection")),
+            errno => return Err(errno.into()),
+        }
+    }
+    check_peer(&fd)?;
+    let stream = UnixStream::from(fd);
+    stream.set_nonblocking(false)?;
+    Ok(stream)
+}
+
+/// Whether the process at the other end is of this user, or of root: the permissions of a file say who may connect, and not
+/// who listens.
+///
+/// # Errors
+/// It is another user's.
+pub(super) fn check_peer(socket: &impl AsFd) -> io::Result<()> {
+    let user = getsockopt(socket, PeerCredentials)?.uid();
+    if user == 0 || user == nix::unistd::geteuid().as_raw() {
+        return Ok(());
+    }
+    let what = format!("the process at the other end is of user {user}");
+    Err(io::Error::new(ErrorKind::PermissionDenied, what))
 }
 
 /// A listening socket. Dropping it removes its file.
@@ -155,7 +198,7 @@ fn remove_left_over(path: &Path) -> Result<(), BindError> {
         Ok(file) if !file.file_type().is_socket() => return Err(BindError::NoSocket { path }),
         Ok(_) => {}
     }
-    match UnixStream::connect(&path) {
+    match connect(&path) {
         Err(cause) if cause.kind() == ErrorKind::ConnectionRefused => match std::fs::remove_file(&path) {
             Err(cause) if cause.kind() != ErrorKind::NotFound => {
                 let doing = "remove the socket of a dead control";
@@ -165,7 +208,7 @@ fn remove_left_over(path: &Path) -> Result<(), BindError> {
         },
         // No room in its queue is a sign of life, too.
         Ok(_) => Err(BindError::Running { path }),
-        Err(cause) if cause.kind() == ErrorKind::WouldBlock => Err(BindError::Running { path }),
+        Err(cause) if cause.kind() == ErrorKind::TimedOut => Err(BindError::Running { path }),
         Err(cause) => Err(BindError::System {
             path,
             doing: "ask whether the control there lives",
@@ -207,6 +250,59 @@ mod tests {
         assert!(path.exists());
         let second = Socket::bind(&path).unwrap();
         UnixStream::connect(second.path()).unwrap();
+    }
+
+    #[test]
+    fn a_queue_that_stays_full_is_told_and_not_waited_for() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("isocnc-control.mill");
+        let listening = Socket::bind(&path).unwrap();
+        let flags = SockFlag::SOCK_CLOEXEC | SockFlag::SOCK_NONBLOCK;
+        let address = UnixAddr::new(&path).unwrap();
+        let mut queue = Vec::new();
+        loop {
+            let fd = socket(AddressFamily::Unix, SockType::Stream, flags, None).unwrap();
+            if nix::sys::socket::connect(fd.as_raw_fd(), &address).is_err() {
+                break;
+            }
+            queue.push(fd);
+        }
+        let mute = connect(&path).unwrap_err();
+        assert_eq!(
+            (mute.kind(), mute.to_string()),
+            (ErrorKind::TimedOut, "takes no connection".into())
+        );
+        assert!(matches!(Socket::bind(&path), Err(BindError::Running { .. })));
+        // Room again.
+        listening.listener().accept().unwrap();
+        connect(&path).unwrap();
+    }
+
+    #[test]
+    fn a_socket_of_another_user_is_not_believed() {
+        const NOBODY: libc::c_long = 65_534;
+        if !nix::unistd::geteuid().is_root() {
+            println!("SKIPPED: only root can become another user");
+            return;
+        }
+        let directory = tempfile::tempdir().unwrap();
+        std::fs::set_permissions(directory.path(), std::os::unix::fs::PermissionsExt::from_mode(0o777)).unwrap();
+        let path = directory.path().join("isocnc-control.mill");
+        let listen = || {
+            // SAFETY: takes three numbers; without the C library it acts on this thread alone.
+            let became = unsafe { libc::syscall(libc::SYS_setresuid, NOBODY, NOBODY, NOBODY) };
+            assert_eq!(became, 0);
+            UnixListener::bind(&path).unwrap()
+        };
+        let _listening = std::thread::scope(|scope| scope.spawn(listen).join().unwrap());
+        let lie = connect(&path).unwrap_err();
+        assert_eq!(
+            (lie.kind(), lie.to_string()),
+            (
+                ErrorKind::PermissionDenied,
+                "the process at the other end is of user 65534".into()
+            )
+        );
     }
 
     #[test]

@@ -89,7 +89,8 @@ impl FarMachine {
     pub(super) fn start(machine: &Path, cycle_us: u32, interface: &str) -> anyhow::Result<FarMachine> {
         let process = Helper::start("simulated machine", simulate::READY, |command| {
             command.arg("simulate").arg(machine).args(["--interface", interface]);
-            command.args(["--with-parent", "--cycle-us", &cycle_us.to_string()]);
+            command.args(["--with-parent", &std::process::id().to_string()]);
+            command.args(["--cycle-us", &cycle_us.to_string()]);
         })?;
         Ok(FarMachine { _process: process })
     }

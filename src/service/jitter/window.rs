@@ -93,7 +93,8 @@ impl<'a> Window<'a> {
             | State::Disabling
             | State::Faulted
             | State::ShuttingDown
-            | State::Down => false,
+            | State::Down
+            | State::Silenced => false,
         };
         let enough = live.cycles.saturating_sub(at_cycle) >= self.cycles_wanted;
         enough
