@@ -373,7 +373,7 @@ mod tests {
                     row("spindle.0.onn")
                 ),
                 format!(
-                    "{name}:{}:28: hal.net[2].targets[1] = \"io.10.in-01\": net 'coolant': target 'io.10.in-01' is an output \
+                    "{name}:{}:28: hal.net[2].targets[1] = \"io.10.in-01\": net 'coolant-flood': target 'io.10.in-01' is an output \
                      and has its own writer; targets must be inputs",
                     row("io.10.in-01")
                 ),

@@ -17,6 +17,9 @@ use crate::kinematics::ToolFrame;
 use crate::path::{Circle, Group, Piece};
 use crate::rt::MotionLimits;
 
+/// Most turns of an arc: its knots, some dozens a turn, are in memory together.
+const TURNS_MAX: u32 = 1000;
+
 /// What may happen to the path at the end of a move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Corner {
@@ -596,6 +599,9 @@ impl Program {
                 "an arc in the planes of U, V and W (G17.1 to G19.1)",
             ));
         }
+        if turns.unsigned_abs() > TURNS_MAX {
+            return Err(PlanErrorKind::Unsupported("an arc of more than 1000 turns"));
+        }
         let [first, second, normal] = plane.axes();
         let mut centre = *to;
         centre[first] = centre_mm[0];
@@ -773,6 +779,11 @@ mod tests {
                     wait_for_speed: true,
                 },
                 "a second spindle ($1 and above)",
+            ),
+            // One of a million took more memory than a PC has.
+            (
+                arc(Position::ZERO, Plane::Xy, [1.0, 0.0], -1001),
+                "an arc of more than 1000 turns",
             ),
             (
                 arc(Position::ZERO, Plane::Uv, [1.0, 0.0], 1),

@@ -92,12 +92,17 @@ struct Lines<'t> {
 }
 
 impl Lines<'_> {
+    /// Number, from 1. For every object, so nothing is counted: a file may be one line.
+    fn line(&self, offset: usize) -> usize {
+        self.starts.partition_point(|start| *start <= offset).max(1)
+    }
+
     fn place(&self, offset: usize) -> (u32, u32) {
         let offset = (0..=offset.min(self.text.len()))
             .rev()
             .find(|at| self.text.is_char_boundary(*at))
             .unwrap_or(0);
-        let line = self.starts.partition_point(|start| *start <= offset).max(1);
+        let line = self.line(offset);
         let column = self.text[self.starts[line - 1]..offset].chars().count();
         (line as u32, column as u32 + 1)
     }
@@ -127,7 +132,7 @@ impl<'t> Log<'t> {
 
     /// The line of an octet, from 1.
     pub(super) fn line(&self, offset: usize) -> u32 {
-        self.lines.place(offset).0
+        self.lines.line(offset) as u32
     }
 
     fn mistake(&self, offset: usize, subject: String, got: Option<&str>, rule: String) -> DeviceMistake {

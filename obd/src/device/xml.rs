@@ -18,6 +18,8 @@ const NODES_MAX: u32 = 1 << 20;
 const DEPTH_MAX: usize = 64;
 /// Most attributes of one element, which are compared with each other.
 const ATTRIBUTES_MAX: usize = 256;
+/// Elements of a parameter that are looked at: every object may refer to the same one.
+const PARTS_MAX: usize = 100;
 /// Most declarations of namespaces: elements within copy those around them.
 const NAMESPACES_MAX: usize = 1000;
 
@@ -343,6 +345,7 @@ impl<'a, 'i> Reader<'_, '_, 'a, 'i> {
         } else if let Some(parameter) = parameter {
             parameter
                 .children()
+                .take(PARTS_MAX)
                 .find_map(|child| simple_type(child.tag_name().name()))
         } else if let Some(code) = array_type.and_then(|text| u16::from_str_radix(text, 16).ok()) {
             Some(TypeCode(code))
@@ -437,7 +440,10 @@ impl<'a, 'i> Reader<'_, '_, 'a, 'i> {
         let (place, name) = if node.attribute(attribute).is_some() {
             (node, attribute)
         } else {
-            let step = |at: Node<'a, 'i>, name: &&str| at.children().find(|child| child.tag_name().name() == *name);
+            let step = |at: Node<'a, 'i>, name: &&str| {
+                let mut parts = at.children().take(PARTS_MAX);
+                parts.find(|child| child.tag_name().name() == *name)
+            };
             let found = path.iter().try_fold(parameter?, step)?;
             (found, "value")
         };
