@@ -140,8 +140,8 @@ impl Joint {
                 .unwrap_or(0.0);
             // Positions carry rounding of their own size, which differences multiply.
             let rounding = 8.0 * f64::EPSILON * position.abs().max(1.0);
-            for order in 0..ORDERS {
-                let amount = differences[order].abs();
+            for (order, difference) in differences.into_iter().enumerate() {
+                let amount = difference.abs();
                 if amount > peaks.greatest[order] {
                     (peaks.greatest[order], peaks.at[order]) = (amount, cycle);
                 }
