@@ -203,7 +203,10 @@ impl Program {
                 points,
                 order,
                 knots,
-            } => self.curve(*plane, (points, *order, knots), line, settings),
+            } => {
+                let order = *order;
+                self.curve(*plane, &curves::Nurbs { points, order, knots }, line, settings)
+            }
             Call::StartSpindleSync { spindle: 1.., .. } | Call::SetFeedMode(FeedMode::PerTurn { spindle: 1.. }) => {
                 unsupported("a second spindle ($1 and above)")
             }

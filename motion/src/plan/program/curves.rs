@@ -12,11 +12,18 @@ use crate::plan::{PlanErrorKind, Settings};
 /// How far from where the program stands a curve may begin: what the digits of a program take.
 const START_MM: f64 = 1e-6;
 
+/// A curve as the program tells it: control points with weights, order, knots.
+pub(super) struct Nurbs<'c> {
+    pub(super) points: &'c [([f64; 2], f64)],
+    pub(super) order: u32,
+    pub(super) knots: &'c [f64],
+}
+
 impl Program {
     pub(super) fn curve(
         &mut self,
         plane: Plane,
-        (points, order, knots): (&[([f64; 2], f64)], u32, &[f64]),
+        &Nurbs { points, order, knots }: &Nurbs<'_>,
         line: u32,
         settings: &Settings,
     ) -> Result<Option<Entry>, PlanErrorKind> {
