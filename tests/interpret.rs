@@ -358,3 +358,58 @@ fn a_start_in_the_middle_gives_the_state_and_goes_on_from_there() {
     assert_eq!(text(&output.stdout), "");
     assert!(text(&output.stderr).contains("40"), "{}", text(&output.stderr));
 }
+
+/// The machine of the demo, with more keys in `[program]`.
+fn machine(keys: &str) -> String {
+    let text = include_str!("../configs/mill3-demo.toml");
+    match text.contains("[program]\n") {
+        true => text.replace("[program]\n", &format!("[program]\n{keys}\n")),
+        false => format!("{text}\n[program]\n{keys}\n"),
+    }
+}
+
+#[test]
+fn g92_is_forgotten_where_the_machine_does_not_keep_it() {
+    let x_of = |keep: bool| {
+        let machine = machine(&format!("parameter_file = \"m.var\"\nkeep_g92 = {keep}"));
+        let files = [
+            ("m.toml", machine.as_str()),
+            ("m.var", "5161 0\n5210 1\n5211 7\n5220 1\n"),
+            ("part.ngc", "(debug,#5210 #5211)\nM2\n"),
+        ];
+        let (_, output) = interpret(&files, &["part.ngc", "-m", "m.toml"]);
+        assert_eq!(text(&output.stderr), "");
+        calls(&output).join("\n")
+    };
+    assert!(x_of(true).contains("1.000000 7.000000"), "{}", x_of(true));
+    assert!(x_of(false).contains("0.000000 0.000000"), "{}", x_of(false));
+}
+
+#[test]
+fn plan_finds_subroutines_beside_the_program_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    };
+    write("m.toml", &machine(""));
+    write("jobs/part.ngc", "o<a> call\nM2\n");
+    write("jobs/a.ngc", "o<a> sub\nG0 X1\no<a> endsub\n");
+    for (place, program) in [
+        (folder.path().to_owned(), "jobs/part.ngc"),
+        (folder.path().join("jobs"), "part.ngc"),
+    ] {
+        let output = Command::new(env!("CARGO_BIN_EXE_isocnc"))
+            .current_dir(place)
+            .args([
+                "plan".as_ref(),
+                folder.path().join("m.toml").as_os_str(),
+                program.as_ref(),
+            ])
+            .output()
+            .unwrap();
+        assert_eq!(text(&output.stderr), "", "{program}");
+        assert_eq!(output.status.code(), Some(0), "{program}");
+    }
+}

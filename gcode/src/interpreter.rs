@@ -23,6 +23,7 @@ use motion::canon::{Call, Event, Source};
 use motion::compensation::{CompensationError, Compensator};
 use std::collections::{HashMap, VecDeque};
 use std::io::{Cursor, Read, Seek};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// Text that can be read from any place.
@@ -197,6 +198,12 @@ impl Run<'_> {
     /// their line remains their own.
     pub fn number_by_release(mut self) -> Self {
         self.use_compensator(true);
+        self
+    }
+
+    /// Looks for subroutines in this folder before all others.
+    pub fn subroutines_beside(mut self, folder: &Path) -> Self {
+        self.state.settings.subroutine_folders.insert(0, folder.to_owned());
         self
     }
 

@@ -57,7 +57,11 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
     let chip_breaking_clearance_mm = clearance("chip_breaking_clearance_mm");
     let peck_clearance_mm = clearance("peck_clearance_mm");
     let cutter_corner = cutter_corner(section);
-    let gouges = [("error", Gouge::Error), ("drop-loop", Gouge::DropLoop)];
+    let gouges = [
+        ("error", Gouge::Error),
+        ("drop-loop", Gouge::DropLoop),
+        ("neighbours-only", Gouge::NeighboursOnly),
+    ];
     let gouge = section.word("gouge", &gouges, default.gouge);
     let mut tolerance = |key, least, most| section.number(key, Bound::Within(least, most), most);
     let [most_mm, most_inch] = ARC_RADIUS_TOLERANCE;

@@ -215,7 +215,7 @@ fn each_rule_has_its_message() {
             "[program]\ncutter_corner = \"arcs\"\ngouge = \"drop-lop\"\ncutter_corner_limit_degrees = 180\n",
             &[
                 "2:17: program.cutter_corner = \"arcs\": must be \"arc\" or \"intersection\"; did you mean \"arc\"?",
-                "3:9: program.gouge = \"drop-lop\": must be \"error\" or \"drop-loop\"; did you mean \"drop-loop\"?",
+                "3:9: program.gouge = \"drop-lop\": must be \"error\" or \"drop-loop\" or \"neighbours-only\"; did you mean \"drop-loop\"?",
                 "4:31: program.cutter_corner_limit_degrees = 180: must lie between 1 and 160",
             ],
         ),

@@ -25,6 +25,7 @@ use probing::Probing;
 pub use settings::{interpreter_settings, settings_with};
 use std::fmt;
 use std::num::NonZero;
+use std::path::Path;
 use std::sync::Arc;
 use std::thread::available_parallelism;
 use std::time::{Duration, Instant};
@@ -69,9 +70,17 @@ pub struct Overview {
     pub time_s: f64,
 }
 
-/// All errors of the text; what a machine can do is not looked at.
-pub fn check_text(config: &Config, tables: &Tables, text: &[u8], limits: CheckLimits) -> Vec<gcode::Error> {
-    let settings = planned_settings(config, tables, home(config));
+/// Folder of a program, in which its subroutines are looked for first.
+fn folder(program: &str) -> Option<&Path> {
+    Path::new(program).parent()
+}
+
+/// All errors of the text; what a machine can do is not looked at. `path`: of the program.
+pub fn check_text(config: &Config, tables: &Tables, path: &str, text: &[u8], limits: CheckLimits) -> Vec<gcode::Error> {
+    let mut settings = planned_settings(config, tables, home(config));
+    if let Some(folder) = folder(path) {
+        settings.subroutine_folders.insert(0, folder.to_owned());
+    }
     gcode::check_on(text, settings, Probing::new().1, limits)
 }
 
@@ -100,7 +109,7 @@ pub fn check(
         return Err(failed(format!("{path}: cannot be run: {}", config.without_joints())));
     }
     let mut budget = Budget::new(limits.time);
-    let errors = check_text(config, tables, text, limits.clone());
+    let errors = check_text(config, tables, path, text, limits.clone());
     if !errors.is_empty() {
         let shown: Vec<String> = errors.iter().map(|error| error.render(path)).collect();
         return Err(ProgramErrors {
@@ -120,6 +129,7 @@ pub fn check(
             tail_s: 0.0,
         },
     )
+    .beside(path)
     .within(limits);
     loop {
         match feeder.pump() {
@@ -313,6 +323,14 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     /// The same that stops with an error where a check has to, or when it is cancelled.
     pub fn within(mut self, limits: CheckLimits) -> Feeder<'t, S> {
         self.events = self.events.within(limits);
+        self
+    }
+
+    /// The same for the program of this path: its subroutines are looked for beside it first.
+    pub fn beside(mut self, path: &str) -> Feeder<'t, S> {
+        if let Some(folder) = folder(path) {
+            self.events = self.events.subroutines_beside(folder);
+        }
         self
     }
 

@@ -6,7 +6,7 @@
 use super::desk::Desk;
 use super::keeper::Keeper;
 use super::operator::{Operator, Wish};
-use super::process::{ANEW, Session, Task};
+use super::process::{ANEW, Program, Session, Task};
 use super::stalls::Stalls;
 use super::standby::{Clients, Part};
 use super::systemd::{Service, Sight};
@@ -280,8 +280,8 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
         let (producer, consumer) = ring::channel(ring_capacity(config));
         let (answers, results) = probing::line();
         let (text, path_max) = match (task, self.clients.part()) {
-            (Task::Once(program), _) => (Text::Given(program.text), PATH_MAX),
-            (Task::Repeat(program), _) => (Text::Given(program.text), 0),
+            (Task::Once(program), _) => (Text::Given(*program), PATH_MAX),
+            (Task::Repeat(program), _) => (Text::Given(*program), 0),
             (Task::StandBy, Some(part)) => (Text::Asked(Arc::clone(part)), 0),
             (Task::StandBy, None) => anyhow::bail!("a program was begun that is not there"),
         };
@@ -295,6 +295,7 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
                 // They inherit from here that they keep off the core of real time, and have no rights.
                 let workers = program::workers(config);
                 let feeder = Feeder::with_workers(config, &tables, text.octets(), position, producer, &workers)
+                    .beside(text.name())
                     .with_probe(results)
                     .within(running_limits(given_up.clone()))
                     .following(live);
@@ -356,7 +357,7 @@ impl Watcher {
 /// Text of a program.
 enum Text<'env> {
     /// That of the session.
-    Given(&'env [u8]),
+    Given(Program<'env>),
     /// That of a client.
     Asked(Arc<Part>),
 }
@@ -364,8 +365,15 @@ enum Text<'env> {
 impl Text<'_> {
     fn octets(&self) -> &[u8] {
         match self {
-            Text::Given(text) => text,
+            Text::Given(program) => program.text,
             Text::Asked(part) => &part.text,
+        }
+    }
+
+    fn name(&self) -> &str {
+        match self {
+            Text::Given(program) => program.name,
+            Text::Asked(part) => &part.name,
         }
     }
 }

@@ -84,7 +84,7 @@ pub(super) fn programmed(path: &[Programmed]) -> String {
 pub(super) fn smoothed(
     config: &Config,
     tables: &Tables,
-    text: &[u8],
+    (name, text): (&str, &[u8]),
     path: &[Programmed],
 ) -> Result<String, FeedError> {
     let axes = letters(config);
@@ -110,7 +110,7 @@ pub(super) fn smoothed(
         length: 0.0,
         tail: Vec::new(),
     };
-    let mut feeder = Feeder::new(config, tables, text, home(config), points);
+    let mut feeder = Feeder::new(config, tables, text, home(config), points).beside(name);
     whole(&mut feeder)?;
     let points = feeder.sink();
     for element in std::mem::take(&mut points.tail) {

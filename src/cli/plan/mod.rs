@@ -112,7 +112,12 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
         put(file, export::programmed(&work.path))?;
     }
     if let Some(file) = &args.smoothed {
-        let points = export::smoothed(&config, &tables, &text, &work.path);
+        let points = export::smoothed(
+            &config,
+            &tables,
+            (&args.program.display().to_string(), &text),
+            &work.path,
+        );
         put(
             file,
             points.map_err(|error| anyhow!(error.located(&args.program.display().to_string())))?,
@@ -156,7 +161,7 @@ fn planned(args: &PlanArgs, text: &[u8]) -> Result<(Config, Tables, Work), Refus
         let rule = format!("cannot be planned: {}", config.without_joints());
         return Err(plain(&args.program, &format!("{name}: {rule}")));
     }
-    let errors = crate::program::check_text(&config, &tables, text, gcode::CheckLimits::default());
+    let errors = crate::program::check_text(&config, &tables, &name, text, gcode::CheckLimits::default());
     if !errors.is_empty() {
         let shown: Vec<String> = errors.iter().map(|error| error.render(&name)).collect();
         let listed: Vec<Json> = errors.iter().map(error_json).collect();
@@ -168,7 +173,7 @@ fn planned(args: &PlanArgs, text: &[u8]) -> Result<(Config, Tables, Work), Refus
     match run_down::run_down(
         &config,
         &tables,
-        text,
+        (&name, text),
         args.threads.map(usize::from),
         args.samples.is_some(),
     ) {

@@ -136,7 +136,7 @@ impl Sink<Element> for Measure {
 pub(super) fn run_down(
     config: &Config,
     tables: &Tables,
-    text: &[u8],
+    (name, text): (&str, &[u8]),
     threads: Option<usize>,
     every_cycle: bool,
 ) -> Result<Work, FeedError> {
@@ -144,14 +144,14 @@ pub(super) fn run_down(
     let threads = threads.unwrap_or_else(|| available_parallelism().map_or(1, NonZero::get));
     let workers = Workers::new(threads - 1, || ());
     let began = Instant::now();
-    let mut feeder = Feeder::with_workers(config, tables, text, start, Measure::default(), &workers);
+    let mut feeder = Feeder::with_workers(config, tables, text, start, Measure::default(), &workers).beside(name);
     whole(&mut feeder)?;
     let wall_time_s = began.elapsed().as_secs_f64();
     let measure = feeder.sink();
     let (motion_time_s, elements) = (measure.time_s + measure.tail_s, measure.elements);
 
     let (producer, consumer) = ring::channel(ring_capacity(config));
-    let mut feeder = Feeder::with_workers(config, tables, text, start, Followed(producer), &workers);
+    let mut feeder = Feeder::with_workers(config, tables, text, start, Followed(producer), &workers).beside(name);
     let kinematics = config.kinematics();
     let mut interpolator = Interpolator::new(consumer, start, stop_ramp(config));
     let mut work = Work {
