@@ -3,17 +3,18 @@
 //! In:  a choice of the machine file or of the calibration.
 //! Out: [`Awake`], which holds what it takes until it is dropped.
 
+use super::STACK_SIZE;
 use super::findings::{Finding, Item};
-use super::{STACK_SIZE, cpu};
 use crate::config::KeepAwake;
 use crate::rt::rights::{self, Work};
+use nix::sched::{CpuSet, sched_setaffinity};
 use nix::sys::signal::SigSet;
+use nix::unistd::{Pid, gettid};
 use std::fs::{File, OpenOptions, read_to_string};
 use std::io::Write;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
-use std::thread::JoinHandle;
 
 const CPUIDLE_DRIVER: &str = "/sys/devices/system/cpu/cpuidle/current_driver";
 const DMA_LATENCY: &str = "/dev/cpu_dma_latency";
@@ -111,10 +112,11 @@ fn hold_dma_latency() -> Result<Awake, Finding> {
 #[derive(Debug)]
 pub(super) struct IdleThread {
     stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
 }
 
 impl IdleThread {
+    /// Waits for nothing that the thread does behind all others: on a busy PC that is seconds away.
+    ///
     /// # Errors
     /// The thread could not be put behind all others: spinning at an ordinary priority, it would do harm.
     pub(super) fn spawn(core: usize) -> Result<IdleThread, String> {
@@ -122,23 +124,27 @@ impl IdleThread {
         let stopped = stop.clone();
         let (ready, is_ready) = mpsc::sync_channel(1);
         let run = move || {
-            let entered = enter(core);
+            let entered = enter();
             let spins = entered.is_ok();
             // Whoever waits for it cannot be gone.
             let _ = ready.send(entered);
             // Without the processor's hint for waiting loops, by which hypervisors tell a guest that waits from one that works.
             while spins && !stopped.load(Ordering::Relaxed) {}
         };
-        let thread = std::thread::Builder::new()
+        std::thread::Builder::new()
             .name("keep-awake".into())
             .stack_size(STACK_SIZE)
             .spawn(run)
             .map_err(|error| error.to_string())?;
-        let thread = IdleThread {
-            stop,
-            thread: Some(thread),
-        };
-        is_ready.recv().unwrap_or_else(|_| Err("it ended".into()))?;
+        // From now on an error ends the thread, too.
+        let thread = IdleThread { stop };
+        let id = is_ready.recv().unwrap_or_else(|_| Err("it ended".into()))?;
+        // The policy before the core: there it is never an ordinary thread.
+        put_behind_all(id)?;
+        let mut only = CpuSet::new();
+        only.set(core)
+            .and_then(|()| sched_setaffinity(id, &only))
+            .map_err(|errno| format!("core {core} cannot be taken ({errno})"))?;
         Ok(thread)
     }
 
@@ -148,29 +154,37 @@ impl IdleThread {
     }
 }
 
-/// Puts the calling thread behind all others of a core, without signals and rights.
-fn enter(core: usize) -> Result<(), String> {
+/// The calling thread without signals and rights.
+fn enter() -> Result<Pid, String> {
     SigSet::all()
         .thread_block()
         .map_err(|errno| format!("signals cannot be blocked ({errno})"))?;
+    rights::give_up(Work::RealTime).map_err(|cause| format!("rights cannot be given up ({cause})"))?;
+    Ok(gettid())
+}
+
+/// Puts a thread of this process behind all others.
+fn put_behind_all(thread: Pid) -> Result<(), String> {
     let nothing = libc::sched_param { sched_priority: 0 };
-    // SAFETY: 0 is the calling thread; `nothing` lives through the call.
-    if unsafe { libc::syscall(libc::SYS_sched_setscheduler, 0, libc::SCHED_IDLE, &raw const nothing) } != 0 {
-        return Err(format!("SCHED_IDLE is refused ({})", nix::errno::Errno::last()));
+    // The system call itself: the function of this name refuses in musl.
+    // SAFETY: `nothing` lives through the call.
+    let set = unsafe {
+        libc::syscall(
+            libc::SYS_sched_setscheduler,
+            thread.as_raw(),
+            libc::SCHED_IDLE,
+            &raw const nothing,
+        )
+    };
+    match set {
+        0 => Ok(()),
+        _ => Err(format!("SCHED_IDLE is refused ({})", nix::errno::Errno::last())),
     }
-    // The core after the policy: until then it is an ordinary thread.
-    if let Some(finding) = cpu::pin(core) {
-        return Err(finding.what);
-    }
-    rights::give_up(Work::RealTime).map_err(|cause| format!("rights cannot be given up ({cause})"))
 }
 
 impl Drop for IdleThread {
     fn drop(&mut self) {
+        // It ends when it runs next. On a core that others keep busy that may take seconds, in which it does no harm either.
         self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            // The thread cannot panic; a failed join would change nothing.
-            let _ = thread.join();
-        }
     }
 }

@@ -63,6 +63,20 @@ impl fmt::Display for Finding {
     }
 }
 
+/// Findings in words, a line for all that have one cure.
+pub fn by_cure(findings: &[Finding]) -> Vec<String> {
+    let mut cures: Vec<(&str, Vec<String>)> = Vec::new();
+    for Finding { item, what, fix } in findings {
+        let what = format!("{}: {what}", item.name());
+        match cures.iter_mut().find(|(cure, _)| cure == fix) {
+            Some((_, found)) => found.push(what),
+            None => cures.push((fix, vec![what])),
+        }
+    }
+    let line = |(fix, found): (&str, Vec<String>)| format!("real time, {}; {fix}", found.join("; "));
+    cures.into_iter().map(line).collect()
+}
+
 /// `require = "strict"` and something is missing.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Refusal {
@@ -76,7 +90,9 @@ impl fmt::Display for Refusal {
             f,
             "this PC lacks what rt.require = \"strict\" asks for (\"warn\" would run all the same):"
         )?;
-        self.findings.iter().try_for_each(|finding| write!(f, "\n  {finding}"))
+        by_cure(&self.findings)
+            .iter()
+            .try_for_each(|line| write!(f, "\n  {line}"))
     }
 }
 

@@ -24,7 +24,7 @@ mod priority;
 #[cfg(test)]
 mod tests;
 
-pub use findings::{Finding, Item, Refusal};
+pub use findings::{Finding, Item, Refusal, by_cure};
 
 use super::rights::{self, Work};
 use crate::config::{KeepAwake, Require, Rt};

@@ -6,7 +6,8 @@ use super::*;
 use nix::sched::{CpuSet, sched_getaffinity};
 use nix::unistd::Pid;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 fn rt(require: Require) -> Rt {
     Rt {
@@ -46,6 +47,22 @@ fn the_core_is_the_wanted_or_the_last_isolated_or_the_last_one() {
         [
             "real time, core: core 2 is not online, core 1 is taken; set rt.cpu to a core that is, or leave it out",
             "real time, core: there is only one core, shared with everything else; use a PC with two or more cores",
+        ]
+    );
+}
+
+#[test]
+fn findings_with_one_cure_are_one_line() {
+    let findings = [
+        Finding::new(Item::Priority, "SCHED_FIFO 80 is refused", "run as root"),
+        Finding::new(Item::Core, "there is only one", "use another PC"),
+        Finding::new(Item::Memory, "it cannot be locked", "run as root"),
+    ];
+    assert_eq!(
+        by_cure(&findings),
+        [
+            "real time, priority: SCHED_FIFO 80 is refused; memory: it cannot be locked; run as root",
+            "real time, core: there is only one; use another PC",
         ]
     );
 }
@@ -125,7 +142,33 @@ fn the_spinning_thread_ends_when_it_is_dropped() {
     let stop = awake.stop_flag();
     drop(awake);
     assert!(stop.load(Ordering::Relaxed));
-    assert_eq!(Arc::strong_count(&stop), 1, "the thread is gone");
+    // It runs behind all others, so not at once.
+    while Arc::strong_count(&stop) > 1 {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+#[test]
+fn nobody_waits_for_a_spinning_thread_whose_core_others_keep_busy() {
+    let core = *cpu::online().last().unwrap();
+    let over = AtomicBool::new(false);
+    let (busy, is_busy) = std::sync::mpsc::sync_channel(1);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            // What has no right to SCHED_FIFO keeps the spinning thread from the core for most of the time only.
+            drop(enter_core(core, 1));
+            busy.send(()).unwrap();
+            while !over.load(Ordering::Relaxed) {
+                std::hint::spin_loop()
+            }
+        });
+        is_busy.recv().unwrap();
+        // The busy thread ends behind these only.
+        for _ in 0..10 {
+            drop(IdleThread::spawn(core).unwrap());
+        }
+        over.store(true, Ordering::Relaxed);
+    });
 }
 
 #[test]
