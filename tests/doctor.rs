@@ -1,6 +1,9 @@
 //! `isocnc doctor` on the PC that the tests run on, whatever that is.
 
 use serde_json::Value as Json;
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::process::CommandExt;
+use std::path::Path;
 use std::process::{Command, Output};
 
 fn doctor(args: &[&str]) -> Output {
@@ -74,4 +77,39 @@ fn core_and_interface_are_those_of_the_machine_file() {
     let config = isocnc::config::read(std::path::Path::new("configs/mill3-powerlink.toml")).expect("a good file");
     let found = interface["found"].as_str().expect("text");
     assert!(found.starts_with(&config.bus.interface), "{found}");
+}
+
+#[test]
+fn rights_are_granted_to_the_program_that_runs_and_the_script_is_where_it_is_said_to_be() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // Installed: no source tree above it.
+    let installed = folder.path().join("isocnc");
+    std::fs::copy(env!("CARGO_BIN_EXE_isocnc"), &installed).expect("our folder");
+    std::fs::set_permissions(folder.path(), PermissionsExt::from_mode(0o755)).expect("our folder");
+    let fixes = |program: &Path, user: Option<u32>| -> Vec<String> {
+        let mut command = Command::new(program);
+        command.args(["doctor", "--no-tests", "--json"]).current_dir("/");
+        if let Some(id) = user {
+            command.uid(id).gid(id);
+        }
+        let output = command.output().expect("the binary runs");
+        let json: Json = serde_json::from_slice(&output.stdout).expect("JSON");
+        let lines = json["lines"].as_array().expect("lines").iter();
+        lines
+            .filter_map(|line| Some(line["fix"].as_str()?.to_owned()))
+            .collect()
+    };
+    let root = nix::unistd::geteuid().is_root();
+    let fixes_installed = fixes(&installed, root.then_some(65_534));
+    for fix in &fixes_installed {
+        assert!(!fix.contains("command -v") && !fix.contains("sudo scripts/"), "{fix}");
+        if fix.contains("setcap") {
+            assert!(fix.ends_with(installed.to_str().expect("text")), "{fix}");
+        }
+    }
+    let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/isolcpus.sh");
+    for fix in fixes(Path::new(env!("CARGO_BIN_EXE_isocnc")), None) {
+        let named = fix.split(' ').find(|word| word.ends_with("isolcpus.sh"));
+        assert!(named.is_none_or(|path| Path::new(path) == here), "{fix}");
+    }
 }

@@ -182,44 +182,63 @@ fn two_rounds_as_an_ordinary_user() {
     }
 }
 
+/// A measurement that would take hours, sent a signal once it has said a line that ends so; `None`: refused, and the reason
+/// was printed.
+fn interrupted_after(line_end: &str) -> Option<(TempDir, PathBuf, Output)> {
+    let folder = folder();
+    let out = folder.path().join("out");
+    let mut command = command(binary(), &["--rounds", "2", "--cycles", "20000000"]);
+    command
+        .arg("--out")
+        .arg(&out)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    // As a shell starts it: a signal from the terminal reaches all that it has started, too.
+    let mut process = command.process_group(0).spawn().expect("the binary runs");
+    let lines = BufReader::new(process.stdout.take().expect("a pipe")).lines();
+    let mut lines = lines.map_while(Result::ok);
+    if lines.any(|line| line.contains(line_end)) {
+        nix::sys::signal::killpg(Pid::from_raw(process.id() as i32), Signal::SIGINT).expect("our own child");
+    }
+    // What it says behind that must not fill the pipe.
+    lines.for_each(drop);
+    let output = process.wait_with_output().expect("our own child");
+    let said = said(&output);
+    if said.contains(NO_WIRE) {
+        println!("SKIPPED: {said}");
+        return None;
+    }
+    Some((folder, out, output))
+}
+
 #[test]
 fn ctrl_c_keeps_what_was_measured() {
-    for attempt in 1.. {
-        let folder = folder();
-        let out = folder.path().join("out");
-        let mut command = command(binary(), &["--rounds", "2", "--cycles", "20000000"]);
-        command
-            .arg("--out")
-            .arg(&out)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped());
-        // As a shell starts it: a signal from the terminal reaches all that it has started, too.
-        let mut process = command.process_group(0).spawn().expect("the binary runs");
-        let lines = BufReader::new(process.stdout.take().expect("a pipe")).lines();
-        let runs = lines.map_while(Result::ok).any(|line| line.contains("program"));
-        if runs {
-            // The line comes with the first cycles that count.
-            std::thread::sleep(Duration::from_secs(2));
-            nix::sys::signal::killpg(Pid::from_raw(process.id() as i32), Signal::SIGINT).expect("our own child");
-        }
-        let output = process.wait_with_output().expect("our own child");
-        let said = said(&output);
-        if said.contains(NO_WIRE) {
-            println!("SKIPPED: {said}");
-            return;
-        }
-        if output.status.code() == Some(130) {
-            let report = report(&out);
-            assert_eq!((report.result, report.rounds.len()), (Ended::Cut, 1));
-            let round = &report.rounds[0];
-            let soc = round.soc_period.as_ref().expect("an analyser at the far end");
-            assert!(round.control.cycles > 0 && soc.n > 0);
-            assert!(round.floor.wakeup.is_none(), "nothing was begun after the signal");
-            return;
-        }
-        assert!(attempt < ATTEMPTS, "{}\n{said}", output.status);
-        println!("ONCE MORE: the PC was too busy: {said}");
-    }
+    // The line comes with the first cycles that count.
+    let Some((_folder, out, output)) = interrupted_after(" of 2: program") else {
+        return;
+    };
+    assert_eq!(output.status.code(), Some(130), "{}", said(&output));
+    let report = report(&out);
+    assert_eq!((report.result, report.rounds.len()), (Ended::Cut, 1));
+    let round = &report.rounds[0];
+    assert!(round.control.cycles > 0);
+    assert!(round.soc_period.is_some(), "an analyser at the far end");
+    assert!(round.floor.wakeup.is_none(), "nothing was begun after the signal");
+}
+
+#[test]
+fn ctrl_c_before_anything_was_measured_says_so() {
+    // While the network boots: the program cannot have begun.
+    let Some((_folder, out, output)) = interrupted_after("calibration: ") else {
+        return;
+    };
+    let said = said(&output);
+    assert_eq!(output.status.code(), Some(130), "{said}");
+    assert!(
+        said.contains("nothing was measured: ") && said.contains("a signal came before"),
+        "{said}"
+    );
+    assert!(!out.join("jitter.json").exists());
 }
 
 #[test]

@@ -20,8 +20,8 @@ use tempfile::TempDir;
 
 /// Longest that anything here may take.
 const PATIENCE: Duration = Duration::from_secs(120);
-/// What the demo says where it falls back to the wire in memory.
-const NO_NETWORK: &str = "no private network";
+/// What the demo says where it falls back to the wire in memory: without a private network, and on a busy PC.
+const NO_NETWORK: &str = "over a wire in memory";
 /// Runs of a program on a PC that may stand still for longer than lost polls are ridden out.
 const ATTEMPTS: u32 = 4;
 const NOBODY: u32 = 65_534;

@@ -186,6 +186,9 @@ impl Control {
         let config = config::parse(MACHINE, Path::new("mill3-demo.toml")).unwrap();
         let text = MACHINE
             .replace(&format!("\"{}\"", config.name), &format!("\"{machine}\""))
+            // However busy this PC is.
+            .replace("\nlock_memory = true", "\noverruns_stop = 0\nlock_memory = true")
+            .replace("pres_lost_max = 20", "pres_lost_max = 1000")
             .replacen("kind = \"powerlink\"", "kind = \"memory\"", 1);
         std::fs::write(&file, changed(&text)).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
@@ -203,7 +206,7 @@ impl Control {
         path
     }
 
-    /// The client's answer, or what it says on standard error.
+    /// The client's answer, or the errors that it answers.
     fn ask(&self, arguments: &[&str]) -> Result<Value, String> {
         let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
         let output = command
@@ -213,8 +216,25 @@ impl Control {
             .unwrap();
         match output.status.code() {
             Some(0) => Ok(serde_json::from_slice(&output.stdout).unwrap()),
-            _ => Err(String::from_utf8_lossy(&output.stderr).into_owned()),
+            _ => {
+                let errors: Value = serde_json::from_slice(&output.stdout).unwrap();
+                let rules = errors["errors"].as_array().unwrap().iter();
+                let rules: Vec<&str> = rules.map(|error| error["rule"].as_str().unwrap()).collect();
+                Err(rules.join("\n"))
+            }
         }
+    }
+
+    /// A client in words: its exit code, and all that it says.
+    fn words(&self, arguments: &[&str]) -> (Option<i32>, String) {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+        let output = command
+            .args(arguments)
+            .args(["--machine", &self.machine])
+            .output()
+            .unwrap();
+        let text = |octets: &[u8]| String::from_utf8_lossy(octets).into_owned();
+        (output.status.code(), text(&output.stdout) + &text(&output.stderr))
     }
 
     fn wait_for(&self, what: &str, done: impl Fn(&Value) -> bool) -> Value {
@@ -254,10 +274,96 @@ fn a_reader_who_does_not_read_keeps_nobody_from_stopping_the_machine() {
     let control = Control::start("not-read", full);
     control.wait_for("standing by", |status| status["state"] == "disabled");
     let long = control.program("long.ngc", LONG);
-    control.ask(&["program", "run", long.to_str().unwrap()]).unwrap();
+    control
+        .ask(&["program", "run", "--no-wait", long.to_str().unwrap()])
+        .unwrap();
+    control.wait_for("running", |status| status["state"] == "running");
+    control.ask(&["stop", "--no-wait"]).unwrap();
+    control.wait_for("the stop", |status| status["program"]["result"] == "stopped");
+}
+
+#[test]
+fn clients_wait_for_the_end_of_what_they_order() {
+    let control = Control::start("waited-for", Stdio::null());
+    control.wait_for("standing by", |status| status["state"] == "disabled");
+    let (code, said) = control.words(&["home"]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("homed; drives are on"), "{said}");
+    let status = control.ask(&["status"]).unwrap();
+    assert_eq!(
+        (&status["step"], &status["homed"]),
+        (&"set-up".into(), &serde_json::json!([0, 1, 2]))
+    );
+
+    // Faster than the axis can, and farther than it may.
+    let (code, said) = control.words(&["jog", "Z", "50", "--speed", "4000"]);
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(
+        said,
+        "speed cut from 4000 to 100 mm/s, the limit of Z\nZ at rest at 5.000 mm, its soft limit\n"
+    );
+    let (code, said) = control.words(&["stop"]);
+    assert_eq!((code, said.lines().last()), (Some(0), Some("at rest, drives are off")));
+    assert_eq!(control.ask(&["status"]).unwrap()["state"], "disabled");
+
+    let part = control.program("part.ngc", PART);
+    let (code, said) = control.words(&["program", "run", part.to_str().unwrap()]);
+    assert_eq!(
+        (code, said.lines().last()),
+        (Some(0), Some("completed; drives are off")),
+        "{said}"
+    );
+
+    // Whoever does not want to wait any longer stops nothing; a program that is stopped is not done.
+    let long = control.program("long.ngc", LONG);
+    let waits = || {
+        let mut client = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+        client.args(["program", "run", long.to_str().unwrap(), "--machine", &control.machine]);
+        client.stdout(Stdio::piped()).spawn().unwrap()
+    };
+    let client = waits();
+    control.wait_for("running", |status| status["state"] == "running");
+    kill(Pid::from_raw(client.id() as i32), Signal::SIGINT).unwrap();
+    let output = client.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(output.status.code(), Some(130), "{said}");
+    assert!(said.contains("the control goes on"), "{said}");
+    assert_eq!(control.ask(&["status"]).unwrap()["state"], "running");
+    assert_eq!(control.words(&["stop"]).0, Some(0));
+    let client = waits();
     control.wait_for("running", |status| status["state"] == "running");
     control.ask(&["stop"]).unwrap();
-    control.wait_for("the stop", |status| status["program"]["result"] == "stopped");
+    let output = client.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("stopped before its end"));
+}
+
+#[test]
+fn errors_have_one_shape_where_json_is_asked_for() {
+    let binary = env!("CARGO_BIN_EXE_isocnc");
+    for (arguments, code) in [
+        (&["status", "--machine", "nobody", "--json"][..], 1),
+        (&["run", "/nowhere.toml", "--json"], 1),
+        (&["run", "configs/mill3-demo.toml", "/nowhere.ngc", "--json"], 1),
+        (&["check", "/nowhere.toml", "--json"], 1),
+        (&["plan", "/nowhere.toml", "/nowhere.ngc", "--json"], 1),
+        (&["doctor", "/nowhere.toml", "--json"], 2),
+        (&["bus", "nodes", "/nowhere.toml", "--json"], 1),
+        (&["hal", "list", "--machine", "nobody", "--json"], 1),
+        (&["stop", "--json", "--no-such-option"], 2),
+    ] {
+        let output = Command::new(binary).args(arguments).output().unwrap();
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}");
+        let errors: Value =
+            serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{arguments:?}: {error}"));
+        let rule = errors["errors"][0]["rule"]
+            .as_str()
+            .unwrap_or_else(|| panic!("{arguments:?}: {errors}"));
+        assert!(
+            !rule.is_empty() && errors.get("file").is_some(),
+            "{arguments:?}: {errors}"
+        );
+    }
 }
 
 #[test]
@@ -352,7 +458,9 @@ fn clients_run_hold_and_stop_programs() {
     control.refused(&["program", "run", "/nowhere.ngc"], "/nowhere.ngc: No such file");
 
     let part = control.program("part.ngc", PART);
-    let begun = control.ask(&["program", "run", part.to_str().unwrap()]).unwrap();
+    let begun = control
+        .ask(&["program", "run", "--no-wait", part.to_str().unwrap()])
+        .unwrap();
     assert_eq!(
         (&begun["program"], &begun["lines"]),
         (&part.to_str().unwrap().into(), &5.into())
@@ -362,7 +470,9 @@ fn clients_run_hold_and_stop_programs() {
     assert_eq!(status["program"]["result"], "completed", "{status}");
 
     let long = control.program("long.ngc", LONG);
-    control.ask(&["program", "run", long.to_str().unwrap()]).unwrap();
+    control
+        .ask(&["program", "run", "--no-wait", long.to_str().unwrap()])
+        .unwrap();
     control.wait_for("running", |status| status["state"] == "running");
     control.ask(&["hold"]).unwrap();
     let held = control.wait_for("held", |status| status["state"] == "held");
@@ -379,7 +489,7 @@ fn clients_run_hold_and_stop_programs() {
     });
     control.ask(&["resume"]).unwrap();
     control.wait_for("forward", |status| status["direction"] == "forward");
-    control.ask(&["stop"]).unwrap();
+    control.ask(&["stop", "--no-wait"]).unwrap();
     let status = control.wait_for("standing by", standing_by);
     assert_eq!(status["program"]["result"], "stopped", "{status}");
 
@@ -412,7 +522,8 @@ fn what_programs_leave_behind_is_there_for_the_next_one_and_after_a_restart() {
     };
     control.wait_for("standing by", standing_by);
     let double = control.program("double.ngc", &format!("#100=[#100*2]\n{PART}"));
-    let run = |control: &Control, program: &Path| control.ask(&["program", "run", program.to_str().unwrap()]);
+    let run =
+        |control: &Control, program: &Path| control.ask(&["program", "run", "--no-wait", program.to_str().unwrap()]);
     run(&control, &double).unwrap();
     control.wait_for("the end of the part", standing_by);
     kept(&control, "6.000000");
@@ -428,7 +539,7 @@ fn what_programs_leave_behind_is_there_for_the_next_one_and_after_a_restart() {
     let long = control.program("long.ngc", &format!("#100=[#100*2]\n{LONG}"));
     run(&control, &long).unwrap();
     control.wait_for("running", |status| status["state"] == "running");
-    control.ask(&["stop"]).unwrap();
+    control.ask(&["stop", "--no-wait"]).unwrap();
     control.wait_for("standing by", standing_by);
     kept(&control, "12.000000");
 

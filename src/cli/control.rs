@@ -5,11 +5,14 @@
 //! Out: a few lines or one JSON value. Exit code 1: the control refuses, or none runs.
 
 use crate::service::control::client::Client;
+use crate::service::progress::{self, StatusLine};
+use crate::service::signals::{StopSignal, exit_code};
 use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Duration;
 
 /// Which control, and how to print.
 #[derive(Clone, Debug, Args)]
@@ -19,7 +22,7 @@ pub struct ControlArgs {
     pub(super) machine: Option<String>,
     /// Print JSON
     #[arg(long, global = true)]
-    json: bool,
+    pub(super) json: bool,
 }
 
 /// Arguments of `program`.
@@ -31,12 +34,26 @@ pub struct ProgramArgs {
     command: ProgramCommand,
 }
 
+/// Which control, how to print, and whether to wait for the end of what is ordered.
+#[derive(Clone, Debug, Args)]
+pub struct OrderArgs {
+    #[command(flatten)]
+    control: ControlArgs,
+    /// Return once the order is given, not once it is carried out
+    #[arg(long)]
+    no_wait: bool,
+}
+
 #[derive(Clone, Debug, Subcommand)]
 enum ProgramCommand {
     /// Run a program on a control that stands by: drives on, homing, the program, drives off
+    #[command(after_help = "Example: isocnc program run configs/sample-part.ngc")]
     Run {
         /// File; the control must be allowed to read it
         file: PathBuf,
+        /// Return once the program has begun, not once it is over
+        #[arg(long)]
+        no_wait: bool,
     },
 }
 
@@ -52,6 +69,7 @@ pub struct AlarmArgs {
 #[derive(Clone, Debug, Subcommand)]
 enum AlarmCommand {
     /// Allow motion again after a fault whose cause is gone; switches nothing on
+    #[command(after_help = "Example: isocnc alarm acknowledge")]
     Acknowledge,
 }
 
@@ -99,19 +117,31 @@ enum Overridden {
     Spindle,
 }
 
-/// An order without parameters.
+/// Between two looks while an order is carried out.
+const LOOK: Duration = Duration::from_millis(50);
+/// Pause between two lines about it where the output is no terminal.
+const PAUSE: Duration = Duration::from_secs(5);
+
+/// An order without parameters that is carried out at once.
 #[derive(Clone, Copy, Debug)]
 pub enum Order {
-    /// Switches drives on.
-    Enable,
-    /// Homes all joints.
-    Home,
     /// Comes to rest on the path, keeps the program.
     Hold,
     /// Goes on after a hold.
     Resume,
+}
+
+/// An order that takes its time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lasting {
+    /// Switches drives on.
+    Enable,
+    /// Homes all joints.
+    Home,
     /// Comes to rest on the path, gives the program up.
     Stop,
+    /// Runs a program.
+    Program,
 }
 
 /// Shows how a control is.
@@ -129,40 +159,147 @@ pub fn status(args: &ControlArgs) -> anyhow::Result<ExitCode> {
     })
 }
 
-/// Gives an order.
+/// Gives an order that is carried out at once.
 ///
 /// # Errors
 /// No control answers, or it refuses.
 pub fn order(args: &ControlArgs, order: Order) -> anyhow::Result<ExitCode> {
     let (method, done) = match order {
-        Order::Enable => ("enable", "drives go on and nothing moves; off again with: isocnc stop"),
-        Order::Home => ("home", "homes; drives stay on then, off again with: isocnc stop"),
         Order::Hold => ("hold", "comes to rest on the path; go on with: isocnc resume"),
         Order::Resume => ("resume", "goes on"),
-        Order::Stop => ("stop", "comes to rest on the path, then drives go off"),
     };
     let answer = call(args, method, json!({}))?;
     print(args, &answer, done);
     Ok(ExitCode::SUCCESS)
 }
 
-/// Runs a program.
+/// Gives an order and waits until it is carried out. Ctrl-C ends the waiting, and nothing else.
+///
+/// # Errors
+/// No control answers, or it refuses.
+pub fn lasting(args: &OrderArgs, order: Lasting) -> anyhow::Result<ExitCode> {
+    let (method, begun) = match order {
+        Lasting::Enable => ("enable", "drives go on and nothing moves; off again with: isocnc stop"),
+        Lasting::Home => ("home", "homes; drives stay on then, off again with: isocnc stop"),
+        Lasting::Stop => ("stop", "comes to rest on the path, then drives go off"),
+        Lasting::Program => ("program.run", "begun"),
+    };
+    let signal = StopSignal::install().context("signals")?;
+    let mut client = Client::connect(args.control.machine.as_deref())?;
+    let answer = client.call(method, json!({}))?;
+    if args.no_wait {
+        print(&args.control, &answer, begun);
+        return Ok(ExitCode::SUCCESS);
+    }
+    wait(&mut client, &args.control, order, &signal)
+}
+
+/// Runs a program, and waits for its end.
 ///
 /// # Errors
 /// There is no such file; no control answers, or it refuses.
 pub fn program(args: &ProgramArgs) -> anyhow::Result<ExitCode> {
-    let ProgramCommand::Run { file } = &args.command;
+    let ProgramCommand::Run { file, no_wait } = &args.command;
+    let signal = StopSignal::install().context("signals")?;
     let path = std::fs::canonicalize(file).with_context(|| file.display().to_string())?;
     let path = path.to_str().context("the path is no UTF-8")?;
-    let begun = call(&args.control, "program.run", json!({ "path": path }))?;
+    let mut client = Client::connect(args.control.machine.as_deref())?;
+    let begun = client.call("program.run", json!({ "path": path }))?;
     let words = format!(
         "begun: {}, {} lines, {:.1} s planned; see: isocnc status",
         path,
         begun["lines"],
         begun["planned_time_s"].as_f64().unwrap_or(0.0)
     );
-    print(&args.control, &begun, &words);
-    Ok(ExitCode::SUCCESS)
+    if *no_wait {
+        print(&args.control, &begun, &words);
+        return Ok(ExitCode::SUCCESS);
+    }
+    if !args.control.json {
+        progress::say(&format!("{words}\n"));
+    }
+    wait(&mut client, &args.control, Lasting::Program, &signal)
+}
+
+/// Waits until an order is carried out. Exit code 1: it was not.
+fn wait(client: &mut Client, args: &ControlArgs, order: Lasting, signal: &StopSignal) -> anyhow::Result<ExitCode> {
+    let mut line = StatusLine::new("{wide_msg}", PAUSE, args.json);
+    loop {
+        let status = match client.call("status", json!({})) {
+            Ok(status) => status,
+            // A control that was started for one program ends with it.
+            Err(_) if order == Lasting::Stop => json!({ "step": "done", "state": "down" }),
+            Err(error) => return Err(error.into()),
+        };
+        if let Some(end) = end_of(order, &status) {
+            drop(line);
+            let (words, code) = match end {
+                Ok(words) => (words, ExitCode::SUCCESS),
+                Err(words) => (words, ExitCode::FAILURE),
+            };
+            print(args, &status, &words);
+            return Ok(code);
+        }
+        if let Some(signal) = signal.caught() {
+            drop(line);
+            print(
+                args,
+                &status,
+                "not waited for any longer; the control goes on: isocnc status, isocnc stop",
+            );
+            return Ok(ExitCode::from(exit_code(signal)));
+        }
+        if line.is_due() {
+            let words = on_the_way(&status);
+            line.show(|bar| bar.set_message(words.clone()), || words.clone());
+        }
+        std::thread::sleep(LOOK);
+    }
+}
+
+/// What came of an order: done, or why not; `None`: neither yet.
+fn end_of(order: Lasting, status: &Value) -> Option<Result<String, String>> {
+    let (step, state) = (status["step"].as_str()?, status["state"].as_str()?);
+    let failed = || {
+        let alarm = status["alarm"]
+            .as_str()
+            .map(|cause| progress::alarm(format!("alarm: {cause}")).to_string());
+        Some(Err(
+            alarm.unwrap_or_else(|| format!("given up: the machine is {state} ({step})"))
+        ))
+    };
+    let is_over = matches!(step, "standing by" | "done") && matches!(state, "disabled" | "faulted" | "down");
+    match (order, step, state) {
+        (Lasting::Enable, "set-up", "ready" | "jogging") => {
+            Some(Ok("drives are on; off again with: isocnc stop".into()))
+        }
+        (Lasting::Home, "set-up", "ready" | "jogging") => {
+            Some(Ok("homed; drives are on, off again with: isocnc stop".into()))
+        }
+        (Lasting::Stop, ..) if is_over => Some(Ok("at rest, drives are off".into())),
+        (Lasting::Program, ..) if is_over => match status["program"]["result"].as_str()? {
+            "completed" => Some(Ok("completed; drives are off".into())),
+            "stopped" => Some(Err("stopped before its end; drives are off".into())),
+            _ => failed(),
+        },
+        (Lasting::Enable | Lasting::Home, ..) if is_over => failed(),
+        (Lasting::Enable | Lasting::Home | Lasting::Stop | Lasting::Program, ..) => None,
+    }
+}
+
+/// How far an order is, as one line.
+fn on_the_way(status: &Value) -> String {
+    let text = |value: &Value| value.as_str().unwrap_or("unknown").to_owned();
+    let step = text(&status["step"]);
+    match status["step"].as_str() {
+        Some("program") => format!(
+            "line {} of {}  {}",
+            status["line"],
+            status["program"]["lines"],
+            text(&status["state"])
+        ),
+        _ => step,
+    }
 }
 
 /// Runs a program back along its path.
@@ -235,7 +372,7 @@ fn call(args: &ControlArgs, method: &str, params: Value) -> anyhow::Result<Value
 }
 
 pub(super) fn print(args: &ControlArgs, value: &Value, words: &str) {
-    crate::service::progress::say(&match args.json {
+    progress::say(&match args.json {
         true => format!("{value}\n"),
         false => format!("{words}\n"),
     });
@@ -271,7 +408,7 @@ fn words(status: &Value) -> String {
         lines.push(obstruction.to_owned());
     }
     if let Some(alarm) = status["alarm"].as_str() {
-        lines.push(format!("alarm     {alarm}"));
+        lines.push(progress::alarm(format!("alarm     {alarm}")).to_string());
     }
     lines.push(format!(
         "cycles    {}, {} left out, {:.1} us late at most",
@@ -316,5 +453,36 @@ mod tests {
         assert!(words(&status).contains("\noverride  feed 62.5 %, rapid 100.0 %, spindle 100.0 %\n"));
         status["program"]["result"] = json!("stopped");
         assert!(words(&status).contains("/p.ngc: stopped\n"));
+    }
+
+    #[test]
+    fn an_order_ends_when_it_is_carried_out_or_has_failed() {
+        let status = |step: &str, state: &str| json!({ "step": step, "state": state, "alarm": null, "program": null });
+        let end = |order, step, state| end_of(order, &status(step, state)).map(|end| end.is_ok());
+        assert_eq!(end(Lasting::Enable, "switching drives on", "enabling"), None);
+        assert_eq!(end(Lasting::Enable, "set-up", "enabling"), None);
+        assert_eq!(end(Lasting::Enable, "set-up", "ready"), Some(true));
+        assert_eq!(end(Lasting::Home, "homing", "ready"), None);
+        assert_eq!(end(Lasting::Home, "set-up", "ready"), Some(true));
+        assert_eq!(end(Lasting::Home, "standing by", "stopping"), None);
+        assert_eq!(end(Lasting::Home, "standing by", "disabled"), Some(false));
+        assert_eq!(end(Lasting::Stop, "switching drives off", "disabling"), None);
+        assert_eq!(end(Lasting::Stop, "standing by", "disabled"), Some(true));
+        assert_eq!(end(Lasting::Stop, "done", "down"), Some(true));
+        let mut over = status("standing by", "disabled");
+        assert_eq!(end_of(Lasting::Program, &status("program", "running")), None);
+        over["program"] = json!({ "result": "completed" });
+        assert_eq!(
+            end_of(Lasting::Program, &over),
+            Some(Ok("completed; drives are off".into()))
+        );
+        over["program"]["result"] = json!("stopped");
+        assert!(end_of(Lasting::Program, &over).is_some_and(|end| end.is_err()));
+        over["program"]["result"] = json!("faulted");
+        over["alarm"] = json!("x-drive lost");
+        let said = end_of(Lasting::Program, &over)
+            .and_then(Result::err)
+            .unwrap_or_default();
+        assert_eq!(console::strip_ansi_codes(&said), "alarm: x-drive lost");
     }
 }

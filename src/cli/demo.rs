@@ -1,12 +1,14 @@
 //! `isocnc demo`: the whole control on a private wire, with a simulated machine at the far end.
 
 use super::simulate::READY;
-use crate::config;
+use crate::config::{self, Config, KeepAwake};
+use crate::rt::steadiness::Steadiness;
 use crate::service::analyser::SocReport;
 use crate::service::job::{Job, run_and_report};
 use crate::service::netns;
 use crate::service::process::{Program, Wire};
 use crate::service::progress::say;
+use crate::service::refusal::Refusal;
 use crate::service::report::{FarEnd, SOC_PERIOD_DATA};
 use crate::service::signals::StopSignal;
 use anyhow::{Context, ensure};
@@ -24,6 +26,11 @@ const PROGRAM: &[u8] = include_bytes!("../../configs/sample-part.ngc");
 const PROGRAM_NAME: &str = "sample-part.ngc";
 /// Ends of the private wire: the control's, which the machine file names, and the machine's.
 const INTERFACES: [&str; 2] = ["plk0", "plk1"];
+/// Polls and SoC lost in a row that the demo rides out, and how much farther behind its command a drive may be meanwhile.
+const LOST_MAX: u32 = 100;
+const FOLLOWING_ERROR: f64 = 10.0;
+/// The cycle is at most so many times as long as the machine file has it.
+const CYCLES_MAX: u32 = 4;
 /// Longest wait for the simulated machine to write its measurement down.
 const FAR_END_WAIT: Duration = Duration::from_secs(5);
 
@@ -62,13 +69,14 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     };
     files::make_folder(&args.out).with_context(|| args.out.display().to_string())?;
     let machine = machine_file(args.machine.as_deref(), &args.out)?;
-    let mut config = match config::read(&machine) {
-        Ok(config) => config,
-        Err(errors) => {
-            eprint!("{errors}");
-            return Ok(ExitCode::FAILURE);
-        }
-    };
+    let mut config = config::read(&machine).map_err(Refusal::from)?;
+    if !args.json {
+        say(&format!(
+            "isocnc demo: a simulated machine cuts {name}, report in {}\n\
+             Nothing real moves: what this PC lacks for real time is told, and is harmless here.\n",
+            args.out.display()
+        ));
+    }
     // The name is also that of the shared pins: any number of demos may run side by side.
     config.name = format!("{}-{}", config.name, std::process::id());
 
@@ -78,30 +86,44 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     } else {
         Some(netns::private_wire(INTERFACES[0], INTERFACES[1]))
     };
-    let far_end = match &network {
-        None => None,
-        Some(Ok(_)) => Some(FarMachine::start(&machine, args)?),
-        Some(Err(error)) => {
+    let steadiness = Steadiness::measure(&config.rt);
+    let pace = Pace::of(&steadiness, config.cycle_us);
+    match pace {
+        Pace::Cycle(cycle_us) if cycle_us == config.cycle_us => {}
+        Pace::Cycle(cycle_us) => {
+            eprintln!("{}: the cycle is {cycle_us} us", busy(&steadiness));
+            config = Config {
+                name: config.name,
+                ..config::read_with_cycle(&machine, Some(cycle_us)).map_err(Refusal::from)?
+            };
+        }
+        Pace::Paced => {
+            let busy = busy(&steadiness);
+            eprintln!(
+                "{busy}: the same over a wire in memory, where time stands still while the PC does something else"
+            );
+            config.rt.calibrate = false;
+            config.rt.keep_awake = Some(KeepAwake::None);
+        }
+    }
+    bear(&mut config);
+    let far_end = match (&network, pace) {
+        (None, _) | (_, Pace::Paced) => None,
+        (Some(Ok(_)), Pace::Cycle(cycle_us)) => Some(FarMachine::start(&machine, cycle_us, args)?),
+        (Some(Err(error)), Pace::Cycle(_)) => {
             eprintln!("no private network, so the same over a wire in memory: {error}");
             None
         }
     };
     ensure!(
         far_end.is_some() || args.capture.is_none(),
-        "--capture needs the private network: in memory nothing passes a network interface"
+        "--capture needs the private network and a PC that keeps a cycle: in memory nothing passes a network interface"
     );
-    let wire = if far_end.is_some() {
-        Wire::Interface(INTERFACES[0].into())
-    } else {
-        Wire::Memory
+    let wire = match pace {
+        Pace::Cycle(_) if far_end.is_some() => Wire::Interface(INTERFACES[0].into()),
+        Pace::Cycle(_) => Wire::Memory,
+        Pace::Paced => Wire::Paced,
     };
-    if !args.json {
-        say(&format!(
-            "isocnc demo: {} cuts {name}, report in {}\n",
-            config.name,
-            args.out.display()
-        ));
-    }
     let job = Job {
         config: &config,
         program: Program {
@@ -114,6 +136,42 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
         far_end: far_end.map(|machine| Box::new(machine) as Box<dyn FarEnd>),
     };
     run_and_report(job, wire)
+}
+
+/// How time passes for the demo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Pace {
+    /// By the clock, with this cycle, µs.
+    Cycle(u32),
+    /// No cycle is kept on this PC: by the clock, but never faster than the PC.
+    Paced,
+}
+
+impl Pace {
+    fn of(steadiness: &Steadiness, cycle_us: u32) -> Pace {
+        match steadiness.kept_cycle_us(cycle_us) {
+            // Longer cycles make another machine of it: its drives would hear of a new position too rarely.
+            Some(kept_us) if kept_us <= CYCLES_MAX * cycle_us => Pace::Cycle(kept_us),
+            Some(_) | None => Pace::Paced,
+        }
+    }
+}
+
+fn busy(steadiness: &Steadiness) -> String {
+    format!(
+        "this PC is busy (a thread wakes up to {:.1} ms late)",
+        steadiness.late.max_us / 1e3
+    )
+}
+
+/// However busy this PC gets while it runs: a simulated machine bears it.
+pub(super) fn bear(config: &mut Config) {
+    config.rt.overruns_stop = 0;
+    config.bus.pres_lost_max = config.bus.pres_lost_max.max(LOST_MAX);
+    config.bus.soc_lost_max = config.bus.soc_lost_max.max(LOST_MAX);
+    for joint in &mut config.joints {
+        joint.following_error_mm *= FOLLOWING_ERROR;
+    }
 }
 
 /// The machine file that was given, or that of the demo, put into the folder for the processes that read it, too.
@@ -133,14 +191,15 @@ struct FarMachine {
 }
 
 impl FarMachine {
-    fn start(machine: &Path, args: &DemoArgs) -> anyhow::Result<FarMachine> {
+    fn start(machine: &Path, cycle_us: u32, args: &DemoArgs) -> anyhow::Result<FarMachine> {
         let measurement = args.out.join(SOC_PERIOD_DATA);
         let mut command = Command::new("/proc/self/exe");
         command
             .arg("simulate")
             .arg(machine)
             .args(["--interface", INTERFACES[1], "--with-parent"])
-            .arg(std::process::id().to_string());
+            .arg(std::process::id().to_string())
+            .args(["--cycle-us", &cycle_us.to_string()]);
         command.arg("--analyse").arg(&measurement);
         if let Some(capture) = &args.capture {
             command

@@ -4,16 +4,15 @@
 //! Out: a line for everything that matters, and what to do first. Exit code 0: no must is missing, 1: one is, 2: wrong usage.
 
 use crate::config::{self, BusKind, Config, Rt};
-use crate::doctor::{Level, Pc, Report, Target, ThisPc, examine, is_interface_name};
+use crate::doctor::{Level, Pc, Report, Target, ThisPc, examine, is_interface_name, isolcpus};
 use crate::rt::setup;
+use crate::service::refusal::Refusal;
 use anyhow::Context as _;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-/// Exit code of wrong usage, as that of clap.
-const WRONG_USAGE: u8 = 2;
 /// How long the PC is watched before the measurements: steal and interrupts grow by then.
 const WATCH: Duration = Duration::from_secs(1);
 
@@ -34,6 +33,9 @@ pub struct DoctorArgs {
     /// Length of each of the two measurements on the core.
     #[arg(long, value_name = "S", default_value = "5", value_parser = test_time)]
     seconds: f64,
+    /// Write isolcpus.sh, which keeps a core free, and its parts into this folder, and do nothing else.
+    #[arg(long, value_name = "DIR", exclusive = true)]
+    write_isolcpus: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -55,13 +57,13 @@ fn test_time(text: &str) -> Result<f64, &'static str> {
 /// # Errors
 /// Output that cannot be written.
 pub fn doctor(args: &DoctorArgs) -> anyhow::Result<ExitCode> {
-    let config = match args.machine.as_deref().map(config::read).transpose() {
-        Ok(config) => config,
-        Err(errors) => {
-            eprint!("{errors}");
-            return Ok(ExitCode::from(WRONG_USAGE));
-        }
-    };
+    if let Some(folder) = &args.write_isolcpus {
+        let script = isolcpus::write(folder).with_context(|| folder.display().to_string())?;
+        println!("{}", script.display());
+        return Ok(ExitCode::SUCCESS);
+    }
+    let config = args.machine.as_deref().map(config::read).transpose();
+    let config = config.map_err(|errors| Refusal::from(errors).wrong_usage())?;
     let target = target(args, config.as_ref());
     if !args.json && std::io::stderr().is_terminal() {
         let seconds = WATCH.as_secs_f64() + target.test_time.map_or(0.0, |time| 2.0 * time.as_secs_f64());
@@ -91,6 +93,8 @@ pub fn doctor(args: &DoctorArgs) -> anyhow::Result<ExitCode> {
 /// What the control would use.
 fn target(args: &DoctorArgs, config: Option<&Config>) -> Target {
     let rt = config.map_or_else(Rt::default, |config| config.rt.clone());
+    // Where the system does not tell, the word under which a shell finds it.
+    let program = std::env::current_exe().unwrap_or_else(|_| "isocnc".into());
     let (cpu, cpu_from) = match (args.cpu, rt.cpu) {
         (Some(cpu), _) => (cpu, "--cpu".to_owned()),
         (None, Some(cpu)) => (cpu, "rt.cpu of the machine file".to_owned()),
@@ -109,6 +113,8 @@ fn target(args: &DoctorArgs, config: Option<&Config>) -> Target {
         priority: rt.priority.saturating_add(1),
         interface: args.interface.clone().or_else(|| bus.map(|bus| bus.interface.clone())),
         test_time: (!args.no_tests).then(|| Duration::from_secs_f64(args.seconds)),
+        isolcpus: isolcpus::find(&program),
+        program,
     }
 }
 

@@ -29,17 +29,20 @@ pub struct HalArgs {
 #[derive(Clone, Debug, clap::Subcommand)]
 pub enum HalCommand {
     /// All pins and nets: name, type, direction, value, net
+    #[command(after_help = "Example: isocnc hal list joint.0")]
     List {
         /// Only names that begin so, or that a pattern fits: 'joint.*.f-error', '*in-0?', '*.[xy]-*'
         names: Vec<String>,
     },
     /// The value of pins or nets, one a line; of those that a pattern fits, with their names
+    #[command(after_help = "Example: isocnc hal get joint.0.motor-pos-cmd motion.feed-hold")]
     Get {
         /// Names, or patterns as with list
         #[arg(required = true)]
         names: Vec<String>,
     },
     /// Set an input that no net reaches
+    #[command(after_help = "Example: isocnc hal set motion.feed-hold 1")]
     Set {
         /// Name of the pin
         name: String,
@@ -48,6 +51,7 @@ pub enum HalCommand {
         value: String,
     },
     /// Print values as they change, until Ctrl-C or the end of the control
+    #[command(after_help = "Example: isocnc hal watch joint.0.motor-pos-cmd --interval-ms 500")]
     Watch {
         /// Names, or patterns as with list; none: all
         names: Vec<String>,

@@ -1,6 +1,6 @@
 //! `isocnc jitter`: how exactly the cycle is kept while a program runs, beside what the PC can do at all.
 
-use super::demo::machine_file;
+use super::demo::{bear, machine_file};
 use crate::config;
 use crate::machine::tables::Tables;
 use crate::service::analyser::listen;
@@ -8,10 +8,10 @@ use crate::service::jitter::report::Ended;
 use crate::service::jitter::run::{FarEnd, Wanted};
 use crate::service::jitter::table::table;
 use crate::service::jitter::{output, program, run};
-use crate::service::job::given_up;
 use crate::service::netns;
 use crate::service::process::Program;
 use crate::service::progress::say;
+use crate::service::refusal::Refusal;
 use crate::service::signals::{self, StopSignal};
 use anyhow::{Context, ensure};
 use clap::Args;
@@ -70,13 +70,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
     let signal = StopSignal::install().context("signals")?;
     output::prepare(&args.out)?;
     let machine = machine_file(args.machine.as_deref(), &args.out)?;
-    let mut config = match config::read_with_cycle(&machine, args.period_us) {
-        Ok(config) => config,
-        Err(errors) => {
-            eprint!("{errors}");
-            return Ok(ExitCode::FAILURE);
-        }
-    };
+    let mut config = config::read_with_cycle(&machine, args.period_us).map_err(Refusal::from)?;
     // The name is also that of the shared pins: a control of this machine may run beside it.
     config.name = format!("{}-{}", config.name, std::process::id());
     ensure!(
@@ -93,19 +87,13 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
             program::pocket(&config, program::BLOCKS)?.into_bytes(),
         ),
     };
-    let tables = match Tables::read(&config) {
-        Ok(tables) => tables,
-        Err(error) => {
-            eprintln!("{error}");
-            return Ok(ExitCode::FAILURE);
-        }
-    };
+    let tables = Tables::read(&config)?;
     if let Err(errors) = crate::program::check(&config, &tables, &name, &text, signal.cancel()) {
-        if errors.is_cancelled() {
-            return Ok(given_up(&signal));
+        return Err(match errors.is_cancelled() {
+            true => nothing_measured(&signal, "a signal came before"),
+            false => Refusal::of_file(&name, errors).nothing_moved(),
         }
-        eprintln!("{errors}\n\nnothing was moved");
-        return Ok(ExitCode::FAILURE);
+        .into());
     }
     let far_end = match &args.interface {
         Some(interface) => FarEnd::Network { interface },
@@ -114,6 +102,8 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
             netns::private_wire(INTERFACES[0], INTERFACES[1]).context(
                 "no private wire to measure on; with a second PC, or two network ports and a cable, measure with --interface",
             )?;
+            // What a busy PC does to the cycle is what is to be measured: it must not end the measurement.
+            bear(&mut config);
             FarEnd::Private {
                 machine: &machine,
                 wire: INTERFACES,
@@ -135,10 +125,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
     };
     let report = match (run::run(&wanted), signal.caught()) {
         (Ok(report), _) => report,
-        (Err(error), Some(signal)) => {
-            eprintln!("isocnc: nothing was measured: {error:#}");
-            return Ok(ExitCode::from(signals::exit_code(signal)));
-        }
+        (Err(error), Some(_)) => return Err(nothing_measured(&signal, &format!("{error:#}")).into()),
         (Err(error), None) => return Err(error),
     };
     // A full disk must not keep from the user what was measured.
@@ -154,6 +141,15 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
         (Ended::Completed | Ended::Cut, _) => ExitCode::SUCCESS,
         (Ended::Faulted, _) => ExitCode::FAILURE,
     })
+}
+
+/// A signal ended the measurement before there was anything to report.
+fn nothing_measured(signal: &StopSignal, why: &str) -> Refusal {
+    let text = format!("isocnc: nothing was measured: {why}");
+    Refusal {
+        code: signal.caught().map_or(1, signals::exit_code),
+        ..Refusal::new(&text, Refusal::json_of_text(&text))
+    }
 }
 
 fn be_the_analyser(args: &JitterArgs) -> anyhow::Result<ExitCode> {

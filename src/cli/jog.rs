@@ -6,14 +6,20 @@
 use super::control::{ControlArgs, print};
 use crate::rt::hand::HOLDS_S;
 use crate::service::control::client::Client;
+use crate::service::progress::{alarm as alarm_text, say};
+use crate::service::signals::{StopSignal, exit_code};
 use anyhow::{Context, bail};
 use clap::Args;
+use motion::canon::Axis;
 use serde_json::{Value, json};
 use std::process::ExitCode;
 use std::time::Duration;
 
 /// Pause between two renewals: four within the time that an order holds.
 const RENEWAL: Duration = Duration::from_millis((HOLDS_S * 1000.0 / 4.0) as u64);
+
+/// A joint that comes to rest at its soft limit is as near as this, mm.
+const SAME_MM: f64 = 1e-3;
 
 /// Arguments of `jog`.
 #[derive(Clone, Debug, Args)]
@@ -36,27 +42,81 @@ pub struct JogArgs {
 /// The arguments make no sense; no control answers, or it refuses.
 pub fn jog(args: &JogArgs) -> anyhow::Result<ExitCode> {
     let (mut params, endless) = params(args)?;
+    let signal = StopSignal::install().context("signals")?;
     let mut client = Client::connect(args.control.machine.as_deref())?;
-    client.call("jog", params.clone())?;
+    let outlook = client.call("jog", params.clone())?;
+    if let Some(cut) = cut(&outlook, args.speed)
+        && !args.control.json
+    {
+        say(&format!("{cut}\n"));
+    }
     let order = params.as_object_mut().context("an object")?;
     order.remove("velocity_mm_s");
     order.remove("distance_mm");
     // The control does not jog any more where something has stopped it.
-    let (position, obstruction) = loop {
+    let status = loop {
         std::thread::sleep(RENEWAL);
         let status = client.call("status", json!({}))?;
         let rests = status["velocity_mm_s"].as_f64() == Some(0.0);
         if status["state"] != "jogging" || rests && !endless {
-            break (status["position_mm"].clone(), status["obstruction"].clone());
+            break status;
         }
-        if client.call("jog.keep", params.clone()).is_err() {
-            break (status["position_mm"].clone(), status["obstruction"].clone());
+        // A key that is let go.
+        let method = if signal.caught().is_some() {
+            "jog.stop"
+        } else {
+            "jog.keep"
+        };
+        if client.call(method, params.clone()).is_err() {
+            break status;
         }
     };
-    let why = obstruction.as_str().map(|why| format!("{why}\n")).unwrap_or_default();
-    let stopped = json!({ "position_mm": position, "obstruction": obstruction });
-    print(&args.control, &stopped, &format!("{why}at rest; axes at {position}"));
-    Ok(ExitCode::SUCCESS)
+    let end = json!({
+        "position_mm": status["position_mm"],
+        "obstruction": status["obstruction"],
+        "alarm": status["alarm"],
+        "velocity_mm_s": outlook["velocity_mm_s"],
+        "soft_limit_mm": outlook["soft_limit_mm"],
+    });
+    print(&args.control, &end, &words(&outlook, &status));
+    Ok(match signal.caught() {
+        _ if status["alarm"].is_string() => ExitCode::FAILURE,
+        Some(signal) => ExitCode::from(exit_code(signal)),
+        None => ExitCode::SUCCESS,
+    })
+}
+
+/// That a speed was cut, and to what.
+fn cut(outlook: &Value, wanted: f64) -> Option<String> {
+    let most = outlook["velocity_mm_s"].as_f64().filter(|most| *most < wanted)?;
+    let (axis, unit) = (outlook["axis"].as_str()?, outlook["unit"].as_str()?);
+    Some(format!(
+        "speed cut from {wanted} to {most} {unit}/s, the limit of {axis}"
+    ))
+}
+
+/// Where the motion has ended, and why there.
+fn words(outlook: &Value, status: &Value) -> String {
+    let mut lines = Vec::new();
+    if let Some(alarm) = status["alarm"].as_str() {
+        lines.push(alarm_text(format!("alarm: {alarm}")).to_string());
+    }
+    if let Some(obstruction) = status["obstruction"].as_str() {
+        lines.push(obstruction.to_owned());
+    }
+    let letter = outlook["axis"].as_str().unwrap_or_default();
+    let axis = letter.chars().next().and_then(Axis::from_letter);
+    let at = axis.and_then(|axis| status["position_mm"][axis as usize].as_f64());
+    lines.push(match (at, outlook["unit"].as_str()) {
+        (Some(at), Some(unit)) => {
+            let limit = outlook["soft_limit_mm"].as_f64();
+            let ended = limit.is_some_and(|limit| (at - limit).abs() < SAME_MM);
+            let why = if ended { ", its soft limit" } else { "" };
+            format!("{letter} at rest at {at:.3} {unit}{why}")
+        }
+        _ => "at rest".into(),
+    });
+    lines.join("\n")
 }
 
 /// Parameters of the method; whether the jog has no end of its own.
@@ -120,5 +180,25 @@ mod tests {
             Err("--speed 0: must be above 0".into())
         );
         assert!(read(&["X"]).is_err());
+    }
+
+    #[test]
+    fn a_speed_that_was_cut_and_a_soft_limit_are_told() {
+        let outlook = json!({ "axis": "Y", "unit": "mm", "velocity_mm_s": 150.0, "soft_limit_mm": 205.0 });
+        assert_eq!(
+            cut(&outlook, 400.0),
+            Some("speed cut from 400 to 150 mm/s, the limit of Y".into())
+        );
+        assert_eq!(cut(&outlook, 150.0), None);
+        assert_eq!(cut(&json!({}), 400.0), None);
+        let mut status = json!({ "position_mm": [1.0, 205.0, 0.0], "obstruction": null, "alarm": null });
+        assert_eq!(words(&outlook, &status), "Y at rest at 205.000 mm, its soft limit");
+        status["position_mm"][1] = json!(12.5);
+        assert_eq!(words(&outlook, &status), "Y at rest at 12.500 mm");
+        status["obstruction"] = json!("jog ended: axis Y (joint 1): is at the end of its travel");
+        assert!(
+            words(&outlook, &status).starts_with("jog ended: axis Y (joint 1): is at the end of its travel\nY at rest")
+        );
+        assert_eq!(words(&json!({}), &json!({})), "at rest");
     }
 }

@@ -13,12 +13,15 @@ pub mod plan;
 pub mod run;
 pub mod simulate;
 
+use crate::service::progress::say;
+use crate::service::refusal::Refusal;
 use clap::{Parser, Subcommand};
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 /// CNC control for Linux PCs with a built-in Ethernet POWERLINK managing node.
 #[derive(Debug, Parser)]
-#[command(name = "isocnc", version, about, disable_help_subcommand = true)]
+#[command(name = "isocnc", version, about)]
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -27,44 +30,62 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Cut a sample part on a simulated machine behind a real POWERLINK wire; needs no hardware.
+    #[command(after_help = "Example: isocnc demo --program configs/short-part.ngc")]
     Demo(demo::DemoArgs),
     /// Be the control of a machine: run a part program, or stand by for programs.
+    #[command(after_help = "Example: isocnc run configs/mill3-powerlink.toml configs/sample-part.ngc")]
     Run(run::RunArgs),
     /// Look at this PC: what stands in the way of real time, and how to change it.
+    #[command(after_help = "Example: isocnc doctor configs/mill3-powerlink.toml")]
     Doctor(doctor::DoctorArgs),
     /// Show how a running control is.
+    #[command(after_help = "Example: isocnc status --json")]
     Status(control::ControlArgs),
     /// Run a program on a control that stands by.
     Program(control::ProgramArgs),
     /// Switch the drives of a control that stands by on, to home and jog by hand; `stop` switches them off.
-    Enable(control::ControlArgs),
+    #[command(after_help = "Example: isocnc enable")]
+    Enable(control::OrderArgs),
     /// Home all joints; drives are switched on first and stay on.
-    Home(control::ControlArgs),
+    #[command(after_help = "Example: isocnc home")]
+    Home(control::OrderArgs),
     /// Move an axis or a joint by hand.
+    #[command(after_help = "Example: isocnc jog X -2.5 --speed 20")]
     Jog(jog::JogArgs),
     /// Bring the program of a running control to rest on its path, and keep it.
+    #[command(after_help = "Example: isocnc hold")]
     Hold(control::ControlArgs),
     /// Go on after a hold, forward; in single block, with the next block.
+    #[command(after_help = "Example: isocnc resume")]
     Resume(control::ControlArgs),
     /// Run the program that runs or is held back along its path.
+    #[command(after_help = "Example: isocnc reverse 50")]
     Reverse(control::ReverseArgs),
     /// Let the program rest at the end of each block; `resume` runs the next one.
+    #[command(after_help = "Example: isocnc single-block on")]
     SingleBlock(control::SingleBlockArgs),
     /// Bring the program of a running control to rest on its path, give it up, switch drives off.
-    Stop(control::ControlArgs),
+    #[command(after_help = "Example: isocnc stop")]
+    Stop(control::OrderArgs),
     /// Run feed, rapid moves or the spindle at another percentage of what is programmed.
+    #[command(after_help = "Example: isocnc override feed 80")]
     Override(control::OverrideArgs),
     /// Acknowledge the alarm of a running control.
     Alarm(control::AlarmArgs),
     /// Check a machine file: all errors at once, located.
+    #[command(after_help = "Example: isocnc check configs/mill3-powerlink.toml")]
     Check(check::CheckArgs),
     /// Print the canonical calls of a part program, one a line.
+    #[command(after_help = "Example: isocnc interpret configs/sample-part.ngc --check")]
     Interpret(interpret::InterpretArgs),
     /// Plan a whole part program off line: motion time, peaks, samples.
+    #[command(after_help = "Example: isocnc plan machine.toml part.ngc --svg plan.svg")]
     Plan(plan::PlanArgs),
     /// Be the machine of a machine file: its drives and I/O as controlled nodes on an interface.
+    #[command(after_help = "Example: isocnc simulate configs/mill3-powerlink.toml --interface eth1")]
     Simulate(simulate::SimulateArgs),
     /// Measure how exactly the cycle is kept while a program runs, beside what the PC can do at all.
+    #[command(after_help = "Example: isocnc jitter --cycles 20000 --rounds 2")]
     Jitter(jitter::JitterArgs),
     /// List, read, set or watch the pins of a running control.
     Hal(hal::HalArgs),
@@ -74,21 +95,29 @@ enum Command {
 
 /// Runs the command of the process's arguments. Exit code 0: ok, 1: trouble found, 2: wrong usage.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let as_json = wants_json(std::env::args_os());
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) if as_json && error.use_stderr() => {
+            say(&format!("{:#}\n", Refusal::json_of_text(&error.to_string())));
+            return ExitCode::from(2);
+        }
+        Err(error) => error.exit(),
+    };
     let result = match &cli.command {
         Command::Demo(args) => demo::demo(args),
         Command::Run(args) => run::run(args),
         Command::Doctor(args) => doctor::doctor(args),
         Command::Status(args) => control::status(args),
         Command::Program(args) => control::program(args),
-        Command::Enable(args) => control::order(args, control::Order::Enable),
-        Command::Home(args) => control::order(args, control::Order::Home),
+        Command::Enable(args) => control::lasting(args, control::Lasting::Enable),
+        Command::Home(args) => control::lasting(args, control::Lasting::Home),
         Command::Jog(args) => jog::jog(args),
         Command::Hold(args) => control::order(args, control::Order::Hold),
         Command::Resume(args) => control::order(args, control::Order::Resume),
         Command::Reverse(args) => control::reverse(args),
         Command::SingleBlock(args) => control::single_block(args),
-        Command::Stop(args) => control::order(args, control::Order::Stop),
+        Command::Stop(args) => control::lasting(args, control::Lasting::Stop),
         Command::Override(args) => control::turn(args),
         Command::Alarm(args) => control::alarm(args),
         Command::Check(args) => check::check(args),
@@ -100,7 +129,74 @@ pub fn main() -> ExitCode {
         Command::Bus(args) => bus::bus(args),
     };
     result.unwrap_or_else(|error| {
-        eprintln!("isocnc: {error:#}");
-        ExitCode::FAILURE
+        let refusal = error.downcast_ref::<Refusal>();
+        match refusal {
+            _ if as_json => say(&format!("{:#}\n", Refusal::json_of(&error))),
+            // It names its file itself.
+            Some(refusal) => eprintln!("{refusal}"),
+            None => eprintln!("isocnc: {error:#}"),
+        }
+        ExitCode::from(refusal.map_or(1, |refusal| refusal.code))
     })
+}
+
+/// Whether errors are for a program to read; known before the arguments are, for these may be wrong.
+fn wants_json(args: impl Iterator<Item = OsString>) -> bool {
+    args.take_while(|word| word != "--").any(|word| word == "--json")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    /// All commands that do something, by their words.
+    fn commands(command: &clap::Command, words: &[String]) -> Vec<(Vec<String>, clap::Command)> {
+        let below = command.get_subcommands().filter(|command| command.get_name() != "help");
+        let below: Vec<_> = below
+            .flat_map(|command| commands(command, &[words, &[command.get_name().to_owned()]].concat()))
+            .collect();
+        match below.is_empty() {
+            true => vec![(words.to_vec(), command.clone())],
+            false => below,
+        }
+    }
+
+    #[test]
+    fn the_help_of_every_command_has_an_example_that_is_understood_and_fits_80_columns() {
+        let mut all = Cli::command().term_width(80);
+        all.build();
+        let commands = commands(&all, &["isocnc".to_owned()]);
+        assert!(commands.len() > 30, "{} commands", commands.len());
+        for (words, mut command) in commands {
+            let help = command.render_long_help().to_string();
+            let example = help.lines().find_map(|line| line.strip_prefix("Example: "));
+            let example = example.unwrap_or_else(|| panic!("{words:?}: no example"));
+            assert!(example.starts_with(&words.join(" ")), "{example}");
+            if let Err(error) = Cli::try_parse_from(example.split(' ')) {
+                panic!("{example}: {error}");
+            }
+            let wide = help.lines().find(|line| line.chars().count() > 80);
+            assert_eq!(wide, None, "{words:?}");
+        }
+    }
+
+    #[test]
+    fn help_is_a_command_too() {
+        for words in [
+            &["isocnc", "help"][..],
+            &["isocnc", "help", "jog"],
+            &["isocnc", "bus", "help", "sdo"],
+        ] {
+            let shown = Cli::try_parse_from(words).map(drop).unwrap_err();
+            assert_eq!(shown.kind(), clap::error::ErrorKind::DisplayHelp, "{words:?}");
+        }
+    }
+
+    #[test]
+    fn errors_are_json_where_json_is_asked_for() {
+        let wants = |words: &[&str]| wants_json(words.iter().map(OsString::from));
+        assert!(wants(&["isocnc", "status", "--json"]) && wants(&["isocnc", "stauts", "--json", "x"]));
+        assert!(!wants(&["isocnc", "status"]) && !wants(&["isocnc", "check", "--", "--json"]));
+    }
 }

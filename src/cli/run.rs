@@ -3,6 +3,7 @@
 use crate::config;
 use crate::service::job::{Job, run_and_report};
 use crate::service::process::{Program, Wire};
+use crate::service::refusal::Refusal;
 use crate::service::signals::StopSignal;
 use crate::service::standby::stand_by;
 use anyhow::Context;
@@ -28,13 +29,7 @@ pub struct RunArgs {
 /// Runs a part program from power-on to power-off, or stands by for programs.
 pub fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     let signal = StopSignal::install().context("signals")?;
-    let config = match config::read(&args.machine) {
-        Ok(config) => config,
-        Err(errors) => {
-            eprint!("{errors}");
-            return Ok(ExitCode::FAILURE);
-        }
-    };
+    let config = config::read(&args.machine).map_err(Refusal::from)?;
     let wire = match config.bus.kind {
         config::BusKind::Powerlink => Wire::Interface(config.bus.interface.clone()),
         config::BusKind::Memory => Wire::Memory,

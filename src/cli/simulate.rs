@@ -7,6 +7,7 @@ use crate::rt::wait::to_next;
 use crate::service::analyser::Analyser;
 use crate::service::process::StopOnDrop;
 use crate::service::progress::say;
+use crate::service::refusal::Refusal;
 use crate::service::signals::StopSignal;
 use crate::service::tap::Tap;
 use crate::sim::{self, SimMachine, serve};
@@ -61,13 +62,7 @@ pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
     if let Some(parent) = args.with_parent {
         stay_with(parent)?;
     }
-    let config = match config::read_with_cycle(&args.machine, args.cycle_us) {
-        Ok(config) => config,
-        Err(errors) => {
-            eprint!("{errors}");
-            return Ok(ExitCode::FAILURE);
-        }
-    };
+    let config = config::read_with_cycle(&args.machine, args.cycle_us).map_err(Refusal::from)?;
     let signal = StopSignal::install().context("signals")?;
     let mut machine = SimMachine::new(&config).map_err(|error| anyhow!("{error}"))?;
     let _sole = SoleSender::claim(&args.interface)?;

@@ -1,18 +1,37 @@
 //! Commands that several lines have in common. The same words for the same cure: the summary counts them as one.
 
 use super::{Cpus, Pc};
+use std::path::Path;
 
 /// What can be had without a reboot: interrupts, kernel work, frequency, memory, the interface of the field bus.
 pub(super) fn apply(pc: &Pc<'_>) -> String {
     let interface = super::nic::present(pc)
         .map(|name| format!(" --interface {name}"))
         .unwrap_or_default();
-    format!("sudo scripts/isolcpus.sh apply --cpus {}{interface}", cpus(pc))
+    format!("{} apply --cpus {}{interface}", isolcpus(pc), cpus(pc))
 }
 
 /// What the kernel takes from its command line only.
 pub(super) fn persist(pc: &Pc<'_>) -> String {
-    format!("sudo scripts/isolcpus.sh persist --cpus {}, then reboot", cpus(pc))
+    format!("{} persist --cpus {}, then reboot", isolcpus(pc), cpus(pc))
+}
+
+/// The script where it is; an installed program has it in itself.
+fn isolcpus(pc: &Pc<'_>) -> String {
+    match &pc.target.isolcpus {
+        Some(script) => format!("sudo {}", word(script)),
+        None => "isocnc doctor --write-isolcpus . && sudo ./isolcpus.sh".into(),
+    }
+}
+
+/// A path as one word of a shell.
+pub(super) fn word(path: &Path) -> String {
+    let path = path.display().to_string();
+    let plain = |character: char| character.is_alphanumeric() || "/._-+".contains(character);
+    match !path.is_empty() && path.chars().all(plain) {
+        true => path,
+        false => format!("'{}'", path.replace('\'', "'\\''")),
+    }
 }
 
 /// The core, and what shares its units, unless something else must run there.

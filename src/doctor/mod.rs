@@ -12,6 +12,7 @@ mod core;
 pub mod cpus;
 mod cures;
 mod ethtool;
+pub mod isolcpus;
 mod kernel;
 mod lines;
 mod measure;

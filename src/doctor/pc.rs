@@ -31,6 +31,10 @@ pub struct Target {
     pub interface: Option<String>,
     /// How long to measure, twice; `None`: not at all.
     pub test_time: Option<Duration>,
+    /// The file of the running program.
+    pub program: PathBuf,
+    /// `isolcpus.sh`, where this PC has it.
+    pub isolcpus: Option<PathBuf>,
 }
 
 /// Why a file tells nothing.

@@ -3,8 +3,8 @@
 use super::kernel::{config, debugfs_unread, is_built_in};
 use super::{Look, Pc, Unread, cures};
 
-/// All that the control needs, for the program's file: nobody has to be root then.
-const GRANT: &str = "sudo setcap cap_sys_nice,cap_ipc_lock,cap_net_raw+ep \"$(command -v isocnc)\"";
+/// All that the control needs.
+const RIGHTS: &str = "cap_sys_nice,cap_ipc_lock,cap_net_raw+ep";
 /// The same where the process cannot have it, whoever it belongs to.
 const UNCONTAINED: &str = "run it outside of the container, or give that --cap-add SYS_NICE --cap-add IPC_LOCK \
                            --cap-add NET_RAW --ulimit rtprio=99 --ulimit memlock=-1 (not a rootless one)";
@@ -28,7 +28,7 @@ pub(super) fn fifo(pc: &Pc<'_>) -> Option<Look> {
     Some(match pc.tries.fifo(pc.cpu(), priority) {
         Ok(()) => Look::ok(format!("priority {priority} given")),
         // With a group that has no time even root is refused.
-        Err(why) => Look::missing(why, group_without_time(pc).unwrap_or_else(|| grant(pc).to_owned())),
+        Err(why) => Look::missing(why, group_without_time(pc).unwrap_or_else(|| grant(pc))),
     })
 }
 
@@ -48,16 +48,16 @@ pub(super) fn raw_socket(pc: &Pc<'_>) -> Option<Look> {
     })
 }
 
-/// How rights are granted: to the file of the program, unless a container keeps them from it.
-fn grant(pc: &Pc<'_>) -> &'static str {
+/// How rights are granted: to the file of the program, so that nobody has to be root, unless a container keeps them from it.
+fn grant(pc: &Pc<'_>) -> String {
     let status = pc.text("/proc/self/status").unwrap_or_default();
     let bounding = status.lines().find_map(|line| line.strip_prefix("CapBnd:"));
     let bounding = bounding.and_then(|hex| u64::from_str_radix(hex.trim(), 16).ok());
     let lacks = bounding.is_some_and(|bounding| bounding & CAPABILITIES != CAPABILITIES);
     if lacks || pc.is_user_namespace() {
-        UNCONTAINED
+        UNCONTAINED.into()
     } else {
-        GRANT
+        format!("sudo setcap {RIGHTS} {}", cures::word(&pc.target.program))
     }
 }
 

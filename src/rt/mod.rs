@@ -21,6 +21,7 @@ pub mod setup;
 pub mod shared;
 pub mod spin;
 pub mod spindle;
+pub mod steadiness;
 pub mod thread;
 pub mod timeout;
 pub mod wait;

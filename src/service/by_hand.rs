@@ -12,7 +12,9 @@ use crate::machine::sequence::Step;
 use crate::machine::state::State;
 use crate::rt::hand::{JogMotion, JogOrder};
 use crate::rt::shared::Command;
+use motion::canon::{Axis, Position};
 use motion::kinematics::ToolFrame;
+use serde_json::{Value, json};
 
 /// Switches drives on; nothing moves.
 pub(super) fn enable(operator: &mut Operator, now_ns: u64) -> Result<(), String> {
@@ -34,8 +36,9 @@ pub(super) fn home(operator: &mut Operator, now_ns: u64) -> Result<(), String> {
     }
 }
 
-/// Moves joints by hand.
-pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result<(), String> {
+/// Moves joints by hand. Gives what comes of the order: `axis` and its `unit`, the greatest speed, and the soft limit where the
+/// motion ends there.
+pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result<Value, String> {
     if config.joints.is_empty() {
         return Err(config.without_joints());
     }
@@ -73,7 +76,49 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
     }
     let motion = jog.motion;
     operator.give(Command::Jog(JogOrder { joints, axis, motion }));
-    Ok(())
+    Ok(match axis {
+        // How fast and how far is found on the way, by the kinematics.
+        Some(axis) => json!({ "axis": axis.letter().to_string(), "unit": unit(axis) }),
+        None => outlook(motion, joints, config, &live.position),
+    })
+}
+
+/// What will come of a motion of joints that are those of one axis.
+fn outlook(motion: JogMotion, joints: u64, config: &Config, position: &Position) -> Value {
+    let moved = || (0..config.joints.len()).filter(|joint| joints >> joint & 1 == 1);
+    let axis = config
+        .axes
+        .iter()
+        .find(|map| moved().any(|joint| map.joints.contains(&joint)));
+    let Some(axis) = axis.map(|map| map.axis) else {
+        return json!({});
+    };
+    let fastest = moved()
+        .map(|joint| config.joints[joint].limits.velocity_mm_s)
+        .fold(f64::INFINITY, f64::min);
+    let ends = moved().map(|joint| config.joints[joint].travel_mm);
+    let [low, high] = ends.fold([f64::NEG_INFINITY, f64::INFINITY], |[low, high], end| {
+        [low.max(end[0]), high.min(end[1])]
+    });
+    let (speed, wanted) = match motion {
+        JogMotion::Run { velocity_mm_s } => (velocity_mm_s, velocity_mm_s.signum() * f64::INFINITY),
+        JogMotion::Advance {
+            distance_mm,
+            velocity_mm_s,
+        } => (velocity_mm_s, position[axis] + distance_mm),
+        JogMotion::Keep | JogMotion::Release => return json!({}),
+    };
+    let soft_limit = (!(low..=high).contains(&wanted)).then(|| wanted.clamp(low, high));
+    json!({
+        "axis": axis.letter().to_string(),
+        "unit": unit(axis),
+        "velocity_mm_s": speed.abs().min(fastest),
+        "soft_limit_mm": soft_limit,
+    })
+}
+
+fn unit(axis: Axis) -> &'static str {
+    if axis.is_rotary() { "degrees" } else { "mm" }
 }
 
 /// The joints that something moves (bit n: joint n).

@@ -39,6 +39,10 @@ struct Hands<'r, 'a> {
 
 impl Hands<'_, '_> {
     fn jog(&mut self, order: &Jog) -> Result<(), String> {
+        self.outlook(order).map(drop)
+    }
+
+    fn outlook(&mut self, order: &Jog) -> Result<Value, String> {
         jog(order, self.config, &mut self.run.operator)
     }
 
@@ -405,4 +409,23 @@ fn an_arm_that_is_nearly_stretched_comes_to_rest_and_the_joint_in_the_way_is_nam
         );
         assert_eq!(hands.run.operator.obstruction(), None);
     });
+}
+
+#[test]
+fn what_will_come_of_a_jog_is_told() {
+    let config = config::parse(include_str!("../../configs/mill3-demo.toml"), Path::new("demo.toml")).unwrap();
+    let told = |motion, joints| outlook(motion, joints, &config, &Position::xyz(300.0, 0.0, 0.0));
+    let advance = |distance_mm, velocity_mm_s| JogMotion::Advance {
+        distance_mm,
+        velocity_mm_s,
+    };
+    let expected = |velocity_mm_s: f64, soft_limit_mm: Option<f64>| json!({ "axis": "X", "unit": "mm", "velocity_mm_s": velocity_mm_s, "soft_limit_mm": soft_limit_mm });
+    assert_eq!(told(advance(5.0, 20.0), 1), expected(20.0, None));
+    assert_eq!(told(advance(5.1, 200.0), 1), expected(150.0, Some(305.0)));
+    assert_eq!(told(advance(-400.0, 20.0), 1), expected(20.0, Some(-5.0)));
+    assert_eq!(
+        told(JogMotion::Run { velocity_mm_s: -20.0 }, 1),
+        expected(20.0, Some(-5.0))
+    );
+    assert_eq!(told(JogMotion::Keep, 1), json!({}));
 }

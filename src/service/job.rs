@@ -5,6 +5,7 @@
 use super::attend::{Attendant, Running};
 use super::process::{self, Program, Session, Task, Wire};
 use super::progress::{Progress, say};
+use super::refusal::Refusal;
 use super::report::{self, Facts, FarEnd};
 use super::signals::{self, StopSignal};
 use crate::config::Config;
@@ -39,23 +40,23 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
     let Job {
         config, program, out, ..
     } = job;
-    let tables = match Tables::read(config) {
-        Ok(tables) => Mutex::new(tables),
-        Err(error) => {
-            eprintln!("{error}\n\nnothing was moved");
-            return Ok(ExitCode::FAILURE);
-        }
-    };
+    let tables = Tables::read(config).map_err(|error| Refusal::of_file(program.name, error).nothing_moved())?;
+    let tables = Mutex::new(tables);
     let checked = check(config, &lock(&tables), program.name, program.text, job.signal.cancel());
     let overview = match checked {
         Ok(overview) => overview,
         Err(errors) if errors.is_cancelled() => return Ok(given_up(&job.signal)),
-        Err(errors) => {
-            eprintln!("{errors}\n\nnothing was moved");
-            return Ok(ExitCode::FAILURE);
-        }
+        Err(errors) => return Err(Refusal::of_file(program.name, errors).nothing_moved().into()),
     };
     report::prepare(out)?;
+    if !job.json {
+        say(&format!(
+            "{}: {} lines, {} of motion; the network and homing come before it\n",
+            program.name,
+            overview.lines,
+            minutes(overview.time_s)
+        ));
+    }
     let session = Session {
         config,
         tables: &tables,
@@ -81,7 +82,11 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
     if job.json {
         say(&format!("{}\n", serde_json::to_string_pretty(&report)?));
     } else {
-        say(&format!("\n{report}\nreport                 {}\n", out.display()));
+        say(&format!(
+            "\n{report:#}\nreport                 {}\npictures               {}\n",
+            out.display(),
+            report::address(out)
+        ));
     }
     written.context("the report could not be written")?;
     if ended.operator.ends_anew() {
@@ -95,11 +100,19 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
 }
 
 /// A signal came while the program was checked.
-pub fn given_up(signal: &StopSignal) -> ExitCode {
+fn given_up(signal: &StopSignal) -> ExitCode {
     eprintln!("isocnc: stopped while the program was checked; nothing was moved");
     signal
         .caught()
         .map_or(ExitCode::FAILURE, |signal| ExitCode::from(signals::exit_code(signal)))
+}
+
+/// A time as one says it.
+fn minutes(time_s: f64) -> String {
+    match time_s.round() as u64 {
+        seconds @ 0..100 => format!("{seconds} s"),
+        seconds => format!("{} min {} s", seconds / 60, seconds % 60),
+    }
 }
 
 impl Attendant for Progress {

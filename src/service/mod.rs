@@ -16,6 +16,7 @@ pub mod plot;
 pub mod process;
 pub mod progress;
 pub mod recorder;
+pub mod refusal;
 pub mod report;
 pub mod signals;
 pub mod stalls;

@@ -18,6 +18,7 @@ use motion::canon::Position;
 use motion::rt::Interpolator;
 use motion::rt::jog::{Obstacle, Obstruction};
 use serde::Serialize;
+use std::mem::{Discriminant, discriminant};
 use std::sync::Arc;
 
 /// Entries of the journal that are kept; older ones go.
@@ -50,6 +51,19 @@ pub struct Entry {
     pub time_s: f64,
     /// What happened.
     pub text: String,
+}
+
+/// What is wrong without stopping the machine. Told when it comes first, and again the 10th, 100th time and so on.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Warning {
+    /// Seconds from the first cycle to the first time.
+    pub time_s: f64,
+    /// How often.
+    pub times: u64,
+    /// What, as it was the last time.
+    pub cause: String,
+    #[serde(skip)]
+    kind: Discriminant<Fault>,
 }
 
 /// Why the machine stopped by itself.
@@ -89,6 +103,7 @@ pub struct Operator {
     alarms: Vec<Alarm>,
     /// Alarms that somebody has acknowledged, or begun another program after.
     alarms_over: usize,
+    warnings: Vec<Warning>,
     late_cycles: u64,
     /// Stalls of the cycle thread since the last one that was told of, and when that was.
     stalls: u64,
@@ -126,6 +141,7 @@ impl Operator {
             journal_read: 0,
             alarms: Vec::new(),
             alarms_over: 0,
+            warnings: Vec::new(),
             late_cycles: 0,
             stalls: 0,
             stall_told_ns: 0,
@@ -407,6 +423,11 @@ impl Operator {
         &self.alarms
     }
 
+    /// Warnings, one of each kind.
+    pub fn warnings(&self) -> &[Warning] {
+        &self.warnings
+    }
+
     /// Cycles that began late enough to be noticed, or were left out.
     pub fn late_cycles(&self) -> u64 {
         self.late_cycles
@@ -446,7 +467,7 @@ impl Operator {
                     self.note(time_s, format!("alarm: {cause}"));
                     self.alarms.push(Alarm { time_s, cause });
                 } else if fault.reaction() != Reaction::Count {
-                    self.note(time_s, format!("warning: {cause}"));
+                    self.warn(time_s, &fault, cause);
                 }
             }
             Notice::Action(action) => self.note(time_s, format!("program: {action}")),
@@ -469,6 +490,27 @@ impl Operator {
             ),
             Notice::InStep { line, report } => self.note(time_s, format!("line {line}: {report}")),
             Notice::ProgramEnded => self.program_ended = true,
+        }
+    }
+
+    fn warn(&mut self, time_s: f64, fault: &Fault, cause: String) {
+        let kind = discriminant(fault);
+        let Some(warning) = self.warnings.iter_mut().find(|warning| warning.kind == kind) else {
+            self.note(time_s, format!("warning: {cause}"));
+            self.warnings.push(Warning {
+                time_s,
+                times: 1,
+                cause,
+                kind,
+            });
+            return;
+        };
+        warning.times += 1;
+        warning.cause = cause;
+        let times = warning.times;
+        if times == 10_u64.pow(times.ilog10()) {
+            let text = format!("warning, {times} times by now: {}", warning.cause);
+            self.note(time_s, text);
         }
     }
 
@@ -543,4 +585,60 @@ fn joint_names(config: &Config) -> Vec<String> {
             },
         )
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    #[test]
+    fn a_warning_that_comes_again_is_counted_and_told_at_1_10_100() {
+        let config =
+            crate::config::parse(include_str!("../../configs/mill3-demo.toml"), Path::new("demo.toml")).unwrap();
+        let (mut notices, notices_out) = rtrb::RingBuffer::new(1000);
+        let inlets = Inlets {
+            commands: rtrb::RingBuffer::new(1).0,
+            notices: notices_out,
+            trace: rtrb::RingBuffer::new(1).1,
+            finished: rtrb::RingBuffer::new(1).1,
+            live: Arc::default(),
+        };
+        let mut operator = Operator::new(&config, inlets, 0);
+        for time in 1..=250 {
+            let fault = match time {
+                7 => Fault::CountsLost {
+                    counts: 3,
+                    in_step: false,
+                },
+                _ => Fault::ManyOverruns { cycles: time },
+            };
+            let notice = Notice::Fault { fault, first: false };
+            let cycle = time * 1000;
+            notices.push(TimedNotice { cycle, notice }).unwrap();
+        }
+        operator.poll(0);
+        let told: Vec<&str> = operator.journal().iter().map(|entry| entry.text.as_str()).collect();
+        assert_eq!(told.len(), 4, "{told:#?}");
+        assert!(told[0].starts_with("warning: 1 of the last 1000 cycles"), "{}", told[0]);
+        assert!(told[1].starts_with("warning: spindle: "), "{}", told[1]);
+        assert!(
+            told[2].starts_with("warning, 10 times by now: 11 of the last"),
+            "{}",
+            told[2]
+        );
+        assert!(
+            told[3].starts_with("warning, 100 times by now: 101 of the last"),
+            "{}",
+            told[3]
+        );
+        let counts: Vec<_> = operator
+            .warnings()
+            .iter()
+            .map(|warning| (warning.time_s, warning.times))
+            .collect();
+        assert_eq!(counts, [(1.0, 249), (7.0, 1)]);
+        assert!(operator.warnings()[0].cause.starts_with("250 of the last"));
+        assert_eq!(operator.alarms(), []);
+    }
 }

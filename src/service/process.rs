@@ -25,10 +25,12 @@ use crate::rt::calibrate::{Calibration, calibrate};
 use crate::rt::figures::{self, CycleFigures};
 use crate::rt::pins::CAPACITY;
 use crate::rt::rights::{self, Work};
-use crate::rt::setup::{self, Finding, Role, STACK_SIZE, enter_thread};
+use crate::rt::setup::{self, Finding, Role, STACK_SIZE, by_cure, enter_thread};
+use crate::rt::steadiness::Steadiness;
 use crate::rt::thread;
 use crate::rt::timeout::{self, Limits, TimeoutThread, Watch};
 use crate::rt::wait::{Grid, monotonic_ns};
+use crate::sim::paced::Paced;
 use crate::sim::{SimMachine, serve};
 use anyhow::{Context, anyhow};
 use hal_pins::Hal;
@@ -96,6 +98,8 @@ pub enum Wire {
     Interface(String),
     /// Memory; the simulated machine of the machine file is at the other end, in this process.
     Memory,
+    /// The same on paced time, for a PC that keeps no cycle: a date comes when everybody is ready for it.
+    Paced,
 }
 
 /// What is known of a control that has ended.
@@ -132,16 +136,23 @@ pub fn run(session: &Session<'_>, wire: Wire, attendant: &mut dyn Attendant) -> 
     // Before anything that takes time: nothing is to be tuned for a wire that is another one's.
     let _sole = match &wire {
         Wire::Interface(interface) => Some(SoleSender::claim(interface)?),
-        Wire::Memory => None,
+        Wire::Memory | Wire::Paced => None,
     };
     let mut process = setup::prepare_process(&session.config.rt)?;
     let calibration = calibrate(session.config, &mut process);
     if !session.quiet {
-        for finding in &process.findings {
+        for finding in by_cure(&process.findings) {
             // Nobody need be there to read it.
             let _ = writeln!(std::io::stderr(), "warning: {finding}");
         }
-        say(&format!("{calibration}\n"));
+        if !matches!(wire, Wire::Paced) {
+            say(&format!("{calibration}\n"));
+        }
+        if let Wire::Interface(_) = wire
+            && let Some(advice) = Steadiness::measure(&session.config.rt).advice(session.config)
+        {
+            let _ = writeln!(std::io::stderr(), "warning: {advice}");
+        }
     }
     let process = Arc::new(process);
     match wire {
@@ -162,7 +173,25 @@ pub fn run(session: &Session<'_>, wire: Wire, attendant: &mut dyn Attendant) -> 
                 }
                 None => None,
             };
-            run_on(session, attendant, &process, calibration, link, mac, tap)
+            let paced = None;
+            run_on(
+                session,
+                attendant,
+                &process,
+                calibration,
+                NearEnd { link, mac, tap, paced },
+            )
+        }
+        Wire::Paced => {
+            let machine = SimMachine::new(session.config).map_err(|error| anyhow!("{error}"))?;
+            let wire = Paced::new(machine);
+            let near_end = NearEnd {
+                link: wire.clone(),
+                mac: MEMORY_MAC,
+                tap: None,
+                paced: Some(wire),
+            };
+            run_on(session, attendant, &process, calibration, near_end)
         }
         Wire::Memory => {
             let (near, mut far) = memory::pair(ANSWER_SPIN_NS);
@@ -177,7 +206,13 @@ pub fn run(session: &Session<'_>, wire: Wire, attendant: &mut dyn Attendant) -> 
                         serve(&mut far, &mut machine, &stop, &mut |_| {}, &mut |_, _| {})
                     })?;
                 let ended = StopOnDrop(&stop);
-                let done = run_on(session, attendant, &process, calibration, near, MEMORY_MAC, None);
+                let near_end = NearEnd {
+                    link: near,
+                    mac: MEMORY_MAC,
+                    tap: None,
+                    paced: None,
+                };
+                let done = run_on(session, attendant, &process, calibration, near_end);
                 drop(ended);
                 // Our end of its link is gone by now: an error it gives is that.
                 let _ = machine_thread.join();
@@ -187,16 +222,24 @@ pub fn run(session: &Session<'_>, wire: Wire, attendant: &mut dyn Attendant) -> 
     }
 }
 
+/// Our end of a wire.
+struct NearEnd<L> {
+    link: L,
+    mac: [u8; 6],
+    tap: Option<(TapBridge, rtrb::Consumer<EthernetFrame>)>,
+    /// Time is that of this wire.
+    paced: Option<Paced>,
+}
+
 fn run_on<L: Link + Send>(
     session: &Session<'_>,
     attendant: &mut dyn Attendant,
     process: &Arc<setup::Process>,
     calibration: Calibration,
-    link: L,
-    mac: [u8; 6],
-    tap: Option<(TapBridge, rtrb::Consumer<EthernetFrame>)>,
+    near_end: NearEnd<L>,
 ) -> anyhow::Result<Ended> {
     let config = session.config;
+    let NearEnd { link, mac, tap, paced } = near_end;
     let rt = calibration.applied(&config.rt);
     let mut spin = calibration.spin(config);
     let grid = Grid {
@@ -237,14 +280,29 @@ fn run_on<L: Link + Send>(
     let stop = AtomicBool::new(false);
     let (figures, ran) = std::thread::scope(|scope| -> anyhow::Result<_> {
         let limits = Limits::of(&config.bus, &rt, grid);
-        let timeouts = TimeoutThread::spawn(Arc::clone(process), Arc::clone(&watch), limits, reports)?;
+        let timeouts = match &paced {
+            None => Some(TimeoutThread::spawn(
+                Arc::clone(process),
+                Arc::clone(&watch),
+                limits,
+                reports,
+            )?),
+            // Nobody can be late.
+            Some(_) => None,
+        };
         let cycle = std::thread::Builder::new()
             .name("rt-cycle".into())
             .stack_size(STACK_SIZE)
-            .spawn_scoped(scope, || {
-                // What is missing has been told by `prepare_process`.
-                drop(enter_thread(Role::Cycle, process));
-                thread::run(&mut control, grid, &mut spin, &watch, recorder, &stop)
+            .spawn_scoped(scope, || match &paced {
+                None => {
+                    // What is missing has been told by `prepare_process`.
+                    drop(enter_thread(Role::Cycle, process));
+                    thread::run(&mut control, grid, &mut spin, &watch, recorder, &stop)
+                }
+                Some(wire) => {
+                    rights::give_up_or_warn(Work::Ordinary);
+                    thread::run_paced(&mut control, grid, wire, recorder, &stop)
+                }
             })?;
         if let Some(socket) = &socket {
             std::thread::Builder::new()

@@ -1,12 +1,15 @@
 //! The report of a run: one structure, printed for people and written as JSON.
 //!
 //! In:  what the operator, the recorder, the bus and the analyser at the far end know at the end.
-//! Out: `run.json`, `toolpath.svg`, `soc-period.svg` in the output folder; a summary for the terminal.
+//! Out: `run.json`, `toolpath.svg`, `soc-period.svg` and `report.html`, which holds the pictures, in the output folder; a summary
+//! for the terminal.
 
 use super::analyser::SocReport;
-use super::operator::{Alarm, Entry};
+use super::jitter::plot::soc_period_svg;
+use super::operator::{Alarm, Entry, Warning};
 use super::plot;
 use super::process::Ended;
+use super::progress::alarm;
 use super::recorder::PathSample;
 use crate::bus::NodeStatistics;
 use crate::config::{Config, Joint};
@@ -21,6 +24,7 @@ use motion::plan::Programmed;
 use motion::rt::Peaks;
 use serde::Serialize;
 use std::fmt;
+use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
 /// Whoever measures at the far end of the wire.
@@ -34,6 +38,8 @@ pub trait FarEnd {
 pub struct Pictures<'a> {
     /// Samples of the program.
     pub samples: &'a [PathSample],
+    /// Time from one to the next, s.
+    pub sample_s: f64,
 }
 
 /// Everything that is known at the end of a run.
@@ -74,6 +80,7 @@ impl<'a> Facts<'a> {
             Some(Outcome::TimedOut(_)) => "timed out",
             Some(Outcome::Faulted) | None => "faulted",
         };
+        let motion_time_s = recorder.cycles() as f64 * f64::from(self.config.cycle_us) * 1e-6;
         let report = RunReport {
             machine: self.config.name.clone(),
             program: self.program.into(),
@@ -83,11 +90,12 @@ impl<'a> Facts<'a> {
                 _ => None,
             },
             alarms: operator.alarms().to_vec(),
+            warnings: operator.warnings().to_vec(),
             operational_s: operator.operational_s(),
             line_reached: recorder.line(),
             lines: self.overview.lines,
             planned_time_s: probed_time_s.unwrap_or(self.overview.time_s),
-            motion_time_s: recorder.cycles() as f64 * f64::from(self.config.cycle_us) * 1e-6,
+            motion_time_s,
             starved_cycles: recorder.starved_cycles(),
             following_error_max_mm,
             following_error_max_line,
@@ -120,6 +128,7 @@ impl<'a> Facts<'a> {
             report,
             Pictures {
                 samples: recorder.samples(),
+                sample_s: motion_time_s / recorder.samples().len().max(1) as f64,
             },
         )
     }
@@ -129,6 +138,7 @@ impl<'a> Facts<'a> {
 const RUN: &str = "run.json";
 const TOOLPATH: &str = "toolpath.svg";
 const SOC_PERIOD: &str = "soc-period.svg";
+const PAGE: &str = "report.html";
 /// What a measurement at the far end is handed over in.
 pub const SOC_PERIOD_DATA: &str = "soc-period.json";
 
@@ -138,7 +148,7 @@ pub const SOC_PERIOD_DATA: &str = "soc-period.json";
 /// # Errors
 /// What the file system refuses.
 pub fn prepare(folder: &Path) -> anyhow::Result<()> {
-    prepare_for(folder, &[RUN, TOOLPATH, SOC_PERIOD, SOC_PERIOD_DATA])
+    prepare_for(folder, &[RUN, TOOLPATH, SOC_PERIOD, SOC_PERIOD_DATA, PAGE])
 }
 
 /// As [`prepare`], for files of these names.
@@ -156,7 +166,7 @@ pub fn prepare_for(folder: &Path, names: &[&str]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes `run.json` and the pictures into a folder, which is made if it is not there.
+/// Writes `run.json`, the pictures and the page that shows them into a folder, which is made if it is not there.
 ///
 /// # Errors
 /// What the file system refuses.
@@ -167,14 +177,37 @@ pub fn write(folder: &Path, report: &RunReport, pictures: &Pictures<'_>) -> anyh
     };
     files::make_folder(folder).with_context(|| folder.display().to_string())?;
     put(RUN, serde_json::to_string_pretty(report)?)?;
+    let title = format!("{} on {}", report.program, report.machine);
+    let mut drawn = Vec::new();
     if !pictures.samples.is_empty() {
-        let title = format!("{} on {}", report.program, report.machine);
-        put(TOOLPATH, plot::toolpath_svg(&title, pictures.samples)?)?;
+        drawn.push((
+            TOOLPATH,
+            plot::toolpath_svg(&title, pictures.samples, pictures.sample_s),
+        ));
     }
     if let Some(soc_period) = &report.soc_period {
-        put(SOC_PERIOD, plot::soc_period_svg(soc_period)?)?;
+        drawn.push((SOC_PERIOD, soc_period_svg(soc_period)));
     }
-    Ok(())
+    for (name, svg) in &drawn {
+        put(name, svg.clone())?;
+    }
+    let drawn: Vec<String> = drawn.into_iter().map(|(_, svg)| svg).collect();
+    put(PAGE, plot::html(&title, &report.to_string(), &drawn))
+}
+
+/// The address of the page in a folder, for a browser.
+pub fn address(folder: &Path) -> String {
+    let path = folder.join(PAGE);
+    let path = std::path::absolute(&path).unwrap_or(path);
+    let mut address = String::from("file://");
+    for octet in path.as_os_str().as_bytes() {
+        match octet {
+            b'/' | b'-' | b'.' | b'_' | b'~' => address.push(char::from(*octet)),
+            octet if octet.is_ascii_alphanumeric() => address.push(char::from(*octet)),
+            octet => address.push_str(&format!("%{octet:02X}")),
+        }
+    }
+    address
 }
 
 /// How far the actual path may leave the programmed one and still be found on it, mm.
@@ -209,6 +242,8 @@ pub struct RunReport {
     pub timed_out_step: Option<String>,
     /// Why, if it did not complete.
     pub alarms: Vec<Alarm>,
+    /// What was wrong without stopping it.
+    pub warnings: Vec<Warning>,
     /// Seconds from the first cycle to OPERATIONAL of the whole network.
     pub operational_s: Option<f64>,
     /// Last line of the program that was run.
@@ -302,14 +337,26 @@ pub struct NodeReport {
     pub frames: NodeStatistics,
 }
 
+/// A summary; with `{:#}` for a terminal, alarms in red.
 impl fmt::Display for RunReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.timed_out_step {
             Some(step) => writeln!(f, "result                 {}: {step}", self.result)?,
             None => writeln!(f, "result                 {}", self.result)?,
         }
-        for alarm in &self.alarms {
-            writeln!(f, "  alarm at {:8.3} s    {}", alarm.time_s, alarm.cause)?;
+        for Alarm { time_s, cause } in &self.alarms {
+            let told = format!("  alarm at {time_s:8.3} s    {cause}");
+            match f.alternate() {
+                true => writeln!(f, "{}", alarm(told))?,
+                false => writeln!(f, "{told}")?,
+            }
+        }
+        for warning in &self.warnings {
+            let times = match warning.times {
+                1 => "once".into(),
+                times => format!("{times} times"),
+            };
+            writeln!(f, "  {:<21}{}", format!("warned {times}"), warning.cause)?;
         }
         writeln!(
             f,
@@ -397,7 +444,7 @@ mod tests {
         let out = folder.path().join("a/b");
         prepare(&out).unwrap();
         assert_eq!(std::fs::read_dir(&out).unwrap().count(), 0);
-        for name in [RUN, TOOLPATH, SOC_PERIOD, SOC_PERIOD_DATA, "machine.toml"] {
+        for name in [RUN, TOOLPATH, SOC_PERIOD, SOC_PERIOD_DATA, PAGE, "machine.toml"] {
             std::fs::write(out.join(name), "old").unwrap();
         }
         prepare(&out).unwrap();
@@ -416,5 +463,14 @@ mod tests {
         assert!(prepare(&file).unwrap_err().to_string().contains("taken"));
         std::fs::create_dir(folder.path().join(RUN)).unwrap();
         assert!(prepare(folder.path()).unwrap_err().to_string().contains(RUN));
+    }
+
+    #[test]
+    fn an_address_is_one_that_a_browser_understands() {
+        assert_eq!(
+            address(Path::new("/tmp/my out#1/ä")),
+            "file:///tmp/my%20out%231/%C3%A4/report.html"
+        );
+        assert!(address(Path::new("out")).starts_with("file:///"));
     }
 }

@@ -14,7 +14,7 @@ use super::control::server::Ticket;
 use super::desk::{Desk, Order, Shown, ShownProgram, Source};
 use super::operator::Operator;
 use super::process::{self, Session, Task, Wire};
-use super::progress::{is_heard, say};
+use super::progress::{is_heard, say, told};
 use super::signals::{self, StopSignal};
 use crate::config::Config;
 use crate::machine::faults::SILENCED;
@@ -87,6 +87,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     /// Carries out what clients want. Waits for nothing.
     pub(super) fn attend(&mut self, operator: &mut Operator, now_ns: u64) -> std::io::Result<()> {
         // Orders first: a stop reaches a program that would begin in this turn.
+        let mut answers = Vec::new();
         while let Some((ticket, order)) = self.desk.next() {
             let done = match order {
                 Order::Withdraw => {
@@ -107,8 +108,12 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                     }
                     Err(what) => Err(what),
                 },
+                Order::Jog(jog) => {
+                    let begun = by_hand::jog(&jog, self.config, operator);
+                    answers.push((ticket, begun.map_err(|what| RpcError::new(code::REFUSED, what))));
+                    continue;
+                }
                 Order::Stop if self.give_up_check() => Ok(()),
-                Order::Jog(jog) => by_hand::jog(&jog, self.config, operator),
                 Order::Enable => self
                     .may_begin(operator)
                     .and_then(|()| by_hand::enable(operator, now_ns)),
@@ -127,7 +132,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             let done = done
                 .map(|()| json!({}))
                 .map_err(|what| RpcError::new(code::REFUSED, what));
-            self.desk.answer(ticket, done);
+            answers.push((ticket, done));
         }
         if self
             .checking
@@ -140,12 +145,15 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 .unwrap_or_else(|_| Err("the check of the program panicked".into()));
             if let Some(ticket) = wanted {
                 let answer = checked.and_then(|part| self.begin(part, operator, now_ns));
-                self.desk
-                    .answer(ticket, answer.map_err(|what| RpcError::new(code::REFUSED, what)));
+                answers.push((ticket, answer.map_err(|what| RpcError::new(code::REFUSED, what))));
             }
         }
+        // Whoever has an answer sees what came of the order.
         let shown = self.shown(operator);
         self.desk.show(shown);
+        for (ticket, answer) in answers {
+            self.desk.answer(ticket, answer);
+        }
         Ok(())
     }
 
@@ -311,13 +319,7 @@ fn obey(order: &Order, operator: &mut Operator, now_ns: u64) -> Result<(), Strin
 /// # Errors
 /// What keeps it from starting.
 pub fn stand_by(config: &Config, wire: Wire, as_json: bool, signal: StopSignal) -> anyhow::Result<ExitCode> {
-    let tables = match Tables::read(config) {
-        Ok(tables) => Mutex::new(tables),
-        Err(error) => {
-            eprintln!("{error}");
-            return Ok(ExitCode::FAILURE);
-        }
-    };
+    let tables = Mutex::new(Tables::read(config)?);
     let session = Session {
         config,
         tables: &tables,
@@ -367,7 +369,7 @@ impl Attendant for Journal {
         {
             match self.as_json {
                 true => say(&format!("{}\n", json!(entry))),
-                false => say(&format!("{:9.3} s  {}\n", entry.time_s, entry.text)),
+                false => say(&told(entry)),
             }
         }
     }

@@ -8,6 +8,7 @@ mod io;
 mod machine;
 mod motor;
 mod node;
+pub mod paced;
 pub mod rehearsal;
 mod run;
 mod sensors;

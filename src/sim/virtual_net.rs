@@ -165,6 +165,20 @@ impl VirtualNet {
         }
     }
 
+    /// The wire to a machine that is switched on at this time.
+    pub fn starting_at(mut machine: SimMachine, config: NetConfig, now_ns: u64) -> VirtualNet {
+        machine.switch_on(now_ns);
+        VirtualNet {
+            now_ns,
+            ..VirtualNet::new(machine, config)
+        }
+    }
+
+    /// Time on the wire, ns.
+    pub fn time_ns(&self) -> u64 {
+        self.now_ns
+    }
+
     /// The machine at the far end.
     pub fn machine(&self) -> &SimMachine {
         &self.machine

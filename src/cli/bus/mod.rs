@@ -29,18 +29,24 @@ pub struct BusArgs {
 #[derive(Clone, Debug, Subcommand)]
 enum BusCommand {
     /// Who is on an interface: asks every node id; only listens where a managing node is at work
+    #[command(after_help = "Example: isocnc bus scan --interface eth1")]
     Scan(scan::ScanArgs),
     /// Who is on the network of a machine: identity, and whether it is the expected one
+    #[command(after_help = "Example: isocnc bus nodes configs/mill3-powerlink.toml")]
     Nodes(NetworkArgs),
     /// How they are: states, lost answers, errors, and why a node is not operational
+    #[command(after_help = "Example: isocnc bus state")]
     State(NetworkArgs),
     /// Which object is where in the cyclic frames
+    #[command(after_help = "Example: isocnc bus pdo configs/mill3-powerlink.toml")]
     Pdo(NetworkArgs),
     /// Read and write objects of a node
     Sdo(sdo::SdoArgs),
     /// Everything about the network on one page, to paste
+    #[command(after_help = "Example: isocnc bus report")]
     Report(NetworkArgs),
     /// A capture in words: one line a frame, or a summary
+    #[command(after_help = "Example: isocnc bus trace capture.pcap --node 3 --from 1.5")]
     Trace(trace::TraceArgs),
 }
 

@@ -9,6 +9,7 @@ use crate::config;
 use crate::machine::faults::SILENCED;
 use crate::service::control::client::{Client, ClientError};
 use crate::service::network_view::{BudgetView, MappedView, NetworkView, NodeView};
+use crate::service::refusal::Refusal;
 use anyhow::{Context, bail};
 use clap::Args;
 use serde_json::{Value, json};
@@ -44,13 +45,7 @@ pub enum Topic {
 /// # Errors
 /// No control and no machine file; an answer that cannot be understood.
 pub(super) fn show(args: &NetworkArgs, topic: Topic, as_json: bool, out: &mut impl Write) -> anyhow::Result<ExitCode> {
-    let (view, status) = match look(args)? {
-        Ok(found) => found,
-        Err(errors) => {
-            eprint!("{errors}");
-            return Ok(ExitCode::FAILURE);
-        }
-    };
+    let (view, status) = look(args)?.map_err(Refusal::from)?;
     let not_known_yet = view.live.is_none() && !status.is_null();
     match (as_json, topic) {
         (true, _) => {

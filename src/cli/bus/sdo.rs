@@ -7,6 +7,7 @@ mod access;
 
 use super::value::{self, encode, guess};
 use super::words::{self, OBJECTS, counted};
+use crate::service::refusal::Refusal;
 use access::{Access, Failure};
 use anyhow::{Context, anyhow, bail};
 use clap::{Args, Subcommand};
@@ -49,8 +50,10 @@ pub struct SdoArgs {
 #[derive(Clone, Debug, Subcommand)]
 enum SdoCommand {
     /// The objects of the device file, or of the communication profile, with their values
+    #[command(after_help = "Example: isocnc bus sdo list --interface eth1 --node 3")]
     List,
     /// Read objects
+    #[command(after_help = "Example: isocnc bus sdo get --node 3 0x1018:1 0x1008")]
     Get {
         /// Objects, like 0x1006 or 0x1018:1
         #[arg(required = true, value_parser = value::object)]
@@ -60,6 +63,7 @@ enum SdoCommand {
         data_type: Option<DataType>,
     },
     /// Write an object; shows its value before and after
+    #[command(after_help = "Example: isocnc bus sdo set --interface eth1 --node 3 0x1006 1000")]
     Set {
         /// Object, like 0x1006 or 0x1018:1
         #[arg(value_parser = value::object)]
@@ -79,8 +83,8 @@ enum SdoCommand {
 /// What keeps it from asking.
 pub(super) fn sdo(args: &SdoArgs, as_json: bool, out: &mut impl Write) -> anyhow::Result<ExitCode> {
     let Some(node) = args.node else {
-        eprintln!("isocnc: which node? give its id: --node ID");
-        return Ok(ExitCode::from(2));
+        let text = "isocnc: which node? give its id: --node ID";
+        return Err(Refusal::new(text, Refusal::json_of_text(text)).wrong_usage().into());
     };
     let device = match &args.device {
         None => None,
@@ -89,8 +93,8 @@ pub(super) fn sdo(args: &SdoArgs, as_json: bool, out: &mut impl Write) -> anyhow
             match obd::device::parse(&path.display().to_string(), &octets) {
                 Ok(device) => Some(device),
                 Err(errors) => {
-                    errors.lines().for_each(|line| eprintln!("{line}"));
-                    return Ok(ExitCode::FAILURE);
+                    let lines: Vec<String> = errors.lines().map(|line| line.to_string()).collect();
+                    return Err(Refusal::of_file(&path.display().to_string(), lines.join("\n")).into());
                 }
             }
         }

@@ -16,6 +16,7 @@ mod slow_places;
 
 use crate::config::{self, Config};
 use crate::machine::tables::Tables;
+use crate::service::refusal::Refusal;
 use anyhow::{Context, anyhow};
 use clap::{Args, ValueEnum};
 use motion::plan::Slope;
@@ -73,12 +74,6 @@ impl From<PlannerName> for Slope {
     }
 }
 
-/// What keeps a program from being planned: for people and for programs.
-struct Refusal {
-    text: String,
-    json: Json,
-}
-
 /// Plans a program and runs it down without a clock: exit code 0 if it can be run and keeps all limits.
 ///
 /// # Errors
@@ -86,17 +81,7 @@ struct Refusal {
 pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     let text =
         files::read(&args.program, files::read::PROGRAM_MAX).with_context(|| args.program.display().to_string())?;
-    let (config, tables, work) = match planned(args, &text) {
-        Ok(planned) => planned,
-        Err(refusal) => {
-            if args.json {
-                println!("{:#}", refusal.json);
-            } else {
-                eprintln!("{}", refusal.text.trim_end());
-            }
-            return Ok(ExitCode::FAILURE);
-        }
-    };
+    let (config, tables, work) = planned(args, &text)?;
     let report = Report::of(&config, &work);
     // What was found out first: a disk may be full.
     if args.json {
@@ -125,7 +110,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     }
     if let Some(file) = &args.svg {
         let name = args.program.file_name().unwrap_or_default().to_string_lossy();
-        put(file, picture::picture(&name, &work, &report)?)?;
+        put(file, picture::picture(&name, &config, &work, &report))?;
     }
     let wrong = report.wrong();
     if !args.json {
@@ -143,17 +128,11 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
 
 /// The machine, and the program planned for it.
 fn planned(args: &PlanArgs, text: &[u8]) -> Result<(Config, Tables, Work), Refusal> {
-    let mut config = config::read(&args.machine).map_err(|errors| Refusal {
-        text: errors.to_string(),
-        json: errors.to_json(),
-    })?;
+    let mut config = config::read(&args.machine)?;
     if let Some(name) = args.planner {
         config.program.planner = name.into();
     }
-    let plain = |file: &Path, error: &dyn std::fmt::Display| Refusal {
-        text: error.to_string(),
-        json: json!({ "file": file.display().to_string(), "errors": [{ "rule": error.to_string() }] }),
-    };
+    let plain = |file: &Path, error: &dyn std::fmt::Display| Refusal::of_file(&file.display().to_string(), error);
     config::check_planner(&config).map_err(|rule| plain(&args.machine, &format!("--planner classic: {rule}")))?;
     let tables = Tables::read(&config).map_err(|error| plain(&args.machine, &error))?;
     let name = args.program.display().to_string();
@@ -165,10 +144,8 @@ fn planned(args: &PlanArgs, text: &[u8]) -> Result<(Config, Tables, Work), Refus
     if !errors.is_empty() {
         let shown: Vec<String> = errors.iter().map(|error| error.render(&name)).collect();
         let listed: Vec<Json> = errors.iter().map(error_json).collect();
-        return Err(Refusal {
-            text: shown.join("\n\n"),
-            json: json!({ "file": name, "errors": listed }),
-        });
+        let json = json!({ "file": name, "errors": listed });
+        return Err(Refusal::new(shown.join("\n\n"), json));
     }
     match run_down::run_down(
         &config,
@@ -185,10 +162,8 @@ fn planned(args: &PlanArgs, text: &[u8]) -> Result<(Config, Tables, Work), Refus
                     json!({ "line": error.source.line, "rule": error.kind.to_string() })
                 }
             };
-            Err(Refusal {
-                text: error.located(&name),
-                json: json!({ "file": name, "errors": [listed] }),
-            })
+            let json = json!({ "file": name, "errors": [listed] });
+            Err(Refusal::new(error.located(&name), json))
         }
     }
 }

@@ -9,29 +9,24 @@ mod tool_path;
 
 use super::report::Report;
 use super::run_down::Work;
-use crate::service::plot::PlotError;
-use crate::service::plot::canvas::{INK, draw, text};
-use plotters::style::text_anchor::HPos;
+use crate::config::Config;
+use crate::service::plot::sheet::Sheet;
+use crate::service::plot::{BODY, TITLE};
 
 /// Whole picture, pixels.
-const WIDTH: u32 = 1200;
+const WIDTH: f64 = 1200.0;
 /// White on both sides.
-const EDGE: i32 = 24;
-const HEAD: i32 = 64;
+const EDGE: f64 = 24.0;
+const HEAD: f64 = 84.0;
 
 /// Draws it.
-///
-/// # Errors
-/// If the picture cannot be drawn; not expected for any program.
-pub(super) fn picture(name: &str, work: &Work, report: &Report) -> Result<String, PlotError> {
-    let view = tool_path::View::of(work);
+pub(super) fn picture(name: &str, config: &Config, work: &Work, report: &Report) -> String {
+    let view = tool_path::View::of(work, config.work_offsets[0]);
     let strips = strips::Strips::of(work);
-    let path_height = view.height();
-    let size = (WIDTH, (HEAD + path_height + strips.height()) as u32);
-    draw(size, |root| {
-        text(root, (EDGE, 14), name, 20, INK, HPos::Left)?;
-        text(root, (EDGE, 41), &report.in_short(), 13, INK, HPos::Left)?;
-        view.draw(root, HEAD)?;
-        strips.draw(root, HEAD + path_height)
-    })
+    let mut sheet = Sheet::new(WIDTH);
+    sheet.text((EDGE, 34.0), TITLE, &format!("{name} on {}", config.name));
+    sheet.text((EDGE, 56.0), BODY, &report.in_short());
+    view.draw(&mut sheet, HEAD);
+    strips.draw(&mut sheet, HEAD + view.height());
+    sheet.finish(HEAD + view.height() + strips.height())
 }

@@ -74,7 +74,7 @@ impl Case {
 
 const APPLY: &str = "sudo scripts/isolcpus.sh apply --cpus 3 --interface eth1";
 const PERSIST: &str = "scripts/isolcpus.sh persist --cpus 3, then reboot";
-const GRANT: &str = "sudo setcap cap_sys_nice,cap_ipc_lock,cap_net_raw+ep";
+const GRANT: &str = "sudo setcap cap_sys_nice,cap_ipc_lock,cap_net_raw+ep '/opt/iso cnc/isocnc'";
 const SIBLINGS: &str = "/sys/devices/system/cpu/cpu3/topology/thread_siblings_list";
 const FAIR: &str = "/sys/kernel/debug/sched/fair_server/cpu3/runtime";
 const CONFIG: &str = "/boot/config-6.12.9-rt-amd64";

@@ -201,6 +201,8 @@ impl Fake {
                 priority: 81,
                 interface: Some("eth1".into()),
                 test_time: Some(Duration::from_secs(5)),
+                program: "/opt/iso cnc/isocnc".into(),
+                isolcpus: Some("scripts/isolcpus.sh".into()),
             },
             later: Vec::new(),
         }

@@ -7,13 +7,13 @@
 //! back and reorder what is to be measured.
 
 use super::{Analyser, Place, SocReport, StampSource, Window};
-use crate::service::progress::say;
+use crate::service::progress::{StatusLine, say};
 use crate::service::signals::StopSignal;
 use anyhow::{Context, bail, ensure};
 use std::fmt::Write as _;
-use std::io::{BufRead, IsTerminal, Write, stdin, stdout};
+use std::io::{BufRead, Write, stdin, stdout};
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Printed once the interface is listened at.
 pub const READY: &str = "ready";
@@ -24,8 +24,8 @@ pub const END: &str = "end";
 
 /// Pause between two looks at what was measured.
 const PAUSE: Duration = Duration::from_millis(100);
-/// Pause between two lines of progress, on a terminal and elsewhere.
-const PROGRESS: [Duration; 2] = [Duration::from_millis(500), Duration::from_secs(10)];
+/// Pause between two lines of progress where the output is no terminal.
+const PROGRESS: Duration = Duration::from_secs(10);
 /// Without a SoC for this long the network was stopped, ns.
 const STOPPED_NS: u64 = 1_000_000_000;
 /// Periods from which the nominal cycle is told.
@@ -88,17 +88,19 @@ pub fn listen(wanted: &Wanted) -> anyhow::Result<ExitCode> {
         periods_max,
         restart_ns: STOPPED_NS,
     })?;
-    let mut progress = Progress::new(!wanted.json);
+    let mut progress = StatusLine::new("{wide_msg}", PROGRESS, wanted.json);
     loop {
         let report = analyser.report()?;
-        progress.show(&report);
+        if progress.is_due() {
+            progress.show(|bar| bar.set_message(so_far(&report)), || so_far(&report));
+        }
         if signal.caught().is_some() || report.n >= periods_max {
             break;
         }
         std::thread::sleep(PAUSE);
     }
     let report = analyser.stop()?;
-    progress.wipe();
+    drop(progress);
     if report.n == 0 {
         bail!("{}", nothing_heard(&report));
     }
@@ -218,44 +220,12 @@ fn table(report: &SocReport) -> String {
     text
 }
 
-/// One line that says how it goes.
-struct Progress {
-    wanted: bool,
-    terminal: bool,
-    next: Instant,
-}
-
-impl Progress {
-    fn new(wanted: bool) -> Progress {
-        let terminal = stdout().is_terminal();
-        Progress {
-            wanted,
-            terminal,
-            next: Instant::now() + PROGRESS[usize::from(!terminal)],
-        }
-    }
-
-    fn show(&mut self, report: &SocReport) {
-        if !self.wanted || Instant::now() < self.next {
-            return;
-        }
-        self.next = Instant::now() + PROGRESS[usize::from(!self.terminal)];
-        let line = format!(
-            "{:9.1} s  n {}  std dev {:.3} us  range {:.3} us  overruns {}",
-            report.duration_s, report.n, report.period_std_us, report.period_range_us, report.overruns
-        );
-        if self.terminal {
-            say(&format!("\r\x1b[2K{line}"));
-        } else {
-            say(&format!("{line}\n"));
-        }
-    }
-
-    fn wipe(&self) {
-        if self.wanted && self.terminal {
-            say("\r\x1b[2K");
-        }
-    }
+/// How it goes, as one line.
+fn so_far(report: &SocReport) -> String {
+    format!(
+        "{:9.1} s  n {}  std dev {:.3} us  range {:.3} us  overruns {}",
+        report.duration_s, report.n, report.period_std_us, report.period_range_us, report.overruns
+    )
 }
 
 /// Measures for another process: prints [`READY`], then for each pair of lines [`BEGIN`] and [`END`] on standard input one

@@ -1,62 +1,53 @@
-//! How far a measurement is: a bar on a terminal, plain lines now and then elsewhere.
+//! How far a measurement is.
 //!
 //! In:  parts of a measurement, each with the time it takes by plan. Out: the terminal.
 
-use crate::service::progress::{is_heard, say};
-use std::io::{IsTerminal, stdout};
-use std::time::{Duration, Instant};
+use crate::service::progress::StatusLine;
+use std::time::Duration;
 
-/// Pause between two lines on a terminal, and elsewhere.
-const PAUSE: [Duration; 2] = [Duration::from_millis(200), Duration::from_secs(10)];
-/// Signs of the bar.
-const WIDTH: usize = 24;
+/// The bar on a terminal.
+pub(crate) const BAR: &str = "[{bar:12}] {percent:>3} %  {eta:>4} left  {wide_msg}";
+/// Pause between two lines where the output is no terminal.
+const PAUSE: Duration = Duration::from_secs(10);
 
 /// The bar.
 pub(super) struct Bar {
-    quiet: bool,
-    terminal: bool,
-    began: Instant,
-    next: Instant,
+    line: StatusLine,
     planned_s: f64,
     /// Planned time of the parts that are over.
     over_s: f64,
-    /// A line stands on the terminal and must be wiped before anything else is printed.
-    standing: bool,
 }
 
 impl Bar {
     /// A measurement that takes this long by plan. `quiet`: shows nothing at all.
     pub(super) fn new(quiet: bool, planned_s: f64) -> Bar {
-        let now = Instant::now();
         Bar {
-            quiet,
-            terminal: stdout().is_terminal(),
-            began: now,
-            next: now,
+            line: StatusLine::new(BAR, PAUSE, quiet),
             planned_s,
             over_s: 0.0,
-            standing: false,
         }
     }
 
     /// Shows that a part is under way, of which this much planned time is over.
     pub(super) fn show(&mut self, part: &str, part_s: f64) {
-        if self.quiet || Instant::now() < self.next || !is_heard() {
+        if !self.line.is_due() {
             return;
         }
-        self.next = Instant::now() + PAUSE[usize::from(!self.terminal)];
-        let line = line(
-            part,
-            self.over_s + part_s,
-            self.planned_s,
-            self.began.elapsed().as_secs_f64(),
+        let milliseconds = |time_s: f64| (time_s * 1000.0) as u64;
+        let (over_s, planned_s) = (self.over_s + part_s, self.planned_s);
+        self.line.show(
+            |bar| {
+                bar.set_length(milliseconds(planned_s));
+                bar.set_position(milliseconds(over_s));
+                bar.set_message(part.to_owned());
+            },
+            || {
+                format!(
+                    "{:3.0} %  {part}",
+                    100.0 * (over_s / planned_s.max(1e-3)).clamp(0.0, 1.0)
+                )
+            },
         );
-        if self.terminal {
-            say(&format!("\r\x1b[2K{line}"));
-            self.standing = true;
-        } else {
-            say(&format!("{line}\n"));
-        }
     }
 
     /// A part is over that took this long by plan.
@@ -66,76 +57,6 @@ impl Bar {
 
     /// Prints a line that stays.
     pub(super) fn say(&mut self, text: &str) {
-        if !self.quiet {
-            self.wipe();
-            say(&format!("{text}\n"));
-        }
-    }
-
-    fn wipe(&mut self) {
-        if std::mem::take(&mut self.standing) {
-            say("\r\x1b[2K");
-        }
-    }
-}
-
-impl Drop for Bar {
-    fn drop(&mut self) {
-        self.wipe();
-    }
-}
-
-/// The time left is what the plan says, times what the parts up to now took more than planned.
-fn line(part: &str, over_s: f64, planned_s: f64, elapsed_s: f64) -> String {
-    let share = if planned_s > 0.0 {
-        (over_s / planned_s).clamp(0.0, 1.0)
-    } else {
-        1.0
-    };
-    let slower = if over_s > 1.0 {
-        (elapsed_s / over_s).max(1.0)
-    } else {
-        1.0
-    };
-    let left_s = ((planned_s - over_s) * slower).max(0.0).round() as u64;
-    let full = (share * WIDTH as f64) as usize;
-    let time = match (left_s / 3600, left_s / 60 % 60, left_s % 60) {
-        (0, minutes, seconds) => format!("{minutes}:{seconds:02}"),
-        (hours, minutes, seconds) => format!("{hours}:{minutes:02}:{seconds:02}"),
-    };
-    format!(
-        "[{}{}] {:3.0} %  {time} left  {part}",
-        "#".repeat(full),
-        ".".repeat(WIDTH - full),
-        share * 100.0
-    )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lines_by_hand() {
-        assert_eq!(
-            line("begins", 0.0, 60.0, 3.0),
-            "[........................]   0 %  1:00 left  begins"
-        );
-        assert_eq!(
-            line("x", 30.0, 60.0, 45.0),
-            "[############............]  50 %  0:45 left  x"
-        );
-        assert_eq!(
-            line("x", 70.0, 60.0, 71.0),
-            "[########################] 100 %  0:00 left  x"
-        );
-        assert_eq!(
-            line("x", 100.0, 20_000.0, 100.0),
-            "[........................]   0 %  5:31:40 left  x"
-        );
-        assert_eq!(
-            line("x", 0.0, 0.0, 0.0),
-            "[########################] 100 %  0:00 left  x"
-        );
+        self.line.say(&format!("{text}\n"));
     }
 }

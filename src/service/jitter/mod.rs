@@ -27,5 +27,7 @@ pub mod table;
 mod window;
 mod words;
 
+#[cfg(test)]
+pub(crate) use bar::BAR;
 pub use distribution::Distribution;
 pub use report::JitterReport;

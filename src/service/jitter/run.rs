@@ -18,7 +18,7 @@ use crate::machine::sequence::Outcome;
 use crate::machine::tables::Tables;
 use crate::service::process::{self, Program, Session, Task, Wire};
 use crate::service::signals::StopSignal;
-use anyhow::{Context, bail};
+use anyhow::bail;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Mutex;
@@ -28,6 +28,8 @@ use std::time::Instant;
 const PROBE_S_MAX: u64 = 20;
 /// Boot of the network, homing and the way back take about this long, s; for the bar only.
 const AROUND_S: f64 = 5.0;
+/// Why a program did not run.
+const SIGNAL: &str = "a signal came before";
 /// How often a round is begun whose program never runs.
 const TRIES: u32 = 3;
 /// Probes of a floor.
@@ -283,6 +285,9 @@ impl Measured<'_> {
             quiet,
             ..
         } = *self.wanted;
+        if signal.caught().is_some() {
+            return Err(NotRun(SIGNAL.into()).into());
+        }
         let (_machine, analyser) = match far_end {
             FarEnd::Private { machine, wire } => (
                 Some(FarMachine::start(machine, config.cycle_us, wire[1])?),
@@ -325,7 +330,7 @@ impl Measured<'_> {
         if !window.was_open() {
             let cause = match (ended.operator.alarms().first(), ended.operator.outcome()) {
                 (Some(alarm), _) => alarm.cause.clone(),
-                (None, _) if signal.caught().is_some() => "a signal came before".into(),
+                (None, _) if signal.caught().is_some() => SIGNAL.into(),
                 (None, Some(Outcome::TimedOut(step))) => format!("{} took too long", step.name()),
                 (None, Some(Outcome::Completed | Outcome::Stopped | Outcome::Faulted) | None) => {
                     "the machine stopped before".into()
@@ -333,12 +338,24 @@ impl Measured<'_> {
             };
             return Err(NotRun(cause).into());
         }
-        if let Some(error) = window.error {
-            return Err(error).context("analyser");
-        }
         round.load_with_program = window.load;
         // Where the control stopped by itself so early that no window could be cut, all from the beginning on is it.
         let figures = window.figures.unwrap_or(ended.figures);
+        if figures.cycles == 0 && signal.caught().is_some() {
+            return Err(NotRun(SIGNAL.into()).into());
+        }
+        let heard = match (window.error, window.analyser) {
+            (Some(error), _) => Err(error),
+            (None, Some(analyser)) => analyser.report().map(Some),
+            (None, None) => Ok(None),
+        };
+        // What the control itself has measured is kept without it.
+        round.soc_period = heard.unwrap_or_else(|error| {
+            report.result = Ended::Faulted;
+            let note = format!("round {}: nothing from the analyser: {error:#}", self.number);
+            report.notes.push(note);
+            None
+        });
         let faults: Vec<String> = ended
             .operator
             .alarms()
@@ -361,9 +378,6 @@ impl Measured<'_> {
             thread: figures.thread,
             timeout_thread: ended.timeouts,
         };
-        if let Some(analyser) = window.analyser {
-            round.soc_period = Some(analyser.report()?);
-        }
         if let Some(fault) = round.control.faults.first() {
             report.result = Ended::Faulted;
             report

@@ -1,212 +1,225 @@
-//! Pictures of a run as SVG text: the tool path, commanded and actual, and the SoC period.
+//! Pictures of a run, and the page that shows all of them: the tool path as it was commanded, and how far from it the machine
+//! was.
 //!
-//! In:  samples of the [recorder](super::recorder), the report of the [analyser](super::analyser).
-//! Out: SVG that any browser shows; small, for points that cannot be told apart are left out.
+//! In:  samples of the [recorder](super::recorder), pictures of others.
+//! Out: SVG and HTML that any browser shows; small, for points that cannot be told apart are left out.
 
-pub(crate) mod canvas;
+pub(crate) mod lines;
+pub(crate) mod sheet;
 
-use super::analyser::SocReport;
 use super::recorder::PathSample;
-use crate::rt::jitter::Bucket;
-pub use canvas::PlotError;
-use canvas::{FINE, GRID, INK, draw, fine, font, line, number, round_up, stroke, text, thin_out};
-use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use lines::{number, round_up, thin_out};
+use sheet::{Anchor, Face, Sheet, escaped};
 
-/// Points nearer than this to the line through their neighbours are left out, mm.
-const TOLERANCE_MM: f64 = 0.005;
-/// White left of the name of a vertical axis, and room for the name below a horizontal one, pixels.
-const EDGE: i32 = 14;
-const BELOW: u32 = 40;
+/// Room of the views, pixels; white around them.
+const WIDTH: f64 = 1000.0;
+const LEFT: f64 = 78.0;
+const RIGHT: f64 = 970.0;
+/// Of both views together.
+const HEIGHT_MAX: f64 = 800.0;
+const HEIGHT_MIN: f64 = 60.0;
+/// Between two views: numbers and name of an axis.
+const BELOW: f64 = 62.0;
+const STRIP: f64 = 110.0;
+/// Least distance of two lines of the grid, pixels.
+const GRID_STEP: f64 = 45.0;
+/// Points nearer than this to the line through their neighbours are left out, pixels.
+const TOLERANCE: f64 = 0.1;
+/// How many cycles a drive may be behind its command, and be on its path all the same.
+const BEHIND_CYCLES: usize = 64;
+
 /// Colours that people with any colour vision can tell apart.
-const FEED: RGBColor = RGBColor(0x56, 0xB4, 0xE9);
-const RAPID: RGBColor = RGBColor(0xE6, 0x9F, 0x00);
-const ACTUAL: RGBColor = RGBColor(0x22, 0x22, 0x22);
-const BAR: RGBColor = RGBColor(0x00, 0x72, 0xB2);
-const NOMINAL: RGBColor = RGBColor(0xD5, 0x5E, 0x00);
+pub(crate) const INK: &str = "#222222";
+pub(crate) const GRID: &str = "#e2e2e2";
+const FEED: &str = "#0072b2";
+pub(crate) const RAPID: &str = "#d08000";
+const OFF: &str = "#d55e00";
+pub(crate) const TITLE: Face = Face::new(20.0, INK).bold();
+pub(crate) const BODY: Face = Face::new(13.0, INK);
+pub(crate) const SMALL: Face = Face::new(12.0, INK);
 
-/// The path of the tool from above (XY) and from the front (XZ), both to one scale: commanded moves at feed, rapid moves,
-/// and the actual path as a thin line over them.
-///
-/// # Errors
-/// If the picture cannot be drawn; not expected for any samples.
-pub fn toolpath_svg(title: &str, samples: &[PathSample]) -> Result<String, PlotError> {
-    const WIDTH: f64 = 900.0;
-    const HEIGHT_XY: f64 = 640.0;
-    const LEFT: u32 = 70;
-    const RIGHT: u32 = 20;
-    const TOP: u32 = 70;
-    const BETWEEN: u32 = 70;
-    const SHORTEST: f64 = 60.0;
-
-    let samples: Vec<PathSample> = samples
-        .iter()
-        .copied()
-        .filter(|sample| {
-            sample
-                .command
-                .iter()
-                .chain(&sample.actual)
-                .all(|coordinate| coordinate.is_finite())
-        })
-        .collect();
-    let [mut x, mut y, mut z] = [0, 1, 2].map(|axis| Span::of(&samples, axis));
-    let pixels_per_mm = (WIDTH / x.length()).min(HEIGHT_XY / y.length());
-    // One scale for all three axes; a short axis gets room around it instead of another scale.
-    for span in [&mut x, &mut y, &mut z] {
-        span.grow_to(SHORTEST / pixels_per_mm);
+/// The path of the tool from above (XY) and from the front (XZ), both to one scale, as it was commanded; below it, over time,
+/// how far the actual position was from the commanded path, which lies on straight lines between samples. `sample_s`: time from
+/// one to the next.
+pub fn toolpath_svg(title: &str, samples: &[PathSample], sample_s: f64) -> String {
+    let finite = |sample: &&PathSample| {
+        let mut coordinates = sample.command.iter().chain(&sample.actual);
+        coordinates.all(|coordinate| coordinate.is_finite())
+    };
+    let samples: Vec<PathSample> = samples.iter().filter(finite).copied().collect();
+    let mut sheet = Sheet::new(WIDTH);
+    sheet.text((24.0, 36.0), TITLE, title);
+    let mut x = 24.0;
+    for (name, colour, dashes) in [("feed", FEED, ""), ("rapid", RAPID, "5 3")] {
+        sheet.line((x, 58.0), (x + 28.0, 58.0), colour, 2.0, dashes);
+        sheet.text((x + 34.0, 62.0), BODY, name);
+        x += 95.0;
     }
-    x.grow_to(360.0 / pixels_per_mm); // room for title and legend
-    let pixels = |span: Span| (span.length() * pixels_per_mm).round() as u32;
-    let (width, height_xy, height_xz) = (pixels(x), pixels(y), pixels(z));
-    let size = (LEFT + width + RIGHT, TOP + height_xy + BETWEEN + height_xz + BELOW + 10);
+    for (name, filled) in [("start", false), ("end", true)] {
+        sheet.dot((x + 6.0, 58.0), 5.0, INK, filled);
+        sheet.text((x + 18.0, 62.0), BODY, name);
+        x += 70.0;
+    }
+    sheet.text((x, 62.0), BODY, "both views: positions of the machine, as commanded");
 
-    draw(size, |root| {
-        text(root, (20, 14), title, 17, INK, HPos::Left)?;
-        let mut at = 20;
-        for (name, colour, thick) in [("feed", FEED, 3.5), ("rapid", RAPID, 2.6), ("actual", ACTUAL, 0.6)] {
-            line(root, (at, 49), (at + 26, 49), stroke(colour, thick))?;
-            text(root, (at + 32, 42), name, 13, INK, HPos::Left)?;
-            at += 95;
-        }
-        for (top, height, vertical, axis, name) in [
-            (TOP, height_xy, y, 1, "Y, mm"),
-            (TOP + height_xy + BETWEEN, height_xz, z, 2, "Z, mm"),
-        ] {
-            let panel = root.clone().shrink(
-                (fine(EDGE), fine(top as i32)),
-                (fine(size.0 - EDGE as u32), fine(height + BELOW)),
-            );
-            let mut chart = ChartBuilder::on(&panel)
-                .set_label_area_size(LabelAreaPosition::Left, fine(LEFT - EDGE as u32))
-                .set_label_area_size(LabelAreaPosition::Bottom, fine(BELOW))
-                .margin_right(fine(RIGHT))
-                .build_cartesian_2d(x.from..x.to, vertical.from..vertical.to)
-                .map_err(PlotError::new)?;
-            chart
-                .configure_mesh()
-                .light_line_style(TRANSPARENT)
-                .bold_line_style(stroke(GRID, 0.8))
-                .axis_style(stroke(INK, 0.8))
-                .x_labels((width / 90).clamp(2, 12) as usize)
-                .y_labels((height / 45).clamp(2, 14) as usize)
-                .x_label_formatter(&|value| number(*value))
-                .y_label_formatter(&|value| number(*value))
-                .label_style(font(12))
-                .axis_desc_style(font(13))
-                .set_all_tick_mark_size(fine(4))
-                .x_desc("X, mm")
-                .y_desc(name)
-                .draw()
-                .map_err(PlotError::new)?;
-            let tolerance_mm = TOLERANCE_MM.max(0.5 / (pixels_per_mm * f64::from(FINE)));
-            let command = |sample: &PathSample| (sample.command[0], sample.command[axis]);
-            // Feed above rapid, so that a cut is never hidden.
-            for (rapid, style) in [(true, stroke(RAPID, 2.6)), (false, stroke(FEED, 3.5))] {
-                for run in runs(&samples, rapid, command) {
-                    let thinned = thin_out(&run, tolerance_mm);
-                    chart
-                        .draw_series(std::iter::once(PathElement::new(thinned, style)))
-                        .map_err(PlotError::new)?;
-                }
-            }
-            let actual: Vec<_> = samples
-                .iter()
-                .map(|sample| (sample.actual[0], sample.actual[axis]))
-                .collect();
-            let thinned = thin_out(&actual, tolerance_mm);
-            chart
-                .draw_series(std::iter::once(PathElement::new(thinned, stroke(ACTUAL, 0.6))))
-                .map_err(PlotError::new)?;
-        }
-        Ok(())
-    })
-}
-
-/// How often the SoC came after how long: counts on a logarithmic axis around the nominal period, and the figures.
-///
-/// # Errors
-/// If the picture cannot be drawn; not expected for any report.
-pub fn soc_period_svg(report: &SocReport) -> Result<String, PlotError> {
-    let nominal_us = f64::from(report.cycle_us);
-    let bins = Bins::of(&report.histogram);
-    let (from_us, to_us) = (nominal_us + bins.from_us, nominal_us + bins.to_us());
-    let most = bins.counts.iter().copied().max().unwrap_or(0).max(1) as f64;
-    let size = (900, 520);
-    draw(size, |root| {
-        text(
-            root,
-            (20, 14),
-            &format!("SoC period at {}", report.interface),
-            17,
-            INK,
-            HPos::Left,
-        )?;
-        let figures = [
-            format!("mean {:.3} µs", report.period_mean_us),
-            format!("max range {:.3} µs", report.period_range_us),
-            format!("std dev {:.3} µs", report.period_std_us),
-            format!("n {}", report.n),
-        ];
-        for (at, figure) in (20..).step_by(180).zip(&figures) {
-            text(root, (at, 40), figure, 13, INK, HPos::Left)?;
-        }
-        let panel = root
-            .clone()
-            .shrink((fine(EDGE), fine(86)), (fine(size.0 - EDGE as u32), fine(size.1 - 96)));
-        let mut chart = ChartBuilder::on(&panel)
-            .set_label_area_size(LabelAreaPosition::Left, fine(76))
-            .set_label_area_size(LabelAreaPosition::Bottom, fine(BELOW))
-            .margin_right(fine(30))
-            .build_cartesian_2d(from_us..to_us, (FLOOR..most * 2.0).log_scale())
-            .map_err(PlotError::new)?;
-        chart
-            .configure_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(stroke(GRID, 0.8))
-            .axis_style(stroke(INK, 0.8))
-            .x_labels(9)
-            .y_labels(8)
-            .x_label_formatter(&|value| number(*value))
-            .y_label_formatter(&|value| {
-                if *value < 0.999 {
-                    String::new()
-                } else {
-                    format!("{value:.0}")
-                }
-            })
-            .label_style(font(12))
-            .axis_desc_style(font(13))
-            .set_all_tick_mark_size(fine(4))
-            .x_desc(format!("period, µs (one bar: {} µs)", number(bins.width_us)))
-            .y_desc("number of periods")
-            .draw()
-            .map_err(PlotError::new)?;
-        let bar = |(index, count): (usize, &u64)| {
-            let left_us = from_us + index as f64 * bins.width_us;
-            let corners = [(left_us, FLOOR), (left_us + bins.width_us, *count as f64)];
-            (*count > 0).then(|| Rectangle::new(corners, BAR.filled()))
+    let [mut across, mut y, mut z] = [0, 1, 2].map(|axis| Span::of(&samples, axis));
+    let pixels_per_mm = ((RIGHT - LEFT) / across.length()).min(HEIGHT_MAX / (y.length() + z.length()));
+    // One scale for all three axes; a short axis gets room around it instead of another scale.
+    across.grow_to((RIGHT - LEFT) / pixels_per_mm);
+    for span in [&mut y, &mut z] {
+        span.grow_to(HEIGHT_MIN / pixels_per_mm);
+    }
+    let mut top = 84.0;
+    for (span, axis, name) in [(y, 1, "Y, mm"), (z, 2, "Z, mm")] {
+        let view = View {
+            across,
+            up: span,
+            pixels_per_mm,
+            top,
         };
-        chart
-            .draw_series(bins.counts.iter().enumerate().filter_map(bar))
-            .map_err(PlotError::new)?;
-        let nominal = PathElement::new(
-            vec![(nominal_us, FLOOR), (nominal_us, most * 2.0)],
-            stroke(NOMINAL, 1.0),
-        );
-        chart.draw_series(std::iter::once(nominal)).map_err(PlotError::new)?;
-        let (x, y) = chart.backend_coord(&(nominal_us, most * 2.0));
-        let label = Text::new(
-            format!("nominal {} µs", report.cycle_us),
-            (x, y - fine(4)),
-            font(12).color(&NOMINAL).pos(Pos::new(HPos::Center, VPos::Bottom)),
-        );
-        root.draw(&label).map_err(PlotError::new)
-    })
+        view.draw(&mut sheet, &samples, axis, name);
+        top = view.bottom() + BELOW;
+    }
+    let bottom = strip(&mut sheet, &samples, sample_s, top + 6.0);
+    sheet.finish(bottom + 12.0)
 }
 
-/// Foot of the bars: a bar of one period must be seen.
-const FLOOR: f64 = 0.7;
+/// A view of the path.
+struct View {
+    across: Span,
+    up: Span,
+    pixels_per_mm: f64,
+    top: f64,
+}
+
+impl View {
+    fn bottom(&self) -> f64 {
+        self.top + self.up.length() * self.pixels_per_mm
+    }
+
+    fn place(&self, (x, y): (f64, f64)) -> (f64, f64) {
+        let right = (x - self.across.from) * self.pixels_per_mm;
+        (LEFT + right, self.bottom() - (y - self.up.from) * self.pixels_per_mm)
+    }
+
+    fn draw(&self, sheet: &mut Sheet, samples: &[PathSample], axis: usize, name: &str) {
+        let (top, bottom) = (self.top, self.bottom());
+        // The same step both ways.
+        let step_mm = round_up(GRID_STEP / self.pixels_per_mm);
+        for x_mm in self.across.multiples(step_mm) {
+            let (x, _) = self.place((x_mm, 0.0));
+            sheet.line((x, top), (x, bottom), GRID, 1.0, "");
+            sheet.text((x, bottom + 17.0), SMALL.at(Anchor::Middle), &number(x_mm));
+        }
+        for up_mm in self.up.multiples(step_mm) {
+            let (_, y) = self.place((0.0, up_mm));
+            sheet.line((LEFT, y), (RIGHT, y), GRID, 1.0, "");
+            sheet.text((LEFT - 7.0, y + 4.0), SMALL.at(Anchor::End), &number(up_mm));
+        }
+        sheet.path(&[(LEFT, top), (LEFT, bottom), (RIGHT, bottom)], INK, 1.0, "");
+        sheet.text(((LEFT + RIGHT) / 2.0, bottom + 36.0), BODY.at(Anchor::Middle), "X, mm");
+        sheet.text((16.0, top + 4.0), BODY, name);
+        let at = |sample: &PathSample| self.place((sample.command[0], sample.command[axis]));
+        // Feed above rapid, so that a cut is never hidden.
+        for (rapid, colour, dashes) in [(true, RAPID, "5 3"), (false, FEED, "")] {
+            for run in runs(samples, rapid, at) {
+                sheet.path(&thin_out(&run, TOLERANCE), colour, 1.4, dashes);
+            }
+        }
+        for (sample, filled) in [(samples.first(), false), (samples.last(), true)] {
+            if let Some(sample) = sample {
+                sheet.dot(at(sample), 5.0, INK, filled);
+            }
+        }
+    }
+}
+
+/// How far from the path, over time; gives the lower end.
+fn strip(sheet: &mut Sheet, samples: &[PathSample], sample_s: f64, top: f64) -> f64 {
+    let off_um = off_path_um(samples);
+    let most = off_um.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+    let told = match most {
+        Some((at, um)) => format!(": {um:.1} um at most, in line {}", samples[at].line),
+        None => String::new(),
+    };
+    sheet.text(
+        (24.0, top),
+        BODY,
+        &format!("Actual position off the commanded path{told}"),
+    );
+    let (ceiling, base) = (top + 14.0, top + 14.0 + STRIP);
+    let most_um = off_um.iter().copied().fold(1.0, f64::max);
+    let step_um = round_up(most_um / 4.0);
+    let y = |um: f64| base - um / most_um * STRIP;
+    for um in (0..=(most_um / step_um) as u32).map(|k| f64::from(k) * step_um) {
+        sheet.line((LEFT, y(um)), (RIGHT, y(um)), GRID, 1.0, "");
+        sheet.text((LEFT - 7.0, y(um) + 4.0), SMALL.at(Anchor::End), &number(um));
+    }
+    sheet.text((16.0, (ceiling + base) / 2.0), BODY, "um");
+    let end_s = (samples.len().max(2) - 1) as f64 * sample_s;
+    let step_s = round_up(end_s / 12.0);
+    for time_s in (0..=(end_s / step_s) as u32).map(|k| f64::from(k) * step_s) {
+        let x = LEFT + time_s / end_s * (RIGHT - LEFT);
+        sheet.line((x, ceiling), (x, base + 4.0), GRID, 1.0, "");
+        sheet.text((x, base + 17.0), SMALL.at(Anchor::Middle), &number(time_s));
+    }
+    let columns = (RIGHT - LEFT) as usize;
+    let highest = |column: usize| {
+        let range = column * off_um.len() / columns..(column + 1) * off_um.len() / columns;
+        off_um[range].iter().copied().reduce(f64::max)
+    };
+    let points = (0..columns).filter_map(|column| Some((LEFT + column as f64 + 0.5, y(highest(column)?))));
+    let points: Vec<(f64, f64)> = points.collect();
+    sheet.path(&thin_out(&points, TOLERANCE), OFF, 1.2, "");
+    sheet.path(&[(LEFT, ceiling), (LEFT, base), (RIGHT, base)], INK, 1.0, "");
+    let middle = (LEFT + RIGHT) / 2.0;
+    sheet.text((middle, base + 36.0), BODY.at(Anchor::Middle), "time, s");
+    base + 40.0
+}
+
+/// Distance of each actual position from the commanded path, which may be ahead by some cycles, um.
+fn off_path_um(samples: &[PathSample]) -> Vec<f64> {
+    let last = samples.len().saturating_sub(1);
+    let off_mm = |at: usize| {
+        let actual = samples[at].actual;
+        let near = at.saturating_sub(BEHIND_CYCLES)..(at + 1).min(last);
+        let to_commands = near.map(|at| to_segment(actual, samples[at].command, samples[at + 1].command));
+        to_commands.fold(distance(actual, samples[at].command), f64::min)
+    };
+    (0..samples.len()).map(|at| off_mm(at) * 1e3).collect()
+}
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>().sqrt()
+}
+
+/// Distance of a point from the straight line between two ends.
+fn to_segment(point: [f64; 3], from: [f64; 3], to: [f64; 3]) -> f64 {
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let less = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+    let along = less(to, from);
+    let share = dot(less(point, from), along) / dot(along, along);
+    // Ends that coincide have no direction.
+    let share = if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 };
+    distance(point, [0, 1, 2].map(|axis| from[axis] + share * along[axis]))
+}
+
+/// One page with a text and pictures, which needs no other file.
+pub fn html(title: &str, text: &str, pictures: &[String]) -> String {
+    let pictures: Vec<String> = pictures.iter().map(|svg| format!("<figure>{svg}</figure>\n")).collect();
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{title}</title>\n\
+         <style>body {{ font-family: sans-serif; margin: 2em }} figure {{ margin: 2em 0 }} svg {{ max-width: 100%; height: auto }}\
+         </style>\n</head>\n<body>\n<h1>{title}</h1>\n<pre>{}</pre>\n{}</body>\n</html>\n",
+        escaped_lines(text),
+        pictures.concat(),
+        title = escaped(title),
+    )
+}
+
+fn escaped_lines(text: &str) -> String {
+    text.lines().map(|line| escaped(line) + "\n").collect()
+}
 
 /// Range of an axis with some room around, mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -217,9 +230,7 @@ struct Span {
 
 impl Span {
     fn of(samples: &[PathSample], axis: usize) -> Span {
-        let all = samples
-            .iter()
-            .flat_map(|sample| [sample.command[axis], sample.actual[axis]]);
+        let all = samples.iter().map(|sample| sample.command[axis]);
         let (from, to) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(from, to), at| {
             (from.min(at), to.max(at))
         });
@@ -241,6 +252,12 @@ impl Span {
         self.from -= missing / 2.0;
         self.to += missing / 2.0;
     }
+
+    /// Whole multiples of a step.
+    fn multiples(self, step: f64) -> impl Iterator<Item = f64> {
+        let (first, last) = ((self.from / step).ceil() as i64, (self.to / step).floor() as i64);
+        (first..=last).map(move |k| k as f64 * step)
+    }
 }
 
 /// The stretches of a path that are rapid, or that are not; each begins where the one before ends.
@@ -259,47 +276,6 @@ fn runs(samples: &[PathSample], rapid: bool, at: impl Fn(&PathSample) -> (f64, f
     runs
 }
 
-/// Counts in bars of one width, µs from nominal.
-#[derive(Clone, Debug, PartialEq)]
-struct Bins {
-    from_us: f64,
-    width_us: f64,
-    counts: Vec<u64>,
-}
-
-impl Bins {
-    fn of(histogram: &[Bucket]) -> Bins {
-        let us = |ns: i64| ns as f64 / 1000.0;
-        // The last bucket of all is open; the analyser never fills it, for it leaves out gaps.
-        let first_us = histogram.first().map_or(-1.0, |bucket| us(bucket.from_ns)).min(-1.0);
-        let last_us = histogram.last().map_or(1.0, |bucket| us(bucket.to_ns)).clamp(1.0, 1e9);
-        let widest_us = histogram
-            .iter()
-            .map(|bucket| us(bucket.to_ns.saturating_sub(bucket.from_ns)))
-            .fold(0.0, f64::max);
-        // Not much narrower than a bucket: empty bars between full ones would show nothing but the rounding.
-        let width_us = round_up(((last_us - first_us) / 120.0).max(widest_us.min(1e7) / 1.5));
-        // One bar has nominal in its middle.
-        let from_us = ((first_us / width_us).floor() - 0.5) * width_us;
-        let bars = ((last_us - from_us) / width_us).ceil() as usize + 1;
-        let mut counts = vec![0; bars];
-        for bucket in histogram {
-            let middle_us = (us(bucket.from_ns) + us(bucket.to_ns)) / 2.0;
-            let bar = ((middle_us - from_us) / width_us).clamp(0.0, (bars - 1) as f64) as usize;
-            counts[bar] += bucket.count;
-        }
-        Bins {
-            from_us,
-            width_us,
-            counts,
-        }
-    }
-
-    fn to_us(&self) -> f64 {
-        self.from_us + self.width_us * self.counts.len() as f64
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -311,6 +287,12 @@ mod tests {
             rapid,
             line: 1,
         }
+    }
+
+    fn texts(svg: &str) -> Vec<String> {
+        let document = roxmltree::Document::parse(svg).unwrap_or_else(|error| panic!("{error}\n{svg}"));
+        let texts = document.descendants().filter(|node| node.has_tag_name("text"));
+        texts.map(|node| node.text().unwrap_or_default().to_owned()).collect()
     }
 
     #[test]
@@ -328,30 +310,22 @@ mod tests {
     }
 
     #[test]
-    fn bars_are_of_a_round_width_and_hold_all_periods() {
-        let bucket = |from_ns, to_ns, count| Bucket { from_ns, to_ns, count };
-        let bins = Bins::of(&[
-            bucket(-9_000, -8_900, 1),
-            bucket(0, 0, 500),
-            bucket(90, 90, 7),
-            bucket(6_000, 6_100, 2),
-        ]);
-        assert_eq!(bins.width_us, 0.2);
-        assert_eq!(bins.counts.iter().sum::<u64>(), 510);
-        assert_eq!(*bins.counts.iter().max().unwrap(), 507);
-        let empty = Bins::of(&[]);
-        assert_eq!(empty.counts.iter().sum::<u64>(), 0);
-        assert!(empty.from_us <= -1.0 && empty.to_us() >= 1.0);
-        assert_eq!([0.012, 0.02, 3.0, 70.0].map(round_up), [0.02, 0.02, 5.0, 100.0]);
-    }
-
-    /// The parts of an SVG that say where the picture shows a path.
-    fn polylines(svg: &str) -> usize {
-        svg.matches("<polyline").count()
+    fn a_drive_that_is_late_on_its_path_is_behind_and_not_off() {
+        let mut samples: Vec<PathSample> = (0..100).map(|x| sample(f64::from(x), 0.0, 0.0, false)).collect();
+        for (at, sample) in samples.iter_mut().enumerate() {
+            // Ten cycles behind, and from the middle on 2 um beside it.
+            sample.actual = [(at as f64 - 10.0).max(0.0), if at < 50 { 0.0 } else { 0.002 }, 0.0];
+        }
+        let off_um = off_path_um(&samples);
+        assert!(off_um[..50].iter().all(|um| *um < 1e-9), "{off_um:?}");
+        assert!(off_um[50..].iter().all(|um| (um - 2.0).abs() < 1e-9), "{off_um:?}");
+        let svg = toolpath_svg("t", &samples, 0.001);
+        let told = "Actual position off the commanded path: 2.0 um at most, in line 1";
+        assert!(texts(&svg).iter().any(|text| text == told));
     }
 
     #[test]
-    fn the_picture_is_complete_and_small() {
+    fn the_grid_is_square_and_the_picture_complete_and_small() {
         let mut samples = Vec::new();
         for i in 0..60_000 {
             let angle = f64::from(i) * 0.001;
@@ -362,19 +336,24 @@ mod tests {
                 i % 20_000 < 500,
             ));
         }
-        let svg = toolpath_svg("bracket <1> & \"2\".ngc", &samples).unwrap();
-        assert!(
-            svg.contains("bracket &lt;1&gt; &amp; &quot;2&quot;.ngc"),
-            "{}",
-            &svg[..600]
-        );
-        for word in ["feed", "rapid", "actual", "X, mm", "Y, mm", "Z, mm"] {
-            assert!(svg.contains(word), "{word}");
+        let svg = toolpath_svg("bracket <1> & \"2\".ngc", &samples, 0.001);
+        let texts = texts(&svg);
+        for word in ["bracket <1> & \"2\".ngc", "feed", "rapid", "start", "end"] {
+            assert!(texts.iter().any(|text| text == word), "{word}");
         }
+        for name in ["X, mm", "Y, mm", "Z, mm", "time, s"] {
+            assert!(texts.iter().any(|text| text == name), "{name}");
+        }
+        // The numbers of the grid of X, and of Y: one step.
+        let numbers: Vec<f64> = texts.iter().filter_map(|text| text.parse().ok()).collect();
+        assert_eq!(numbers[1] - numbers[0], 10.0, "{numbers:?}");
+        let y = numbers
+            .windows(2)
+            .position(|pair| pair[1] < pair[0])
+            .expect("Y begins anew")
+            + 1;
+        assert_eq!(numbers[y + 1] - numbers[y], 10.0, "{numbers:?}");
         assert!(svg.len() < 200_000, "{} octets", svg.len());
-        // Two views of three rapid runs, three feed runs and the actual path, and three lines in the legend at least.
-        assert!(polylines(&svg) >= 17, "{}", polylines(&svg));
-        assert!(svg.starts_with("<svg width=\"") && svg.trim_end().ends_with("</svg>"));
     }
 
     #[test]
@@ -386,8 +365,17 @@ mod tests {
             vec![sample(-1e6, 0.0, 0.0, false), sample(1e6, 1e-9, 0.0, false)],
             vec![sample(0.0, -1e6, 0.0, false), sample(0.0, 1e6, 1e6, false)],
         ] {
-            let svg = toolpath_svg("strange", &samples).unwrap();
-            assert!(svg.len() < 100_000);
+            let svg = toolpath_svg("strange", &samples, 0.001);
+            assert!(svg.len() < 100_000 && !svg.contains("NaN"));
+            texts(&svg);
         }
+    }
+
+    #[test]
+    fn a_page_holds_text_and_pictures_and_is_no_way_in() {
+        let picture = toolpath_svg("p", &[], 0.001);
+        let page = html("a <b>", "result: 1 < 2\nline two", &[picture.clone(), picture]);
+        assert_eq!(page.matches("<svg ").count(), 2);
+        assert!(page.contains("<h1>a &lt;b&gt;</h1>") && page.contains("<pre>result: 1 &lt; 2\nline two\n</pre>"));
     }
 }

@@ -4,22 +4,24 @@
 
 use super::{EDGE, WIDTH};
 use crate::cli::plan::run_down::Work;
-use crate::service::plot::PlotError;
-use crate::service::plot::canvas::{Area, FINE, INK, fine, line, number, round_up, stroke, text, thin_out};
-use motion::canon::Axis;
-use plotters::prelude::*;
-use plotters::style::text_anchor::HPos;
+use crate::service::plot::lines::{number, round_up, thin_out};
+use crate::service::plot::sheet::{Anchor, Sheet};
+use crate::service::plot::{BODY, INK, RAPID, SMALL};
+use motion::canon::{Axis, Position};
 
 /// Points of the picture at the most; above it, details are left out.
 const POINTS_MAX: usize = 9000;
 /// Steps of colour.
 const COLOURS: usize = 32;
-const RAPID: RGBColor = RGBColor(0xB8, 0xB8, 0xB8);
+const RAPID_DASHES: &str = "6 4";
 /// Room for the colour bar.
-const BAR_WIDTH: i32 = 110;
+const BAR_WIDTH: f64 = 150.0;
 const HEIGHT: f64 = 560.0;
 /// A program is flat where its Z moves by less than this part of X and Y while it cuts.
 const FLAT: f64 = 0.02;
+/// Below the path: scale, axes, marks.
+const BELOW: f64 = 104.0;
+const ARROW: f64 = 44.0;
 
 /// A stretch of one colour, with its points; rapid ones have none.
 type Run = (Option<usize>, Vec<(f64, f64)>);
@@ -33,10 +35,25 @@ pub(super) struct View {
     pixels_per_mm: f64,
     isometric: bool,
     speed_max: f64,
+    /// Where the path begins and ends.
+    ends: Option<[(f64, f64); 2]>,
+    /// X0 Y0 Z0 of G54, where that is in the picture.
+    zero: Option<(f64, f64)>,
+}
+
+/// A place of the machine as it is seen, mm to the right and up.
+fn project(isometric: bool, x: f64, y: f64, z: f64) -> (f64, f64) {
+    if isometric {
+        let (sin, cos) = std::f64::consts::FRAC_PI_6.sin_cos();
+        // Seen from the front right above: X to the right and down, Y to the right and up.
+        ((x + y) * cos, (y - x) * sin + z)
+    } else {
+        (x, y)
+    }
 }
 
 impl View {
-    pub(super) fn of(work: &Work) -> View {
+    pub(super) fn of(work: &Work, origin: Position) -> View {
         let cuts = || work.cycles.iter().filter(|cycle| cycle.moving && !cycle.rapid);
         let extent = |axis: Axis| {
             let ends = |(low, high): (f64, f64), at: f64| (low.min(at), high.max(at));
@@ -46,22 +63,13 @@ impl View {
             (all.1 - all.0).max(0.0)
         };
         let isometric = extent(Axis::Z) > FLAT * extent(Axis::X).max(extent(Axis::Y));
-        let project = |x: f64, y: f64, z: f64| {
-            if isometric {
-                let (sin, cos) = std::f64::consts::FRAC_PI_6.sin_cos();
-                // Seen from the front right above: X to the right and down, Y to the right and up.
-                ((x + y) * cos, (y - x) * sin + z)
-            } else {
-                (x, y)
-            }
-        };
+        let project = |at: &Position| project(isometric, at[Axis::X], at[Axis::Y], at[Axis::Z]);
         let speed_max = round_up_finely(cuts().map(|cycle| cycle.speed_mm_s).fold(0.0, f64::max));
         let colour = |speed: f64| ((speed / speed_max * COLOURS as f64) as usize).min(COLOURS - 1);
         let mut runs: Vec<Run> = Vec::new();
         let mut last = None;
         for cycle in work.cycles.iter().filter(|cycle| cycle.moving) {
-            let position = &cycle.position;
-            let at = project(position[Axis::X], position[Axis::Y], position[Axis::Z]);
+            let at = project(&cycle.position);
             let colour = (!cycle.rapid).then(|| colour(cycle.speed_mm_s));
             match runs.last_mut() {
                 Some((of_run, points)) if *of_run == colour => points.push(at),
@@ -74,21 +82,24 @@ impl View {
         let least = |of: fn(&(f64, f64)) -> f64| points().map(of).fold(f64::INFINITY, f64::min);
         let most = |of: fn(&(f64, f64)) -> f64| points().map(of).fold(f64::NEG_INFINITY, f64::max);
         let (left, right, bottom, top) = (least(|p| p.0), most(|p| p.0), least(|p| p.1), most(|p| p.1));
-        let room = f64::from(WIDTH) - f64::from(2 * EDGE + BAR_WIDTH);
+        let room = WIDTH - 2.0 * EDGE - BAR_WIDTH;
         let (across, up) = ((right - left).max(1e-3), (top - bottom).max(1e-3));
         let pixels_per_mm = if left <= right {
             (room / across).min(HEIGHT / up)
         } else {
             1.0
         };
+        let pixels = |(x, y): (f64, f64)| ((x - left) * pixels_per_mm, (top - y) * pixels_per_mm);
         for (_, points) in &mut runs {
-            for (x, y) in points {
-                (*x, *y) = ((*x - left) * pixels_per_mm, (top - *y) * pixels_per_mm);
-            }
+            points.iter_mut().for_each(|point| *point = pixels(*point));
         }
+        let first = runs.first().and_then(|(_, points)| points.first()).copied();
+        let ends = first.zip(last.map(pixels)).map(|(first, last)| [first, last]);
+        let zero = project(&origin);
+        let inside = (left..=right).contains(&zero.0) && (bottom..=top).contains(&zero.1);
         let count = |runs: &[Run]| runs.iter().map(|(_, points)| points.len()).sum::<usize>();
         // Half of the finest step of the picture, then coarser until it is small enough.
-        let mut tolerance = 0.5 / f64::from(FINE);
+        let mut tolerance = 0.06;
         while count(&runs) > POINTS_MAX && tolerance < 2.0 {
             runs = runs
                 .into_iter()
@@ -105,76 +116,120 @@ impl View {
             pixels_per_mm,
             isometric,
             speed_max,
+            ends,
+            zero: inside.then(|| pixels(zero)),
         }
     }
 
-    pub(super) fn height(&self) -> i32 {
-        self.height.ceil() as i32 + 50
+    pub(super) fn height(&self) -> f64 {
+        self.height.ceil() + BELOW
     }
 
-    pub(super) fn draw(&self, root: &Area<'_>, top: i32) -> Result<(), PlotError> {
-        let room = f64::from(WIDTH) - f64::from(2 * EDGE + BAR_WIDTH);
-        let left = f64::from(EDGE) + (room - self.width) / 2.0;
-        let place = |(x, y): &(f64, f64)| {
-            let scale = f64::from(FINE);
-            (
-                ((x + left) * scale).round() as i32,
-                ((y + f64::from(top)) * scale).round() as i32,
-            )
-        };
+    pub(super) fn draw(&self, sheet: &mut Sheet, top: f64) {
+        let room = WIDTH - 2.0 * EDGE - BAR_WIDTH;
+        let left = EDGE + (room - self.width) / 2.0;
+        let place = |(x, y): &(f64, f64)| (x + left, y + top);
         // Rapid moves lie below, so that no cut is hidden.
         for rapid in [true, false] {
             for (colour, points) in self.runs.iter().filter(|(colour, _)| colour.is_none() == rapid) {
-                let style = match colour {
-                    None => stroke(RAPID, 0.8),
-                    Some(colour) => stroke(speed_colour((*colour as f64 + 0.5) / COLOURS as f64), 2.0),
-                };
-                let path = PathElement::new(points.iter().map(place).collect::<Vec<_>>(), style);
-                root.draw(&path).map_err(PlotError::new)?;
+                let points: Vec<(f64, f64)> = points.iter().map(place).collect();
+                match colour {
+                    None => sheet.path(&points, RAPID, 1.0, RAPID_DASHES),
+                    Some(colour) => {
+                        let colour = speed_colour((*colour as f64 + 0.5) / COLOURS as f64);
+                        sheet.path(&points, &colour, 2.0, "");
+                    }
+                }
             }
         }
-        self.draw_scale(root, top + self.height.ceil() as i32 + 14)?;
-        self.draw_bar(root, top)
-    }
-
-    /// A bar of a round length, and how the path is seen.
-    fn draw_scale(&self, root: &Area<'_>, top: i32) -> Result<(), PlotError> {
-        let length_mm = round_up(60.0 / self.pixels_per_mm);
-        let pixels = (length_mm * self.pixels_per_mm).round() as i32;
-        line(root, (EDGE, top + 8), (EDGE + pixels, top + 8), stroke(INK, 1.2))?;
-        for x in [EDGE, EDGE + pixels] {
-            line(root, (x, top + 4), (x, top + 12), stroke(INK, 1.2))?;
+        if let Some(zero) = self.zero {
+            draw_zero(sheet, place(&zero));
         }
-        let view = if self.isometric {
-            "isometric, X to the right below, Y to the right above"
-        } else {
-            "XY"
-        };
-        let words = format!("{} mm; {view}", number(length_mm));
-        text(root, (EDGE + pixels + 10, top), &words, 12, INK, HPos::Left)
+        for (end, filled) in self
+            .ends
+            .iter()
+            .flat_map(|[first, last]| [(first, false), (last, true)])
+        {
+            sheet.dot(place(end), 5.0, INK, filled);
+        }
+        self.draw_legend(sheet, top + self.height.ceil() + 30.0);
+        self.draw_bar(sheet, top);
     }
 
-    fn draw_bar(&self, root: &Area<'_>, top: i32) -> Result<(), PlotError> {
+    /// A bar of a round length, the axes as they are seen, what the marks mean.
+    fn draw_legend(&self, sheet: &mut Sheet, top: f64) {
+        let length_mm = round_up(60.0 / self.pixels_per_mm);
+        let pixels = length_mm * self.pixels_per_mm;
+        let y = top + 30.0;
+        sheet.line((EDGE, y), (EDGE + pixels, y), INK, 1.2, "");
+        for x in [EDGE, EDGE + pixels] {
+            sheet.line((x, y - 4.0), (x, y + 4.0), INK, 1.2, "");
+        }
+        sheet.text(
+            (EDGE + pixels + 10.0, y + 4.0),
+            BODY,
+            &format!("{} mm", number(length_mm)),
+        );
+        let corner = (EDGE + 300.0, y + 8.0);
+        let axes = [("X", (1.0, 0.0, 0.0)), ("Y", (0.0, 1.0, 0.0)), ("Z", (0.0, 0.0, 1.0))];
+        for (name, (x, y, z)) in axes.into_iter().take(if self.isometric { 3 } else { 2 }) {
+            let (right, up) = project(self.isometric, x, y, z);
+            let tip = (corner.0 + ARROW * right, corner.1 - ARROW * up);
+            sheet.line(corner, tip, INK, 1.2, "");
+            let side = (-up * 3.5, -right * 3.5);
+            let back = (tip.0 - 9.0 * right, tip.1 + 9.0 * up);
+            let barbs = [(back.0 + side.0, back.1 + side.1), (back.0 - side.0, back.1 - side.1)];
+            sheet.area(&[tip, barbs[0], barbs[1]], INK);
+            let name_at = (tip.0 + 9.0 * right, tip.1 - 9.0 * up + 4.0);
+            sheet.text(name_at, BODY.at(Anchor::Middle), name);
+        }
+        let mut x = EDGE + 420.0;
+        for (name, filled) in [("start", false), ("end", true)] {
+            sheet.dot((x, y), 5.0, INK, filled);
+            sheet.text((x + 12.0, y + 4.0), BODY, name);
+            x += 80.0;
+        }
+        sheet.line((x - 8.0, y), (x + 20.0, y), RAPID, 1.4, RAPID_DASHES);
+        sheet.text((x + 28.0, y + 4.0), BODY, "rapid");
+        x += 110.0;
+        match self.zero {
+            Some(_) => {
+                draw_zero(sheet, (x, y));
+                sheet.text((x + 14.0, y + 4.0), BODY, "X0 Y0 Z0 of G54");
+            }
+            None => sheet.text((x, y + 4.0), BODY, "X0 Y0 Z0 of G54 is outside"),
+        }
+    }
+
+    fn draw_bar(&self, sheet: &mut Sheet, top: f64) {
         const STEPS: i32 = 64;
-        let height = (self.height as i32).clamp(100, 320);
-        let left = WIDTH as i32 - EDGE - BAR_WIDTH + 40;
-        text(root, (left - 14, top - 22), "speed, mm/s", 12, INK, HPos::Left)?;
-        let at = |step: i32| top + height - height * step / STEPS;
+        let height = self.height.clamp(100.0, 320.0);
+        let left = WIDTH - EDGE - BAR_WIDTH + 60.0;
+        sheet.text((left - 14.0, top - 10.0), SMALL, "speed, mm/s");
+        let at = |step: i32| top + height * (1.0 - f64::from(step) / f64::from(STEPS));
         for step in 0..STEPS {
-            let corners = [(fine(left), fine(at(step + 1))), (fine(left + 16), fine(at(step)))];
             let colour = speed_colour((f64::from(step) + 0.5) / f64::from(STEPS));
-            root.draw(&Rectangle::new(corners, colour.filled()))
-                .map_err(PlotError::new)?;
+            // A little over the next one: no white between them.
+            sheet.rectangle((left, at(step + 1)), (left + 16.0, at(step) + 0.3), &colour);
         }
         for quarter in 0..=4 {
             let y = at(STEPS * quarter / 4);
-            line(root, (left + 16, y), (left + 21, y), stroke(INK, 0.8))?;
+            sheet.line((left + 16.0, y), (left + 21.0, y), INK, 0.8, "");
             let speed = number(self.speed_max * f64::from(quarter) / 4.0);
-            text(root, (left + 25, y - 7), &speed, 12, INK, HPos::Left)?;
+            sheet.text((left + 25.0, y + 4.0), SMALL, &speed);
         }
-        let y = top + height + 16;
-        line(root, (left - 14, y), (left + 6, y), stroke(RAPID, 1.6))?;
-        text(root, (left + 12, y - 7), "rapid", 12, INK, HPos::Left)
+    }
+}
+
+/// The mark of a zero: a circle whose quarters are full and empty in turn.
+fn draw_zero(sheet: &mut Sheet, (x, y): (f64, f64)) {
+    const RADIUS: f64 = 7.0;
+    sheet.dot((x, y), RADIUS, INK, false);
+    for quarter in [0, 2] {
+        let arc = (0..=6).map(|step| (f64::from(quarter) + f64::from(step) / 6.0) * std::f64::consts::FRAC_PI_2);
+        let arc = arc.map(|angle| (x + RADIUS * angle.cos(), y - RADIUS * angle.sin()));
+        let area: Vec<(f64, f64)> = std::iter::once((x, y)).chain(arc).collect();
+        sheet.area(&area, INK);
     }
 }
 
@@ -209,7 +264,7 @@ fn round_up_finely(value: f64) -> f64 {
 
 /// From slow (dark violet) over blue and green to fast (yellow): even steps of lightness, for any colour vision and for
 /// print without colour.
-fn speed_colour(share: f64) -> RGBColor {
+fn speed_colour(share: f64) -> String {
     const STOPS: [(u8, u8, u8); 9] = [
         (0x44, 0x01, 0x54),
         (0x48, 0x28, 0x78),
@@ -226,5 +281,10 @@ fn speed_colour(share: f64) -> RGBColor {
     let part = at - index as f64;
     let mix = |from: u8, to: u8| (f64::from(from) + part * (f64::from(to) - f64::from(from))).round() as u8;
     let (from, to) = (STOPS[index], STOPS[index + 1]);
-    RGBColor(mix(from.0, to.0), mix(from.1, to.1), mix(from.2, to.2))
+    format!(
+        "#{:02x}{:02x}{:02x}",
+        mix(from.0, to.0),
+        mix(from.1, to.1),
+        mix(from.2, to.2)
+    )
 }

@@ -1,12 +1,12 @@
 //! How far from its date, how often: one row of bars per distribution under one axis.
 
 use super::scale::{Labels, Log};
-use super::sheet::{Anchor, Face, Sheet};
 use super::{AXIS, BODY, CONTROL, CYCLICTEST, GRID, HEADING, INK, LEFT, RIGHT, SMALL, SOC, WAKEUP};
 use crate::rt::jitter::Bucket;
 use crate::service::jitter::Distribution;
 use crate::service::jitter::report::JitterReport;
 use crate::service::jitter::words::{far_end_listened, grouped, short_time};
+use crate::service::plot::sheet::{Anchor, Face, Sheet};
 
 /// Bars per decade.
 const BARS: usize = 10;

@@ -1,10 +1,10 @@
 //! When: the longest period of each interval, round after round, with overruns and stalls marked.
 
 use super::scale::{Labels, Log};
-use super::sheet::{Anchor, Face, Sheet};
 use super::{ALARM, AXIS, BAD, BODY, CYCLICTEST, GRID, HEADING, INK, LEFT, LINE, SMALL, SOC};
 use crate::service::jitter::report::{JitterReport, Round};
 use crate::service::jitter::words::{short_time, wrapped};
+use crate::service::plot::sheet::{Anchor, Face, Sheet};
 
 const HEIGHT: f64 = 150.0;
 /// Room above for the names of rounds and for marks.
@@ -46,8 +46,12 @@ pub(super) fn draw(sheet: &mut Sheet, report: &JitterReport, top: f64) -> f64 {
     } else {
         ""
     };
+    let left_out = match parts.iter().any(|part| floor(part.round).is_some()) {
+        true => " Time in which the floor was measured is left out.",
+        false => "",
+    };
     let note = format!(
-        "One line: the longest period of about {}.{shaded} Time in which the floor was measured is left out.",
+        "One line: the longest period of about {}.{shaded}{left_out}",
         short_time(interval_s.fold(0.0, f64::max) * 1e6)
     );
     let mut y = top + 18.0;
@@ -55,12 +59,21 @@ pub(super) fn draw(sheet: &mut Sheet, report: &JitterReport, top: f64) -> f64 {
         sheet.text((LEFT.0, y), SMALL, &line);
         y += 15.0;
     }
-    let (ceiling, base) = (y + ABOVE, y + ABOVE + HEIGHT);
     let worst = |part: &Part<'_>| {
         let longest = over_nominal(part).fold(0.0, f64::max);
         longest.max(floor(part.round).map_or(0.0, |(_, max_us)| max_us))
     };
     let most_us = parts.iter().map(worst).filter(|us| us.is_finite()).fold(10.0, f64::max);
+    let half_us = f64::from(report.settings.cycle_us) / 2.0;
+    let shows_half = most_us >= half_us;
+    if shows_half {
+        // Not in the picture: there it would stand over bars.
+        let text = format!("from {}: a cycle was left out", short_time(half_us));
+        sheet.line((LEFT.0, y - 4.0), (LEFT.0 + 28.0, y - 4.0), ALARM, 1.0, "6 3");
+        sheet.text((LEFT.0 + 34.0, y), Face::new(12.0, ALARM), &text);
+        y += 15.0;
+    }
+    let (ceiling, base) = (y + ABOVE, y + ABOVE + HEIGHT);
     let axis = Log::holding(NEAREST_US, most_us, (base, ceiling));
     for part in parts.iter().filter(|part| part.round.is_bad()) {
         sheet.rectangle((part.from, ceiling - 18.0), (part.to, base), BAD);
@@ -72,18 +85,12 @@ pub(super) fn draw(sheet: &mut Sheet, report: &JitterReport, top: f64) -> f64 {
     }
     sheet.text((LEFT.0, base - 24.0), Face::new(14.0, SOC).bold(), "longest period,");
     sheet.text((LEFT.0, base - 6.0), BODY, "less the nominal one");
-    let half_us = f64::from(report.settings.cycle_us) / 2.0;
-    if most_us >= half_us {
+    if shows_half {
         let y = axis.place(half_us);
         sheet.line((AXIS.0, y), (AXIS.1, y), ALARM, 1.0, "6 3");
     }
     for part in &parts {
         needles(sheet, part, &axis, (ceiling, base), half_us);
-    }
-    if most_us >= half_us {
-        let text = format!("from {}: a cycle was left out", short_time(half_us));
-        let face = Face::new(12.0, ALARM).at(Anchor::End);
-        sheet.text_over((AXIS.1 - 2.0, axis.place(half_us) - 5.0), face, &text);
     }
     sheet.line((AXIS.0, base), (AXIS.1, base), INK, 1.0, "");
     words(sheet, &parts, &axis, ceiling);

@@ -12,11 +12,12 @@ mod histogram;
 mod maxima;
 mod ratios;
 mod scale;
-mod sheet;
 
-use super::report::JitterReport;
+use super::ratios::merged;
+use super::report::{Ended, JitterReport, Medians, Pc, Round, Settings};
 use super::words::{elided, ended, far_end_listened, grouped, pc, short_time, total, wrapped};
-use sheet::{Face, Sheet};
+use crate::service::analyser::SocReport;
+use crate::service::plot::sheet::{Face, Sheet};
 
 const WIDTH: f64 = 1200.0;
 /// Left and right ends of what stands beside the axes, and of the axes.
@@ -64,6 +65,43 @@ pub fn svg(report: &JitterReport) -> String {
         y = maxima::draw(&mut sheet, report, y + 40.0);
         y = ratios::draw(&mut sheet, report, y + 40.0);
     }
+    sheet.finish(y + 16.0)
+}
+
+/// Draws the period of the SoC at the far end of a run, with the same axes.
+pub fn soc_period_svg(soc: &SocReport) -> String {
+    let round = Round {
+        number: 1,
+        soc_period: Some(soc.clone()),
+        ..Round::default()
+    };
+    let report = JitterReport {
+        version: String::new(),
+        result: Ended::Completed,
+        notes: Vec::new(),
+        pc: Pc::default(),
+        settings: Settings {
+            cycle_us: soc.cycle_us,
+            ..Settings::default()
+        },
+        medians: Medians::default(),
+        medians_good_rounds: None,
+        all: merged(std::slice::from_ref(&round)),
+        rounds: vec![round],
+    };
+    let mut sheet = Sheet::new(WIDTH);
+    sheet.text(
+        (LEFT.0, 34.0),
+        Face::new(20.0, INK).bold(),
+        &format!("SoC period at {}", soc.interface),
+    );
+    let figures = format!(
+        "cycle {} us: mean {:.3} us, max range {:.3} us, std dev {:.3} us, n {}",
+        soc.cycle_us, soc.period_mean_us, soc.period_range_us, soc.period_std_us, soc.n
+    );
+    sheet.text((LEFT.0, 58.0), BODY, &figures);
+    let y = histogram::draw(&mut sheet, &report, 92.0);
+    let y = maxima::draw(&mut sheet, &report, y + 40.0);
     sheet.finish(y + 16.0)
 }
 

@@ -1,12 +1,12 @@
 //! Against what: the SoC period over the wake-up latency of the same PC, with the goals as marks.
 
 use super::scale::{Labels, Log};
-use super::sheet::{Anchor, Face, Sheet};
 use super::{ALARM, AXIS, BODY, GRID, HEADING, INK, LEFT, LINE, SMALL, SOC, WAKEUP};
 use crate::service::jitter::goals::GOALS;
 use crate::service::jitter::ratios::Ratios;
 use crate::service::jitter::report::{JitterReport, Round};
 use crate::service::jitter::words::{ratio, wrapped};
+use crate::service::plot::sheet::{Anchor, Face, Sheet};
 
 const ROW: f64 = 52.0;
 const BAR: f64 = 13.0;

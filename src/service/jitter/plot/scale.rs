@@ -1,6 +1,6 @@
 //! Logarithmic axes, and labels that do not stand on each other.
 
-use super::sheet::{Anchor, Face};
+use crate::service::plot::sheet::{Anchor, Face};
 
 /// Values on a line of pixels, one decade as long as the next.
 #[derive(Clone, Copy, Debug, PartialEq)]

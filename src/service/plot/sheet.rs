@@ -11,14 +11,14 @@ use std::fmt::Write;
 const FONT: &str = "DejaVu Sans, Helvetica, Arial, sans-serif";
 
 /// A sheet.
-pub(super) struct Sheet {
+pub(crate) struct Sheet {
     width: f64,
     body: String,
 }
 
 /// Where a text stands from its place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Anchor {
+pub(crate) enum Anchor {
     Start,
     Middle,
     End,
@@ -26,15 +26,15 @@ pub(super) enum Anchor {
 
 /// How a text looks.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Face {
-    pub(super) size: f64,
-    pub(super) colour: &'static str,
-    pub(super) bold: bool,
-    pub(super) anchor: Anchor,
+pub(crate) struct Face {
+    pub(crate) size: f64,
+    pub(crate) colour: &'static str,
+    pub(crate) bold: bool,
+    pub(crate) anchor: Anchor,
 }
 
 impl Face {
-    pub(super) const fn new(size: f64, colour: &'static str) -> Face {
+    pub(crate) const fn new(size: f64, colour: &'static str) -> Face {
         Face {
             size,
             colour,
@@ -43,29 +43,29 @@ impl Face {
         }
     }
 
-    pub(super) const fn bold(self) -> Face {
+    pub(crate) const fn bold(self) -> Face {
         Face { bold: true, ..self }
     }
 
-    pub(super) const fn at(self, anchor: Anchor) -> Face {
+    pub(crate) const fn at(self, anchor: Anchor) -> Face {
         Face { anchor, ..self }
     }
 
     /// Width of a text, pixels; an estimate on the safe side.
-    pub(super) fn width(&self, text: &str) -> f64 {
+    pub(crate) fn width(&self, text: &str) -> f64 {
         text.chars().count() as f64 * self.size * if self.bold { 0.65 } else { 0.57 }
     }
 }
 
 impl Sheet {
-    pub(super) fn new(width: f64) -> Sheet {
+    pub(crate) fn new(width: f64) -> Sheet {
         Sheet {
             width,
             body: String::new(),
         }
     }
 
-    pub(super) fn rectangle(&mut self, from: (f64, f64), to: (f64, f64), colour: &str) {
+    pub(crate) fn rectangle(&mut self, from: (f64, f64), to: (f64, f64), colour: &str) {
         let (width, height) = (to.0 - from.0, to.1 - from.1);
         if [from.0, from.1, width, height].iter().all(|number| number.is_finite()) && width > 0.0 && height > 0.0 {
             let _ = writeln!(
@@ -77,7 +77,7 @@ impl Sheet {
     }
 
     /// A straight line; dashed where `dashes` is not empty.
-    pub(super) fn line(&mut self, from: (f64, f64), to: (f64, f64), colour: &str, width: f64, dashes: &str) {
+    pub(crate) fn line(&mut self, from: (f64, f64), to: (f64, f64), colour: &str, width: f64, dashes: &str) {
         if [from.0, from.1, to.0, to.1].iter().all(|number| number.is_finite()) {
             let dashes = match dashes {
                 "" => String::new(),
@@ -91,8 +91,28 @@ impl Sheet {
         }
     }
 
+    /// A line through points; dashed where `dashes` is not empty.
+    pub(crate) fn path(&mut self, points: &[(f64, f64)], colour: &str, width: f64, dashes: &str) {
+        if points.len() < 2 || !points.iter().all(|(x, y)| x.is_finite() && y.is_finite()) {
+            return;
+        }
+        let dashes = match dashes {
+            "" => String::new(),
+            dashes => format!(r#" stroke-dasharray="{dashes}""#),
+        };
+        let mut places = String::with_capacity(points.len() * 12);
+        for (x, y) in points {
+            let _ = write!(places, "{x:.1},{y:.1} ");
+        }
+        let _ = writeln!(
+            self.body,
+            r#"<polyline points="{}" fill="none" stroke="{colour}" stroke-width="{width}" stroke-linejoin="round"{dashes}/>"#,
+            places.trim_end()
+        );
+    }
+
     /// A closed area.
-    pub(super) fn area(&mut self, points: &[(f64, f64)], colour: &str) {
+    pub(crate) fn area(&mut self, points: &[(f64, f64)], colour: &str) {
         if points.iter().all(|(x, y)| x.is_finite() && y.is_finite()) {
             let places: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
             let _ = writeln!(self.body, r#"<polygon points="{}" fill="{colour}"/>"#, places.join(" "));
@@ -100,7 +120,7 @@ impl Sheet {
     }
 
     /// A dot, filled or a ring.
-    pub(super) fn dot(&mut self, at: (f64, f64), radius: f64, colour: &str, filled: bool) {
+    pub(crate) fn dot(&mut self, at: (f64, f64), radius: f64, colour: &str, filled: bool) {
         if at.0.is_finite() && at.1.is_finite() {
             let fill = if filled { colour } else { "white" };
             let _ = writeln!(
@@ -112,12 +132,12 @@ impl Sheet {
     }
 
     /// A text whose base line is at the place.
-    pub(super) fn text(&mut self, at: (f64, f64), face: Face, text: &str) {
+    pub(crate) fn text(&mut self, at: (f64, f64), face: Face, text: &str) {
         self.write(at, face, "", text);
     }
 
     /// The same with a white edge, to be read over lines and bars.
-    pub(super) fn text_over(&mut self, at: (f64, f64), face: Face, text: &str) {
+    pub(crate) fn text_over(&mut self, at: (f64, f64), face: Face, text: &str) {
         self.write(
             at,
             face,
@@ -148,7 +168,7 @@ impl Sheet {
     }
 
     /// The whole picture, so high.
-    pub(super) fn finish(self, height: f64) -> String {
+    pub(crate) fn finish(self, height: f64) -> String {
         let width = self.width;
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" \
@@ -160,7 +180,7 @@ impl Sheet {
 }
 
 /// Text as it may stand in XML.
-fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
     for character in text.chars() {
         match character {
