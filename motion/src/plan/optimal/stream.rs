@@ -37,8 +37,8 @@ pub(in crate::plan) use publication::Override;
 const PUBLICATION: usize = 1024;
 /// Parts that are planned without the solver, from rest to rest, where it found no way; then it is tried again.
 const CAREFUL_PARTS: usize = 8;
-/// Elements ahead of the machine from which on nothing is handed over: two windows. More would only take memory.
-const AHEAD: u64 = 2 * WINDOW_SPANS as u64;
+/// Elements ahead of the machine from which on nothing is handed over: a window. More would only take memory.
+const AHEAD: u64 = WINDOW_SPANS as u64;
 /// Room that is kept in the ring for motion in place of motion that is in it already.
 const RESERVE: usize = 2048;
 /// Elements into which a span may be divided, on the mean of a window.
