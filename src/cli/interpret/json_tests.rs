@@ -76,7 +76,7 @@ fn samples() -> Vec<(&'static str, Call)> {
                 plane: Plane::Xy,
                 points: vec![([1.0, 2.0], 3.0), ([4.0, 5.0], 6.0)],
                 order: 3,
-                knots: Vec::new(),
+                knots: vec![0.0, 0.5, 1.0],
             },
         ),
         (
@@ -265,7 +265,7 @@ fn fields_hold_what_the_call_says() {
         json!({ "call": "straight_probe", "to": TO.0, "towards": true, "must_trip": false }),
         json!({
             "call": "nurbs_feed", "plane": "xy", "points_mm": [[1.0, 2.0], [4.0, 5.0]], "weights": [3.0, 6.0],
-            "order": 3,
+            "order": 3, "knots": [0.0, 0.5, 1.0],
         }),
         json!({ "call": "set_feed_rate", "linear_mm": 1.5, "angular_degrees": 2.5, "per": "second" }),
         json!({ "call": "set_feed_mode", "per": "turn", "spindle": 1 }),

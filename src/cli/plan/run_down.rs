@@ -351,7 +351,8 @@ mod tests {
 
     fn run(config: &Config, text: &str, every_cycle: bool) -> Work {
         let tables = Tables::read(config).unwrap();
-        run_down(config, &tables, text.as_bytes(), Some(1), every_cycle).unwrap_or_else(|error| panic!("{error:?}"))
+        run_down(config, &tables, ("part.ngc", text.as_bytes()), Some(1), every_cycle)
+            .unwrap_or_else(|error| panic!("{error:?}"))
     }
 
     #[test]
