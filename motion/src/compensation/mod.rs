@@ -44,7 +44,7 @@ mod settings;
 mod tip;
 mod window;
 
-use crate::canon::{Axis, Call, Cutter, Event, Plane, Position, Side, Source};
+use crate::canon::{Axis, Call, Cutter, Event, PathMode, Plane, Position, Side, Source};
 use beside::{Beside, Made, Next};
 use class::Class;
 use contour::{Contour, Shape};
@@ -53,7 +53,7 @@ pub use error::{CompensationError, CompensationErrorKind};
 use geometry::{Point, length, sub};
 pub use settings::{Corner, Gouge, Settings};
 pub use window::AHEAD;
-use window::{Mark, Part, Window};
+use window::{Mark, PATH_TOLERANCE_MM, Part, Window};
 
 use CompensationErrorKind as Kind;
 
@@ -76,6 +76,8 @@ pub struct Compensator {
     /// G40 was, and no move since.
     straight_exit_due: bool,
     settings: Settings,
+    /// Of the path mode, and no less than programs are rounded to.
+    tolerance_mm: f64,
     /// From G41 or G42 to the first move behind G40.
     window: Option<Window>,
     /// Where the machine's point is behind the events that went to the window.
@@ -134,6 +136,7 @@ impl Compensator {
             mode: Mode::Off,
             straight_exit_due: false,
             settings,
+            tolerance_mm: PATH_TOLERANCE_MM,
             window: None,
             path_at: Position::ZERO,
             pose: 0,
@@ -150,6 +153,15 @@ impl Compensator {
     /// Tells the plane, needed like [`set_position`](Self::set_position).
     pub fn set_plane(&mut self, plane: Plane) {
         self.plane = plane;
+    }
+
+    /// Tells the path mode, needed like [`set_position`](Self::set_position). Where the path may be off by so much, a cut into
+    /// the contour that is no deeper is none.
+    pub fn set_path_mode(&mut self, mode: PathMode) {
+        self.tolerance_mm = match mode {
+            PathMode::Continuous { tolerance_mm, .. } => tolerance_mm.unwrap_or(0.0).max(PATH_TOLERANCE_MM),
+            PathMode::ExactPath | PathMode::ExactStop => PATH_TOLERANCE_MM,
+        };
     }
 
     /// Whether events pass through unchanged, so that the stage can be left out until the next G41 or G42.
@@ -237,6 +249,7 @@ impl Compensator {
                 self.straight_exit_due = false;
             }
             (Call::SelectPlane(plane), Class::Plane) => self.plane = *plane,
+            (Call::SetPathMode(mode), _) => self.set_path_mode(*mode),
             (Call::SetCutterCompensation(cutter), Class::Switch) => {
                 return cutter.map_or(Ok(()), |cutter| self.switch_on(cutter));
             }
@@ -317,10 +330,15 @@ impl Compensator {
         // A move of other axes has a place of its own, and what follows has another one.
         let pose = self.pose + u32::from(turns);
         self.pose += 2 * u32::from(turns);
-        let depth = [self.at[normal].min(to[normal]), self.at[normal].max(to[normal])];
+        let tolerance_mm = match self.settings.gouge {
+            // Loops are cut where the path crosses itself.
+            Gouge::DropLoop => 0.0,
+            Gouge::Error | Gouge::NeighboursOnly => self.tolerance_mm,
+        };
         Mark {
             source,
-            depth,
+            depth: [self.at[normal], to[normal]],
+            tolerance_mm,
             pose,
             ..Mark::default()
         }
@@ -398,7 +416,7 @@ impl Compensator {
                 let part = beside::part_of(&event.call, Mark { chain, bend, ..mark });
                 beside.hold(event, part)?;
                 self.at = with_plane(to, self.plane, contour.from);
-                return Ok(if mark.depth[0] < mark.depth[1] {
+                return Ok(if mark.depth[0] != mark.depth[1] {
                     Programmed::Gap
                 } else {
                     Programmed::Nothing

@@ -20,9 +20,9 @@
 
 use super::super::element::Element;
 use super::super::geometry::{length, sub};
-use super::conflict::meet;
+use super::conflict::{depth_between, meet};
 use super::store::Store;
-use super::{Suspect, Wall};
+use super::{Mark, Suspect, Wall};
 
 /// Points no further apart than this are the same to who wrote the program, mm.
 const TOUCH_MM: f64 = 1e-3;
@@ -65,8 +65,11 @@ impl Leads {
         if from == 0.0 && to == 1.0 {
             return Some(wall);
         }
-        let element = wall.element.between([from, to.max(from)]);
-        Some(Wall { element, ..wall })
+        let part = [from, to.max(from)];
+        let element = wall.element.between(part);
+        let depth = depth_between(wall.mark.depth, part);
+        let mark = Mark { depth, ..wall.mark };
+        Some(Wall { element, mark, ..wall })
     }
 
     fn meeting(&mut self, walls: &mut Store<Wall>, run: u64) -> Option<Meeting> {

@@ -10,7 +10,7 @@
 //! ```
 //!
 //! **What is compared.** Each move of the centre with each move of the contour in the window: it must not come closer than the
-//! radius, less [`TOLERANCE_MM`]. Contour that the tool touches on both sides at once, slots exactly as wide as the tool and
+//! radius, less the path's tolerance (G64 P, or [`PATH_TOLERANCE_MM`]). Contour that the tool touches on both sides at once, slots exactly as wide as the tool and
 //! contours that end along their own start are no gouges.
 //!
 //! **How far.** A move waits until the contour behind it is 2 radii long, which is what the tool can reach without leaving
@@ -18,9 +18,10 @@
 //! behind a move is kept as long. Memory is bounded by that, and a start waits for as many lines to be read.
 //!
 //! **At which depth.** Moves count whose ways along the plane's normal overlap or come closer than [`DEPTH_TOLERANCE_MM`],
-//! with the other axes in the same place. A mill is a cylinder, and would cut a wall above its end too; but whether there is
+//! with the other axes in the same place. Of slanted moves and helices only what comes too close counts, where the end of the
+//! tool is not above the wall, and not what a later contour has above the tool: both are in the air. A mill is a cylinder, and would cut a wall above its end too; but whether there is
 //! a wall at another depth the contour does not tell: a pocket in the floor of a pocket, a boss on a boss and roughing in
-//! steps are programs that look the same as a collision. Helices count with all their depth.
+//! steps are programs that look the same as a collision.
 //!
 //! **What is no contour.** What leads to a closed contour and away from it is no wall (`lead.rs`). Whether a move is such a lead
 //! shows later, so that a gouge is a suspicion until compensation ends or its first move has to go. Traverses cut nothing: they are no wall, and are not compared. The entry and exit moves are no
@@ -47,8 +48,11 @@ use conflict::conflict;
 use lead::Leads;
 use store::Store;
 
-/// How much closer than the radius the contour may come, mm.
+/// How much closer than the radius rounding may bring the contour, mm.
 pub(super) const TOLERANCE_MM: f64 = 1e-6;
+
+/// Least tolerance of a path: what the numbers of programs are rounded to, mm.
+pub(super) const PATH_TOLERANCE_MM: f64 = 1e-3;
 
 /// Depths that differ by no more than this are the same, mm.
 pub(super) const DEPTH_TOLERANCE_MM: f64 = 1e-3;
@@ -63,8 +67,10 @@ pub(super) const WAITING_LIMIT: usize = 1 << 18;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Mark {
     pub(super) source: Source,
-    /// Least and greatest coordinate on the plane's normal, mm.
+    /// Coordinate on the plane's normal at the start and at the end, mm.
     pub(super) depth: [f64; 2],
+    /// How far the path may be from the programmed one: a cut no deeper is none, mm.
+    pub(super) tolerance_mm: f64,
     /// Differs where axes out of the three of the plane stand elsewhere.
     pub(super) pose: u32,
     /// Moves with nothing but flat corners between them have the same.
