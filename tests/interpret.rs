@@ -413,3 +413,24 @@ fn plan_finds_subroutines_beside_the_program_too() {
         assert_eq!(output.status.code(), Some(0), "{program}");
     }
 }
+
+#[test]
+fn plan_marks_what_is_beyond_the_travel_and_names_the_offset() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("m.toml"), machine("")).unwrap();
+    let program = "G21 G90\nG10 L2 P2 X100\nG55\nG0 Y5 X212 (far)\nM2\n";
+    std::fs::write(folder.path().join("part.ngc"), program).unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_isocnc"))
+        .current_dir(folder.path())
+        .args(["plan", "m.toml", "part.ngc"])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    let expected = "\
+error: X 212.000 mm in G55 (offset X 100.000) is machine 312.000, travel ends at 305.000
+ --> part.ngc:4:7
+  |
+4 | G0 Y5 X212 (far)
+  |       ^^^^";
+    assert!(text(&output.stderr).contains(expected), "{}", text(&output.stderr));
+}

@@ -23,8 +23,29 @@ use motion::canon::{Call, Event, Source};
 use motion::compensation::{CompensationError, Compensator};
 use std::collections::{HashMap, VecDeque};
 use std::io::{Cursor, Read, Seek};
+use std::ops::Range;
 use std::path::Path;
 use std::time::{Duration, Instant};
+
+/// Octets of the first word of a letter in a line, out of comments and expressions.
+fn word_of(line: &[u8], letter: char) -> Option<Range<usize>> {
+    let (mut open, mut begin, mut end) = (0_u32, None, line.len());
+    for (at, octet) in line.iter().enumerate() {
+        let is_over = open == 0 && (matches!(octet, b'(' | b';') || octet.is_ascii_alphabetic());
+        if is_over && begin.is_some() {
+            end = at;
+            break;
+        }
+        match octet {
+            b';' if open == 0 => return None,
+            b'(' | b'[' | b'<' => open += 1,
+            b')' | b']' | b'>' => open = open.saturating_sub(1),
+            octet if is_over && char::from(*octet).eq_ignore_ascii_case(&letter) => begin = Some(at),
+            _ => {}
+        }
+    }
+    begin.map(|begin| begin..begin + line[begin..end].trim_ascii_end().len())
+}
 
 /// Text that can be read from any place.
 pub trait ReadSeek: Read + Seek + Send {}
@@ -216,6 +237,16 @@ impl Run<'_> {
     /// Name of a file of the events ([`Source::file`]); empty: the program itself.
     pub fn file_name(&self, file: u16) -> &str {
         self.files.get(usize::from(file)).map_or("", |file| file.name.as_str())
+    }
+
+    /// An error of the machine that carries out a block: at its first word of this letter, or at all of it.
+    pub fn error_at(&mut self, source: Source, letter: Option<char>, what: String) -> Box<Error> {
+        let octets = self.line_of(source);
+        let span = letter.and_then(|letter| word_of(&octets, letter));
+        let name = &self.files[usize::from(source.file)].name;
+        let kind = ErrorKind::Machine(what);
+        let span = span.unwrap_or(0..octets.len());
+        Box::new(Error::at(name, source.line.max(1), &octets, span, kind))
     }
 
     /// The program's parameters, offsets, tool and modes as they are behind the last event.
@@ -665,6 +696,7 @@ impl Run<'_> {
         if compensator.is_idle() {
             compensator.set_position(self.state.cutter_from);
             compensator.set_plane(self.state.modal.plane);
+            compensator.set_path_mode(self.state.modal.path_mode);
         }
         let result = compensator.push(event, &mut self.compensated);
         self.state.cutter_at = compensator.is_on().then(|| compensator.position());

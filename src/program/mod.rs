@@ -33,6 +33,9 @@ use std::time::{Duration, Instant};
 /// Canonical calls that one call of [`Feeder::pump`] takes at the most.
 const EVENTS_PER_PUMP: usize = 256;
 
+/// Codes of the work systems.
+const WORK_SYSTEMS: [&str; 9] = ["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"];
+
 /// Why a program cannot be run; shown with its place in the text.
 #[derive(Debug)]
 pub struct ProgramErrors {
@@ -137,7 +140,7 @@ pub fn check(
             Ok(Progress::Working | Progress::RingFull | Progress::Probing) => {}
             // Where a probe will really touch is not known: what follows may be elsewhere, and is judged when it is there.
             Err(error) if feeder.probing.has_assumed() && error.is_of_a_place() && !cancel.is_cancelled() => break,
-            Err(error) => return Err(failed(error.located(path))),
+            Err(error) => return Err(failed(error.render(path))),
         }
         if let Some(limit) = budget.passed() {
             return Err(failed(format!("{path}:{}: {limit}", feeder.line())));
@@ -222,8 +225,8 @@ impl Sink<Element> for Measure {
 pub enum FeedError {
     /// The text.
     Text(Box<gcode::Error>),
-    /// The plan: a limit of the machine.
-    Plan(PlanError),
+    /// The plan: a limit of the machine, and the same as an error of the text.
+    Plan(PlanErrorKind, Box<gcode::Error>),
 }
 
 impl FeedError {
@@ -232,8 +235,8 @@ impl FeedError {
         match self {
             // What holds wherever things are is found in the text before.
             FeedError::Text(_) => true,
-            FeedError::Plan(error) => matches!(
-                error.kind,
+            FeedError::Plan(kind, _) => matches!(
+                kind,
                 PlanErrorKind::Travel { .. }
                     | PlanErrorKind::JointTravel { .. }
                     | PlanErrorKind::Unreachable { .. }
@@ -242,12 +245,21 @@ impl FeedError {
         }
     }
 
-    /// `file:line: what`.
-    pub fn located(&self, path: &str) -> String {
+    /// The place in the text, and what is wrong there.
+    pub fn of_text(&self) -> &gcode::Error {
         match self {
-            FeedError::Text(error) => format!("{path}:{error}"),
-            FeedError::Plan(error) => format!("{path}:{}: {}", error.source.line, error.kind),
+            FeedError::Text(error) | FeedError::Plan(_, error) => error,
         }
+    }
+
+    /// `file:line:column: what`.
+    pub fn located(&self, path: &str) -> String {
+        format!("{path}:{}", self.of_text())
+    }
+
+    /// The same with the line of the program, and a mark under what is wrong.
+    pub fn render(&self, path: &str) -> String {
+        self.of_text().render(path)
     }
 }
 
@@ -271,6 +283,8 @@ pub struct Feeder<'t, S: Sink<Element>> {
     waiting: Option<Event>,
     probing: Probing,
     exact_stops: ExactStops,
+    /// 1 for G54 to 9 for G59.3.
+    work_system: u8,
     /// Where the operator's overrides are, and those that the plan was last made with.
     live: Option<Arc<Live>>,
     overrides: [f64; 2],
@@ -309,6 +323,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             waiting: None,
             probing,
             exact_stops: ExactStops::NONE,
+            work_system: 1,
             live: None,
             overrides: [1.0; 2],
             line: 0,
@@ -384,10 +399,10 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
                     let single_block = self.live.as_ref().is_some_and(|live| live.single_block());
                     if let Some(call) = self.exact_stops.switch(single_block) {
                         let source = event.source;
-                        self.planner.push(&Event { source, call }).map_err(FeedError::Plan)?;
+                        self.plan(&Event { source, call })?;
                     }
                     if self.exact_stops.let_pass(&event.call) {
-                        self.planner.push(&event).map_err(FeedError::Plan)?;
+                        self.plan(&event)?;
                     }
                     if let Call::StraightProbe { .. } = event.call
                         && self.probing.begin()
@@ -409,6 +424,40 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             }
         }
         Ok(Progress::Working)
+    }
+
+    fn plan(&mut self, event: &Event) -> Result<(), FeedError> {
+        let Err(PlanError { source, kind }) = self.planner.push(event) else {
+            return Ok(());
+        };
+        let (letter, what) = match kind {
+            PlanErrorKind::Travel { axis, value, limit } => {
+                (Some(axis.letter()), self.beyond_travel(axis, value, limit))
+            }
+            PlanErrorKind::NoSuchAxis { axis } => (Some(axis.letter()), None),
+            _ => (None, None),
+        };
+        let what = what.unwrap_or_else(|| kind.to_string());
+        Err(FeedError::Plan(kind, self.events.error_at(source, letter, what)))
+    }
+
+    /// Why a place is beyond the travel of an axis, by the offsets in force; `None` where a rotation makes the axis another one in
+    /// the work.
+    fn beyond_travel(&self, axis: Axis, value: f64, limit: f64) -> Option<String> {
+        let zero = Position::ZERO;
+        let mut one = zero;
+        one[axis] = 1.0;
+        let [zero, one] = [zero, one].map(|machine| self.planner.to_work(&machine));
+        let follows = |other: &Axis| ((one[*other] - zero[*other]) - f64::from(*other == axis)).abs() < 1e-9;
+        let (letter, offset) = (axis.letter(), 0.0 - zero[axis]);
+        let unit = if axis.is_rotary() { "degrees" } else { "mm" };
+        Axis::ALL.iter().all(follows).then(|| {
+            format!(
+                "{letter} {:.3} {unit} in {} (offset {letter} {offset:.3}) is machine {value:.3}, travel ends at {limit:.3}",
+                value - offset,
+                WORK_SYSTEMS[usize::from(self.work_system.clamp(1, 9)) - 1],
+            )
+        })
     }
 
     /// Nobody waits for the end of a probing move any more: the path has all of its way.
@@ -466,9 +515,10 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         self.events.snapshot()
     }
 
-    /// Follows the path mode, and what it allows the moves in it.
+    /// Follows the work system, the path mode and what it allows the moves in it.
     fn look_at(&mut self, call: &Call) {
         match call {
+            Call::SetG5xOffset { system, .. } => self.work_system = *system,
             Call::SetPathMode(PathMode::Continuous { tolerance_mm, .. }) => {
                 self.mode_tolerance_mm = tolerance_mm.unwrap_or(self.default_tolerance_mm);
             }
@@ -620,4 +670,43 @@ pub fn stop_ramp(config: &Config) -> ScaleRamp {
 /// How much harder than planned motion a probe may stop at its contact.
 pub fn stop_shares(config: &Config) -> StopShares {
     StopShares::of(joint_limits(config))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn demo() -> (Config, Tables) {
+        let config = config::parse(include_str!("../../configs/mill3-demo.toml"), Path::new("demo.toml")).unwrap();
+        let tables = Tables::read(&config).unwrap();
+        (config, tables)
+    }
+
+    fn first_error(text: &str) -> FeedError {
+        let (config, tables) = demo();
+        let measure = Measure {
+            time_s: 0.0,
+            tail_s: 0.0,
+        };
+        let mut feeder = Feeder::new(&config, &tables, text.as_bytes(), home(&config), measure);
+        loop {
+            match feeder.pump() {
+                Ok(Progress::Done) => panic!("no error"),
+                Ok(_) => {}
+                Err(error) => return error,
+            }
+        }
+    }
+
+    #[test]
+    fn errors_of_travel_name_the_column_and_the_offset_in_force() {
+        let error = first_error("G21 G90\nG10 L2 P1 X100\nG0 Y1 (X0) X 212\nM2\n");
+        assert_eq!(
+            error.located("p.ngc"),
+            "p.ngc:3:12: X 212.000 mm in G54 (offset X 100.000) is machine 312.000, travel ends at 305.000"
+        );
+        let place = error.of_text();
+        assert_eq!(&place.text[place.span.clone()], "X 212");
+        assert!(error.render("p.ngc").contains("^^^^^"));
+    }
 }

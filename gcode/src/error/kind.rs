@@ -726,6 +726,9 @@ pub enum ErrorKind {
     /// Octets of 0.
     #[error("this is no text: it has octets of 0, which no program has; is it a binary file?")]
     Binary,
+    /// What the machine cannot do, in words.
+    #[error("{0}")]
+    Machine(String),
     /// A check was stopped.
     #[error(
         "the program was still running after {steps} lines: a loop that never ends? A greater budget checks more of it"

@@ -156,14 +156,9 @@ fn planned(args: &PlanArgs, text: &[u8]) -> Result<(Config, Tables, Work), Refus
     ) {
         Ok(work) => Ok((config, tables, work)),
         Err(error) => {
-            let listed = match &error {
-                crate::program::FeedError::Text(error) => error_json(error),
-                crate::program::FeedError::Plan(error) => {
-                    json!({ "line": error.source.line, "rule": error.kind.to_string() })
-                }
-            };
+            let listed = error_json(error.of_text());
             let json = json!({ "file": name, "errors": [listed] });
-            Err(Refusal::new(error.located(&name), json))
+            Err(Refusal::new(error.render(&name), json))
         }
     }
 }
