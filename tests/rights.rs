@@ -164,6 +164,7 @@ impl Rig {
         command.arg("simulate").arg(&self.machine);
         command
             .args(["--interface", "plk1", "--with-parent"])
+            .arg(std::process::id().to_string())
             .stdout(Stdio::piped());
         let mut process = command.spawn().unwrap();
         let mut line = String::new();

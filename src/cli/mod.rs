@@ -104,6 +104,9 @@ pub fn main() -> ExitCode {
         }
         Err(error) => error.exit(),
     };
+    if let Command::Demo(_) | Command::Run(_) | Command::Jitter(_) = &cli.command {
+        crate::rt::setup::keep_one_heap();
+    }
     let result = match &cli.command {
         Command::Demo(args) => demo::demo(args),
         Command::Run(args) => run::run(args),

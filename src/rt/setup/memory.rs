@@ -13,6 +13,7 @@ const PAGE: usize = 4096;
 
 /// Locks all memory of the process, now and to come, and has the allocator keep a reserve of it.
 pub(super) fn lock() -> Option<Finding> {
+    keep_one_heap();
     keep_heap();
     // Huge pages are put together behind a running thread's back, which then faults. No right is needed to go without.
     // SAFETY: PR_SET_THP_DISABLE takes numbers and touches no memory; kernels without it refuse.
@@ -38,6 +39,16 @@ pub(super) fn lock() -> Option<Finding> {
     missing.map(|what| Finding::new(Item::Memory, what, RIGHTS))
 }
 
+/// One heap for all threads of a process that will lock its memory; to be called before the first thread. A second heap, which
+/// the allocator makes when two threads want memory at once, is 64 MB of addresses that count as locked.
+pub fn keep_one_heap() {
+    #[cfg(target_env = "gnu")]
+    // SAFETY: mallopt sets a number of the allocator and touches no memory of ours.
+    unsafe {
+        libc::mallopt(libc::M_ARENA_MAX, 1);
+    }
+}
+
 /// Never give memory back and never map per allocation: mapping faults later, and giving back interrupts every core on
 /// which the process runs (TLB shoot-down).
 #[cfg(target_env = "gnu")]
@@ -46,7 +57,6 @@ fn keep_heap() {
     unsafe {
         libc::mallopt(libc::M_TRIM_THRESHOLD, -1);
         libc::mallopt(libc::M_MMAP_MAX, 0);
-        libc::mallopt(libc::M_ARENA_MAX, 1);
     }
 }
 

@@ -25,6 +25,7 @@ mod priority;
 mod tests;
 
 pub use findings::{Finding, Item, Refusal, by_cure};
+pub use memory::keep_one_heap;
 
 use super::rights::{self, Work};
 use crate::config::{KeepAwake, Require, Rt};
