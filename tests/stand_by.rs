@@ -371,7 +371,9 @@ fn signals_that_are_no_wish_to_stop_do_nothing_and_the_others_stop_in_order() {
     let mut control = Control::start("signals", Stdio::null());
     control.wait_for("standing by", |status| status["state"] == "disabled");
     let long = control.program("long.ngc", LONG);
-    control.ask(&["program", "run", long.to_str().unwrap()]).unwrap();
+    control
+        .ask(&["program", "run", "--no-wait", long.to_str().unwrap()])
+        .unwrap();
     let pid = Pid::from_raw(control.process.id() as i32);
     let mut status = control.wait_for("running", |status| status["state"] == "running");
     for signal in [
@@ -401,7 +403,9 @@ fn pins_that_are_cut_short_stop_the_machine_and_kill_nobody() {
     let mut control = Control::start("cut-short", Stdio::null());
     control.wait_for("standing by", |status| status["state"] == "disabled");
     let long = control.program("long.ngc", LONG);
-    control.ask(&["program", "run", long.to_str().unwrap()]).unwrap();
+    control
+        .ask(&["program", "run", "--no-wait", long.to_str().unwrap()])
+        .unwrap();
     control.wait_for("running", |status| status["state"] == "running");
     let name = format!("isocnc-hal.{}", control.machine);
     let mut places = hal_pins::directories().into_iter().map(|folder| folder.join(&name));
@@ -424,7 +428,9 @@ fn idle_connections_keep_no_stop_out() {
     let control = Control::start("crowded", Stdio::null());
     control.wait_for("standing by", |status| status["state"] == "disabled");
     let long = control.program("long.ngc", LONG);
-    control.ask(&["program", "run", long.to_str().unwrap()]).unwrap();
+    control
+        .ask(&["program", "run", "--no-wait", long.to_str().unwrap()])
+        .unwrap();
     control.wait_for("running", |status| status["state"] == "running");
     let name = format!("isocnc-control.{}", control.machine);
     let mut places = hal_pins::directories().into_iter().map(|folder| folder.join(&name));
