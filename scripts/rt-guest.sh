@@ -39,7 +39,7 @@ checks, in a virtual machine with a PREEMPT_RT kernel and an isolated core:
                   tcg: emulated as fast as this PC can (default of the others)
   --cycles N      cycles of `jitter` (default 20000; as a gate 100000, some ten minutes)
   --seconds S     seconds of motion of `dense` (default 10)
-  --program FILE  use this static program instead of building one
+  --program FILE  use this program instead of building one; where it needs libraries, the guest gets those of this PC
   --target T      build for x86_64-unknown-linux-gnu (default) or x86_64-unknown-linux-musl
   --timeout S     give up after so many seconds, boot included (default 3600)
   --keep DIR      keep the guest's results and its kernel's messages in DIR
@@ -142,7 +142,6 @@ if [ -z "$busybox" ] || ! is_static "$busybox"; then missing+=(busybox-static); 
 
 [ -n "$program" ] || build_static
 [ -x "$program" ] || cannot "$program: no such program"
-is_static "$program" || cannot "$program is linked to shared libraries, which the guest has not; see 'rt-guest.sh build'"
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -210,10 +209,9 @@ fetch_kernel
 guest=$work/guest
 mkdir -p "$guest"/{bin,check,modules,scripts,configs}
 
-# add_program FILE: with the shared libraries it needs, if any.
-add_program() {
+# add_libraries FILE: the shared libraries that it needs, if any.
+add_libraries() {
     local library
-    cp -L "$1" "$guest/bin/"
     ldd "$1" 2>/dev/null | grep -o '/[^ ]*' | while read -r library; do
         mkdir -p "$guest${library%/*}"
         cp -Ln "$library" "$guest$library"
@@ -226,8 +224,13 @@ cp -r "$root"/scripts/isolcpus.sh "$root"/scripts/isolcpus "$guest/scripts/"
 cp "$root"/configs/* "$guest/configs/"
 cp "$kernel_folder/veth.ko" "$guest/modules/"
 cp "$busybox" "$guest/bin/busybox"
-cp "$program" "$guest/bin/isocnc"
-add_program "$(command -v bash)" # for isolcpus.sh
+# Without what only a debugger reads: the guest unpacks it more slowly than this PC would.
+strip --strip-debug -o "$guest/bin/isocnc" "$program" || cp "$program" "$guest/bin/isocnc"
+add_libraries "$program"
+# For isolcpus.sh.
+bash=$(command -v bash)
+cp -L "$bash" "$guest/bin/bash"
+add_libraries "$bash"
 chmod 755 "$guest/init" "$guest/bin"/*
 if [ "$check" = dense ]; then
     # The bench of the same name knows the machine and the program.
