@@ -31,7 +31,7 @@ pub enum HalCommand {
     /// All pins and nets: name, type, direction, value, net
     #[command(after_help = "Example: isocnc hal list joint.0")]
     List {
-        /// Only names that begin so, or that a pattern fits: 'joint.*.f-error', '*in-0?', '*.[xy]-*'
+        /// Only names that begin so, or that a pattern fits: 'joint.*.f-error', '*in-0?'
         names: Vec<String>,
     },
     /// The value of pins or nets, one a line; of those that a pattern fits, with their names

@@ -37,7 +37,7 @@ pub struct StopSignal {
 }
 
 impl StopSignal {
-    /// Catches every signal of [`STOPPING`] from now on, and has the others do nothing. A SIGHUP that whoever started this
+    /// Catches every signal of `STOPPING` from now on, and has the others do nothing. A SIGHUP that whoever started this
     /// process has it ignore, as `nohup` does, stays ignored; so does SIGQUIT.
     ///
     /// # Errors
