@@ -5,9 +5,9 @@
 
 use core::fmt;
 
-use super::Mn;
-use super::NodeState;
-use super::boot::Stage;
+use super::event::NodeState;
+use super::stage::BootStage;
+use super::state::Mn;
 use crate::ethernet_queue::QueueError;
 use crate::nmt::{NmtCommand, NmtState};
 
@@ -84,7 +84,7 @@ impl<const NODES: usize> Mn<'_, NODES> {
         let Some(Some(node)) = self.nodes.get_mut(position) else {
             return Err(NodeCommandError::NoSuchNode { position });
         };
-        if node.stage != Stage::Held {
+        if node.stage != BootStage::Held {
             return Err(NodeCommandError::NotHeld { state: node.state });
         }
         node.boot_held(now_ns);
@@ -114,32 +114,32 @@ impl<const NODES: usize> Mn<'_, NODES> {
                 node.reset(now_ns, &network, &mut self.events);
                 node.command(command);
             }
-            (NmtCommand::StartNode, Stage::Ready) if network.state == NmtState::Operational => {
+            (NmtCommand::StartNode, BootStage::Ready) if network.state == NmtState::Operational => {
                 node.command(command);
                 node.started(now_ns, &network);
             }
             (
                 NmtCommand::StopNode,
-                Stage::Enable { .. }
-                | Stage::WaitReady { .. }
-                | Stage::Check { .. }
-                | Stage::Ready
-                | Stage::WaitOperational { .. }
-                | Stage::Operational
-                | Stage::TakenOver
-                | Stage::BackInPreOperational2 { .. },
+                BootStage::WaitingPreOperational2 { .. }
+                | BootStage::WaitingReadyToOperate { .. }
+                | BootStage::CheckingCommunication { .. }
+                | BootStage::Ready
+                | BootStage::WaitingOperational { .. }
+                | BootStage::Operational
+                | BootStage::TakenOver
+                | BootStage::BackInPreOperational2 { .. },
             ) if isochronous && node.nmt_state.is_isochronous() => {
                 node.stop(now_ns);
                 node.set_state(NodeState::Stopped, &mut self.events);
             }
             (
                 NmtCommand::EnterPreOperational2,
-                Stage::Operational | Stage::WaitOperational { .. } | Stage::Stopped { .. },
+                BootStage::Operational | BootStage::WaitingOperational { .. } | BootStage::Stopped { .. },
             ) => {
                 node.back_in_pre_operational_2(now_ns);
                 node.set_state(NodeState::Configuring, &mut self.events);
             }
-            (NmtCommand::EnableReadyToOperate, Stage::BackInPreOperational2 { .. })
+            (NmtCommand::EnableReadyToOperate, BootStage::BackInPreOperational2 { .. })
                 if node.nmt_state == NmtState::PreOperational2 =>
             {
                 node.enable_again(now_ns, &network);

@@ -11,13 +11,13 @@
 //!    +-------------------------------------------------------------- Operational <--------+
 //! ```
 
-use super::NodeState;
-use super::chaining::Chain;
-use super::configure::{expected_stamp, timing};
-use super::event::{Events, MnEvent};
+use super::config::{expected_stamp, us};
+use super::configure::timing;
+use super::event::{Events, MnEvent, NodeState};
 use super::fault::{Fault, reset_reason};
-use super::node::{Network, Node, us};
-use super::service::SdoError;
+use super::node::{Network, Node};
+use super::sdo_command::SdoError;
+use super::stage::{BootStage, Chain, Order};
 use crate::nmt::{NmtCommand, NmtState};
 use crate::wire::{IdentResponse, Mac};
 
@@ -36,76 +36,31 @@ const RESTART_NS: u64 = 4_000_000;
 /// A node that was refused (identity, configuration) is looked at again after this time.
 const REFUSED_RETRY_NS: u64 = 5_000_000_000;
 
-/// Where the boot-up of a node stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Stage {
-    /// IdentRequests until it answers.
-    Search,
-    /// Wrong identity, or it refused its configuration; looked at again later.
-    Refused { until_ns: u64 },
-    /// Identified; the application has to let it boot (bit 2 of its assignment is clear).
-    Held,
-    /// Identified; the configuration is being written.
-    Configure,
-    /// Everything is written; the SDO connection is being closed.
-    CloseSdo,
-    /// ResetConfiguration waits for a slot; so many were sent.
-    ResetConfiguration { sent: u8 },
-    /// So many ResetConfigurations were sent; IdentRequests until the node is back.
-    Reidentify { deadline_ns: u64, sent: u8 },
-    /// Configured; waits for PRE_OPERATIONAL_2.
-    Enable { deadline_ns: u64 },
-    /// EnableReadyToOperate was ordered; waits for READY_TO_OPERATE.
-    WaitReady { deadline_ns: u64, again_ns: u64 },
-    /// Communication check: good PRes in a row.
-    Check { deadline_ns: u64, good: u32 },
-    /// Ready; waits for the network.
-    Ready,
-    /// StartNode was ordered; waits for OPERATIONAL.
-    WaitOperational { deadline_ns: u64, again_ns: u64 },
-    /// Done.
-    Operational,
-    /// Found OPERATIONAL with the right configuration, and kept alive; waits for the network.
-    TakenOver,
-    /// In PRE_OPERATIONAL_2 by order of the application, until it orders READY_TO_OPERATE.
-    BackInPreOperational2 { again_ns: u64 },
-    /// Stopped by order of the application, or with all others because of an error.
-    Stopped { again_ns: u64 },
-}
-
-/// An NMT command that waits for a slot.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Order {
-    pub(super) command: NmtCommand,
-    /// Error code for the data of a ResetNode; 0: none.
-    pub(super) reason: u16,
-}
-
 impl<'a> Node<'a> {
     /// The node answers IdentRequests and is what it shall be.
     pub(super) fn is_identified(&self) -> bool {
-        !matches!(self.stage, Stage::Search | Stage::Refused { .. })
+        !matches!(self.stage, BootStage::Searching { .. } | BootStage::Refused { .. })
     }
 
     /// The node holds its configuration.
     pub(super) fn is_configured(&self) -> bool {
         match self.stage {
-            Stage::Search
-            | Stage::Refused { .. }
-            | Stage::Held
-            | Stage::Configure
-            | Stage::CloseSdo
-            | Stage::ResetConfiguration { .. }
-            | Stage::Reidentify { .. } => false,
-            Stage::Enable { .. }
-            | Stage::WaitReady { .. }
-            | Stage::Check { .. }
-            | Stage::Ready
-            | Stage::WaitOperational { .. }
-            | Stage::Operational
-            | Stage::TakenOver
-            | Stage::BackInPreOperational2 { .. }
-            | Stage::Stopped { .. } => true,
+            BootStage::Searching { .. }
+            | BootStage::Refused { .. }
+            | BootStage::Held
+            | BootStage::Configuring { .. }
+            | BootStage::ClosingSdo
+            | BootStage::ResettingConfiguration { .. }
+            | BootStage::Reidentifying { .. } => false,
+            BootStage::WaitingPreOperational2 { .. }
+            | BootStage::WaitingReadyToOperate { .. }
+            | BootStage::CheckingCommunication { .. }
+            | BootStage::Ready
+            | BootStage::WaitingOperational { .. }
+            | BootStage::Operational
+            | BootStage::TakenOver
+            | BootStage::BackInPreOperational2 { .. }
+            | BootStage::Stopped { .. } => true,
         }
     }
 
@@ -113,27 +68,30 @@ impl<'a> Node<'a> {
     pub(super) fn is_being_configured(&self) -> bool {
         matches!(
             self.stage,
-            Stage::Configure | Stage::CloseSdo | Stage::ResetConfiguration { .. } | Stage::Reidentify { .. }
+            BootStage::Configuring { .. }
+                | BootStage::ClosingSdo
+                | BootStage::ResettingConfiguration { .. }
+                | BootStage::Reidentifying { .. }
         )
     }
 
     /// The node has reached READY_TO_OPERATE, or is further.
     pub(super) fn is_ready_to_operate(&self) -> bool {
-        self.is_ready() || matches!(self.stage, Stage::Check { .. })
+        self.is_ready() || matches!(self.stage, BootStage::CheckingCommunication { .. })
     }
 
     /// The node is READY_TO_OPERATE or further, and its communication was checked.
     pub(super) fn is_ready(&self) -> bool {
         matches!(
             self.stage,
-            Stage::Ready | Stage::WaitOperational { .. } | Stage::Operational | Stage::TakenOver
+            BootStage::Ready | BootStage::WaitingOperational { .. } | BootStage::Operational | BootStage::TakenOver
         )
     }
 
     /// The node must not go on as it is; it stays out for some seconds.
     pub(super) fn refuse(&mut self, now_ns: u64, network: &Network, fault: Fault, events: &mut Events) {
         self.give_up(now_ns, network, fault, events);
-        self.stage = Stage::Refused {
+        self.stage = BootStage::Refused {
             until_ns: now_ns + REFUSED_RETRY_NS,
         };
         self.set_state(NodeState::Faulted, events);
@@ -148,37 +106,37 @@ impl<'a> Node<'a> {
         network: &Network,
         events: &mut Events,
     ) {
-        if !core::mem::take(&mut self.ident_open) {
+        if !core::mem::take(&mut self.ident.open) {
             return;
         }
         self.record.identified(now_ns, ident);
         match self.stage {
-            Stage::Search => {}
-            Stage::Reidentify { sent, .. } if sent < RESET_CONFIGURATION_MAX && self.missed_its_reset(ident) => {
+            BootStage::Searching { .. } => {}
+            BootStage::Reidentifying { sent, .. } if sent < RESET_CONFIGURATION_MAX && self.missed_its_reset(ident) => {
                 self.order_reset_configuration(sent);
                 return;
             }
-            Stage::Reidentify { .. } => {
+            BootStage::Reidentifying { .. } => {
                 self.requests = ident.requests;
                 self.restart_signalling(now_ns);
                 self.enable(now_ns, network);
                 self.reported(ident.nmt_state, network);
                 return;
             }
-            Stage::Refused { .. }
-            | Stage::Held
-            | Stage::Configure
-            | Stage::CloseSdo
-            | Stage::ResetConfiguration { .. }
-            | Stage::Enable { .. }
-            | Stage::WaitReady { .. }
-            | Stage::Check { .. }
-            | Stage::Ready
-            | Stage::WaitOperational { .. }
-            | Stage::Operational
-            | Stage::TakenOver
-            | Stage::BackInPreOperational2 { .. }
-            | Stage::Stopped { .. } => return,
+            BootStage::Refused { .. }
+            | BootStage::Held
+            | BootStage::Configuring { .. }
+            | BootStage::ClosingSdo
+            | BootStage::ResettingConfiguration { .. }
+            | BootStage::WaitingPreOperational2 { .. }
+            | BootStage::WaitingReadyToOperate { .. }
+            | BootStage::CheckingCommunication { .. }
+            | BootStage::Ready
+            | BootStage::WaitingOperational { .. }
+            | BootStage::Operational
+            | BootStage::TakenOver
+            | BootStage::BackInPreOperational2 { .. }
+            | BootStage::Stopped { .. } => return,
         }
         if self.order.is_some() {
             // It is about to be reset; what it says now is void.
@@ -214,18 +172,22 @@ impl<'a> Node<'a> {
         self.mac = mac;
         self.requests = ident.requests;
         self.statistics.boots += 1;
-        self.status_unanswered = 0;
-        self.lost_in_row = 0;
+        self.status.unanswered = 0;
+        self.data.lost_in_row = 0;
         self.restart_signalling(now_ns);
         events.push(MnEvent::Identified { node: self.config.id });
         self.set_state(NodeState::Configuring, events);
         if ident.nmt_state == NmtState::Operational {
-            self.stage = Stage::TakenOver;
+            self.stage = BootStage::TakenOver;
         } else if !self.config.assignment.automatic_start && !core::mem::take(&mut self.boot_asked) {
-            self.stage = Stage::Held;
+            self.stage = BootStage::Held;
             self.set_state(NodeState::Held, events);
         } else if self.begin_configuration(ident, network) {
-            self.stage = Stage::Configure;
+            self.stage = BootStage::Configuring {
+                written: 0,
+                index: 0,
+                sub: 0,
+            };
         } else {
             self.enable(now_ns, network);
         }
@@ -236,24 +198,23 @@ impl<'a> Node<'a> {
     pub(super) fn boot_held(&mut self, now_ns: u64) {
         self.boot_asked = true;
         self.end_job(SdoError::NodeReset);
-        self.stage = Stage::Search;
+        self.stage = BootStage::Searching { ident_due_ns: now_ns };
         self.polled = false;
-        self.ident_due_ns = now_ns;
     }
 
     /// The isochronous cycle begins: what a node that was identified long ago has to do in time counts from now.
     pub(super) fn cycle_begins(&mut self, now_ns: u64, network: &Network) {
-        if matches!(self.stage, Stage::Enable { .. }) {
+        if matches!(self.stage, BootStage::WaitingPreOperational2 { .. }) {
             self.enable(now_ns, network);
         }
         self.sdo.set_timing(timing(network));
-        if self.stage == Stage::TakenOver {
+        if self.stage == BootStage::TakenOver {
             self.polled = !self.config.assignment.async_only;
         }
     }
 
     pub(super) fn enable(&mut self, now_ns: u64, network: &Network) {
-        self.stage = Stage::Enable {
+        self.stage = BootStage::WaitingPreOperational2 {
             deadline_ns: now_ns + us(network.boot.timeout_pre_op_2_us),
         };
     }
@@ -261,38 +222,40 @@ impl<'a> Node<'a> {
     /// The ordered NMT command is on the wire.
     pub(super) fn order_sent(&mut self, now_ns: u64, network: &Network) {
         let Some(order) = self.order.take() else { return };
-        if matches!(self.stage, Stage::Stopped { .. }) {
+        if matches!(self.stage, BootStage::Stopped { .. }) {
             self.silence();
-            self.status_due_ns = now_ns;
+            self.status.due_ns = now_ns;
         }
         match &mut self.stage {
             // The wait for the slot does not count.
-            Stage::WaitReady { again_ns, .. }
-            | Stage::WaitOperational { again_ns, .. }
-            | Stage::BackInPreOperational2 { again_ns }
-            | Stage::Stopped { again_ns } => *again_ns = now_ns + command_retry_ns(network),
-            Stage::Search
-            | Stage::Refused { .. }
-            | Stage::Held
-            | Stage::Configure
-            | Stage::CloseSdo
-            | Stage::ResetConfiguration { .. }
-            | Stage::Reidentify { .. }
-            | Stage::Enable { .. }
-            | Stage::Check { .. }
-            | Stage::Ready
-            | Stage::Operational
-            | Stage::TakenOver => {}
+            BootStage::WaitingReadyToOperate { again_ns, .. }
+            | BootStage::WaitingOperational { again_ns, .. }
+            | BootStage::BackInPreOperational2 { again_ns }
+            | BootStage::Stopped { again_ns } => *again_ns = now_ns + command_retry_ns(network),
+            BootStage::Searching { .. }
+            | BootStage::Refused { .. }
+            | BootStage::Held
+            | BootStage::Configuring { .. }
+            | BootStage::ClosingSdo
+            | BootStage::ResettingConfiguration { .. }
+            | BootStage::Reidentifying { .. }
+            | BootStage::WaitingPreOperational2 { .. }
+            | BootStage::CheckingCommunication { .. }
+            | BootStage::Ready
+            | BootStage::Operational
+            | BootStage::TakenOver => {}
         }
-        if let (NmtCommand::ResetConfiguration, Stage::ResetConfiguration { sent }) = (order.command, self.stage) {
+        if let (NmtCommand::ResetConfiguration, BootStage::ResettingConfiguration { sent }) =
+            (order.command, self.stage)
+        {
             self.silence();
             let sent = sent + 1;
             if sent < RESET_CONFIGURATION_BLIND && expected_stamp(&self.config).is_none() {
                 self.order_reset_configuration(sent);
                 return;
             }
-            self.ident_due_ns = now_ns + RESTART_NS;
-            self.stage = Stage::Reidentify {
+            self.stage = BootStage::Reidentifying {
+                ident_due_ns: now_ns + RESTART_NS,
                 deadline_ns: now_ns + us(network.boot.timeout_pre_op_2_us),
                 sent,
             };
@@ -303,73 +266,72 @@ impl<'a> Node<'a> {
     pub(super) fn step(&mut self, now_ns: u64, network: &Network, events: &mut Events) {
         // In the reduced cycle nodes are looked for and configured, as its slots follow each other without a pause.
         let reduced = !network.state.is_isochronous();
-        if reduced && !self.is_being_configured() && !matches!(self.stage, Stage::Refused { .. }) {
+        if reduced && !self.is_being_configured() && !matches!(self.stage, BootStage::Refused { .. }) {
             return;
         }
         match self.stage {
-            Stage::Search | Stage::Held => {}
-            Stage::Refused { until_ns } => {
+            BootStage::Searching { .. } | BootStage::Held => {}
+            BootStage::Refused { until_ns } => {
                 if now_ns >= until_ns {
-                    self.stage = Stage::Search;
-                    self.ident_due_ns = now_ns;
+                    self.stage = BootStage::Searching { ident_due_ns: now_ns };
                 }
             }
             // In the cycle a node that is not polled yet is about to be.
-            Stage::Configure => {
+            BootStage::Configuring { .. } => {
                 if self.takes_part() || reduced {
                     self.configure(now_ns, network, events);
                 }
             }
-            Stage::CloseSdo => {
+            BootStage::ClosingSdo => {
                 if !self.sdo.wants_to_transmit(now_ns) {
                     self.order_reset_configuration(0);
                 }
             }
-            Stage::ResetConfiguration { .. } => {}
-            Stage::Reidentify { deadline_ns, .. } => {
+            BootStage::ResettingConfiguration { .. } => {}
+            BootStage::Reidentifying { deadline_ns, .. } => {
                 self.check_time(now_ns, deadline_ns, NmtState::PreOperational1, network, events)
             }
-            Stage::Enable { deadline_ns } => {
+            BootStage::WaitingPreOperational2 { deadline_ns } => {
                 if self.takes_part() && self.nmt_state == NmtState::PreOperational2 {
                     self.ask_ready(now_ns, deadline_ns);
                 } else {
                     self.check_time(now_ns, deadline_ns, NmtState::PreOperational2, network, events);
                 }
             }
-            Stage::WaitReady { deadline_ns, again_ns } => {
+            BootStage::WaitingReadyToOperate { deadline_ns, again_ns } => {
                 if self.nmt_state == NmtState::ReadyToOperate {
                     self.order = None;
                     let deadline_ns = now_ns + us(network.boot.timeout_ready_to_operate_us);
-                    self.stage = Stage::Check { deadline_ns, good: 0 };
+                    self.stage = BootStage::CheckingCommunication { deadline_ns, good: 0 };
                 } else if now_ns >= again_ns && now_ns < deadline_ns {
                     self.ask_ready(now_ns, deadline_ns);
                 } else {
                     self.check_time(now_ns, deadline_ns, NmtState::ReadyToOperate, network, events);
                 }
             }
-            Stage::Check { deadline_ns, good } => {
+            BootStage::CheckingCommunication { deadline_ns, good } => {
                 // Without polls there is no communication that could be checked.
                 if good >= CHECK_CYCLES || self.config.assignment.async_only {
-                    self.stage = Stage::Ready;
+                    self.stage = BootStage::Ready;
                     self.set_state(NodeState::Ready, events);
                 } else {
                     self.check_time(now_ns, deadline_ns, NmtState::ReadyToOperate, network, events);
                 }
             }
-            Stage::Ready => {
+            BootStage::Ready => {
                 if network.state == NmtState::Operational && network.starts_nodes {
                     self.command(NmtCommand::StartNode);
                     self.started(now_ns, network);
                 }
             }
-            Stage::WaitOperational { deadline_ns, again_ns } => {
+            BootStage::WaitingOperational { deadline_ns, again_ns } => {
                 if self.nmt_state == NmtState::Operational {
                     self.order = None;
-                    self.stage = Stage::Operational;
+                    self.stage = BootStage::Operational;
                     self.set_state(NodeState::Operational, events);
                 } else if now_ns >= again_ns && now_ns < deadline_ns {
                     self.command(NmtCommand::StartNode);
-                    self.stage = Stage::WaitOperational {
+                    self.stage = BootStage::WaitingOperational {
                         deadline_ns,
                         again_ns: now_ns + COMMAND_RETRY_NS,
                     };
@@ -377,19 +339,19 @@ impl<'a> Node<'a> {
                     self.check_time(now_ns, deadline_ns, NmtState::Operational, network, events);
                 }
             }
-            Stage::Operational => {}
-            Stage::TakenOver => {
+            BootStage::Operational => {}
+            BootStage::TakenOver => {
                 if network.state == NmtState::Operational && self.nmt_state == NmtState::Operational {
-                    self.stage = Stage::Operational;
+                    self.stage = BootStage::Operational;
                     self.set_state(NodeState::Operational, events);
                 }
             }
-            Stage::BackInPreOperational2 { again_ns } => {
+            BootStage::BackInPreOperational2 { again_ns } => {
                 if self.nmt_state != NmtState::PreOperational2 && now_ns >= again_ns {
                     self.back_in_pre_operational_2(now_ns);
                 }
             }
-            Stage::Stopped { again_ns } => {
+            BootStage::Stopped { again_ns } => {
                 if self.nmt_state.is_isochronous() && now_ns >= again_ns {
                     self.stop(now_ns);
                 }
@@ -412,7 +374,7 @@ impl<'a> Node<'a> {
     /// Orders ResetConfiguration, of which so many were sent.
     fn order_reset_configuration(&mut self, sent: u8) {
         self.command(NmtCommand::ResetConfiguration);
-        self.stage = Stage::ResetConfiguration { sent };
+        self.stage = BootStage::ResettingConfiguration { sent };
     }
 
     /// Orders an NMT command.
@@ -423,7 +385,7 @@ impl<'a> Node<'a> {
 
     /// StartNode is on its way, to this node alone or to all.
     pub(super) fn started(&mut self, now_ns: u64, network: &Network) {
-        self.stage = Stage::WaitOperational {
+        self.stage = BootStage::WaitingOperational {
             deadline_ns: now_ns + us(network.boot.timeout_ready_to_operate_us),
             again_ns: now_ns + command_retry_ns(network),
         };
@@ -432,7 +394,7 @@ impl<'a> Node<'a> {
     /// Orders PRE_OPERATIONAL_2 after STOPPED or OPERATIONAL; again after a while.
     pub(super) fn back_in_pre_operational_2(&mut self, now_ns: u64) {
         self.command(NmtCommand::EnterPreOperational2);
-        self.stage = Stage::BackInPreOperational2 {
+        self.stage = BootStage::BackInPreOperational2 {
             again_ns: now_ns + COMMAND_RETRY_NS,
         };
     }
@@ -445,14 +407,14 @@ impl<'a> Node<'a> {
 
     /// A stopped or reset node answers no polls, and leaves its chain, at the latest after a few cycles: it is set up anew.
     pub(super) fn silence(&mut self) {
-        self.ident_open = false;
+        self.ident.open = false;
         self.polled = false;
         self.chain = Chain::NEW;
     }
 
     /// StopNode is on its way, to this node alone or to all.
     pub(super) fn stopped(&mut self, now_ns: u64) {
-        self.stage = Stage::Stopped {
+        self.stage = BootStage::Stopped {
             again_ns: now_ns + COMMAND_RETRY_NS,
         };
     }
@@ -465,7 +427,7 @@ impl<'a> Node<'a> {
     /// Orders READY_TO_OPERATE; again after a while, as an NMT command is never acknowledged.
     fn ask_ready(&mut self, now_ns: u64, deadline_ns: u64) {
         self.command(NmtCommand::EnableReadyToOperate);
-        self.stage = Stage::WaitReady {
+        self.stage = BootStage::WaitingReadyToOperate {
             deadline_ns,
             again_ns: now_ns + COMMAND_RETRY_NS,
         };

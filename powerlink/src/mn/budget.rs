@@ -8,10 +8,11 @@
 
 use core::fmt;
 
-use super::chaining::GUARD_NS;
 use super::config::{MnConfig, NodeConfig};
 use crate::wire::{FRAME_LEN_MIN, PAYLOAD_LIMIT_MIN, POLL_HEADER_LEN};
 
+/// Room between two frames of the chain beyond the gap of Ethernet: for different lengths of cable, in ns.
+pub(super) const GUARD_NS: u32 = 1_000;
 /// Octets of the Ethernet header, which the AsyncMTU does not count.
 const ETHERNET_HEADER_LEN: usize = 14;
 

@@ -8,56 +8,19 @@
 //! polled. The first may begin when its latency is over; each further one when the frame before is through. A node whose
 //! latency is learned later may shift those behind it, which are then given their new times while they run.
 
-use super::Mn;
-use super::budget::wire_time_ns;
-use super::cycle::Phase;
+use super::budget::{GUARD_NS, wire_time_ns};
 use super::fault::Fault;
 use super::node::{Network, Node};
+use super::stage::ChainStep;
+use super::state::{Mn, Phase};
 use crate::wire::{PAYLOAD_LIMIT_MIN, POLL_HEADER_LEN, SyncRequest, SyncResponse};
 
-/// Room between two frames of the chain beyond the gap of Ethernet: for different lengths of cable, in ns.
-pub(super) const GUARD_NS: u32 = 1_000;
 /// Cycles that a node goes on by its time without hearing our PRes.
 const FALL_BACK_CYCLES: u64 = 5;
 /// Cycles between two SyncRequests that stay without the right answer.
 const RETRY_CYCLES: u64 = 5;
 /// SyncRequests without the right answer after which the node has failed.
 const TRIES_MAX: u32 = 64;
-
-/// Where the set-up of a chained node stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Step {
-    /// Its latency is to be asked for.
-    Measure,
-    /// Its time is to be set.
-    Set,
-    /// Its time is set.
-    Running,
-}
-
-/// A node in the chain.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Chain {
-    step: Step,
-    latency_ns: u32,
-    /// From the end of our PRes to the start of its own.
-    pres_time_ns: u32,
-    due_ns: u64,
-    tries: u32,
-    /// Its PRes of this cycle has come.
-    pub(super) heard: bool,
-}
-
-impl Chain {
-    pub(super) const NEW: Chain = Chain {
-        step: Step::Measure,
-        latency_ns: 0,
-        pres_time_ns: 0,
-        due_ns: 0,
-        tries: 0,
-        heard: false,
-    };
-}
 
 impl Node<'_> {
     fn is_chained(&self) -> bool {
@@ -70,7 +33,7 @@ impl Node<'_> {
             && self.is_identified()
             && self.order.is_none()
             && self.nmt_state.is_isochronous()
-            && self.chain.step != Step::Running
+            && self.chain.step != ChainStep::Running
             && now_ns >= self.chain.due_ns
     }
 
@@ -79,11 +42,11 @@ impl Node<'_> {
         self.chain.due_ns = now_ns + RETRY_CYCLES * network.cycle_ns;
         self.chain.tries += 1;
         match self.chain.step {
-            Step::Measure => SyncRequest {
+            ChainStep::Measure => SyncRequest {
                 destination: Some(self.mac),
                 ..SyncRequest::default()
             },
-            Step::Set | Step::Running => SyncRequest {
+            ChainStep::Set | ChainStep::Running => SyncRequest {
                 pres_time_first_ns: Some(self.chain.pres_time_ns),
                 fall_back_timeout_ns: u32::try_from(FALL_BACK_CYCLES * network.cycle_ns).ok(),
                 destination: Some(self.mac),
@@ -143,10 +106,10 @@ impl<const NODES: usize> Mn<'_, NODES> {
             return;
         }
         match node.chain.step {
-            Step::Measure => {
+            ChainStep::Measure => {
                 let before = node.chain;
                 node.chain.latency_ns = response.latency_ns;
-                node.chain.step = Step::Set;
+                node.chain.step = ChainStep::Set;
                 node.chain.due_ns = now_ns;
                 node.chain.tries = 0;
                 if self.chain_fits() {
@@ -157,14 +120,14 @@ impl<const NODES: usize> Mn<'_, NODES> {
                     self.counters.unexpected += 1;
                 }
             }
-            Step::Set if response.mode_set && response.pres_time_first_ns == node.chain.pres_time_ns => {
-                node.chain.step = Step::Running;
+            ChainStep::Set if response.mode_set && response.pres_time_first_ns == node.chain.pres_time_ns => {
+                node.chain.step = ChainStep::Running;
                 node.chain.tries = 0;
                 node.polled = self.state.is_isochronous();
                 // Its first PRes comes with the next cycle's.
                 node.chain.heard = true;
             }
-            Step::Set | Step::Running => {}
+            ChainStep::Set | ChainStep::Running => {}
         }
     }
 
@@ -176,7 +139,7 @@ impl<const NODES: usize> Mn<'_, NODES> {
             .nodes
             .iter()
             .flatten()
-            .filter(|node| node.is_chained() && node.chain.step != Step::Measure);
+            .filter(|node| node.is_chained() && node.chain.step != ChainStep::Measure);
         known.all(|node| {
             let end_ns = u64::from(node.chain.latency_ns).max(next_ns) + u64::from(node.pres_wire_ns());
             next_ns = end_ns + u64::from(GUARD_NS);
@@ -188,14 +151,14 @@ impl<const NODES: usize> Mn<'_, NODES> {
     fn compute_pres_times(&mut self, now_ns: u64) {
         let mut next_ns = 0;
         for node in self.nodes.iter_mut().flatten().filter(|node| node.is_chained()) {
-            if node.chain.step == Step::Measure {
+            if node.chain.step == ChainStep::Measure {
                 continue;
             }
             let pres_time_ns = node.chain.latency_ns.max(next_ns);
             next_ns = pres_time_ns.saturating_add(node.pres_wire_ns() + GUARD_NS);
             if node.chain.pres_time_ns != pres_time_ns {
                 node.chain.pres_time_ns = pres_time_ns;
-                node.chain.step = Step::Set;
+                node.chain.step = ChainStep::Set;
                 node.chain.due_ns = now_ns;
             }
         }

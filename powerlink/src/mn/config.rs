@@ -1,15 +1,9 @@
-//! What the managing node is told before it starts, and the checks it makes.
-//!
-//! In:  node list and times, written by the caller. Out: nothing, or the first thing that is wrong with them.
+//! What the managing node is told before it starts: node list and times. `check` says what may be wrong with it.
 
-use core::fmt;
+use obd::cdc::CdcReader;
 
-use obd::cdc::{CdcError, CdcReader};
-
-use super::budget::{Budget, WorstCycle};
-use super::objects::DeviceInfo;
-use super::startup::{self, Assignment, StartUp};
-use crate::wire::{self, Mac, PAYLOAD_MAX};
+use super::startup::{Assignment, StartUp};
+use crate::wire::Mac;
 
 /// Values an IdentResponse must carry; `None` is not checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -200,255 +194,68 @@ pub enum Direction {
     Pres,
 }
 
-/// What is wrong with a configuration.
+/// What the managing node says of itself in its dictionary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MnConfigError {
-    /// The cycle is zero or no whole number of microseconds.
-    CycleLength {
-        /// As configured.
-        cycle_ns: u32,
-    },
-    /// A MAC of zeros or a multicast MAC.
-    Mac {
-        /// As configured.
-        got: Mac,
-    },
-    /// More nodes than this managing node has room for.
-    TooManyNodes {
-        /// As configured.
-        got: usize,
-        /// Room.
-        most: usize,
-    },
-    /// Controlled nodes have the ids 1..=239.
-    NodeId {
-        /// As configured.
-        got: u8,
-    },
-    /// Two nodes have this id.
-    DuplicateNode {
-        /// Their id.
-        id: u8,
-    },
-    /// A PReq or PRes holds at most 1490 octets of process data.
-    PayloadLength {
-        /// Node id.
-        id: u8,
-        /// PReq or PRes.
-        direction: Direction,
-        /// As configured.
-        got: u16,
-    },
-    /// A multiplexed node needs a cycle of the round (0x1F9B) that exists (0x1F98/7), all others must have none.
-    MultiplexCycle {
-        /// Node id.
-        id: u8,
-        /// As configured.
-        got: u8,
-        /// Cycles of the round.
-        most: u8,
-    },
-    /// Two of the ways to exchange process data that exclude each other: polled each cycle, multiplexed, chained, or none.
-    Exchange {
-        /// Node id.
-        id: u8,
-    },
-    /// A chained node answers to the PRes of the managing node, which sends none.
-    ChainedWithoutPresMn {
-        /// Node id.
-        id: u8,
-    },
-    /// The process data of a chained node reach beyond the PRes of the managing node.
-    BeyondPresMn {
-        /// Node id.
-        id: u8,
-        /// Where they end.
-        end: u32,
-        /// Octets of the PRes.
-        most: u16,
-    },
-    /// AsyncMTU (0x1F98/8) is 300..=1500.
-    AsyncMtu {
-        /// As configured.
-        got: u16,
-    },
-    /// The prescaler (0x1F98/9) is at most 1000.
-    Prescaler {
-        /// As configured.
-        got: u16,
-    },
-    /// A time-out of zero.
-    NoTimeout {
-        /// Node id; 240 for the asynchronous slot.
-        id: u8,
-    },
-    /// All polls timing out and the asynchronous slot do not fit into the cycle.
-    CycleTooShort {
-        /// What the longest cycle can take.
-        worst: WorstCycle,
-        /// As configured.
-        cycle_ns: u32,
-    },
-    /// Two things that cannot go together, or one without the other it needs.
-    Conflict {
-        /// Node id; 240 for the network.
-        id: u8,
-        /// What is wrong.
-        reason: &'static str,
-    },
-    /// The concise DCF cannot be read.
-    Configuration {
-        /// Node id.
-        id: u8,
-        /// What is wrong, and where.
-        error: CdcError,
-    },
+pub struct DeviceInfo<'a> {
+    /// Object 0x1000.
+    pub device_type: u32,
+    /// Object 0x1018/1.
+    pub vendor_id: u32,
+    /// Object 0x1018/2.
+    pub product_code: u32,
+    /// Object 0x1018/3.
+    pub revision: u32,
+    /// Object 0x1018/4.
+    pub serial: u32,
+    /// Object 0x1008.
+    pub device_name: &'a str,
+    /// Object 0x1009.
+    pub hardware_version: &'a str,
+    /// Object 0x100A.
+    pub software_version: &'a str,
+    /// Object 0x1F9A.
+    pub host_name: &'a str,
+    /// Object 0x1F52.
+    pub software: Stamp,
 }
 
-impl fmt::Display for MnConfigError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            MnConfigError::CycleLength { cycle_ns } => {
-                write!(
-                    f,
-                    "cycle of {cycle_ns} ns: expected a whole number of microseconds above 0"
-                )
-            }
-            MnConfigError::Mac { got } => write!(f, "MAC {got:02x?}: expected the unicast address of the interface"),
-            MnConfigError::TooManyNodes { got, most } => write!(f, "{got} nodes, there is room for {most}"),
-            MnConfigError::NodeId { got } => write!(f, "node id {got}: controlled nodes have 1..=239"),
-            MnConfigError::DuplicateNode { id } => write!(f, "two nodes have the id {id}"),
-            MnConfigError::PayloadLength { id, direction, got } => {
-                write!(
-                    f,
-                    "node {id}: {direction:?} of {got} octets, at most {PAYLOAD_MAX} fit into a frame"
-                )
-            }
-            MnConfigError::MultiplexCycle { id, got, most } => write!(
-                f,
-                "node {id}: multiplexed cycle {got}: expected 1..={most} for a multiplexed node and 0 for another"
-            ),
-            MnConfigError::Exchange { id } => write!(
-                f,
-                "node {id}: multiplexed, chained and asynchronous only exclude each other"
-            ),
-            MnConfigError::ChainedWithoutPresMn { id } => write!(
-                f,
-                "node {id}: chained, and needs a PRes of the managing node, which sends none"
-            ),
-            MnConfigError::BeyondPresMn { id, end, most } => write!(
-                f,
-                "node {id}: process data end at octet {end} of the managing node's PRes, which has {most}"
-            ),
-            MnConfigError::AsyncMtu { got } => write!(f, "AsyncMTU of {got} octets: expected 300..=1500"),
-            MnConfigError::Prescaler { got } => write!(f, "prescaler {got}: expected 0..=1000"),
-            MnConfigError::NoTimeout { id } => write!(f, "node {id}: a time-out of 0 ns can never be met"),
-            MnConfigError::CycleTooShort { worst, cycle_ns } => write!(
-                f,
-                "the time-outs do not fit the cycle of {} us: {worst}",
-                cycle_ns / 1000
-            ),
-            MnConfigError::Conflict { id, reason } => write!(f, "node {id}: {reason}"),
-            MnConfigError::Configuration { id, error } => write!(f, "node {id}: concise DCF: {error}"),
+impl Default for DeviceInfo<'_> {
+    fn default() -> Self {
+        DeviceInfo {
+            device_type: 0,
+            vendor_id: 0,
+            product_code: 0,
+            revision: 0,
+            serial: 0,
+            device_name: "managing node",
+            hardware_version: "",
+            software_version: env!("CARGO_PKG_VERSION"),
+            host_name: "",
+            software: Stamp { date: 0, time: 0 },
         }
     }
 }
 
-impl core::error::Error for MnConfigError {}
-
-/// Everything a managing node relies on later.
-pub(super) fn check(config: &MnConfig<'_>, most: usize) -> Result<(), MnConfigError> {
-    let MnConfig {
-        cycle_ns, mac, nodes, ..
-    } = *config;
-    if cycle_ns == 0 || !cycle_ns.is_multiple_of(1000) {
-        return Err(MnConfigError::CycleLength { cycle_ns });
-    }
-    if mac == [0; 6] || mac[0] & 1 != 0 {
-        return Err(MnConfigError::Mac { got: mac });
-    }
-    if nodes.len() > most {
-        return Err(MnConfigError::TooManyNodes { got: nodes.len(), most });
-    }
-    if config.async_slot_timeout_ns == 0 {
-        return Err(MnConfigError::NoTimeout { id: wire::node::MN });
-    }
-    if !(300..=1500).contains(&config.async_mtu) {
-        return Err(MnConfigError::AsyncMtu { got: config.async_mtu });
-    }
-    if config.prescaler > 1000 {
-        return Err(MnConfigError::Prescaler { got: config.prescaler });
-    }
-    if let Some(got) = config.pres_mn_bytes.filter(|octets| usize::from(*octets) > PAYLOAD_MAX) {
-        let direction = Direction::Pres;
-        let id = wire::node::MN;
-        return Err(MnConfigError::PayloadLength { id, direction, got });
-    }
-    for (position, node) in nodes.iter().enumerate() {
-        let id = node.id;
-        if !(1..=wire::node::CN_MAX).contains(&id) {
-            return Err(MnConfigError::NodeId { got: id });
-        }
-        if nodes[..position].iter().any(|other| other.id == id) {
-            return Err(MnConfigError::DuplicateNode { id });
-        }
-        for (direction, got) in [(Direction::Preq, node.preq_bytes), (Direction::Pres, node.pres_bytes)] {
-            if usize::from(got) > PAYLOAD_MAX {
-                return Err(MnConfigError::PayloadLength { id, direction, got });
+/// The date and time (0x1020/1, /2) that a configured node reports: as configured (0x1F26, 0x1F27), else as the concise DCF
+/// writes them. `None`: it cannot be told, as a date or a time of zero is what a node without configuration has.
+pub(super) fn expected_stamp(config: &NodeConfig<'_>) -> Option<Stamp> {
+    let stamp = config.configuration_stamp.unwrap_or_else(|| {
+        let mut stamp = Stamp { date: 0, time: 0 };
+        // An empty configuration has nothing to read.
+        for write in CdcReader::new(config.configuration).into_iter().flatten().flatten() {
+            if let (0x1020, Ok(value)) = (write.index, write.value.try_into()) {
+                match write.sub {
+                    1 => stamp.date = u32::from_le_bytes(value),
+                    2 => stamp.time = u32::from_le_bytes(value),
+                    _ => {}
+                }
             }
         }
-        if node.pres_timeout_ns == 0 {
-            return Err(MnConfigError::NoTimeout { id });
-        }
-        check_exchange(config, node)?;
-        check_configuration(node)?;
-        startup::check_node(config, node).map_err(|reason| MnConfigError::Conflict { id, reason })?;
-    }
-    startup::check_network(&config.startup).map_err(|reason| MnConfigError::Conflict {
-        id: wire::node::MN,
-        reason,
-    })?;
-    let worst = Budget::new(config, &[]).worst();
-    if worst.total_ns() > u64::from(cycle_ns) {
-        return Err(MnConfigError::CycleTooShort { worst, cycle_ns });
-    }
-    Ok(())
+        stamp
+    });
+    (stamp.date != 0 && stamp.time != 0).then_some(stamp)
 }
 
-/// How a node exchanges process data.
-fn check_exchange(config: &MnConfig<'_>, node: &NodeConfig<'_>) -> Result<(), MnConfigError> {
-    let id = node.id;
-    let Assignment {
-        multiplexed,
-        chained,
-        async_only,
-        ..
-    } = node.assignment;
-    if u8::from(multiplexed) + u8::from(chained) + u8::from(async_only) > 1 {
-        return Err(MnConfigError::Exchange { id });
-    }
-    let (got, most) = (node.multiplex_cycle, config.multiplex_cycles);
-    if multiplexed != (got != 0) || got > most {
-        return Err(MnConfigError::MultiplexCycle { id, got, most });
-    }
-    if chained {
-        let most = config.pres_mn_bytes.ok_or(MnConfigError::ChainedWithoutPresMn { id })?;
-        let end = u32::from(node.pres_mn_offset) + u32::from(node.preq_bytes);
-        if end > u32::from(most) {
-            return Err(MnConfigError::BeyondPresMn { id, end, most });
-        }
-    }
-    Ok(())
-}
-
-fn check_configuration(node: &NodeConfig<'_>) -> Result<(), MnConfigError> {
-    if node.configuration.is_empty() {
-        return Ok(());
-    }
-    let id = node.id;
-    let unreadable = |error| MnConfigError::Configuration { id, error };
-    for write in CdcReader::new(node.configuration).map_err(unreadable)? {
-        write.map_err(unreadable)?;
-    }
-    Ok(())
+pub(super) fn us(microseconds: u32) -> u64 {
+    u64::from(microseconds) * 1000
 }

@@ -7,11 +7,11 @@
 use obd::AbortCode;
 use obd::cdc::{CdcReader, CdcWrite};
 
-use super::boot::{Order, Stage};
-use super::config::{Identity, NodeConfig, Stamp};
+use super::config::{Identity, Stamp, expected_stamp};
 use super::event::{Events, IdentityField, MnEvent};
 use super::fault::Fault;
 use super::node::{Network, Node};
+use super::stage::{BootStage, Order};
 use crate::nmt::NmtCommand;
 use crate::sdo::{Client, ClientError, Timing};
 use crate::wire::IdentResponse;
@@ -20,12 +20,6 @@ use crate::wire::IdentResponse;
 pub(super) const SDO_GIVE_UP_NS: u64 = 5_000_000_000;
 /// What a node may take for an answer without being asked again.
 const FIRST_TIMEOUT_MIN_NS: u64 = 10_000_000;
-/// Before the first write of the configuration.
-pub(super) const NOTHING_WRITTEN: CdcWrite<'static> = CdcWrite {
-    index: 0,
-    sub: 0,
-    value: &[],
-};
 
 impl<'a> Node<'a> {
     /// The first value of identity and software that is not as expected. What is compared is up to bits 9 and 10 of 0x1F80 and
@@ -71,7 +65,6 @@ impl<'a> Node<'a> {
     pub(super) fn begin_configuration(&mut self, ident: &IdentResponse, network: &Network) -> bool {
         // Checked when the managing node was made; an empty one has nothing to read.
         self.writes = CdcReader::new(self.config.configuration).ok();
-        self.written = 0;
         // The connection of the last boot is void, also for the application.
         self.sdo = Client::new(timing(network));
         !self.configuration_is_current(ident, network)
@@ -95,7 +88,14 @@ impl<'a> Node<'a> {
 
     /// Takes the result of the last write and starts the next one.
     pub(super) fn configure(&mut self, now_ns: u64, network: &Network, events: &mut Events) {
-        let CdcWrite { index, sub, .. } = self.writing;
+        let BootStage::Configuring {
+            mut written,
+            index,
+            sub,
+        } = self.stage
+        else {
+            return;
+        };
         let node = self.config.id;
         if self.sdo.is_busy() {
             let aborted = match self.sdo.result() {
@@ -126,17 +126,18 @@ impl<'a> Node<'a> {
             } else {
                 self.statistics.objects_written += 1;
             }
-            self.written += 1;
-        } else if self.written == 0 {
+            written += 1;
+        } else if written == 0 {
             events.push(MnEvent::Configuring { node });
         }
         let Some(Ok(write)) = self.writes.as_mut().and_then(Iterator::next) else {
             self.sdo.close();
-            self.stage = Stage::CloseSdo;
+            self.stage = BootStage::ClosingSdo;
             return;
         };
-        self.writing = write;
         let CdcWrite { index, sub, value } = write;
+        self.stage = BootStage::Configuring { written, index, sub };
+        self.written_value = value;
         self.sdo.set_timing(timing(network));
         if let Err(error) = self.sdo.start_write(index, sub, value.len()) {
             self.fail(
@@ -154,26 +155,6 @@ fn configuration_of(ident: &IdentResponse) -> Stamp {
         date: ident.configuration_date,
         time: ident.configuration_time,
     }
-}
-
-/// The date and time (0x1020/1, /2) that a configured node reports: as configured (0x1F26, 0x1F27), else as the concise DCF
-/// writes them. `None`: it cannot be told, as a date or a time of zero is what a node without configuration has.
-pub(super) fn expected_stamp(config: &NodeConfig<'_>) -> Option<Stamp> {
-    let stamp = config.configuration_stamp.unwrap_or_else(|| {
-        let mut stamp = Stamp { date: 0, time: 0 };
-        // An empty configuration has nothing to read.
-        for write in CdcReader::new(config.configuration).into_iter().flatten().flatten() {
-            if let (0x1020, Ok(value)) = (write.index, write.value.try_into()) {
-                match write.sub {
-                    1 => stamp.date = u32::from_le_bytes(value),
-                    2 => stamp.time = u32::from_le_bytes(value),
-                    _ => {}
-                }
-            }
-        }
-        stamp
-    });
-    (stamp.date != 0 && stamp.time != 0).then_some(stamp)
 }
 
 /// A node without these objects is configured all the same: they store parameters, say which configuration it holds, tune its

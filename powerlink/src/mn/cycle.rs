@@ -4,57 +4,27 @@
 //! RT: no allocation, no locks, bounded by the number of nodes.
 
 use super::budget::wire_time_ns;
+use super::config::us;
 use super::event::MnEvent;
-use super::node::us;
-use super::slot::Grant;
-use super::{Mn, Step};
+use super::state::{Grant, Mn, Phase};
 use crate::nmt::{MnTrigger, NmtState};
 use crate::wire::{
     self, Header, NetTime, PAYLOAD_LIMIT_MIN, POLL_HEADER_LEN, Preq, Pres, RequestedService, Requests, SOA_LEN, Soa,
     Soc, multicast,
 };
 
-/// Where the cycle stands.
+/// What the caller does next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Phase {
-    /// Between cycles; in the reduced cycle the next SoA may go out.
+pub enum Step<'a> {
+    /// Send this frame now, then poll again.
+    Send(&'a [u8]),
+    /// Receive until this time, but never past the start of the next cycle; hand in what comes, then poll again.
+    WaitUntil(u64),
+    /// Once after each `start_cycle`: all inputs of this cycle are in, or timed out, and the SoA is sent. In states
+    /// without isochronous traffic it comes at once.
+    IsochronousDone,
+    /// Nothing to do until the next `start_cycle`.
     Idle,
-    /// The SoC lies ready in the buffer of the cycle, so many octets long, and is to be sent.
-    SocDue { len: usize },
-    /// The SoC was handed out.
-    SocSent,
-    /// The first PReq has to wait until then.
-    AfterSoc { until_ns: u64 },
-    /// The PRes of the managing node, which triggers the chain, is to be sent.
-    ChainDue,
-    /// It was handed out.
-    ChainSent,
-    /// The chained nodes have to send until then.
-    AwaitChain { sent_ns: u64, deadline_ns: u64 },
-    /// The next PReq goes to this node or one behind it.
-    NextPreq { index: usize },
-    /// The PReq was handed out; its time-out starts when the caller comes back from sending.
-    PreqSent { index: usize },
-    /// The node has to answer until then.
-    AwaitPres {
-        index: usize,
-        sent_ns: u64,
-        deadline_ns: u64,
-    },
-    /// The PRes of the managing node, if it sends one, and then the SoA are to be sent.
-    PresMnDue,
-    /// The SoA is to be sent.
-    SoaDue,
-    /// The SoA was handed out.
-    SoaSent { grant: Grant },
-    /// Our own ASnd was handed out.
-    AsndSent,
-    /// Somebody else has the slot until then. `looked`: the caller has received since the deadline.
-    AwaitAsnd {
-        grant: Grant,
-        deadline_ns: u64,
-        looked: bool,
-    },
 }
 
 /// Which buffer a frame to be sent lies in.
@@ -84,7 +54,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         self.counters.events_dropped = self.events.dropped;
         // Also where no cycle runs (any more): what came in an earlier one is old.
         for node in self.nodes.iter_mut().flatten() {
-            node.fresh = false;
+            node.data.fresh = false;
         }
         if !self.state.is_isochronous() {
             return;

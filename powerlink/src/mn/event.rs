@@ -7,7 +7,8 @@ use core::fmt;
 
 use obd::AbortCode;
 
-use super::{NodeState, Stamp, Threshold};
+use super::config::Stamp;
+use super::threshold::Threshold;
 use crate::nmt::{NmtCommand, NmtState};
 use crate::wire::{self, ErrorEntry, Mac, WireError};
 
@@ -413,4 +414,23 @@ pub struct NodeStatistics {
     pub objects_written: u64,
     /// Times the node was given up and booted again.
     pub faults: u64,
+}
+
+/// State of a controlled node as the application sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NodeState {
+    /// Not heard of yet.
+    Absent,
+    /// Identified; boots when the application lets it (0x1F81 bit 2 is clear).
+    Held,
+    /// Identified; being booted.
+    Configuring,
+    /// READY_TO_OPERATE, communication checked; waits for the network.
+    Ready,
+    /// OPERATIONAL: process data are valid.
+    Operational,
+    /// Lost, refused or failed; it is being looked for and booted again.
+    Faulted,
+    /// STOPPED by order: no process data, until it is ordered otherwise.
+    Stopped,
 }

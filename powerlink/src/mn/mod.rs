@@ -16,15 +16,17 @@
 //!
 //! A cycle is SoC, then PReq and PRes of each node, then SoA, then one asynchronous slot. In PRE_OPERATIONAL_1 there is
 //! only the reduced cycle: SoA and slot, one after the other at their own pace; nodes are found and configured there, and those
-//! that come later in the running network. What a node needs is in `node`, who gets the asynchronous slot in `slot`.
+//! that come later in the running network. What a node needs is in `node`, who gets the asynchronous slot in `async_scheduler`.
 //!
 //! A node that is lost is reset and booted again while the others go on (NMT_StartUp object 0x1F80, bit 12 set, the default);
 //! what a lost mandatory node means for the machine is up to the application. Bits 4, 6 and 12 choose otherwise: see `network`.
 
 mod application;
+mod async_scheduler;
 mod boot;
 mod budget;
 mod chaining;
+mod check;
 mod config;
 mod configure;
 mod cycle;
@@ -35,78 +37,40 @@ mod image;
 mod network;
 mod node;
 mod objects;
+mod reason;
 mod receive;
 mod record;
+mod sdo_command;
 mod server;
 mod service;
 mod signalling;
-mod slot;
+mod stage;
 mod startup;
+mod state;
 mod threshold;
 
 pub use application::NodeCommandError;
 pub use budget::{Budget, BudgetLine, Part, WorstCycle, wire_time_ns};
-pub use config::{BootTimes, Direction, Identity, MnConfig, MnConfigError, NodeConfig, Stamp};
-pub use diagnosis::{BootStage, Diagnosis, ForeignMn, NetworkDiagnosis, NetworkReason, Reason};
-pub use event::{Counters, EVENTS_MAX, ForeignSign, IdentityField, Malformed, MnEvent, NodeStatistics};
+pub use check::MnConfigError;
+pub use config::{BootTimes, DeviceInfo, Direction, Identity, MnConfig, NodeConfig, Stamp};
+pub use cycle::Step;
+pub use diagnosis::{Diagnosis, ForeignMn, NetworkDiagnosis, NetworkReason, Reason};
+pub use event::{Counters, EVENTS_MAX, ForeignSign, IdentityField, Malformed, MnEvent, NodeState, NodeStatistics};
 pub use fault::Fault;
 pub use image::{CHANNEL_OCTETS_MAX, IMAGE_IN, IMAGE_OCTETS_MAX, IMAGE_OUT};
-pub use objects::{DeviceInfo, FEATURE_FLAGS, HISTORY_ENTRIES, MN_PROFILE, MnObjects};
+pub use objects::{FEATURE_FLAGS, HISTORY_ENTRIES, MN_PROFILE, MnObjects};
 pub use record::{ERRORS_KEPT, ErrorLog, LastFault, LoggedError};
-pub use service::{SdoCommand, SdoError, SdoRefused, SdoResult};
+pub use sdo_command::{SdoCommand, SdoError, SdoRefused, SdoResult};
+pub use stage::BootStage;
 pub use startup::{Assignment, RefusedBit, StartUp};
+pub use state::Mn;
 pub use threshold::Threshold;
 
-use crate::ethernet_queue::EthernetQueue;
 pub use crate::ethernet_queue::{ETHERNET_FRAMES, QueueError};
 use crate::nmt::{self, MnTrigger, NmtState};
-use crate::wire::{self, FRAME_LEN_MAX, NetTime, PAYLOAD_MAX};
-use config::check;
-use cycle::Phase;
-use event::Events;
-use network::{Gate, Reduced, ToAll};
+use crate::wire;
 use node::{Network, Node};
-use objects::RequestCommand;
-use server::{Guest, OwnServer};
-use slot::{Grant, Shutdown, Turn};
-
-/// NoService SoAs at the start of PRE_OPERATIONAL_1 that wake the nodes (C_DLL_PREOP1_START_CYCLES).
-const WAKE_SOAS: u8 = 10;
-/// Marks a node id without a node in the table from id to position.
-const NOBODY: u8 = u8::MAX;
-
-/// State of a controlled node as the application sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NodeState {
-    /// Not heard of yet.
-    Absent,
-    /// Identified; boots when the application lets it (0x1F81 bit 2 is clear).
-    Held,
-    /// Identified; being booted.
-    Configuring,
-    /// READY_TO_OPERATE, communication checked; waits for the network.
-    Ready,
-    /// OPERATIONAL: process data are valid.
-    Operational,
-    /// Lost, refused or failed; it is being looked for and booted again.
-    Faulted,
-    /// STOPPED by order: no process data, until it is ordered otherwise.
-    Stopped,
-}
-
-/// What the caller does next.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Step<'a> {
-    /// Send this frame now, then poll again.
-    Send(&'a [u8]),
-    /// Receive until this time, but never past the start of the next cycle; hand in what comes, then poll again.
-    WaitUntil(u64),
-    /// Once after each `start_cycle`: all inputs of this cycle are in, or timed out, and the SoA is sent. In states
-    /// without isochronous traffic it comes at once.
-    IsochronousDone,
-    /// Nothing to do until the next `start_cycle`.
-    Idle,
-}
+use state::{Grant, NOBODY, Phase, Shutdown};
 
 /// Input data of one node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -119,124 +83,7 @@ pub struct Input<'a> {
     pub lost_in_row: u32,
 }
 
-/// Managing node with room for `NODES` controlled nodes (about 4 kB each).
-#[derive(Debug)]
-pub struct Mn<'a, const NODES: usize> {
-    config: MnConfig<'a>,
-    state: NmtState,
-    phase: Phase,
-    reduced: Reduced,
-    nodes: [Option<Node<'a>>; NODES],
-    /// Position of a node id in `nodes`.
-    index_of: [u8; 256],
-    outputs_valid: bool,
-    done_due: bool,
-    /// This cycle has been counted as exceeded.
-    exceeded: bool,
-    /// A cycle was cut off before its SoA: that goes out before the next SoC.
-    soa_owed: bool,
-    /// The state that the last SoA showed.
-    soa_showed: Option<NmtState>,
-    /// End of listening in NOT_ACTIVE; set by the first call that brings the time.
-    listen_until_ns: Option<u64>,
-    pre_op_1_since_ns: u64,
-    missing_reported: bool,
-    /// The network fell back to PRE_OPERATIONAL_1; what that begins with is still to be done.
-    entered_pre_op_1: bool,
-    /// Since when all mandatory nodes are identified, in PRE_OPERATIONAL_1.
-    identified_since_ns: Option<u64>,
-    /// Nodes the configuration manager is at work with.
-    being_configured: u32,
-    gate: Gate,
-    /// Command to all that waits for a slot.
-    to_all: Option<ToAll>,
-    /// When another managing node was heard last, and by what.
-    foreign: Option<(u64, ForeignSign)>,
-    cycle_started_ns: Option<u64>,
-    net_time: NetTime,
-    relative_time_us: u64,
-    prescaled_slot: bool,
-    /// Cycle of the multiplexed round, from 1; 0 before the first.
-    multiplex_cycle: u8,
-    /// MC of the SoC.
-    round_toggle: bool,
-    turn: Turn,
-    shutdown: Shutdown,
-    events: Events,
-    counters: Counters,
-    server: OwnServer,
-    guest: Guest,
-    /// What 0x1F9F asks for.
-    request: RequestCommand,
-    /// Faults before this time are no longer in the error history (0x1003).
-    history_from_ns: u64,
-    /// Any node is chained: our PRes goes before the polls, to trigger the chain.
-    has_chain: bool,
-    /// What the cycle leaves for it, in ns.
-    chain_room_ns: u64,
-    /// Payload of our own PRes.
-    pres_mn: [u8; PAYLOAD_MAX],
-    cycle_frame: [u8; FRAME_LEN_MAX],
-    asnd_frame: [u8; FRAME_LEN_MAX],
-    asnd_len: usize,
-    /// Frames of the application that wait for a slot.
-    ethernet: EthernetQueue,
-}
-
 impl<'a, const NODES: usize> Mn<'a, NODES> {
-    /// A managing node in NOT_ACTIVE. Everything it relies on later is checked here.
-    pub fn new(config: MnConfig<'a>) -> Result<Self, MnConfigError> {
-        check(&config, NODES.min(usize::from(wire::node::CN_MAX)))?;
-        let mut index_of = [NOBODY; 256];
-        for (index, node) in config.nodes.iter().enumerate() {
-            // At most 239 nodes, checked above.
-            index_of[usize::from(node.id)] = index as u8;
-        }
-        Ok(Mn {
-            config,
-            state: NmtState::NotActive,
-            phase: Phase::Idle,
-            reduced: Reduced::Wake { left: WAKE_SOAS },
-            nodes: core::array::from_fn(|index| config.nodes.get(index).map(|node| Node::new(*node))),
-            index_of,
-            outputs_valid: false,
-            done_due: false,
-            exceeded: false,
-            soa_owed: false,
-            soa_showed: None,
-            listen_until_ns: None,
-            pre_op_1_since_ns: 0,
-            missing_reported: false,
-            entered_pre_op_1: false,
-            identified_since_ns: None,
-            being_configured: 0,
-            gate: Gate::default(),
-            to_all: None,
-            foreign: None,
-            cycle_started_ns: None,
-            net_time: NetTime::default(),
-            relative_time_us: 0,
-            prescaled_slot: false,
-            multiplex_cycle: 0,
-            round_toggle: false,
-            turn: Turn::default(),
-            shutdown: Shutdown::No,
-            events: Events::new(),
-            counters: Counters::default(),
-            server: OwnServer::new(),
-            guest: Guest::default(),
-            request: RequestCommand::default(),
-            history_from_ns: 0,
-            has_chain: config.nodes.iter().any(|node| node.assignment.chained),
-            chain_room_ns: Budget::new(&config, &[]).chain_room_ns(),
-            pres_mn: [0; PAYLOAD_MAX],
-            cycle_frame: [0; FRAME_LEN_MAX],
-            asnd_frame: [0; FRAME_LEN_MAX],
-            asnd_len: 0,
-            ethernet: EthernetQueue::new(),
-        })
-    }
-
     /// Process data for a node, by its position in the configuration: the payload of its next PReq, its part of our PRes for a
     /// chained node; empty for a position without a node.
     pub fn output_mut(&mut self, node: usize) -> &mut [u8] {
@@ -245,7 +92,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 let start = usize::from(node.config.pres_mn_offset);
                 &mut self.pres_mn[start..start + usize::from(node.config.preq_bytes)]
             }
-            Some(Some(node)) => &mut node.output[..usize::from(node.config.preq_bytes)],
+            Some(Some(node)) => &mut node.data.output[..usize::from(node.config.preq_bytes)],
             Some(None) | None => &mut [],
         }
     }
@@ -283,7 +130,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 Input {
                     data,
                     fresh,
-                    lost_in_row: node.lost_in_row,
+                    lost_in_row: node.data.lost_in_row,
                 }
             }
             None => Input {

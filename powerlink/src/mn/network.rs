@@ -4,61 +4,12 @@
 //! In:  the stages of all nodes, the time, the application's leave. Out: the managing node's own NMT state, commands to all.
 //! RT: no allocation, no locks, bounded by the number of nodes.
 
-use super::boot::Stage;
-use super::event::MnEvent;
-use super::node::{Node, us};
-use super::slot::{BROADCAST_REPEAT, Shutdown};
-use super::{Mn, NodeState};
+use super::config::us;
+use super::event::{MnEvent, NodeState};
+use super::node::Node;
+use super::stage::BootStage;
+use super::state::{BROADCAST_REPEAT, Everyone, Gate, Mn, Reduced, Shutdown, ToAll};
 use crate::nmt::{MnTrigger, NmtCommand, NmtState};
-
-/// Where the start of PRE_OPERATIONAL_1 stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Reduced {
-    /// NoService SoAs that are still to be sent.
-    Wake { left: u8 },
-    /// The ResetNode broadcast is next.
-    Reset,
-    /// As some node is kept alive, ResetNode goes to the others one by one; this one is next.
-    ResetEach { index: usize },
-    /// The nodes restart.
-    Pause { until_ns: u64 },
-    /// IdentRequests.
-    Ident,
-}
-
-/// A step that needs the application's leave.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Gate {
-    /// The network would enter this state.
-    pub(super) next: Option<NmtState>,
-    /// The application lets it.
-    pub(super) open: bool,
-}
-
-/// What all nodes are told at once.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Everyone {
-    Start,
-    Stop,
-    Reset,
-}
-
-impl Everyone {
-    pub(super) fn command(self) -> NmtCommand {
-        match self {
-            Everyone::Start => NmtCommand::StartNode,
-            Everyone::Stop => NmtCommand::StopNode,
-            Everyone::Reset => NmtCommand::ResetNode,
-        }
-    }
-}
-
-/// A command to all nodes, sent a few times because nobody acknowledges it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct ToAll {
-    pub(super) what: Everyone,
-    pub(super) left: u8,
-}
 
 impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// The nodes' next steps, and what they mean for the network; once a slot.
@@ -258,7 +209,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     .nodes
                     .iter_mut()
                     .flatten()
-                    .filter(|node| node.stage == Stage::Ready)
+                    .filter(|node| node.stage == BootStage::Ready)
                 {
                     node.started(now_ns, &network);
                 }

@@ -4,17 +4,15 @@
 //! Out: input data, whether it needs an IdentRequest or a StatusRequest, events.
 //! RT: no allocation, no locks, bounded. The way through the boot-up is in `boot`, what is written into it in `configure`.
 
-use obd::cdc::{CdcReader, CdcWrite};
+use obd::cdc::CdcReader;
 
-use super::NodeState;
-use super::boot::{Order, Stage};
-use super::chaining::Chain;
 use super::config::{BootTimes, NodeConfig};
-use super::event::{Events, MnEvent, NodeStatistics};
+use super::event::{Events, MnEvent, NodeState, NodeStatistics};
 use super::fault::Fault;
 use super::record::Record;
-use super::service::{Job, SdoError};
+use super::sdo_command::{Job, SdoError};
 use super::signalling::Signalling;
+use super::stage::{BootStage, Chain, Order};
 use super::startup::StartUp;
 use crate::nmt::{NmtCommand, NmtState};
 use crate::sdo::{Client, Timing};
@@ -46,11 +44,47 @@ pub(super) struct Network {
     pub(super) starts_nodes: bool,
 }
 
+/// StatusRequests to a node.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct StatusRequests {
+    pub(super) due_ns: u64,
+    /// Unanswered in a row.
+    pub(super) unanswered: u32,
+    /// Another node asked for one.
+    pub(super) asked: bool,
+}
+
+/// IdentRequests to a node; when the next is due is in its stage.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct IdentRequests {
+    /// Another node asked for one.
+    pub(super) asked: bool,
+    /// One was sent and is not answered yet: only such an answer is believed.
+    pub(super) open: bool,
+}
+
+/// A node that is not polled shows no RS when its SDO answer is ready: it is invited at this time, later again.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Invitation {
+    due_ns: u64,
+    pause_ns: u64,
+}
+
+/// Process data exchanged with a node.
+#[derive(Debug)]
+pub(super) struct ProcessData {
+    pub(super) output: [u8; PAYLOAD_MAX],
+    pub(super) input: [u8; PAYLOAD_MAX],
+    /// The input came in this cycle.
+    pub(super) fresh: bool,
+    pub(super) lost_in_row: u32,
+}
+
 /// One controlled node.
 #[derive(Debug)]
 pub(super) struct Node<'a> {
     pub(super) config: NodeConfig<'a>,
-    pub(super) stage: Stage,
+    pub(super) stage: BootStage,
     pub(super) state: NodeState,
     /// As last reported by the node.
     pub(super) nmt_state: NmtState,
@@ -65,33 +99,22 @@ pub(super) struct Node<'a> {
     pub(super) reject: Option<NmtCommand>,
     pub(super) requests: Requests,
     pub(super) signalling: Signalling,
-    pub(super) status_due_ns: u64,
-    pub(super) status_unanswered: u32,
-    /// Another node asked for a StatusRequest or an IdentRequest to this one.
-    pub(super) status_asked: bool,
-    pub(super) ident_asked: bool,
-    /// An IdentRequest was sent and is not answered yet: an answer that nobody asked for is not believed.
-    pub(super) ident_open: bool,
-    pub(super) ident_due_ns: u64,
+    pub(super) status: StatusRequests,
+    pub(super) ident: IdentRequests,
     /// The application lets the node boot (bit 2 of its assignment is clear).
     pub(super) boot_asked: bool,
     /// It was ready, and failed in an OPERATIONAL network.
     pub(super) dropped_out: bool,
-    /// A node that is not polled shows no RS when its SDO answer is ready: it is invited at this time, later again.
-    pub(super) invite_due_ns: u64,
-    pub(super) invite_pause_ns: u64,
+    pub(super) invitation: Invitation,
     /// Writes of the concise DCF that are still to come.
     pub(super) writes: Option<CdcReader<'a>>,
-    pub(super) writing: CdcWrite<'a>,
-    pub(super) written: u32,
+    /// Value of the write under way.
+    pub(super) written_value: &'a [u8],
     pub(super) sdo: Client,
     /// What the application does with it.
     pub(super) job: Option<Job<'a>>,
     pub(super) wrong_state: u32,
-    pub(super) output: [u8; PAYLOAD_MAX],
-    pub(super) input: [u8; PAYLOAD_MAX],
-    pub(super) fresh: bool,
-    pub(super) lost_in_row: u32,
+    pub(super) data: ProcessData,
     pub(super) statistics: NodeStatistics,
     pub(super) record: Record,
 }
@@ -100,7 +123,7 @@ impl<'a> Node<'a> {
     pub(super) fn new(config: NodeConfig<'a>) -> Node<'a> {
         Node {
             config,
-            stage: Stage::Search,
+            stage: BootStage::Searching { ident_due_ns: 0 },
             state: NodeState::Absent,
             nmt_state: NmtState::Off,
             mac: [0; 6],
@@ -110,26 +133,22 @@ impl<'a> Node<'a> {
             reject: None,
             requests: Requests::default(),
             signalling: Signalling::new(),
-            status_due_ns: 0,
-            status_unanswered: 0,
-            status_asked: false,
-            ident_asked: false,
-            ident_open: false,
-            ident_due_ns: 0,
+            status: StatusRequests::default(),
+            ident: IdentRequests::default(),
             boot_asked: false,
             dropped_out: false,
-            invite_due_ns: 0,
-            invite_pause_ns: 0,
+            invitation: Invitation::default(),
             writes: None,
-            writing: super::configure::NOTHING_WRITTEN,
-            written: 0,
+            written_value: &[],
             sdo: Client::new(Timing::default()),
             job: None,
             wrong_state: 0,
-            output: [0; PAYLOAD_MAX],
-            input: [0; PAYLOAD_MAX],
-            fresh: false,
-            lost_in_row: 0,
+            data: ProcessData {
+                output: [0; PAYLOAD_MAX],
+                input: [0; PAYLOAD_MAX],
+                fresh: false,
+                lost_in_row: 0,
+            },
             statistics: NodeStatistics::default(),
             record: Record::NEW,
         }
@@ -137,12 +156,12 @@ impl<'a> Node<'a> {
 
     /// Input data, and whether they came in this cycle.
     pub(super) fn input(&self) -> (&[u8], bool) {
-        (&self.input[..usize::from(self.config.pres_bytes)], self.fresh)
+        (&self.data.input[..usize::from(self.config.pres_bytes)], self.data.fresh)
     }
 
     /// Payload of the next PReq.
     pub(super) fn output(&self) -> &[u8] {
-        &self.output[..usize::from(self.config.preq_bytes)]
+        &self.data.output[..usize::from(self.config.preq_bytes)]
     }
 
     pub(super) fn set_state(&mut self, state: NodeState, events: &mut Events) {
@@ -158,27 +177,28 @@ impl<'a> Node<'a> {
     /// Everything that was learned from the node is void.
     pub(super) fn forget(&mut self, now_ns: u64, network: &Network) {
         self.end_job(SdoError::NodeReset);
-        self.stage = Stage::Search;
+        // The ResetNode goes out first; a node that restarts answers nothing for a while anyway.
+        self.stage = BootStage::Searching {
+            ident_due_ns: now_ns + 2 * network.cycle_ns,
+        };
         self.record.searched_since_ns = now_ns;
         self.polled = false;
         self.chain = Chain::NEW;
         self.requests = Requests::default();
         self.reject = None;
-        self.fresh = false;
-        self.lost_in_row = 0;
-        self.ident_open = false;
+        self.data.fresh = false;
+        self.data.lost_in_row = 0;
+        self.ident.open = false;
         self.wrong_state = 0;
-        self.status_unanswered = 0;
+        self.status.unanswered = 0;
         self.writes = None;
         self.nmt_state = NmtState::Off;
-        // The ResetNode goes out first; a node that restarts answers nothing for a while anyway.
-        self.ident_due_ns = now_ns + 2 * network.cycle_ns;
         self.restart_signalling(now_ns);
     }
 
     pub(super) fn restart_signalling(&mut self, now_ns: u64) {
         self.signalling = Signalling::new();
-        self.status_due_ns = now_ns;
+        self.status.due_ns = now_ns;
     }
 
     /// Gives the node up; it is reset and booted from the start.
@@ -208,67 +228,76 @@ impl<'a> Node<'a> {
 
     /// The node needs an IdentRequest.
     pub(super) fn wants_ident(&self, now_ns: u64) -> bool {
-        let searching = matches!(self.stage, Stage::Search | Stage::Reidentify { .. });
-        self.order.is_none() && (self.ident_asked || (searching && now_ns >= self.ident_due_ns))
+        let due = matches!(
+            self.stage,
+            BootStage::Searching { ident_due_ns } | BootStage::Reidentifying { ident_due_ns, .. } if now_ns >= ident_due_ns
+        );
+        self.order.is_none() && (self.ident.asked || due)
     }
 
     /// An IdentRequest was sent. In the reduced cycle it may be repeated at once, later after a few cycles.
     pub(super) fn ident_sent(&mut self, now_ns: u64, network: &Network) {
-        self.ident_asked = false;
-        self.ident_open = true;
+        self.ident.asked = false;
+        self.ident.open = true;
         let pause_cycles = if network.state == NmtState::PreOperational1 {
             0
-        } else if matches!(self.stage, Stage::Reidentify { .. }) {
+        } else if matches!(self.stage, BootStage::Reidentifying { .. }) {
             2
         } else {
             RETRY_CYCLES
         };
-        self.ident_due_ns = now_ns + pause_cycles * network.cycle_ns;
+        if let BootStage::Searching { ident_due_ns } | BootStage::Reidentifying { ident_due_ns, .. } = &mut self.stage {
+            *ident_due_ns = now_ns + pause_cycles * network.cycle_ns;
+        }
     }
 
     /// The node needs a StatusRequest: error signalling is being initialised, there are new errors, or its state is not
     /// known because it is not polled yet.
     pub(super) fn wants_status(&self, now_ns: u64) -> bool {
         let alive = self.is_identified()
-            && !matches!(self.stage, Stage::ResetConfiguration { .. } | Stage::Reidentify { .. })
+            && !matches!(
+                self.stage,
+                BootStage::ResettingConfiguration { .. } | BootStage::Reidentifying { .. }
+            )
             && self.order.is_none();
-        let wanted = self.signalling.wants_status() || !self.polled || self.status_asked;
-        alive && wanted && now_ns >= self.status_due_ns
+        let wanted = self.signalling.wants_status() || !self.polled || self.status.asked;
+        alive && wanted && now_ns >= self.status.due_ns
     }
 
     /// The node has something to send: it says so, or it owes an SDO answer and has no PRes to say so.
     pub(super) fn wants_invitation(&self, now_ns: u64) -> bool {
         let asks = self.requests.count > 0 && self.requests.priority != Requests::PRIORITY_NMT;
-        let owes = !self.polled && now_ns >= self.invite_due_ns && self.sdo.awaits_answer(now_ns);
+        let owes = !self.polled && now_ns >= self.invitation.due_ns && self.sdo.awaits_answer(now_ns);
         self.is_identified() && (asks || owes)
     }
 
     /// An SDO frame goes out to the node; it may be invited at once.
     pub(super) fn sdo_sent(&mut self, now_ns: u64) {
-        self.invite_due_ns = now_ns;
-        self.invite_pause_ns = 0;
+        self.invitation.due_ns = now_ns;
+        self.invitation.pause_ns = 0;
     }
 
     /// The node was invited and sent nothing.
     pub(super) fn invitation_unused(&mut self, now_ns: u64, network: &Network) {
-        self.invite_pause_ns = (2 * self.invite_pause_ns).clamp(network.slot_ns, INVITE_PAUSE_SLOTS * network.slot_ns);
-        self.invite_due_ns = now_ns + self.invite_pause_ns;
+        self.invitation.pause_ns =
+            (2 * self.invitation.pause_ns).clamp(network.slot_ns, INVITE_PAUSE_SLOTS * network.slot_ns);
+        self.invitation.due_ns = now_ns + self.invitation.pause_ns;
     }
 
     /// The StatusRequest got no answer.
     pub(super) fn status_missed(&mut self, now_ns: u64, network: &Network, events: &mut Events) {
-        self.status_due_ns = now_ns + RETRY_CYCLES * network.cycle_ns;
-        self.status_asked = false;
-        self.status_unanswered = self.status_unanswered.saturating_add(1);
+        self.status.due_ns = now_ns + RETRY_CYCLES * network.cycle_ns;
+        self.status.asked = false;
+        self.status.unanswered = self.status.unanswered.saturating_add(1);
         if !self.statistics.loss_of_status.error(self.config.status_threshold) {
             return;
         }
         if self.polled {
             // Its PRes show that it lives: it does without error signalling.
             self.signalling.give_up();
-            self.status_unanswered = 0;
+            self.status.unanswered = 0;
         } else {
-            let in_row = self.status_unanswered;
+            let in_row = self.status.unanswered;
             self.fail(now_ns, network, Fault::StatusLost { in_row }, events);
         }
     }
@@ -276,7 +305,7 @@ impl<'a> Node<'a> {
     /// The node reported its NMT state in an IdentResponse or StatusResponse.
     pub(super) fn reported(&mut self, state: NmtState, network: &Network) {
         self.nmt_state = state;
-        let waits_for_reset = matches!(self.stage, Stage::ResetConfiguration { .. });
+        let waits_for_reset = matches!(self.stage, BootStage::ResettingConfiguration { .. });
         // A chained node counts as polled from the answer on by which it takes its time.
         let by_poll = !self.config.assignment.chained && !self.config.assignment.async_only;
         if network.state.is_isochronous()
@@ -291,13 +320,13 @@ impl<'a> Node<'a> {
 
     /// A StatusResponse came.
     pub(super) fn status(&mut self, now_ns: u64, status: &StatusResponse<'_>, network: &Network, events: &mut Events) {
-        self.status_unanswered = 0;
+        self.status.unanswered = 0;
         self.statistics.loss_of_status.good();
-        self.status_asked = false;
+        self.status.asked = false;
         self.requests = status.requests;
         self.reported(status.nmt_state, network);
         let pause_ns = if self.is_settled() { SUPERVISION_NS } else { 0 };
-        self.status_due_ns = now_ns + pause_ns;
+        self.status.due_ns = now_ns + pause_ns;
         if self.signalling.status(status) {
             for entry in status.entries.iter() {
                 self.record.error(now_ns, entry);
@@ -307,7 +336,7 @@ impl<'a> Node<'a> {
                 });
             }
         }
-        let stopped = matches!(self.stage, Stage::Stopped { .. });
+        let stopped = matches!(self.stage, BootStage::Stopped { .. });
         if network.state.is_isochronous() && (self.config.assignment.async_only || stopped) {
             self.check_state(now_ns, network, events);
         }
@@ -316,28 +345,28 @@ impl<'a> Node<'a> {
     /// Nothing is expected to change, and nobody polls it.
     fn is_settled(&self) -> bool {
         match self.stage {
-            Stage::Held | Stage::Ready | Stage::Operational | Stage::TakenOver => {
+            BootStage::Held | BootStage::Ready | BootStage::Operational | BootStage::TakenOver => {
                 self.config.assignment.async_only && !self.signalling.wants_status()
             }
-            Stage::Stopped { .. } => self.nmt_state == NmtState::Stopped,
-            Stage::Search
-            | Stage::Refused { .. }
-            | Stage::Configure
-            | Stage::CloseSdo
-            | Stage::ResetConfiguration { .. }
-            | Stage::Reidentify { .. }
-            | Stage::Enable { .. }
-            | Stage::WaitReady { .. }
-            | Stage::Check { .. }
-            | Stage::WaitOperational { .. }
-            | Stage::BackInPreOperational2 { .. } => false,
+            BootStage::Stopped { .. } => self.nmt_state == NmtState::Stopped,
+            BootStage::Searching { .. }
+            | BootStage::Refused { .. }
+            | BootStage::Configuring { .. }
+            | BootStage::ClosingSdo
+            | BootStage::ResettingConfiguration { .. }
+            | BootStage::Reidentifying { .. }
+            | BootStage::WaitingPreOperational2 { .. }
+            | BootStage::WaitingReadyToOperate { .. }
+            | BootStage::CheckingCommunication { .. }
+            | BootStage::WaitingOperational { .. }
+            | BootStage::BackInPreOperational2 { .. } => false,
         }
     }
 
     /// The PRes of this cycle came in time.
     pub(super) fn polled_well(&mut self, now_ns: u64, pres: &Pres<'_>, network: &Network, events: &mut Events) {
         self.statistics.pres_received += 1;
-        self.lost_in_row = 0;
+        self.data.lost_in_row = 0;
         self.nmt_state = pres.nmt_state;
         self.requests = pres.requests;
         self.signalling.polled(pres.exception_new);
@@ -356,14 +385,14 @@ impl<'a> Node<'a> {
         } else if pres.ready {
             match pres.payload.get(..length) {
                 Some(data) => {
-                    self.input[..length].copy_from_slice(data);
-                    self.fresh = true;
+                    self.data.input[..length].copy_from_slice(data);
+                    self.data.fresh = true;
                 }
                 None => self.statistics.pres_short += 1,
             }
         }
         // A node that sends less than was mapped has lost its configuration: its data would never be used.
-        if let Stage::Check { good, .. } = &mut self.stage
+        if let BootStage::CheckingCommunication { good, .. } = &mut self.stage
             && pres.nmt_state == NmtState::ReadyToOperate
             && pres.payload.len() >= length
         {
@@ -376,28 +405,30 @@ impl<'a> Node<'a> {
     pub(super) fn check_state(&mut self, now_ns: u64, network: &Network, events: &mut Events) {
         let got = self.nmt_state;
         let (expected, right) = match self.stage {
-            Stage::Search | Stage::Refused { .. } | Stage::Reidentify { .. } => return,
-            Stage::Held
-            | Stage::Configure
-            | Stage::CloseSdo
-            | Stage::ResetConfiguration { .. }
-            | Stage::Enable { .. } => (NmtState::PreOperational2, got == NmtState::PreOperational2),
+            BootStage::Searching { .. } | BootStage::Refused { .. } | BootStage::Reidentifying { .. } => return,
+            BootStage::Held
+            | BootStage::Configuring { .. }
+            | BootStage::ClosingSdo
+            | BootStage::ResettingConfiguration { .. }
+            | BootStage::WaitingPreOperational2 { .. } => (NmtState::PreOperational2, got == NmtState::PreOperational2),
             // Ordered again until it happens.
-            Stage::BackInPreOperational2 { .. } => (
+            BootStage::BackInPreOperational2 { .. } => (
                 NmtState::PreOperational2,
                 got.is_isochronous() || got == NmtState::Stopped,
             ),
-            Stage::Stopped { .. } => (NmtState::Stopped, got.is_isochronous() || got == NmtState::Stopped),
-            Stage::WaitReady { .. } => (
+            BootStage::Stopped { .. } => (NmtState::Stopped, got.is_isochronous() || got == NmtState::Stopped),
+            BootStage::WaitingReadyToOperate { .. } => (
                 NmtState::ReadyToOperate,
                 got == NmtState::PreOperational2 || got == NmtState::ReadyToOperate,
             ),
-            Stage::Check { .. } | Stage::Ready => (NmtState::ReadyToOperate, got == NmtState::ReadyToOperate),
-            Stage::WaitOperational { .. } => (
+            BootStage::CheckingCommunication { .. } | BootStage::Ready => {
+                (NmtState::ReadyToOperate, got == NmtState::ReadyToOperate)
+            }
+            BootStage::WaitingOperational { .. } => (
                 NmtState::Operational,
                 got == NmtState::ReadyToOperate || got == NmtState::Operational,
             ),
-            Stage::Operational | Stage::TakenOver => (NmtState::Operational, got == NmtState::Operational),
+            BootStage::Operational | BootStage::TakenOver => (NmtState::Operational, got == NmtState::Operational),
         };
         if right {
             self.wrong_state = 0;
@@ -412,21 +443,17 @@ impl<'a> Node<'a> {
     /// The PRes of this cycle did not come in time.
     pub(super) fn poll_lost(&mut self, now_ns: u64, lost_max: u32, network: &Network, events: &mut Events) {
         self.statistics.pres_lost += 1;
-        self.lost_in_row = self.lost_in_row.saturating_add(1);
-        self.statistics.lost_in_row_max = self.statistics.lost_in_row_max.max(self.lost_in_row);
-        if let Stage::Check { good, .. } = &mut self.stage {
+        self.data.lost_in_row = self.data.lost_in_row.saturating_add(1);
+        self.statistics.lost_in_row_max = self.statistics.lost_in_row_max.max(self.data.lost_in_row);
+        if let BootStage::CheckingCommunication { good, .. } = &mut self.stage {
             *good = 0;
         }
         let threshold_reached = self.statistics.loss_of_pres.error(self.config.pres_threshold);
-        if self.lost_in_row > lost_max || threshold_reached {
-            let in_row = self.lost_in_row;
+        if self.data.lost_in_row > lost_max || threshold_reached {
+            let in_row = self.data.lost_in_row;
             self.fail(now_ns, network, Fault::PresLost { in_row }, events);
             // The application still sees how long the data have been old.
-            self.lost_in_row = in_row;
+            self.data.lost_in_row = in_row;
         }
     }
-}
-
-pub(super) fn us(microseconds: u32) -> u64 {
-    u64::from(microseconds) * 1000
 }

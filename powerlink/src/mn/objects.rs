@@ -12,63 +12,16 @@ use obd::{AbortCode, DataType, EntryDef, Objects, Value};
 
 pub use table::{FEATURE_FLAGS, HISTORY_ENTRIES, MN_PROFILE};
 
-use super::configure::{SDO_GIVE_UP_NS, expected_stamp};
-use super::event::Events;
+use super::config::{MnConfig, expected_stamp};
+use super::configure::SDO_GIVE_UP_NS;
+use super::event::{Counters, Events, NodeState};
 use super::image::{ARRAYS, IMAGE_IN, IMAGE_OUT, octet_at};
 use super::node::{Network, Node};
-use super::{Assignment, Counters, Mn, MnConfig, NOBODY, NodeState, Stamp};
+use super::startup::Assignment;
+use super::state::{Mn, NOBODY, RequestCommand};
 use crate::nmt::{NmtCommand, NmtState};
 use crate::wire::{self, ERROR_ENTRY_LEN, ErrorEntry, NetTime, PAYLOAD_LIMIT_MIN};
 use table::CHANNEL_LAST;
-
-/// What the managing node says of itself in its dictionary.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DeviceInfo<'a> {
-    /// Object 0x1000.
-    pub device_type: u32,
-    /// Object 0x1018/1.
-    pub vendor_id: u32,
-    /// Object 0x1018/2.
-    pub product_code: u32,
-    /// Object 0x1018/3.
-    pub revision: u32,
-    /// Object 0x1018/4.
-    pub serial: u32,
-    /// Object 0x1008.
-    pub device_name: &'a str,
-    /// Object 0x1009.
-    pub hardware_version: &'a str,
-    /// Object 0x100A.
-    pub software_version: &'a str,
-    /// Object 0x1F9A.
-    pub host_name: &'a str,
-    /// Object 0x1F52.
-    pub software: Stamp,
-}
-
-impl Default for DeviceInfo<'_> {
-    fn default() -> Self {
-        DeviceInfo {
-            device_type: 0,
-            vendor_id: 0,
-            product_code: 0,
-            revision: 0,
-            serial: 0,
-            device_name: "managing node",
-            hardware_version: "",
-            software_version: env!("CARGO_PKG_VERSION"),
-            host_name: "",
-            software: Stamp { date: 0, time: 0 },
-        }
-    }
-}
-
-/// An NMT service asked for by writing to 0x1F9F; carried out when Release becomes TRUE.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub(super) struct RequestCommand {
-    command: u8,
-    target: u8,
-}
 
 /// The dictionary of a managing node, for as long as one SDO frame or one look takes.
 #[derive(Debug)]
@@ -410,8 +363,8 @@ impl<'a> MnObjects<'_, 'a> {
             return Err(AbortCode::VALUE_RANGE);
         };
         match NmtCommand::from(command) {
-            NmtCommand::IdentRequest => node.ident_asked = true,
-            NmtCommand::StatusRequest => node.status_asked = true,
+            NmtCommand::IdentRequest => node.ident.asked = true,
+            NmtCommand::StatusRequest => node.status.asked = true,
             NmtCommand::ResetNode if node.state == NodeState::Operational => return Err(AbortCode::DEVICE_STATE),
             NmtCommand::ResetNode => node.reset(now_ns, &network, self.events),
             _ => return Err(AbortCode::LOCAL_CONTROL),

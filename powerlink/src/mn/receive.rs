@@ -14,11 +14,9 @@
 //!
 //! RT: no allocation, no locks, bounded; never panics.
 
-use super::Mn;
-use super::cycle::Phase;
+use super::config::us;
 use super::event::{ForeignSign, MnEvent};
-use super::node::us;
-use super::slot::Grant;
+use super::state::{Grant, Mn, Phase};
 use crate::nmt::NmtState;
 use crate::wire::{self, Asnd, Frame, Header, Pres};
 
@@ -92,7 +90,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             now_ns
         } else {
             match self.nodes.get_mut(index).and_then(Option::as_mut) {
-                Some(node) if node.lost_in_row > 0 => node.statistics.pres_late += 1,
+                Some(node) if node.data.lost_in_row > 0 => node.statistics.pres_late += 1,
                 Some(_) | None => self.counters.unexpected += 1,
             }
             return;

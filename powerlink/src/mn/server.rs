@@ -4,37 +4,20 @@
 //! Out: answers, in slots that we grant to ourselves; slots for the diagnostic device.
 //! RT: no allocation, no locks, bounded.
 
-use super::Mn;
 use super::objects::objects_of;
-use super::slot::{Grant, Own};
+use super::state::{Grant, Guest, Mn, Own};
 use crate::nmt::NmtState;
+use crate::sdo::SERVICE_DATA_MAX;
 use crate::sdo::command::Content;
 use crate::sdo::sequence::{self, Con, Sequence};
-use crate::sdo::{SERVICE_DATA_MAX, Server};
 use crate::wire::{self, Asnd, RequestedService, Requests};
 
-/// Clients that are served beside each other.
-const CLIENTS: usize = 2;
-/// Longest value that passes as a whole: process data of one node.
-const STAGING: usize = 1536;
 /// A diagnostic device is looked for so often.
 const SEARCH_NS: u64 = 1_000_000_000;
 /// One that is there is asked so often whether it has something to send.
 const ASK_NS: u64 = 20_000_000;
 /// IdentRequests in a row without an answer after which it has gone.
 const UNANSWERED_MAX: u8 = 5;
-
-/// The server of a managing node.
-pub(super) type OwnServer = Server<CLIENTS, STAGING>;
-
-/// The diagnostic device. It is no part of the configuration: it only may come and ask.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub(super) struct Guest {
-    requests: Requests,
-    ask_ns: u64,
-    present: bool,
-    unanswered: u8,
-}
 
 /// Whom an SDO frame of a node is for, as far as it says itself: only a client opens a connection and sends commands, only a
 /// server answers them. `None`: both send such frames.

@@ -4,126 +4,12 @@
 //! RT: no allocation, no locks, never waits. One command a node at a time, nodes beside each other; it uses the SDO client of
 //! the node whenever the configuration manager does not.
 
-use core::fmt;
-
-use super::boot::Stage;
-use super::diagnosis::BootStage;
+use super::diagnosis::Reason;
 use super::node::Node;
-use super::{Mn, Reason};
-use crate::sdo::{ClientError, SERVICE_DATA_MAX};
-
-/// What is done with which object.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SdoCommand {
-    /// ReadByIndex: the value comes into the buffer.
-    Read {
-        /// Object.
-        index: u16,
-        /// Sub-index.
-        sub: u8,
-    },
-    /// WriteByIndex: the value stands at the start of the buffer.
-    Write {
-        /// Object.
-        index: u16,
-        /// Sub-index.
-        sub: u8,
-        /// Octets of the value.
-        octets: usize,
-    },
-}
-
-/// Why a command was not taken, or has failed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SdoError {
-    /// There is no node at this position.
-    NoNode,
-    /// The last command to this node has not ended, or its result was not taken.
-    Busy,
-    /// The node is not there, or the configuration manager is at work with it.
-    NotConfigured {
-        /// What it is doing.
-        why: Reason,
-    },
-    /// The value does not fit in the buffer.
-    BufferTooShort {
-        /// Octets of the value.
-        need: usize,
-        /// Octets of the buffer.
-        got: usize,
-    },
-    /// The node was lost or reset while the command was under way: a write may or may not have been carried out.
-    NodeReset,
-    /// The application has cancelled the command.
-    Cancelled,
-    /// The node refused the command, or did not answer it.
-    Client(ClientError),
-}
-
-impl fmt::Display for SdoError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            SdoError::NoNode => f.write_str("there is no such node"),
-            SdoError::Busy => f.write_str("the last command to this node has not ended"),
-            SdoError::NotConfigured { why } => write!(f, "the node takes no commands now: {why}"),
-            SdoError::BufferTooShort { need, got } => {
-                write!(f, "a value of {need} octets in a buffer of {got}")
-            }
-            SdoError::NodeReset => f.write_str("the node was lost or reset before it answered"),
-            SdoError::Cancelled => f.write_str("cancelled"),
-            SdoError::Client(error) => error.fmt(f),
-        }
-    }
-}
-
-impl core::error::Error for SdoError {}
-
-/// A command that was not taken.
-#[derive(Debug, PartialEq, Eq)]
-pub struct SdoRefused<'a> {
-    /// Why.
-    pub error: SdoError,
-    /// The buffer, untouched.
-    pub buffer: &'a mut [u8],
-}
-
-/// The end of a command.
-#[derive(Debug, PartialEq, Eq)]
-pub struct SdoResult<'a> {
-    /// The command.
-    pub command: SdoCommand,
-    /// Octets of the value that was read, at the start of the buffer; 0 after a write.
-    pub result: Result<usize, SdoError>,
-    /// The buffer.
-    pub buffer: &'a mut [u8],
-}
-
-/// A command of the application under way.
-#[derive(Debug)]
-pub(super) struct Job<'a> {
-    command: SdoCommand,
-    buffer: &'a mut [u8],
-    /// How it ended, where the SDO client no longer knows.
-    ended: Option<Result<usize, SdoError>>,
-}
-
-impl Job<'_> {
-    /// What the SDO client sends.
-    fn source(&self) -> &[u8] {
-        match self.command {
-            SdoCommand::Read { .. } => &[],
-            SdoCommand::Write { octets, .. } => &self.buffer[..octets],
-        }
-    }
-
-    /// Where the SDO client puts what it receives.
-    fn sink(&mut self) -> &mut [u8] {
-        match self.command {
-            SdoCommand::Read { .. } => self.buffer,
-            SdoCommand::Write { .. } => &mut [],
-        }
-    }
-}
+use super::sdo_command::{Job, SdoCommand, SdoError, SdoRefused, SdoResult};
+use super::stage::BootStage;
+use super::state::Mn;
+use crate::sdo::SERVICE_DATA_MAX;
 
 impl<'a> Node<'a> {
     fn runs_job(&self) -> bool {
@@ -134,7 +20,7 @@ impl<'a> Node<'a> {
     pub(super) fn transmit_sdo(&mut self, now_ns: u64, out: &mut [u8; SERVICE_DATA_MAX]) -> Option<usize> {
         let value = match &self.job {
             Some(job) if job.ended.is_none() => job.source(),
-            Some(_) | None => self.writing.value,
+            Some(_) | None => self.written_value,
         };
         self.sdo.poll_transmit(now_ns, value, out)
     }
@@ -164,22 +50,22 @@ impl<'a> Node<'a> {
     /// The configuration manager has done its work and the node runs.
     fn takes_commands(&self) -> bool {
         match self.stage {
-            Stage::Search
-            | Stage::Refused { .. }
-            | Stage::Configure
-            | Stage::CloseSdo
-            | Stage::ResetConfiguration { .. }
-            | Stage::Reidentify { .. } => false,
-            Stage::Enable { .. }
-            | Stage::WaitReady { .. }
-            | Stage::Check { .. }
-            | Stage::Ready
-            | Stage::WaitOperational { .. }
-            | Stage::Operational
-            | Stage::Held
-            | Stage::TakenOver
-            | Stage::BackInPreOperational2 { .. }
-            | Stage::Stopped { .. } => true,
+            BootStage::Searching { .. }
+            | BootStage::Refused { .. }
+            | BootStage::Configuring { .. }
+            | BootStage::ClosingSdo
+            | BootStage::ResettingConfiguration { .. }
+            | BootStage::Reidentifying { .. } => false,
+            BootStage::WaitingPreOperational2 { .. }
+            | BootStage::WaitingReadyToOperate { .. }
+            | BootStage::CheckingCommunication { .. }
+            | BootStage::Ready
+            | BootStage::WaitingOperational { .. }
+            | BootStage::Operational
+            | BootStage::Held
+            | BootStage::TakenOver
+            | BootStage::BackInPreOperational2 { .. }
+            | BootStage::Stopped { .. } => true,
         }
     }
 }

@@ -5,9 +5,6 @@
 
 use core::fmt;
 
-use super::config::{MnConfig, NodeConfig};
-use super::configure::expected_stamp;
-
 /// A bit that this managing node does not serve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RefusedBit {
@@ -245,41 +242,6 @@ impl Assignment {
         let set = self.bits().into_iter().filter(|(_, switch)| **switch);
         set.fold(must, |value, (bit, _)| value | 1 << bit)
     }
-}
-
-/// What the bits of one node cannot ask for together.
-pub(super) fn check_node(config: &MnConfig<'_>, node: &NodeConfig<'_>) -> Result<(), &'static str> {
-    let Assignment {
-        keep_alive,
-        check_software,
-        async_only,
-        ..
-    } = node.assignment;
-    if check_software && config.startup.check_software && node.software.is_none() {
-        return Err("the software shall be checked (1F81h bit 5), and none is expected (1F53h, 1F54h)");
-    }
-    if async_only && (node.preq_bytes > 0 || node.pres_bytes > 0) {
-        return Err("a node that is never polled (1F81h bit 8) has no process data");
-    }
-    if keep_alive && !node.configuration.is_empty() {
-        if !config.startup.check_configuration {
-            return Err("a node that is kept alive (1F81h bit 4) needs the configuration check (1F80h bit 11)");
-        }
-        if expected_stamp(node).is_none() {
-            return Err(
-                "a node that is kept alive (1F81h bit 4) needs date and time of its configuration (1F26h, 1F27h)",
-            );
-        }
-    }
-    Ok(())
-}
-
-/// What the bits of the network cannot ask for together.
-pub(super) fn check_network(startup: &StartUp) -> Result<(), &'static str> {
-    if startup.broadcast_start && startup.application_starts_nodes {
-        return Err("nodes are started by a broadcast (1F80h bit 1), or by the application (bit 3), not by both");
-    }
-    Ok(())
 }
 
 #[cfg(test)]

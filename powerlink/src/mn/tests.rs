@@ -20,13 +20,15 @@ use std::vec::Vec;
 use obd::cdc::CdcWriter;
 use obd::{DataType, Dictionary, EntryDef, lines_of, octets_of};
 
+use super::event::Events;
 use super::*;
 use crate::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
 use crate::cn::{Cn, CnConfig};
 use crate::link::simulated::SplitMix64;
 use crate::nmt::{NmtCommand, Reset};
 use crate::wire::{
-    Asnd, Frame, Header, Mac, NmtCommandFrame, Pres, RequestedService, Soa, Soc, SyncResponse, multicast,
+    Asnd, FRAME_LEN_MAX, Frame, Header, Mac, NetTime, NmtCommandFrame, Pres, RequestedService, Soa, Soc, SyncResponse,
+    multicast,
 };
 
 const US: u64 = 1_000;

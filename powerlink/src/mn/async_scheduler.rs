@@ -6,134 +6,17 @@
 //! when somebody else waits), then in turn: StatusRequests, invitations of nodes with something to send, SDO of the
 //! managing node, answers of its SDO server, the diagnostic device, Ethernet frames of the application, IdentRequests. Within each kind the nodes take turns.
 
-use super::Mn;
-use super::boot::Order;
-use super::cycle::Phase;
+use super::config::us;
 use super::event::MnEvent;
 use super::fault::reset_reason;
-use super::network::{Reduced, ToAll};
-use super::node::{Node, us};
+use super::node::Node;
+use super::stage::Order;
+use super::state::{Grant, KINDS, Kind, Mn, Own, Phase, Reduced, Shutdown, ToAll};
 use crate::nmt::{NmtCommand, NmtState, NodeList};
 use crate::sdo::SERVICE_DATA_MAX;
 use crate::wire::{
     self, Asnd, COMMAND_DATA_LEN, Header, NmtCommandFrame, NmtRequestFrame, RequestedService, Requests, Soa, multicast,
 };
-
-/// A broadcast that matters is sent so often, because nobody acknowledges it.
-pub(super) const BROADCAST_REPEAT: u8 = 2;
-
-/// Who may send in the slot.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Grant {
-    /// Nobody.
-    Nobody,
-    /// We; the frame lies in `asnd_frame`.
-    Own(Own),
-    /// A controlled node, by position.
-    Node { index: usize, service: RequestedService },
-    /// The diagnostic device.
-    Guest { service: RequestedService },
-}
-
-/// What the managing node sends.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Own {
-    /// NMT command to one node.
-    Order { index: usize },
-    /// Extended NMT command to several nodes.
-    Orders { list: NodeList },
-    /// ResetNode to all, at the start.
-    ResetAll,
-    /// ResetNode to one node, at the start.
-    ResetEach { index: usize },
-    /// Command to all.
-    ToAll,
-    /// StopNode or ResetNode to all, at the end.
-    ShutDown,
-    /// InvalidService to one node.
-    Reject,
-    /// SDO to one node.
-    Sdo,
-    /// A frame of the application that is not POWERLINK.
-    Ethernet,
-}
-
-/// Kinds of use of the slot that take turns.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
-    Sync,
-    Status,
-    Invite,
-    Sdo,
-    Server,
-    Guest,
-    Ethernet,
-    Ident,
-}
-
-const KINDS: [Kind; 8] = [
-    Kind::Sync,
-    Kind::Status,
-    Kind::Invite,
-    Kind::Sdo,
-    Kind::Server,
-    Kind::Guest,
-    Kind::Ethernet,
-    Kind::Ident,
-];
-
-/// Whose turn it is.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Turn {
-    /// Kind that is asked first.
-    kind: usize,
-    /// Node that is asked first, per kind.
-    node: [usize; KINDS.len()],
-    order: usize,
-    nmt_request: usize,
-    /// The last slot went to an NMT request.
-    nmt_request_last: bool,
-}
-
-/// Where an orderly end stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Shutdown {
-    No,
-    Stop { left: u8 },
-    Reset { left: u8 },
-    Done,
-}
-
-impl Shutdown {
-    /// First step in this state of the managing node.
-    pub(super) fn begin(state: NmtState) -> Shutdown {
-        match state {
-            NmtState::PreOperational2 | NmtState::ReadyToOperate | NmtState::Operational => {
-                Shutdown::Stop { left: BROADCAST_REPEAT }
-            }
-            NmtState::PreOperational1 => Shutdown::Reset { left: BROADCAST_REPEAT },
-            NmtState::Off
-            | NmtState::Initialising
-            | NmtState::ResetApplication
-            | NmtState::ResetCommunication
-            | NmtState::ResetConfiguration
-            | NmtState::NotActive
-            | NmtState::BasicEthernet
-            | NmtState::Stopped
-            | NmtState::Unknown(_) => Shutdown::Done,
-        }
-    }
-
-    fn next(self) -> Shutdown {
-        match self {
-            Shutdown::Stop { left } if left > 1 => Shutdown::Stop { left: left - 1 },
-            Shutdown::Stop { .. } => Shutdown::Reset { left: BROADCAST_REPEAT },
-            Shutdown::Reset { left } if left > 1 => Shutdown::Reset { left: left - 1 },
-            Shutdown::Reset { .. } | Shutdown::Done => Shutdown::Done,
-            Shutdown::No => Shutdown::No,
-        }
-    }
-}
 
 impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// Decides who gets the slot that begins now.
@@ -507,8 +390,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             .and_then(|index| self.nodes.get_mut(index))
             .and_then(Option::as_mut);
         match (request.command, target) {
-            (NmtCommand::IdentRequest, Some(target)) => target.ident_asked = true,
-            (NmtCommand::StatusRequest, Some(target)) => target.status_asked = true,
+            (NmtCommand::IdentRequest, Some(target)) => target.ident.asked = true,
+            (NmtCommand::StatusRequest, Some(target)) => target.status.asked = true,
             (command, _) => {
                 if let Some(Some(node)) = self.nodes.get_mut(index) {
                     node.reject = Some(command);

@@ -1,0 +1,164 @@
+//! Where the boot-up of a controlled node stands, what it waits for there, and its place in the PRes chain.
+//!
+//! Values only: the way from stage to stage is in `boot`, the set-up of the chain in `chaining`.
+
+use core::fmt;
+
+use crate::nmt::NmtCommand;
+
+/// Where the boot-up of a node stands. Times are in ns, by the clock of whoever calls the managing node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BootStage {
+    /// IdentRequests until it answers.
+    Searching {
+        /// Earliest time of the next one.
+        ident_due_ns: u64,
+    },
+    /// Wrong identity, or it refused its configuration.
+    Refused {
+        /// It is looked for again from then on.
+        until_ns: u64,
+    },
+    /// Identified; waits for the application to let it boot (0x1F81 bit 2 is clear).
+    Held,
+    /// Its configuration is being written.
+    Configuring {
+        /// Objects written so far.
+        written: u32,
+        /// The object that is being written; 0 before the first.
+        index: u16,
+        /// Its sub-index.
+        sub: u8,
+    },
+    /// Everything is written; the SDO connection is being closed.
+    ClosingSdo,
+    /// ResetConfiguration, which puts the configuration into use, waits for a slot.
+    ResettingConfiguration {
+        /// ResetConfigurations sent so far.
+        sent: u8,
+    },
+    /// It restarts after ResetConfiguration; IdentRequests until it is back.
+    Reidentifying {
+        /// Earliest time of the next one.
+        ident_due_ns: u64,
+        /// Time limit of the stage.
+        deadline_ns: u64,
+        /// ResetConfigurations sent so far.
+        sent: u8,
+    },
+    /// Configured; has to reach PRE_OPERATIONAL_2.
+    WaitingPreOperational2 {
+        /// Time limit of the stage.
+        deadline_ns: u64,
+    },
+    /// EnableReadyToOperate was ordered; has to reach READY_TO_OPERATE.
+    WaitingReadyToOperate {
+        /// Time limit of the stage.
+        deadline_ns: u64,
+        /// The order is repeated then.
+        again_ns: u64,
+    },
+    /// Its PRes are watched for a few cycles.
+    CheckingCommunication {
+        /// Time limit of the stage.
+        deadline_ns: u64,
+        /// Good PRes in a row.
+        good: u32,
+    },
+    /// READY_TO_OPERATE; waits for the network.
+    Ready,
+    /// StartNode was ordered; has to reach OPERATIONAL.
+    WaitingOperational {
+        /// Time limit of the stage.
+        deadline_ns: u64,
+        /// The order is repeated then.
+        again_ns: u64,
+    },
+    /// Process data are exchanged.
+    Operational,
+    /// Found OPERATIONAL with the right configuration and kept alive (0x1F81 bit 4); waits for the network.
+    TakenOver,
+    /// In PRE_OPERATIONAL_2 by order of the application, until it orders READY_TO_OPERATE.
+    BackInPreOperational2 {
+        /// The order is repeated then.
+        again_ns: u64,
+    },
+    /// Stopped, by order of the application or because a mandatory node dropped out (0x1F80 bit 6).
+    Stopped {
+        /// The order is repeated then.
+        again_ns: u64,
+    },
+}
+
+impl fmt::Display for BootStage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            BootStage::Searching { .. } => f.write_str("being looked for"),
+            BootStage::Refused { .. } => f.write_str("refused"),
+            BootStage::Held => f.write_str("waits for the application to boot it (1F81h bit 2 is clear)"),
+            BootStage::Configuring {
+                written: 0, index: 0, ..
+            } => f.write_str("about to be configured"),
+            BootStage::Configuring { written, index, sub } => write!(
+                f,
+                "being configured: {written} objects written, now {index:04X}h/{sub:02X}h"
+            ),
+            BootStage::ClosingSdo | BootStage::ResettingConfiguration { .. } => {
+                f.write_str("configured, about to be reset by ResetConfiguration")
+            }
+            BootStage::Reidentifying { .. } => f.write_str("restarting after ResetConfiguration"),
+            BootStage::WaitingPreOperational2 { .. } => f.write_str("on its way to PRE_OPERATIONAL_2"),
+            BootStage::WaitingReadyToOperate { .. } => f.write_str("ordered to READY_TO_OPERATE"),
+            BootStage::CheckingCommunication { .. } => f.write_str("in the communication check"),
+            BootStage::Ready => f.write_str("ready"),
+            BootStage::WaitingOperational { .. } => f.write_str("ordered to OPERATIONAL"),
+            BootStage::Operational => f.write_str("operational"),
+            BootStage::TakenOver => f.write_str("taken over as it was"),
+            BootStage::BackInPreOperational2 { .. } => f.write_str("in PRE_OPERATIONAL_2 by order of the application"),
+            BootStage::Stopped { .. } => f.write_str("stopped by order"),
+        }
+    }
+}
+
+/// An NMT command that waits for a slot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Order {
+    pub(super) command: NmtCommand,
+    /// Error code for the data of a ResetNode; 0: none.
+    pub(super) reason: u16,
+}
+
+/// Where the set-up of a chained node stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum ChainStep {
+    /// Its latency is to be asked for.
+    Measure,
+    /// Its time is to be set.
+    Set,
+    /// Its time is set.
+    Running,
+}
+
+/// A node in the chain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Chain {
+    pub(super) step: ChainStep,
+    pub(super) latency_ns: u32,
+    /// From the end of our PRes to the start of its own.
+    pub(super) pres_time_ns: u32,
+    pub(super) due_ns: u64,
+    pub(super) tries: u32,
+    /// Its PRes of this cycle has come.
+    pub(super) heard: bool,
+}
+
+impl Chain {
+    pub(super) const NEW: Chain = Chain {
+        step: ChainStep::Measure,
+        latency_ns: 0,
+        pres_time_ns: 0,
+        due_ns: 0,
+        tries: 0,
+        heard: false,
+    };
+}
