@@ -4,6 +4,8 @@
 //! Out: the state it goes to, or `None` where the event means nothing in that state.
 //! RT: no allocation, no locks, bounded.
 
+use core::fmt;
+
 /// NMT state of a node as sent in one octet (object 0x1F8C).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum NmtState {
@@ -33,6 +35,27 @@ pub enum NmtState {
     Stopped,
     /// An octet the standard does not define.
     Unknown(u8),
+}
+
+impl fmt::Display for NmtState {
+    /// The name that the standard gives it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            NmtState::Off => "OFF",
+            NmtState::Initialising => "INITIALISING",
+            NmtState::ResetApplication => "RESET_APPLICATION",
+            NmtState::ResetCommunication => "RESET_COMMUNICATION",
+            NmtState::ResetConfiguration => "RESET_CONFIGURATION",
+            NmtState::NotActive => "NOT_ACTIVE",
+            NmtState::BasicEthernet => "BASIC_ETHERNET",
+            NmtState::PreOperational1 => "PRE_OPERATIONAL_1",
+            NmtState::PreOperational2 => "PRE_OPERATIONAL_2",
+            NmtState::ReadyToOperate => "READY_TO_OPERATE",
+            NmtState::Operational => "OPERATIONAL",
+            NmtState::Stopped => "STOPPED",
+            NmtState::Unknown(octet) => return write!(f, "unknown state 0x{octet:02X}"),
+        })
+    }
 }
 
 impl NmtState {

@@ -6,10 +6,8 @@
 use crate::bus::managing_node::{mn_config, node_configs};
 use crate::bus::network;
 use crate::config::{BusKind, Config, Identity, Mapped, Node, Profile};
-use powerlink::mn::{
-    self, BootStage, Counters, Diagnosis, Fault, IdentityField, NetworkDiagnosis, NetworkReason, Reason,
-};
-use powerlink::nmt::NmtState;
+use powerlink::mn::{self, Counters, Diagnosis, Fault, NetworkDiagnosis, Reason, Span};
+use powerlink::sdo::command::Address;
 use powerlink::wire::IdentResponse;
 use serde::{Deserialize, Serialize};
 use toml::de::DeTable;
@@ -372,9 +370,9 @@ impl NodeLive {
         let statistics = &node.statistics;
         NodeLive {
             operational: node.state == mn::NodeState::Operational,
-            nmt_state: state_name(node.nmt_state),
-            expected_nmt_state: state_name(node.expected_nmt_state),
-            stage: stage(node.stage),
+            nmt_state: node.nmt_state.to_string(),
+            expected_nmt_state: node.expected_nmt_state.to_string(),
+            stage: node.stage.to_string(),
             why: node.reason.map(|reason| why(reason, now_ns)),
             last_fault: node.last_fault.map(|last| {
                 let times = if last.count > 1 {
@@ -382,7 +380,7 @@ impl NodeLive {
                 } else {
                     String::new()
                 };
-                format!("{}{times}, {}", fault(last.fault).text, ago(now_ns, last.at_ns))
+                format!("{}{times}, {}", last.fault, ago(now_ns, last.at_ns))
             }),
             identity: node.ident.as_ref().map(|(_, ident)| ident.into()),
             errors: node
@@ -407,8 +405,8 @@ impl NetworkLive {
     /// The network as the managing node knows it; `now_ns` by its clock.
     pub fn of(network: &NetworkDiagnosis, counters: &Counters, now_ns: u64) -> NetworkLive {
         NetworkLive {
-            nmt_state: state_name(network.state),
-            why: network.reason.map(|reason| network_why(reason, now_ns)),
+            nmt_state: network.state.to_string(),
+            why: network.reason.map(|reason| reason.at(now_ns).to_string()),
             foreign: network.foreign_mn.map(|foreign| {
                 format!(
                     "{}, {} frames, the last {}",
@@ -426,210 +424,33 @@ impl NetworkLive {
     }
 }
 
-/// Why a node is not operational, in words.
+/// Why a node is not operational; `now_ns` by the clock of the managing node.
 fn why(reason: Reason, now_ns: u64) -> Why {
-    match reason {
-        Reason::NetworkNotRunning { state } => plain(format!(
-            "the managing node is in {} and does not look for nodes",
-            state_name(state)
-        )),
-        Reason::NotAnswering { since_ns } => plain(format!(
-            "does not answer IdentRequests; looked for since {}: is it on, connected, and set to this node id?",
-            span(now_ns.saturating_sub(since_ns))
-        )),
-        Reason::GivenUp { fault: cause, since_ns } => {
-            let why = fault(cause);
-            let since = span(now_ns.saturating_sub(since_ns));
-            let text = format!("{}; was reset and has not answered for {since}", why.text);
-            Why { text, ..why }
-        }
-        Reason::Refused { fault: cause, again_ns } => {
-            let why = fault(cause);
-            let again = span(again_ns.saturating_sub(now_ns));
-            let text = format!("{}; tried again in {again}", why.text);
-            Why { text, ..why }
-        }
-        Reason::Booting { stage: at } => plain(stage(at)),
-        Reason::WaitingForNetwork { state, held_by } => plain(match held_by {
-            Some(node) => format!(
-                "ready, but the network is not {}: mandatory node {node} holds it back",
-                state_name(state)
-            ),
-            None => format!("ready; waits for the network to be {}", state_name(state)),
-        }),
-    }
-}
-
-fn plain(text: String) -> Why {
-    Why {
-        text,
-        object: None,
-        expected: None,
-        actual: None,
+    let text = reason.at(now_ns).to_string();
+    match reason.fault() {
+        Some(cause) => Why { text, ..fault(cause) },
+        None => Why {
+            text,
+            object: None,
+            expected: None,
+            actual: None,
+        },
     }
 }
 
 /// What went wrong with a node: object, what was expected, what came.
 fn fault(fault: Fault) -> Why {
-    match fault {
-        Fault::WrongIdentity { field, expected, got } => {
-            let (index, sub) = field.object();
-            about(
-                object(index, sub),
-                &field.to_string(),
-                number(field, expected),
-                number(field, got),
-            )
-        }
-        Fault::WrongSoftware { expected, got } => about(
-            "0x1F52".into(),
-            "software date and time",
-            format!("{} d {} ms", expected.date, expected.time),
-            format!("{} d {} ms", got.date, got.time),
-        ),
-        Fault::ConfigurationRefused { index, sub, code } => Why {
-            object: Some(object(index, sub)),
-            actual: Some(format!("0x{:08X}", code.0)),
-            ..plain(format!(
-                "refused the configured value of {}: {} (0x{:08X})",
-                object(index, sub),
-                code.text(),
-                code.0
-            ))
-        },
-        Fault::ConfigurationFailed { index, sub, error } => Why {
-            object: Some(object(index, sub)),
-            ..plain(format!("{} could not be written: {error}", object(index, sub)))
-        },
-        Fault::BootTimeout { expected, got } => in_state(
-            format!("still {}, expected {} by now", state_name(got), state_name(expected)),
-            expected,
-            got,
-        ),
-        Fault::ChainFailed { requests, got } => plain(format!(
-            "did not take its time in the PRes chain: {requests} SyncRequests without the right answer, in {}",
-            state_name(got)
-        )),
-        Fault::PresLost { in_row } => plain(format!("lost: {in_row} polls in a row without an answer")),
-        Fault::StatusLost { in_row } => plain(format!("lost: {in_row} StatusRequests in a row without an answer")),
-        Fault::WrongState { expected, got } => in_state(
-            format!("is in {}, expected {}", state_name(got), state_name(expected)),
-            expected,
-            got,
-        ),
-    }
-}
-
-/// `0x1018/1 vendor id is 0x00000000, expected 0x0000012D`
-fn about(object: String, name: &str, expected: String, actual: String) -> Why {
     Why {
-        text: format!("{object} {name} is {actual}, expected {expected}"),
-        object: Some(object),
-        expected: Some(expected),
-        actual: Some(actual),
-    }
-}
-
-fn in_state(text: String, expected: NmtState, actual: NmtState) -> Why {
-    Why {
-        object: Some(object(0x1F8C, 0)),
-        expected: Some(state_name(expected)),
-        actual: Some(state_name(actual)),
-        ..plain(text)
-    }
-}
-
-fn number(field: IdentityField, value: u32) -> String {
-    match field {
-        IdentityField::DeviceType | IdentityField::VendorId | IdentityField::ProductCode | IdentityField::Revision => {
-            format!("0x{value:08X}")
-        }
-        // As printed on the type plate.
-        IdentityField::Serial => value.to_string(),
-    }
-}
-
-fn stage(stage: BootStage) -> String {
-    match stage {
-        BootStage::Configuring { index: 0, .. } => "about to be configured".into(),
-        BootStage::Configuring { written, index, sub } => {
-            format!(
-                "being configured: {written} objects written, now {}",
-                object(index, sub)
-            )
-        }
-        other => other.to_string(),
-    }
-}
-
-fn network_why(reason: NetworkReason, now_ns: u64) -> String {
-    let left = |until_ns: u64| span(until_ns.saturating_sub(now_ns));
-    match reason {
-        NetworkReason::Listening { until_ns } => format!("listens for another managing node for {}", left(until_ns)),
-        NetworkReason::ForeignMn(sign) => format!("{sign}; silent until it has gone"),
-        NetworkReason::Starting => "wakes and resets the nodes".into(),
-        NetworkReason::MinimumStay { until_ns } => {
-            format!(
-                "stays in {} for {}",
-                state_name(NmtState::PreOperational1),
-                left(until_ns)
-            )
-        }
-        NetworkReason::WaitingForNode {
-            state,
-            node,
-            why: cause,
-            others,
-        } => {
-            let more = match others {
-                0 => String::new(),
-                1 => " and 1 other".into(),
-                others => format!(" and {others} others"),
-            };
-            format!(
-                "{} waits for mandatory node {node}{more}: {}",
-                state_name(state),
-                why(cause, now_ns).text
-            )
-        }
-        NetworkReason::Due {
-            state,
-            by_application: false,
-        } => format!("{} is next", state_name(state)),
-        NetworkReason::Due {
-            state,
-            by_application: true,
-        } => format!("waits for the application to enter {}", state_name(state)),
-        NetworkReason::ShuttingDown => "is being taken down".into(),
-        NetworkReason::NotRunning { state } => format!("the managing node is in {}", state_name(state)),
-    }
-}
-
-/// State by its name in the standard.
-pub fn state_name(state: NmtState) -> String {
-    match state {
-        NmtState::Off => "OFF".into(),
-        NmtState::Initialising => "INITIALISING".into(),
-        NmtState::ResetApplication => "RESET_APPLICATION".into(),
-        NmtState::ResetCommunication => "RESET_COMMUNICATION".into(),
-        NmtState::ResetConfiguration => "RESET_CONFIGURATION".into(),
-        NmtState::NotActive => "NOT_ACTIVE".into(),
-        NmtState::PreOperational1 => "PRE_OPERATIONAL_1".into(),
-        NmtState::PreOperational2 => "PRE_OPERATIONAL_2".into(),
-        NmtState::ReadyToOperate => "READY_TO_OPERATE".into(),
-        NmtState::Operational => "OPERATIONAL".into(),
-        NmtState::Stopped => "STOPPED".into(),
-        NmtState::BasicEthernet => "BASIC_ETHERNET".into(),
-        NmtState::Unknown(octet) => format!("unknown state 0x{octet:02X}"),
+        text: fault.to_string(),
+        object: fault.object().map(|object| object.to_string()),
+        expected: fault.expected().map(|value| value.to_string()),
+        actual: fault.found().map(|value| value.to_string()),
     }
 }
 
 /// `0x1006` or `0x1018/1`.
 pub fn object(index: u16, sub: u8) -> String {
-    match sub {
-        0 => format!("0x{index:04X}"),
-        sub => format!("0x{index:04X}/{sub}"),
-    }
+    Address { index, sub }.to_string()
 }
 
 /// `01:11:1e:00:00:01`
@@ -637,12 +458,8 @@ pub fn mac(mac: [u8; 6]) -> String {
     mac.map(|octet| format!("{octet:02x}")).join(":")
 }
 
-fn span(ns: u64) -> String {
-    format!("{}.{} s", ns / 1_000_000_000, ns / 100_000_000 % 10)
-}
-
 fn ago(now_ns: u64, at_ns: u64) -> String {
-    format!("{} ago", span(now_ns.saturating_sub(at_ns)))
+    format!("{} ago", Span(now_ns.saturating_sub(at_ns)))
 }
 
 #[cfg(test)]

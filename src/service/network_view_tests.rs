@@ -1,7 +1,8 @@
 use super::*;
 use crate::config;
 use obd::AbortCode;
-use powerlink::mn::ForeignSign;
+use powerlink::mn::{BootStage, ForeignSign, IdentityField, NetworkReason};
+use powerlink::nmt::NmtState;
 use std::path::Path;
 
 const MACHINE: &str = include_str!("../../configs/mill3-demo.toml");
@@ -141,7 +142,7 @@ fn reasons_say_since_when_and_what_next() {
         others: 1,
     };
     assert_eq!(
-        network_why(waiting, 0),
+        waiting.at(0).to_string(),
         "PRE_OPERATIONAL_2 waits for mandatory node 2 and 1 other: the managing node is in NOT_ACTIVE and does not look for nodes"
     );
 }

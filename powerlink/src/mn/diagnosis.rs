@@ -1,7 +1,7 @@
 //! Diagnosis: what a node is, where its boot-up stands, and why it is not operational; the same of the network as a whole.
 //!
-//! In:  copies of fixed size that `reason` takes of the managing node. Out: words for people. Its clock counts from somewhere
-//! that people do not see: times are in the copies only, for whoever knows what time it is.
+//! In:  copies of fixed size that `reason` takes of the managing node. Out: the only words for them, and the object, the expected
+//! and the found value for programs. Times are by the clock of the managing node: [`At`] makes spans of them.
 
 use core::fmt;
 
@@ -54,27 +54,6 @@ pub enum Reason {
     },
 }
 
-impl fmt::Display for Reason {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            Reason::NetworkNotRunning { state } => {
-                write!(f, "the managing node is in {state:?} and does not look for nodes")
-            }
-            Reason::NotAnswering { .. } => f.write_str("does not answer IdentRequests"),
-            Reason::GivenUp { fault, .. } => write!(f, "{fault}; was reset and does not answer IdentRequests since"),
-            Reason::Refused { fault, .. } => write!(f, "{fault}; tried again later"),
-            Reason::Booting { stage } => write!(f, "{stage}"),
-            Reason::WaitingForNetwork { state, held_by } => {
-                write!(f, "waits for the network to be in {state:?}")?;
-                match held_by {
-                    Some(node) => write!(f, ", which mandatory node {node} holds back"),
-                    None => Ok(()),
-                }
-            }
-        }
-    }
-}
-
 /// All that is known of one controlled node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Diagnosis {
@@ -101,23 +80,6 @@ pub struct Diagnosis {
     pub errors: ErrorLog,
     /// Its figures.
     pub statistics: NodeStatistics,
-}
-
-impl fmt::Display for Diagnosis {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "node {}: ", self.node)?;
-        match self.reason {
-            Some(reason) => write!(f, "{reason}")?,
-            None => f.write_str("operational")?,
-        }
-        match (self.reason, self.last_fault) {
-            (Some(Reason::GivenUp { .. } | Reason::Refused { .. }), Some(LastFault { count, .. })) if count > 1 => {
-                write!(f, " (the {count}. time)")
-            }
-            (Some(Reason::GivenUp { .. } | Reason::Refused { .. }), _) | (_, None) => Ok(()),
-            (_, Some(LastFault { fault, count, .. })) => write!(f, " (last fault: {fault}; {count} in a row)"),
-        }
-    }
 }
 
 /// Why the network is not OPERATIONAL.
@@ -164,40 +126,6 @@ pub enum NetworkReason {
     },
 }
 
-impl fmt::Display for NetworkReason {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            NetworkReason::Listening { .. } => f.write_str("listening for another managing node"),
-            NetworkReason::ForeignMn(sign) => write!(f, "{sign}; silent until it has gone"),
-            NetworkReason::Starting => f.write_str("waking and resetting the nodes"),
-            NetworkReason::MinimumStay { .. } => {
-                f.write_str("PRE_OPERATIONAL_1 has not lasted long enough (1F89h/03h)")
-            }
-            NetworkReason::WaitingForNode {
-                state,
-                node,
-                why,
-                others,
-            } => {
-                write!(f, "{state:?} waits for mandatory node {node}")?;
-                match others {
-                    0 => {}
-                    1 => f.write_str(" and 1 other")?,
-                    others => write!(f, " and {others} others")?,
-                }
-                write!(f, ": node {node} {why}")
-            }
-            NetworkReason::Due {
-                state,
-                by_application: true,
-            } => write!(f, "{state:?} is next, when the application says so (1F80h)"),
-            NetworkReason::Due { state, .. } => write!(f, "{state:?} is next"),
-            NetworkReason::ShuttingDown => f.write_str("being taken down"),
-            NetworkReason::NotRunning { state } => write!(f, "the managing node is in {state:?}"),
-        }
-    }
-}
-
 /// Another managing node on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ForeignMn {
@@ -220,15 +148,152 @@ pub struct NetworkDiagnosis {
     pub foreign_mn: Option<ForeignMn>,
 }
 
-impl fmt::Display for NetworkDiagnosis {
+/// A [`Reason`] or a [`NetworkReason`] with the time that it is now, in ns by the clock of the managing node: its words name
+/// spans of time instead of only what they are about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct At<T> {
+    reason: T,
+    now_ns: Option<u64>,
+}
+
+impl Reason {
+    /// Its words at this time, in ns.
+    pub fn at(self, now_ns: u64) -> At<Reason> {
+        At {
+            reason: self,
+            now_ns: Some(now_ns),
+        }
+    }
+
+    /// The fault behind it.
+    pub fn fault(self) -> Option<Fault> {
+        match self {
+            Reason::GivenUp { fault, .. } | Reason::Refused { fault, .. } => Some(fault),
+            Reason::NetworkNotRunning { .. }
+            | Reason::NotAnswering { .. }
+            | Reason::Booting { .. }
+            | Reason::WaitingForNetwork { .. } => None,
+        }
+    }
+}
+
+impl NetworkReason {
+    /// Its words at this time, in ns.
+    pub fn at(self, now_ns: u64) -> At<NetworkReason> {
+        At {
+            reason: self,
+            now_ns: Some(now_ns),
+        }
+    }
+}
+
+/// A span of time in ns, in seconds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Span(pub u64);
+
+impl fmt::Display for Span {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "network: {:?}", self.state)?;
-        if let Some(reason) = self.reason {
-            write!(f, ": {reason}")?;
+        write!(f, "{}.{} s", self.0 / 1_000_000_000, self.0 / 100_000_000 % 10)
+    }
+}
+
+impl<T> At<T> {
+    fn since(&self, then_ns: u64) -> Option<Span> {
+        self.now_ns.map(|now_ns| Span(now_ns.saturating_sub(then_ns)))
+    }
+
+    fn until(&self, then_ns: u64) -> Option<Span> {
+        self.now_ns.map(|now_ns| Span(then_ns.saturating_sub(now_ns)))
+    }
+}
+
+impl fmt::Display for At<Reason> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.reason {
+            Reason::NetworkNotRunning { state } => {
+                write!(f, "the managing node is in {state} and does not look for nodes")
+            }
+            Reason::NotAnswering { since_ns } => {
+                f.write_str("does not answer IdentRequests")?;
+                if let Some(span) = self.since(since_ns) {
+                    write!(f, "; looked for since {span}")?;
+                }
+                f.write_str(": is it on, connected, and set to this node id?")
+            }
+            Reason::GivenUp { fault, since_ns } => match self.since(since_ns) {
+                Some(span) => write!(f, "{fault}; was reset and has not answered for {span}"),
+                None => write!(f, "{fault}; was reset and has not answered since"),
+            },
+            Reason::Refused { fault, again_ns } => match self.until(again_ns) {
+                Some(span) => write!(f, "{fault}; tried again in {span}"),
+                None => write!(f, "{fault}; tried again later"),
+            },
+            Reason::Booting { stage } => stage.fmt(f),
+            Reason::WaitingForNetwork {
+                state,
+                held_by: Some(node),
+            } => write!(
+                f,
+                "ready, but the network is not {state}: mandatory node {node} holds it back"
+            ),
+            Reason::WaitingForNetwork { state, held_by: None } => {
+                write!(f, "ready; waits for the network to be {state}")
+            }
         }
-        if let Some(foreign) = self.foreign_mn {
-            write!(f, " ({}; {} frames)", foreign.sign, foreign.frames)?;
+    }
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        At {
+            reason: *self,
+            now_ns: None,
         }
-        Ok(())
+        .fmt(f)
+    }
+}
+
+impl fmt::Display for At<NetworkReason> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.reason {
+            NetworkReason::Listening { until_ns } => {
+                f.write_str("listens for another managing node")?;
+                self.until(until_ns).map_or(Ok(()), |span| write!(f, " for {span}"))
+            }
+            NetworkReason::ForeignMn(sign) => write!(f, "{sign}; silent until it has gone"),
+            NetworkReason::Starting => f.write_str("wakes and resets the nodes"),
+            NetworkReason::MinimumStay { until_ns } => {
+                write!(f, "stays in {}", NmtState::PreOperational1)?;
+                self.until(until_ns).map_or(Ok(()), |span| write!(f, " for {span}"))
+            }
+            NetworkReason::WaitingForNode {
+                state,
+                node,
+                why,
+                others,
+            } => {
+                write!(f, "{state} waits for mandatory node {node}")?;
+                match others {
+                    0 => {}
+                    1 => f.write_str(" and 1 other")?,
+                    others => write!(f, " and {others} others")?,
+                }
+                let why = At {
+                    reason: why,
+                    now_ns: self.now_ns,
+                };
+                write!(f, ": {why}")
+            }
+            NetworkReason::Due {
+                state,
+                by_application: false,
+            } => write!(f, "{state} is next"),
+            NetworkReason::Due {
+                state,
+                by_application: true,
+            } => write!(f, "waits for the application to enter {state}"),
+            NetworkReason::ShuttingDown => f.write_str("is being taken down"),
+            NetworkReason::NotRunning { state } => write!(f, "the managing node is in {state}"),
+        }
     }
 }

@@ -10,6 +10,7 @@ use super::config::Stamp;
 use super::event::{IdentityField, MnEvent};
 use crate::nmt::NmtState;
 use crate::sdo::ClientError;
+use crate::sdo::command::Address;
 
 /// Error codes sent in the data of a ResetNode.
 pub(super) mod reset_reason {
@@ -153,35 +154,107 @@ impl Fault {
     }
 }
 
+/// A value that was expected or found, worded as in the machine file and on type plates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FaultValue {
+    /// Of an identity.
+    Identity(IdentityField, u32),
+    /// Of the software.
+    Software(Stamp),
+    /// An NMT state.
+    State(NmtState),
+    /// What an SDO was answered with.
+    Abort(AbortCode),
+}
+
+impl fmt::Display for FaultValue {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            // As printed on the type plate.
+            FaultValue::Identity(IdentityField::Serial, number) => number.fmt(f),
+            FaultValue::Identity(_, number) | FaultValue::Abort(AbortCode(number)) => write!(f, "0x{number:08X}"),
+            FaultValue::Software(Stamp { date, time }) => write!(f, "{date} d {time} ms"),
+            FaultValue::State(state) => state.fmt(f),
+        }
+    }
+}
+
+impl Fault {
+    /// The object that it is about.
+    pub fn object(self) -> Option<Address> {
+        let (index, sub) = match self {
+            Fault::WrongIdentity { field, .. } => field.object(),
+            Fault::WrongSoftware { .. } => (0x1F52, 0),
+            Fault::ConfigurationRefused { index, sub, .. } | Fault::ConfigurationFailed { index, sub, .. } => {
+                (index, sub)
+            }
+            Fault::BootTimeout { .. } | Fault::WrongState { .. } => (0x1F8C, 0),
+            Fault::ChainFailed { .. } | Fault::PresLost { .. } | Fault::StatusLost { .. } => return None,
+        };
+        Some(Address { index, sub })
+    }
+
+    /// The value that was expected.
+    pub fn expected(self) -> Option<FaultValue> {
+        match self {
+            Fault::WrongIdentity { field, expected, .. } => Some(FaultValue::Identity(field, expected)),
+            Fault::WrongSoftware { expected, .. } => Some(FaultValue::Software(expected)),
+            Fault::BootTimeout { expected, .. } | Fault::WrongState { expected, .. } => {
+                Some(FaultValue::State(expected))
+            }
+            Fault::ConfigurationRefused { .. }
+            | Fault::ConfigurationFailed { .. }
+            | Fault::ChainFailed { .. }
+            | Fault::PresLost { .. }
+            | Fault::StatusLost { .. } => None,
+        }
+    }
+
+    /// The value that was found in its place.
+    pub fn found(self) -> Option<FaultValue> {
+        match self {
+            Fault::WrongIdentity { field, got, .. } => Some(FaultValue::Identity(field, got)),
+            Fault::WrongSoftware { got, .. } => Some(FaultValue::Software(got)),
+            Fault::ConfigurationRefused { code, .. } => Some(FaultValue::Abort(code)),
+            Fault::BootTimeout { got, .. } | Fault::WrongState { got, .. } => Some(FaultValue::State(got)),
+            Fault::ConfigurationFailed { .. }
+            | Fault::ChainFailed { .. }
+            | Fault::PresLost { .. }
+            | Fault::StatusLost { .. } => None,
+        }
+    }
+}
+
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Fault::WrongIdentity { field, expected, got } => {
                 let (index, sub) = field.object();
-                write!(
-                    f,
-                    "{field} ({index:04X}h/{sub:02X}h) is {got:#010x}, expected {expected:#010x}"
-                )
+                let [got, expected] = [got, expected].map(|number| FaultValue::Identity(field, number));
+                write!(f, "{} {field} is {got}, expected {expected}", Address { index, sub })
             }
-            Fault::WrongSoftware { expected, got } => write!(
+            Fault::WrongSoftware { expected, got } => {
+                let [got, expected] = [got, expected].map(FaultValue::Software);
+                write!(f, "0x1F52 software date and time is {got}, expected {expected}")
+            }
+            Fault::ConfigurationRefused { index, sub, code } => write!(
                 f,
-                "software (1F52h/01h, /02h) is of date {} time {}, expected date {} time {}",
-                got.date, got.time, expected.date, expected.time
+                "refused the configured value of {}: {} (0x{:08X})",
+                Address { index, sub },
+                code.text(),
+                code.0
             ),
-            Fault::ConfigurationRefused { index, sub, code } => {
-                write!(f, "refused the configured value of {index:04X}h/{sub:02X}h: {code}")
-            }
             Fault::ConfigurationFailed { index, sub, error } => {
-                write!(f, "configuration failed at {index:04X}h/{sub:02X}h: {error}")
+                write!(f, "{} could not be written: {error}", Address { index, sub })
             }
-            Fault::BootTimeout { expected, got } => write!(f, "still {got:?}, expected {expected:?} by now"),
+            Fault::BootTimeout { expected, got } => write!(f, "still {got}, expected {expected} by now"),
             Fault::ChainFailed { requests, got } => write!(
                 f,
-                "did not take its time in the PRes chain: {requests} SyncRequests without the right answer, in {got:?}"
+                "did not take its time in the PRes chain: {requests} SyncRequests without the right answer, in {got}"
             ),
-            Fault::PresLost { in_row } => write!(f, "lost: {in_row} polls in a row without a PRes"),
+            Fault::PresLost { in_row } => write!(f, "lost: {in_row} polls in a row without an answer"),
             Fault::StatusLost { in_row } => write!(f, "lost: {in_row} StatusRequests in a row without an answer"),
-            Fault::WrongState { expected, got } => write!(f, "is in {got:?}, expected {expected:?}"),
+            Fault::WrongState { expected, got } => write!(f, "is in {got}, expected {expected}"),
         }
     }
 }

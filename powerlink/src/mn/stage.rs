@@ -5,6 +5,7 @@
 use core::fmt;
 
 use crate::nmt::NmtCommand;
+use crate::sdo::command::Address;
 
 /// Where the boot-up of a node stands. Times are in ns, by the clock of whoever calls the managing node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,12 +97,11 @@ impl fmt::Display for BootStage {
             BootStage::Searching { .. } => f.write_str("being looked for"),
             BootStage::Refused { .. } => f.write_str("refused"),
             BootStage::Held => f.write_str("waits for the application to boot it (1F81h bit 2 is clear)"),
-            BootStage::Configuring {
-                written: 0, index: 0, ..
-            } => f.write_str("about to be configured"),
+            BootStage::Configuring { index: 0, .. } => f.write_str("about to be configured"),
             BootStage::Configuring { written, index, sub } => write!(
                 f,
-                "being configured: {written} objects written, now {index:04X}h/{sub:02X}h"
+                "being configured: {written} objects written, now {}",
+                Address { index, sub }
             ),
             BootStage::ClosingSdo | BootStage::ResettingConfiguration { .. } => {
                 f.write_str("configured, about to be reset by ResetConfiguration")

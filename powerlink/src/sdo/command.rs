@@ -4,6 +4,7 @@
 //! reserved u16; then `segment size` octets. Command data that do not fit in one frame are cut into segments; the first
 //! one begins with their total size u32, which counts itself.
 
+use core::fmt;
 use core::ops::Range;
 
 use obd::AbortCode;
@@ -261,13 +262,23 @@ impl Header {
     }
 }
 
-/// Object address in front of the data of WriteByIndex and ReadByIndex.
+/// Object address in front of the data of WriteByIndex and ReadByIndex. In words `0x1006` or `0x1018/1`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Address {
     /// Object index.
     pub index: u16,
     /// Sub-index.
     pub sub: u8,
+}
+
+impl fmt::Display for Address {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "0x{:04X}", self.index)?;
+        match self.sub {
+            0 => Ok(()),
+            sub => write!(f, "/{sub}"),
+        }
+    }
 }
 
 impl Address {
