@@ -19,7 +19,7 @@ mod virtual_net;
 pub use machine::SimMachine;
 pub use node::node_mac;
 pub use run::{Served, serve};
-pub use virtual_net::{Disturbance, NetConfig, Tap, VirtualNet};
+pub use virtual_net::{Disturbance, NetConfig, VirtualNet};
 
 use crate::config::Node;
 use std::fmt;

@@ -7,26 +7,18 @@
 //! and machine make the same run, octet by octet.
 
 use super::SimMachine;
-use powerlink::link::simulated::SplitMix64;
+use powerlink::link::simulated::{GAP_NS, Hub, Path, Station, Tap};
 use powerlink::link::{Link, LinkError, Received};
-use powerlink::wire::{FRAME_LEN_MAX, FRAME_LEN_MIN};
-use std::cmp::Reverse;
-use std::collections::{BinaryHeap, VecDeque};
+use powerlink::wire::FRAME_LEN_MAX;
+use std::collections::VecDeque;
 use std::fmt;
-
-/// Octets on the wire beside the frame: preamble, FCS, gap.
-const OVERHEAD: usize = 8 + 4 + 12;
-/// One octet at 100 Mbit/s.
-const OCTET_NS: u64 = 80;
-/// Ethernet header; shorter frames cannot be sent.
-const HEADER_LEN: usize = 14;
 
 /// How the wire treats frames. Shares are from 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NetConfig {
     /// Start of all that is random.
     pub seed: u64,
-    /// Least and greatest time from the end of a frame on the wire to its reception, ns.
+    /// Least and greatest time from the end of a frame on the wire, with the gap after it, to its reception, ns.
     pub delay_ns: [u64; 2],
     /// Share of frames that get lost.
     pub loss: f64,
@@ -101,40 +93,17 @@ pub enum Disturbance {
     },
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum To {
-    ManagingNode,
-    Machine,
-}
-
-/// A frame on its way; ordered by arrival, then by departure.
-#[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Flight {
-    at_ns: u64,
-    order: u64,
-    to: To,
-    frame: Vec<u8>,
-}
-
-/// Called with the time and each frame that was not lost, in the order of sending.
-pub type Tap = Box<dyn FnMut(u64, &[u8]) + Send>;
-
 /// The wire, seen by the managing node as its link.
 pub struct VirtualNet {
     machine: SimMachine,
     config: NetConfig,
-    random: SplitMix64,
+    hub: Hub,
+    managing_node: Station,
+    machine_station: Station,
     now_ns: u64,
-    flights: BinaryHeap<Reverse<Flight>>,
-    order: u64,
     inbox: VecDeque<Vec<u8>>,
-    /// When the wire is free again, to the managing node and to the machine.
-    free_ns: [u64; 2],
     /// Latest first.
     disturbances: Vec<(u64, Disturbance)>,
-    tap: Option<Tap>,
-    /// Frames that got lost by chance.
-    lost: u64,
 }
 
 impl fmt::Debug for VirtualNet {
@@ -150,18 +119,33 @@ impl fmt::Debug for VirtualNet {
 impl VirtualNet {
     /// The wire to a machine, at time 0.
     pub fn new(machine: SimMachine, config: NetConfig) -> VirtualNet {
+        let [least_ns, greatest_ns] = config.delay_ns;
+        let path = Path {
+            delay_ns: 0,
+            jitter_ns: greatest_ns.saturating_sub(least_ns),
+            loss: config.loss,
+            duplicate: config.duplicate,
+            reorder: config.reorder,
+            reorder_ns: config.reorder_ns,
+            corrupt: config.corrupt,
+            corrupt_octets: 0..FRAME_LEN_MAX,
+        };
+        let mut hub = Hub::new(config.seed);
+        let managing_node = hub.attach(path.clone());
+        // The way is between the hub and the machine, in both directions.
+        let machine_station = hub.attach(Path {
+            delay_ns: least_ns + GAP_NS,
+            ..path
+        });
         VirtualNet {
             machine,
             config,
-            random: SplitMix64::new(config.seed),
+            hub,
+            managing_node,
+            machine_station,
             now_ns: 0,
-            flights: BinaryHeap::new(),
-            order: 0,
             inbox: VecDeque::new(),
-            free_ns: [0; 2],
             disturbances: Vec::new(),
-            tap: None,
-            lost: 0,
         }
     }
 
@@ -189,11 +173,6 @@ impl VirtualNet {
         &mut self.machine
     }
 
-    /// How the wire treats frames; may change during a run. The seed counts at the start only.
-    pub fn config_mut(&mut self) -> &mut NetConfig {
-        &mut self.config
-    }
-
     /// Has something happen at a time; at once if the time is past.
     pub fn at(&mut self, at_ns: u64, disturbance: Disturbance) {
         let place = self.disturbances.partition_point(|(other_ns, _)| *other_ns > at_ns);
@@ -209,61 +188,23 @@ impl VirtualNet {
 
     /// Shows every frame on the wire to `tap`.
     pub fn set_tap(&mut self, tap: Tap) {
-        self.tap = Some(tap);
+        self.hub.set_tap(tap);
     }
 
     /// Frames that got lost by chance so far.
     pub fn lost(&self) -> u64 {
-        self.lost
+        self.hub.lost()
     }
 
-    /// Puts a frame of somebody else on the wire, to the managing node.
+    /// Puts a frame of another station on the wire, to the managing node; one that no station could send is left out.
     pub fn inject(&mut self, frame: &[u8]) {
-        self.launch(To::ManagingNode, frame.to_vec());
-    }
-
-    /// Puts a frame on the wire.
-    fn launch(&mut self, to: To, mut frame: Vec<u8>) {
-        if self.random.happens(self.config.loss) {
-            self.lost += 1;
-            return;
-        }
-        if self.random.happens(self.config.corrupt) {
-            let bit = self.random.below(frame.len() as u64 * 8) as usize;
-            frame[bit / 8] ^= 1 << (bit % 8);
-        }
-        let copies = if self.random.happens(self.config.duplicate) {
-            2
-        } else {
-            1
-        };
-        if let Some(tap) = &mut self.tap {
-            tap(self.now_ns, &frame);
-        }
-        let octets = (frame.len().max(FRAME_LEN_MIN) + OVERHEAD) as u64;
-        for _ in 0..copies {
-            let free_ns = &mut self.free_ns[to as usize];
-            *free_ns = (*free_ns).max(self.now_ns) + octets * OCTET_NS;
-            let sent_ns = *free_ns;
-            let [least_ns, greatest_ns] = self.config.delay_ns;
-            let mut at_ns = sent_ns + least_ns + self.random.below(greatest_ns.saturating_sub(least_ns) + 1);
-            if self.random.happens(self.config.reorder) {
-                at_ns += self.random.below(self.config.reorder_ns + 1);
-            }
-            self.order += 1;
-            self.flights.push(Reverse(Flight {
-                at_ns,
-                order: self.order,
-                to,
-                frame: frame.clone(),
-            }));
-        }
+        let _ = self.hub.send(self.machine_station, self.now_ns, frame);
     }
 
     /// Runs the next event that is due by `limit_ns`; false if there is none.
     fn next_event(&mut self, limit_ns: u64) -> bool {
         let disturbance_ns = self.disturbances.last().map(|(at_ns, _)| *at_ns);
-        let flight_ns = self.flights.peek().map(|flight| flight.0.at_ns);
+        let flight_ns = self.hub.next_ns();
         let poll_ns = self.machine.next_poll_ns();
         let next_ns = [disturbance_ns, flight_ns]
             .into_iter()
@@ -281,24 +222,20 @@ impl VirtualNet {
                 self.disturb(disturbance);
             }
         } else if flight_ns == Some(next_ns) {
-            match self.flights.pop() {
-                Some(Reverse(Flight {
-                    to: To::ManagingNode,
-                    frame,
-                    ..
-                })) => self.inbox.push_back(frame),
-                Some(Reverse(Flight {
-                    to: To::Machine, frame, ..
-                })) => {
-                    self.machine.receive(now_ns, &frame, &mut send);
+            let mut buffer = [0; FRAME_LEN_MAX];
+            if let Some(arrival) = self.hub.receive(next_ns, &mut buffer) {
+                let frame = &buffer[..arrival.length];
+                if arrival.to == self.managing_node {
+                    self.inbox.push_back(frame.to_vec());
+                } else {
+                    self.machine.receive(now_ns, frame, &mut send);
                 }
-                None => {}
             }
         } else {
             self.machine.poll(now_ns, &mut send);
         }
         for answer in answers {
-            self.launch(To::ManagingNode, answer);
+            self.inject(&answer);
         }
         true
     }
@@ -323,14 +260,7 @@ impl Link for VirtualNet {
     }
 
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
-        if !(HEADER_LEN..=FRAME_LEN_MAX).contains(&frame.len()) {
-            return Err(LinkError::FrameLength {
-                got: frame.len(),
-                max: FRAME_LEN_MAX,
-            });
-        }
-        self.launch(To::Machine, frame.to_vec());
-        Ok(())
+        self.hub.send(self.managing_node, self.now_ns, frame).map(drop)
     }
 
     fn receive(&mut self, buffer: &mut [u8], deadline_ns: u64) -> Result<Option<Received>, LinkError> {

@@ -1,7 +1,7 @@
 //! A network in memory on virtual time: stations on one hub, with faults from a seed.
 //!
 //! In:  frames that stations send, each at its time; how the wire to each station treats frames; a seed.
-//! Out: the frames as every other station receives them, in the order of time; frames that met on the wire; a capture.
+//! Out: the frames as every other station receives them, in the order of time; frames that met on the wire; all frames to a tap.
 //!
 //! No threads and no clock: [`Hub::send`] puts a frame on the wire, [`Hub::receive`] takes the next arrival. The same seed
 //! and calls make the same run, octet by octet. Not RT; allocates nothing once its queues have grown.
@@ -11,19 +11,17 @@ use core::fmt;
 use core::ops::Range;
 use std::boxed::Box;
 use std::collections::BinaryHeap;
-use std::io::{self, Write};
 use std::vec::Vec;
 
 use super::LinkError;
-use super::pcap::PcapWriter;
 use crate::wire::{FRAME_LEN_MAX, FRAME_LEN_MIN};
 
 /// Octets on the wire beside the frame that belong to it: preamble and FCS.
 const FRAME_OVERHEAD: usize = 8 + 4;
-/// Octets of silence after every frame.
-const GAP: usize = 12;
 /// One octet at 100 Mbit/s.
 const OCTET_NS: u64 = 80;
+/// Silence after every frame: 12 octets.
+pub const GAP_NS: u64 = 12 * OCTET_NS;
 /// Ethernet header; shorter frames cannot be sent.
 const HEADER_LEN: usize = 14;
 
@@ -152,6 +150,9 @@ struct Shared {
     flights: usize,
 }
 
+/// Called with the virtual time at which its first octet leaves, in ns, and each frame as it was sent, in the order of sending.
+pub type Tap = Box<dyn FnMut(u64, &[u8]) + Send>;
+
 /// The network.
 pub struct Hub {
     random: SplitMix64,
@@ -163,8 +164,7 @@ pub struct Hub {
     order: u64,
     collision: Option<Collision>,
     lost: u64,
-    capture: Option<PcapWriter<Box<dyn Write>>>,
-    capture_failed: Option<io::Error>,
+    tap: Option<Tap>,
 }
 
 impl fmt::Debug for Hub {
@@ -189,8 +189,7 @@ impl Hub {
             order: 0,
             collision: None,
             lost: 0,
-            capture: None,
-            capture_failed: None,
+            tap: None,
         }
     }
 
@@ -215,18 +214,9 @@ impl Hub {
         self.ports[station.0].plugged = plugged;
     }
 
-    /// Writes every frame into a capture file as it was sent, stamped with the virtual time its first octet left.
-    pub fn record(&mut self, capture: PcapWriter<Box<dyn Write>>) {
-        self.capture = Some(capture);
-    }
-
-    /// Ends the capture; the first error that writing it met.
-    pub fn finish_capture(&mut self) -> io::Result<()> {
-        if let Some(capture) = self.capture.take() {
-            let finished = capture.finish().map(drop);
-            return self.capture_failed.take().map_or(finished, Err);
-        }
-        Ok(())
+    /// Shows every frame to `tap`, such as a capture file.
+    pub fn set_tap(&mut self, tap: Tap) {
+        self.tap = Some(tap);
     }
 
     /// A station sends a frame: at once, or when the frame before it has left. Returns when its last octet has left. Times
@@ -241,9 +231,8 @@ impl Hub {
         if !self.ports[from.0].plugged {
             return Err(LinkError::Down);
         }
-        let gap_ns = GAP as u64 * OCTET_NS;
         let port = &mut self.ports[from.0];
-        let free_ns = port.busy_until_ns + gap_ns;
+        let free_ns = port.busy_until_ns + GAP_NS;
         let begin_ns = if port.busy_until_ns > 0 {
             now_ns.max(free_ns)
         } else {
@@ -255,11 +244,8 @@ impl Hub {
         let end_ns = begin_ns + wire_ns(frame.len());
         port.busy_until_ns = end_ns;
         self.look_for_collision(from, begin_ns, end_ns);
-        if let Some(capture) = &mut self.capture
-            && let Err(error) = capture.write(begin_ns, frame)
-        {
-            self.capture_failed.get_or_insert(error);
-            self.capture = None;
+        if let Some(tap) = &mut self.tap {
+            tap(begin_ns, frame);
         }
         self.launch(from, end_ns, frame);
         Ok(end_ns)
@@ -324,7 +310,7 @@ impl Hub {
                 self.order += 1;
                 self.frames[frame].flights += 1;
                 self.flights.push(Reverse(Flight {
-                    at_ns: at_ns + copy * (wire_ns(octets.len()) + GAP as u64 * OCTET_NS),
+                    at_ns: at_ns + copy * (wire_ns(octets.len()) + GAP_NS),
                     order: self.order,
                     to: Station(to),
                     frame,

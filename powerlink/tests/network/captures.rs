@@ -4,9 +4,10 @@
 //! fails without tshark.
 
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::{Arc, Mutex};
 
 use powerlink::link::pcap::{PcapReader, PcapWriter};
 use powerlink::mn::{MnEvent, SdoCommand};
@@ -27,10 +28,15 @@ fn file(name: &str) -> PathBuf {
 fn capture(name: &str, setup: &Setup, run: impl FnOnce(&mut World), mut look: impl FnMut(&Frame<'_>, &[u8])) {
     let path = file(name);
     let mut world = World::new(setup);
-    let out: Box<dyn Write> = Box::new(BufWriter::new(File::create(&path).unwrap()));
-    world.hub.record(PcapWriter::new(out).unwrap());
+    let writer = PcapWriter::new(BufWriter::new(File::create(&path).unwrap())).unwrap();
+    let writer = Arc::new(Mutex::new(writer));
+    let tapped = Arc::clone(&writer);
+    world.hub.set_tap(Box::new(move |at_ns, frame| {
+        tapped.lock().unwrap().write(at_ns, frame).unwrap()
+    }));
     run(&mut world);
-    world.hub.finish_capture().unwrap();
+    drop(world);
+    Arc::into_inner(writer).unwrap().into_inner().unwrap().finish().unwrap();
     let octets = fs::read(&path).unwrap();
     let mut frames = 0;
     let mut last_ns = 0;

@@ -1,5 +1,6 @@
 use super::*;
-use std::rc::Rc;
+use crate::link::pcap::PcapWriter;
+use std::sync::{Arc, Mutex};
 use std::vec;
 
 /// A frame of `len` octets that starts with a number.
@@ -189,34 +190,23 @@ fn a_seed_makes_one_run() {
     assert_ne!(run(3), run(4));
 }
 
-/// A file in memory that can still be looked at after it was given away.
-#[derive(Clone, Default)]
-struct File(Rc<core::cell::RefCell<Vec<u8>>>);
-
-impl Write for File {
-    fn write(&mut self, octets: &[u8]) -> io::Result<usize> {
-        self.0.borrow_mut().extend_from_slice(octets);
-        Ok(octets.len())
-    }
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
 #[test]
 fn a_capture_holds_what_was_sent() {
-    let file = File::default();
+    let file = Arc::new(Mutex::new(PcapWriter::new(Vec::new()).unwrap()));
     let mut hub = Hub::new(1);
     let a = hub.attach(Path::default());
     hub.attach(Path {
         loss: 1.0,
         ..Path::default()
     });
-    hub.record(PcapWriter::new(Box::new(file.clone()) as Box<dyn Write>).unwrap());
+    let tapped = Arc::clone(&file);
+    hub.set_tap(Box::new(move |at_ns, frame| {
+        tapped.lock().unwrap().write(at_ns, frame).unwrap()
+    }));
     hub.send(a, 5, &frame(1, 60)).unwrap();
     hub.send(a, 6, &frame(2, 64)).unwrap();
-    hub.finish_capture().unwrap();
-    let octets = file.0.borrow();
+    drop(hub);
+    let octets = Arc::into_inner(file).unwrap().into_inner().unwrap().finish().unwrap();
     let frames: Vec<_> = crate::link::pcap::PcapReader::new(&octets)
         .unwrap()
         .map(|captured| captured.map(|captured| (captured.stamp_ns, captured.frame.to_vec())))
