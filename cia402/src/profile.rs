@@ -103,7 +103,7 @@ impl Command {
     /// The command in a controlword. Bit 7 alone makes a fault reset; its edge is the receiver's to watch.
     ///
     /// RT: a few comparisons.
-    pub fn of(controlword: u16) -> Command {
+    pub fn from_controlword(controlword: u16) -> Command {
         if controlword & 0x0080 != 0 {
             Command::FaultReset
         } else if controlword & 0x0002 == 0 {
@@ -227,7 +227,7 @@ mod tests {
                 .iter()
                 .filter(|(bits, _)| matches(bits, word))
                 .map(|(_, command)| *command);
-            assert_eq!(hits.next(), Some(Command::of(word)), "{word:#06x}");
+            assert_eq!(hits.next(), Some(Command::from_controlword(word)), "{word:#06x}");
             assert_eq!(hits.next(), None, "{word:#06x} is two commands");
         }
     }

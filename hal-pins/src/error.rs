@@ -53,7 +53,7 @@ pub enum HalError {
         hint: Option<String>,
     },
     /// Types that do not fit together.
-    #[error("'{name}' is of type {is}, but {expected} is needed{}", because(.by))]
+    #[error("'{name}' is of type {is}, but {expected} is needed{}", needed_by(.by))]
     TypeMismatch {
         /// The pin.
         name: String,
@@ -173,7 +173,7 @@ fn did_you_mean(hint: &Option<String>) -> String {
         .unwrap_or_default()
 }
 
-fn because(by: &str) -> String {
+fn needed_by(by: &str) -> String {
     if by.is_empty() {
         String::new()
     } else {

@@ -1,9 +1,9 @@
 //! The file behind the shared memory: found by the machine's name, owned by one user, alive as long as it is locked.
 //!
-//! A new file is filled under another name and then linked to its own, so nobody ever sees half a file. The owner holds a
+//! A new file is filled under another name and then linked to its own, so half a file is never seen. The owner holds a
 //! lock on it that the kernel takes away with the process; a file without that lock is left over and is replaced.
 //!
-//! All of it lies in a folder that nobody but the user can enter: another one can neither put a file or a socket there under
+//! All of it lies in a folder that only the user can enter: another one can neither put a file or a socket there under
 //! the name of a control, nor take one away.
 
 use crate::HalError;
@@ -34,7 +34,7 @@ pub struct Found {
 
 /// Folders that hold files of this user's controls, each of them his alone; those that exist.
 pub fn directories() -> Vec<PathBuf> {
-    let mut found = places();
+    let mut found = candidate_folders();
     found.retain(|place| Folder::private(place).is_ok());
     found
 }
@@ -43,7 +43,7 @@ pub fn directories() -> Vec<PathBuf> {
 pub(crate) fn own_directories() -> Result<Vec<PathBuf>, HalError> {
     let mut refused = HalError::NoDirectory;
     let mut own = Vec::new();
-    for place in places() {
+    for place in candidate_folders() {
         match Folder::make(&place) {
             Ok(()) => own.push(place),
             Err(error) => refused = error,
@@ -58,7 +58,7 @@ pub(crate) fn own_directories() -> Result<Vec<PathBuf>, HalError> {
 /// Where such a folder may be, best first: `/run/isocnc` (made by root or by a service manager), in `$XDG_RUNTIME_DIR`, in
 /// `/dev/shm` for everybody else. What is looked for by the user's number is so by the one that he had at first: in a user
 /// namespace of its own, every process is root.
-fn places() -> Vec<PathBuf> {
+fn candidate_folders() -> Vec<PathBuf> {
     static PLACES: OnceLock<Vec<PathBuf>> = OnceLock::new();
     let find = || {
         let user = nix::unistd::geteuid();
@@ -104,7 +104,7 @@ impl Folder {
         }
     }
 
-    /// Makes sure that nobody but this user can enter it.
+    /// Makes sure that only this user can enter it.
     fn private(path: &Path) -> Result<(), HalError> {
         let folder = Folder::open(path, "open")?;
         let found = folder.file.metadata().map_err(|cause| HalError::System {
@@ -175,7 +175,7 @@ impl Folder {
                 Some(_) | None => false,
             };
             if left_over {
-                // What cannot be removed is in nobody's way.
+                // What cannot be removed does no harm.
                 let _ = std::fs::remove_file(entry.path());
             }
         }
@@ -497,7 +497,7 @@ mod tests {
 
     #[test]
     fn places_lie_in_memory_and_each_is_of_one_user() {
-        for place in places() {
+        for place in candidate_folders() {
             assert!(is_memory(place.parent().unwrap()), "{}", place.display());
             assert!(place.file_name().unwrap().to_str().unwrap().starts_with("isocnc"));
         }

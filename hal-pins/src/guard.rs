@@ -50,7 +50,7 @@ pub(crate) struct Guard(Option<(usize, File)>);
 
 impl Guard {
     /// Where the system has no file to spare, nothing is watched over.
-    pub(crate) fn of(map: &MmapRaw, file: &File) -> Guard {
+    pub(crate) fn new(map: &MmapRaw, file: &File) -> Guard {
         install();
         // Its own: the memory may be used for longer than the file is open elsewhere.
         let Ok(file) = file.try_clone() else { return Guard(None) };

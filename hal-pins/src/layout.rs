@@ -105,7 +105,7 @@ impl Words {
     /// Lays out fresh, zeroed memory.
     pub(crate) fn format(map: MmapRaw, file: &File, capacity: usize) -> Words {
         assert!((1..=CAPACITY_MAX).contains(&capacity) && map.len() == file_len(capacity));
-        let guard = Guard::of(&map, file);
+        let guard = Guard::new(&map, file);
         let words = Words { guard, map, capacity };
         words.word(at::VERSION).store(VERSION, Ordering::Relaxed);
         words
@@ -124,7 +124,7 @@ impl Words {
         if map.len() < file_len(1) || !map.len().is_multiple_of(8) {
             return Err(format!("{} octets are no pins of a control: too short", map.len()));
         }
-        let guard = Guard::of(&map, file);
+        let guard = Guard::new(&map, file);
         let words = Words {
             guard,
             map,

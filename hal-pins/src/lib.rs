@@ -19,7 +19,7 @@
 //! The file holds 64-bit words only and is read with atomic loads and checked indices, so a damaged or foreign file is
 //! an error and never undefined behaviour. It lies in a folder of one user alone and goes with the process; what a killed
 //! process leaves behind is recognised by its lost lock, and removed when the next control starts. One that is cut short while
-//! it is mapped is seen ([`Memory::is_lost`]) and kills nobody.
+//! it is mapped is seen ([`Memory::is_lost`]) and kills no process.
 
 mod attached;
 mod error;

@@ -27,7 +27,7 @@ pub use dictionary::{BuildError, Dictionary, Handle, Key};
 /// What an SDO server reads and writes: a plain [`Dictionary`], or a node that adds effects to some of its objects.
 ///
 /// A value passes as a whole unless the object says otherwise: the server collects what comes in several frames and calls
-/// [`sdo_write`](Objects::sdo_write) at the end, so that nobody ever sees half a value. An object too large for the server's
+/// [`sdo_write`](Objects::sdo_write) at the end, so that half a value is never seen. An object too large for the server's
 /// buffer, such as a program of one MiB, passes in parts: it answers [`sdo_read_parts`](Objects::sdo_read_parts) or
 /// [`sdo_write_parts`](Objects::sdo_write_parts) and keeps the parts apart from its value until
 /// [`sdo_write_end`](Objects::sdo_write_end) itself.

@@ -254,7 +254,7 @@ impl Axis {
         if !online {
             return self.offline();
         }
-        self.see(feedback);
+        self.read_feedback(feedback);
         let Some(drive) = self.drive else {
             self.fail(AxisFault::UnknownState {
                 statusword: feedback.statusword,
@@ -334,7 +334,7 @@ impl Axis {
         self.drive
     }
 
-    /// Actual position in counts, unwrapped from the 32 bits of 6064. It starts anew at the drive's own value when
+    /// Actual position in counts, unwrapped from the 32 bits of 6064. It restarts at the drive's own value when
     /// the drive comes on line and when it has homed.
     pub fn actual_position(&self) -> i64 {
         self.actual
@@ -368,7 +368,7 @@ impl Axis {
         }
     }
 
-    /// Changes the phase; time limits start anew.
+    /// Changes the phase; time limits restart.
     fn enter(&mut self, phase: Phase) {
         if let (Phase::Homing(_), false) = (self.phase, matches!(phase, Phase::Homing(_))) {
             self.homed = HomingState::NotHomed;
@@ -416,7 +416,7 @@ impl Axis {
         self.setpoint(command as u16, self.config.mode.code())
     }
 
-    fn see(&mut self, feedback: &Feedback) {
+    fn read_feedback(&mut self, feedback: &Feedback) {
         if self.online {
             self.actual += i64::from(feedback.position.wrapping_sub(self.position));
         } else {
@@ -430,7 +430,7 @@ impl Axis {
     }
 
     /// Runs the time limit of a step; true once it has passed. A new step starts a new limit.
-    fn over_time(&mut self, now_ns: u64, step: Step) -> bool {
+    fn step_timed_out(&mut self, now_ns: u64, step: Step) -> bool {
         let since_ns = match self.timer {
             Some(timer) if timer.step == step => timer.since_ns,
             Some(_) | None => {
@@ -443,7 +443,7 @@ impl Axis {
 
     /// As [`Axis::over_time`]; a limit that has passed is a fault.
     fn limit(&mut self, now_ns: u64, step: Step) {
-        if self.over_time(now_ns, step) {
+        if self.step_timed_out(now_ns, step) {
             self.fail(self.step_timeout(step));
         }
     }
@@ -559,7 +559,7 @@ impl Axis {
 
     /// A drive that holds its position after the stop (605A = 5 to 8) is switched off when the time of the stop is over.
     fn leave_quick_stop(&mut self, now_ns: u64) -> u16 {
-        let command = if self.over_time(now_ns, Step::LeaveQuickStop) {
+        let command = if self.step_timed_out(now_ns, Step::LeaveQuickStop) {
             Command::DisableVoltage
         } else {
             Command::QuickStop
@@ -604,7 +604,7 @@ impl Axis {
             (Reset::Low(cycles), State::Fault) => reset = Reset::Low(cycles - 1),
             (Reset::High, State::Fault) => {
                 word = Command::FaultReset as u16;
-                if self.over_time(now_ns, Step::FaultReset) {
+                if self.step_timed_out(now_ns, Step::FaultReset) {
                     // The cause is still there; the drive knows it better than an older fault of ours.
                     fault = AxisFault::Drive {
                         error_code: feedback.error_code,

@@ -542,7 +542,7 @@ fn faults_say_what_to_look_at() {
 
 /// Whether a drive that hears this controlword takes it for *enable operation*.
 fn enables(controlword: u16) -> bool {
-    Command::of(controlword) == Command::EnableOperation
+    Command::from_controlword(controlword) == Command::EnableOperation
 }
 
 #[test]

@@ -56,7 +56,7 @@ pub(super) enum Method {
 
 impl Method {
     /// The method of a number; `None` for reserved numbers and for those that this drive does not have.
-    pub(super) fn of(number: i8) -> Option<Method> {
+    pub(super) fn from_number(number: i8) -> Option<Method> {
         let edge = |number, index| {
             let (which, kind, direction) = match number {
                 1 => (Which::NegativeLimit, Kind::LeaveBack, -1),

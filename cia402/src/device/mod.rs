@@ -70,7 +70,7 @@ enum Activity {
 
 /// Homing as the statusword shows it.
 #[derive(Clone, Copy, Debug)]
-enum HomingShow {
+enum HomingIndication {
     /// Not started, or stopped.
     Idle,
     Running(Homing),
@@ -90,7 +90,7 @@ pub struct Device {
     /// User position = motor position + offset.
     offset: i64,
     mode: i8,
-    homing: HomingShow,
+    homing: HomingIndication,
     start_bit: bool,
     /// The target is followed as it is.
     follows: bool,
@@ -121,7 +121,7 @@ impl Device {
             generator: Generator::default(),
             offset: 0,
             mode: mode::NONE,
-            homing: HomingShow::Idle,
+            homing: HomingIndication::Idle,
             start_bit: false,
             follows: false,
             limited: false,
@@ -138,7 +138,7 @@ impl Device {
         self.power = Power::new(self.delays);
         self.activity = Activity::Off;
         self.mode = mode::NONE;
-        self.homing = HomingShow::Idle;
+        self.homing = HomingIndication::Idle;
         self.error_code = 0;
         self.connected = false;
     }
@@ -204,11 +204,11 @@ impl Device {
         let controlword = objects.get(keys.controlword);
         if connected {
             if self.injected.remote {
-                self.obey(objects, sensors, controlword);
+                self.apply_controlword(objects, sensors, controlword);
             }
             self.choose_mode(objects.get(keys.mode));
         }
-        self.move_on(objects, sensors, controlword);
+        self.advance_set_point(objects, sensors, controlword);
         let velocity = self.generator.velocity;
         objects.set(
             keys.statusword,
@@ -267,8 +267,8 @@ impl Device {
         }
         match objects.get(self.keys.abort_connection) {
             1 => self.raise_fault(ERROR_COMMUNICATION),
-            2 => self.take(objects, sensors, 9, State::SwitchOnDisabled),
-            3 => self.take(objects, sensors, 11, State::QuickStopActive),
+            2 => self.begin_transition(objects, sensors, 9, State::SwitchOnDisabled),
+            3 => self.begin_transition(objects, sensors, 11, State::QuickStopActive),
             _ => {}
         }
     }
@@ -276,13 +276,18 @@ impl Device {
     fn react_to_fault<const E: usize, const B: usize>(&mut self, objects: &Dictionary<E, B>, sensors: &Sensors) {
         let at_fault = matches!(self.power.state(), State::FaultReactionActive | State::Fault);
         if self.error_code != 0 && !at_fault {
-            self.power.go(13, State::FaultReactionActive);
+            self.power.start_transition(13, State::FaultReactionActive);
             self.entered(objects, sensors);
         }
     }
 
-    fn obey<const E: usize, const B: usize>(&mut self, objects: &Dictionary<E, B>, sensors: &Sensors, word: u16) {
-        let Some((number, to)) = self.power.asked(word) else {
+    fn apply_controlword<const E: usize, const B: usize>(
+        &mut self,
+        objects: &Dictionary<E, B>,
+        sensors: &Sensors,
+        word: u16,
+    ) {
+        let Some((number, to)) = self.power.requested_transition(word) else {
             return;
         };
         if self.injected.refused & (1 << number) != 0 {
@@ -296,14 +301,14 @@ impl Device {
             15 if self.injected.cause_stays => {}
             15 => {
                 self.error_code = 0;
-                self.take(objects, sensors, number, to);
+                self.begin_transition(objects, sensors, number, to);
             }
-            _ => self.take(objects, sensors, number, to),
+            _ => self.begin_transition(objects, sensors, number, to),
         }
     }
 
     /// Starts a transition, with the stop that its option code asks for in front of it.
-    fn take<const E: usize, const B: usize>(
+    fn begin_transition<const E: usize, const B: usize>(
         &mut self,
         objects: &Dictionary<E, B>,
         sensors: &Sensors,
@@ -328,7 +333,7 @@ impl Device {
             self.raise_fault(ERROR_PARAMETER);
             return;
         }
-        self.power.go(number, to);
+        self.power.start_transition(number, to);
         self.entered(objects, sensors);
     }
 
@@ -357,7 +362,7 @@ impl Device {
             State::OperationEnabled => match self.activity {
                 Activity::Off => {
                     self.generator.track(sensors.position);
-                    self.homing = HomingShow::Idle;
+                    self.homing = HomingIndication::Idle;
                     Activity::Mode
                 }
                 Activity::Mode | Activity::Hold { .. } => Activity::Mode,
@@ -410,13 +415,18 @@ impl Device {
     fn choose_mode(&mut self, wanted: i8) {
         if wanted != mode::NONE && wanted != self.mode && SUPPORTED_MODES & mode::supported_bit(wanted) != 0 {
             self.mode = wanted;
-            self.homing = HomingShow::Idle;
+            self.homing = HomingIndication::Idle;
             self.start_bit = false;
         }
     }
 
     /// Moves the set-point on by one period.
-    fn move_on<const E: usize, const B: usize>(&mut self, objects: &Dictionary<E, B>, sensors: &Sensors, word: u16) {
+    fn advance_set_point<const E: usize, const B: usize>(
+        &mut self,
+        objects: &Dictionary<E, B>,
+        sensors: &Sensors,
+        word: u16,
+    ) {
         let keys = self.keys;
         let period_s = self.period_s();
         self.follows = false;
@@ -425,7 +435,7 @@ impl Device {
             Activity::Off => {
                 self.generator.track(sensors.position);
                 if self.power.state() == State::FaultReactionActive {
-                    self.power.go(14, State::Fault);
+                    self.power.start_transition(14, State::Fault);
                 }
             }
             Activity::Hold { deceleration } => {
@@ -439,7 +449,7 @@ impl Device {
                 // The motor gets the period in which its speed becomes zero before the torque may go.
                 if self.generator.at_rest() || deceleration.is_infinite() {
                     self.activity = Activity::Hold { deceleration };
-                    self.power.go(number, to);
+                    self.power.start_transition(number, to);
                     self.entered(objects, sensors);
                 } else {
                     self.generator.approach(0.0, deceleration, period_s);
@@ -453,7 +463,7 @@ impl Device {
                     keys.deceleration
                 });
                 self.generator.approach(0.0, f64::from(deceleration), period_s);
-                self.homing = HomingShow::Idle;
+                self.homing = HomingIndication::Idle;
             }
             Activity::Mode => match self.mode {
                 mode::CYCLIC_SYNCHRONOUS_POSITION => self.follow(objects, sensors, objects.get(keys.target)),
@@ -489,27 +499,27 @@ impl Device {
         let keys = self.keys;
         let start = word & controlword::MODE_START != 0;
         if start && !self.start_bit {
-            self.homing = match Method::of(objects.get(keys.homing_method)) {
-                Some(method) => HomingShow::Running(Homing::new(method, sensors)),
-                None => HomingShow::Failed,
+            self.homing = match Method::from_number(objects.get(keys.homing_method)) {
+                Some(method) => HomingIndication::Running(Homing::new(method, sensors)),
+                None => HomingIndication::Failed,
             };
         }
         let mut velocity = 0.0;
-        if let HomingShow::Running(mut homing) = self.homing {
+        if let HomingIndication::Running(mut homing) = self.homing {
             let search = f64::from(objects.get(keys.homing_search));
             let latch = f64::from(objects.get(keys.homing_latch));
             self.homing = match homing.step(sensors, search, latch, self.generator.at_rest()) {
-                _ if !start => HomingShow::Idle,
+                _ if !start => HomingIndication::Idle,
                 Progress::Move(wanted) => {
                     velocity = wanted;
-                    HomingShow::Running(homing)
+                    HomingIndication::Running(homing)
                 }
                 Progress::Home(position) => {
                     // By the profile zero = home + offset, so that the position at home is minus the offset.
                     self.offset = -position - i64::from(objects.get(keys.home_offset));
-                    HomingShow::Attained
+                    HomingIndication::Attained
                 }
-                Progress::Failed => HomingShow::Failed,
+                Progress::Failed => HomingIndication::Failed,
             };
         }
         let acceleration = f64::from(objects.get(keys.homing_acceleration));
@@ -527,11 +537,11 @@ impl Device {
         match self.mode {
             mode::HOMING => {
                 set(
-                    self.in_position && !matches!(self.homing, HomingShow::Running(_)),
+                    self.in_position && !matches!(self.homing, HomingIndication::Running(_)),
                     statusword::TARGET_REACHED,
                 );
-                set(matches!(self.homing, HomingShow::Attained), statusword::MODE_ACK);
-                set(matches!(self.homing, HomingShow::Failed), statusword::MODE_ERROR);
+                set(matches!(self.homing, HomingIndication::Attained), statusword::MODE_ACK);
+                set(matches!(self.homing, HomingIndication::Failed), statusword::MODE_ERROR);
             }
             mode::INTERPOLATED_POSITION => set(self.follows, statusword::MODE_ACK),
             _ => {

@@ -119,7 +119,7 @@ pub const DRIVE_OBJECTS: &[EntryDef] = &[
 pub fn check_write(index: u16, sub: u8, value: &[u8]) -> Result<(), AbortCode> {
     let allowed = match (index, sub, value) {
         (0x6060, 0, &[code]) => code as i8 == mode::NONE || SUPPORTED_MODES & mode::supported_bit(code as i8) != 0,
-        (0x6098, 0, &[method]) => homing::Method::of(method as i8).is_some(),
+        (0x6098, 0, &[method]) => homing::Method::from_number(method as i8).is_some(),
         // Stops at the current limit and the voltage limit need a motor that has them.
         (0x605A, 0, &[low, high]) => matches!(i16::from_le_bytes([low, high]), 0 | 1 | 2 | 5 | 6),
         _ => true,

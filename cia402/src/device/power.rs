@@ -104,18 +104,18 @@ impl Power {
     }
 
     /// The transition that a controlword asks for now; none while another one is under way. Watches the edge of bit 7.
-    pub(super) fn asked(&mut self, controlword: u16) -> Option<(u8, State)> {
+    pub(super) fn requested_transition(&mut self, controlword: u16) -> Option<(u8, State)> {
         let reset_bit = controlword & Command::FaultReset as u16 != 0;
         let edge = reset_bit && !self.reset_bit;
         self.reset_bit = reset_bit;
         if self.pending.is_some() || (reset_bit && !edge) {
             return None;
         }
-        transition(self.state, Command::of(controlword))
+        transition(self.state, Command::from_controlword(controlword))
     }
 
     /// Starts a transition; without a delay it is done at once. One that is under way already goes on.
-    pub(super) fn go(&mut self, number: u8, to: State) {
+    pub(super) fn start_transition(&mut self, number: u8, to: State) {
         if self.pending.is_some_and(|pending| pending.to == to) {
             return;
         }
@@ -191,12 +191,16 @@ mod tests {
     fn the_reset_bit_acts_on_its_edge_only() {
         let mut power = Power::new(Delays([0; 17]));
         power.advance(0);
-        power.go(13, State::FaultReactionActive);
-        power.go(14, State::Fault);
-        assert_eq!(power.asked(0x0080), None, "the bit must have been seen as 0");
-        assert_eq!(power.asked(0x0000), None);
-        assert_eq!(power.asked(0x0080), Some((15, State::SwitchOnDisabled)));
-        assert_eq!(power.asked(0x0080), None);
+        power.start_transition(13, State::FaultReactionActive);
+        power.start_transition(14, State::Fault);
+        assert_eq!(
+            power.requested_transition(0x0080),
+            None,
+            "the bit must have been seen as 0"
+        );
+        assert_eq!(power.requested_transition(0x0000), None);
+        assert_eq!(power.requested_transition(0x0080), Some((15, State::SwitchOnDisabled)));
+        assert_eq!(power.requested_transition(0x0080), None);
     }
 
     #[test]
@@ -208,8 +212,8 @@ mod tests {
         });
         assert_eq!(states[2], State::NotReadyToSwitchOn, "transitions 0 and 1 take 4 ms");
         assert_eq!(states[3], State::SwitchOnDisabled);
-        power.go(2, State::ReadyToSwitchOn);
-        assert_eq!(power.asked(0x0006), None, "one at a time");
+        power.start_transition(2, State::ReadyToSwitchOn);
+        assert_eq!(power.requested_transition(0x0006), None, "one at a time");
         assert!(!power.advance(1_000_000));
         assert!(power.advance(1_000_000));
         assert_eq!(power.state(), State::ReadyToSwitchOn);

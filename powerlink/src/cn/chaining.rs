@@ -32,7 +32,7 @@ pub(super) struct Chaining {
 }
 
 impl Chaining {
-    pub(super) fn is_on(&self) -> bool {
+    pub(super) fn is_enabled(&self) -> bool {
         self.on
     }
 
@@ -67,7 +67,7 @@ impl Chaining {
 impl<const E: usize, const B: usize> Cn<E, B> {
     /// Whether the PRes follows the PResMN (PRes chaining) instead of a PReq.
     pub fn is_chained(&self) -> bool {
-        self.chaining.is_on()
+        self.chaining.is_enabled()
     }
 
     /// A SyncRequest to any node.

@@ -1,7 +1,7 @@
 //! The objects of the communication profile (0x1000..0x1FFF) of a controlled node, one line each.
 //!
 //! Access, ranges and defaults are those of DS 301 as openPOWERLINK's controlled nodes have them; units stand behind the
-//! line. Who changes a value: `const` nobody, `ro` the node itself, `rw` and `rws` an SDO; `rws` is what 0x1010 stores.
+//! line. Who changes a value: `const` no one, `ro` the node itself, `rw` and `rws` an SDO; `rws` is what 0x1010 stores.
 //! What differs from node to node (identity, names, addresses) is set by [`super::Cn::new`].
 //!
 //! Not here: objects of a managing node, routing, SDO parameters of a client. An access to them is aborted with
@@ -158,7 +158,7 @@ pub const COMMUNICATION_PROFILE: &[EntryDef] = &[
     rws(0x1F98, 4, U16, "PReqActPayloadLimit_U16").default(LIMIT_MIN).limits(LIMIT_MIN, LIMIT_MAX), // octets
     rws(0x1F98, 5, U16, "PResActPayloadLimit_U16").default(LIMIT_MIN).limits(LIMIT_MIN, LIMIT_MAX), // octets
     constant(0x1F98, 6, U32, "ASndMaxLatency_U32"), // ns
-    rws(0x1F98, 7, U8, "MultiplCycleCnt_U8"), // cycles; 0: nobody is multiplexed
+    rws(0x1F98, 7, U8, "MultiplCycleCnt_U8"), // cycles; 0: no node is multiplexed
     rws(0x1F98, 8, U16, "AsyncMTU_U16").default(300).limits(300, 1500), // octets behind the Ethernet header
     rws(0x1F98, 9, U16, "Prescaler_U16").default(2).limits(0, 1000), // cycles
     ro(0x1F98, 10, U8, "PResMode_U8"), // 1: the PRes follows the PResMN

@@ -24,7 +24,7 @@ pub(super) enum Source {
 
 impl Source {
     /// As 0x1400/1 tells it: 0 is the PReq, and no node.
-    fn of(node_id: u8) -> Source {
+    fn from_node_id(node_id: u8) -> Source {
         match node_id {
             node::INVALID => Source::Preq,
             from => Source::Pres(from),
@@ -100,7 +100,7 @@ impl Pdos {
     pub(super) fn activate<const E: usize, const B: usize>(dictionary: &Dictionary<E, B>, keys: &Keys) -> Pdos {
         let mut pdos = Pdos::EMPTY;
         for (rpdo, keys_of) in pdos.receive.iter_mut().zip(&keys.receive) {
-            let source = Source::of(dictionary.get(keys_of.node));
+            let source = Source::from_node_id(dictionary.get(keys_of.node));
             let limit = source_limit(dictionary, keys, source);
             let count = dictionary.get(keys_of.count);
             *rpdo = Rpdo {
@@ -233,13 +233,13 @@ pub(super) fn check_write<const E: usize, const B: usize>(
     let number = usize::from(index & 0xFF);
     match (index, sub) {
         (0x1400..=0x14FF, 1) => {
-            let limit = source_limit(dictionary, keys, Source::of(first));
+            let limit = source_limit(dictionary, keys, Source::from_node_id(first));
             keys.receive
                 .get(number)
                 .map_or(Ok(()), |rpdo| still_fits(dictionary, rpdo, Direction::Receive, limit))
         }
         (0x1600..=0x16FF, _) => keys.receive.get(number).map_or(Ok(()), |rpdo| {
-            let limit = source_limit(dictionary, keys, Source::of(dictionary.get(rpdo.node)));
+            let limit = source_limit(dictionary, keys, Source::from_node_id(dictionary.get(rpdo.node)));
             check_mapping(dictionary, rpdo, Direction::Receive, (sub, first), limit)
         }),
         (0x1A00, _) => {
@@ -297,7 +297,7 @@ fn check_source<const E: usize, const B: usize>(
     let readers = keys
         .receive
         .iter()
-        .filter(|rpdo| Source::of(dictionary.get(rpdo.node)) == source);
+        .filter(|rpdo| Source::from_node_id(dictionary.get(rpdo.node)) == source);
     for rpdo in readers {
         still_fits(dictionary, rpdo, Direction::Receive, limit_octets)?;
     }

@@ -42,13 +42,13 @@ impl<const E: usize, const B: usize> Cn<E, B> {
             Frame::Soc(soc) => self.receive_soc(now_ns, soc, events),
             Frame::Soa(soa) => reaction.transmit = self.receive_soa(now_ns, &soa, response, events),
             Frame::Preq(preq) => {
-                self.hear(CnEvent::PollFrame, now_ns, events);
+                self.apply_traffic(CnEvent::PollFrame, now_ns, events);
                 if to_us {
                     reaction.transmit = self.receive_preq(&preq, response, events);
                 }
             }
             Frame::Pres(pres) => {
-                self.hear(CnEvent::PollFrame, now_ns, events);
+                self.apply_traffic(CnEvent::PollFrame, now_ns, events);
                 self.receive_pres(now_ns, header.source_node, &pres, events);
             }
             Frame::Asnd(asnd) => self.receive_asnd(now_ns, &header, &asnd, events),
@@ -60,7 +60,7 @@ impl<const E: usize, const B: usize> Cn<E, B> {
     fn receive_soc(&mut self, now_ns: u64, soc: Soc, events: &mut Events) {
         self.net_time = soc.net_time;
         self.chaining.cancel();
-        self.hear(CnEvent::Soc, now_ns, events);
+        self.apply_traffic(CnEvent::Soc, now_ns, events);
         if !self.expects_soc() || self.watch.is_repeated_soc(now_ns, &soc) {
             return;
         }
@@ -76,7 +76,7 @@ impl<const E: usize, const B: usize> Cn<E, B> {
         events: &mut Events,
     ) -> Option<usize> {
         // A chained node has its slot behind the PResMN.
-        if !self.state.is_isochronous() || self.chaining.is_on() {
+        if !self.state.is_isochronous() || self.chaining.is_enabled() {
             return None;
         }
         self.count(self.keys.telegrams.isochronous_received);
@@ -162,7 +162,7 @@ impl<const E: usize, const B: usize> Cn<E, B> {
     ) -> Option<usize> {
         self.chaining.cancel();
         self.take_soa();
-        self.hear(CnEvent::Soa, now_ns, events);
+        self.apply_traffic(CnEvent::Soa, now_ns, events);
         // In the reduced cycle of PRE_OPERATIONAL_1 the next SoA may follow at once.
         let repeated = self.expects_soc() && self.watch.is_repeated_soa(now_ns, soa);
         if !self.communicates() || repeated {

@@ -43,7 +43,7 @@ impl<const E: usize, const B: usize> Cn<E, B> {
     }
 
     /// A frame of a managing node, or of another node's isochronous traffic.
-    pub(super) fn hear(&mut self, event: CnEvent, now_ns: u64, events: &mut Events) {
+    pub(super) fn apply_traffic(&mut self, event: CnEvent, now_ns: u64, events: &mut Events) {
         if self.state == NmtState::NotActive {
             self.watch_silence(now_ns);
         }
@@ -63,7 +63,7 @@ impl<const E: usize, const B: usize> Cn<E, B> {
         if self.chaining.fall_back_at_ns().is_some_and(|at_ns| now_ns >= at_ns) {
             self.switch_chaining(false, now_ns);
         }
-        self.look_for_soc(now_ns, events);
+        self.count_overdue_socs(now_ns, events);
     }
 
     pub(super) fn event(&mut self, event: CnEvent, now_ns: u64, events: &mut Events) {

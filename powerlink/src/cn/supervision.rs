@@ -13,7 +13,7 @@ use crate::wire::{Soa, Soc};
 /// Bits of the error register 0x1001 that a cycle error sets: generic and communication.
 const REGISTER_COMMUNICATION: u8 = 0x11;
 /// Missed cycles that one look at the clock counts at most; bounds the work after a long pause.
-pub(super) const MISSED_PER_LOOK: u32 = 32;
+pub(super) const MISSED_PER_CHECK_MAX: u32 = 32;
 
 /// What reached the threshold of its counter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -196,9 +196,9 @@ impl<const E: usize, const B: usize> Cn<E, B> {
             }
         }
         self.watch_soc(now_ns);
-        self.judge_soa(now_ns, events);
+        self.end_cycle(now_ns, events);
         let exchanges = matches!(self.state, NmtState::ReadyToOperate | NmtState::Operational);
-        if self.watch.misses_preq() && exchanges && !self.chaining.is_on() {
+        if self.watch.misses_preq() && exchanges && !self.chaining.is_enabled() {
             let counter = self.keys.loss_of_preq;
             self.fail(counter, CycleError::LossOfPreq, now_ns, events);
         }
@@ -217,12 +217,12 @@ impl<const E: usize, const B: usize> Cn<E, B> {
     }
 
     /// Counts the SoCs that are overdue.
-    pub(super) fn look_for_soc(&mut self, now_ns: u64, events: &mut Events) {
-        for look in 0..=MISSED_PER_LOOK {
+    pub(super) fn count_overdue_socs(&mut self, now_ns: u64, events: &mut Events) {
+        for look in 0..=MISSED_PER_CHECK_MAX {
             let Some(due_ns) = self.watch.soc_due_ns.filter(|due_ns| now_ns >= *due_ns) else {
                 return;
             };
-            if look == MISSED_PER_LOOK {
+            if look == MISSED_PER_CHECK_MAX {
                 self.watch.soc_due_ns = Some(now_ns.saturating_add(self.watch.cycle_ns));
                 return;
             }
@@ -230,12 +230,12 @@ impl<const E: usize, const B: usize> Cn<E, B> {
             events.soc_missed += 1;
             let counter = self.keys.loss_of_soc;
             self.fail(counter, CycleError::LossOfSoc, now_ns, events);
-            self.judge_soa(now_ns, events);
+            self.end_cycle(now_ns, events);
         }
     }
 
     /// The cycle is over, with or without its SoA.
-    fn judge_soa(&mut self, now_ns: u64, events: &mut Events) {
+    fn end_cycle(&mut self, now_ns: u64, events: &mut Events) {
         if core::mem::take(&mut self.watch.soa_due) {
             let counter = self.keys.loss_of_soa;
             self.fail(counter, CycleError::LossOfSoa, now_ns, events);

@@ -15,7 +15,7 @@ use super::{Link, LinkError, Received};
 use crate::wire::FRAME_LEN_MAX;
 
 /// Frames on their way in each direction.
-const DEPTH: usize = 256;
+const RING_FRAMES: usize = 256;
 
 /// A frame in the ring. Boxed once at the start and moved between two rings, so that only pointers are copied.
 struct Slot {
@@ -87,9 +87,9 @@ pub struct MemoryLink {
 
 /// Two ends of one wire. `spin_ns`: how long a reader spins before it sleeps; 0 on a machine that has no core to spare.
 pub fn pair(spin_ns: u64) -> (MemoryLink, MemoryLink) {
-    let (a_outgoing, b_incoming) = RingBuffer::new(DEPTH);
+    let (a_outgoing, b_incoming) = RingBuffer::new(RING_FRAMES);
     let (b_used, a_free) = full_ring();
-    let (b_outgoing, a_incoming) = RingBuffer::new(DEPTH);
+    let (b_outgoing, a_incoming) = RingBuffer::new(RING_FRAMES);
     let (a_used, b_free) = full_ring();
     let (bell_a, bell_b) = (Arc::new(Bell::default()), Arc::new(Bell::default()));
     let a = MemoryLink {
@@ -115,8 +115,8 @@ pub fn pair(spin_ns: u64) -> (MemoryLink, MemoryLink) {
 
 /// The ring of empty slots of one direction, full at the start.
 fn full_ring() -> (Producer<Box<Slot>>, Consumer<Box<Slot>>) {
-    let (mut producer, consumer) = RingBuffer::new(DEPTH);
-    for _ in 0..DEPTH {
+    let (mut producer, consumer) = RingBuffer::new(RING_FRAMES);
+    for _ in 0..RING_FRAMES {
         // There is room for exactly these.
         let _ = producer.push(Box::new(Slot {
             length: 0,
@@ -128,7 +128,7 @@ fn full_ring() -> (Producer<Box<Slot>>, Consumer<Box<Slot>>) {
 }
 
 impl MemoryLink {
-    fn take(&mut self, buffer: &mut [u8]) -> Option<Received> {
+    fn pop_frame(&mut self, buffer: &mut [u8]) -> Option<Received> {
         let slot = self.incoming.pop().ok()?;
         let length = slot.length.min(buffer.len());
         buffer[..length].copy_from_slice(&slot.octets[..length]);
@@ -168,12 +168,12 @@ impl Link for MemoryLink {
         let mut spin_until_ns = None;
         loop {
             let seen = self.bell_here.rings.load(Ordering::SeqCst);
-            if let Some(received) = self.take(buffer) {
+            if let Some(received) = self.pop_frame(buffer) {
                 return Ok(Some(received));
             }
             if self.incoming.is_abandoned() {
                 // What was sent before the other end went away is still delivered.
-                return self.take(buffer).map(Some).ok_or(LinkError::Down);
+                return self.pop_frame(buffer).map(Some).ok_or(LinkError::Down);
             }
             let now_ns = monotonic_ns();
             if now_ns >= deadline_ns {
@@ -241,7 +241,7 @@ mod tests {
             };
             assert_eq!(here.send(&std::vec![0; length]), Err(error));
         }
-        for number in 0..DEPTH as u32 {
+        for number in 0..RING_FRAMES as u32 {
             here.send(&frame(number, 60)).unwrap();
         }
         assert_eq!(here.send(&frame(0, 60)), Err(LinkError::NoBuffers));

@@ -243,7 +243,7 @@ impl Hub {
         }
         let end_ns = begin_ns + wire_ns(frame.len());
         port.busy_until_ns = end_ns;
-        self.look_for_collision(from, begin_ns, end_ns);
+        self.detect_collision(from, begin_ns, end_ns);
         if let Some(tap) = &mut self.tap {
             tap(begin_ns, frame);
         }
@@ -252,7 +252,7 @@ impl Hub {
     }
 
     /// Compares the time a frame is at the hub with what the others are sending.
-    fn look_for_collision(&mut self, from: Station, begin_ns: u64, end_ns: u64) {
+    fn detect_collision(&mut self, from: Station, begin_ns: u64, end_ns: u64) {
         let own_delay_ns = self.ports[from.0].path.delay_ns;
         let (begin_ns, end_ns) = (begin_ns + own_delay_ns, end_ns + own_delay_ns);
         for (other, port) in self.ports.iter().enumerate() {

@@ -2,16 +2,17 @@
 //!
 //! In:  what every node needs, the time. Out: the SoA with its grant; the managing node's own ASnd.
 //!
-//! One ASnd a slot. NMT commands of the managing node go first (one frame for all nodes that wait for the same), NMT requests of the nodes next (but never twice in a row
-//! when somebody else waits), then in turn: StatusRequests, invitations of nodes with something to send, SDO of the
-//! managing node, answers of its SDO server, the diagnostic device, Ethernet frames of the application, IdentRequests. Within each kind the nodes take turns.
+//! One ASnd a slot. NMT commands of the managing node go first (one frame for all nodes that wait for the same), NMT requests of
+//! the nodes next (but never twice in a row while something else waits), then in turn: SyncRequests, StatusRequests, invitations
+//! of nodes with something to send, SDO of the managing node, answers of its SDO server, the diagnostic device, Ethernet frames
+//! of the application, IdentRequests. Within each use the nodes take turns.
 
-use super::config::us;
+use super::config::us_to_ns;
 use super::event::MnEvent;
 use super::fault::reset_reason;
 use super::node::Node;
 use super::stage::Order;
-use super::state::{Grant, KINDS, Kind, Mn, Own, Phase, Reduced, Shutdown, ToAll};
+use super::state::{Grant, Mn, Own, PendingBroadcast, Phase, Reduced, SLOT_USES, Shutdown, SlotUse};
 use crate::nmt::{NmtCommand, NmtState, NodeList};
 use crate::sdo::SERVICE_DATA_MAX;
 use crate::wire::{
@@ -23,20 +24,20 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     pub(super) fn grant(&mut self, now_ns: u64) -> (Grant, Soa) {
         let grant = self.choose(now_ns);
         let soa = match grant {
-            Grant::Nobody => Soa::new(self.state, RequestedService::NoService, 0),
+            Grant::NoService => Soa::new(self.state, RequestedService::NoService, 0),
             Grant::Own(
                 Own::Order { .. }
                 | Own::Orders { .. }
                 | Own::Reject
                 | Own::ResetAll
                 | Own::ResetEach { .. }
-                | Own::ToAll
+                | Own::Broadcast
                 | Own::ShutDown,
             ) => Soa::new(self.state, RequestedService::NmtRequestInvite, wire::node::MN),
             Grant::Own(Own::Sdo | Own::Ethernet) => {
                 Soa::new(self.state, RequestedService::UnspecifiedInvite, wire::node::MN)
             }
-            Grant::Guest { service } => Soa::new(self.state, service, wire::node::DIAGNOSTIC),
+            Grant::Diagnostic { service } => Soa::new(self.state, service, wire::node::DIAGNOSTIC),
             Grant::Node { index, service } => self.grant_node(now_ns, index, service),
         };
         (grant, soa)
@@ -64,37 +65,37 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             Shutdown::No => {}
             Shutdown::Stop { .. } => return self.broadcast(NmtCommand::StopNode, Own::ShutDown),
             Shutdown::Reset { .. } => return self.broadcast(NmtCommand::ResetNode, Own::ShutDown),
-            Shutdown::Done => return Grant::Nobody,
+            Shutdown::Done => return Grant::NoService,
         }
         if !self.state.is_isochronous()
             && let Some(grant) = self.choose_reduced(now_ns)
         {
             return grant;
         }
-        if let Some(ToAll { what, .. }) = self.to_all {
-            return self.broadcast(what.command(), Own::ToAll);
+        if let Some(PendingBroadcast { what, .. }) = self.pending_broadcast {
+            return self.broadcast(what.command(), Own::Broadcast);
         }
-        if let Some(index) = self.find(self.turn.order, |node| node.order.is_some()) {
-            self.turn.order = index + 1;
+        if let Some(index) = self.find(self.round_robin.order, |node| node.order.is_some()) {
+            self.round_robin.order = index + 1;
             return self.order(index);
         }
         if let Some(index) = self.find(0, |node| node.reject.is_some()) {
             return self.reject(index);
         }
-        if !self.turn.nmt_request_last
+        if !self.round_robin.nmt_request_last
             && let Some(grant) = self.invite_nmt_request()
         {
             return grant;
         }
-        self.turn.nmt_request_last = false;
-        for step in 0..KINDS.len() {
-            let at = (self.turn.kind + step) % KINDS.len();
-            if let Some(grant) = self.choose_kind(KINDS[at], at, now_ns) {
-                self.turn.kind = at + 1;
+        self.round_robin.nmt_request_last = false;
+        for step in 0..SLOT_USES.len() {
+            let at = (self.round_robin.kind + step) % SLOT_USES.len();
+            if let Some(grant) = self.choose_use(SLOT_USES[at], at, now_ns) {
+                self.round_robin.kind = at + 1;
                 return grant;
             }
         }
-        self.invite_nmt_request().unwrap_or(Grant::Nobody)
+        self.invite_nmt_request().unwrap_or(Grant::NoService)
     }
 
     /// The start of PRE_OPERATIONAL_1; `None` once IdentRequests may go out.
@@ -113,11 +114,11 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 } else {
                     Reduced::Reset
                 };
-                Some(Grant::Nobody)
+                Some(Grant::NoService)
             }
             Reduced::ResetEach { index } => Some(self.reset_each(now_ns, index)),
             Reduced::Reset => Some(self.broadcast(NmtCommand::ResetNode, Own::ResetAll)),
-            Reduced::Pause { until_ns } if now_ns < until_ns => Some(Grant::Nobody),
+            Reduced::Pause { until_ns } if now_ns < until_ns => Some(Grant::NoService),
             Reduced::Pause { .. } => {
                 self.reduced = Reduced::Ident;
                 None
@@ -134,7 +135,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         });
         let Some((index, id)) = next else {
             self.pause_after_reset(now_ns);
-            return Grant::Nobody;
+            return Grant::NoService;
         };
         let reset = Asnd::NmtCommand(NmtCommandFrame::plain(NmtCommand::ResetNode));
         self.write_asnd(id, &reset, Own::ResetEach { index })
@@ -142,7 +143,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     fn pause_after_reset(&mut self, now_ns: u64) {
         self.reduced = Reduced::Pause {
-            until_ns: now_ns + us(self.config.boot.reset_pause_us),
+            until_ns: now_ns + us_to_ns(self.config.boot.reset_pause_us),
         };
     }
 
@@ -158,10 +159,10 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         let wants = |node: &Node<'a>| {
             node.is_identified() && node.requests.count > 0 && node.requests.priority == Requests::PRIORITY_NMT
         };
-        let index = self.find(self.turn.nmt_request, wants)?;
-        self.turn.nmt_request = index + 1;
-        self.turn.nmt_request_last = true;
-        self.take_request(index);
+        let index = self.find(self.round_robin.nmt_request, wants)?;
+        self.round_robin.nmt_request = index + 1;
+        self.round_robin.nmt_request_last = true;
+        self.count_down_requests(index);
         Some(Grant::Node {
             index,
             service: RequestedService::NmtRequestInvite,
@@ -169,16 +170,16 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     }
 
     /// One request fewer, until the node says again how many it has.
-    fn take_request(&mut self, index: usize) {
+    fn count_down_requests(&mut self, index: usize) {
         if let Some(Some(node)) = self.nodes.get_mut(index) {
             node.requests.count = node.requests.count.saturating_sub(1);
         }
     }
 
-    fn choose_kind(&mut self, kind: Kind, at: usize, now_ns: u64) -> Option<Grant> {
-        let start = self.turn.node[at];
+    fn choose_use(&mut self, kind: SlotUse, at: usize, now_ns: u64) -> Option<Grant> {
+        let start = self.round_robin.node[at];
         let (index, grant) = match kind {
-            Kind::Sync => {
+            SlotUse::Sync => {
                 let isochronous = self.state.is_isochronous();
                 let index = self.find(start, |node| isochronous && node.wants_sync(now_ns))?;
                 (
@@ -189,7 +190,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     },
                 )
             }
-            Kind::Status => {
+            SlotUse::Status => {
                 let isochronous = self.state.is_isochronous();
                 let index = self.find(start, |node| isochronous && node.wants_status(now_ns))?;
                 (
@@ -200,9 +201,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     },
                 )
             }
-            Kind::Invite => {
+            SlotUse::Invite => {
                 let index = self.find(start, |node| node.wants_invitation(now_ns))?;
-                self.take_request(index);
+                self.count_down_requests(index);
                 (
                     index,
                     Grant::Node {
@@ -211,17 +212,17 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     },
                 )
             }
-            Kind::Sdo => {
+            SlotUse::Sdo => {
                 let index = self.find(start, |node| node.is_identified() && node.sdo.wants_to_transmit(now_ns))?;
                 (index, self.sdo(index, now_ns)?)
             }
-            Kind::Ethernet => {
+            SlotUse::Ethernet => {
                 self.asnd_len = self.ethernet.pop(&mut self.asnd_frame)?;
                 return Some(Grant::Own(Own::Ethernet));
             }
-            Kind::Server => return self.grant_server(),
-            Kind::Guest => return self.grant_guest(now_ns),
-            Kind::Ident => {
+            SlotUse::Server => return self.grant_server(),
+            SlotUse::Diagnostic => return self.grant_diagnostic(now_ns),
+            SlotUse::Ident => {
                 let index = self.find(start, |node| node.wants_ident(now_ns))?;
                 let network = self.network();
                 if let Some(Some(node)) = self.nodes.get_mut(index) {
@@ -236,7 +237,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 )
             }
         };
-        self.turn.node[at] = index + 1;
+        self.round_robin.node[at] = index + 1;
         Some(grant)
     }
 
@@ -254,7 +255,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 Grant::Own(own)
             }
             // The buffer holds the longest frame; what cannot be written is not sent.
-            Err(_) => Grant::Nobody,
+            Err(_) => Grant::NoService,
         }
     }
 
@@ -269,10 +270,10 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// The NMT command that a node waits for. Where others wait for the same, and all understand it, they get it in one frame.
     fn order(&mut self, index: usize) -> Grant {
         let Some(node) = self.node(index) else {
-            return Grant::Nobody;
+            return Grant::NoService;
         };
         let (id, Some(order)) = (node.config.id, node.order) else {
-            return Grant::Nobody;
+            return Grant::NoService;
         };
         let (list, count) = self.with_the_same_order(order);
         if let Some(command) = order.command.extended().filter(|_| count > 1 && list.contains(id)) {
@@ -302,10 +303,10 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     fn reject(&mut self, index: usize) -> Grant {
         let Some(Some(node)) = self.nodes.get_mut(index) else {
-            return Grant::Nobody;
+            return Grant::NoService;
         };
         let Some(command) = node.reject.take() else {
-            return Grant::Nobody;
+            return Grant::NoService;
         };
         let mut data = [0; COMMAND_DATA_LEN];
         data[0] = command.into();
@@ -348,7 +349,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             }
             Own::ResetAll => self.pause_after_reset(now_ns),
             Own::ResetEach { index } => self.reduced = Reduced::ResetEach { index: index + 1 },
-            Own::ToAll => self.sent_to_all(now_ns),
+            Own::Broadcast => self.broadcast_sent(now_ns),
             Own::ShutDown => {
                 self.shutdown = self.shutdown.next();
                 for node in self.nodes.iter_mut().flatten() {
@@ -366,8 +367,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     /// The slot ended without an answer.
     pub(super) fn slot_over(&mut self, now_ns: u64, grant: Grant) {
-        if matches!(grant, Grant::Guest { .. }) {
-            self.guest_missed();
+        if matches!(grant, Grant::Diagnostic { .. }) {
+            self.diagnostic_missed();
         }
         let Grant::Node { index, service } = grant else { return };
         self.counters.async_timeouts += 1;

@@ -11,7 +11,7 @@
 //!    +-------------------------------------------------------------- Operational <--------+
 //! ```
 
-use super::config::{expected_stamp, us};
+use super::config::{expected_stamp, us_to_ns};
 use super::configure::timing;
 use super::event::{Events, MnEvent, NodeState};
 use super::fault::{Fault, reset_reason};
@@ -215,7 +215,7 @@ impl<'a> Node<'a> {
 
     pub(super) fn enable(&mut self, now_ns: u64, network: &Network) {
         self.stage = BootStage::WaitingPreOperational2 {
-            deadline_ns: now_ns + us(network.boot.timeout_pre_op_2_us),
+            deadline_ns: now_ns + us_to_ns(network.boot.timeout_pre_op_2_us),
         };
     }
 
@@ -223,7 +223,7 @@ impl<'a> Node<'a> {
     pub(super) fn order_sent(&mut self, now_ns: u64, network: &Network) {
         let Some(order) = self.order.take() else { return };
         if matches!(self.stage, BootStage::Stopped { .. }) {
-            self.silence();
+            self.stop_polling();
             self.status.due_ns = now_ns;
         }
         match &mut self.stage {
@@ -248,7 +248,7 @@ impl<'a> Node<'a> {
         if let (NmtCommand::ResetConfiguration, BootStage::ResettingConfiguration { sent }) =
             (order.command, self.stage)
         {
-            self.silence();
+            self.stop_polling();
             let sent = sent + 1;
             if sent < RESET_CONFIGURATION_BLIND && expected_stamp(&self.config).is_none() {
                 self.order_reset_configuration(sent);
@@ -256,7 +256,7 @@ impl<'a> Node<'a> {
             }
             self.stage = BootStage::Reidentifying {
                 ident_due_ns: now_ns + RESTART_NS,
-                deadline_ns: now_ns + us(network.boot.timeout_pre_op_2_us),
+                deadline_ns: now_ns + us_to_ns(network.boot.timeout_pre_op_2_us),
                 sent,
             };
         }
@@ -301,7 +301,7 @@ impl<'a> Node<'a> {
             BootStage::WaitingReadyToOperate { deadline_ns, again_ns } => {
                 if self.nmt_state == NmtState::ReadyToOperate {
                     self.order = None;
-                    let deadline_ns = now_ns + us(network.boot.timeout_ready_to_operate_us);
+                    let deadline_ns = now_ns + us_to_ns(network.boot.timeout_ready_to_operate_us);
                     self.stage = BootStage::CheckingCommunication { deadline_ns, good: 0 };
                 } else if now_ns >= again_ns && now_ns < deadline_ns {
                     self.ask_ready(now_ns, deadline_ns);
@@ -386,7 +386,7 @@ impl<'a> Node<'a> {
     /// StartNode is on its way, to this node alone or to all.
     pub(super) fn started(&mut self, now_ns: u64, network: &Network) {
         self.stage = BootStage::WaitingOperational {
-            deadline_ns: now_ns + us(network.boot.timeout_ready_to_operate_us),
+            deadline_ns: now_ns + us_to_ns(network.boot.timeout_ready_to_operate_us),
             again_ns: now_ns + command_retry_ns(network),
         };
     }
@@ -405,8 +405,8 @@ impl<'a> Node<'a> {
         self.stopped(now_ns);
     }
 
-    /// A stopped or reset node answers no polls, and leaves its chain, at the latest after a few cycles: it is set up anew.
-    pub(super) fn silence(&mut self) {
+    /// A stopped or reset node answers no polls, and leaves its chain, at the latest after a few cycles: it is set up again.
+    pub(super) fn stop_polling(&mut self) {
         self.ident.open = false;
         self.polled = false;
         self.chain = Chain::NEW;
@@ -421,7 +421,7 @@ impl<'a> Node<'a> {
 
     /// The application lets a node go on that it had taken back to PRE_OPERATIONAL_2.
     pub(super) fn enable_again(&mut self, now_ns: u64, network: &Network) {
-        self.ask_ready(now_ns, now_ns + us(network.boot.timeout_pre_op_2_us));
+        self.ask_ready(now_ns, now_ns + us_to_ns(network.boot.timeout_pre_op_2_us));
     }
 
     /// Orders READY_TO_OPERATE; again after a while, as an NMT command is never acknowledged.

@@ -256,6 +256,6 @@ pub(super) fn expected_stamp(config: &NodeConfig<'_>) -> Option<Stamp> {
     (stamp.date != 0 && stamp.time != 0).then_some(stamp)
 }
 
-pub(super) fn us(microseconds: u32) -> u64 {
+pub(super) fn us_to_ns(microseconds: u32) -> u64 {
     u64::from(microseconds) * 1000
 }

@@ -4,7 +4,7 @@
 //! RT: no allocation, no locks, bounded by the number of nodes.
 
 use super::budget::wire_time_ns;
-use super::config::us;
+use super::config::us_to_ns;
 use super::event::MnEvent;
 use super::state::{Grant, Mn, Phase};
 use crate::nmt::{MnTrigger, NmtState};
@@ -84,7 +84,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             }
             self.exceeded = false;
             self.begin_round();
-            self.turn_prescaled_slot();
+            self.toggle_prescaled_slot();
         }
         let len = self.write_soc().unwrap_or(0);
         self.phase = Phase::SocDue { len };
@@ -156,7 +156,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             return;
         }
         self.counters.cycles_overrun += 1;
-        if self.counters.cycle_exceeded.error(self.config.cycle_threshold) {
+        if self.counters.cycle_exceeded.count_error(self.config.cycle_threshold) {
             self.events.push(MnEvent::CycleThreshold);
             self.trigger(MnTrigger::CycleError);
         }
@@ -305,8 +305,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                         self.counters.asnd_sent += 1;
                         return Action::Send(Buffer::Asnd, self.asnd_len);
                     }
-                    Grant::Nobody if self.state.is_isochronous() => self.phase = Phase::Idle,
-                    Grant::Nobody | Grant::Node { .. } | Grant::Guest { .. } => {
+                    Grant::NoService if self.state.is_isochronous() => self.phase = Phase::Idle,
+                    Grant::NoService | Grant::Node { .. } | Grant::Diagnostic { .. } => {
                         let deadline_ns = now_ns + u64::from(self.config.async_slot_timeout_ns);
                         self.phase = Phase::AwaitAsnd {
                             grant,
@@ -322,7 +322,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                         // The slot is ours to its end: no second ASnd may meet this one.
                         let deadline_ns = now_ns + u64::from(self.config.async_slot_timeout_ns);
                         Phase::AwaitAsnd {
-                            grant: Grant::Nobody,
+                            grant: Grant::NoService,
                             deadline_ns,
                             looked: false,
                         }
@@ -333,7 +333,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     deadline_ns,
                     looked,
                 } => {
-                    if let Some(action) = self.take_done() {
+                    if let Some(action) = self.isochronous_done() {
                         return action;
                     }
                     // The caller may have computed since the SoA: it looks at the wire before the slot counts as unused.
@@ -370,12 +370,12 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     /// In [`Phase::Idle`]: an action, or `None` where a SoA of the reduced cycle is due.
     fn between_cycles(&mut self, now_ns: u64) -> Option<Action> {
-        if let Some(action) = self.take_done() {
+        if let Some(action) = self.isochronous_done() {
             return Some(action);
         }
         match self.state {
             NmtState::NotActive => {
-                let wait_ns = us(self.config.boot.wait_not_active_us);
+                let wait_ns = us_to_ns(self.config.boot.wait_not_active_us);
                 let until_ns = *self.listen_until_ns.get_or_insert(now_ns + wait_ns);
                 if now_ns < until_ns {
                     return Some(Action::WaitUntil(until_ns));
@@ -414,7 +414,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         }
     }
 
-    fn take_done(&mut self) -> Option<Action> {
+    fn isochronous_done(&mut self) -> Option<Action> {
         self.done_due.then(|| {
             self.done_due = false;
             Action::IsochronousDone
@@ -422,7 +422,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     }
 
     /// The PS flag of the SoC toggles every so many cycles.
-    fn turn_prescaled_slot(&mut self) {
+    fn toggle_prescaled_slot(&mut self) {
         let prescaler = u64::from(self.config.prescaler);
         // A multiple of 0 is only 0 itself: without a prescaler the flag stays as it is after the first cycle.
         if self.counters.cycles.is_multiple_of(prescaler) {
@@ -491,21 +491,21 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         }
         let slot_ns = u64::from(self.config.async_slot_timeout_ns);
         let (grant, soa) = if self.state.is_isochronous() && !self.fits(now_ns, slot_ns) {
-            (Grant::Nobody, Soa::new(self.state, RequestedService::NoService, 0))
+            (Grant::NoService, Soa::new(self.state, RequestedService::NoService, 0))
         } else {
             self.grant(now_ns)
         };
         self.counters.soa_sent += 1;
         self.soa_showed = Some(self.state);
         if !self.exceeded {
-            self.counters.cycle_exceeded.good();
+            self.counters.cycle_exceeded.count_good();
         }
-        self.counters.crc_errors.good();
+        self.counters.crc_errors.count_good();
         let header = Header::multicast(multicast::SOA, self.config.mac, wire::node::MN);
         (grant, soa.emit(&header, &mut self.cycle_frame).ok())
     }
 
-    /// The SoA of a cycle that was cut off; nobody gets a slot. The SoC lies ready in the buffer of the cycle.
+    /// The SoA of a cycle that was cut off; it grants no slot. The SoC lies ready in the buffer of the cycle.
     fn write_owed_soa(&mut self) -> Option<usize> {
         self.counters.soa_sent += 1;
         self.soa_showed = Some(self.state);

@@ -351,7 +351,7 @@ impl Malformed {
 pub struct Counters {
     /// Frames that were not looked at any further.
     pub malformed: Malformed,
-    /// Frames of known nodes that nobody had asked for.
+    /// Frames of known nodes that were not asked for.
     pub unexpected: u64,
     /// Frames of nodes that are not configured, or for another node.
     pub unknown_node: u64,
@@ -377,7 +377,7 @@ pub struct Counters {
     pub asnd_sent: u64,
     /// Asynchronous slots whose answer did not come in time.
     pub async_timeouts: u64,
-    /// Events dropped because nobody took them.
+    /// Events dropped because they were not taken in time.
     pub events_dropped: u64,
 }
 

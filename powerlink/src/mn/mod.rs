@@ -70,7 +70,7 @@ pub use crate::ethernet_queue::{ETHERNET_FRAMES, QueueError};
 use crate::nmt::{self, MnTrigger, NmtState};
 use crate::wire;
 use node::{Network, Node};
-use state::{Grant, NOBODY, Phase, Shutdown};
+use state::{Grant, NO_NODE, Phase, Shutdown};
 
 /// Input data of one node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,7 +105,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// The driver has seen a frame with a wrong check sum (E_DLL_CRC). It is counted; what a threshold does is the
     /// configuration's choice.
     pub fn crc_error(&mut self) {
-        if self.counters.crc_errors.error(self.config.crc_threshold) {
+        if self.counters.crc_errors.count_error(self.config.crc_threshold) {
             self.events.push(MnEvent::CrcThreshold);
             self.trigger(MnTrigger::CycleError);
         }
@@ -233,8 +233,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         };
         let id = match grant {
             Grant::Node { index, .. } => self.node(index)?.config.id,
-            Grant::Guest { .. } => wire::node::DIAGNOSTIC,
-            Grant::Nobody | Grant::Own(_) => return None,
+            Grant::Diagnostic { .. } => wire::node::DIAGNOSTIC,
+            Grant::NoService | Grant::Own(_) => return None,
         };
         self.state.is_isochronous().then_some((id, deadline_ns))
     }
@@ -245,7 +245,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
 
     fn index_of(&self, id: u8) -> Option<usize> {
         match self.index_of[usize::from(id)] {
-            NOBODY => None,
+            NO_NODE => None,
             index => Some(usize::from(index)),
         }
     }

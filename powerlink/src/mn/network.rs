@@ -4,11 +4,11 @@
 //! In:  the stages of all nodes, the time, the application's leave. Out: the managing node's own NMT state, commands to all.
 //! RT: no allocation, no locks, bounded by the number of nodes.
 
-use super::config::us;
+use super::config::us_to_ns;
 use super::event::{MnEvent, NodeState};
 use super::node::Node;
 use super::stage::BootStage;
-use super::state::{BROADCAST_REPEAT, Everyone, Gate, Mn, Reduced, Shutdown, ToAll};
+use super::state::{BROADCAST_REPEAT, Broadcast, Gate, Mn, PendingBroadcast, Reduced, Shutdown};
 use crate::nmt::{MnTrigger, NmtCommand, NmtState};
 
 impl<'a, const NODES: usize> Mn<'a, NODES> {
@@ -38,10 +38,10 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 if self.mandatory(Node::is_identified) {
                     // A node that takes no configuration here gets it in PRE_OPERATIONAL_2.
                     let since_ns = *self.identified_since_ns.get_or_insert(now_ns);
-                    let waited = now_ns.saturating_sub(since_ns) >= us(self.config.boot.timeout_pre_op_1_us);
-                    if stayed_ns >= us(self.config.boot.wait_pre_op_1_us)
+                    let waited = now_ns.saturating_sub(since_ns) >= us_to_ns(self.config.boot.timeout_pre_op_1_us);
+                    if stayed_ns >= us_to_ns(self.config.boot.wait_pre_op_1_us)
                         && (waited || self.mandatory(|node| !node.is_being_configured()))
-                        && self.passes(startup.application_enters_pre_operational_2, NmtState::PreOperational2)
+                        && self.may_enter(startup.application_enters_pre_operational_2, NmtState::PreOperational2)
                     {
                         self.trigger(MnTrigger::MandatoryIdentified);
                         let network = self.network();
@@ -49,7 +49,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                             node.cycle_begins(now_ns, &network);
                         }
                     }
-                } else if stayed_ns >= us(self.config.boot.timeout_pre_op_1_us) && !self.missing_reported {
+                } else if stayed_ns >= us_to_ns(self.config.boot.timeout_pre_op_1_us) && !self.missing_reported {
                     self.missing_reported = true;
                     self.report_missing();
                 }
@@ -57,15 +57,15 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             // Every state on the way is shown by a SoA at least.
             NmtState::PreOperational2 | NmtState::ReadyToOperate if self.soa_showed != Some(self.state) => {}
             NmtState::PreOperational2 if self.mandatory(Node::is_ready_to_operate) => {
-                if self.passes(startup.application_enters_ready_to_operate, NmtState::ReadyToOperate) {
+                if self.may_enter(startup.application_enters_ready_to_operate, NmtState::ReadyToOperate) {
                     self.trigger(MnTrigger::MandatoryConfigured);
                 }
             }
             NmtState::ReadyToOperate if self.mandatory(Node::is_ready) => {
-                if self.passes(startup.application_enters_operational, NmtState::Operational) {
+                if self.may_enter(startup.application_enters_operational, NmtState::Operational) {
                     self.trigger(MnTrigger::MandatoryReady);
                     if startup.broadcast_start {
-                        self.order_all(Everyone::Start, 1);
+                        self.order_broadcast(Broadcast::Start, 1);
                     }
                 }
             }
@@ -108,8 +108,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         }
     }
 
-    /// Whether the next state may be entered: at once, or, where the application has a say, when it has said so.
-    fn passes(&mut self, gated: bool, next: NmtState) -> bool {
+    /// Whether the next state may be entered: at once, or, where 0x1F80 leaves it to the application, when it lets it.
+    fn may_enter(&mut self, gated: bool, next: NmtState) -> bool {
         if !gated || (self.gate.open && self.gate.next == Some(next)) {
             self.gate = Gate::default();
             return true;
@@ -128,8 +128,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         }
     }
 
-    fn order_all(&mut self, what: Everyone, left: u8) {
-        self.to_all = Some(ToAll { what, left });
+    fn order_broadcast(&mut self, what: Broadcast, left: u8) {
+        self.pending_broadcast = Some(PendingBroadcast { what, left });
     }
 
     /// A mandatory node that was ready has failed while the network was OPERATIONAL; it is reset and booted again in any case.
@@ -142,7 +142,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         } else if startup.stop_all_on_error {
             let command = NmtCommand::StopNode;
             self.events.push(MnEvent::AllOnError { command });
-            self.order_all(Everyone::Stop, BROADCAST_REPEAT);
+            self.order_broadcast(Broadcast::Stop, BROADCAST_REPEAT);
             self.wait_for_application(self.state_after_error());
         } else if !startup.stay_operational {
             self.reduced = Reduced::Ident;
@@ -161,7 +161,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// Resets all nodes and boots them again: in the running network, or from PRE_OPERATIONAL_1.
     fn start_again(&mut self) {
         if self.config.startup.stay_operational {
-            self.order_all(Everyone::Reset, BROADCAST_REPEAT);
+            self.order_broadcast(Broadcast::Reset, BROADCAST_REPEAT);
         } else {
             self.reduced = Reduced::Reset;
             self.trigger(MnTrigger::MandatoryLost);
@@ -175,7 +175,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         self.missing_reported = false;
         self.identified_since_ns = None;
         self.cycle_started_ns = None;
-        self.to_all = None;
+        self.pending_broadcast = None;
         self.gate = Gate::default();
         self.forget_all(now_ns);
     }
@@ -194,17 +194,17 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     }
 
     /// A command to all is on the wire.
-    pub(super) fn sent_to_all(&mut self, now_ns: u64) {
-        let Some(ToAll { what, left }) = self.to_all else {
+    pub(super) fn broadcast_sent(&mut self, now_ns: u64) {
+        let Some(PendingBroadcast { what, left }) = self.pending_broadcast else {
             return;
         };
-        self.to_all = (left > 1).then_some(ToAll {
+        self.pending_broadcast = (left > 1).then_some(PendingBroadcast {
             what,
             left: left.saturating_sub(1),
         });
         let network = self.network();
         match what {
-            Everyone::Start => {
+            Broadcast::Start => {
                 for node in self
                     .nodes
                     .iter_mut()
@@ -214,15 +214,15 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                     node.started(now_ns, &network);
                 }
             }
-            Everyone::Stop => {
+            Broadcast::Stop => {
                 for node in self.nodes.iter_mut().flatten().filter(|node| node.is_configured()) {
                     node.stopped(now_ns);
                     node.order = None;
-                    node.silence();
+                    node.stop_polling();
                     node.set_state(NodeState::Stopped, &mut self.events);
                 }
             }
-            Everyone::Reset => self.forget_all(now_ns),
+            Broadcast::Reset => self.forget_all(now_ns),
         }
     }
 }

@@ -289,7 +289,7 @@ impl<'a> Node<'a> {
         self.status.due_ns = now_ns + RETRY_CYCLES * network.cycle_ns;
         self.status.asked = false;
         self.status.unanswered = self.status.unanswered.saturating_add(1);
-        if !self.statistics.loss_of_status.error(self.config.status_threshold) {
+        if !self.statistics.loss_of_status.count_error(self.config.status_threshold) {
             return;
         }
         if self.polled {
@@ -321,7 +321,7 @@ impl<'a> Node<'a> {
     /// A StatusResponse came.
     pub(super) fn status(&mut self, now_ns: u64, status: &StatusResponse<'_>, network: &Network, events: &mut Events) {
         self.status.unanswered = 0;
-        self.statistics.loss_of_status.good();
+        self.statistics.loss_of_status.count_good();
         self.status.asked = false;
         self.requests = status.requests;
         self.reported(status.nmt_state, network);
@@ -342,7 +342,7 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// Nothing is expected to change, and nobody polls it.
+    /// Nothing is expected to change, and it is not polled.
     fn is_settled(&self) -> bool {
         match self.stage {
             BootStage::Held | BootStage::Ready | BootStage::Operational | BootStage::TakenOver => {
@@ -370,7 +370,7 @@ impl<'a> Node<'a> {
         self.nmt_state = pres.nmt_state;
         self.requests = pres.requests;
         self.signalling.polled(pres.exception_new);
-        self.statistics.loss_of_pres.good();
+        self.statistics.loss_of_pres.count_good();
         let length = usize::from(self.config.pres_bytes);
         let versions = (self.config.pres_version & MAIN_VERSION, pres.pdo_version & MAIN_VERSION);
         if pres.ready && versions.0 != 0 && versions.0 != versions.1 {
@@ -448,7 +448,7 @@ impl<'a> Node<'a> {
         if let BootStage::CheckingCommunication { good, .. } = &mut self.stage {
             *good = 0;
         }
-        let threshold_reached = self.statistics.loss_of_pres.error(self.config.pres_threshold);
+        let threshold_reached = self.statistics.loss_of_pres.count_error(self.config.pres_threshold);
         if self.data.lost_in_row > lost_max || threshold_reached {
             let in_row = self.data.lost_in_row;
             self.fail(now_ns, network, Fault::PresLost { in_row }, events);

@@ -3,7 +3,7 @@
 //! In:  stages, states, the record of each node. Out: a [`Diagnosis`] of a node, a [`NetworkDiagnosis`].
 //! RT: no allocation, no locks, bounded by the number of nodes.
 
-use super::config::us;
+use super::config::us_to_ns;
 use super::diagnosis::{Diagnosis, ForeignMn, NetworkDiagnosis, NetworkReason, Reason};
 use super::event::NodeState;
 use super::node::Node;
@@ -199,7 +199,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             startup.application_enters_operational
         };
         Some(if in_reduced_cycle && !by_application {
-            let until_ns = self.pre_op_1_since_ns + us(self.config.boot.wait_pre_op_1_us);
+            let until_ns = self.pre_op_1_since_ns + us_to_ns(self.config.boot.wait_pre_op_1_us);
             NetworkReason::MinimumStay { until_ns }
         } else {
             NetworkReason::Due { state, by_application }

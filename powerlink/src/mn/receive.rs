@@ -14,7 +14,7 @@
 //!
 //! RT: no allocation, no locks, bounded; never panics.
 
-use super::config::us;
+use super::config::us_to_ns;
 use super::event::{ForeignSign, MnEvent};
 use super::state::{Grant, Mn, Phase};
 use crate::nmt::NmtState;
@@ -34,7 +34,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             self.counters.own_frames += 1;
             return;
         }
-        // Nobody sends anything unless a managing node asks for it, and in NOT_ACTIVE we have asked nobody. What another control
+        // No node sends anything unless a managing node asks for it, and in NOT_ACTIVE we have asked none. What another control
         // of this PC sends on the same interface is not heard, only the answers to it.
         if header.is_from_managing_node() || self.state == NmtState::NotActive {
             return self.foreign_mn(now_ns, &header);
@@ -62,7 +62,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             self.events.push(MnEvent::ForeignMn(sign));
         }
         if self.state == NmtState::NotActive {
-            self.listen_until_ns = Some(now_ns + us(self.config.boot.wait_not_active_us));
+            self.listen_until_ns = Some(now_ns + us_to_ns(self.config.boot.wait_not_active_us));
         }
     }
 
@@ -112,7 +112,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     fn receive_asnd(&mut self, now_ns: u64, header: &Header, asnd: &Asnd<'_>) {
         let Some(index) = self.index_of(header.source_node) else {
             if header.source_node == wire::node::DIAGNOSTIC && self.config.diagnostic_device {
-                return self.receive_guest(now_ns, header.destination_node, asnd);
+                return self.receive_diagnostic(now_ns, header.destination_node, asnd);
             }
             self.counters.unknown_node += 1;
             return;

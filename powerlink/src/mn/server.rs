@@ -5,7 +5,7 @@
 //! RT: no allocation, no locks, bounded.
 
 use super::objects::objects_of;
-use super::state::{Grant, Guest, Mn, Own};
+use super::state::{DiagnosticDevice, Grant, Mn, Own};
 use crate::nmt::NmtState;
 use crate::sdo::SERVICE_DATA_MAX;
 use crate::sdo::command::Content;
@@ -57,8 +57,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     }
 
     /// An ASnd of the diagnostic device came.
-    pub(super) fn receive_guest(&mut self, now_ns: u64, destination: u8, asnd: &Asnd<'_>) {
-        let granted = self.close_slot_of(|grant| matches!(grant, Grant::Guest { .. }));
+    pub(super) fn receive_diagnostic(&mut self, now_ns: u64, destination: u8, asnd: &Asnd<'_>) {
+        let granted = self.close_slot_of(|grant| matches!(grant, Grant::Diagnostic { .. }));
         if !granted {
             self.counters.unexpected += 1;
         }
@@ -66,8 +66,8 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             return;
         }
         match asnd {
-            Asnd::IdentResponse(ident) => self.guest_reported(now_ns, ident.requests),
-            Asnd::StatusResponse(status) => self.guest_reported(now_ns, status.requests),
+            Asnd::IdentResponse(ident) => self.diagnostic_reported(now_ns, ident.requests),
+            Asnd::StatusResponse(status) => self.diagnostic_reported(now_ns, status.requests),
             Asnd::Sdo(data) => self.serve(now_ns, wire::node::DIAGNOSTIC, data),
             Asnd::NmtRequest(_) | Asnd::NmtCommand(_) | Asnd::SyncResponse(_) | Asnd::Other(_) => {
                 self.counters.unexpected += u64::from(granted);
@@ -75,10 +75,10 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         }
     }
 
-    fn guest_reported(&mut self, now_ns: u64, requests: Requests) {
-        self.guest = Guest {
+    fn diagnostic_reported(&mut self, now_ns: u64, requests: Requests) {
+        self.diagnostic = DiagnosticDevice {
             requests,
-            ask_ns: self.guest.ask_ns.min(now_ns + ASK_NS),
+            ask_ns: self.diagnostic.ask_ns.min(now_ns + ASK_NS),
             present: true,
             unanswered: 0,
         };
@@ -95,38 +95,38 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     }
 
     /// A slot for the diagnostic device: to send what it has, or to say whether it has something.
-    pub(super) fn grant_guest(&mut self, now_ns: u64) -> Option<Grant> {
+    pub(super) fn grant_diagnostic(&mut self, now_ns: u64) -> Option<Grant> {
         let searching = self.state.is_isochronous() || self.state == NmtState::PreOperational1;
         if !self.config.diagnostic_device || !searching {
             return None;
         }
-        if self.guest.requests.count > 0 {
-            self.guest.requests.count -= 1;
+        if self.diagnostic.requests.count > 0 {
+            self.diagnostic.requests.count -= 1;
             let service = RequestedService::UnspecifiedInvite;
             // After the last one it may have more.
-            self.guest.ask_ns = now_ns;
-            return Some(Grant::Guest { service });
+            self.diagnostic.ask_ns = now_ns;
+            return Some(Grant::Diagnostic { service });
         }
-        if now_ns < self.guest.ask_ns {
+        if now_ns < self.diagnostic.ask_ns {
             return None;
         }
-        self.guest.ask_ns = now_ns + if self.guest.present { ASK_NS } else { SEARCH_NS };
+        self.diagnostic.ask_ns = now_ns + if self.diagnostic.present { ASK_NS } else { SEARCH_NS };
         let service = RequestedService::IdentRequest;
-        Some(Grant::Guest { service })
+        Some(Grant::Diagnostic { service })
     }
 
     /// The diagnostic device left its slot unused.
-    pub(super) fn guest_missed(&mut self) {
-        if !self.guest.present {
+    pub(super) fn diagnostic_missed(&mut self) {
+        if !self.diagnostic.present {
             // It need not be there.
             return;
         }
         self.counters.async_timeouts += 1;
-        self.guest.unanswered += 1;
-        if self.guest.unanswered >= UNANSWERED_MAX {
-            self.guest = Guest {
-                ask_ns: self.guest.ask_ns,
-                ..Guest::default()
+        self.diagnostic.unanswered += 1;
+        if self.diagnostic.unanswered >= UNANSWERED_MAX {
+            self.diagnostic = DiagnosticDevice {
+                ask_ns: self.diagnostic.ask_ns,
+                ..DiagnosticDevice::default()
             };
         }
     }

@@ -13,7 +13,7 @@ use crate::nmt::{NmtCommand, NmtState, NodeList};
 use crate::sdo::Server;
 use crate::wire::{self, FRAME_LEN_MAX, NetTime, PAYLOAD_MAX, RequestedService, Requests};
 
-/// A broadcast that matters is sent so often, because nobody acknowledges it.
+/// A broadcast that matters is sent this many times, because it is not acknowledged.
 pub(super) const BROADCAST_REPEAT: u8 = 2;
 /// Clients that are served beside each other.
 const CLIENTS: usize = 2;
@@ -22,7 +22,7 @@ const STAGING: usize = 1536;
 /// NoService SoAs at the start of PRE_OPERATIONAL_1 that wake the nodes (C_DLL_PREOP1_START_CYCLES).
 const WAKE_SOAS: u8 = 10;
 /// Marks a node id without a node in the table from id to position.
-pub(super) const NOBODY: u8 = u8::MAX;
+pub(super) const NO_NODE: u8 = u8::MAX;
 
 /// Where the cycle stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,14 +70,14 @@ pub(super) enum Phase {
 /// Who may send in the slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Grant {
-    /// Nobody.
-    Nobody,
+    /// No one: NoService.
+    NoService,
     /// We; the frame lies in `asnd_frame`.
     Own(Own),
     /// A controlled node, by position.
     Node { index: usize, service: RequestedService },
     /// The diagnostic device.
-    Guest { service: RequestedService },
+    Diagnostic { service: RequestedService },
 }
 
 /// What the managing node sends.
@@ -92,7 +92,7 @@ pub(super) enum Own {
     /// ResetNode to one node, at the start.
     ResetEach { index: usize },
     /// Command to all.
-    ToAll,
+    Broadcast,
     /// StopNode or ResetNode to all, at the end.
     ShutDown,
     /// InvalidService to one node.
@@ -105,35 +105,35 @@ pub(super) enum Own {
 
 /// Kinds of use of the slot that take turns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum SlotUse {
     Sync,
     Status,
     Invite,
     Sdo,
     Server,
-    Guest,
+    Diagnostic,
     Ethernet,
     Ident,
 }
 
-pub(super) const KINDS: [Kind; 8] = [
-    Kind::Sync,
-    Kind::Status,
-    Kind::Invite,
-    Kind::Sdo,
-    Kind::Server,
-    Kind::Guest,
-    Kind::Ethernet,
-    Kind::Ident,
+pub(super) const SLOT_USES: [SlotUse; 8] = [
+    SlotUse::Sync,
+    SlotUse::Status,
+    SlotUse::Invite,
+    SlotUse::Sdo,
+    SlotUse::Server,
+    SlotUse::Diagnostic,
+    SlotUse::Ethernet,
+    SlotUse::Ident,
 ];
 
 /// Whose turn it is.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Turn {
-    /// Kind that is asked first.
+pub(super) struct RoundRobin {
+    /// SlotUse that is asked first.
     pub(super) kind: usize,
     /// Node that is asked first, per kind.
-    pub(super) node: [usize; KINDS.len()],
+    pub(super) node: [usize; SLOT_USES.len()],
     pub(super) order: usize,
     pub(super) nmt_request: usize,
     /// The last slot went to an NMT request.
@@ -206,26 +206,26 @@ pub(super) struct Gate {
 
 /// What all nodes are told at once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Everyone {
+pub(super) enum Broadcast {
     Start,
     Stop,
     Reset,
 }
 
-impl Everyone {
+impl Broadcast {
     pub(super) fn command(self) -> NmtCommand {
         match self {
-            Everyone::Start => NmtCommand::StartNode,
-            Everyone::Stop => NmtCommand::StopNode,
-            Everyone::Reset => NmtCommand::ResetNode,
+            Broadcast::Start => NmtCommand::StartNode,
+            Broadcast::Stop => NmtCommand::StopNode,
+            Broadcast::Reset => NmtCommand::ResetNode,
         }
     }
 }
 
-/// A command to all nodes, sent a few times because nobody acknowledges it.
+/// A command to all nodes, sent a few times because it is not acknowledged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct ToAll {
-    pub(super) what: Everyone,
+pub(super) struct PendingBroadcast {
+    pub(super) what: Broadcast,
     pub(super) left: u8,
 }
 
@@ -234,7 +234,7 @@ pub(super) type OwnServer = Server<CLIENTS, STAGING>;
 
 /// The diagnostic device. It is no part of the configuration: it only may come and ask.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub(super) struct Guest {
+pub(super) struct DiagnosticDevice {
     pub(super) requests: Requests,
     pub(super) ask_ns: u64,
     pub(super) present: bool,
@@ -278,7 +278,7 @@ pub struct Mn<'a, const NODES: usize> {
     pub(super) being_configured: u32,
     pub(super) gate: Gate,
     /// Command to all that waits for a slot.
-    pub(super) to_all: Option<ToAll>,
+    pub(super) pending_broadcast: Option<PendingBroadcast>,
     /// When another managing node was heard last, and by what.
     pub(super) foreign: Option<(u64, ForeignSign)>,
     pub(super) cycle_started_ns: Option<u64>,
@@ -289,12 +289,12 @@ pub struct Mn<'a, const NODES: usize> {
     pub(super) multiplex_cycle: u8,
     /// MC of the SoC.
     pub(super) round_toggle: bool,
-    pub(super) turn: Turn,
+    pub(super) round_robin: RoundRobin,
     pub(super) shutdown: Shutdown,
     pub(super) events: Events,
     pub(super) counters: Counters,
     pub(super) server: OwnServer,
-    pub(super) guest: Guest,
+    pub(super) diagnostic: DiagnosticDevice,
     /// What 0x1F9F asks for.
     pub(super) request: RequestCommand,
     /// Faults before this time are no longer in the error history (0x1003).
@@ -316,7 +316,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// A managing node in NOT_ACTIVE. Everything it relies on later is checked here.
     pub fn new(config: MnConfig<'a>) -> Result<Self, MnConfigError> {
         check(&config, NODES.min(usize::from(wire::node::CN_MAX)))?;
-        let mut index_of = [NOBODY; 256];
+        let mut index_of = [NO_NODE; 256];
         for (index, node) in config.nodes.iter().enumerate() {
             // At most 239 nodes, checked above.
             index_of[usize::from(node.id)] = index as u8;
@@ -340,7 +340,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             identified_since_ns: None,
             being_configured: 0,
             gate: Gate::default(),
-            to_all: None,
+            pending_broadcast: None,
             foreign: None,
             cycle_started_ns: None,
             net_time: NetTime::default(),
@@ -348,12 +348,12 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             prescaled_slot: false,
             multiplex_cycle: 0,
             round_toggle: false,
-            turn: Turn::default(),
+            round_robin: RoundRobin::default(),
             shutdown: Shutdown::No,
             events: Events::new(),
             counters: Counters::default(),
             server: OwnServer::new(),
-            guest: Guest::default(),
+            diagnostic: DiagnosticDevice::default(),
             request: RequestCommand::default(),
             history_from_ns: 0,
             has_chain: config.nodes.iter().any(|node| node.assignment.chained),

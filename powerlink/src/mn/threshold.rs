@@ -21,7 +21,7 @@ impl Threshold {
     };
 
     /// Counts an error; whether the threshold is reached. A threshold of 0 never is, and leaves the count at 0.
-    pub(super) fn error(&mut self, threshold: u32) -> bool {
+    pub(super) fn count_error(&mut self, threshold: u32) -> bool {
         self.cumulative = self.cumulative.wrapping_add(1);
         if threshold == 0 {
             return false;
@@ -35,7 +35,7 @@ impl Threshold {
     }
 
     /// Counts a good cycle.
-    pub(super) fn good(&mut self) {
+    pub(super) fn count_good(&mut self) {
         self.count = self.count.saturating_sub(1);
     }
 }
@@ -47,14 +47,14 @@ mod tests {
     #[test]
     fn two_errors_close_together_reach_fifteen() {
         let mut counter = Threshold::ZERO;
-        assert!(!counter.error(15));
-        counter.good();
+        assert!(!counter.count_error(15));
+        counter.count_good();
         assert_eq!((counter.cumulative, counter.count), (1, 7));
-        assert!(counter.error(15));
+        assert!(counter.count_error(15));
         assert_eq!((counter.cumulative, counter.count), (2, 0));
         for _ in 0..20 {
-            assert!(!counter.error(15));
-            (0..8).for_each(|_| counter.good());
+            assert!(!counter.count_error(15));
+            (0..8).for_each(|_| counter.count_good());
         }
         assert_eq!((counter.cumulative, counter.count), (22, 0));
     }
@@ -62,7 +62,7 @@ mod tests {
     #[test]
     fn a_threshold_of_zero_only_counts() {
         let mut counter = Threshold::ZERO;
-        assert!((0..1000).all(|_| !counter.error(0)));
+        assert!((0..1000).all(|_| !counter.count_error(0)));
         assert_eq!((counter.cumulative, counter.count), (1000, 0));
     }
 }

@@ -39,7 +39,7 @@ fn contains(ranges: &[RangeInclusive<u8>], node: u8) -> bool {
 }
 
 /// Whether a frame of this type may go from this node to that one.
-pub(super) fn judge(message_type: u8, source: u8, destination: u8) -> Result<(), WireError> {
+pub(super) fn check_addresses(message_type: u8, source: u8, destination: u8) -> Result<(), WireError> {
     let Some(rule) = RULES.iter().find(|rule| rule.message_type == message_type) else {
         return Err(WireError::MessageType { got: message_type });
     };

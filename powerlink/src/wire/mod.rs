@@ -245,12 +245,12 @@ impl Header {
     }
 }
 
-/// Reads an untrusted frame as a node has to: nobody looks into a frame that the standard does not let its sender send to its
-/// receiver. Never panics.
+/// Reads an untrusted frame as a node has to: one that the standard does not let its sender send to its receiver is not read
+/// further. Never panics.
 pub fn accept(frame: &[u8]) -> Result<(Header, Frame<'_>), WireError> {
     let header = Header::parse(frame)?;
     let parsed = Frame::parse(frame)?;
-    addresses::judge(parsed.message_type(), header.source_node, header.destination_node)?;
+    addresses::check_addresses(parsed.message_type(), header.source_node, header.destination_node)?;
     Ok((header, parsed))
 }
 

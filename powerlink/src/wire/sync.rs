@@ -61,7 +61,7 @@ impl Soc {
 /// RequestedServiceID: what the SoA invites its target to send.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum RequestedService {
-    /// Nobody may send.
+    /// No node may send in the slot.
     NoService,
     /// IdentResponse.
     IdentRequest,

@@ -75,7 +75,7 @@ impl Ring {
             }),
             Some(_) | None => {
                 let error = io::Error::last_os_error();
-                // Without this the kernel would go on filling a ring that nobody reads. It cannot fail: nothing is mapped.
+                // Without this the kernel would go on filling a ring that is not read. It cannot fail: nothing is mapped.
                 // SAFETY: all-zero is a valid tpacket_req.
                 let none: libc::tpacket_req = unsafe { mem::zeroed() };
                 let _ = set_option(raw, libc::SOL_PACKET, libc::PACKET_RX_RING, &none);
@@ -85,12 +85,12 @@ impl Ring {
     }
 
     /// Frames that the ring holds.
-    pub(super) fn places(&self) -> usize {
+    pub(super) fn capacity_frames(&self) -> usize {
         self.places
     }
 
     /// Takes the next frame of another station, if there is one. RT.
-    pub(super) fn take(&mut self, buffer: &mut [u8]) -> Option<Received> {
+    pub(super) fn pop_frame(&mut self, buffer: &mut [u8]) -> Option<Received> {
         loop {
             // SAFETY: `next` is below `places`, so the place lies inside the mapping, which lives as long as `self`.
             let place = unsafe { self.memory.as_ptr().add(self.next * PLACE_LEN) };
@@ -113,7 +113,7 @@ impl Ring {
                 let length = (header.tp_snaplen as usize).min(PLACE_LEN - at).min(buffer.len());
                 // SAFETY: `at + length` is within the place, `length` within the buffer; the mapping is no part of it.
                 unsafe { ptr::copy_nonoverlapping(place.add(at), buffer.as_mut_ptr(), length) };
-                let tag = Tag::of(header.tp_status, header.tp_vlan_tpid, header.tp_vlan_tci);
+                let tag = Tag::from_status(header.tp_status, header.tp_vlan_tpid, header.tp_vlan_tci);
                 Received {
                     length: tag.map_or(length, |tag| tag.put_back(buffer, length)),
                     stamp_ns: Some(from_timespec(libc::timespec {

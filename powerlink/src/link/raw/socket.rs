@@ -21,7 +21,7 @@ const ETHER_TYPE_AT: u32 = 12;
 pub(super) const PACKET_OUTGOING: libc::c_uchar = 4;
 
 /// Time in which the kernel has switched stamping on.
-const STAMPS_ON: Duration = Duration::from_millis(20);
+const STAMPS_ON_TIMEOUT: Duration = Duration::from_millis(20);
 
 /// What could not be done with which interface, and why.
 #[derive(Debug)]
@@ -78,7 +78,7 @@ impl Socket {
         if fd < 0 {
             return Err(failed("open a raw socket", io::Error::last_os_error()));
         }
-        // SAFETY: `fd` was just opened and nobody else owns it.
+        // SAFETY: `fd` was just opened and nothing else owns it.
         let fd = unsafe { OwnedFd::from_raw_fd(fd) };
         let raw = fd.as_raw_fd();
         let index = interface_index(raw, interface).map_err(|error| failed("find its index", error))?;
@@ -111,7 +111,7 @@ impl Socket {
     /// would look like one of this.
     pub(in crate::link) fn bind(&self, interface: &str, config: RawConfig) -> Result<(), OpenError> {
         if !config.every_ether_type {
-            self.hear_powerlink_only()
+            self.filter_powerlink()
                 .map_err(|error| OpenError::new(interface, "choose POWERLINK frames", error))?;
         }
         let protocol = libc::ETH_P_ALL as u16;
@@ -135,7 +135,7 @@ impl Socket {
     }
 
     /// Has the kernel hand over frames of POWERLINK's EtherType only, also of those with a VLAN tag.
-    fn hear_powerlink_only(&self) -> io::Result<()> {
+    fn filter_powerlink(&self) -> io::Result<()> {
         let statement = |code: u32, jump_if: u8, jump_else: u8, k: u32| libc::sock_filter {
             code: code as u16,
             jt: jump_if,
@@ -157,7 +157,7 @@ impl Socket {
     }
 
     /// Has the VLAN tags of frames that are read by system calls told.
-    pub(super) fn tell_of_tags(&self, interface: &str) -> Result<(), OpenError> {
+    pub(super) fn enable_vlan_tags(&self, interface: &str) -> Result<(), OpenError> {
         set_option(self.fd.as_raw_fd(), libc::SOL_PACKET, libc::PACKET_AUXDATA, &1i32)
             .map_err(|error| OpenError::new(interface, "ask for VLAN tags", error))
     }
@@ -168,12 +168,12 @@ impl Socket {
             .map_err(|error| OpenError::new(interface, "ask for receive stamps", error))?;
         // The kernel switches stamping on a little later, by a work item of its own. A frame that arrives before carries
         // no stamp, and the kernel fills in the time at which it is read: plausible, and wrong.
-        sleep(STAMPS_ON);
+        sleep(STAMPS_ON_TIMEOUT);
         Ok(())
     }
 
     /// Frames dropped for lack of room since the last question.
-    pub(super) fn take_drops(&self) -> Result<u32, i32> {
+    pub(super) fn dropped_since_last(&self) -> Result<u32, i32> {
         // SAFETY: all-zero is a valid tpacket_stats.
         let mut counted: libc::tpacket_stats = unsafe { mem::zeroed() };
         let mut length = mem::size_of::<libc::tpacket_stats>() as libc::socklen_t;

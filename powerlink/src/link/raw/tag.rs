@@ -15,7 +15,7 @@ pub(super) struct Tag([u8; TAG_LEN]);
 
 impl Tag {
     /// The tag of a frame, if it had one: status, EtherType of the tag and its value, as the kernel tells them.
-    pub(super) fn of(status: u32, ether_type: u16, value: u16) -> Option<Tag> {
+    pub(super) fn from_status(status: u32, ether_type: u16, value: u16) -> Option<Tag> {
         let ether_type = if status & libc::TP_STATUS_VLAN_TPID_VALID != 0 {
             ether_type
         } else {
@@ -45,7 +45,7 @@ mod tests {
     #[test]
     fn the_frame_is_as_it_was_on_the_wire() {
         let frame = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 0x88, 0xAB, 0xCC];
-        let tag = Tag::of(0x50, 0x88A8, 0xE005).unwrap();
+        let tag = Tag::from_status(0x50, 0x88A8, 0xE005).unwrap();
         let mut buffer = [0xEE; 20];
         buffer[..15].copy_from_slice(&frame);
         assert_eq!(tag.put_back(&mut buffer, 15), 19);
@@ -62,7 +62,7 @@ mod tests {
 
     #[test]
     fn only_what_the_kernel_says_is_a_tag() {
-        assert_eq!(Tag::of(0x01, 0x8100, 5), None);
-        assert_eq!(Tag::of(0x11, 0, 0), Some(Tag([0x81, 0, 0, 0])));
+        assert_eq!(Tag::from_status(0x01, 0x8100, 5), None);
+        assert_eq!(Tag::from_status(0x11, 0, 0), Some(Tag([0x81, 0, 0, 0])));
     }
 }

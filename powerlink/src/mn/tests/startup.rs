@@ -265,8 +265,8 @@ fn bit_4_resets_all_nodes_when_a_mandatory_one_is_lost() {
         let command = NmtCommand::ResetNode;
         net.until(5, |net| net.commands().contains(&(255, command)));
         net.boot();
-        let to_all = net.commands().iter().filter(|sent| **sent == (255, command)).count();
-        assert_eq!(to_all, resets);
+        let pending_broadcast = net.commands().iter().filter(|sent| **sent == (255, command)).count();
+        assert_eq!(pending_broadcast, resets);
         assert_eq!(net.count_events(|event| *event == MnEvent::AllOnError { command }), 1);
         let went_back = net.count_events(|event| {
             *event

@@ -94,7 +94,7 @@ impl<const STAGING: usize> Transfer<STAGING> {
     }
 
     /// Takes the next command, or the next segment of one.
-    pub(super) fn take(&mut self, command: Command<'_>, objects: &mut impl Objects, tickets: &mut Tickets) {
+    pub(super) fn receive_command(&mut self, command: Command<'_>, objects: &mut impl Objects, tickets: &mut Tickets) {
         let name = Name {
             transaction: command.header.transaction,
             id: command.header.id,

@@ -18,7 +18,7 @@ use super::event::{Counters, Events, NodeState};
 use super::image::{ARRAYS, IMAGE_IN, IMAGE_OUT, octet_at};
 use super::node::{Network, Node};
 use super::startup::Assignment;
-use super::state::{Mn, NOBODY, RequestCommand};
+use super::state::{Mn, NO_NODE, RequestCommand};
 use crate::nmt::{NmtCommand, NmtState};
 use crate::wire::{self, ERROR_ENTRY_LEN, ErrorEntry, NetTime, PAYLOAD_LIMIT_MIN};
 use table::CHANNEL_LAST;
@@ -107,20 +107,20 @@ impl<'a> MnObjects<'_, 'a> {
 
     fn node(&self, id: u8) -> Option<&Node<'a>> {
         match self.index_of[usize::from(id)] {
-            NOBODY => None,
+            NO_NODE => None,
             position => self.nodes.get(usize::from(position))?.as_ref(),
         }
     }
 
     fn node_mut(&mut self, id: u8) -> Option<&mut Node<'a>> {
         match self.index_of[usize::from(id)] {
-            NOBODY => None,
+            NO_NODE => None,
             position => self.nodes.get_mut(usize::from(position))?.as_mut(),
         }
     }
 
     /// The node of a channel of process data; channel 0 has none.
-    fn of_channel(&self, channel: usize) -> Option<&Node<'a>> {
+    fn node_of_channel(&self, channel: usize) -> Option<&Node<'a>> {
         self.nodes.get(channel.checked_sub(1)?)?.as_ref()
     }
 
@@ -143,10 +143,10 @@ impl<'a> MnObjects<'_, 'a> {
             (0x1018, 3) => device.revision,
             (0x1018, 4) => device.serial,
             (0x1300, _) => (SDO_GIVE_UP_NS / 1_000_000) as u32,
-            (0x1400 | 0x1800, 1) => self.of_channel(channel)?.config.id.into(),
-            (0x1400, 2) => self.of_channel(channel)?.config.pres_version.into(),
+            (0x1400 | 0x1800, 1) => self.node_of_channel(channel)?.config.id.into(),
+            (0x1400, 2) => self.node_of_channel(channel)?.config.pres_version.into(),
             (0x1800, 2) if channel == 0 => config.pres_mn_version.into(),
-            (0x1800, 2) => self.of_channel(channel)?.config.preq_version.into(),
+            (0x1800, 2) => self.node_of_channel(channel)?.config.preq_version.into(),
             (0x1600 | 0x1A00, 0) => {
                 let image = image_of(index);
                 (1..=254)
@@ -156,7 +156,7 @@ impl<'a> MnObjects<'_, 'a> {
             (0x1600 | 0x1A00, sub) => return Some(config.mapping_entry(image_of(index), channel, sub).unwrap_or(0)),
             (IMAGE_OUT | IMAGE_IN, sub) => {
                 let (of_channel, at) = config.channel_of(index, octet_at(channel, sub))?;
-                let node = self.of_channel(of_channel)?;
+                let node = self.node_of_channel(of_channel)?;
                 let octets = if index == IMAGE_OUT {
                     node.output()
                 } else {
@@ -220,7 +220,7 @@ impl<'a> MnObjects<'_, 'a> {
         Some(number.into())
     }
 
-    /// Value of an object that is no number; `None`: the default of the table.
+    /// Value of an object that is not a number; `None`: the default of the table.
     fn octets(&self, index: u16, sub: u8) -> Option<&[u8]> {
         let device = &self.config.device;
         Some(match (index, sub) {
@@ -316,14 +316,14 @@ impl<'a> MnObjects<'_, 'a> {
             (0x1C00, 3) => self.config.crc_threshold = number,
             (0x1C02, 1) => self.counters.cycle_exceeded.cumulative = number,
             (0x1C02, 3) => self.config.cycle_threshold = number,
-            (0x1C07, id) => self.known(id)?.statistics.loss_of_pres.cumulative = number,
-            (0x1C09, id) => self.known(id)?.config.pres_threshold = number,
-            (0x1C15, id) => self.known(id)?.statistics.loss_of_status.cumulative = number,
-            (0x1C17, id) => self.known(id)?.config.status_threshold = number,
-            // The application of the control resets itself, nobody else does.
+            (0x1C07, id) => self.configured_node(id)?.statistics.loss_of_pres.cumulative = number,
+            (0x1C09, id) => self.configured_node(id)?.config.pres_threshold = number,
+            (0x1C15, id) => self.configured_node(id)?.statistics.loss_of_status.cumulative = number,
+            (0x1C17, id) => self.configured_node(id)?.config.status_threshold = number,
+            // The application of the control resets itself; no node may.
             (0x1F9E, _) => return Err(AbortCode::LOCAL_CONTROL),
             (0x1F9F, 1) if number == 0 => {}
-            (0x1F9F, 1) => return self.carry_out(),
+            (0x1F9F, 1) => return self.execute_request(),
             (0x1F9F, 2) => self.request.command = number as u8,
             (0x1F9F, 3) => self.request.target = number as u8,
             (_, _) => return Err(AbortCode::DEVICE_STATE),
@@ -346,17 +346,17 @@ impl<'a> MnObjects<'_, 'a> {
     }
 
     /// A configured node; counters of others are not kept.
-    fn known(&mut self, id: u8) -> Result<&mut Node<'a>, AbortCode> {
+    fn configured_node(&mut self, id: u8) -> Result<&mut Node<'a>, AbortCode> {
         self.node_mut(id).ok_or(AbortCode::DEVICE_STATE)
     }
 
     /// 0x1F9F: a request to a node for its identity or its status; a reset, of a node that does not take part in the process.
     /// Everything else is up to the boot-up.
-    fn carry_out(&mut self) -> Result<(), AbortCode> {
+    fn execute_request(&mut self) -> Result<(), AbortCode> {
         let RequestCommand { command, target } = *self.request;
         let (now_ns, network) = (self.now_ns, self.network);
         let position = match self.index_of[usize::from(target)] {
-            NOBODY => return Err(AbortCode::VALUE_RANGE),
+            NO_NODE => return Err(AbortCode::VALUE_RANGE),
             position => usize::from(position),
         };
         let Some(Some(node)) = self.nodes.get_mut(position) else {

@@ -109,14 +109,14 @@ impl RawLink {
             0 => calls(String::from("no ring is wanted")),
             frames => match Ring::map(&socket.fd, frames) {
                 Ok(ring) => {
-                    let frames = ring.places();
+                    let frames = ring.capacity_frames();
                     (Some(ring), Reception::Ring { frames })
                 }
                 Err((what, error)) => calls(format!("{what}: {error}")),
             },
         };
         if ring.is_none() {
-            socket.tell_of_tags(interface)?;
+            socket.enable_vlan_tags(interface)?;
             if config.receive_stamps {
                 socket.switch_stamps_on(interface)?;
             }
@@ -146,14 +146,14 @@ impl RawLink {
     /// Frames that found no room in the ring or queue since the link was opened. A system call, not for every cycle.
     pub fn dropped(&mut self) -> Result<u64, LinkError> {
         // The kernel counts from the last question on.
-        self.dropped += u64::from(self.socket.take_drops().map_err(error)?);
+        self.dropped += u64::from(self.socket.dropped_since_last().map_err(error)?);
         Ok(self.dropped)
     }
 
     /// Takes one frame if there is one. RT.
-    fn take(&mut self, buffer: &mut [u8]) -> Result<Option<Received>, LinkError> {
+    fn pop_frame(&mut self, buffer: &mut [u8]) -> Result<Option<Received>, LinkError> {
         match &mut self.ring {
-            Some(ring) => Ok(ring.take(buffer)),
+            Some(ring) => Ok(ring.pop_frame(buffer)),
             None => read(&self.socket.fd, buffer),
         }
     }
@@ -188,7 +188,7 @@ impl Link for RawLink {
     fn receive(&mut self, buffer: &mut [u8], deadline_ns: u64) -> Result<Option<Received>, LinkError> {
         let mut spin_until_ns = None;
         loop {
-            if let Some(received) = self.take(buffer)? {
+            if let Some(received) = self.pop_frame(buffer)? {
                 return Ok(Some(received));
             }
             let now_ns = monotonic_ns();
@@ -256,7 +256,7 @@ fn read(fd: &OwnedFd, buffer: &mut [u8]) -> Result<Option<Received>, LinkError> 
         if from.sll_pkttype == PACKET_OUTGOING {
             continue;
         }
-        let (stamp_ns, tag) = told(&message);
+        let (stamp_ns, tag) = ancillary_data(&message);
         let length = length as usize;
         return Ok(Some(Received {
             length: tag.map_or(length, |tag| tag.put_back(buffer, length)),
@@ -272,7 +272,7 @@ const CONTROL_LEN: usize = 128;
 struct Control([u8; CONTROL_LEN]);
 
 /// The kernel's receive stamp of a message, and the VLAN tag that it took off, as far as there are any.
-fn told(message: &libc::msghdr) -> (Option<u64>, Option<Tag>) {
+fn ancillary_data(message: &libc::msghdr) -> (Option<u64>, Option<Tag>) {
     let (mut stamp_ns, mut tag) = (None, None);
     // SAFETY: the kernel has filled the control buffer of `message`, which is aligned and still lives; the macros walk
     // it by the lengths in it.
@@ -286,7 +286,7 @@ fn told(message: &libc::msghdr) -> (Option<u64>, Option<Tag>) {
                 }
                 (libc::SOL_PACKET, libc::PACKET_AUXDATA) => {
                     let frame = libc::CMSG_DATA(header).cast::<libc::tpacket_auxdata>().read_unaligned();
-                    tag = Tag::of(frame.tp_status, frame.tp_vlan_tpid, frame.tp_vlan_tci);
+                    tag = Tag::from_status(frame.tp_status, frame.tp_vlan_tpid, frame.tp_vlan_tci);
                 }
                 _ => {}
             }

@@ -109,9 +109,9 @@ impl Request {
 enum Missing {
     No,
     /// The server has to be told.
-    Tell,
+    ToReport,
     /// It was told.
-    Told,
+    Reported,
 }
 
 /// SDO client of one node.
@@ -267,7 +267,7 @@ impl Client {
         self.closing = self.state != State::Closed;
     }
 
-    /// Forgets the connection, as when the node was reset; a running command starts anew on a new connection.
+    /// Forgets the connection, as when the node was reset; a running command is sent again on a new connection.
     pub fn reset_connection(&mut self) {
         self.state = State::Closed;
         self.flow = Flow::new(Number::new(0));
@@ -286,7 +286,7 @@ impl Client {
         self.timeout_ns = self.timing.first_timeout_ns;
     }
 
-    /// Something new came: the time-outs start anew.
+    /// Something new came: the time-outs restart.
     fn alive(&mut self, now_ns: u64) {
         self.alive_ns = Some(now_ns);
         self.timeout_ns = self.timing.first_timeout_ns;
@@ -347,7 +347,7 @@ impl Client {
         }
     }
 
-    /// The command starts anew, unless the server may have carried it out already: a copy that it refuses for lack of a
+    /// The command is sent again from its start, unless the server may have carried it out already: a copy that it refuses for lack of a
     /// connection tells nothing of the copies before. Where it never had one, it refused them all.
     fn connection_lost(&mut self) {
         let carried_out = self.heard_open && !self.request.is_read() && self.request.completed > 1;
@@ -391,7 +391,7 @@ impl Client {
             }
             (Arrival::Gap, _) => {
                 if self.missing == Missing::No || sequence.sent_con == Con::Request {
-                    self.missing = Missing::Tell;
+                    self.missing = Missing::ToReport;
                 }
             }
             (Arrival::Known | Arrival::Next, _) => {
@@ -410,7 +410,7 @@ impl Client {
     /// Whether [`poll_transmit`](Self::poll_transmit) has a frame to send at this time: then the node needs the asynchronous
     /// slot.
     pub fn wants_to_transmit(&self, now_ns: u64) -> bool {
-        let owes = self.missing == Missing::Tell || self.acknowledge_at_ns.is_some_and(|at_ns| now_ns >= at_ns);
+        let owes = self.missing == Missing::ToReport || self.acknowledge_at_ns.is_some_and(|at_ns| now_ns >= at_ns);
         match self.progress {
             Progress::Running => {
                 let timer = self.again_at_ns.is_none_or(|at_ns| now_ns >= at_ns);
@@ -503,7 +503,7 @@ impl Client {
             }
             State::Open => {}
         }
-        if self.missing == Missing::Tell {
+        if self.missing == Missing::ToReport {
             return self.transmit_acknowledge(Con::Valid, out);
         }
         if self.flow.due() == 0 && self.can_number() {
@@ -557,8 +557,8 @@ impl Client {
 
     /// Acknowledges without a command, asks for missing frames or for an acknowledge.
     fn transmit_acknowledge(&mut self, sent_con: Con, out: &mut [u8; SERVICE_DATA_MAX]) -> Option<usize> {
-        let received_con = if self.missing == Missing::Tell {
-            self.missing = Missing::Told;
+        let received_con = if self.missing == Missing::ToReport {
+            self.missing = Missing::Reported;
             Con::Request
         } else {
             Con::Valid

@@ -154,7 +154,7 @@ impl<const CONNECTIONS: usize, const STAGING: usize> Server<CONNECTIONS, STAGING
     }
 
     /// Forgets all connections, as after a reset of the node. Objects that pass in parts are not told; their next write begins
-    /// anew anyway.
+    /// again anyway.
     pub fn reset(&mut self) {
         *self = Self::new();
     }
@@ -242,7 +242,7 @@ impl<const STAGING: usize> Connection<STAGING> {
                 self.missing_told = false;
                 self.pending = Pending::Reply;
                 if !command.header.response {
-                    self.transfer.take(command, objects, tickets);
+                    self.transfer.receive_command(command, objects, tickets);
                 }
             }
             (Arrival::Gap, _) => {
