@@ -292,7 +292,15 @@ impl Corner<'_> {
     fn made(&self, call: Call) -> (Event, Part) {
         let [.., normal] = self.plane.axes();
         let depth = [self.at[normal]; 2];
-        let part = part_of(&call, Mark { depth, ..self.mark });
+        let walls = self.mark.walls_at_corner();
+        let part = part_of(
+            &call,
+            Mark {
+                depth,
+                walls,
+                ..self.mark
+            },
+        );
         let source = self.next.source;
         (Event { source, call }, part)
     }

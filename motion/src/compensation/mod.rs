@@ -264,11 +264,14 @@ impl Compensator {
     /// Compares the move behind G40 with the contour.
     fn check_exit(&mut self, mut window: Window, event: &Event) -> Result<(), Kind> {
         if let Call::StraightFeed { to } = event.call {
-            let mark = self.mark(&to, event.source);
+            let mark = Mark {
+                walls: [window.next_wall(); 2],
+                ..self.mark(&to, event.source)
+            };
             let part = Part::Link(mark, in_plane(&self.at, window.plane()));
             let way = [&self.path_at, &to].map(|at| in_plane(at, window.plane()));
             let way = way.map(|at| sub(at, window.shift()));
-            window.compare(part, Element::line(way[0], way[1]))?;
+            window.compare(part, Element::line(way[0], way[1]));
             window.judge(u64::MAX)?;
         }
         Ok(())
@@ -285,11 +288,10 @@ impl Compensator {
             out.extend(self.made.drain(..).map(|(event, _)| event));
             return Ok(());
         };
-        let mut found = Ok(());
-        match &contour {
-            Programmed::Wall(contour, mark) => found = window.wall(Element::of(contour), *mark),
-            Programmed::Gap | Programmed::Nothing => {}
+        if let Programmed::Wall(contour, mark) = &contour {
+            window.wall(Element::of(contour), *mark);
         }
+        let mut found = Ok(());
         for (event, part) in self.made.drain(..) {
             let mut element = None;
             if let Some(to) = end_of(&event.call) {
@@ -304,7 +306,7 @@ impl Compensator {
             let taken = window.take(event);
             found = found.and(taken);
             if let Some(element) = element {
-                found = found.and_then(|()| window.compare(part, element));
+                window.compare(part, element);
             }
         }
         if let Programmed::Gap = contour {
@@ -337,6 +339,7 @@ impl Compensator {
         };
         Mark {
             source,
+            walls: [self.window.as_ref().map_or(0, Window::next_wall); 2],
             depth: [self.at[normal], to[normal]],
             tolerance_mm,
             pose,
@@ -359,10 +362,11 @@ impl Compensator {
         // A tool without a radius follows the contour itself.
         if radius > 0.0 {
             let shift = tip::shift(cutter.orientation, radius, self.plane);
-            self.mode = Mode::Entry(Tool { side, radius, shift });
+            let tool = Tool { side, radius, shift };
+            self.mode = Mode::Entry(tool);
             self.path_at = self.at;
             self.window = match self.settings.gouge {
-                Gouge::Error | Gouge::DropLoop => Some(Window::new(self.plane, radius, shift, self.settings.gouge)),
+                Gouge::Error | Gouge::DropLoop => Some(Window::new(self.plane, tool, self.settings.gouge)),
                 Gouge::NeighboursOnly => None,
             };
         }
@@ -413,7 +417,16 @@ impl Compensator {
             Mode::Beside(beside) if contour.is_still() => {
                 // The others move while the tool stays at the corner; it stands at the same point however far that was off.
                 let (chain, bend) = (beside.mark.chain, beside.mark.bend);
-                let part = beside::part_of(&event.call, Mark { chain, bend, ..mark });
+                let walls = mark.walls_at_corner();
+                let part = beside::part_of(
+                    &event.call,
+                    Mark {
+                        walls,
+                        chain,
+                        bend,
+                        ..mark
+                    },
+                );
                 beside.hold(event, part)?;
                 self.at = with_plane(to, self.plane, contour.from);
                 return Ok(if mark.depth[0] != mark.depth[1] {

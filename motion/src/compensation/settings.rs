@@ -24,7 +24,9 @@ impl Corner {
 /// What happens where the tool would cut into another part of the contour.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Gouge {
-    /// An error that names both moves.
+    /// An error that names both moves. A cut less deep than the tolerance of G64 (a tenth of the tool's radius at the most) is
+    /// none, and among closed rings inside each other, all followed in the same direction, only the last one outwards in a
+    /// pocket, or inwards around an island, is a wall: the others are steps of clearing.
     #[default]
     Error,
     /// The tool leaves out what it cannot reach: its path goes on where it crosses itself. Material remains there.

@@ -170,6 +170,10 @@ fn a_cut_no_deeper_than_the_tolerance_is_none() {
         (tolerance(None), 0.002, true),
         (tolerance(Some(0.02)), 0.019, false),
         (tolerance(Some(0.02)), 0.021, true),
+        // As much as the radius, and more: no more than a tenth of the radius counts.
+        (tolerance(Some(1.0)), 0.099, false),
+        (tolerance(Some(1.0)), 0.101, true),
+        (tolerance(Some(5.0)), 0.9, true),
     ] {
         let height = 2.0 - deep_mm;
         let program = format!("G41.1 D2\nG1 X10\nX30\nY6\nX20\nY{height}\nX15\nG40\nG0 X0 Y3");

@@ -5,6 +5,7 @@ mod gouge;
 mod lathe;
 mod random;
 mod reader;
+mod rings;
 mod speed;
 
 use super::geometry::{add, left, scale};

@@ -7,12 +7,15 @@ use super::{DEPTH_TOLERANCE_MM, Mark, TOLERANCE_MM, Track, Wall};
 /// Halvings of two moves until what they may have in common is taken for a cut.
 const HALVINGS: u32 = 16;
 
+/// No more than this of the radius is left to the path's tolerance: with as much as a radius nothing would be compared.
+const TOLERANCE_MAX_RADII: f64 = 0.1;
+
 /// Where the centre comes too close, if it does.
 pub(super) fn conflict(track: &Track, wall: &Wall, radius: f64) -> Option<Closest> {
     if !meet(&track.mark, &wall.mark) {
         return None;
     }
-    let allowed = allowed_mm(track, wall, radius) - track.mark.tolerance_mm;
+    let allowed = allowed_mm(track, wall, radius) - track.mark.tolerance_mm.min(TOLERANCE_MAX_RADII * radius);
     if is_beside(&track.element, &wall.element, allowed) || is_beside(&wall.element, &track.element, allowed) {
         return None;
     }

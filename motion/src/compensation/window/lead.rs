@@ -22,13 +22,13 @@ use super::super::element::Element;
 use super::super::geometry::{length, sub};
 use super::conflict::{depth_between, meet};
 use super::store::Store;
-use super::{Mark, Suspect, Wall};
+use super::{Mark, Wall};
 
 /// Points no further apart than this are the same to who wrote the program, mm.
-const TOUCH_MM: f64 = 1e-3;
+pub(super) const TOUCH_MM: f64 = 1e-3;
 
 /// Moves with less of the contour between them than this are neighbours, mm.
-const NEIGHBOUR_MM: f64 = 0.1;
+pub(super) const NEIGHBOUR_MM: f64 = 0.1;
 
 /// A lead may be longer than its contour up to so many radii.
 const LEAD_RADII: f64 = 10.0;
@@ -51,9 +51,8 @@ pub(super) struct Leads {
 }
 
 impl Leads {
-    /// What of the wall of a suspect is one; `None`: it is a lead.
-    pub(super) fn wall(&mut self, walls: &mut Store<Wall>, suspect: &Suspect) -> Option<Wall> {
-        let wall = suspect.wall;
+    /// What of a move of the contour is a wall; `None`: it is a lead.
+    pub(super) fn wall(&mut self, walls: &mut Store<Wall>, wall: Wall) -> Option<Wall> {
         let Some(Meeting { first, last }) = self.meeting(walls, wall.run) else {
             return Some(wall);
         };
@@ -65,7 +64,10 @@ impl Leads {
         if from == 0.0 && to == 1.0 {
             return Some(wall);
         }
-        let part = [from, to.max(from)];
+        if to <= from {
+            return None; // the end of its neighbour
+        }
+        let part = [from, to];
         let element = wall.element.between(part);
         let depth = depth_between(wall.mark.depth, part);
         let mark = Mark { depth, ..wall.mark };
@@ -151,6 +153,6 @@ fn touches(walls: &mut Store<Wall>, wall: &Wall) -> Option<[f64; 2]> {
 }
 
 /// Whether an element is a circle, or more.
-fn is_closed(element: &Element) -> bool {
+pub(super) fn is_closed(element: &Element) -> bool {
     element.arc.is_some_and(|arc| arc.sweep.abs() > 1.0) && length(sub(element.from, element.to)) <= TOUCH_MM
 }

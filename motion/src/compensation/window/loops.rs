@@ -20,8 +20,8 @@ use crate::canon::{Call, Event, Position};
 use super::super::element::Element;
 use super::super::geometry::{Point, add, left, length, scale, sub, unit};
 use super::super::{CompensationErrorKind as Kind, end_of, end_of_mut, in_plane, with_plane};
-use super::conflict::{allowed_mm, conflict};
-use super::{Suspect, Track, Wall, Window};
+use super::conflict::allowed_mm;
+use super::{Track, Wall, Window};
 
 /// Lengths up to this are rounding, mm.
 const ROUNDING_MM: f64 = 1e-7;
@@ -62,27 +62,9 @@ pub(super) fn drop_loops(window: &mut Window) -> Result<(), Kind> {
 }
 
 fn judge(window: &mut Window, track: Track) -> Result<Judged, Kind> {
-    let mut close = Vec::new();
     let radius = window.radius;
-    window.walls.near(&track.element, |wall| {
-        if conflict(&track, wall, radius).is_some() {
-            close.push(*wall);
-        }
-        None::<()>
-    });
-    close.sort_by_key(|wall| wall.number);
-    let mut walls: Vec<Wall> = Vec::new();
-    for wall in close {
-        let suspect = Suspect { track, wall };
-        if let Some(wall) = window.leads.wall(&mut window.walls, &suspect)
-            && conflict(&track, &wall, radius).is_some()
-        {
-            walls.push(wall);
-        }
-    }
-    let gouge = walls
-        .first()
-        .and_then(|wall| window.gouge_of(&Suspect { track, wall: *wall }));
+    let walls = window.gouged(&track);
+    let gouge = walls.first().and_then(|wall| window.gouge_of(&track, wall));
     let stays = track.joint.is_some() || track.element.arc.is_some_and(|arc| arc.sweep.abs() > 6.3);
     match gouge {
         Some(gouge) if stays || walls.iter().any(|wall| wall.run != track.run) => Err(gouge),

@@ -10,7 +10,7 @@
 //! ```
 //!
 //! **What is compared.** Each move of the centre with each move of the contour in the window: it must not come closer than the
-//! radius, less the path's tolerance (G64 P, or [`PATH_TOLERANCE_MM`]). Contour that the tool touches on both sides at once, slots exactly as wide as the tool and
+//! radius, less the path's tolerance (G64 P, or [`PATH_TOLERANCE_MM`]; a tenth of the radius at the most). Contour that the tool touches on both sides at once, slots exactly as wide as the tool and
 //! contours that end along their own start are no gouges.
 //!
 //! **How far.** A move waits until the contour behind it is 2 radii long, which is what the tool can reach without leaving
@@ -28,24 +28,29 @@
 //! walls; at feed they are compared with the contour, but for what of it is within 2 radii of the point where they join
 //! it: LinuxCNC's entry is slanted there and its exit leaves from beside the end, whatever corner a closed contour has there.
 //!
+//! **Rings inside each other** that go round in the same direction are steps of clearing but for the last, which alone keeps
+//! something (`rings.rs`).
+//!
 //! **Corners that count as flat** (`join.rs`) bring the tool a little closer, by less than 1.3 thousandths of the radius;
 //! twice that is allowed between moves with nothing but such corners between them.
 
 mod conflict;
 mod lead;
 mod loops;
+mod rings;
 mod store;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use crate::canon::{Event, Plane, Source};
 
 use super::CompensationErrorKind as Kind;
-use super::Gouge;
 use super::element::{Closest, Element};
 use super::geometry::Point;
+use super::{Gouge, Tool};
 use conflict::conflict;
 use lead::Leads;
+use rings::Rings;
 use store::Store;
 
 /// How much closer than the radius rounding may bring the contour, mm.
@@ -67,6 +72,8 @@ pub(super) const WAITING_LIMIT: usize = 1 << 18;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Mark {
     pub(super) source: Source,
+    /// Numbers of the moves of the contour: the same twice, or the two at a corner.
+    pub(super) walls: [u64; 2],
     /// Coordinate on the plane's normal at the start and at the end, mm.
     pub(super) depth: [f64; 2],
     /// How far the path may be from the programmed one: a cut no deeper is none, mm.
@@ -77,6 +84,14 @@ pub(super) struct Mark {
     pub(super) chain: u32,
     /// Greatest bend of a flat corner in the chain up to here, rad.
     pub(super) bend: f64,
+}
+
+impl Mark {
+    /// Those at the corner before the move.
+    pub(super) fn walls_at_corner(&self) -> [u64; 2] {
+        let [next, _] = self.walls;
+        [next.saturating_sub(1), next]
+    }
 }
 
 /// What an event is to the window.
@@ -126,16 +141,6 @@ struct Waiting {
     walls: u64,
 }
 
-/// A move of the centre that comes too close to a move of the contour, if that is a wall.
-#[derive(Clone, Copy, Debug)]
-struct Suspect {
-    track: Track,
-    wall: Wall,
-}
-
-/// More suspicions than this are not kept: the first is looked into at once.
-const SUSPECTS_LIMIT: usize = 1 << 12;
-
 /// See the [module](self).
 #[derive(Clone, Debug)]
 pub(super) struct Window {
@@ -147,8 +152,10 @@ pub(super) struct Window {
     waiting: VecDeque<Waiting>,
     /// Number of events that went.
     gone: u64,
-    suspects: Vec<Suspect>,
+    /// Moves of the centre that come too close to a move of the contour, if that is a wall, by the numbers of their events.
+    suspects: BTreeMap<u64, Track>,
     leads: Leads,
+    rings: Rings,
     /// All waits until the end of compensation, when loops are dropped.
     collects: bool,
     /// Number of the first wall of the contour under way.
@@ -158,8 +165,8 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// `shift`: from the centre to the point whose moves the events tell.
-    pub(super) fn new(plane: Plane, radius: f64, shift: Point, gouge: Gouge) -> Window {
+    pub(super) fn new(plane: Plane, tool: Tool, gouge: Gouge) -> Window {
+        let Tool { side, radius, shift } = tool;
         Window {
             plane,
             radius,
@@ -168,8 +175,9 @@ impl Window {
             tracks: Store::new(radius),
             waiting: VecDeque::new(),
             gone: 0,
-            suspects: Vec::new(),
+            suspects: BTreeMap::new(),
             leads: Leads::default(),
+            rings: Rings::new(side),
             collects: gouge == Gouge::DropLoop,
             run: 0,
             at_mm: 0.0,
@@ -184,6 +192,11 @@ impl Window {
         self.shift
     }
 
+    /// Number of the next move of the contour.
+    pub(super) fn next_wall(&self) -> u64 {
+        self.walls.end()
+    }
+
     /// Number of events that wait.
     pub(super) fn waiting(&self) -> usize {
         self.waiting.len()
@@ -195,7 +208,7 @@ impl Window {
     }
 
     /// Takes a move of the contour.
-    pub(super) fn wall(&mut self, element: Element, mark: Mark) -> Result<(), Kind> {
+    pub(super) fn wall(&mut self, element: Element, mark: Mark) {
         self.at_mm += element.length();
         let wall = Wall {
             number: self.walls.end(),
@@ -206,18 +219,17 @@ impl Window {
         };
         if self.collects {
             self.walls.push(&element, wall);
-            return Ok(());
+            return;
         }
         let (radius, suspects) = (self.radius, &mut self.suspects);
         self.tracks.near(&element, |track| {
-            if conflict(track, &wall, radius).is_some() {
-                suspects.push(Suspect { track: *track, wall });
+            if !suspects.contains_key(&track.event) && conflict(track, &wall, radius).is_some() {
+                suspects.insert(track.event, *track);
             }
             None::<()>
         });
         self.walls.push(&element, wall);
         self.forget();
-        self.limit_suspects()
     }
 
     /// Takes an event.
@@ -231,10 +243,10 @@ impl Window {
     }
 
     /// Takes the way of the centre of the event taken last.
-    pub(super) fn compare(&mut self, part: Part, element: Element) -> Result<(), Kind> {
+    pub(super) fn compare(&mut self, part: Part, element: Element) {
         let (at_mm, walls) = (self.at_mm, self.walls.end());
         let (mark, joint) = match part {
-            Part::Free => return Ok(()),
+            Part::Free => return,
             Part::Beside(mark) => (mark, None),
             Part::Link(mark, joint) => (mark, Some(joint)),
         };
@@ -249,49 +261,45 @@ impl Window {
             at_mm,
             walls,
         };
-        if self.collects {
-            self.tracks.push(&element, track);
-            return Ok(());
-        }
-        let (radius, suspects) = (self.radius, &mut self.suspects);
-        self.walls.near(&element, |wall| {
-            if conflict(&track, wall, radius).is_some() {
-                suspects.push(Suspect { track, wall: *wall });
+        if !self.collects {
+            let radius = self.radius;
+            let meets = |wall: &Wall| conflict(&track, wall, radius).map(|_| ());
+            if self.walls.near(&element, meets).is_some() {
+                self.suspects.insert(event, track);
             }
-            None::<()>
-        });
-        self.tracks.push(&element, track);
-        self.limit_suspects()
-    }
-
-    fn limit_suspects(&mut self) -> Result<(), Kind> {
-        if self.suspects.len() > SUSPECTS_LIMIT {
-            return self.judge(u64::MAX);
         }
-        Ok(())
+        self.tracks.push(&element, track);
     }
 
     /// Looks into the suspicions about events up to number `last`.
     pub(super) fn judge(&mut self, last: u64) -> Result<(), Kind> {
-        if self.suspects.iter().all(|suspect| suspect.track.event > last) {
-            return Ok(());
-        }
-        let (mut due, later) = std::mem::take(&mut self.suspects)
-            .into_iter()
-            .partition::<Vec<_>, _>(|suspect| suspect.track.event <= last);
-        self.suspects = later;
-        due.sort_by_key(|suspect| (suspect.track.event, suspect.wall.number));
-        for suspect in due {
-            let wall = self.leads.wall(&mut self.walls, &suspect);
-            let left = wall.map(|wall| Suspect { wall, ..suspect });
-            if let Some(gouge) = left.and_then(|suspect| self.gouge_of(&suspect)) {
+        while let Some(suspect) = self.suspects.first_entry().filter(|suspect| *suspect.key() <= last) {
+            let track = suspect.remove();
+            let wall = self.gouged(&track).into_iter().next();
+            if let Some(gouge) = wall.and_then(|wall| self.gouge_of(&track, &wall)) {
                 return Err(gouge);
             }
         }
         Ok(())
     }
 
-    fn gouge_of(&self, Suspect { track, wall }: &Suspect) -> Option<Kind> {
+    /// The walls into which the tool cuts, in the order of the program.
+    fn gouged(&mut self, track: &Track) -> Vec<Wall> {
+        let (mut close, radius) = (Vec::new(), self.radius);
+        self.walls.near(&track.element, |wall| {
+            if conflict(track, wall, radius).is_some() {
+                close.push(*wall);
+            }
+            None::<()>
+        });
+        close.sort_by_key(|wall| wall.number);
+        close.retain(|wall| !self.rings.is_cleared(&mut self.walls, track, wall));
+        let walls = close.into_iter();
+        let walls = walls.filter_map(|wall| self.leads.wall(&mut self.walls, wall));
+        walls.filter(|wall| conflict(track, wall, radius).is_some()).collect()
+    }
+
+    fn gouge_of(&self, track: &Track, wall: &Wall) -> Option<Kind> {
         let Closest { distance, other, .. } = conflict(track, wall, self.radius)?;
         Some(Kind::Gouge {
             tool: track.mark.source,
@@ -345,8 +353,14 @@ impl Window {
         {
             self.tracks.pop();
         }
-        while self.walls.len() > 2 * AHEAD
-            && let Some(wall) = self.walls.front()
+        // What a suspicion needs stays until that is looked into.
+        let oldest = self
+            .suspects
+            .values()
+            .next()
+            .map_or(self.walls.end(), |track| track.walls);
+        while let Some(wall) = self.walls.front()
+            && oldest - wall.number.min(oldest) > 2 * AHEAD as u64
             && self.at_mm - wall.at_mm >= 4.0 * self.radius
         {
             self.walls.pop();
