@@ -20,6 +20,21 @@
 //! an error and never undefined behaviour. It lies in a folder of one user alone and goes with the process; what a killed
 //! process leaves behind is recognised by its lost lock, and removed when the next control starts. One that is cut short while
 //! it is mapped is seen ([`Memory::is_lost`]) and kills no process.
+//!
+//! ```
+//! use hal_pins::{Attached, Hal};
+//!
+//! let machine = format!("front-page-{}", std::process::id());
+//! let mut hal = Hal::create(&machine, 8)?;
+//! let mut command = hal.output::<f64>("joint.0.motor-pos-cmd")?;
+//! let target = hal.input("drive.0.target", 0.0)?;
+//! hal.link("x-pos-cmd", "joint.0.motor-pos-cmd", &["drive.0.target"])?;
+//! command.set(12.5);
+//! assert_eq!(target.get(), 12.5);
+//! // Another process: two pins and a net.
+//! assert_eq!(Attached::attach(&machine)?.list()?.len(), 3);
+//! # Ok::<(), hal_pins::HalError>(())
+//! ```
 
 mod attached;
 mod error;

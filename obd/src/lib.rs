@@ -5,6 +5,25 @@
 //!
 //! Values are kept as they travel, little endian, in one byte array of fixed size; nothing allocates. Whoever needs a value
 //! in every cycle looks it up once ([`Dictionary::key`], [`mapping::CopyPlan`]) and then reads and writes without look-up.
+//!
+//! ```
+//! use obd::{AbortCode, DataType, Dictionary, EntryDef, lines_of, octets_of};
+//!
+//! const DEVICE: &[EntryDef] = &[
+//!     EntryDef::rw(0x6060, DataType::I8, "mode of operation").limits(0, 10),
+//!     EntryDef::ro(0x6064, DataType::I32, "position").tpdo(),
+//! ];
+//! let mut objects = Dictionary::<{ lines_of(DEVICE) }, { octets_of(DEVICE) }>::new(&[DEVICE])?;
+//! // What comes from the network is checked, and refused with the code of the profile.
+//! objects.write(0x6060, 0, &[8])?;
+//! assert_eq!(objects.write(0x6060, 0, &[11]), Err(AbortCode::VALUE_TOO_HIGH));
+//! assert_eq!(objects.write(0x6064, 0, &[0; 4]), Err(AbortCode::WRITE_OF_READ_ONLY));
+//! // The application has looked its objects up.
+//! let position = objects.key::<i32>(0x6064, 0)?;
+//! objects.set(position, -5);
+//! assert_eq!(objects.read(0x6064, 0)?, (-5_i32).to_le_bytes());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 #![no_std]
 
 #[cfg(any(test, feature = "device"))]

@@ -6,6 +6,59 @@
 //! Protocol code does no I/O and never asks for the time: [`mn`] and [`cn`] are told what arrived and when, and say
 //! what to send and until when to wait. [`link`] holds what carries frames: a raw socket, memory, a pcap file.
 //! Without the feature `std` everything but those links builds without `std` and without `alloc`.
+//!
+//! A managing node and a controlled node, each handed the frames of the other, on virtual time (`examples/two_nodes.rs` has
+//! a wire between them that loses frames):
+//!
+//! ```
+//! use obd::Dictionary;
+//! use powerlink::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
+//! use powerlink::cn::{Cn, CnConfig};
+//! use powerlink::mn::{Mn, MnConfig, NodeConfig, NodeState, Step};
+//! use powerlink::wire::{FRAME_LEN_MAX, NetTime};
+//!
+//! let nodes = [NodeConfig { id: 1, ..NodeConfig::default() }];
+//! let config = MnConfig { nodes: &nodes, mac: [2, 0, 0, 0, 0, 240], ..MnConfig::default() };
+//! let mut mn = Mn::<1>::new(config)?;
+//! let device = CnConfig {
+//!     node_id: 1,
+//!     mac: [2, 0, 0, 0, 0, 1],
+//!     device_type: 0,
+//!     vendor_id: 0,
+//!     product_code: 0,
+//!     revision: 0,
+//!     serial: 1,
+//!     device_name: "example",
+//!     host_name: "example",
+//!     pres_max_latency_ns: 20_000,
+//! };
+//! let dictionary = Dictionary::new(&[COMMUNICATION_PROFILE])?;
+//! let mut cn = Cn::<COMMUNICATION_ENTRIES, COMMUNICATION_BYTES>::new(&device, dictionary, 0)?;
+//! let mut answer = [0; FRAME_LEN_MAX];
+//! let mut now_ns = 0;
+//! while mn.node_state(0) != NodeState::Operational {
+//!     assert!(now_ns < 10_000_000_000, "not OPERATIONAL within ten seconds: {:?}", mn.diagnosis(0));
+//!     let end_ns = now_ns + u64::from(config.cycle_ns);
+//!     mn.start_cycle(now_ns, NetTime::default());
+//!     while now_ns < end_ns {
+//!         match mn.poll(now_ns) {
+//!             Step::Send(frame) => {
+//!                 let reaction = cn.receive(now_ns, frame, &mut answer);
+//!                 now_ns += 10_000;
+//!                 if let Some(len) = reaction.transmit {
+//!                     mn.receive(now_ns, &answer[..len]);
+//!                 }
+//!             }
+//!             Step::WaitUntil(until_ns) => now_ns = until_ns.min(end_ns),
+//!             Step::IsochronousDone => {} // inputs are complete: the next outputs are computed here
+//!             Step::Idle => now_ns = end_ns,
+//!         }
+//!     }
+//!     now_ns = end_ns;
+//!     cn.poll(now_ns);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 #![no_std]
 
 #[cfg(any(test, feature = "std"))]
