@@ -12,9 +12,9 @@ mod common;
 
 use common::Busyness;
 use isocnc::config::{KeepAwake, Rt};
-use isocnc::rt::setup::{Process, Role, enter_thread, prepare_process};
+use isocnc::host::setup::{Process, Role, enter_thread, prepare_process};
+use isocnc::host::wait::monotonic_ns;
 use isocnc::rt::timeout::{Counters, Limits, REPORTS, TimeoutThread, Watch};
-use isocnc::rt::wait::monotonic_ns;
 use std::hint::{black_box, spin_loop};
 use std::sync::Arc;
 use std::time::Duration;

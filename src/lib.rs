@@ -3,12 +3,16 @@
 //! In:  a machine file ([`config`]) and a part program ([`program`]).
 //! Out: set-points to drives over the field bus ([`bus`]), every cycle ([`rt`]).
 
+pub mod analyser;
+pub mod api;
 pub mod bus;
 pub mod cli;
 pub mod config;
-pub mod doctor;
+pub mod host;
+pub mod jitter;
 pub mod machine;
+pub mod operator;
+pub mod plot;
 pub mod program;
 pub mod rt;
-pub mod service;
 pub mod sim;

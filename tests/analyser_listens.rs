@@ -3,8 +3,8 @@
 //! This program has no test harness, for a namespace is entered by a process of one thread: it runs itself again and checks
 //! what the other one says. Where the system refuses, it prints the reason and passes.
 
-use isocnc::service::analyser::{SocReport, StampSource};
-use isocnc::service::netns::{NetnsError, private_wire};
+use isocnc::analyser::{SocReport, StampSource};
+use isocnc::host::netns::{NetnsError, private_wire};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use powerlink::link::Link;

@@ -3,7 +3,7 @@
 //! This program has no test harness, for a namespace is entered by a process of one thread. Where the system refuses private
 //! networks, it prints the reason and passes. Nothing here looks at times.
 
-use isocnc::service::netns::private_wire;
+use isocnc::host::netns::private_wire;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};

@@ -28,7 +28,7 @@ fn it_tells_every_line_and_its_exit_code_tells_of_musts() {
         .map(|line| line["name"].as_str().expect("a name"))
         .collect();
     let measured = ["wake-up latency", "gaps"];
-    let wanted = isocnc::doctor::LINES
+    let wanted = isocnc::host::doctor::LINES
         .iter()
         .map(|line| line.name)
         .filter(|name| !measured.contains(name));

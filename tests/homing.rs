@@ -3,9 +3,9 @@
 use isocnc::config::{self, Config, HomingBy, HomingByControl};
 use isocnc::machine::sequence::{Outcome, Step};
 use isocnc::machine::state::State;
-use isocnc::rt::hand::{JogMotion, JogOrder};
+use isocnc::operator::console::Operator;
+use isocnc::rt::joint_jog::{JogMotion, JogOrder};
 use isocnc::rt::shared::Command;
-use isocnc::service::operator::Operator;
 use isocnc::sim::rehearsal::{Rehearsal, rehearse, rehearse_with};
 use isocnc::sim::{Disturbance, NetConfig};
 use std::path::Path;

@@ -4,7 +4,7 @@
 //! machine, whose node 1 has an address on a TAP device. This program has no test harness, for a namespace is entered by
 //! a process of one thread. Where the system refuses namespaces or TAP devices it prints the reason and passes.
 
-use isocnc::service::netns::{give_interface, private_namespace, private_wire, start_interface};
+use isocnc::host::netns::{give_interface, private_namespace, private_wire, start_interface};
 use nix::errno::Errno;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::Ipv4Addr;

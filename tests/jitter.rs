@@ -2,7 +2,7 @@
 //!
 //! Where the system refuses private networks the tests say so and pass. Counts are compared, never times: the PC may be busy.
 
-use isocnc::service::jitter::report::{Ended, JitterReport, Round};
+use isocnc::jitter::report::{Ended, JitterReport, Round};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use std::io::{BufRead, BufReader, Read};

@@ -61,7 +61,7 @@ fn speeds(run: &Rehearsal<'_>, line: u32) -> Vec<f64> {
     let steps = samples
         .windows(2)
         .filter(|pair| pair.iter().all(|sample| sample.line == line));
-    let way = |pair: &[isocnc::service::recorder::PathSample]| {
+    let way = |pair: &[isocnc::operator::recorder::PathSample]| {
         let squares = (0..3).map(|axis| (pair[1].command[axis] - pair[0].command[axis]).powi(2));
         squares.sum::<f64>().sqrt() / CYCLE_S
     };

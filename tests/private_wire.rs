@@ -3,9 +3,9 @@
 //! This program has no test harness, for a namespace is entered by a process of one thread: it runs itself again, once per
 //! user, and checks what the other one says. Where the system refuses, it prints the reason and passes.
 
+use isocnc::analyser::Analyser;
 use isocnc::bus::sender::{ClaimError, SoleSender};
-use isocnc::service::analyser::Analyser;
-use isocnc::service::netns::{NetnsError, private_wire};
+use isocnc::host::netns::{NetnsError, private_wire};
 use nix::ifaddrs::getifaddrs;
 use nix::net::if_::InterfaceFlags;
 use powerlink::link::Link;

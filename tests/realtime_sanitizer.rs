@@ -15,7 +15,7 @@
 use isocnc::config;
 use isocnc::machine::sequence::Outcome;
 use isocnc::machine::state::State;
-use isocnc::rt::figures::{CycleTimes, recorder};
+use isocnc::rt::cycle_stats::{CycleTimes, recorder};
 use isocnc::rt::shared::Command as Order;
 use isocnc::rt::timeout::{Limits, Watch, Watchdog};
 use isocnc::sim::rehearsal::{Rehearsal, rehearse};

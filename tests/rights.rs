@@ -7,7 +7,7 @@
 
 use isocnc::cli::simulate::READY;
 use isocnc::config;
-use isocnc::service::netns::{NetnsError, private_wire};
+use isocnc::host::netns::{NetnsError, private_wire};
 use nix::sys::resource::{RLIM_INFINITY, Resource, setrlimit};
 use std::io::{BufRead, BufReader};
 use std::os::unix::fs::{PermissionsExt, chown};

@@ -8,7 +8,7 @@
 use isocnc::config::{self, Config};
 use isocnc::machine::tables::Tables;
 use isocnc::program::{Feeder, Progress, home, probing, ring_capacity, stop_ramp, stop_shares};
-use isocnc::rt::hand::{Hand, JogMotion, JogOrder};
+use isocnc::rt::joint_jog::{Hand, JogMotion, JogOrder};
 use isocnc::rt::overrides::{Overridden, Overrides};
 use isocnc::rt::shared::Live;
 use motion::canon::{Axis, Position, SpindleDirection};

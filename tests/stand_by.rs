@@ -4,7 +4,7 @@ use cia402::State as Power;
 use isocnc::config;
 use isocnc::machine::sequence::{Outcome, Step};
 use isocnc::machine::state::State;
-use isocnc::service::operator::Operator;
+use isocnc::operator::console::Operator;
 use isocnc::sim::rehearsal::{Rehearsal, rehearse_with};
 use isocnc::sim::{Disturbance, NetConfig};
 use nix::fcntl::{FcntlArg, OFlag, fcntl};

@@ -8,8 +8,8 @@
 //! tracing, it prints the reason and passes.
 
 use hal_pins::Attached;
+use isocnc::host::netns::private_wire;
 use isocnc::machine::state::State;
-use isocnc::service::netns::private_wire;
 use nix::errno::Errno;
 use nix::libc;
 use nix::sys::ptrace::{self, Options};
@@ -36,7 +36,7 @@ const TICKS: usize = 400;
 const MESSAGE_TYPE_AT: u64 = 14;
 
 /// What the cycle thread may ask for: to sleep, to send, to wait for an answer or fetch it, whether the interface still runs,
-/// and under PREEMPT_RT the ways through the locks of the network (`src/rt/network_locks.rs`).
+/// and under PREEMPT_RT the ways through the locks of the network (`src/host/network_locks.rs`).
 const CYCLE_CALLS: [i64; 8] = [
     libc::SYS_clock_nanosleep,
     libc::SYS_sendto,

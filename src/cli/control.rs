@@ -4,9 +4,10 @@
 //! In:  the control socket of a machine, or of the only one that runs.
 //! Out: a few lines or one JSON value. Exit code 1: the control refuses, or none runs.
 
-use crate::service::control::client::Client;
-use crate::service::progress::{self, StatusLine};
-use crate::service::signals::{StopSignal, exit_code};
+use crate::api::client::Client;
+use crate::host::signals::{StopSignal, exit_code};
+use crate::operator::progress;
+use crate::operator::progress::StatusLine;
 use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
 use serde_json::{Value, json};

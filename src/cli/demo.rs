@@ -1,16 +1,16 @@
 //! `isocnc demo`: the whole control on a private wire, with a simulated machine at the far end.
 
 use super::simulate::READY;
+use crate::analyser::SocReport;
 use crate::config::{self, Config, KeepAwake};
-use crate::rt::steadiness::Steadiness;
-use crate::service::analyser::SocReport;
-use crate::service::job::{Job, run_and_report};
-use crate::service::netns;
-use crate::service::process::{Program, Wire};
-use crate::service::progress::say;
-use crate::service::refusal::Refusal;
-use crate::service::report::{FarEnd, SOC_PERIOD_DATA};
-use crate::service::signals::StopSignal;
+use crate::host::netns;
+use crate::host::signals::StopSignal;
+use crate::host::steadiness::Steadiness;
+use crate::operator::progress::say;
+use crate::operator::refusal::Refusal;
+use crate::operator::report::{FarEnd, SOC_PERIOD_DATA};
+use crate::operator::session::{Program, Wire};
+use crate::operator::single_run::{Job, run_and_report};
 use anyhow::{Context, ensure};
 use clap::Args;
 use nix::sys::signal::{Signal, kill};

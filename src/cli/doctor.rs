@@ -4,9 +4,9 @@
 //! Out: a line for everything that matters, and what to do first. Exit code 0: no must is missing, 1: one is, 2: wrong usage.
 
 use crate::config::{self, BusKind, Config, Rt};
-use crate::doctor::{Level, Pc, Report, Target, ThisPc, examine, is_interface_name, isolcpus};
-use crate::rt::setup;
-use crate::service::refusal::Refusal;
+use crate::host::doctor::{Level, Pc, Report, Target, ThisPc, examine, is_interface_name, isolcpus};
+use crate::host::setup;
+use crate::operator::refusal::Refusal;
 use anyhow::Context as _;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;

@@ -1,18 +1,19 @@
 //! `isocnc jitter`: how exactly the cycle is kept while a program runs, beside what the PC can do at all.
 
 use super::demo::{bear, machine_file};
+use crate::analyser::listen;
 use crate::config;
+use crate::host::netns;
+use crate::host::signals;
+use crate::host::signals::StopSignal;
+use crate::jitter::report::Ended;
+use crate::jitter::run::{FarEnd, Wanted};
+use crate::jitter::table::table;
+use crate::jitter::{output, program, run};
 use crate::machine::tables::Tables;
-use crate::service::analyser::listen;
-use crate::service::jitter::report::Ended;
-use crate::service::jitter::run::{FarEnd, Wanted};
-use crate::service::jitter::table::table;
-use crate::service::jitter::{output, program, run};
-use crate::service::netns;
-use crate::service::process::Program;
-use crate::service::progress::say;
-use crate::service::refusal::Refusal;
-use crate::service::signals::{self, StopSignal};
+use crate::operator::progress::say;
+use crate::operator::refusal::Refusal;
+use crate::operator::session::Program;
 use anyhow::{Context, ensure};
 use clap::Args;
 use std::path::PathBuf;

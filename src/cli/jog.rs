@@ -4,10 +4,10 @@
 //! Out: jog orders, renewed while the command runs; one line when it is over. Killed in the midst, the joint comes to rest.
 
 use super::control::{ControlArgs, print};
-use crate::rt::hand::HOLDS_S;
-use crate::service::control::client::Client;
-use crate::service::progress::{alarm as alarm_text, say};
-use crate::service::signals::{StopSignal, exit_code};
+use crate::api::client::Client;
+use crate::host::signals::{StopSignal, exit_code};
+use crate::operator::progress::{alarm as alarm_text, say};
+use crate::rt::joint_jog::HOLDS_S;
 use anyhow::{Context, bail};
 use clap::Args;
 use motion::canon::Axis;

@@ -13,8 +13,8 @@ pub mod plan;
 pub mod run;
 pub mod simulate;
 
-use crate::service::progress::say;
-use crate::service::refusal::Refusal;
+use crate::operator::progress::say;
+use crate::operator::refusal::Refusal;
 use clap::{Parser, Subcommand};
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -105,7 +105,7 @@ pub fn main() -> ExitCode {
         Err(error) => error.exit(),
     };
     if let Command::Demo(_) | Command::Run(_) | Command::Jitter(_) = &cli.command {
-        crate::rt::setup::keep_one_heap();
+        crate::host::setup::keep_one_heap();
     }
     let result = match &cli.command {
         Command::Demo(args) => demo::demo(args),

@@ -1,11 +1,11 @@
 //! `isocnc run`: the control.
 
 use crate::config;
-use crate::service::job::{Job, run_and_report};
-use crate::service::process::{Program, Wire};
-use crate::service::refusal::Refusal;
-use crate::service::signals::StopSignal;
-use crate::service::standby::stand_by;
+use crate::host::signals::StopSignal;
+use crate::operator::refusal::Refusal;
+use crate::operator::session::{Program, Wire};
+use crate::operator::single_run::{Job, run_and_report};
+use crate::operator::standby::stand_by;
 use anyhow::Context;
 use clap::Args;
 use std::path::{Path, PathBuf};

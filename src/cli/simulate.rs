@@ -1,15 +1,16 @@
 //! `isocnc simulate`: the simulated machine as controlled nodes on an interface.
 
+use crate::analyser::Analyser;
 use crate::bus::sender::SoleSender;
 use crate::config::{self, KeepAwake, Require, Rt};
-use crate::rt::setup::{self, Role, STACK_SIZE, enter_thread};
-use crate::rt::wait::to_next;
-use crate::service::analyser::Analyser;
-use crate::service::process::StopOnDrop;
-use crate::service::progress::say;
-use crate::service::refusal::Refusal;
-use crate::service::signals::StopSignal;
-use crate::service::tap::Tap;
+use crate::host::setup;
+use crate::host::setup::{Role, STACK_SIZE, enter_thread};
+use crate::host::signals::StopSignal;
+use crate::host::wait::to_next;
+use crate::operator::progress::say;
+use crate::operator::refusal::Refusal;
+use crate::operator::session::StopOnDrop;
+use crate::operator::tap::Tap;
 use crate::sim::{self, SimMachine, serve};
 use anyhow::{Context, anyhow, ensure};
 use clap::Args;

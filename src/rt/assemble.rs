@@ -6,7 +6,6 @@
 use super::cycle::{Control, Outlets, Parts};
 use super::diagnosis;
 use super::drives::Drives;
-use super::hand::Hand;
 use super::homing::Homer;
 use super::overrides::Overrides;
 use super::pins::Pins;
@@ -15,7 +14,8 @@ use crate::bus::network::NodePlan;
 use crate::bus::{Fieldbus, InputImage, OutputImage};
 use crate::config::{Config, Joint};
 use crate::machine::overruns::Overruns;
-use crate::service::operator::Inlets;
+use crate::operator::console::Inlets;
+use crate::rt::joint_jog::Hand;
 use anyhow::{Context, anyhow};
 use hal_pins::Hal;
 use motion::rt::{Monitor, MonitorLimits};

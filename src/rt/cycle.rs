@@ -13,8 +13,6 @@ mod stops;
 
 use super::diagnosis;
 use super::drives::{Drive, Drives};
-use super::figures::Timing;
-use super::hand::{Hand, JogMotion, JogOrder};
 use super::homing::Homer;
 use super::pins::Pins;
 use super::shared::{Command, Live, Notice, Snapshot, TimedNotice, Trace};
@@ -23,6 +21,8 @@ use crate::config::JOINTS_MAX;
 use crate::machine::faults::{Fault, Reaction};
 use crate::machine::overruns::{Overruns, Verdict};
 use crate::machine::state::State;
+use crate::rt::cycle_stats::Timing;
+use crate::rt::joint_jog::{Hand, JogMotion, JogOrder};
 use cia402::axis::{AxisFault, Request, Status};
 use motion::canon::Position;
 use motion::element::Action;

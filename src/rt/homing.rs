@@ -11,9 +11,9 @@
 //! RT: nothing allocates but [`Homer::new`].
 
 use super::drives::Drives;
-use super::hand;
 use super::pins::Pins;
 use crate::config::{Config, HomeSwitch, HomingBy, JOINTS_MAX};
+use crate::rt::joint_jog;
 use motion::rt::homing::{Homing, HomingInput, HomingJoint, HomingStatus, HomingWay};
 
 /// Home switch in 60FDh.
@@ -80,7 +80,7 @@ impl Homer {
                     home: homing.position_mm - joint.squaring_offset_mm,
                     skew: control.skew_mm.unwrap_or(f64::INFINITY),
                 };
-                let limits = hand::limits(config, number);
+                let limits = joint_jog::limits(config, number);
                 let member = HomingJoint {
                     joint: number,
                     switch: control.switch_mm - joint.squaring_offset_mm,

@@ -14,7 +14,7 @@
 //! 0 % is a hold and no plan, because a hold stops within the stop limits from the next cycle on and leaves the plan as it
 //! is; a plan for no speed would have to creep to the next place where it can end. RT but where it says otherwise.
 
-use crate::service::bell::Bell;
+use crate::host::wake_signal::Bell;
 use motion::plan::{FEED_OVERRIDE_MAX, Slope};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Duration;

@@ -6,7 +6,6 @@
 //! Names are LinuxCNC's where LinuxCNC has one. [`Pins::new`] and the links are made at start-up; the rest is RT.
 
 use super::drives::Drives;
-use super::figures::Timing;
 use super::override_pins::OverridePins;
 use super::overrides::{Overridden, Overrides};
 use super::recent::Second;
@@ -16,6 +15,7 @@ use crate::bus::network::NodePlan;
 use crate::bus::{BusState, Fieldbus, InputImage, OutputImage};
 use crate::config::{self, Config, ConfigErrors, Profile};
 use crate::machine::state::State;
+use crate::rt::cycle_stats::Timing;
 use hal_pins::{Hal, HalError, Input, Memory, Output};
 use motion::canon::Axis;
 use motion::element::{Action, Enables};

@@ -3,11 +3,11 @@
 //! In:  orders and programs, through a ring.
 //! Out: [`Live`] (latest values), [`Notice`]s and [`Trace`] records, through rings that nobody in real time waits for.
 
-use super::hand::JogOrder;
 use super::overrides::Overrides;
 use crate::bus::BusEvent;
 use crate::machine::faults::Fault;
 use crate::machine::state::State;
+use crate::rt::joint_jog::JogOrder;
 use motion::canon::{AXES, Position};
 use motion::element::{Action, Enables};
 use motion::rt::jog::Obstruction;

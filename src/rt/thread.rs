@@ -4,14 +4,14 @@
 //! Out: calls of [`Control::cycle`], each as near to its date as the PC can; the figures of all cycles.
 
 use super::cycle::Control;
-use super::figures::{CycleFigures, CycleTimes, Recorder};
-use super::network_locks::NetworkLocks;
-use super::spin::Spin;
 use super::timeout::Watch;
-use super::wait::{Grid, monotonic_ns, sleep_until, spin_until};
 use crate::bus::Fieldbus;
 use crate::config::Config;
+use crate::host::network_locks::NetworkLocks;
+use crate::host::spin::Spin;
+use crate::host::wait::{Grid, monotonic_ns, sleep_until, spin_until};
 use crate::machine::state::State;
+use crate::rt::cycle_stats::{CycleFigures, CycleTimes, Recorder};
 use crate::sim::paced::{Pace, Paced};
 use std::sync::atomic::{AtomicBool, Ordering};
 

@@ -13,9 +13,9 @@
 //!
 //! All decisions are in [`Limits`] and [`Watchdog::tick`], which know no clock; [`TimeoutThread`] gives them one.
 
-use super::setup::{Process, Role, STACK_SIZE, enter_thread};
-use super::wait::{Grid, cpu_ns, monotonic_ns, sleep_until, thread_cpu_clock, thread_cpu_ns, wait_until};
 use crate::config::{Bus, KeepAwake, Rt};
+use crate::host::setup::{Process, Role, STACK_SIZE, enter_thread};
+use crate::host::wait::{Grid, cpu_ns, monotonic_ns, sleep_until, thread_cpu_clock, thread_cpu_ns, wait_until};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering};
 use std::thread::JoinHandle;
@@ -936,7 +936,7 @@ mod tests {
             lock_memory: false,
             ..Rt::default()
         };
-        let process = Arc::new(super::super::setup::prepare_process(&rt).unwrap());
+        let process = Arc::new(crate::host::setup::prepare_process(&rt).unwrap());
         let watch = Arc::new(Watch::default());
         let (producer, mut consumer) = rtrb::RingBuffer::new(REPORTS);
         watch.begin_poll(5, 1);

@@ -6,7 +6,7 @@
 //! still for the control and its machine. So what it shows is right, and says nothing about the PC. No RT link: it allocates.
 
 use super::{NetConfig, SimMachine, VirtualNet};
-use crate::rt::wait::{monotonic_ns, sleep_until};
+use crate::host::wait::{monotonic_ns, sleep_until};
 use powerlink::link::{Link, LinkError, Received};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

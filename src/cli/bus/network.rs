@@ -5,11 +5,11 @@
 //! the line of the machine file.
 
 use super::words::counted;
+use crate::api::client::{Client, ClientError};
+use crate::api::network_view::{BudgetView, MappedView, NetworkView, NodeView};
 use crate::config;
 use crate::machine::faults::SILENCED;
-use crate::service::control::client::{Client, ClientError};
-use crate::service::network_view::{BudgetView, MappedView, NetworkView, NodeView};
-use crate::service::refusal::Refusal;
+use crate::operator::refusal::Refusal;
 use anyhow::{Context, bail};
 use clap::Args;
 use serde_json::{Value, json};
@@ -338,7 +338,7 @@ fn mapping(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
                     format!("{first}..{last}")
                 };
                 let name = super::words::profile_object_name(object.index);
-                let at = crate::service::network_view::object(object.index, object.sub);
+                let at = crate::api::network_view::object(object.index, object.sub);
                 format!("{place:>7} | {at:9} | {name:20}")
             })
         };

@@ -7,7 +7,7 @@ mod access;
 
 use super::value::{self, encode, guess};
 use super::words::{self, OBJECTS, counted};
-use crate::service::refusal::Refusal;
+use crate::operator::refusal::Refusal;
 use access::{Access, Failure};
 use anyhow::{Context, anyhow, bail};
 use clap::{Args, Subcommand};

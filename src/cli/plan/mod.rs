@@ -16,7 +16,7 @@ mod slow_places;
 
 use crate::config::{self, Config};
 use crate::machine::tables::Tables;
-use crate::service::refusal::Refusal;
+use crate::operator::refusal::Refusal;
 use anyhow::{Context, anyhow};
 use clap::{Args, ValueEnum};
 use motion::plan::Slope;

@@ -10,8 +10,8 @@ mod tool_path;
 use super::report::Report;
 use super::run_down::Work;
 use crate::config::Config;
-use crate::service::plot::sheet::Sheet;
-use crate::service::plot::{BODY, TITLE};
+use crate::plot::sheet::Sheet;
+use crate::plot::{BODY, TITLE};
 
 /// Whole picture, pixels.
 const WIDTH: f64 = 1200.0;

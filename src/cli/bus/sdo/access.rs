@@ -3,9 +3,9 @@
 use super::super::scan::open;
 use super::super::station::{Parameters, Station};
 use super::SdoArgs;
-use crate::service::control::client::{Client, ClientError};
-use crate::service::control::methods::value_of;
-use crate::service::control::rpc::{RpcError, code, to_hex};
+use crate::api::client::{Client, ClientError};
+use crate::api::methods::value_of;
+use crate::api::rpc::{RpcError, code, to_hex};
 use anyhow::{Context, anyhow};
 use obd::AbortCode;
 use powerlink::link::Link;

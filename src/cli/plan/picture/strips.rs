@@ -6,9 +6,9 @@
 use super::WIDTH;
 use crate::cli::plan::joints::{Joint, NAMES, ORDERS};
 use crate::cli::plan::run_down::{Event, Work};
-use crate::service::plot::lines::{number, round_up};
-use crate::service::plot::sheet::{Anchor, Face, Sheet};
-use crate::service::plot::{BODY, GRID, INK, SMALL};
+use crate::plot::lines::{number, round_up};
+use crate::plot::sheet::{Anchor, Face, Sheet};
+use crate::plot::{BODY, GRID, INK, SMALL};
 
 const LEFT: f64 = 64.0;
 const RIGHT: f64 = WIDTH - 118.0;

@@ -4,9 +4,9 @@
 
 use super::{EDGE, WIDTH};
 use crate::cli::plan::run_down::Work;
-use crate::service::plot::lines::{number, round_up, thin_out};
-use crate::service::plot::sheet::{Anchor, Sheet};
-use crate::service::plot::{BODY, INK, RAPID, SMALL};
+use crate::plot::lines::{number, round_up, thin_out};
+use crate::plot::sheet::{Anchor, Sheet};
+use crate::plot::{BODY, INK, RAPID, SMALL};
 use motion::canon::{Axis, Position};
 
 /// Points of the picture at the most; above it, details are left out.

@@ -1,0 +1,298 @@
+use super::*;
+use crate::api::orders;
+use crate::api::rpc;
+use crate::bus::{SDO_ORDERS, SDO_VALUE_MAX};
+use crate::config;
+use crate::rt::diagnosis::rings;
+use powerlink::mn::NetworkReason;
+use powerlink::nmt::NmtState;
+use std::path::Path;
+
+fn methods() -> Methods {
+    let machine = include_str!("../../configs/mill3-demo.toml");
+    let config = config::parse(machine, Path::new("demo.toml")).unwrap();
+    let (_, inlet) = rings(config.bus.nodes.len());
+    let (counter, _) = orders::desk();
+    Methods::new(
+        NetworkView::of(&config),
+        Arc::new(Live::default()),
+        inlet,
+        counter,
+        || 0,
+    )
+}
+
+fn call(methods: &mut Methods, method: &str, params: Value) -> Option<Result<Value, RpcError>> {
+    let line = json!({ "jsonrpc": "2.0", "id": 1, "method": method, "params": params }).to_string();
+    methods.call(&rpc::parse(line.as_bytes()).unwrap(), 7)
+}
+
+fn refusal(methods: &mut Methods, method: &str, params: Value) -> String {
+    call(methods, method, params).unwrap().unwrap_err().message
+}
+
+#[test]
+fn names_are_given_once_and_the_table_tells_them() {
+    for (place, method) in METHODS.iter().enumerate() {
+        assert!(METHODS[..place].iter().all(|other| other.name != method.name));
+    }
+    let table = call(&mut methods(), "methods", json!({})).unwrap().unwrap();
+    assert_eq!(table.as_array().unwrap().len(), METHODS.len());
+    assert_eq!(table[3]["name"], "bus.sdo_read");
+    assert_eq!(table[3]["params"], json!(["node", "index", "sub"]));
+}
+
+#[test]
+fn refusals_say_what_there_is() {
+    let mut methods = methods();
+    assert_eq!(
+        refusal(&mut methods, "bus.nodes", json!({})),
+        "no method \"bus.nodes\"; there are methods, status, bus.network, bus.sdo_read, bus.sdo_write, \
+         program.run, enable, home, jog, jog.keep, jog.stop, hold, resume, reverse, single_block, stop, override, \
+         alarm.acknowledge"
+    );
+    assert_eq!(
+        refusal(&mut methods, "status", json!({ "x": 1 })),
+        "unknown parameter \"x\": it takes none"
+    );
+    assert_eq!(
+        refusal(
+            &mut methods,
+            "bus.sdo_read",
+            json!({ "node": 99, "index": 0x1000, "sub": 0 })
+        ),
+        "no node has the id 99; nodes are 1, 2, 3, 10"
+    );
+    assert_eq!(
+        refusal(
+            &mut methods,
+            "bus.sdo_read",
+            json!({ "node": 1, "index": 0x10000, "sub": 0 })
+        ),
+        "parameter \"index\": expected a whole number from 0 to 65535, got 65536"
+    );
+    let long = "00".repeat(SDO_VALUE_MAX + 1);
+    let refusal = refusal(
+        &mut methods,
+        "bus.sdo_write",
+        json!({ "node": 1, "index": 1, "sub": 0, "value": long }),
+    );
+    assert!(refusal.starts_with("parameter \"value\": expected up to 4096 octets"));
+    assert_eq!(methods.bus.buffers.len(), SDO_ORDERS, "no buffer is lost");
+}
+
+#[test]
+fn a_silenced_control_shows_itself_and_refuses_everything_else_at_once() {
+    let mut methods = methods();
+    methods.live.silence();
+    let status = call(&mut methods, "status", json!({})).unwrap().unwrap();
+    assert_eq!(status["state"], "silenced");
+    assert!(call(&mut methods, "bus.network", json!({})).unwrap().is_ok());
+    for method in METHODS.iter().filter(|method| !method.looks) {
+        assert_eq!(
+            refusal(&mut methods, method.name, json!({})),
+            SILENCED,
+            "{}",
+            method.name
+        );
+    }
+}
+
+#[test]
+fn before_the_first_record_only_the_machine_file_is_told() {
+    let mut methods = methods();
+    let network = call(&mut methods, "bus.network", json!({})).unwrap().unwrap();
+    let view: NetworkView = serde_json::from_value(network).unwrap();
+    assert_eq!(view, methods.network);
+    let status = call(&mut methods, "status", json!({})).unwrap().unwrap();
+    assert_eq!((&status["state"], &status["cycles"]), (&json!("booting"), &json!(0)));
+}
+
+#[test]
+fn records_are_told_as_soon_as_they_are_taken_in() {
+    let mut methods = methods();
+    let network = NetworkDiagnosis {
+        state: NmtState::NotActive,
+        reason: Some(NetworkReason::Starting),
+        foreign_mn: None,
+    };
+    methods.latest = Some((network, Counters::default()));
+    let view = call(&mut methods, "bus.network", json!({})).unwrap().unwrap();
+    assert_eq!(view["live"]["nmt_state"], "NOT_ACTIVE");
+    assert_eq!(view["live"]["why"], "wakes and resets the nodes");
+    assert_eq!(view["nodes"][0]["live"], Value::Null);
+}
+
+#[test]
+fn orders_wait_for_a_buffer_and_no_longer() {
+    let mut methods = methods();
+    let read = json!({ "node": 1, "index": 0x1018, "sub": 1 });
+    for _ in 0..SDO_ORDERS {
+        assert_eq!(call(&mut methods, "bus.sdo_read", read.clone()), None);
+    }
+    let full = "as many objects as possible are being read or written already";
+    assert_eq!(refusal(&mut methods, "bus.sdo_read", read), full);
+    assert!(methods.later().is_none());
+}
+
+#[test]
+fn programs_come_by_path_or_as_text() {
+    let machine = include_str!("../../configs/mill3-demo.toml");
+    let config = config::parse(machine, Path::new("demo.toml")).unwrap();
+    let (_, inlet) = rings(config.bus.nodes.len());
+    let (counter, desk) = orders::desk();
+    let mut methods = Methods::new(
+        NetworkView::of(&config),
+        Arc::new(Live::default()),
+        inlet,
+        counter,
+        || 0,
+    );
+    for (params, refused) in [
+        (json!({}), "expected \"path\", or \"text\" and \"name\""),
+        (
+            json!({ "path": "part.ngc" }),
+            "parameter \"path\": expected an absolute path, got \"part.ngc\"",
+        ),
+        (json!({ "path": 5 }), "parameter \"path\": expected a text, got 5"),
+        (
+            json!({ "path": "/part.ngc", "text": "M2" }),
+            "expected \"path\" alone, or \"text\" and \"name\"",
+        ),
+    ] {
+        assert_eq!(refusal(&mut methods, "program.run", params), refused);
+    }
+    assert_eq!(call(&mut methods, "program.run", json!({ "path": "/part.ngc" })), None);
+    assert_eq!(desk.next(), Some((7, Order::Run(Source::File("/part.ngc".into())))));
+    assert_eq!(
+        call(&mut methods, "program.run", json!({ "name": "n", "text": "M2" })),
+        None
+    );
+    let text = Source::Text {
+        name: "n".into(),
+        text: "M2".into(),
+    };
+    assert_eq!(desk.next(), Some((7, Order::Run(text))));
+    assert_eq!(call(&mut methods, "hold", json!({})), None);
+    assert_eq!(desk.next(), Some((7, Order::Hold)));
+    desk.answer(7, Ok(json!({})));
+    assert_eq!(methods.later(), Some((7, Ok(json!({})))));
+    for (method, params, order) in [
+        ("reverse", json!({}), Order::Reverse(1.0)),
+        ("reverse", json!({ "percent": 25 }), Order::Reverse(0.25)),
+        ("single_block", json!({ "on": true }), Order::SingleBlock(true)),
+    ] {
+        assert_eq!(call(&mut methods, method, params), None);
+        assert_eq!(desk.next(), Some((7, order)));
+    }
+    for (method, params, refused) in [
+        (
+            "reverse",
+            json!({ "percent": 0 }),
+            "parameter \"percent\": expected a number above 0 and up to 100, got 0",
+        ),
+        (
+            "reverse",
+            json!({ "percent": 101.5 }),
+            "parameter \"percent\": expected a number above 0 and up to 100, got 101.5",
+        ),
+        (
+            "single_block",
+            json!({}),
+            "parameter \"on\": expected true or false, it is missing",
+        ),
+        (
+            "single_block",
+            json!({ "on": 1 }),
+            "parameter \"on\": expected true or false, got 1",
+        ),
+    ] {
+        assert_eq!(refusal(&mut methods, method, params), refused);
+    }
+    drop(desk);
+    assert_eq!(refusal(&mut methods, "stop", json!({})), "the control is ending");
+}
+
+#[test]
+fn a_jog_says_what_how_fast_and_how_far() {
+    let read = |params: Value| {
+        let line = json!({ "jsonrpc": "2.0", "id": 1, "method": "jog", "params": params }).to_string();
+        jog(&rpc::parse(line.as_bytes()).unwrap().params).map_err(|error| error.message)
+    };
+    assert_eq!(
+        read(json!({ "axis": "x", "velocity_mm_s": -20 })),
+        Ok(Jog {
+            what: Some(Jogged::Axis(Axis::X)),
+            motion: JogMotion::Run { velocity_mm_s: -20.0 },
+        })
+    );
+    assert_eq!(
+        read(json!({ "joint": 2, "velocity_mm_s": 5.5, "distance_mm": -0.1 })),
+        Ok(Jog {
+            what: Some(Jogged::Joint(2)),
+            motion: JogMotion::Advance {
+                distance_mm: -0.1,
+                velocity_mm_s: 5.5,
+            },
+        })
+    );
+    for (params, why) in [
+        (json!({ "velocity_mm_s": 1 }), "expected \"axis\" or \"joint\""),
+        (
+            json!({ "axis": "X", "joint": 1, "velocity_mm_s": 1 }),
+            "expected \"axis\" or \"joint\", not both",
+        ),
+        (
+            json!({ "axis": "XY", "velocity_mm_s": 1 }),
+            "parameter \"axis\": expected one of X Y Z A B C U V W, got \"XY\"",
+        ),
+        (
+            json!({ "axis": "X" }),
+            "parameter \"velocity_mm_s\": expected a number, it is missing",
+        ),
+        (
+            json!({ "axis": "X", "velocity_mm_s": "fast" }),
+            "parameter \"velocity_mm_s\": expected a number, got \"fast\"",
+        ),
+        (
+            json!({ "axis": "X", "velocity_mm_s": 0 }),
+            "parameter \"velocity_mm_s\": expected a velocity, got 0",
+        ),
+    ] {
+        assert_eq!(read(params), Err(why.to_owned()));
+    }
+}
+
+#[test]
+fn overrides_are_turned_at_once_all_or_none() {
+    let mut methods = methods();
+    let turned = call(&mut methods, "override", json!({ "feed": 80, "rapid": 25.5 }))
+        .unwrap()
+        .unwrap();
+    let stands = json!({
+        "feed_percent": 80.0, "rapid_percent": 25.5, "spindle_percent": 100.0, "feed_acts": true, "spindle_acts": true,
+        "adaptive_feed_acts": false, "feed_hold_acts": true,
+    });
+    assert_eq!(turned, stands);
+    for (params, refused) in [
+        (
+            json!({}),
+            "expected \"feed\", \"rapid\" or \"spindle\", in percent of what is programmed",
+        ),
+        (json!({ "feed": 50, "rapid": 101 }), "rapid 101 %: expected 0 to 100 %"),
+        (json!({ "feed": 120.1 }), "feed 120.1 %: expected 0 to 120 %"),
+        (json!({ "spindle": 10 }), "spindle 10 %: expected 50 to 120 %"),
+        (
+            json!({ "feed": "fast" }),
+            "parameter \"feed\": expected a number, got \"fast\"",
+        ),
+        (
+            json!({ "speed": 50 }),
+            "unknown parameter \"speed\": known are feed, rapid, spindle",
+        ),
+    ] {
+        assert_eq!(refusal(&mut methods, "override", params), refused);
+    }
+    let status = call(&mut methods, "status", json!({})).unwrap().unwrap();
+    assert_eq!(status["override"], stands, "a refusal changes nothing");
+}

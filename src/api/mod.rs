@@ -1,0 +1,15 @@
+//! The control socket: a running control answers questions and takes orders of other processes.
+//!
+//! In:  JSON-RPC 2.0 requests, one a line, over a Unix stream socket that only the control's user may open.
+//! Out: answers, one a line. What real time knows comes from what it publishes; orders to it go through rings. The
+//! service thread may wait, allocate and fail: nothing in real time waits for it.
+//!
+//! [`methods`] is the table of what can be asked; [`server`] keeps clients apart; [`client`] is the asking end.
+
+pub mod client;
+pub mod methods;
+pub mod network_view;
+pub mod orders;
+pub mod rpc;
+pub mod server;
+pub mod socket;

@@ -1,0 +1,228 @@
+//! The operator's desk: what clients of the control socket want of him, his answers, and what lies open there to read.
+//!
+//! In:  orders, from the service thread. Out: one answer for each, some when it is carried out; [`Shown`], at any time.
+//!
+//! Neither side waits for the other. The lock around [`Shown`] is between two ordinary threads.
+
+use crate::api::rpc::RpcError;
+use crate::api::server::Ticket;
+use crate::rt::joint_jog::JogMotion;
+use motion::canon::Axis;
+use serde::Serialize;
+use serde_json::Value;
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Orders that can wait; the operator looks every few milliseconds.
+const ORDERS: usize = 16;
+
+/// What a client wants.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Order {
+    /// Switch drives on, home, run a program, switch them off again.
+    Run(Source),
+    /// Switch drives on, to jog and home by hand.
+    Enable,
+    /// Home all joints; drives are switched on first if they are off, and stay on.
+    Home,
+    /// Move joints by hand.
+    Jog(Jog),
+    /// Come to rest on the path, keep the program.
+    Hold,
+    /// Go on after a hold; in single block, with the next block.
+    Resume,
+    /// Run back along the path, at this share of its speed.
+    Reverse(f64),
+    /// Whether to rest at the end of each block.
+    SingleBlock(bool),
+    /// Come to rest on the path, give the program up, switch drives off.
+    Stop,
+    /// Allow motion again after a fault whose cause is gone.
+    Acknowledge,
+    /// Whoever gave the order of this ticket has gone: what has not begun shall not begin. Has no answer.
+    Withdraw,
+}
+
+/// What to move by hand, and how.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Jog {
+    /// What is to move; `None`: whatever moves, for [`JogMotion::Keep`] and [`JogMotion::Release`].
+    pub what: Option<Jogged>,
+    /// How.
+    pub motion: JogMotion,
+}
+
+/// What can be moved by hand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Jogged {
+    /// All joints of an axis.
+    Axis(Axis),
+    /// One joint, and those that cannot but move with it.
+    Joint(usize),
+}
+
+/// Where a program comes from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// A file that the control may read.
+    File(PathBuf),
+    /// The text itself, and its name for messages.
+    Text {
+        /// Name.
+        name: String,
+        /// Text.
+        text: String,
+    },
+}
+
+/// What lies open on the desk.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Shown {
+    /// Step of the sequence, in words.
+    pub step: &'static str,
+    /// The program under way, or the last one.
+    pub program: Option<ShownProgram>,
+    /// Why the machine stopped by itself; stands until it is acknowledged or another program begins.
+    pub alarm: Option<String>,
+    /// What ended the last jog, if something was in its way.
+    pub obstruction: Option<String>,
+}
+
+/// A program of [`Shown`].
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ShownProgram {
+    /// Its name.
+    pub name: String,
+    /// Its last line with something to do.
+    pub lines: u32,
+    /// Planned time, s.
+    pub planned_time_s: f64,
+    /// How it ended, once it has.
+    pub result: Option<&'static str>,
+}
+
+/// The clients' side.
+#[derive(Debug)]
+pub struct Counter {
+    orders: SyncSender<(Ticket, Order)>,
+    answers: Receiver<(Ticket, Result<Value, RpcError>)>,
+    shown: Arc<Mutex<Shown>>,
+}
+
+/// The operator's side.
+#[derive(Debug)]
+pub struct Desk {
+    orders: Receiver<(Ticket, Order)>,
+    answers: Sender<(Ticket, Result<Value, RpcError>)>,
+    shown: Arc<Mutex<Shown>>,
+    latest: Shown,
+}
+
+/// Both sides.
+pub fn desk() -> (Counter, Desk) {
+    let (orders, orders_out) = sync_channel(ORDERS);
+    let (answers_in, answers) = channel();
+    let shown = Arc::new(Mutex::new(Shown::default()));
+    let counter = Counter {
+        orders,
+        answers,
+        shown: Arc::clone(&shown),
+    };
+    let desk = Desk {
+        orders: orders_out,
+        answers: answers_in,
+        shown,
+        latest: Shown::default(),
+    };
+    (counter, desk)
+}
+
+impl Counter {
+    /// Puts an order on the desk; its answer comes with the ticket.
+    ///
+    /// # Errors
+    /// There is no room, or nobody at the desk.
+    pub fn put(&self, ticket: Ticket, order: Order) -> Result<(), &'static str> {
+        self.orders.try_send((ticket, order)).map_err(|error| match error {
+            TrySendError::Full(_) => "too many orders at once",
+            TrySendError::Disconnected(_) => "the control is ending",
+        })
+    }
+
+    /// Says that nobody waits for the answer to an order any more. False: there is no room, say it again.
+    pub fn withdraw(&self, ticket: Ticket) -> bool {
+        !matches!(
+            self.orders.try_send((ticket, Order::Withdraw)),
+            Err(TrySendError::Full(_))
+        )
+    }
+
+    /// An answer that is ready.
+    pub fn answer(&self) -> Option<(Ticket, Result<Value, RpcError>)> {
+        self.answers.try_recv().ok()
+    }
+
+    /// What lies open.
+    pub fn shown(&self) -> Shown {
+        self.shown.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+impl Desk {
+    /// The next order.
+    pub fn next(&self) -> Option<(Ticket, Order)> {
+        self.orders.try_recv().ok()
+    }
+
+    /// Answers one.
+    pub fn answer(&self, ticket: Ticket, result: Result<Value, RpcError>) {
+        // Nobody reads it any more where the service thread has ended.
+        let _ = self.answers.send((ticket, result));
+    }
+
+    /// Shows how things are.
+    pub fn show(&mut self, shown: Shown) {
+        if shown != self.latest {
+            self.latest.clone_from(&shown);
+            *self.shown.lock().unwrap_or_else(PoisonError::into_inner) = shown;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn orders_and_answers_keep_their_tickets() {
+        let (counter, mut desk) = desk();
+        counter.put(7, Order::Hold).unwrap();
+        counter.put(8, Order::Stop).unwrap();
+        assert_eq!(desk.next(), Some((7, Order::Hold)));
+        assert_eq!(desk.next(), Some((8, Order::Stop)));
+        assert_eq!((desk.next(), counter.answer()), (None, None));
+        desk.answer(8, Ok(Value::Null));
+        assert_eq!(counter.answer(), Some((8, Ok(Value::Null))));
+        let shown = Shown {
+            alarm: Some("x-drive lost".into()),
+            obstruction: None,
+            ..Shown::default()
+        };
+        desk.show(shown.clone());
+        assert_eq!(counter.shown(), shown);
+    }
+
+    #[test]
+    fn neither_side_waits() {
+        let (counter, desk) = desk();
+        for ticket in 0..ORDERS as u64 {
+            counter.put(ticket, Order::Hold).unwrap();
+        }
+        assert_eq!(counter.put(99, Order::Stop), Err("too many orders at once"));
+        assert!(!counter.withdraw(3));
+        drop(desk);
+        assert!(counter.withdraw(3));
+        assert_eq!(counter.put(99, Order::Stop), Err("the control is ending"));
+    }
+}

@@ -1,0 +1,298 @@
+//! The service thread: clients, their lines, their answers.
+//!
+//! In:  connections, lines of any octets.
+//! Out: one answer for each request, in any order. Everything a client can make grow has a limit: a client that does not
+//! read is not read any more either, and the others do not notice.
+
+use super::rpc::{self, Request, RpcError, code};
+use super::socket::{Socket, check_peer};
+use crate::host::wait::to_next;
+use nix::poll::{PollFd, PollFlags, ppoll};
+use nix::sys::time::TimeSpec;
+use serde_json::Value;
+use std::io::{ErrorKind, Read, Write};
+use std::os::fd::AsFd;
+use std::os::unix::net::UnixStream;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// Clients at the same time. One more takes the place of the one that has been silent for the longest time: a stop must get
+/// through whoever else is there.
+pub const CLIENTS_MAX: usize = 16;
+/// Clients that are taken in one turn: each is read in the next one, before it can be the longest silent of many new ones.
+const TAKEN_PER_TURN: usize = 4;
+/// Octets of a line without its end.
+pub const LINE_MAX: usize = 64 * 1024;
+/// With so many octets of answers waiting, a client is not served before it has read.
+const OUTPUT_HIGH: usize = 256 * 1024;
+/// Requests of one client that wait for a node.
+const PENDING_MAX: usize = 8;
+/// Octets read at once.
+const CHUNK: usize = 4096;
+/// Longest time between two looks at what real time has to say, ms.
+const PERIOD: Duration = Duration::from_millis(20);
+
+/// Names a request whose answer comes later.
+pub type Ticket = u64;
+
+/// What the requests are about.
+pub trait Serve {
+    /// Answers a request; `None`: [`later`](Self::later) brings the answer with this ticket.
+    fn call(&mut self, request: &Request, ticket: Ticket) -> Option<Result<Value, RpcError>>;
+
+    /// Takes in what has come since the last call and gives an answer that is ready.
+    fn later(&mut self) -> Option<(Ticket, Result<Value, RpcError>)>;
+
+    /// Whoever waits for this answer has gone. False: to be told again.
+    fn gone(&mut self, ticket: Ticket) -> bool;
+}
+
+/// Serves until `stop`.
+pub fn serve(socket: &Socket, service: &mut impl Serve, stop: &AtomicBool) {
+    let mut clients: Vec<Client> = Vec::new();
+    let mut next_ticket = 0;
+    while !stop.load(Ordering::Acquire) {
+        while let Some((ticket, result)) = service.later() {
+            for client in &mut clients {
+                client.answer_later(ticket, &result);
+            }
+        }
+        for client in &mut clients {
+            client.serve_lines(service, &mut next_ticket);
+            client.write();
+            client.tell_gone(service);
+        }
+        clients.retain(|client| !client.is_over());
+        wait(socket, &mut clients);
+        accept(socket, &mut clients, service, &mut next_ticket);
+    }
+    // What is ready should still arrive.
+    clients.iter_mut().for_each(Client::write);
+}
+
+/// Waits for clients; those that have something to say are read.
+fn wait(socket: &Socket, clients: &mut [Client]) {
+    for at in ready(socket, clients) {
+        clients[at].read();
+    }
+}
+
+/// Waits; the positions of the clients for which something can be done.
+fn ready(socket: &Socket, clients: &[Client]) -> Vec<usize> {
+    let (watched, watched_fds): (Vec<usize>, Vec<PollFd<'_>>) = clients
+        .iter()
+        .enumerate()
+        .filter(|(_, client)| client.is_watched())
+        .map(|(at, client)| {
+            let mut wanted = PollFlags::empty();
+            wanted.set(PollFlags::POLLIN, client.wants_to_read());
+            wanted.set(PollFlags::POLLOUT, !client.output.is_empty());
+            (at, PollFd::new(client.stream.as_fd(), wanted))
+        })
+        .unzip();
+    let mut fds = vec![PollFd::new(socket.listener().as_fd(), PollFlags::POLLIN)];
+    fds.extend(watched_fds);
+    // An interrupted or failed wait is a short one.
+    let _ = ppoll(&mut fds, Some(TimeSpec::from_duration(to_next(PERIOD))), None);
+    let pairs = watched.into_iter().zip(&fds[1..]);
+    pairs
+        .filter(|(_, fd)| fd.any().unwrap_or(false))
+        .map(|(at, _)| at)
+        .collect()
+}
+
+fn accept(socket: &Socket, clients: &mut Vec<Client>, service: &mut impl Serve, next_ticket: &mut Ticket) {
+    for _ in 0..TAKEN_PER_TURN {
+        let Ok((stream, _)) = socket.listener().accept() else {
+            return;
+        };
+        if stream.set_nonblocking(true).is_err() || check_peer(&stream).is_err() {
+            continue;
+        }
+        if clients.len() >= CLIENTS_MAX {
+            // One that waits for an answer goes only where all do.
+            let silent = (0..clients.len()).min_by_key(|at| (clients[*at].waits(), clients[*at].heard));
+            if let Some(mut client) = silent.map(|at| clients.swap_remove(at)) {
+                let what = format!("{CLIENTS_MAX} others are connected, and this one was silent for the longest time");
+                client.answer(&Value::Null, Err(RpcError::new(code::REFUSED, what)));
+                client.write();
+                client.pending.iter().for_each(|(ticket, _)| _ = service.gone(*ticket));
+            }
+        }
+        *next_ticket += 1;
+        clients.push(Client::new(stream, *next_ticket));
+    }
+}
+
+/// One connection.
+struct Client {
+    stream: UnixStream,
+    /// When something of it was heard last: the ticket of that, or of its connection.
+    heard: Ticket,
+    /// What has come and is not served yet: at most a line and a chunk.
+    input: Vec<u8>,
+    /// A line that is too long has been refused; its rest is passed over.
+    skipping: bool,
+    output: Vec<u8>,
+    /// Requests that wait for their answer: ticket and id.
+    pending: Vec<(Ticket, Option<Value>)>,
+    /// Nothing more will come.
+    ended: bool,
+    broken: bool,
+}
+
+impl Client {
+    fn new(stream: UnixStream, heard: Ticket) -> Client {
+        Client {
+            stream,
+            heard,
+            input: Vec::new(),
+            skipping: false,
+            output: Vec::new(),
+            pending: Vec::new(),
+            ended: false,
+            broken: false,
+        }
+    }
+
+    fn is_over(&self) -> bool {
+        let served = self.ended && self.pending.is_empty() && self.output.is_empty() && !self.has_line();
+        self.broken && self.pending.iter().all(|(_, id)| id.is_none()) || served
+    }
+
+    /// Whether it has asked for something that it has no answer to.
+    fn waits(&self) -> bool {
+        !self.pending.is_empty() || !self.input.is_empty()
+    }
+
+    fn has_line(&self) -> bool {
+        self.input.contains(&b'\n')
+    }
+
+    fn wants_to_read(&self) -> bool {
+        !self.ended && self.may_be_served() && !self.has_line()
+    }
+
+    /// Whether a wait is for this client, too. The system tells of one that has gone although nothing is asked: while its
+    /// request waits for a node, it would end every wait at once.
+    fn is_watched(&self) -> bool {
+        self.wants_to_read() || !self.output.is_empty()
+    }
+
+    fn may_be_served(&self) -> bool {
+        self.output.len() < OUTPUT_HIGH && self.pending.len() < PENDING_MAX
+    }
+
+    fn read(&mut self) {
+        if !self.wants_to_read() {
+            return;
+        }
+        let mut chunk = [0; CHUNK];
+        match self.stream.read(&mut chunk) {
+            Ok(0) => {
+                self.ended = true;
+                // The last line may lack its end.
+                if !self.input.is_empty() || self.skipping {
+                    self.input.push(b'\n');
+                }
+            }
+            Ok(length) => self.input.extend_from_slice(&chunk[..length]),
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {}
+            Err(_) => self.broken = true,
+        }
+    }
+
+    /// Serves whole lines while the client takes the answers.
+    fn serve_lines(&mut self, service: &mut impl Serve, next_ticket: &mut Ticket) {
+        while self.may_be_served() {
+            let Some(end) = self.input.iter().position(|octet| *octet == b'\n') else {
+                if self.input.len() > LINE_MAX {
+                    self.input.clear();
+                    if !std::mem::replace(&mut self.skipping, true) {
+                        self.refuse_long_line();
+                    }
+                }
+                return;
+            };
+            let line: Vec<u8> = self.input.drain(..=end).collect();
+            let line = line[..end].strip_suffix(b"\r").unwrap_or(&line[..end]);
+            if std::mem::take(&mut self.skipping) {
+                continue;
+            }
+            if line.len() > LINE_MAX {
+                self.refuse_long_line();
+            } else if !line.iter().all(u8::is_ascii_whitespace) {
+                *next_ticket += 1;
+                self.heard = *next_ticket;
+                self.serve_line(line, service, *next_ticket);
+            }
+        }
+    }
+
+    fn serve_line(&mut self, line: &[u8], service: &mut impl Serve, ticket: Ticket) {
+        match rpc::parse(line) {
+            Err((id, error)) => self.answer(&id, Err(error)),
+            Ok(request) => match (service.call(&request, ticket), request.id) {
+                (Some(result), Some(id)) => self.answer(&id, result),
+                // A notification is carried out and not answered.
+                (Some(_), None) => {}
+                (None, id) => self.pending.push((ticket, id)),
+            },
+        }
+    }
+
+    /// Tells that nobody waits for the answers any more. One that says no more may still wait; notifications never did.
+    fn tell_gone(&mut self, service: &mut impl Serve) {
+        if !self.pending.is_empty() && (self.broken || self.ended && self.has_hung_up()) {
+            self.pending
+                .retain(|(ticket, id)| id.is_none() || !service.gone(*ticket));
+        }
+    }
+
+    fn has_hung_up(&self) -> bool {
+        let mut fd = [PollFd::new(self.stream.as_fd(), PollFlags::empty())];
+        // A look and no wait.
+        let looked = ppoll(&mut fd, Some(TimeSpec::from_duration(Duration::ZERO)), None).is_ok();
+        looked
+            && fd[0]
+                .revents()
+                .is_some_and(|events| events.contains(PollFlags::POLLHUP))
+    }
+
+    fn refuse_long_line(&mut self) {
+        let what = format!("the line is longer than {LINE_MAX} octets");
+        self.answer(&Value::Null, Err(RpcError::new(code::INVALID_REQUEST, what)));
+    }
+
+    fn answer_later(&mut self, ticket: Ticket, result: &Result<Value, RpcError>) {
+        let Some(at) = self.pending.iter().position(|(own, _)| *own == ticket) else {
+            return;
+        };
+        if let (_, Some(id)) = self.pending.swap_remove(at) {
+            self.answer(&id, result.clone());
+        }
+    }
+
+    fn answer(&mut self, id: &Value, result: Result<Value, RpcError>) {
+        self.output.extend_from_slice(rpc::answer(id, result).as_bytes());
+    }
+
+    fn write(&mut self) {
+        while !self.output.is_empty() {
+            match self.stream.write(&self.output) {
+                Ok(0) => self.broken = true,
+                Ok(length) => drop(self.output.drain(..length)),
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return,
+                Err(_) => self.broken = true,
+            }
+            if self.broken {
+                return;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "server_tests.rs"]
+mod tests;

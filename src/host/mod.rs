@@ -1,0 +1,16 @@
+//! This PC: what real time needs of it, what it can do, what stands in the way.
+
+pub mod calibrate;
+pub mod capabilities;
+pub mod doctor;
+pub mod histogram;
+pub mod latency;
+pub mod netns;
+pub mod network_locks;
+pub mod setup;
+pub mod signals;
+pub mod spin;
+pub mod stalls;
+pub mod steadiness;
+pub mod wait;
+pub mod wake_signal;

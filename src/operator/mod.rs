@@ -1,0 +1,15 @@
+//! The running control as its operator sees it: a session from start to end, programs, manual mode, stand-by, reports.
+
+pub mod console;
+mod manual_mode;
+pub mod operator_loop;
+pub mod progress;
+pub mod recorder;
+pub mod refusal;
+pub mod report;
+pub mod session;
+pub mod single_run;
+pub mod standby;
+pub mod systemd;
+mod table_writer;
+pub mod tap;

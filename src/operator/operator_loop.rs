@@ -1,0 +1,451 @@
+//! The operator's loop of a running control: orders, the program thread, whoever looks after it; until everything is over.
+//!
+//! In:  what the real-time threads show and report, a wish to stop.
+//! Out: orders to the cycle thread; what was planned of the last program.
+
+use super::standby::{Clients, Part};
+use super::systemd::{Service, Sight};
+use crate::api::orders::Desk;
+use crate::host::capabilities;
+use crate::host::capabilities::Work;
+use crate::host::stalls::Stalls;
+use crate::host::wait::{monotonic_ns, to_next};
+use crate::machine::sequence::Step;
+use crate::machine::state::State;
+use crate::machine::tables::lock;
+use crate::operator::console::{Operator, Wish};
+use crate::operator::session::{ANEW, Program, Session, Task};
+use crate::operator::table_writer::Keeper;
+use crate::program::{self, FeedError, Feeder, probing, ring_capacity, stop_ramp, stop_shares};
+use crate::rt::cycle_stats::Windows;
+use crate::rt::shared::Live;
+use crate::rt::timeout;
+use gcode::CheckLimits;
+use motion::cancel::Cancel;
+use motion::canon::Position;
+use motion::element::Element;
+use motion::plan::Programmed;
+use motion::ring::{self, Producer};
+use motion::rt::Interpolator;
+use std::io::Write;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{Scope, ScopedJoinHandle};
+use std::time::Duration;
+
+/// Pause of the loop.
+const PAUSE: Duration = Duration::from_millis(10);
+/// Pause of the planner while the ring is full, if no order wakes it.
+const PLANNER_PAUSE: Duration = Duration::from_millis(5);
+/// A cycle thread that has ended leaves this long to see what it ended with, ns.
+const ENDED_NS: u64 = 500_000_000;
+/// A cycle thread without a cycle for this long is given up, ns.
+const DEAD_NS: u64 = 5_000_000_000;
+/// A control that is silenced says so for this long before it ends, ns.
+const SILENCED_NS: u64 = 500_000_000;
+/// A time-out thread that has not looked for this long, ns, and through so many cycles and turns of this loop, hangs. It looks
+/// every 10 ms at least.
+const UNWATCHED_NS: u64 = 1_000_000_000;
+const UNWATCHED_CYCLES: u64 = 100;
+const UNWATCHED_TURNS: u32 = 20;
+/// Pieces of the programmed path that are kept for the report.
+const PATH_MAX: usize = 500_000;
+
+/// A control that runs, as the ordinary threads see it.
+pub struct Running {
+    /// Orders and what came of them.
+    pub operator: Operator,
+    /// What the time-out thread reports.
+    pub reports: rtrb::Consumer<timeout::Report>,
+    /// Shows whether it looks.
+    pub watch: Arc<timeout::Watch>,
+    /// Cuts the figures of the cycle into windows.
+    pub windows: Windows,
+    /// The core of the real-time threads.
+    pub cpu: usize,
+}
+
+/// Looks after a running control: shows its progress, measures, says when it is enough.
+pub trait Attendant {
+    /// Called every few milliseconds, and once more when all is over. Must not wait for anything.
+    fn attend(&mut self, running: &mut Running, now_ns: u64);
+}
+
+/// The loop of one session.
+pub(super) struct Attendance<'scope, 'env> {
+    scope: &'scope Scope<'scope, 'env>,
+    session: &'scope Session<'env>,
+    /// Ends all threads of the session.
+    stop: &'scope AtomicBool,
+    clients: Clients<'scope, 'env>,
+    planner: Option<PlannerThread<'scope>>,
+    /// Nobody wants the rest of the program that is being planned.
+    given_up: Cancel,
+    ran: Ran,
+    keeper: Keeper<'scope, 'env>,
+    stalls: Stalls,
+    /// A stall of the cycle thread that is not told of yet, and the cycle in which it began.
+    stalled: Option<(timeout::Report, u64)>,
+    watcher: Watcher,
+}
+
+type PlannerThread<'scope> = ScopedJoinHandle<'scope, Planned>;
+
+/// What was planned of a program while it ran.
+#[derive(Debug, Default)]
+pub(super) struct Ran {
+    /// The programmed path as far as it was planned; of probing moves what they went.
+    pub(super) path: Vec<Programmed>,
+    /// As [`Feeder::probed_time_s`] says.
+    pub(super) probed_time_s: Option<f64>,
+}
+
+/// What the program thread ends with.
+struct Planned {
+    ran: Ran,
+    error: Option<FeedError>,
+    /// What the program left for the machine to remember.
+    left: gcode::Settings,
+}
+
+impl<'scope, 'env> Attendance<'scope, 'env> {
+    pub(super) fn new(
+        scope: &'scope Scope<'scope, 'env>,
+        session: &'scope Session<'env>,
+        stop: &'scope AtomicBool,
+        desk: Desk,
+        cpu: usize,
+    ) -> Attendance<'scope, 'env> {
+        let stands_by = matches!(session.task, Task::StandBy);
+        Attendance {
+            scope,
+            session,
+            stop,
+            clients: Clients::new(scope, session.config, session.tables, stands_by, desk),
+            keeper: Keeper::new(scope, session.tables),
+            planner: None,
+            given_up: Cancel::default(),
+            ran: Ran::default(),
+            stalls: Stalls::new(cpu),
+            stalled: None,
+            watcher: Watcher::default(),
+        }
+    }
+
+    /// Runs until everything is over; gives what was planned of the last program.
+    pub(super) fn run(
+        mut self,
+        running: &mut Running,
+        attendant: &mut dyn Attendant,
+        cycle_thread_lives: &dyn Fn() -> bool,
+    ) -> anyhow::Result<Ran> {
+        let mut service = Service::from_environment();
+        let (mut cycles, mut cycles_since_ns) = (0, monotonic_ns());
+        let mut silenced_ns = None;
+        loop {
+            let now_ns = monotonic_ns();
+            let live = running.operator.live();
+            if live.state == State::Silenced && self.session.signal.caught().is_none() {
+                // Whoever asks meanwhile is told.
+                if now_ns - *silenced_ns.get_or_insert(now_ns) > SILENCED_NS {
+                    break;
+                }
+            } else if running.operator.outcome().is_some() {
+                break;
+            }
+            if live.cycles != cycles {
+                (cycles, cycles_since_ns) = (live.cycles, now_ns);
+            } else if now_ns - cycles_since_ns > ENDED_NS && !cycle_thread_lives() {
+                break;
+            } else if now_ns - cycles_since_ns > DEAD_NS {
+                // It cannot be joined either: the end of the process is what is left.
+                let _ = writeln!(
+                    std::io::stderr(),
+                    "isocnc: the cycle thread has stopped; the drives stop for want of SoC: {}",
+                    self.stalls.evidence(now_ns)
+                );
+                std::process::exit(i32::from(ANEW));
+            }
+            if self.session.signal.caught().is_some() {
+                service.stopping();
+            }
+            self.step(running, now_ns)?;
+            attendant.attend(running, now_ns);
+            self.tell(&mut service, &running.operator, now_ns);
+            std::thread::sleep(to_next(PAUSE));
+        }
+        service.stopping();
+        attendant.attend(running, monotonic_ns());
+        self.tell(&mut service, &running.operator, monotonic_ns());
+        self.stop.store(true, Ordering::Release);
+        self.clients.give_up_check();
+        self.given_up.cancel();
+        // What it may still find wrong concerns nobody any more.
+        if let Some(Ok(planned)) = self.planner.take().map(ScopedJoinHandle::join) {
+            self.ran = planned.ran;
+            self.keep(planned.left);
+        }
+        self.keeper.finish(&mut running.operator);
+        Ok(self.ran)
+    }
+
+    fn step(&mut self, running: &mut Running, now_ns: u64) -> anyhow::Result<()> {
+        if self.session.signal.caught().is_some() {
+            running.operator.end(now_ns);
+            self.clients.give_up_check();
+        }
+        self.clients.attend(&mut running.operator, now_ns)?;
+        let (ticks, cycles) = (running.watch.counters().ticks, running.operator.live().cycles);
+        while let Ok(report) = running.reports.pop() {
+            match report.event {
+                // The kernel counts a wait for the core once it is over.
+                timeout::Event::CycleStarved { .. } => self.stalled = Some((report, cycles)),
+                timeout::Event::PresTimeout { .. }
+                | timeout::Event::AsyncTimeout { .. }
+                | timeout::Event::CycleLate { .. }
+                | timeout::Event::CycleHung { .. } => {
+                    let evidence = || self.stalls.evidence(now_ns).to_string();
+                    running.operator.hear(&report, evidence);
+                }
+            }
+        }
+        if let Some((report, _)) = self.stalled.take_if(|(_, stalled_at)| cycles > *stalled_at) {
+            let evidence = || self.stalls.evidence(now_ns).to_string();
+            running.operator.hear(&report, evidence);
+        }
+        if self.stalled.is_none() {
+            self.stalls.attend(now_ns);
+        }
+        if self.watcher.is_gone(now_ns, ticks, cycles) {
+            running.operator.is_unwatched(now_ns);
+        }
+        match running.operator.step() {
+            // What is left of it to come to rest on is in the ring already.
+            Step::StandBy | Step::Disable | Step::ShutDown | Step::Done => self.given_up.cancel(),
+            Step::Network | Step::Enable | Step::Home | Step::SetUp | Step::Program | Step::Stop => {}
+        }
+        if let Wish::PlanFrom(position) = running.operator.poll(now_ns) {
+            // A program that is repeated has come to its end: nobody waits for the machine any more.
+            self.given_up.cancel();
+            self.join_planner(running, now_ns);
+            let live = running.operator.shared();
+            let program = self.plan_from(position, live)?;
+            running.operator.start(program);
+        }
+        if self.planner.as_ref().is_some_and(ScopedJoinHandle::is_finished) {
+            self.join_planner(running, now_ns);
+        }
+        if self.planner.is_none() && running.operator.step() != Step::Program {
+            self.keeper.attend(&mut running.operator)?;
+        }
+        Ok(())
+    }
+
+    /// A program that is repeated measures something and leaves nothing behind.
+    fn keep(&mut self, left: gcode::Settings) {
+        match self.session.task {
+            Task::Once(_) | Task::StandBy => self.keeper.take(left),
+            Task::Repeat(_) => {}
+        }
+    }
+
+    /// Tells systemd how things are.
+    fn tell(&self, service: &mut Service, operator: &Operator, now_ns: u64) {
+        let live = operator.live();
+        let sight = Sight {
+            state: live.state,
+            cycles: live.cycles,
+            alarm: operator.alarm().map(|alarm| alarm.cause.as_str()),
+            program: match operator.step() {
+                Step::StandBy | Step::SetUp => None,
+                _ => self.program_name(),
+            },
+            stands_by: operator.step() == Step::StandBy,
+        };
+        service.attend(now_ns, &sight);
+    }
+
+    fn program_name(&self) -> Option<&str> {
+        match &self.session.task {
+            Task::Once(program) | Task::Repeat(program) => Some(program.name),
+            Task::StandBy => self.clients.part().map(|part| part.name.as_str()),
+        }
+    }
+
+    /// Starts the program thread.
+    fn plan_from(&mut self, position: Position, live: Arc<Live>) -> anyhow::Result<Box<Interpolator>> {
+        let Session {
+            config, task, tables, ..
+        } = self.session;
+        let tables = lock(tables).clone();
+        let (producer, consumer) = ring::channel(ring_capacity(config));
+        let (answers, results) = probing::line();
+        let (text, path_max) = match (task, self.clients.part()) {
+            (Task::Once(program), _) => (Text::Given(*program), PATH_MAX),
+            (Task::Repeat(program), _) => (Text::Given(*program), 0),
+            (Task::StandBy, Some(part)) => (Text::Asked(Arc::clone(part)), 0),
+            (Task::StandBy, None) => anyhow::bail!("a program was begun that is not there"),
+        };
+        let stop = self.stop;
+        self.given_up = Cancel::default();
+        let given_up = self.given_up.clone();
+        let planner = std::thread::Builder::new()
+            .name("program".into())
+            .spawn_scoped(self.scope, move || {
+                capabilities::give_up_or_warn(Work::Ordinary);
+                // They inherit from here that they keep off the core of real time, and have no rights.
+                let workers = program::workers(config);
+                let feeder = Feeder::with_workers(config, &tables, text.octets(), position, producer, &workers)
+                    .beside(text.name())
+                    .with_probe(results)
+                    .within(running_limits(given_up.clone()))
+                    .following(live);
+                let over = || stop.load(Ordering::Acquire) || given_up.is_cancelled();
+                feed(feeder, path_max, over)
+            })?;
+        self.planner = Some(planner);
+        let interpolator = Interpolator::new(consumer, position, stop_ramp(config));
+        Ok(Box::new(interpolator.with_probe(answers, stop_shares(config))))
+    }
+
+    fn join_planner(&mut self, running: &mut Running, now_ns: u64) {
+        match self.planner.take().map(ScopedJoinHandle::join) {
+            None => {}
+            Some(Ok(Planned { ran, error, left })) => {
+                self.ran = ran;
+                self.keep(left);
+                if let Some(error) = error {
+                    let name = self.program_name().unwrap_or_default();
+                    running.operator.fail(now_ns, error.located(name));
+                }
+            }
+            Some(Err(_)) => running.operator.fail(
+                now_ns,
+                "the planner panicked; the machine rests at the end of its plan".into(),
+            ),
+        }
+    }
+}
+
+/// Sees whether the time-out thread still looks.
+#[derive(Debug, Default)]
+struct Watcher {
+    ticks: u64,
+    /// When and in which cycle it was last seen to look.
+    seen: (u64, u64),
+    /// Turns of the loop since.
+    turns: u32,
+}
+
+impl Watcher {
+    /// Whether it has not looked for long while everything else went on. A PC that stands still is no such thing, nor is a
+    /// control in which no cycle runs: that has a limit of its own.
+    fn is_gone(&mut self, now_ns: u64, ticks: u64, cycles: u64) -> bool {
+        if ticks != self.ticks || self.turns == 0 {
+            *self = Watcher {
+                ticks,
+                seen: (now_ns, cycles),
+                turns: 1,
+            };
+            return false;
+        }
+        self.turns = self.turns.saturating_add(1);
+        let (seen_ns, seen_at) = self.seen;
+        now_ns - seen_ns > UNWATCHED_NS && cycles - seen_at > UNWATCHED_CYCLES && self.turns > UNWATCHED_TURNS
+    }
+}
+
+/// Text of a program.
+enum Text<'env> {
+    /// That of the session.
+    Given(Program<'env>),
+    /// That of a client.
+    Asked(Arc<Part>),
+}
+
+impl Text<'_> {
+    fn octets(&self) -> &[u8] {
+        match self {
+            Text::Given(program) => program.text,
+            Text::Asked(part) => &part.text,
+        }
+    }
+
+    fn name(&self) -> &str {
+        match self {
+            Text::Given(program) => program.name,
+            Text::Asked(part) => &part.name,
+        }
+    }
+}
+
+/// A program that runs may take as long as it likes, but a loop without a move would have the machine wait for ever.
+fn running_limits(cancel: Cancel) -> CheckLimits {
+    CheckLimits {
+        steps: u64::MAX,
+        time: Duration::MAX,
+        cancel,
+        ..CheckLimits::default()
+    }
+}
+
+/// The program thread: plans until the machine has come to the end of the program, as overrides may change till then, or
+/// until nobody wants it any more.
+fn feed(mut feeder: Feeder<'_, Producer<Element>>, path_max: usize, over: impl Fn() -> bool) -> Planned {
+    let mut path = Vec::new();
+    let mut failed = None;
+    while !over() {
+        let progress = feeder.pump();
+        let room = path_max.saturating_sub(path.len());
+        path.extend(feeder.ideal_path().take(room));
+        match progress {
+            Ok(program::Progress::Working) => {}
+            Ok(program::Progress::Done) if feeder.is_over() => break,
+            Ok(program::Progress::RingFull | program::Progress::Probing | program::Progress::Done) => {
+                feeder.pause(to_next(PLANNER_PAUSE));
+            }
+            Err(_) if over() => break,
+            Err(error) => {
+                failed = Some(error);
+                break;
+            }
+        }
+    }
+    feeder.give_up_contact();
+    let room = path_max.saturating_sub(path.len());
+    path.extend(feeder.ideal_path().take(room));
+    let probed_time_s = feeder.probed_time_s();
+    Planned {
+        ran: Ran { path, probed_time_s },
+        error: failed,
+        left: feeder.left_behind(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    #[test]
+    fn a_time_out_thread_that_looks_no_more_is_missed_only_while_everything_else_goes_on() {
+        // Turns of 10 ms with ten cycles each; then nothing of it looks any more.
+        let turns = |ticks_to: u64, cycles_to: u64, turn_ms: u64| {
+            let mut watcher = Watcher::default();
+            let mut turns = 0..400_u64;
+            turns.find(|turn| {
+                let (ticks, cycles) = ((turn * 10).min(ticks_to), (turn * 10).min(cycles_to));
+                watcher.is_gone(turn * turn_ms * MS, ticks, cycles)
+            })
+        };
+        assert_eq!(turns(u64::MAX, u64::MAX, 10), None);
+        assert_eq!(turns(1_000, u64::MAX, 10), Some(201), "a second and a turn later");
+        assert_eq!(turns(1_000, 1_050, 10), None, "no cycle runs either");
+        assert_eq!(
+            turns(1_000, u64::MAX, 1_000),
+            Some(120),
+            "the PC stood still between two turns"
+        );
+    }
+}

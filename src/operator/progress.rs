@@ -1,0 +1,188 @@
+//! What a command says while it works: lines that stay, and below them one line that is written anew again and again.
+//!
+//! In:  texts; of a program, the operator. Out: the terminal, or plain lines now and then where the output is none.
+//!
+//! The line that is written anew is cut off at the right where the terminal ends: wrapped, it could not be wiped again.
+
+use crate::machine::state::State;
+use crate::operator::console::{Entry, Operator};
+use crate::program::Overview;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use motion::canon::Axis;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use std::io::{Write, stdout};
+use std::os::fd::AsFd;
+use std::time::{Duration, Instant};
+
+/// Pause between two lines where the output is no terminal, and of the line on a terminal.
+const PAUSE: Duration = Duration::from_secs(5);
+const REDRAW: Duration = Duration::from_millis(100);
+
+/// A line that is written anew.
+pub struct StatusLine {
+    bar: ProgressBar,
+    pause: Duration,
+    next: Instant,
+    quiet: bool,
+}
+
+impl StatusLine {
+    /// `template` of the crate indicatif; `pause`: between two lines where the output is no terminal; `quiet`: shows nothing at
+    /// all.
+    pub fn new(template: &str, pause: Duration, quiet: bool) -> StatusLine {
+        StatusLine::on(ProgressDrawTarget::stdout(), template, pause, quiet)
+    }
+
+    fn on(target: ProgressDrawTarget, template: &str, pause: Duration, quiet: bool) -> StatusLine {
+        let bar = ProgressBar::with_draw_target(None, target);
+        // A template of ours is a good one: a test draws each.
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            bar.set_style(style.progress_chars("#.."));
+        }
+        StatusLine {
+            pause: if bar.is_hidden() { pause } else { REDRAW },
+            bar,
+            next: Instant::now(),
+            quiet,
+        }
+    }
+
+    /// Whether another line is due, and would be taken at once.
+    pub fn is_due(&self) -> bool {
+        !self.quiet && Instant::now() >= self.next && is_heard()
+    }
+
+    /// Shows a line now: on a terminal `draw` sets it, elsewhere `line` is printed.
+    pub fn show(&mut self, draw: impl FnOnce(&ProgressBar), line: impl FnOnce() -> String) {
+        self.next = Instant::now() + self.pause;
+        if self.bar.is_hidden() {
+            say(&format!("{}\n", line()));
+        } else {
+            draw(&self.bar);
+        }
+    }
+
+    /// Prints text that stays, above the line.
+    pub fn say(&self, text: &str) {
+        if !self.quiet {
+            self.bar.suspend(|| say(text));
+        }
+    }
+}
+
+impl Drop for StatusLine {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// Shows how far a program is, and the journal as it comes.
+pub struct Progress {
+    overview: Overview,
+    line: StatusLine,
+}
+
+impl Progress {
+    /// `quiet`: shows nothing at all.
+    pub fn new(overview: Overview, quiet: bool) -> Progress {
+        Progress {
+            overview,
+            line: StatusLine::new("{wide_msg}", PAUSE, quiet),
+        }
+    }
+
+    /// Prints what is new.
+    pub fn show(&mut self, operator: &mut Operator) {
+        while !self.line.quiet
+            && is_heard()
+            && let Some(entry) = operator.next_entry()
+        {
+            self.line.say(&told(entry));
+        }
+        let live = operator.live();
+        if !matches!(live.state, State::Running | State::Held | State::Stopping) || !self.line.is_due() {
+            return;
+        }
+        let axis = |axis: Axis| live.position[axis];
+        // What matters most first: narrow terminals show the beginning.
+        let line = format!(
+            "line {:>5} of {}  {:6.1} / {:.1} s  X {:8.3} Y {:8.3} Z {:8.3}  {:6.0} mm/min  SoC late {:.1} us at most",
+            live.line,
+            self.overview.lines,
+            live.elapsed_s,
+            self.overview.time_s,
+            axis(Axis::X),
+            axis(Axis::Y),
+            axis(Axis::Z),
+            live.velocity_mm_s * 60.0,
+            live.late_max_ns as f64 / 1000.0,
+        );
+        self.line.show(|bar| bar.set_message(line.clone()), || line.clone());
+    }
+}
+
+/// An entry of the journal as a line; alarms are red on a terminal.
+pub fn told(entry: &Entry) -> String {
+    let line = format!("{:9.3} s  {}", entry.time_s, entry.text);
+    match entry.text.starts_with("alarm") {
+        true => format!("{}\n", alarm(line)),
+        false => format!("{line}\n"),
+    }
+}
+
+/// A text that must not be overlooked: red where standard output is a terminal and `NO_COLOR` is not set.
+pub fn alarm(text: impl std::fmt::Display) -> impl std::fmt::Display {
+    console::style(text).red().bold()
+}
+
+/// Whether something printed now would be taken at once, by a reader or by nobody. A stopped terminal (Ctrl-S) and a pipe that
+/// nobody empties keep whoever prints waiting; the loop that hears of a stop must not be the one.
+pub fn is_heard() -> bool {
+    let out = stdout();
+    let mut fd = [PollFd::new(out.as_fd(), PollFlags::POLLOUT)];
+    // A look and no wait; where it fails there is nothing to wait for.
+    poll(&mut fd, PollTimeout::ZERO).map_or(true, |ready| ready > 0)
+}
+
+/// Prints. A reader that has gone away must not stop a machine in motion: what cannot be printed is not.
+pub fn say(text: &str) {
+    let mut out = stdout().lock();
+    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use indicatif::InMemoryTerm;
+
+    #[test]
+    fn a_line_never_takes_more_than_one_row_and_is_cut_off_at_the_right() {
+        for template in ["{wide_msg}", crate::jitter::BAR] {
+            let terminal = InMemoryTerm::new(24, 40);
+            let target = ProgressDrawTarget::term_like(Box::new(terminal.clone()));
+            let mut line = StatusLine::on(target, template, PAUSE, false);
+            for number in 0..30 {
+                let text = format!("{number:02} a text that is much longer than the forty columns of the terminal");
+                line.show(|bar| bar.set_message(text), String::new);
+                line.bar.tick();
+            }
+            let shown = terminal.contents();
+            assert_eq!(shown.lines().count(), 1, "{shown}");
+            assert!(shown.lines().all(|row| row.chars().count() <= 40), "{shown}");
+            drop(line);
+            assert_eq!(terminal.contents(), "");
+        }
+    }
+
+    #[test]
+    fn alarms_are_told_as_such() {
+        let entry = |text: &str| Entry {
+            time_s: 1.5,
+            text: text.into(),
+        };
+        assert_eq!(told(&entry("machine ready")), "    1.500 s  machine ready\n");
+        // Colours are for terminals; a test has none, or one.
+        let alarm = console::strip_ansi_codes(&told(&entry("alarm: x-drive lost"))).into_owned();
+        assert_eq!(alarm, "    1.500 s  alarm: x-drive lost\n");
+    }
+}

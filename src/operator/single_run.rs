@@ -1,0 +1,124 @@
+//! One program from power-on to power-off, and its report.
+//!
+//! In:  a machine, a program, a wire. Out: the report of the run, on the terminal and in a folder.
+
+use super::progress::{Progress, say};
+use super::report::{self, Facts, FarEnd};
+use crate::config::Config;
+use crate::host::signals;
+use crate::host::signals::StopSignal;
+use crate::machine::tables::{Tables, lock};
+use crate::operator::operator_loop::{Attendant, Running};
+use crate::operator::refusal::Refusal;
+use crate::operator::session;
+use crate::operator::session::{Program, Session, Task, Wire};
+use crate::program::check;
+use anyhow::Context;
+use std::path::Path;
+use std::process::ExitCode;
+use std::sync::Mutex;
+
+/// What is to be done.
+pub struct Job<'a> {
+    /// The machine.
+    pub config: &'a Config,
+    /// The program.
+    pub program: Program<'a>,
+    /// Folder for the report.
+    pub out: &'a Path,
+    /// Print the report as JSON and nothing else.
+    pub json: bool,
+    /// Asks for a stop.
+    pub signal: StopSignal,
+    /// Who measures at the far end of the wire, if somebody does.
+    pub far_end: Option<Box<dyn FarEnd + 'a>>,
+}
+
+/// Runs a job and writes its report. The exit code says how it ended.
+///
+/// # Errors
+/// What keeps it from starting, or its report from being written.
+pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
+    let Job {
+        config, program, out, ..
+    } = job;
+    let tables = Tables::read(config).map_err(|error| Refusal::of_file(program.name, error).nothing_moved())?;
+    let tables = Mutex::new(tables);
+    let checked = check(config, &lock(&tables), program.name, program.text, job.signal.cancel());
+    let overview = match checked {
+        Ok(overview) => overview,
+        Err(errors) if errors.is_cancelled() => return Ok(given_up(&job.signal)),
+        Err(errors) => return Err(Refusal::of_file(program.name, errors).nothing_moved().into()),
+    };
+    report::prepare(out)?;
+    if !job.json {
+        say(&format!(
+            "{}: {} lines, {} of motion; the network and homing come before it\n",
+            program.name,
+            overview.lines,
+            minutes(overview.time_s)
+        ));
+    }
+    let session = Session {
+        config,
+        tables: &tables,
+        task: Task::Once(program),
+        quiet: job.json,
+        signal: job.signal,
+        keep_rights: false,
+    };
+    let mut progress = Progress::new(overview, job.json);
+    let ended = session::run(&session, wire, &mut progress)?;
+    drop(progress);
+    let soc_period = job.far_end.and_then(|mut far_end| far_end.finish());
+    let facts = Facts {
+        config,
+        program: program.name,
+        overview,
+        ended: &ended,
+        soc_period,
+    };
+    let (report, pictures) = facts.report();
+    // A full disk must not keep from the user how the program ended.
+    let written = report::write(out, &report, &pictures);
+    if job.json {
+        say(&format!("{}\n", serde_json::to_string_pretty(&report)?));
+    } else {
+        say(&format!(
+            "\n{report:#}\nreport                 {}\npictures               {}\n",
+            out.display(),
+            report::address(out)
+        ));
+    }
+    written.context("the report could not be written")?;
+    if ended.operator.ends_anew() {
+        return Ok(ExitCode::from(session::ANEW));
+    }
+    Ok(match (session.signal.caught(), report.result.as_str()) {
+        (Some(signal), _) if report.alarms.is_empty() => ExitCode::from(signals::exit_code(signal)),
+        (None, "completed") => ExitCode::SUCCESS,
+        _ => ExitCode::FAILURE,
+    })
+}
+
+/// A signal came while the program was checked.
+fn given_up(signal: &StopSignal) -> ExitCode {
+    eprintln!("isocnc: stopped while the program was checked; nothing was moved");
+    signal
+        .caught()
+        .map_or(ExitCode::FAILURE, |signal| ExitCode::from(signals::exit_code(signal)))
+}
+
+/// A time as one says it.
+fn minutes(time_s: f64) -> String {
+    match time_s.round() as u64 {
+        seconds @ 0..100 => format!("{seconds} s"),
+        seconds => format!("{} min {} s", seconds / 60, seconds % 60),
+    }
+}
+
+impl Attendant for Progress {
+    fn attend(&mut self, running: &mut Running, _now_ns: u64) {
+        self.show(&mut running.operator);
+    }
+}
