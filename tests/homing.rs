@@ -4,9 +4,9 @@ use isocnc::config::{self, Config, HomingBy, HomingByControl};
 use isocnc::machine::sequence::{Outcome, Step};
 use isocnc::machine::state::State;
 use isocnc::operator::console::Operator;
+use isocnc::operator::rehearsal::{Rehearsal, rehearse, rehearse_with};
 use isocnc::rt::joint_jog::{JogMotion, JogOrder};
 use isocnc::rt::shared::Command;
-use isocnc::sim::rehearsal::{Rehearsal, rehearse, rehearse_with};
 use isocnc::sim::{Disturbance, NetConfig};
 use std::path::Path;
 

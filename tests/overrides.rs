@@ -6,10 +6,10 @@
 use isocnc::config::{self, Config};
 use isocnc::machine::sequence::Outcome;
 use isocnc::machine::state::State;
+use isocnc::operator::rehearsal::{Rehearsal, rehearse};
 use isocnc::rt::overrides::Overridden::{self, Feed, Rapid, Spindle};
 use isocnc::rt::shared::Command;
 use isocnc::sim::NetConfig;
-use isocnc::sim::rehearsal::{Rehearsal, rehearse};
 use motion::canon::{Axis, Position};
 use motion::plan::{Slope, deviation};
 use std::path::Path;
@@ -61,7 +61,7 @@ fn speeds(run: &Rehearsal<'_>, line: u32) -> Vec<f64> {
     let steps = samples
         .windows(2)
         .filter(|pair| pair.iter().all(|sample| sample.line == line));
-    let way = |pair: &[isocnc::operator::recorder::PathSample]| {
+    let way = |pair: &[isocnc::plot::PathSample]| {
         let squares = (0..3).map(|axis| (pair[1].command[axis] - pair[0].command[axis]).powi(2));
         squares.sum::<f64>().sqrt() / CYCLE_S
     };

@@ -7,7 +7,8 @@ mod proof_programs;
 
 use gcode::Interpreter;
 use isocnc::config::{self, Config};
-use isocnc::program::{home, interpreter_settings, plan_settings, ring_capacity, stop_ramp};
+use isocnc::machine::motion_settings::{plan_settings, ring_capacity, stop_ramp};
+use isocnc::program::{home, interpreter_settings};
 use motion::canon::{AXES, Call, Event, PathMode, Position};
 use motion::element::{Element, Span};
 use motion::kinematics::ToolFrame;

@@ -15,10 +15,10 @@
 use isocnc::config;
 use isocnc::machine::sequence::Outcome;
 use isocnc::machine::state::State;
+use isocnc::operator::rehearsal::{Rehearsal, rehearse};
 use isocnc::rt::cycle_stats::{CycleTimes, recorder};
 use isocnc::rt::shared::Command as Order;
 use isocnc::rt::timeout::{Limits, Watch, Watchdog};
-use isocnc::sim::rehearsal::{Rehearsal, rehearse};
 use isocnc::sim::{Disturbance, NetConfig};
 use std::path::Path;
 use std::process::{Command, Output};

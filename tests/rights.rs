@@ -5,9 +5,9 @@
 //! Like `private_wire`, this program has no test harness and runs itself again for each case. Where the system refuses what
 //! a case needs, it prints the reason and passes.
 
-use isocnc::cli::simulate::READY;
 use isocnc::config;
 use isocnc::host::netns::{NetnsError, private_wire};
+use isocnc::sim::READY;
 use nix::sys::resource::{RLIM_INFINITY, Resource, setrlimit};
 use std::io::{BufRead, BufReader};
 use std::os::unix::fs::{PermissionsExt, chown};

@@ -6,8 +6,9 @@
 //! `ISOCNC_SEEDS=100 cargo test --test seams`.
 
 use isocnc::config::{self, Config};
+use isocnc::machine::motion_settings::{ring_capacity, stop_ramp, stop_shares};
 use isocnc::machine::tables::Tables;
-use isocnc::program::{Feeder, Progress, home, probing, ring_capacity, stop_ramp, stop_shares};
+use isocnc::program::{Feeder, Progress, home, probing};
 use isocnc::rt::joint_jog::{Hand, JogMotion, JogOrder};
 use isocnc::rt::overrides::{Overridden, Overrides};
 use isocnc::rt::shared::Live;

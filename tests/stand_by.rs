@@ -5,7 +5,7 @@ use isocnc::config;
 use isocnc::machine::sequence::{Outcome, Step};
 use isocnc::machine::state::State;
 use isocnc::operator::console::Operator;
-use isocnc::sim::rehearsal::{Rehearsal, rehearse_with};
+use isocnc::operator::rehearsal::{Rehearsal, rehearse_with};
 use isocnc::sim::{Disturbance, NetConfig};
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::sys::signal::{Signal, kill};

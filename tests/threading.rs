@@ -3,9 +3,9 @@
 use isocnc::config::{self, Config};
 use isocnc::machine::sequence::Outcome;
 use isocnc::machine::state::State;
+use isocnc::operator::rehearsal::{Rehearsal, rehearse};
 use isocnc::rt::overrides::Overridden;
 use isocnc::rt::shared::Command;
-use isocnc::sim::rehearsal::{Rehearsal, rehearse};
 use isocnc::sim::{Disturbance, NetConfig};
 use motion::canon::Axis;
 use std::path::Path;

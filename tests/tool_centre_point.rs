@@ -4,8 +4,8 @@
 use isocnc::config;
 use isocnc::machine::sequence::Outcome;
 use isocnc::machine::state::State;
+use isocnc::operator::rehearsal::rehearse;
 use isocnc::sim::NetConfig;
-use isocnc::sim::rehearsal::rehearse;
 use motion::kinematics::ToolFrame;
 use std::path::Path;
 

@@ -8,7 +8,7 @@
 
 use super::{Analyser, Place, SocReport, StampSource, Window};
 use crate::host::signals::StopSignal;
-use crate::operator::progress::{StatusLine, say};
+use crate::host::terminal::{StatusLine, say};
 use anyhow::{Context, bail, ensure};
 use std::fmt::Write as _;
 use std::io::{BufRead, Write, stdin, stdout};

@@ -11,7 +11,9 @@ pub mod managing_node;
 pub mod network;
 pub mod powerlink;
 pub mod sender;
+pub mod watch;
 
+pub use crate::config::NodeIndex;
 use ::powerlink::link::LinkError;
 use ::powerlink::mn::{Counters, Diagnosis, ForeignSign, NetworkDiagnosis, SdoCommand, SdoError};
 use ::powerlink::wire::FRAME_LEN_MAX;
@@ -22,9 +24,6 @@ use std::ops::Range;
 pub const SDO_VALUE_MAX: usize = 4096;
 /// Values that may be on their way at once.
 pub const SDO_ORDERS: usize = 4;
-
-/// A node by its place in the machine file.
-pub type NodeIndex = usize;
 
 /// What the control needs to know of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,11 +5,11 @@
 //!
 //! RT except for [`Powerlink::new`].
 
+use super::watch::Watch;
 use super::{
     BusEvent, BusState, CycleReport, EthernetFrame, Fieldbus, InputImage, NodeIndex, NodeState, NodeStatistics,
     OutputImage, SDO_ORDERS, SDO_VALUE_MAX,
 };
-use crate::rt::timeout::Watch;
 use powerlink::link::{Link, LinkError};
 use powerlink::mn::{
     self, Counters, Diagnosis, ETHERNET_FRAMES, Mn, MnConfig, MnEvent, NetworkDiagnosis, QueueError, SdoCommand,

@@ -6,8 +6,7 @@
 
 use crate::api::client::Client;
 use crate::host::signals::{StopSignal, exit_code};
-use crate::operator::progress;
-use crate::operator::progress::StatusLine;
+use crate::host::terminal::{self, StatusLine};
 use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
 use serde_json::{Value, json};
@@ -217,7 +216,7 @@ pub fn program(args: &ProgramArgs) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     if !args.control.json {
-        progress::say(&format!("{words}\n"));
+        terminal::say(&format!("{words}\n"));
     }
     wait(&mut client, &args.control, Lasting::Program, &signal)
 }
@@ -264,7 +263,7 @@ fn end_of(order: Lasting, status: &Value) -> Option<Result<String, String>> {
     let failed = || {
         let alarm = status["alarm"]
             .as_str()
-            .map(|cause| progress::alarm(format!("alarm: {cause}")).to_string());
+            .map(|cause| terminal::alarm(format!("alarm: {cause}")).to_string());
         Some(Err(
             alarm.unwrap_or_else(|| format!("given up: the machine is {state} ({step})"))
         ))
@@ -373,7 +372,7 @@ fn call(args: &ControlArgs, method: &str, params: Value) -> anyhow::Result<Value
 }
 
 pub(super) fn print(args: &ControlArgs, value: &Value, words: &str) {
-    progress::say(&match args.json {
+    terminal::say(&match args.json {
         true => format!("{value}\n"),
         false => format!("{words}\n"),
     });
@@ -409,7 +408,7 @@ fn words(status: &Value) -> String {
         lines.push(obstruction.to_owned());
     }
     if let Some(alarm) = status["alarm"].as_str() {
-        lines.push(progress::alarm(format!("alarm     {alarm}")).to_string());
+        lines.push(terminal::alarm(format!("alarm     {alarm}")).to_string());
     }
     lines.push(format!(
         "cycles    {}, {} left out, {:.1} us late at most",

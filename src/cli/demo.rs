@@ -1,16 +1,17 @@
 //! `isocnc demo`: the whole control on a private wire, with a simulated machine at the far end.
 
-use super::simulate::READY;
 use crate::analyser::SocReport;
 use crate::config::{self, Config, KeepAwake};
 use crate::host::netns;
 use crate::host::signals::StopSignal;
 use crate::host::steadiness::Steadiness;
-use crate::operator::progress::say;
+use crate::host::terminal::say;
+use crate::jitter::plot::soc_period_svg;
 use crate::operator::refusal::Refusal;
 use crate::operator::report::{FarEnd, SOC_PERIOD_DATA};
 use crate::operator::session::{Program, Wire};
 use crate::operator::single_run::{Job, run_and_report};
+use crate::sim::READY;
 use anyhow::{Context, ensure};
 use clap::Args;
 use nix::sys::signal::{Signal, kill};
@@ -238,6 +239,10 @@ impl FarEnd for FarMachine {
         }
         let text = files::read_text(&self.measurement, files::read::TEXT_MAX).ok()?;
         serde_json::from_str(&text).ok()
+    }
+
+    fn draw(&self, soc_period: &SocReport) -> String {
+        soc_period_svg(soc_period)
     }
 }
 

@@ -6,7 +6,7 @@
 use super::control::{ControlArgs, print};
 use crate::api::client::Client;
 use crate::host::signals::{StopSignal, exit_code};
-use crate::operator::progress::{alarm as alarm_text, say};
+use crate::host::terminal::{alarm as alarm_text, say};
 use crate::rt::joint_jog::HOLDS_S;
 use anyhow::{Context, bail};
 use clap::Args;

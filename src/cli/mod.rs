@@ -13,7 +13,7 @@ pub mod plan;
 pub mod run;
 pub mod simulate;
 
-use crate::operator::progress::say;
+use crate::host::terminal::say;
 use crate::operator::refusal::Refusal;
 use clap::{Parser, Subcommand};
 use std::ffi::OsString;

@@ -6,12 +6,12 @@ use crate::config::{self, KeepAwake, Require, Rt};
 use crate::host::setup;
 use crate::host::setup::{Role, STACK_SIZE, enter_thread};
 use crate::host::signals::StopSignal;
+use crate::host::terminal::say;
 use crate::host::wait::to_next;
-use crate::operator::progress::say;
 use crate::operator::refusal::Refusal;
 use crate::operator::session::StopOnDrop;
 use crate::operator::tap::Tap;
-use crate::sim::{self, SimMachine, serve};
+use crate::sim::{self, READY, SimMachine, serve};
 use anyhow::{Context, anyhow, ensure};
 use clap::Args;
 use powerlink::link::raw::{RawConfig, RawLink};
@@ -21,8 +21,6 @@ use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// What is printed once the machine listens.
-pub const READY: &str = "ready";
 /// Look for a frame this long before sleeping for it, ns.
 const SPIN_NS: u64 = 0;
 

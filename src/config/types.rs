@@ -17,6 +17,9 @@ use std::path::PathBuf;
 /// Most joints that one machine can have.
 pub const JOINTS_MAX: usize = JOINTS;
 
+/// A node by its place in the machine file.
+pub type NodeIndex = usize;
+
 /// A whole machine file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {

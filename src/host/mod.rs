@@ -12,5 +12,6 @@ pub mod signals;
 pub mod spin;
 pub mod stalls;
 pub mod steadiness;
+pub mod terminal;
 pub mod wait;
 pub mod wake_signal;

@@ -2,11 +2,10 @@
 //!
 //! In:  parts of a measurement, each with the time it takes by plan. Out: the terminal.
 
-use crate::operator::progress::StatusLine;
+use crate::host::terminal::{BAR, StatusLine};
 use std::time::Duration;
 
 /// The bar on a terminal.
-pub(crate) const BAR: &str = "[{bar:12}] {percent:>3} %  {eta:>4} left  {wide_msg}";
 /// Pause between two lines where the output is no terminal.
 const PAUSE: Duration = Duration::from_secs(10);
 

@@ -27,7 +27,5 @@ pub mod table;
 mod window;
 mod words;
 
-#[cfg(test)]
-pub(crate) use bar::BAR;
 pub use distribution::Distribution;
 pub use report::JitterReport;

@@ -4,7 +4,7 @@
 //! Out: answers over another one. They end with this process, or when they are dropped.
 
 use crate::analyser::{SocReport, listen};
-use crate::cli::simulate;
+use crate::sim;
 use anyhow::{Context, bail, ensure};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
@@ -87,7 +87,7 @@ pub(super) struct FarMachine {
 
 impl FarMachine {
     pub(super) fn start(machine: &Path, cycle_us: u32, interface: &str) -> anyhow::Result<FarMachine> {
-        let process = Helper::start("simulated machine", simulate::READY, |command| {
+        let process = Helper::start("simulated machine", sim::READY, |command| {
             command.arg("simulate").arg(machine).args(["--interface", interface]);
             command.args(["--with-parent", &std::process::id().to_string()]);
             command.args(["--cycle-us", &cycle_us.to_string()]);

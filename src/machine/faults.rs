@@ -7,8 +7,7 @@
 //! begin late by the cycle thread.
 
 use super::overruns::CYCLES;
-use crate::bus::NodeIndex;
-use crate::rt::spindle::Late;
+use crate::config::NodeIndex;
 use cia402::axis::AxisFault;
 use motion::rt::homing::HomingFailure;
 use motion::rt::{Order, SyncFault};
@@ -18,6 +17,15 @@ use powerlink::mn::ForeignSign;
 /// What every command says of a control whose cycle thread hung.
 pub const SILENCED: &str = "the network is silenced, because the cycle thread hung: drives stop by themselves for want of SoC; \
                             this control ends and is to be started anew";
+
+/// Speed of a spindle that has been waited for too long.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpeedNotReached {
+    /// Wanted, 1/min, above 0 with M3.
+    pub wanted_rpm: f64,
+    /// Measured; `None` without an encoder.
+    pub measured_rpm: Option<f64>,
+}
 
 /// Something that is wrong. Joints and nodes by their place in the machine file.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,7 +94,7 @@ pub enum Fault {
     /// The spindle did not get to its speed in time.
     SpindleLate {
         /// How far it came.
-        late: Late,
+        late: SpeedNotReached,
     },
     /// An index of the spindle's encoder came a number of counts away from where whole turns are.
     CountsLost {

@@ -12,7 +12,7 @@ use crate::machine::faults::{Fault, Reaction, SILENCED};
 use crate::machine::sequence::{Order, Outcome, Sequence, Step};
 use crate::machine::state::State;
 use crate::rt::overrides::Overridden;
-use crate::rt::shared::{Command, Live, Notice, Snapshot, TimedNotice, Trace};
+use crate::rt::shared::{Command, Live, Notice, OperatorEndpoints, Snapshot, TimedNotice};
 use crate::rt::timeout;
 use motion::canon::Position;
 use motion::rt::Interpolator;
@@ -29,20 +29,6 @@ const STALLS_TOLD_NS: u64 = 1_000_000_000;
 /// What is said of a control whose time-out thread hangs.
 const UNWATCHED: &str = "the time-out thread hung: nothing watches the cycle any more; this control comes to rest, ends and is \
                          to be started anew";
-
-/// Ends of the rings on this side.
-pub struct Inlets {
-    /// Orders.
-    pub commands: rtrb::Producer<Command>,
-    /// Notices.
-    pub notices: rtrb::Consumer<TimedNotice>,
-    /// Trace records.
-    pub trace: rtrb::Consumer<Trace>,
-    /// Programs that are over.
-    pub finished: rtrb::Consumer<Box<Interpolator>>,
-    /// Latest values.
-    pub live: Arc<Live>,
-}
 
 /// A line of the journal.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -86,7 +72,7 @@ pub enum Wish {
 
 /// The operator.
 pub struct Operator {
-    inlets: Inlets,
+    endpoints: OperatorEndpoints,
     sequence: Sequence,
     orders_given: u64,
     /// Whether trace records are kept.
@@ -120,9 +106,9 @@ pub struct Operator {
 
 impl Operator {
     /// An operator who runs one program from power-on to power-off.
-    pub fn new(config: &Config, inlets: Inlets, now_ns: u64) -> Operator {
+    pub fn new(config: &Config, endpoints: OperatorEndpoints, now_ns: u64) -> Operator {
         Operator {
-            inlets,
+            endpoints,
             sequence: Sequence::new(now_ns, &config.homing_order()),
             records: true,
             orders_given: 0,
@@ -210,15 +196,15 @@ impl Operator {
 
     /// Takes in what came, gives the next order. `now_ns`: any monotonic clock.
     pub fn poll(&mut self, now_ns: u64) -> Wish {
-        while let Ok(notice) = self.inlets.notices.pop() {
+        while let Ok(notice) = self.endpoints.notices.pop() {
             self.take(notice);
         }
-        while let Ok(record) = self.inlets.trace.pop() {
+        while let Ok(record) = self.endpoints.trace.pop() {
             if self.records {
                 self.recorder.add(&record);
             }
         }
-        while self.inlets.finished.pop().is_ok() {}
+        while self.endpoints.finished.pop().is_ok() {}
         self.note_overrides();
         let live = self.live();
         // The state counts only once it is that of the last order; a thread that hangs takes none.
@@ -295,7 +281,7 @@ impl Operator {
 
     /// Nothing can be steered any more.
     fn silence(&mut self, cycle: u64, cause: String) {
-        self.inlets.live.silence();
+        self.endpoints.live.silence();
         self.ends_anew = true;
         let time_s = cycle as f64 * self.cycle_s;
         self.note(time_s, format!("alarm: {cause}"));
@@ -332,7 +318,7 @@ impl Operator {
     /// Gives an order that does not belong to the sequence.
     pub fn give(&mut self, command: Command) {
         // The ring is emptied every cycle and far longer than the orders of one; a full one means that no cycle runs.
-        if self.inlets.commands.push(command).is_ok() {
+        if self.endpoints.commands.push(command).is_ok() {
             self.orders_given += 1;
         }
     }
@@ -344,17 +330,17 @@ impl Operator {
 
     /// Latest values.
     pub fn live(&self) -> Snapshot {
-        self.inlets.live.snapshot()
+        self.endpoints.live.snapshot()
     }
 
     /// The latest values themselves, and the overrides.
     pub fn shared(&self) -> Arc<Live> {
-        Arc::clone(&self.inlets.live)
+        Arc::clone(&self.endpoints.live)
     }
 
     /// The tool that the last change brought; `None`: there was no change.
     pub fn tool(&self) -> Option<u32> {
-        self.inlets.live.tool()
+        self.endpoints.live.tool()
     }
 
     /// What ended the last jog, if something was in its way.
@@ -556,7 +542,7 @@ impl Operator {
     /// Notes an override that has been turned, once it is not being turned any more.
     fn note_overrides(&mut self) {
         for what in Overridden::ALL {
-            let now = self.inlets.live.overrides.percent(what);
+            let now = self.endpoints.live.overrides.percent(what);
             let [last, noted] = &mut self.overrides[what as usize];
             let rests = now == std::mem::replace(last, now);
             if rests && now != std::mem::replace(noted, now) {
@@ -597,14 +583,14 @@ mod tests {
         let config =
             crate::config::parse(include_str!("../../configs/mill3-demo.toml"), Path::new("demo.toml")).unwrap();
         let (mut notices, notices_out) = rtrb::RingBuffer::new(1000);
-        let inlets = Inlets {
+        let endpoints = OperatorEndpoints {
             commands: rtrb::RingBuffer::new(1).0,
             notices: notices_out,
             trace: rtrb::RingBuffer::new(1).1,
             finished: rtrb::RingBuffer::new(1).1,
             live: Arc::default(),
         };
-        let mut operator = Operator::new(&config, inlets, 0);
+        let mut operator = Operator::new(&config, endpoints, 0);
         for time in 1..=250 {
             let fault = match time {
                 7 => Fault::CountsLost {

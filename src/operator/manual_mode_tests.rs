@@ -1,6 +1,6 @@
 use super::*;
 use crate::config;
-use crate::sim::rehearsal::{Rehearsal, rehearse_with};
+use crate::operator::rehearsal::{Rehearsal, rehearse_with};
 use crate::sim::{Disturbance, NetConfig};
 use motion::canon::{Axis, Position};
 use std::path::Path;

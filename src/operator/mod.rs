@@ -6,6 +6,8 @@ pub mod operator_loop;
 pub mod progress;
 pub mod recorder;
 pub mod refusal;
+#[cfg(any(test, feature = "testing"))]
+pub mod rehearsal;
 pub mod report;
 pub mod session;
 pub mod single_run;

@@ -1,80 +1,16 @@
-//! What a command says while it works: lines that stay, and below them one line that is written anew again and again.
+//! What a command shows while a program runs: the journal as it comes, and below it how far the program is.
 //!
-//! In:  texts; of a program, the operator. Out: the terminal, or plain lines now and then where the output is none.
-//!
-//! The line that is written anew is cut off at the right where the terminal ends: wrapped, it could not be wiped again.
+//! In:  the operator. Out: the terminal.
 
+use crate::host::terminal::{StatusLine, alarm, is_heard};
 use crate::machine::state::State;
 use crate::operator::console::{Entry, Operator};
 use crate::program::Overview;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use motion::canon::Axis;
-use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-use std::io::{Write, stdout};
-use std::os::fd::AsFd;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-/// Pause between two lines where the output is no terminal, and of the line on a terminal.
+/// Pause between two lines where the output is no terminal.
 const PAUSE: Duration = Duration::from_secs(5);
-const REDRAW: Duration = Duration::from_millis(100);
-
-/// A line that is written anew.
-pub struct StatusLine {
-    bar: ProgressBar,
-    pause: Duration,
-    next: Instant,
-    quiet: bool,
-}
-
-impl StatusLine {
-    /// `template` of the crate indicatif; `pause`: between two lines where the output is no terminal; `quiet`: shows nothing at
-    /// all.
-    pub fn new(template: &str, pause: Duration, quiet: bool) -> StatusLine {
-        StatusLine::on(ProgressDrawTarget::stdout(), template, pause, quiet)
-    }
-
-    fn on(target: ProgressDrawTarget, template: &str, pause: Duration, quiet: bool) -> StatusLine {
-        let bar = ProgressBar::with_draw_target(None, target);
-        // A template of ours is a good one: a test draws each.
-        if let Ok(style) = ProgressStyle::with_template(template) {
-            bar.set_style(style.progress_chars("#.."));
-        }
-        StatusLine {
-            pause: if bar.is_hidden() { pause } else { REDRAW },
-            bar,
-            next: Instant::now(),
-            quiet,
-        }
-    }
-
-    /// Whether another line is due, and would be taken at once.
-    pub fn is_due(&self) -> bool {
-        !self.quiet && Instant::now() >= self.next && is_heard()
-    }
-
-    /// Shows a line now: on a terminal `draw` sets it, elsewhere `line` is printed.
-    pub fn show(&mut self, draw: impl FnOnce(&ProgressBar), line: impl FnOnce() -> String) {
-        self.next = Instant::now() + self.pause;
-        if self.bar.is_hidden() {
-            say(&format!("{}\n", line()));
-        } else {
-            draw(&self.bar);
-        }
-    }
-
-    /// Prints text that stays, above the line.
-    pub fn say(&self, text: &str) {
-        if !self.quiet {
-            self.bar.suspend(|| say(text));
-        }
-    }
-}
-
-impl Drop for StatusLine {
-    fn drop(&mut self) {
-        self.bar.finish_and_clear();
-    }
-}
 
 /// Shows how far a program is, and the journal as it comes.
 pub struct Progress {
@@ -93,7 +29,7 @@ impl Progress {
 
     /// Prints what is new.
     pub fn show(&mut self, operator: &mut Operator) {
-        while !self.line.quiet
+        while !self.line.is_quiet()
             && is_heard()
             && let Some(entry) = operator.next_entry()
         {
@@ -130,49 +66,9 @@ pub fn told(entry: &Entry) -> String {
     }
 }
 
-/// A text that must not be overlooked: red where standard output is a terminal and `NO_COLOR` is not set.
-pub fn alarm(text: impl std::fmt::Display) -> impl std::fmt::Display {
-    console::style(text).red().bold()
-}
-
-/// Whether something printed now would be taken at once, by a reader or by nobody. A stopped terminal (Ctrl-S) and a pipe that
-/// nobody empties keep whoever prints waiting; the loop that hears of a stop must not be the one.
-pub fn is_heard() -> bool {
-    let out = stdout();
-    let mut fd = [PollFd::new(out.as_fd(), PollFlags::POLLOUT)];
-    // A look and no wait; where it fails there is nothing to wait for.
-    poll(&mut fd, PollTimeout::ZERO).map_or(true, |ready| ready > 0)
-}
-
-/// Prints. A reader that has gone away must not stop a machine in motion: what cannot be printed is not.
-pub fn say(text: &str) {
-    let mut out = stdout().lock();
-    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use indicatif::InMemoryTerm;
-
-    #[test]
-    fn a_line_never_takes_more_than_one_row_and_is_cut_off_at_the_right() {
-        for template in ["{wide_msg}", crate::jitter::BAR] {
-            let terminal = InMemoryTerm::new(24, 40);
-            let target = ProgressDrawTarget::term_like(Box::new(terminal.clone()));
-            let mut line = StatusLine::on(target, template, PAUSE, false);
-            for number in 0..30 {
-                let text = format!("{number:02} a text that is much longer than the forty columns of the terminal");
-                line.show(|bar| bar.set_message(text), String::new);
-                line.bar.tick();
-            }
-            let shown = terminal.contents();
-            assert_eq!(shown.lines().count(), 1, "{shown}");
-            assert!(shown.lines().all(|row| row.chars().count() <= 40), "{shown}");
-            drop(line);
-            assert_eq!(terminal.contents(), "");
-        }
-    }
 
     #[test]
     fn alarms_are_told_as_such() {

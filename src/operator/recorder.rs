@@ -5,37 +5,12 @@
 //!
 //! Memory is bounded, as it is locked: a longer run has a sample for two cycles, or four, and so on.
 
+use crate::plot::PathSample;
 use crate::rt::shared::Trace;
 use motion::canon::Axis;
 
 /// Samples kept: 3.7 MB. An even number.
 const SAMPLES_MAX: usize = 65_536;
-
-/// A cycle of a program; positions in the machine, mm or degrees.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PathSample {
-    /// Commanded X, Y, Z.
-    pub command: [f64; 3],
-    /// Actual X, Y, Z.
-    pub actual: [f64; 3],
-    /// Whether the move is a rapid one.
-    pub rapid: bool,
-    /// Line of the program.
-    pub line: u32,
-}
-
-impl PathSample {
-    /// Square of the distance from the commanded to the actual position.
-    fn off2(&self) -> f64 {
-        let axes = self.command.iter().zip(&self.actual);
-        axes.map(|(command, actual)| (command - actual).powi(2)).sum()
-    }
-
-    /// The one whose actual position is further off; of equals the first.
-    fn further_off(self, other: PathSample) -> PathSample {
-        if other.off2() > self.off2() { other } else { self }
-    }
-}
 
 /// Records of one run.
 #[derive(Debug, Default)]

@@ -4,17 +4,16 @@
 //! Out: `run.json`, `toolpath.svg`, `soc-period.svg` and `report.html`, which holds the pictures, in the output folder; a summary
 //! for the terminal.
 
-use super::progress::alarm;
-use super::recorder::PathSample;
 use crate::analyser::SocReport;
 use crate::bus::NodeStatistics;
 use crate::config::{Config, Joint};
 use crate::host::calibrate::Calibration;
-use crate::jitter::plot::soc_period_svg;
+use crate::host::terminal::alarm;
 use crate::machine::sequence::Outcome;
 use crate::operator::console::{Alarm, Entry, Warning};
 use crate::operator::session::Ended;
 use crate::plot;
+use crate::plot::PathSample;
 use crate::program::Overview;
 use crate::rt::cycle_stats::FiguresSummary;
 use crate::rt::timeout;
@@ -31,6 +30,9 @@ use std::path::Path;
 pub trait FarEnd {
     /// Ends the measurement; `None` if there is none to be had.
     fn finish(&mut self) -> Option<SocReport>;
+
+    /// Its picture, as SVG.
+    fn draw(&self, soc_period: &SocReport) -> String;
 }
 
 /// What pictures are drawn of; kept out of the report itself.
@@ -40,6 +42,8 @@ pub struct Pictures<'a> {
     pub samples: &'a [PathSample],
     /// Time from one to the next, s.
     pub sample_s: f64,
+    /// Period of the SoC at the far end, as it was drawn.
+    pub soc_period: Option<&'a str>,
 }
 
 /// Everything that is known at the end of a run.
@@ -129,6 +133,7 @@ impl<'a> Facts<'a> {
             Pictures {
                 samples: recorder.samples(),
                 sample_s: motion_time_s / recorder.samples().len().max(1) as f64,
+                soc_period: None,
             },
         )
     }
@@ -185,8 +190,8 @@ pub fn write(folder: &Path, report: &RunReport, pictures: &Pictures<'_>) -> anyh
             plot::toolpath_svg(&title, pictures.samples, pictures.sample_s),
         ));
     }
-    if let Some(soc_period) = &report.soc_period {
-        drawn.push((SOC_PERIOD, soc_period_svg(soc_period)));
+    if let Some(soc_period) = pictures.soc_period {
+        drawn.push((SOC_PERIOD, soc_period.to_owned()));
     }
     for (name, svg) in &drawn {
         put(name, svg.clone())?;

@@ -3,7 +3,6 @@
 //! In:  a machine, what it is there for, a wire, somebody who looks after it.
 //! Out: everything that is known of it at the end.
 
-use super::progress::say;
 use super::tap::{Tap, TapBridge};
 use crate::api::methods::Methods;
 use crate::api::network_view::NetworkView;
@@ -23,6 +22,7 @@ use crate::host::setup;
 use crate::host::setup::{Finding, Role, STACK_SIZE, by_cure, enter_thread};
 use crate::host::signals::StopSignal;
 use crate::host::steadiness::Steadiness;
+use crate::host::terminal::say;
 use crate::host::wait::{Grid, monotonic_ns};
 use crate::machine::tables::Tables;
 use crate::operator::console::Operator;
@@ -33,7 +33,7 @@ use crate::rt::cycle_stats::CycleFigures;
 use crate::rt::pins::CAPACITY;
 use crate::rt::thread;
 use crate::rt::timeout::{self, Limits, TimeoutThread, Watch};
-use crate::sim::paced::Paced;
+use crate::sim::paced::{Paced, run_paced};
 use crate::sim::{SimMachine, serve};
 use anyhow::{Context, anyhow};
 use hal_pins::Hal;
@@ -304,7 +304,7 @@ fn run_on<L: Link + Send>(
                 }
                 Some(wire) => {
                     capabilities::give_up_or_warn(Work::Ordinary);
-                    thread::run_paced(&mut control, grid, wire, recorder, &stop)
+                    run_paced(&mut control, grid, wire, recorder, &stop)
                 }
             })?;
         if let Some(socket) = &socket {

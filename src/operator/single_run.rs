@@ -2,11 +2,12 @@
 //!
 //! In:  a machine, a program, a wire. Out: the report of the run, on the terminal and in a folder.
 
-use super::progress::{Progress, say};
+use super::progress::Progress;
 use super::report::{self, Facts, FarEnd};
 use crate::config::Config;
 use crate::host::signals;
 use crate::host::signals::StopSignal;
+use crate::host::terminal::say;
 use crate::machine::tables::{Tables, lock};
 use crate::operator::operator_loop::{Attendant, Running};
 use crate::operator::refusal::Refusal;
@@ -70,7 +71,9 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
     let mut progress = Progress::new(overview, job.json);
     let ended = session::run(&session, wire, &mut progress)?;
     drop(progress);
-    let soc_period = job.far_end.and_then(|mut far_end| far_end.finish());
+    let mut far_end = job.far_end;
+    let soc_period = far_end.as_mut().and_then(|far_end| far_end.finish());
+    let soc_picture = far_end.zip(soc_period.as_ref()).map(|(far_end, soc)| far_end.draw(soc));
     let facts = Facts {
         config,
         program: program.name,
@@ -78,7 +81,8 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
         ended: &ended,
         soc_period,
     };
-    let (report, pictures) = facts.report();
+    let (report, mut pictures) = facts.report();
+    pictures.soc_period = soc_picture.as_deref();
     // A full disk must not keep from the user how the program ended.
     let written = report::write(out, &report, &pictures);
     if job.json {

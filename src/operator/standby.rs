@@ -7,7 +7,7 @@
 //! never begins. Then drives are switched on, all joints are homed, the program runs, and drives are switched off again:
 //! also behind a program that was stopped or that failed. A fault waits for an acknowledge and lets no program begin before.
 
-use super::progress::{is_heard, say, told};
+use super::progress::told;
 use crate::api::orders::{Desk, Order, Shown, ShownProgram, Source};
 use crate::api::rpc::{RpcError, code};
 use crate::api::server::Ticket;
@@ -16,6 +16,7 @@ use crate::host::capabilities;
 use crate::host::capabilities::Work;
 use crate::host::signals;
 use crate::host::signals::StopSignal;
+use crate::host::terminal::{is_heard, say};
 use crate::machine::faults::SILENCED;
 use crate::machine::sequence::{Outcome, Step};
 use crate::machine::state::State;
@@ -383,9 +384,9 @@ mod tests {
     use super::*;
     use crate::api::orders::{Counter, desk};
     use crate::config;
+    use crate::operator::rehearsal::{Rehearsal, rehearse_with};
     use crate::rt::timeout;
     use crate::sim::NetConfig;
-    use crate::sim::rehearsal::{Rehearsal, rehearse_with};
     use std::path::Path;
 
     const PART: &str = "G21 G90 G94 G54\nG0 X5 Y5\nM2\n";

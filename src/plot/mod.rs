@@ -1,13 +1,12 @@
 //! Pictures of a run, and the page that shows all of them: the tool path as it was commanded, and how far from it the machine
 //! was.
 //!
-//! In:  samples of the [recorder](crate::operator::recorder), pictures of others.
+//! In:  samples of the recorder, pictures of others.
 //! Out: SVG and HTML that any browser shows; small, for points that cannot be told apart are left out.
 
 pub(crate) mod lines;
 pub(crate) mod sheet;
 
-use crate::operator::recorder::PathSample;
 use lines::{number, round_up, thin_out};
 use sheet::{Anchor, Face, Sheet, escaped};
 
@@ -37,6 +36,32 @@ const OFF: &str = "#d55e00";
 pub(crate) const TITLE: Face = Face::new(20.0, INK).bold();
 pub(crate) const BODY: Face = Face::new(13.0, INK);
 pub(crate) const SMALL: Face = Face::new(12.0, INK);
+
+/// A cycle of a program; positions in the machine, mm or degrees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathSample {
+    /// Commanded X, Y, Z.
+    pub command: [f64; 3],
+    /// Actual X, Y, Z.
+    pub actual: [f64; 3],
+    /// Whether the move is a rapid one.
+    pub rapid: bool,
+    /// Line of the program.
+    pub line: u32,
+}
+
+impl PathSample {
+    /// Square of the distance from the commanded to the actual position.
+    pub(crate) fn off2(&self) -> f64 {
+        let axes = self.command.iter().zip(&self.actual);
+        axes.map(|(command, actual)| (command - actual).powi(2)).sum()
+    }
+
+    /// The one whose actual position is further off; of equals the first.
+    pub(crate) fn further_off(self, other: PathSample) -> PathSample {
+        if other.off2() > self.off2() { other } else { self }
+    }
+}
 
 /// The path of the tool from above (XY) and from the front (XZ), both to one scale, as it was commanded; below it, over time,
 /// how far the actual position was from the commanded path, which lies on straight lines between samples. `sample_s`: time from

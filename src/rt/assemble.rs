@@ -9,12 +9,11 @@ use super::drives::Drives;
 use super::homing::Homer;
 use super::overrides::Overrides;
 use super::pins::Pins;
-use super::shared::Live;
+use super::shared::{Live, OperatorEndpoints};
 use crate::bus::network::NodePlan;
 use crate::bus::{Fieldbus, InputImage, OutputImage};
 use crate::config::{Config, Joint};
 use crate::machine::overruns::Overruns;
-use crate::operator::console::Inlets;
 use crate::rt::joint_jog::Hand;
 use anyhow::{Context, anyhow};
 use hal_pins::Hal;
@@ -36,7 +35,7 @@ pub fn assemble<B: Fieldbus>(
     plans: &[NodePlan],
     bus: B,
     hal: &mut Hal,
-) -> anyhow::Result<(Control<B>, Inlets, diagnosis::Inlet)> {
+) -> anyhow::Result<(Control<B>, OperatorEndpoints, diagnosis::Inlet)> {
     let (commands, commands_out) = rtrb::RingBuffer::new(COMMANDS);
     let (notices_in, notices) = rtrb::RingBuffer::new(NOTICES);
     let (trace_in, trace) = rtrb::RingBuffer::new(TRACES);
@@ -71,7 +70,7 @@ pub fn assemble<B: Fieldbus>(
     let control = Control::new(bus, parts, outlets);
     Ok((
         control,
-        Inlets {
+        OperatorEndpoints {
             commands,
             notices,
             trace,

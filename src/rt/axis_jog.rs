@@ -6,7 +6,7 @@
 //! RT: nothing allocates but [`WorldHand::new`].
 
 use crate::config::Config;
-use crate::program::{plan_settings, stop_shares};
+use crate::machine::motion_settings::{plan_settings, stop_shares};
 use crate::rt::joint_jog::JogMotion;
 use motion::canon::{AXES, Axis, Position};
 use motion::kinematics::{Kinematics, ToolFrame};

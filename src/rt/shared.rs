@@ -12,7 +12,22 @@ use motion::canon::{AXES, Position};
 use motion::element::{Action, Enables};
 use motion::rt::jog::Obstruction;
 use motion::rt::{Interpolator, SyncReport};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::Relaxed};
+
+/// The operator's ends of the rings between him and the cycle thread.
+pub struct OperatorEndpoints {
+    /// Orders.
+    pub commands: rtrb::Producer<Command>,
+    /// Notices.
+    pub notices: rtrb::Consumer<TimedNotice>,
+    /// Trace records.
+    pub trace: rtrb::Consumer<Trace>,
+    /// Programs that are over.
+    pub finished: rtrb::Consumer<Box<Interpolator>>,
+    /// Latest values.
+    pub live: Arc<Live>,
+}
 
 /// An order for the cycle thread.
 #[derive(Debug)]

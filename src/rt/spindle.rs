@@ -10,6 +10,7 @@ use crate::bus::layout::Field;
 use crate::bus::network::NodePlan;
 use crate::bus::{InputImage, NodeIndex, OutputImage};
 use crate::config::{Config, SpindleEncoder};
+use crate::machine::faults::SpeedNotReached;
 use hal_pins::{Hal, HalError, Input, Output};
 use motion::canon::{Axis, SpindleDirection};
 use motion::element::Surface;
@@ -57,15 +58,6 @@ struct Drive {
     speed: Field,
     /// Value at one turn a minute.
     per_rpm: f64,
-}
-
-/// A spindle that does not get to its speed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Late {
-    /// Wanted, 1/min, above 0 with M3.
-    pub wanted_rpm: f64,
-    /// Measured; `None` without an encoder.
-    pub measured_rpm: Option<f64>,
 }
 
 /// The spindle of the machine.
@@ -336,8 +328,8 @@ impl Spindle {
     }
 
     /// Whether its speed has been waited for too long. RT.
-    pub fn late(&self) -> Option<Late> {
-        (self.waited_s > self.timeout_s).then(|| Late {
+    pub fn late(&self) -> Option<SpeedNotReached> {
+        (self.waited_s > self.timeout_s).then(|| SpeedNotReached {
             wanted_rpm: self.rpm,
             measured_rpm: self.measured_rpm(),
         })

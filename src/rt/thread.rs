@@ -9,10 +9,9 @@ use crate::bus::Fieldbus;
 use crate::config::Config;
 use crate::host::network_locks::NetworkLocks;
 use crate::host::spin::Spin;
-use crate::host::wait::{Grid, monotonic_ns, sleep_until, spin_until};
+use crate::host::wait::{Grid, monotonic_ns, sleep_until, spin_until, thread_cpu_clock};
 use crate::machine::state::State;
 use crate::rt::cycle_stats::{CycleFigures, CycleTimes, Recorder};
-use crate::sim::paced::{Pace, Paced};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Time before a cycle at which the bus is left alone, beyond the spin: the wake-up itself takes this long at most on a
@@ -29,41 +28,6 @@ pub fn grid(config: &Config) -> Grid {
     }
 }
 
-/// Runs cycles on paced time until the network is down or `stop` says so; `wire` is that of the bus. Not RT: a thread that is
-/// late holds time back instead.
-pub fn run_paced<B: Fieldbus>(
-    control: &mut Control<B>,
-    grid: Grid,
-    wire: &Paced,
-    mut recorder: Recorder,
-    stop: &AtomicBool,
-) -> Box<CycleFigures> {
-    let mut pace = Pace::default();
-    let mut deadline_ns = grid.first_after(wire.time_ns());
-    recorder.begin();
-    while control.state() != State::Down && !stop.load(Ordering::Acquire) {
-        control.bus_mut().serve(deadline_ns);
-        control.prepare(deadline_ns);
-        pace.wait_until(deadline_ns);
-        wire.advance_to(deadline_ns);
-        let next_ns = deadline_ns + grid.period_ns;
-        let report = control.cycle(0, 0, next_ns);
-        recorder.record(&CycleTimes {
-            deadline_ns,
-            woke_ns: deadline_ns,
-            soc_ns: report.soc_ns,
-            exchanged_ns: report.done_ns,
-            ended_ns: report.done_ns,
-            next_ns,
-            skipped: 0,
-            pres_lost: report.lost,
-        });
-        control.show_timing(recorder.timing());
-        deadline_ns = next_ns;
-    }
-    recorder.end()
-}
-
 /// Runs cycles until the network is down or `stop` says so. RT, for a bus on CLOCK_MONOTONIC.
 pub fn run<B: Fieldbus>(
     control: &mut Control<B>,
@@ -74,7 +38,7 @@ pub fn run<B: Fieldbus>(
     stop: &AtomicBool,
 ) -> Box<CycleFigures> {
     let locks = NetworkLocks::open();
-    watch.watch_this_thread();
+    watch.set_cpu_clock(thread_cpu_clock());
     let (mut cycle, mut skipped) = (0, 0);
     let mut deadline_ns = grid.first_after(monotonic_ns());
     recorder.begin();

@@ -9,7 +9,6 @@ mod machine;
 mod motor;
 mod node;
 pub mod paced;
-pub mod rehearsal;
 mod run;
 mod sensors;
 mod spindle;
@@ -23,6 +22,9 @@ pub use virtual_net::{Disturbance, NetConfig, VirtualNet};
 
 use crate::config::Node;
 use std::fmt;
+
+/// Printed by a process of the simulated machine once it listens.
+pub const READY: &str = "ready";
 
 /// Why a node of the machine file cannot be simulated.
 #[derive(Clone, Debug, PartialEq, Eq)]

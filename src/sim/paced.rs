@@ -6,8 +6,14 @@
 //! still for the control and its machine. So what it shows is right, and says nothing about the PC. No RT link: it allocates.
 
 use super::{NetConfig, SimMachine, VirtualNet};
+use crate::bus::Fieldbus;
+use crate::host::wait::Grid;
 use crate::host::wait::{monotonic_ns, sleep_until};
+use crate::machine::state::State;
+use crate::rt::cycle::Control;
+use crate::rt::cycle_stats::{CycleFigures, CycleTimes, Recorder};
 use powerlink::link::{Link, LinkError, Received};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Who is late by less than this makes it up: a busy PC wakes a thread up rarely, but then lets it run.
@@ -75,6 +81,41 @@ impl Link for Paced {
     fn receive(&mut self, buffer: &mut [u8], deadline_ns: u64) -> Result<Option<Received>, LinkError> {
         self.net().receive(buffer, deadline_ns)
     }
+}
+
+/// Runs cycles on paced time until the network is down or `stop` says so; `wire` is that of the bus. Not RT: a thread that is
+/// late holds time back instead.
+pub fn run_paced<B: Fieldbus>(
+    control: &mut Control<B>,
+    grid: Grid,
+    wire: &Paced,
+    mut recorder: Recorder,
+    stop: &AtomicBool,
+) -> Box<CycleFigures> {
+    let mut pace = Pace::default();
+    let mut deadline_ns = grid.first_after(wire.time_ns());
+    recorder.begin();
+    while control.state() != State::Down && !stop.load(Ordering::Acquire) {
+        control.bus_mut().serve(deadline_ns);
+        control.prepare(deadline_ns);
+        pace.wait_until(deadline_ns);
+        wire.advance_to(deadline_ns);
+        let next_ns = deadline_ns + grid.period_ns;
+        let report = control.cycle(0, 0, next_ns);
+        recorder.record(&CycleTimes {
+            deadline_ns,
+            woke_ns: deadline_ns,
+            soc_ns: report.soc_ns,
+            exchanged_ns: report.done_ns,
+            ended_ns: report.done_ns,
+            next_ns,
+            skipped: 0,
+            pres_lost: report.lost,
+        });
+        control.show_timing(recorder.timing());
+        deadline_ns = next_ns;
+    }
+    recorder.end()
 }
 
 #[cfg(test)]

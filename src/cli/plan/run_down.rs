@@ -6,8 +6,9 @@
 use super::ideal_spindle::IdealSpindle;
 use super::joints::Joints;
 use crate::config::Config;
+use crate::machine::motion_settings::{ring_capacity, stop_ramp};
 use crate::machine::tables::Tables;
-use crate::program::{FeedError, Feeder, Progress, home, ring_capacity, stop_ramp};
+use crate::program::{FeedError, Feeder, Progress, home};
 use motion::canon::{Axis, Position};
 use motion::element::{Action, Element};
 use motion::kinematics::Kinematics;

@@ -28,7 +28,7 @@ pub(super) enum Awake {
     Nothing,
     /// Held open at 0: all cores stay out of deep idle states until it is closed.
     DmaLatency { _file: File },
-    /// The time-out thread does, see [`crate::rt::timeout::Limits`].
+    /// The time-out thread does: it looks at every tick, needed or not.
     Ticks,
     /// Spins.
     IdleThread { _thread: IdleThread },

@@ -14,7 +14,7 @@
 //! | no idle state that takes long to leave | `awake.rs` | late wake-ups |
 //! | blocked signals, no timer slack | [`enter_core`] | handlers and 50 µs of slack on a real-time thread |
 //!
-//! That it holds is counted: page faults and switches of the cycle thread, in [`crate::rt::cycle_stats`].
+//! That it holds is counted: page faults and switches of the cycle thread, in `rt::cycle_stats`.
 
 mod awake;
 mod cpu;

@@ -5,22 +5,23 @@
 //!
 //! The cycle is the very same code as in real time; only the clock and the wire differ.
 
-use super::{NetConfig, SimMachine, VirtualNet};
+use super::console::{Operator, Wish};
 use crate::bus::Fieldbus;
 use crate::bus::managing_node::{mn_config, node_configs};
 use crate::bus::network;
 use crate::bus::powerlink::Powerlink;
 use crate::config::Config;
 use crate::host::wait::Grid;
+use crate::machine::motion_settings::{ring_capacity, stop_ramp, stop_shares};
 use crate::machine::sequence::Outcome;
 use crate::machine::tables::Tables;
-use crate::operator::console::{Operator, Wish};
-use crate::program::{Feeder, Progress, probing, ring_capacity, stop_ramp, stop_shares};
+use crate::program::{Feeder, Progress, probing};
 use crate::rt::assemble::assemble;
 use crate::rt::cycle::Control;
 use crate::rt::pins::CAPACITY;
 use crate::rt::thread::grid;
 use crate::rt::timeout::Watch;
+use crate::sim::{NetConfig, SimMachine, VirtualNet};
 use anyhow::anyhow;
 use hal_pins::Hal;
 use motion::element::Element;

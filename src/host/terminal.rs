@@ -1,0 +1,124 @@
+//! The terminal of a command: lines that stay, and below them one status line that is redrawn in place.
+//!
+//! In:  texts. Out: the terminal, or plain lines now and then where the output is none.
+//!
+//! The status line is cut off at the right where the terminal ends: wrapped, it could not be wiped again.
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use std::io::{Write, stdout};
+use std::os::fd::AsFd;
+use std::time::{Duration, Instant};
+
+/// Template of a status line with a bar, in per cent, and a text.
+pub const BAR: &str = "[{bar:12}] {percent:>3} %  {eta:>4} left  {wide_msg}";
+/// Pause between two redraws of the line on a terminal.
+const REDRAW: Duration = Duration::from_millis(100);
+
+/// A status line that is redrawn in place.
+pub struct StatusLine {
+    bar: ProgressBar,
+    pause: Duration,
+    next: Instant,
+    quiet: bool,
+}
+
+impl StatusLine {
+    /// `template` of the crate indicatif; `pause`: between two lines where the output is no terminal; `quiet`: shows nothing at
+    /// all.
+    pub fn new(template: &str, pause: Duration, quiet: bool) -> StatusLine {
+        StatusLine::on(ProgressDrawTarget::stdout(), template, pause, quiet)
+    }
+
+    fn on(target: ProgressDrawTarget, template: &str, pause: Duration, quiet: bool) -> StatusLine {
+        let bar = ProgressBar::with_draw_target(None, target);
+        // A template of ours is a good one: a test draws each.
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            bar.set_style(style.progress_chars("#.."));
+        }
+        StatusLine {
+            pause: if bar.is_hidden() { pause } else { REDRAW },
+            bar,
+            next: Instant::now(),
+            quiet,
+        }
+    }
+
+    /// Whether another line is due, and would be taken at once.
+    pub fn is_due(&self) -> bool {
+        !self.quiet && Instant::now() >= self.next && is_heard()
+    }
+
+    /// Shows a line now: on a terminal `draw` sets it, elsewhere `line` is printed.
+    pub fn show(&mut self, draw: impl FnOnce(&ProgressBar), line: impl FnOnce() -> String) {
+        self.next = Instant::now() + self.pause;
+        if self.bar.is_hidden() {
+            say(&format!("{}\n", line()));
+        } else {
+            draw(&self.bar);
+        }
+    }
+
+    /// Whether nothing at all is shown.
+    pub fn is_quiet(&self) -> bool {
+        self.quiet
+    }
+
+    /// Prints text that stays, above the line.
+    pub fn say(&self, text: &str) {
+        if !self.quiet {
+            self.bar.suspend(|| say(text));
+        }
+    }
+}
+
+impl Drop for StatusLine {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// A text that must not be overlooked: red where standard output is a terminal and `NO_COLOR` is not set.
+pub fn alarm(text: impl std::fmt::Display) -> impl std::fmt::Display {
+    console::style(text).red().bold()
+}
+
+/// Whether something printed now would be taken at once, by a reader or by nobody. A stopped terminal (Ctrl-S) and a pipe that
+/// nobody empties keep whoever prints waiting; the loop that hears of a stop must not be the one.
+pub fn is_heard() -> bool {
+    let out = stdout();
+    let mut fd = [PollFd::new(out.as_fd(), PollFlags::POLLOUT)];
+    // A look and no wait; where it fails there is nothing to wait for.
+    poll(&mut fd, PollTimeout::ZERO).map_or(true, |ready| ready > 0)
+}
+
+/// Prints. A reader that has gone away must not stop a machine in motion: what cannot be printed is not.
+pub fn say(text: &str) {
+    let mut out = stdout().lock();
+    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use indicatif::InMemoryTerm;
+
+    #[test]
+    fn a_line_never_takes_more_than_one_row_and_is_cut_off_at_the_right() {
+        for template in ["{wide_msg}", BAR] {
+            let terminal = InMemoryTerm::new(24, 40);
+            let target = ProgressDrawTarget::term_like(Box::new(terminal.clone()));
+            let mut line = StatusLine::on(target, template, REDRAW, false);
+            for number in 0..30 {
+                let text = format!("{number:02} a text that is much longer than the forty columns of the terminal");
+                line.show(|bar| bar.set_message(text), String::new);
+                line.bar.tick();
+            }
+            let shown = terminal.contents();
+            assert_eq!(shown.lines().count(), 1, "{shown}");
+            assert!(shown.lines().all(|row| row.chars().count() <= 40), "{shown}");
+            drop(line);
+            assert_eq!(terminal.contents(), "");
+        }
+    }
+}
