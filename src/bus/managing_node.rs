@@ -4,8 +4,9 @@
 //! Out: the configuration of `powerlink::mn`.
 
 use super::network::NodePlan;
-use crate::config::{Bus, Config, Exchange, Identity, Mapped, Node};
-use powerlink::mn::{self, Assignment, BootTimes, MnConfig, NodeConfig};
+use crate::config::{Bus, Config, Exchange, Identity, Mapped, Node, Stamp};
+use powerlink::mn::{self, Assignment, BootTimes, Budget, MnConfig, NodeConfig, StartUp};
+use powerlink::wire::PAYLOAD_MAX;
 
 /// What the managing node is told of the network.
 pub fn mn_config<'a>(config: &Config, nodes: &'a [NodeConfig<'a>], mac: [u8; 6]) -> MnConfig<'a> {
@@ -15,6 +16,29 @@ pub fn mn_config<'a>(config: &Config, nodes: &'a [NodeConfig<'a>], mac: [u8; 6])
         mac,
         ..network(&config.bus, nodes)
     }
+}
+
+/// Whether the network fits its cycle, and what the chained nodes are sent fits one frame.
+///
+/// # Errors
+/// Why it does not.
+pub(super) fn check(config: &Config) -> Result<(), String> {
+    let nodes = exchanges(&config.bus);
+    let network = mn_config(config, &nodes, [0; 6]);
+    let too_many = |octets: &u16| usize::from(*octets) > PAYLOAD_MAX;
+    if let Some(octets) = network.pres_mn_bytes.filter(too_many) {
+        return Err(format!(
+            "the outputs of the chained nodes share one frame of {PAYLOAD_MAX} octets, and have {octets}"
+        ));
+    }
+    let worst = Budget::new(&network, &latencies(&config.bus)).worst();
+    if worst.total_ns() > u64::from(network.cycle_ns) {
+        return Err(format!(
+            "the time-outs do not fit the cycle of {} us: {worst}",
+            config.cycle_us
+        ));
+    }
+    Ok(())
 }
 
 /// What `[bus]` says of the network.
@@ -34,7 +58,10 @@ pub(crate) fn network<'a>(bus: &Bus, nodes: &'a [NodeConfig<'a>]) -> MnConfig<'a
         multiplex_cycles: bus.multiplex_cycles,
         prescaler: bus.prescaler,
         pres_mn_bytes: pres_mn_octets(nodes),
-        startup: bus.startup,
+        // The reader of the file refuses bits that are not served.
+        startup: bus
+            .startup
+            .map_or(StartUp::default(), |bits| StartUp::from_bits(bits).unwrap_or_default()),
         pres_lost_max: bus.pres_lost_max,
         nodes,
         ..MnConfig::default()
@@ -106,7 +133,7 @@ pub(crate) fn exchanges(bus: &Bus) -> Vec<NodeConfig<'static>> {
             multiplex_cycle,
             pres_timeout_ns: node.pres_timeout_us * 1000,
             identity: identity(node.identity),
-            software: node.software,
+            software: node.software.map(|Stamp { date, time }| mn::Stamp { date, time }),
             preq_version: node.pdo_version,
             pres_version: node.pdo_version,
             preq_bytes,
@@ -125,5 +152,38 @@ fn identity(wanted: Identity) -> mn::Identity {
         product_code: wanted.product_code,
         revision: wanted.revision,
         serial: wanted.serial,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::bus;
+    use crate::config::wire_time_ns;
+    use powerlink::mn;
+
+    const DEMO: &str = include_str!("../../configs/mill3-demo.toml");
+
+    /// How a machine file is refused that has one thing in another way than that of the demo.
+    fn refusal(from: &str, to: &str) -> String {
+        assert!(DEMO.contains(from), "{from}");
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        std::fs::write(file.path(), DEMO.replacen(from, to, 1)).expect("it can be written");
+        match bus::read(file.path()) {
+            Ok(_) => String::new(),
+            Err(errors) => errors.to_string().replace(&file.path().display().to_string(), "m.toml"),
+        }
+    }
+
+    #[test]
+    fn a_network_that_does_not_fit_its_cycle_is_refused_at_its_place() {
+        assert_eq!(refusal("pres_timeout_us = 150", "pres_timeout_us = 358"), "");
+        let refused = refusal("pres_timeout_us = 150", "pres_timeout_us = 359");
+        let wanted = "m.toml:29:1: bus.node: the time-outs do not fit the cycle of 1000 us: 41 (frames) + 810 (PRes) + 150 (async slot) = 1001 us";
+        assert!(refused.contains(wanted), "{refused}");
+    }
+
+    #[test]
+    fn a_frame_takes_as_long_in_the_machine_file_as_on_the_wire() {
+        assert!((0..1600).all(|octets| wire_time_ns(octets) == mn::wire_time_ns(octets)));
     }
 }

@@ -14,11 +14,38 @@ pub mod sender;
 pub mod watch;
 
 pub use crate::config::NodeIndex;
+use crate::config::{self, Config, ConfigErrors};
 use ::powerlink::link::LinkError;
 use ::powerlink::mn::{Counters, Diagnosis, ForeignSign, NetworkDiagnosis, SdoCommand, SdoError};
 use ::powerlink::wire::FRAME_LEN_MAX;
 use obd::AbortCode;
 use std::ops::Range;
+use std::path::Path;
+
+/// Reads and checks a machine file, its network too.
+///
+/// # Errors
+/// As [`config::read`] and [`check`].
+pub fn read(path: &Path) -> Result<Config, ConfigErrors> {
+    read_with_cycle(path, None)
+}
+
+/// As [`read`], as if the file said `cycle_us` for the cycle of its machine.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_with_cycle(path: &Path, cycle_us: Option<u32>) -> Result<Config, ConfigErrors> {
+    let config = config::read_with_cycle(path, cycle_us)?;
+    check(&config).map(|()| config)
+}
+
+/// What only the bus can judge of a machine file: whether the worst cycle of the network fits the cycle.
+///
+/// # Errors
+/// What does not fit, at its place in the file.
+pub fn check(config: &Config) -> Result<(), ConfigErrors> {
+    managing_node::check(config).map_err(|rule| config::bus_error(config, "node", rule))
+}
 
 /// Octets of the longest value that is read or written while the bus runs.
 pub const SDO_VALUE_MAX: usize = 4096;

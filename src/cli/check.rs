@@ -6,9 +6,10 @@
 
 mod network;
 
+use crate::bus;
 use crate::bus::cdc;
 use crate::bus::network::{NodePlan, plan};
-use crate::config::{self, BusKind, Config, HomingBy, Joint};
+use crate::config::{BusKind, Config, HomingBy, Joint};
 use crate::host::steadiness::Steadiness;
 use crate::operator::refusal::Refusal;
 use crate::rt::pins::{CAPACITY, Pins, PinsError};
@@ -42,7 +43,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
     if args.machine.extension().is_some_and(|extension| extension == "cdc") {
         return list_cdc(&args.machine);
     }
-    let config = config::read(&args.machine).map_err(Refusal::from)?;
+    let config = bus::read(&args.machine).map_err(Refusal::from)?;
     let plans = plan(&config);
     connections(&config, &plans).map_err(|error| match error {
         PinsError::Nets(errors) => Refusal::from(errors),
@@ -235,6 +236,7 @@ fn to_json(config: &Config, plans: &[NodePlan]) -> Json {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config;
     use std::path::Path;
 
     const DEMO: &str = include_str!("../../configs/mill3-demo.toml");

@@ -1,7 +1,8 @@
 //! `isocnc demo`: the whole control on a private wire, with a simulated machine at the far end.
 
 use crate::analyser::SocReport;
-use crate::config::{self, Config, KeepAwake};
+use crate::bus;
+use crate::config::{Config, KeepAwake};
 use crate::host::netns;
 use crate::host::signals::StopSignal;
 use crate::host::steadiness::Steadiness;
@@ -70,7 +71,7 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     };
     files::make_folder(&args.out).with_context(|| args.out.display().to_string())?;
     let machine = machine_file(args.machine.as_deref(), &args.out)?;
-    let mut config = config::read(&machine).map_err(Refusal::from)?;
+    let mut config = bus::read(&machine).map_err(Refusal::from)?;
     if !args.json {
         say(&format!(
             "isocnc demo: a simulated machine cuts {name}, report in {}\n\
@@ -95,7 +96,7 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
             eprintln!("{}: the cycle is {cycle_us} us", busy(&steadiness));
             config = Config {
                 name: config.name,
-                ..config::read_with_cycle(&machine, Some(cycle_us)).map_err(Refusal::from)?
+                ..bus::read_with_cycle(&machine, Some(cycle_us)).map_err(Refusal::from)?
             };
         }
         Pace::Paced => {

@@ -3,7 +3,8 @@
 //! In:  a machine file, a core, an interface: what the control would use.
 //! Out: a line for everything that matters, and what to do first. Exit code 0: no must is missing, 1: one is, 2: wrong usage.
 
-use crate::config::{self, BusKind, Config, Rt};
+use crate::bus;
+use crate::config::{BusKind, Config, Rt};
 use crate::host::doctor::{Level, Pc, Report, Target, ThisPc, examine, is_interface_name, isolcpus};
 use crate::host::setup;
 use crate::operator::refusal::Refusal;
@@ -62,7 +63,7 @@ pub fn doctor(args: &DoctorArgs) -> anyhow::Result<ExitCode> {
         println!("{}", script.display());
         return Ok(ExitCode::SUCCESS);
     }
-    let config = args.machine.as_deref().map(config::read).transpose();
+    let config = args.machine.as_deref().map(bus::read).transpose();
     let config = config.map_err(|errors| Refusal::from(errors).wrong_usage())?;
     let target = target(args, config.as_ref());
     if !args.json && std::io::stderr().is_terminal() {

@@ -2,7 +2,7 @@
 
 use super::demo::{bear, machine_file};
 use crate::analyser::listen;
-use crate::config;
+use crate::bus;
 use crate::host::netns;
 use crate::host::signals;
 use crate::host::signals::StopSignal;
@@ -71,7 +71,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
     let signal = StopSignal::install().context("signals")?;
     output::prepare(&args.out)?;
     let machine = machine_file(args.machine.as_deref(), &args.out)?;
-    let mut config = config::read_with_cycle(&machine, args.period_us).map_err(Refusal::from)?;
+    let mut config = bus::read_with_cycle(&machine, args.period_us).map_err(Refusal::from)?;
     // The name is also that of the shared pins: a control of this machine may run beside it.
     config.name = format!("{}-{}", config.name, std::process::id());
     ensure!(

@@ -1,5 +1,6 @@
 //! `isocnc run`: the control.
 
+use crate::bus;
 use crate::config;
 use crate::host::signals::StopSignal;
 use crate::operator::refusal::Refusal;
@@ -29,7 +30,7 @@ pub struct RunArgs {
 /// Runs a part program from power-on to power-off, or stands by for programs.
 pub fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     let signal = StopSignal::install().context("signals")?;
-    let config = config::read(&args.machine).map_err(Refusal::from)?;
+    let config = bus::read(&args.machine).map_err(Refusal::from)?;
     let wire = match config.bus.kind {
         config::BusKind::Powerlink => Wire::Interface(config.bus.interface.clone()),
         config::BusKind::Memory => Wire::Memory,

@@ -1,8 +1,9 @@
 //! `isocnc simulate`: the simulated machine as controlled nodes on an interface.
 
 use crate::analyser::Analyser;
+use crate::bus;
 use crate::bus::sender::SoleSender;
-use crate::config::{self, KeepAwake, Require, Rt};
+use crate::config::{KeepAwake, Require, Rt};
 use crate::host::setup;
 use crate::host::setup::{Role, STACK_SIZE, enter_thread};
 use crate::host::signals::StopSignal;
@@ -61,7 +62,7 @@ pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
     if let Some(parent) = args.with_parent {
         stay_with(parent)?;
     }
-    let config = config::read_with_cycle(&args.machine, args.cycle_us).map_err(Refusal::from)?;
+    let config = bus::read_with_cycle(&args.machine, args.cycle_us).map_err(Refusal::from)?;
     let signal = StopSignal::install().context("signals")?;
     let mut machine = SimMachine::new(&config).map_err(|error| anyhow!("{error}"))?;
     let _sole = SoleSender::claim(&args.interface)?;

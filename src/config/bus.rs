@@ -1,13 +1,11 @@
 //! `[bus]`: the wire, how the network starts, and how the nodes share the cycle.
 //!
-//! In:  the table of the machine file. Out: a [`Bus`] whose nodes fit together and whose worst cycle fits the cycle.
+//! In:  the table of the machine file. Out: a [`Bus`] whose nodes fit together; whether its worst cycle fits the cycle is judged by `bus::check`.
 
 use super::document::{Item, Section};
 use super::error::nearest;
 use super::node::{self, Names, Network};
-use super::types::{Bus, BusKind, StartUp};
-use crate::bus::managing_node::{exchanges, latencies, network};
-use powerlink::mn::{Budget, MnConfig, wire_time_ns};
+use super::types::{Bus, BusKind};
 use std::path::Path;
 
 /// Least and greatest AsyncMTU; and the octets of an Ethernet header, which it does not count.
@@ -75,34 +73,15 @@ pub(super) fn bus(section: &mut Section<'_, '_>, cycle_us: Option<u32>, folder: 
         startup: startup?,
         nodes,
     };
-    (complete && fits(section, &bus, cycle_us)).then_some(bus)
+    complete.then_some(bus)
 }
 
-/// Whether the network fits its cycle, and what the chained nodes are sent fits one frame.
-fn fits(section: &Section<'_, '_>, bus: &Bus, cycle_us: Option<u32>) -> bool {
-    const PAYLOAD_MAX: u16 = powerlink::wire::PAYLOAD_MAX as u16;
-    let nodes = exchanges(bus);
-    let config = MnConfig {
-        cycle_ns: cycle_us.unwrap_or(0) * 1000,
-        ..network(bus, &nodes)
-    };
-    if let Some(octets) = config.pres_mn_bytes.filter(|octets| *octets > PAYLOAD_MAX) {
-        let rule =
-            format!("the outputs of the chained nodes share one frame of {PAYLOAD_MAX} octets, and have {octets}");
-        section.wrong("node", rule);
-        return false;
-    }
-    let worst = Budget::new(&config, &latencies(bus)).worst();
-    // Without a cycle there is a mistake already.
-    if cycle_us.is_some() && worst.total_ns() > u64::from(config.cycle_ns) {
-        let rule = format!(
-            "the time-outs do not fit the cycle of {} us: {worst}",
-            config.cycle_ns / 1000
-        );
-        section.wrong("node", rule);
-        return false;
-    }
-    true
+/// Shorter frames are padded.
+const FRAME_OCTETS_MIN: usize = 60;
+
+/// Time on a 100 Mbit/s wire of an Ethernet frame of `octets` without check sequence (4 octets), preamble (8) and gap (12), ns.
+pub fn wire_time_ns(octets: usize) -> u64 {
+    (octets.max(FRAME_OCTETS_MIN) as u64 + 4 + 8 + 12) * 80
 }
 
 /// The longest ASnd; left out: as long as the asynchronous slot allows.
@@ -170,9 +149,9 @@ const START_UP: [(&str, u8, Option<&str>); 13] = [
 const APPLICATION: &str = "the control always lets the network go on by itself";
 
 /// `startup = ["check-identity", ...]`: bits of 0x1F80; left out: the managing node's defaults.
-fn startup(section: &mut Section<'_, '_>) -> Option<StartUp> {
+fn startup(section: &mut Section<'_, '_>) -> Option<Option<u32>> {
     let Some(item) = section.optional("startup") else {
-        return Some(StartUp::default());
+        return Some(None);
     };
     let path = section.key("startup");
     let bits = item
@@ -182,18 +161,8 @@ fn startup(section: &mut Section<'_, '_>) -> Option<StartUp> {
         .map(|(index, item)| startup_bit(item, &format!("{path}[{index}]")));
     // Every name is looked at before one that is wrong ends it.
     let bits: Vec<Option<u8>> = bits.collect();
-    let value = bits
-        .into_iter()
-        .collect::<Option<Vec<u8>>>()?
-        .into_iter()
-        .fold(0, |value, bit| value | 1 << bit);
-    match StartUp::from_bits(value) {
-        Ok(startup) => Some(startup),
-        Err(refused) => {
-            section.wrong("startup", refused.to_string());
-            None
-        }
-    }
+    let bits = bits.into_iter().collect::<Option<Vec<u8>>>()?;
+    Some(Some(bits.into_iter().fold(0, |value, bit| value | 1 << bit)))
 }
 
 fn startup_bit(item: Item<'_, '_>, key: &str) -> Option<u8> {

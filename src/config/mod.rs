@@ -37,6 +37,7 @@ mod tests_program;
 mod tests_spindle;
 mod types;
 
+pub use bus::wire_time_ns;
 pub use error::{ConfigError, ConfigErrors};
 pub use types::*;
 
@@ -129,6 +130,25 @@ pub fn check_planner(config: &Config) -> Result<(), &'static str> {
     match config.program.planner {
         Slope::Classic if !config.kinematics().is_linear(&tip) => Err(program::CLASSIC_IS_LINEAR),
         Slope::Classic | Slope::Optimal => Ok(()),
+    }
+}
+
+/// A mistake in `[bus]` that only the bus itself can see, at the place of `key` in the machine file.
+pub fn bus_error(config: &Config, key: &str, rule: String) -> ConfigErrors {
+    let file = config.path.display().to_string();
+    let text = files::read_text(&config.path, TEXT_MAX).unwrap_or_default();
+    let (document, _) = DeTable::parse_recoverable(&text);
+    let bus = document.get_ref().get("bus").and_then(|bus| bus.get_ref().as_table());
+    let path = format!("bus.{key}");
+    match bus.and_then(|bus| bus.get(key)) {
+        Some(value) => {
+            let log = Log::new(&file, &text);
+            log.misplaced(value.span(), &path, rule, None);
+            let (errors, more) = log.into_errors();
+            ConfigErrors::new(errors, more)
+        }
+        // The file is not the one any more that was read.
+        None => ConfigErrors::new(vec![ConfigError::whole(&file, format!("{path}: {rule}"))], 0),
     }
 }
 

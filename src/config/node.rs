@@ -3,20 +3,21 @@
 //! In:  a table of the machine file, the device file that it names.
 //! Out: a [`Node`] that fits its device file.
 
-use super::bus::{NAME_RULE, is_name};
+use super::bus::{NAME_RULE, is_name, wire_time_ns};
 use super::device;
 use super::document::{Item, Section};
 use super::mapping::{self, Payload, Target};
 use super::types::{Cross, DeviceDescription, Exchange, Mapped, Node, Profile, Stamp};
 use obd::mapping::Direction;
-use powerlink::mn::wire_time_ns;
-use powerlink::wire::{PAYLOAD_LIMIT_MIN, POLL_HEADER_LEN};
 use std::path::Path;
 
 /// What an answer takes besides the latency of its device and its time on the wire, until this side has seen it, µs.
 const HOST_ALLOWANCE_US: u32 = 100;
 /// PRes time-out where no device file tells the latency, µs.
 const PRES_TIMEOUT_US: u32 = 150;
+
+/// Octets of a PRes before its payload.
+const PRES_HEADER_OCTETS: usize = 24;
 
 /// What a node is read against.
 pub(super) struct Network<'a> {
@@ -201,7 +202,7 @@ fn pres_timeout(
         .iter()
         .map(|object| usize::from(object.bits / 8))
         .sum();
-    let wire_ns = wire_time_ns(POLL_HEADER_LEN + octets.max(PAYLOAD_LIMIT_MIN));
+    let wire_ns = wire_time_ns(PRES_HEADER_OCTETS + octets);
     let latency = device.and_then(|device| Some((device, device.features.pres_latency_ns?)));
     let answer_us = latency.map(|(_, latency_ns)| (u64::from(latency_ns) + wire_ns).div_ceil(1000) as u32);
     let default_us = answer_us.map_or(PRES_TIMEOUT_US, |answer_us| answer_us.saturating_add(HOST_ALLOWANCE_US));

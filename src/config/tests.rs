@@ -334,10 +334,6 @@ fn rules_of_the_bus() {
         ("profile = \"io\"", "profile = \"io\"\nvendor_id = 0x1_0000_0000", &[
             "m.toml:12:13: bus.node[1].vendor_id = 0x1_0000_0000: must be an integer from 0 to 4294967295",
         ]),
-        // SoC, SoA and two PReq are frames of the least length, 6.72 us each.
-        ("profile = \"io\"", "profile = \"io\"\npres_timeout_us = 674", &[
-            "m.toml:6:1: bus.node: the time-outs do not fit the cycle of 1000 us: 27 (frames) + 824 (PRes) + 150 (async slot) = 1001 us",
-        ]),
     ]);
     assert_eq!(
         messages("schema = 1\nmachine.name = \"m\"\njoint = []\naxis = 3\nbus = { kind = \"memory\", node = [] }\n"),

@@ -69,7 +69,7 @@ fn keys_of_a_node_and_of_the_bus_arrive() {
     let config = read(&machine(&servo, &io).replace("kind = \"memory\"", bus));
     let bus = &config.bus;
     assert_eq!((bus.multiplex_cycles, bus.async_mtu, bus.prescaler), (4, 300, 10));
-    assert_eq!(bus.startup.to_bits(), 1 << 9 | 1 << 4);
+    assert_eq!(bus.startup, Some(1 << 9 | 1 << 4));
     let servo = &bus.nodes[0];
     assert_eq!((servo.exchange, servo.pdo_version), (Exchange::Multiplexed(3), 0x10));
     assert_eq!(
@@ -89,7 +89,7 @@ fn keys_of_a_node_and_of_the_bus_arrive() {
         [write(1, &[0x2C, 0x01]), write(3, &0.25_f32.to_le_bytes())]
     );
     assert_eq!(bus.nodes[1].exchange, Exchange::Chained);
-    assert_eq!(read(&machine(SERVO, IO)).bus.startup, StartUp::default());
+    assert_eq!(read(&machine(SERVO, IO)).bus.startup, None);
 }
 
 #[test]

@@ -9,7 +9,6 @@ use motion::canon::{Axis, LengthUnit, Position};
 use motion::kinematics::{Follows, JOINTS, Kinematics, Transform};
 use motion::rt::{PitchTable, TakeUpLimits};
 pub use obd::device::{ConfigurationWrite, DeviceDescription};
-pub use powerlink::mn::{Stamp, StartUp};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -193,8 +192,8 @@ pub struct Bus {
     pub prescaler: u16,
     /// TAP device by which programs of this PC reach the nodes over IP, in asynchronous slots; `None`: they do not.
     pub tap: Option<String>,
-    /// How the network starts (1F80).
-    pub startup: StartUp,
+    /// How the network starts (1F80), served bits only; `None`: the defaults of the managing node.
+    pub startup: Option<u32>,
     /// Nodes in polling order.
     pub nodes: Vec<Node>,
 }
@@ -206,6 +205,15 @@ pub enum BusKind {
     Powerlink,
     /// Ethernet POWERLINK frames through memory to the simulated machine in this process.
     Memory,
+}
+
+/// Date and time of the software of a node (1F52).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stamp {
+    /// Days since 1984-01-01.
+    pub date: u32,
+    /// Milliseconds since midnight.
+    pub time: u32,
 }
 
 /// `[[bus.node]]`

@@ -92,7 +92,7 @@ pub(super) fn test_config() -> Config {
             multiplex_cycles: 0,
             async_mtu: 1500,
             prescaler: 2,
-            startup: StartUp::default(),
+            startup: None,
             nodes: vec![
                 drive(1, "x-drive"),
                 drive(2, "y-drive"),

@@ -7,6 +7,7 @@
 use super::words::counted;
 use crate::api::client::{Client, ClientError};
 use crate::api::network_view::{BudgetView, MappedView, NetworkView, NodeView};
+use crate::bus;
 use crate::config;
 use crate::machine::faults::SILENCED;
 use crate::operator::refusal::Refusal;
@@ -68,7 +69,7 @@ pub(super) fn show(args: &NetworkArgs, topic: Topic, as_json: bool, out: &mut im
 
 /// The network, and the status of its control (null where none runs).
 fn look(args: &NetworkArgs) -> anyhow::Result<Result<(NetworkView, Value), config::ConfigErrors>> {
-    let from_file = match args.machine_file.as_deref().map(config::read) {
+    let from_file = match args.machine_file.as_deref().map(bus::read) {
         Some(Err(errors)) => return Ok(Err(errors)),
         Some(Ok(config)) => Some(NetworkView::of(&config)),
         None => None,

@@ -5,7 +5,7 @@
 
 use super::InterpretArgs;
 use crate::machine::tables::{bare_tools, forget_g92};
-use crate::{config, program};
+use crate::{bus, program};
 use anyhow::Context;
 use gcode::{Located, Settings, Splines, ToolChanger, ToolTable, parameter};
 use motion::canon::LengthUnit;
@@ -26,7 +26,7 @@ pub(super) struct Tables {
 pub(super) fn read(args: &InterpretArgs) -> anyhow::Result<Option<Tables>> {
     let mut keeps_g92 = true;
     let (mut settings, changer, tool_file, parameter_file) = match &args.machine {
-        Some(path) => match config::read(path) {
+        Some(path) => match bus::read(path) {
             Ok(config) => {
                 let settings = program::interpreter_settings(&config, program::home(&config));
                 keeps_g92 = config.program.keep_g92;

@@ -14,6 +14,7 @@ mod report;
 mod run_down;
 mod slow_places;
 
+use crate::bus;
 use crate::config::{self, Config};
 use crate::machine::tables::Tables;
 use crate::operator::refusal::Refusal;
@@ -128,7 +129,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
 
 /// The machine, and the program planned for it.
 fn planned(args: &PlanArgs, text: &[u8]) -> Result<(Config, Tables, Work), Refusal> {
-    let mut config = config::read(&args.machine)?;
+    let mut config = bus::read(&args.machine)?;
     if let Some(name) = args.planner {
         config.program.planner = name.into();
     }
