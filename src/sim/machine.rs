@@ -83,6 +83,8 @@ pub struct SimMachine {
     /// `None`: there are none.
     sensors: Option<Sensors>,
     response: Box<[u8; FRAME_LEN_MAX]>,
+    /// What a node has sent, while the others hear it.
+    answer: Box<[u8; FRAME_LEN_MAX]>,
     now_ns: u64,
 }
 
@@ -114,6 +116,7 @@ impl SimMachine {
             joints,
             sensors: Sensors::new(config),
             response: Box::new([0; FRAME_LEN_MAX]),
+            answer: Box::new([0; FRAME_LEN_MAX]),
             now_ns: 0,
         })
     }
@@ -123,11 +126,17 @@ impl SimMachine {
     /// RT: no allocation, no locks; bounded by the number of nodes.
     pub fn receive(&mut self, now_ns: u64, frame: &[u8], send: &mut dyn FnMut(&[u8])) {
         self.now_ns = now_ns;
+        // No frame is answered by more than one node. The others hear its answer behind the frame, as on any wire.
+        let mut answer = None;
         for index in 0..self.places.len() {
-            let Some(length) = self.places[index].receive(now_ns, frame, &mut self.response) else {
-                continue;
-            };
-            self.send(now_ns, index, length, send);
+            if let Some(length) = self.places[index].receive(now_ns, frame, &mut self.response) {
+                send(&self.response[..length]);
+                std::mem::swap(&mut self.response, &mut self.answer);
+                answer = Some((index, length));
+            }
+        }
+        if let Some((from, length)) = answer {
+            self.hear(now_ns, from, length);
         }
         if message_type(frame) == Some(message::SOA) {
             for place in &mut self.places {
@@ -164,14 +173,11 @@ impl SimMachine {
         });
     }
 
-    /// Sends what a node has written into `response`; the others hear it.
-    fn send(&mut self, now_ns: u64, from: usize, length: usize, send: &mut dyn FnMut(&[u8])) {
-        let mut frame = [0; FRAME_LEN_MAX];
-        frame[..length].copy_from_slice(&self.response[..length]);
-        send(&frame[..length]);
+    /// What a node has sent, in `answer`, comes to the others.
+    fn hear(&mut self, now_ns: u64, from: usize, length: usize) {
         for other in (0..self.places.len()).filter(|other| *other != from) {
             // Nodes answer the managing node only; what they hear of each other is for cross traffic.
-            self.places[other].receive(now_ns, &frame[..length], &mut self.response);
+            self.places[other].receive(now_ns, &self.answer[..length], &mut self.response);
         }
     }
 
@@ -181,8 +187,9 @@ impl SimMachine {
     pub fn poll(&mut self, now_ns: u64, send: &mut dyn FnMut(&[u8])) {
         self.now_ns = now_ns;
         for index in 0..self.places.len() {
-            if let Some(length) = self.places[index].poll(now_ns, &mut self.response) {
-                self.send(now_ns, index, length, send);
+            if let Some(length) = self.places[index].poll(now_ns, &mut self.answer) {
+                send(&self.answer[..length]);
+                self.hear(now_ns, index, length);
             }
         }
     }

@@ -600,6 +600,31 @@ fn the_machine_on_a_link_answers_each_node_and_shows_what_came() {
 }
 
 #[test]
+fn nodes_hear_an_answer_behind_the_frame_that_asked_for_it() {
+    // SoA with SyncRequest without values.
+    let sync_request = |target: u8| {
+        let mut frame = [0; 60];
+        frame[..6].copy_from_slice(&[0x01, 0x11, 0x1E, 0, 0, 3]);
+        frame[6..12].copy_from_slice(&[0x02, 0, 0, 0, 0, 0xF0]);
+        frame[12..24].copy_from_slice(&[0x88, 0xAB, 0x05, 255, 240, 0x5D, 0, 0, 0x06, target, 0x20, 0]);
+        frame
+    };
+    let mut machine = SimMachine::new(&test_config()).unwrap();
+    let mut sent = Vec::new();
+    // Each further node has measured the one asked before it, whichever stands first in the machine file.
+    for (target, measured) in [(1, 0), (2, 1), (1, 2), (3, 1)] {
+        sent.clear();
+        machine.receive(MS, &sync_request(target), &mut |frame| sent.push(frame.to_vec()));
+        assert_eq!(sent.len(), 1);
+        assert_eq!(sent[0][14..18], [0x06, 240, target, 0x06]);
+        // The inter-frame gap: 960 ns.
+        let delay: [u8; 2] = if measured == 0 { [0, 0] } else { [0xC0, 0x03] };
+        let expected = [measured, 0, 0, 0, delay[0], delay[1], 0, 0];
+        assert_eq!(sent[0][28..36], expected, "node {target}");
+    }
+}
+
+#[test]
 fn every_frame_can_be_captured_and_a_drive_fault_is_signalled_in_them() {
     let mut rig = Rig::moving();
     let writer = Arc::new(Mutex::new(PcapWriter::new(Vec::new()).unwrap()));

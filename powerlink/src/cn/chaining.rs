@@ -11,6 +11,8 @@ use crate::wire::{Asnd, FRAME_LEN_MAX, Soa, SyncRequest, SyncResponse, node};
 
 /// A SyncRequest on a wire of 100 Mbit/s: preamble, 60 octets, FCS.
 const SYNC_REQUEST_WIRE_NS: u64 = (8 + 60 + 4) * 80;
+/// Least time between two frames on a wire of 100 Mbit/s: 12 octets.
+const INTER_FRAME_GAP_NS: u64 = 12 * 80;
 
 /// What a node knows of PRes chaining.
 #[derive(Clone, Debug, Default)]
@@ -25,7 +27,7 @@ pub(super) struct Chaining {
     fall_back_at_ns: Option<u64>,
     /// When the PRes of this cycle is due.
     transmit_at_ns: Option<u64>,
-    /// The other node that was sent the last SyncRequest, and when.
+    /// The other node that was sent a SyncRequest in this slot, and when.
     asked: Option<(u8, u64)>,
     /// The node whose SyncResponse was measured last, and the delay in ns.
     measured: Option<(u8, u32)>,
@@ -44,9 +46,10 @@ impl Chaining {
         self.fall_back_at_ns
     }
 
-    /// The chain of this cycle is over.
+    /// The chain of this cycle is over, and so is the slot before it: what was asked there is not answered any more.
     pub(super) fn cancel(&mut self) {
         self.transmit_at_ns = None;
+        self.asked = None;
     }
 
     fn switch(&mut self, on: bool, now_ns: u64) {
@@ -139,6 +142,8 @@ impl<const E: usize, const B: usize> Cn<E, B> {
         self.chaining.measured = match self.chaining.asked.take() {
             Some((asked, at_ns)) if asked == from => {
                 let delay_ns = now_ns.saturating_sub(at_ns).saturating_sub(SYNC_REQUEST_WIRE_NS);
+                // Clocks may be too coarse for it, and 0 says to managing nodes that nothing was measured.
+                let delay_ns = delay_ns.max(INTER_FRAME_GAP_NS);
                 Some((from, u32::try_from(delay_ns).unwrap_or(u32::MAX)))
             }
             Some(_) | None => None,

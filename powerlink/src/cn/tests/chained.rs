@@ -226,4 +226,13 @@ fn the_delay_between_two_nodes_is_measured() {
     sync(&mut bench, 7, SyncRequest::default());
     answer_of(&mut bench, 8);
     assert_eq!(measured(&mut bench), (0, 0));
+    // Frames that seem to come at once are an inter-frame gap apart.
+    sync(&mut bench, 7, SyncRequest::default());
+    answer_of(&mut bench, 7);
+    assert_eq!(measured(&mut bench), (7, 960));
+    // Nor does one that comes in another slot: the request to it was not heard.
+    sync(&mut bench, 7, SyncRequest::default());
+    bench.soc();
+    answer_of(&mut bench, 7);
+    assert_eq!(measured(&mut bench), (0, 0));
 }
