@@ -182,6 +182,8 @@ END
 
 their_node_says() { grep -q "Node= *$1, .*State:NmtCs$2\$" theirs.log; }
 both_operational() { their_node_says 1 Operational && their_node_says 10 Operational; }
+is_lost() { grep -q "Node= *$1, NmtNodeEventError" theirs.log; }
+both_lost() { is_lost 1 && is_lost 10; }
 their_mn_starts() {
     : >theirs.log
     start theirs "$demo_mn" -d theirs -c nodes.cdc
@@ -210,8 +212,9 @@ for time in first second; do
     boots "killed and started again for the $time time"
 done
 for time in first second; do
+    : >theirs.log
     end KILL "$nodes"
-    sleep 1
+    within 5 both_lost || fail "their managing node does not notice that our nodes are dead"
     : >theirs.log
     start ours "$isocnc" simulate nodes.toml --interface ours
     nodes=$started

@@ -5,8 +5,9 @@
 //!
 //! Order: for each node first NodeAssignment (1F81) without its valid bit, then everything else, among it the node's own
 //! concise DCF (1F22), at last NodeAssignment as it is: nothing starts with half a configuration. What no object holds is not
-//! in the file: MAC, the pause after a reset, and the polls that are ridden out.
+//! in the file: MAC, the pause after a reset, and the polls in a row that are ridden out.
 
+use super::network::LOSS_COUNT;
 use obd::cdc::{CdcError, CdcReader, CdcWrite, CdcWriter};
 use obd::mapping::MappingEntry;
 use powerlink::mn::{
@@ -52,6 +53,27 @@ impl fmt::Display for CdcWriteError {
 }
 
 impl std::error::Error for CdcWriteError {}
+
+/// The concise DCF for another managing node. It knows nothing of polls in a row that are ridden out: as many lost PRes, and one
+/// more, reach its threshold (1C09), which is off in our own.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_for_others(config: &MnConfig<'_>) -> Result<Vec<u8>, CdcWriteError> {
+    let watched = |node: &NodeConfig<'_>| match node.pres_threshold {
+        0 => LOSS_COUNT * (config.pres_lost_max + 1),
+        threshold => threshold,
+    };
+    let nodes = config.nodes.iter().map(|node| NodeConfig {
+        pres_threshold: watched(node),
+        ..*node
+    });
+    let nodes: Vec<_> = nodes.collect();
+    write(&MnConfig {
+        nodes: &nodes,
+        ..*config
+    })
+}
 
 /// The concise DCF of a managing node.
 ///

@@ -110,7 +110,7 @@ fn fnv_1a(octets: &[u8]) -> u64 {
 }
 
 /// What the error counters of POWERLINK add for each loss; each good cycle takes one back.
-const LOSS_COUNT: u32 = 8;
+pub(super) const LOSS_COUNT: u32 = 8;
 /// Value of 0x1F98/9 that every node starts with.
 const PRESCALER_DEFAULT: u16 = 2;
 

@@ -54,7 +54,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
         }
     })?;
     if let Some(path) = &args.cdc {
-        let octets = with_mn_config(&config, &plans, cdc::write)
+        let octets = with_mn_config(&config, &plans, cdc::write_for_others)
             .with_context(|| format!("{}: cannot be written", path.display()))?;
         files::write(path, octets).with_context(|| format!("{}: cannot be written", path.display()))?;
     }

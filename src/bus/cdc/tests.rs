@@ -173,6 +173,24 @@ fn the_demo_machine_comes_back_but_for_what_no_object_holds() {
 }
 
 #[test]
+fn another_managing_node_loses_a_node_after_as_many_polls_as_ours() {
+    let text = include_str!("../../../configs/mill3-demo.toml");
+    let machine = config::parse(text, Path::new("m.toml")).unwrap();
+    let plans = network::plan(&machine);
+    let mut nodes = node_configs(&machine.bus, &plans);
+    nodes[1].pres_threshold = 24;
+    let config = MnConfig {
+        pres_lost_max: 20,
+        ..mn_config(&machine, &nodes, MAC)
+    };
+    let octets = write_for_others(&config).unwrap();
+    let thresholds = writes(&octets).into_iter().filter(|write| write.index == 0x1C09);
+    let thresholds: Vec<_> = thresholds.map(|write| (write.sub, write.value[0])).collect();
+    // 8 for each lost PRes, 21 of them.
+    assert_eq!(thresholds, [(1, 168), (2, 24), (3, 168), (10, 168)]);
+}
+
+#[test]
 fn every_value_is_the_one_that_the_managing_nodes_dictionary_shows() {
     let nodes = nodes();
     let config = whole(&nodes);
