@@ -28,6 +28,7 @@
 //! assert_eq!(axis.status(), Status::Enabled);
 //! ```
 #![no_std]
+#![warn(clippy::missing_errors_doc)]
 
 pub mod axis;
 pub mod device;

@@ -16,7 +16,7 @@ pub enum State {
     ReadyToSwitchOn,
     /// Power stage ready, no torque.
     SwitchedOn,
-    /// Follows set-points.
+    /// Torque is on and set-points are followed.
     OperationEnabled,
     /// Stops, or holds after a quick stop.
     QuickStopActive,
@@ -124,7 +124,7 @@ impl Command {
 pub mod controlword {
     /// Mode-specific: *start homing* (HM), *enable interpolation* (IP).
     pub const MODE_START: u16 = 1 << 4;
-    /// Halt.
+    /// Bit 8: halt.
     pub const HALT: u16 = 1 << 8;
 }
 

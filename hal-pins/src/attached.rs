@@ -10,7 +10,7 @@ use std::sync::atomic::Ordering;
 /// A pin or net and its value at one moment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PinInfo {
-    /// Its name.
+    /// Name of the pin or net.
     pub name: String,
     /// Output, input or net.
     pub kind: Kind,
@@ -23,7 +23,7 @@ pub struct PinInfo {
 }
 
 impl PinInfo {
-    /// Its type.
+    /// Type of its value.
     pub fn value_type(&self) -> Type {
         self.value.kind()
     }

@@ -9,21 +9,21 @@ pub enum HalError {
     /// A name that breaks the rules.
     #[error("pin name '{name}': {rule}")]
     Name {
-        /// The name.
+        /// Name that was asked for.
         name: String,
-        /// The rule.
+        /// Rule of names that it breaks.
         rule: &'static str,
     },
     /// A machine name that cannot be part of a file name.
     #[error("machine name '{name}': expected 1 to 64 letters, digits, dots, dashes or underscores, no dot first")]
     Machine {
-        /// The name.
+        /// Name that was asked for.
         name: String,
     },
     /// A pin or net of that name is there already.
     #[error("'{name}' exists already, as {kind}: a pin has one writer and a name is used once")]
     Taken {
-        /// The name.
+        /// Name that was asked for.
         name: String,
         /// What has it.
         kind: Kind,
@@ -47,7 +47,7 @@ pub enum HalError {
     /// A name that nothing has.
     #[error("no pin or net '{name}'{}", did_you_mean(.hint))]
     Unknown {
-        /// The name.
+        /// Name that was asked for.
         name: String,
         /// The nearest name.
         hint: Option<String>,
@@ -55,9 +55,9 @@ pub enum HalError {
     /// Types that do not fit together.
     #[error("'{name}' is of type {is}, but {expected} is needed{}", needed_by(.by))]
     TypeMismatch {
-        /// The pin.
+        /// Name of the pin.
         name: String,
-        /// Its type.
+        /// Type that it has.
         is: Type,
         /// The needed type.
         expected: Type,
@@ -67,9 +67,9 @@ pub enum HalError {
     /// A net whose source writes nothing.
     #[error("net '{net}': source '{name}' is {kind}; the source of a net must be an output")]
     SourceNotOutput {
-        /// The net.
+        /// Name of the net.
         net: String,
-        /// The pin.
+        /// Name of the pin.
         name: String,
         /// What it is.
         kind: Kind,
@@ -77,9 +77,9 @@ pub enum HalError {
     /// A net that would give a value a second writer.
     #[error("net '{net}': target '{name}' is {kind} and has its own writer; targets must be inputs")]
     TargetNotInput {
-        /// The net.
+        /// Name of the net.
         net: String,
-        /// The pin.
+        /// Name of the pin.
         name: String,
         /// What it is.
         kind: Kind,
@@ -87,17 +87,17 @@ pub enum HalError {
     /// A pin that is on a net already.
     #[error("net '{net}': '{name}' is on net '{other}' already")]
     Linked {
-        /// The net.
+        /// Name of the net.
         net: String,
-        /// The pin.
+        /// Name of the pin.
         name: String,
-        /// Its net.
+        /// Net that it is linked to.
         other: String,
     },
     /// A value that is not for the caller to set.
     #[error("'{name}' cannot be set: {why}")]
     NotSettable {
-        /// The pin.
+        /// Name of the pin.
         name: String,
         /// Who writes it.
         why: String,
@@ -105,9 +105,9 @@ pub enum HalError {
     /// Text that is no value of the type.
     #[error("'{text}' is no {kind}: expected {expected}")]
     Text {
-        /// The type.
+        /// Type that was wanted.
         kind: Type,
-        /// The text.
+        /// Text that was given.
         text: String,
         /// What would be one.
         expected: &'static str,
@@ -131,7 +131,7 @@ pub enum HalError {
     /// A file of somebody else.
     #[error("{} belongs to user {owner}: run as that user, or as root", .path.display())]
     Foreign {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// User id of its owner.
         owner: u32,
@@ -139,7 +139,7 @@ pub enum HalError {
     /// A folder that others may enter, or that is none.
     #[error("{}: {what}: the files of a control lie in a folder of its user alone", .path.display())]
     Folder {
-        /// The folder.
+        /// Path of the folder.
         path: PathBuf,
         /// What is wrong with it.
         what: String,
@@ -147,7 +147,7 @@ pub enum HalError {
     /// A file that is not what this version writes.
     #[error("{}: {what}", .path.display())]
     Corrupt {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// What was found and what was expected.
         what: String,
@@ -158,11 +158,11 @@ pub enum HalError {
     /// The system refused.
     #[error("{}: {doing}: {cause}", .path.display())]
     System {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// What was tried.
         doing: &'static str,
-        /// Its answer.
+        /// What the system answered.
         cause: std::io::Error,
     },
 }

@@ -26,9 +26,9 @@ const ATTEMPTS: u32 = 16;
 pub struct Found {
     /// Name of its machine.
     pub machine: String,
-    /// Its process.
+    /// Process id of the control.
     pub pid: u32,
-    /// Its file.
+    /// File of its pins.
     pub path: PathBuf,
 }
 

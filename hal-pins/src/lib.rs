@@ -35,6 +35,7 @@
 //! assert_eq!(Attached::attach(&machine)?.list()?.len(), 3);
 //! # Ok::<(), hal_pins::HalError>(())
 //! ```
+#![warn(clippy::missing_errors_doc)]
 
 mod attached;
 mod error;

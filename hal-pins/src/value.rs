@@ -8,20 +8,20 @@ use crate::HalError;
 pub enum Type {
     /// Off or on.
     Bit = 1,
-    /// 32-bit signed.
+    /// 32-bit signed integer.
     S32 = 2,
-    /// 32-bit unsigned.
+    /// 32-bit unsigned integer.
     U32 = 3,
-    /// 64-bit signed.
+    /// 64-bit signed integer.
     S64 = 4,
-    /// 64-bit unsigned.
+    /// 64-bit unsigned integer.
     U64 = 5,
     /// IEEE 754 double.
     Float = 6,
 }
 
 impl Type {
-    /// All types.
+    /// All types, once each.
     pub const ALL: [Type; 6] = [Type::Bit, Type::S32, Type::U32, Type::S64, Type::U64, Type::Float];
 
     /// Name as printed and as in LinuxCNC.
@@ -108,7 +108,7 @@ pub enum AnyValue {
 }
 
 impl AnyValue {
-    /// Its type.
+    /// Type of the value.
     pub const fn kind(self) -> Type {
         match self {
             AnyValue::Bit(_) => Type::Bit,

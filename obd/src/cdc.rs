@@ -13,12 +13,12 @@ const HEADER_LEN: usize = 7;
 /// Octets of the count.
 const COUNT_LEN: usize = 4;
 
-/// One write.
+/// One write of a concise DCF.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CdcWrite<'a> {
-    /// Object index.
+    /// Index of the object.
     pub index: u16,
-    /// Sub-index.
+    /// Sub-index of the object.
     pub sub: u8,
     /// Value, little endian.
     pub value: &'a [u8],
@@ -42,7 +42,7 @@ pub enum CdcError {
     Trailing {
         /// First octet too many.
         offset: usize,
-        /// How many.
+        /// How many octets follow.
         got: usize,
     },
     /// The buffer of the writer is full.
@@ -92,6 +92,9 @@ pub struct CdcReader<'a> {
 
 impl<'a> CdcReader<'a> {
     /// Reads the count.
+    ///
+    /// # Errors
+    /// [`CdcError::Truncated`]: the count is cut short.
     pub fn new(octets: &'a [u8]) -> Result<Self, CdcError> {
         let mut reader = CdcReader {
             octets,
@@ -166,6 +169,9 @@ pub struct CdcWriter<'a> {
 
 impl<'a> CdcWriter<'a> {
     /// Starts with no write.
+    ///
+    /// # Errors
+    /// [`CdcError`]: there is no room for the count.
     pub fn new(octets: &'a mut [u8]) -> Result<Self, CdcError> {
         let have = octets.len();
         octets
@@ -180,6 +186,9 @@ impl<'a> CdcWriter<'a> {
     }
 
     /// Appends one write; on an error the list is as before.
+    ///
+    /// # Errors
+    /// [`CdcError`]: there is no room for it.
     pub fn push(&mut self, index: u16, sub: u8, value: &[u8]) -> Result<(), CdcError> {
         let need = self.len + HEADER_LEN + value.len();
         let have = self.octets.len();

@@ -26,7 +26,7 @@ pub enum Access {
     Const,
     /// Read only; the device itself changes it.
     ReadOnly,
-    /// Write only.
+    /// An SDO may write it only.
     WriteOnly,
     /// Read and write.
     ReadWrite,
@@ -49,13 +49,13 @@ impl Access {
 /// In which process data objects of this device an object may be mapped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PdoAccess {
-    /// In none.
+    /// It may not be mapped.
     No,
     /// In PDOs that this device receives.
     Rpdo,
     /// In PDOs that this device transmits.
     Tpdo,
-    /// In both.
+    /// It may be mapped both ways.
     Both,
 }
 
@@ -73,17 +73,17 @@ pub enum Value {
 /// Definition of one object or of a range of sub-indices that share it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EntryDef {
-    /// Object index.
+    /// Index of the object.
     pub index: u16,
     /// First sub-index of the range.
     pub sub_first: u8,
     /// Last sub-index of the range, included.
     pub sub_last: u8,
-    /// Data type.
+    /// Type of each value of the range.
     pub data_type: DataType,
-    /// SDO access.
+    /// What an SDO may do with it.
     pub access: Access,
-    /// PDO access.
+    /// In which PDOs it may be mapped.
     pub pdo: PdoAccess,
     /// Greatest length in octets for types of variable length; 0 for all others.
     pub capacity: u16,
@@ -115,7 +115,7 @@ impl EntryDef {
         }
     }
 
-    /// A constant.
+    /// A constant object.
     pub const fn constant(index: u16, data_type: DataType, name: &'static str) -> EntryDef {
         EntryDef::new(index, data_type, Access::Const, name)
     }

@@ -37,14 +37,14 @@ pub enum BuildError {
     TooManyEntries {
         /// Lines of all tables, and one for each number of entries (sub-index 0) that no line defines.
         need: usize,
-        /// `ENTRIES`.
+        /// Lines that there is room for.
         have: usize,
     },
     /// `BYTES` is too small.
     TooManyBytes {
         /// Octets of all values.
         need: usize,
-        /// `BYTES`.
+        /// Octets that there is room for.
         have: usize,
     },
 }
@@ -165,6 +165,9 @@ pub struct Dictionary<const ENTRIES: usize, const BYTES: usize> {
 impl<const ENTRIES: usize, const BYTES: usize> Dictionary<ENTRIES, BYTES> {
     /// Builds the dictionary of all lines of `tables`, in any order. Arrays and records whose sub-index 0 is not defined get it
     /// as a constant: the highest sub-index.
+    ///
+    /// # Errors
+    /// [`BuildError`]: a bad line, a value defined twice, or more of them than there is room for.
     pub fn new(tables: &[&'static [EntryDef]]) -> Result<Self, BuildError> {
         let all = || tables.iter().copied().flatten();
         if let Some((def, rule)) = all().find_map(|def| def.fault().map(|rule| (def, rule))) {
@@ -284,7 +287,10 @@ impl<const ENTRIES: usize, const BYTES: usize> Dictionary<ENTRIES, BYTES> {
             .unwrap_or(0)
     }
 
-    /// Finds a value: [`AbortCode::NO_OBJECT`] without such an index, [`AbortCode::NO_SUB_INDEX`] without such a sub-index.
+    /// Finds a value.
+    ///
+    /// # Errors
+    /// [`AbortCode::NO_OBJECT`] without such an index, [`AbortCode::NO_SUB_INDEX`] without such a sub-index.
     pub fn find(&self, index: u16, sub: u8) -> Result<Handle, AbortCode> {
         let slots = &self.slots[..self.used];
         let after = slots.partition_point(|slot| (slot.index, slot.def.sub_first) <= (index, sub));
@@ -305,8 +311,10 @@ impl<const ENTRIES: usize, const BYTES: usize> Dictionary<ENTRIES, BYTES> {
         })
     }
 
-    /// Finds a value that is read or written as `T` without look-up; [`AbortCode::LENGTH_MISMATCH`] when the object has
-    /// another type.
+    /// Finds a value that is read or written as `T` without look-up.
+    ///
+    /// # Errors
+    /// As [`Dictionary::find`], and [`AbortCode::LENGTH_MISMATCH`] when the object has another type.
     pub fn key<T: Scalar>(&self, index: u16, sub: u8) -> Result<Key<T>, AbortCode> {
         let handle = self.find(index, sub)?;
         if !T::fits(self.def(handle).data_type) {
@@ -340,6 +348,9 @@ impl<const ENTRIES: usize, const BYTES: usize> Dictionary<ENTRIES, BYTES> {
     }
 
     /// Writes the octets of a value as the application: only the length is checked. RT: no look-up, no allocation, bounded.
+    ///
+    /// # Errors
+    /// [`AbortCode::TOO_LONG`], [`AbortCode::TOO_SHORT`].
     pub fn set_octets(&mut self, handle: Handle, octets: &[u8]) -> Result<(), AbortCode> {
         check_length(handle, octets.len())?;
         self.store(handle, octets);
@@ -347,6 +358,9 @@ impl<const ENTRIES: usize, const BYTES: usize> Dictionary<ENTRIES, BYTES> {
     }
 
     /// Changes a value and what it becomes by a reset: for what only the running device knows, such as its node id.
+    ///
+    /// # Errors
+    /// [`AbortCode::TOO_LONG`], [`AbortCode::TOO_SHORT`].
     pub fn set_default(&mut self, handle: Handle, octets: &[u8]) -> Result<(), AbortCode> {
         self.set_octets(handle, octets)?;
         let whole = whole(handle);
@@ -366,6 +380,9 @@ impl<const ENTRIES: usize, const BYTES: usize> Dictionary<ENTRIES, BYTES> {
     }
 
     /// Value of an object as an SDO reads it, little endian.
+    ///
+    /// # Errors
+    /// As [`Dictionary::find`], and [`AbortCode::READ_OF_WRITE_ONLY`].
     pub fn read(&self, index: u16, sub: u8) -> Result<&[u8], AbortCode> {
         let handle = self.find(index, sub)?;
         if !self.def(handle).access.readable() {
@@ -375,6 +392,9 @@ impl<const ENTRIES: usize, const BYTES: usize> Dictionary<ENTRIES, BYTES> {
     }
 
     /// Whether an SDO may write a value of `len` octets to an object, as far as can be told before they come.
+    ///
+    /// # Errors
+    /// The abort code of the first check that fails.
     pub fn check_write_length(&self, index: u16, sub: u8, len: usize) -> Result<Handle, AbortCode> {
         let handle = self.find(index, sub)?;
         if !self.def(handle).access.writable() {
@@ -385,6 +405,9 @@ impl<const ENTRIES: usize, const BYTES: usize> Dictionary<ENTRIES, BYTES> {
     }
 
     /// Whether an SDO may write `value` to an object; nothing is changed.
+    ///
+    /// # Errors
+    /// The abort code of the first check that fails.
     pub fn check_write(&self, index: u16, sub: u8, value: &[u8]) -> Result<Handle, AbortCode> {
         let handle = self.check_write_length(index, sub, value.len())?;
         let def = self.def(handle);
@@ -403,6 +426,9 @@ impl<const ENTRIES: usize, const BYTES: usize> Dictionary<ENTRIES, BYTES> {
     }
 
     /// Writes an object as an SDO does: existence, access, length and limits are checked, in this order.
+    ///
+    /// # Errors
+    /// The abort code of the first check that fails; nothing is changed then.
     pub fn write(&mut self, index: u16, sub: u8, value: &[u8]) -> Result<Handle, AbortCode> {
         let handle = self.check_write(index, sub, value)?;
         self.store(handle, value);

@@ -10,9 +10,9 @@ use crate::{AbortCode, Dictionary, PdoAccess};
 /// One mapping entry: `bit_length` bits at `bit_offset` of the payload are the value of `index`/`sub`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MappingEntry {
-    /// Object index.
+    /// Index of the object.
     pub index: u16,
-    /// Sub-index.
+    /// Sub-index of the object.
     pub sub: u8,
     /// Position in the payload.
     pub bit_offset: u16,
@@ -51,7 +51,7 @@ pub enum Direction {
 pub struct MappingError {
     /// Position of the entry, from 0.
     pub position: usize,
-    /// The entry.
+    /// As it was asked for.
     pub entry: MappingEntry,
     /// Abort code for the SDO that wrote the mapping.
     pub code: AbortCode,
@@ -123,7 +123,7 @@ impl<const N: usize> Default for CopyPlan<N> {
 }
 
 impl<const N: usize> CopyPlan<N> {
-    /// Copies nothing.
+    /// A plan that copies nothing.
     pub const EMPTY: Self = CopyPlan {
         copies: [Move {
             payload: 0,
@@ -138,6 +138,9 @@ impl<const N: usize> CopyPlan<N> {
     ///
     /// Refused are objects that do not exist or may not be mapped this way, positions and lengths that are no whole octets,
     /// lengths other than the object's, overlaps, and payloads beyond the limit or `N` entries.
+    ///
+    /// # Errors
+    /// [`MappingError`]: the first entry that is refused, and why.
     pub fn new<const ENTRIES: usize, const BYTES: usize>(
         dictionary: &Dictionary<ENTRIES, BYTES>,
         direction: Direction,
@@ -243,6 +246,9 @@ impl<const N: usize> CopyPlan<N> {
     }
 
     /// Copies a received payload into the dictionary. RT: no look-up, no allocation, bounded by `N`.
+    ///
+    /// # Errors
+    /// [`PayloadTooShort`]; nothing is copied then.
     pub fn scatter<const ENTRIES: usize, const BYTES: usize>(
         &self,
         payload: &[u8],
@@ -259,6 +265,9 @@ impl<const N: usize> CopyPlan<N> {
 
     /// Copies the dictionary into a payload to be sent; octets between entries are left as they are.
     /// RT: no look-up, no allocation, bounded by `N`.
+    ///
+    /// # Errors
+    /// [`PayloadTooShort`]; nothing is copied then.
     pub fn gather<const ENTRIES: usize, const BYTES: usize>(
         &self,
         dictionary: &Dictionary<ENTRIES, BYTES>,

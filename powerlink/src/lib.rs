@@ -60,6 +60,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 #![no_std]
+#![warn(clippy::missing_errors_doc)]
 
 #[cfg(any(test, feature = "std"))]
 extern crate std;

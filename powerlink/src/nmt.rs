@@ -316,7 +316,7 @@ impl NodeList {
 /// Depth at which a node enters the reset cascade.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reset {
-    /// SwReset: everything.
+    /// SwReset: all objects.
     Software,
     /// ResetNode: application and communication.
     Node,
@@ -386,7 +386,7 @@ pub enum CnEvent {
 }
 
 impl CnEvent {
-    /// Every event.
+    /// All of them, once each.
     pub const ALL: [CnEvent; 13] = [
         CnEvent::Soc,
         CnEvent::Soa,
@@ -517,7 +517,7 @@ pub enum MnTrigger {
 }
 
 impl MnTrigger {
-    /// Every event.
+    /// All of them, once each.
     pub const ALL: [MnTrigger; 11] = [
         MnTrigger::ListenOver,
         MnTrigger::ListenOverBasicEthernet,

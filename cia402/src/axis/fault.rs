@@ -70,12 +70,12 @@ pub enum AxisFault {
     },
     /// The drive did not take a step in time.
     StepTimeout {
-        /// Which.
+        /// The step that took too long.
         step: Step,
     },
     /// As `StepTimeout`, and the statusword says (bit 9) that the drive does not obey the controlword.
     LocalControl {
-        /// Which step.
+        /// The step in which it happened.
         step: Step,
     },
     /// The drive went off line while it was powered.
@@ -95,7 +95,7 @@ pub enum AxisFault {
         /// 6061.
         mode_display: i8,
     },
-    /// Homing failed.
+    /// The drive or a time limit ended its homing.
     Homing(HomingFault),
 }
 

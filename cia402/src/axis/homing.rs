@@ -14,9 +14,9 @@ const STALE_RESULT_NS: u64 = 100_000_000;
 pub enum HomingState {
     /// Not since it came on line.
     NotHomed,
-    /// Under way.
+    /// The drive homes itself.
     Running,
-    /// Done.
+    /// The position counts from home.
     Homed,
     /// Tried, and failed.
     Failed,

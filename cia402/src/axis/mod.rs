@@ -61,7 +61,7 @@ pub struct AxisConfig {
     pub step_timeout_ns: u64,
     /// Time limit of homing as a whole, ns.
     pub homing_timeout_ns: u64,
-    /// Cyclic mode.
+    /// Cyclic mode in which it is run.
     pub mode: Mode,
     /// How long an enabled drive may show that it does not follow the target, ns.
     pub follow_grace_ns: u64,

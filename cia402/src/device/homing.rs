@@ -17,7 +17,7 @@
 /// A switch or mark on the way of the motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Switch {
-    /// Its level.
+    /// Level now; true is active.
     pub active: bool,
     /// Where it changed during the last period, motor counts.
     pub edge: Option<i64>,
@@ -100,7 +100,7 @@ pub struct Sensors {
     pub negative_limit: Switch,
     /// Limit switch on the positive side.
     pub positive_limit: Switch,
-    /// Home switch.
+    /// Home switch, shown in 60FD.
     pub home: Switch,
     /// Where the motor passed its zero mark during the last period, motor counts.
     pub index: Option<i64>,

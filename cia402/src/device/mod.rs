@@ -107,6 +107,9 @@ pub struct Device {
 impl Device {
     /// A drive that has just been switched on. `period_ns` is the bus cycle. Refuses dictionaries that lack one of
     /// [`DRIVE_OBJECTS`].
+    ///
+    /// # Errors
+    /// [`AbortCode::NO_OBJECT`] and the like: an object of [`DRIVE_OBJECTS`] is missing or of another type.
     pub fn new<const ENTRIES: usize, const BYTES: usize>(
         objects: &Dictionary<ENTRIES, BYTES>,
         period_ns: u32,

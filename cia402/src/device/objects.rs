@@ -116,6 +116,9 @@ pub const DRIVE_OBJECTS: &[EntryDef] = &[
 
 /// Whether the drive takes a value written by SDO that the table's own checks let pass: modes it does not have, homing
 /// methods and option codes it does not know are [`AbortCode::VALUE_RANGE`].
+///
+/// # Errors
+/// [`AbortCode::VALUE_RANGE`].
 pub fn check_write(index: u16, sub: u8, value: &[u8]) -> Result<(), AbortCode> {
     let allowed = match (index, sub, value) {
         (0x6060, 0, &[code]) => code as i8 == mode::NONE || SUPPORTED_MODES & mode::supported_bit(code as i8) != 0,

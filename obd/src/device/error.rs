@@ -9,7 +9,7 @@ const MISTAKES_MAX: usize = 100;
 /// Characters of a value that are shown.
 const SHOWN_MAX: usize = 60;
 
-/// One mistake.
+/// One mistake in a device file, with its place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DeviceMistake {
     /// Line and column, both from 1, the column in characters; `None`: the file as a whole.

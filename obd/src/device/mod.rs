@@ -105,9 +105,9 @@ pub struct Features {
 /// One value of the object dictionary of a device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Object {
-    /// Object index.
+    /// Index of the object.
     pub index: u16,
-    /// Sub-index.
+    /// Sub-index of the object.
     pub sub: u8,
     /// Name; of a sub-index with that of the object in front.
     pub name: String,
@@ -121,9 +121,9 @@ pub struct Object {
     pub default: Option<Value>,
     /// Value that a configured file (XDC, DCF) wants.
     pub actual: Option<Value>,
-    /// Least value.
+    /// Least value that may be written.
     pub low: Option<Value>,
-    /// Greatest value.
+    /// Greatest value that may be written.
     pub high: Option<Value>,
     /// Line of the file.
     pub line: u32,
@@ -185,7 +185,7 @@ fn decode(octets: &[u8]) -> Cow<'_, str> {
 }
 
 impl DeviceDescription {
-    /// An object.
+    /// The object of this index and sub-index.
     pub fn object(&self, index: u16, sub: u8) -> Option<&Object> {
         let found = self
             .objects

@@ -58,9 +58,9 @@ impl fmt::Display for MappingRefusal {
 /// One value to be written into a device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ConfigurationWrite {
-    /// Object index.
+    /// Index of the object.
     pub index: u16,
-    /// Sub-index.
+    /// Sub-index of the object.
     pub sub: u8,
     /// Octets as on the wire.
     pub value: Vec<u8>,

@@ -70,6 +70,9 @@ impl Outbox {
 impl<const E: usize, const B: usize> Cn<E, B> {
     /// Asks the managing node for an NMT service: the request is sent when the node is invited to. Requests that still wait at
     /// a ResetConfiguration or a deeper reset are forgotten.
+    ///
+    /// # Errors
+    /// [`QueueError::Full`] when all places are taken.
     pub fn request_nmt(&mut self, request: NmtRequestFrame) -> Result<(), QueueError> {
         self.outbox.push_request(request)
     }
@@ -77,6 +80,9 @@ impl<const E: usize, const B: usize> Cn<E, B> {
     /// Has an Ethernet frame that is not POWERLINK sent (IP, for instance): in an asynchronous slot when the node is invited
     /// to, or at once in BASIC_ETHERNET (see [`poll_transmit`](Self::poll_transmit)). Short frames are padded. Frames that still
     /// wait at a ResetConfiguration or a deeper reset are forgotten. RT: no allocation, no locks, bounded.
+    ///
+    /// # Errors
+    /// [`QueueError`] when all places are taken, or for a frame that is POWERLINK or longer than the AsyncMTU (0x1F98/8).
     pub fn send_ethernet(&mut self, frame: &[u8]) -> Result<(), QueueError> {
         self.outbox.frames.push(frame, self.async_mtu)
     }

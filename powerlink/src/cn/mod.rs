@@ -87,9 +87,9 @@ pub enum CnError {
     NodeId(u8),
     /// The dictionary lacks an object of [`objects::COMMUNICATION_PROFILE`], or a value of the configuration does not fit.
     Object {
-        /// Object index.
+        /// Index of the object.
         index: u16,
-        /// Sub-index.
+        /// Sub-index of the object.
         sub: u8,
         /// What is wrong with it.
         code: AbortCode,
@@ -173,7 +173,7 @@ pub struct Events {
 pub struct Reaction {
     /// Octets of `response` to be sent at once as an Ethernet frame; `None`: send nothing.
     pub transmit: Option<usize>,
-    /// What happened.
+    /// For the device behind the node.
     pub events: Events,
 }
 
@@ -216,6 +216,9 @@ pub struct Cn<const E: usize, const B: usize> {
 impl<const E: usize, const B: usize> Cn<E, B> {
     /// Builds the node and runs it through the reset cascade to NOT_ACTIVE. The dictionary has to contain
     /// [`objects::COMMUNICATION_PROFILE`].
+    ///
+    /// # Errors
+    /// [`CnError`]: a node id out of range, a missing object, a name that is too long.
     pub fn new(config: &CnConfig<'_>, mut dictionary: Dictionary<E, B>, now_ns: u64) -> Result<Self, CnError> {
         if !(1..=node::CN_MAX).contains(&config.node_id) {
             return Err(CnError::NodeId(config.node_id));
@@ -267,12 +270,12 @@ impl<const E: usize, const B: usize> Cn<E, B> {
         Ok(cn)
     }
 
-    /// Node id.
+    /// Node id (0x1F93/1).
     pub fn node_id(&self) -> u8 {
         self.node_id
     }
 
-    /// NMT state.
+    /// NMT state (0x1F8C).
     pub fn nmt_state(&self) -> NmtState {
         self.state
     }

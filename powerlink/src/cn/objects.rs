@@ -55,7 +55,7 @@ const fn per_node(def: EntryDef) -> EntryDef {
     def.subs(1, 254)
 }
 
-/// The table.
+/// Lines of the dictionary, ascending.
 #[rustfmt::skip]
 pub const COMMUNICATION_PROFILE: &[EntryDef] = &[
     ro(0x1000, 0, U32, "NMT_DeviceType_U32"),

@@ -32,7 +32,7 @@ pub enum LinkError {
     },
     /// Any other error of the operating system.
     Os {
-        /// `errno`.
+        /// The `errno` of the system call.
         errno: i32,
     },
 }
@@ -65,9 +65,15 @@ pub trait Link {
     fn now_ns(&mut self) -> u64;
 
     /// Sends one Ethernet frame without FCS. Does not wait: a full queue is an error.
+    ///
+    /// # Errors
+    /// [`LinkError`]: a frame of a length that Ethernet does not have, no room, or the interface is down.
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkError>;
 
     /// Waits for one POWERLINK frame of another node until `deadline_ns`; a deadline in the past only looks.
     /// A frame longer than the buffer is cut; a buffer of 1514 octets holds every frame.
+    ///
+    /// # Errors
+    /// [`LinkError`]: the interface is down, or what the system refuses; a time-out is none.
     fn receive(&mut self, buffer: &mut [u8], deadline_ns: u64) -> Result<Option<Received>, LinkError>;
 }

@@ -25,6 +25,9 @@ pub struct PcapWriter<W: Write> {
 
 impl<W: Write> PcapWriter<W> {
     /// Writes the file header.
+    ///
+    /// # Errors
+    /// What the writer refuses.
     pub fn new(mut out: W) -> io::Result<PcapWriter<W>> {
         let mut header = [0; FILE_HEADER_LEN];
         header[0..4].copy_from_slice(&MAGIC_NS.to_le_bytes());
@@ -37,6 +40,9 @@ impl<W: Write> PcapWriter<W> {
     }
 
     /// Writes one frame; `stamp_ns` counts from 1970.
+    ///
+    /// # Errors
+    /// What the writer refuses.
     pub fn write(&mut self, stamp_ns: u64, frame: &[u8]) -> io::Result<()> {
         let too_long = |_| io::Error::new(io::ErrorKind::InvalidInput, "a frame longer than 4 GiB");
         let len = u32::try_from(frame.len()).map_err(too_long)?;
@@ -51,6 +57,9 @@ impl<W: Write> PcapWriter<W> {
     }
 
     /// Writes what is buffered and gives the writer back.
+    ///
+    /// # Errors
+    /// What the writer refuses.
     pub fn finish(mut self) -> io::Result<W> {
         self.out.flush()?;
         Ok(self.out)
@@ -116,6 +125,9 @@ pub struct PcapReader<'a> {
 
 impl<'a> PcapReader<'a> {
     /// Reads the file header.
+    ///
+    /// # Errors
+    /// [`PcapError`]: it is not a capture of Ethernet frames.
     pub fn new(octets: &'a [u8]) -> Result<PcapReader<'a>, PcapError> {
         let mut reader = PcapReader {
             octets,

@@ -20,7 +20,7 @@ use crate::wire::{ETHER_TYPE, FRAME_LEN_MAX, Mac};
 /// Longest sleep between two looks.
 const STEP_NS: u64 = 50_000;
 
-/// One interface.
+/// One network interface, through libpnet.
 pub struct PnetLink {
     sender: Box<dyn DataLinkSender>,
     receiver: Box<dyn DataLinkReceiver>,
@@ -31,6 +31,9 @@ pub struct PnetLink {
 
 impl PnetLink {
     /// Opens an interface by its name.
+    ///
+    /// # Errors
+    /// [`OpenError`]: there is no such interface, or the process may not open it.
     pub fn open(interface: &str) -> Result<PnetLink, OpenError> {
         let failed = |what, source| OpenError {
             interface: interface.into(),

@@ -105,7 +105,7 @@ pub struct Arrival {
     pub from: Station,
     /// Who receives it.
     pub to: Station,
-    /// Octets.
+    /// Length in octets.
     pub length: usize,
     /// What was done to it.
     pub faults: Faults,
@@ -153,7 +153,7 @@ struct Shared {
 /// Called with the virtual time at which its first octet leaves, in ns, and each frame as it was sent, in the order of sending.
 pub type Tap = Box<dyn FnMut(u64, &[u8]) + Send>;
 
-/// The network.
+/// Stations on one wire, on virtual time.
 pub struct Hub {
     random: SplitMix64,
     ports: Vec<Port>,
@@ -221,6 +221,9 @@ impl Hub {
 
     /// A station sends a frame: at once, or when the frame before it has left. Returns when its last octet has left. Times
     /// must not go back from call to call.
+    ///
+    /// # Errors
+    /// [`LinkError::FrameLength`], and [`LinkError::Down`] without a cable.
     pub fn send(&mut self, from: Station, now_ns: u64, frame: &[u8]) -> Result<u64, LinkError> {
         if !(HEADER_LEN..=FRAME_LEN_MAX).contains(&frame.len()) {
             return Err(LinkError::FrameLength {

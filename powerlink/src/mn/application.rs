@@ -21,12 +21,12 @@ pub enum NodeCommandError {
     },
     /// Only plain commands that change the state of a node are given.
     NoStateCommand {
-        /// The command.
+        /// The command that was asked for.
         command: NmtCommand,
     },
     /// The command means nothing to a node where this one is now.
     WrongState {
-        /// The command.
+        /// The command that was asked for.
         command: NmtCommand,
         /// As the node last reported it.
         node: NmtState,
@@ -35,7 +35,7 @@ pub enum NodeCommandError {
     },
     /// The node does not wait to be booted.
     NotHeld {
-        /// Its state.
+        /// State that it is in.
         state: NodeState,
     },
 }
@@ -63,6 +63,9 @@ impl core::error::Error for NodeCommandError {}
 impl<const NODES: usize> Mn<'_, NODES> {
     /// Has an Ethernet frame that is not POWERLINK (IP, for instance) sent in an asynchronous slot of our own. Short frames are
     /// padded; what waits at the end of the network is forgotten.
+    ///
+    /// # Errors
+    /// [`QueueError`] when all places are taken, or for a frame that is POWERLINK or longer than the AsyncMTU (0x1F98/8).
     pub fn send_ethernet(&mut self, frame: &[u8]) -> Result<(), QueueError> {
         self.ethernet.push(frame, self.config.async_mtu)
     }
@@ -79,6 +82,9 @@ impl<const NODES: usize> Mn<'_, NODES> {
     }
 
     /// Boots a node that is held because bit 2 of its assignment (0x1F81) is clear, by its position in the configuration.
+    ///
+    /// # Errors
+    /// [`NodeCommandError`]: no node at this position, or one that is not held.
     pub fn boot_node(&mut self, position: usize) -> Result<(), NodeCommandError> {
         let now_ns = self.now_ns();
         let Some(Some(node)) = self.nodes.get_mut(position) else {
@@ -94,6 +100,9 @@ impl<const NODES: usize> Mn<'_, NODES> {
     /// Gives a node an NMT command, by its position in the configuration (as 0x1F9F asks of a managing node): StartNode when
     /// it is ready, StopNode, EnterPreOperational2 after STOPPED or OPERATIONAL, EnableReadyToOperate after that, and the four
     /// resets, after which it is booted again.
+    ///
+    /// # Errors
+    /// [`NodeCommandError`]: no node at this position, no command that changes a state, or not in the state that it needs.
     pub fn node_command(&mut self, position: usize, command: NmtCommand) -> Result<(), NodeCommandError> {
         let (now_ns, network) = (self.now_ns(), self.network());
         let Some(Some(node)) = self.nodes.get_mut(position) else {

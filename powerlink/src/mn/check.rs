@@ -16,62 +16,62 @@ use crate::wire::{self, Mac, PAYLOAD_MAX};
 pub enum MnConfigError {
     /// The cycle is zero or no whole number of microseconds.
     CycleLength {
-        /// As configured.
+        /// The value that the configuration has.
         cycle_ns: u32,
     },
     /// A MAC of zeros or a multicast MAC.
     Mac {
-        /// As configured.
+        /// The value that the configuration has.
         got: Mac,
     },
     /// More nodes than this managing node has room for.
     TooManyNodes {
-        /// As configured.
+        /// The value that the configuration has.
         got: usize,
-        /// Room.
+        /// Nodes that there is room for.
         most: usize,
     },
     /// Controlled nodes have the ids 1..=239.
     NodeId {
-        /// As configured.
+        /// The value that the configuration has.
         got: u8,
     },
     /// Two nodes have this id.
     DuplicateNode {
-        /// Their id.
+        /// The id that they share.
         id: u8,
     },
     /// A PReq or PRes holds at most 1490 octets of process data.
     PayloadLength {
-        /// Node id.
+        /// Node id, 1..=239.
         id: u8,
         /// PReq or PRes.
         direction: Direction,
-        /// As configured.
+        /// The value that the configuration has.
         got: u16,
     },
     /// A multiplexed node needs a cycle of the round (0x1F9B) that exists (0x1F98/7), all others must have none.
     MultiplexCycle {
-        /// Node id.
+        /// Node id, 1..=239.
         id: u8,
-        /// As configured.
+        /// The value that the configuration has.
         got: u8,
         /// Cycles of the round.
         most: u8,
     },
     /// Two of the ways to exchange process data that exclude each other: polled each cycle, multiplexed, chained, or none.
     Exchange {
-        /// Node id.
+        /// Node id, 1..=239.
         id: u8,
     },
     /// A chained node answers to the PRes of the managing node, which sends none.
     ChainedWithoutPresMn {
-        /// Node id.
+        /// Node id, 1..=239.
         id: u8,
     },
     /// The process data of a chained node reach beyond the PRes of the managing node.
     BeyondPresMn {
-        /// Node id.
+        /// Node id, 1..=239.
         id: u8,
         /// Where they end.
         end: u32,
@@ -80,12 +80,12 @@ pub enum MnConfigError {
     },
     /// AsyncMTU (0x1F98/8) is 300..=1500.
     AsyncMtu {
-        /// As configured.
+        /// The value that the configuration has.
         got: u16,
     },
     /// The prescaler (0x1F98/9) is at most 1000.
     Prescaler {
-        /// As configured.
+        /// The value that the configuration has.
         got: u16,
     },
     /// A time-out of zero.
@@ -97,7 +97,7 @@ pub enum MnConfigError {
     CycleTooShort {
         /// What the longest cycle can take.
         worst: WorstCycle,
-        /// As configured.
+        /// The value that the configuration has.
         cycle_ns: u32,
     },
     /// Two things that cannot go together, or one without the other it needs.
@@ -109,7 +109,7 @@ pub enum MnConfigError {
     },
     /// The concise DCF cannot be read.
     Configuration {
-        /// Node id.
+        /// Node id, 1..=239.
         id: u8,
         /// What is wrong, and where.
         error: CdcError,

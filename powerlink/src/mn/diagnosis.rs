@@ -28,14 +28,14 @@ pub enum Reason {
     },
     /// It was given up, was sent a ResetNode, and has not answered an IdentRequest since.
     GivenUp {
-        /// Why.
+        /// What was found wrong.
         fault: Fault,
         /// When, in ns.
         since_ns: u64,
     },
     /// It must not go on as it is.
     Refused {
-        /// Why.
+        /// What was found wrong.
         fault: Fault,
         /// When it is looked at again, in ns.
         again_ns: u64,
@@ -57,7 +57,7 @@ pub enum Reason {
 /// All that is known of one controlled node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Diagnosis {
-    /// Node id.
+    /// Node id, 1..=239.
     pub node: u8,
     /// What it is to the network.
     pub assignment: Assignment,
@@ -78,7 +78,7 @@ pub struct Diagnosis {
     pub last_fault: Option<LastFault>,
     /// The last errors it signalled.
     pub errors: ErrorLog,
-    /// Its figures.
+    /// Counts since the start.
     pub statistics: NodeStatistics,
 }
 
@@ -121,7 +121,7 @@ pub enum NetworkReason {
     ShuttingDown,
     /// The managing node takes no part in the network.
     NotRunning {
-        /// Its state.
+        /// State of the managing node.
         state: NmtState,
     },
 }

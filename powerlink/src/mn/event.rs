@@ -43,69 +43,69 @@ pub enum MnEvent {
     },
     /// The node answered the IdentRequest, and is what it shall be.
     Identified {
-        /// Node id.
+        /// Node id, 1..=239.
         node: u8,
     },
     /// The node is not what it shall be; it is not configured.
     IdentityMismatch {
-        /// Node id.
+        /// Node id, 1..=239.
         node: u8,
         /// The first value that differs.
         field: IdentityField,
-        /// As configured.
+        /// The value that the configuration has.
         expected: u32,
-        /// As reported.
+        /// The value that the node reported.
         got: u32,
     },
     /// The software of the node is not the expected one; it is not configured.
     SoftwareMismatch {
-        /// Node id.
+        /// Node id, 1..=239.
         node: u8,
-        /// As configured.
+        /// The value that the configuration has.
         expected: Stamp,
-        /// As reported.
+        /// The value that the node reported.
         got: Stamp,
     },
     /// A mandatory node was not identified within MNTimeoutPreOp1.
     Missing {
-        /// Node id.
+        /// Node id, 1..=239.
         node: u8,
     },
     /// The configuration is being written into the node.
     Configuring {
-        /// Node id.
+        /// Node id, 1..=239.
         node: u8,
     },
     /// The node refused a value of its configuration.
     SdoAbort {
-        /// Node id.
+        /// Node id, 1..=239.
         node: u8,
-        /// Object.
+        /// Index of the object.
         index: u16,
-        /// Sub-index.
+        /// Sub-index of the object.
         sub: u8,
-        /// Why.
+        /// Abort code of the SDO.
         code: AbortCode,
     },
     /// A value of the configuration could not be written: no answer, or a wrong one.
     SdoFailed {
-        /// Node id.
+        /// Node id, 1..=239.
         node: u8,
-        /// Object.
+        /// Index of the object.
         index: u16,
-        /// Sub-index.
+        /// Sub-index of the object.
         sub: u8,
     },
     /// The state of a node as the application sees it has changed.
     NodeStateChanged {
-        /// Node id.
+        /// Node id, 1..=239.
         node: u8,
         /// The new state.
         state: NodeState,
     },
     /// A step of the boot-up took the node too long; it is reset and booted again.
     BootTimeout {
-        /// Node id.
+        /// Node id, 1..=239.
         node: u8,
         /// The NMT state it should have reached.
         expected: NmtState,
@@ -114,14 +114,14 @@ pub enum MnEvent {
     },
     /// More polls in a row than allowed, or the StatusRequests, stayed unanswered; the node is reset and booted again.
     Lost {
-        /// Node id.
+        /// Node id, 1..=239.
         node: u8,
         /// Polls or requests in a row without an answer.
         in_row: u32,
     },
     /// The node has been in a wrong NMT state for longer than the tolerance; it is reset and booted again.
     WrongState {
-        /// Node id.
+        /// Node id, 1..=239.
         node: u8,
         /// The state it should be in.
         expected: NmtState,
@@ -130,18 +130,18 @@ pub enum MnEvent {
     },
     /// Process data of the node have another mapping version than configured (E_PDO_MAP_VERS) and are not used; reported once.
     MappingVersion {
-        /// Node id.
+        /// Node id, 1..=239.
         node: u8,
-        /// As configured.
+        /// The value that the configuration has.
         expected: u8,
-        /// As received.
+        /// The value that was received.
         got: u8,
     },
     /// The node signalled an error (EN) and this is one of its entries.
     ErrorEntry {
-        /// Node id.
+        /// Node id, 1..=239.
         node: u8,
-        /// The entry.
+        /// As the node sent it.
         entry: ErrorEntry,
     },
     /// The threshold of cycles that were not over in time (0x1C02/3) was reached; the network starts again.
@@ -308,7 +308,7 @@ pub struct Malformed {
     pub too_short: u64,
     /// Longer than Ethernet allows.
     pub too_long: u64,
-    /// Not POWERLINK.
+    /// EtherType other than 0x88AB.
     pub ether_type: u64,
     /// With a VLAN tag.
     pub vlan: u64,
@@ -359,7 +359,7 @@ pub struct Counters {
     pub foreign_mn_frames: u64,
     /// Our own frames, seen again.
     pub own_frames: u64,
-    /// SoCs sent.
+    /// Cycles begun: SoCs that were sent.
     pub cycles: u64,
     /// Cycles that were left out because the next one was started too late.
     pub cycles_skipped: u64,
@@ -371,7 +371,7 @@ pub struct Counters {
     pub crc_errors: Threshold,
     /// Collisions, where the driver tells.
     pub collisions: u64,
-    /// SoAs sent.
+    /// SoAs that were sent, of the reduced cycle too.
     pub soa_sent: u64,
     /// ASnds of our own sent.
     pub asnd_sent: u64,
@@ -408,7 +408,7 @@ pub struct NodeStatistics {
     pub slots_unused: u64,
     /// StatusRequests without an answer, as threshold counter (0x1C15, 0x1C16; the threshold is 0x1C17).
     pub loss_of_status: Threshold,
-    /// Boots begun.
+    /// How many times its boot-up began.
     pub boots: u64,
     /// Objects written by SDO.
     pub objects_written: u64,

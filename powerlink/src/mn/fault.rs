@@ -47,7 +47,7 @@ pub enum Fault {
         field: IdentityField,
         /// As configured (0x1F84..0x1F88).
         expected: u32,
-        /// As reported.
+        /// The value that the node reported.
         got: u32,
     },
     /// Its software is not the expected one.
@@ -59,18 +59,18 @@ pub enum Fault {
     },
     /// It refused a value of its configuration.
     ConfigurationRefused {
-        /// Object.
+        /// Index of the object.
         index: u16,
-        /// Sub-index.
+        /// Sub-index of the object.
         sub: u8,
-        /// Why.
+        /// Abort code that it answered with.
         code: AbortCode,
     },
     /// A value of its configuration could not be written.
     ConfigurationFailed {
-        /// Object.
+        /// Index of the object.
         index: u16,
-        /// Sub-index.
+        /// Sub-index of the object.
         sub: u8,
         /// What went wrong.
         error: ClientError,

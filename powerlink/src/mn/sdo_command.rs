@@ -10,16 +10,16 @@ use crate::sdo::ClientError;
 pub enum SdoCommand {
     /// ReadByIndex: the value comes into the buffer.
     Read {
-        /// Object.
+        /// Index of the object.
         index: u16,
-        /// Sub-index.
+        /// Sub-index of the object.
         sub: u8,
     },
     /// WriteByIndex: the value stands at the start of the buffer.
     Write {
-        /// Object.
+        /// Index of the object.
         index: u16,
-        /// Sub-index.
+        /// Sub-index of the object.
         sub: u8,
         /// Octets of the value.
         octets: usize,
@@ -74,7 +74,7 @@ impl core::error::Error for SdoError {}
 /// A command that was not taken.
 #[derive(Debug, PartialEq, Eq)]
 pub struct SdoRefused<'a> {
-    /// Why.
+    /// Why it was not taken.
     pub error: SdoError,
     /// The buffer, untouched.
     pub buffer: &'a mut [u8],
@@ -83,11 +83,11 @@ pub struct SdoRefused<'a> {
 /// The end of a command.
 #[derive(Debug, PartialEq, Eq)]
 pub struct SdoResult<'a> {
-    /// The command.
+    /// The command that has ended.
     pub command: SdoCommand,
     /// Octets of the value that was read, at the start of the buffer; 0 after a write.
     pub result: Result<usize, SdoError>,
-    /// The buffer.
+    /// The buffer that came with the command.
     pub buffer: &'a mut [u8],
 }
 

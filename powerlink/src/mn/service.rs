@@ -73,6 +73,10 @@ impl<'a> Node<'a> {
 impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// Starts to read or write an object of a node, by its position in the configuration. Never waits: ask
     /// [`sdo_result`](Self::sdo_result) in later cycles.
+    ///
+    /// # Errors
+    /// [`SdoRefused`] gives the buffer back: no node at this position, one that takes no commands now or has one under way, a
+    /// buffer that is too short for the value.
     pub fn sdo_request(
         &mut self,
         node: usize,

@@ -28,7 +28,7 @@ pub enum BootStage {
         written: u32,
         /// The object that is being written; 0 before the first.
         index: u16,
-        /// Its sub-index.
+        /// Sub-index of that object.
         sub: u8,
     },
     /// Everything is written; the SDO connection is being closed.

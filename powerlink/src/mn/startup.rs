@@ -12,7 +12,7 @@ pub struct RefusedBit {
     pub index: u16,
     /// Sub-index: the node id, 0 for 0x1F80.
     pub sub: u8,
-    /// Which bit.
+    /// Number of the bit, 0..=31.
     pub bit: u8,
     /// What it asks for.
     pub meaning: &'static str,
@@ -124,6 +124,9 @@ impl StartUp {
     }
 
     /// Reads the value of the object.
+    ///
+    /// # Errors
+    /// [`RefusedBit`]: the lowest bit that is not served.
     pub fn from_bits(value: u32) -> Result<StartUp, RefusedBit> {
         let mut startup = StartUp::NONE;
         let mut served = 0;
@@ -214,6 +217,9 @@ impl Assignment {
     }
 
     /// Reads the value of the object for controlled node `node`; `None`: there is no such node (bit 0, 1 or 31 is missing).
+    ///
+    /// # Errors
+    /// [`RefusedBit`]: the lowest bit that is not served.
     pub fn from_bits(node: u8, value: u32) -> Result<Option<Assignment>, RefusedBit> {
         let must = Assignment::EXISTS | Assignment::VALID;
         if value & must != must {

@@ -314,6 +314,9 @@ pub struct Mn<'a, const NODES: usize> {
 
 impl<'a, const NODES: usize> Mn<'a, NODES> {
     /// A managing node in NOT_ACTIVE. Everything it relies on later is checked here.
+    ///
+    /// # Errors
+    /// [`MnConfigError`]: the first thing that is wrong with the configuration.
     pub fn new(config: MnConfig<'a>) -> Result<Self, MnConfigError> {
         check(&config, NODES.min(usize::from(wire::node::CN_MAX)))?;
         let mut index_of = [NO_NODE; 256];

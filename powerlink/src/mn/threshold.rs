@@ -4,7 +4,7 @@
 /// What an error adds.
 const ERROR_WEIGHT: u32 = 8;
 
-/// One counter.
+/// Counter of one kind of error, as its object shows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Threshold {
     /// All errors so far.

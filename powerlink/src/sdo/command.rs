@@ -203,7 +203,7 @@ pub fn split_initiate(data: &[u8]) -> Option<(usize, &[u8])> {
 /// A received command with its data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Command<'a> {
-    /// The header.
+    /// The fixed header in front of the data.
     pub header: Header,
     /// Command data of this frame.
     pub data: &'a [u8],
@@ -214,7 +214,7 @@ pub struct Command<'a> {
 pub enum Content<'a> {
     /// No command: the frame acknowledges, opens or closes.
     Empty,
-    /// A command.
+    /// A command, or an answer to one.
     Command(Command<'a>),
     /// Octets that announce more data than the frame holds.
     Malformed,
@@ -265,9 +265,9 @@ impl Header {
 /// Object address in front of the data of WriteByIndex and ReadByIndex. In words `0x1006` or `0x1018/1`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Address {
-    /// Object index.
+    /// Index of the object.
     pub index: u16,
-    /// Sub-index.
+    /// Sub-index of the object.
     pub sub: u8,
 }
 

@@ -26,7 +26,7 @@ const PADDING: u8 = 0x03;
 /// One object of a block list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Block<'a> {
-    /// Which object.
+    /// Object that is read or written.
     pub address: Address,
     /// Its value; `Err`: why it could not be read.
     pub value: Result<&'a [u8], AbortCode>,
@@ -175,7 +175,7 @@ impl<'a> BlockWriter<'a> {
         self.len = at + BLOCK_HEADER_LEN + data_len;
     }
 
-    /// Octets written.
+    /// Length in octets of what was pushed.
     pub fn len(&self) -> usize {
         self.len
     }

@@ -64,7 +64,7 @@ impl Number {
         Number::new(self.0 + 1)
     }
 
-    /// 0..=63.
+    /// The number as sent, 0..=63.
     pub const fn get(self) -> u8 {
         self.0
     }
@@ -216,7 +216,7 @@ impl Flow {
 /// A frame that goes out now.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Outgoing {
-    /// Its number.
+    /// Number of the frame.
     pub number: Number,
     /// 0: the first that is not acknowledged.
     pub place: u8,
@@ -231,7 +231,7 @@ pub struct Sequence {
     pub received: Number,
     /// State as the receiver tells it.
     pub received_con: Con,
-    /// This frame.
+    /// Number of this frame.
     pub sent: Number,
     /// State as the sender tells it.
     pub sent_con: Con,

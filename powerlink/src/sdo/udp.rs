@@ -23,7 +23,7 @@ const WAIT_MAX: Duration = Duration::from_millis(100);
 /// Why a command over UDP failed.
 #[derive(Debug)]
 pub enum UdpError {
-    /// The socket.
+    /// What the system refused.
     Io(io::Error),
     /// The node, or the network.
     Client(ClientError),
@@ -65,6 +65,9 @@ pub struct UdpClient {
 impl UdpClient {
     /// Gets ready to talk to `node` at `address`, usually 192.168.100.`node`, port [`UDP_PORT`](super::datagram::UDP_PORT).
     /// Nothing is sent yet.
+    ///
+    /// # Errors
+    /// What the system refuses: the address, the socket.
     pub fn new(address: impl ToSocketAddrs, node: u8, own_node: u8, timing: Timing) -> io::Result<UdpClient> {
         let mut last = io::Error::new(io::ErrorKind::InvalidInput, "no address");
         for address in address.to_socket_addrs()? {
@@ -89,30 +92,45 @@ impl UdpClient {
     }
 
     /// Reads one object into `sink`; returns its length.
+    ///
+    /// # Errors
+    /// [`UdpError`]: the socket, or how the command failed.
     pub fn read(&mut self, index: u16, sub: u8, sink: &mut [u8]) -> Result<usize, UdpError> {
         self.client.start_read(index, sub)?;
         self.run(&[], sink)
     }
 
     /// Writes one object.
+    ///
+    /// # Errors
+    /// [`UdpError`]: the socket, or how the command failed.
     pub fn write(&mut self, index: u16, sub: u8, value: &[u8]) -> Result<(), UdpError> {
         self.client.start_write(index, sub, value.len())?;
         self.run(value, &mut []).map(|_| ())
     }
 
     /// Reads several objects, see [`Client::start_read_multiple`]; returns the length of the answer.
+    ///
+    /// # Errors
+    /// [`UdpError`]: the socket, or how the command failed.
     pub fn read_multiple(&mut self, request: &[u8], answer: &mut [u8]) -> Result<usize, UdpError> {
         self.client.start_read_multiple(request.len())?;
         self.run(request, answer)
     }
 
     /// Writes several objects, see [`Client::start_write_multiple`]; returns the length of the answer.
+    ///
+    /// # Errors
+    /// [`UdpError`]: the socket, or how the command failed.
     pub fn write_multiple(&mut self, request: &[u8], answer: &mut [u8]) -> Result<usize, UdpError> {
         self.client.start_write_multiple(request.len())?;
         self.run(request, answer)
     }
 
     /// Closes the connection.
+    ///
+    /// # Errors
+    /// [`UdpError`]: the socket.
     pub fn close(&mut self) -> Result<(), UdpError> {
         self.client.close();
         self.send(&[])
@@ -200,6 +218,9 @@ pub struct UdpServer<const CLIENTS: usize = 4, const STAGING: usize = 65536> {
 
 impl<const CLIENTS: usize, const STAGING: usize> UdpServer<CLIENTS, STAGING> {
     /// Listens at `address`, for node `node`.
+    ///
+    /// # Errors
+    /// What the system refuses: the address, the socket.
     pub fn bind(address: impl ToSocketAddrs, node: u8) -> io::Result<Self> {
         const { assert!(CLIENTS > 0 && CLIENTS <= 256) };
         Ok(UdpServer {
@@ -212,11 +233,17 @@ impl<const CLIENTS: usize, const STAGING: usize> UdpServer<CLIENTS, STAGING> {
     }
 
     /// Where it listens.
+    ///
+    /// # Errors
+    /// What the system refuses.
     pub fn local_addr(&self) -> io::Result<SocketAddr> {
         self.socket.local_addr()
     }
 
     /// Takes one datagram, waiting for at most `wait`, and sends what is to be answered. Returns whether one came.
+    ///
+    /// # Errors
+    /// What the system refuses; a time-out is none.
     pub fn serve(&mut self, objects: &mut impl Objects, wait: Duration) -> io::Result<bool> {
         let mut payload = [0; RECEIVE_MAX];
         let Some((len, address)) = receive(&self.socket, wait, &mut payload)? else {

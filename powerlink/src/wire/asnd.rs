@@ -76,7 +76,7 @@ pub enum Asnd<'a> {
 /// A service this crate does not read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Service<'a> {
-    /// Which.
+    /// ServiceID, octet 17 of the frame.
     pub id: ServiceId,
     /// From octet 18 to the end of the frame, padding included.
     pub data: &'a [u8],
@@ -113,6 +113,9 @@ impl<'a> Asnd<'a> {
     }
 
     /// Writes the frame, padded to at least 60 octets; returns its length.
+    ///
+    /// # Errors
+    /// [`WireError::NoRoom`] in a buffer that is too short, [`WireError::TooLong`] for data that no frame holds.
     pub fn emit(&self, header: &Header, buffer: &mut [u8]) -> Result<usize, WireError> {
         let len = match self {
             Asnd::IdentResponse(_) => IDENT_RESPONSE_LEN,
@@ -186,7 +189,7 @@ pub struct NmtRequestFrame {
     pub command: NmtCommand,
     /// To which node.
     pub target: u8,
-    /// Command data.
+    /// Command data, zero where the command has none.
     pub data: [u8; COMMAND_DATA_LEN],
 }
 

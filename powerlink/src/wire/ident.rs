@@ -47,11 +47,11 @@ pub struct IdentResponse {
     pub software_time: u32,
     /// 192.168.100.1 is 0xC0A8_6401; sent little endian like every number.
     pub ip_address: u32,
-    /// As `ip_address`.
+    /// Written as `ip_address` is.
     pub subnet_mask: u32,
-    /// As `ip_address`.
+    /// Written as `ip_address` is.
     pub default_gateway: u32,
-    /// Zero padded.
+    /// Object 0x1F9A, padded with zeros.
     pub host_name: [u8; 32],
     /// Free for the vendor.
     pub vendor_extension_2: [u8; 48],

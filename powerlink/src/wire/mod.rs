@@ -44,13 +44,13 @@ pub type Mac = [u8; 6];
 /// The multicast addresses of POWERLINK.
 pub mod multicast {
     use super::Mac;
-    /// SoC.
+    /// Destination of every SoC.
     pub const SOC: Mac = [0x01, 0x11, 0x1E, 0x00, 0x00, 0x01];
-    /// PRes.
+    /// Destination of every PRes.
     pub const PRES: Mac = [0x01, 0x11, 0x1E, 0x00, 0x00, 0x02];
-    /// SoA.
+    /// Destination of every SoA.
     pub const SOA: Mac = [0x01, 0x11, 0x1E, 0x00, 0x00, 0x03];
-    /// ASnd.
+    /// Destination of every ASnd.
     pub const ASND: Mac = [0x01, 0x11, 0x1E, 0x00, 0x00, 0x04];
     /// Active managing node indication.
     pub const AMNI: Mac = [0x01, 0x11, 0x1E, 0x00, 0x00, 0x05];
@@ -58,7 +58,7 @@ pub mod multicast {
 
 /// Node ids with a meaning of their own.
 pub mod node {
-    /// No node.
+    /// Addresses no node.
     pub const INVALID: u8 = 0;
     /// Highest id of a controlled node; 1 is the lowest.
     pub const CN_MAX: u8 = 239;
@@ -70,7 +70,7 @@ pub mod node {
     pub const DIAGNOSTIC: u8 = 253;
     /// A router to other networks.
     pub const ROUTER: u8 = 254;
-    /// All nodes.
+    /// Addresses all nodes at once.
     pub const BROADCAST: u8 = 255;
 }
 
@@ -96,13 +96,13 @@ pub(crate) mod flag {
 pub mod message {
     /// Start of cycle.
     pub const SOC: u8 = 0x01;
-    /// Poll request.
+    /// PReq: poll request.
     pub const PREQ: u8 = 0x03;
-    /// Poll response.
+    /// PRes: poll response.
     pub const PRES: u8 = 0x04;
     /// Start of asynchronous phase.
     pub const SOA: u8 = 0x05;
-    /// Asynchronous send.
+    /// ASnd: asynchronous send.
     pub const ASND: u8 = 0x06;
     /// Active managing node indication (redundancy).
     pub const AMNI: u8 = 0x07;
@@ -125,7 +125,7 @@ pub enum WireError {
         /// Octets it has.
         got: usize,
     },
-    /// Not POWERLINK.
+    /// EtherType other than 0x88AB.
     EtherType {
         /// What stands in place of 0x88AB.
         got: u16,
@@ -158,7 +158,7 @@ pub enum WireError {
     },
     /// Emitting: the buffer or the frame is too small for what shall be sent.
     NoRoom {
-        /// Octets needed.
+        /// Octets that it needs.
         need: usize,
         /// Octets there are.
         got: usize,
@@ -203,6 +203,9 @@ pub struct Header {
 
 impl Header {
     /// Reads the addresses of an untrusted frame; never panics.
+    ///
+    /// # Errors
+    /// [`WireError::TooShort`], [`WireError::EtherType`].
     pub fn parse(frame: &[u8]) -> Result<Header, WireError> {
         check_len(frame, HEADER_LEN)?;
         if frame.len() > FRAME_LEN_MAX {
@@ -247,6 +250,9 @@ impl Header {
 
 /// Reads an untrusted frame as a node has to: one that the standard does not let its sender send to its receiver is not read
 /// further. Never panics.
+///
+/// # Errors
+/// [`WireError`]: why the frame is left alone.
 pub fn accept(frame: &[u8]) -> Result<(Header, Frame<'_>), WireError> {
     let header = Header::parse(frame)?;
     let parsed = Frame::parse(frame)?;
@@ -259,13 +265,13 @@ pub fn accept(frame: &[u8]) -> Result<(Header, Frame<'_>), WireError> {
 pub enum Frame<'a> {
     /// Start of cycle.
     Soc(Soc),
-    /// Poll request.
+    /// PReq: poll request.
     Preq(Preq<'a>),
-    /// Poll response.
+    /// PRes: poll response.
     Pres(Pres<'a>),
     /// Start of asynchronous phase.
     Soa(Soa),
-    /// Asynchronous send.
+    /// ASnd: asynchronous send.
     Asnd(Asnd<'a>),
     /// Active managing node indication; recognised only, the octets after the header are kept.
     Amni(&'a [u8]),
@@ -275,6 +281,9 @@ pub enum Frame<'a> {
 
 impl<'a> Frame<'a> {
     /// Reads an untrusted frame; never panics.
+    ///
+    /// # Errors
+    /// [`WireError`]: why the frame cannot be read.
     pub fn parse(frame: &'a [u8]) -> Result<Frame<'a>, WireError> {
         Header::parse(frame)?;
         match frame[14] & 0x7F {
@@ -304,6 +313,9 @@ impl<'a> Frame<'a> {
 
     /// Writes the whole frame into the start of `buffer`, padded to at least 60 octets, and returns its length.
     /// PReq and PRes that must be as long as a payload limit: see [`Preq::emit`] and [`Pres::emit`].
+    ///
+    /// # Errors
+    /// [`WireError::NoRoom`] in a buffer that is too short, [`WireError::TooLong`] for data that no frame holds.
     pub fn emit(&self, header: &Header, buffer: &mut [u8]) -> Result<usize, WireError> {
         match self {
             Frame::Soc(soc) => soc.emit(header, buffer),

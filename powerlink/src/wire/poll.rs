@@ -37,6 +37,9 @@ impl<'a> Preq<'a> {
     }
 
     /// Writes the frame as long as a payload of `payload_limit` octets (object 0x1F8B) makes it; returns its length.
+    ///
+    /// # Errors
+    /// [`WireError::NoRoom`] in a buffer that is too short, [`WireError::TooLong`] for a payload beyond its limit.
     pub fn emit(&self, header: &Header, payload_limit: usize, buffer: &mut [u8]) -> Result<usize, WireError> {
         let frame = start_poll(header, message::PREQ, payload_limit, self.payload, buffer)?;
         frame[18] = flag::bit(self.multiplexed, flag::MS)
@@ -81,6 +84,9 @@ impl<'a> Pres<'a> {
     }
 
     /// Writes the frame as long as a payload of `payload_limit` octets (object 0x1F98/5) makes it; returns its length.
+    ///
+    /// # Errors
+    /// [`WireError::NoRoom`] in a buffer that is too short, [`WireError::TooLong`] for a payload beyond its limit.
     pub fn emit(&self, header: &Header, payload_limit: usize, buffer: &mut [u8]) -> Result<usize, WireError> {
         let frame = start_poll(header, message::PRES, payload_limit, self.payload, buffer)?;
         frame[17] = self.nmt_state.into();

@@ -85,7 +85,7 @@ pub struct ErrorEntry {
     pub code: u16,
     /// When it happened.
     pub time: NetTime,
-    /// Additional information.
+    /// Additional information, by the maker of the device or the profile.
     pub info: [u8; 8],
 }
 

@@ -48,6 +48,9 @@ impl Soc {
     }
 
     /// Writes the frame; returns its length, 60.
+    ///
+    /// # Errors
+    /// [`WireError::NoRoom`] in a buffer that is too short.
     pub fn emit(&self, header: &Header, buffer: &mut [u8]) -> Result<usize, WireError> {
         let frame = start(header, message::SOC, SOC_LEN, buffer)?;
         frame[18] = flag::bit(self.multiplexed_cycle, flag::MC) | flag::bit(self.prescaled_slot, flag::PS);
@@ -63,13 +66,13 @@ impl Soc {
 pub enum RequestedService {
     /// No node may send in the slot.
     NoService,
-    /// IdentResponse.
+    /// The node answers with an IdentResponse.
     IdentRequest,
-    /// StatusResponse.
+    /// The node answers with a StatusResponse.
     StatusRequest,
     /// NMTRequest; or NMTCommand, where the target is the managing node itself.
     NmtRequestInvite,
-    /// SyncResponse.
+    /// The node answers with a SyncResponse.
     SyncRequest,
     /// Any generic ASnd, such as SDO.
     UnspecifiedInvite,
@@ -161,6 +164,9 @@ impl Soa {
     }
 
     /// Writes the frame; returns its length, 60.
+    ///
+    /// # Errors
+    /// [`WireError::NoRoom`] in a buffer that is too short.
     pub fn emit(&self, header: &Header, buffer: &mut [u8]) -> Result<usize, WireError> {
         let frame = start(header, message::SOA, SOA_LEN, buffer)?;
         frame[17] = self.nmt_state.into();

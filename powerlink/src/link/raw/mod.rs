@@ -87,7 +87,7 @@ impl fmt::Display for Reception {
     }
 }
 
-/// One interface.
+/// One network interface, through a packet socket.
 pub struct RawLink {
     /// Unmapped before the socket is closed.
     ring: Option<Ring>,
@@ -102,6 +102,9 @@ pub struct RawLink {
 
 impl RawLink {
     /// Opens an interface by its name.
+    ///
+    /// # Errors
+    /// [`OpenError`]: there is no such interface, or the process may not open it.
     pub fn open(interface: &str, config: RawConfig) -> Result<RawLink, OpenError> {
         let socket = Socket::open(interface, config)?;
         let calls = |why| (None, Reception::Calls { why });
@@ -144,6 +147,9 @@ impl RawLink {
     }
 
     /// Frames that found no room in the ring or queue since the link was opened. A system call, not for every cycle.
+    ///
+    /// # Errors
+    /// [`LinkError`]: the `errno` of the system call.
     pub fn dropped(&mut self) -> Result<u64, LinkError> {
         // The kernel counts from the last question on.
         self.dropped += u64::from(self.socket.dropped_since_last().map_err(error)?);

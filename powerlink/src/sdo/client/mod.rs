@@ -178,23 +178,35 @@ impl Client {
     }
 
     /// Starts to write one object of the node with a value of `len` octets.
+    ///
+    /// # Errors
+    /// [`ClientError::Busy`] before the result of the last command was taken.
     pub fn start_write(&mut self, index: u16, sub: u8, len: usize) -> Result<(), ClientError> {
         self.start(CommandId::WriteByIndex, Some(Address { index, sub }), len)
     }
 
     /// Starts to read one object of the node; nothing is handed in.
+    ///
+    /// # Errors
+    /// [`ClientError::Busy`] before the result of the last command was taken.
     pub fn start_read(&mut self, index: u16, sub: u8) -> Result<(), ClientError> {
         self.start(CommandId::ReadByIndex, Some(Address { index, sub }), 0)
     }
 
     /// Starts to write several objects. `len` octets made by a [`BlockWriter`](super::multiple::BlockWriter) are handed in; the
     /// answer is for [`failures`](super::multiple::failures).
+    ///
+    /// # Errors
+    /// [`ClientError::Busy`] before the result of the last command was taken.
     pub fn start_write_multiple(&mut self, len: usize) -> Result<(), ClientError> {
         self.start(CommandId::WriteMultipleByIndex, None, len)
     }
 
     /// Starts to read several objects. Their addresses are handed in, [`ADDRESS_LEN`](command::ADDRESS_LEN) octets each
     /// ([`Address::emit`]), `len` octets in all; the answer is for [`Blocks`](super::multiple::Blocks).
+    ///
+    /// # Errors
+    /// [`ClientError::Busy`] before the result of the last command was taken.
     pub fn start_read_multiple(&mut self, len: usize) -> Result<(), ClientError> {
         self.start(CommandId::ReadMultipleByIndex, None, len)
     }
