@@ -10,7 +10,7 @@ use motion::ring::{Publish, Sink, channel};
 use motion::rt::homing::{Homing, HomingInput, HomingJoint, HomingStatus, HomingWay};
 use motion::rt::jog::{Jog, JogLimits, WorldJog};
 use motion::rt::probe::Probe;
-use motion::rt::{Interpolator, MotionLimits, Online, ScaleRamp, StopLimits};
+use motion::rt::{Interpolator, MotionLimits, ScaleRamp, StopLimits, TrajectoryGenerator};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -86,19 +86,19 @@ fn the_counter_counts() {
 
 #[test]
 fn goals_at_any_cycle_cost_no_allocation() {
-    let mut online = Online::new(0.0, LIMITS, STOP, CYCLE_S);
-    online.set_range([-100.0, 100.0]);
+    let mut otg = TrajectoryGenerator::new(0.0, LIMITS, STOP, CYCLE_S);
+    otg.set_range([-100.0, 100.0]);
     let mut numbers = Numbers(1);
     let counted = calls(|| {
         for _ in 0..20_000 {
             match (numbers.next() * 8.0) as u8 {
-                0 => online.run_at(300.0 * numbers.next() - 150.0),
-                1 => online.stop(),
-                2 => online.go_to(f64::NAN, 1.0),
-                _ => online.go_to(240.0 * numbers.next() - 120.0, 150.0 * numbers.next()),
+                0 => otg.run_at(300.0 * numbers.next() - 150.0),
+                1 => otg.stop(),
+                2 => otg.go_to(f64::NAN, 1.0),
+                _ => otg.go_to(240.0 * numbers.next() - 120.0, 150.0 * numbers.next()),
             }
             for _ in 0..(numbers.next() * 60.0) as u8 {
-                online.step();
+                otg.step();
             }
         }
     });

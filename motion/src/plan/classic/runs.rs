@@ -7,7 +7,7 @@
 use crate::element::{Element, Enables, Span};
 use crate::path::Piece;
 use crate::plan::Settings;
-use crate::plan::kinks::{Bounded, Joined};
+use crate::plan::junctions::{Bounded, Joined};
 use crate::plan::limits::{Bounds, PathLimits};
 use crate::plan::profile::{Phase, brakeable, duration, end_speed, profile};
 use crate::plan::smooth::Stretch;

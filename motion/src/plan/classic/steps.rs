@@ -17,7 +17,7 @@ use std::collections::VecDeque;
 
 use super::runs::{Built, RUN_PIECES, Run, Runs};
 use crate::element::Element;
-use crate::plan::kinks::{Joined, Kinks};
+use crate::plan::junctions::{Joined, Junctions};
 use crate::plan::profile::{brakeable, change_length, end_speed, least_end_speed};
 use crate::plan::smooth::Passed;
 use crate::plan::{Pumped, Settings};
@@ -80,7 +80,7 @@ pub(in crate::plan) fn largest_publication() -> usize {
 /// Plans runs and hands them over.
 #[derive(Debug, Default)]
 pub(in crate::plan) struct Steps {
-    kinks: Kinks,
+    junctions: Junctions,
     runs: Runs,
     steps: VecDeque<Step>,
     /// Steps at the front whose speeds are decided.
@@ -108,7 +108,7 @@ impl Steps {
     pub(in crate::plan) fn push(&mut self, passed: &Passed, settings: &Settings) {
         self.finished = false;
         let mut joined = std::mem::take(&mut self.joined);
-        self.kinks.push(passed, settings, &mut joined);
+        self.junctions.push(passed, settings, &mut joined);
         self.run(&mut joined, settings);
         self.joined = joined;
     }
@@ -116,7 +116,7 @@ impl Steps {
     /// What is known ends at rest, where `element` happens if there is one.
     pub(in crate::plan) fn rest(&mut self, element: Option<Element>, settings: &Settings) {
         let mut joined = Vec::new();
-        self.kinks.flush(&mut joined);
+        self.junctions.flush(&mut joined);
         self.run(&mut joined, settings);
         let mut built = Vec::new();
         self.runs.flush(settings, &mut built);

@@ -4,13 +4,13 @@
 //! Out: the same as [`Found`]: parts of sections, and what lies between sections.
 //!
 //! At a rest the speed is 0. Where direction or curvature jumps a little, the machine passes at a speed that is slow enough
-//! for the jump, constant over a short zone on both sides (see [`kinks`](crate::plan::kinks)).
+//! for the jump, constant over a short zone on both sides (see [`junctions`](crate::plan::junctions)).
 
 use std::collections::VecDeque;
 
 use crate::element::Element;
 use crate::plan::Settings;
-use crate::plan::kinks::{Meeting, meeting};
+use crate::plan::junctions::{Meeting, meeting};
 use crate::plan::smooth::Stretch;
 
 /// One thing after the other, as it came.

@@ -7,7 +7,7 @@
 //!
 //! ```text
 //! section      parts -> spans between knots -> windows, as jobs
-//! phases       what needs no knots: straight sections, zones beside kinks
+//! phases       what needs no knots: straight sections, zones beside junctions
 //! answers      solved windows -> elements; what to do where there is no way
 //! publication  what is handed over when, and what takes its place when an override changes
 //! ```
@@ -297,7 +297,7 @@ fn times(joints: &Joints) -> Times {
     const OVERLAP: f64 = 2.5;
     /// Window over overlap: the overlap is solved twice.
     const WINDOW: f64 = 8.0;
-    /// Time for braking to crawl before the first border of a new plan, over that of braking from full speed.
+    /// Time for braking to the feasible profile before the first border of a new plan, over that of braking from full speed.
     const FIRST: f64 = 2.5;
     let braking_s = joints
         .limits()

@@ -4,16 +4,16 @@
 //! Out: jobs, and from their results the states at all knots.
 //!
 //! Borders lie where the estimated time since the border before is long enough; so they depend on the path alone. Around
-//! each border a small window is solved first, from crawl to crawl. Far from its ends its solution is that of the whole
+//! each border a small window is solved first, from the feasible profile to the feasible profile. Far from its ends its solution is that of the whole
 //! section, so it gives the state at the border. Then every window is solved between the states at its two borders. It
-//! starts from the halves of the border solutions and crawl between them: a profile that keeps all limits, so that every
+//! starts from the halves of the border solutions and the feasible profile between them: a profile that keeps all limits, so that every
 //! step of the solver does. No window waits for another, and a join needs no smoothing.
 
 use std::cell::RefCell;
 
 use super::knots::Knotted;
 use super::solver::{
-    Grid, Infeasible, Knotting, Options, State, Workspace, first_braking, first_crawl, first_profile, solve,
+    Grid, Infeasible, Knotting, Options, State, Workspace, feasible_profile, first_braking, initial_guess, solve,
 };
 
 /// How the path is cut.
@@ -24,7 +24,7 @@ pub(super) struct Times {
     pub(super) overlap_s: f64,
     /// Estimated time from border to border, s.
     pub(super) window_s: f64,
-    /// From where a new plan takes over to the first border: several times what braking to crawl takes.
+    /// From where a new plan takes over to the first border: several times what braking to the feasible profile takes.
     pub(super) first_s: f64,
 }
 
@@ -90,8 +90,8 @@ enum End {
 pub(super) struct Window {
     grid: Grid,
     pub(super) sources: Vec<Knotted>,
-    /// Crawl at all its knots.
-    crawl: States,
+    /// The feasible profile at all its knots.
+    feasible: States,
     left: End,
     right: End,
 }
@@ -117,17 +117,17 @@ impl Window {
         let count = self.grid.spans();
         let (from, begin) = match &self.left {
             End::Section(state) | End::TakenOver(state) => (0, *state),
-            End::Border { spans, .. } => (*spans, self.crawl[*spans]),
+            End::Border { spans, .. } => (*spans, self.feasible[*spans]),
         };
         let (to, end) = match &self.right {
             End::Section(state) | End::TakenOver(state) => (count, *state),
-            End::Border { spans, .. } => (count - spans, self.crawl[count - spans]),
+            End::Border { spans, .. } => (count - spans, self.feasible[count - spans]),
         };
         let middle = match (&self.left, &self.right) {
-            (End::Border { .. }, End::Border { .. }) => self.crawl[from..=to].to_vec(),
-            (End::TakenOver(_), _) => first_braking(&self.grid, from..to, begin, end, &self.crawl[from..=to])?,
+            (End::Border { .. }, End::Border { .. }) => self.feasible[from..=to].to_vec(),
+            (End::TakenOver(_), _) => first_braking(&self.grid, from..to, begin, end, &self.feasible[from..=to])?,
             (End::Section(_), _) | (_, End::Section(_) | End::TakenOver(_)) => {
-                first_profile(&self.grid, from..to, begin, end, &self.crawl[from..=to])?
+                initial_guess(&self.grid, from..to, begin, end, &self.feasible[from..=to])?
             }
         };
         let mut start = Vec::with_capacity(count + 1);
@@ -168,7 +168,7 @@ pub(super) struct Border {
     pub(super) job: Job,
     /// Spans of the small window before the border.
     pub(super) before: usize,
-    /// Its spans behind the border, for the stop there, and one more of crawl to end in.
+    /// Its spans behind the border, for the stop there, and one more of the feasible profile to end in.
     pub(super) behind: Vec<Knotted>,
 }
 
@@ -253,7 +253,7 @@ impl Uncut {
         let window = Window {
             grid: self.grid.part(self.first..border),
             sources: self.sources[self.first..border].to_vec(),
-            crawl: first_crawl(&self.grid, self.first..border, &self.times.knotting),
+            feasible: feasible_profile(&self.grid, self.first..border, &self.times.knotting),
             left: std::mem::replace(
                 &mut self.left,
                 End::Border {
@@ -270,12 +270,12 @@ impl Uncut {
             job: Job {
                 gap: BORDER_GAP,
                 grid: self.grid.part(low..high),
-                start: first_crawl(&self.grid, low..high, &self.times.knotting),
+                start: feasible_profile(&self.grid, low..high, &self.times.knotting),
             },
             before: border - low,
             behind: self.sources[border..high].to_vec(),
         };
-        // What is before the border matters for crawl only.
+        // What is before the border matters for the feasible profile only.
         let drop = border.saturating_sub(self.times.knotting.reach + 2);
         self.grid.drop_front(drop);
         self.sources.drain(..drop);
@@ -290,7 +290,7 @@ impl Uncut {
         let knots = self.sources.len();
         Window {
             grid: self.grid.part(self.first..knots),
-            crawl: first_crawl(&self.grid, self.first..knots, &self.times.knotting),
+            feasible: feasible_profile(&self.grid, self.first..knots, &self.times.knotting),
             sources: self.sources[self.first..].to_vec(),
             left: self.left,
             right: End::Section(end),

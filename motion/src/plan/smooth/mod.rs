@@ -7,7 +7,7 @@
 //! ```text
 //! naive_cam  straight moves in line -> one                    (only with Q of G64)
 //! compress   runs of short straight moves -> few quintics     (fit: least squares, bspline: basis and system)
-//! sway       lines and arcs that meet tangentially or nearly so -> short curves    (only for the optimal planner)
+//! min_jerk_blend  lines and arcs that meet tangentially or nearly so -> short curves    (only for the optimal planner)
 //! corners    what is left of moves, and the blends between    (round: one corner)
 //! ```
 
@@ -19,15 +19,15 @@ mod compress;
 mod corners;
 #[allow(clippy::needless_range_loop)]
 mod fit;
+#[allow(clippy::needless_range_loop)]
+mod min_jerk_blend;
 mod naive_cam;
 pub(super) mod round;
-#[allow(clippy::needless_range_loop)]
-mod sway;
 
 use compress::Compressor;
 use corners::Corners;
+use min_jerk_blend::MinJerkBlend;
 use naive_cam::NaiveCam;
-use sway::Sway;
 
 use crate::element::Enables;
 use crate::path::Piece;
@@ -69,11 +69,11 @@ struct Leg {
 pub(super) struct Smoother {
     naive_cam: NaiveCam,
     compressor: Compressor,
-    sway: Sway,
+    min_jerk_blend: MinJerkBlend,
     corners: Corners,
     moves: Vec<Move>,
     legs: Vec<Leg>,
-    swayed: Vec<Leg>,
+    blended: Vec<Leg>,
 }
 
 impl Smoother {
@@ -89,8 +89,8 @@ impl Smoother {
         self.pass(settings, out);
         self.compressor.flush(&mut self.legs);
         self.round(settings, out);
-        self.sway.flush(settings, &mut self.swayed);
-        for leg in self.swayed.drain(..) {
+        self.min_jerk_blend.flush(settings, &mut self.blended);
+        for leg in self.blended.drain(..) {
             self.corners.push(leg, settings, out);
         }
         self.corners.flush(out);
@@ -107,13 +107,13 @@ impl Smoother {
         match settings.slope {
             Slope::Optimal => {
                 for leg in self.legs.drain(..) {
-                    self.sway.push(leg, settings, &mut self.swayed);
+                    self.min_jerk_blend.push(leg, settings, &mut self.blended);
                 }
             }
             // One speed for every piece: many short ones are no gain.
-            Slope::Classic => self.swayed.append(&mut self.legs),
+            Slope::Classic => self.blended.append(&mut self.legs),
         }
-        for leg in self.swayed.drain(..) {
+        for leg in self.blended.drain(..) {
             self.corners.push(leg, settings, out);
         }
     }

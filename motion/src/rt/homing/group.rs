@@ -3,7 +3,7 @@
 //! In:  switches and measured positions of the joints. Out: commanded positions. RT.
 
 use super::{HomingFailure, HomingInput, HomingJoint, HomingWay};
-use crate::rt::Online;
+use crate::rt::TrajectoryGenerator;
 
 /// Each pass that latches is this much slower than the one before.
 const FINER: f64 = 16.0;
@@ -44,7 +44,7 @@ pub enum Phase {
 #[derive(Debug)]
 struct Member {
     spec: HomingJoint,
-    online: Online,
+    otg: TrajectoryGenerator,
     /// Position before homing began: of all, so that skew is what has been added to it.
     start: f64,
     /// Position at the beginning of the phase.
@@ -57,7 +57,7 @@ struct Member {
 
 impl Member {
     fn position(&self) -> f64 {
-        self.online.state().position
+        self.otg.state().position
     }
 
     fn offset(&self) -> f64 {
@@ -88,7 +88,7 @@ impl Group {
     pub(super) fn new(way: HomingWay, joints: &[HomingJoint], cycle_s: f64) -> Group {
         let member = |spec: &HomingJoint| Member {
             spec: *spec,
-            online: Online::new(0.0, spec.motion, spec.stop, cycle_s),
+            otg: TrajectoryGenerator::new(0.0, spec.motion, spec.stop, cycle_s),
             start: 0.0,
             from: 0.0,
             found: 0.0,
@@ -122,7 +122,7 @@ impl Group {
         self.failure = None;
         for member in &mut self.members {
             let position = positions.get(member.spec.joint).copied().unwrap_or_default();
-            member.online.restart(position, member.spec.motion, member.spec.stop);
+            member.otg.restart(position, member.spec.motion, member.spec.stop);
             member.start = position;
             member.from = position;
             member.found = position;
@@ -183,7 +183,7 @@ impl Group {
             return;
         }
         for member in &mut self.members {
-            let state = member.online.step();
+            let state = member.otg.step();
             if let Some(position) = positions.get_mut(member.spec.joint) {
                 *position = state.position;
             }
@@ -192,7 +192,7 @@ impl Group {
 
     pub(super) fn stop(&mut self) {
         for member in &mut self.members {
-            member.online.stop();
+            member.otg.stop();
         }
     }
 
@@ -213,7 +213,7 @@ impl Group {
     fn run(&mut self, velocity: f64) {
         let velocity = velocity * self.direction;
         for member in &mut self.members {
-            member.online.run_at(velocity);
+            member.otg.run_at(velocity);
         }
     }
 
@@ -272,7 +272,7 @@ impl Group {
                 let before = self.speed * FINER * (2.0 * self.cycle_s + self.way.bounce_s) * self.direction;
                 for member in &mut self.members {
                     let place = member.latched.unwrap_or(member.from);
-                    member.online.go_to(place - before, self.way.latch);
+                    member.otg.go_to(place - before, self.way.latch);
                 }
             }
             Phase::Index => {
@@ -286,7 +286,7 @@ impl Group {
                 self.enter(next);
                 for member in &mut self.members {
                     let target = self.way.home - member.offset();
-                    member.online.go_to(target, self.way.search);
+                    member.otg.go_to(target, self.way.search);
                 }
             }
             Phase::Done => self.enter(next),
@@ -299,7 +299,7 @@ impl Group {
             if member.latched.is_none() && member.open_s == 0.0 {
                 let input = inputs.get(member.spec.joint).copied().unwrap_or_default();
                 member.latched = Some(input.measured);
-                member.online.stop();
+                member.otg.stop();
                 self.again |= self.doubt_cycles > 0;
             }
         }
@@ -339,7 +339,7 @@ impl Group {
                 && let Some(place) = inputs.get(member.spec.joint).and_then(|input| input.index)
             {
                 member.latched = Some(place);
-                member.online.stop();
+                member.otg.stop();
             }
         }
         if self.members.iter().all(|member| member.latched.is_some()) {
@@ -389,16 +389,16 @@ impl Group {
     }
 
     pub(super) fn speed(&self) -> f64 {
-        let speeds = self.members.iter().map(|member| member.online.state().velocity.abs());
+        let speeds = self.members.iter().map(|member| member.otg.state().velocity.abs());
         speeds.fold(0.0, f64::max)
     }
 
     pub(super) fn is_at_rest(&self) -> bool {
-        self.members.iter().all(|member| member.online.is_at_rest())
+        self.members.iter().all(|member| member.otg.is_at_rest())
     }
 
     pub(super) fn is_stopping(&self) -> bool {
-        self.members.iter().any(|member| member.online.is_stopping())
+        self.members.iter().any(|member| member.otg.is_stopping())
     }
 
     pub(super) fn failure(&self) -> Option<(usize, HomingFailure)> {

@@ -1,5 +1,5 @@
 use super::*;
-use crate::rt::online::tests::{Differences, mill};
+use crate::rt::otg::tests::{Differences, mill};
 use proptest::prelude::*;
 
 const CYCLE_S: f64 = 1e-3;

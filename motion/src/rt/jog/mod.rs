@@ -14,7 +14,7 @@ mod world;
 
 pub use world::{Obstacle, Obstruction, WorldJog};
 
-use super::online::{Online, State};
+use super::otg::{State, TrajectoryGenerator};
 use super::scale::{MotionLimits, StopLimits};
 
 /// What a joint keeps.
@@ -38,7 +38,7 @@ enum Order {
 
 #[derive(Debug)]
 struct Joint {
-    online: Online,
+    otg: TrajectoryGenerator,
     range: [f64; 2],
     order: Order,
 }
@@ -53,10 +53,10 @@ impl Jog {
     /// All joints at rest at zero; see [`Jog::rest_at`].
     pub fn new(joints: &[JogLimits], cycle_s: f64) -> Jog {
         let joint = |limits: &JogLimits| {
-            let mut online = Online::new(0.0, limits.motion, limits.stop, cycle_s);
-            online.set_range(limits.range);
+            let mut otg = TrajectoryGenerator::new(0.0, limits.motion, limits.stop, cycle_s);
+            otg.set_range(limits.range);
             Joint {
-                online,
+                otg,
                 range: limits.range,
                 order: Order::Rest,
             }
@@ -69,7 +69,7 @@ impl Jog {
     /// Says where the joints stand: before jogging begins, and whenever something else has moved them. RT.
     pub fn rest_at(&mut self, positions: &[f64]) {
         for (joint, &position) in self.joints.iter_mut().zip(positions) {
-            joint.online.rest_at(position);
+            joint.otg.rest_at(position);
             joint.order = Order::Rest;
         }
     }
@@ -78,7 +78,7 @@ impl Jog {
     pub fn set_range(&mut self, joint: usize, range: [f64; 2]) {
         if let Some(joint) = self.joints.get_mut(joint) {
             joint.range = range;
-            joint.online.set_range(range);
+            joint.otg.set_range(range);
         }
     }
 
@@ -96,14 +96,14 @@ impl Jog {
         let end = if velocity > 0.0 { high } else { low };
         if end.is_finite() {
             // A joint that cannot come to rest before the limit, or stands behind it, goes no farther; nor does it turn back.
-            let room = (end - joint.online.resting_place()) * velocity;
+            let room = (end - joint.otg.resting_place()) * velocity;
             if room > 0.0 {
-                joint.online.go_to(end, velocity);
+                joint.otg.go_to(end, velocity);
             } else {
-                joint.online.run_at(0.0);
+                joint.otg.run_at(0.0);
             }
         } else {
-            joint.online.run_at(velocity);
+            joint.otg.run_at(velocity);
         }
     }
 
@@ -114,8 +114,8 @@ impl Jog {
             return 0.0;
         };
         let from = match joint.order {
-            Order::Increment => joint.online.destination(),
-            Order::Rest | Order::Run { .. } => joint.online.resting_place(),
+            Order::Increment => joint.otg.destination(),
+            Order::Rest | Order::Run { .. } => joint.otg.resting_place(),
         };
         let [low, high] = joint.range;
         // Behind a limit only the way back is open, and that as far as it was meant.
@@ -128,7 +128,7 @@ impl Jog {
             return 0.0;
         }
         joint.order = Order::Increment;
-        joint.online.go_to(target, velocity);
+        joint.otg.go_to(target, velocity);
         target - from
     }
 
@@ -136,7 +136,7 @@ impl Jog {
     pub fn release(&mut self, joint: usize) {
         if let Some(joint) = self.joints.get_mut(joint) {
             joint.order = Order::Rest;
-            joint.online.run_at(0.0);
+            joint.otg.run_at(0.0);
         }
     }
 
@@ -151,30 +151,30 @@ impl Jog {
     pub fn stop_all(&mut self) {
         for joint in &mut self.joints {
             joint.order = Order::Rest;
-            joint.online.stop();
+            joint.otg.stop();
         }
     }
 
     /// One cycle further: the position of each joint. RT.
     pub fn step(&mut self, positions: &mut [f64]) {
         for (joint, position) in self.joints.iter_mut().zip(positions) {
-            *position = joint.online.step().position;
+            *position = joint.otg.step().position;
         }
     }
 
     /// Where a joint is and how it moves. RT.
     pub fn state(&self, joint: usize) -> Option<State> {
-        self.joints.get(joint).map(|joint| joint.online.state())
+        self.joints.get(joint).map(|joint| joint.otg.state())
     }
 
     /// Whether no joint moves nor will without an order. RT.
     pub fn is_at_rest(&self) -> bool {
-        self.joints.iter().all(|joint| joint.online.is_at_rest())
+        self.joints.iter().all(|joint| joint.otg.is_at_rest())
     }
 
     /// Whether the last cycle was part of an emergency stop of some joint, for which the limits of stops count. RT.
     pub fn is_stopping(&self) -> bool {
-        self.joints.iter().any(|joint| joint.online.is_stopping())
+        self.joints.iter().any(|joint| joint.otg.is_stopping())
     }
 }
 

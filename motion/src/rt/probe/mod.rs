@@ -16,7 +16,7 @@ mod prober;
 
 pub use prober::{Prober, StopShares};
 
-use super::online::Online;
+use super::otg::TrajectoryGenerator;
 use super::scale::{MotionLimits, StopLimits};
 pub use crate::canon::ProbeEnd;
 use crate::canon::{Position, ProbeMode};
@@ -70,7 +70,7 @@ pub struct Probe {
     line: Option<Piece>,
     mode: ProbeMode,
     feed: f64,
-    online: Online,
+    otg: TrajectoryGenerator,
     /// How it ends, once that is certain.
     end: Option<ProbeEnd>,
     begun: bool,
@@ -115,7 +115,7 @@ impl Probe {
                 must_trip: false,
             },
             feed: 0.0,
-            online: Online::new(0.0, motion, stop, cycle_s),
+            otg: TrajectoryGenerator::new(0.0, motion, stop, cycle_s),
             end: None,
             begun: false,
             held: false,
@@ -128,8 +128,8 @@ impl Probe {
 
     /// Another move, from rest at the start of `line`; see [`Probe::new`]. RT.
     pub fn set_out(&mut self, line: Piece, mode: ProbeMode, feed: f64, (motion, stop): (MotionLimits, StopLimits)) {
-        self.online.restart(0.0, motion, stop);
-        self.online.set_range([0.0, line.length()]);
+        self.otg.restart(0.0, motion, stop);
+        self.otg.set_range([0.0, line.length()]);
         self.line = Some(line);
         self.mode = mode;
         self.feed = feed;
@@ -151,19 +151,19 @@ impl Probe {
             if as_wanted && self.begun {
                 self.end = Some(ProbeEnd::Tripped);
                 self.latched = Some(*measured);
-                self.online.stop();
+                self.otg.stop();
             } else if !self.begun && !self.held {
                 if as_wanted {
                     self.end = Some(ProbeEnd::Already);
                 } else {
                     self.begun = true;
-                    self.online.go_to(length, self.feed);
+                    self.otg.go_to(length, self.feed);
                 }
             }
         }
-        let place = self.online.step().position;
+        let place = self.otg.step().position;
         self.position = line.position(place);
-        if self.end.is_none() && self.online.is_at_rest() && place >= length {
+        if self.end.is_none() && self.otg.is_at_rest() && place >= length {
             self.settled_s += self.cycle_s;
             if self.settled_s >= SETTLE_S {
                 self.end = Some(ProbeEnd::Missed);
@@ -176,7 +176,7 @@ impl Probe {
     pub fn hold(&mut self) {
         if !self.held {
             self.held = true;
-            self.online.run_at(0.0);
+            self.otg.run_at(0.0);
         }
     }
 
@@ -189,7 +189,7 @@ impl Probe {
             && self.end.is_none()
             && self.begun
         {
-            self.online.go_to(line.length(), self.feed);
+            self.otg.go_to(line.length(), self.feed);
         }
     }
 
@@ -198,13 +198,13 @@ impl Probe {
         if self.end.is_none() {
             self.end = Some(ProbeEnd::Aborted);
         }
-        self.online.stop();
+        self.otg.stop();
     }
 
     /// For how long it goes on by its law if no contact comes, s. RT.
     fn even_s(&self) -> f64 {
         if self.begun && !self.held && self.end.is_none() {
-            self.online.even_s()
+            self.otg.even_s()
         } else {
             0.0
         }
@@ -212,22 +212,22 @@ impl Probe {
 
     /// Whether nothing moves. RT.
     pub fn is_at_rest(&self) -> bool {
-        self.online.is_at_rest()
+        self.otg.is_at_rest()
     }
 
     /// Whether the last cycle was part of a stop, for which the stop limits count. RT.
     pub fn is_stopping(&self) -> bool {
-        self.online.is_stopping()
+        self.otg.is_stopping()
     }
 
     /// Speed along the line, mm/s (degrees/s). RT.
     pub fn speed(&self) -> f64 {
-        self.online.state().velocity.abs()
+        self.otg.state().velocity.abs()
     }
 
     /// The result, once everything is at rest. RT.
     pub fn result(&self) -> Option<Probed> {
-        if !self.online.is_at_rest() {
+        if !self.otg.is_at_rest() {
             return None;
         }
         let rest = self.position;

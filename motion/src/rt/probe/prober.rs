@@ -122,7 +122,7 @@ impl Prober {
 
     /// Goes on by so many cycles at once, which are no longer than that. RT.
     pub fn skip(&mut self, cycles: f64) {
-        self.probe.online.skip(cycles);
+        self.probe.otg.skip(cycles);
     }
 
     /// Whether the move is over; who waits for its result is told once. RT.

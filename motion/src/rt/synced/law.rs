@@ -15,7 +15,7 @@
 //! brake. RT.
 
 use super::super::scale::MotionLimits;
-use crate::rt::online::State;
+use crate::rt::otg::State;
 
 /// Time constant, cycles.
 pub(super) const TAU_CYCLES: f64 = 5.0;

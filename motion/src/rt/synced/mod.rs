@@ -29,8 +29,8 @@
 mod law;
 mod observer;
 
-use super::online::State;
-use super::online::segments::Segments;
+use super::otg::State;
+use super::otg::segments::Segments;
 use super::scale::{MotionLimits, StopLimits};
 use crate::element::Synced;
 use observer::Observer;

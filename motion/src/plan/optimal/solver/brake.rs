@@ -1,12 +1,12 @@
-//! A way from any state on a plan down to crawl: where a new plan takes over from an old one.
+//! A way from any state on a plan down to the feasible profile: where a new plan takes over from an old one.
 //!
 //! In:  a grid; a state that is within the limits, as fast as it may be and in the middle of any change of speed.
-//! Out: a feasible profile that brakes towards crawl, as firmly as every place allows.
+//! Out: a feasible profile that brakes towards the feasible profile, as firmly as every place allows.
 
 use std::ops::Range;
 
-use super::first::{between, first_profile, settle, tangent};
 use super::grid::Grid;
+use super::initial_guess::{between, initial_guess, settle, tangent};
 use super::interior::Infeasible;
 use super::profile::{State, coefficient, worst};
 
@@ -16,10 +16,10 @@ const FIRMNESS: [[f64; 2]; 4] = [[0.75, 0.75], [0.6, 0.9], [0.5, 0.5], [0.3, 0.5
 const LANDING: f64 = 0.5;
 /// Part of the limits that a span may come to, and where that leaves no way.
 const ROOM: [f64; 2] = [0.98, 0.9995];
-/// Speed for which braking aims, over crawl: it must get below.
+/// Speed for which braking aims, over the feasible profile: it must get below.
 const BELOW: f64 = 0.97;
 
-/// A feasible profile over spans from a state on a plan to another state, at crawl between them where there is room. `crawl` has
+/// A feasible profile over spans from a state on a plan to another state, at the feasible profile between them where there is room. `feasible` has
 /// one state per knot of the spans.
 ///
 /// # Errors
@@ -29,13 +29,13 @@ pub fn first_braking(
     spans: Range<usize>,
     from: State,
     to: State,
-    crawl: &[State],
+    feasible: &[State],
 ) -> Result<Vec<State>, Infeasible> {
     let count = spans.len();
     if count < 3 {
         return Err(Infeasible { span: spans.start });
     }
-    let slow: Vec<f64> = crawl
+    let slow: Vec<f64> = feasible
         .iter()
         .zip(spans.clone())
         .map(|(&state, span)| coefficient(state, grid.length(span)))
@@ -59,11 +59,11 @@ pub fn first_braking(
             return Ok(states);
         }
     }
-    first_profile(grid, spans, from, to, crawl)
+    initial_guess(grid, spans, from, to, feasible)
 }
 
-/// Coefficients from a state down to crawl.
-fn brake(grid: &Grid, spans: Range<usize>, from: State, crawl: &[f64], [a, j]: [f64; 2], values: &mut [f64]) {
+/// Coefficients from a state down to the feasible profile.
+fn brake(grid: &Grid, spans: Range<usize>, from: State, feasible: &[f64], [a, j]: [f64; 2], values: &mut [f64]) {
     let State { mut b, mut u } = from;
     for (k, span) in spans.clone().enumerate() {
         let h = grid.length(span);
@@ -73,10 +73,10 @@ fn brake(grid: &Grid, spans: Range<usize>, from: State, crawl: &[f64], [a, j]: [
         }
         let v = b.sqrt();
         let [acceleration, jerk] = tangent(grid, span).map(|tangent| 1.0 / tangent);
-        // As much as can be taken back to nothing until crawl is reached, seen from the end of this span: spans may take so
+        // As much as can be taken back to nothing until the feasible profile is reached, seen from the end of this span: spans may take so
         // long that a few of them are all that is left.
         let ahead = (b + 2.0 * u.min(0.0) * h).max(0.0).sqrt();
-        let excess = (ahead - BELOW * crawl[k].sqrt()).max(0.0);
+        let excess = (ahead - BELOW * feasible[k].sqrt()).max(0.0);
         let wanted = -(a * acceleration).min((2.0 * LANDING * j * jerk * excess).sqrt());
         let change = j * jerk * h / v;
         let wanted = wanted.clamp(u - change, u + change);
@@ -89,7 +89,7 @@ fn brake(grid: &Grid, spans: Range<usize>, from: State, crawl: &[f64], [a, j]: [
         b += (u + next) * h;
         u = next;
         let ahead = b + u * grid.length(span + 1);
-        if ahead <= crawl[k + 1] || ahead.is_nan() {
+        if ahead <= feasible[k + 1] || ahead.is_nan() {
             return;
         }
     }

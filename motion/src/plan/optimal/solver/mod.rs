@@ -1,17 +1,17 @@
 //! Time-optimal speed over a path of continuous curvature, under speed, acceleration and jerk limits of every joint.
 //!
 //! In:  a [`Grid`]: joint derivatives by path length at three checkpoints of every span; limits; a strictly feasible
-//!      profile between two fixed end states ([`crawl`], [`start`]).
+//!      profile between two fixed end states ([`initial_guess`]).
 //! Out: the fastest profile between these end states ([`solve`]), strictly feasible at every checkpoint.
 //!
 //! Pure functions: no clock, no threads, no I/O; the same input gives the same bits.
 //!
 //! ```text
-//! spacing      where to put knots: about evenly in time
 //! grid         derivatives at the checkpoints, scaled by the limits
 //! profile      b = v² as a quadratic spline; its worst constraint
-//! crawl        a slow feasible profile, from which to start
-//! start        launch from rest and the way to the crawl
+//! initial_guess  a slow feasible profile, and from it one to start from
+//! launch       from rest, and the way from there to the feasible profile
+//! rise         how fast speed is expected to rise: for where to put knots
 //! interior     interior point method
 //! constraints  bounds of several neighbouring spans at once, in the order in which they are worked on (lanes)
 //! passes       over all constraints: Newton system, what a step uses up, multipliers
@@ -34,24 +34,22 @@
 mod band;
 mod brake;
 mod constraints;
-mod crawl;
-mod first;
 mod grid;
+mod initial_guess;
 mod interior;
 mod lanes;
+mod launch;
 mod passes;
 mod profile;
-mod spacing;
-mod start;
+mod rise;
 
 pub use brake::first_braking;
-pub use crawl::{CRAWL_REACH, CRAWL_STEP, crawl};
-pub use first::{Knotting, first_crawl, first_profile};
 pub use grid::{ACCELERATION_USE, CREST, Grid, JERK_USE, JointJet, JointLimits, SPEED_USE, crest};
+pub use initial_guess::{Knotting, feasible_profile, initial_guess};
 pub use interior::{Infeasible, Options, Solved, Workspace, solve};
+pub use launch::{Launch, NoStart, launch};
 pub use profile::{State, Worst, coefficient, worst};
-pub use spacing::{Cell, rise, spacing};
-pub use start::{Launch, NoStart, START_REACH, launch, start};
+pub use rise::rise;
 
 #[cfg(test)]
 mod tests;

@@ -104,7 +104,7 @@ impl Stream {
         self.ask(number);
     }
 
-    /// The stop behind the right border of a window: the solution there down to crawl, and from there to rest.
+    /// The stop behind the right border of a window: the solution there down to the feasible profile, and from there to rest.
     fn tail_behind(&mut self, index: usize, states: &[State]) -> Option<Tail> {
         let spans = &self.pending[index].behind;
         let mut elements = Vec::new();

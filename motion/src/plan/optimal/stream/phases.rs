@@ -1,6 +1,6 @@
 //! Motion without knots: seven phases on one part, constant speed beside a kink.
 //!
-//! In:  a section of straight parts, or one that the solver found no way through; zones beside kinks.
+//! In:  a section of straight parts, or one that the solver found no way through; zones beside junctions.
 //! Out: steps to hand over, with places where the machine could stop.
 
 use super::{After, Entry, Made, Part, Place, Ready, Step, Stream, Tail};

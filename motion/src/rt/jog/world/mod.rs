@@ -15,8 +15,8 @@
 use super::JogLimits;
 use crate::canon::{AXES, Axis, Position};
 use crate::kinematics::{JOINTS, Jet3, Kinematics, ToolFrame};
-use crate::rt::Online;
-use crate::rt::online::{Moving, RestWay};
+use crate::rt::TrajectoryGenerator;
+use crate::rt::otg::{Moving, RestWay};
 
 /// Places on a way to rest that are looked at.
 const SAMPLES: u8 = 16;
@@ -74,7 +74,7 @@ enum Wanted {
 pub struct WorldJog {
     kinematics: Kinematics,
     frame: ToolFrame,
-    axes: Box<[Online]>,
+    axes: Box<[TrajectoryGenerator]>,
     limits: Box<[JogLimits]>,
     joints: [f64; JOINTS],
     /// Where each axis may go by limits of its own.
@@ -93,7 +93,7 @@ impl WorldJog {
     /// All axes at rest at zero, which need not be a place of the machine; see [`WorldJog::rest_at`]. `axes`: in the order of
     /// [`Axis::ALL`], their limits in the world, infinite where it has none of its own; `joints`: the limits of the joints.
     pub fn new(kinematics: Kinematics, axes: &[JogLimits; AXES], joints: &[JogLimits], cycle_s: f64) -> WorldJog {
-        let axis = |limits: &JogLimits| Online::new(0.0, limits.motion, limits.stop, cycle_s);
+        let axis = |limits: &JogLimits| TrajectoryGenerator::new(0.0, limits.motion, limits.stop, cycle_s);
         WorldJog {
             kinematics,
             frame: ToolFrame::OFF,
@@ -204,7 +204,7 @@ impl WorldJog {
     /// One cycle further: the positions of the joints; gives that of the axes. RT.
     pub fn step(&mut self, joints: &mut [f64]) -> Position {
         // An emergency stop is nobody's choice of ways.
-        let stops = self.axes.iter().any(Online::is_in_a_stop);
+        let stops = self.axes.iter().any(TrajectoryGenerator::is_in_a_stop);
         if !stops {
             self.steer();
             if let Err(obstruction) = self.look_ahead() {
@@ -254,7 +254,7 @@ impl WorldJog {
 
     /// Whether nothing moves nor will without an order. RT.
     pub fn is_at_rest(&self) -> bool {
-        self.wanted == [Wanted::Rest; AXES] && self.axes.iter().all(Online::is_at_rest)
+        self.wanted == [Wanted::Rest; AXES] && self.axes.iter().all(TrajectoryGenerator::is_at_rest)
     }
 
     /// Whether the last cycle was part of an emergency stop. RT.

@@ -1,6 +1,6 @@
 use super::*;
 use crate::kinematics::{Elbow, Follows, Scara, Transform};
-use crate::rt::online::tests::Differences;
+use crate::rt::otg::tests::Differences;
 use crate::rt::{MotionLimits, StopLimits};
 use proptest::prelude::*;
 

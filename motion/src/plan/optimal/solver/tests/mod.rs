@@ -2,6 +2,8 @@ mod curves;
 mod laps;
 mod motion;
 mod paths;
+mod slow_profile;
+mod spacing;
 
 use super::*;
 

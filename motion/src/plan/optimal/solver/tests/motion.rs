@@ -1,5 +1,8 @@
 //! A path planned from rest to rest, and what its joints do at each millisecond.
 
+use super::super::launch::between;
+use super::slow_profile::slow_profile;
+use super::spacing::{Cell, spacing};
 use super::*;
 
 /// A path by arc length.
@@ -20,7 +23,7 @@ pub(super) struct Planned {
     pub(super) from: Launch,
     pub(super) to: Launch,
     pub(super) solved: Solved,
-    /// Part of its full strength with which a launch found a way to the crawl.
+    /// Part of its full strength with which a launch found a way to the feasible profile.
     pub(super) vigour: f64,
 }
 
@@ -119,12 +122,12 @@ pub(super) fn try_plan(path: &dyn Path, limits: &[JointLimits], cap: f64, dt: f6
         };
         let knots = knots(path, limits, cap, dt, &begin, &stop);
         let grid = grid_of(path, limits, cap, &knots);
-        let mut profile = crawl(&grid, 0);
+        let mut profile = slow_profile(&grid, 0);
         let crawling = worst(&grid, 0..grid.spans(), &profile);
         if crawling.value >= 1.0 {
-            return Err(format!("crawl {crawling:?}"));
+            return Err(format!("feasible {crawling:?}"));
         }
-        if start(&grid, &mut profile, Some(&begin), Some(&stop)).is_err() {
+        if between(&grid, &mut profile, Some(begin.start()), Some(stop.stop())).is_err() {
             vigour *= 0.5;
             if vigour < 0.01 {
                 return Err("no start".into());

@@ -244,8 +244,8 @@ fn first_profiles_are_found_from_launch_to_launch() {
         let planned = try_plan(&path, &[LIMITS; 2], feed * feed, 0.006).unwrap();
         let (from, to) = (planned.from.start(), planned.to.stop());
         let spans = planned.grid.spans();
-        let crawl = first_crawl(&planned.grid, 0..spans, &Knotting::new(&[LIMITS; 2], 0.006));
-        let first = first_profile(&planned.grid, 0..spans, from, to, &crawl);
+        let feasible = feasible_profile(&planned.grid, 0..spans, &Knotting::new(&[LIMITS; 2], 0.006));
+        let first = initial_guess(&planned.grid, 0..spans, from, to, &feasible);
         let first = first.unwrap_or_else(|error| panic!("case {case}: {error:?} {path:?}"));
         assert!(worst(&planned.grid, 0..spans, &first).value < 1.0);
         assert_eq!((first[0], first[spans]), (from, to));

@@ -92,31 +92,31 @@ fn widest(limits: MotionLimits, stop: StopLimits) -> MotionLimits {
 #[test]
 fn a_place_is_reached_exactly_and_in_the_time_of_the_seven_phases() {
     let (limits, stop) = mill();
-    let mut online = Online::new(3.0, limits, stop, CYCLE_S);
-    online.go_to(103.0, 1000.0);
-    let cycles = (1..10_000).find(|_| online.step().is_at_rest()).unwrap();
+    let mut otg = TrajectoryGenerator::new(3.0, limits, stop, CYCLE_S);
+    otg.go_to(103.0, 1000.0);
+    let cycles = (1..10_000).find(|_| otg.step().is_at_rest()).unwrap();
     // L/v + v/a + a/j: 0.6667 + 0.1 + 0.05 s.
     assert_eq!(cycles, 817);
-    assert_eq!(online.state(), State::resting(103.0));
-    assert!(online.is_at_rest());
-    assert_eq!(online.unsolved(), 0);
+    assert_eq!(otg.state(), State::resting(103.0));
+    assert!(otg.is_at_rest());
+    assert_eq!(otg.unsolved(), 0);
 }
 
 #[test]
 fn a_velocity_is_kept_without_drift() {
     let (limits, stop) = mill();
-    let mut online = Online::new(0.0, limits, stop, CYCLE_S);
-    online.run_at(-80.0);
+    let mut otg = TrajectoryGenerator::new(0.0, limits, stop, CYCLE_S);
+    otg.run_at(-80.0);
     for _ in 0..200 {
-        online.step();
+        otg.step();
     }
-    let from = online.state();
+    let from = otg.state();
     assert_eq!((from.velocity, from.acceleration), (-80.0, 0.0));
     for _ in 0..100_000 {
-        online.step();
+        otg.step();
     }
-    assert!((online.state().position - from.position + 8000.0).abs() < 1e-7);
-    assert_eq!(online.destination(), f64::NEG_INFINITY);
+    assert!((otg.state().position - from.position + 8000.0).abs() < 1e-7);
+    assert_eq!(otg.destination(), f64::NEG_INFINITY);
 }
 
 #[test]
@@ -124,27 +124,27 @@ fn a_stop_is_shorter_than_a_release_and_nothing_interrupts_it() {
     let (limits, stop) = mill();
     let mut places = [0.0; 2];
     for (place, hard) in places.iter_mut().zip([false, true]) {
-        let mut online = Online::new(0.0, limits, stop, CYCLE_S);
-        online.run_at(150.0);
+        let mut otg = TrajectoryGenerator::new(0.0, limits, stop, CYCLE_S);
+        otg.run_at(150.0);
         for _ in 0..300 {
-            online.step();
+            otg.step();
         }
         if hard {
-            online.stop();
-            online.run_at(150.0);
-            online.go_to(500.0, 100.0);
+            otg.stop();
+            otg.run_at(150.0);
+            otg.go_to(500.0, 100.0);
         } else {
-            online.run_at(0.0);
-            assert_eq!(online.destination(), online.resting_place());
+            otg.run_at(0.0);
+            assert_eq!(otg.destination(), otg.resting_place());
         }
-        *place = online.destination() - online.state().position;
-        while !online.is_at_rest() {
-            online.step();
-            assert_eq!(online.is_stopping(), hard);
+        *place = otg.destination() - otg.state().position;
+        while !otg.is_at_rest() {
+            otg.step();
+            assert_eq!(otg.is_stopping(), hard);
         }
-        online.step();
-        assert!(!online.is_stopping());
-        assert_eq!(online.state().position, online.destination());
+        otg.step();
+        assert!(!otg.is_stopping());
+        assert_eq!(otg.state().position, otg.destination());
     }
     // v²/(2 a) + v a/(2 j): 7.5 + 3.75 and 3.75 + 1.875 mm.
     assert!(
@@ -156,8 +156,8 @@ fn a_stop_is_shorter_than_a_release_and_nothing_interrupts_it() {
 #[test]
 fn what_is_no_target_is_rest() {
     let (limits, stop) = mill();
-    let mut online = Online::new(0.0, limits, stop, CYCLE_S);
-    online.set_range([-10.0, 10.0]);
+    let mut otg = TrajectoryGenerator::new(0.0, limits, stop, CYCLE_S);
+    otg.set_range([-10.0, 10.0]);
     for (target, velocity) in [
         (f64::NAN, 5.0),
         (f64::INFINITY, 5.0),
@@ -165,23 +165,23 @@ fn what_is_no_target_is_rest() {
         (1.0, 0.0),
         (1.0, f64::NAN),
     ] {
-        online.go_to(target, velocity);
-        assert!(online.step().is_at_rest(), "{target} {velocity}");
-        assert_eq!(online.destination(), 0.0);
+        otg.go_to(target, velocity);
+        assert!(otg.step().is_at_rest(), "{target} {velocity}");
+        assert_eq!(otg.destination(), 0.0);
     }
-    online.run_at(f64::NAN);
-    assert!(online.step().is_at_rest());
+    otg.run_at(f64::NAN);
+    assert!(otg.step().is_at_rest());
 }
 
 #[test]
 fn after_being_moved_by_something_else_the_joint_goes_on_from_there() {
     let (limits, stop) = mill();
-    let mut online = Online::new(0.0, limits, stop, CYCLE_S);
-    online.run_at(50.0);
-    online.step();
-    online.rest_at(77.0);
-    assert_eq!(online.step(), State::resting(77.0));
-    assert_eq!(online.destination(), 77.0);
+    let mut otg = TrajectoryGenerator::new(0.0, limits, stop, CYCLE_S);
+    otg.run_at(50.0);
+    otg.step();
+    otg.rest_at(77.0);
+    assert_eq!(otg.step(), State::resting(77.0));
+    assert_eq!(otg.destination(), 77.0);
 }
 
 /// What may be wished for, and for how many cycles.
@@ -215,13 +215,13 @@ proptest! {
         length_s in 0.01..3.0_f64,
     ) {
         let range = [-0.3 * limits.velocity * length_s, 0.7 * limits.velocity * length_s];
-        let mut online = Online::new(0.0, limits, stop, CYCLE_S);
-        online.set_range(range);
+        let mut otg = TrajectoryGenerator::new(0.0, limits, stop, CYCLE_S);
+        otg.set_range(range);
         let mut differences = Differences::new(0.0, CYCLE_S);
         let mut since_stop = 10;
-        let mut run = |online: &mut Online| {
-            let state = online.step();
-            since_stop = if online.is_stopping() { 0 } else { since_stop + 1 };
+        let mut run = |otg: &mut TrajectoryGenerator| {
+            let state = otg.step();
+            since_stop = if otg.is_stopping() { 0 } else { since_stop + 1 };
             let allowed = if since_stop < 4 { widest(limits, stop) } else { limits };
             differences.see(state.position, allowed)
         };
@@ -229,26 +229,26 @@ proptest! {
             match wish {
                 Wish::Place(place, share) => {
                     // A velocity may have left the range; a place is asked for from where it can be reached only.
-                    let rest = online.resting_place();
+                    let rest = otg.resting_place();
                     if rest < range[0] || rest > range[1] {
                         continue;
                     }
-                    online.go_to(range[0] + place * (range[1] - range[0]), share * limits.velocity);
+                    otg.go_to(range[0] + place * (range[1] - range[0]), share * limits.velocity);
                 }
-                Wish::Velocity(share) => online.run_at(share * limits.velocity),
-                Wish::Stop => online.stop(),
+                Wish::Velocity(share) => otg.run_at(share * limits.velocity),
+                Wish::Stop => otg.stop(),
             }
             for _ in 0..cycles {
-                if let Err(over) = run(&mut online) {
+                if let Err(over) = run(&mut otg) {
                     prop_assert!(false, "{wish:?}: {over}");
                 }
             }
         }
-        online.run_at(0.0);
-        let place = online.destination();
-        let cycles = (0..400_000).find(|_| { run(&mut online).unwrap(); online.is_at_rest() });
+        otg.run_at(0.0);
+        let place = otg.destination();
+        let cycles = (0..400_000).find(|_| { run(&mut otg).unwrap(); otg.is_at_rest() });
         prop_assert!(cycles.is_some());
-        prop_assert_eq!(online.state().position, place);
+        prop_assert_eq!(otg.state().position, place);
     }
 
     /// Places only: the range holds at every cycle, and the last place is reached exactly.
@@ -259,20 +259,20 @@ proptest! {
         length_s in 0.001..1.0_f64,
     ) {
         let range = [0.0, limits.velocity * length_s];
-        let mut online = Online::new(0.4 * range[1], limits, stop, CYCLE_S);
-        online.set_range(range);
-        let mut target = online.state().position;
+        let mut otg = TrajectoryGenerator::new(0.4 * range[1], limits, stop, CYCLE_S);
+        otg.set_range(range);
+        let mut target = otg.state().position;
         for (place, share, end, cycles) in places {
             target = range[1] * if end { place.round() } else { place };
-            online.go_to(target, share * limits.velocity);
+            otg.go_to(target, share * limits.velocity);
             for _ in 0..cycles {
-                let position = online.step().position;
+                let position = otg.step().position;
                 prop_assert!(position >= -RANGE_SLACK && position <= range[1] + RANGE_SLACK, "{position} of {range:?}");
             }
         }
-        let cycles = (0..400_000).find(|_| { online.step(); online.is_at_rest() });
+        let cycles = (0..400_000).find(|_| { otg.step(); otg.is_at_rest() });
         prop_assert!(cycles.is_some());
-        prop_assert_eq!(online.state().position, target);
+        prop_assert_eq!(otg.state().position, target);
     }
 }
 
@@ -289,18 +289,18 @@ fn ways_are_found_from_the_edge_of_the_limits_too() {
     for _ in 0..2000 {
         let ((limits, stop), goals, length_s, full_speed) = cases.new_tree(&mut runner).unwrap().current();
         let length = limits.velocity * length_s;
-        let mut online = Online::new(0.4 * length, limits, stop, CYCLE_S);
+        let mut otg = TrajectoryGenerator::new(0.4 * length, limits, stop, CYCLE_S);
         for (place, share, cycles) in goals {
             // Half of the places at the ends.
             let target = length * (2.0 * place - 0.5).clamp(0.0, 1.0);
-            online.go_to(target, limits.velocity * if full_speed { 1.0 } else { share });
-            assert_eq!(online.destination(), target);
+            otg.go_to(target, limits.velocity * if full_speed { 1.0 } else { share });
+            assert_eq!(otg.destination(), target);
             ways += 1;
             for _ in 0..cycles {
-                online.step();
+                otg.step();
             }
         }
-        unsolved += online.unsolved();
+        unsolved += otg.unsolved();
     }
     assert!(ways > 10_000, "{ways}");
     assert!(unsolved * 10_000 <= ways, "{unsolved} of {ways}");

@@ -3,7 +3,7 @@
 //! In:  coefficients, the run.
 //! Out: how far the one is from the other; moves on quintics.
 
-use super::Swayed;
+use super::Blended;
 use super::least_jerk::Plane;
 use super::pace::Pace;
 use super::track::Track;
@@ -85,7 +85,7 @@ impl Curve {
         track: &Track,
         walk: &Walk,
         pace: &Pace,
-    ) -> Option<Swayed> {
+    ) -> Option<Blended> {
         let spans = self.spline.len() - 3;
         let mut legs = Vec::with_capacity(spans);
         let mut begin = self.ends[0];
@@ -126,7 +126,7 @@ impl Curve {
             begin = end;
         }
         let speed = pace.at(pace.time_at(track.start(run.len() - 1) + to)).v;
-        Some(Swayed { legs, from, to, speed })
+        Some(Blended { legs, from, to, speed })
     }
 }
 

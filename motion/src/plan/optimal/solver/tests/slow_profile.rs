@@ -1,16 +1,13 @@
-//! Crawl: a slow feasible profile everywhere, from which the solver starts and at which windows end.
+//! A slow feasible profile everywhere, from which the solver starts and at which windows end.
 
-use super::grid::Grid;
-use super::profile::{State, span_value};
+use super::super::grid::Grid;
+use super::super::profile::{State, span_value};
 use crate::plan::roots::cube_root;
 
-/// Spans of one step of the crawl: it is a quadratic spline on every so many-th knot, which keeps u and w small.
-pub const CRAWL_STEP: usize = 8;
-/// Spans beyond which data has no influence on the crawl: of two grids that agree over this many spans on both sides
-/// of a knot, and on how many spans before it the section began, the crawl there is the same, to the last bit.
-pub const CRAWL_REACH: usize = CRAWL_STEP * (GROWTH_ROUNDS + 3 * REPAIR_ROUNDS + 4);
+/// Spans of one step of the slow profile: it is a quadratic spline on every so many-th knot, which keeps u and w small.
+const STEP_SPANS: usize = 8;
 
-/// Part of the limits of acceleration, jerk and b that the crawl uses where the path is bent.
+/// Part of the limits of acceleration, jerk and b that the slow profile uses where the path is bent.
 const CURVED_USE: f64 = 0.3;
 /// The same for changes of its speed.
 const CHANGE_USE: f64 = 0.2;
@@ -18,12 +15,12 @@ const CHANGE_USE: f64 = 0.2;
 const GROWTH: f64 = 3.0;
 /// Steps over which a slow place slows down its surroundings.
 const GROWTH_ROUNDS: usize = 16;
-/// Times that the crawl is halved around places where it is not feasible.
+/// Times that the slow profile is halved around places where it is not feasible.
 const REPAIR_ROUNDS: usize = 6;
-/// A repaired crawl keeps clear of the bounds by this factor.
+/// A repaired slow profile keeps clear of the bounds by this factor.
 const CLEAR: f64 = 0.9;
 
-/// Several spans between two knots of the crawl.
+/// Several spans between two knots of the slow profile.
 #[derive(Clone, Copy, Debug)]
 struct Step {
     first: usize,
@@ -36,11 +33,11 @@ struct Step {
     ordinate: f64,
 }
 
-/// The crawl over a whole grid: one state per knot. `skipped` is the number of spans between the beginning of the
+/// The slow profile over a whole grid: one state per knot. `skipped` is the number of spans between the beginning of the
 /// section and that of the grid.
 ///
 /// Feasible except on paths that are out of all proportion; see [`worst`](super::worst).
-pub fn crawl(grid: &Grid, skipped: usize) -> Vec<State> {
+pub(super) fn slow_profile(grid: &Grid, skipped: usize) -> Vec<State> {
     let mut steps = steps(grid, skipped);
     if steps.is_empty() {
         return Vec::new();
@@ -81,9 +78,9 @@ pub fn crawl(grid: &Grid, skipped: usize) -> Vec<State> {
 
 /// Cuts the grid into steps, each with the greatest b that curvature allows at constant speed.
 fn steps(grid: &Grid, skipped: usize) -> Vec<Step> {
-    let mut steps: Vec<Step> = Vec::with_capacity(grid.spans() / CRAWL_STEP + 2);
+    let mut steps: Vec<Step> = Vec::with_capacity(grid.spans() / STEP_SPANS + 2);
     for span in 0..grid.spans() {
-        if steps.is_empty() || (skipped + span).is_multiple_of(CRAWL_STEP) {
+        if steps.is_empty() || (skipped + span).is_multiple_of(STEP_SPANS) {
             steps.push(Step {
                 first: span,
                 end: span,

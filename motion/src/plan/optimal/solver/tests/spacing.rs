@@ -2,34 +2,30 @@
 //!
 //! In:  the path as cells, stretches on which one cap of speed and one acceleration will do.
 //! Out: for each cell the lengths of its spans.
-//!
-//! The pass knows that speed v above a slow place cannot rise faster than sqrt(2 J v): that is what constant jerk J
-//! from rest gives. So v^(3/2) rises linearly over the path, until acceleration limits it and b does.
 
-use super::grid::{JointJet, JointLimits};
+use super::super::grid::{JointJet, JointLimits};
+use super::super::rise;
 use crate::plan::roots::cube_root;
 
 /// A stretch of path within one piece of geometry.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cell {
+pub(super) struct Cell {
     /// Length of path.
-    pub length: f64,
+    length: f64,
     /// Greatest b at constant speed, finite.
-    pub cap: f64,
+    cap: f64,
     /// Acceleration along the path that the joints allow on a straight.
-    pub acceleration: f64,
+    acceleration: f64,
     /// The same of jerk.
-    pub jerk: f64,
+    jerk: f64,
     /// Fewest spans to cut it into, at least 1.
-    pub least: u32,
+    least: u32,
 }
 
 /// Fewest spans between two rests, about.
 const LEAST_SPANS: f64 = 60.0;
 /// Most spans of one cell: beyond, memory runs out before anyone waits that long.
 const MOST_SPANS: f64 = 1e6;
-/// Part of the acceleration limit by which the expected speed rises: jerk allows no more on average.
-const ACCELERATION_PART: f64 = 0.7;
 /// Greatest relative change of b over a span, about, and how often a span is shortened for it.
 const CHANGE: f64 = 0.6;
 const SHORTENINGS: u32 = 40;
@@ -38,7 +34,7 @@ const BETWEEN: [f64; 2] = [0.004, 0.006];
 
 impl Cell {
     /// A cell from evenly spaced places on it, its ends among them; `cap` is the greatest b by feed.
-    pub fn new(limits: &[JointLimits], length: f64, cap: f64, least: u32, places: &[&[JointJet]]) -> Cell {
+    pub(super) fn new(limits: &[JointLimits], length: f64, cap: f64, least: u32, places: &[&[JointJet]]) -> Cell {
         let mut cell = Cell {
             length,
             cap: cap.min(1e12),
@@ -80,23 +76,9 @@ impl Cell {
     }
 }
 
-/// Greatest b expected after a stretch of path that begins with `b`, where joints allow this acceleration and jerk along it;
-/// at most `cap`.
-pub fn rise(b: f64, length: f64, [acceleration, jerk]: [f64; 2], cap: f64) -> f64 {
-    let by_acceleration = b + 2.0 * ACCELERATION_PART * acceleration * length;
-    let most = by_acceleration.min(cap);
-    let three_halves = (b * b.sqrt()).sqrt() + 1.5 * (2.0 * jerk).sqrt() * length;
-    // Mostly it is beyond the cap, and no root needed to see that.
-    let square = three_halves * three_halves;
-    if square * square >= most * most * most {
-        return most;
-    }
-    most.min(three_halves * cube_root(three_halves))
-}
-
 /// Lengths of spans for cells between two ends with known b (at a rest, that at the end of the launch), about `dt`
 /// seconds each. Calls `span(cell, length)` for every span in order; the lengths of a cell add up to its own.
-pub fn spacing(cells: &[Cell], from: f64, to: f64, dt: f64, mut span: impl FnMut(usize, f64)) {
+pub(super) fn spacing(cells: &[Cell], from: f64, to: f64, dt: f64, mut span: impl FnMut(usize, f64)) {
     // Greatest b at the borders of cells, backward then forward.
     let mut borders = vec![to; cells.len() + 1];
     for (index, cell) in cells.iter().enumerate().rev() {

@@ -56,7 +56,7 @@ const BENT: f64 = 1.6;
 
 /// The run that waits.
 #[derive(Debug, Default)]
-pub(super) struct Sway {
+pub(super) struct MinJerkBlend {
     run: Vec<Leg>,
     entry: Entry,
     pace: Pace,
@@ -76,7 +76,7 @@ enum Entry {
     Within(f64),
 }
 
-impl Sway {
+impl MinJerkBlend {
     pub(super) fn push(&mut self, leg: Leg, settings: &Settings, out: &mut Vec<Leg>) {
         if let Some(last) = self.run.last().map(|leg| leg.part) {
             if !self.joins(&leg.part) {
@@ -125,18 +125,18 @@ impl Sway {
         if let [.., last] = &self.run[..]
             && self.run.len() > 1
             && let exit = next.map_or(0.0, |next| crossing(&last.part, next, settings))
-            && let Some(swayed) = self.sway(Exit::Speed(exit), settings)
+            && let Some(blended) = self.blend(Exit::Speed(exit), settings)
         {
-            self.let_go(swayed, out);
+            self.let_go(blended, out);
         }
         out.append(&mut self.run);
     }
 
     /// The run ends in the middle of its last move, the rest of which begins the next one.
     fn close_within(&mut self, settings: &Settings, out: &mut Vec<Leg>) {
-        if let Some(swayed) = self.sway(Exit::Within, settings) {
-            self.entry = Entry::Within(swayed.speed);
-            self.let_go(swayed, out);
+        if let Some(blended) = self.blend(Exit::Within, settings) {
+            self.entry = Entry::Within(blended.speed);
+            self.let_go(blended, out);
         } else if let [.., before, _] = self.run[..] {
             self.entry = Entry::Behind(before.part);
             out.extend(self.run.drain(..self.run.len() - 1));
@@ -144,8 +144,8 @@ impl Sway {
     }
 
     /// Lets go all of a run but what is left of its last move.
-    fn let_go(&mut self, swayed: Swayed, out: &mut Vec<Leg>) {
-        if let ([first, .., last], Swayed { from, to, legs, .. }) = (&self.run[..], swayed) {
+    fn let_go(&mut self, blended: Blended, out: &mut Vec<Leg>) {
+        if let ([first, .., last], Blended { from, to, legs, .. }) = (&self.run[..], blended) {
             out.extend(part_of(first, 0.0, from).map(|mut leg| {
                 leg.part.corner = Corner::Exact;
                 leg.room[1] = 0.0;
@@ -163,7 +163,7 @@ impl Sway {
     }
 
     /// What the run becomes; `None`: it stays as it is.
-    fn sway(&mut self, exit: Exit, settings: &Settings) -> Option<Swayed> {
+    fn blend(&mut self, exit: Exit, settings: &Settings) -> Option<Blended> {
         let normal = self.normal()?;
         let run = &self.run;
         let last = run.len() - 1;
@@ -310,7 +310,7 @@ enum Exit {
 }
 
 /// What became of a run.
-struct Swayed {
+struct Blended {
     legs: Vec<Leg>,
     /// Where on the first and on the last move.
     from: f64,

@@ -1,9 +1,9 @@
 //! Profiles to start from: slow ones that keep all limits with room to spare.
 //!
 //! In:  a grid with knots about evenly in time; states at both ends.
-//! Out: crawl, a part of the speed for which the knots were placed; and ways from a state to crawl and back.
+//! Out: the feasible profile, a part of the speed for which the knots were placed; and ways from a state to the feasible profile and back.
 //!
-//! Crawl is a local function of the path: its value at a span depends on [`Knotting::reach`] spans on each side and on
+//! The feasible profile is a local function of the path: its value at a span depends on [`Knotting::reach`] spans on each side and on
 //! nothing else, because over so many it grows from next to nothing to all that it can be. So windows that are cut from the
 //! same path agree in it.
 
@@ -19,14 +19,14 @@ use crate::plan::roots::cube_root;
 pub struct Knotting {
     /// Estimated time between knots, s.
     pub step_s: f64,
-    /// Spans on each side on which crawl depends.
+    /// Spans on each side on which the feasible profile depends.
     pub reach: usize,
 }
 
 impl Knotting {
     /// Knots `step_s` apart for joints with these limits.
     pub fn new(limits: &[JointLimits], step_s: f64) -> Knotting {
-        /// Spans over which crawl grows from next to nothing to where it grows evenly.
+        /// Spans over which the feasible profile grows from next to nothing to where it grows evenly.
         const GROWING: f64 = 32.0;
         /// Over the time in which it then reaches its greatest value, with room for paths across several joints.
         const ROOM: f64 = 1.5;
@@ -42,15 +42,15 @@ impl Knotting {
     }
 }
 
-/// Crawl over the speed for which knots were placed: accelerations shrink by its square, jerk by its cube.
-const CRAWL: f64 = 0.3;
-/// Part of the limits of steady motion at crawl.
+/// The feasible profile over the speed for which knots were placed: accelerations shrink by its square, jerk by its cube.
+const SPEED_SHARE: f64 = 0.3;
+/// Part of the limits of steady motion at the feasible profile.
 const STEADY: f64 = 0.2;
-/// Part of the acceleration limit that changes of crawl take, before it is scaled by the square of [`CRAWL`].
+/// Part of the acceleration limit that changes of the feasible profile take, before it is scaled by the square of [`SPEED_SHARE`].
 const PACE: f64 = 0.5;
-/// Crawl grows from span to span by this factor at the most.
+/// The feasible profile grows from span to span by this factor at the most.
 const GROWTH: f64 = 1.5;
-/// Parts of the limits with which a state is left towards crawl.
+/// Parts of the limits with which a state is left towards the feasible profile.
 const SETTLE_JERK: f64 = 0.5;
 const SETTLE_ACCELERATION: f64 = 0.1;
 
@@ -63,7 +63,7 @@ pub(super) fn tangent(grid: &Grid, span: usize) -> [f64; 2] {
     most
 }
 
-/// Speed at crawl by what a span allows on its own; knots are `step_s` apart.
+/// Speed at the feasible profile by what a span allows on its own; knots are `step_s` apart.
 fn own_speed(grid: &Grid, span: usize, step_s: f64) -> f64 {
     let caps = grid.caps(span);
     let mut b = STEADY * caps.begin.min(caps.middle).min(caps.end);
@@ -74,10 +74,10 @@ fn own_speed(grid: &Grid, span: usize, step_s: f64) -> f64 {
     }
     let root = cube_root(STEADY / j3);
     b = b.min(STEADY / a2).min(root * root);
-    b.sqrt().min(CRAWL * grid.length(span) / step_s)
+    b.sqrt().min(SPEED_SHARE * grid.length(span) / step_s)
 }
 
-/// Coefficients of crawl, one per span of the grid in the range.
+/// Coefficients of the feasible profile, one per span of the grid in the range.
 fn coefficients(grid: &Grid, spans: Range<usize>, knotting: &Knotting) -> Vec<f64> {
     let first = spans.start.saturating_sub(knotting.reach);
     let last = (spans.end + knotting.reach).min(grid.spans());
@@ -85,7 +85,7 @@ fn coefficients(grid: &Grid, spans: Range<usize>, knotting: &Knotting) -> Vec<f6
         .map(|span| own_speed(grid, span, knotting.step_s))
         .collect();
     let gains: Vec<f64> = (first..last)
-        .map(|span| CRAWL * PACE * knotting.step_s / tangent(grid, span)[0])
+        .map(|span| SPEED_SHARE * PACE * knotting.step_s / tangent(grid, span)[0])
         .collect();
     let growth = |speed: f64, gain: f64| (GROWTH * speed).min(speed + gain);
     for k in 1..speeds.len() {
@@ -109,8 +109,8 @@ pub(super) fn between(lengths: [f64; 2], coefficients: [f64; 2]) -> State {
     }
 }
 
-/// Crawl at all knots of a range of spans; at the ends of the grid, as if its first and last span went on.
-pub fn first_crawl(grid: &Grid, spans: Range<usize>, knotting: &Knotting) -> Vec<State> {
+/// The feasible profile at all knots of a range of spans; at the ends of the grid, as if its first and last span went on.
+pub fn feasible_profile(grid: &Grid, spans: Range<usize>, knotting: &Knotting) -> Vec<State> {
     let first = spans.start.saturating_sub(1);
     let last = (spans.end + 1).min(grid.spans());
     let values = coefficients(grid, first..last, knotting);
@@ -126,24 +126,24 @@ pub fn first_crawl(grid: &Grid, spans: Range<usize>, knotting: &Knotting) -> Vec
         .collect()
 }
 
-/// A feasible profile over spans from one state to another, at crawl between them where there is room. `crawl` has one state
+/// A feasible profile over spans from one state to another, at the feasible profile between them where there is room. `feasible` has one state
 /// per knot of the spans.
 ///
 /// # Errors
-/// The states are too far from crawl for the length.
-pub fn first_profile(
+/// The states are too far from the feasible profile for the length.
+pub fn initial_guess(
     grid: &Grid,
     spans: Range<usize>,
     from: State,
     to: State,
-    crawl: &[State],
+    feasible: &[State],
 ) -> Result<Vec<State>, Infeasible> {
     let infeasible = |span| Err(Infeasible { span });
     let count = spans.len();
     if count < 3 {
         return infeasible(spans.start);
     }
-    let slow: Vec<f64> = crawl
+    let slow: Vec<f64> = feasible
         .iter()
         .zip(spans.clone())
         .map(|(&state, span)| coefficient(state, grid.length(span)))
@@ -171,17 +171,17 @@ pub fn first_profile(
     } else {
         // Another way, with more patience: bends near the ends, or little room.
         let part = grid.part(spans);
-        let mut states = crawl.to_vec();
-        let ends = [(from, states[0]), (to, states[count])].map(|(end, crawl)| (end != crawl).then_some(end));
-        match super::start::between(&part, &mut states, ends[0], ends[1]) {
+        let mut states = feasible.to_vec();
+        let ends = [(from, states[0]), (to, states[count])].map(|(end, feasible)| (end != feasible).then_some(end));
+        match super::launch::between(&part, &mut states, ends[0], ends[1]) {
             Ok(()) if worst(&part, 0..count, &states).value < 1.0 => Ok(states),
             Ok(()) | Err(_) => infeasible(found.span),
         }
     }
 }
 
-/// Leaves a state: acceleration goes to a slow braking until crawl is met. `spans` and coefficients in that order.
-pub(super) fn settle(grid: &Grid, spans: Vec<usize>, from: State, crawl: &[f64], values: &mut [f64]) {
+/// Leaves a state: acceleration goes to a slow braking until the feasible profile is met. `spans` and coefficients in that order.
+pub(super) fn settle(grid: &Grid, spans: Vec<usize>, from: State, feasible: &[f64], values: &mut [f64]) {
     let (mut b, mut u) = (coefficient(from, grid.length(spans[0])), from.u);
     values[0] = b;
     for k in 1..spans.len() {
@@ -189,7 +189,7 @@ pub(super) fn settle(grid: &Grid, spans: Vec<usize>, from: State, crawl: &[f64],
         let [acceleration, jerk] = tangent(grid, spans[k]);
         let next = (u - SETTLE_JERK / jerk * run / b.sqrt()).max(-SETTLE_ACCELERATION / acceleration);
         let ahead = b + (u + next) * run;
-        if ahead <= crawl[k] || ahead.is_nan() {
+        if ahead <= feasible[k] || ahead.is_nan() {
             return;
         }
         (b, u) = (ahead, next);

@@ -1,4 +1,4 @@
-//! Starts and stops: from rest to the crawl, and the other way.
+//! Starts and stops: from rest to the feasible profile, and the other way.
 //!
 //! At rest b grows like s^(4/3), which no polynomial follows. So motion begins with a launch, constant jerk for a time;
 //! the spline begins where the launch ends. A stop is the same in reverse.
@@ -58,7 +58,7 @@ impl Launch {
 ///
 /// `jets(s, &mut jets)` gives the derivatives of all joints at the distance `s` from the rest. For a stop, s counts
 /// backward; derivatives may be given either way round. `vigour` is the
-/// part of its greatest duration: 1, or less for another try where [`start`] found no way on.
+/// part of its greatest duration: 1, or less for another try where [`between`] found no way on.
 pub fn launch(
     limits: &[JointLimits],
     cap: f64,
@@ -135,24 +135,19 @@ fn allows(
     true
 }
 
-/// Parts of the jerk limit, and numbers of spans, that are tried on the way from a launch to the crawl.
+/// Parts of the jerk limit, and numbers of spans, that are tried on the way from a launch to the feasible profile.
 const EASE: [f64; 4] = [0.85, 0.6, 0.4, 0.25];
 const MERGE: [usize; 6] = [4, 8, 16, 32, 64, 128];
 /// Greatest value over limit along that way.
 const CLEAR: f64 = 0.995;
 
-/// No feasible way from rest to the crawl was found.
+/// No feasible way from rest to the feasible profile was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NoStart;
 
-/// Makes a crawl over a whole grid begin with the end of a launch, and end with the beginning of a launch in reverse.
+/// Makes a slow profile over a whole grid begin and end in states that may be left at once towards acceleration 0.
 ///
 /// Changes at most the first and last half of the profile, and not more than [`START_REACH`] spans of each.
-pub fn start(grid: &Grid, profile: &mut [State], from: Option<&Launch>, to: Option<&Launch>) -> Result<(), NoStart> {
-    between(grid, profile, from.map(Launch::start), to.map(Launch::stop))
-}
-
-/// The same for any states that may be left at once towards acceleration 0.
 pub(super) fn between(
     grid: &Grid,
     profile: &mut [State],
@@ -174,7 +169,7 @@ pub(super) fn between(
     if merge_all(profile) {
         return Ok(());
     }
-    // A short section between two rests may not have room for the crawl: run through it at one low speed.
+    // A short section between two rests may not have room for the feasible profile: run through it at one low speed.
     if both && spans <= 4 * START_REACH {
         let least = original.iter().map(|state| state.b).fold(f64::INFINITY, f64::min);
         for b in [least, 0.25 * least, 0.0625 * least] {
@@ -194,8 +189,8 @@ pub(super) fn between(
     Err(NoStart)
 }
 
-/// Spans from an end beyond which [`start`] leaves a profile as it was.
-pub const START_REACH: usize = 256;
+/// Spans from an end beyond which [`between`] leaves a profile as it was.
+const START_REACH: usize = 256;
 
 /// Replaces the profile near one end by the way from (or to) a launch, within `room` spans.
 fn merge(grid: &Grid, profile: &mut [State], end: State, reverse: bool, room: usize) -> bool {

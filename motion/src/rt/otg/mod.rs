@@ -11,7 +11,7 @@
 //! The solver's tolerances are absolute and made for metres, so it is given thousandths of mm or degrees, and distances
 //! from where the joint is.
 //!
-//! RT: nothing allocates but [`Online::new`]; a new goal costs about a µs, a cycle some ns.
+//! RT: nothing allocates but [`TrajectoryGenerator::new`]; a new goal costs about a µs, a cycle some ns.
 
 pub(super) mod segments;
 
@@ -83,7 +83,7 @@ struct Solver {
 
 /// Moves one joint.
 #[derive(Debug)]
-pub struct Online {
+pub struct TrajectoryGenerator {
     limits: MotionLimits,
     stop: StopLimits,
     range: [f64; 2],
@@ -98,11 +98,11 @@ pub struct Online {
     unsolved: u32,
 }
 
-impl Online {
+impl TrajectoryGenerator {
     /// A joint at rest that may go anywhere. `limits`: of all motion but emergency stops, which keep `stop`.
-    pub fn new(position: f64, limits: MotionLimits, stop: StopLimits, cycle_s: f64) -> Online {
+    pub fn new(position: f64, limits: MotionLimits, stop: StopLimits, cycle_s: f64) -> TrajectoryGenerator {
         let state = State::resting(position);
-        Online {
+        TrajectoryGenerator {
             limits,
             stop,
             range: [f64::NEG_INFINITY, f64::INFINITY],
@@ -196,7 +196,7 @@ impl Online {
         border.map_or(0.0, |border| border - self.time_s)
     }
 
-    /// Goes on by so many cycles at once, no longer than [`Online::even_s`]. RT.
+    /// Goes on by so many cycles at once, no longer than [`TrajectoryGenerator::even_s`]. RT.
     pub(super) fn skip(&mut self, cycles: f64) {
         self.time_s += cycles * self.cycle_s;
     }

@@ -28,11 +28,11 @@ pub(super) enum Joined {
 
 /// Looks at both sides of each meeting point, with one stretch of delay.
 #[derive(Debug, Default)]
-pub(super) struct Kinks {
+pub(super) struct Junctions {
     last: Option<Bounded>,
 }
 
-impl Kinks {
+impl Junctions {
     pub(super) fn push(&mut self, passed: &Passed, settings: &Settings, out: &mut Vec<Joined>) {
         match passed {
             Passed::Stop => {
