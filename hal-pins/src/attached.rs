@@ -1,8 +1,8 @@
 //! The side of every other process: look at all pins, set inputs that nothing writes.
 
 use crate::file::{self, directories, find_in, open_alive, path_in};
-use crate::layout::{Entry, Kind, Words};
-use crate::{AnyValue, HalError, Type, nearest};
+use crate::layout::{Entry, Words};
+use crate::{AnyValue, HalError, Kind, Type, nearest};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;

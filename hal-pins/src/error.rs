@@ -1,6 +1,6 @@
 //! What can be wrong with pins; every message says what was expected.
 
-use crate::{Kind, Type};
+use crate::kind::{Kind, Type};
 use std::path::PathBuf;
 
 /// A pin, net or file that cannot be had.

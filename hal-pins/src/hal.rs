@@ -2,8 +2,8 @@
 
 use crate::attached::{self, Attached, PinInfo};
 use crate::file::{OwnFile, own_directories};
-use crate::layout::{CAPACITY_MAX, Entry, Kind, Words};
-use crate::{AnyValue, HalError, Type, Value, check_name, nearest};
+use crate::layout::{CAPACITY_MAX, Entry, Words};
+use crate::{AnyValue, HalError, Kind, Type, Value, check_name, nearest};
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

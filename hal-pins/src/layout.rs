@@ -14,7 +14,9 @@
 //! 0 is none.
 
 use crate::guard::Guard;
-use crate::{AnyValue, NAME_LEN_MAX, Type, check_name};
+use crate::kind::{Kind, Type};
+use crate::name::{NAME_LEN_MAX, check_name};
+use crate::value::AnyValue;
 use memmap2::MmapRaw;
 use std::fs::File;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -35,45 +37,6 @@ pub(crate) mod at {
     pub(crate) const CAPACITY: usize = 3;
     pub(crate) const COUNT: usize = 4;
     pub(crate) const PID: usize = 5;
-}
-
-/// What an entry is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Kind {
-    /// Pin that a component writes.
-    Output = 1,
-    /// Pin that a component reads.
-    Input = 2,
-    /// Net: connection of one output with inputs.
-    Net = 3,
-}
-
-impl Kind {
-    /// `out`, `in` or `net`.
-    pub const fn short(self) -> &'static str {
-        match self {
-            Kind::Output => "out",
-            Kind::Input => "in",
-            Kind::Net => "net",
-        }
-    }
-
-    fn from_octet(octet: u8) -> Option<Kind> {
-        [Kind::Output, Kind::Input, Kind::Net]
-            .into_iter()
-            .find(|kind| *kind as u8 == octet)
-    }
-}
-
-impl std::fmt::Display for Kind {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.pad(match self {
-            Kind::Output => "an output",
-            Kind::Input => "an input",
-            Kind::Net => "a net",
-        })
-    }
 }
 
 /// One pin or net as described in the memory.

@@ -3,7 +3,7 @@
 //! In and out: the payload of UDP datagrams to and from port [`UDP_PORT`]: message type ASnd, node id of the receiver, node id
 //! of the sender, service id SDO; then the service data as in an ASnd frame.
 
-use super::SERVICE_DATA_MAX;
+use super::service_data::SERVICE_DATA_MAX;
 use crate::wire::{ServiceId, message};
 
 /// Port of SDO servers.

@@ -5,7 +5,7 @@
 
 use core::ops::RangeInclusive;
 
-use super::{WireError, message, node};
+use super::header::{WireError, message, node};
 
 /// Node ids from which a frame may come, and to which it may go.
 struct Rule {

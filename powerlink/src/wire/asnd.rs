@@ -1,9 +1,9 @@
 //! ASnd: everything that is sent in the asynchronous slot.
 
-use super::{
-    FRAME_LEN_MIN, Header, IDENT_RESPONSE_LEN, IdentResponse, StatusResponse, SyncResponse, WireError, array,
-    check_len, message, start,
-};
+use super::chaining::SyncResponse;
+use super::header::{FRAME_LEN_MIN, Header, WireError, array, check_len, message, start};
+use super::ident::{IDENT_RESPONSE_LEN, IdentResponse};
+use super::status::StatusResponse;
 use crate::nmt::{NmtCommand, NodeList};
 
 /// Octets of command data in NMTCommand and NMTRequest.

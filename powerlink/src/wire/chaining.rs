@@ -3,7 +3,7 @@
 //! With PRes chaining a node is not polled: it sends its PRes at a set time after the end of the managing node's own PRes.
 //! The managing node measures the delays with SyncRequests, computes that time and sets it with another one.
 
-use super::{Mac, WireError, array, check_len, put, u32_at};
+use super::header::{Mac, WireError, array, check_len, put, u32_at};
 
 /// Octets of a SyncResponse before padding.
 pub const SYNC_RESPONSE_LEN: usize = 44;

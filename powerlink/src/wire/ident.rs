@@ -1,6 +1,6 @@
 //! IdentResponse: what a node is, the answer to an IdentRequest.
 
-use super::{EPL_VERSION, Requests, WireError, array, check_len, put, u16_at, u32_at};
+use super::header::{EPL_VERSION, Requests, WireError, array, check_len, put, u16_at, u32_at};
 use crate::nmt::NmtState;
 
 /// Octets of an IdentResponse without FCS.

@@ -1,6 +1,6 @@
 //! PReq and PRes: the process data of one controlled node, there and back.
 
-use super::{
+use super::header::{
     FRAME_LEN_MIN, Header, PAYLOAD_LIMIT_MIN, PAYLOAD_MAX, Requests, WireError, check_len, flag, message, start, u16_at,
 };
 use crate::nmt::NmtState;

@@ -1,7 +1,7 @@
 //! StatusResponse: state and errors of a node, the answer to a StatusRequest.
 
+use super::header::{Requests, WireError, array, check_len, flag, put, u16_at, u32_at};
 use super::sync::NetTime;
-use super::{Requests, WireError, array, check_len, flag, put, u16_at, u32_at};
 use crate::nmt::NmtState;
 
 /// Octets of the shortest StatusResponse: room for two error entries.

@@ -1,6 +1,7 @@
 //! SoC and SoA: the two multicasts by which the managing node times the network.
 
-use super::{EPL_VERSION, Header, SyncRequest, WireError, array, check_len, flag, message, put, start, u32_at};
+use super::chaining::SyncRequest;
+use super::header::{EPL_VERSION, Header, WireError, array, check_len, flag, message, put, start, u32_at};
 use crate::nmt::NmtState;
 
 /// Octets of a SoC before padding.

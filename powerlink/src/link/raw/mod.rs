@@ -22,46 +22,13 @@ use super::clock::{from_timespec, monotonic_ns, to_timespec};
 use super::{Link, LinkError, Received};
 use crate::wire::{FRAME_LEN_MAX, Mac};
 use ring::Ring;
-pub use socket::OpenError;
+pub use socket::{OpenError, RawConfig};
 use socket::{PACKET_OUTGOING, errno};
 pub(super) use socket::{Socket, error, socket_error};
 use tag::Tag;
 
 /// How often a look that finds nothing asks for the state of the interface.
 const STATE_LOOK_NS: u64 = 1_000_000;
-
-/// How a socket is used.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RawConfig {
-    /// Look for frames this long before sleeping, in ns; 0: sleep at once.
-    pub spin_ns: u64,
-    /// Look instead of sleeping where the deadline is nearer than this, in ns: what waking up takes on this PC. 0: never.
-    pub near_ns: u64,
-    /// Frames must carry receive stamps. Through a ring they always do.
-    pub receive_stamps: bool,
-    /// Receive frames for other stations too: for a process that is several nodes, each with a MAC of its own, on one real
-    /// interface. A veth passes them anyway.
-    pub promiscuous: bool,
-    /// Receive frames of every EtherType, not only of POWERLINK: for other traffic in the asynchronous slot.
-    pub every_ether_type: bool,
-    /// Frames that may wait in memory shared with the kernel, 2 KiB each, rounded up to whole pages; 0: read each by a
-    /// system call. A node reads each frame as it comes: a small ring stays in the cache, which a large one does not (a tenth
-    /// of the whole way of a frame over a veth pair). A recorder that may be late wants thousands.
-    pub ring_frames: usize,
-}
-
-impl Default for RawConfig {
-    fn default() -> Self {
-        RawConfig {
-            spin_ns: 0,
-            near_ns: 0,
-            receive_stamps: false,
-            promiscuous: false,
-            every_ether_type: false,
-            ring_frames: 64,
-        }
-    }
-}
 
 /// How frames come from the kernel.
 #[derive(Clone, Debug, PartialEq, Eq)]

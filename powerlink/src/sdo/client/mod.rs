@@ -19,7 +19,7 @@ use obd::AbortCode;
 
 use super::command::{self, Address, CommandId, Content, Header, Segmentation};
 use super::sequence::{self, Arrival, Con, Flow, Number, Sequence};
-use super::{EMPTY_LEN, SERVICE_DATA_MAX};
+use super::service_data::{EMPTY_LEN, SERVICE_DATA_MAX};
 use answer::Incoming;
 pub use error::ClientError;
 

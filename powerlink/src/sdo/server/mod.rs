@@ -13,7 +13,7 @@ use obd::Objects;
 
 use super::command::{self, Content, SEGMENT_MAX};
 use super::sequence::{self, Arrival, Con, Flow, Number, Sequence, WINDOW};
-use super::{EMPTY_LEN, SERVICE_DATA_MAX};
+use super::service_data::{EMPTY_LEN, SERVICE_DATA_MAX};
 use transfer::{Tickets, Transfer};
 
 /// Where a connection stands.
