@@ -2,7 +2,7 @@
 
 use crate::AbortCode;
 
-/// What an SDO server reads and writes: a plain [`Dictionary`], or a node that adds effects to some of its objects.
+/// What an SDO server reads and writes: a plain [`Dictionary`](crate::Dictionary), or a node that adds effects to some of its objects.
 ///
 /// A value passes as a whole unless the object says otherwise: the server collects what comes in several frames and calls
 /// [`sdo_write`](Objects::sdo_write) at the end, so that half a value is never seen. An object too large for the server's

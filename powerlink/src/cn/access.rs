@@ -2,9 +2,10 @@
 
 use obd::{AbortCode, Dictionary, Objects};
 
+use super::event::{Storage, StorageGroup, WriteCheck};
 use super::keys::Keys;
 use super::objects::{HISTORY_ENTRIES, LOAD, SAVE};
-use super::{Storage, StorageGroup, WriteCheck, pdo};
+use super::pdo;
 use crate::nmt::{CnEvent, NmtCommand, NmtState, Reset};
 
 /// First object of the device; those before belong to the communication profile.

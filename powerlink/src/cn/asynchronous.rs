@@ -5,67 +5,17 @@
 //!
 //! NMT requests go before everything else (PR 7); SDO answers and the application's frames take turns.
 
+use super::access::Access;
+use super::controlled_node::Cn;
+use super::event::Events;
 use super::objects::HOST_NAME_LEN;
-use super::{Access, Cn, Events};
-use crate::ethernet_queue::{EthernetQueue, QueueError};
-use crate::nmt::{NmtCommand, NmtState};
+use crate::ethernet_queue::QueueError;
+use crate::nmt::NmtState;
 use crate::sdo::SERVICE_DATA_MAX;
 use crate::wire::{
     Asnd, ErrorEntries, FRAME_LEN_MAX, Header, IdentResponse, NmtRequestFrame, RequestedService, Requests, Soa,
     StatusResponse, multicast, node,
 };
-
-/// NMT requests that can wait.
-pub const NMT_REQUESTS: usize = 8;
-
-/// What the application wants to be sent.
-#[derive(Clone, Debug)]
-pub(super) struct Outbox {
-    requests: [NmtRequestFrame; NMT_REQUESTS],
-    requests_len: usize,
-    frames: EthernetQueue,
-    /// The last generic frame was one of the application's.
-    frame_was_last: bool,
-}
-
-impl Outbox {
-    pub(super) fn new() -> Outbox {
-        Outbox {
-            requests: [NmtRequestFrame::plain(NmtCommand::IdentRequest, node::INVALID); NMT_REQUESTS],
-            requests_len: 0,
-            frames: EthernetQueue::new(),
-            frame_was_last: false,
-        }
-    }
-
-    /// Forgets what waits.
-    pub(super) fn clear(&mut self) {
-        self.requests_len = 0;
-        self.frames.clear();
-    }
-
-    pub(super) fn has_frame(&self) -> bool {
-        self.frames.len() > 0
-    }
-
-    fn push_request(&mut self, request: NmtRequestFrame) -> Result<(), QueueError> {
-        let place = self.requests.get_mut(self.requests_len).ok_or(QueueError::Full)?;
-        *place = request;
-        self.requests_len += 1;
-        Ok(())
-    }
-
-    fn pop_request(&mut self) -> Option<NmtRequestFrame> {
-        let request = *self.requests[..self.requests_len].first()?;
-        self.requests.copy_within(1..self.requests_len, 0);
-        self.requests_len -= 1;
-        Some(request)
-    }
-
-    pub(super) fn pop_frame(&mut self, response: &mut [u8; FRAME_LEN_MAX]) -> Option<usize> {
-        self.frames.pop(response)
-    }
-}
 
 impl<const E: usize, const B: usize> Cn<E, B> {
     /// Asks the managing node for an NMT service: the request is sent when the node is invited to. Requests that still wait at

@@ -2,7 +2,7 @@
 
 use obd::{Dictionary, Key, Scalar};
 
-use super::CnError;
+use super::config::CnError;
 use super::objects::{MAPPING_ENTRIES, RPDOS};
 
 /// Handles of the objects that the node itself uses.

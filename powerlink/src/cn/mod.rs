@@ -13,6 +13,7 @@
 //!
 //! | file | what |
 //! |---|---|
+//! | `controlled_node` | all that lasts from call to call; `chain`, `outbox` and `watch` are parts of it |
 //! | `receive` | the way of a received frame |
 //! | `state` | NMT state and resets |
 //! | `supervision` | counters and thresholds of lost frames |
@@ -24,252 +25,36 @@
 
 mod access;
 mod asynchronous;
+mod chain;
 mod chaining;
+mod config;
+mod controlled_node;
 mod error;
+mod event;
 mod keys;
+
 pub mod objects;
+mod outbox;
 mod pdo;
 mod receive;
 mod state;
 mod supervision;
+mod watch;
 
-use core::fmt;
-
-use obd::{AbortCode, Dictionary, Key};
+use obd::{Dictionary, Key};
 
 pub use crate::ethernet_queue::{ETHERNET_FRAMES, QueueError};
-use crate::nmt::{NmtCommand, NmtState, Reset};
-use crate::sdo::Server;
-use crate::wire::{ErrorEntry, FRAME_LEN_MAX, Mac, NetTime, Soa, Soc, node};
-use access::Access;
-pub use asynchronous::NMT_REQUESTS;
-use asynchronous::Outbox;
-use chaining::Chaining;
+use crate::nmt::NmtState;
+use crate::wire::{ErrorEntry, FRAME_LEN_MAX, Soa};
+pub use config::{CnConfig, CnError};
+pub use controlled_node::Cn;
 pub use error::code as error_code;
 use error::{Signalling, TYPE_OCCURRED};
-use keys::Keys;
-use pdo::Pdos;
-pub use supervision::CycleError;
-use supervision::Watch;
-
-/// Network of all POWERLINK nodes: 192.168.100.0.
-const IP_NETWORK: u32 = 0xC0A8_6400;
-
-/// What makes a node this node.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct CnConfig<'a> {
-    /// Node id, 1..=239.
-    pub node_id: u8,
-    /// MAC address that the node's frames carry.
-    pub mac: Mac,
-    /// 0x1000: profile number in the low word.
-    pub device_type: u32,
-    /// 0x1018/1.
-    pub vendor_id: u32,
-    /// 0x1018/2.
-    pub product_code: u32,
-    /// 0x1018/3.
-    pub revision: u32,
-    /// 0x1018/4.
-    pub serial: u32,
-    /// 0x1008, up to 32 octets.
-    pub device_name: &'a str,
-    /// 0x1F9A, up to 32 octets.
-    pub host_name: &'a str,
-    /// 0x1F98/3: the longest time from the end of a PReq to the start of the PRes in ns.
-    pub pres_max_latency_ns: u32,
-}
-
-/// Why a node could not be built.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CnError {
-    /// Node ids of controlled nodes are 1..=239.
-    NodeId(u8),
-    /// The dictionary lacks an object of [`objects::COMMUNICATION_PROFILE`], or a value of the configuration does not fit.
-    Object {
-        /// Index of the object.
-        index: u16,
-        /// Sub-index of the object.
-        sub: u8,
-        /// What is wrong with it.
-        code: AbortCode,
-    },
-}
-
-impl fmt::Display for CnError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            CnError::NodeId(id) => write!(f, "node id {id}: controlled nodes have 1..=239"),
-            CnError::Object { index, sub, code } => write!(f, "object {index:#06X}/{sub}: {code}"),
-        }
-    }
-}
-
-impl core::error::Error for CnError {}
-
-/// Which parameters 0x1010 or 0x1011 mean: their sub-index.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StorageGroup {
-    /// 1: all parameters.
-    All,
-    /// 2: 0x1000..0x1FFF.
-    Communication,
-    /// 3: 0x6000..0x9FFF.
-    Application,
-    /// 4: 0x2000..0x5FFF.
-    Manufacturer,
-}
-
-impl StorageGroup {
-    fn from_sub(sub: u8) -> Option<StorageGroup> {
-        match sub {
-            1 => Some(StorageGroup::All),
-            2 => Some(StorageGroup::Communication),
-            3 => Some(StorageGroup::Application),
-            4 => Some(StorageGroup::Manufacturer),
-            _ => None,
-        }
-    }
-}
-
-/// What an SDO asks of a device that can store parameters (see [`objects::STORAGE`]); the node itself stores nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Storage {
-    /// "save": values are to be kept over a power failure. The device hands them to
-    /// [`Dictionary::set_default`] when it starts again.
-    Store(StorageGroup),
-    /// "load": the next reset brings the factory's values.
-    Restore(StorageGroup),
-}
-
-/// What happened, for the device behind the node.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub struct Events {
-    /// A SoC arrived in a state with isochronous traffic or in STOPPED: this is the synchronous instant.
-    pub sync: Option<Soc>,
-    /// Valid outputs were copied into the dictionary.
-    pub outputs: bool,
-    /// The NMT state is another one than before the call.
-    pub nmt_state: Option<NmtState>,
-    /// A reset ran, entered at this depth. Objects of the device (from 0x2000) have their defaults again after
-    /// [`Reset::Software`] and [`Reset::Node`].
-    pub reset: Option<Reset>,
-    /// SoCs that were due and did not arrive.
-    pub soc_missed: u32,
-    /// A counter reached its threshold and the node has left the isochronous states; the first one, where there are several.
-    pub cycle_error: Option<CycleError>,
-    /// An SDO wrote this object of the device (index from 0x2000); the last one, if several.
-    pub written: Option<(u16, u8)>,
-    /// The frame wrote other objects of the device before (WriteMultipleByIndex).
-    pub written_several: bool,
-    /// An SDO asks for parameters to be stored or restored.
-    pub storage: Option<Storage>,
-    /// The managing node does not serve this NMT request of the node (InvalidService).
-    pub nmt_rejected: Option<NmtCommand>,
-}
-
-/// Answer of [`Cn::receive`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub struct Reaction {
-    /// Octets of `response` to be sent at once as an Ethernet frame; `None`: send nothing.
-    pub transmit: Option<usize>,
-    /// For the device behind the node.
-    pub events: Events,
-}
-
-/// Judges an SDO write to an object of the device (index from 0x2000) after the dictionary has accepted it and before it is
-/// stored.
-pub type WriteCheck<const E: usize, const B: usize> = fn(&Dictionary<E, B>, u16, u8, &[u8]) -> Result<(), AbortCode>;
-
-/// One controlled node with a dictionary of `E` lines and `B` octets.
-#[derive(Clone, Debug)]
-pub struct Cn<const E: usize, const B: usize> {
-    node_id: u8,
-    mac: Mac,
-    dictionary: Dictionary<E, B>,
-    keys: Keys,
-    state: NmtState,
-    check: Option<WriteCheck<E, B>>,
-    sdo: Server,
-    signalling: Signalling,
-    pdos: Pdos,
-    watch: Watch,
-    chaining: Chaining,
-    outbox: Outbox,
-    /// 0x1F98/8 when the configuration was activated.
-    async_mtu: u16,
-    /// 0x1020/1 and /2 when the configuration was activated: which one is in use.
-    configuration: (u32, u32),
-    /// When NOT_ACTIVE ends for lack of frames.
-    silent_at_ns: Option<u64>,
-    /// The device may go to READY_TO_OPERATE.
-    application_ready: bool,
-    /// EnableReadyToOperate came before the device was ready.
-    ready_requested: bool,
-    /// A reset asked for by 0x1F9E, carried out when the SDO answer is on its way.
-    reset_requested: Option<Reset>,
-    /// Last ER of the managing node.
-    exception_reset: bool,
-    net_time: NetTime,
-}
+pub use event::{Events, Reaction, Storage, StorageGroup, WriteCheck};
+pub use outbox::NMT_REQUESTS;
+pub use watch::CycleError;
 
 impl<const E: usize, const B: usize> Cn<E, B> {
-    /// Builds the node and runs it through the reset cascade to NOT_ACTIVE. The dictionary has to contain
-    /// [`objects::COMMUNICATION_PROFILE`].
-    ///
-    /// # Errors
-    /// [`CnError`]: a node id out of range, a missing object, a name that is too long.
-    pub fn new(config: &CnConfig<'_>, mut dictionary: Dictionary<E, B>, now_ns: u64) -> Result<Self, CnError> {
-        if !(1..=node::CN_MAX).contains(&config.node_id) {
-            return Err(CnError::NodeId(config.node_id));
-        }
-        let keys = Keys::find(&dictionary)?;
-        let ip_address = IP_NETWORK | u32::from(config.node_id);
-        let own: [(u16, u8, &[u8]); 11] = [
-            (0x1000, 0, &config.device_type.to_le_bytes()),
-            (0x1008, 0, config.device_name.as_bytes()),
-            (0x1018, 1, &config.vendor_id.to_le_bytes()),
-            (0x1018, 2, &config.product_code.to_le_bytes()),
-            (0x1018, 3, &config.revision.to_le_bytes()),
-            (0x1018, 4, &config.serial.to_le_bytes()),
-            (0x1030, 5, &config.mac),
-            (0x1E40, 2, &ip_address.to_le_bytes()),
-            (0x1F93, 1, &[config.node_id]),
-            (0x1F98, 3, &config.pres_max_latency_ns.to_le_bytes()),
-            (0x1F9A, 0, config.host_name.as_bytes()),
-        ];
-        for (index, sub, octets) in own {
-            dictionary
-                .find(index, sub)
-                .and_then(|handle| dictionary.set_default(handle, octets))
-                .map_err(|code| CnError::Object { index, sub, code })?;
-        }
-        let mut cn = Cn {
-            node_id: config.node_id,
-            mac: config.mac,
-            dictionary,
-            keys,
-            state: NmtState::Off,
-            check: None,
-            sdo: Server::new(),
-            signalling: Signalling::new(),
-            pdos: Pdos::EMPTY,
-            watch: Watch::NONE,
-            chaining: Chaining::default(),
-            outbox: Outbox::new(),
-            async_mtu: 0,
-            configuration: (0, 0),
-            silent_at_ns: None,
-            application_ready: true,
-            ready_requested: false,
-            reset_requested: None,
-            exception_reset: false,
-            net_time: NetTime::default(),
-        };
-        cn.enter(NmtState::Initialising, now_ns, &mut Events::default());
-        Ok(cn)
-    }
-
     /// Node id (0x1F93/1).
     pub fn node_id(&self) -> u8 {
         self.node_id

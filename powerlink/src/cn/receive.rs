@@ -13,10 +13,11 @@
 //! | ASnd SyncResponse | 1..=239 | any | the delay between its sender and us |
 //! | AMNI, AInv, every other ASnd | | | nothing |
 
+use super::controlled_node::Cn;
 use super::error::PROFILE_COMMUNICATION;
+use super::event::{Events, Reaction};
 use super::objects::RPDOS;
 use super::pdo::{Pdo, Received, Source};
-use super::{Cn, Events, Reaction};
 use crate::nmt::{CnEvent, NmtState};
 use crate::wire::{
     self, Asnd, FRAME_LEN_MAX, Frame, Header, PAYLOAD_MAX, Preq, Pres, RequestedService, Soa, Soc, multicast, node,

@@ -3,10 +3,11 @@
 //! In:  frames heard, NMT commands, the clock. Out: the state, as [`nmt::cn_next`] has it, and its [`Events`].
 
 use super::access::FIRST_DEVICE_OBJECT;
-use super::chaining::Chaining;
+use super::chain::Chaining;
+use super::controlled_node::Cn;
 use super::error::Signalling;
+use super::event::Events;
 use super::pdo::Pdos;
-use super::{Cn, Events};
 use crate::nmt::{self, CnEvent, NmtCommand, NmtState};
 use crate::wire::NmtCommandFrame;
 

@@ -1,9 +1,12 @@
 //! One node against hand-made frames of a managing node.
 
+use super::access::Access;
 use super::*;
-use crate::nmt::NodeList;
-use crate::wire::{Asnd, Frame, Header, NmtCommandFrame, Preq, Pres, RequestedService, Requests, multicast};
-use obd::{DataType, EntryDef, lines_of, octets_of};
+use crate::nmt::{NmtCommand, NodeList, Reset};
+use crate::wire::{
+    Asnd, Frame, Header, Mac, NetTime, NmtCommandFrame, Preq, Pres, RequestedService, Requests, Soc, multicast, node,
+};
+use obd::{AbortCode, DataType, EntryDef, lines_of, octets_of};
 use objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
 use std::string::ToString;
 use std::vec::Vec;

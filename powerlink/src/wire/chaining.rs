@@ -3,7 +3,7 @@
 //! With PRes chaining a node is not polled: it sends its PRes at a set time after the end of the managing node's own PRes.
 //! The managing node measures the delays with SyncRequests, computes that time and sets it with another one.
 
-use super::header::{Mac, WireError, array, check_len, put, u32_at};
+use super::header::{Mac, SOA_LEN, WireError, array, check_len, put, u32_at};
 
 /// Octets of a SyncResponse before padding.
 pub const SYNC_RESPONSE_LEN: usize = 44;
@@ -53,7 +53,7 @@ pub struct SyncRequest {
 impl SyncRequest {
     /// Reads the area of a SoA; a SoA that ends before it says nothing.
     pub(super) fn read(frame: &[u8]) -> SyncRequest {
-        if frame.len() < super::SOA_LEN {
+        if frame.len() < SOA_LEN {
             return SyncRequest::default();
         }
         let bits = u32_at(frame, REQUEST_AT);

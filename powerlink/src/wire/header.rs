@@ -12,6 +12,8 @@ pub const PAYLOAD_MAX: usize = 1490;
 pub const PAYLOAD_LIMIT_MIN: usize = 36;
 /// Octets of the Ethernet header and the three that all POWERLINK frames share.
 pub const HEADER_LEN: usize = 17;
+/// Octets of a SoA with its SyncRequest area, before padding.
+pub const SOA_LEN: usize = 54;
 /// Protocol version sent in SoA and IdentResponse (object 0x1F83).
 pub const EPL_VERSION: u8 = 0x20;
 

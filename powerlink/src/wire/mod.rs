@@ -19,14 +19,14 @@ pub use asnd::{Asnd, COMMAND_DATA_LEN, NmtCommandFrame, NmtRequestFrame, Service
 pub use chaining::{SYNC_RESPONSE_LEN, SyncRequest, SyncResponse};
 pub use header::{
     EPL_VERSION, ETHER_TYPE, FRAME_LEN_MAX, FRAME_LEN_MIN, HEADER_LEN, Header, Mac, PAYLOAD_LIMIT_MIN, PAYLOAD_MAX,
-    Requests, WireError, message, multicast, node,
+    Requests, SOA_LEN, WireError, message, multicast, node,
 };
 pub use ident::{IDENT_RESPONSE_LEN, IdentResponse};
 pub use poll::{POLL_HEADER_LEN, Preq, Pres};
 pub use status::{
     ERROR_ENTRIES_MAX, ERROR_ENTRY_LEN, ErrorEntries, ErrorEntry, STATUS_RESPONSE_LEN_MIN, StatusResponse,
 };
-pub use sync::{NetTime, RequestedService, SOA_LEN, SOC_LEN, Soa, Soc};
+pub use sync::{NetTime, RequestedService, SOC_LEN, Soa, Soc};
 
 use header::start;
 

@@ -1,13 +1,11 @@
 //! SoC and SoA: the two multicasts by which the managing node times the network.
 
 use super::chaining::SyncRequest;
-use super::header::{EPL_VERSION, Header, WireError, array, check_len, flag, message, put, start, u32_at};
+use super::header::{EPL_VERSION, Header, SOA_LEN, WireError, array, check_len, flag, message, put, start, u32_at};
 use crate::nmt::NmtState;
 
 /// Octets of a SoC before padding.
 pub const SOC_LEN: usize = 36;
-/// Octets of a SoA with its SyncRequest area, before padding.
-pub const SOA_LEN: usize = 54;
 /// Octets of a SoA without the SyncRequest area, which older nodes may leave out.
 const SOA_LEN_MIN: usize = 24;
 
