@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub struct Cancel(Arc<AtomicBool>);
 
 impl Cancel {
-    /// Nobody needs the result any more.
+    /// The result is no longer needed.
     pub fn cancel(&self) {
         self.0.store(true, Ordering::Release);
     }

@@ -508,7 +508,7 @@ pub enum Call {
     },
     /// G10 L1, L10, L11: a line of the tool table changes.
     SetToolEntry(ToolEntry),
-    /// G10 L0: the tool table was read anew.
+    /// G10 L0: the tool table was read again.
     ReloadToolTable,
     /// M48 to M50: whether the operator's feed override acts.
     EnableFeedOverride(bool),

@@ -8,7 +8,7 @@
 //! compare-exchange, in place of the tail that followed it. The consumer marks an element as passed by one swap, which
 //! also tells where to go. So either the consumer sees the new publication as a whole, or it is in the tail already;
 //! then the planner learns so ([`Publish::TailTaken`]) and plans on from the rest at the end of that tail. Whoever is
-//! slow makes the machine stop as planned; nobody waits and nothing is ever half seen.
+//! slow makes the machine stop as planned; neither side waits, and nothing is ever half seen.
 //!
 //! A publication may also take the place of motion that was final so far, behind any element that the consumer has not
 //! passed ([`Sink::publish_after`]): that is how an override changes the speed. Then either the consumer goes over to the
@@ -64,7 +64,7 @@ pub trait Sink<T> {
         None
     }
 
-    /// Seconds of everything handed in so far, without what was replaced. `None`: nobody counts them.
+    /// Seconds of everything handed in so far, without what was replaced. `None`: they are not counted.
     fn published_s(&self) -> Option<f64> {
         None
     }
@@ -314,7 +314,7 @@ impl<T: Timed> Producer<T> {
                 Next::Jump(to) => to,
                 Next::End | Next::Passed => break,
             };
-            // SAFETY: this thread has written the element, and nobody else ever writes one.
+            // SAFETY: this thread has written the element, and no other thread ever writes one.
             let element = unsafe { (*self.shared.slot(number).element.get()).assume_init() };
             seconds += element.duration_s();
         }
@@ -402,7 +402,7 @@ impl<T: Timed> Consumer<T> {
         }
         let number = match Next::from_word(word.swap(Next::Passed.word(), Ordering::AcqRel)) {
             Next::Jump(number) => number,
-            // Only a slot has a sequel, so there is a number; and nobody else passes an element.
+            // Only a slot has a sequel, so there is a number; and no other thread passes an element.
             Next::Sequel | Next::Passed | Next::End => self.at.map_or(0, |at| at + 1),
         };
         self.at = Some(number);

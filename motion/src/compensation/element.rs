@@ -141,7 +141,7 @@ impl Element {
                 if part > 0.0 && part < 1.0 {
                     add(self.from, scale(way, part))
                 } else {
-                    // Also where the line has no length and `part` is no number.
+                    // Also where the line has no length and `part` is NaN.
                     self.nearer_end(point)
                 }
             }

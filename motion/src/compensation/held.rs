@@ -13,7 +13,7 @@ use super::join::SMOOTH_RAD;
 /// Rounding that a length may be off, mm.
 const ROUNDING_MM: f64 = 1e-6;
 
-/// What nobody sees in four decimals, mm.
+/// What four decimals do not show, mm.
 const SEEN_MM: f64 = 5e-5;
 
 /// Part of a curve of the tool's centre.
@@ -108,7 +108,7 @@ impl Held {
     /// Where to leave a circle at about `leave` so that it is read as it is meant.
     ///
     /// A full circle whose start is not exactly its end, because the corner before it was flat but not quite, would shrink
-    /// to the small angle between them. If this is less than anybody could see, the circle ends where it began.
+    /// to the small angle between them. If this is less than can be seen, the circle ends where it began.
     pub(super) fn settled(&self, leave: Point) -> Point {
         match self.curve {
             Curve::Circle { radius, .. }

@@ -194,7 +194,9 @@ impl Compensator {
 
     /// Takes the next event of the programmed path and gives to `out` what is known by now.
     ///
-    /// After an error nothing of the event has happened, and what is held back remains so; but a move that shows a gouge has
+    /// # Errors
+    ///
+    /// A move that a tool of this radius cannot make, or that is not allowed while compensation is on. After an error nothing of the event has happened, and what is held back remains so; but a move that shows a gouge has
     /// been taken with the others.
     #[inline]
     pub fn push(&mut self, event: Event, out: &mut impl Extend<Event>) -> Result<(), CompensationError> {
@@ -209,6 +211,10 @@ impl Compensator {
     }
 
     /// Ends compensation, if it is on, where the program ends: what is held back goes out.
+    ///
+    /// # Errors
+    ///
+    /// The last move does not fit the tool, or a gouge shows at the end.
     pub fn finish(&mut self, out: &mut impl Extend<Event>) -> Result<(), CompensationError> {
         let source = match &self.mode {
             Mode::Off | Mode::Entry(_) => Source::default(),

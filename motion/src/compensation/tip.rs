@@ -23,7 +23,7 @@ use crate::canon::{Call, Plane, Position};
 use super::geometry::{Point, add};
 use super::{in_plane, with_plane};
 
-/// From the nose's centre to the controlled point, on the plane's axes. Only in the ZX plane: nobody turns in XY.
+/// From the nose's centre to the controlled point, on the plane's axes. Only in the ZX plane: lathes do not turn in XY.
 pub(super) fn shift(orientation: u8, radius: f64, plane: Plane) -> Point {
     if plane != Plane::Zx {
         return [0.0; 2];

@@ -20,7 +20,7 @@ use crate::canon::AXES;
 use crate::path::{Blend, Derivatives, Jet, Piece, Shape};
 
 /// Part of the limits of acceleration and jerk that is used; the rest is for rounding and for what sampling of curves may miss.
-const USE: f64 = 0.985;
+const LIMIT_PART: f64 = 0.985;
 /// Part of acceleration and jerk that curvature may take at full speed, unless said otherwise; the rest is left for
 /// changes of speed.
 pub(super) const CURVED: f64 = 0.6;
@@ -149,7 +149,7 @@ impl Bounds {
         for (axis, limits) in self.moving(settings) {
             v = v.min(limits.velocity / self.d1[axis]);
             let (kink, bend) = (self.kink[axis] / cycle, 0.75 * self.bend[axis] / cycle);
-            let share = curved * USE;
+            let share = curved * LIMIT_PART;
             v = least(v, kink, self.d2[axis], 0.0, share * limits.acceleration);
             v = least(v, kink / cycle, bend, self.d3[axis], share * limits.jerk);
         }
@@ -162,13 +162,13 @@ impl Bounds {
         let mut a = f64::INFINITY;
         for (axis, limits) in self.moving(settings) {
             let fixed = self.d2[axis] * v * v + self.kink[axis] * v / cycle;
-            a = a.min((USE * limits.acceleration - fixed) / self.d1[axis]);
-            let left = USE * limits.jerk - self.fixed_jerk(axis, v, cycle);
+            a = a.min((LIMIT_PART * limits.acceleration - fixed) / self.d1[axis]);
+            let left = LIMIT_PART * limits.jerk - self.fixed_jerk(axis, v, cycle);
             a = a.min(COUPLED_JERK * left / (3.0 * self.d2[axis] * v));
         }
         let mut j = f64::INFINITY;
         for (axis, limits) in self.moving(settings) {
-            let left = USE * limits.jerk - self.fixed_jerk(axis, v, cycle);
+            let left = LIMIT_PART * limits.jerk - self.fixed_jerk(axis, v, cycle);
             j = j.min((left - 3.0 * self.d2[axis] * v * a) / self.d1[axis]);
         }
         PathLimits { v, a, j }

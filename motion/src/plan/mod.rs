@@ -9,7 +9,7 @@
 //! program   calls -> pieces in machine coordinates, with feed and line           (frame: offsets, travel)
 //!                                                                                (curve: NURBS to quintics)
 //! smooth    rounds corners within the tolerance, stops where that cannot be
-//! junctions     slows down where pieces that are not rounded meet with a small jump
+//! junctions slows down where pieces that are not rounded meet with a small jump
 //! optimal   speeds near the shortest time, by an interior point method; or
 //! classic   joins pieces into runs, plans speeds backward and forward, slopes    (limits, profile)
 //! planner   all of them, one after the other

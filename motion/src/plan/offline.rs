@@ -45,6 +45,10 @@ impl Sink<Element> for Recorder {
 }
 
 /// Plans a whole program.
+///
+/// # Errors
+///
+/// The first call that cannot be planned.
 pub fn plan_offline<'a>(events: impl IntoIterator<Item = &'a Event>, settings: Settings) -> Result<Offline, PlanError> {
     let mut planner = Planner::new(settings, Recorder::default());
     for event in events {

@@ -127,7 +127,11 @@ impl<S: Sink<Element>> Planner<S> {
         }
     }
 
-    /// Takes the next call. An error concerns this call only, which is then of no effect.
+    /// Takes the next call.
+    ///
+    /// # Errors
+    ///
+    /// What cannot be planned, with its place. It concerns this call only, which is then of no effect.
     pub fn push(&mut self, event: &Event) -> Result<(), PlanError> {
         if self.program.take_wait(&event.call, &self.settings) {
             self.rest(Some(Element::Action {
@@ -189,7 +193,7 @@ impl<S: Sink<Element>> Planner<S> {
         planned_s * (1.0 - gone_mm / way.piece.length()).max(0.0)
     }
 
-    /// Nobody waits for the end of a probing move any more: it counts as programmed.
+    /// The end of a probing move is no longer waited for: it counts as programmed.
     pub fn give_up_contact(&mut self) {
         self.ideal.extend(self.awaited.take().map(|(way, _)| way));
     }
@@ -221,9 +225,9 @@ impl<S: Sink<Element>> Planner<S> {
     }
 
     /// From now on feed moves run at `feed` times the programmed feed (0 to 1.2) and rapid moves with `rapid` times the speed
-    /// limits of the joints (0 to 1); what is no number counts as 0. With 0, the machine comes to rest on the path and waits.
+    /// limits of the joints (0 to 1); NaN counts as 0. With 0, the machine comes to rest on the path and waits.
     ///
-    /// What is in the ring already is planned anew from a place a few hundredths of a second ahead of the machine, by the
+    /// What is in the ring already is planned again from a place a few hundredths of a second ahead of the machine, by the
     /// next [`Planner::pump`]. Into a sink without a consumer it counts from the next rest on. With [`Slope::Classic`] it is
     /// without effect: there, the interpolation scales time.
     pub fn set_override(&mut self, feed: f64, rapid: f64) {

@@ -4,7 +4,7 @@
 //! Out: their results by number, never by time of completion, so that no plan depends on how many threads there are.
 //!
 //! [`Workers::run`] is for many small jobs that are known at once, [`Ordered`] for larger ones that come one after the
-//! other. Who waits for a result does waiting jobs meanwhile; nobody spins. Threads inherit affinity and rights of the
+//! other. Who waits for a result does waiting jobs meanwhile; no thread spins. Threads inherit affinity and rights of the
 //! thread that starts them, and a hook can change both: they must keep off the core of real time.
 //!
 //! Not real time; allocates.
@@ -63,7 +63,7 @@ impl Shared {
         }
     }
 
-    /// A job that nobody has begun.
+    /// A job that no thread has begun.
     fn take(&self) -> Option<Job> {
         self.lock().jobs.pop_front()
     }

@@ -11,108 +11,27 @@
 //! move in step with the spindle, or where elements are no longer kept. In single block it comes to rest where the line of
 //! the plan changes, in both directions, and waits there for [`Interpolator::next_block`]. RT.
 
+mod ends;
+mod sample;
+
 use super::braking::SAME_S;
 use super::probe::{Probed, Prober, StopShares};
 use super::scale::ScaleRamp;
 use super::shares::Shares;
-use super::synced::{Follower, SpindleFeedback, SyncFault, SyncReport};
+use super::synced::{Follower, SpindleFeedback, SyncReport};
 use super::track::{Track, begins_at_rest};
 use crate::canon::Position;
-use crate::element::{Action, Element, Enables, Probing, Span, Synced};
-use crate::kinematics::ToolFrame;
+use crate::element::{Action, Element};
 use crate::ring::{Consumer, Timed};
+use ends::{Arrived, End};
+pub use sample::{Sample, SampleState};
 
 /// Elements that one cycle may pass. A cycle that reaches this many waits for the next one; it takes elements shorter
 /// than a hundredth of a cycle to get there.
 const ELEMENTS_PER_CYCLE: usize = 128;
 
 /// Elements that are kept for the way back: seconds to minutes of motion.
-const KEPT: usize = 4096;
-
-/// Elements ahead among which the end of a block is looked for in one cycle.
-const BLOCK_ELEMENTS: usize = 256;
-
-/// What the interpolation is doing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SampleState {
-    /// On the way, or held on it.
-    Moving,
-    /// Waits at rest for time to pass.
-    Dwelling,
-    /// Waits at rest for an action to be acknowledged.
-    Acting,
-    /// At rest, because nothing more has been planned yet.
-    Starved,
-    /// The program is over.
-    Finished,
-}
-
-/// What there is to know of one cycle.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample {
-    /// Axis positions in the machine, mm or degrees.
-    pub position: Position,
-    /// How they are meant: kinematics need both.
-    pub frame: ToolFrame,
-    /// Speed on the path, mm/s (degrees/s on a purely rotary move).
-    pub velocity_mm_s: f64,
-    /// Line of the program.
-    pub line: u32,
-    /// Whether the move is a rapid one.
-    pub rapid: bool,
-    /// What acts on it from outside; on what is done at rest, as on the move before.
-    pub enables: Enables,
-    /// What the interpolation is doing.
-    pub state: SampleState,
-    /// What waits to be acknowledged.
-    pub action: Option<Action>,
-    /// A tap is on its way back: the spindle is to turn the other way, this much as fast as programmed.
-    pub reversal: Option<f64>,
-    /// A move in step with the spindle is under way, or waits for it: as fast as the axes can follow it, turns/s.
-    pub turns_s_max: Option<f64>,
-    /// Why a move in step with the spindle was given up; nothing moves from there on.
-    pub fault: Option<SyncFault>,
-}
-
-impl Sample {
-    /// At rest without a program.
-    pub const fn resting(position: Position) -> Sample {
-        Sample {
-            position,
-            frame: ToolFrame::OFF,
-            velocity_mm_s: 0.0,
-            line: 0,
-            rapid: false,
-            enables: Enables::INITIAL,
-            state: SampleState::Finished,
-            action: None,
-            reversal: None,
-            turns_s_max: None,
-            fault: None,
-        }
-    }
-}
-
-/// At rest, at the end of what was to be run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Arrived {
-    /// At the end of a block, on the way back at its beginning.
-    Block,
-    /// Where there is no way back.
-    WayBack,
-}
-
-/// Where plan time is to end for now.
-#[derive(Clone, Copy, Debug)]
-struct End {
-    what: Arrived,
-    /// Number of the element behind it.
-    next: u64,
-    /// Plan time until there, s.
-    way_s: f64,
-    /// Whether the plan itself is at rest there.
-    rests: bool,
-}
+const KEPT_ELEMENTS: usize = 4096;
 
 /// Runs down the plan.
 #[derive(Debug)]
@@ -136,7 +55,7 @@ pub struct Interpolator {
 impl Interpolator {
     /// At rest at `start` (machine position), before the first element.
     pub fn new(consumer: Consumer<Element>, start: Position, ramp: ScaleRamp) -> Interpolator {
-        Interpolator::keeping(KEPT, consumer, start, ramp)
+        Interpolator::keeping(KEPT_ELEMENTS, consumer, start, ramp)
     }
 
     /// The same with as many elements kept for the way back.
@@ -367,110 +286,6 @@ impl Interpolator {
         }
     }
 
-    /// Where plan time is to end for now, if that is near.
-    fn end(&self) -> Option<End> {
-        let way_back = || {
-            Some(End {
-                what: Arrived::WayBack,
-                next: 0,
-                way_s: self.track.way_back_s(self.time_s),
-                rests: self.track.rests_at_floor(),
-            })
-        };
-        match (self.backward, self.single_block) {
-            (true, true) => self.block_begin().or_else(way_back),
-            (true, false) => way_back(),
-            (false, true) => self.block_end(),
-            (false, false) => None,
-        }
-    }
-
-    /// The end of the block under way: the next change of line at which there can be a stop.
-    fn block_end(&self) -> Option<End> {
-        let mut following = self.track.following();
-        let mut next = self.track.next();
-        let (mut before, mut way_s) = match self.track.current().filter(|_| !self.leaves) {
-            Some(element) => (element, element.duration_s() - self.time_s),
-            None => {
-                let begun = following.next()?;
-                let before = self.track.last().filter(|_| !self.leaves);
-                if before.is_some_and(|before| before.line() != begun.line()) {
-                    return Some(End {
-                        what: Arrived::Block,
-                        next,
-                        way_s: 0.0,
-                        rests: true,
-                    });
-                }
-                next += 1;
-                (begun, begun.duration_s())
-            }
-        };
-        for element in following.take(BLOCK_ELEMENTS) {
-            if element.line() != before.line() {
-                let rests = match (before, element) {
-                    (Element::Span(_), Element::Span(span)) => begins_at_rest(span),
-                    _ => true,
-                };
-                if rests || self.ramp.can_rest_in(way_s) {
-                    return Some(End {
-                        what: Arrived::Block,
-                        next,
-                        way_s,
-                        rests,
-                    });
-                }
-            }
-            // There the share may change at once, and the rest of the way is looked at again. Nor is what is far of interest.
-            let stands = !matches!(element, Element::Span(_) | Element::Dwell { .. });
-            if stands || way_s > 2.0 * self.ramp.ramp_s() {
-                return None;
-            }
-            way_s += element.duration_s();
-            next += 1;
-            before = element;
-        }
-        None
-    }
-
-    /// The same on the way back: the last change of line, between spans, at which there can be a stop.
-    fn block_begin(&self) -> Option<End> {
-        let span = |(number, element): (u64, &Element)| match element {
-            Element::Span(span) => Some((number, *span)),
-            // It takes no time on the way back; beyond the others there is none.
-            Element::Dwell { .. } | Element::Action { .. } | Element::Synced(_) | Element::Probing(_) => None,
-        };
-        let mut preceding = self.track.preceding().filter_map(span);
-        let current = self.track.current().filter(|_| !self.leaves);
-        let under_way = current.and_then(|current| span((self.track.next() - 1, current)));
-        let (mut way_s, (mut next, mut begun)) = match under_way {
-            Some(begun) => (self.time_s, begun),
-            None => {
-                let (number, begun) = preceding.next()?;
-                (begun.duration_s, (number, begun))
-            }
-        };
-        for (number, before) in preceding.take(BLOCK_ELEMENTS) {
-            if before.line != begun.line {
-                let rests = begins_at_rest(&begun);
-                if rests || self.ramp.can_rest_in(way_s) {
-                    return Some(End {
-                        what: Arrived::Block,
-                        next,
-                        way_s,
-                        rests,
-                    });
-                }
-            }
-            if way_s > 2.0 * self.ramp.ramp_s() {
-                return None;
-            }
-            way_s += before.duration_s;
-            (next, begun) = (number, before);
-        }
-        None
-    }
-
     /// Nothing moves, so that the share may change at once, unless the way is too short to come down from it.
     fn change_at_once(&mut self, share: f64, end: Option<End>) {
         self.ramp.jump(share);
@@ -653,77 +468,6 @@ impl Interpolator {
             Element::Dwell { .. } | Element::Action { .. } | Element::Synced(_) | Element::Probing(_) => 0.0,
         };
         true
-    }
-
-    fn evaluate(&mut self) {
-        self.sample.action = None;
-        self.sample.reversal = None;
-        self.sample.turns_s_max = None;
-        self.sample.fault = None;
-        self.sample.velocity_mm_s = 0.0;
-        match self.track.current().copied() {
-            Some(Element::Span(span)) => {
-                let speed = span.speed(self.time_s).max(0.0) * self.ramp.share();
-                self.show(&span, self.time_s, speed);
-                self.sample.state = SampleState::Moving;
-            }
-            Some(Element::Synced(synced)) => {
-                self.show_synced(&synced);
-                self.sample.reversal = self.follower.reversal();
-                self.sample.turns_s_max = Some(synced.turns_s_max());
-                self.sample.fault = self.follower.fault().filter(|_| self.follower.is_over());
-                self.sample.state = SampleState::Moving;
-            }
-            Some(Element::Probing(probing)) => {
-                self.show_probing(&probing);
-                self.sample.velocity_mm_s = self.prober.speed();
-                self.sample.state = SampleState::Moving;
-            }
-            Some(Element::Dwell { line, .. }) => {
-                self.sample.line = line;
-                self.sample.state = SampleState::Dwelling;
-            }
-            Some(Element::Action { action, line }) => {
-                self.sample.line = line;
-                self.sample.action = Some(action);
-                self.sample.state = SampleState::Acting;
-            }
-            None => {
-                if self.sample.state != SampleState::Finished {
-                    self.sample.state = if self.arrived.is_some() {
-                        SampleState::Moving
-                    } else {
-                        SampleState::Starved
-                    };
-                }
-            }
-        }
-    }
-
-    fn show(&mut self, span: &Span, time_s: f64, speed: f64) {
-        let place = span.place(time_s).clamp(0.0, span.piece.length());
-        self.sample.position = span.piece.position(place);
-        self.sample.frame = *span.piece.frame();
-        self.sample.velocity_mm_s = speed;
-        self.sample.line = span.line;
-        self.sample.rapid = span.rapid;
-        self.sample.enables = span.enables;
-    }
-
-    fn show_probing(&mut self, probing: &Probing) {
-        self.sample.position = self.prober.position();
-        self.sample.frame = *probing.piece.frame();
-        self.sample.line = probing.line;
-        self.sample.rapid = false;
-    }
-
-    fn show_synced(&mut self, synced: &Synced) {
-        let place = self.follower.place().clamp(0.0, synced.piece.length());
-        self.sample.position = synced.piece.position(place);
-        self.sample.frame = *synced.piece.frame();
-        self.sample.velocity_mm_s = self.follower.velocity().abs();
-        self.sample.line = synced.line;
-        self.sample.rapid = false;
     }
 }
 

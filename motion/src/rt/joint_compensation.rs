@@ -80,6 +80,10 @@ pub struct PitchTable {
 
 impl PitchTable {
     /// A table of measured rows with rising positions.
+    ///
+    /// # Errors
+    ///
+    /// The rows do not rise, or a value is out of range.
     pub fn new(rows: &[PitchRow]) -> Result<PitchTable, PitchError> {
         let mut before_mm = f64::NEG_INFINITY;
         for (row, values) in rows.iter().enumerate() {
@@ -247,7 +251,7 @@ impl JointCompensation {
         self.means.iter_mut().for_each(Mean::clear);
     }
 
-    /// Position of the motor for the position of the joint, mm. What is no number comes back and changes nothing. RT.
+    /// Position of the motor for the position of the joint, mm. NaN comes back and changes nothing. RT.
     pub fn step(&mut self, command_mm: f64) -> f64 {
         if !command_mm.is_finite() {
             return command_mm;

@@ -2,17 +2,17 @@
 //!
 //! In:  one position of each joint per cycle.
 //! Out: greatest first, second and third differences per cycle time, how often they were over a limit, and what must not
-//! leave: the first joint that is far over, or whose position is no number ([`Trip`]).
+//! leave: the first joint that is far over, or whose position is NaN ([`Trip`]).
 //!
 //! For a true motion with |jerk| <= J the third difference divided by T³ is a weighted mean of the jerk and never above
 //! J, and likewise for velocity and acceleration: what is over is really over, but for rounding. RT.
 //!
 //! While the speed of the plan is being scaled (a hold, a stop, an override on its way), the limits of stops count.
 
-/// Limits of one joint: mm (degrees) and seconds.
+/// Limits of one joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MonitorLimits {
-    /// Velocity, acceleration and jerk of a plan.
+    /// Velocity, acceleration and jerk of a plan, mm/s, mm/s², mm/s³ (degrees likewise).
     pub of_order: [f64; 3],
     /// The same while its speed is being scaled.
     pub scaling: [f64; 3],
@@ -64,7 +64,7 @@ impl std::fmt::Display for Order {
 /// Why a command must not be followed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Trip {
-    /// A position is no number: there is no path any more.
+    /// A position is NaN: there is no path any more.
     NotFinite {
         /// The joint.
         joint: usize,
@@ -136,7 +136,7 @@ impl Monitor {
     }
 
     /// Takes the positions of a cycle, `scaling` if the plan's speed is being scaled; returns the first joint whose
-    /// position is no number, else the first one that is more than a hundredth over a limit. RT.
+    /// position is NaN, else the first one that is more than a hundredth over a limit. RT.
     pub fn see(&mut self, positions: &[f64], scaling: bool) -> Option<Trip> {
         let (mut illegal, mut fast) = (None, None);
         self.scaling = if scaling {

@@ -21,23 +21,23 @@
 
 use super::braking::{Braking, Pace};
 
-/// Limits that a plan keeps on one axis: mm (degrees) and seconds.
+/// Limits that a plan keeps on one axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionLimits {
-    /// Velocity.
+    /// mm/s (degrees/s).
     pub velocity: f64,
-    /// Acceleration.
+    /// mm/s² (degrees/s²).
     pub acceleration: f64,
-    /// Jerk.
+    /// mm/s³ (degrees/s³).
     pub jerk: f64,
 }
 
 /// Limits that holds and stops keep on one axis; above those of the plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StopLimits {
-    /// Acceleration.
+    /// mm/s² (degrees/s²).
     pub acceleration: f64,
-    /// Jerk.
+    /// mm/s³ (degrees/s³).
     pub jerk: f64,
 }
 

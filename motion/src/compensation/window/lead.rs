@@ -108,7 +108,7 @@ fn meeting(walls: &mut Store<Wall>, run: u64) -> Option<Meeting> {
         .rev()
         .find_map(|number| of_run(&number))
         .map_or(0.0, |wall| wall.at_mm);
-    // Of what has left the window nobody knows whether it met anything: then the start is no lead any more.
+    // Whether what has left the window met anything is not known: then the start is no lead any more.
     let is_lead_in = run >= numbers.start && from - start <= longest;
     let is_lead_out = end - to <= longest;
     Some(Meeting {

@@ -65,7 +65,7 @@ const PUBLICATION: usize = 128;
 /// Elements that the stop behind a publication may have: enough for a second of braking over short blocks.
 const TAIL: usize = 8192;
 
-/// Pieces that are new before speeds are planned anew, at the most.
+/// Pieces that are new before speeds are planned again, at the most.
 const FRESH: usize = 128;
 
 /// Braking lengths that are looked ahead at the least, however many pieces that are: up to what that many stops may have.

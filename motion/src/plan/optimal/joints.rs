@@ -157,7 +157,7 @@ const COUPLED_PART: f64 = 0.5;
 /// Part of the speed limits: less than what the solver plans with, so that it can go on from there.
 const SPEED_PART: f64 = 0.9997;
 /// Part of the limits that is used at all: samples may miss a crest.
-const USE: f64 = 0.985;
+const LIMIT_PART: f64 = 0.985;
 
 impl Steady {
     pub(super) fn new() -> Steady {
@@ -188,17 +188,17 @@ impl Steady {
         let mut v = feed;
         for ([d1, d2, d3], limits) in all() {
             v = v.min(SPEED_PART * limits.velocity / d1);
-            v = v.min((BEND_PART * USE * limits.acceleration / d2).sqrt());
-            v = v.min(libm::cbrt(BEND_PART * USE * limits.jerk / d3));
+            v = v.min((BEND_PART * LIMIT_PART * limits.acceleration / d2).sqrt());
+            v = v.min(libm::cbrt(BEND_PART * LIMIT_PART * limits.jerk / d3));
         }
         let (mut a, mut j) = (f64::INFINITY, f64::INFINITY);
         for ([d1, d2, d3], limits) in all() {
-            a = a.min((USE * limits.acceleration - d2 * v * v) / d1);
-            let left = USE * limits.jerk - d3 * v * v * v;
+            a = a.min((LIMIT_PART * limits.acceleration - d2 * v * v) / d1);
+            let left = LIMIT_PART * limits.jerk - d3 * v * v * v;
             a = a.min(COUPLED_PART * left / (3.0 * d2 * v));
         }
         for ([d1, d2, d3], limits) in all() {
-            j = j.min((USE * limits.jerk - d3 * v * v * v - 3.0 * d2 * v * a) / d1);
+            j = j.min((LIMIT_PART * limits.jerk - d3 * v * v * v - 3.0 * d2 * v * a) / d1);
         }
         PathLimits { v, a, j }
     }

@@ -39,7 +39,7 @@ pub(super) struct Place {
     pub(super) s: f64,
 }
 
-/// What came, as long as it may have to be planned or planned anew.
+/// What came, as long as it may have to be planned or planned again.
 #[derive(Debug)]
 pub(super) struct Log {
     /// Number of the first item that is kept.

@@ -166,7 +166,7 @@ pub(in crate::plan) struct Stream {
     /// Where the tail in the ring comes to rest.
     tail: Option<Place>,
     finished: bool,
-    /// How often planning has begun anew at some place.
+    /// How often planning has restarted at some place.
     begun_anew: u64,
     jets: Vec<JointJet>,
     /// Number of the item up to which everything has been handed over.

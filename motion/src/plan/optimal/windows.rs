@@ -57,7 +57,7 @@ pub(super) struct Job {
 pub(super) type Answer = Result<States, Infeasible>;
 
 thread_local! {
-    /// Memory of the solver, which begins anew with every job: to take it from the system each time takes as long as some of
+    /// Memory of the solver, which is cleared for every job: to take it from the system each time takes as long as some of
     /// the iterations.
     static WORKSPACE: RefCell<Workspace> = RefCell::default();
 }

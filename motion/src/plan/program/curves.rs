@@ -43,7 +43,7 @@ impl Program {
         let mut end = self.position;
         if let [(begin, _), .., (last, _)] = points {
             let begin = machine(*begin);
-            // In this order, so that what is no number is refused further on.
+            // In this order, so that NaN is refused further on.
             if distance(&begin.0, &self.position.0) > START_MM {
                 let place = Box::new(begin);
                 return Err(PlanErrorKind::CurveStart { place });

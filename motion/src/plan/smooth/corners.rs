@@ -12,7 +12,7 @@ use crate::plan::profile::{reachable, time_lost};
 use crate::plan::program::{Corner, Move};
 
 /// Part of the tolerance that a rounded corner uses; the rest is for what set-points cut off between them.
-const USE: f64 = 0.95;
+const TOLERANCE_PART: f64 = 0.95;
 
 /// A corner that turns less is flat, radians.
 const FLAT: f64 = 0.2;
@@ -102,7 +102,7 @@ fn rounded(last: &Last, next: &mut Last, tolerance: f64, settings: &Settings) ->
     }
     // Two corners that share a leg must not leave a sliver of it, on which knots would be next to each other.
     let room = [(a.piece.length() - last.from).min(last.leg.room[1]), next.leg.room[0]].map(|room| ROOM * room);
-    let corner = round(&a.piece, room[0], &b.piece, room[1], USE * tolerance)?;
+    let corner = round(&a.piece, room[0], &b.piece, room[1], TOLERANCE_PART * tolerance)?;
     // So flat, a stop is never better.
     if corner.turning < FLAT {
         return Some((corner, None));

@@ -7,7 +7,7 @@
 //! A spline of degree 5 is fitted to the ends of the chords by least squares, weighted by length, and pays for its third
 //! derivative. What is much shorter than a span, such as the rounding of programmed numbers, is averaged out; of a wave of
 //! angular frequency w, the part (w SMOOTH span)^6 is lost. Where the result leaves the tolerance, spans are halved and
-//! the fit is done anew.
+//! the fit is repeated.
 //!
 //! The curve and the polygon are compared at equal places (all quarters of every chord and of every span), which
 //! bounds the distance in both directions.
@@ -22,7 +22,7 @@ const GRADE: f64 = 2.0;
 /// Fits before giving up.
 const ROUNDS: usize = 9;
 /// Part of the tolerance that may be used where curve and polygon are compared; the rest is for what lies between.
-const USE: f64 = 0.93;
+const TOLERANCE_PART: f64 = 0.93;
 
 /// Position and derivatives by the parameter, in the axes of a [`Track`].
 #[derive(Clone, Copy, Debug, Default)]
@@ -229,7 +229,7 @@ impl Fit {
 
     /// Marks the spans that are too far off; the worst chord, if any.
     fn compare(&mut self, track: &mut Track) -> Option<usize> {
-        let limit = (USE * track.tolerance) * (USE * track.tolerance);
+        let limit = (TOLERANCE_PART * track.tolerance) * (TOLERANCE_PART * track.tolerance);
         let axes = track.axes;
         self.bad.clear();
         self.bad.resize(self.polynomials.len(), false);

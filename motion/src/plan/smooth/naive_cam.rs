@@ -14,7 +14,7 @@ use crate::path::{Piece, Shape};
 use crate::plan::program::{Corner, Move};
 
 /// Moves that become one, at most.
-const MOST: usize = 64;
+const JOINED_MOVES_MAX: usize = 64;
 /// Part of P that may be used.
 const SHARE: f64 = 0.01;
 
@@ -45,7 +45,7 @@ impl NaiveCam {
             let middle = before.piece.position(before.piece.length());
             self.between.push(middle);
             let alike = before.feed == part.feed && before.corner == part.corner && before.enables == part.enables;
-            let same = alike && self.between.len() < MOST;
+            let same = alike && self.between.len() < JOINED_MOVES_MAX;
             match Piece::line(before.piece.position(0.0), part.piece.position(part.piece.length())) {
                 Some(piece) if same && in_line(&piece, &before.piece, &part.piece, &self.between, allowed) => {
                     self.merged = Some(Move { piece, ..part });

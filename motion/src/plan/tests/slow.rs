@@ -6,7 +6,7 @@ use crate::element::{Element, Span};
 use crate::ring::{Producer, Publish, Sink, Timed, channel};
 use crate::rt::{Interpolator, MotionLimits, SampleState, ScaleRamp, StopLimits};
 
-/// Counts what is handed over to nobody, and looks at how it joins.
+/// Counts what is handed over and dropped, and looks at how it joins.
 #[derive(Debug, Default)]
 struct Counter {
     elements: usize,

@@ -144,6 +144,10 @@ pub struct ArcDda {
 
 impl ArcDda {
     /// An arc about the origin; equal end points make a full circle.
+    ///
+    /// # Errors
+    ///
+    /// The start is the centre, the end is not on the circle, or a coordinate is out of range.
     pub fn new(start: [i32; 2], end: [i32; 2], turn: Turn, method: Method) -> Result<ArcDda, ArcError> {
         if start
             .iter()

@@ -75,6 +75,10 @@ pub struct StepGenerator {
 
 impl StepGenerator {
     /// An output that stands at step 0.
+    ///
+    /// # Errors
+    ///
+    /// A time is too short or too long.
     pub fn new(timing: PulseTiming) -> Result<StepGenerator, TimingError> {
         for (name, got, least) in [
             ("ticks_per_cycle", timing.ticks_per_cycle, 1),
@@ -103,7 +107,7 @@ impl StepGenerator {
         })
     }
 
-    /// Where to be after the ticks of one cycle, in steps. `false`, and the old target stays, if that is no number or more
+    /// Where to be after the ticks of one cycle, in steps. `false`, and the old target stays, if that is NaN or more
     /// than 2³⁰ steps away from 0. RT.
     pub fn command(&mut self, steps: f64) -> bool {
         let possible = steps.abs() <= STEPS_MAX;

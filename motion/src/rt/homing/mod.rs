@@ -29,28 +29,29 @@ use super::scale::{MotionLimits, StopLimits};
 use group::Group;
 pub use group::Phase;
 
-/// How a group of joints homes: mm (degrees) and seconds.
+/// How a group of joints homes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HomingWay {
     /// Groups of lower numbers home first.
     pub sequence: u8,
-    /// Velocity towards the switch; its sign is the direction.
+    /// Velocity towards the switch, mm/s (degrees/s); its sign is the direction.
     pub search: f64,
-    /// Speed of the first pass that latches.
+    /// Speed of the first pass that latches, mm/s (degrees/s).
     pub latch: f64,
-    /// Where the switch must be found within.
+    /// Where the switch must be found within, mm (degrees).
     pub search_distance: f64,
-    /// Where the switch must open again within, and how far beyond the place of the search it may be found.
+    /// Where the switch must open again within, and how far beyond the place of the search it may be found,
+    /// mm (degrees).
     pub release_distance: f64,
-    /// Where the index pulse must come within, behind the switch; `None`: the switch itself counts.
+    /// Where the index pulse must come within, behind the switch, mm (degrees); `None`: the switch itself counts.
     pub index_distance: Option<f64>,
-    /// How exactly a switch is to be found.
+    /// How exactly a switch is to be found, mm (degrees).
     pub resolution: f64,
     /// How long a switch must be open to count as open, s.
     pub bounce_s: f64,
-    /// Where the joints end.
+    /// Where the joints end, mm (degrees).
     pub home: f64,
-    /// How far joints of a group may be displaced against each other on the way.
+    /// How far joints of a group may be displaced against each other on the way, mm (degrees).
     pub skew: f64,
 }
 
@@ -59,7 +60,7 @@ pub struct HomingWay {
 pub struct HomingJoint {
     /// Its number, by which inputs and positions are found.
     pub joint: usize,
-    /// Position that the place of its switch (its index pulse) has.
+    /// Position that the place of its switch (its index pulse) has, mm (degrees).
     pub switch: f64,
     /// Limits of all motion but stops at a switch.
     pub motion: MotionLimits,
@@ -72,9 +73,9 @@ pub struct HomingJoint {
 pub struct HomingInput {
     /// Whether the switch is closed.
     pub closed: bool,
-    /// Measured position when it was read.
+    /// Measured position when it was read, mm (degrees).
     pub measured: f64,
-    /// Where the drive saw the index pulse, if it did since the last cycle.
+    /// Where the drive saw the index pulse, mm (degrees), if it did since the last cycle.
     pub index: Option<f64>,
 }
 

@@ -1,6 +1,7 @@
 //! The interpolation on plans made by hand.
 
 use super::*;
+use crate::element::{Enables, Span};
 use crate::path::Piece;
 use crate::ring::{self, Producer, Publish, Sink};
 use crate::rt::{MotionLimits, StopLimits};

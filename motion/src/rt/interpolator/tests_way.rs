@@ -3,6 +3,7 @@
 use super::tests::{CYCLE_S, there};
 use super::*;
 use crate::canon::{AXES, Call, Event, PathMode, Position, Source};
+use crate::element::{Enables, Span};
 use crate::path::Piece;
 use crate::plan::{AxisLimits, Planner, Pumped, Settings, Slope};
 use crate::ring::{self, Producer, Publish, Sink};
@@ -232,8 +233,8 @@ fn square() -> Vec<Call> {
 #[test]
 fn backward_to_the_beginning_and_forward_to_the_same_end() {
     for slope in [Slope::Optimal, Slope::Classic] {
-        let mut rig = Rig::new(&square(), slope, KEPT);
-        let end = Rig::new(&square(), slope, KEPT).finish();
+        let mut rig = Rig::new(&square(), slope, KEPT_ELEMENTS);
+        let end = Rig::new(&square(), slope, KEPT_ELEMENTS).finish();
         for _ in 0..900 {
             rig.step(1.0);
         }
@@ -267,7 +268,7 @@ fn there_is_no_way_back_over_an_action_and_a_dwell_takes_no_time_on_it() {
     let mut calls = square();
     calls.insert(4, Call::Message("now".into()));
     calls.insert(6, Call::Dwell { seconds: 0.2 });
-    let mut rig = Rig::new(&calls, Slope::Optimal, KEPT);
+    let mut rig = Rig::new(&calls, Slope::Optimal, KEPT_ELEMENTS);
     rig.run_until(1.0, |_, sample| sample.line == 8);
     for _ in 0..300 {
         rig.step(1.0);
@@ -343,7 +344,7 @@ fn blocks(rig: &mut Rig) -> Vec<(u32, Position)> {
 #[test]
 fn in_single_block_every_block_ends_at_rest() {
     for slope in [Slope::Optimal, Slope::Classic] {
-        let mut rig = Rig::new(&square(), slope, KEPT);
+        let mut rig = Rig::new(&square(), slope, KEPT_ELEMENTS);
         let found = blocks(&mut rig);
         let lines: Vec<u32> = found.iter().map(|(line, _)| *line).collect();
         assert_eq!(lines, [3, 4, 5, 6], "{slope:?}");
@@ -386,7 +387,7 @@ fn in_single_block_it_rests_at_the_beginning_of_every_block_on_the_way_back() {
                 calls.insert(4, Call::Dwell { seconds: 0.05 });
             }
             let last = if exact { 7 } else { 6 };
-            let mut rig = Rig::new(&calls, slope, KEPT);
+            let mut rig = Rig::new(&calls, slope, KEPT_ELEMENTS);
             rig.run_until(1.0, |_, sample| sample.line == last);
             for _ in 0..150 {
                 rig.step(1.0);
@@ -402,7 +403,7 @@ fn in_single_block_it_rests_at_the_beginning_of_every_block_on_the_way_back() {
                 assert!(off_mm < if exact { 1e-12 } else { 1.0 }, "{line}: {at:?}");
             }
             // Forward from there it is block by block as well, and a turn between two blocks leaves none out.
-            let found = blocks(&mut Rig::new(&calls, slope, KEPT));
+            let found = blocks(&mut Rig::new(&calls, slope, KEPT_ELEMENTS));
             let first = rig.run_until(1.0, |interpolator, _| interpolator.is_block_over());
             assert_eq!((first.line, first.position), found[0]);
             let again = rig.run_until(-1.0, |interpolator, _| interpolator.is_way_back_over());
@@ -418,7 +419,7 @@ fn where_the_plan_rests_a_block_costs_no_time_for_a_ramp() {
     let mut calls = square();
     calls[1] = Call::SetPathMode(PathMode::ExactStop);
     calls.insert(5, Call::Dwell { seconds: 0.1 });
-    let mut rig = Rig::new(&calls, Slope::Optimal, KEPT);
+    let mut rig = Rig::new(&calls, Slope::Optimal, KEPT_ELEMENTS);
     let found = blocks(&mut rig);
     assert_eq!(found.iter().map(|(line, _)| *line).collect::<Vec<_>>(), [3, 4, 5, 6, 7]);
     let corners = [[20.0, 0.0], [20.0, 20.0], [0.0, 20.0], [0.0, 20.0], [0.0, 0.0]];
@@ -588,7 +589,7 @@ proptest! {
         calls in program(),
         script in script(),
         classic in prop::bool::ANY,
-        kept in prop_oneof![Just(KEPT), 1_usize..60],
+        kept in prop_oneof![Just(KEPT_ELEMENTS), 1_usize..60],
     ) {
         let slope = if classic { Slope::Classic } else { Slope::Optimal };
         let [mut rig, mut again] = [0, 1].map(|_| Rig::new(&calls, slope, kept));

@@ -154,7 +154,7 @@ impl TrajectoryGenerator {
         self.set_out(target, velocity);
     }
 
-    /// To a velocity, which is then kept; 0 is the shortest way to rest. A velocity that is no number is 0. Without effect
+    /// To a velocity, which is then kept; 0 is the shortest way to rest. A velocity that is NaN is 0. Without effect
     /// while an emergency stop is under way. RT.
     pub fn run_at(&mut self, velocity: f64) {
         if self.is_in_a_stop() {

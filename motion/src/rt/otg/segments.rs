@@ -7,14 +7,14 @@
 
 use crate::rt::StopLimits;
 
-/// Where a joint is and how it moves: mm (degrees) and seconds.
+/// Where a joint is and how it moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct State {
-    /// Position.
+    /// mm (degrees).
     pub position: f64,
-    /// Velocity.
+    /// mm/s (degrees/s).
     pub velocity: f64,
-    /// Acceleration.
+    /// mm/s² (degrees/s²).
     pub acceleration: f64,
 }
 

@@ -61,7 +61,7 @@ pub struct Prober {
 }
 
 impl Prober {
-    /// Without a probe: no contact ever changes, and nobody waits for a result.
+    /// Without a probe: no contact ever changes, and no result is waited for.
     pub fn new(cycle_s: f64) -> Prober {
         Prober {
             probe: Probe::idle(cycle_s),

@@ -19,7 +19,7 @@
 //! one of constant jerk, or part of a shortest way, and none is taken from which the greatest speed would be passed or the end
 //! of the piece could not be kept.
 //!
-//! Each move comes to rest and waits for the index anew, also where the next one goes on with the thread (its taper): all passes
+//! Each move comes to rest and waits for the index again, also where the next one goes on with the thread (its taper): all passes
 //! do so at the same place. A hold acts where the move waits or is over, an override never.
 //!
 //! Tapping: at the depth the spindle is to be reversed; its run-down, its stop and its way back are followed as the rest is.
@@ -77,7 +77,7 @@ pub enum SyncFault {
     TooFast,
     /// The spindle went on beyond the depth, farther than it may to reverse.
     NotReversed,
-    /// The encoder gave no number.
+    /// The encoder gave NaN.
     NoNumber,
     /// Ended from outside: [`Follower::give_up`].
     Aborted,

@@ -37,7 +37,7 @@ impl Observer {
         }
     }
 
-    /// Takes the measurement of this cycle. Where the count begins anew, as it does at the first index, so does the filter. RT.
+    /// Takes the measurement of this cycle. Where the count restarts, as it does at the first index, so does the filter. RT.
     pub(super) fn see(&mut self, turns: f64, indexed: bool) {
         if !turns.is_finite() {
             self.seen = 0;

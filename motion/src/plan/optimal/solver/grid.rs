@@ -24,11 +24,11 @@ pub struct JointLimits {
 /// Derivatives of one joint by path length.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct JointJet {
-    /// First.
+    /// q', mm (degrees) per mm of path.
     pub d1: f64,
-    /// Second.
+    /// q'', the same per mm.
     pub d2: f64,
-    /// Third.
+    /// q''', the same per mm².
     pub d3: f64,
 }
 

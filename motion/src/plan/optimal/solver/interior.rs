@@ -5,7 +5,7 @@
 //!
 //! Every iteration is a Newton step of the time and the barriers of all constraints, in which multipliers say how stiff each
 //! constraint is (primal-dual). The step goes on until shortly before the first bound. One constraint of thousands that was
-//! not seen in time would make it short; so those that a step would break are made stiffer, and the step is computed anew,
+//! not seen in time would make it short; so those that a step would break are made stiffer, and the step is computed again,
 //! before any of it is done. The weight of the barriers sinks with what steps still gain.
 
 use std::ops::Range;
@@ -46,11 +46,11 @@ const GAIN_PART: f64 = 0.3;
 const FIRST_GAP: f64 = 0.3;
 /// Least and greatest ratio of a multiplier to the one that belongs to its slack.
 const CENTRALITY: [f64; 2] = [0.1, 1e4];
-/// The same where multipliers begin anew.
-const ANEW: [f64; 2] = [1.0, 1.0];
+/// The same where multipliers restart.
+const RESTART_CENTRALITY: [f64; 2] = [1.0, 1.0];
 /// How often constraints that would not allow a step are made stiffer.
 const STIFFENINGS: u32 = 2;
-/// Step below which an iteration counts as stuck, and how many of them in a row start the multipliers anew.
+/// Step below which an iteration counts as stuck, and how many of them in a row restart the multipliers.
 const STUCK: (f64, u32) = (0.02, 3);
 
 /// What came of [`solve`].
@@ -159,7 +159,7 @@ impl Workspace {
         let number = self.constraints.number() as f64;
         let free = 2..self.constraints.count;
         let mut mu = FIRST_GAP * solved.time_s / number;
-        let mut centrality = ANEW;
+        let mut centrality = RESTART_CENTRALITY;
         let mut stuck = 0;
         while solved.iterations < options.iterations {
             let time_s = assemble(&mut self.constraints, &self.c, mu, centrality, &mut self.system);
@@ -204,7 +204,7 @@ impl Workspace {
             stuck = if alpha < STUCK.0 { stuck + 1 } else { 0 };
             if stuck >= STUCK.1 {
                 mu *= 10.0;
-                centrality = ANEW;
+                centrality = RESTART_CENTRALITY;
                 stuck = 0;
             }
         }

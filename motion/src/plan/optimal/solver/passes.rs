@@ -123,7 +123,7 @@ impl Block {
 }
 
 /// Values, gradients and matrix at `c`; returns the time. Multipliers are kept within a factor of `centrality` of those that
-/// belong to the slacks and the weight `mu` of the barrier: with 1, they begin anew.
+/// belong to the slacks and the weight `mu` of the barrier: with 1, they restart.
 #[multiversion(targets("x86_64+avx2"))]
 pub(super) fn assemble(
     constraints: &mut Constraints,

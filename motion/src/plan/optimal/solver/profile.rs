@@ -7,9 +7,9 @@ use super::grid::Grid;
 /// Motion along the path at one knot.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct State {
-    /// Square of the speed.
+    /// Square of the speed, mm²/s² (degrees²/s²).
     pub b: f64,
-    /// Acceleration along the path, b'/2.
+    /// Acceleration along the path, b'/2, mm/s² (degrees/s²).
     pub u: f64,
 }
 

@@ -1,7 +1,7 @@
 //! What comes back from the solver.
 //!
 //! In:  states at the knots of border windows and windows, or that there is no way.
-//! Out: the elements of windows, and the stops behind them; where there is no way, planning begins anew before it.
+//! Out: the elements of windows, and the stops behind them; where there is no way, planning restarts before it.
 
 use super::{After, Asked, Entry, Part, Place, Ready, State, Step, Stream, Tail};
 use crate::plan::limits::PathLimits;
@@ -13,7 +13,7 @@ use crate::plan::optimal::windows::States;
 use crate::plan::profile::{Phase, change_length, profile};
 
 impl Stream {
-    /// Begins anew at a place.
+    /// Restarts planning at a place.
     pub(super) fn restart(&mut self, place: Place, entry: Entry, careful: bool) {
         self.begun_anew += 1;
         self.sections = match entry {
@@ -26,7 +26,7 @@ impl Stream {
         self.careful = careful;
     }
 
-    /// A window has no solution: what follows the last known place is planned anew, its beginning without the solver.
+    /// A window has no solution: what follows the last known place is planned again, its beginning without the solver.
     pub(super) fn give_up(&mut self, index: usize) {
         if self.changes.fails() {
             return;

@@ -110,7 +110,7 @@ impl Stream {
         .steady(part, speed);
         let count = elements.len();
         for (k, made) in elements.iter_mut().enumerate() {
-            // Only from its end on, all is as it is planned anew.
+            // Only from its end on, all is as it is planned again.
             made.opens = behind && k + 1 == count;
         }
         let end = Place {

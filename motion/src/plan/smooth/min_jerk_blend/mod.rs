@@ -29,21 +29,21 @@ use crate::plan::{AxisLimits, Settings};
 /// Angle up to which two moves belong to one run, radians.
 const GENTLE: f64 = 1.0;
 /// Moves in a run at most.
-const MOST: usize = 16;
+const RUN_MOVES_MAX: usize = 16;
 /// Time between knots over that in which acceleration builds up, and its bounds in s.
 const KNOTS: f64 = 0.16;
 const KNOTS_S: [f64; 2] = [0.001, 0.010];
 /// Part of a move at the end of a run that stays as it is.
-const KEPT: f64 = 0.2;
+const UNCHANGED_PART: f64 = 0.2;
 /// Part of the tolerance that is used; the rest is for what lies between the places that are looked at, and for what
 /// set-points cut off.
-const USE: f64 = 0.95;
+const TOLERANCE_PART: f64 = 0.95;
 /// Part of the acceleration limit with which the pace is estimated.
-const EASY: f64 = 0.7;
-/// Times that the places on the path are found anew.
+const ACCELERATION_PART: f64 = 0.7;
+/// Times that the places on the path are computed again.
 const PASSES: u32 = 2;
 /// Price of being off along the path by the way of one span.
-const ALONG: f64 = 0.03;
+const ALONG_WEIGHT: f64 = 0.03;
 /// Tries with less of the tolerance where a curve goes beyond it.
 const TRIES: u32 = 3;
 
@@ -82,7 +82,7 @@ impl MinJerkBlend {
             if !self.joins(&leg.part) {
                 self.close(Some(&leg.part), settings, out);
                 self.entry = Entry::Behind(last);
-            } else if self.run.len() == MOST {
+            } else if self.run.len() == RUN_MOVES_MAX {
                 self.close_within(settings, out);
             }
         }
@@ -169,12 +169,12 @@ impl MinJerkBlend {
         let last = run.len() - 1;
         let [first_length, last_length] = [run[0].part.piece.length(), run[last].part.piece.length()];
         let (from, enters) = match &self.entry {
-            Entry::Rest => (KEPT * first_length, 0.0),
-            Entry::Behind(before) => (KEPT * first_length, crossing(before, &run[0].part, settings)),
+            Entry::Rest => (UNCHANGED_PART * first_length, 0.0),
+            Entry::Behind(before) => (UNCHANGED_PART * first_length, crossing(before, &run[0].part, settings)),
             Entry::Within(speed) => (0.0, *speed),
         };
         let (to, exits) = match exit {
-            Exit::Speed(speed) => ((1.0 - KEPT) * last_length, speed),
+            Exit::Speed(speed) => ((1.0 - UNCHANGED_PART) * last_length, speed),
             Exit::Within => (0.5 * last_length, f64::INFINITY),
         };
         let limits = limits(run.iter().map(|leg| &leg.part.piece), settings)?;
@@ -195,10 +195,10 @@ impl MinJerkBlend {
             };
             self.pace.push(part.piece.length(), cap(part, &limits), end);
         }
-        self.pace.finish(EASY * limits.acceleration);
+        self.pace.finish(ACCELERATION_PART * limits.acceleration);
         let track = Track::new(run, normal);
         // Inside a bend, the borders of the tolerance of both moves meet further from its vertex.
-        let tolerance = USE * tolerance * libm::cos(0.5 * angle);
+        let tolerance = TOLERANCE_PART * tolerance * libm::cos(0.5 * angle);
         let mut tube = tolerance;
         for _ in 0..TRIES {
             let curve = self.curve(&track, [from, to], &limits, tube)?;
@@ -272,7 +272,7 @@ impl MinJerkBlend {
                     weights,
                     place,
                     along,
-                    stiffness: ALONG.sqrt() / (v * h),
+                    stiffness: ALONG_WEIGHT.sqrt() / (v * h),
                 });
             };
             for (x, s) in even.iter().zip(&places) {

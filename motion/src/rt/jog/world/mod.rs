@@ -203,7 +203,7 @@ impl WorldJog {
 
     /// One cycle further: the positions of the joints; gives that of the axes. RT.
     pub fn step(&mut self, joints: &mut [f64]) -> Position {
-        // An emergency stop is nobody's choice of ways.
+        // An emergency stop leaves no choice of ways.
         let stops = self.axes.iter().any(TrajectoryGenerator::is_in_a_stop);
         if !stops {
             self.steer();

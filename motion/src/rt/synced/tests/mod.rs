@@ -338,7 +338,7 @@ fn what_a_spindle_does_not_do_is_a_fault_by_name_and_ends_at_rest() {
     let (follower, _) = against(&move_, |cycle, _| at(0.01 * f64::from(cycle.min(1500))));
     assert_eq!(follower.fault(), Some(SyncFault::SpindleStands));
     assert!(follower.place() > 10.0 && follower.place() < 15.0);
-    // No number.
+    // NaN.
     let (follower, _) = against(&move_, |cycle, _| {
         at(if cycle < 1000 {
             0.01 * f64::from(cycle)

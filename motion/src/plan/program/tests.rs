@@ -1,0 +1,362 @@
+//! Tests of what calls come to.
+
+use super::*;
+use crate::canon::{AXES, Plane};
+use crate::element::Surface;
+use crate::plan::AxisLimits;
+use std::f64::consts::PI;
+
+fn settings() -> Settings {
+    let axis = AxisLimits {
+        velocity: 1.0,
+        acceleration: 1.0,
+        jerk: 1.0,
+        travel: [-1e3, 1e3],
+    };
+    let axes = [Some(axis); AXES];
+    Settings {
+        tolerance_mm: 0.1,
+        look_ahead_blocks: 9,
+        spindle_encoder: true,
+        slope: crate::plan::Slope::Classic,
+        ..Settings::new(axes, 1e-3)
+    }
+}
+
+fn moved(program: &mut Program, call: Call) -> Move {
+    match program.take(1, &call, &settings()) {
+        Ok(Some(Entry::Move(part))) => part,
+        other => panic!("a move expected: {other:?}"),
+    }
+}
+
+fn speed(rpm: f64) -> Call {
+    Call::SetSpindleSpeed { spindle: 0, speed: rpm }
+}
+
+fn with_feed() -> Program {
+    let mut program = Program::new(Position::ZERO);
+    program
+        .take(
+            1,
+            &Call::SetFeedRate {
+                linear: 5.0,
+                angular: 7.0,
+            },
+            &settings(),
+        )
+        .unwrap();
+    program
+}
+
+fn arc(to: Position, plane: Plane, centre_mm: [f64; 2], turns: i32) -> Call {
+    Call::ArcFeed {
+        to,
+        plane,
+        centre_mm,
+        turns,
+    }
+}
+
+#[test]
+fn equal_end_points_are_a_full_turn_and_turns_count() {
+    for (turns, times) in [(1, 1.0), (-1, 1.0), (3, 3.0), (-2, 2.0)] {
+        let part = moved(&mut with_feed(), arc(Position::ZERO, Plane::Xy, [10.0, 0.0], turns));
+        assert!((part.piece.length() - times * 20.0 * PI).abs() < 1e-9, "{turns}");
+        // Counter-clockwise from (0, 0) about (10, 0) begins downwards.
+        let down = part.piece.jet(0.0).d1[1];
+        assert!((down + f64::from(turns.signum())).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn direction_decides_which_part_of_the_circle_is_meant() {
+    let quarter = Position::xyz(10.0, -10.0, 0.0);
+    let part = moved(&mut with_feed(), arc(quarter, Plane::Xy, [10.0, 0.0], 1));
+    assert!((part.piece.length() - 5.0 * PI).abs() < 1e-9);
+    let part = moved(&mut with_feed(), arc(quarter, Plane::Xy, [10.0, 0.0], -1));
+    assert!((part.piece.length() - 15.0 * PI).abs() < 1e-9);
+}
+
+#[test]
+fn an_arc_turns_and_shifts_with_its_frame() {
+    let mut program = with_feed();
+    let offset = Call::SetG5xOffset {
+        system: 1,
+        origin: Position::xyz(100.0, 0.0, 7.0),
+    };
+    program.take(1, &offset, &settings()).unwrap();
+    program
+        .take(1, &Call::SetXyRotation { degrees: 90.0 }, &settings())
+        .unwrap();
+    moved(&mut program, Call::StraightTraverse { to: Position::ZERO });
+    // G18: Z is first, X second; the half turn from X0 to X20 bulges to Z-10 or Z+10. X of the work is Y here.
+    let part = moved(
+        &mut program,
+        arc(Position::xyz(20.0, 0.0, 0.0), Plane::Zx, [0.0, 10.0], 1),
+    );
+    let middle = part.piece.position(part.piece.length() / 2.0);
+    for (got, want) in middle.0.iter().zip([100.0, 10.0, 17.0]) {
+        assert!((got - want).abs() < 1e-9, "{middle:?}");
+    }
+}
+
+#[test]
+fn a_feed_counts_degrees_where_rotary_axes_alone_move() {
+    let mut to = Position::ZERO;
+    to[Axis::B] = 9.0;
+    assert_eq!(moved(&mut with_feed(), Call::StraightFeed { to }).feed, 7.0);
+    to[Axis::V] = 1.0;
+    assert_eq!(moved(&mut with_feed(), Call::StraightFeed { to }).feed, 5.0);
+}
+
+#[test]
+fn a_feed_per_turn_is_that_of_the_programmed_speed_and_none_where_the_spindle_stands() {
+    let mut program = with_feed();
+    let to = Position::xyz(0.0, 0.0, 1.0);
+    let mode = Call::SetFeedMode(FeedMode::PerTurn { spindle: 0 });
+    program.take(1, &mode, &settings()).unwrap();
+    program.take(1, &speed(90.0), &settings()).unwrap();
+    let stands = program.take(1, &Call::StraightFeed { to }, &settings());
+    assert_eq!(stands.unwrap_err(), PlanErrorKind::SpindleStands);
+    let start = Call::StartSpindle {
+        spindle: 0,
+        direction: SpindleDirection::Counterclockwise,
+        wait_for_speed: true,
+    };
+    program.take(1, &start, &settings()).unwrap();
+    assert_eq!(moved(&mut program, Call::StraightFeed { to }).feed, 7.5);
+    let mode = Call::SetFeedMode(FeedMode::PerTime);
+    program.take(1, &mode, &settings()).unwrap();
+    let to = Position::ZERO;
+    assert_eq!(moved(&mut program, Call::StraightFeed { to }).feed, 5.0);
+}
+
+#[test]
+fn what_cannot_be_run_is_refused_by_name() {
+    let calls = [
+        (
+            Call::StartSpindle {
+                spindle: 1,
+                direction: SpindleDirection::Clockwise,
+                wait_for_speed: true,
+            },
+            "a second spindle ($1 and above)",
+        ),
+        // One of a million took more memory than a PC has.
+        (
+            arc(Position::ZERO, Plane::Xy, [1.0, 0.0], -1001),
+            "an arc of more than 1000 turns",
+        ),
+        (
+            arc(Position::ZERO, Plane::Uv, [1.0, 0.0], 1),
+            "an arc in the planes of U, V and W (G17.1 to G19.1)",
+        ),
+    ];
+    for (call, what) in calls {
+        assert_eq!(
+            with_feed().take(1, &call, &settings()).unwrap_err(),
+            PlanErrorKind::Unsupported(what)
+        );
+    }
+}
+
+#[test]
+fn modes_decide_what_may_happen_to_a_corner() {
+    let mut program = with_feed();
+    let modes = [
+        (PathMode::ExactPath, Corner::Exact),
+        (PathMode::ExactStop, Corner::Stop),
+        (
+            PathMode::Continuous {
+                tolerance_mm: Some(0.02),
+                naive_cam_tolerance_mm: None,
+            },
+            Corner::Round(0.02),
+        ),
+        (
+            PathMode::Continuous {
+                tolerance_mm: None,
+                naive_cam_tolerance_mm: None,
+            },
+            Corner::Round(0.1),
+        ),
+    ];
+    for (x, (mode, corner)) in (1..).zip(modes) {
+        program.take(1, &Call::SetPathMode(mode), &settings()).unwrap();
+        let part = moved(
+            &mut program,
+            Call::StraightFeed {
+                to: Position::xyz(f64::from(x), 0.0, 0.0),
+            },
+        );
+        assert_eq!((part.corner, part.feed, part.rapid), (corner, 5.0, false));
+    }
+}
+
+#[test]
+fn a_spindle_speed_is_an_action_only_while_the_spindle_turns() {
+    let mut program = with_feed();
+    let mut take = |call| match program.take(4, &call, &settings()).unwrap() {
+        Some(Entry::Rest(Element::Action { action, line: 4 })) => Some(action),
+        None => None,
+        other => panic!("an action expected: {other:?}"),
+    };
+    let direction = SpindleDirection::Counterclockwise;
+    assert_eq!(take(speed(500.0)), None);
+    assert_eq!(
+        take(Call::StartSpindle {
+            spindle: 0,
+            direction,
+            wait_for_speed: true,
+        }),
+        Some(Action::SpindleOn {
+            rpm: 500.0,
+            direction,
+            surface: None,
+        })
+    );
+    assert_eq!(
+        take(speed(9.0)),
+        Some(Action::SpindleOn {
+            rpm: 9.0,
+            direction,
+            surface: None,
+        })
+    );
+    assert_eq!(take(Call::StopSpindle { spindle: 0 }), Some(Action::SpindleOff));
+    assert_eq!(take(speed(8.0)), None);
+    assert_eq!(take(Call::Message("a".into())), Some(Action::Message { number: 0 }));
+    assert_eq!(take(Call::Message("b".into())), Some(Action::Message { number: 1 }));
+}
+
+#[test]
+fn a_constant_speed_of_the_surface_follows_its_zero_and_is_planned_for_its_highest_speed() {
+    let mut program = with_feed();
+    let direction = SpindleDirection::Clockwise;
+    let mode = |max_rpm| Call::SetSpindleMode {
+        spindle: 0,
+        mode: SpindleMode::ConstantSurfaceSpeed { max_rpm },
+    };
+    let start = Call::StartSpindle {
+        spindle: 0,
+        direction,
+        wait_for_speed: true,
+    };
+    let mut take = |call: Call| match program.take(1, &call, &settings()).unwrap() {
+        Some(Entry::Rest(Element::Action {
+            action: Action::SpindleOn { rpm, surface, .. },
+            ..
+        })) => Some((rpm, surface)),
+        _ => None,
+    };
+    let surface = |m_per_minute, centre_mm| {
+        Some(Surface {
+            m_per_minute,
+            centre_mm,
+        })
+    };
+    assert_eq!(take(mode(Some(1500.0))), None);
+    assert_eq!(take(speed(120.0)), None);
+    assert_eq!(take(start), Some((1500.0, surface(120.0, 0.0))));
+    let offset = Position::xyz(-7.0, 0.0, 3.0);
+    assert_eq!(
+        take(Call::SetG5xOffset {
+            system: 1,
+            origin: offset,
+        }),
+        Some((1500.0, surface(120.0, -7.0)))
+    );
+    take(Call::SetFeedMode(FeedMode::PerTurn { spindle: 0 }));
+    // 5 mm a turn.
+    let part = moved(
+        &mut program,
+        Call::StraightFeed {
+            to: Position::xyz(20.0, 0.0, 0.0),
+        },
+    );
+    assert_eq!((part.feed, part.enables.spindle_speed), (125.0, true));
+    // Without D as fast as the machine can.
+    program.take(1, &mode(None), &settings()).unwrap();
+    let part = moved(
+        &mut program,
+        Call::StraightFeed {
+            to: Position::xyz(30.0, 0.0, 0.0),
+        },
+    );
+    assert_eq!(part.feed, 500.0);
+    // 120 m/min at a radius of 30 mm.
+    let found = surface(120.0, -7.0).unwrap().rpm(23.0);
+    assert!(
+        (found - 120_000.0 / (60.0 * std::f64::consts::PI)).abs() < 1e-9,
+        "{found}"
+    );
+}
+
+#[test]
+fn the_first_cut_behind_a_change_of_speed_waits_once() {
+    let settings = Settings {
+        await_spindle: true,
+        ..settings()
+    };
+    let mut program = with_feed();
+    let to = Position::xyz(1.0, 0.0, 0.0);
+    let cut = Call::StraightFeed { to };
+    let start = |wait_for_speed| Call::StartSpindle {
+        spindle: 0,
+        direction: SpindleDirection::Clockwise,
+        wait_for_speed,
+    };
+    let mut waits = |calls: &[Call]| {
+        let waits = |call: &Call| {
+            let waits = program.take_wait(call, &settings);
+            program.take(1, call, &settings).unwrap();
+            waits
+        };
+        calls.iter().map(waits).collect::<Vec<bool>>()
+    };
+    assert_eq!(waits(&[cut.clone(), speed(100.0), cut.clone()]), [false; 3]);
+    let rapid = Call::StraightTraverse { to };
+    assert_eq!(
+        waits(&[start(true), rapid, cut.clone(), cut.clone()]),
+        [false, false, true, false]
+    );
+    assert_eq!(waits(&[speed(200.0), cut.clone()]), [false, true]);
+    assert_eq!(waits(&[start(false), cut.clone()]), [false; 2]);
+    assert_eq!(waits(&[start(true), Call::StopSpindle { spindle: 0 }, cut]), [false; 3]);
+}
+
+#[test]
+fn a_refused_move_leaves_the_program_where_it_is() {
+    let mut program = with_feed();
+    let far = Call::StraightFeed {
+        to: Position::xyz(2e3, 0.0, 0.0),
+    };
+    assert!(matches!(
+        program.take(1, &far, &settings()),
+        Err(PlanErrorKind::Travel {
+            axis: Axis::X,
+            limit: 1e3,
+            ..
+        })
+    ));
+    let part = moved(
+        &mut program,
+        Call::StraightFeed {
+            to: Position::xyz(3.0, 4.0, 0.0),
+        },
+    );
+    assert_eq!(part.piece.length(), 5.0);
+    let none = Call::StraightFeed {
+        to: Position::xyz(f64::NAN, 0.0, 0.0),
+    };
+    assert_eq!(
+        program.take(1, &none, &settings()).unwrap_err(),
+        PlanErrorKind::NotFinite
+    );
+    let centre = arc(Position::xyz(5.0, 5.0, 0.0), Plane::Xy, [3.0, 4.0], 1);
+    assert_eq!(
+        program.take(1, &centre, &settings()).unwrap_err(),
+        PlanErrorKind::BadArc
+    );
+}
