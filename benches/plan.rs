@@ -25,7 +25,7 @@ use motion::canon::Position;
 use motion::element::{Element, Enables, Span};
 use motion::kinematics::{Hand, Kinematics, Rotary, RotaryAxis, TableTable, ToolFrame, Transform};
 use motion::path::Piece;
-use motion::plan::Slope;
+use motion::plan::PlannerKind;
 use motion::plan::workers::Workers;
 use motion::ring::{self, Publish, Sink, Timed};
 use motion::rt::{Interpolator, SampleState};
@@ -35,7 +35,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 const MACHINE: &str = include_str!("../tests/proof_programs/three-axes.toml");
-const PLANNERS: [(Slope, &str); 2] = [(Slope::Optimal, "optimal"), (Slope::Classic, "classic")];
+const PLANNERS: [(PlannerKind, &str); 2] = [(PlannerKind::Optimal, "optimal"), (PlannerKind::Classic, "classic")];
 /// Seconds that LinuxCNC needs, 2.9 without limited jerk and 2.10 with its S-curve, for programs of these beginnings; the
 /// same limits (100 mm/s, 1000 mm/s², 20,000 mm/s³ where there is one), 1 ms.
 const LINUXCNC: [(&str, &str); 4] = [
@@ -95,14 +95,14 @@ struct Planned {
     wall_s: f64,
 }
 
-fn machine(planner: Slope) -> anyhow::Result<(Config, Tables)> {
+fn machine(planner: PlannerKind) -> anyhow::Result<(Config, Tables)> {
     let mut config = config::parse(MACHINE, Path::new("three-axes.toml")).context("the machine file of the proof")?;
     config.program.planner = planner;
     let tables = Tables::read(&config)?;
     Ok((config, tables))
 }
 
-fn plan(text: &str, planner: Slope, workers: &Workers) -> anyhow::Result<Planned> {
+fn plan(text: &str, planner: PlannerKind, workers: &Workers) -> anyhow::Result<Planned> {
     let (config, tables) = machine(planner)?;
     let began = Instant::now();
     let sink = Measure::default();
@@ -138,16 +138,16 @@ fn throughput(options: &Options) -> anyhow::Result<()> {
         let text = proof_programs::find(name)
             .context("a program of this name")?
             .text(Size::Full);
-        let variants: Vec<(Slope, &str, usize)> = PLANNERS
+        let variants: Vec<(PlannerKind, &str, usize)> = PLANNERS
             .iter()
-            .flat_map(|(slope, name)| [1, 2].map(|threads| (*slope, *name, threads)))
+            .flat_map(|(planner_kind, name)| [1, 2].map(|threads| (*planner_kind, *name, threads)))
             .collect();
         let pools = [1, 2].map(|threads| Workers::new(threads - 1, || ()));
         let mut rates = vec![Vec::new(); variants.len()];
         let mut blocks = 0;
         for _ in 0..options.rounds {
-            for ((slope, _, threads), rates) in variants.iter().zip(&mut rates) {
-                let planned = plan(&text, *slope, &pools[threads - 1])?;
+            for ((planner_kind, _, threads), rates) in variants.iter().zip(&mut rates) {
+                let planned = plan(&text, *planner_kind, &pools[threads - 1])?;
                 blocks = planned.blocks;
                 rates.push(planned.blocks as f64 / planned.wall_s);
             }
@@ -188,7 +188,12 @@ fn motion_times(options: &Options) -> anyhow::Result<()> {
     for (name, text) in programs {
         let times: Vec<String> = PLANNERS
             .iter()
-            .map(|(slope, planner)| Ok(format!("{planner} {:.3}", plan(&text, *slope, &workers)?.motion_s)))
+            .map(|(planner_kind, planner)| {
+                Ok(format!(
+                    "{planner} {:.3}",
+                    plan(&text, *planner_kind, &workers)?.motion_s
+                ))
+            })
             .collect::<anyhow::Result<_>>()?;
         let known = LINUXCNC
             .iter()
@@ -242,8 +247,8 @@ fn interpolation() -> anyhow::Result<()> {
         let text = proof_programs::find(name)
             .context("a program of this name")?
             .text(Size::Full);
-        for (slope, planner) in PLANNERS {
-            let (config, tables) = machine(slope)?;
+        for (planner_kind, planner) in PLANNERS {
+            let (config, tables) = machine(planner_kind)?;
             let mut recorder = All::default();
             let mut feeder = Feeder::new(&config, &tables, text.as_bytes(), home(&config), &mut recorder);
             while feeder.pump().map_err(|error| anyhow::anyhow!(error.located(name)))? != Progress::Done {
@@ -306,7 +311,7 @@ fn five_axes() -> anyhow::Result<()> {
             }))
         })
         .collect();
-    let (config, _) = machine(Slope::Optimal)?;
+    let (config, _) = machine(PlannerKind::Optimal)?;
     let (mut producer, consumer) = ring::channel(elements.len());
     producer.publish(&elements, &[]);
     let interpolator = Interpolator::new(consumer, at(0), stop_ramp(&config));

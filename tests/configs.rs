@@ -81,7 +81,7 @@ fn demo_machine() -> (Config, Settings) {
     let mut settings = Settings {
         tolerance_mm: config.program.tolerance_mm,
         look_ahead_blocks: config.program.look_ahead_blocks,
-        slope: config.program.planner,
+        planner_kind: config.program.planner,
         ..Settings::new([None; 9], f64::from(config.cycle_us) * 1e-6)
     };
     for map in &config.axes {

@@ -11,7 +11,7 @@ use isocnc::rt::overrides::Overridden::{self, Feed, Rapid, Spindle};
 use isocnc::rt::shared::Command;
 use isocnc::sim::NetConfig;
 use motion::canon::{Axis, Position};
-use motion::plan::{Slope, deviation};
+use motion::plan::{PlannerKind, deviation};
 use std::path::Path;
 
 const MACHINE: &str = include_str!("../configs/mill3-demo.toml");
@@ -20,9 +20,9 @@ const CYCLE_S: f64 = 1e-3;
 /// From the order to the first set-point that is another one because of it.
 const REACTION_CYCLES: usize = 50;
 
-fn machine(slope: Slope) -> Config {
+fn machine(planner_kind: PlannerKind) -> Config {
     let mut config = config::parse(MACHINE, Path::new("mill3-demo.toml")).expect("a good machine file");
-    config.program.planner = slope;
+    config.program.planner = planner_kind;
     config
 }
 
@@ -134,16 +134,19 @@ fn reaction(config: &Config, text: &str, at: usize, act: impl FnOnce(&mut Rehear
 
 #[test]
 fn the_machine_follows_a_turned_override_soon_though_all_is_planned() {
-    for slope in [Slope::Optimal, Slope::Classic] {
-        let config = machine(slope);
+    for planner_kind in [PlannerKind::Optimal, PlannerKind::Classic] {
+        let config = machine(planner_kind);
         for at in [600, 1300] {
             for (what, percent) in [(Feed, 50.0), (Feed, 90.0), (Feed, 0.0)] {
                 let cycles = reaction(&config, LINE, at, |run| turn(run, what, percent));
                 println!(
-                    "{slope:?}, {} to {percent} % after {at} cycles: {cycles} cycles",
+                    "{planner_kind:?}, {} to {percent} % after {at} cycles: {cycles} cycles",
                     what.name()
                 );
-                assert!(cycles <= REACTION_CYCLES, "{slope:?} {at} {what:?} {percent}: {cycles}");
+                assert!(
+                    cycles <= REACTION_CYCLES,
+                    "{planner_kind:?} {at} {what:?} {percent}: {cycles}"
+                );
             }
         }
     }
@@ -152,8 +155,8 @@ fn the_machine_follows_a_turned_override_soon_though_all_is_planned() {
 #[test]
 fn feed_and_rapid_moves_run_at_their_percentage() {
     let text = "G21 G90 G94\nG53 G0 Z0\nG53 G0 X0 Y0\nG53 G1 X60 F3000\nG53 G0 X160\nG53 G1 Y60\nM2\n";
-    for slope in [Slope::Optimal, Slope::Classic] {
-        let config = machine(slope);
+    for planner_kind in [PlannerKind::Optimal, PlannerKind::Classic] {
+        let config = machine(planner_kind);
         run_part(&config, text, |run| {
             turn(run, Feed, 40.0);
             turn(run, Rapid, 50.0);
@@ -163,19 +166,19 @@ fn feed_and_rapid_moves_run_at_their_percentage() {
                 let got = fastest(run, line);
                 assert!(
                     (got / speed - 1.0).abs() < 0.003,
-                    "{slope:?} line {line}: {got}, not {speed} mm/s"
+                    "{planner_kind:?} line {line}: {got}, not {speed} mm/s"
                 );
             }
         });
     }
     // Above 100 %: by the planner that can.
-    let config = machine(Slope::Optimal);
+    let config = machine(PlannerKind::Optimal);
     run_part(&config, text, |run| {
         turn(run, Feed, 120.0);
         prove(run, &config, [160.0, 60.0, 0.0]);
         assert!((fastest(run, 4) / 60.0 - 1.0).abs() < 0.003);
     });
-    run_part(&machine(Slope::Classic), "M2\n", |run| {
+    run_part(&machine(PlannerKind::Classic), "M2\n", |run| {
         let refused = run.operator.shared().overrides.order(Feed, 120.0).unwrap_err();
         assert!(
             refused.contains("without effect with planner = \"classic\""),
@@ -187,8 +190,8 @@ fn feed_and_rapid_moves_run_at_their_percentage() {
 #[test]
 fn with_no_feed_rapid_moves_run_up_to_the_next_feed_move_and_it_waits() {
     let text = "G21 G90 G94\nG53 G0 Z0\nG53 G0 X50 Y50\nG53 G1 X90 F3000\nG53 G0 Z-5\nM2\n";
-    for slope in [Slope::Optimal, Slope::Classic] {
-        let config = machine(slope);
+    for planner_kind in [PlannerKind::Optimal, PlannerKind::Classic] {
+        let config = machine(planner_kind);
         run_part(&config, text, |run| {
             turn(run, Feed, 0.0);
             reach_cycle(run, 3000);
@@ -197,7 +200,7 @@ fn with_no_feed_rapid_moves_run_up_to_the_next_feed_move_and_it_waits() {
             assert_eq!(
                 (live.position[Axis::X], live.position[Axis::Y]),
                 (50.0, 50.0),
-                "{slope:?}"
+                "{planner_kind:?}"
             );
             turn(run, Feed, 100.0);
             turn(run, Rapid, 0.0);
@@ -206,7 +209,7 @@ fn with_no_feed_rapid_moves_run_up_to_the_next_feed_move_and_it_waits() {
             assert_eq!(
                 (live.position[Axis::X], live.position[Axis::Z]),
                 (90.0, 0.0),
-                "{slope:?}"
+                "{planner_kind:?}"
             );
             turn(run, Rapid, 30.0);
             prove(run, &config, [90.0, 50.0, -5.0]);
@@ -218,9 +221,9 @@ fn with_no_feed_rapid_moves_run_up_to_the_next_feed_move_and_it_waits() {
 fn where_the_program_switches_overrides_off_it_runs_as_programmed() {
     // Lines 4 and 7 follow the override, 5 and 6 do not.
     let text = "G21 G90 G94 G64 P0.01\nG53 G0 Z0\nG53 G0 X0 Y0\nG53 G1 X60 F3000\nM49 G53 G1 X120\nG53 G1 Y60\nM48 G53 G1 X60\nM2\n";
-    for slope in [Slope::Optimal, Slope::Classic] {
+    for planner_kind in [PlannerKind::Optimal, PlannerKind::Classic] {
         for (at, percent) in [(10, 30.0), (1500, 30.0), (2500, 0.0)] {
-            let config = machine(slope);
+            let config = machine(planner_kind);
             run_part(&config, text, |run| {
                 reach_cycle(run, at);
                 turn(run, Feed, percent);
@@ -233,13 +236,16 @@ fn where_the_program_switches_overrides_off_it_runs_as_programmed() {
                 prove(run, &config, [60.0, 60.0, 0.0]);
                 for line in [5, 6] {
                     let got = fastest(run, line);
-                    assert!((got / 50.0 - 1.0).abs() < 0.001, "{slope:?} {at} line {line}: {got}");
+                    assert!(
+                        (got / 50.0 - 1.0).abs() < 0.001,
+                        "{planner_kind:?} {at} line {line}: {got}"
+                    );
                 }
                 if percent > 0.0 {
                     // Its beginning is run down from full speed.
                     let slowed = speeds(run, 7);
                     let middle = slowed[slowed.len() / 2];
-                    assert!((middle / 15.0 - 1.0).abs() < 0.003, "{slope:?} {at}: {middle}");
+                    assert!((middle / 15.0 - 1.0).abs() < 0.003, "{planner_kind:?} {at}: {middle}");
                 }
             });
         }
@@ -249,7 +255,7 @@ fn where_the_program_switches_overrides_off_it_runs_as_programmed() {
 #[test]
 fn the_machine_adapts_the_feed_and_the_switch_holds_only_where_the_program_wants_it() {
     let text = "G21 G90 G94\nG53 G0 Z0\nG53 G0 X0 Y0\nG53 G1 X60 F3000\nM52 P1 G53 G1 X120\nM52 P0\nM53 P0 G53 G1 Y60\nM53 P1 G53 G1 X60\nM2\n";
-    let config = machine(Slope::Optimal);
+    let config = machine(PlannerKind::Optimal);
     run_part(&config, text, |run| {
         run.hal.set("motion.adaptive-feed", 0.5).expect("a pin");
         let line = |run: &mut Rehearsal<'_>, line: u32| {
@@ -286,7 +292,7 @@ fn the_machine_adapts_the_feed_and_the_switch_holds_only_where_the_program_wants
 #[test]
 fn the_spindle_follows_its_override_where_the_program_lets_it() {
     let text = "G21 G90 G94 S1000 M3\nG53 G1 X5 F300\nM51 P0\nG53 G1 X10\nM51 P1\nG53 G1 X15\nM2\n";
-    run_part(&machine(Slope::Optimal), text, |run| {
+    run_part(&machine(PlannerKind::Optimal), text, |run| {
         let speed = run.hal.reader::<f64>("spindle.0.speed-out").expect("a pin");
         turn(run, Spindle, 80.0);
         for (line, rpm) in [(2, 800.0), (4, 1000.0), (6, 800.0)] {
@@ -305,7 +311,7 @@ fn the_spindle_follows_its_override_where_the_program_lets_it() {
 
 #[test]
 fn pins_turn_overrides_and_show_them() {
-    run_part(&machine(Slope::Optimal), LINE, |run| {
+    run_part(&machine(PlannerKind::Optimal), LINE, |run| {
         let value = run.hal.reader::<f64>("halui.feed-override.value").expect("a pin");
         reach_cycle(run, 10);
         assert_eq!(value.get(), 1.0);
@@ -344,8 +350,8 @@ fn pins_turn_overrides_and_show_them() {
 }
 
 /// Everything that can be turned, held and adapted, at random moments.
-fn script(seed: u64, slope: Slope) {
-    println!("seed {seed}, {slope:?}");
+fn script(seed: u64, planner_kind: PlannerKind) {
+    println!("seed {seed}, {planner_kind:?}");
     let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
     let mut random = move |below: u64| {
         state ^= state << 13;
@@ -367,7 +373,7 @@ fn script(seed: u64, slope: Slope) {
         };
     }
     text += "M48\nM53 P1\nG53 G1 Z0\nM2\n";
-    let config = machine(slope);
+    let config = machine(planner_kind);
     run_part(&config, &text, |run| {
         reach_cycle(run, 1);
         for _ in 0..60 {
@@ -380,7 +386,7 @@ fn script(seed: u64, slope: Slope) {
                 5 | 6 => turn(
                     run,
                     Feed,
-                    random(if slope == Slope::Optimal { 121 } else { 101 }) as f64,
+                    random(if planner_kind == PlannerKind::Optimal { 121 } else { 101 }) as f64,
                 ),
                 7 => run
                     .hal
@@ -403,8 +409,8 @@ fn script(seed: u64, slope: Slope) {
 fn any_script_of_orders_keeps_limits_path_and_end() {
     let seeds = std::env::var("ISOCNC_SEEDS").ok().and_then(|count| count.parse().ok());
     for seed in 1..=seeds.unwrap_or(3) {
-        for slope in [Slope::Optimal, Slope::Classic] {
-            script(seed, slope);
+        for planner_kind in [PlannerKind::Optimal, PlannerKind::Classic] {
+            script(seed, planner_kind);
         }
     }
 }

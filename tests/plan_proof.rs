@@ -15,7 +15,7 @@ use motion::kinematics::ToolFrame;
 use motion::plan::check::check;
 use motion::plan::offline::sample;
 use motion::plan::workers::Workers;
-use motion::plan::{AxisLimits, JointSpace, Planner, Programmed, Pumped, Settings, Slope, deviation};
+use motion::plan::{AxisLimits, JointSpace, Planner, PlannerKind, Programmed, Pumped, Settings, deviation};
 use motion::ring::{self, Publish, Sink, Timed};
 use motion::rt::{Interpolator, SampleState};
 use proof_programs::{CASES, Random, Size};
@@ -27,19 +27,19 @@ const STIFF: &str = include_str!("proof_programs/three-axes-stiff.toml");
 const FAST: &str = include_str!("proof_programs/three-axes-fast.toml");
 const TRUNNION: &str = include_str!("../configs/trunnion5-demo.toml");
 const HEAD: &str = include_str!("../configs/head5-demo.toml");
-const PLANNERS: [Slope; 2] = [Slope::Optimal, Slope::Classic];
+const PLANNERS: [PlannerKind; 2] = [PlannerKind::Optimal, PlannerKind::Classic];
 const CYCLE_S: f64 = 1e-3;
 /// What rounding takes of a path that is kept exactly, mm.
 const ROUNDING_MM: f64 = 1e-9;
 
-fn machine(text: &str, planner: Slope) -> Config {
+fn machine(text: &str, planner: PlannerKind) -> Config {
     let mut config = config::parse(text, Path::new("machine.toml")).expect("a good machine file");
     config.program.planner = planner;
     config
 }
 
 /// A machine of which no axis is like another.
-fn uneven(planner: Slope) -> Config {
+fn uneven(planner: PlannerKind) -> Config {
     let mut config = machine(THREE_AXES, planner);
     for (joint, part) in config.joints.iter_mut().zip([1.0, 0.6, 0.25]) {
         joint.limits.velocity_mm_s *= part;
@@ -185,7 +185,7 @@ fn sagitta_mm(samples: &[Position]) -> f64 {
 }
 
 /// All programs on a machine.
-fn prove_all(machine: impl Fn(Slope) -> Config) {
+fn prove_all(machine: impl Fn(PlannerKind) -> Config) {
     for planner in PLANNERS {
         let config = machine(planner);
         for case in CASES {
@@ -237,7 +237,7 @@ fn a_curve_takes_no_longer_than_arcs_that_follow_it() {
             let as_curves_s = time_s(gcode::Splines::Timed);
             println!("{name} {planner:?}: curves {as_curves_s:.3} s, arcs {as_arcs_s:.3} s");
             // Lines and arcs sway within the tolerance; curves are kept to exactly.
-            let sways = planner == Slope::Optimal && name == "splines";
+            let sways = planner == PlannerKind::Optimal && name == "splines";
             assert!(
                 as_curves_s <= if sways { 1.05 } else { 1.0 } * as_arcs_s,
                 "{name} {planner:?}: {as_curves_s} s, as arcs {as_arcs_s} s"
@@ -277,7 +277,7 @@ fn joint_samples(planned: &Planned, space: &JointSpace) -> Vec<(Position, ToolFr
 #[test]
 fn five_axes_keep_the_limits_of_every_joint_and_the_path_of_the_tip() {
     for (text, tilt) in [(TRUNNION, 'A'), (HEAD, 'B')] {
-        let config = machine(text, Slope::Optimal);
+        let config = machine(text, PlannerKind::Optimal);
         let planned = plan(&config, &proof_programs::five_axes::flank(tilt));
         let space = planned.settings.joints.expect("joints of their own");
         let samples = joint_samples(&planned, &space);
@@ -398,10 +398,13 @@ fn programs_that_once_broke_a_limit_keep_it() {
     for seed in [115, 276, 534, 676, 807, 298, 916, 943, 983, 32, 2931] {
         judge(
             &format!("seed {seed}"),
-            &plan(&uneven(Slope::Optimal), &Random(seed).program(54)),
+            &plan(&uneven(PlannerKind::Optimal), &Random(seed).program(54)),
         );
     }
-    judge("seed 867", &plan(&uneven(Slope::Classic), &Random(867).program(54)));
+    judge(
+        "seed 867",
+        &plan(&uneven(PlannerKind::Classic), &Random(867).program(54)),
+    );
 }
 
 proptest! {

@@ -15,7 +15,7 @@ use isocnc::rt::shared::Live;
 use motion::canon::{Axis, Position, SpindleDirection};
 use motion::element::Action;
 use motion::kinematics::ToolFrame;
-use motion::plan::Slope;
+use motion::plan::PlannerKind;
 use motion::ring;
 use motion::rt::homing::{Homing, HomingInput, HomingJoint, HomingStatus, HomingWay};
 use motion::rt::{Interpolator, MotionLimits, Sample, SampleState, Shares, SpindleFeedback, StopLimits};
@@ -666,10 +666,10 @@ impl<'a> Machine<'a> {
     }
 }
 
-fn machine(place: &Place, slope: Slope) -> Config {
+fn machine(place: &Place, planner_kind: PlannerKind) -> Config {
     let parse = |text| config::parse(text, Path::new("m.toml")).unwrap_or_else(|errors| panic!("{errors}"));
     let mut config = parse(place.machine);
-    config.program.planner = slope;
+    config.program.planner = planner_kind;
     // Machine coordinates everywhere, and an encoder on every spindle.
     config.work_offsets = [Position::ZERO; 9];
     let lathe = parse(include_str!("../configs/lathe2-demo.toml"));
@@ -690,10 +690,10 @@ fn live_through(name: &str) {
         .find(|place| place.name == name)
         .expect("a machine of this name");
     let classic = ["mill3", "gantry", "corexy"].contains(&name);
-    let slopes = [Slope::Optimal, Slope::Classic];
+    let slopes = [PlannerKind::Optimal, PlannerKind::Classic];
     let mut ran: BTreeMap<&'static str, usize> = BTreeMap::new();
-    for &slope in &slopes[..1 + usize::from(classic)] {
-        let config = machine(place, slope);
+    for &planner_kind in &slopes[..1 + usize::from(classic)] {
+        let config = machine(place, planner_kind);
         let mut used = [[0.0_f64; 3]; 2];
         for seed in 0..seeds {
             let mut machine = Machine::new(place, &config, seed);
@@ -705,12 +705,14 @@ fn live_through(name: &str) {
                 *used = used.max(*of);
             }
         }
-        println!("{name} {slope:?}: used of plans and stops {used:.3?}");
+        println!("{name} {planner_kind:?}: used of plans and stops {used:.3?}");
         // All of that did move, and fast.
         assert!(used[0][2] > 0.8, "{used:?}");
     }
     println!("{name}: {ran:?}");
-    let trivial = machine(place, Slope::Optimal).kinematics().is_trivial(&ToolFrame::OFF);
+    let trivial = machine(place, PlannerKind::Optimal)
+        .kinematics()
+        .is_trivial(&ToolFrame::OFF);
     let axes = (!trivial).then_some("jog of axes");
     let in_step: &[&str] = if place.in_step { &["thread", "tap"] } else { &[] };
     let all = ["program", "probing", "jog of joints", "homing"];
@@ -724,7 +726,7 @@ fn live_through(name: &str) {
 #[test]
 fn a_thread_begins_within_limits_whenever_its_index_comes() {
     let place = PLACES.iter().find(|place| place.name == "lathe2").expect("a lathe");
-    let config = machine(place, Slope::Optimal);
+    let config = machine(place, PlannerKind::Optimal);
     let mut ran = 0;
     for ms in 0..100_u32 {
         let mut machine = Machine::new(place, &config, u64::from(ms));

@@ -46,7 +46,7 @@ use files::read::TEXT_MAX;
 use hal_pins::HalError;
 use kinematics::Family;
 use motion::canon::LengthUnit;
-use motion::plan::Slope;
+use motion::plan::PlannerKind;
 use std::path::Path;
 use toml::de::DeTable;
 
@@ -128,8 +128,8 @@ pub fn check_planner(config: &Config) -> Result<(), &'static str> {
         ..motion::kinematics::ToolFrame::OFF
     };
     match config.program.planner {
-        Slope::Classic if !config.kinematics().is_linear(&tip) => Err(program::CLASSIC_IS_LINEAR),
-        Slope::Classic | Slope::Optimal => Ok(()),
+        PlannerKind::Classic if !config.kinematics().is_linear(&tip) => Err(program::CLASSIC_IS_LINEAR),
+        PlannerKind::Classic | PlannerKind::Optimal => Ok(()),
     }
 }
 
@@ -258,7 +258,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         let program = program::program(&mut section, base);
         let classic = program
             .as_ref()
-            .is_some_and(|program| program.planner == Slope::Classic);
+            .is_some_and(|program| program.planner == PlannerKind::Classic);
         if classic && !family.is_none_or(Family::is_linear) {
             section.wrong("planner", program::CLASSIC_IS_LINEAR);
         }

@@ -7,7 +7,7 @@ use super::remap::remap;
 use super::types::{ARC_RADIUS_TOLERANCE, Program, ToolChanger, Tools, UserCodes};
 use motion::canon::LengthUnit;
 use motion::compensation::{Corner, Gouge};
-use motion::plan::Slope;
+use motion::plan::PlannerKind;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -36,7 +36,7 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
     let look_ahead_blocks = section.integer("look_ahead_blocks", 1..=1_000_000, default.look_ahead_blocks as i64);
     let planner = section.word(
         "planner",
-        &[("optimal", Slope::Optimal), ("classic", Slope::Classic)],
+        &[("optimal", PlannerKind::Optimal), ("classic", PlannerKind::Classic)],
         Some(default.planner),
     );
     let planner_threads = section.optional_integer("planner_threads", 1..=PLANNER_THREADS_MAX);

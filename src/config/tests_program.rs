@@ -119,7 +119,7 @@ orient_offset_degrees = -90
     let expected = Program {
         tolerance_mm: 0.02,
         look_ahead_blocks: 500,
-        planner: motion::plan::Slope::Classic,
+        planner: motion::plan::PlannerKind::Classic,
         planner_threads: Some(3),
         parameter_file: Some(here("made-later.var")),
         directory: Some(here("programs")),

@@ -493,7 +493,7 @@ pub struct Program {
     /// Blocks that the planner looks ahead; default 1000.
     pub look_ahead_blocks: usize,
     /// How speed is chosen along the path.
-    pub planner: motion::plan::Slope,
+    pub planner: motion::plan::PlannerKind,
     /// Threads that plan, that of the program among them. `None`: one for every core that may be used and is not that of the
     /// real-time threads, at most [`Program::PLANNER_THREADS_USUAL`].
     pub planner_threads: Option<usize>,
@@ -546,7 +546,7 @@ impl Default for Program {
         Program {
             tolerance_mm: 0.01,
             look_ahead_blocks: 10_000,
-            planner: motion::plan::Slope::default(),
+            planner: motion::plan::PlannerKind::default(),
             planner_threads: None,
             parameter_file: None,
             directory: None,

@@ -55,7 +55,7 @@ pub fn plan_settings(config: &Config, start: Position) -> Settings {
         spindle_encoder: config.spindle.encoder.is_some(),
         await_spindle: config.spindle.wait_for_speed,
         spindle_rpm_max: config.spindle.rpm_max,
-        slope: config.program.planner,
+        planner_kind: config.program.planner,
         start,
     }
 }

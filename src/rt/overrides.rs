@@ -15,7 +15,7 @@
 //! is; a plan for no speed would have to creep to the next place where it can end. RT but where it says otherwise.
 
 use crate::host::wake_signal::Bell;
-use motion::plan::{FEED_OVERRIDE_MAX, Slope};
+use motion::plan::{FEED_OVERRIDE_MAX, PlannerKind};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Duration;
 
@@ -55,22 +55,22 @@ const SPINDLE_PERCENT: [f64; 2] = [50.0, 120.0];
 #[derive(Debug)]
 pub struct Overrides {
     settings: [AtomicU32; 3],
-    slope: Slope,
+    planner_kind: PlannerKind,
     bell: Bell,
 }
 
 impl Default for Overrides {
     fn default() -> Overrides {
-        Overrides::new(Slope::default())
+        Overrides::new(PlannerKind::default())
     }
 }
 
 impl Overrides {
     /// Everything as programmed, on a machine with this planner.
-    pub fn new(slope: Slope) -> Overrides {
+    pub fn new(planner_kind: PlannerKind) -> Overrides {
         Overrides {
             settings: [const { AtomicU32::new(AS_PROGRAMMED) }; 3],
-            slope,
+            planner_kind,
             bell: Bell::default(),
         }
     }
@@ -87,10 +87,10 @@ impl Overrides {
 
     /// Least and greatest percentage.
     pub fn range_percent(&self, what: Overridden) -> [f64; 2] {
-        match (what, self.slope) {
-            (Overridden::Feed, Slope::Optimal) => [0.0, 100.0 * FEED_OVERRIDE_MAX],
+        match (what, self.planner_kind) {
+            (Overridden::Feed, PlannerKind::Optimal) => [0.0, 100.0 * FEED_OVERRIDE_MAX],
             // Time cannot pass faster than it was planned to: more would break limits.
-            (Overridden::Feed, Slope::Classic) | (Overridden::Rapid, _) => [0.0, 100.0],
+            (Overridden::Feed, PlannerKind::Classic) | (Overridden::Rapid, _) => [0.0, 100.0],
             (Overridden::Spindle, _) => SPINDLE_PERCENT,
         }
     }
@@ -125,11 +125,13 @@ impl Overrides {
             return Ok(());
         }
         let name = what.name();
-        Err(match (what, self.slope) {
-            (Overridden::Feed, Slope::Classic) if percent <= 100.0 * FEED_OVERRIDE_MAX && percent > 100.0 => format!(
-                "{name} {percent} %: more than 100 % is without effect with planner = \"classic\", whose plan cannot run faster \
+        Err(match (what, self.planner_kind) {
+            (Overridden::Feed, PlannerKind::Classic) if percent <= 100.0 * FEED_OVERRIDE_MAX && percent > 100.0 => {
+                format!(
+                    "{name} {percent} %: more than 100 % is without effect with planner = \"classic\", whose plan cannot run faster \
                  than planned; expected {least} to {greatest} %, or planner = \"optimal\" in the machine file"
-            ),
+                )
+            }
             _ => format!("{name} {percent} %: expected {least} to {greatest} %"),
         })
     }
@@ -141,10 +143,10 @@ impl Overrides {
 
     /// What is left to the interpolation: shares of time for feed and rapid moves.
     pub fn of_time(&self) -> [f64; 2] {
-        [Overridden::Feed, Overridden::Rapid].map(|what| match (self.share(what), self.slope) {
-            (share, Slope::Classic) => share.min(1.0),
-            (0.0, Slope::Optimal) => 0.0,
-            (_, Slope::Optimal) => 1.0,
+        [Overridden::Feed, Overridden::Rapid].map(|what| match (self.share(what), self.planner_kind) {
+            (share, PlannerKind::Classic) => share.min(1.0),
+            (0.0, PlannerKind::Optimal) => 0.0,
+            (_, PlannerKind::Optimal) => 1.0,
         })
     }
 
@@ -161,7 +163,7 @@ mod tests {
 
     #[test]
     fn settings_stay_in_their_range_and_refusals_say_why() {
-        let overrides = Overrides::new(Slope::Optimal);
+        let overrides = Overrides::new(PlannerKind::Optimal);
         for (what, percent) in [
             (Feed, 120.0),
             (Feed, 0.0),
@@ -193,7 +195,7 @@ mod tests {
 
     #[test]
     fn the_classic_planner_says_that_more_than_planned_is_without_effect() {
-        let overrides = Overrides::new(Slope::Classic);
+        let overrides = Overrides::new(PlannerKind::Classic);
         let refused = overrides.order(Feed, 110.0).unwrap_err();
         assert!(refused.starts_with("feed 110 %: more than 100 % is without effect with planner = \"classic\""));
         assert_eq!(
@@ -209,7 +211,7 @@ mod tests {
 
     #[test]
     fn nothing_is_a_hold_and_leaves_the_plan() {
-        let overrides = Overrides::new(Slope::Optimal);
+        let overrides = Overrides::new(PlannerKind::Optimal);
         overrides.order(Feed, 0.0).unwrap();
         overrides.order(Rapid, 50.0).unwrap();
         assert_eq!(

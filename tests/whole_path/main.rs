@@ -59,7 +59,7 @@ fn rehearse_part<T>(net: NetConfig, text: &str, act: impl FnOnce(&mut Rehearsal<
 /// A machine whose program is still being planned in its midst, so that it is not over when the drives are switched off.
 fn planning_late() -> Config {
     let mut config = machine();
-    config.program.planner = motion::plan::Slope::Classic;
+    config.program.planner = motion::plan::PlannerKind::Classic;
     config.program.look_ahead_blocks = 1000;
     config
 }

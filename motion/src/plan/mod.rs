@@ -67,7 +67,7 @@ pub struct AxisLimits {
 
 /// How speed is chosen along the path.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Slope {
+pub enum PlannerKind {
     /// Nearly the shortest time that the limits of every joint allow.
     #[default]
     Optimal,
@@ -100,7 +100,7 @@ pub struct Settings {
     /// Machine position from which the program starts.
     pub start: Position,
     /// How speed is chosen along the path.
-    pub slope: Slope,
+    pub planner_kind: PlannerKind,
 }
 
 impl Settings {
@@ -117,7 +117,7 @@ impl Settings {
             await_spindle: false,
             spindle_rpm_max: 6000.0,
             start: Position::ZERO,
-            slope: Slope::default(),
+            planner_kind: PlannerKind::default(),
         }
     }
 }

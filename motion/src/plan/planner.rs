@@ -7,7 +7,7 @@ use super::optimal::{self, Override, Stream};
 use super::program::{Entry, Move, Program};
 use super::smooth::{Passed, Smoother};
 use super::workers::Workers;
-use super::{PlanError, Programmed, Settings, Slope, classic};
+use super::{PlanError, PlannerKind, Programmed, Settings, classic};
 use crate::canon::{Event, Position};
 use crate::element::{Action, Element, Synced};
 use crate::kinematics::ToolFrame;
@@ -31,9 +31,9 @@ pub enum Pumped {
 impl Settings {
     /// Elements that the largest publication may have; the ring must hold as many.
     pub fn largest_publication(&self) -> usize {
-        match self.slope {
-            Slope::Optimal => optimal::largest_publication(),
-            Slope::Classic => classic::largest_publication(),
+        match self.planner_kind {
+            PlannerKind::Optimal => optimal::largest_publication(),
+            PlannerKind::Classic => classic::largest_publication(),
         }
     }
 }
@@ -109,9 +109,9 @@ impl<S: Sink<Element>> Planner<S> {
 
     /// The same with threads to help it. What comes out does not depend on how many there are.
     pub fn with_workers(settings: Settings, sink: S, workers: &Workers) -> Planner<S> {
-        let engine = match settings.slope {
-            Slope::Classic => Engine::Classic(classic::Steps::default()),
-            Slope::Optimal => Engine::Optimal(Stream::new(&settings, workers)),
+        let engine = match settings.planner_kind {
+            PlannerKind::Classic => Engine::Classic(classic::Steps::default()),
+            PlannerKind::Optimal => Engine::Optimal(Stream::new(&settings, workers)),
         };
         Planner {
             settings,
@@ -228,7 +228,7 @@ impl<S: Sink<Element>> Planner<S> {
     /// limits of the joints (0 to 1); NaN counts as 0. With 0, the machine comes to rest on the path and waits.
     ///
     /// What is in the ring already is planned again from a place a few hundredths of a second ahead of the machine, by the
-    /// next [`Planner::pump`]. Into a sink without a consumer it counts from the next rest on. With [`Slope::Classic`] it is
+    /// next [`Planner::pump`]. Into a sink without a consumer it counts from the next rest on. With [`PlannerKind::Classic`] it is
     /// without effect: there, the interpolation scales time.
     pub fn set_override(&mut self, feed: f64, rapid: f64) {
         // Not `clamp`, which lets NaN pass.

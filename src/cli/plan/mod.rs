@@ -20,7 +20,7 @@ use crate::machine::tables::Tables;
 use crate::operator::refusal::Refusal;
 use anyhow::{Context, anyhow};
 use clap::{Args, ValueEnum};
-use motion::plan::Slope;
+use motion::plan::PlannerKind;
 use report::Report;
 use run_down::Work;
 use serde_json::{Value as Json, json};
@@ -66,11 +66,11 @@ enum PlannerName {
     Classic,
 }
 
-impl From<PlannerName> for Slope {
-    fn from(name: PlannerName) -> Slope {
+impl From<PlannerName> for PlannerKind {
+    fn from(name: PlannerName) -> PlannerKind {
         match name {
-            PlannerName::Optimal => Slope::Optimal,
-            PlannerName::Classic => Slope::Classic,
+            PlannerName::Optimal => PlannerKind::Optimal,
+            PlannerName::Classic => PlannerKind::Classic,
         }
     }
 }

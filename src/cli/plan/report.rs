@@ -4,7 +4,7 @@ use super::joints::{NAMES, ORDERS, Peaks};
 use super::run_down::Work;
 use super::slow_places::{FeedKept, feed_kept};
 use crate::config::Config;
-use motion::plan::{Deviation, Slope, deviation};
+use motion::plan::{Deviation, PlannerKind, deviation};
 use serde::Serialize;
 use std::fmt;
 
@@ -148,8 +148,8 @@ impl Report {
         } = deviation(&work.programmed_positions(), &work.path, work.tolerance_mm);
         Report {
             planner: match config.program.planner {
-                Slope::Optimal => "optimal",
-                Slope::Classic => "classic",
+                PlannerKind::Optimal => "optimal",
+                PlannerKind::Classic => "classic",
             },
             lines: work.lines,
             blocks: work.path.len(),

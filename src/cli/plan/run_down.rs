@@ -340,10 +340,10 @@ mod tests {
     use super::*;
     use crate::cli::plan::report::Report;
     use crate::config;
-    use motion::plan::{Slope, deviation};
+    use motion::plan::{PlannerKind, deviation};
     use std::path::Path;
 
-    fn machine(planner: Slope) -> Config {
+    fn machine(planner: PlannerKind) -> Config {
         let text = include_str!("../../../configs/mill3-demo.toml");
         let mut config = config::parse(text, Path::new("demo.toml")).unwrap();
         config.program.planner = planner;
@@ -359,7 +359,7 @@ mod tests {
     #[test]
     fn what_is_not_run_changes_nothing_of_what_is_found() {
         let text = "G21 G90 G64 P0.01\nG1 X30 F20\nY20\nG2 I10 F60\nG1 X60 F200\nG4 P7\nG38.3 X70 F60\nG0 X0\nM2\n";
-        for planner in [Slope::Optimal, Slope::Classic] {
+        for planner in [PlannerKind::Optimal, PlannerKind::Classic] {
             let config = machine(planner);
             let [all, some] = [true, false].map(|every_cycle| run(&config, text, every_cycle));
             assert_eq!(all.cycles.len() as u64, all.cycle_count());
@@ -402,7 +402,7 @@ mod tests {
             "G38.3 X30",
             "G1 X1\nG4 P100000\nG1 X0",
         ];
-        for planner in [Slope::Optimal, Slope::Classic] {
+        for planner in [PlannerKind::Optimal, PlannerKind::Classic] {
             let config = machine(planner);
             for text in texts {
                 let [minutes, days] = [10.0, 0.005].map(|feed| {
@@ -428,7 +428,7 @@ mod tests {
     #[test]
     fn a_limit_that_is_not_kept_is_told_with_its_line_and_a_rapid_before_a_probing_move_keeps_it() {
         let text = "G21 G90\nG0 X10 Y10\nG38.3 X30 F100\nG0 X10\nG38.3 X-2\nG61\nG0 Z5\nG38.3 Z-3\nM2\n";
-        for planner in [Slope::Optimal, Slope::Classic] {
+        for planner in [PlannerKind::Optimal, PlannerKind::Classic] {
             let config = machine(planner);
             let mut work = run(&config, text, false);
             assert_eq!(Report::of(&config, &work).wrong(), []);

@@ -18,7 +18,7 @@ fn settings() -> Settings {
         tolerance_mm: 0.1,
         look_ahead_blocks: 9,
         spindle_encoder: true,
-        slope: crate::plan::Slope::Classic,
+        planner_kind: crate::plan::PlannerKind::Classic,
         ..Settings::new(axes, 1e-3)
     }
 }

@@ -33,7 +33,7 @@ use crate::element::Enables;
 use crate::path::Piece;
 use crate::plan::limits::Bounds;
 use crate::plan::program::Move;
-use crate::plan::{Settings, Slope};
+use crate::plan::{PlannerKind, Settings};
 
 /// A piece of path with all that bounds its speed besides geometry.
 #[derive(Clone, Copy, Debug)]
@@ -104,14 +104,14 @@ impl Smoother {
     }
 
     fn round(&mut self, settings: &Settings, out: &mut Vec<Passed>) {
-        match settings.slope {
-            Slope::Optimal => {
+        match settings.planner_kind {
+            PlannerKind::Optimal => {
                 for leg in self.legs.drain(..) {
                     self.min_jerk_blend.push(leg, settings, &mut self.blended);
                 }
             }
             // One speed for every piece: many short ones are no gain.
-            Slope::Classic => self.blended.append(&mut self.legs),
+            PlannerKind::Classic => self.blended.append(&mut self.legs),
         }
         for leg in self.blended.drain(..) {
             self.corners.push(leg, settings, out);

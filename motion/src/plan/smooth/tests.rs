@@ -6,10 +6,10 @@ use crate::canon::{AXES, Position};
 use crate::element::Enables;
 use crate::path::{Circle, Shape};
 use crate::plan::program::Corner;
-use crate::plan::{AxisLimits, Programmed, Slope, deviation};
+use crate::plan::{AxisLimits, PlannerKind, Programmed, deviation};
 use proptest::prelude::*;
 
-fn settings(slope: Slope) -> Settings {
+fn settings(planner_kind: PlannerKind) -> Settings {
     let limits = AxisLimits {
         velocity: 100.0,
         acceleration: 1000.0,
@@ -18,7 +18,7 @@ fn settings(slope: Slope) -> Settings {
     };
     Settings {
         look_ahead_blocks: 100,
-        slope,
+        planner_kind,
         ..Settings::new([Some(limits); AXES], 1e-3)
     }
 }
@@ -38,8 +38,8 @@ fn moves(points: &[Position], tolerance: f64) -> Vec<Move> {
     points.windows(2).enumerate().filter_map(line).collect()
 }
 
-fn smoothed(moves: &[Move], slope: Slope) -> Vec<Passed> {
-    let (mut smoother, mut out, settings) = (Smoother::default(), Vec::new(), settings(slope));
+fn smoothed(moves: &[Move], planner_kind: PlannerKind) -> Vec<Passed> {
+    let (mut smoother, mut out, settings) = (Smoother::default(), Vec::new(), settings(planner_kind));
     for part in moves {
         smoother.push(*part, &settings, &mut out);
     }
@@ -60,8 +60,8 @@ struct Found {
 
 /// Asserts what must hold for any path: both ends exact, no gap, continuous direction and curvature at both ends of
 /// every quintic, tolerance kept both ways.
-fn proven(moves: &[Move], tolerance: f64, slope: Slope) -> Found {
-    let out = smoothed(moves, slope);
+fn proven(moves: &[Move], tolerance: f64, planner_kind: PlannerKind) -> Found {
+    let out = smoothed(moves, planner_kind);
     let mut found = Found {
         quintics: 0,
         kinks: 0,
@@ -228,7 +228,7 @@ proptest! {
             part.naive_cam_mm = if others { tolerance } else { 0.0 };
         }
         if !moves.is_empty() {
-            proven(&moves, tolerance, Slope::Classic);
+            proven(&moves, tolerance, PlannerKind::Classic);
         }
     }
 
@@ -243,7 +243,7 @@ proptest! {
                 }
                 Passed::Stop => vec![0],
             };
-            smoothed(&moves, Slope::Classic).iter().flat_map(bits).collect()
+            smoothed(&moves, PlannerKind::Classic).iter().flat_map(bits).collect()
         };
         prop_assert_eq!(bits(), bits());
     }
@@ -255,7 +255,7 @@ fn a_circle_of_chords_becomes_few_quintics_of_even_curvature() {
         .map(|k| (f64::from(k) * 0.005).sin_cos())
         .map(|(sin, cos)| rounded(Position::xyz(20.0 * cos, 20.0 * sin, 0.0)))
         .collect();
-    let found = proven(&moves(&points, 0.01), 0.01, Slope::Classic);
+    let found = proven(&moves(&points, 0.01), 0.01, PlannerKind::Classic);
     assert_eq!(found.kinks, 0);
     assert!(found.quintics < 1256 / 20, "{}", found.quintics);
     // Between two points, 0.0001 of rounding make a curvature of 0.01; here it is 1/20 and a third more where it begins and ends.
@@ -269,8 +269,8 @@ fn a_corner_in_the_middle_of_short_moves_is_kept_within_the_tolerance() {
         .map(|k| Position::xyz(leg(k), 0.0, 0.0))
         .chain((0..=40).map(|k| Position::xyz(leg(40), leg(k), 0.0)))
         .collect();
-    proven(&moves(&points, 0.01), 0.01, Slope::Classic);
-    proven(&moves(&points, 0.2), 0.2, Slope::Classic);
+    proven(&moves(&points, 0.01), 0.01, PlannerKind::Classic);
+    proven(&moves(&points, 0.2), 0.2, PlannerKind::Classic);
 }
 
 #[test]
@@ -286,10 +286,13 @@ fn long_moves_between_short_ones_stay_straight_in_their_middle() {
         .chain([Position::xyz(30.0, -3.0, 0.0)])
         .collect();
     let moves = moves(&points, 0.01);
-    let found = proven(&moves, 0.01, Slope::Classic);
+    let found = proven(&moves, 0.01, PlannerKind::Classic);
     assert_eq!(found.kinks, 0);
     let straight = |passed: &&Passed| matches!(passed, Passed::Stretch(s) if matches!(s.piece.shape(), Shape::Line(_)) && s.piece.length() > 20.0);
-    assert_eq!(smoothed(&moves, Slope::Classic).iter().filter(straight).count(), 2);
+    assert_eq!(
+        smoothed(&moves, PlannerKind::Classic).iter().filter(straight).count(),
+        2
+    );
     assert!(found.curvature < 0.5, "{}", found.curvature);
 }
 
@@ -301,7 +304,7 @@ fn feed_and_line_are_those_of_the_moves_covered() {
         part.feed = 50.0;
     }
     let mut x = 0.0;
-    for passed in smoothed(&moves, Slope::Classic) {
+    for passed in smoothed(&moves, PlannerKind::Classic) {
         let Passed::Stretch(stretch) = passed else {
             panic!("no stop on a straight path")
         };
@@ -343,7 +346,7 @@ fn nearly_tangent_arcs_are_joined() {
     let found = proven(
         &[half(0.0, 4.0, 1.0), half(4.0, 10.0, -1.0), half(10.0, 12.0, 1.0)],
         0.01,
-        Slope::Classic,
+        PlannerKind::Classic,
     );
     assert_eq!((found.quintics, found.kinks), (2, 0));
 }
@@ -354,7 +357,7 @@ fn a_path_that_turns_back_stops_or_stays_within_the_tolerance() {
         .chain((0..20).rev())
         .map(|k| Position::xyz(f64::from(k) * 0.1, 0.0, 0.0))
         .collect();
-    let out = smoothed(&moves(&points, 0.01), Slope::Classic);
+    let out = smoothed(&moves(&points, 0.01), PlannerKind::Classic);
     let furthest = out
         .iter()
         .filter_map(|passed| match passed {
@@ -435,7 +438,7 @@ proptest! {
         parts in prop::collection::vec(bend(), 2..24), axes in prop_oneof![Just(XY), Just(ZX), Just(TILTED)],
         tolerance in prop_oneof![Just(0.001), Just(0.01), Just(0.1)],
     ) {
-        proven(&bends(&parts, axes, tolerance), tolerance, Slope::Optimal);
+        proven(&bends(&parts, axes, tolerance), tolerance, PlannerKind::Optimal);
     }
 }
 
@@ -453,7 +456,8 @@ fn slots(count: usize) -> Vec<Bend> {
 fn tangent_arcs_are_entered_with_a_fraction_of_the_jerk() {
     for axes in [XY, ZX, TILTED] {
         let moves = bends(&slots(12), axes, 0.01);
-        let [apart, swaying] = [Slope::Classic, Slope::Optimal].map(|slope| proven(&moves, 0.01, slope));
+        let [apart, swaying] =
+            [PlannerKind::Classic, PlannerKind::Optimal].map(|planner_kind| proven(&moves, 0.01, planner_kind));
         assert_eq!((apart.kinks, swaying.kinks), (0, 0));
         assert!(swaying.third < 0.65 * apart.third, "{} {}", swaying.third, apart.third);
     }
@@ -476,8 +480,8 @@ fn moves_out_of_the_plane_are_left_as_they_are() {
             .unwrap();
         }
     }
-    let [classic, optimal] = [Slope::Classic, Slope::Optimal].map(|slope| {
-        smoothed(&moves[..2], slope)
+    let [classic, optimal] = [PlannerKind::Classic, PlannerKind::Optimal].map(|planner_kind| {
+        smoothed(&moves[..2], planner_kind)
             .iter()
             .filter(
                 |passed| matches!(passed, Passed::Stretch(stretch) if matches!(stretch.piece.shape(), Shape::Blend(_))),

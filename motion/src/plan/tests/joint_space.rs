@@ -7,7 +7,7 @@ use crate::kinematics::{
     Elbow, Follows, Hand, JOINTS, Kinematics, LinearDelta, Rotary, RotaryAxis, Scara, TableTable, ToolFrame, Transform,
 };
 use crate::plan::offline::Recorder;
-use crate::plan::{AxisLimits, JointSpace, PlanError, Planner, Settings, Slope};
+use crate::plan::{AxisLimits, JointSpace, PlanError, Planner, PlannerKind, Settings};
 
 fn machine(transform: Transform, axes: &[Axis], travel: [f64; 2]) -> Settings {
     let follows: Vec<Follows> = axes
@@ -287,7 +287,7 @@ fn peaks(settings: &Settings, elements: &[Element]) -> [f64; 3] {
 fn limits_of_joints_hold_while_the_tip_stays_on_a_turning_work() {
     use Axis::{A, C, X, Y, Z};
     let mut settings = trunnion([-1e4, 1e4]);
-    settings.slope = Slope::Optimal;
+    settings.planner_kind = PlannerKind::Optimal;
     let round = Call::SetPathMode(PathMode::Continuous {
         tolerance_mm: Some(0.02),
         naive_cam_tolerance_mm: None,

@@ -35,7 +35,7 @@ fn settings() -> Settings {
     Settings {
         tolerance_mm: 0.05,
         look_ahead_blocks: 200,
-        slope: Slope::Classic,
+        planner_kind: PlannerKind::Classic,
         ..Settings::new(axes, 1e-3)
     }
 }
@@ -127,7 +127,7 @@ fn short_exact_blocks_go_on_at_full_speed_from_window_to_window() {
     // More blocks than a window has spans: the stop behind each border takes 760 of them.
     let blocks = (1..=20_000).map(|k| feed(0.01 * f64::from(k), 0.0, 0.0));
     let settings = Settings {
-        slope: Slope::Optimal,
+        planner_kind: PlannerKind::Optimal,
         ..settings()
     };
     let plan = proven(&events([F].into_iter().chain(blocks)), settings, 0.0);

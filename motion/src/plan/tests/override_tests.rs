@@ -26,7 +26,7 @@ struct Rig {
 impl Rig {
     fn new(events: Vec<Event>) -> Rig {
         let settings = Settings {
-            slope: Slope::Optimal,
+            planner_kind: PlannerKind::Optimal,
             ..settings()
         };
         let (producer, consumer) = channel(settings.largest_publication());

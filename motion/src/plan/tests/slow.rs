@@ -91,58 +91,67 @@ fn shapes() -> Vec<(&'static str, Vec<Call>, f64)> {
 
 #[test]
 fn what_a_plan_costs_does_not_depend_on_how_long_it_takes() {
-    for slope in [Slope::Optimal, Slope::Classic] {
-        let settings = Settings { slope, ..settings() };
+    for planner_kind in [PlannerKind::Optimal, PlannerKind::Classic] {
+        let settings = Settings {
+            planner_kind,
+            ..settings()
+        };
         for (name, calls, length_mm) in shapes() {
             // From a minute or so to a day.
             let [first, .., last] = [1.0, 0.1, 0.01, 0.001].map(|mm_s| {
                 let counter = counted(&at_feed(mm_s, &calls), settings);
                 let time_s = length_mm / mm_s;
-                println!("{name} {slope:?} {mm_s} mm/s: {counter:?}");
+                println!("{name} {planner_kind:?} {mm_s} mm/s: {counter:?}");
                 assert!(
                     (counter.time_s / time_s - 1.0).abs() < 2e-3,
-                    "{name} {slope:?}: {} of {time_s} s",
+                    "{name} {planner_kind:?}: {} of {time_s} s",
                     counter.time_s
                 );
                 assert!(
                     counter.jumps[0] < 1e-7 && counter.jumps[1] < 1e-7,
-                    "{name} {slope:?}: {counter:?}"
+                    "{name} {planner_kind:?}: {counter:?}"
                 );
                 counter
             });
             assert!(
                 last.elements < 2 * first.elements.max(30_000),
-                "{name} {slope:?}: {} {}",
+                "{name} {planner_kind:?}: {} {}",
                 first.elements,
                 last.elements
             );
-            assert!(last.publications <= 2 * first.publications.max(10), "{name} {slope:?}");
+            assert!(
+                last.publications <= 2 * first.publications.max(10),
+                "{name} {planner_kind:?}"
+            );
         }
     }
 }
 
 #[test]
 fn a_machine_that_hardly_accelerates_costs_no_more() {
-    for slope in [Slope::Optimal, Slope::Classic] {
+    for planner_kind in [PlannerKind::Optimal, PlannerKind::Classic] {
         for (name, calls, _) in shapes() {
             let [first, last] = [10.0, 1e-4].map(|acceleration| {
-                let mut settings = Settings { slope, ..settings() };
+                let mut settings = Settings {
+                    planner_kind,
+                    ..settings()
+                };
                 for axis in settings.axes.iter_mut().flatten() {
                     axis.acceleration = acceleration;
                     axis.jerk = 20.0 * acceleration;
                 }
                 let counter = counted(&at_feed(100.0, &calls), settings);
-                println!("{name} {slope:?} {acceleration} mm/s2: {counter:?}");
+                println!("{name} {planner_kind:?} {acceleration} mm/s2: {counter:?}");
                 assert!(
                     counter.jumps[0] < 1e-7 && counter.jumps[1] < 1e-7,
-                    "{name} {slope:?}: {counter:?}"
+                    "{name} {planner_kind:?}: {counter:?}"
                 );
                 counter
             });
-            assert!(last.time_s > 100.0 * first.time_s, "{name} {slope:?}");
+            assert!(last.time_s > 100.0 * first.time_s, "{name} {planner_kind:?}");
             assert!(
                 last.elements < 2 * first.elements.max(30_000),
-                "{name} {slope:?}: {} {}",
+                "{name} {planner_kind:?}: {} {}",
                 first.elements,
                 last.elements
             );
@@ -161,7 +170,7 @@ struct Follower {
 impl Follower {
     fn new(calls: &[Call]) -> Follower {
         let settings = Settings {
-            slope: Slope::Optimal,
+            planner_kind: PlannerKind::Optimal,
             ..settings()
         };
         let (producer, consumer) = channel(settings.largest_publication());

@@ -5,7 +5,7 @@ use super::*;
 use crate::canon::{AXES, Call, Event, PathMode, Position, Source};
 use crate::element::{Enables, Span};
 use crate::path::Piece;
-use crate::plan::{AxisLimits, Planner, Pumped, Settings, Slope};
+use crate::plan::{AxisLimits, Planner, PlannerKind, Pumped, Settings};
 use crate::ring::{self, Producer, Publish, Sink};
 use crate::rt::{Monitor, MonitorLimits, MotionLimits, StopLimits};
 use proptest::prelude::*;
@@ -48,7 +48,7 @@ impl Sink<Element> for Copying {
 }
 
 /// A whole plan in the ring.
-fn planned(calls: &[Call], slope: Slope) -> (Vec<Element>, Consumer<Element>) {
+fn planned(calls: &[Call], planner_kind: PlannerKind) -> (Vec<Element>, Consumer<Element>) {
     let limits = AxisLimits {
         velocity: VELOCITY,
         acceleration: ACCELERATION,
@@ -60,7 +60,7 @@ fn planned(calls: &[Call], slope: Slope) -> (Vec<Element>, Consumer<Element>) {
     let settings = Settings {
         tolerance_mm: 0.05,
         look_ahead_blocks: 200,
-        slope,
+        planner_kind,
         ..Settings::new(axes, CYCLE_S)
     };
     let (producer, consumer) = ring::channel(1 << 15);
@@ -111,8 +111,8 @@ struct Rig {
 }
 
 impl Rig {
-    fn new(calls: &[Call], slope: Slope, kept: usize) -> Rig {
-        let (elements, consumer) = planned(calls, slope);
+    fn new(calls: &[Call], planner_kind: PlannerKind, kept: usize) -> Rig {
+        let (elements, consumer) = planned(calls, planner_kind);
         let limits = MonitorLimits {
             of_order: [VELOCITY, ACCELERATION, JERK],
             scaling: [VELOCITY, STOP.acceleration, STOP.jerk],
@@ -232,9 +232,9 @@ fn square() -> Vec<Call> {
 
 #[test]
 fn backward_to_the_beginning_and_forward_to_the_same_end() {
-    for slope in [Slope::Optimal, Slope::Classic] {
-        let mut rig = Rig::new(&square(), slope, KEPT_ELEMENTS);
-        let end = Rig::new(&square(), slope, KEPT_ELEMENTS).finish();
+    for planner_kind in [PlannerKind::Optimal, PlannerKind::Classic] {
+        let mut rig = Rig::new(&square(), planner_kind, KEPT_ELEMENTS);
+        let end = Rig::new(&square(), planner_kind, KEPT_ELEMENTS).finish();
         for _ in 0..900 {
             rig.step(1.0);
         }
@@ -268,7 +268,7 @@ fn there_is_no_way_back_over_an_action_and_a_dwell_takes_no_time_on_it() {
     let mut calls = square();
     calls.insert(4, Call::Message("now".into()));
     calls.insert(6, Call::Dwell { seconds: 0.2 });
-    let mut rig = Rig::new(&calls, Slope::Optimal, KEPT_ELEMENTS);
+    let mut rig = Rig::new(&calls, PlannerKind::Optimal, KEPT_ELEMENTS);
     rig.run_until(1.0, |_, sample| sample.line == 8);
     for _ in 0..300 {
         rig.step(1.0);
@@ -287,13 +287,13 @@ fn there_is_no_way_back_over_an_action_and_a_dwell_takes_no_time_on_it() {
 
 #[test]
 fn where_no_more_is_kept_the_way_back_ends_at_rest() {
-    for (kept, slope) in [
-        (1, Slope::Optimal),
-        (2, Slope::Classic),
-        (7, Slope::Classic),
-        (30, Slope::Optimal),
+    for (kept, planner_kind) in [
+        (1, PlannerKind::Optimal),
+        (2, PlannerKind::Classic),
+        (7, PlannerKind::Classic),
+        (30, PlannerKind::Optimal),
     ] {
-        let mut rig = Rig::new(&square(), slope, kept);
+        let mut rig = Rig::new(&square(), planner_kind, kept);
         for _ in 0..1100 {
             rig.step(1.0);
         }
@@ -343,11 +343,11 @@ fn blocks(rig: &mut Rig) -> Vec<(u32, Position)> {
 
 #[test]
 fn in_single_block_every_block_ends_at_rest() {
-    for slope in [Slope::Optimal, Slope::Classic] {
-        let mut rig = Rig::new(&square(), slope, KEPT_ELEMENTS);
+    for planner_kind in [PlannerKind::Optimal, PlannerKind::Classic] {
+        let mut rig = Rig::new(&square(), planner_kind, KEPT_ELEMENTS);
         let found = blocks(&mut rig);
         let lines: Vec<u32> = found.iter().map(|(line, _)| *line).collect();
-        assert_eq!(lines, [3, 4, 5, 6], "{slope:?}");
+        assert_eq!(lines, [3, 4, 5, 6], "{planner_kind:?}");
         // Where the line changes in the rounding of a corner: within its tolerance and a little to either side of it.
         let corners = [(20.0, 0.0), (20.0, 20.0), (0.0, 20.0), (0.0, 0.0)];
         for ((line, at), (x, y)) in found.iter().zip(corners) {
@@ -378,7 +378,7 @@ fn blocks_back(rig: &mut Rig) -> Vec<(u32, Position)> {
 
 #[test]
 fn in_single_block_it_rests_at_the_beginning_of_every_block_on_the_way_back() {
-    for slope in [Slope::Optimal, Slope::Classic] {
+    for planner_kind in [PlannerKind::Optimal, PlannerKind::Classic] {
         for exact in [false, true] {
             let mut calls = square();
             if exact {
@@ -387,7 +387,7 @@ fn in_single_block_it_rests_at_the_beginning_of_every_block_on_the_way_back() {
                 calls.insert(4, Call::Dwell { seconds: 0.05 });
             }
             let last = if exact { 7 } else { 6 };
-            let mut rig = Rig::new(&calls, slope, KEPT_ELEMENTS);
+            let mut rig = Rig::new(&calls, planner_kind, KEPT_ELEMENTS);
             rig.run_until(1.0, |_, sample| sample.line == last);
             for _ in 0..150 {
                 rig.step(1.0);
@@ -395,7 +395,11 @@ fn in_single_block_it_rests_at_the_beginning_of_every_block_on_the_way_back() {
             rig.run_until(0.0, |interpolator, _| interpolator.is_at_rest());
             let back = blocks_back(&mut rig);
             let lines: Vec<u32> = back.iter().map(|(line, _)| *line).collect();
-            assert_eq!(lines, if exact { [7, 6, 4, 3] } else { [6, 5, 4, 3] }, "{slope:?}");
+            assert_eq!(
+                lines,
+                if exact { [7, 6, 4, 3] } else { [6, 5, 4, 3] },
+                "{planner_kind:?}"
+            );
             // Their beginnings; in the rounding of a corner, within its tolerance and a little to either side of it.
             let corners = [(0.0, 20.0), (20.0, 20.0), (20.0, 0.0), (0.0, 0.0)];
             for ((line, at), (x, y)) in back.iter().zip(corners) {
@@ -403,7 +407,7 @@ fn in_single_block_it_rests_at_the_beginning_of_every_block_on_the_way_back() {
                 assert!(off_mm < if exact { 1e-12 } else { 1.0 }, "{line}: {at:?}");
             }
             // Forward from there it is block by block as well, and a turn between two blocks leaves none out.
-            let found = blocks(&mut Rig::new(&calls, slope, KEPT_ELEMENTS));
+            let found = blocks(&mut Rig::new(&calls, planner_kind, KEPT_ELEMENTS));
             let first = rig.run_until(1.0, |interpolator, _| interpolator.is_block_over());
             assert_eq!((first.line, first.position), found[0]);
             let again = rig.run_until(-1.0, |interpolator, _| interpolator.is_way_back_over());
@@ -419,7 +423,7 @@ fn where_the_plan_rests_a_block_costs_no_time_for_a_ramp() {
     let mut calls = square();
     calls[1] = Call::SetPathMode(PathMode::ExactStop);
     calls.insert(5, Call::Dwell { seconds: 0.1 });
-    let mut rig = Rig::new(&calls, Slope::Optimal, KEPT_ELEMENTS);
+    let mut rig = Rig::new(&calls, PlannerKind::Optimal, KEPT_ELEMENTS);
     let found = blocks(&mut rig);
     assert_eq!(found.iter().map(|(line, _)| *line).collect::<Vec<_>>(), [3, 4, 5, 6, 7]);
     let corners = [[20.0, 0.0], [20.0, 20.0], [0.0, 20.0], [0.0, 20.0], [0.0, 0.0]];
@@ -591,13 +595,13 @@ proptest! {
         classic in prop::bool::ANY,
         kept in prop_oneof![Just(KEPT_ELEMENTS), 1_usize..60],
     ) {
-        let slope = if classic { Slope::Classic } else { Slope::Optimal };
-        let [mut rig, mut again] = [0, 1].map(|_| Rig::new(&calls, slope, kept));
+        let planner_kind = if classic { PlannerKind::Classic } else { PlannerKind::Optimal };
+        let [mut rig, mut again] = [0, 1].map(|_| Rig::new(&calls, planner_kind, kept));
         run(&mut rig, &script);
         run(&mut again, &script);
         prop_assert!(rig.positions == again.positions);
         let end = rig.finish();
-        prop_assert_eq!(end, Rig::new(&calls, slope, kept).finish());
+        prop_assert_eq!(end, Rig::new(&calls, planner_kind, kept).finish());
         rig.proven();
     }
 }

@@ -3,7 +3,7 @@
 use super::*;
 use crate::canon::{AXES, Call, Event, ProbeMode, Source};
 use crate::element::Element;
-use crate::plan::{AxisLimits, Planner, Settings, Slope};
+use crate::plan::{AxisLimits, Planner, PlannerKind, Settings};
 use crate::ring::{self, Producer};
 use crate::rt::{Interpolator, SampleState, ScaleRamp};
 
@@ -29,7 +29,7 @@ struct Rig {
 }
 
 impl Rig {
-    fn new(slope: Slope) -> Rig {
+    fn new(planner_kind: PlannerKind) -> Rig {
         let mut axes = [None; AXES];
         axes[..3].fill(Some(AxisLimits {
             velocity: LIMITS.velocity,
@@ -39,7 +39,7 @@ impl Rig {
         }));
         let settings = Settings {
             look_ahead_blocks: 100,
-            slope,
+            planner_kind,
             ..Settings::new(axes, CYCLE_S)
         };
         let (producer, consumer) = ring::channel(settings.largest_publication());
@@ -130,8 +130,8 @@ fn peaks(heights: &[f64]) -> [f64; 3] {
 
 #[test]
 fn a_program_goes_on_from_where_the_probe_came_to_rest() {
-    for slope in [Slope::Optimal, Slope::Classic] {
-        let mut rig = Rig::new(slope);
+    for planner_kind in [PlannerKind::Optimal, PlannerKind::Classic] {
+        let mut rig = Rig::new(planner_kind);
         let down = Call::StraightTraverse {
             to: Position::xyz(0.0, 0.0, -10.0 - ORIGIN_Z),
         };
@@ -141,10 +141,10 @@ fn a_program_goes_on_from_where_the_probe_came_to_rest() {
         assert_eq!(result.end, ProbeEnd::Tripped);
         // 20 mm/s: seen within the way of one cycle; v^1.5/J^0.5 = 0.32 mm to rest.
         let at = result.at.0[2];
-        assert!(at <= -40.0 && at > -40.02, "{slope:?}: {at}");
+        assert!(at <= -40.0 && at > -40.02, "{planner_kind:?}: {at}");
         assert!(
             result.rest.0[2] < at && result.rest.0[2] > at - 0.34,
-            "{slope:?}: {result:?}"
+            "{planner_kind:?}: {result:?}"
         );
         assert_eq!(heights.last(), Some(&result.rest.0[2]));
         let work = rig.planner.to_work(&result.at).0[2];
@@ -155,21 +155,21 @@ fn a_program_goes_on_from_where_the_probe_came_to_rest() {
             to: Position::xyz(0.0, 0.0, 5.0 - ORIGIN_Z),
         }]);
         heights.extend(rig.run(-40.0));
-        assert!((heights[heights.len() - 1] - 5.0).abs() < 1e-12, "{slope:?}");
+        assert!((heights[heights.len() - 1] - 5.0).abs() < 1e-12, "{planner_kind:?}");
         assert!(rig.results.pop().is_err(), "one result for one move");
         let [v, a, j] = peaks(&heights);
-        assert!(v <= 100.0 * (1.0 + 1e-6), "{slope:?}: {v}");
+        assert!(v <= 100.0 * (1.0 + 1e-6), "{planner_kind:?}: {v}");
         assert!(
             a <= STOP.acceleration * (1.0 + 1e-6) && j <= STOP.jerk * (1.0 + 1e-6),
-            "{slope:?}: {a} {j}"
+            "{planner_kind:?}: {a} {j}"
         );
     }
 }
 
 #[test]
 fn without_contact_the_whole_way_is_gone_and_told() {
-    for slope in [Slope::Optimal, Slope::Classic] {
-        let mut rig = Rig::new(slope);
+    for planner_kind in [PlannerKind::Optimal, PlannerKind::Classic] {
+        let mut rig = Rig::new(planner_kind);
         rig.push(&[probe(-30.0, false)]);
         let heights = rig.run(-99.0);
         let result = rig.results.pop().expect("a result");
@@ -180,7 +180,7 @@ fn without_contact_the_whole_way_is_gone_and_told() {
 
 #[test]
 fn a_hold_rests_on_the_way_and_the_contact_counts_meanwhile() {
-    let mut rig = Rig::new(Slope::Optimal);
+    let mut rig = Rig::new(PlannerKind::Optimal);
     rig.push(&[probe(-90.0, true)]);
     for _ in 0..1000 {
         rig.cycle(1.0, -40.0);
@@ -199,7 +199,7 @@ fn a_hold_rests_on_the_way_and_the_contact_counts_meanwhile() {
 
 #[test]
 fn a_hold_keeps_a_probing_move_from_beginning() {
-    let mut rig = Rig::new(Slope::Optimal);
+    let mut rig = Rig::new(PlannerKind::Optimal);
     rig.push(&[probe(-90.0, true)]);
     for _ in 0..100 {
         assert_eq!(rig.cycle(0.0, 99.0), 0.0);

@@ -3,7 +3,7 @@
 use super::spindle::Spindle;
 use super::{CYCLE_S, LIMITS, STEADY, Turning, allowed_mm, keeps, worst};
 use crate::canon::{AXES, Call, Event, Position, Source, SpindleDirection};
-use crate::plan::{AxisLimits, PlanErrorKind, Planner, Settings, Slope};
+use crate::plan::{AxisLimits, PlanErrorKind, Planner, PlannerKind, Settings};
 use crate::ring;
 use crate::rt::{Interpolator, MotionLimits, Sample, SampleState, ScaleRamp, StopLimits, SyncFault};
 
@@ -14,7 +14,7 @@ const STOPS: MotionLimits = MotionLimits {
     jerk: 80_000.0,
 };
 
-fn settings(slope: Slope) -> Settings {
+fn settings(planner_kind: PlannerKind) -> Settings {
     let mut axes = [None; AXES];
     axes[..3].fill(Some(AxisLimits {
         velocity: LIMITS.velocity,
@@ -25,7 +25,7 @@ fn settings(slope: Slope) -> Settings {
     Settings {
         look_ahead_blocks: 100,
         spindle_encoder: true,
-        slope,
+        planner_kind,
         ..Settings::new(axes, CYCLE_S)
     }
 }
@@ -96,8 +96,8 @@ fn push<S: ring::Sink<crate::element::Element>>(planner: &mut Planner<S>, calls:
     Ok(())
 }
 
-fn planned(calls: &[Call], slope: Slope) -> Interpolator {
-    let settings = settings(slope);
+fn planned(calls: &[Call], planner_kind: PlannerKind) -> Interpolator {
+    let settings = settings(planner_kind);
     let (producer, consumer) = ring::channel(settings.largest_publication());
     let mut planner = Planner::new(settings, producer);
     push(&mut planner, calls).unwrap();
@@ -159,14 +159,14 @@ fn off_thread(samples: &[(Sample, f64)], pitch_mm: f64) -> Vec<f64> {
 
 #[test]
 fn passes_of_a_threading_cycle_are_in_phase() {
-    for slope in [Slope::Classic, Slope::Optimal] {
+    for planner_kind in [PlannerKind::Classic, PlannerKind::Optimal] {
         let turning = Turning {
             ripple: 0.002,
             drop: 0.02,
             seed: 11,
             ..STEADY
         };
-        let mut interpolator = planned(&passes(4), slope);
+        let mut interpolator = planned(&passes(4), planner_kind);
         let samples = run(&mut interpolator, &mut Spindle::new(turning, CYCLE_S), |_| 1.0);
         axes_keep(&samples, &LIMITS);
         ends_at(&interpolator, [2.0, 0.0]);
@@ -179,7 +179,7 @@ fn passes_of_a_threading_cycle_are_in_phase() {
 
 #[test]
 fn a_hold_acts_when_the_pass_is_over_and_an_override_not_at_all() {
-    let mut interpolator = planned(&passes(2), Slope::Classic);
+    let mut interpolator = planned(&passes(2), PlannerKind::Classic);
     let (mut held, mut rested) = (0, 0);
     let samples = run(&mut interpolator, &mut Spindle::new(STEADY, CYCLE_S), |last| {
         let [x, _, z] = [0, 1, 2].map(|axis| last.position.0[axis]);
@@ -209,7 +209,7 @@ fn a_tap_is_run_there_and_back_and_the_program_goes_on() {
         Call::StopSpindleSync,
         rapid(9.0, 0.0),
     ]);
-    let mut interpolator = planned(&calls, Slope::Optimal);
+    let mut interpolator = planned(&calls, PlannerKind::Optimal);
     let samples = run(&mut interpolator, &mut Spindle::new(STEADY, CYCLE_S), |_| 1.0);
     axes_keep(&samples, &LIMITS);
     let deepest = samples
@@ -224,7 +224,7 @@ fn a_tap_is_run_there_and_back_and_the_program_goes_on() {
 
 #[test]
 fn without_an_encoder_a_thread_is_refused_before_and_given_up_when_it_fails() {
-    let mut settings = settings(Slope::Classic);
+    let mut settings = settings(PlannerKind::Classic);
     let refused = |settings, calls: &[Call]| {
         let mut planner = Planner::new(settings, crate::plan::offline::Recorder::default());
         push(&mut planner, calls).unwrap_err()
@@ -241,7 +241,7 @@ fn without_an_encoder_a_thread_is_refused_before_and_given_up_when_it_fails() {
     settings.spindle_encoder = false;
     assert_eq!(refused(settings, &passes(1)), PlanErrorKind::NoSpindleEncoder);
 
-    let mut interpolator = planned(&passes(1), Slope::Classic);
+    let mut interpolator = planned(&passes(1), PlannerKind::Classic);
     let mut samples = Vec::new();
     for _ in 0..8000 {
         samples.push((interpolator.step(1.0), 0.0));
