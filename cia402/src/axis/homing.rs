@@ -3,59 +3,13 @@
 //! In:  the feedback of an enabled drive. Out: controlword and mode, until the drive has homed and is back in its
 //! cyclic mode with the target at the new actual position.
 
-use super::{Axis, AxisFault, Feedback, HomingFault, Phase, Step, command_stop};
+use super::fault::{AxisFault, HomingFault, Step};
+use super::interface::Feedback;
+use super::state::{Axis, Homing, HomingState, HomingStep, Phase, command_stop};
 use crate::profile::{Command, State, controlword, mode, statusword};
 
 /// A drive that still shows *attained* from an earlier homing at the start edge has this long to take it back.
 const STALE_RESULT_NS: u64 = 100_000_000;
-
-/// Whether a drive is homed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum HomingState {
-    /// Not since it came on line.
-    NotHomed,
-    /// The drive homes itself.
-    Running,
-    /// The position counts from home.
-    Homed,
-    /// Tried, and failed.
-    Failed,
-}
-
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Homing {
-    pub(super) step: HomingStep,
-    /// Start of homing as a whole; set in its first cycle.
-    started_ns: Option<u64>,
-}
-
-impl Homing {
-    pub(super) fn new() -> Homing {
-        Homing {
-            step: HomingStep::SetMode,
-            started_ns: None,
-        }
-    }
-}
-
-#[derive(Clone, Copy, Debug)]
-pub(super) enum HomingStep {
-    /// 6060 = 6, until 6061 shows it.
-    SetMode,
-    /// Bit 4 is set.
-    Run {
-        /// When the edge was made.
-        edge_ns: u64,
-        /// *Attained* was shown before the edge and has not been taken back yet.
-        stale: bool,
-        /// *Running* has been seen.
-        ran: bool,
-        /// Since when *stopped* is shown after *running*.
-        stopped_ns: Option<u64>,
-    },
-    /// 6060 = cyclic mode, until 6061 shows it.
-    Return,
-}
 
 /// Bits 13, 12 and 10 of the statusword in homing mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -14,199 +14,22 @@
 
 mod fault;
 mod homing;
+mod interface;
+mod state;
 
 pub use fault::{AxisFault, HomingFault, Step};
-pub use homing::HomingState;
+pub use interface::{AxisConfig, Feedback, Mode, Request, Setpoint, Status};
+pub use state::{Axis, HomingState};
 
-use crate::profile::{Command, State, controlword, mode, state, statusword};
-use homing::{Homing, HomingStep};
+use crate::profile::{Command, State, mode, state, statusword};
+use state::{Homing, HomingStep, Phase, Reset, Timer, command_down, command_stop};
 
 /// Cycles for which bit 7 is shown as 0 before a fault reset, so that a lost frame does not cost the edge.
 const RESET_LOW_CYCLES: u8 = 4;
 /// Enabling as a whole may take this many step limits; ends a drive that steps to and fro for ever.
 const ENABLING_STEPS_MAX: u64 = 8;
 
-/// Cyclic mode in which the drive follows the interpolation.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Mode {
-    /// Cyclic synchronous position (8): target in 607A.
-    #[default]
-    Csp,
-    /// Interpolated position (7): target in 60C1:1; older drives.
-    Ip,
-}
-
-impl Mode {
-    /// The mode's code in 6060 and 6061.
-    pub const fn code(self) -> i8 {
-        match self {
-            Mode::Csp => mode::CYCLIC_SYNCHRONOUS_POSITION,
-            Mode::Ip => mode::INTERPOLATED_POSITION,
-        }
-    }
-
-    /// Controlword bits that the mode needs beside *enable operation*.
-    const fn controlword(self) -> u16 {
-        match self {
-            Mode::Csp => 0,
-            Mode::Ip => controlword::MODE_START,
-        }
-    }
-}
-
-/// Settings of an [`Axis`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct AxisConfig {
-    /// Time limit of each step of the state machine, ns.
-    pub step_timeout_ns: u64,
-    /// Time limit of homing as a whole, ns.
-    pub homing_timeout_ns: u64,
-    /// Cyclic mode in which it is run.
-    pub mode: Mode,
-    /// How long an enabled drive may show that it does not follow the target, ns.
-    pub follow_grace_ns: u64,
-}
-
-impl Default for AxisConfig {
-    fn default() -> Self {
-        AxisConfig {
-            step_timeout_ns: 1_000_000_000,
-            homing_timeout_ns: 120_000_000_000,
-            mode: Mode::Csp,
-            follow_grace_ns: 20_000_000,
-        }
-    }
-}
-
-/// What the drive sent.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Feedback {
-    /// 6041.
-    pub statusword: u16,
-    /// 6064, counts.
-    pub position: i32,
-    /// 60F4, counts.
-    pub following_error: i32,
-    /// 6061.
-    pub mode_display: i8,
-    /// 60FD.
-    pub digital_inputs: u32,
-    /// 603F; 0 where it is not mapped.
-    pub error_code: u16,
-}
-
-/// What the drive gets.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Setpoint {
-    /// 6040.
-    pub controlword: u16,
-    /// 607A or 60C1:1, counts; the low 32 bits of the unwrapped position.
-    pub target_position: i32,
-    /// 6060.
-    pub mode: i8,
-}
-
-/// What the control wants of the drive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Request {
-    /// Power off, by the drive's own ramp.
-    Disable,
-    /// Power on and follow; accepted in [`Status::Disabled`] only.
-    Enable,
-    /// Stop by the quick-stop ramp, then power off.
-    QuickStop,
-    /// Acknowledge a fault; accepted in [`Status::Faulted`] only. Never enables.
-    ResetFault,
-    /// Home by the drive's own method (6098); accepted in [`Status::Enabled`] only.
-    Home,
-}
-
-/// What the axis is doing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Status {
-    /// The drive is not on the bus.
-    Offline,
-    /// No torque, no fault.
-    Disabled,
-    /// On the way to [`Status::Enabled`].
-    Enabling,
-    /// Follows the commanded position.
-    Enabled,
-    /// The drive homes itself; the commanded position is not used.
-    Homing,
-    /// On the way to [`Status::Disabled`].
-    Disabling,
-    /// Stopping by the quick-stop ramp.
-    QuickStopping,
-    /// Stopped by a fault until it is reset.
-    Faulted(AxisFault),
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Phase {
-    Offline,
-    Disabled,
-    Enabling,
-    Enabled,
-    Homing(Homing),
-    Disabling,
-    QuickStopping,
-    Faulted { fault: AxisFault, reset: Reset },
-}
-
-/// Progress of a fault reset.
-#[derive(Clone, Copy, Debug)]
-enum Reset {
-    NotAsked,
-    /// Bit 7 is shown as 0 for this many more cycles.
-    Low(u8),
-    /// Bit 7 is shown as 1.
-    High,
-}
-
-/// A time limit at work.
-#[derive(Clone, Copy, Debug)]
-struct Timer {
-    step: Step,
-    since_ns: u64,
-}
-
-/// Supervisor of one drive.
-#[derive(Clone, Debug)]
-pub struct Axis {
-    config: AxisConfig,
-    phase: Phase,
-    /// As told to the last cycle.
-    online: bool,
-    drive: Option<State>,
-    statusword: u16,
-    position: i32,
-    actual: i64,
-    target: i64,
-    timer: Option<Timer>,
-    /// When enabling began, or when the enabled drive was last seen to follow.
-    mark_ns: u64,
-    homed: HomingState,
-}
-
 impl Axis {
-    /// An axis whose drive has not been seen yet.
-    pub fn new(config: AxisConfig) -> Axis {
-        Axis {
-            config,
-            phase: Phase::Offline,
-            online: false,
-            drive: None,
-            statusword: 0,
-            position: 0,
-            actual: 0,
-            target: 0,
-            timer: None,
-            mark_ns: 0,
-            homed: HomingState::NotHomed,
-        }
-    }
-
     /// Takes a request, to act in the next [`Axis::cycle`]. A request that does not fit the present status (see
     /// [`Axis::accepts`]) changes nothing.
     ///
@@ -626,33 +449,6 @@ impl Axis {
         }
         self.phase = Phase::Faulted { fault, reset };
         word
-    }
-}
-
-/// The command that brings a drive one step nearer to SWITCH ON DISABLED by its own ramp.
-fn command_down(drive: State) -> Command {
-    match drive {
-        State::OperationEnabled => Command::SwitchOn,
-        State::SwitchedOn => Command::Shutdown,
-        State::ReadyToSwitchOn
-        | State::QuickStopActive
-        | State::NotReadyToSwitchOn
-        | State::SwitchOnDisabled
-        | State::FaultReactionActive
-        | State::Fault => Command::DisableVoltage,
-    }
-}
-
-/// As [`command_down`], but a drive that moves stops by the quick-stop ramp.
-fn command_stop(drive: State) -> Command {
-    match drive {
-        State::OperationEnabled | State::QuickStopActive => Command::QuickStop,
-        State::NotReadyToSwitchOn
-        | State::SwitchOnDisabled
-        | State::ReadyToSwitchOn
-        | State::SwitchedOn
-        | State::FaultReactionActive
-        | State::Fault => command_down(drive),
     }
 }
 

@@ -4,15 +4,9 @@
 
 use obd::AbortCode;
 
-use super::{Client, ClientError, Progress};
+use super::error::ClientError;
+use super::state::{Client, Incoming, Progress};
 use crate::sdo::command::{self, Command, CommandId, Segmentation};
-
-/// A segmented answer under way.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Incoming {
-    pub(super) len: usize,
-    pub(super) done: usize,
-}
 
 impl Client {
     /// Takes a command of the server, which came in order; ends the command that runs when this completes its answer.
