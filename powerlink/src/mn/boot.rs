@@ -44,24 +44,12 @@ impl<'a> Node<'a> {
 
     /// The node holds its configuration.
     pub(super) fn is_configured(&self) -> bool {
-        match self.stage {
-            BootStage::Searching { .. }
-            | BootStage::Refused { .. }
-            | BootStage::Held
-            | BootStage::Configuring { .. }
-            | BootStage::ClosingSdo
-            | BootStage::ResettingConfiguration { .. }
-            | BootStage::Reidentifying { .. } => false,
-            BootStage::WaitingPreOperational2 { .. }
-            | BootStage::WaitingReadyToOperate { .. }
-            | BootStage::CheckingCommunication { .. }
-            | BootStage::Ready
-            | BootStage::WaitingOperational { .. }
-            | BootStage::Operational
-            | BootStage::TakenOver
-            | BootStage::BackInPreOperational2 { .. }
-            | BootStage::Stopped { .. } => true,
-        }
+        self.has_free_sdo_client() && self.stage != BootStage::Held
+    }
+
+    /// Identified, and the configuration manager is not at work with the node: the application may use its SDO client.
+    pub(super) fn has_free_sdo_client(&self) -> bool {
+        self.is_identified() && !self.is_being_configured()
     }
 
     /// The configuration manager is at work with the node.
@@ -110,33 +98,19 @@ impl<'a> Node<'a> {
             return;
         }
         self.record.identified(now_ns, ident);
-        match self.stage {
-            BootStage::Searching { .. } => {}
-            BootStage::Reidentifying { sent, .. } if sent < RESET_CONFIGURATION_MAX && self.missed_its_reset(ident) => {
+        if let BootStage::Reidentifying { sent, .. } = self.stage {
+            if sent < RESET_CONFIGURATION_MAX && self.missed_its_reset(ident) {
                 self.order_reset_configuration(sent);
                 return;
             }
-            BootStage::Reidentifying { .. } => {
-                self.requests = ident.requests;
-                self.restart_signalling(now_ns);
-                self.enable(now_ns, network);
-                self.reported(ident.nmt_state, network);
-                return;
-            }
-            BootStage::Refused { .. }
-            | BootStage::Held
-            | BootStage::Configuring { .. }
-            | BootStage::ClosingSdo
-            | BootStage::ResettingConfiguration { .. }
-            | BootStage::WaitingPreOperational2 { .. }
-            | BootStage::WaitingReadyToOperate { .. }
-            | BootStage::CheckingCommunication { .. }
-            | BootStage::Ready
-            | BootStage::WaitingOperational { .. }
-            | BootStage::Operational
-            | BootStage::TakenOver
-            | BootStage::BackInPreOperational2 { .. }
-            | BootStage::Stopped { .. } => return,
+            self.requests = ident.requests;
+            self.restart_signalling(now_ns);
+            self.enable(now_ns, network);
+            self.reported(ident.nmt_state, network);
+            return;
+        }
+        if !matches!(self.stage, BootStage::Searching { .. }) {
+            return;
         }
         if self.order.is_some() {
             // It is about to be reset; what it says now is void.
@@ -226,24 +200,13 @@ impl<'a> Node<'a> {
             self.stop_polling();
             self.status.due_ns = now_ns;
         }
-        match &mut self.stage {
-            // The wait for the slot does not count.
-            BootStage::WaitingReadyToOperate { again_ns, .. }
-            | BootStage::WaitingOperational { again_ns, .. }
-            | BootStage::BackInPreOperational2 { again_ns }
-            | BootStage::Stopped { again_ns } => *again_ns = now_ns + command_retry_ns(network),
-            BootStage::Searching { .. }
-            | BootStage::Refused { .. }
-            | BootStage::Held
-            | BootStage::Configuring { .. }
-            | BootStage::ClosingSdo
-            | BootStage::ResettingConfiguration { .. }
-            | BootStage::Reidentifying { .. }
-            | BootStage::WaitingPreOperational2 { .. }
-            | BootStage::CheckingCommunication { .. }
-            | BootStage::Ready
-            | BootStage::Operational
-            | BootStage::TakenOver => {}
+        // The wait for the slot does not count.
+        if let BootStage::WaitingReadyToOperate { again_ns, .. }
+        | BootStage::WaitingOperational { again_ns, .. }
+        | BootStage::BackInPreOperational2 { again_ns }
+        | BootStage::Stopped { again_ns } = &mut self.stage
+        {
+            *again_ns = now_ns + command_retry_ns(network);
         }
         if let (NmtCommand::ResetConfiguration, BootStage::ResettingConfiguration { sent }) =
             (order.command, self.stage)

@@ -344,23 +344,14 @@ impl<'a> Node<'a> {
 
     /// Nothing is expected to change, and it is not polled.
     fn is_settled(&self) -> bool {
-        match self.stage {
-            BootStage::Held | BootStage::Ready | BootStage::Operational | BootStage::TakenOver => {
-                self.config.assignment.async_only && !self.signalling.wants_status()
-            }
-            BootStage::Stopped { .. } => self.nmt_state == NmtState::Stopped,
-            BootStage::Searching { .. }
-            | BootStage::Refused { .. }
-            | BootStage::Configuring { .. }
-            | BootStage::ClosingSdo
-            | BootStage::ResettingConfiguration { .. }
-            | BootStage::Reidentifying { .. }
-            | BootStage::WaitingPreOperational2 { .. }
-            | BootStage::WaitingReadyToOperate { .. }
-            | BootStage::CheckingCommunication { .. }
-            | BootStage::WaitingOperational { .. }
-            | BootStage::BackInPreOperational2 { .. } => false,
+        if let BootStage::Stopped { .. } = self.stage {
+            return self.nmt_state == NmtState::Stopped;
         }
+        let waits = matches!(
+            self.stage,
+            BootStage::Held | BootStage::Ready | BootStage::Operational | BootStage::TakenOver
+        );
+        waits && self.config.assignment.async_only && !self.signalling.wants_status()
     }
 
     /// The PRes of this cycle came in time.

@@ -46,28 +46,6 @@ impl<'a> Node<'a> {
             job.ended = Some(result.unwrap_or(Err(error)));
         }
     }
-
-    /// The configuration manager has done its work and the node runs.
-    fn takes_commands(&self) -> bool {
-        match self.stage {
-            BootStage::Searching { .. }
-            | BootStage::Refused { .. }
-            | BootStage::Configuring { .. }
-            | BootStage::ClosingSdo
-            | BootStage::ResettingConfiguration { .. }
-            | BootStage::Reidentifying { .. } => false,
-            BootStage::WaitingPreOperational2 { .. }
-            | BootStage::WaitingReadyToOperate { .. }
-            | BootStage::CheckingCommunication { .. }
-            | BootStage::Ready
-            | BootStage::WaitingOperational { .. }
-            | BootStage::Operational
-            | BootStage::Held
-            | BootStage::TakenOver
-            | BootStage::BackInPreOperational2 { .. }
-            | BootStage::Stopped { .. } => true,
-        }
-    }
 }
 
 impl<'a, const NODES: usize> Mn<'a, NODES> {
@@ -116,7 +94,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         if node.job.is_some() {
             return Some(SdoError::Busy);
         }
-        if !node.takes_commands() || !self.state.is_isochronous() {
+        if !node.has_free_sdo_client() || !self.state.is_isochronous() {
             let why = self.reason(node).unwrap_or(Reason::Booting {
                 stage: BootStage::Operational,
             });
