@@ -38,7 +38,8 @@ const REAL_TIME: &[&str] = &[
     "src/host/latency.rs",
     "src/bus/powerlink.rs",
     "motion/src/rt",
-    "motion/src/rt/online",
+    "motion/src/rt/interpolator",
+    "motion/src/rt/otg",
     "motion/src/rt/dda",
     "motion/src/rt/jog",
     "motion/src/rt/jog/world",
@@ -48,6 +49,7 @@ const REAL_TIME: &[&str] = &[
     "motion/src/kinematics",
     "motion/src/ring.rs",
     "powerlink/src/mn",
+    "powerlink/src/mn/objects",
     "cia402/src/axis",
 ];
 
