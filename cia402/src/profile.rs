@@ -26,7 +26,7 @@ pub enum State {
     Fault,
 }
 
-/// (mask, value, state): the statusword shows `state` when `word & mask == value`. No two overlap.
+/// (mask, value, state) of object 6041: the statusword shows `state` when `word & mask == value`. No two overlap.
 const PATTERNS: [(u16, u16, State); 8] = [
     (0x004F, 0x0000, State::NotReadyToSwitchOn),
     (0x004F, 0x0040, State::SwitchOnDisabled),

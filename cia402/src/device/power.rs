@@ -5,7 +5,7 @@
 
 use crate::profile::{Command, State};
 
-/// (number, from, command, to): the transitions that a command causes. Fault reset stands for its rising edge.
+/// (number, from, command, to): the transitions that a command in object 6040 causes. Fault reset stands for its rising edge.
 const TRANSITIONS: [(u8, State, Command, State); 16] = [
     (2, State::SwitchOnDisabled, Command::Shutdown, State::ReadyToSwitchOn),
     (3, State::ReadyToSwitchOn, Command::SwitchOn, State::SwitchedOn),

@@ -46,7 +46,7 @@ pub enum NmtCommand {
     Unknown(u8),
 }
 
-/// (octet, command): the ids of the standard, one a line.
+/// (octet, command): the ids of the standard (DS 301 ch. 7.3.1), one a line.
 const COMMANDS: [(u8, NmtCommand); 32] = [
     (0x01, NmtCommand::IdentRequest),
     (0x02, NmtCommand::StatusRequest),

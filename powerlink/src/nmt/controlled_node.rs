@@ -46,7 +46,8 @@ impl CnEvent {
     ];
 }
 
-/// State machine of a controlled node: the state `event` leads to from `state`, `None` where it means nothing.
+/// State machine of a controlled node (DS 301 ch. 7.1; state in 0x1F8C): the state `event` leads to from `state`, `None` where
+/// it means nothing.
 /// RT: no allocation, no locks, bounded.
 pub fn cn_next(state: NmtState, event: CnEvent) -> Option<NmtState> {
     use CnEvent as E;

@@ -40,7 +40,8 @@ impl MnTrigger {
     ];
 }
 
-/// State machine of the managing node: the state `event` leads to from `state`, `None` where it means nothing.
+/// State machine of the managing node (DS 301 ch. 7.1; state in 0x1F8C): the state `event` leads to from `state`, `None` where
+/// it means nothing.
 /// RT: no allocation, no locks, bounded.
 pub fn mn_next(state: NmtState, event: MnTrigger) -> Option<NmtState> {
     use MnTrigger as E;

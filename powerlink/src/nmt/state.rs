@@ -157,7 +157,7 @@ impl Reset {
     }
 }
 
-/// The next step of the reset cascade, which runs through without waiting; `None` outside of it.
+/// The next step of the reset cascade (DS 301 ch. 7.1), which runs through without waiting; `None` outside of it.
 pub fn cascade(state: NmtState) -> Option<NmtState> {
     match state {
         NmtState::Initialising => Some(NmtState::ResetApplication),

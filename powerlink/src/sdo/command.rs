@@ -23,7 +23,7 @@ pub const TOTAL_LEN: usize = 4;
 /// Most command data this crate sends in one frame, see [`SERVICE_DATA_MAX`](super::SERVICE_DATA_MAX).
 pub const SEGMENT_MAX: usize = 256;
 
-/// Commands; this crate carries out those by index and aborts all others.
+/// Commands (DS 301 ch. 6.3.2); this crate carries out those by index and aborts all others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CommandId {
     /// Write one object.
@@ -127,7 +127,7 @@ impl Segmentation {
     }
 }
 
-/// The fixed command header without the segment size, which follows from the data.
+/// The fixed command header (DS 301 ch. 6.3.2) without the segment size, which follows from the data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
     /// Chosen by the client, echoed by the server.

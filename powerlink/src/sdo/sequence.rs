@@ -224,7 +224,7 @@ pub struct Outgoing {
     pub repeated: bool,
 }
 
-/// The sequence header.
+/// The sequence header (DS 301 ch. 6.3.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sequence {
     /// Last frame received in order.

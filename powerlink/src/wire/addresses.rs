@@ -22,7 +22,7 @@ const REDUNDANT: RangeInclusive<u8> = node::MN + 1..=node::MN_MAX;
 const TOOLS: RangeInclusive<u8> = node::DIAGNOSTIC..=node::ROUTER;
 const ALL: RangeInclusive<u8> = node::BROADCAST..=node::BROADCAST;
 
-/// One line for each message type; what is in no line is of an unknown type.
+/// One line for each message type (DS 301 ch. 4.5, 4.6); what is in no line is of an unknown type.
 #[rustfmt::skip]
 const RULES: [Rule; 7] = [
     Rule { message_type: message::SOC,  sources: &[MANAGING],                    destinations: &[ALL] },

@@ -11,7 +11,7 @@ pub const COMMAND_DATA_LEN: usize = 32;
 /// Where the data of a service start.
 const DATA_AT: usize = 18;
 
-/// ServiceID of an ASnd.
+/// ServiceID of an ASnd (DS 301 ch. 4.6.1.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the names are the standard's")]
 pub enum ServiceId {
@@ -139,7 +139,7 @@ impl<'a> Asnd<'a> {
     }
 }
 
-/// NMTCommand: the target is the destination node of the frame, 255 for all.
+/// NMTCommand (DS 301 ch. 7.3): the target is the destination node of the frame, 255 for all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NmtCommandFrame {
     /// What to do.
@@ -182,7 +182,7 @@ impl NmtCommandFrame {
     }
 }
 
-/// NMTRequest: a CN asks for an NMT service.
+/// NMTRequest (DS 301 ch. 7.3; as 0x1F9F does it from outside): a CN asks for an NMT service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NmtRequestFrame {
     /// What the MN shall do.

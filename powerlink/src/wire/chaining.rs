@@ -29,7 +29,7 @@ mod status {
     pub(super) const MODE: u32 = 1 << 31;
 }
 
-/// SyncRequest: the area of a SoA with `RequestedService::SyncRequest`. `None` is a field whose valid bit is clear.
+/// SyncRequest (DS 302-C): the area of a SoA with `RequestedService::SyncRequest`. `None` is a field whose valid bit is clear.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct SyncRequest {
     /// When the PRes is due after the end of the PResMN, over the first ring or line, in ns.
@@ -100,7 +100,7 @@ impl SyncRequest {
     }
 }
 
-/// SyncResponse: what a node measured and what is set in it, the answer to a SyncRequest.
+/// SyncResponse (DS 302-C): what a node measured and what is set in it, the answer to a SyncRequest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct SyncResponse {
     /// PResTimeFirstValid: a time is set.

@@ -20,7 +20,7 @@ pub const EPL_VERSION: u8 = 0x20;
 /// An Ethernet address.
 pub type Mac = [u8; 6];
 
-/// The multicast addresses of POWERLINK.
+/// The multicast addresses of POWERLINK (DS 301 ch. 4.6).
 pub mod multicast {
     use super::Mac;
     /// Destination of every SoC.
@@ -71,7 +71,7 @@ pub(super) mod flag {
     }
 }
 
-/// MessageType values. Bit 7 of the octet is no part of the type.
+/// MessageType values (DS 301 ch. 4.6.1.1). Bit 7 of the octet is no part of the type.
 pub mod message {
     /// Start of cycle.
     pub const SOC: u8 = 0x01;
@@ -167,7 +167,7 @@ impl core::fmt::Display for WireError {
 
 impl core::error::Error for WireError {}
 
-/// Addresses of a frame: the first 17 octets without EtherType and MessageType.
+/// Addresses of a frame (DS 301 ch. 4.5, 4.6): the first 17 octets without EtherType and MessageType.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
     /// Destination MAC: multicast or the node's own.
@@ -227,7 +227,7 @@ impl Header {
     }
 }
 
-/// RS and PR: how many asynchronous requests a node has queued, and the priority of the highest.
+/// RS and PR (DS 301 ch. 4.2.4.1.2): how many asynchronous requests a node has queued, and the priority of the highest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Requests {
     /// RS: number of queued requests; 7 means 7 or more.

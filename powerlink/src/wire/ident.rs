@@ -6,7 +6,7 @@ use crate::nmt::NmtState;
 /// Octets of an IdentResponse without FCS.
 pub const IDENT_RESPONSE_LEN: usize = 176;
 
-/// Identity, lengths and features of a node.
+/// Identity, lengths and features of a node: IdentResponse (DS 301 ch. 7.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct IdentResponse {
     /// PR and RS: asynchronous requests waiting at the sender.

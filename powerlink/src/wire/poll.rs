@@ -9,7 +9,8 @@ use crate::nmt::NmtState;
 pub const POLL_HEADER_LEN: usize = 24;
 const _: () = assert!(POLL_HEADER_LEN + PAYLOAD_LIMIT_MIN == FRAME_LEN_MIN);
 
-/// Poll request: the managing node's output data for one node, which answers at once with its PRes.
+/// Poll request: the managing node's output data for one node, which answers at once with its PRes
+/// (DS 301 ch. 4.6.1.1; payload limit 0x1F8B).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Preq<'a> {
     /// MS: the node is polled in multiplexed cycles.
@@ -50,7 +51,8 @@ impl<'a> Preq<'a> {
     }
 }
 
-/// Poll response: the input data of one node, multicast so that every node can read them.
+/// Poll response: the input data of one node, multicast so that every node can read them (DS 301 ch. 4.6.1.1; payload limit
+/// 0x1F8D).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pres<'a> {
     /// State of the sender.

@@ -13,7 +13,7 @@ pub const ERROR_ENTRIES_MAX: usize = 13;
 /// Where the error entries start.
 const ENTRIES_AT: usize = 32;
 
-/// State and errors of a node.
+/// State and errors of a node: StatusResponse (DS 301 ch. 7.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StatusResponse<'a> {
     /// EC: exception clear; error signalling is being initialised.

@@ -18,7 +18,7 @@ pub struct NetTime {
     pub nanoseconds: u32,
 }
 
-/// Start of cycle.
+/// Start of cycle (DS 301 ch. 4.6.1.1; period 0x1006).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Soc {
     /// MC: toggles when a round of multiplexed nodes is complete.
@@ -107,7 +107,7 @@ impl From<RequestedService> for u8 {
     }
 }
 
-/// Start of asynchronous phase.
+/// Start of asynchronous phase (DS 301 ch. 4.6.1.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Soa {
     /// State of the managing node.
