@@ -16,10 +16,10 @@ mod common;
 mod timed;
 
 use common::Busyness;
-use isocnc::bus::Fieldbus;
-use isocnc::bus::managing_node::{mn_config, node_configs};
-use isocnc::bus::network;
+use isocnc::bus::CyclicBus;
 use isocnc::bus::powerlink::Powerlink;
+use isocnc::bus::powerlink::managing_node::{mn_config, node_configs};
+use isocnc::bus::powerlink::network;
 use isocnc::config::{self, Config, KeepAwake, Rt};
 use isocnc::host::histogram::Jitter;
 use isocnc::host::setup::{Role, enter_thread, prepare_process};
@@ -125,7 +125,7 @@ fn timed_cycles(config: &Config, paced: bool) -> anyhow::Result<[Jitter; 2]> {
     let bus = Timed::new(bus.map_err(|error| anyhow::anyhow!("{error}"))?);
     let name = format!("bench-{}", std::process::id());
     let mut hal = hal_pins::Hal::create_in(&[std::env::temp_dir()], &name, CAPACITY)?;
-    let (control, inlets, _diagnosis) = assemble(config, &plans, bus, &mut hal)?;
+    let (control, inlets) = assemble(config, &plans, bus, &mut hal)?;
     let mut control = Box::new(control);
     let mut operator = Operator::new(config, inlets, 0).repeating();
     let (mut recorder, _windows) = recorder(grid(config).period_ns);
@@ -179,7 +179,7 @@ fn cycle_ns(control: &mut Control<Bus<'_>>, recorder: &mut Recorder, deadline_ns
     recorder.record(&CycleTimes {
         deadline_ns,
         woke_ns: deadline_ns,
-        soc_ns: report.soc_ns,
+        soc_ns: report.started_ns,
         exchanged_ns: report.done_ns,
         ended_ns: report.done_ns,
         next_ns: deadline_ns + period_ns,

@@ -169,3 +169,32 @@ fn items_that_the_architecture_names_are_there() {
     );
     assert!(items.len() > 10, "only {} items were found", items.len());
 }
+
+/// Where a bus may be known by its name.
+const OF_POWERLINK: [&str; 3] = ["src/bus/powerlink/", "src/sim/", "src/cli/bus/"];
+
+#[test]
+fn nothing_above_the_bus_names_powerlink() {
+    let mut named = Vec::new();
+    let mut seen = 0;
+    for path in sources(&Path::new(ROOT).join("src")) {
+        let below = path
+            .strip_prefix(ROOT)
+            .expect("below the root")
+            .to_str()
+            .expect("UTF-8")
+            .to_owned();
+        let is_of_it = OF_POWERLINK.iter().any(|folder| below.starts_with(folder));
+        // The bus's own door, which chooses between kinds.
+        let is_door = below == "src/bus/mod.rs";
+        for (number, line) in read(&path).lines().enumerate() {
+            let names = line.contains("powerlink::") && !line.trim_start().starts_with("//");
+            seen += usize::from(names);
+            if names && !is_of_it && !(is_door && !line.contains("use ::powerlink")) {
+                named.push(format!("{below}:{}: {}", number + 1, line.trim()));
+            }
+        }
+    }
+    assert!(named.is_empty(), "{}", named.join("\n"));
+    assert!(seen > 20, "only {seen} names were found");
+}

@@ -3,10 +3,10 @@
 //! A counting allocator stands in front of the system's; it counts for one thread, and only while the code of that
 //! thread is real-time code. The wire and the simulated machine behind it stand for the kernel and are left out.
 
-use isocnc::bus::managing_node::{mn_config, node_configs};
-use isocnc::bus::network;
 use isocnc::bus::powerlink::Powerlink;
-use isocnc::bus::{BusState, Fieldbus};
+use isocnc::bus::powerlink::managing_node::{mn_config, node_configs};
+use isocnc::bus::powerlink::network;
+use isocnc::bus::{BusState, CyclicBus};
 use isocnc::config::{self, Config};
 use isocnc::host::histogram::Jitter;
 use isocnc::machine::motion_settings::{ring_capacity, stop_ramp};
@@ -170,7 +170,7 @@ fn the_cycle_never_allocates() {
     .expect("a network");
     let name = format!("no-allocation-{}", std::process::id());
     let mut hal = hal_pins::Hal::create_in(&[std::env::temp_dir()], &name, CAPACITY).expect("pins");
-    let (control, inlets, _diagnosis) = assemble(&config, &plans, bus, &mut hal).expect("a control");
+    let (control, inlets) = assemble(&config, &plans, bus, &mut hal).expect("a control");
     let mut control = Box::new(control);
     let mut operator = Operator::new(&config, inlets, 0);
 
@@ -207,7 +207,7 @@ fn the_cycle_never_allocates() {
             recorder.record(&CycleTimes {
                 deadline_ns,
                 woke_ns: deadline_ns + late_ns,
-                soc_ns: report.soc_ns,
+                soc_ns: report.started_ns,
                 exchanged_ns: report.done_ns,
                 ended_ns: report.done_ns + 4000,
                 next_ns,

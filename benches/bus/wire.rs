@@ -14,7 +14,7 @@ use super::network::{Responder, mn_config, node_configs};
 use super::socket::Socket;
 use anyhow::ensure;
 use isocnc::bus::powerlink::{Powerlink, wall_clock};
-use isocnc::bus::{BusState, Fieldbus, InputImage, OutputImage};
+use isocnc::bus::{BusState, CyclicBus, InputImage, OutputImage};
 use isocnc::config;
 use isocnc::host::netns::{add_wire, private_wire};
 use isocnc::host::setup::{Process, Role, STACK_SIZE, enter_thread, prepare_process};

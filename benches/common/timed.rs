@@ -1,9 +1,8 @@
 //! A bus that notes when its exchange was over, so that what follows in the cycle can be timed.
 
 use isocnc::bus::{
-    BusEvent, BusState, CycleReport, Fieldbus, InputImage, NodeIndex, NodeState, NodeStatistics, OutputImage,
+    BusEvent, BusState, CycleReport, CyclicBus, InputImage, NodeIndex, NodeState, NodeStatistics, OutputImage,
 };
-use powerlink::mn::{Counters, Diagnosis, NetworkDiagnosis, SdoCommand, SdoError};
 use std::time::{Duration, Instant};
 
 /// Any bus, and the times of its last cycle.
@@ -27,7 +26,7 @@ impl<B> Timed<B> {
     }
 }
 
-impl<B: Fieldbus> Fieldbus for Timed<B> {
+impl<B: CyclicBus> CyclicBus for Timed<B> {
     fn prepare(&mut self, begin_ns: u64, outputs: &OutputImage) {
         let began = Instant::now();
         self.bus.prepare(begin_ns, outputs);
@@ -68,19 +67,7 @@ impl<B: Fieldbus> Fieldbus for Timed<B> {
         self.bus.statistics(node)
     }
 
-    fn diagnosis(&self, node: NodeIndex) -> Option<Diagnosis> {
-        self.bus.diagnosis(node)
-    }
-
-    fn network_diagnosis(&self) -> (NetworkDiagnosis, Counters) {
-        self.bus.network_diagnosis()
-    }
-
-    fn sdo_request(&mut self, node: NodeIndex, command: SdoCommand, value: &[u8]) -> Result<(), SdoError> {
-        self.bus.sdo_request(node, command, value)
-    }
-
-    fn sdo_result(&mut self, node: NodeIndex, value: &mut [u8]) -> Option<Result<usize, SdoError>> {
-        self.bus.sdo_result(node, value)
+    fn publish(&mut self, cycle: u64) {
+        self.bus.publish(cycle);
     }
 }

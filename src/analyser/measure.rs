@@ -10,8 +10,9 @@ use super::hardware::{HardwareStamps, NotHardware};
 use super::report::{SocReport, StampSource};
 use super::socket::{self, Batch};
 use super::stamps::Stamps;
-use super::tally::{Kind, Tally, Window};
+use super::tally::{Tally, Window};
 use super::{AnalyserError, Capture, Place, socket_error};
+use crate::bus::frames::FrameKind;
 use crate::host::wait::to_next;
 use std::os::fd::OwnedFd;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
@@ -64,7 +65,7 @@ impl Ears {
 
 /// A frame that was read and waits until all that were stamped before it have been read too.
 struct Seen {
-    kind: Kind,
+    kind: FrameKind,
     stamps: Stamps,
     /// The kernel's stamp, or else the time of reading.
     order_ns: u64,
@@ -148,7 +149,7 @@ impl Measurement {
                     if ears.sockets.len() == 1 || frame.incoming {
                         let incoming = frame.incoming && end == 0;
                         waiting.push(Seen {
-                            kind: Kind::of(frame.octets),
+                            kind: FrameKind::of(frame.octets),
                             stamps: frame.stamps,
                             order_ns: frame.stamps.kernel_ns.unwrap_or(look_ns),
                             incoming,
@@ -270,7 +271,7 @@ mod tests {
 
     fn seen(order_ns: u64, unmeasured: bool) -> Seen {
         Seen {
-            kind: Kind::Soc,
+            kind: FrameKind::Soc,
             stamps: Stamps {
                 kernel_ns: Some(order_ns),
                 hardware_ns: None,

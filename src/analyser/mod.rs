@@ -31,8 +31,8 @@ pub use maxima::INTERVALS;
 pub use report::{FrameCounts, SocReport, StampSource};
 pub use tally::Window;
 
+use crate::bus::frames::PcapWriter;
 use measure::{Ears, Measurement, Order};
-use powerlink::link::pcap::PcapWriter;
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};

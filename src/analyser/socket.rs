@@ -5,8 +5,8 @@
 
 use super::stamps::{self, Stamps};
 use super::{AnalyserError, socket_error};
+use crate::bus::FRAME_OCTETS_MAX;
 use nix::errno::Errno;
-use powerlink::wire::FRAME_LEN_MAX;
 use std::io;
 use std::mem::{size_of, zeroed};
 use std::os::fd::{AsRawFd, FromRawFd, OwnedFd};
@@ -103,7 +103,7 @@ type Control = [u64; 16];
 
 /// Buffers for many frames at once.
 pub(super) struct Batch {
-    octets: Vec<[u8; FRAME_LEN_MAX]>,
+    octets: Vec<[u8; FRAME_OCTETS_MAX]>,
     senders: Vec<libc::sockaddr_ll>,
     controls: Vec<Control>,
     slices: Vec<libc::iovec>,
@@ -123,7 +123,7 @@ impl Batch {
         // SAFETY: all zeros is a sockaddr_ll, an iovec and an mmsghdr.
         let (sender, slice, header) = unsafe { (zeroed(), zeroed(), zeroed()) };
         Batch {
-            octets: vec![[0; FRAME_LEN_MAX]; BATCH],
+            octets: vec![[0; FRAME_OCTETS_MAX]; BATCH],
             senders: vec![sender; BATCH],
             controls: vec![Control::default(); BATCH],
             slices: vec![slice; BATCH],
@@ -148,7 +148,7 @@ impl Batch {
         for i in 0..BATCH {
             self.slices[i] = libc::iovec {
                 iov_base: self.octets[i].as_mut_ptr().cast(),
-                iov_len: FRAME_LEN_MAX,
+                iov_len: FRAME_OCTETS_MAX,
             };
             let header = &mut self.headers[i].msg_hdr;
             header.msg_name = (&raw mut self.senders[i]).cast();
@@ -183,7 +183,7 @@ impl Batch {
             Frame {
                 stamps: stamps::parse(control),
                 incoming: self.senders[i].sll_pkttype != libc::PACKET_OUTGOING,
-                octets: &self.octets[i][..(header.msg_len as usize).min(FRAME_LEN_MAX)],
+                octets: &self.octets[i][..(header.msg_len as usize).min(FRAME_OCTETS_MAX)],
             }
         })
     }

@@ -6,8 +6,8 @@
 use super::maxima::Maxima;
 use super::report::{FrameCounts, SocReport, StampSource};
 use super::stamps::Stamps;
+use crate::bus::frames::FrameKind;
 use crate::host::histogram::Jitter;
-use powerlink::wire::{ETHER_TYPE, message};
 
 /// A gap of more cycles is a network that was stopped and started, unless the window says otherwise.
 const RESTART_CYCLES: u64 = 10;
@@ -42,38 +42,6 @@ impl Window {
     }
 }
 
-/// What a frame is to the measurement.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    Soc,
-    PReq,
-    PRes,
-    SoA,
-    Asnd,
-    Other,
-    Foreign,
-}
-
-impl Kind {
-    pub(super) fn of(frame: &[u8]) -> Kind {
-        let (Some(ether_type), Some(message_type)) = (frame.get(12..14), frame.get(14)) else {
-            return Kind::Foreign;
-        };
-        if ether_type != ETHER_TYPE.to_be_bytes() {
-            return Kind::Foreign;
-        }
-        // Bit 7 is no part of the type.
-        match message_type & 0x7F {
-            message::SOC => Kind::Soc,
-            message::PREQ => Kind::PReq,
-            message::PRES => Kind::PRes,
-            message::SOA => Kind::SoA,
-            message::ASND => Kind::Asnd,
-            _ => Kind::Other,
-        }
-    }
-}
-
 /// Everything counted in one window.
 pub(super) struct Tally {
     window: Window,
@@ -97,27 +65,27 @@ impl Tally {
     }
 
     /// Takes a frame in. Sent ones (`incoming` false) are counted only: they were not yet on the wire when they were stamped.
-    pub(super) fn add(&mut self, kind: Kind, stamps: Stamps, incoming: bool) {
+    pub(super) fn add(&mut self, kind: FrameKind, stamps: Stamps, incoming: bool) {
         let Tally { frames, .. } = self;
         match kind {
-            Kind::Soc => frames.soc += 1,
-            Kind::PReq => frames.preq += 1,
-            Kind::PRes => frames.pres += 1,
-            Kind::SoA => frames.soa += 1,
-            Kind::Asnd => frames.asnd += 1,
-            Kind::Other => frames.other += 1,
-            Kind::Foreign => frames.foreign += 1,
+            FrameKind::Soc => frames.soc += 1,
+            FrameKind::PReq => frames.preq += 1,
+            FrameKind::PRes => frames.pres += 1,
+            FrameKind::SoA => frames.soa += 1,
+            FrameKind::Asnd => frames.asnd += 1,
+            FrameKind::Other => frames.other += 1,
+            FrameKind::Foreign => frames.foreign += 1,
         }
         for (periods, stamp_ns) in [
             (&mut self.kernel, stamps.kernel_ns),
             (&mut self.hardware, stamps.hardware_ns),
         ] {
             match stamp_ns {
-                Some(stamp_ns) if kind == Kind::Soc && incoming => periods.soc(stamp_ns),
+                Some(stamp_ns) if kind == FrameKind::Soc && incoming => periods.soc(stamp_ns),
                 Some(_) => {}
                 None => {
                     periods.unstamped += 1;
-                    if kind == Kind::Soc {
+                    if kind == FrameKind::Soc {
                         periods.last_ns = None;
                     }
                 }
@@ -126,7 +94,7 @@ impl Tally {
     }
 
     /// Counts a frame whose stamp is not to be believed.
-    pub(super) fn add_unmeasured(&mut self, kind: Kind) {
+    pub(super) fn add_unmeasured(&mut self, kind: FrameKind) {
         self.add(kind, Stamps::default(), false);
         self.kernel.unstamped -= 1;
         self.hardware.unstamped -= 1;

@@ -1,6 +1,7 @@
 use super::stamps::Stamps;
-use super::tally::{Kind, Tally};
+use super::tally::Tally;
 use super::*;
+use crate::bus::frames::FrameKind;
 use proptest::prelude::*;
 
 const BASE_NS: u64 = 1_700_000_000_000_000_000;
@@ -26,7 +27,7 @@ fn both(kernel_us: u64, hardware_ns: u64) -> Stamps {
 }
 
 fn add(tally: &mut Tally, stamps: Stamps, incoming: bool, frame: &[u8]) {
-    tally.add(Kind::of(frame), stamps, incoming);
+    tally.add(FrameKind::of(frame), stamps, incoming);
 }
 
 #[test]
@@ -184,7 +185,7 @@ fn an_empty_measurement_is_a_report_of_zeros() {
 fn a_month_of_cycles_needs_no_more_memory_than_a_minute() {
     let mut tally = Tally::new(Window::without_restarts(1_000_000));
     for second in 0..2_600_000 {
-        tally.add(Kind::Soc, kernel(second * 1_000_000), true);
+        tally.add(FrameKind::Soc, kernel(second * 1_000_000), true);
     }
     let report = tally.report("plk1");
     assert_eq!((report.n, report.overruns), (2_599_999, 0));

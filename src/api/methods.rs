@@ -7,20 +7,18 @@
 
 use super::rpc::{Params, Request, RpcError, code, from_hex, to_hex};
 use super::server::{Serve, Ticket};
-use crate::api::network_view::{NetworkLive, NetworkView, NodeLive};
+use crate::api::network_view::NetworkView;
 use crate::api::orders::{Counter, Jog, Jogged, Order, Source};
 use crate::bus::SDO_VALUE_MAX;
+use crate::bus::service::{BusService, MailboxError, MailboxRequest};
 use crate::config::JOINTS_MAX;
 use crate::machine::faults::SILENCED;
 use crate::machine::state::State;
-use crate::rt::diagnosis::{Inlet, Record, SdoOrder};
 use crate::rt::joint_jog::JogMotion;
 use crate::rt::overrides::Overridden;
 use crate::rt::shared::Live;
 use motion::canon::Axis;
 use obd::AbortCode;
-use powerlink::mn::{Counters, Diagnosis, NetworkDiagnosis, SdoCommand, SdoError};
-use powerlink::sdo::ClientError;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -277,12 +275,9 @@ fn table() -> Value {
 /// Everything that methods can reach.
 pub struct Methods {
     live: Arc<Live>,
-    bus: Inlet,
+    bus: Box<dyn BusService>,
     /// What the machine file says.
     network: NetworkView,
-    /// The latest record of the network and of each node.
-    latest: Option<(NetworkDiagnosis, Counters)>,
-    nodes: Vec<Option<Diagnosis>>,
     /// Orders under way that read: the others answer without a value.
     reading: Vec<Ticket>,
     /// Way to the operator.
@@ -292,13 +287,17 @@ pub struct Methods {
 
 impl Methods {
     /// Methods of a control; `now_ns`: the clock of its bus.
-    pub fn new(network: NetworkView, live: Arc<Live>, bus: Inlet, operator: Counter, now_ns: fn() -> u64) -> Methods {
+    pub fn new(
+        network: NetworkView,
+        live: Arc<Live>,
+        bus: Box<dyn BusService>,
+        operator: Counter,
+        now_ns: fn() -> u64,
+    ) -> Methods {
         Methods {
             live,
             bus,
-            nodes: vec![None; network.nodes.len()],
             network,
-            latest: None,
             reading: Vec::new(),
             operator,
             now_ns,
@@ -382,12 +381,12 @@ impl Methods {
         }
     }
 
-    fn network(&self) -> Result<Value, RpcError> {
+    fn network(&mut self) -> Result<Value, RpcError> {
         let now_ns = (self.now_ns)();
         let mut view = self.network.clone();
-        view.live = (self.latest.as_ref()).map(|(network, counters)| NetworkLive::of(network, counters, now_ns));
-        for (node, diagnosis) in view.nodes.iter_mut().zip(&self.nodes) {
-            node.live = diagnosis.as_ref().map(|diagnosis| NodeLive::of(diagnosis, now_ns));
+        view.live = self.bus.network(now_ns);
+        for (place, node) in view.nodes.iter_mut().enumerate() {
+            node.live = self.bus.node(place, now_ns);
         }
         serde_json::to_value(view).map_err(|error| RpcError::new(code::REFUSED, error.to_string()))
     }
@@ -413,35 +412,17 @@ impl Methods {
             let what = format!("no node has the id {id}; nodes are {}", ids.join(", "));
             return Err(RpcError::new(code::INVALID_PARAMS, what));
         };
-        let busy = || {
-            RpcError::new(
-                code::REFUSED,
-                "as many objects as possible are being read or written already",
-            )
-        };
-        if self.bus.orders.is_full() {
-            return Err(busy());
-        }
-        let mut buffer = self.bus.buffers.pop().ok_or_else(busy)?;
-        buffer[..value.len()].copy_from_slice(&value);
-        let command = match write {
-            true => SdoCommand::Write {
-                index,
-                sub,
-                octets: value.len(),
-            },
-            false => SdoCommand::Read { index, sub },
-        };
-        let order = SdoOrder {
+        let request = MailboxRequest {
             ticket,
             node,
-            command,
-            buffer,
+            index,
+            sub,
+            value: write.then_some(value),
         };
-        // There is room: nobody else puts anything in.
-        if self.bus.orders.push(order).is_err() {
-            return Err(busy());
-        }
+        self.bus.request(request).map_err(|_| {
+            let what = "as many objects as possible are being read or written already";
+            RpcError::new(code::REFUSED, what)
+        })?;
         if !write {
             self.reading.push(ticket);
         }
@@ -466,28 +447,18 @@ impl Serve for Methods {
     }
 
     fn later(&mut self) -> Option<(Ticket, Result<Value, RpcError>)> {
-        while let Ok(record) = self.bus.records.pop() {
-            match record {
-                Record::Node(node, diagnosis) => {
-                    if let Some(latest) = self.nodes.get_mut(node) {
-                        *latest = Some(diagnosis);
-                    }
-                }
-                Record::Network(network, counters) => self.latest = Some((network, counters)),
-            }
-        }
         if let Some(answered) = self.operator.answer() {
             return Some(answered);
         }
-        let reply = self.bus.replies.pop().ok()?;
+        let reply = self.bus.reply()?;
         let read = self.reading.iter().position(|ticket| *ticket == reply.ticket);
         if let Some(at) = read {
             self.reading.swap_remove(at);
         }
         let result = match reply.result {
-            Ok(octets) if read.is_some() => Ok(json!({ "value": to_hex(&reply.buffer[..octets]) })),
+            Ok(value) if read.is_some() => Ok(json!({ "value": to_hex(&value) })),
             Ok(_) => Ok(json!({})),
-            Err(SdoError::Client(ClientError::Aborted(abort))) => {
+            Err(MailboxError::Aborted(abort)) => {
                 let what = format!("{} (0x{:08X})", abort.text(), abort.0);
                 let kind = match abort {
                     AbortCode::NO_OBJECT => code::NODE_NO_OBJECT,
@@ -495,9 +466,8 @@ impl Serve for Methods {
                 };
                 Err(RpcError::new(kind, what))
             }
-            Err(error) => Err(RpcError::new(code::NODE, error.to_string())),
+            Err(MailboxError::Failed(what)) => Err(RpcError::new(code::NODE, what)),
         };
-        self.bus.buffers.push(reply.buffer);
         Some((reply.ticket, result))
     }
 

@@ -1,22 +1,55 @@
 use super::*;
 use crate::api::orders;
 use crate::api::rpc;
-use crate::bus::{SDO_ORDERS, SDO_VALUE_MAX};
+use crate::bus::service::{Diagnose, Mailbox, MailboxFull, MailboxReply, NetworkLive, NodeLive};
+use crate::bus::{NodeIndex, SDO_VALUE_MAX};
 use crate::config;
-use crate::rt::diagnosis::rings;
-use powerlink::mn::NetworkReason;
-use powerlink::nmt::NmtState;
 use std::path::Path;
 
+/// A bus that knows of its network and refuses every second request.
+#[derive(Default)]
+struct HalfDeafBus {
+    network: Option<NetworkLive>,
+    tickets: Vec<u64>,
+    replies: Vec<MailboxReply>,
+}
+
+impl Mailbox for HalfDeafBus {
+    fn request(&mut self, request: MailboxRequest) -> Result<(), MailboxFull> {
+        if self.tickets.len() % 2 == 1 {
+            return Err(MailboxFull);
+        }
+        self.tickets.push(request.ticket);
+        Ok(())
+    }
+
+    fn reply(&mut self) -> Option<MailboxReply> {
+        self.replies.pop()
+    }
+}
+
+impl Diagnose for HalfDeafBus {
+    fn network(&mut self, _now_ns: u64) -> Option<NetworkLive> {
+        self.network.clone()
+    }
+
+    fn node(&mut self, _node: NodeIndex, _now_ns: u64) -> Option<NodeLive> {
+        None
+    }
+}
+
 fn methods() -> Methods {
+    methods_on(HalfDeafBus::default())
+}
+
+fn methods_on(bus: HalfDeafBus) -> Methods {
     let machine = include_str!("../../configs/mill3-demo.toml");
     let config = config::parse(machine, Path::new("demo.toml")).unwrap();
-    let (_, inlet) = rings(config.bus.nodes.len());
     let (counter, _) = orders::desk();
     Methods::new(
         NetworkView::of(&config),
         Arc::new(Live::default()),
-        inlet,
+        Box::new(bus),
         counter,
         || 0,
     )
@@ -78,7 +111,6 @@ fn refusals_say_what_there_is() {
         json!({ "node": 1, "index": 1, "sub": 0, "value": long }),
     );
     assert!(refusal.starts_with("parameter \"value\": expected up to 4096 octets"));
-    assert_eq!(methods.bus.buffers.len(), SDO_ORDERS, "no buffer is lost");
 }
 
 #[test]
@@ -109,42 +141,57 @@ fn before_the_first_record_only_the_machine_file_is_told() {
 }
 
 #[test]
-fn records_are_told_as_soon_as_they_are_taken_in() {
-    let mut methods = methods();
-    let network = NetworkDiagnosis {
-        state: NmtState::NotActive,
-        reason: Some(NetworkReason::Starting),
-        foreign_mn: None,
-    };
-    methods.latest = Some((network, Counters::default()));
+fn the_network_is_told_as_the_bus_tells_it() {
+    let mut methods = methods_on(HalfDeafBus {
+        network: Some(NetworkLive {
+            nmt_state: "NOT_ACTIVE".into(),
+            ..NetworkLive::default()
+        }),
+        ..HalfDeafBus::default()
+    });
     let view = call(&mut methods, "bus.network", json!({})).unwrap().unwrap();
     assert_eq!(view["live"]["nmt_state"], "NOT_ACTIVE");
-    assert_eq!(view["live"]["why"], "wakes and resets the nodes");
     assert_eq!(view["nodes"][0]["live"], Value::Null);
 }
 
 #[test]
-fn orders_wait_for_a_buffer_and_no_longer() {
-    let mut methods = methods();
+fn objects_are_read_by_the_bus_as_far_as_it_has_room() {
+    let replies = |result| vec![MailboxReply { ticket: 7, result }];
     let read = json!({ "node": 1, "index": 0x1018, "sub": 1 });
-    for _ in 0..SDO_ORDERS {
+    for (result, answer) in [
+        (Ok(vec![1, 0xAB]), Ok(json!({ "value": "01ab" }))),
+        (
+            Err(MailboxError::Aborted(AbortCode::NO_OBJECT)),
+            Err(code::NODE_NO_OBJECT),
+        ),
+        (
+            Err(MailboxError::Aborted(AbortCode::NO_SUB_INDEX)),
+            Err(code::NODE_ABORT),
+        ),
+        (Err(MailboxError::Failed("no answer".into())), Err(code::NODE)),
+    ] {
+        let mut methods = methods_on(HalfDeafBus {
+            replies: replies(result),
+            ..HalfDeafBus::default()
+        });
         assert_eq!(call(&mut methods, "bus.sdo_read", read.clone()), None);
+        let full = "as many objects as possible are being read or written already";
+        assert_eq!(refusal(&mut methods, "bus.sdo_read", read.clone()), full);
+        let (ticket, told) = methods.later().expect("a reply");
+        assert_eq!((ticket, told.map_err(|error| error.code)), (7, answer));
+        assert!(methods.later().is_none());
     }
-    let full = "as many objects as possible are being read or written already";
-    assert_eq!(refusal(&mut methods, "bus.sdo_read", read), full);
-    assert!(methods.later().is_none());
 }
 
 #[test]
 fn programs_come_by_path_or_as_text() {
     let machine = include_str!("../../configs/mill3-demo.toml");
     let config = config::parse(machine, Path::new("demo.toml")).unwrap();
-    let (_, inlet) = rings(config.bus.nodes.len());
     let (counter, desk) = orders::desk();
     let mut methods = Methods::new(
         NetworkView::of(&config),
         Arc::new(Live::default()),
-        inlet,
+        Box::new(HalfDeafBus::default()),
         counter,
         || 0,
     );

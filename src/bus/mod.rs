@@ -3,24 +3,29 @@
 //! In:  the payloads that the nodes shall get ([`OutputImage`]), the time by which to be back.
 //! Out: the payloads that came from the nodes ([`InputImage`]), what the cycle took ([`CycleReport`]).
 //!
-//! [`powerlink`] is the only bus yet; another one implements [`Fieldbus`] and nothing else changes.
+//! A bus has two halves: [`CyclicBus`] for the cycle thread, [`service::BusService`] for everybody else. [`powerlink`] is the
+//! only bus yet; another one implements both, and is added to the functions below, which are the only ones that know which
+//! kinds there are.
 
-pub mod cdc;
 pub mod layout;
-pub mod managing_node;
-pub mod network;
+pub mod plan;
 pub mod powerlink;
-pub mod sender;
+pub mod service;
 pub mod watch;
 
+pub use self::powerlink::frames;
+pub use self::powerlink::sender;
+pub use self::powerlink::tap::Tap;
 pub use crate::config::NodeIndex;
 use crate::config::{self, Config, ConfigErrors};
-use ::powerlink::link::LinkError;
-use ::powerlink::mn::{Counters, Diagnosis, ForeignSign, NetworkDiagnosis, SdoCommand, SdoError};
-use ::powerlink::wire::FRAME_LEN_MAX;
+use crate::machine::faults::{ForeignMaster, LinkFailure};
 use obd::AbortCode;
+use plan::NodePlan;
+use service::{BudgetView, BusService};
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
+use watch::Watch;
 
 /// Reads and checks a machine file, its network too.
 ///
@@ -44,7 +49,46 @@ pub fn read_with_cycle(path: &Path, cycle_us: Option<u32>) -> Result<Config, Con
 /// # Errors
 /// What does not fit, at its place in the file.
 pub fn check(config: &Config) -> Result<(), ConfigErrors> {
-    managing_node::check(config).map_err(|rule| config::bus_error(config, "node", rule))
+    powerlink::managing_node::check(config).map_err(|rule| config::bus_error(config, "node", rule))
+}
+
+/// What each node is told before it may take part, in the order of the machine file.
+pub fn plan(config: &Config) -> Vec<NodePlan> {
+    powerlink::network::plan(config)
+}
+
+/// How the cycle is spent, part by part. Latencies are those that the time-outs allow.
+pub fn budget(config: &Config) -> Vec<BudgetView> {
+    powerlink::managing_node::budget(config)
+}
+
+/// The longest that the exchange of a cycle can take, ns.
+pub fn worst_exchange_ns(config: &Config) -> u64 {
+    powerlink::managing_node::worst_exchange_ns(config)
+}
+
+/// A bus that is open.
+pub struct Open<'a> {
+    /// Its half for the cycle thread.
+    pub cyclic: Box<dyn CyclicBus + Send + 'a>,
+    /// Its half for everybody else.
+    pub service: Box<dyn BusService>,
+}
+
+/// Opens the bus of a machine on a network interface for the time of a call. `watch`: told of every time limit; `threads`: what
+/// each thread that the bus starts for itself does first; `warn`: told what is not as good as it could be.
+///
+/// # Errors
+/// What keeps it from being opened, or what the call gives.
+pub fn with_interface<T>(
+    config: &Config,
+    interface: &str,
+    watch: Arc<Watch>,
+    threads: fn(),
+    warn: &mut dyn FnMut(&str),
+    run: impl FnOnce(Open<'_>) -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
+    powerlink::open::with_interface(config, interface, watch, threads, warn, run)
 }
 
 /// Octets of the longest value that is read or written while the bus runs.
@@ -121,23 +165,26 @@ pub enum BusEvent {
         code: u16,
     },
     /// Another managing node is on the wire.
-    ForeignMaster(ForeignSign),
+    ForeignMaster(ForeignMaster),
     /// The network adapter does not send or receive.
-    LinkFailed(LinkError),
+    LinkFailed(LinkFailure),
 }
+
+/// Octets of the longest Ethernet frame without check sequence.
+pub const FRAME_OCTETS_MAX: usize = 1514;
 
 /// An Ethernet frame of another program of this PC, on its way to the asynchronous slot.
 #[derive(Clone, Copy, Debug)]
 pub struct EthernetFrame {
     length: u16,
-    octets: [u8; FRAME_LEN_MAX],
+    octets: [u8; FRAME_OCTETS_MAX],
 }
 
 impl EthernetFrame {
     /// A frame without check sum; what is longer than Ethernet allows is cut.
     pub fn new(frame: &[u8]) -> EthernetFrame {
-        let length = frame.len().min(FRAME_LEN_MAX);
-        let mut octets = [0; FRAME_LEN_MAX];
+        let length = frame.len().min(FRAME_OCTETS_MAX);
+        let mut octets = [0; FRAME_OCTETS_MAX];
         octets[..length].copy_from_slice(&frame[..length]);
         EthernetFrame {
             length: length as u16,
@@ -219,19 +266,19 @@ impl InputImage {
 pub struct CycleReport {
     /// When the exchange began, ns of the bus clock.
     pub sent_ns: u64,
-    /// When the frame that starts the cycle of the nodes (POWERLINK: SoC) was handed to the network adapter; `None` in a
-    /// cycle without one.
-    pub soc_ns: Option<u64>,
+    /// When the frame that starts the cycle of the nodes (POWERLINK: SoC) was handed to the network adapter, ns of the bus
+    /// clock; `None` in a cycle without one.
+    pub started_ns: Option<u64>,
     /// When the exchange was over.
     pub done_ns: u64,
     /// Answers that did not come in this cycle.
     pub lost: u32,
 }
 
-/// What the control knows of a bus. RT: no call allocates, locks or waits beyond its deadline.
-pub trait Fieldbus {
+/// The half of a bus that the cycle thread knows. RT: no call allocates, locks or waits beyond its deadline.
+pub trait CyclicBus {
     /// Makes the cycle of the date `begin_ns` ready, so that its first frame only has to be sent when the date has come.
-    /// Nothing is sent yet. Called again before [`Fieldbus::exchange`], it moves the cycle to a later date.
+    /// Nothing is sent yet. Called again before [`CyclicBus::exchange`], it moves the cycle to a later date.
     fn prepare(&mut self, begin_ns: u64, outputs: &OutputImage);
 
     /// Runs the cycle that was made ready, its first frame at once, and returns with what has come by `deadline_ns` at the
@@ -259,23 +306,12 @@ pub trait Fieldbus {
     /// Frames sent and lost so far for a node: polls, answers that did not come.
     fn statistics(&self, node: NodeIndex) -> NodeStatistics;
 
-    /// All that is known of a node; `None` behind the last one.
-    fn diagnosis(&self, node: NodeIndex) -> Option<Diagnosis>;
-
-    /// State of the network, why it is not operational, and what was counted.
-    fn network_diagnosis(&self) -> (NetworkDiagnosis, Counters);
-
-    /// Begins to read or write an object of a node; the octets to write stand at the start of `value`. Goes on within the
-    /// following cycles.
-    fn sdo_request(&mut self, node: NodeIndex, command: SdoCommand, value: &[u8]) -> Result<(), SdoError>;
-
-    /// What became of it: octets that were read, now at the start of `value`, 0 after a write. `None` while it runs, or when
-    /// there is none.
-    fn sdo_result(&mut self, node: NodeIndex, value: &mut [u8]) -> Option<Result<usize, SdoError>>;
+    /// Shows what it is like to its other half, and carries out what that asks of nodes: once in each cycle.
+    fn publish(&mut self, cycle: u64);
 }
 
 /// A bus on the heap: one for many nodes is larger than what a stack should move about.
-impl<B: Fieldbus + ?Sized> Fieldbus for Box<B> {
+impl<B: CyclicBus + ?Sized> CyclicBus for Box<B> {
     fn prepare(&mut self, begin_ns: u64, outputs: &OutputImage) {
         (**self).prepare(begin_ns, outputs);
     }
@@ -312,20 +348,8 @@ impl<B: Fieldbus + ?Sized> Fieldbus for Box<B> {
         (**self).statistics(node)
     }
 
-    fn diagnosis(&self, node: NodeIndex) -> Option<Diagnosis> {
-        (**self).diagnosis(node)
-    }
-
-    fn network_diagnosis(&self) -> (NetworkDiagnosis, Counters) {
-        (**self).network_diagnosis()
-    }
-
-    fn sdo_request(&mut self, node: NodeIndex, command: SdoCommand, value: &[u8]) -> Result<(), SdoError> {
-        (**self).sdo_request(node, command, value)
-    }
-
-    fn sdo_result(&mut self, node: NodeIndex, value: &mut [u8]) -> Option<Result<usize, SdoError>> {
-        (**self).sdo_result(node, value)
+    fn publish(&mut self, cycle: u64) {
+        (**self).publish(cycle);
     }
 }
 

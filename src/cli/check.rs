@@ -4,22 +4,19 @@
 //! Out: every mistake with its place, or a summary of the machine, what this PC makes of its cycle, and its concise DCF; of a
 //! .cdc its listing. Nothing is opened, sent or moved.
 
-mod network;
-
 use crate::bus;
-use crate::bus::cdc;
-use crate::bus::network::{NodePlan, plan};
+use crate::bus::plan::NodePlan;
+use crate::cli::bus::check::{budget_json, list_cdc, node_json, write_budget, write_cdc, write_node};
 use crate::config::{BusKind, Config, HomingBy, Joint};
 use crate::host::steadiness::Steadiness;
 use crate::operator::refusal::Refusal;
 use crate::rt::pins::{CAPACITY, Pins, PinsError};
 use anyhow::Context;
 use hal_pins::Hal;
-use network::{budget_json, node_json, with_mn_config, write_budget, write_node};
 use serde_json::{Value as Json, json};
 use std::fmt::{self, Write as _};
 use std::io::{ErrorKind, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Arguments of `check`.
@@ -44,7 +41,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
         return list_cdc(&args.machine);
     }
     let config = bus::read(&args.machine).map_err(Refusal::from)?;
-    let plans = plan(&config);
+    let plans = bus::plan(&config);
     connections(&config, &plans).map_err(|error| match error {
         PinsError::Nets(errors) => Refusal::from(errors),
         error => {
@@ -54,8 +51,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
         }
     })?;
     if let Some(path) = &args.cdc {
-        let octets = with_mn_config(&config, &plans, cdc::write_for_others)
-            .with_context(|| format!("{}: cannot be written", path.display()))?;
+        let octets = write_cdc(&config, &plans).with_context(|| format!("{}: cannot be written", path.display()))?;
         files::write(path, octets).with_context(|| format!("{}: cannot be written", path.display()))?;
     }
     let timing = Steadiness::measure(&config.rt).advice(&config);
@@ -70,31 +66,8 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Lists a concise DCF: exit code 0 if it can be read as one, 1 if not. What our managing node would refuse of it is told, too.
-fn list_cdc(path: &Path) -> anyhow::Result<ExitCode> {
-    let file = path.display();
-    let octets = files::read(path, files::read::TEXT_MAX).with_context(|| format!("{file}: cannot be read"))?;
-    match cdc::listing(&octets) {
-        Ok(listing) => print(&listing)?,
-        Err(error) => {
-            eprintln!("{file}: {error}");
-            return Ok(ExitCode::FAILURE);
-        }
-    }
-    match cdc::read(&octets) {
-        Ok(network) if network.others.is_empty() => {}
-        Ok(network) => {
-            let others = network.others.iter().map(|(index, sub)| format!("0x{index:04X}:{sub}"));
-            let others = others.collect::<Vec<_>>().join(", ");
-            eprintln!("{file}: our managing node has no use for {others}");
-        }
-        Err(error) => eprintln!("{file}: our managing node would refuse it: {error}"),
-    }
-    Ok(ExitCode::SUCCESS)
-}
-
 /// Writes to standard output; the reader of a pipe may have seen enough.
-fn print(text: &str) -> std::io::Result<()> {
+pub(super) fn print(text: &str) -> std::io::Result<()> {
     match std::io::stdout().write_all(text.as_bytes()) {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
         result => result,
@@ -249,7 +222,7 @@ mod tests {
     #[test]
     fn the_summary_says_how_a_cycle_is_spent_and_what_moves() {
         let config = demo("", "");
-        let plans = plan(&config);
+        let plans = bus::plan(&config);
         let text = Summary(&config, &plans).to_string();
         let mut lines = text.lines();
         for expected in [
@@ -279,7 +252,7 @@ mod tests {
     #[test]
     fn json_holds_the_same() {
         let config = demo("", "");
-        let json = to_json(&config, &plan(&config));
+        let json = to_json(&config, &bus::plan(&config));
         assert_eq!(json["budget"]["left_ns"], 209_680);
         assert_eq!(json["nodes"][0]["inputs"][4]["bit_offset"], 72);
         assert_eq!(json["nodes"][3]["identity"]["device_type"], 0x000F_0191);
@@ -296,7 +269,7 @@ mod tests {
             drive,
             "profile = \"cia402\"\ndevice_file = \"obd/tests/data/servo.xdc\"\n",
         );
-        let text = Summary(&config, &plan(&config)).to_string();
+        let text = Summary(&config, &bus::plan(&config)).to_string();
         let mut lines = text.lines();
         for expected in [
             "          pause before the first PReq                           1.0      1.0",
@@ -326,7 +299,8 @@ mod tests {
         };
         assert_eq!(check(&args).expect("it is written"), ExitCode::SUCCESS);
         let octets = std::fs::read(&path).expect("it is there");
-        assert!(cdc::listing(&octets).expect("it can be read").contains("0x1F22:10 "));
+        // The configuration of node 10 is in it: 1F22h, sub-index 10.
+        assert!(octets.windows(3).any(|octets| octets == [0x22, 0x1F, 10]));
         assert_eq!(list_cdc(&path).expect("it is listed"), ExitCode::SUCCESS);
         std::fs::write(&path, &octets[..20]).expect("it is cut");
         assert_eq!(list_cdc(&path).expect("it is told"), ExitCode::FAILURE);
@@ -335,7 +309,7 @@ mod tests {
     #[test]
     fn a_net_to_a_pin_that_does_not_exist_is_an_error() {
         let good = demo("", "");
-        connections(&good, &plan(&good)).expect("nets between pins that exist");
+        connections(&good, &bus::plan(&good)).expect("nets between pins that exist");
         let text = include_str!("../../configs/mill3-demo.toml")
             .replace("source = \"spindle.0.on\"", "source = \"spindle.0.onn\"")
             .replace(
@@ -345,7 +319,7 @@ mod tests {
         let file = tempfile::NamedTempFile::new().expect("a file");
         std::fs::write(file.path(), &text).expect("it can be written");
         let config = config::read(file.path()).expect("each net is well formed");
-        let error = connections(&config, &plan(&config)).expect_err("no such pins");
+        let error = connections(&config, &bus::plan(&config)).expect_err("no such pins");
         let PinsError::Nets(errors) = error else {
             panic!("{error}")
         };
@@ -368,7 +342,7 @@ mod tests {
         );
         // One that has been changed meanwhile has no places.
         std::fs::write(file.path(), "").expect("it can be written");
-        let error = connections(&config, &plan(&config))
+        let error = connections(&config, &bus::plan(&config))
             .expect_err("no such pins")
             .to_string();
         assert!(

@@ -2,28 +2,24 @@
 
 use crate::analyser::Analyser;
 use crate::bus;
+use crate::bus::Tap;
 use crate::bus::sender::SoleSender;
 use crate::config::{KeepAwake, Require, Rt};
+use crate::host::capabilities::{self, Work};
 use crate::host::setup;
 use crate::host::setup::{Role, STACK_SIZE, enter_thread};
-use crate::host::signals::StopSignal;
+use crate::host::signals::{StopOnDrop, StopSignal};
 use crate::host::terminal::say;
 use crate::host::wait::to_next;
 use crate::operator::refusal::Refusal;
-use crate::operator::session::StopOnDrop;
-use crate::operator::tap::Tap;
-use crate::sim::{self, READY, SimMachine, serve};
+use crate::sim::{self, READY, SimMachine, near_end, serve};
 use anyhow::{Context, anyhow, ensure};
 use clap::Args;
-use powerlink::link::raw::{RawConfig, RawLink};
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
-
-/// Look for a frame this long before sleeping for it, ns.
-const SPIN_NS: u64 = 0;
 
 /// Arguments of `simulate`.
 #[derive(Debug, Args)]
@@ -66,14 +62,7 @@ pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
     let signal = StopSignal::install().context("signals")?;
     let mut machine = SimMachine::new(&config).map_err(|error| anyhow!("{error}"))?;
     let _sole = SoleSender::claim(&args.interface)?;
-    let mut link = RawLink::open(
-        &args.interface,
-        RawConfig {
-            spin_ns: SPIN_NS,
-            promiscuous: true,
-            ..RawConfig::default()
-        },
-    )?;
+    let mut link = near_end::far_end(&args.interface)?;
     let analyser = match (&args.analyse, &args.capture) {
         (None, None) => None,
         (_, capture) => {
@@ -98,7 +87,9 @@ pub fn simulate(args: &SimulateArgs) -> anyhow::Result<ExitCode> {
                 return Err(anyhow!("--tap-node {id}: the machine file has no such node"));
             }
             let tap = Tap::open(name, &args.interface, sim::node_mac(id), id, config.bus.async_mtu)?;
-            let (bridge, frames) = tap.start().context("TAP device")?;
+            let (bridge, frames) = tap
+                .start(|| capabilities::give_up_or_warn(Work::Ordinary))
+                .context("TAP device")?;
             Some((id, bridge, frames))
         }
         _ => None,

@@ -6,7 +6,7 @@
 use motion::cancel::Cancel;
 use nix::sys::signal::{SigHandler, Signal, signal};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicI32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 
 /// Wishes to stop: Ctrl-C, Ctrl-\, `kill`, a closed terminal, power that fails, a limit of processor time that is reached.
 const STOPPING: [libc::c_int; 6] = [
@@ -96,4 +96,13 @@ fn is_ignored(signal: i32) -> std::io::Result<bool> {
 /// Exit code of a process that a signal asked to end: 130 for SIGINT, 143 for SIGTERM, 129 for SIGHUP, 131 for SIGQUIT.
 pub fn exit_code(signal: i32) -> u8 {
     128 + signal as u8
+}
+
+/// Ends threads also where the one that would end them panics: a scope waits for all of them.
+pub(crate) struct StopOnDrop<'a>(pub(crate) &'a AtomicBool);
+
+impl Drop for StopOnDrop<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Release);
+    }
 }

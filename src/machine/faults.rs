@@ -11,8 +11,7 @@ use crate::config::NodeIndex;
 use cia402::axis::AxisFault;
 use motion::rt::homing::HomingFailure;
 use motion::rt::{Order, SyncFault};
-use powerlink::link::LinkError;
-use powerlink::mn::ForeignSign;
+use std::fmt;
 
 /// What every command says of a control whose cycle thread hung.
 pub const SILENCED: &str = "the network is silenced, because the cycle thread hung: drives stop by themselves for want of SoC; \
@@ -25,6 +24,69 @@ pub struct SpeedNotReached {
     pub wanted_rpm: f64,
     /// Measured; `None` without an encoder.
     pub measured_rpm: Option<f64>,
+}
+
+/// Why the network adapter does not send or receive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LinkFailure {
+    /// The interface is down or gone.
+    Down,
+    /// The transmit queue is full; the frame was not sent.
+    QueueFull,
+    /// The frame is longer or shorter than the link can carry.
+    FrameLength {
+        /// Octets of the frame.
+        octets: usize,
+        /// Octets that the link can carry at most.
+        max: usize,
+    },
+    /// Any other error of the operating system.
+    Os {
+        /// `errno`.
+        errno: i32,
+    },
+}
+
+impl fmt::Display for LinkFailure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            LinkFailure::Down => f.write_str("the interface is down"),
+            LinkFailure::QueueFull => f.write_str("the transmit queue is full"),
+            LinkFailure::FrameLength { octets, max } => {
+                write!(f, "a frame of {octets} octets, the link carries 14 to {max}")
+            }
+            LinkFailure::Os { errno } => write!(f, "system error {errno}"),
+        }
+    }
+}
+
+/// Another master of the bus on the wire.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ForeignMaster {
+    /// Who was heard: the other master, or a node that answers it.
+    pub node: u8,
+    /// MAC of the sender.
+    pub mac: [u8; 6],
+    /// The master itself was heard, and not only a node that answers it.
+    pub is_itself: bool,
+}
+
+impl fmt::Display for ForeignMaster {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ForeignMaster {
+            node,
+            mac: [a, b, c, d, e, g],
+            ..
+        } = self;
+        let mac = format_args!("{a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{g:02x}");
+        match self.is_itself {
+            true => write!(f, "another managing node is on the wire: {mac}, node id {node}"),
+            false => write!(
+                f,
+                "another managing node is on the wire, perhaps on this PC: node {node} ({mac}) answers one"
+            ),
+        }
+    }
 }
 
 /// Something that is wrong. Joints and nodes by their place in the machine file.
@@ -125,12 +187,12 @@ pub enum Fault {
     /// Another managing node is on the wire.
     ForeignMaster {
         /// Who was heard.
-        sign: ForeignSign,
+        sign: ForeignMaster,
     },
     /// The network adapter does not send or receive.
     LinkFailed {
         /// Why.
-        error: LinkError,
+        error: LinkFailure,
     },
 }
 
@@ -157,7 +219,7 @@ impl Fault {
             // A full queue loses one frame, which shows as an answer lost.
             Fault::CyclesSkipped { .. }
             | Fault::LinkFailed {
-                error: LinkError::NoBuffers,
+                error: LinkFailure::QueueFull,
             } => Reaction::Count,
             // Turns count from the new index on, as the next thread does.
             Fault::ManyOverruns { .. } | Fault::CountsLost { in_step: false, .. } => Reaction::Warn,
@@ -175,7 +237,7 @@ impl Fault {
             | Fault::PinsLost
             | Fault::ForeignMaster { .. }
             | Fault::LinkFailed {
-                error: LinkError::Down | LinkError::FrameLength { .. } | LinkError::Os { .. },
+                error: LinkFailure::Down | LinkFailure::FrameLength { .. } | LinkFailure::Os { .. },
             } => Reaction::ControlledStop,
             Fault::IllegalCommand { .. } => Reaction::QuickStop,
             Fault::CycleHung => Reaction::Silence,

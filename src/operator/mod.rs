@@ -14,4 +14,3 @@ pub mod single_run;
 pub mod standby;
 pub mod systemd;
 mod table_writer;
-pub mod tap;

@@ -6,10 +6,7 @@
 //! The cycle is the very same code as in real time; only the clock and the wire differ.
 
 use super::console::{Operator, Wish};
-use crate::bus::Fieldbus;
-use crate::bus::managing_node::{mn_config, node_configs};
-use crate::bus::network;
-use crate::bus::powerlink::Powerlink;
+use crate::bus;
 use crate::config::Config;
 use crate::host::wait::Grid;
 use crate::machine::motion_settings::{ring_capacity, stop_ramp, stop_shares};
@@ -20,29 +17,23 @@ use crate::rt::assemble::assemble;
 use crate::rt::cycle::Control;
 use crate::rt::pins::CAPACITY;
 use crate::rt::thread::grid;
-use crate::rt::timeout::Watch;
-use crate::sim::{NetConfig, SimMachine, VirtualNet};
+use crate::sim::near_end::{VirtualBus, VirtualTime, with_virtual};
+use crate::sim::{NetConfig, VirtualNet};
 use anyhow::anyhow;
 use hal_pins::Hal;
 use motion::element::Element;
 use motion::plan::Programmed;
 use motion::ring::{self, Producer};
 use motion::rt::Interpolator;
-use powerlink::wire::NetTime;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// Most nodes of a machine that can be rehearsed. A managing node for all ids is too large for the stack of a test thread.
-pub const NODES: usize = 32;
 /// Cycles between two looks of the operator.
 const OPERATOR_CYCLES: u64 = 10;
-/// Address of the managing node.
-const MAC: [u8; 6] = [0x02, 0, 0, 0, 0, 0xF0];
 
 /// A run on virtual time.
-pub struct Rehearsal<'a> {
+pub struct Rehearsal<'a, B = VirtualBus<'a>> {
     /// The cycle thread's part.
-    pub control: Box<Control<Powerlink<'a, VirtualNet, NODES>>>,
+    pub control: Box<Control<B>>,
     /// The operator's part.
     pub operator: Operator,
     /// The pins.
@@ -85,19 +76,22 @@ pub fn rehearse_with<T>(
     operator: impl FnOnce(Operator) -> Operator,
     act: impl FnOnce(&mut Rehearsal<'_>) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
-    let machine = SimMachine::new(config).map_err(|error| anyhow!("{error}"))?;
-    let plans = network::plan(config);
-    let nodes = node_configs(&config.bus, &plans);
-    let link = VirtualNet::new(machine, net);
-    let bus = Powerlink::new(
-        mn_config(config, &nodes, MAC),
-        link,
-        Arc::new(Watch::default()),
-        NetTime::default,
-    )
-    .map_err(|error| anyhow!("{error}"))?;
+    with_virtual(config, net, |bus| rehearse_on(config, text, bus, operator, act))
+}
+
+/// As [`rehearse_with`], on any bus.
+///
+/// # Errors
+/// As [`rehearse`].
+pub fn rehearse_on<'a, B: VirtualTime, T>(
+    config: &'a Config,
+    text: &'a [u8],
+    bus: B,
+    operator: impl FnOnce(Operator) -> Operator,
+    act: impl FnOnce(&mut Rehearsal<'a, B>) -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
     let mut hal = private_pins()?;
-    let (control, inlets, _) = assemble(config, &plans, bus, &mut hal)?;
+    let (control, inlets) = assemble(config, &bus::plan(config), bus, &mut hal)?;
     let grid = grid(config);
     let mut rehearsal = Rehearsal {
         control: Box::new(control),
@@ -118,12 +112,14 @@ pub fn rehearse_with<T>(
     act(&mut rehearsal)
 }
 
-impl<'a> Rehearsal<'a> {
+impl Rehearsal<'_> {
     /// The wire and the simulated machine behind it.
     pub fn net(&mut self) -> &mut VirtualNet {
         self.control.bus_mut().link_mut()
     }
+}
 
+impl<B: VirtualTime> Rehearsal<'_, B> {
     /// Virtual time, ns.
     pub fn now_ns(&mut self) -> u64 {
         self.control.bus_mut().now_ns()
@@ -148,14 +144,14 @@ impl<'a> Rehearsal<'a> {
         self.control.bus_mut().serve(self.deadline_ns);
         self.control.prepare(self.deadline_ns);
         let behind_ns = self.deadline_ns.saturating_sub(self.now_ns());
-        self.net().advance(behind_ns + late_ns);
+        self.control.bus_mut().advance(behind_ns + late_ns);
         let now_ns = self.now_ns();
         let keep = self.grid.keep(self.deadline_ns, now_ns);
         if keep.skipped > 0 {
             (self.deadline_ns, self.skipped) = (keep.deadline_ns, self.skipped + keep.skipped);
             self.control.prepare(self.deadline_ns);
             let behind_ns = self.deadline_ns.saturating_sub(self.now_ns());
-            self.net().advance(behind_ns);
+            self.control.bus_mut().advance(behind_ns);
         }
         let deadline_ns = self.deadline_ns;
         let began_ns = self.now_ns();
@@ -181,11 +177,7 @@ impl<'a> Rehearsal<'a> {
     ///
     /// # Errors
     /// As [`Rehearsal::cycle`].
-    pub fn run_until(
-        &mut self,
-        cycles_max: u64,
-        mut done: impl FnMut(&mut Rehearsal<'a>) -> bool,
-    ) -> anyhow::Result<bool> {
+    pub fn run_until(&mut self, cycles_max: u64, mut done: impl FnMut(&mut Self) -> bool) -> anyhow::Result<bool> {
         for _ in 0..cycles_max {
             self.cycle(0)?;
             if done(self) {

@@ -3,24 +3,21 @@
 //! In:  a machine, what it is there for, a wire, somebody who looks after it.
 //! Out: everything that is known of it at the end.
 
-use super::tap::{Tap, TapBridge};
 use crate::api::methods::Methods;
 use crate::api::network_view::NetworkView;
 use crate::api::orders::desk;
 use crate::api::server;
 use crate::api::socket::{BindError, Socket, path_beside};
-use crate::bus::managing_node::{mn_config, node_configs};
-use crate::bus::network;
-use crate::bus::powerlink::{NODES_MAX, Powerlink, wall_clock};
 use crate::bus::sender::SoleSender;
-use crate::bus::{EthernetFrame, Fieldbus, NodeStatistics};
+use crate::bus::watch::Watch;
+use crate::bus::{self, NodeStatistics, Open};
 use crate::config::{Config, KeepAwake};
 use crate::host::calibrate::{Calibration, calibrate};
 use crate::host::capabilities;
 use crate::host::capabilities::Work;
 use crate::host::setup;
 use crate::host::setup::{Finding, Role, STACK_SIZE, by_cure, enter_thread};
-use crate::host::signals::StopSignal;
+use crate::host::signals::{StopOnDrop, StopSignal};
 use crate::host::steadiness::Steadiness;
 use crate::host::terminal::say;
 use crate::host::wait::{Grid, monotonic_ns};
@@ -32,33 +29,23 @@ use crate::rt::cycle_stats;
 use crate::rt::cycle_stats::CycleFigures;
 use crate::rt::pins::CAPACITY;
 use crate::rt::thread;
-use crate::rt::timeout::{self, Limits, TimeoutThread, Watch};
+use crate::rt::timeout::{self, Limits, TimeoutThread};
+use crate::sim::near_end;
 use crate::sim::paced::{Paced, run_paced};
-use crate::sim::{SimMachine, serve};
 use anyhow::{Context, anyhow};
 use hal_pins::Hal;
 use motion::plan::Programmed;
 use motion::rt::Peaks;
-use powerlink::link::Link;
-use powerlink::link::memory;
-use powerlink::link::raw::{RawConfig, RawLink, Reception};
-use powerlink::mn::MnConfig;
-use powerlink::wire;
 use std::io::Write;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
-
-/// Look for an answer this long before sleeping for it, ns: longer than a quick node takes, too short to matter.
-const ANSWER_SPIN_NS: u64 = 20_000;
 
 /// Exit code of a control that cannot go on by itself and is to be started anew.
 pub const ANEW: u8 = 3;
 /// A cycle thread that hung is given this long to end, in looks of 10 ms.
 const END_LOOKS: u32 = 100;
 
-/// Address of the managing node on the wire in memory.
-const MEMORY_MAC: [u8; 6] = [0x02, 0, 0, 0, 0, 0xF0];
 /// A control from power-on to power-off.
 pub struct Session<'a> {
     /// The machine.
@@ -158,112 +145,75 @@ pub fn run(session: &Session<'_>, wire: Wire, attendant: &mut dyn Attendant) -> 
         }
     }
     let process = Arc::new(process);
-    match wire {
-        Wire::Interface(interface) => {
-            let config = RawConfig {
-                spin_ns: ANSWER_SPIN_NS,
-                ..RawConfig::default()
-            };
-            let link = RawLink::open(&interface, config)?;
-            if let reception @ Reception::Calls { .. } = link.reception() {
-                let _ = writeln!(std::io::stderr(), "warning: {interface}: {reception}");
-            }
-            let mac = link.mac();
-            let tap = match &session.config.bus.tap {
-                Some(name) => {
-                    let tap = Tap::open(name, &interface, mac, wire::node::MN, session.config.bus.async_mtu)?;
-                    Some(tap.start().context("TAP device")?)
-                }
-                None => None,
-            };
-            let paced = None;
-            run_on(
-                session,
-                attendant,
-                &process,
-                calibration,
-                NearEnd { link, mac, tap, paced },
-            )
-        }
-        Wire::Paced => {
-            let machine = SimMachine::new(session.config).map_err(|error| anyhow!("{error}"))?;
-            let wire = Paced::new(machine);
-            let near_end = NearEnd {
-                link: wire.clone(),
-                mac: MEMORY_MAC,
-                tap: None,
-                paced: Some(wire),
-            };
-            run_on(session, attendant, &process, calibration, near_end)
-        }
-        Wire::Memory => {
-            let (near, mut far) = memory::pair(ANSWER_SPIN_NS);
-            let mut machine = SimMachine::new(session.config).map_err(|error| anyhow!("{error}"))?;
-            let stop = AtomicBool::new(false);
-            std::thread::scope(|scope| {
-                let machine_thread = std::thread::Builder::new()
-                    .name("machine".into())
-                    .stack_size(STACK_SIZE)
-                    .spawn_scoped(scope, || {
-                        drop(enter_thread(Role::Machine, &process));
-                        serve(&mut far, &mut machine, &stop, &mut |_| {}, &mut |_, _| {})
-                    })?;
-                let ended = StopOnDrop(&stop);
-                let near_end = NearEnd {
-                    link: near,
-                    mac: MEMORY_MAC,
-                    tap: None,
-                    paced: None,
-                };
-                let done = run_on(session, attendant, &process, calibration, near_end);
-                drop(ended);
-                // Our end of its link is gone by now: an error it gives is that.
-                let _ = machine_thread.join();
-                done
-            })
-        }
+    let config = session.config;
+    let watch = Arc::new(Watch::default());
+    let in_memory = !matches!(wire, Wire::Interface(_));
+    let near = |paced| NearEnd {
+        process: &process,
+        calibration,
+        watch: Arc::clone(&watch),
+        in_memory,
+        paced,
+    };
+    match &wire {
+        Wire::Interface(interface) => bus::with_interface(
+            config,
+            interface,
+            Arc::clone(&watch),
+            || capabilities::give_up_or_warn(Work::Ordinary),
+            &mut |warning| _ = writeln!(std::io::stderr(), "warning: {warning}"),
+            |open| run_on(session, attendant, near(None), open),
+        ),
+        Wire::Paced => near_end::with_paced(config, Arc::clone(&watch), |open, wire| {
+            run_on(session, attendant, near(Some(wire)), open)
+        }),
+        Wire::Memory => near_end::with_memory(config, Arc::clone(&watch), &process, |open| {
+            run_on(session, attendant, near(None), open)
+        }),
     }
 }
 
-/// Our end of a wire.
-struct NearEnd<L> {
-    link: L,
-    mac: [u8; 6],
-    tap: Option<(TapBridge, rtrb::Consumer<EthernetFrame>)>,
+/// What a session runs with, whatever its wire is.
+struct NearEnd<'a> {
+    process: &'a Arc<setup::Process>,
+    calibration: Calibration,
+    watch: Arc<Watch>,
+    /// The nodes are simulated in this process.
+    in_memory: bool,
     /// Time is that of this wire.
     paced: Option<Paced>,
 }
 
-fn run_on<L: Link + Send>(
+fn run_on(
     session: &Session<'_>,
     attendant: &mut dyn Attendant,
-    process: &Arc<setup::Process>,
-    calibration: Calibration,
-    near_end: NearEnd<L>,
+    near_end: NearEnd<'_>,
+    open: Open<'_>,
 ) -> anyhow::Result<Ended> {
     let config = session.config;
-    let NearEnd { link, mac, tap, paced } = near_end;
+    let NearEnd {
+        process,
+        calibration,
+        watch,
+        in_memory,
+        paced,
+    } = near_end;
     let rt = calibration.applied(&config.rt);
     let mut spin = calibration.spin(config);
     let grid = Grid {
         phase_ns: calibration.phase_ns(),
         ..thread::grid(config)
     };
-    let plans = network::plan(config);
-    let nodes = node_configs(&config.bus, &plans);
-    let watch = Arc::new(Watch::default());
-    let (_tap, ethernet) = tap.unzip();
-    let bus = managing_node(mn_config(config, &nodes, mac), link, Arc::clone(&watch), ethernet)?;
     let mut hal = Hal::create(&config.name, CAPACITY).context("pins")?;
-    let (control, inlets, diagnosis) = assemble(config, &plans, bus, &mut hal)?;
+    let (control, inlets) = assemble(config, &bus::plan(config), open.cyclic, &mut hal)?;
     // On the heap: it is larger than the stack of a real-time thread, which is locked in memory as a whole.
     let mut control = Box::new(control);
     let mut network = NetworkView::of(config);
-    if mac == MEMORY_MAC {
+    if in_memory {
         network.interface = "a wire in memory".into();
     }
     let (counter, desk) = desk();
-    let methods = Methods::new(network, inlets.live.clone(), diagnosis, counter, monotonic_ns);
+    let methods = Methods::new(network, inlets.live.clone(), open.service, counter, monotonic_ns);
     let socket = control_socket(hal.path(), &config.name)?;
 
     let (recorder, windows) = cycle_stats::recorder(grid.period_ns);
@@ -387,46 +337,5 @@ fn control_socket(pins: &Path, machine: &str) -> anyhow::Result<Option<Socket>> 
             let _ = writeln!(std::io::stderr(), "warning: no control socket: {error}");
             Ok(None)
         }
-    }
-}
-
-/// The managing node, with room for about as many nodes as there are: room for all 239 is over a megabyte, which is locked in
-/// memory. On the heap, so that moving it does not fill the stack of the caller.
-fn managing_node<'a, L: Link + Send + 'a>(
-    config: MnConfig<'a>,
-    link: L,
-    watch: Arc<Watch>,
-    ethernet: Option<rtrb::Consumer<EthernetFrame>>,
-) -> anyhow::Result<Box<dyn Fieldbus + Send + 'a>> {
-    match config.nodes.len() {
-        0..=8 => managing_node_of::<L, 8>(config, link, watch, ethernet),
-        9..=32 => managing_node_of::<L, 32>(config, link, watch, ethernet),
-        _ => managing_node_of::<L, NODES_MAX>(config, link, watch, ethernet),
-    }
-}
-
-#[inline(never)]
-fn managing_node_of<'a, L: Link + Send + 'a, const NODES: usize>(
-    config: MnConfig<'a>,
-    link: L,
-    watch: Arc<Watch>,
-    ethernet: Option<rtrb::Consumer<EthernetFrame>>,
-) -> anyhow::Result<Box<dyn Fieldbus + Send + 'a>> {
-    let mut bus = match Powerlink::<L, NODES>::new(config, link, watch, wall_clock) {
-        Ok(bus) => Box::new(bus),
-        Err(error) => return Err(anyhow!("network: {error}")),
-    };
-    if let Some(frames) = ethernet {
-        bus.set_ethernet_source(frames);
-    }
-    Ok(bus)
-}
-
-/// Ends threads also where the one that would end them panics: a scope waits for all of them.
-pub(crate) struct StopOnDrop<'a>(pub(crate) &'a AtomicBool);
-
-impl Drop for StopOnDrop<'_> {
-    fn drop(&mut self) {
-        self.0.store(true, Ordering::Release);
     }
 }

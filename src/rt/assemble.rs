@@ -4,14 +4,13 @@
 //! Out: a [`Control`] for the cycle thread and the other ends of its rings for the operator.
 
 use super::cycle::{Control, Outlets, Parts};
-use super::diagnosis;
 use super::drives::Drives;
 use super::homing::Homer;
 use super::overrides::Overrides;
 use super::pins::Pins;
 use super::shared::{Live, OperatorEndpoints};
-use crate::bus::network::NodePlan;
-use crate::bus::{Fieldbus, InputImage, OutputImage};
+use crate::bus::plan::NodePlan;
+use crate::bus::{CyclicBus, InputImage, OutputImage};
 use crate::config::{Config, Joint};
 use crate::machine::overruns::Overruns;
 use crate::rt::joint_jog::Hand;
@@ -29,13 +28,13 @@ const TRACES: usize = 4096;
 /// Programs on their way back.
 const PROGRAMS: usize = 32;
 
-/// The cycle of a machine, and the other ends of its rings: the operator's, and those for diagnosis.
-pub fn assemble<B: Fieldbus>(
+/// The cycle of a machine, and the operator's ends of its rings.
+pub fn assemble<B: CyclicBus>(
     config: &Config,
     plans: &[NodePlan],
     bus: B,
     hal: &mut Hal,
-) -> anyhow::Result<(Control<B>, OperatorEndpoints, diagnosis::Inlet)> {
+) -> anyhow::Result<(Control<B>, OperatorEndpoints)> {
     let (commands, commands_out) = rtrb::RingBuffer::new(COMMANDS);
     let (notices_in, notices) = rtrb::RingBuffer::new(NOTICES);
     let (trace_in, trace) = rtrb::RingBuffer::new(TRACES);
@@ -58,14 +57,12 @@ pub fn assemble<B: Fieldbus>(
         mandatory: config.bus.nodes.iter().map(|node| node.mandatory).collect(),
         cycle_s,
     };
-    let (diagnosis, diagnosis_inlet) = diagnosis::rings(config.bus.nodes.len());
     let outlets = Outlets {
         commands: commands_out,
         notices: notices_in,
         trace: trace_in,
         finished: finished_in,
         live: live.clone(),
-        diagnosis,
     };
     let control = Control::new(bus, parts, outlets);
     Ok((
@@ -77,7 +74,6 @@ pub fn assemble<B: Fieldbus>(
             finished,
             live,
         },
-        diagnosis_inlet,
     ))
 }
 

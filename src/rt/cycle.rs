@@ -11,12 +11,11 @@
 mod orders;
 mod stops;
 
-use super::diagnosis;
 use super::drives::{Drive, Drives};
 use super::homing::Homer;
 use super::pins::Pins;
 use super::shared::{Command, Live, Notice, Snapshot, TimedNotice, Trace};
-use crate::bus::{BusEvent, BusState, CycleReport, Fieldbus, InputImage, NodeIndex, NodeState, OutputImage};
+use crate::bus::{BusEvent, BusState, CycleReport, CyclicBus, InputImage, NodeIndex, NodeState, OutputImage};
 use crate::config::JOINTS_MAX;
 use crate::machine::faults::{Fault, Reaction};
 use crate::machine::overruns::{Overruns, Verdict};
@@ -64,8 +63,6 @@ pub struct Outlets {
     pub finished: rtrb::Producer<Box<Interpolator>>,
     /// Latest values.
     pub live: Arc<Live>,
-    /// What the bus is like, and access to parameters of its nodes.
-    pub diagnosis: diagnosis::Outlet,
 }
 
 /// What a machine file makes of a machine.
@@ -124,7 +121,7 @@ pub struct Control<B> {
     trace_lost: u64,
 }
 
-impl<B: Fieldbus> Control<B> {
+impl<B: CyclicBus> Control<B> {
     /// A machine whose network is down.
     pub fn new(bus: B, parts: Parts, outlets: Outlets) -> Control<B> {
         let joints = parts.drives.iter().len();
@@ -185,7 +182,7 @@ impl<B: Fieldbus> Control<B> {
             .write(report.sent_ns, &self.command_mm[..self.joints], &mut self.parts.outputs);
         self.parts.pins.write_outputs(&mut self.parts.outputs);
         self.show();
-        self.outlets.diagnosis.attend(self.cycle, &mut self.bus);
+        self.bus.publish(self.cycle);
         self.cycle += 1;
         report
     }

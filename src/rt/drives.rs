@@ -9,7 +9,7 @@
 
 use super::homing::Found;
 use crate::bus::layout::{Field, Layout};
-use crate::bus::network::NodePlan;
+use crate::bus::plan::NodePlan;
 use crate::bus::{InputImage, NodeIndex, NodeState, OutputImage};
 use crate::config::{Compensation, Config, HomingBy, JOINTS_MAX, Joint};
 use cia402::axis::{Axis, AxisConfig, Feedback, HomingState, Request, Setpoint, Status};

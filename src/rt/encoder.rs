@@ -6,7 +6,7 @@
 //! RT: nothing here allocates.
 
 use crate::bus::layout::Field;
-use crate::bus::network::NodePlan;
+use crate::bus::plan::NodePlan;
 use crate::bus::{InputImage, NodeIndex};
 use crate::config::{Mapped, SpindleCounter};
 use motion::rt::SpindleFeedback;

@@ -4,7 +4,6 @@ pub mod assemble;
 pub mod axis_jog;
 pub mod cycle;
 pub mod cycle_stats;
-pub mod diagnosis;
 pub mod drives;
 pub mod encoder;
 pub mod homing;

@@ -11,8 +11,8 @@ use super::overrides::{Overridden, Overrides};
 use super::recent::Second;
 use super::spindle::Spindle;
 use crate::bus::layout::Field;
-use crate::bus::network::NodePlan;
-use crate::bus::{BusState, Fieldbus, InputImage, OutputImage};
+use crate::bus::plan::NodePlan;
+use crate::bus::{BusState, CyclicBus, InputImage, OutputImage};
 use crate::config::{self, Config, ConfigErrors, Profile};
 use crate::machine::state::State;
 use crate::rt::cycle_stats::Timing;
@@ -541,7 +541,7 @@ impl Pins {
     }
 
     /// Shows the values of a cycle.
-    pub fn publish<B: Fieldbus>(&mut self, bus: &mut B, drives: &Drives, sample: &Sample, state: State) {
+    pub fn publish<B: CyclicBus>(&mut self, bus: &mut B, drives: &Drives, sample: &Sample, state: State) {
         for (pins, drive) in self.joints.iter_mut().zip(drives.iter()) {
             pins.motor_pos_cmd.set(drive.command_mm());
             pins.motor_pos_fb.set(drive.actual_mm());

@@ -7,7 +7,7 @@
 
 use super::encoder::{Encoder, Speed};
 use crate::bus::layout::Field;
-use crate::bus::network::NodePlan;
+use crate::bus::plan::NodePlan;
 use crate::bus::{InputImage, NodeIndex, OutputImage};
 use crate::config::{Config, SpindleEncoder};
 use crate::machine::faults::SpeedNotReached;

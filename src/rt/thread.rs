@@ -5,7 +5,7 @@
 
 use super::cycle::Control;
 use super::timeout::Watch;
-use crate::bus::Fieldbus;
+use crate::bus::CyclicBus;
 use crate::config::Config;
 use crate::host::network_locks::NetworkLocks;
 use crate::host::spin::Spin;
@@ -29,7 +29,7 @@ pub fn grid(config: &Config) -> Grid {
 }
 
 /// Runs cycles until the network is down or `stop` says so. RT, for a bus on CLOCK_MONOTONIC.
-pub fn run<B: Fieldbus>(
+pub fn run<B: CyclicBus>(
     control: &mut Control<B>,
     grid: Grid,
     spin: &mut Spin,
@@ -76,7 +76,7 @@ pub fn run<B: Fieldbus>(
         recorder.record(&CycleTimes {
             deadline_ns,
             woke_ns,
-            soc_ns: report.soc_ns,
+            soc_ns: report.started_ns,
             exchanged_ns: report.done_ns,
             ended_ns,
             next_ns,

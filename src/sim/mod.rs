@@ -7,6 +7,7 @@ mod drive;
 mod io;
 mod machine;
 mod motor;
+pub mod near_end;
 mod node;
 pub mod paced;
 mod run;

@@ -6,7 +6,7 @@
 //! still for the control and its machine. So what it shows is right, and says nothing about the PC. No RT link: it allocates.
 
 use super::{NetConfig, SimMachine, VirtualNet};
-use crate::bus::Fieldbus;
+use crate::bus::CyclicBus;
 use crate::host::wait::Grid;
 use crate::host::wait::{monotonic_ns, sleep_until};
 use crate::machine::state::State;
@@ -85,7 +85,7 @@ impl Link for Paced {
 
 /// Runs cycles on paced time until the network is down or `stop` says so; `wire` is that of the bus. Not RT: a thread that is
 /// late holds time back instead.
-pub fn run_paced<B: Fieldbus>(
+pub fn run_paced<B: CyclicBus>(
     control: &mut Control<B>,
     grid: Grid,
     wire: &Paced,
@@ -105,7 +105,7 @@ pub fn run_paced<B: Fieldbus>(
         recorder.record(&CycleTimes {
             deadline_ns,
             woke_ns: deadline_ns,
-            soc_ns: report.soc_ns,
+            soc_ns: report.started_ns,
             exchanged_ns: report.done_ns,
             ended_ns: report.done_ns,
             next_ns,

@@ -9,7 +9,7 @@ mod orders;
 mod wire;
 
 use cia402::State as Power;
-use isocnc::bus::Fieldbus;
+use isocnc::bus::CyclicBus;
 use isocnc::config::{self, Config};
 use isocnc::machine::motion_settings::{ring_capacity, stop_ramp};
 use isocnc::machine::sequence::{Outcome, Step};

@@ -3,6 +3,7 @@
 //! In:  a capture, an interface, or a running control.
 //! Out: tables and sentences, or JSON, on standard output. Exit code 0: all is well, 1: trouble found, 2: wrong usage.
 
+pub(super) mod check;
 pub mod network;
 pub mod scan;
 pub mod sdo;

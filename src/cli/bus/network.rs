@@ -6,8 +6,9 @@
 
 use super::words::counted;
 use crate::api::client::{Client, ClientError};
-use crate::api::network_view::{BudgetView, MappedView, NetworkView, NodeView};
+use crate::api::network_view::{MappedView, NetworkView, NodeView};
 use crate::bus;
+use crate::bus::service::BudgetView;
 use crate::config;
 use crate::machine::faults::SILENCED;
 use crate::operator::refusal::Refusal;
@@ -339,7 +340,7 @@ fn mapping(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
                     format!("{first}..{last}")
                 };
                 let name = super::words::profile_object_name(object.index);
-                let at = crate::api::network_view::object(object.index, object.sub);
+                let at = crate::bus::service::object(object.index, object.sub);
                 format!("{place:>7} | {at:9} | {name:20}")
             })
         };

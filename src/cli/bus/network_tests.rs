@@ -1,5 +1,5 @@
 use super::*;
-use crate::api::network_view::{IdentityView, NetworkLive, NodeLive, Why};
+use crate::bus::service::{IdentityView, NetworkLive, NodeLive, Why};
 use std::path::Path;
 
 /// The demo machine with a running control: node 1 operational, node 2 of a wrong vendor, node 3 never heard of, node 10 not

@@ -7,6 +7,7 @@ use super::station::{ForeignMaster, Found, Station, listen};
 use super::trace::Heard;
 use super::words;
 use crate::api::client::Client;
+use crate::bus::service::IdentityView;
 use anyhow::ensure;
 use clap::Args;
 use powerlink::link::Link;
@@ -106,7 +107,7 @@ fn scan_on(
                     "node": found.id,
                     "mac": words::mac(found.mac),
                     "nmt_state": words::state(found.ident.nmt_state),
-                    "identity": crate::api::network_view::IdentityView::from(&found.ident),
+                    "identity": IdentityView::from(&found.ident),
                 })
             });
             let nodes = nodes.collect::<Vec<_>>();

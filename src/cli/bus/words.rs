@@ -10,7 +10,7 @@ use powerlink::nmt::NmtState;
 use powerlink::wire::node;
 use std::fmt::Write as _;
 
-pub use crate::api::network_view::{mac, object};
+pub use crate::bus::service::{mac, object};
 
 /// Most octets of a value that are printed.
 const OCTETS_SHOWN: usize = 16;

@@ -17,11 +17,10 @@ mod tests;
 use super::setup::{Item, Process, usual_keep_awake};
 use super::spin::Spin;
 use super::wait::Grid;
-use crate::bus::managing_node::{exchanges, latencies, network};
+use crate::bus;
 use crate::config::{Config, KeepAwake, Rt};
 use crate::host::latency::{Clock, System, on_a_thread};
 use decide::decide;
-use powerlink::mn::{Budget, MnConfig};
 use serde::{Deserialize, Serialize};
 
 /// Rounds of each way to keep the core awake; an odd number has a middle.
@@ -249,12 +248,7 @@ pub fn calibrate(config: &Config, process: &mut Process) -> Calibration {
 
 /// The longest that the exchange of a cycle can take, µs: a spin must not begin before it is over.
 fn busy_us(config: &Config) -> u32 {
-    let nodes = exchanges(&config.bus);
-    let network = MnConfig {
-        cycle_ns: config.cycle_us * 1000,
-        ..network(&config.bus, &nodes)
-    };
-    let worst_ns = Budget::new(&network, &latencies(&config.bus)).worst().total_ns();
+    let worst_ns = bus::worst_exchange_ns(config);
     u32::try_from(worst_ns.div_ceil(1000)).unwrap_or(u32::MAX)
 }
 

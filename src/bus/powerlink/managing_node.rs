@@ -3,7 +3,9 @@
 //! In:  the checked machine description, the plans of its nodes.
 //! Out: the configuration of `powerlink::mn`.
 
-use super::network::NodePlan;
+use super::network::plan;
+use crate::bus::plan::NodePlan;
+use crate::bus::service::BudgetView;
 use crate::config::{Bus, Config, Exchange, Identity, Mapped, Node, Stamp};
 use powerlink::mn::{self, Assignment, BootTimes, Budget, MnConfig, NodeConfig, StartUp};
 use powerlink::wire::PAYLOAD_MAX;
@@ -22,7 +24,7 @@ pub fn mn_config<'a>(config: &Config, nodes: &'a [NodeConfig<'a>], mac: [u8; 6])
 ///
 /// # Errors
 /// Why it does not.
-pub(super) fn check(config: &Config) -> Result<(), String> {
+pub(crate) fn check(config: &Config) -> Result<(), String> {
     let nodes = exchanges(&config.bus);
     let network = mn_config(config, &nodes, [0; 6]);
     let too_many = |octets: &u16| usize::from(*octets) > PAYLOAD_MAX;
@@ -39,6 +41,57 @@ pub(super) fn check(config: &Config) -> Result<(), String> {
         ));
     }
     Ok(())
+}
+
+/// What the cycle is made of. Latencies are those that the time-outs allow.
+pub(crate) fn budget(config: &Config) -> Vec<BudgetView> {
+    let plans = plan(config);
+    let nodes = node_configs(&config.bus, &plans);
+    // No address counts in it.
+    let managing = mn_config(config, &nodes, [0; 6]);
+    let us = |ns: u64| ns as f64 / 1e3;
+    let view = |line: mn::BudgetLine| {
+        let node = |place: usize| nodes.get(place).map(|node| node.id);
+        let (part, node) = match line.part {
+            mn::Part::Soc => ("SoC".into(), None),
+            mn::Part::SocToPreq => ("pause before the first PReq".into(), None),
+            mn::Part::Poll {
+                node: place,
+                preq_octets,
+                pres_octets,
+                multiplex_cycle,
+            } => {
+                let cycle = match multiplex_cycle {
+                    0 => String::new(),
+                    cycle => format!(", in cycle {cycle} of the round"),
+                };
+                (
+                    format!("PReq of {preq_octets} and PRes of {pres_octets} octets{cycle}"),
+                    node(place),
+                )
+            }
+            mn::Part::PresMn { octets } => (format!("PRes of the managing node, {octets} octets"), None),
+            mn::Part::Chained { node: place, octets } => (format!("chained PRes of {octets} octets"), node(place)),
+            mn::Part::Chain => ("wait for the PRes chain".into(), None),
+            mn::Part::Soa => ("SoA".into(), None),
+            mn::Part::AsyncSlot { octets } => (format!("asynchronous slot, ASnd of up to {octets} octets"), None),
+        };
+        BudgetView {
+            part,
+            node,
+            wire_us: us(line.wire_ns),
+            latency_us: us(line.latency_ns),
+            worst_us: us(line.worst_ns),
+        }
+    };
+    mn::Budget::new(&managing, &[]).lines().map(view).collect()
+}
+
+/// The longest that SoC, polls, SoA and asynchronous slot can take, ns.
+pub(crate) fn worst_exchange_ns(config: &Config) -> u64 {
+    let nodes = exchanges(&config.bus);
+    let network = mn_config(config, &nodes, [0; 6]);
+    Budget::new(&network, &latencies(&config.bus)).worst().total_ns()
 }
 
 /// What `[bus]` says of the network.
@@ -91,7 +144,7 @@ pub fn node_configs<'a>(bus: &Bus, plans: &'a [NodePlan]) -> Vec<NodeConfig<'a>>
     nodes
         .map(|(node, plan)| NodeConfig {
             configuration: &plan.configuration,
-            configuration_stamp: plan.stamp,
+            configuration_stamp: plan.stamp.map(stamp),
             ..node
         })
         .collect()
@@ -133,7 +186,7 @@ pub(crate) fn exchanges(bus: &Bus) -> Vec<NodeConfig<'static>> {
             multiplex_cycle,
             pres_timeout_ns: node.pres_timeout_us * 1000,
             identity: identity(node.identity),
-            software: node.software.map(|Stamp { date, time }| mn::Stamp { date, time }),
+            software: node.software.map(stamp),
             preq_version: node.pdo_version,
             pres_version: node.pdo_version,
             preq_bytes,
@@ -143,6 +196,10 @@ pub(crate) fn exchanges(bus: &Bus) -> Vec<NodeConfig<'static>> {
         }
     };
     bus.nodes.iter().map(&mut exchange).collect()
+}
+
+fn stamp(Stamp { date, time }: Stamp) -> mn::Stamp {
+    mn::Stamp { date, time }
 }
 
 fn identity(wanted: Identity) -> mn::Identity {
@@ -161,7 +218,7 @@ mod tests {
     use crate::config::wire_time_ns;
     use powerlink::mn;
 
-    const DEMO: &str = include_str!("../../configs/mill3-demo.toml");
+    const DEMO: &str = include_str!("../../../configs/mill3-demo.toml");
 
     /// How a machine file is refused that has one thing in another way than that of the demo.
     fn refusal(from: &str, to: &str) -> String {

@@ -1,23 +1,31 @@
-//! Ethernet POWERLINK as a [`Fieldbus`]: the managing node of `powerlink::mn` over a link.
+//! Ethernet POWERLINK as a [`CyclicBus`]: the managing node of `powerlink::mn` over a link.
 //!
 //! In:  images once a cycle.
 //! Out: frames on the link; the managing node decides which and when, this file only waits and hands over.
 //!
 //! RT except for [`Powerlink::new`].
 
+pub mod cdc;
+pub mod frames;
+pub mod managing_node;
+pub mod network;
+pub mod open;
+pub mod sender;
+pub mod service;
+pub mod tap;
+
 use super::watch::Watch;
 use super::{
-    BusEvent, BusState, CycleReport, EthernetFrame, Fieldbus, InputImage, NodeIndex, NodeState, NodeStatistics,
-    OutputImage, SDO_ORDERS, SDO_VALUE_MAX,
+    BusEvent, BusState, CycleReport, CyclicBus, EthernetFrame, InputImage, NodeIndex, NodeState, NodeStatistics,
+    OutputImage,
 };
+use crate::machine::faults::{ForeignMaster, LinkFailure};
 use powerlink::link::{Link, LinkError};
-use powerlink::mn::{
-    self, Counters, Diagnosis, ETHERNET_FRAMES, Mn, MnConfig, MnEvent, NetworkDiagnosis, QueueError, SdoCommand,
-    SdoError, Step,
-};
+use powerlink::mn::{self, ETHERNET_FRAMES, ForeignSign, Mn, MnConfig, MnEvent, QueueError, Step};
 use powerlink::nmt::NmtState;
 use powerlink::wire::{NetTime, message};
 use rtrb::Consumer;
+use service::{PowerlinkService, Publisher, SdoBuffers};
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -73,8 +81,8 @@ pub struct Powerlink<'a, L, const NODES: usize> {
     awaited_poll: Option<(u8, u64)>,
     awaited_slot: Option<(u8, u64)>,
     node_ids: Box<[u8]>,
-    /// Values of SDO commands; those that are missing are with the managing node.
-    sdo_buffers: [Option<&'a mut [u8]>; SDO_ORDERS],
+    sdo_buffers: SdoBuffers<'a>,
+    publisher: Option<Publisher>,
     reported: BusState,
     /// Frames of other programs that wait for an asynchronous slot.
     ethernet: Option<Consumer<EthernetFrame>>,
@@ -104,11 +112,18 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
             soc_ns: None,
             awaited_poll: None,
             awaited_slot: None,
-            // They go to the managing node and back, which borrows them for as long as its configuration: they are never freed.
-            sdo_buffers: std::array::from_fn(|_| Some(&mut *vec![0; SDO_VALUE_MAX].leak())),
+            sdo_buffers: SdoBuffers::new(),
+            publisher: None,
             reported: BusState::Down,
             ethernet: None,
         })
+    }
+
+    /// Its other half. Not RT.
+    pub fn service(&mut self) -> PowerlinkService {
+        let (publisher, service) = service::rings(self.node_ids.len());
+        self.publisher = Some(publisher);
+        service
     }
 
     /// Frames that are not POWERLINK, to be sent in asynchronous slots.
@@ -220,7 +235,7 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
                 node: index(node)?,
                 code: entry.code,
             },
-            MnEvent::ForeignMn(sign) => BusEvent::ForeignMaster(sign),
+            MnEvent::ForeignMn(sign) => BusEvent::ForeignMaster(foreign_master(sign)),
         })
     }
 
@@ -268,7 +283,7 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
     }
 }
 
-impl<L: Link, const NODES: usize> Fieldbus for Powerlink<'_, L, NODES> {
+impl<L: Link, const NODES: usize> CyclicBus for Powerlink<'_, L, NODES> {
     fn prepare(&mut self, begin_ns: u64, outputs: &OutputImage) {
         for node in 0..self.node_ids.len() {
             self.mn.output_mut(node).copy_from_slice(outputs.node(node));
@@ -305,7 +320,7 @@ impl<L: Link, const NODES: usize> Fieldbus for Powerlink<'_, L, NODES> {
         }
         CycleReport {
             sent_ns,
-            soc_ns,
+            started_ns: soc_ns,
             done_ns: self.link.now_ns(),
             lost,
         }
@@ -363,7 +378,7 @@ impl<L: Link, const NODES: usize> Fieldbus for Powerlink<'_, L, NODES> {
             return Some(BusEvent::Network(state));
         }
         if let Some(error) = self.link_error.take() {
-            return Some(BusEvent::LinkFailed(error));
+            return Some(BusEvent::LinkFailed(link_failure(error)));
         }
         while let Some(event) = self.mn.pop_event() {
             if let Some(event) = self.translate(event) {
@@ -386,35 +401,26 @@ impl<L: Link, const NODES: usize> Fieldbus for Powerlink<'_, L, NODES> {
         }
     }
 
-    fn diagnosis(&self, node: NodeIndex) -> Option<Diagnosis> {
-        self.mn.diagnosis(node)
-    }
-
-    fn network_diagnosis(&self) -> (NetworkDiagnosis, Counters) {
-        (self.mn.network_diagnosis(), *self.mn.counters())
-    }
-
-    fn sdo_request(&mut self, node: NodeIndex, command: SdoCommand, value: &[u8]) -> Result<(), SdoError> {
-        let slot = self.sdo_buffers.iter_mut().find(|slot| slot.is_some());
-        let Some((slot, buffer)) = slot.and_then(|slot| slot.take().map(|buffer| (slot, buffer))) else {
-            return Err(SdoError::Busy);
-        };
-        let length = value.len().min(buffer.len());
-        buffer[..length].copy_from_slice(&value[..length]);
-        self.mn.sdo_request(node, command, buffer).map_err(|refused| {
-            *slot = Some(refused.buffer);
-            refused.error
-        })
-    }
-
-    fn sdo_result(&mut self, node: NodeIndex, value: &mut [u8]) -> Option<Result<usize, SdoError>> {
-        let ended = self.mn.sdo_result(node)?;
-        let length = ended.result.unwrap_or(0).min(value.len()).min(ended.buffer.len());
-        value[..length].copy_from_slice(&ended.buffer[..length]);
-        // As many places as buffers.
-        if let Some(slot) = self.sdo_buffers.iter_mut().find(|slot| slot.is_none()) {
-            *slot = Some(ended.buffer);
+    fn publish(&mut self, cycle: u64) {
+        if let Some(publisher) = &mut self.publisher {
+            publisher.publish(cycle, &mut self.mn, &mut self.sdo_buffers);
         }
-        Some(ended.result.map(|_| length))
+    }
+}
+
+fn link_failure(error: LinkError) -> LinkFailure {
+    match error {
+        LinkError::Down => LinkFailure::Down,
+        LinkError::NoBuffers => LinkFailure::QueueFull,
+        LinkError::FrameLength { got, max } => LinkFailure::FrameLength { octets: got, max },
+        LinkError::Os { errno } => LinkFailure::Os { errno },
+    }
+}
+
+fn foreign_master(sign: ForeignSign) -> ForeignMaster {
+    ForeignMaster {
+        node: sign.id,
+        mac: sign.mac,
+        is_itself: sign.is_its_own(),
     }
 }

@@ -1,6 +1,6 @@
 use super::*;
-use crate::bus::managing_node::{mn_config, node_configs};
-use crate::bus::network;
+use crate::bus::powerlink::managing_node::{mn_config, node_configs};
+use crate::bus::powerlink::network;
 use crate::config;
 use obd::Objects;
 use powerlink::mn::{Identity, Mn};
@@ -150,7 +150,7 @@ fn reading_back_gives_the_same_configuration() {
 
 #[test]
 fn the_demo_machine_comes_back_but_for_what_no_object_holds() {
-    let text = include_str!("../../../configs/mill3-demo.toml");
+    let text = include_str!("../../../../configs/mill3-demo.toml");
     let config = config::parse(text, Path::new("m.toml")).unwrap();
     let plans = network::plan(&config);
     let nodes = node_configs(&config.bus, &plans);
@@ -293,7 +293,7 @@ proptest! {
 
 #[test]
 fn process_data_are_mapped_octet_by_octet_and_each_octet_once() {
-    let text = include_str!("../../../configs/mill3-demo.toml");
+    let text = include_str!("../../../../configs/mill3-demo.toml");
     let config = config::parse(text, Path::new("m.toml")).unwrap();
     let plans = network::plan(&config);
     let nodes = node_configs(&config.bus, &plans);
@@ -359,7 +359,7 @@ fn what_cannot_be_mapped_octet_by_octet_is_refused() {
 /// Date and time of each node's configuration stand in the file twice: what the node is told, and what it is expected to show.
 #[test]
 fn an_unchanged_node_is_known_by_its_stamp() {
-    let text = include_str!("../../../configs/mill3-demo.toml");
+    let text = include_str!("../../../../configs/mill3-demo.toml");
     let stamps = |text: &str| {
         let config = config::parse(text, Path::new("m.toml")).unwrap();
         let plans = network::plan(&config);

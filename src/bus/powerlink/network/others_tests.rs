@@ -4,7 +4,7 @@ use super::*;
 
 /// A network of three nodes; the first has 40 octets of outputs and of inputs.
 fn demo() -> Config {
-    let text = include_str!("../../../configs/mill3-demo.toml");
+    let text = include_str!("../../../../configs/mill3-demo.toml");
     let mut config = crate::config::parse(text, std::path::Path::new("m.toml")).unwrap();
     let objects = |index| (1..=10).map(move |sub| Mapped { index, sub, bits: 32 }).collect();
     config.bus.nodes[0].outputs = objects(0x2100);

@@ -8,8 +8,6 @@
 //! to configure the network (CAP_NET_ADMIN) and `/dev/net/tun`.
 
 use crate::bus::EthernetFrame;
-use crate::host::capabilities;
-use crate::host::capabilities::Work;
 use nix::errno::Errno;
 use nix::fcntl::OFlag;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
@@ -141,13 +139,13 @@ impl Tap {
         Ok(Tap { device, wire })
     }
 
-    /// Runs the device in a thread of its own. The other end of the ring belongs to the bus thread.
-    pub fn start(self) -> std::io::Result<(TapBridge, Consumer<EthernetFrame>)> {
+    /// Runs the device in a thread of its own, which first calls `enter`. The other end of the ring belongs to the bus thread.
+    pub fn start(self, enter: fn()) -> std::io::Result<(TapBridge, Consumer<EthernetFrame>)> {
         let (producer, consumer) = RingBuffer::new(WAITING);
         let shared = Arc::new(Shared::default());
         let inside = Arc::clone(&shared);
         let thread = std::thread::Builder::new().name("tap".into()).spawn(move || {
-            capabilities::give_up_or_warn(Work::Ordinary);
+            enter();
             self.run(producer, &inside);
         })?;
         let thread = Some(thread);

@@ -4,55 +4,16 @@
 //! Out: payload layouts and configuration writes per node, in the order in which the nodes want them: what the network needs,
 //! process data, what the device file holds, the drive, what the machine file adds. Of two writes of one object the later counts.
 
-use super::layout::Layout;
 use super::managing_node::{exchanges, pres_mn_octets};
+use crate::bus::layout::Layout;
+use crate::bus::plan::{LeftOut, LeftOutReason, NodePlan};
 use crate::config::{
-    Bus, Config, ConfigurationWrite, DeviceDescription, Exchange, HomingBy, Joint, Mapped, Node, Profile,
+    Bus, Config, ConfigurationWrite, DeviceDescription, Exchange, HomingBy, Joint, Mapped, Node, Profile, Stamp,
 };
 use obd::cdc::CdcWriter;
 use obd::mapping::MappingEntry;
 use obd::{Access, Scalar};
-use powerlink::mn::Stamp;
 use powerlink::wire::{PAYLOAD_LIMIT_MIN, node::MN};
-
-/// One node of the network, ready for the managing node.
-#[derive(Clone, Debug)]
-pub struct NodePlan {
-    /// What the control sends.
-    pub outputs: Layout,
-    /// What the node sends.
-    pub inputs: Layout,
-    /// Concise DCF: configuration writes, downloaded by SDO.
-    pub configuration: Vec<u8>,
-    /// What stands in the concise DCF.
-    pub writes: Vec<ConfigurationWrite>,
-    /// Date and time (0x1020) that tell this configuration from any other; `None`: the device does not keep them.
-    pub stamp: Option<Stamp>,
-    /// What was not written, and why.
-    pub left_out: Vec<LeftOut>,
-}
-
-/// A value that is not written into a node.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LeftOut {
-    /// Object index.
-    pub index: u16,
-    /// Sub-index.
-    pub sub: u8,
-    /// Why.
-    pub reason: LeftOutReason,
-}
-
-/// Why a value is not written into a node.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LeftOutReason {
-    /// The control would set it, and the device does not have it or lets nobody write it.
-    NotInDevice,
-    /// The device file wants it, and it is the managing node's own.
-    ManagingNodeSets,
-    /// The device file wants it, and no SDO can write it.
-    NotWritable,
-}
 
 /// Plans of all nodes, in the order of the machine file.
 pub fn plan(config: &Config) -> Vec<NodePlan> {
@@ -425,7 +386,7 @@ mod tests {
         assert_eq!(octets[octets.len() - 8..], [0x00, 0x16, 0, 1, 0, 0, 0, 1]);
     }
 
-    const MACHINE: &str = include_str!("../../configs/mill3-demo.toml");
+    const MACHINE: &str = include_str!("../../../configs/mill3-demo.toml");
     const DRIVE_1: &str = "profile = \"cia402\"\nmandatory = true\npres_timeout_us = 150\n";
     const IO: &str = "profile = \"io\"\npres_timeout_us = 150\n";
 
@@ -505,8 +466,8 @@ mod tests {
         assert_eq!(entry(drive, 0x1601, 1), (0x2000, 0, 8, 8));
         // Behind the eleven octets of the drive.
         assert_eq!(entry(&plans[3], 0x1600, 1), (0x6200, 1, 88, 8));
-        let nodes = crate::bus::managing_node::node_configs(&config.bus, &plans);
-        let mn = crate::bus::managing_node::mn_config(&config, &nodes, [2, 0, 0, 0, 0, 1]);
+        let nodes = crate::bus::powerlink::managing_node::node_configs(&config.bus, &plans);
+        let mn = crate::bus::powerlink::managing_node::mn_config(&config, &nodes, [2, 0, 0, 0, 0, 1]);
         assert_eq!(
             (mn.pres_mn_bytes, nodes[3].pres_mn_offset, nodes[3].preq_bytes),
             (Some(13), 11, 2)

@@ -4,25 +4,65 @@
 //! Out: text for a terminal, and the same as JSON.
 
 use crate::bus::layout::Layout;
-use crate::bus::managing_node::{latencies, mn_config, node_configs};
-use crate::bus::network::{LeftOut, LeftOutReason, NodePlan};
+use crate::bus::plan::{LeftOut, LeftOutReason, NodePlan};
+use crate::bus::powerlink::cdc;
+use crate::bus::powerlink::managing_node::{latencies, mn_config, node_configs};
+use crate::cli::check::print;
 use crate::config::{Config, Exchange, Mapped, Node, Profile};
+use anyhow::Context;
 use powerlink::mn::{Budget, BudgetLine, MnConfig, NodeConfig, Part};
 use serde_json::{Value as Json, json};
 use std::fmt;
+use std::path::Path;
+use std::process::ExitCode;
 
 /// An address, as a managing node must have one; it takes no part in what is shown.
 const ANY_MAC: [u8; 6] = [2, 0, 0, 0, 0, 0xF0];
 /// Objects of one kind that are named where values are not written.
 const LEFT_OUT_NAMED: usize = 6;
 
+/// The concise DCF of the managing node.
+///
+/// # Errors
+/// What cannot stand in one.
+pub(in crate::cli) fn write_cdc(config: &Config, plans: &[NodePlan]) -> Result<Vec<u8>, cdc::CdcWriteError> {
+    with_mn_config(config, plans, cdc::write_for_others)
+}
+
+/// Lists a concise DCF: exit code 0 if it can be read as one, 1 if not. What our managing node would refuse of it is told, too.
+pub(in crate::cli) fn list_cdc(path: &Path) -> anyhow::Result<ExitCode> {
+    let file = path.display();
+    let octets = files::read(path, files::read::TEXT_MAX).with_context(|| format!("{file}: cannot be read"))?;
+    match cdc::listing(&octets) {
+        Ok(listing) => print(&listing)?,
+        Err(error) => {
+            eprintln!("{file}: {error}");
+            return Ok(ExitCode::FAILURE);
+        }
+    }
+    match cdc::read(&octets) {
+        Ok(network) if network.others.is_empty() => {}
+        Ok(network) => {
+            let others = network.others.iter().map(|(index, sub)| format!("0x{index:04X}:{sub}"));
+            let others = others.collect::<Vec<_>>().join(", ");
+            eprintln!("{file}: our managing node has no use for {others}");
+        }
+        Err(error) => eprintln!("{file}: our managing node would refuse it: {error}"),
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
 /// What the managing node would be told.
-pub(super) fn with_mn_config<R>(config: &Config, plans: &[NodePlan], then: impl FnOnce(&MnConfig<'_>) -> R) -> R {
+pub(in crate::cli) fn with_mn_config<R>(
+    config: &Config,
+    plans: &[NodePlan],
+    then: impl FnOnce(&MnConfig<'_>) -> R,
+) -> R {
     let nodes: Vec<NodeConfig<'_>> = node_configs(&config.bus, plans);
     then(&mn_config(config, &nodes, ANY_MAC))
 }
 
-pub(super) fn profile_name(profile: Profile) -> &'static str {
+pub(in crate::cli) fn profile_name(profile: Profile) -> &'static str {
     match profile {
         Profile::Cia402 => "cia402",
         Profile::Io => "io",
@@ -40,7 +80,7 @@ fn exchange(node: &Node) -> String {
 }
 
 /// The budget of the cycle as a table.
-pub(super) fn write_budget(f: &mut fmt::Formatter<'_>, config: &Config, plans: &[NodePlan]) -> fmt::Result {
+pub(in crate::cli) fn write_budget(f: &mut fmt::Formatter<'_>, config: &Config, plans: &[NodePlan]) -> fmt::Result {
     let latencies_ns = latencies(&config.bus);
     with_mn_config(config, plans, |mn| {
         let budget = Budget::new(mn, &latencies_ns);
@@ -115,7 +155,12 @@ fn part(line: &BudgetLine, config: &Config, latencies_ns: &[Option<u32>]) -> Str
 }
 
 /// One node with everything that it will be told.
-pub(super) fn write_node(f: &mut fmt::Formatter<'_>, config: &Config, node: &Node, plan: &NodePlan) -> fmt::Result {
+pub(in crate::cli) fn write_node(
+    f: &mut fmt::Formatter<'_>,
+    config: &Config,
+    node: &Node,
+    plan: &NodePlan,
+) -> fmt::Result {
     writeln!(
         f,
         "  {:>3}  {:<12} {:<7} {:<9} PRes within {} us, {} octets out, {} in{}",
@@ -224,7 +269,7 @@ fn write_layout(f: &mut fmt::Formatter<'_>, direction: &str, layout: &Layout, no
 }
 
 /// The budget as JSON, times in ns.
-pub(super) fn budget_json(config: &Config, plans: &[NodePlan]) -> Json {
+pub(in crate::cli) fn budget_json(config: &Config, plans: &[NodePlan]) -> Json {
     let latencies_ns = latencies(&config.bus);
     with_mn_config(config, plans, |mn| {
         let budget = Budget::new(mn, &latencies_ns);
@@ -247,7 +292,7 @@ pub(super) fn budget_json(config: &Config, plans: &[NodePlan]) -> Json {
 }
 
 /// One node as JSON.
-pub(super) fn node_json(node: &Node, plan: &NodePlan) -> Json {
+pub(in crate::cli) fn node_json(node: &Node, plan: &NodePlan) -> Json {
     let layout = |layout: &Layout| {
         let fields = layout.fields.iter().map(|field| {
             json!({

@@ -1,0 +1,406 @@
+//! The two ends by which the cycle thread shows what the managing node knows, and carries out what clients ask of nodes.
+//!
+//! In:  requests, each with the buffer for its value. Out: every few cycles a [`Record`] of one node or of the network, in
+//!      turn; the buffers back, with results; all of it in words for whoever asks ([`Mailbox`], [`Diagnose`]).
+//!
+//! RT in [`Publisher::publish`]: everything goes through rings of fixed size; what finds them full is left out until next time.
+
+use crate::bus::service::{
+    Diagnose, IdentityView, Mailbox, MailboxError, MailboxFull, MailboxReply, MailboxRequest, NetworkLive, NodeLive,
+    Why,
+};
+use crate::bus::{NodeIndex, SDO_ORDERS, SDO_VALUE_MAX};
+use powerlink::mn::{Counters, Diagnosis, Fault, Mn, NetworkDiagnosis, NodeState, Reason, SdoCommand, SdoError, Span};
+use powerlink::sdo::ClientError;
+use powerlink::wire::IdentResponse;
+
+/// Cycles from one record to the next: a network of 239 nodes has been shown within a second.
+const RECORD_CYCLES: u64 = 4;
+/// Records that can wait for the reader.
+const RECORDS: usize = 64;
+
+/// A part of the network at one moment.
+#[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant, reason = "of fixed size, without allocation")]
+enum Record {
+    Node(NodeIndex, Diagnosis),
+    Network(NetworkDiagnosis, Counters),
+}
+
+/// A request on its way to the cycle thread.
+struct Order {
+    ticket: u64,
+    node: NodeIndex,
+    command: SdoCommand,
+    buffer: Buffer,
+}
+
+/// How it ended: octets of the value that was read, at the start of the buffer; 0 after a write.
+struct Reply {
+    ticket: u64,
+    result: Result<usize, SdoError>,
+    buffer: Buffer,
+}
+
+/// Memory for the value of an order. It goes through the rings, so that nothing is allocated or freed in real time.
+type Buffer = Box<[u8; SDO_VALUE_MAX]>;
+
+/// Values of commands under way; those that are missing are with the managing node, which borrows them for as long as its
+/// configuration: they are never freed.
+pub(super) struct SdoBuffers<'a>([Option<&'a mut [u8]>; SDO_ORDERS]);
+
+impl<'a> SdoBuffers<'a> {
+    pub(super) fn new() -> SdoBuffers<'a> {
+        SdoBuffers(std::array::from_fn(|_| Some(&mut *vec![0; SDO_VALUE_MAX].leak())))
+    }
+
+    /// RT: begins a command; the value to write stands at the start of `value`.
+    fn request<const NODES: usize>(
+        &mut self,
+        mn: &mut Mn<'a, NODES>,
+        node: NodeIndex,
+        command: SdoCommand,
+        value: &[u8],
+    ) -> Result<(), SdoError> {
+        let place = self.0.iter_mut().find(|place| place.is_some());
+        let Some((place, buffer)) = place.and_then(|place| place.take().map(|buffer| (place, buffer))) else {
+            return Err(SdoError::Busy);
+        };
+        let length = value.len().min(buffer.len());
+        buffer[..length].copy_from_slice(&value[..length]);
+        mn.sdo_request(node, command, buffer).map_err(|refused| {
+            *place = Some(refused.buffer);
+            refused.error
+        })
+    }
+
+    /// RT: what became of it: octets that were read, now at the start of `value`. `None` while it runs, or when there is none.
+    fn result<const NODES: usize>(
+        &mut self,
+        mn: &mut Mn<'a, NODES>,
+        node: NodeIndex,
+        value: &mut [u8],
+    ) -> Option<Result<usize, SdoError>> {
+        let ended = mn.sdo_result(node)?;
+        let length = ended.result.unwrap_or(0).min(value.len()).min(ended.buffer.len());
+        value[..length].copy_from_slice(&ended.buffer[..length]);
+        // As many places as buffers.
+        if let Some(place) = self.0.iter_mut().find(|place| place.is_none()) {
+            *place = Some(ended.buffer);
+        }
+        Some(ended.result.map(|_| length))
+    }
+}
+
+/// The cycle thread's ends of the rings.
+pub(super) struct Publisher {
+    records: rtrb::Producer<Record>,
+    orders: rtrb::Consumer<Order>,
+    replies: rtrb::Producer<Reply>,
+    /// For each node: the order that the bus carries out.
+    running: Box<[Option<(u64, Buffer)>]>,
+    /// Node of the next record; behind the last one it is the network's turn.
+    next: NodeIndex,
+}
+
+/// The other ends.
+pub struct PowerlinkService {
+    records: rtrb::Consumer<Record>,
+    orders: rtrb::Producer<Order>,
+    replies: rtrb::Consumer<Reply>,
+    /// A buffer for each order under way.
+    buffers: Vec<Buffer>,
+    /// Orders under way that write: their replies have no value.
+    writing: Vec<u64>,
+    /// The latest record of the network and of each node.
+    network: Option<(NetworkDiagnosis, Counters)>,
+    nodes: Vec<Option<Diagnosis>>,
+}
+
+/// Rings for a network of so many nodes. Not RT.
+pub(super) fn rings(nodes: usize) -> (Publisher, PowerlinkService) {
+    let (records_in, records) = rtrb::RingBuffer::new(RECORDS);
+    let (orders, orders_out) = rtrb::RingBuffer::new(SDO_ORDERS);
+    let (replies_in, replies) = rtrb::RingBuffer::new(SDO_ORDERS);
+    let publisher = Publisher {
+        records: records_in,
+        orders: orders_out,
+        replies: replies_in,
+        running: (0..nodes).map(|_| None).collect(),
+        next: 0,
+    };
+    let service = PowerlinkService {
+        records,
+        orders,
+        replies,
+        buffers: (0..SDO_ORDERS).map(|_| Box::new([0; SDO_VALUE_MAX])).collect(),
+        writing: Vec::new(),
+        network: None,
+        nodes: vec![None; nodes],
+    };
+    (publisher, service)
+}
+
+impl Publisher {
+    /// Shows the next part of the network when it is due, takes an order, gives back what has ended. RT: bounded by the number
+    /// of nodes.
+    pub(super) fn publish<'a, const NODES: usize>(
+        &mut self,
+        cycle: u64,
+        mn: &mut Mn<'a, NODES>,
+        buffers: &mut SdoBuffers<'a>,
+    ) {
+        if cycle.is_multiple_of(RECORD_CYCLES) && !self.records.is_full() {
+            self.show(mn);
+        }
+        self.accept(mn, buffers);
+        for node in 0..self.running.len() {
+            let Some((_, buffer)) = &mut self.running[node] else {
+                continue;
+            };
+            if let Some(result) = buffers.result(mn, node, &mut buffer[..])
+                && let Some((ticket, buffer)) = self.running[node].take()
+            {
+                self.reply(ticket, result, buffer);
+            }
+        }
+    }
+
+    fn show<const NODES: usize>(&mut self, mn: &Mn<'_, NODES>) {
+        let record = match mn.diagnosis(self.next) {
+            Some(diagnosis) => Record::Node(self.next, diagnosis),
+            None => Record::Network(mn.network_diagnosis(), *mn.counters()),
+        };
+        self.next = if matches!(record, Record::Network(..)) {
+            0
+        } else {
+            self.next + 1
+        };
+        // There is room; should it be gone, the next one tells more anyway.
+        let _ = self.records.push(record);
+    }
+
+    fn accept<'a, const NODES: usize>(&mut self, mn: &mut Mn<'a, NODES>, buffers: &mut SdoBuffers<'a>) {
+        let Ok(Order {
+            ticket,
+            node,
+            command,
+            buffer,
+        }) = self.orders.pop()
+        else {
+            return;
+        };
+        let place = self.running.get_mut(node);
+        let result = match place {
+            None => Err(SdoError::NoNode),
+            Some(Some(_)) => Err(SdoError::Busy),
+            Some(place @ None) => match buffers.request(mn, node, command, &buffer[..]) {
+                Ok(()) => {
+                    *place = Some((ticket, buffer));
+                    return;
+                }
+                Err(error) => Err(error),
+            },
+        };
+        self.reply(ticket, result, buffer);
+    }
+
+    fn reply(&mut self, ticket: u64, result: Result<usize, SdoError>, buffer: Buffer) {
+        // There are as many places as buffers.
+        let _ = self.replies.push(Reply { ticket, result, buffer });
+    }
+}
+
+impl PowerlinkService {
+    fn update(&mut self) {
+        while let Ok(record) = self.records.pop() {
+            match record {
+                Record::Node(node, diagnosis) => {
+                    if let Some(latest) = self.nodes.get_mut(node) {
+                        *latest = Some(diagnosis);
+                    }
+                }
+                Record::Network(network, counters) => self.network = Some((network, counters)),
+            }
+        }
+    }
+}
+
+impl Mailbox for PowerlinkService {
+    fn request(&mut self, request: MailboxRequest) -> Result<(), MailboxFull> {
+        if self.orders.is_full() {
+            return Err(MailboxFull);
+        }
+        let mut buffer = self.buffers.pop().ok_or(MailboxFull)?;
+        let MailboxRequest {
+            ticket,
+            node,
+            index,
+            sub,
+            value,
+        } = request;
+        let command = match value {
+            Some(value) => {
+                let octets = value.len().min(buffer.len());
+                buffer[..octets].copy_from_slice(&value[..octets]);
+                self.writing.push(ticket);
+                SdoCommand::Write { index, sub, octets }
+            }
+            None => SdoCommand::Read { index, sub },
+        };
+        let order = Order {
+            ticket,
+            node,
+            command,
+            buffer,
+        };
+        // There is room: nobody else puts anything in.
+        self.orders.push(order).map_err(|_| MailboxFull)
+    }
+
+    fn reply(&mut self) -> Option<MailboxReply> {
+        // Also where nobody asks for them: a full ring would keep old ones.
+        self.update();
+        let Reply { ticket, result, buffer } = self.replies.pop().ok()?;
+        let wrote = self.writing.iter().position(|writing| *writing == ticket);
+        if let Some(place) = wrote {
+            self.writing.swap_remove(place);
+        }
+        let result = match result {
+            Ok(_) if wrote.is_some() => Ok(Vec::new()),
+            Ok(octets) => Ok(buffer[..octets].to_vec()),
+            Err(SdoError::Client(ClientError::Aborted(abort))) => Err(MailboxError::Aborted(abort)),
+            Err(error) => Err(MailboxError::Failed(error.to_string())),
+        };
+        self.buffers.push(buffer);
+        Some(MailboxReply { ticket, result })
+    }
+}
+
+impl Diagnose for PowerlinkService {
+    fn network(&mut self, now_ns: u64) -> Option<NetworkLive> {
+        self.update();
+        let (network, counters) = self.network.as_ref()?;
+        Some(network_live(network, counters, now_ns))
+    }
+
+    fn node(&mut self, node: NodeIndex, now_ns: u64) -> Option<NodeLive> {
+        self.update();
+        let diagnosis = self.nodes.get(node)?.as_ref()?;
+        Some(node_live(diagnosis, now_ns))
+    }
+}
+
+impl From<&IdentResponse> for IdentityView {
+    fn from(ident: &IdentResponse) -> IdentityView {
+        let [a, b, c, d] = ident.ip_address.to_be_bytes();
+        let name = &ident.host_name;
+        let end = name.iter().position(|octet| *octet == 0).unwrap_or(name.len());
+        IdentityView {
+            device_type: ident.device_type,
+            vendor_id: ident.vendor_id,
+            product_code: ident.product_code,
+            revision: ident.revision,
+            serial: ident.serial,
+            feature_flags: ident.feature_flags,
+            response_time_us: f64::from(ident.response_time_ns) / 1e3,
+            mtu: ident.mtu,
+            poll_in_octets: ident.poll_in_size,
+            poll_out_octets: ident.poll_out_size,
+            configuration_date: ident.configuration_date,
+            configuration_time: ident.configuration_time,
+            software_date: ident.software_date,
+            software_time: ident.software_time,
+            ip_address: format!("{a}.{b}.{c}.{d}"),
+            // Whatever a node says: no control characters on a terminal.
+            host_name: name[..end].escape_ascii().to_string(),
+        }
+    }
+}
+
+/// A node as the managing node knows it; `now_ns` by its clock.
+fn node_live(node: &Diagnosis, now_ns: u64) -> NodeLive {
+    let statistics = &node.statistics;
+    NodeLive {
+        operational: node.state == NodeState::Operational,
+        nmt_state: node.nmt_state.to_string(),
+        expected_nmt_state: node.expected_nmt_state.to_string(),
+        stage: node.stage.to_string(),
+        why: node.reason.map(|reason| why(reason, now_ns)),
+        last_fault: node.last_fault.map(|last| {
+            let times = if last.count > 1 {
+                format!(", {} times in a row", last.count)
+            } else {
+                String::new()
+            };
+            format!("{}{times}, {}", last.fault, ago(now_ns, last.at_ns))
+        }),
+        identity: node.ident.as_ref().map(|(_, ident)| ident.into()),
+        errors: node
+            .errors
+            .newest_first()
+            .map(|error| format!("{}, {}", error.entry, ago(now_ns, error.at_ns)))
+            .collect(),
+        errors_total: node.errors.total(),
+        polls: statistics.preq_sent,
+        lost: statistics.pres_lost,
+        lost_in_row_max: statistics.lost_in_row_max,
+        late: statistics.pres_late,
+        refused: statistics.pres_short + statistics.pres_version,
+        response_max_us: f64::from(statistics.response_ns_max) / 1e3,
+        boots: statistics.boots,
+        faults: statistics.faults,
+    }
+}
+
+/// The network as the managing node knows it; `now_ns` by its clock.
+fn network_live(network: &NetworkDiagnosis, counters: &Counters, now_ns: u64) -> NetworkLive {
+    NetworkLive {
+        nmt_state: network.state.to_string(),
+        why: network.reason.map(|reason| reason.at(now_ns).to_string()),
+        foreign: network.foreign_mn.map(|foreign| {
+            format!(
+                "{}, {} frames, the last {}",
+                foreign.sign,
+                foreign.frames,
+                ago(now_ns, foreign.heard_ns)
+            )
+        }),
+        cycles: counters.cycles,
+        cycles_skipped: counters.cycles_skipped,
+        cycles_overrun: counters.cycles_overrun,
+        async_timeouts: counters.async_timeouts,
+        bad_frames: counters.malformed.total() + counters.unexpected + counters.unknown_node,
+    }
+}
+
+/// Why a node is not operational; `now_ns` by the clock of the managing node.
+fn why(reason: Reason, now_ns: u64) -> Why {
+    let text = reason.at(now_ns).to_string();
+    match reason.fault() {
+        Some(cause) => Why { text, ..fault(cause) },
+        None => Why {
+            text,
+            object: None,
+            expected: None,
+            actual: None,
+        },
+    }
+}
+
+/// What went wrong with a node: object, what was expected, what came.
+fn fault(fault: Fault) -> Why {
+    Why {
+        text: fault.to_string(),
+        object: fault.object().map(|object| object.to_string()),
+        expected: fault.expected().map(|value| value.to_string()),
+        actual: fault.found().map(|value| value.to_string()),
+    }
+}
+
+fn ago(now_ns: u64, at_ns: u64) -> String {
+    format!("{} ago", Span(now_ns.saturating_sub(at_ns)))
+}
+
+#[cfg(test)]
+mod tests;

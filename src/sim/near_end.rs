@@ -1,0 +1,116 @@
+//! The bus whose nodes are the simulated machine of a machine file, in this process.
+//!
+//! In:  a machine file. Out: both halves of its bus, for the time of a call; the far end of a wire for `simulate`.
+
+use super::paced::Paced;
+use super::{NetConfig, SimMachine, VirtualNet, serve};
+use crate::bus::powerlink::Powerlink;
+use crate::bus::powerlink::managing_node::{mn_config, node_configs};
+use crate::bus::powerlink::open::{ANSWER_SPIN_NS, with_link};
+use crate::bus::watch::Watch;
+use crate::bus::{self, CyclicBus, Open};
+use crate::config::Config;
+use crate::host::setup::{Process, Role, STACK_SIZE, enter_thread};
+use crate::host::signals::StopOnDrop;
+use anyhow::anyhow;
+use powerlink::link::memory;
+use powerlink::link::raw::{RawConfig, RawLink};
+use powerlink::wire::NetTime;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// Address of the managing node on a wire in memory.
+const MEMORY_MAC: [u8; 6] = [0x02, 0, 0, 0, 0, 0xF0];
+
+/// A wire in memory, with the machine in a thread of its own at the other end.
+///
+/// # Errors
+/// A machine that cannot be simulated, or what the call gives.
+pub fn with_memory<T>(
+    config: &Config,
+    watch: Arc<Watch>,
+    process: &Process,
+    run: impl FnOnce(Open<'_>) -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
+    let (near, mut far) = memory::pair(ANSWER_SPIN_NS);
+    let mut machine = SimMachine::new(config).map_err(|error| anyhow!("{error}"))?;
+    let stop = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let machine_thread = std::thread::Builder::new()
+            .name("machine".into())
+            .stack_size(STACK_SIZE)
+            .spawn_scoped(scope, || {
+                drop(enter_thread(Role::Machine, process));
+                serve(&mut far, &mut machine, &stop, &mut |_| {}, &mut |_, _| {})
+            })?;
+        let ended = StopOnDrop(&stop);
+        let done = with_link(config, near, MEMORY_MAC, watch, None, run);
+        drop(ended);
+        // Our end of its link is gone by now: an error it gives is that.
+        let _ = machine_thread.join();
+        done
+    })
+}
+
+/// A wire in memory on paced time.
+///
+/// # Errors
+/// A machine that cannot be simulated, or what the call gives.
+pub fn with_paced<T>(
+    config: &Config,
+    watch: Arc<Watch>,
+    run: impl FnOnce(Open<'_>, Paced) -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
+    let machine = SimMachine::new(config).map_err(|error| anyhow!("{error}"))?;
+    let wire = Paced::new(machine);
+    with_link(config, wire.clone(), MEMORY_MAC, watch, None, |open| run(open, wire))
+}
+
+/// Most nodes of a machine on virtual time. A managing node for all ids is too large for the stack of a test thread.
+const VIRTUAL_NODES: usize = 32;
+
+/// A bus on virtual time.
+pub type VirtualBus<'a> = Powerlink<'a, VirtualNet, VIRTUAL_NODES>;
+
+/// A bus whose time passes when it is told to.
+pub trait VirtualTime: CyclicBus {
+    /// Lets so much time pass.
+    fn advance(&mut self, ns: u64);
+}
+
+impl VirtualTime for VirtualBus<'_> {
+    fn advance(&mut self, ns: u64) {
+        self.link_mut().advance(ns);
+    }
+}
+
+/// A wire on virtual time, with disturbances.
+///
+/// # Errors
+/// A machine that cannot be simulated, or what the call gives.
+pub fn with_virtual<T>(
+    config: &Config,
+    net: NetConfig,
+    run: impl FnOnce(VirtualBus<'_>) -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
+    let machine = SimMachine::new(config).map_err(|error| anyhow!("{error}"))?;
+    let plans = bus::plan(config);
+    let nodes = node_configs(&config.bus, &plans);
+    let link = VirtualNet::new(machine, net);
+    let network = mn_config(config, &nodes, MEMORY_MAC);
+    let bus = Powerlink::new(network, link, Arc::new(Watch::default()), NetTime::default);
+    run(bus.map_err(|error| anyhow!("{error}"))?)
+}
+
+/// The far end of a wire: an interface on which the machine answers.
+///
+/// # Errors
+/// What the system refuses.
+pub fn far_end(interface: &str) -> anyhow::Result<RawLink> {
+    let config = RawConfig {
+        spin_ns: 0,
+        promiscuous: true,
+        ..RawConfig::default()
+    };
+    Ok(RawLink::open(interface, config)?)
+}
