@@ -12,7 +12,7 @@ use isocnc::bus::{
 use isocnc::config::{self, Config, HomingBy, Profile};
 use isocnc::machine::sequence::Outcome;
 use isocnc::machine::state::State;
-use isocnc::operator::rehearsal::{Rehearsal, rehearse_on};
+use isocnc::operator::rehearsal::rehearse_on;
 use isocnc::sim::near_end::VirtualTime;
 use obd::Dictionary;
 use std::collections::VecDeque;
@@ -198,12 +198,6 @@ fn machine() -> Config {
     config
 }
 
-/// Commanded end of the program, mm.
-fn end(run: &Rehearsal<'_, Table>) -> [f64; 3] {
-    let position = run.operator.live().position.0;
-    [position[0], position[1], position[2]]
-}
-
 #[test]
 fn a_program_is_homed_run_and_ended() {
     let config = machine();
@@ -214,11 +208,14 @@ fn a_program_is_homed_run_and_ended() {
         |operator| operator,
         |run| {
             assert_eq!(run.run(120_000)?, Outcome::Completed, "{:#?}", run.operator.journal());
-            let [x, y, z] = end(run);
-            assert!(
-                (x - 60.0).abs() < 1e-6 && (y - 65.0).abs() < 1e-6 && (z + 5.0).abs() < 1e-6,
-                "{x} {y} {z}"
-            );
+            // G54 of the demo machine lies at X 20, Y 20, Z -60; its drives count 10,000 to a mm from where they were homed.
+            let wanted = [80.0, 85.0, -65.0];
+            let told = run.operator.live().position.0;
+            for axis in 0..3 {
+                let drive = run.control.bus_mut().drives[axis].as_ref().expect("a drive");
+                assert!((told[axis] - wanted[axis]).abs() < 1e-6, "axis {axis}: {}", told[axis]);
+                assert_eq!(drive.demand.position, 10_000.0 * wanted[axis], "axis {axis}");
+            }
             Ok(())
         },
     )

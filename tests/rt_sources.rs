@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// Files, and folders with all that is in them.
 const REAL_TIME: &[&str] = &[
-    "src/rt/diagnosis.rs",
+    "src/bus/powerlink/publisher.rs",
     "src/rt/cycle.rs",
     "src/rt/cycle/orders.rs",
     "src/rt/cycle/stops.rs",
@@ -36,7 +36,7 @@ const REAL_TIME: &[&str] = &[
     "src/rt/shared.rs",
     "src/machine/overruns.rs",
     "src/host/latency.rs",
-    "src/bus/powerlink.rs",
+    "src/bus/powerlink/mod.rs",
     "motion/src/rt",
     "motion/src/rt/interpolator",
     "motion/src/rt/otg",
@@ -92,7 +92,12 @@ const FORBIDDEN: [&str; 31] = [
 
 /// What runs before real time begins or after it has ended: file, function, why.
 const START_UP: &[(&str, &str, &str)] = &[
-    ("src/rt/diagnosis.rs", "rings", "makes the rings and buffers"),
+    ("src/bus/powerlink/publisher.rs", "rings", "makes the rings"),
+    (
+        "src/bus/powerlink/publisher.rs",
+        "new",
+        "makes the buffers, which are never freed",
+    ),
     (
         "src/rt/cycle.rs",
         "peaks",
@@ -130,7 +135,7 @@ const START_UP: &[(&str, &str, &str)] = &[
         "compares two clocks before the scan begins",
     ),
     ("src/host/latency.rs", "on_a_thread", "starts the thread"),
-    ("src/bus/powerlink.rs", "new", "makes the bus"),
+    ("src/bus/powerlink/mod.rs", "new", "makes the bus"),
     (
         "motion/src/rt/joint_compensation.rs",
         "new",

@@ -10,6 +10,7 @@ pub mod frames;
 pub mod managing_node;
 pub mod network;
 pub mod open;
+mod publisher;
 pub mod sender;
 pub mod service;
 pub mod tap;
@@ -24,8 +25,9 @@ use powerlink::link::{Link, LinkError};
 use powerlink::mn::{self, ETHERNET_FRAMES, ForeignSign, Mn, MnConfig, MnEvent, QueueError, Step};
 use powerlink::nmt::NmtState;
 use powerlink::wire::{NetTime, message};
+use publisher::{Publisher, SdoBuffers};
 use rtrb::Consumer;
-use service::{PowerlinkService, Publisher, SdoBuffers};
+use service::PowerlinkService;
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -121,7 +123,7 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
 
     /// Its other half. Not RT.
     pub fn service(&mut self) -> PowerlinkService {
-        let (publisher, service) = service::rings(self.node_ids.len());
+        let (publisher, service) = publisher::rings(self.node_ids.len());
         self.publisher = Some(publisher);
         service
     }

@@ -174,7 +174,7 @@ fn the_demo_machine_comes_back_but_for_what_no_object_holds() {
 
 #[test]
 fn another_managing_node_loses_a_node_after_as_many_polls_as_ours() {
-    let text = include_str!("../../../configs/mill3-demo.toml");
+    let text = include_str!("../../../../configs/mill3-demo.toml");
     let machine = config::parse(text, Path::new("m.toml")).unwrap();
     let plans = network::plan(&machine);
     let mut nodes = node_configs(&machine.bus, &plans);

@@ -1,4 +1,5 @@
 use super::*;
+use crate::bus::powerlink::publisher::rings;
 use obd::AbortCode;
 use powerlink::mn::{BootStage, IdentityField, NetworkReason};
 use powerlink::nmt::NmtState;
