@@ -124,8 +124,9 @@ fn every_option_of_the_text_exists() {
             continue;
         };
         let option = format!("--{option}");
-        let known: [&[&str]; 8] = [
+        let known: [&[&str]; 9] = [
             &["demo"],
+            &["init"],
             &["jitter"],
             &["run"],
             &["check"],

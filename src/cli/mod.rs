@@ -6,16 +6,18 @@ pub mod control;
 pub mod demo;
 pub mod doctor;
 pub mod hal;
+pub mod init;
 pub mod interpret;
 pub mod jitter;
 pub mod jog;
+pub mod pages;
 pub mod plan;
 pub mod run;
 pub mod simulate;
 
 use crate::host::terminal::say;
 use crate::operator::refusal::Refusal;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
 use std::process::ExitCode;
 
@@ -75,6 +77,9 @@ enum Command {
     /// Check a machine file: all errors at once, located.
     #[command(after_help = "Example: isocnc check configs/mill3-powerlink.toml")]
     Check(check::CheckArgs),
+    /// Write a machine file to begin with: asks, or takes the nodes that answer on an interface.
+    #[command(after_help = "Example: isocnc init machine.toml --scan eth1")]
+    Init(init::InitArgs),
     /// Print the canonical calls of a part program, one a line.
     #[command(after_help = "Example: isocnc interpret configs/sample-part.ngc --check")]
     Interpret(interpret::InterpretArgs),
@@ -91,6 +96,15 @@ enum Command {
     Hal(hal::HalArgs),
     /// Look at the network: who is on it, how it is, what went over the wire.
     Bus(bus::BusArgs),
+    /// Print the completion script of a shell.
+    #[command(after_help = "Example: isocnc completions bash")]
+    Completions(pages::CompletionsArgs),
+    /// Print the JSON schema of the machine file, for editors.
+    #[command(after_help = "Example: isocnc schema")]
+    Schema,
+    /// Write the pages of the manual, one a command.
+    #[command(after_help = "Example: isocnc man man1")]
+    Man(pages::ManArgs),
 }
 
 /// Runs the command of the process's arguments. Exit code 0: ok, 1: trouble found, 2: wrong usage.
@@ -124,12 +138,16 @@ pub fn main() -> ExitCode {
         Command::Override(args) => control::turn(args),
         Command::Alarm(args) => control::alarm(args),
         Command::Check(args) => check::check(args),
+        Command::Init(args) => init::init(args),
         Command::Interpret(args) => interpret::interpret(args),
         Command::Plan(args) => plan::plan(args),
         Command::Simulate(args) => simulate::simulate(args),
         Command::Jitter(args) => jitter::jitter(args),
         Command::Hal(args) => hal::hal(args),
         Command::Bus(args) => bus::bus(args),
+        Command::Completions(args) => pages::completions(args, Cli::command()),
+        Command::Schema => pages::schema(),
+        Command::Man(args) => pages::man(args, Cli::command()),
     };
     result.unwrap_or_else(|error| {
         let refusal = error.downcast_ref::<Refusal>();
@@ -151,7 +169,6 @@ fn wants_json(args: impl Iterator<Item = OsString>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     /// All commands that do something, by their words.
     fn commands(command: &clap::Command, words: &[String]) -> Vec<(Vec<String>, clap::Command)> {

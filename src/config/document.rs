@@ -17,6 +17,38 @@ const ERRORS_MAX: usize = 100;
 /// Most items of an array: beyond all that a machine has, and few enough to be compared with each other.
 const ITEMS_MAX: usize = 4096;
 
+/// What a reader asks of a key. The schema of the machine file and the table of its keys are made of these questions, so that
+/// neither can say anything else than the reader.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Question {
+    /// Whether it is there, which is all that is asked of it for now.
+    IsThere,
+    /// What it is, if it is there.
+    Optional,
+    /// It must be there.
+    Required,
+    /// What holds where it is left out.
+    Default(serde_json::Value),
+    /// A whole number in this range.
+    Integer(RangeInclusive<i64>),
+    /// A number.
+    Number(Bound),
+    /// Any text.
+    Text,
+    /// One of these words.
+    Word(Vec<&'static str>),
+    /// `true` or `false`.
+    Flag,
+    /// An array, of what is asked of its items.
+    Array,
+    /// A table.
+    Table,
+    /// An array of tables.
+    Tables,
+    /// All keys of a table, which the user chooses.
+    Names,
+}
+
 /// Collects the errors of one file.
 pub(super) struct Log<'d> {
     file: &'d str,
@@ -28,6 +60,8 @@ pub(super) struct Log<'d> {
     more: Cell<usize>,
     /// Stands for a section that is left out.
     nothing: DeTable<'d>,
+    #[cfg(feature = "testing")]
+    questions: RefCell<Vec<(String, Question)>>,
 }
 
 impl<'d> Log<'d> {
@@ -39,7 +73,24 @@ impl<'d> Log<'d> {
             errors: RefCell::default(),
             more: Cell::default(),
             nothing: DeTable::new(),
+            #[cfg(feature = "testing")]
+            questions: RefCell::default(),
         }
+    }
+
+    /// Notes what is asked of a key.
+    #[cfg(feature = "testing")]
+    fn asked(&self, key: &str, question: Question) {
+        self.questions.borrow_mut().push((key.to_owned(), question));
+    }
+
+    #[cfg(not(feature = "testing"))]
+    fn asked(&self, _key: &str, _question: Question) {}
+
+    /// All that was asked, in its order.
+    #[cfg(feature = "testing")]
+    pub(super) fn into_questions(self) -> Vec<(String, Question)> {
+        self.questions.into_inner()
     }
 
     /// Notes an error about the value at `span`.
@@ -86,8 +137,8 @@ fn shortened(source: &str) -> String {
 }
 
 /// What a number must be.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Bound {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bound {
     /// Any finite number not greater than this in size.
     Size(f64),
     /// Above 0, up to this.
@@ -136,6 +187,7 @@ impl<'d, 'l> Item<'d, 'l> {
     }
 
     pub(super) fn integer(self, key: &str, range: RangeInclusive<i64>) -> Option<i64> {
+        self.log.asked(key, Question::Integer(range.clone()));
         let Some(integer) = self.value.get_ref().as_integer() else {
             self.is_no(key, "an integer");
             return None;
@@ -151,6 +203,7 @@ impl<'d, 'l> Item<'d, 'l> {
     }
 
     pub(super) fn number(self, key: &str, bound: Bound) -> Option<f64> {
+        self.log.asked(key, Question::Number(bound));
         let value = match self.value.get_ref() {
             DeValue::Float(float) => float.as_str().parse::<f64>().ok(),
             DeValue::Integer(integer) => i64::from_str_radix(integer.as_str(), integer.radix())
@@ -173,6 +226,7 @@ impl<'d, 'l> Item<'d, 'l> {
     }
 
     pub(super) fn text(self, key: &str) -> Option<&'l str> {
+        self.log.asked(key, Question::Text);
         let text = self.value.get_ref().as_str();
         if text.is_none() {
             self.is_no(key, "a string");
@@ -181,6 +235,8 @@ impl<'d, 'l> Item<'d, 'l> {
     }
 
     pub(super) fn word<T: Copy>(self, key: &str, words: &[(&'static str, T)]) -> Option<T> {
+        let listed = words.iter().map(|(word, _)| *word).collect();
+        self.log.asked(key, Question::Word(listed));
         let Some(text) = self.value.get_ref().as_str() else {
             self.is_no(key, &alternatives(words));
             return None;
@@ -196,6 +252,7 @@ impl<'d, 'l> Item<'d, 'l> {
     }
 
     pub(super) fn flag(self, key: &str) -> Option<bool> {
+        self.log.asked(key, Question::Flag);
         let flag = self.value.get_ref().as_bool();
         if flag.is_none() {
             self.is_no(key, "true or false");
@@ -213,6 +270,7 @@ impl<'d, 'l> Item<'d, 'l> {
     }
 
     pub(super) fn items(self, key: &str) -> Option<Vec<Item<'d, 'l>>> {
+        self.log.asked(key, Question::Array);
         let array = self.value.get_ref().as_array();
         if array.is_none() {
             self.is_no(key, "an array");
@@ -259,6 +317,7 @@ impl<'d, 'l> Section<'d, 'l> {
 
     /// Whether a key stands here.
     pub(super) fn has(&self, key: &str) -> bool {
+        self.log.asked(&self.key(key), Question::IsThere);
         self.table.contains_key(key)
     }
 
@@ -266,18 +325,26 @@ impl<'d, 'l> Section<'d, 'l> {
     pub(super) fn optional(&mut self, key: &'static str) -> Option<Item<'d, 'l>> {
         if !self.known.contains(&key) {
             self.known.push(key);
+            self.log.asked(&self.key(key), Question::Optional);
         }
         self.table.get(key).map(|value| Item { log: self.log, value })
     }
 
     /// The value of a key; missing is an error that says `what` it is.
     pub(super) fn required(&mut self, key: &'static str, what: &str) -> Option<Item<'d, 'l>> {
+        self.log.asked(&self.key(key), Question::Required);
         let item = self.optional(key);
         if item.is_none() {
             self.log
                 .misplaced(self.span.clone(), &self.key(key), format!("is missing: {what}"), None);
         }
         item
+    }
+
+    /// The value of a key that has a default.
+    pub(super) fn or(&mut self, key: &'static str, default: impl Fn() -> serde_json::Value) -> Option<Item<'d, 'l>> {
+        self.log.asked(&self.key(key), Question::Default(default()));
+        self.optional(key)
     }
 
     /// An integer; left out: `default`.
@@ -287,9 +354,11 @@ impl<'d, 'l> Section<'d, 'l> {
         range: RangeInclusive<i64>,
         default: impl Into<Option<i64>>,
     ) -> Option<i64> {
+        // Also where it is left out: the range may be another one in another machine.
+        self.log.asked(&self.key(key), Question::Integer(range.clone()));
         let item = match default.into() {
             None => self.required(key, &format!("an integer from {} to {}", range.start(), range.end()))?,
-            Some(default) => match self.optional(key) {
+            Some(default) => match self.or(key, || default.into()) {
                 None => return Some(default),
                 Some(item) => item,
             },
@@ -301,7 +370,7 @@ impl<'d, 'l> Section<'d, 'l> {
     pub(super) fn number(&mut self, key: &'static str, bound: Bound, default: impl Into<Option<f64>>) -> Option<f64> {
         let item = match default.into() {
             None => self.required(key, "a number")?,
-            Some(default) => match self.optional(key) {
+            Some(default) => match self.or(key, || default.into()) {
                 None => return Some(default),
                 Some(item) => item,
             },
@@ -311,14 +380,14 @@ impl<'d, 'l> Section<'d, 'l> {
 
     /// `true` or `false`; left out: `default`.
     pub(super) fn flag(&mut self, key: &'static str, default: bool) -> Option<bool> {
-        match self.optional(key) {
+        match self.or(key, || default.into()) {
             None => Some(default),
             Some(item) => item.flag(&self.key(key)),
         }
     }
 
     /// One of some words; left out: `default`.
-    pub(super) fn word<T: Copy>(
+    pub(super) fn word<T: Copy + PartialEq>(
         &mut self,
         key: &'static str,
         words: &[(&'static str, T)],
@@ -326,10 +395,19 @@ impl<'d, 'l> Section<'d, 'l> {
     ) -> Option<T> {
         let item = match default.into() {
             None => self.required(key, &alternatives(words))?,
-            Some(default) => match self.optional(key) {
-                None => return Some(default),
-                Some(item) => item,
-            },
+            Some(default) => {
+                let named = || {
+                    words
+                        .iter()
+                        .find(|(_, value)| *value == default)
+                        .map(|(word, _)| *word)
+                        .into()
+                };
+                match self.or(key, named) {
+                    None => return Some(default),
+                    Some(item) => item,
+                }
+            }
         };
         item.word(&self.key(key), words)
     }
@@ -348,6 +426,7 @@ impl<'d, 'l> Section<'d, 'l> {
 
     /// An integer; left out: `Some(None)`.
     pub(super) fn optional_integer(&mut self, key: &'static str, range: RangeInclusive<i64>) -> Option<Option<i64>> {
+        self.log.asked(&self.key(key), Question::Integer(range.clone()));
         match self.optional(key) {
             None => Some(None),
             Some(item) => item.integer(&self.key(key), range).map(Some),
@@ -357,6 +436,7 @@ impl<'d, 'l> Section<'d, 'l> {
     /// A table inside this one; left out: one without keys.
     pub(super) fn section(&mut self, key: &'static str) -> Option<Section<'d, 'l>> {
         let path = self.key(key);
+        self.log.asked(&path, Question::Table);
         match self.optional(key) {
             None => Some(Section {
                 log: self.log,
@@ -371,12 +451,14 @@ impl<'d, 'l> Section<'d, 'l> {
 
     /// A table inside this one if it stands here.
     pub(super) fn optional_section(&mut self, key: &'static str) -> Option<Section<'d, 'l>> {
+        self.log.asked(&self.key(key), Question::Table);
         let item = self.optional(key)?;
         self.inner(item, self.key(key))
     }
 
     /// All keys that stand here in the order of the file, for sections whose keys the user chooses.
     pub(super) fn names(&self) -> Vec<String> {
+        self.log.asked(&self.path, Question::Names);
         let mut keys: Vec<_> = self.table.keys().collect();
         keys.sort_by_key(|key| key.span().start);
         keys.into_iter().map(|key| key.get_ref().to_string()).collect()
@@ -384,6 +466,7 @@ impl<'d, 'l> Section<'d, 'l> {
 
     /// The table behind a key that the user chose.
     pub(super) fn any_section(&mut self, name: &str) -> Option<Section<'d, 'l>> {
+        self.log.asked(&self.key(name), Question::Table);
         let item = self.any(name)?;
         self.inner(item, self.key(name))
     }
@@ -400,6 +483,7 @@ impl<'d, 'l> Section<'d, 'l> {
     /// An array of tables; left out: none.
     pub(super) fn sections(&mut self, key: &'static str) -> Vec<Section<'d, 'l>> {
         let path = self.key(key);
+        self.log.asked(&path, Question::Tables);
         let Some(item) = self.optional(key) else {
             return Vec::new();
         };
@@ -418,6 +502,7 @@ impl<'d, 'l> Section<'d, 'l> {
 
     /// An array of at least one table; none is an error.
     pub(super) fn some_sections(&mut self, key: &'static str) -> Vec<Section<'d, 'l>> {
+        self.log.asked(&self.key(key), Question::Required);
         let is_empty = |value: &Spanned<DeValue<'d>>| value.get_ref().as_array().is_some_and(|array| array.is_empty());
         if self.table.get(key).is_none_or(is_empty) {
             self.wrong(key, format!("is missing: at least one [[{}]] is needed", self.key(key)));

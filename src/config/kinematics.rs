@@ -177,7 +177,7 @@ fn numbers<const N: usize>(
     let path = section.key(key);
     let item = match default {
         None => section.required(key, &format!("an array of {N} numbers"))?,
-        Some(default) => match section.optional(key) {
+        Some(default) => match section.or(key, || default.as_slice().into()) {
             None => return Some(default),
             Some(item) => item,
         },

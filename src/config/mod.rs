@@ -38,6 +38,8 @@ mod tests_spindle;
 mod types;
 
 pub use bus::wire_time_ns;
+#[cfg(feature = "testing")]
+pub use document::{Bound, Question};
 pub use error::{ConfigError, ConfigErrors};
 pub use types::*;
 
@@ -116,6 +118,16 @@ pub fn parse(text: &(impl AsRef<[u8]> + ?Sized), path: &Path) -> Result<Config, 
         }
         _ => Err(ConfigErrors::new(errors, more)),
     }
+}
+
+/// What the readers ask of each key while they read this text, which may be wrong; `path` as in [`parse`]. Keys that come twice
+/// are asked twice.
+#[cfg(feature = "testing")]
+pub fn questions(text: &str, path: &Path) -> Vec<(String, Question)> {
+    let log = Log::new("", text);
+    let (document, _) = DeTable::parse_recoverable(text);
+    machine_file(&log, document.get_ref(), path);
+    log.into_questions()
 }
 
 /// Whether the planner that is chosen suits the kinematics: once more where it has been changed.

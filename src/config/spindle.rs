@@ -87,7 +87,7 @@ const LEAD_CYCLES: f64 = 2.5;
 const LATCHED_CYCLES: f64 = 1.0;
 
 /// Where the spindle's encoder is read.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq)]
 enum Source {
     Pins,
     Node,

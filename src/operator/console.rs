@@ -27,7 +27,8 @@ const JOURNAL_MAX: usize = 20_000;
 /// Stalls of the cycle thread are told of no more often, ns.
 const STALLS_TOLD_NS: u64 = 1_000_000_000;
 /// What is said of a control whose time-out thread hangs.
-const UNWATCHED: &str = "the time-out thread hung: nothing watches the cycle any more; this control comes to rest, ends and is \
+/// The alarm of a control whose time-out thread hung.
+pub const UNWATCHED: &str = "the time-out thread hung: nothing watches the cycle any more; this control comes to rest, ends and is \
                          to be started anew";
 
 /// A line of the journal.

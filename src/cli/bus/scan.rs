@@ -73,24 +73,55 @@ fn sees_our_interfaces(pid: &serde_json::Value) -> bool {
     own.is_none() || other.is_none() || own == other
 }
 
-fn scan_on(
+/// What a scan comes to.
+enum Scanned {
+    /// A managing node is at work; nothing was sent.
+    Foreign(ForeignMaster, Box<Heard>),
+    Nodes(Vec<Found>),
+}
+
+/// All nodes on an interface, each with an id of its own.
+///
+/// # Errors
+/// The interface; a managing node that is at work there, nobody who answers, or two nodes of one id.
+pub(in crate::cli) fn nodes_on(interface: &str) -> anyhow::Result<Vec<Found>> {
+    let args = ScanArgs {
+        interface: interface.to_owned(),
+        listen: 1.0,
+        answer_us: 2000,
+    };
+    let link = open(interface)?;
+    let mac = link.mac();
+    match ask(
+        Box::new(link),
+        mac,
+        Some(interface),
+        &args,
+        std::io::stderr().is_terminal(),
+    )? {
+        Scanned::Foreign(foreign, _) => anyhow::bail!("{foreign}: nothing was asked"),
+        Scanned::Nodes(found) => match troubles(&found).first() {
+            Some(trouble) => anyhow::bail!("{trouble}"),
+            None => Ok(found),
+        },
+    }
+}
+
+fn ask(
     mut link: Box<dyn Link>,
     mac: Mac,
     interface: Option<&str>,
     args: &ScanArgs,
-    as_json: bool,
-    out: &mut impl Write,
-) -> anyhow::Result<ExitCode> {
+    shows_progress: bool,
+) -> anyhow::Result<Scanned> {
     let mut heard = Heard::default();
     let listen_ns = (args.listen * 1e9) as u64;
     let foreign = listen(&mut *link, listen_ns, &mut |now_ns, frame| heard.take(now_ns, frame))?;
     if let Some(foreign) = foreign {
-        tell_foreign(foreign, heard, args, as_json, out)?;
-        return Ok(ExitCode::FAILURE);
+        return Ok(Scanned::Foreign(foreign, Box::new(heard)));
     }
     // Listened already.
     let mut station = Station::take_over(link, mac, interface, 0)?;
-    let shows_progress = std::io::stderr().is_terminal() && !as_json;
     let found = station.scan(u64::from(args.answer_us) * 1000, &mut |id| {
         if shows_progress {
             eprint!("\rasking node {id:<3}");
@@ -99,6 +130,24 @@ fn scan_on(
     if shows_progress {
         eprint!("\r               \r");
     }
+    Ok(Scanned::Nodes(found))
+}
+
+fn scan_on(
+    link: Box<dyn Link>,
+    mac: Mac,
+    interface: Option<&str>,
+    args: &ScanArgs,
+    as_json: bool,
+    out: &mut impl Write,
+) -> anyhow::Result<ExitCode> {
+    let found = match ask(link, mac, interface, args, std::io::stderr().is_terminal() && !as_json)? {
+        Scanned::Nodes(found) => found,
+        Scanned::Foreign(foreign, heard) => {
+            tell_foreign(foreign, *heard, args, as_json, out)?;
+            return Ok(ExitCode::FAILURE);
+        }
+    };
     let trouble = troubles(&found);
     match as_json {
         true => {

@@ -1,0 +1,72 @@
+//! What a shell, `man` and an editor know of isocnc.
+//!
+//! In:  the command line's description; the schema of the machine file, which `tests/references` makes of its readers.
+//! Out: a completion script or the schema on standard output; a page of the manual for each command.
+
+use crate::host::terminal::say;
+use anyhow::Context;
+use clap::{Args, Command};
+use clap_complete::Shell;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Arguments of `completions`.
+#[derive(Debug, Args)]
+pub struct CompletionsArgs {
+    /// The shell that reads the script
+    #[arg(value_enum)]
+    shell: Shell,
+}
+
+/// Arguments of `man`.
+#[derive(Debug, Args)]
+pub struct ManArgs {
+    /// Folder for the pages, such as ~/.local/share/man/man1; made if it is missing
+    folder: PathBuf,
+}
+
+/// Prints the completion script of a shell.
+///
+/// # Errors
+/// None.
+pub fn completions(args: &CompletionsArgs, mut all: Command) -> anyhow::Result<ExitCode> {
+    let mut script = Vec::new();
+    clap_complete::generate(args.shell, &mut all, "isocnc", &mut script);
+    say(&String::from_utf8_lossy(&script));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints the schema of the machine file.
+///
+/// # Errors
+/// None.
+pub fn schema() -> anyhow::Result<ExitCode> {
+    say(include_str!("../../configs/machine.schema.json"));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes a page for each command.
+///
+/// # Errors
+/// Of the file system.
+pub fn man(args: &ManArgs, mut all: Command) -> anyhow::Result<ExitCode> {
+    files::make_folder(&args.folder).with_context(|| args.folder.display().to_string())?;
+    all.build();
+    let count = page(&all, "isocnc", &args.folder)?;
+    say(&format!("{count} pages in {}\n", args.folder.display()));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The page of a command and those of the commands below it; how many these are.
+fn page(command: &Command, name: &str, folder: &Path) -> anyhow::Result<usize> {
+    let mut text = Vec::new();
+    let named = command.clone().display_name(name.to_owned());
+    clap_mangen::Man::new(named).render(&mut text)?;
+    let path = folder.join(format!("{name}.1"));
+    files::write(&path, text).with_context(|| path.display().to_string())?;
+    let below = command.get_subcommands().filter(|below| below.get_name() != "help");
+    below
+        .map(|below| page(below, &format!("{name}-{}", below.get_name()), folder))
+        .sum::<anyhow::Result<usize>>()
+        .map(|below| 1 + below)
+}

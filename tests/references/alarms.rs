@@ -1,0 +1,54 @@
+//! `docs/alarms.md`: every alarm and warning as the operator reads it, with the values of an example.
+
+use super::faults::{FAULTS, OF_DRIVES, OF_HOMING, OF_LINKS, OF_SPINDLES, examples, words};
+use super::source::{Variant, covers, variants};
+use super::{check, code, head, row};
+use isocnc::machine::faults::{Fault, Reaction};
+use isocnc::operator::console::UNWATCHED;
+
+/// What the comment of the variant says that a value has.
+fn cause(known: &[Variant], value: &impl std::fmt::Debug) -> String {
+    let value = format!("{value:?}");
+    let name = value.split(|letter: char| !letter.is_alphanumeric()).next();
+    let variant = known.iter().find(|variant| Some(&*variant.name) == name);
+    variant
+        .unwrap_or_else(|| panic!("{value}: no such variant"))
+        .doc
+        .clone()
+}
+
+#[test]
+fn the_alarms() {
+    let (drive, homing) = ("cia402/src/axis/fault.rs", "motion/src/rt/homing/mod.rs");
+    let (spindle, link) = ("motion/src/rt/synced/mod.rs", "powerlink/src/link/mod.rs");
+    covers(drive, "AxisFault", &OF_DRIVES);
+    covers(homing, "HomingFailure", &OF_HOMING);
+    covers(spindle, "SyncFault", &OF_SPINDLES);
+    covers(link, "LinkError", &OF_LINKS);
+    let [drives, homings] = [(drive, "AxisFault"), (homing, "HomingFailure")].map(|(path, name)| variants(path, name));
+    let [spindles, links] = [(spindle, "SyncFault"), (link, "LinkError")].map(|(path, name)| variants(path, name));
+    let faults = variants(FAULTS, "Fault");
+    check("docs/alarms.md", |_| {
+        let mut text = head(&["text", "cause", "fault", "the machine"]);
+        for fault in examples().iter().filter(|fault| fault.reaction() != Reaction::Count) {
+            let cause = match fault {
+                Fault::Drive { fault, .. } => cause(&drives, fault),
+                Fault::Homing { failure, .. } => cause(&homings, failure),
+                Fault::OutOfStep { fault } => cause(&spindles, fault),
+                Fault::LinkFailed { error } => cause(&links, error),
+                other => cause(&faults, other),
+            };
+            let said = fault.text(|_| "x-drive".into(), |_| "x-drive".into());
+            let name = format!("{fault:?}");
+            let name = code(name.split(' ').next().unwrap_or_default());
+            text += &row(&[&said, &cause, &name, words(fault.reaction())]);
+        }
+        let hung = "The time-out thread does not look any more.";
+        text + &row(&[
+            UNWATCHED,
+            hung,
+            "",
+            "stop on the path, drives off, network down, exit code 3",
+        ])
+    });
+}

@@ -1,0 +1,169 @@
+//! `docs/faults.md`: every fault, from `src/machine/faults.rs`.
+
+use super::source::{covers, variants};
+use super::{check, code, head, row};
+use cia402::axis::{AxisFault, HomingFault, Step};
+use cia402::profile::State;
+use isocnc::machine::faults::{Fault, Reaction, SpeedNotReached};
+use motion::rt::homing::HomingFailure;
+use motion::rt::{Order, SyncFault};
+use powerlink::link::LinkError;
+use powerlink::mn::ForeignSign;
+
+pub(crate) const FAULTS: &str = "src/machine/faults.rs";
+
+/// What drive supervisors see.
+pub(crate) const OF_DRIVES: [AxisFault; 10] = [
+    AxisFault::Drive { error_code: 0x8611 },
+    AxisFault::StepTimeout {
+        step: Step::EnableOperation,
+    },
+    AxisFault::LocalControl { step: Step::SwitchOn },
+    AxisFault::Lost,
+    AxisFault::UnexpectedDisable {
+        state: State::SwitchOnDisabled,
+    },
+    AxisFault::UnknownState { statusword: 0x0042 },
+    AxisFault::CommandIgnored { mode_display: 8 },
+    AxisFault::Homing(HomingFault::Drive),
+    AxisFault::Homing(HomingFault::Stopped),
+    AxisFault::Homing(HomingFault::Timeout),
+];
+
+pub(crate) const OF_HOMING: [HomingFailure; 7] = [
+    HomingFailure::NoSwitch,
+    HomingFailure::StaysClosed,
+    HomingFailure::Lost,
+    HomingFailure::Unsteady,
+    HomingFailure::NoIndex,
+    HomingFailure::Skewed,
+    HomingFailure::Aborted,
+];
+
+pub(crate) const OF_SPINDLES: [SyncFault; 6] = [
+    SyncFault::NoIndex,
+    SyncFault::SpindleStands,
+    SyncFault::TooFast,
+    SyncFault::NotReversed,
+    SyncFault::NoNumber,
+    SyncFault::Aborted,
+];
+
+pub(crate) const OF_LINKS: [LinkError; 4] = [
+    LinkError::Down,
+    LinkError::NoBuffers,
+    LinkError::FrameLength { got: 1600, max: 1514 },
+    LinkError::Os { errno: 100 },
+];
+
+/// An example of every fault, and of each reason where it has several.
+pub(crate) fn examples() -> Vec<Fault> {
+    let wanted_rpm = 3000.0;
+    let late = |measured_rpm| Fault::SpindleLate {
+        late: SpeedNotReached {
+            wanted_rpm,
+            measured_rpm,
+        },
+    };
+    let mac = [0x02, 0, 0, 0, 0, 0xF0];
+    let mut examples = vec![Fault::NodeLost { node: 0 }];
+    examples.extend(OF_DRIVES.map(|fault| Fault::Drive { joint: 0, fault }));
+    examples.extend([
+        Fault::DriveWarning { joint: 0 },
+        Fault::FollowingError {
+            joint: 0,
+            error_mm: 2.104,
+            limit_mm: 2.0,
+        },
+    ]);
+    examples.extend(OF_HOMING.map(|failure| Fault::Homing { joint: 0, failure }));
+    examples.extend([
+        Fault::SoftLimit {
+            joint: 0,
+            position_mm: 305.2,
+        },
+        Fault::IllegalCommand { joint: 0 },
+        Fault::LimitExceeded {
+            joint: 0,
+            order: Order::Velocity,
+            value: 160.0,
+            limit: 150.0,
+        },
+    ]);
+    examples.extend(OF_SPINDLES.map(|fault| Fault::OutOfStep { fault }));
+    examples.extend([
+        late(Some(2100.0)),
+        late(None),
+        Fault::CountsLost {
+            counts: -12,
+            in_step: true,
+        },
+        Fault::CountsLost {
+            counts: -12,
+            in_step: false,
+        },
+        Fault::CyclesSkipped { cycles: 3 },
+        Fault::ManyOverruns { cycles: 6 },
+        Fault::TooManyOverruns { cycles: 201 },
+        Fault::CycleHung,
+        Fault::PinsLost,
+        Fault::ForeignMaster {
+            sign: ForeignSign { id: 240, mac },
+        },
+        Fault::ForeignMaster {
+            sign: ForeignSign { id: 3, mac },
+        },
+    ]);
+    examples.extend(OF_LINKS.map(|error| Fault::LinkFailed { error }));
+    covers(FAULTS, "Fault", &examples);
+    examples
+}
+
+/// A reaction in words.
+pub(crate) fn words(reaction: Reaction) -> &'static str {
+    match reaction {
+        Reaction::Count => "counted",
+        Reaction::Warn => "warning, goes on",
+        Reaction::ControlledStop => "controlled stop",
+        Reaction::QuickStop => "quick stop",
+        Reaction::Silence => "silenced",
+    }
+}
+
+#[test]
+fn the_faults() {
+    check("docs/faults.md", |by_hand| {
+        let mut text = "## Reactions\n\n".to_owned();
+        text += &head(&["reaction", "the machine"]);
+        let reactions = [
+            Reaction::Count,
+            Reaction::Warn,
+            Reaction::ControlledStop,
+            Reaction::QuickStop,
+            Reaction::Silence,
+        ];
+        covers(FAULTS, "Reaction", &reactions);
+        for (reaction, variant) in reactions.into_iter().zip(variants(FAULTS, "Reaction")) {
+            assert_eq!(format!("{reaction:?}"), variant.name);
+            text += &row(&[words(reaction), &variant.doc]);
+        }
+        text += "\n## Faults\n\n";
+        text += &head(&["fault", "what it is", "reaction", "what to do"]);
+        let examples = examples();
+        for variant in variants(FAULTS, "Fault") {
+            let is_it = |fault: &&Fault| format!("{fault:?}").split(' ').next() == Some(&*variant.name);
+            let mut reactions: Vec<_> = examples.iter().filter(is_it).map(Fault::reaction).collect();
+            reactions.sort_unstable();
+            reactions.dedup();
+            let reactions: Vec<_> = reactions.into_iter().map(words).collect();
+            let name = code(&variant.name);
+            text += &row(&[
+                &name,
+                &variant.doc,
+                &reactions.join(", or "),
+                by_hand.cell("## Faults", &name),
+            ]);
+        }
+        text
+    });
+}

@@ -1,0 +1,62 @@
+//! `docs/pins.md`: the pins, from those that the machines that ship have.
+
+use super::{check, code, head, root, row};
+use hal_pins::{Hal, Kind};
+use isocnc::bus::network;
+use isocnc::config;
+use isocnc::rt::pins::{CAPACITY, Pins};
+use std::collections::BTreeMap;
+
+/// The name with letters instead of the numbers of a machine: `joint.N.homed`, `io.ID.in-NN`.
+fn general(name: &str) -> String {
+    let mut parts: Vec<&str> = name.split('.').collect();
+    match parts[0] {
+        "joint" | "cia402" => parts[1] = "N",
+        "io" | "plk" if parts.len() == 3 => parts[1] = "ID",
+        "axis" => parts[1] = "L",
+        _ => {}
+    }
+    let name = parts.join(".");
+    match name.rsplit_once('-') {
+        Some((start, number)) if name.starts_with("io.") && number.parse::<u32>().is_ok() => format!("{start}-NN"),
+        _ => name,
+    }
+}
+
+/// Type and kind by the general name.
+fn pins() -> BTreeMap<String, (&'static str, Kind)> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut found = BTreeMap::new();
+    for file in super::machine_file::shipped() {
+        let config = config::read(&file).unwrap_or_else(|errors| panic!("{errors}"));
+        let directories = [folder.path().to_owned()];
+        let mut hal = Hal::create_in(&directories, &config.name, CAPACITY).expect("memory for pins");
+        Pins::new(&mut hal, &config, &network::plan(&config)).expect("pins");
+        for pin in hal.list().into_iter().filter(|pin| pin.kind != Kind::Net) {
+            let what = (pin.value_type().name(), pin.kind);
+            let other = found.insert(general(&pin.name), what);
+            // A counter of turns comes from components, or from the control where it reads the encoder itself.
+            let same = other.is_none_or(|other| other == what) || pin.name.starts_with("spindle.0.");
+            assert!(same, "{} is not the same on all machines", pin.name);
+        }
+    }
+    found
+}
+
+#[test]
+fn the_pins_of_the_machines_that_ship() {
+    check("docs/pins.md", |by_hand| {
+        let mut table = head(&["pin", "type", "written by", "meaning"]);
+        for (name, (kind, direction)) in pins() {
+            let writer = match (direction, &*name) {
+                (_, "spindle.0.revs" | "spindle.0.indexed") => "component, or the control with `[spindle.encoder]`",
+                (Kind::Output, _) => "the control",
+                _ => "a net, or `isocnc hal set`",
+            };
+            let name = code(&name);
+            table += &row(&[&name, kind, writer, by_hand.cell("", &name)]);
+        }
+        table
+    });
+    assert!(root("docs/pins.md").exists());
+}
