@@ -424,6 +424,37 @@ impl Block {
         wanted.iter().copied().find(|letter| self.has(letters(&[*letter])))
     }
 
+    /// Place of the motion code, or of the first axis word where the code is modal.
+    pub(crate) fn motion_span(&self) -> Span {
+        let axis = || self.first_axis().map(|letter| self.span(letter));
+        let code = self.codes.motion.map(|coded| coded.span);
+        code.or_else(axis).unwrap_or_default()
+    }
+
+    /// Refuses a word below 0.
+    pub(crate) fn check_not_negative(&self, letter: u8) -> Result<(), Fault> {
+        match self.word_value(letter) {
+            Some(value) if value < 0.0 => {
+                let span = self.span(letter);
+                let letter = letter.into();
+                Err((span, ErrorKind::Negative { letter, value }))
+            }
+            Some(_) | None => Ok(()),
+        }
+    }
+
+    /// Refuses a word that must be an integer and is none.
+    pub(crate) fn check_integer(&self, letter: u8) -> Result<(), Fault> {
+        match self.word_value(letter) {
+            Some(value) if integer(value).is_none() => {
+                let span = self.span(letter);
+                let letter = letter.into();
+                Err((span, ErrorKind::NotInteger { letter, value }))
+            }
+            Some(_) | None => Ok(()),
+        }
+    }
+
     /// Takes a word away, as if it had been used up.
     pub(crate) fn remove(&mut self, letter: u8) {
         self.words.present &= !(1 << slot(letter));

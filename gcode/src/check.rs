@@ -5,39 +5,10 @@
 
 use crate::error::Error;
 use crate::interpreter::{Interpreter, ReadSeek};
+use crate::limits::CheckLimits;
 use crate::machine::{Machine, NoMachine};
 use crate::{Settings, syntax};
-use motion::cancel::Cancel;
 use std::io;
-use std::time::Duration;
-
-/// What a check does at most, as a program may never end.
-#[derive(Clone, Debug)]
-pub struct CheckLimits {
-    /// Lines that are run, those of loops counted each time.
-    pub steps: u64,
-    /// Lines that are run one after the other while nothing moves and nothing is waited for.
-    pub idle_steps: u64,
-    /// Time for running them.
-    pub time: Duration,
-    /// Mistakes that are told.
-    pub errors: usize,
-    /// Gives it up from outside: the last error is [`ErrorKind::Cancelled`](crate::ErrorKind::Cancelled) then.
-    pub cancel: Cancel,
-}
-
-impl Default for CheckLimits {
-    /// A hundred million lines, ten million without a move, ten minutes, a hundred mistakes.
-    fn default() -> CheckLimits {
-        CheckLimits {
-            steps: 100_000_000,
-            idle_steps: 10_000_000,
-            time: Duration::from_secs(600),
-            errors: 100,
-            cancel: Cancel::default(),
-        }
-    }
-}
 
 /// All errors of a program in memory, in the order of its lines.
 pub fn check(text: &[u8], settings: Settings) -> Vec<Error> {

@@ -14,8 +14,9 @@ use crate::degrees;
 use crate::error::ErrorKind;
 use crate::near_miss::nearest;
 use crate::number::{self, NumberFault};
+use crate::octet::is_blank;
 use crate::operator::{Function, Operator};
-use crate::scan::{Cursor, Fault, Span, is_blank};
+use crate::scan::{Cursor, Fault, Span};
 use std::borrow::Cow;
 
 /// Highest number of a parameter.

@@ -8,24 +8,25 @@
 
 use crate::block::{Block, Faults, LineNumber, Remapped};
 use crate::error::{CallSite, Error, ErrorKind};
-use crate::execute::{Calls, Flow};
+use crate::execute::Flow;
 use crate::flow::{Level, LevelKind, Place, Search, SearchEnd, Subroutine};
+use crate::limits::{CheckLimits, Spent};
 use crate::machine::{Machine, NoMachine};
 use crate::o_word::Label;
+use crate::octet::{is_blank, is_empty};
 use crate::parameter::ARGUMENTS;
 use crate::remap::{Phase, Rest};
-use crate::scan::{Fault, LINE_MAX, Span, is_blank, is_empty};
-use crate::state::State;
+use crate::scan::{Fault, LINE_MAX, Span};
+use crate::state::{Calls, State};
 use crate::text::Text;
-use crate::{CheckLimits, CompensatedPath, Settings};
-use motion::cancel::Cancel;
+use crate::{CompensatedPath, Settings};
 use motion::canon::{Call, Event, Source};
 use motion::compensation::{CompensationError, Compensator};
 use std::collections::{HashMap, VecDeque};
 use std::io::{Cursor, Read, Seek};
 use std::ops::Range;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Octets of the first word of a letter in a line, out of comments and expressions.
 fn word_of(line: &[u8], letter: char) -> Option<Range<usize>> {
@@ -129,12 +130,7 @@ impl Interpreter {
             refused: None,
             source: Source::default(),
             ended: false,
-            steps: 0,
-            steps_max: u64::MAX,
-            idle_steps: 0,
-            idle_steps_max: u64::MAX,
-            time: None,
-            cancel: Cancel::default(),
+            spent: Spent::default(),
             continues: false,
             stop_before: None,
             line: Vec::new(),
@@ -178,15 +174,7 @@ pub struct Run<'t> {
     refused: Option<Box<Error>>,
     source: Source,
     pub(crate) ended: bool,
-    /// Lines that were read.
-    steps: u64,
-    steps_max: u64,
-    /// Those since the machine was told to move or to wait.
-    idle_steps: u64,
-    idle_steps_max: u64,
-    /// Since when it may run for how long.
-    time: Option<(Instant, Duration)>,
-    cancel: Cancel,
+    spent: Spent,
     continues: bool,
     /// The line before which a start in the middle of the program stops passing over events.
     pub(crate) stop_before: Option<u32>,
@@ -200,19 +188,15 @@ pub struct Run<'t> {
 impl Run<'_> {
     /// Stops with an error after so many lines, those of loops counted each time: for programs that may never end.
     pub fn limit_steps(mut self, steps: u64) -> Self {
-        self.steps_max = steps;
+        self.spent.limits.steps = steps;
         self
     }
 
     /// Stops with an error where a check has to: at so many lines, after so long, or when it is cancelled.
-    pub fn within(self, limits: CheckLimits) -> Self {
-        Run {
-            steps_max: limits.steps,
-            idle_steps_max: limits.idle_steps,
-            time: Some((Instant::now(), limits.time)),
-            cancel: limits.cancel,
-            ..self
-        }
+    pub fn within(mut self, limits: CheckLimits) -> Self {
+        self.spent.limits = limits;
+        self.spent.since = Some(Instant::now());
+        self
     }
 
     /// Gives moves that cutter compensation held back the N-word of the line that let them go, which is what `rs274` prints;
@@ -262,11 +246,7 @@ impl Run<'_> {
         {
             return self.fail(Span::default(), kind);
         }
-        self.steps += 1;
-        self.idle_steps += 1;
-        if (self.steps > self.steps_max || self.idle_steps > self.idle_steps_max || self.steps.is_multiple_of(1 << 14))
-            && let Some(kind) = self.exceeded()
-        {
+        if let Err(kind) = self.spent.count_line() {
             self.ended = true;
             return self.fail(Span::default(), kind);
         }
@@ -327,22 +307,6 @@ impl Run<'_> {
             return self.o_line();
         }
         self.run_block();
-    }
-
-    /// The limit that has been passed.
-    #[cold]
-    fn exceeded(&self) -> Option<ErrorKind> {
-        if self.steps > self.steps_max {
-            let steps = self.steps_max;
-            return Some(ErrorKind::TooManySteps { steps });
-        }
-        if self.idle_steps > self.idle_steps_max {
-            let steps = self.idle_steps_max;
-            return Some(ErrorKind::TooManyIdleSteps { steps });
-        }
-        let (since, time) = self.time?;
-        let seconds = time.as_secs();
-        (since.elapsed() > time).then_some(ErrorKind::OutOfTime { seconds })
     }
 
     fn run_block(&mut self) {
@@ -571,7 +535,7 @@ impl Iterator for Run<'_> {
     #[inline]
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            if self.cancel.is_cancelled() {
+            if self.spent.limits.cancel.is_cancelled() {
                 return self.cancelled();
             }
             if let Some(event) = self.compensated.pop_front() {
@@ -582,7 +546,7 @@ impl Iterator for Run<'_> {
             }
             if let Some(call) = self.calls.pop_front() {
                 if takes_time(&call) {
-                    self.idle_steps = 0;
+                    self.spent.idle_steps = 0;
                 }
                 let source = self.source;
                 let event = Event { source, call };

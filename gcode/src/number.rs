@@ -6,7 +6,7 @@
 //! Signs belong to the value around the number (`-[2]` and `+-2` are values too), see [`crate::expression`]. There is no
 //! exponent: `1e3` is 1 and an E word.
 
-use crate::scan::is_blank;
+use crate::octet::is_blank;
 
 /// Why no number stands here; the place is then behind what was looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

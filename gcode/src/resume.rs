@@ -8,9 +8,9 @@
 //! handed out.
 
 use crate::error::{Error, ErrorKind};
-use crate::execute::Calls;
 use crate::interpreter::Run;
 use crate::scan::Span;
+use crate::state::Calls;
 use crate::state::{Question, State};
 use motion::canon::{Call, FeedMode, Position};
 

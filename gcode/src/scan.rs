@@ -7,6 +7,7 @@
 
 use crate::error::ErrorKind;
 use crate::number;
+use crate::octet::{is_blank, is_continuation, is_empty};
 
 /// Greatest magnitude of a number; it keeps every later sum and product finite.
 pub(crate) const NUMBER_MAX: f64 = 1e9;
@@ -213,21 +214,6 @@ impl<'l> Cursor<'l> {
         }
         Span::new(start, end)
     }
-}
-
-/// Whether a line has nothing but blanks.
-pub(crate) fn is_empty(octets: &[u8]) -> bool {
-    octets.iter().all(|octet| is_blank(*octet))
-}
-
-/// Ignored outside comments.
-pub(crate) fn is_blank(octet: u8) -> bool {
-    matches!(octet, b' ' | b'\t' | b'\r')
-}
-
-/// Second and further octets of a character in UTF-8.
-pub(crate) fn is_continuation(octet: u8) -> bool {
-    octet & 0xC0 == 0x80
 }
 
 #[cfg(test)]

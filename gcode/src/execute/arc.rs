@@ -1,12 +1,12 @@
 //! Arcs: G2 and G3, their words. The geometry is in `circle`.
 
+use super::circle;
 use super::feed::PathLength;
-use super::{Calls, circle, motion_span};
 use crate::block::{Block, letters};
 use crate::code::{Distance, Motion};
 use crate::error::ErrorKind;
 use crate::scan::Fault;
-use crate::state::State;
+use crate::state::{Calls, State};
 use motion::canon::{Call, Plane, Position};
 
 /// Names of the words of an arc in a plane.
@@ -45,10 +45,10 @@ impl State {
         let plane = self.modal.plane;
         let name = ArcWords::of(plane).plane;
         if matches!(plane, Plane::Uv | Plane::Wu | Plane::Vw) {
-            return Err((motion_span(block), ErrorKind::ArcPlane { plane: name }));
+            return Err((block.motion_span(), ErrorKind::ArcPlane { plane: name }));
         }
         if plane != Plane::Xy && block.has(letters(b"@^")) {
-            return Err((motion_span(block), ErrorKind::PolarArcPlane { plane: name }));
+            return Err((block.motion_span(), ErrorKind::PolarArcPlane { plane: name }));
         }
         let mut to = self.end(block)?;
         let arc = self.arc_to(motion, block, &mut to)?;
@@ -118,7 +118,7 @@ impl State {
                 motion: motion.name(),
                 offsets: words.offset_names,
             };
-            return Err((motion_span(block), kind));
+            return Err((block.motion_span(), kind));
         };
         let centre_mm = match self.modal.arc_distance {
             Distance::Incremental => [

@@ -1,12 +1,11 @@
 //! Cutter radius compensation: G40 to G42.1, and what is forbidden while it is on. Its geometry is in
 //! `motion::compensation`.
 
-use super::Calls;
 use crate::block::{Block, Coded};
 use crate::code::{Compensation, Motion, NonModal, ToolCode, integer_in};
 use crate::error::ErrorKind;
 use crate::scan::{Fault, Span};
-use crate::state::State;
+use crate::state::{Calls, State};
 use motion::canon::{Call, Cutter, Plane, Side};
 use motion::compensation::CompensationErrorKind as Kind;
 

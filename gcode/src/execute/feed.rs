@@ -1,11 +1,10 @@
 //! Feed: G93, G94, G95 and F.
 
-use super::{Calls, motion_span};
 use crate::block::Block;
 use crate::code::FeedUnit;
 use crate::error::ErrorKind;
 use crate::scan::Fault;
-use crate::state::{State, minus};
+use crate::state::{Calls, State, minus};
 use motion::canon::{Axis, Call, FeedMode, Position};
 
 /// Length along which F counts.
@@ -119,7 +118,7 @@ impl State {
             return Ok(());
         }
         let motion = self.motion_name(block);
-        Err((motion_span(block), ErrorKind::FeedWithoutTurns { motion, spindle }))
+        Err((block.motion_span(), ErrorKind::FeedWithoutTurns { motion, spindle }))
     }
 
     #[cold]
@@ -131,14 +130,14 @@ impl State {
             cleared,
             zero_line,
         };
-        (motion_span(block), kind)
+        (block.motion_span(), kind)
     }
 
     fn inverse_time_feed(&self, block: &Block, length: PathLength, calls: &mut Calls) -> Result<(), Fault> {
         let motion = || self.motion_name(block);
         let number = block.word_value(b'F').ok_or_else(|| {
             (
-                motion_span(block),
+                block.motion_span(),
                 ErrorKind::InverseTimeFeedMissing { motion: motion() },
             )
         })?;

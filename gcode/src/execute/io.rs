@@ -1,11 +1,10 @@
 //! Switches: coolant, overrides (M48 to M53), inputs and outputs (M62 to M68), codes of the user (M100 to M199).
 
-use super::Calls;
 use crate::block::Block;
 use crate::code::{Coolant, InputOutput, Override, integer_in};
 use crate::error::ErrorKind;
 use crate::scan::{Fault, Span};
-use crate::state::{Modal, Overrides, Question, State};
+use crate::state::{Calls, Modal, Overrides, Question, State};
 use motion::canon::{Call, Input, WaitMode};
 
 impl State {

@@ -8,7 +8,7 @@
 mod arc;
 pub(crate) mod circle;
 mod compensation;
-mod cycle;
+pub(crate) mod cycle;
 mod feed;
 mod io;
 mod offset;
@@ -20,7 +20,7 @@ mod spline;
 mod straight;
 mod thread;
 mod tool;
-mod turning;
+pub(crate) mod turning;
 mod usage;
 
 use crate::block::{Assignment, Block, Parameter};
@@ -30,16 +30,9 @@ use crate::machine::Machine;
 use crate::parameter::{self, is_read_only, is_read_only_number};
 use crate::remap::Phase;
 use crate::scan::{Fault, Span};
-use crate::state::{Question, State};
+use crate::state::{Calls, Question, State};
 use motion::canon::{Call, LengthUnit, PathMode, Plane};
-use std::collections::VecDeque;
 use std::ops::RangeInclusive;
-
-pub(crate) use cycle::CycleWords;
-pub(crate) use turning::Turning;
-
-/// Calls of a line, in their order.
-pub(crate) type Calls = VecDeque<Call>;
 
 /// Least share of the speed in corners that R of G64 names.
 const CORNER_SHARE_MIN: f64 = 0.1;
@@ -130,7 +123,7 @@ impl State {
         }
         if let Some(turning) = &self.turning {
             let program = turning.profile;
-            let span = motion_span(block);
+            let span = block.motion_span();
             return Ok(Flow::Profile { program, span });
         }
         if runs(Phase::Stop) {
@@ -267,7 +260,7 @@ impl State {
             return Ok(());
         };
         let seconds = block.word_value(b'P').ok_or((coded.span, ErrorKind::DwellMissing))?;
-        not_negative(block, b'P')?;
+        block.check_not_negative(b'P')?;
         calls.push_back(Call::Dwell { seconds });
         Ok(())
     }
@@ -317,7 +310,7 @@ impl State {
         if code.value == PathCode::Continuous
             && let Some(share) = block.word_value(b'R')
         {
-            not_negative(block, b'R')?;
+            block.check_not_negative(b'R')?;
             calls.push_back(Call::SetPlanner {
                 corner_share: (share > 0.0).then(|| share.clamp(CORNER_SHARE_MIN, 1.0)),
             });
@@ -482,25 +475,5 @@ impl State {
         self.modal.distance = Distance::Absolute;
         self.modal.arc_distance = Distance::Incremental;
         self.modal.motion = Some(Motion::Feed);
-    }
-}
-
-/// Place of the motion code, or of the first axis word where the code is modal.
-fn motion_span(block: &Block) -> Span {
-    let axis = || block.first_axis().map(|letter| block.span(letter));
-    let code = block.codes.motion.map(|coded| coded.span);
-    code.or_else(axis).unwrap_or_default()
-}
-
-fn not_negative(block: &Block, letter: u8) -> Result<(), Fault> {
-    match block.word_value(letter) {
-        Some(value) if value < 0.0 => Err((
-            block.span(letter),
-            ErrorKind::Negative {
-                letter: letter.into(),
-                value,
-            },
-        )),
-        Some(_) | None => Ok(()),
     }
 }

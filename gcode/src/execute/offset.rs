@@ -1,6 +1,5 @@
 //! Where work coordinates lie: G10 L2 L20, G52, G54 to G59.3, G92; stored points: G28, G30.
 
-use super::Calls;
 use super::straight::turned_to;
 use super::tool::SetTool;
 use crate::block::Block;
@@ -8,7 +7,7 @@ use crate::code::{NonModal, StoredPoint, integer_in};
 use crate::error::ErrorKind;
 use crate::parameter::{self, G28_POINT, G30_POINT, G92_ACTIVE, G92_OFFSET};
 use crate::scan::{Fault, Span};
-use crate::state::{Offsets, State, minus};
+use crate::state::{Calls, Offsets, State, minus};
 use motion::canon::{Axis, Call, Position};
 
 impl State {

@@ -4,19 +4,18 @@
 //! Out: the move between [`Call::Probe`]s; then the point in #5061 to #5069, #5070, and the current point.
 
 use super::feed::PathLength;
-use super::{Calls, motion_span};
 use crate::block::Block;
 use crate::code::FeedUnit;
 use crate::error::{ErrorKind, ProbeError};
 use crate::machine::Probed;
 use crate::parameter::{PROBED, PROBED_POINT};
 use crate::scan::Fault;
-use crate::state::{Question, State};
+use crate::state::{Calls, Question, State};
 use motion::canon::{Axis, Call, Position, ProbeEnd, ProbeMode};
 
 impl State {
     pub(super) fn probe(&mut self, mode: ProbeMode, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
-        let span = motion_span(block);
+        let span = block.motion_span();
         let refuse = |error| Err((span, ErrorKind::Probe(error)));
         if self.cutter.is_some() {
             return refuse(ProbeError::Compensated);

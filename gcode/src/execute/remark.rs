@@ -1,11 +1,10 @@
 //! Comments that do something: messages, logs, ABORT.
 
-use super::Calls;
 use crate::block::Remark;
 use crate::comment::{self, CommentKind};
 use crate::error::ErrorKind;
 use crate::scan::Fault;
-use crate::state::State;
+use crate::state::{Calls, State};
 use motion::canon::{Call, Record};
 
 /// Where a program switches messages of DEBUG comments off.

@@ -3,12 +3,11 @@
 //! Each level of subroutine calls has one saved state. What is restored is told as if its codes were written again, and
 //! only where it differs: M72 is no list of all modes.
 
-use super::Calls;
 use crate::block::Block;
 use crate::code::{Distance, FeedUnit, ModalCode};
 use crate::error::ErrorKind;
 use crate::scan::Fault;
-use crate::state::{Modal, Saved, State};
+use crate::state::{Calls, Modal, Saved, State};
 use motion::canon::Call;
 
 impl State {
@@ -43,8 +42,21 @@ impl State {
         });
     }
 
+    /// A subroutine begins.
+    pub(crate) fn enter_call(&mut self) {
+        self.parameters.enter();
+        self.call_level += 1;
+    }
+
+    /// A subroutine ends.
+    pub(crate) fn leave_call(&mut self, calls: &mut Calls) {
+        self.leave_saved(calls);
+        self.parameters.leave();
+        self.call_level = self.call_level.saturating_sub(1);
+    }
+
     /// What is saved on the present level of calls, as this level ends.
-    pub(crate) fn leave_saved(&mut self, calls: &mut Calls) {
+    fn leave_saved(&mut self, calls: &mut Calls) {
         let level = self.call_level;
         if let Some(saved) = self.saved.iter().find(|saved| saved.level == level).copied() {
             self.saved.retain(|saved| saved.level != level);

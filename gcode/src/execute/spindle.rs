@@ -1,11 +1,10 @@
 //! Spindles: G96, G97, S, M3, M4, M5, M19.
 
-use super::Calls;
 use crate::block::{Block, letters};
 use crate::code::{SpindleAction, SpindleCode, integer_in};
 use crate::error::ErrorKind;
 use crate::scan::Fault;
-use crate::state::{Modal, State};
+use crate::state::{Calls, Modal, State};
 use motion::canon::{Call, LengthUnit, OrientDirection, SpindleMode};
 
 /// Metres in a foot: S of G96 is metres or feet per minute.

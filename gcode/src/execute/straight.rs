@@ -1,12 +1,11 @@
 //! Straight moves: G0, G1, with G53, polar coordinates and wrapped rotary axes.
 
 use super::feed::PathLength;
-use super::{Calls, motion_span};
 use crate::block::Block;
 use crate::code::{Distance, NonModal};
 use crate::error::ErrorKind;
 use crate::scan::Fault;
-use crate::state::State;
+use crate::state::{Calls, State};
 use motion::canon::{Axis, Call, Position};
 
 impl State {
@@ -68,7 +67,7 @@ impl State {
     /// End of a G53 move: the words are machine coordinates, without work system, G92 and tool.
     fn end_in_machine(&self, block: &Block) -> Result<Position, Fault> {
         if block.has(crate::block::letters(b"@^")) {
-            return Err((motion_span(block), ErrorKind::PolarInMachineCoordinates));
+            return Err((block.motion_span(), ErrorKind::PolarInMachineCoordinates));
         }
         let mut machine = self.machine();
         // The words name where the spindle goes, not the tip of the tool.
@@ -100,7 +99,7 @@ impl State {
     fn polar(&self, block: &Block, to: &mut Position) -> Result<(), Fault> {
         if let Some(letter) = block.first_of(b"XY") {
             let letter = letter.into();
-            return Err((motion_span(block), ErrorKind::PolarMixed { letter }));
+            return Err((block.motion_span(), ErrorKind::PolarMixed { letter }));
         }
         let (x, y) = (self.at[Axis::X], self.at[Axis::Y]);
         let (mut radius, mut degrees) = (libm::hypot(x, y), libm::atan2(y, x).to_degrees());
@@ -108,14 +107,14 @@ impl State {
         let angle = block.word_value(b'^');
         match self.modal.distance {
             Distance::Absolute if angle.is_none() && radius == 0.0 => {
-                return Err((motion_span(block), ErrorKind::PolarAngleMissing));
+                return Err((block.motion_span(), ErrorKind::PolarAngleMissing));
             }
             Distance::Absolute => {
                 radius = distance.unwrap_or(radius);
                 degrees = angle.unwrap_or(degrees);
             }
             Distance::Incremental if radius == 0.0 => {
-                return Err((motion_span(block), ErrorKind::PolarAtOrigin));
+                return Err((block.motion_span(), ErrorKind::PolarAtOrigin));
             }
             Distance::Incremental => {
                 radius += distance.unwrap_or(0.0);

@@ -1,11 +1,10 @@
 //! Tools: T, M6, M61, G43 to G49, and the tool table (G10 L0, L1, L10, L11).
 
-use super::Calls;
 use crate::block::Block;
 use crate::code::{LengthOffset, Motion, ToolCode, integer_in};
 use crate::error::ErrorKind;
 use crate::scan::{Fault, Span};
-use crate::state::{Offsets, Question, State, plus, turned};
+use crate::state::{Calls, Offsets, Question, State, plus, turned};
 use crate::{SetToolError, Tool, ToolChanger};
 use motion::canon::{Axis, Call, Position, ToolEntry};
 
@@ -68,7 +67,7 @@ impl State {
             ToolCode::SetNumber => {
                 let missing = || (code.span, ErrorKind::ToolNumberMissing);
                 let number = block.word_value(b'Q').ok_or_else(missing)?;
-                super::not_negative(block, b'Q')?;
+                block.check_not_negative(b'Q')?;
                 let tool = self.tool_of(number.round()).map_err(|kind| (block.span(b'Q'), kind))?;
                 self.tool_changed(tool.number);
                 calls.push_back(Call::SetToolNumber {

@@ -4,8 +4,7 @@
 //! Out: G96 and G97, M19, M9, G10 L1, M66, M100 to M199. Those of a code and one word stand in the table of
 //!      `FlatWriter::call`.
 
-use super::waiting::Waiting;
-use super::{FlatWriter, Unwritable};
+use super::{FlatWriter, Unwritable, Waiting};
 use motion::canon::{Input, OrientDirection, Position, SpindleMode, ToolEntry, WaitMode};
 
 impl FlatWriter {

@@ -3,23 +3,8 @@
 //! In:  a call that waits ([`Waiting`]), and the next one.
 //! Out: one line if they belong together, otherwise the line of the first alone.
 
-use super::{FlatWriter, Unwritable};
-use motion::canon::{Call, OrientDirection, SpindleMode};
-
-/// Something that is written together with the call behind it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Waiting {
-    /// For the S word.
-    SpindleMode { spindle: u8, mode: SpindleMode },
-    /// For the Q word.
-    Orient {
-        spindle: u8,
-        degrees: f64,
-        direction: OrientDirection,
-    },
-    /// For the other half of M9: mist or flood is off, the other still on.
-    Coolant,
-}
+use super::{FlatWriter, Unwritable, Waiting};
+use motion::canon::Call;
 
 impl FlatWriter {
     /// Writes what waits, together with `call` if they belong together, which is the answer.

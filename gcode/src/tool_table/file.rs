@@ -6,19 +6,14 @@
 //! An entry is a letter with its number and no blank between them; entries stand in any order, in either case, with
 //! blanks or tabs between. T and P must be there. LinuxCNC skips lines that it cannot read; here they are errors.
 
-use super::{Line, POCKET_MAX, SetToolError, TOOLS_MAX, Tool, ToolChanger, ToolTable};
+use super::table::{
+    Line, NUMBER_MAX, TOOLS_MAX, Tool, ToolChanger, ToolTable, VALUE_MAX, one_line, pocket_max, values,
+};
 use crate::located::{Located, MISTAKES_MAX, lines, text_of};
 use motion::canon::{Axis, LengthUnit};
-use std::cmp::Ordering;
 use std::collections::HashMap;
 use std::fmt::Write;
 use std::ops::Range;
-
-/// Greatest tool number, and pocket number of a fixed changer: LinuxCNC keeps them in 32 bits with a sign.
-const NUMBER_MAX: u32 = i32::MAX as u32;
-
-/// Greatest magnitude of a length or angle, units of the file; it keeps every later sum and product finite.
-const VALUE_MAX: f64 = 1e9;
 
 /// A mistake in a tool table.
 pub type TableError = Located<TableErrorKind>;
@@ -244,55 +239,6 @@ fn read_entry(
         }
     }
     Ok(())
-}
-
-fn pocket_max(changer: ToolChanger) -> u32 {
-    match changer {
-        ToolChanger::Fixed => NUMBER_MAX,
-        ToolChanger::Random => POCKET_MAX,
-    }
-}
-
-/// Whether [`ToolTable::parse`] would read all values again.
-pub(super) fn check_values(tool: &Tool, unit: LengthUnit, changer: ToolChanger) -> Result<(), SetToolError> {
-    let wrong = |letter| Err(SetToolError::OutOfRange { letter });
-    if tool.number > NUMBER_MAX {
-        return wrong('T');
-    }
-    if tool.pocket > pocket_max(changer) {
-        return wrong('P');
-    }
-    if tool.orientation > 9 {
-        return wrong('Q');
-    }
-    for (letter, value, scale) in values(tool, unit) {
-        // A NaN is not at most anything.
-        if !matches!(
-            (value / scale).abs().partial_cmp(&VALUE_MAX),
-            Some(Ordering::Less | Ordering::Equal)
-        ) {
-            return wrong(letter);
-        }
-    }
-    Ok(())
-}
-
-/// A remark without what would end its line.
-pub(super) fn one_line(remark: &str) -> String {
-    remark.replace(['\n', '\r'], " ")
-}
-
-/// The real values in the order in which LinuxCNC writes them: letter, value, and what one unit of the file is.
-fn values(tool: &Tool, unit: LengthUnit) -> impl Iterator<Item = (char, f64, f64)> {
-    let axes = Axis::ALL.map(|axis| {
-        let scale = if axis.is_rotary() { 1.0 } else { unit.mm() };
-        (axis.letter(), tool.offset[axis], scale)
-    });
-    let angles = [('I', tool.front_angle_deg, 1.0), ('J', tool.back_angle_deg, 1.0)];
-    [('D', tool.diameter_mm, unit.mm())]
-        .into_iter()
-        .chain(axes)
-        .chain(angles)
 }
 
 /// Sign, digits with at most one point, and perhaps an exponent as programs that write tables use it.

@@ -1,7 +1,7 @@
 //! Reading and writing of tool tables.
 
 use super::*;
-use motion::canon::Axis;
+use motion::canon::{Axis, LengthUnit, Position};
 use proptest::prelude::*;
 
 fn read(text: &str) -> ToolTable {

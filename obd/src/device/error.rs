@@ -178,29 +178,17 @@ impl<'t> Log<'t> {
         }
     }
 
-    /// The description if nothing is wrong.
-    pub(super) fn finish(
-        mut self,
-        found: Option<super::DeviceDescription>,
-    ) -> Result<super::DeviceDescription, DeviceErrors> {
-        match found {
-            Some(mut description) if self.mistakes.is_empty() => {
-                self.notes.sort_by_key(|note| note.place);
-                description.notes = self.notes;
-                Ok(description)
-            }
-            _ if self.mistakes.is_empty() => Err(DeviceErrors::whole(
-                self.file,
-                "is refused for a reason that was lost".to_string(),
-            )),
-            _ => {
-                self.mistakes.sort_by_key(|mistake| mistake.place);
-                Err(DeviceErrors {
-                    file: self.file.to_string(),
-                    mistakes: self.mistakes,
-                    more: self.more,
-                })
-            }
+    /// The notes if nothing is wrong.
+    pub(super) fn finish(mut self) -> Result<Vec<DeviceMistake>, DeviceErrors> {
+        if self.mistakes.is_empty() {
+            self.notes.sort_by_key(|note| note.place);
+            return Ok(self.notes);
         }
+        self.mistakes.sort_by_key(|mistake| mistake.place);
+        Err(DeviceErrors {
+            file: self.file.to_string(),
+            mistakes: self.mistakes,
+            more: self.more,
+        })
     }
 }

@@ -3,8 +3,9 @@
 //! In:  the text. Out: the description; mistakes in the [`Log`]. Sections and keys are compared without case; those that are
 //! not known are skipped.
 
+use super::description::check_limits;
 use super::error::Log;
-use super::value::{TypeCode, Value, check_limits, either_direction, integer};
+use super::value::{TypeCode, Value, either_direction, integer};
 use super::{DeviceDescription, DeviceIdentity, Features, Format, Object};
 use crate::{Access, DataType, PdoAccess};
 use std::collections::BTreeMap;

@@ -1,7 +1,5 @@
 //! Values as device descriptions write them: text and a data type in, octets as on the wire out.
 
-use super::Object;
-use super::error::Log;
 use crate::{Access, DataType, PdoAccess};
 use std::string::{String, ToString};
 use std::vec::Vec;
@@ -247,51 +245,5 @@ pub(super) fn either_direction(access: Option<Access>) -> PdoAccess {
         Some(Access::Const | Access::ReadOnly) => PdoAccess::Tpdo,
         Some(Access::WriteOnly) => PdoAccess::Rpdo,
         Some(Access::ReadWrite | Access::ReadWriteStored) | None => PdoAccess::Both,
-    }
-}
-
-/// Limits that exclude each other or a wanted value are mistakes. A default outside the limits is odd, but never written.
-pub(super) fn check_limits(log: &mut Log<'_>, object: &Object, what: &str, place: impl Fn(&str) -> usize) {
-    let integer = |value: &Option<Value>| value.as_ref().and_then(Value::integer);
-    let (low, high) = (integer(&object.low), integer(&object.high));
-    if let (Some(low), Some(high)) = (low, high)
-        && low > high
-    {
-        let rule = std::format!("expected at least the low limit {low}");
-        let got = object.high.as_ref().map(|high| high.text.as_str());
-        return log.wrong(place("highLimit"), std::format!("{what} highLimit"), got, rule);
-    }
-    let outside = |value: i128| low.is_some_and(|low| value < low) || high.is_some_and(|high| value > high);
-    let rule = || {
-        let side = |limit: Option<i128>| limit.map_or_else(|| "any".to_string(), |limit| limit.to_string());
-        std::format!(
-            "expected a value within the limits, from {} to {}",
-            side(low),
-            side(high)
-        )
-    };
-    if let Some(actual) = object
-        .actual
-        .as_ref()
-        .filter(|value| value.integer().is_some_and(outside))
-    {
-        log.wrong(
-            place("actualValue"),
-            std::format!("{what} actualValue"),
-            Some(&actual.text),
-            rule(),
-        );
-    }
-    if let Some(default) = object
-        .default
-        .as_ref()
-        .filter(|value| value.integer().is_some_and(outside))
-    {
-        log.odd(
-            place("defaultValue"),
-            std::format!("{what} defaultValue"),
-            Some(&default.text),
-            rule(),
-        );
     }
 }

@@ -3,6 +3,7 @@
 //! In:  the text. Out: the description; mistakes in the [`Log`]. Names are compared without their namespace; elements and
 //! attributes that are not known are skipped, as the schema is extended by every edition.
 
+use super::description::check_limits;
 use super::error::Log;
 use super::value::{TypeCode, Value, integer};
 use super::{DeviceDescription, DeviceIdentity, Features, Format, Object};
@@ -375,7 +376,7 @@ impl<'a, 'i> Reader<'_, '_, 'a, 'i> {
             high,
             line: self.log.line(node.range().start),
         };
-        super::value::check_limits(self.log, &object, &what, |attribute| value_at(node, attribute));
+        check_limits(self.log, &object, &what, |attribute| value_at(node, attribute));
         self.objects.push(object);
     }
 

@@ -1,9 +1,12 @@
 //! One hole of a canned cycle: its steps as canonical calls.
 
 use super::steps::{Level, PeckOut, Step};
-use crate::execute::Calls;
-use crate::state::Overrides;
+use crate::state::{Calls, Overrides};
 use motion::canon::{Axis, Call, OrientDirection, Position, SpindleDirection};
+
+/// How often the tool may go into the work on one line. Far more than a hole or a row of holes can have; without a bound a
+/// forgotten decimal point could fill the memory.
+pub(in crate::execute) const PASSES_MAX: u32 = 20_000;
 
 /// A hole and how it is made. Levels are numbers of the program, in its unit: the depths of pecks are sums of them.
 #[derive(Clone, Copy, Debug)]
@@ -127,7 +130,7 @@ impl Hole {
     fn pecks(&self, out: PeckOut, calls: &mut Calls) {
         // Subtracted one by one as LinuxCNC does it: the sum of rounding errors decides on the last peck.
         let mut depth = self.r - self.peck;
-        for _ in 0..super::PASSES_MAX {
+        for _ in 0..PASSES_MAX {
             if depth <= self.bottom {
                 break;
             }

@@ -12,49 +12,23 @@ mod hole;
 mod steps;
 #[cfg(test)]
 mod tests;
+mod words;
 
-use super::{Calls, motion_span, not_negative};
 use crate::block::{Block, letters};
 use crate::code::{Cycle, Distance, FeedUnit, Motion, Retract, integer_in};
 use crate::error::ErrorKind;
 use crate::print::length_in;
 use crate::scan::Fault;
-use crate::state::State;
+use crate::state::{Calls, State};
 use hole::Hole;
+pub(super) use hole::PASSES_MAX;
 use motion::canon::{Axis, Call, LengthUnit, PathMode, Plane, SpindleDirection};
-use steps::{SpindleRule, spindle_rule, steps};
+pub(crate) use words::CycleWords;
 
-/// How often the tool may go into the work on one line. Far more than a hole or a row of holes can have; without a bound a
-/// forgotten decimal point could fill the memory.
-pub(super) const PASSES_MAX: u32 = 20_000;
+use steps::{SpindleRule, spindle_rule, steps};
 
 /// Levels nearer to each other than this, in program units, are the same.
 const LEVEL_ROUNDING: f64 = 1e-9;
-
-/// What the words of the lines before said, as numbers of the program.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct CycleWords {
-    /// The cycle of which R, depth, P, Q, I, J and K still hold.
-    cycle: Option<Cycle>,
-    r: f64,
-    depth: f64,
-    /// P; taps take that of any cycle before.
-    dwell_s: f64,
-    peck: f64,
-    /// I, J and K of G87.
-    aside: [f64; 3],
-    /// Where the normal axis stood before the first cycle of an uninterrupted run of them. LinuxCNC keeps the number when
-    /// the unit, an offset or the plane changes, and so do we.
-    initial: Option<f64>,
-}
-
-impl CycleWords {
-    /// Another motion code ends a run of cycles: nothing holds any longer.
-    pub(super) fn end_run(&mut self) {
-        self.cycle = None;
-        self.initial = None;
-    }
-}
 
 /// The words of a line that make its holes, with those that still hold.
 struct Words {
@@ -84,7 +58,7 @@ impl State {
             let axis = normal.letter();
             let span = match block.first_of(&[b'R', axis as u8]) {
                 Some(letter) => block.span(letter),
-                None => motion_span(block),
+                None => block.motion_span(),
             };
             let depth = bottom;
             return Err((span, ErrorKind::CycleRBelowDepth { r, axis, depth }));
@@ -152,7 +126,7 @@ impl State {
     pub(super) fn check_cycle(&self, block: &Block) -> Result<(), Fault> {
         let code = || self.motion_name(block);
         if block.first_axis().is_none() {
-            return Err((motion_span(block), ErrorKind::AxisMissing { code: code() }));
+            return Err((block.motion_span(), ErrorKind::AxisMissing { code: code() }));
         }
         if let Some(letter) = block.first_of(b"ABC") {
             let kind = ErrorKind::CycleRotary {
@@ -166,8 +140,8 @@ impl State {
         {
             return Err((block.span(letter), ErrorKind::CyclePolar { code: code() }));
         }
-        not_negative(block, b'L')?;
-        not_integer(block, b'L')
+        block.check_not_negative(b'L')?;
+        block.check_integer(b'L')
     }
 
     /// The plane that is in force when the motion of a line is run.
@@ -179,7 +153,7 @@ impl State {
         match self.modal.feed_unit {
             FeedUnit::InverseTime => {
                 let cycle = self.motion_name(block);
-                Err((motion_span(block), ErrorKind::CycleInverseTime { cycle }))
+                Err((block.motion_span(), ErrorKind::CycleInverseTime { cycle }))
             }
             FeedUnit::UnitsPerMinute | FeedUnit::UnitsPerTurn => {
                 self.need_feed(block, || super::feed::PathLength::Mm(0.0), calls)
@@ -193,7 +167,7 @@ impl State {
             return Ok(());
         }
         let code = self.motion_name(block);
-        Err((motion_span(block), ErrorKind::CycleCompensated { code }))
+        Err((block.motion_span(), ErrorKind::CycleCompensated { code }))
     }
 
     /// R and depth as numbers of the program, from the line or, in a run of the same cycle, from before.
@@ -202,7 +176,7 @@ impl State {
         let held = self.cycle.cycle == Some(cycle);
         let [first, second, normal] = self.modal.plane.axes();
         let r = block.word_value(b'R').or(held.then_some(self.cycle.r));
-        let r = r.ok_or_else(|| (motion_span(block), ErrorKind::CycleRMissing { cycle: name() }))?;
+        let r = r.ok_or_else(|| (block.motion_span(), ErrorKind::CycleRMissing { cycle: name() }))?;
         for axis in Axis::ALL.into_iter().filter(|axis| !axis.is_rotary()) {
             if block.axis(axis).is_some() && ![first, second, normal].contains(&axis) {
                 let kind = ErrorKind::CycleAxisOfOtherPlane {
@@ -222,7 +196,10 @@ impl State {
         let depth = block.axis(normal).map(|depth| depth * radius);
         let depth = depth.or(held.then_some(self.cycle.depth)).ok_or_else(|| {
             let axis = normal.letter();
-            (motion_span(block), ErrorKind::CycleDepthMissing { cycle: name(), axis })
+            (
+                block.motion_span(),
+                ErrorKind::CycleDepthMissing { cycle: name(), axis },
+            )
         })?;
         Ok((r, depth))
     }
@@ -243,8 +220,8 @@ impl State {
 
     /// P, Q, I, J and K, from the line or, in a run of the same cycle, from before.
     fn hole_words(&self, cycle: Cycle, block: &Block, r: f64, depth: f64) -> Result<Words, Fault> {
-        not_negative(block, b'P')?;
-        not_negative(block, b'D')?;
+        block.check_not_negative(b'P')?;
+        block.check_not_negative(b'D')?;
         let held = self.cycle.cycle == Some(cycle);
         let before = &self.cycle;
         let word = |letter: u8, before: f64| block.word_value(letter).unwrap_or(before);
@@ -266,7 +243,7 @@ impl State {
                 letter: (*letter).into(),
                 meaning,
             };
-            return Err((motion_span(block), kind));
+            return Err((block.motion_span(), kind));
         }
         Ok(words)
     }
@@ -354,7 +331,7 @@ impl State {
             return Ok(());
         }
         let code = self.motion_name(block);
-        Err((motion_span(block), ErrorKind::SpindleAtRest { code, spindle, start }))
+        Err((block.motion_span(), ErrorKind::SpindleAtRest { code, spindle, start }))
     }
 
     fn check_spindle(&self, cycle: Cycle, block: &Block, hole: &Hole) -> Result<(), Fault> {
@@ -376,7 +353,7 @@ impl State {
             needed: needed_name,
             other: Motion::Cycle(other).name(),
         };
-        Err((motion_span(block), kind))
+        Err((block.motion_span(), kind))
     }
 
     fn check_peck(&self, cycle: Cycle, block: &Block, hole: &Hole) -> Result<(), Fault> {
@@ -409,21 +386,7 @@ impl State {
     pub(super) fn too_long(&self, block: &Block, count: f64) -> Fault {
         let code = self.motion_name(block);
         let max = PASSES_MAX;
-        (motion_span(block), ErrorKind::CycleTooLong { code, count, max })
-    }
-}
-
-/// Refuses a word that must be an integer and is none.
-pub(super) fn not_integer(block: &Block, letter: u8) -> Result<(), Fault> {
-    match block.word_value(letter) {
-        Some(value) if crate::code::integer(value).is_none() => Err((
-            block.span(letter),
-            ErrorKind::NotInteger {
-                letter: letter.into(),
-                value,
-            },
-        )),
-        Some(_) | None => Ok(()),
+        (block.motion_span(), ErrorKind::CycleTooLong { code, count, max })
     }
 }
 

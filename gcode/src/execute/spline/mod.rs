@@ -15,13 +15,12 @@ mod biarc;
 mod curve;
 
 use super::feed::PathLength;
-use super::{Calls, motion_span};
 use crate::Splines;
 use crate::block::{Block, letters};
 use crate::code::{FeedUnit, Motion, integer_in};
 use crate::error::{ErrorKind, SplineError};
 use crate::scan::Fault;
-use crate::state::{Nurbs, State};
+use crate::state::{Calls, Nurbs, State};
 use biarc::{PIECES_MAX, Piece};
 use curve::Curve;
 use motion::canon::{Axis, Call, Plane, Position};
@@ -43,12 +42,12 @@ impl State {
     pub(super) fn spline(&mut self, motion: Motion, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
         if self.modal.plane != Plane::Xy {
             let plane = super::arc::ArcWords::of(self.modal.plane).plane;
-            return fault(motion_span(block), SplineError::Plane { plane });
+            return fault(block.motion_span(), SplineError::Plane { plane });
         }
         self.check_curve(block)?;
         if block.first_axis().is_none() {
             let code = self.motion_name(block);
-            return Err((motion_span(block), ErrorKind::AxisMissing { code }));
+            return Err((block.motion_span(), ErrorKind::AxisMissing { code }));
         }
         self.check_curve_feed(block)?;
         let to = self.end(block)?;
@@ -96,7 +95,7 @@ impl State {
         if self.modal.feed_unit != FeedUnit::InverseTime {
             self.check_curve_feed(block)?;
         }
-        let span = motion_span(block);
+        let span = block.motion_span();
         let weight = block.word_value(b'P');
         let order = match block.word_value(b'L') {
             None => None,
@@ -148,11 +147,11 @@ impl State {
             [true, false] => second.letter(),
             [false, true] => first.letter(),
         };
-        fault(motion_span(block), SplineError::PointIncomplete { code, missing })
+        fault(block.motion_span(), SplineError::PointIncomplete { code, missing })
     }
 
     pub(super) fn end_nurbs(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
-        let span = motion_span(block);
+        let span = block.motion_span();
         self.modal.motion = None;
         let Some(Nurbs { order, points, .. }) = self.nurbs.take() else {
             return fault(span, SplineError::NotOpen);
@@ -184,7 +183,7 @@ impl State {
         if self.modal.feed_unit != FeedUnit::InverseTime {
             self.check_curve_feed(block)?;
         }
-        let span = motion_span(block);
+        let span = block.motion_span();
         let order = match block.word_value(b'P') {
             None => None,
             Some(value) => match integer_in(value, 2..=NURBS_POINTS_MAX as i64) {
@@ -276,7 +275,7 @@ impl State {
         match (self.nurbs.take(), block.first_axis()) {
             (Some(Nurbs { points, order, .. }), _) => {
                 let points = points.len();
-                fault(motion_span(block), SplineError::KnotsMissing { points, order })
+                fault(block.motion_span(), SplineError::KnotsMissing { points, order })
             }
             (None, Some(letter)) => fault(block.span(letter), SplineError::EndWithPoint),
             (None, None) => Ok(()),
@@ -299,7 +298,7 @@ impl State {
             let pieces = biarc::pieces(&Curve::new(&points, order, &knots), tolerance_mm);
             if pieces.len() > PIECES_MAX {
                 let max = PIECES_MAX;
-                return fault(motion_span(block), SplineError::TooManyPieces { max });
+                return fault(block.motion_span(), SplineError::TooManyPieces { max });
             }
             Ok(pieces)
         };
@@ -343,7 +342,7 @@ impl State {
 
     /// The rules of all curves.
     fn check_curve(&self, block: &Block) -> Result<(), Fault> {
-        let span = motion_span(block);
+        let span = block.motion_span();
         if self.cutter.is_some() {
             return fault(span, SplineError::Compensated);
         }
@@ -379,8 +378,8 @@ impl State {
         let mm = self.modal.unit.mm();
         match names.map(|letter| block.word_value(letter)) {
             [Some(first), Some(second)] => Ok([first * mm, second * mm]),
-            [None, _] => fault(motion_span(block), error(names[0].into())),
-            [Some(_), None] => fault(motion_span(block), error(names[1].into())),
+            [None, _] => fault(block.motion_span(), error(names[0].into())),
+            [Some(_), None] => fault(block.motion_span(), error(names[1].into())),
         }
     }
 }

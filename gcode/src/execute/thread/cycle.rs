@@ -12,10 +12,9 @@
 use super::{START, missing};
 use crate::block::Block;
 use crate::error::ErrorKind;
-use crate::execute::cycle::{PASSES_MAX, not_integer};
-use crate::execute::{Calls, motion_span, not_negative};
+use crate::execute::cycle::PASSES_MAX;
 use crate::scan::Fault;
-use crate::state::State;
+use crate::state::{Calls, State};
 use motion::canon::{Axis, Call, Position};
 
 /// A thread in program units; X is a radius.
@@ -52,7 +51,7 @@ impl State {
     /// What can be told of the words of G76 before anything of the line is run.
     pub(in crate::execute) fn check_thread(&self, block: &Block) -> Result<(), Fault> {
         if block.first_axis().is_none() {
-            return Err((motion_span(block), ErrorKind::AxisMissing { code: "G76".into() }));
+            return Err((block.motion_span(), ErrorKind::AxisMissing { code: "G76".into() }));
         }
         self.check_thread_plane(block)?;
         for (letter, meaning) in [
@@ -65,14 +64,14 @@ impl State {
             (b'K', "the full depth of the thread"),
         ] {
             if block.word_value(letter).is_none() {
-                return Err((motion_span(block), missing("G76".into(), letter, meaning)));
+                return Err((block.motion_span(), missing("G76".into(), letter, meaning)));
             }
         }
         for letter in *b"PHLE" {
-            not_negative(block, letter)?;
+            block.check_not_negative(letter)?;
         }
-        not_integer(block, b'H')?;
-        not_integer(block, b'L')
+        block.check_integer(b'H')?;
+        block.check_integer(b'L')
     }
 
     fn check_thread_plane(&self, block: &Block) -> Result<(), Fault> {

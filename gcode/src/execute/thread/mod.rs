@@ -7,11 +7,10 @@ mod cycle;
 #[cfg(test)]
 mod tests;
 
-use super::{Calls, motion_span};
 use crate::block::Block;
 use crate::error::ErrorKind;
 use crate::scan::Fault;
-use crate::state::State;
+use crate::state::{Calls, State};
 use motion::canon::Call;
 
 /// M codes that make a spindle turn, for messages.
@@ -41,11 +40,11 @@ impl State {
     pub(super) fn check_synchronised(&self, block: &Block) -> Result<(), Fault> {
         let code = || self.motion_name(block);
         if block.first_axis().is_none() {
-            return Err((motion_span(block), ErrorKind::AxisMissing { code: code() }));
+            return Err((block.motion_span(), ErrorKind::AxisMissing { code: code() }));
         }
         let Some(pitch) = block.word_value(b'K') else {
             return Err((
-                motion_span(block),
+                block.motion_span(),
                 missing(code(), b'K', "the way per turn of the spindle"),
             ));
         };

@@ -9,17 +9,21 @@
 //! it. A corner at the end of the last move is of no effect, too.
 
 mod allowance;
+mod cycle;
 mod profile;
 mod rough;
 mod segment;
 
-use super::{Calls, circle, motion_span};
+use super::circle;
 use crate::block::{Block, letters};
 use crate::code::{Distance, FeedUnit, Motion, Roughing, integer_in};
 use crate::error::{ErrorKind, TurningError};
 use crate::scan::{Fault, Span};
-use crate::state::State;
+use crate::state::{Calls, State};
+pub(crate) use cycle::Turning;
 use motion::canon::{Axis, Call, Plane, Position};
+
+use cycle::Work;
 use profile::{Corner, Move};
 use rough::Cut;
 use segment::{Point, Segment, plus};
@@ -28,31 +32,6 @@ use segment::{Point, Segment, plus};
 const MOVES_MAX: usize = 1000;
 /// Most passes of G70.
 const PASSES_MAX: u32 = 100;
-
-/// A cycle whose profile is being read.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Turning {
-    /// Number of the subroutine.
-    pub(crate) profile: u32,
-    work: Work,
-    /// Where it works from, `[Z, X]`. While the profile is read, the current point is the end of its last move.
-    start: Point,
-    moves: Vec<Move>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Work {
-    /// G70; distances of the first and last pass, mm.
-    Finish { first_mm: f64, last_mm: f64, passes: u32 },
-    /// G71, G72.
-    Rough {
-        roughing: Roughing,
-        allowance_mm: f64,
-        step_mm: f64,
-        retract_mm: f64,
-        shift: Point,
-    },
-}
 
 fn fault<T>(span: Span, error: TurningError) -> Result<T, Fault> {
     Err((span, ErrorKind::Turning(error)))
@@ -80,7 +59,7 @@ impl State {
         let word = |letter, default| block.word_value(letter).unwrap_or(default);
         if self.cutter.is_some() {
             let code = self.motion_name(block);
-            return fault(motion_span(block), TurningError::Compensated { code });
+            return fault(block.motion_span(), TurningError::Compensated { code });
         }
         let (step, retract) = (word(b'I', 1.0), word(b'R', 0.5));
         if step <= 0.0 {
@@ -100,7 +79,7 @@ impl State {
     }
 
     fn begin_turning(&mut self, work: Work, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
-        let span = motion_span(block);
+        let span = block.motion_span();
         let code = self.motion_name(block);
         if self.modal.plane != Plane::Zx {
             let plane = super::arc::ArcWords::of(self.modal.plane).plane;
@@ -169,7 +148,7 @@ impl State {
             return Ok(());
         }
         if turning.moves.len() >= MOVES_MAX {
-            return fault(motion_span(block), TurningError::TooLong { max: MOVES_MAX });
+            return fault(block.motion_span(), TurningError::TooLong { max: MOVES_MAX });
         }
         let segment = match self.modal.motion {
             Some(motion @ (Motion::ArcClockwise | Motion::ArcCounterclockwise)) => {
@@ -252,7 +231,7 @@ impl State {
         }
         let Some(given) = given else {
             let (motion, offsets) = (motion.name(), "I, K");
-            return Err((motion_span(block), ErrorKind::ArcCentreMissing { motion, offsets }));
+            return Err((block.motion_span(), ErrorKind::ArcCentreMissing { motion, offsets }));
         };
         let offset = *b"KI";
         let centre = match self.modal.arc_distance {
@@ -325,89 +304,6 @@ impl State {
             self.modal.motion = Some(motion);
         }
         Ok(())
-    }
-}
-
-impl Turning {
-    /// The cuts, and the frame in which they are told.
-    fn cuts(self, unit_mm: f64) -> Result<(profile::Frame, Vec<Cut>), TurningError> {
-        let mut moves = self.moves;
-        if moves.len() < 2 {
-            return Err(TurningError::TooShort { moves: moves.len() });
-        }
-        let beside = |path: &[Segment], mm: f64| {
-            let allowance = mm / unit_mm;
-            let (first, rest) = path.split_first().ok_or(TurningError::TooShort { moves: 0 })?;
-            let mut path = allowance::beside(rest, mm).ok_or(TurningError::Allowance { allowance })?;
-            let first = Segment {
-                end: path[0].start,
-                ..*first
-            };
-            path.insert(0, first);
-            Ok(path)
-        };
-        match self.work {
-            Work::Finish {
-                first_mm,
-                last_mm,
-                passes,
-            } => {
-                let along_z = profile::normal(&moves, false, unit_mm);
-                let (frame, path) = match along_z {
-                    Err(TurningError::NotMonotonic { .. }) => profile::normal(&moves, true, unit_mm).or(along_z)?,
-                    Ok(_) | Err(_) => along_z?,
-                };
-                let mut cuts = Vec::new();
-                for pass in (0..passes).rev() {
-                    let share = f64::from(pass) / f64::from(passes);
-                    rough::finish(&beside(&path, last_mm + share * (first_mm - last_mm))?, &mut cuts);
-                }
-                Ok((frame, cuts))
-            }
-            Work::Rough {
-                roughing,
-                allowance_mm,
-                step_mm,
-                retract_mm,
-                shift,
-            } => {
-                close(&mut moves, self.start, roughing.along_x);
-                let (frame, path) = profile::normal(&moves, roughing.along_x, unit_mm)?;
-                let mut path = beside(&path, allowance_mm)?;
-                let shift = frame.vector(shift);
-                for segment in &mut path {
-                    *segment = segment.moved(shift);
-                }
-                // Cuts at all levels must meet something.
-                if let (Some(first), Some(last)) = (path.first(), path.last())
-                    && last.end[1] < first.start[1]
-                {
-                    let end = [last.end[0], first.start[1]];
-                    path.push(Segment::line(last.end, end));
-                }
-                Ok((frame, rough::rough(&path, roughing.pockets, step_mm, retract_mm)?))
-            }
-        }
-    }
-}
-
-/// Leads the end of a profile up to the level from which is cut, so that D is left there, too.
-fn close(moves: &mut Vec<Move>, start: Point, along_x: bool) {
-    let (Some(first), Some(last)) = (moves.first(), moves.last()) else {
-        return;
-    };
-    let (along, depth) = if along_x { (1, 0) } else { (0, 1) };
-    let way = |segment: &Segment, axis: usize| segment.end[axis] - segment.start[axis];
-    let from = last.segment.end;
-    if way(&last.segment, along) != 0.0 && way(&first.segment, depth) * (start[depth] - from[depth]) < 0.0 {
-        let mut to = from;
-        to[depth] = start[depth];
-        let line = last.line;
-        moves.push(Move {
-            segment: Segment::line(from, to),
-            corner: None,
-            line,
-        });
     }
 }
 

@@ -2,16 +2,23 @@
 //!
 //! Lengths are mm in work coordinates unless a name says otherwise; `machine = rotate_xy(work + g92) + g5x + tool`.
 
+mod predefined;
+
 use crate::code::{Distance, FeedUnit, Motion, Retract};
-use crate::execute::{CycleWords, Turning};
+use crate::execute::cycle::CycleWords;
+use crate::execute::turning::Turning;
 use crate::parameter::{self, Parameters};
 use crate::remap;
 use crate::{Settings, ToolChanger, ToolTable};
 use motion::canon::{
-    Axis, Cutter, Input, LengthUnit, PathMode, Plane, Position, ProbeMode, SPINDLES, SpindleDirection, SpindleMode,
-    WaitMode,
+    Axis, Call, Cutter, Input, LengthUnit, PathMode, Plane, Position, ProbeMode, SPINDLES, SpindleDirection,
+    SpindleMode, WaitMode,
 };
 use motion::kinematics::ToolFrame;
+use std::collections::VecDeque;
+
+/// Calls of a line, in their order.
+pub(crate) type Calls = VecDeque<Call>;
 
 /// Where the work coordinates lie in the machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -359,21 +366,6 @@ impl State {
         } else {
             number * self.modal.unit.mm()
         }
-    }
-}
-
-impl State {
-    /// A subroutine begins.
-    pub(crate) fn enter_call(&mut self) {
-        self.parameters.enter();
-        self.call_level += 1;
-    }
-
-    /// A subroutine ends.
-    pub(crate) fn leave_call(&mut self, calls: &mut crate::execute::Calls) {
-        self.leave_saved(calls);
-        self.parameters.leave();
-        self.call_level = self.call_level.saturating_sub(1);
     }
 
     /// Settings with which a new program would go on from here.

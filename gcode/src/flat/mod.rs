@@ -41,13 +41,29 @@ use crate::comment::{self, CommentKind};
 use crate::state::Offsets;
 use crate::{Settings, ToolChangePlace};
 use line::{Exactness, Line};
-use motion::canon::{AXES, Call, Event, FeedMode, Plane, Position, Source, SpindleDirection, ToolEntry};
+use motion::canon::{
+    AXES, Call, Event, FeedMode, OrientDirection, Plane, Position, Source, SpindleDirection, SpindleMode, ToolEntry,
+};
 use std::collections::BTreeMap;
 use std::io;
-use waiting::Waiting;
 
 /// Offsets and positions nearer than this are the same, mm or degrees: rounding by changes of units and origins.
 const SAME: f64 = 1e-9;
+
+/// Something that is written together with the call behind it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Waiting {
+    /// For the S word.
+    SpindleMode { spindle: u8, mode: SpindleMode },
+    /// For the Q word.
+    Orient {
+        spindle: u8,
+        degrees: f64,
+        direction: OrientDirection,
+    },
+    /// For the other half of M9: mist or flood is off, the other still on.
+    Coolant,
+}
 
 /// Writes canonical calls as plain G-code; made for one run of a program.
 #[derive(Clone, Debug)]

@@ -1,31 +1,19 @@
-//! The tools of a machine, in LinuxCNC's tool table.
-//!
-//! In:  the octets of the file and the unit of its lengths ([`ToolTable::parse`]); what a program sets (G10 L1, L10,
-//!      L11) and what a random tool changer moves.
-//! Out: tools by number or pocket, in mm and degrees; the text of the file again ([`ToolTable::write`]).
-//!
-//! ```
-//! use gcode::{ToolChanger, ToolTable};
-//! use motion::canon::LengthUnit;
-//!
-//! let text = b"; mill\nT1 P1 Z+0.5 D0.125 ;1/8 end mill\n";
-//! let table = ToolTable::parse(text, LengthUnit::Inch, ToolChanger::Fixed).unwrap();
-//! assert_eq!(table.by_number(1).unwrap().diameter_mm, 0.125 * 25.4);
-//! assert_eq!(table.write().as_bytes(), text);
-//! ```
+//! Tools, and what a program and a tool changer do to them.
 
-mod file;
-#[cfg(test)]
-mod tests;
-
-pub use file::{TableError, TableErrorKind};
-use motion::canon::{LengthUnit, Position};
+use motion::canon::{Axis, LengthUnit, Position};
+use std::cmp::Ordering;
 
 /// Most entries of a table, LinuxCNC's limit: pockets 0 (the spindle) to 1000.
 pub const TOOLS_MAX: usize = 1001;
 
 /// Greatest pocket number of a random tool changer.
 pub const POCKET_MAX: u32 = 1000;
+
+/// Greatest tool number, and pocket number of a fixed changer: LinuxCNC keeps them in 32 bits with a sign.
+pub(super) const NUMBER_MAX: u32 = i32::MAX as u32;
+
+/// Greatest magnitude of a length or angle, units of the file; it keeps every later sum and product finite.
+pub(super) const VALUE_MAX: f64 = 1e9;
 
 /// What the pocket number P of an entry means.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -61,7 +49,7 @@ pub struct Tool {
 
 /// A line of the file.
 #[derive(Clone, Debug)]
-enum Line {
+pub(super) enum Line {
     /// Blank, or a comment of its own.
     Text(String),
     /// A tool, and its text as it was read; that is lost when a value changes.
@@ -73,8 +61,8 @@ enum Line {
 /// Two tables are equal when they have the same tools in the same order.
 #[derive(Clone, Debug)]
 pub struct ToolTable {
-    lines: Vec<Line>,
-    unit: LengthUnit,
+    pub(super) lines: Vec<Line>,
+    pub(super) unit: LengthUnit,
     changer: ToolChanger,
 }
 
@@ -129,8 +117,8 @@ impl ToolTable {
     /// What the file could not hold; the table is as it was.
     pub fn set(&mut self, mut tool: Tool) -> Result<(), SetToolError> {
         let number = tool.number;
-        tool.remark = file::one_line(&tool.remark);
-        file::check_values(&tool, self.unit, self.changer)?;
+        tool.remark = one_line(&tool.remark);
+        check_values(&tool, self.unit, self.changer)?;
         let taken = |other: &Tool| other.number != number && other.pocket == tool.pocket;
         if self.changer == ToolChanger::Random && self.tools().any(taken) {
             return Err(SetToolError::PocketTaken { pocket: tool.pocket });
@@ -186,4 +174,53 @@ pub enum SetToolError {
         /// Letter of the entry.
         letter: char,
     },
+}
+
+/// Whether [`ToolTable::parse`] would read all values again.
+fn check_values(tool: &Tool, unit: LengthUnit, changer: ToolChanger) -> Result<(), SetToolError> {
+    let wrong = |letter| Err(SetToolError::OutOfRange { letter });
+    if tool.number > NUMBER_MAX {
+        return wrong('T');
+    }
+    if tool.pocket > pocket_max(changer) {
+        return wrong('P');
+    }
+    if tool.orientation > 9 {
+        return wrong('Q');
+    }
+    for (letter, value, scale) in values(tool, unit) {
+        // A NaN is not at most anything.
+        if !matches!(
+            (value / scale).abs().partial_cmp(&VALUE_MAX),
+            Some(Ordering::Less | Ordering::Equal)
+        ) {
+            return wrong(letter);
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn pocket_max(changer: ToolChanger) -> u32 {
+    match changer {
+        ToolChanger::Fixed => NUMBER_MAX,
+        ToolChanger::Random => POCKET_MAX,
+    }
+}
+
+/// A remark without what would end its line.
+pub(super) fn one_line(remark: &str) -> String {
+    remark.replace(['\n', '\r'], " ")
+}
+
+/// The real values in the order in which LinuxCNC writes them: letter, value, and what one unit of the file is.
+pub(super) fn values(tool: &Tool, unit: LengthUnit) -> impl Iterator<Item = (char, f64, f64)> {
+    let axes = Axis::ALL.map(|axis| {
+        let scale = if axis.is_rotary() { 1.0 } else { unit.mm() };
+        (axis.letter(), tool.offset[axis], scale)
+    });
+    let angles = [('I', tool.front_angle_deg, 1.0), ('J', tool.back_angle_deg, 1.0)];
+    [('D', tool.diameter_mm, unit.mm())]
+        .into_iter()
+        .chain(axes)
+        .chain(angles)
 }
