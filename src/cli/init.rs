@@ -5,9 +5,9 @@
 //! Out: a machine file that `isocnc check` accepts. It is written at once at the end: what is given up before leaves nothing.
 
 use super::bus::scan;
-use crate::config;
 use crate::host::terminal::say;
 use crate::operator::refusal::Refusal;
+use crate::{bus, config};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use std::fmt::Write as _;
@@ -97,7 +97,8 @@ pub fn init(args: &InitArgs) -> anyhow::Result<ExitCode> {
         ask(&mut args, count, &mut std::io::stdin().lock(), &mut std::io::stdout())?;
     }
     let text = machine_file(&args, found)?;
-    config::parse(&text, &args.file).map_err(Refusal::from)?;
+    let config = config::parse(&text, &args.file).map_err(Refusal::from)?;
+    bus::check(&config).map_err(Refusal::from)?;
     ensure!(
         args.force || !is_there(),
         "{file} has come meanwhile; --force replaces it"

@@ -20,13 +20,13 @@ fn cause(known: &[Variant], value: &impl std::fmt::Debug) -> String {
 #[test]
 fn the_alarms() {
     let (drive, homing) = ("cia402/src/axis/fault.rs", "motion/src/rt/homing/mod.rs");
-    let (spindle, link) = ("motion/src/rt/synced/mod.rs", "powerlink/src/link/mod.rs");
+    let (spindle, link) = ("motion/src/rt/synced/mod.rs", FAULTS);
     covers(drive, "AxisFault", &OF_DRIVES);
     covers(homing, "HomingFailure", &OF_HOMING);
     covers(spindle, "SyncFault", &OF_SPINDLES);
-    covers(link, "LinkError", &OF_LINKS);
+    covers(link, "LinkFailure", &OF_LINKS);
     let [drives, homings] = [(drive, "AxisFault"), (homing, "HomingFailure")].map(|(path, name)| variants(path, name));
-    let [spindles, links] = [(spindle, "SyncFault"), (link, "LinkError")].map(|(path, name)| variants(path, name));
+    let [spindles, links] = [(spindle, "SyncFault"), (link, "LinkFailure")].map(|(path, name)| variants(path, name));
     let faults = variants(FAULTS, "Fault");
     check("docs/alarms.md", |_| {
         let mut text = head(&["text", "cause", "fault", "the machine"]);

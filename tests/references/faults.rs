@@ -4,11 +4,9 @@ use super::source::{covers, variants};
 use super::{check, code, head, row};
 use cia402::axis::{AxisFault, HomingFault, Step};
 use cia402::profile::State;
-use isocnc::machine::faults::{Fault, Reaction, SpeedNotReached};
+use isocnc::machine::faults::{Fault, ForeignMaster, LinkFailure, Reaction, SpeedNotReached};
 use motion::rt::homing::HomingFailure;
 use motion::rt::{Order, SyncFault};
-use powerlink::link::LinkError;
-use powerlink::mn::ForeignSign;
 
 pub(crate) const FAULTS: &str = "src/machine/faults.rs";
 
@@ -49,11 +47,14 @@ pub(crate) const OF_SPINDLES: [SyncFault; 6] = [
     SyncFault::Aborted,
 ];
 
-pub(crate) const OF_LINKS: [LinkError; 4] = [
-    LinkError::Down,
-    LinkError::NoBuffers,
-    LinkError::FrameLength { got: 1600, max: 1514 },
-    LinkError::Os { errno: 100 },
+pub(crate) const OF_LINKS: [LinkFailure; 4] = [
+    LinkFailure::Down,
+    LinkFailure::QueueFull,
+    LinkFailure::FrameLength {
+        octets: 1600,
+        max: 1514,
+    },
+    LinkFailure::Os { errno: 100 },
 ];
 
 /// An example of every fault, and of each reason where it has several.
@@ -108,10 +109,18 @@ pub(crate) fn examples() -> Vec<Fault> {
         Fault::CycleHung,
         Fault::PinsLost,
         Fault::ForeignMaster {
-            sign: ForeignSign { id: 240, mac },
+            sign: ForeignMaster {
+                node: 240,
+                mac,
+                is_itself: true,
+            },
         },
         Fault::ForeignMaster {
-            sign: ForeignSign { id: 3, mac },
+            sign: ForeignMaster {
+                node: 3,
+                mac,
+                is_itself: false,
+            },
         },
     ]);
     examples.extend(OF_LINKS.map(|error| Fault::LinkFailed { error }));

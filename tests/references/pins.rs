@@ -2,9 +2,8 @@
 
 use super::{check, code, head, root, row};
 use hal_pins::{Hal, Kind};
-use isocnc::bus::network;
-use isocnc::config;
 use isocnc::rt::pins::{CAPACITY, Pins};
+use isocnc::{bus, config};
 use std::collections::BTreeMap;
 
 /// The name with letters instead of the numbers of a machine: `joint.N.homed`, `io.ID.in-NN`.
@@ -31,7 +30,7 @@ fn pins() -> BTreeMap<String, (&'static str, Kind)> {
         let config = config::read(&file).unwrap_or_else(|errors| panic!("{errors}"));
         let directories = [folder.path().to_owned()];
         let mut hal = Hal::create_in(&directories, &config.name, CAPACITY).expect("memory for pins");
-        Pins::new(&mut hal, &config, &network::plan(&config)).expect("pins");
+        Pins::new(&mut hal, &config, &bus::plan(&config)).expect("pins");
         for pin in hal.list().into_iter().filter(|pin| pin.kind != Kind::Net) {
             let what = (pin.value_type().name(), pin.kind);
             let other = found.insert(general(&pin.name), what);
