@@ -199,3 +199,40 @@ fn nothing_above_the_bus_names_powerlink() {
     assert!(named.is_empty(), "{}", named.join("\n"));
     assert!(seen > 20, "only {seen} names were found");
 }
+
+/// Names that a source gives to threads, without numbers.
+fn threads(text: &str) -> impl Iterator<Item = &str> {
+    // What a test starts is no thread of the process.
+    let product = text.split("#[cfg(test)]").next().unwrap_or_default();
+    let named = product.split(".name(").skip(1);
+    named.filter_map(|rest| {
+        let literal = rest.strip_prefix("format!(").unwrap_or(rest).strip_prefix('"')?;
+        Some(literal.split(['"', ' ']).next().unwrap_or_default())
+    })
+}
+
+#[test]
+fn every_thread_stands_in_the_table_of_threads() {
+    let text = architecture();
+    let table = text.split("| thread |").nth(1).expect("a table of threads");
+    let rows: Vec<&str> = table
+        .lines()
+        .take_while(|line| line.starts_with('|') || line.starts_with(' '))
+        .collect();
+    let mut missing = Vec::new();
+    let mut seen = BTreeSet::new();
+    for folder in ["src", "motion/src", "powerlink/src", "hal-pins/src", "gcode/src"] {
+        for path in sources(&Path::new(ROOT).join(folder)) {
+            for name in threads(&read(&path)) {
+                seen.insert(name.to_owned());
+                let is_it =
+                    |row: &&str| row.starts_with(&format!("| `{name}`")) || row.starts_with(&format!("| `{name} "));
+                if !rows.iter().any(is_it) {
+                    missing.push(format!("{}: {name}", path.display()));
+                }
+            }
+        }
+    }
+    assert!(missing.is_empty(), "ARCHITECTURE.md does not name threads: {missing:?}");
+    assert!(seen.len() >= 11 && seen.contains("planner"), "{seen:?}");
+}
