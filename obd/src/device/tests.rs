@@ -1,9 +1,11 @@
 use super::*;
 use crate::mapping::Direction;
+use crate::{Access, PdoAccess};
 use proptest::prelude::*;
 use std::format;
 use std::string::ToString;
 use std::vec;
+use std::vec::Vec;
 
 const SERVO: &str = include_str!("../../tests/data/servo.xdc");
 const IO: &str = include_str!("../../tests/data/io.xdd");
