@@ -24,6 +24,7 @@ fn main() {
     std::fs::write(&machine, DEMO).expect("our folder");
     let simulated = Simulated::start(&machine);
     alone_on_the_interface();
+    a_machine_file_from_the_nodes_that_answer(folder.path());
     beside_a_control(folder.path());
     one_sender_of_an_interface(folder.path(), &simulated);
     drop(simulated);
@@ -93,6 +94,29 @@ fn alone_on_the_interface() {
         text(&refused),
         "0x1000      refused: attempt to write a read-only object (0x06010002)\n"
     );
+}
+
+fn a_machine_file_from_the_nodes_that_answer(folder: &Path) {
+    let file = folder.join("found.toml");
+    let isocnc = |command: &str, options: &[&str]| {
+        let mut isocnc = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+        isocnc.arg(command).arg(&file).args(options).stdin(Stdio::null());
+        isocnc.output().expect("the binary runs")
+    };
+    let init = isocnc("init", &["--scan", "plk0"]);
+    assert!(init.status.success(), "{}", text(&init));
+    let checked = isocnc("check", &[]);
+    assert!(checked.status.success(), "{}", text(&checked));
+    let written = std::fs::read_to_string(&file).expect("the file");
+    for (id, name, device_type) in [(3, "z-drive", "0x00020192"), (10, "io-10", "0x000F0191")] {
+        let node = format!("[[bus.node]]\nid = {id}\nname = \"{name}\"\n");
+        let node = written
+            .split_once(&node)
+            .unwrap_or_else(|| panic!("no node {id}:\n{written}"))
+            .1;
+        let key = node.lines().find_map(|line| line.strip_prefix("device_type = "));
+        assert_eq!(key, Some(device_type), "node {id}");
+    }
 }
 
 /// Nobody reads its first line; or whoever started it has gone before it asked the kernel to watch him.
