@@ -216,7 +216,7 @@ pub(crate) const fn letters(text: &[u8]) -> u32 {
 const AXES: u32 = letters(b"XYZABCUVW");
 
 impl Block {
-    /// Reads a line, of at most [`crate::LINE_MAX`] octets. What is wrong is added to `faults`; what is right stays.
+    /// Reads a line, of at most [`crate::LINE_OCTETS_MAX`] octets. What is wrong is added to `faults`; what is right stays.
     pub(crate) fn read(&mut self, line: &[u8], values: &impl Values, faults: &mut Faults) {
         self.clear();
         self.read_rest(Cursor::new(line), values, faults);
@@ -324,7 +324,7 @@ impl Block {
         if value.is_nan() {
             return Ok(()); // which code it is shows when the program runs
         }
-        let (code, g) = GCode::of(value)?;
+        let (code, g) = GCode::from_number(value)?;
         let word = Coded { value: (), code, span };
         let codes = &mut self.codes;
         match g {
@@ -360,7 +360,7 @@ impl Block {
         if self.m_count > M_WORDS_MAX {
             return Err(ErrorKind::TooManyMCodes { max: M_WORDS_MAX });
         }
-        let (code, m) = MCode::of(value)?;
+        let (code, m) = MCode::from_number(value)?;
         let word = Coded { value: (), code, span };
         let codes = &mut self.codes;
         match m {

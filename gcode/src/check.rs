@@ -34,7 +34,7 @@ pub fn check_on(
 ///
 /// `again` opens the text a second time. The lines are run, too, as far as the limits allow: what depends on the state
 /// (a feed that is missing, a radius that does not fit) is found at the first line that fails. A line whose form is
-/// wrong is told once. What is never run (behind M2, in subroutines that nobody calls) is not judged.
+/// wrong is told once. What is never run (behind M2, in subroutines without a call) is not judged.
 ///
 /// # Errors
 /// The text cannot be read.

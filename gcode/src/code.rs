@@ -365,6 +365,22 @@ const fn probe(towards: bool, must_trip: bool) -> GCode {
     GCode::Motion(Some(Motion::Probe(ProbeMode { towards, must_trip })))
 }
 
+const fn digital(on: bool, with_motion: bool) -> MCode {
+    MCode::InputOutput(InputOutput::Digital { on, with_motion })
+}
+
+/// G word of a plane.
+pub(crate) const fn plane_name(plane: Plane) -> &'static str {
+    match plane {
+        Plane::Xy => "G17",
+        Plane::Zx => "G18",
+        Plane::Yz => "G19",
+        Plane::Uv => "G17.1",
+        Plane::Wu => "G18.1",
+        Plane::Vw => "G19.1",
+    }
+}
+
 /// All G codes in ascending order of ten times their number.
 const G_CODES: &[(u16, GCode)] = &[
     (0, GCode::Motion(Some(Motion::Traverse))),
@@ -485,34 +501,10 @@ const M_CODES: &[(u16, MCode)] = &[
     (53, MCode::Override(Override::Hold)),
     (60, MCode::Stop(Stop::Pallet)),
     (61, MCode::Tool(ToolCode::SetNumber)),
-    (
-        62,
-        MCode::InputOutput(InputOutput::Digital {
-            on: true,
-            with_motion: true,
-        }),
-    ),
-    (
-        63,
-        MCode::InputOutput(InputOutput::Digital {
-            on: false,
-            with_motion: true,
-        }),
-    ),
-    (
-        64,
-        MCode::InputOutput(InputOutput::Digital {
-            on: true,
-            with_motion: false,
-        }),
-    ),
-    (
-        65,
-        MCode::InputOutput(InputOutput::Digital {
-            on: false,
-            with_motion: false,
-        }),
-    ),
+    (62, digital(true, true)),
+    (63, digital(false, true)),
+    (64, digital(true, false)),
+    (65, digital(false, false)),
     (66, MCode::InputOutput(InputOutput::Wait)),
     (67, MCode::InputOutput(InputOutput::Analog { with_motion: true })),
     (68, MCode::InputOutput(InputOutput::Analog { with_motion: false })),
@@ -525,11 +517,11 @@ const M_CODES: &[(u16, MCode)] = &[
 ];
 
 /// No G code has a number of this many tenths or more.
-const G_END: usize = 1000;
+const G_TENTHS_END: usize = 1000;
 
 /// Place in [`G_CODES`] by ten times the number; 255: no such code.
-static G_INDEX: [u8; G_END] = {
-    let mut index = [u8::MAX; G_END];
+static G_INDEX: [u8; G_TENTHS_END] = {
+    let mut index = [u8::MAX; G_TENTHS_END];
     let mut at = 0;
     while at < G_CODES.len() {
         index[G_CODES[at].0 as usize] = at as u8;
@@ -541,9 +533,9 @@ static G_INDEX: [u8; G_END] = {
 impl GCode {
     /// The code of a number, with ten times that number.
     #[inline]
-    pub(crate) fn of(number: f64) -> Result<(u16, GCode), ErrorKind> {
+    pub(crate) fn from_number(number: f64) -> Result<(u16, GCode), ErrorKind> {
         let tenths = number * 10.0;
-        if (-0.5..G_END as f64 - 0.5).contains(&tenths) {
+        if (-0.5..G_TENTHS_END as f64 - 0.5).contains(&tenths) {
             let code = (tenths + 0.5) as usize;
             let place = usize::from(G_INDEX[code]);
             if place < G_CODES.len() && (tenths - code as f64).abs() < 1e-3 {
@@ -559,7 +551,7 @@ impl GCode {
 
 impl MCode {
     /// The code of a number, with that number.
-    pub(crate) fn of(number: f64) -> Result<(u16, MCode), ErrorKind> {
+    pub(crate) fn from_number(number: f64) -> Result<(u16, MCode), ErrorKind> {
         match integer(number) {
             Some(code @ 100..=199) => Ok((code as u16, MCode::User(code as u8))),
             Some(code) if let Some(found) = M_CODES.iter().find(|(known, _)| i64::from(*known) == code) => Ok(*found),
@@ -627,13 +619,16 @@ mod tests {
     #[test]
     fn codes_are_found_by_number() {
         for (tenths, code) in G_CODES {
-            assert_eq!(GCode::of(f64::from(*tenths) / 10.0), Ok((*tenths, *code)));
+            assert_eq!(GCode::from_number(f64::from(*tenths) / 10.0), Ok((*tenths, *code)));
         }
         for (number, code) in M_CODES {
-            assert_eq!(MCode::of(f64::from(*number)), Ok((*number, *code)));
+            assert_eq!(MCode::from_number(f64::from(*number)), Ok((*number, *code)));
         }
-        assert_eq!(MCode::of(150.0), Ok((150, MCode::User(150))));
-        assert_eq!(GCode::of(0.00001), Ok((0, GCode::Motion(Some(Motion::Traverse)))));
+        assert_eq!(MCode::from_number(150.0), Ok((150, MCode::User(150))));
+        assert_eq!(
+            GCode::from_number(0.00001),
+            Ok((0, GCode::Motion(Some(Motion::Traverse))))
+        );
         assert_eq!(Motion::Thread.name(), "G76");
     }
 
@@ -641,7 +636,7 @@ mod tests {
     fn refusals_name_the_nearest_code() {
         let unknown_g = |number, nearest: &str| {
             let nearest = nearest.into();
-            assert_eq!(GCode::of(number), Err(ErrorKind::UnknownG { number, nearest }));
+            assert_eq!(GCode::from_number(number), Err(ErrorKind::UnknownG { number, nearest }));
         };
         unknown_g(22.0, "G21");
         unknown_g(38.6, "G38.5");
@@ -652,7 +647,7 @@ mod tests {
         unknown_g(1e9, "G10");
         let unknown_m = |number, nearest: &str| {
             let nearest = nearest.into();
-            assert_eq!(MCode::of(number), Err(ErrorKind::UnknownM { number, nearest }));
+            assert_eq!(MCode::from_number(number), Err(ErrorKind::UnknownM { number, nearest }));
         };
         unknown_m(3.5, "M3");
         unknown_m(200.0, "M199");

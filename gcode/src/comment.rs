@@ -41,9 +41,9 @@ pub(crate) enum CommentKind {
 /// What stands for a value that is not known or too long.
 const UNKNOWN: &str = "######";
 /// Values of as many characters and more are too long.
-const VALUE_MAX: usize = 30;
+const VALUE_CHARACTERS_MAX: usize = 30;
 /// Values nearer to zero are told as zero.
-const ZERO: f64 = 1e-4;
+const SHOWN_AS_ZERO_MAX: f64 = 1e-4;
 
 /// What a comment asks for, and the octets of `text` from which its own text begins.
 pub(crate) fn read(text: &[u8]) -> (CommentKind, usize) {
@@ -93,7 +93,7 @@ pub(crate) fn with_values(text: &[u8], values: &impl Values) -> String {
     let text = String::from_utf8_lossy(text);
     let mut rest = &*text;
     let mut decimals = 6;
-    let mut result = String::with_capacity(text.len() + VALUE_MAX);
+    let mut result = String::with_capacity(text.len() + VALUE_CHARACTERS_MAX);
     while let Some(at) = rest.find(['#', '%']) {
         result.push_str(&rest[..at]);
         rest = &rest[at..];
@@ -155,9 +155,9 @@ fn parameter<'t>(text: &'t str, values: &impl Values) -> Option<(Option<f64>, &'
 fn push_value(text: &mut String, value: Option<f64>, decimals: usize) {
     let start = text.len();
     if let Some(value) = value.filter(|value| value.is_finite()) {
-        let value = if value.abs() < ZERO { 0.0 } else { value };
+        let value = if value.abs() < SHOWN_AS_ZERO_MAX { 0.0 } else { value };
         let written = write!(text, "{value:.decimals$}");
-        if written.is_ok() && text.len() - start < VALUE_MAX {
+        if written.is_ok() && text.len() - start < VALUE_CHARACTERS_MAX {
             return;
         }
         text.truncate(start);

@@ -7,9 +7,9 @@
 //! An angle is reduced to -45..=45 degrees, which is exact, before it is turned into radians.
 
 /// π/180, as the sum of two numbers.
-const RADIANS: [f64; 2] = [0.017453292519943295, 2.9486522708701687e-19];
+const RADIANS_PER_DEGREE: [f64; 2] = [0.017453292519943295, 2.9486522708701687e-19];
 /// 1/π, as the sum of two numbers.
-const PER_PI: [f64; 2] = [std::f64::consts::FRAC_1_PI, -1.9678676675182486e-17];
+const ONE_OVER_PI: [f64; 2] = [std::f64::consts::FRAC_1_PI, -1.9678676675182486e-17];
 
 /// The sine of an angle.
 pub(crate) fn sin(degrees: f64) -> f64 {
@@ -68,8 +68,8 @@ fn reduce(degrees: f64) -> (u8, f64) {
 
 /// An angle in radians, and what its rounding left out.
 fn radians(degrees: f64) -> (f64, f64) {
-    let angle = degrees * RADIANS[0];
-    let error = degrees.mul_add(RADIANS[0], -angle) + degrees * RADIANS[1];
+    let angle = degrees * RADIANS_PER_DEGREE[0];
+    let error = degrees.mul_add(RADIANS_PER_DEGREE[0], -angle) + degrees * RADIANS_PER_DEGREE[1];
     (angle, error)
 }
 
@@ -87,7 +87,7 @@ fn cos_of_rest(rest: f64) -> f64 {
 fn in_degrees(radians: f64) -> f64 {
     // The product is rounded, so that the nearest number to π/3 is 60 degrees.
     let half_turns = radians * 180.0;
-    half_turns.mul_add(PER_PI[0], half_turns * PER_PI[1])
+    half_turns.mul_add(ONE_OVER_PI[0], half_turns * ONE_OVER_PI[1])
 }
 
 #[cfg(test)]

@@ -20,7 +20,7 @@ use crate::scan::{Cursor, Fault, Span};
 use std::borrow::Cow;
 
 /// Highest number of a parameter.
-pub(crate) const PARAMETER_MAX: u32 = 5601;
+pub(crate) const PARAMETER_MAX: u32 = crate::parameter::PARAMETER_MAX as u32;
 
 /// What the parameters hold.
 pub(crate) trait Values {
@@ -66,7 +66,7 @@ impl<'l> Cursor<'l> {
     pub(crate) fn value(&mut self, values: &impl Values) -> Result<f64, Fault> {
         // Nearly all values are plain numbers.
         let start = self.at;
-        let negative = self.take(b'-');
+        let negative = self.consume(b'-');
         if let Some(b'0'..=b'9' | b'.') = self.peek()
             && let Ok(number) = number::read(self.line, &mut self.at)
         {
@@ -108,7 +108,7 @@ impl<'l> Cursor<'l> {
                 None => Assigned::Unknown,
             }
         };
-        if !self.take(b'=') {
+        if !self.consume(b'=') {
             return Err((self.span_from(start), ErrorKind::AssignmentMissing));
         }
         Ok(target)
@@ -116,7 +116,7 @@ impl<'l> Cursor<'l> {
 
     /// Takes `<name>`: the name in lower case, without blanks.
     pub(crate) fn name(&mut self) -> Result<Cow<'l, str>, Fault> {
-        let opened = self.take(b'<');
+        let opened = self.consume(b'<');
         debug_assert!(opened);
         let start = self.at;
         let rest = &self.line[start..];
@@ -156,9 +156,9 @@ impl<'l> Cursor<'l> {
     fn operand(&mut self, values: &impl Values) -> Result<f64, Fault> {
         let mut negative = false;
         loop {
-            if self.take(b'-') {
+            if self.consume(b'-') {
                 negative = !negative;
-            } else if !self.take(b'+') {
+            } else if !self.consume(b'+') {
                 break;
             }
         }
@@ -229,7 +229,7 @@ impl<'l> Cursor<'l> {
             Some(b'A'..=b'Z') => {
                 let found = Operator::WORDS
                     .into_iter()
-                    .find(|operator| self.take_word(operator.name().as_bytes()));
+                    .find(|operator| self.consume_word(operator.name().as_bytes()));
                 return match found {
                     Some(operator) => Ok(Some(operator)),
                     None => Err(self.unknown_operator()),
@@ -297,7 +297,7 @@ impl<'l> Cursor<'l> {
     /// A function and its argument in brackets.
     fn function(&mut self, values: &impl Values) -> Result<f64, Fault> {
         let start = self.at;
-        let name = self.take_letters();
+        let name = self.consume_letters();
         let function = Function::ALL.into_iter().find(|function| function.name() == name);
         let name_span = self.span_from(start);
         if self.peek() != Some(b'[') {
@@ -327,7 +327,7 @@ impl<'l> Cursor<'l> {
             Function::Exists => self.exists(values, name_span),
             Function::Atan => {
                 let y = self.brackets(values)?;
-                if !self.take(b'/') || self.peek() != Some(b'[') {
+                if !self.consume(b'/') || self.peek() != Some(b'[') {
                     return Err((self.span_of(start, self.at), ErrorKind::AtanSlashMissing));
                 }
                 let x = self.brackets(values)?;
@@ -357,7 +357,7 @@ impl<'l> Cursor<'l> {
     /// `[#name]` behind EXISTS.
     fn exists(&mut self, values: &impl Values, name_span: Span) -> Result<f64, Fault> {
         self.at += 1;
-        if !self.take(b'#') {
+        if !self.consume(b'#') {
             return Err((name_span, ErrorKind::ExistsNeedsParameter));
         }
         let exists = if self.peek() == Some(b'<') {
@@ -373,7 +373,7 @@ impl<'l> Cursor<'l> {
                 None => f64::NAN,
             }
         };
-        if !self.take(b']') {
+        if !self.consume(b']') {
             return Err((name_span, ErrorKind::ExistsNeedsParameter));
         }
         Ok(exists)
@@ -391,14 +391,14 @@ impl<'l> Cursor<'l> {
                     self.skip_brackets();
                     // The second part of ATAN[y]/[x].
                     let behind = self.at;
-                    if !(self.take(b'/') && self.peek() == Some(b'[')) {
+                    if !(self.consume(b'/') && self.peek() == Some(b'[')) {
                         self.at = behind;
                         return;
                     }
                 }
                 b'A'..=b'Z' => {
                     let before = self.at;
-                    let letters = self.take_letters().len();
+                    let letters = self.consume_letters().len();
                     if letters == 1 || self.peek() != Some(b'[') {
                         self.at = before;
                         return;
@@ -485,7 +485,7 @@ impl<'l> Cursor<'l> {
         ];
         let start = self.at;
         for (sign, meant) in SIGNS {
-            if self.take_word(sign.as_bytes()) {
+            if self.consume_word(sign.as_bytes()) {
                 let kind = ErrorKind::UnknownOperator {
                     found: sign.into(),
                     nearest: Some(meant),
@@ -493,7 +493,7 @@ impl<'l> Cursor<'l> {
                 return (self.span_from(start), kind);
             }
         }
-        let found = self.take_letters();
+        let found = self.consume_letters();
         if found.is_empty() {
             self.at += 1;
             if !self.line[start].is_ascii() {

@@ -8,7 +8,7 @@
 
 use crate::error::ErrorKind;
 use crate::o_word::{Keyword, Label};
-use crate::parameter::ARGUMENTS;
+use crate::parameter::ARGUMENTS_MAX;
 use crate::remap::Rest;
 use crate::scan::Span;
 use motion::canon::Source;
@@ -20,7 +20,7 @@ pub(crate) const CALLS_MAX: usize = 9;
 /// Most subroutines that a program defines; one that defines them by computed numbers could go on for ever.
 pub(crate) const SUBROUTINES_MAX: usize = 100_000;
 
-/// Most labels of a level, and most ends of searches, that are remembered; then the memory of them begins anew.
+/// Most labels of a level, and most ends of searches, that are remembered; then they are forgotten and remembered from the start.
 pub(crate) const REMEMBERED_MAX: usize = 100_000;
 
 /// A place from which reading goes on.
@@ -74,7 +74,7 @@ pub(crate) struct Level {
     /// Where it goes on behind the return, and the line of the call.
     pub(crate) back: Option<Place>,
     /// #1 to #30 of the caller.
-    pub(crate) arguments: [f64; ARGUMENTS],
+    pub(crate) arguments: [f64; ARGUMENTS_MAX],
     pub(crate) blocks: Vec<Open>,
     /// Lines at which the labels of this level were seen to begin a block.
     labels: HashMap<Label, u32>,
@@ -100,7 +100,7 @@ impl Level {
         label: Option<Label>,
         kind: LevelKind,
         back: Option<Place>,
-        arguments: [f64; ARGUMENTS],
+        arguments: [f64; ARGUMENTS_MAX],
     ) -> Level {
         Level {
             label,

@@ -43,6 +43,9 @@ impl<R: Read + Seek> Lexer<R> {
     }
 
     /// The words of the next line; of a line that is too long those of its beginning. `None`: the text has ended.
+    ///
+    /// # Errors
+    /// The text cannot be read.
     #[inline]
     pub fn next_line(&mut self) -> io::Result<Option<Words<'_>>> {
         let line = self.text.next_line()?;

@@ -23,6 +23,7 @@
 //! assert_eq!(errors[0].to_string(), "1:1: G1 needs a feed: F is not set");
 //! ```
 
+#![warn(clippy::missing_errors_doc)]
 #![cfg_attr(
     test,
     allow(clippy::disallowed_methods, reason = "tests may use the PC's own functions")
@@ -32,7 +33,6 @@ mod block;
 mod check;
 mod code;
 mod comment;
-mod control;
 mod degrees;
 mod error;
 mod execute;
@@ -72,6 +72,6 @@ pub use located::Located;
 pub use machine::{Machine, NoMachine, Probed};
 pub use print::CanonPrinter;
 pub use resume::Resume;
-pub use scan::LINE_MAX;
+pub use scan::LINE_OCTETS_MAX;
 pub use settings::{CompensatedPath, Remap, Settings, Splines, ToolChangePlace};
 pub use tool_table::{POCKET_MAX, SetToolError, TOOLS_MAX, TableError, TableErrorKind, Tool, ToolChanger, ToolTable};

@@ -10,9 +10,9 @@ use motion::canon::{Input, Position, ProbeEnd, ProbeMode, WaitMode};
 pub struct Probed {
     /// Whether the contact changed, or why the move ended else.
     pub end: ProbeEnd,
-    /// Where it changed or, if it did not, where the move ended; work coordinates.
+    /// Where it changed or, if it did not, where the move ended; work coordinates, mm and degrees.
     pub at: Position,
-    /// Where the axes came to rest, work coordinates.
+    /// Where the axes came to rest, work coordinates, mm and degrees.
     pub rest: Position,
 }
 
@@ -46,12 +46,6 @@ pub trait Machine {
     fn place_after_tool_change(&mut self, before: Position, now: Position) -> Position {
         let _ = before;
         now
-    }
-
-    /// The value of a pin, for `#<_hal[pin]>`; `None`: there is no such pin.
-    fn pin(&mut self, name: &str) -> Option<f64> {
-        let _ = name;
-        None
     }
 }
 

@@ -8,7 +8,7 @@ use crate::code::integer_in;
 use crate::error::ErrorKind;
 use crate::expression::Values;
 use crate::near_miss::nearest;
-use crate::parameter::ARGUMENTS;
+use crate::parameter::ARGUMENTS_MAX;
 use crate::scan::{Cursor, Fault, Item, Span};
 use std::fmt;
 
@@ -83,7 +83,7 @@ impl Keyword {
     fn arguments(self) -> (usize, usize) {
         match self {
             Keyword::If | Keyword::ElseIf | Keyword::While | Keyword::Repeat => (1, 1),
-            Keyword::Call => (0, ARGUMENTS),
+            Keyword::Call => (0, ARGUMENTS_MAX),
             Keyword::Return | Keyword::EndSub => (0, 1),
             Keyword::Program
             | Keyword::Sub
@@ -105,7 +105,7 @@ pub(crate) struct OWord {
     pub(crate) keyword: Keyword,
     /// The whole line but comments.
     pub(crate) span: Span,
-    pub(crate) arguments: [f64; ARGUMENTS],
+    pub(crate) arguments: [f64; ARGUMENTS_MAX],
     pub(crate) argument_count: usize,
 }
 
@@ -148,7 +148,7 @@ pub(crate) fn head(cursor: &mut Cursor<'_>, values: &impl Values) -> Result<(Opt
     if !cursor.peek().is_some_and(|octet| octet.is_ascii_uppercase()) {
         return Ok((label, Keyword::Program));
     }
-    let word = cursor.take_letters();
+    let word = cursor.consume_letters();
     let found = Keyword::ALL.iter().find(|(_, name)| *name == word);
     match found {
         Some((keyword, _)) => Ok((label, *keyword)),
@@ -167,7 +167,7 @@ pub(crate) fn head(cursor: &mut Cursor<'_>, values: &impl Values) -> Result<(Opt
 pub(crate) fn read(mut cursor: Cursor<'_>, values: &impl Values) -> Result<Option<OWord>, Fault> {
     let start = cursor.at - 1;
     let (label, keyword) = head(&mut cursor, values)?;
-    let mut arguments = [0.0; ARGUMENTS];
+    let mut arguments = [0.0; ARGUMENTS_MAX];
     let mut argument_count = 0;
     let (least, most) = keyword.arguments();
     while let Some(octet @ (b'[' | b'(')) = cursor.peek() {

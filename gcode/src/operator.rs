@@ -7,7 +7,7 @@ use crate::degrees;
 use crate::error::ErrorKind;
 
 /// Numbers that differ by less are equal for `EQ`, `NE`, `GE` and `LE`, as in LinuxCNC; `GT` and `LT` compare exactly.
-const EQUAL: f64 = 1e-6;
+const EQUAL_DIFFERENCE_MAX: f64 = 1e-6;
 
 /// An operator between two values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -91,7 +91,7 @@ impl Operator {
                 f64::from(truth)
             }
         };
-        let equal = (left - right).abs() < EQUAL;
+        let equal = (left - right).abs() < EQUAL_DIFFERENCE_MAX;
         let result = match self {
             Operator::Divide | Operator::Modulo if right == 0.0 => return Err(ErrorKind::DivideByZero { operator }),
             Operator::Power if left == 0.0 && right < 0.0 => return Err(ErrorKind::DivideByZero { operator }),

@@ -7,7 +7,7 @@
 use crate::block::{Block, Remapped};
 use crate::error::ErrorKind;
 use crate::o_word::Label;
-use crate::parameter::ARGUMENTS;
+use crate::parameter::ARGUMENTS_MAX;
 use crate::scan::Fault;
 use crate::settings::Remap;
 use motion::canon::Source;
@@ -138,7 +138,7 @@ impl Entry {
                     }
                     block.remove(word);
                     if by_position {
-                        if arguments.count < ARGUMENTS {
+                        if arguments.count < ARGUMENTS_MAX {
                             arguments.numbered[arguments.count] = value.unwrap_or(-1.0);
                             arguments.count += 1;
                         }
@@ -157,7 +157,7 @@ impl Entry {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Arguments {
     /// #1, #2, ...
-    pub(crate) numbered: [f64; ARGUMENTS],
+    pub(crate) numbered: [f64; ARGUMENTS_MAX],
     count: usize,
     /// Small letter and value.
     pub(crate) named: Vec<(u8, f64)>,

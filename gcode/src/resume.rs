@@ -136,7 +136,7 @@ impl State {
             crate::code::FeedUnit::UnitsPerTurn => FeedMode::PerTurn { spindle: 0 },
             crate::code::FeedUnit::InverseTime | crate::code::FeedUnit::UnitsPerMinute => FeedMode::PerTime,
         }));
-        self.tell_feed(&mut calls);
+        self.push_feed(&mut calls);
         calls.push_back(Call::StraightTraverse { to: self.at });
         calls.into()
     }

@@ -13,9 +13,9 @@ use crate::octet::{is_blank, is_continuation, is_empty};
 pub(crate) const NUMBER_MAX: f64 = 1e9;
 
 /// Longest line, octets. LinuxCNC's limit; it also bounds the text kept for messages.
-pub const LINE_MAX: usize = 256;
+pub const LINE_OCTETS_MAX: usize = 256;
 
-/// Octets of a line, counted from its start; lines are short (see [`LINE_MAX`]).
+/// Octets of a line, counted from its start; lines are short (see [`LINE_OCTETS_MAX`]).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Span {
     pub(crate) start: u16,
@@ -23,9 +23,9 @@ pub(crate) struct Span {
 }
 
 impl Span {
-    /// `start` and `end` are at most [`LINE_MAX`].
+    /// `start` and `end` are at most [`LINE_OCTETS_MAX`].
     pub(crate) fn new(start: usize, end: usize) -> Span {
-        debug_assert!(start <= end && end <= LINE_MAX);
+        debug_assert!(start <= end && end <= LINE_OCTETS_MAX);
         Span {
             start: start as u16,
             end: end as u16,
@@ -38,7 +38,7 @@ impl Span {
     }
 
     /// The octets of `line` that the span covers.
-    pub(crate) fn of<'t>(&self, line: &'t [u8]) -> &'t [u8] {
+    pub(crate) fn slice<'t>(&self, line: &'t [u8]) -> &'t [u8] {
         &line[self.start as usize..self.end as usize]
     }
 }
@@ -72,9 +72,9 @@ pub(crate) struct Cursor<'l> {
 }
 
 impl<'l> Cursor<'l> {
-    /// `line` is at most [`LINE_MAX`] octets long.
+    /// `line` is at most [`LINE_OCTETS_MAX`] octets long.
     pub(crate) fn new(line: &'l [u8]) -> Cursor<'l> {
-        debug_assert!(line.len() <= LINE_MAX);
+        debug_assert!(line.len() <= LINE_OCTETS_MAX);
         Cursor { line, at: 0, start: 0 }
     }
 
@@ -92,16 +92,16 @@ impl<'l> Cursor<'l> {
 
     /// Takes the next octet that is no blank if it is `octet`, an upper case letter or a sign.
     #[inline]
-    pub(crate) fn take(&mut self, octet: u8) -> bool {
+    pub(crate) fn consume(&mut self, octet: u8) -> bool {
         let found = self.peek() == Some(octet);
         self.at += usize::from(found);
         found
     }
 
     /// Takes `word`, of upper case letters, if it stands here in any case and with any blanks.
-    pub(crate) fn take_word(&mut self, word: &[u8]) -> bool {
+    pub(crate) fn consume_word(&mut self, word: &[u8]) -> bool {
         let before = self.at;
-        let found = word.iter().all(|octet| self.take(*octet));
+        let found = word.iter().all(|octet| self.consume(*octet));
         if !found {
             self.at = before;
         }
@@ -109,7 +109,7 @@ impl<'l> Cursor<'l> {
     }
 
     /// The letters that stand here, in upper case, without the blanks between them. Takes them.
-    pub(crate) fn take_letters(&mut self) -> String {
+    pub(crate) fn consume_letters(&mut self) -> String {
         let mut letters = String::new();
         while let Some(letter @ b'A'..=b'Z') = self.peek() {
             letters.push(letter.into());
@@ -127,7 +127,7 @@ impl<'l> Cursor<'l> {
             .filter(|octet| octet.is_ascii_uppercase() && *octet != b'O')?;
         let start = self.at;
         self.at += 1;
-        let negative = self.take(b'-');
+        let negative = self.consume(b'-');
         if let Some(b'0'..=b'9' | b'.') = self.peek()
             && let Ok(number) = number::read(self.line, &mut self.at)
         {

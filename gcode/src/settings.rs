@@ -62,31 +62,31 @@ pub struct ToolChangePlace {
 /// What the machine remembers from before the program, and how it is set up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Where the axes stand, machine coordinates.
+    /// Where the axes stand, machine coordinates, mm and degrees.
     pub start: Position,
-    /// Origins of G54 (index 0) to G59.3 (index 8), machine coordinates.
+    /// Origins of G54 (index 0) to G59.3 (index 8), machine coordinates, mm and degrees.
     pub work_offsets: [Position; 9],
     /// R of the work systems: their rotation about Z, degrees.
     pub work_rotations_degrees: [f64; 9],
     /// Work system that is active at the start: 1 for G54 to 9 for G59.3; beyond, the nearest of them.
     pub work_system: u8,
-    /// Offset of G92 and G52.
+    /// Offset of G92 and G52, mm and degrees.
     pub g92_offset: Position,
     /// Whether that offset is in effect at the start.
     pub g92_active: bool,
     /// Path mode at the start.
     pub path_mode: PathMode,
-    /// Unit at the start.
+    /// Unit of lengths (G20, G21) at the start.
     pub length_unit: LengthUnit,
     /// Unit of the machine: that of stored parameters (#5161 to #5390).
     pub machine_unit: LengthUnit,
-    /// Stored point of G28, machine coordinates.
+    /// Stored point of G28, machine coordinates, mm and degrees.
     pub g28: Position,
-    /// Stored point of G30, machine coordinates.
+    /// Stored point of G30, machine coordinates, mm and degrees.
     pub g30: Position,
     /// Further parameters by number: what a parameter file holds. Numbers that have a field above are taken from there.
     pub parameters: BTreeMap<u16, f64>,
-    /// The tools.
+    /// Tool table at the start.
     pub tools: ToolTable,
     /// Number of the tool in the spindle, 0: none.
     pub tool_in_spindle: u32,
@@ -127,7 +127,7 @@ pub struct Settings {
     pub user_codes: Option<Vec<u8>>,
     /// Whether there are subprograms in Fanuc's style: a bare O-word, M98 and M99. Without them these words are errors.
     pub fanuc_subprograms: bool,
-    /// Whether M99 in the program itself begins it anew; else it ends it.
+    /// Whether M99 in the program itself runs it again from its start; else it ends it.
     pub repeats_by_m99: bool,
     /// Codes that call subroutines.
     pub remaps: Vec<Remap>,

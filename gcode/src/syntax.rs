@@ -13,7 +13,7 @@ use crate::expression::Values;
 use crate::o_word::{self, Keyword, Label, OWord};
 use crate::octet::{is_blank, is_empty};
 use crate::remap;
-use crate::scan::{Fault, LINE_MAX, Span};
+use crate::scan::{Fault, LINE_OCTETS_MAX, Span};
 use crate::text::Text;
 use motion::cancel::Cancel;
 use std::collections::{HashMap, HashSet};
@@ -85,7 +85,7 @@ impl Calls {
 /// Most calls that are told apart.
 const CALLS_MAX: usize = 100_000;
 /// Most mistakes that are kept of subroutines that may not be called, as a multiple of those that are told.
-const KEPT: usize = 10;
+const ERRORS_KEPT_PER_TOLD: usize = 10;
 
 /// A block of O-words that has been opened.
 struct Opened {
@@ -154,15 +154,18 @@ pub(crate) fn errors(
     let (mut any, mut percent) = (false, false);
     while !cancel.is_cancelled()
         && of_program < errors_max
-        && of_subroutines < KEPT * errors_max
+        && of_subroutines < ERRORS_KEPT_PER_TOLD * errors_max
         && let Some(line) = text.next_line()?
     {
         let octets = text.octets();
-        if line.length > LINE_MAX as u64 {
+        if line.length > LINE_OCTETS_MAX as u64 {
             let length = line.length as usize;
-            let kind = ErrorKind::LineTooLong { length, max: LINE_MAX };
+            let kind = ErrorKind::LineTooLong {
+                length,
+                max: LINE_OCTETS_MAX,
+            };
             if part.is_some() || !ended {
-                let error = Error::at("", line.number, octets, LINE_MAX - 1..LINE_MAX, kind);
+                let error = Error::at("", line.number, octets, LINE_OCTETS_MAX - 1..LINE_OCTETS_MAX, kind);
                 errors.push((part.clone(), error));
             }
             continue;

@@ -7,18 +7,18 @@
 //! more those around earlier places, so that neither a loop nor a call of a subroutine far away reads again. A line that
 //! is too long is read to its end but not kept.
 
-use crate::scan::LINE_MAX;
+use crate::scan::LINE_OCTETS_MAX;
 use std::io::{self, Read, Seek, SeekFrom};
 
 /// Of UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
 
 /// Octets of a window.
-const WINDOW: usize = 64 * 1024;
+const WINDOW_OCTETS: usize = 64 * 1024;
 /// What is read first at a new place, which may be left soon.
-const FIRST: usize = 8 * 1024;
+const FIRST_READ_OCTETS: usize = 8 * 1024;
 /// Windows kept beside the present one.
-const PARKED_MAX: usize = 7;
+const PARKED_WINDOWS_MAX: usize = 7;
 
 /// Where a line stands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -27,7 +27,7 @@ pub(crate) struct Line {
     pub(crate) offset: u64,
     /// Its number, counted from 1.
     pub(crate) number: u32,
-    /// Its octets, without the line end. When this is more than [`LINE_MAX`], only that many are kept.
+    /// Its octets, without the line end. When this is more than [`LINE_OCTETS_MAX`], only that many are kept.
     pub(crate) length: u64,
 }
 
@@ -90,12 +90,12 @@ pub(crate) struct Text<R> {
 impl<R: Read + Seek> Text<R> {
     /// Reads `source`, which must stand at its start.
     pub(crate) fn new(source: R) -> Text<R> {
-        Text::with_window(source, WINDOW)
+        Text::with_window(source, WINDOW_OCTETS)
     }
 
     /// Half of `size` is more than a line with its end.
     fn with_window(source: R, size: usize) -> Text<R> {
-        debug_assert!(size / 2 > LINE_MAX + 2);
+        debug_assert!(size / 2 > LINE_OCTETS_MAX + 2);
         Text {
             source,
             position: 0,
@@ -112,7 +112,7 @@ impl<R: Read + Seek> Text<R> {
     pub(crate) fn next_line(&mut self) -> io::Result<Option<Line>> {
         let start = self.at;
         if let Some(length) = line_feed(&self.window.buffer[start..self.window.filled]) {
-            return Ok(Some(self.take(start, length, 1)));
+            return Ok(Some(self.line_at(start, length, 1)));
         }
         self.next_line_beyond()
     }
@@ -124,14 +124,14 @@ impl<R: Read + Seek> Text<R> {
         let mut searched = self.at;
         loop {
             if let Some(length) = line_feed(&self.window.buffer[searched..self.window.filled]) {
-                return Ok(Some(self.take(self.at, searched + length - self.at, 1)));
+                return Ok(Some(self.line_at(self.at, searched + length - self.at, 1)));
             }
             let length = self.window.filled - self.at;
-            if length > LINE_MAX + 1 {
+            if length > LINE_OCTETS_MAX + 1 {
                 return self.too_long().map(Some);
             }
             if self.window.last {
-                return Ok((length > 0).then(|| self.take(self.at, length, 0)));
+                return Ok((length > 0).then(|| self.line_at(self.at, length, 0)));
             }
             if self.window.filled == self.window.buffer.len() {
                 self.make_room();
@@ -150,7 +150,7 @@ impl<R: Read + Seek> Text<R> {
         self.at -= dropped;
     }
 
-    /// Octets of the line that was taken last, at most [`LINE_MAX`].
+    /// Octets of the line that was taken last, at most [`LINE_OCTETS_MAX`].
     pub(crate) fn octets(&self) -> &[u8] {
         &self.window.buffer[self.line.clone()]
     }
@@ -179,7 +179,7 @@ impl<R: Read + Seek> Text<R> {
     /// A parked window that goes on at a new place: another one, or that which was left longest ago.
     #[cold]
     fn unused_window(&mut self, base: u64) -> usize {
-        if self.parked.len() < PARKED_MAX {
+        if self.parked.len() < PARKED_WINDOWS_MAX {
             self.parked.push(Window::new(self.window.buffer.len()));
         }
         let oldest = self.parked.iter().enumerate().min_by_key(|(_, window)| window.used);
@@ -189,7 +189,7 @@ impl<R: Read + Seek> Text<R> {
     }
 
     /// The line of `length` octets at `start` of the buffer, followed by a line end of `end` octets.
-    fn take(&mut self, mut start: usize, mut length: usize, end: usize) -> Line {
+    fn line_at(&mut self, mut start: usize, mut length: usize, end: usize) -> Line {
         self.at = start + length + end;
         // Some editors begin a text with a mark of its encoding.
         if self.window.base + start as u64 == 0 && self.window.buffer[..length].starts_with(BYTE_ORDER_MARK) {
@@ -200,7 +200,7 @@ impl<R: Read + Seek> Text<R> {
             [.., b'\r'] => length - 1,
             _ => length,
         };
-        self.line = start..start + length.min(LINE_MAX);
+        self.line = start..start + length.min(LINE_OCTETS_MAX);
         Line {
             offset: self.window.base + start as u64,
             number: self.number,
@@ -228,7 +228,7 @@ impl<R: Read + Seek> Text<R> {
                 continue;
             }
             // What is kept stays in the buffer until the next line is read.
-            self.line = self.at..self.at + LINE_MAX;
+            self.line = self.at..self.at + LINE_OCTETS_MAX;
             self.window
                 .reset(self.position - (count - found.map_or(count, |at| at + 1)) as u64);
             self.at = 0;
@@ -255,7 +255,11 @@ impl<R: Read + Seek> Text<R> {
         self.go_behind_window()?;
         let window = &mut self.window;
         let size = window.buffer.len();
-        let end = if window.filled == 0 { FIRST.min(size) } else { size };
+        let end = if window.filled == 0 {
+            FIRST_READ_OCTETS.min(size)
+        } else {
+            size
+        };
         let count = read(&mut self.source, &mut window.buffer[window.filled..end])?;
         window.filled += count;
         window.last = count == 0;
@@ -336,9 +340,9 @@ mod tests {
             told,
             [
                 (0, 1, 2, 2),
-                (3, 2, 100_000, LINE_MAX),
+                (3, 2, 100_000, LINE_OCTETS_MAX),
                 (100_005, 3, 2, 2),
-                (100_008, 4, 100_000, LINE_MAX)
+                (100_008, 4, 100_000, LINE_OCTETS_MAX)
             ]
         );
     }
@@ -414,7 +418,7 @@ mod tests {
             for (index, piece) in octets.split_inclusive(|octet| *octet == b'\n').enumerate() {
                 let line = piece.strip_suffix(b"\n").unwrap_or(piece);
                 let line = line.strip_suffix(b"\r").unwrap_or(line);
-                let kept = line[..line.len().min(LINE_MAX)].to_vec();
+                let kept = line[..line.len().min(LINE_OCTETS_MAX)].to_vec();
                 expected.push((offset, index as u32 + 1, line.len() as u64, kept));
                 offset += piece.len() as u64;
             }

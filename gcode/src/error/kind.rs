@@ -13,7 +13,7 @@ pub enum ErrorKind {
     LineTooLong {
         /// Octets of the line.
         length: usize,
-        /// The limit.
+        /// Greatest value allowed.
         max: usize,
     },
     /// A character that has no meaning outside comments.
@@ -34,18 +34,12 @@ pub enum ErrorKind {
     /// `N` not at the start of the line.
     #[error("N must come before all other words of a line, once")]
     MisplacedLineNumber,
-    /// A letter without number.
-    #[error("{letter} needs a number behind it")]
-    NumberMissing {
-        /// Letter of the word.
-        letter: char,
-    },
     /// Beyond any machine.
     #[error("number of {letter} is too large: at most {max}")]
     NumberTooLarge {
         /// Letter of the word.
         letter: char,
-        /// The limit.
+        /// Greatest value allowed.
         max: f64,
     },
     /// Nothing that has a value behind a letter, sign or operator.
@@ -141,7 +135,7 @@ pub enum ErrorKind {
     ParameterIndexRange {
         /// The number that came.
         index: f64,
-        /// The limit.
+        /// Greatest value allowed.
         max: u32,
     },
     /// A parameter that may not be read in the present state.
@@ -166,7 +160,7 @@ pub enum ErrorKind {
     Negative {
         /// Letter of the word.
         letter: char,
-        /// Its number.
+        /// Number of the word as programmed.
         value: f64,
     },
     /// A number that must be an integer.
@@ -174,7 +168,7 @@ pub enum ErrorKind {
     NotInteger {
         /// Letter of the word.
         letter: char,
-        /// Its number.
+        /// Number of the word as programmed.
         value: f64,
     },
     /// The same letter twice.
@@ -221,7 +215,7 @@ pub enum ErrorKind {
         letter: char,
         /// The number that came.
         value: f64,
-        /// The limit.
+        /// Greatest value allowed.
         max: u8,
     },
     /// M66 without an input.
@@ -256,13 +250,13 @@ pub enum ErrorKind {
     /// M19 with an angle beyond a turn.
     #[error("R{degrees} is no angle of M19: from 0 to 360 degrees")]
     OrientAngle {
-        /// As programmed.
+        /// Angle as programmed, degrees.
         degrees: f64,
     },
     /// G95 with a spindle that has no speed.
     #[error("{motion} in G95 feeds per turn of spindle {spindle}, whose speed is 0: set S")]
     FeedWithoutTurns {
-        /// As programmed.
+        /// Motion code as programmed.
         motion: String,
         /// Number of the spindle.
         spindle: u8,
@@ -352,7 +346,7 @@ pub enum ErrorKind {
     /// A code without the axis words it needs.
     #[error("{code} needs at least one axis word")]
     AxisMissing {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
     },
     /// M98 without P.
@@ -363,7 +357,7 @@ pub enum ErrorKind {
     NoSuchSpindle {
         /// The number that came.
         number: f64,
-        /// The limit.
+        /// Greatest value allowed.
         last: u8,
     },
     /// P of M19.
@@ -375,7 +369,7 @@ pub enum ErrorKind {
     /// A tool that is not in the table.
     #[error("tool {number} is not in the tool table: add it there, or call one that is")]
     NoSuchTool {
-        /// Its number.
+        /// Number of the word as programmed.
         number: f64,
     },
     /// M61 without Q.
@@ -397,7 +391,7 @@ pub enum ErrorKind {
     /// Machine coordinates under G43.4.
     #[error("{code} goes to a place of the machine's joints, which axes do not name under G43.4: write G49 before it")]
     MachineUnderToolCentrePoint {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
     },
     /// G43.2 with H and axis words.
@@ -478,7 +472,7 @@ pub enum ErrorKind {
     /// `@` or `^` where nothing moves.
     #[error("polar coordinates (@, ^) are for motion only: write X and Y with {code}")]
     PolarWithoutMotion {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
     },
     /// `@` or `^` with X or Y.
@@ -531,7 +525,7 @@ pub enum ErrorKind {
     /// G41.1 or G42.1 without D.
     #[error("{code} needs D, the diameter of the tool")]
     DiameterMissing {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
     },
     /// The orientation of a lathe tool.
@@ -547,7 +541,7 @@ pub enum ErrorKind {
         "{code} with a turning tool works in the ZX plane only: write G18 before it, or give the tool orientation 0 (a mill)"
     )]
     TurningToolPlane {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
     },
     /// The path of the tool's centre cannot be made.
@@ -581,7 +575,7 @@ pub enum ErrorKind {
     TooManyArguments {
         /// The O-word.
         keyword: String,
-        /// The limit.
+        /// Greatest value allowed.
         most: usize,
     },
     /// A condition or count is missing.
@@ -640,21 +634,21 @@ pub enum ErrorKind {
     /// A remapped code without a word that its subroutine needs.
     #[error("{code} needs {letter}, a parameter of its subroutine")]
     RemapWordMissing {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
-        /// The letter.
+        /// Letter of the word.
         letter: char,
     },
     /// A remapped code that demands a feed.
     #[error("{code} needs a feed: write F before it")]
     RemapNeedsFeed {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
     },
     /// A remapped code that demands a spindle speed.
     #[error("{code} needs a spindle speed: write S before it")]
     RemapNeedsSpeed {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
     },
     /// A start at a line that is not run.
@@ -696,7 +690,7 @@ pub enum ErrorKind {
     /// More definitions than are remembered.
     #[error("more than {max} subroutines: a number computed for each new definition needs another way")]
     TooManySubroutines {
-        /// The limit.
+        /// Greatest value allowed.
         max: usize,
     },
     /// Too many subroutine calls within each other.
@@ -706,7 +700,7 @@ pub enum ErrorKind {
         label: String,
         /// How deep it would be.
         depth: usize,
-        /// The limit.
+        /// Greatest value allowed.
         depth_max: usize,
     },
     /// A return in the main program.
@@ -783,7 +777,7 @@ pub enum ErrorKind {
     /// A centre letter of another plane.
     #[error("{letter} is no centre offset of the plane {plane}: it takes {offsets}")]
     ArcOffsetOfOtherPlane {
-        /// The letter.
+        /// Letter of the word.
         letter: char,
         /// G17, G18 or G19.
         plane: &'static str,
@@ -799,7 +793,7 @@ pub enum ErrorKind {
     /// One absolute centre coordinate only.
     #[error("absolute arc centres (G90.1) need both coordinates: {missing} is missing")]
     ArcAbsoluteCentreIncomplete {
-        /// The missing letter.
+        /// Letter of the word that is missing.
         missing: char,
     },
     /// R form without end point.
@@ -842,7 +836,7 @@ pub enum ErrorKind {
         tolerance: f64,
         /// Where the centre lies, on the axes of the plane, program units.
         centre: [f64; 2],
-        /// Where the end lies.
+        /// Where the end lies, on the axes of the plane, program units.
         end_at: [f64; 2],
     },
     /// P of an arc.
@@ -850,19 +844,19 @@ pub enum ErrorKind {
     ArcTurns {
         /// Number of P.
         value: f64,
-        /// The limit.
+        /// Greatest value allowed.
         max: i32,
     },
     /// A canned cycle that does not know where to begin.
     #[error("{cycle} needs R, the level at which feeding begins: no {cycle} is active whose R would still hold")]
     CycleRMissing {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         cycle: String,
     },
     /// A canned cycle that does not know how deep to go.
     #[error("{cycle} needs {axis}, the depth of the hole: no {cycle} is active whose {axis} would still hold")]
     CycleDepthMissing {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         cycle: String,
         /// Axis of the hole.
         axis: char,
@@ -880,7 +874,7 @@ pub enum ErrorKind {
     /// A word that a canned cycle or a thread needs.
     #[error("{code} needs {letter}, {meaning}")]
     CycleWordMissing {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
         /// Letter of the word.
         letter: char,
@@ -890,25 +884,25 @@ pub enum ErrorKind {
     /// Q of G73 and G83.
     #[error("{cycle} needs Q above 0, the depth of one peck: it is {value}")]
     CyclePeck {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         cycle: String,
-        /// Its number.
+        /// Number of the word as programmed.
         value: f64,
     },
-    /// L0
+    /// L0: no hole at all.
     #[error("L0 asks {cycle} for no hole at all: L is how many holes in a row, 1 or more")]
     CycleRepeats {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         cycle: String,
     },
     /// Words that would make endless lists of moves.
     #[error("{code} would go into the work {count:.0} times on this line: at most {max} are allowed{}", cycle_hint(.code))]
     CycleTooLong {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
         /// How often.
         count: f64,
-        /// The limit.
+        /// Greatest value allowed.
         max: u32,
     },
     /// A rotary axis in a canned cycle or G76.
@@ -916,7 +910,7 @@ pub enum ErrorKind {
     CycleRotary {
         /// Letter of the axis.
         letter: char,
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
     },
     /// An axis that the plane does not know.
@@ -924,35 +918,35 @@ pub enum ErrorKind {
     CycleAxisOfOtherPlane {
         /// Letter of the axis.
         letter: char,
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
-        /// G17 to G19.1.
-        plane: &'static str,
+        /// Its axes and its code: `XY (G17)`.
+        plane: String,
         /// First, second and normal axis.
         axes: String,
     },
     /// `@` or `^` with a cycle outside XY.
     #[error("polar coordinates (@, ^) tell X and Y, so {code} takes them in the plane XY (G17) only")]
     CyclePolar {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
     },
     /// A cycle in G93.
     #[error("{cycle} is many moves, for which one time (G93) cannot do: write G94 and F")]
     CycleInverseTime {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         cycle: String,
     },
     /// A cycle or thread with cutter compensation.
     #[error("{code} cannot be run while cutter compensation is on: write G40 first")]
     CycleCompensated {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
     },
     /// A code that needs a turning spindle.
     #[error("{code} needs spindle {spindle} to turn: write {start} and S first")]
     SpindleAtRest {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
         /// Number of the spindle.
         spindle: u8,
@@ -962,7 +956,7 @@ pub enum ErrorKind {
     /// G74 and G84 with the spindle turning the other way.
     #[error("{code} needs a spindle that turns {needed}, and it turns the other way: {other} taps so")]
     SpindleDirection {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
         /// Direction and its M code.
         needed: &'static str,
@@ -974,27 +968,27 @@ pub enum ErrorKind {
     OneSpindle {
         /// The number that came.
         number: f64,
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
-        /// The limit.
+        /// Greatest value allowed.
         last: u8,
     },
     /// F with a move whose speed is the spindle's.
     #[error("{code} goes as fast as the spindle turns, so F has no use on its line")]
     ThreadWithFeed {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
     },
     /// A pitch of 0, or below 0 where the direction is told by something else.
     #[error("{code} needs a pitch {rule}: {letter} is the way per turn, and it is {value}")]
     ThreadPitch {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
         /// K or P.
         letter: char,
         /// What it must be.
         rule: &'static str,
-        /// Its number.
+        /// Number of the word as programmed.
         value: f64,
     },
     /// I of G76.
@@ -1003,7 +997,7 @@ pub enum ErrorKind {
     /// J of G76.
     #[error("J of G76 is the depth of the first cut: above 0, and it is {value}")]
     ThreadFirstCut {
-        /// Its number.
+        /// Number of the word as programmed.
         value: f64,
     },
     /// K of G76.
@@ -1019,13 +1013,13 @@ pub enum ErrorKind {
     /// L of G76.
     #[error("L{value} of G76 is no taper: 0 none, 1 at the entry, 2 at the exit, 3 at both")]
     ThreadTaper {
-        /// Its number.
+        /// Number of the word as programmed.
         value: f64,
     },
     /// Q of G76.
     #[error("Q{value} of G76 is the angle of the compound slide: between -90 and 90 degrees, usually 29, 29.5 or 30")]
     ThreadAngle {
-        /// Its number.
+        /// Number of the word as programmed.
         value: f64,
     },
     /// The text ends too early.

@@ -3,18 +3,18 @@
 /// Why a probing move (G38.2 to G38.5) cannot be run, or failed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ProbeError {
-    /// Nowhere to go.
+    /// A probing move whose end is its start.
     #[error("the probing move ends where it begins: its end must be another place")]
     Nowhere,
-    /// With G93.
+    /// A probing move with a time for its whole way (G93).
     #[error(
         "a probing move may end anywhere on its way, so it takes no time for the whole of it (G93): write G94 and F"
     )]
     InverseTime,
-    /// With G95.
+    /// A probing move with a feed per turn (G95).
     #[error("a probing move has a speed of its own, not one per turn of the spindle (G95): write G94 and F")]
     PerTurn,
-    /// With cutter compensation.
+    /// A probing move while cutter compensation is on.
     #[error("a probing move while cutter compensation is on would touch beside the point: write G40 first")]
     Compensated,
     /// G38.2: nothing was touched.

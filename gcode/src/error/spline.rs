@@ -18,7 +18,7 @@ pub enum SplineError {
     /// A word of another axis.
     #[error("{letter} cannot move along a curve, which takes {first} and {second} only: move it on a line of its own")]
     OtherAxis {
-        /// The letter.
+        /// Letter of the word.
         letter: char,
         /// First axis of the plane.
         first: char,
@@ -30,13 +30,13 @@ pub enum SplineError {
     FirstPoint {
         /// G5 or G5.1.
         code: &'static str,
-        /// The missing letter.
+        /// Letter of the word that is missing.
         missing: char,
     },
     /// One of P and Q, or none.
     #[error("G5 needs P and Q, the way from the end to the last control point: {missing} is missing")]
     LastPoint {
-        /// The missing letter.
+        /// Letter of the word that is missing.
         missing: char,
     },
     /// One axis of the plane alone.
@@ -44,7 +44,7 @@ pub enum SplineError {
     PointIncomplete {
         /// G5.2 or G6.2.
         code: &'static str,
-        /// The missing letter.
+        /// Letter of the word that is missing.
         missing: char,
     },
     /// P alone, behind the first line.
@@ -78,13 +78,13 @@ pub enum SplineError {
     /// A curve without end.
     #[error("a curve has {max} control points at most: close it with G5.3 and begin another one at its end")]
     TooManyPoints {
-        /// The limit.
+        /// Greatest value allowed.
         max: usize,
     },
     /// A curve that arcs cannot follow.
     #[error("the curve would take more than {max} arcs to follow: is one of its control points far off?")]
     TooManyPieces {
-        /// The limit.
+        /// Greatest value allowed.
         max: usize,
     },
     /// G5.3 alone.
@@ -117,7 +117,7 @@ pub enum SplineError {
         /// The number that came.
         value: f64,
     },
-    /// No K.
+    /// A knot (G6.2) without K, its value.
     #[error("G6.2 needs K, a knot, on each line")]
     KnotMissing,
     /// K below the one before.
@@ -125,7 +125,7 @@ pub enum SplineError {
     KnotFalls {
         /// The number that came.
         value: f64,
-        /// The one before.
+        /// Value of the knot before it.
         before: f64,
     },
     /// A control point behind a line with K alone.
@@ -137,17 +137,17 @@ pub enum SplineError {
          or more, and behind them {order} lines with K alone"
     )]
     KnotCount {
-        /// Control points.
+        /// Number of control points.
         points: usize,
-        /// Knots.
+        /// Number of knots.
         knots: usize,
-        /// P.
+        /// Number of the P word.
         order: u32,
     },
     /// Knots with which the curve does not begin at its first point, or is torn.
     #[error("the first knot must come {order} times, as the last one does, and no other one so often")]
     KnotEnds {
-        /// P.
+        /// Number of the P word.
         order: u32,
     },
     /// Something else before the last knot.
@@ -158,7 +158,7 @@ pub enum SplineError {
     KnotsMissing {
         /// Points so far.
         points: usize,
-        /// P.
+        /// Number of the P word.
         order: u32,
     },
     /// G5.3 with axis words.

@@ -6,7 +6,7 @@ pub enum TurningError {
     /// Not in G18.
     #[error("{code} turns in the ZX plane, and {plane} is active: write G18 before")]
     Plane {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
         /// The plane in force.
         plane: &'static str,
@@ -14,19 +14,19 @@ pub enum TurningError {
     /// With cutter compensation.
     #[error("{code} cuts along Z or X, not beside a contour (cutter compensation): write G40 before")]
     Compensated {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
     },
     /// With G93.
     #[error("{code} makes many moves, which cannot all take the time of one F (G93): write G94 before")]
     InverseTime {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
     },
     /// No Q.
     #[error("{code} needs Q, the number of the subroutine with the profile: G71 Q100 runs o100 sub")]
     ProfileMissing {
-        /// The code.
+        /// The code as programmed, such as `G83`.
         code: String,
     },
     /// Q that is no number of a subroutine.
@@ -52,13 +52,13 @@ pub enum TurningError {
     Passes {
         /// The number that came.
         value: f64,
-        /// The limit.
+        /// Greatest value allowed.
         max: u32,
     },
     /// A word of another axis with the cycle or in the profile.
     #[error("{letter} has no place here: a lathe cycle moves X and Z")]
     OtherAxis {
-        /// The letter.
+        /// Letter of the word.
         letter: char,
     },
     /// Something else in a profile.
@@ -85,7 +85,7 @@ pub enum TurningError {
         /// X or Z.
         axis: char,
     },
-    /// A and C.
+    /// A corner that is rounded (A) and cut (C).
     #[error("A rounds the corner behind a move and C cuts it: write one of them")]
     TwoCorners,
     /// A corner that does not fit.
@@ -109,7 +109,7 @@ pub enum TurningError {
     /// A profile without end.
     #[error("a profile has {max} moves at most")]
     TooLong {
-        /// The limit.
+        /// Greatest value allowed.
         max: usize,
     },
     /// A profile that turns back.
@@ -134,7 +134,7 @@ pub enum TurningError {
     /// Too many cuts.
     #[error("roughing would take more than {max} cuts: a greater I makes fewer")]
     TooManyCuts {
-        /// The limit.
+        /// Greatest value allowed.
         max: usize,
     },
 }

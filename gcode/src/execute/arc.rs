@@ -3,7 +3,7 @@
 use super::circle;
 use super::feed::PathLength;
 use crate::block::{Block, letters};
-use crate::code::{Distance, Motion};
+use crate::code::{Distance, Motion, plane_name};
 use crate::error::ErrorKind;
 use crate::scan::Fault;
 use crate::state::{Calls, State};
@@ -11,7 +11,6 @@ use motion::canon::{Call, Plane, Position};
 
 /// Names of the words of an arc in a plane.
 pub(super) struct ArcWords {
-    pub(super) plane: &'static str,
     /// Centre letters of the first and second axis.
     pub(super) offsets: [u8; 2],
     /// Centre letter of the normal.
@@ -21,17 +20,16 @@ pub(super) struct ArcWords {
 }
 
 impl ArcWords {
-    pub(super) fn of(plane: Plane) -> ArcWords {
-        let (plane, offsets, other, offset_names, axis_names) = match plane {
-            Plane::Xy => ("G17", *b"IJ", b'K', "I, J", "X and Y"),
-            Plane::Zx => ("G18", *b"KI", b'J', "I, K", "X and Z"),
-            Plane::Yz => ("G19", *b"JK", b'I', "J, K", "Y and Z"),
-            Plane::Uv => ("G17.1", *b"IJ", b'K', "I, J", "U and V"),
-            Plane::Wu => ("G18.1", *b"KI", b'J', "I, K", "U and W"),
-            Plane::Vw => ("G19.1", *b"JK", b'I', "J, K", "V and W"),
+    pub(super) fn in_plane(plane: Plane) -> ArcWords {
+        let (offsets, other, offset_names, axis_names) = match plane {
+            Plane::Xy => (*b"IJ", b'K', "I, J", "X and Y"),
+            Plane::Zx => (*b"KI", b'J', "I, K", "X and Z"),
+            Plane::Yz => (*b"JK", b'I', "J, K", "Y and Z"),
+            Plane::Uv => (*b"IJ", b'K', "I, J", "U and V"),
+            Plane::Wu => (*b"KI", b'J', "I, K", "U and W"),
+            Plane::Vw => (*b"JK", b'I', "J, K", "V and W"),
         };
         ArcWords {
-            plane,
             offsets,
             other,
             offset_names,
@@ -43,7 +41,7 @@ impl ArcWords {
 impl State {
     pub(super) fn arc(&mut self, motion: Motion, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
         let plane = self.modal.plane;
-        let name = ArcWords::of(plane).plane;
+        let name = plane_name(plane);
         if matches!(plane, Plane::Uv | Plane::Wu | Plane::Vw) {
             return Err((block.motion_span(), ErrorKind::ArcPlane { plane: name }));
         }
@@ -73,7 +71,7 @@ impl State {
     /// them by rounding only, so that a full circle stays one.
     fn arc_to(&self, motion: Motion, block: &Block, to: &mut Position) -> Result<circle::Arc, Fault> {
         let plane = self.modal.plane;
-        let words = ArcWords::of(plane);
+        let words = ArcWords::in_plane(plane);
         let unit = self.modal.unit;
         let count = match block.word_value(b'P') {
             Some(p) => circle::turns_of(p).map_err(|kind| (block.span(b'P'), kind))?,
@@ -83,7 +81,7 @@ impl State {
         if block.word_value(words.other).is_some() {
             let kind = ErrorKind::ArcOffsetOfOtherPlane {
                 letter: words.other.into(),
-                plane: words.plane,
+                plane: plane_name(plane),
                 offsets: words.offset_names,
             };
             return Err((block.span(words.other), kind));

@@ -68,7 +68,7 @@ impl State {
             self.feed_cleared |= self.modal.feed > 0.0;
             self.modal.feed = 0.0;
             self.feed_zero_line = None;
-            self.tell_feed(calls);
+            self.push_feed(calls);
         }
     }
 
@@ -79,12 +79,12 @@ impl State {
             FeedUnit::UnitsPerMinute | FeedUnit::UnitsPerTurn => {
                 self.modal.feed = number;
                 self.feed_zero_line = (number == 0.0).then_some(self.line);
-                self.tell_feed(calls);
+                self.push_feed(calls);
             }
         }
     }
 
-    pub(crate) fn tell_feed(&self, calls: &mut Calls) {
+    pub(crate) fn push_feed(&self, calls: &mut Calls) {
         let per = match self.modal.feed_unit {
             FeedUnit::UnitsPerTurn => 1.0,
             FeedUnit::UnitsPerMinute | FeedUnit::InverseTime => 60.0,
@@ -165,6 +165,6 @@ impl State {
         self.modal.feed_unit = FeedUnit::UnitsPerMinute;
         self.modal.feed = 0.0;
         calls.push_back(Call::SetFeedMode(FeedMode::PerTime));
-        self.tell_feed(calls);
+        self.push_feed(calls);
     }
 }

@@ -181,12 +181,12 @@ impl State {
         if let Some(remark) = block.remark {
             self.remark(remark, line, calls)?;
         }
-        self.gather(block)?;
+        self.read_profile_block(block)?;
         Ok(Flow::On)
     }
 
     /// What a listener must know before the first block.
-    pub(crate) fn start(&self, calls: &mut Calls) {
+    pub(crate) fn push_initial_calls(&self, calls: &mut Calls) {
         calls.extend([
             Call::UseLengthUnit(self.modal.unit),
             self.g5x_call(),
@@ -199,7 +199,7 @@ impl State {
     }
 
     /// Asks the machine what the calls of the last line were to find out.
-    pub(crate) fn settle(&mut self, machine: &mut dyn Machine) -> Result<(), ErrorKind> {
+    pub(crate) fn ask_machine(&mut self, machine: &mut dyn Machine) -> Result<(), ErrorKind> {
         let Some(question) = self.question.take() else {
             return Ok(());
         };

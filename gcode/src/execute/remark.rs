@@ -15,7 +15,7 @@ impl State {
         let Remark::Parentheses(span) = remark else {
             return Ok(()); // a remark behind a semicolon is for the reader of the text only
         };
-        let text = span.of(line);
+        let text = span.slice(line);
         let (kind, start) = comment::read(text);
         let own = &text[start..];
         if text.is_empty() {

@@ -96,7 +96,7 @@ impl State {
         if feed != was.feed || feed != self.modal.feed {
             self.modal.feed = feed;
             if feed_unit != FeedUnit::InverseTime {
-                self.tell_feed(calls);
+                self.push_feed(calls);
             }
         }
         self.restore_spindles(&saved.modal, &was, calls);

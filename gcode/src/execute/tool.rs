@@ -6,7 +6,7 @@ use crate::error::ErrorKind;
 use crate::scan::{Fault, Span};
 use crate::state::{Calls, Offsets, Question, State, plus, turned};
 use crate::{SetToolError, Tool, ToolChanger};
-use motion::canon::{Axis, Call, Position, ToolEntry};
+use motion::canon::{Axis, Call, Position};
 
 impl State {
     pub(super) fn select_tool(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
@@ -288,7 +288,7 @@ impl State {
             .set(tool.clone())
             .map_err(|error| (letter_of(&error, block).unwrap_or(span), ErrorKind::ToolNotSet(error)))?;
         let line = self.tools.line_of(tool.number);
-        let entry = |line| Call::SetToolEntry(entry(&tool, line));
+        let entry = |line| Call::SetToolEntry(tool.entry(line));
         calls.push_back(entry(line.unwrap_or(0)));
         if line == self.tools.line {
             calls.push_back(entry(0));
@@ -356,17 +356,5 @@ fn letter_of(error: &SetToolError, block: &Block) -> Option<Span> {
             block.word_value(letter).map(|_| block.span(letter))
         }
         SetToolError::Full | SetToolError::PocketTaken { .. } => None,
-    }
-}
-
-fn entry(tool: &Tool, line: u32) -> ToolEntry {
-    ToolEntry {
-        tool: tool.number,
-        pocket: line,
-        offset: tool.offset,
-        diameter_mm: tool.diameter_mm,
-        front_angle_degrees: tool.front_angle_deg,
-        back_angle_degrees: tool.back_angle_deg,
-        orientation: tool.orientation,
     }
 }

@@ -53,7 +53,7 @@ fn refused(text: &str) -> (String, String, String) {
     let mut cursor = Cursor::new(line.as_bytes());
     assert_eq!(cursor.item(), Some(Ok(Item::Letter(b'X'))));
     let (span, kind) = cursor.value(&Known).expect_err(text);
-    let marked = String::from_utf8_lossy(span.of(line.as_bytes())).into_owned();
+    let marked = String::from_utf8_lossy(span.slice(line.as_bytes())).into_owned();
     (kind.to_string(), marked, line[cursor.at..].trim_start().to_string())
 }
 
@@ -333,7 +333,7 @@ fn left_side_of_an_assignment() {
         let mut cursor = Cursor::new(line.as_bytes());
         assert_eq!(cursor.item(), Some(Ok(Item::Parameter)));
         let target = cursor.parameter_target(&Known).map_err(|(span, kind)| {
-            let marked = String::from_utf8_lossy(span.of(line.as_bytes())).into_owned();
+            let marked = String::from_utf8_lossy(span.slice(line.as_bytes())).into_owned();
             (marked, kind.to_string())
         });
         let target = target.map(|target| match target {
@@ -403,7 +403,7 @@ fn bracketed() -> impl Strategy<Value = (String, f64)> {
 proptest! {
     #[test]
     fn brackets_fix_the_order((text, expected) in bracketed()) {
-        prop_assume!(text.len() <= crate::LINE_MAX);
+        prop_assume!(text.len() <= crate::LINE_OCTETS_MAX);
         prop_assert_eq!(number(&text), expected);
     }
 
@@ -411,12 +411,12 @@ proptest! {
     fn any_octets_are_read_without_panic(
         line in prop::collection::vec(
             prop_oneof![any::<u8>(), prop::sample::select(b"[]#<>+-*/.0123456789 SINATANEXISTSMODa".to_vec())],
-            0..crate::LINE_MAX,
+            0..crate::LINE_OCTETS_MAX,
         ),
         assignment in any::<bool>(),
     ) {
         let mut cursor = Cursor::new(&line);
-        let fault = if assignment && cursor.take(b'#') {
+        let fault = if assignment && cursor.consume(b'#') {
             cursor.parameter_target(&Known).err()
         } else {
             cursor.value(&Known).inspect(|value| assert!(!value.is_infinite())).err()

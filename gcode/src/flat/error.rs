@@ -3,7 +3,7 @@
 //! In:  what another part of the writer found in a call.
 //! Out: [`Unwritable`], and with the line of the program that the call comes from [`FlatError`].
 
-use super::line::{LINE_MAX, LineError};
+use super::line::{LINE_CHARACTERS_MAX, LineError};
 use motion::canon::Source;
 use std::io;
 
@@ -14,7 +14,7 @@ pub enum Unwritable {
     #[error("the number of {0} is not finite")]
     NotFinite(char),
     /// Numbers beyond all machines, or a long text.
-    #[error("the line would be longer than {LINE_MAX} characters")]
+    #[error("the line would be longer than {LINE_CHARACTERS_MAX} characters")]
     TooLong,
     /// A comment with a bracket or line end in it, or that would do something.
     #[error("the text {0:?} would mean something else in a comment")]
@@ -60,7 +60,7 @@ pub enum Unwritable {
 /// Why a flat text could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum FlatError {
-    /// The output failed.
+    /// The text could not be written.
     #[error(transparent)]
     Io(#[from] io::Error),
     /// A call cannot be written.
@@ -68,7 +68,7 @@ pub enum FlatError {
     Unwritable {
         /// The block that it comes from.
         at: Source,
-        /// Why.
+        /// What plain G-code has no form for.
         reason: Unwritable,
     },
 }

@@ -6,7 +6,7 @@
 use std::fmt::Write;
 
 /// Octets of a line at most: LinuxCNC takes a few more.
-pub(super) const LINE_MAX: usize = 250;
+pub(super) const LINE_CHARACTERS_MAX: usize = 250;
 
 /// Digits behind the point at most. Numbers of 0.001 and more need no more; smaller ones are off by less than 1e-20.
 const DECIMALS: usize = 20;
@@ -38,7 +38,7 @@ pub(super) enum LineError {
 }
 
 impl Line {
-    /// Empties the line and begins it anew.
+    /// Empties the line and begins a new one.
     pub(super) fn begin(&mut self, codes: &str) -> &mut Line {
         self.codes.clear();
         self.codes.push_str(codes);
@@ -93,7 +93,7 @@ impl Line {
                 text.push(*letter);
                 push_number(text, *number, decimals);
             }
-            if text.len() - start <= LINE_MAX {
+            if text.len() - start <= LINE_CHARACTERS_MAX {
                 text.push('\n');
                 return Ok(exactness);
             }

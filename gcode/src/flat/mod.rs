@@ -48,7 +48,7 @@ use std::collections::BTreeMap;
 use std::io;
 
 /// Offsets and positions nearer than this are the same, mm or degrees: rounding by changes of units and origins.
-const SAME: f64 = 1e-9;
+const SAME_MM_OR_DEGREES: f64 = 1e-9;
 
 /// Something that is written together with the call behind it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,30 +104,11 @@ pub struct FlatWriter {
 impl FlatWriter {
     /// A writer before the first event of a program that runs with these settings.
     pub fn new(settings: &Settings) -> FlatWriter {
-        let index = usize::from(settings.work_system.clamp(1, 9)) - 1;
-        let offsets = Offsets {
-            system: settings.work_system.clamp(1, 9),
-            g5x: settings.work_offsets[index],
-            rotation_degrees: settings.work_rotations_degrees[index],
-            g92: if settings.g92_active {
-                settings.g92_offset
-            } else {
-                Position::ZERO
-            },
-            tool: Position::ZERO,
-        };
-        let tools = settings.tools.tools().map(|tool| {
-            let entry = ToolEntry {
-                tool: tool.number,
-                pocket: tool.pocket,
-                offset: tool.offset,
-                diameter_mm: tool.diameter_mm,
-                front_angle_degrees: tool.front_angle_deg,
-                back_angle_degrees: tool.back_angle_deg,
-                orientation: tool.orientation,
-            };
-            (tool.number, entry)
-        });
+        let offsets = Offsets::at_start(settings);
+        let tools = settings
+            .tools
+            .tools()
+            .map(|tool| (tool.number, tool.entry(tool.pocket)));
         FlatWriter {
             begun: false,
             planner: None,
@@ -184,7 +165,7 @@ impl FlatWriter {
             return Ok(()); // told at the start, as the settings have it
         }
         let result = self
-            .resolve(&event.call)
+            .write_waiting(&event.call)
             .and_then(|done| if done { Ok(()) } else { self.call(&event.call) });
         result.map_err(|reason| FlatError::Unwritable {
             at: event.source,
@@ -202,7 +183,7 @@ impl FlatWriter {
         self.begin();
         let waiting = self.waiting.take();
         let result = match waiting {
-            Some(waiting) => self.alone(waiting),
+            Some(waiting) => self.write_alone(waiting),
             None if self.pallet => Err(Unwritable::PalletAlone),
             None => Ok(()),
         };

@@ -4,6 +4,7 @@
 //! Out: G94 and G95, G61 to G64, G17 to G19.1, G40 to G42.1; a feed mode or plane only where it changes.
 
 use super::{FlatWriter, Unwritable};
+use crate::code::plane_name;
 use motion::canon::{Cutter, FeedMode, PathMode, Plane, Side};
 
 impl FlatWriter {
@@ -51,7 +52,7 @@ impl FlatWriter {
             return Ok(());
         }
         self.plane = plane;
-        self.plain(plane_code(plane))
+        self.plain(plane_name(plane))
     }
 
     pub(super) fn compensation(&mut self, cutter: Option<Cutter>) -> Result<(), Unwritable> {
@@ -65,16 +66,5 @@ impl FlatWriter {
             self.line.word('L', cutter.orientation);
         }
         self.end_line()
-    }
-}
-
-pub(super) fn plane_code(plane: Plane) -> &'static str {
-    match plane {
-        Plane::Xy => "G17",
-        Plane::Zx => "G18",
-        Plane::Yz => "G19",
-        Plane::Uv => "G17.1",
-        Plane::Wu => "G18.1",
-        Plane::Vw => "G19.1",
     }
 }

@@ -4,8 +4,8 @@
 //! Out: G0, G1, G2, G3, G5.2, G33, G33.1 and G38.x with the axes that move, and F on the first move that it concerns.
 
 use super::line::Exactness;
-use super::modes::plane_code;
-use super::{FlatWriter, SAME, Unwritable};
+use super::{FlatWriter, SAME_MM_OR_DEGREES, Unwritable};
+use crate::code::plane_name;
 use crate::execute::circle;
 use motion::canon::{AXES, Axis, FeedMode, LengthUnit, Plane, Position};
 
@@ -50,7 +50,7 @@ impl FlatWriter {
 
     /// Adds F to the line if it is not the one in force. `to`: where the move ends.
     fn push_feed(&mut self, to: Position) -> Result<(), Unwritable> {
-        let moves = |axis: &Axis| (to[*axis] - self.at[*axis]).abs() > SAME;
+        let moves = |axis: &Axis| (to[*axis] - self.at[*axis]).abs() > SAME_MM_OR_DEGREES;
         let (rotary, linear): (Vec<Axis>, Vec<Axis>) = Axis::ALL
             .iter()
             .filter(|axis| moves(axis))
@@ -115,7 +115,7 @@ impl FlatWriter {
         self.line.begin(if turns < 0 { "G2" } else { "G3" });
         if plane != self.plane {
             self.plane = plane;
-            self.line.code(plane_code(plane));
+            self.line.code(plane_name(plane));
         }
         self.push_axes(to)?;
         let letters = match plane {
@@ -202,7 +202,9 @@ impl FlatWriter {
                 "with fewer points than its order, or an order below 3",
             ));
         }
-        if (start[0] - self.at[first]).abs() > SAME || (start[1] - self.at[second]).abs() > SAME {
+        if (start[0] - self.at[first]).abs() > SAME_MM_OR_DEGREES
+            || (start[1] - self.at[second]).abs() > SAME_MM_OR_DEGREES
+        {
             return Err(Unwritable::Spline("that does not begin where the axes stand"));
         }
         self.select_plane(plane)?;

@@ -4,7 +4,7 @@
 //! Out: G10 L2 and G54 to G59.3, G52, G43.1 and G49, with the axes that change; the axes stay where they are in the
 //!      machine, so their work coordinates are others behind it.
 
-use super::{FlatWriter, SAME, Unwritable};
+use super::{FlatWriter, SAME_MM_OR_DEGREES, Unwritable};
 use crate::state::Offsets;
 use motion::canon::{Axis, Position};
 
@@ -33,7 +33,7 @@ impl FlatWriter {
 
     pub(super) fn rotation(&mut self, degrees: f64) -> Result<(), Unwritable> {
         let known = &mut self.rotations_degrees[usize::from(self.offsets.system) - 1];
-        if (*known - degrees).abs() > SAME {
+        if (*known - degrees).abs() > SAME_MM_OR_DEGREES {
             *known = degrees;
             let system = self.offsets.system;
             self.line.begin("G10 L2").word('P', system).word('R', degrees);
@@ -80,7 +80,7 @@ impl FlatWriter {
         let mut any = false;
         for axis in Axis::ALL {
             // Not finite: refused when the line is written.
-            if (new[axis] - old[axis]).abs() > SAME || !new[axis].is_finite() {
+            if (new[axis] - old[axis]).abs() > SAME_MM_OR_DEGREES || !new[axis].is_finite() {
                 self.line.word(axis.letter(), new[axis]);
                 any = true;
             }

@@ -3,7 +3,7 @@
 //! In:  a text with its values put in.
 //! Out: a comment that does the same when it is read, or the reason why no comment can.
 
-use super::line::LINE_MAX;
+use super::line::LINE_CHARACTERS_MAX;
 use super::{FlatWriter, Unwritable};
 use crate::comment::{self, CommentKind};
 use motion::canon::Record;
@@ -34,7 +34,7 @@ impl FlatWriter {
         if !means_the_same || text.contains(breaks) {
             return Err(Unwritable::Text(text.to_string()));
         }
-        if inside.len() + 2 > LINE_MAX {
+        if inside.len() + 2 > LINE_CHARACTERS_MAX {
             return Err(Unwritable::TooLong);
         }
         self.text.push('(');

@@ -8,7 +8,7 @@ use motion::canon::Call;
 
 impl FlatWriter {
     /// Writes what waits, together with `call` if they belong together, which is the answer.
-    pub(super) fn resolve(&mut self, call: &Call) -> Result<bool, Unwritable> {
+    pub(super) fn write_waiting(&mut self, call: &Call) -> Result<bool, Unwritable> {
         let Some(waiting) = self.waiting.take() else {
             return Ok(false);
         };
@@ -36,13 +36,13 @@ impl FlatWriter {
                 Ok(true)
             }
             (waiting, _) => {
-                self.alone(waiting)?;
+                self.write_alone(waiting)?;
                 Ok(false)
             }
         }
     }
 
-    pub(super) fn alone(&mut self, waiting: Waiting) -> Result<(), Unwritable> {
+    pub(super) fn write_alone(&mut self, waiting: Waiting) -> Result<(), Unwritable> {
         match waiting {
             Waiting::SpindleMode { spindle, mode } => self.spindle_mode(spindle, mode, None),
             Waiting::Orient {

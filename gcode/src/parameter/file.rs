@@ -5,7 +5,7 @@
 //!
 //! A line is a number and its value, in the units of the machine: `5221 -100.250000`. Numbers ascend. Those that are
 //! [`required`] are added with value 0 where they are missing; which others the machine keeps, the file itself says by
-//! naming them. Blank lines and lines that start with `;` or `#` are left out, and gone when the file is written anew.
+//! naming them. Blank lines and lines that start with `;` or `#` are left out, and gone when the file is written again.
 //! LinuxCNC leaves out any line that it cannot read; here such lines are errors.
 //!
 //! ```
@@ -56,13 +56,13 @@ pub enum ParameterFileErrorKind {
     /// No second column.
     #[error("the value of parameter {number} is missing")]
     ValueMissing {
-        /// The first column.
+        /// Number of the parameter, the first column.
         number: u16,
     },
     /// The second column is no number.
     #[error("the value of parameter {number} is a plain number such as -1.5")]
     NotNumber {
-        /// The first column.
+        /// Number of the parameter, the first column.
         number: u16,
     },
     /// More than two columns.
@@ -159,7 +159,7 @@ impl Settings {
         self.g92_active = value(super::G92_ACTIVE) != 0.0;
         // What is no system is G54, as in LinuxCNC.
         self.work_system = (1..=9)
-            .find(|system| f64::from(*system) == value(super::SYSTEM).floor())
+            .find(|system| f64::from(*system) == value(super::ACTIVE_SYSTEM).floor())
             .unwrap_or(1);
         self.work_offsets = std::array::from_fn(|index| position(super::system_origin(index as u8 + 1)));
         self.work_rotations_degrees = std::array::from_fn(|index| value(super::system_rotation(index as u8 + 1)));

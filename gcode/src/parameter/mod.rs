@@ -18,7 +18,7 @@ pub(crate) use predefined::{is_read_only, is_read_only_number};
 pub const PARAMETER_MAX: u16 = 5601;
 
 /// Arguments of a subroutine: #1 to #30.
-pub(crate) const ARGUMENTS: usize = 30;
+pub(crate) const ARGUMENTS_MAX: usize = 30;
 
 /// First parameter of the stored point of G28; the other axes follow.
 pub(crate) const G28_POINT: u32 = 5161;
@@ -29,7 +29,7 @@ pub(crate) const G92_ACTIVE: u32 = 5210;
 /// First parameter of the offset of G92 and G52.
 pub(crate) const G92_OFFSET: u32 = 5211;
 /// Active work system, 1 to 9.
-pub(crate) const SYSTEM: u32 = 5220;
+pub(crate) const ACTIVE_SYSTEM: u32 = 5220;
 /// First parameter of the point where the probe tripped, work coordinates in program units.
 pub(crate) const PROBED_POINT: u32 = 5061;
 /// 1 where the last probing move tripped.
@@ -81,7 +81,7 @@ impl Parameters {
         parameters.set_position(G30_POINT, settings.g30, unit);
         parameters.set_position(G92_OFFSET, settings.g92_offset, unit);
         parameters.set(G92_ACTIVE, f64::from(settings.g92_active));
-        parameters.set(SYSTEM, f64::from(settings.work_system.clamp(1, 9)));
+        parameters.set(ACTIVE_SYSTEM, f64::from(settings.work_system.clamp(1, 9)));
         for (system, (origin, degrees)) in (1..).zip(settings.work_offsets.iter().zip(settings.work_rotations_degrees))
         {
             parameters.set_position(system_origin(system), *origin, unit);
@@ -120,13 +120,13 @@ impl Parameters {
     }
 
     /// #1 to #30.
-    pub(crate) fn arguments(&self) -> [f64; ARGUMENTS] {
+    pub(crate) fn arguments(&self) -> [f64; ARGUMENTS_MAX] {
         std::array::from_fn(|at| self.numbered[at + 1])
     }
 
     /// Sets #1 to #30.
-    pub(crate) fn set_arguments(&mut self, values: [f64; ARGUMENTS]) {
-        self.numbered[1..=ARGUMENTS].copy_from_slice(&values);
+    pub(crate) fn set_arguments(&mut self, values: [f64; ARGUMENTS_MAX]) {
+        self.numbered[1..=ARGUMENTS_MAX].copy_from_slice(&values);
     }
 
     /// A named parameter of the program, local or global by its first character.

@@ -57,6 +57,23 @@ pub(crate) fn minus(a: Position, b: Position) -> Position {
 }
 
 impl Offsets {
+    /// Those before the first block.
+    pub(crate) fn at_start(settings: &Settings) -> Offsets {
+        let system = settings.work_system.clamp(1, 9);
+        let index = usize::from(system) - 1;
+        Offsets {
+            system,
+            g5x: settings.work_offsets[index],
+            rotation_degrees: settings.work_rotations_degrees[index],
+            g92: if settings.g92_active {
+                settings.g92_offset
+            } else {
+                Position::ZERO
+            },
+            tool: Position::ZERO,
+        }
+    }
+
     /// Machine coordinates of a point in work coordinates.
     pub(crate) fn machine(&self, work: Position) -> Position {
         let turned = turned(plus(work, self.g92), self.rotation_degrees);
@@ -123,7 +140,7 @@ pub(crate) struct Tools {
     pub(crate) line: Option<u32>,
     /// Number of the T word; `None`: there was none.
     pub(crate) selected: Option<u32>,
-    /// G43 and its kin; not G49.
+    /// G43 to G43.4 is in effect, not G49.
     pub(crate) offset_on: bool,
 }
 
@@ -248,20 +265,7 @@ pub(crate) struct State {
 impl State {
     pub(crate) fn new(settings: Settings) -> State {
         let parameters = Parameters::new(&settings);
-        let system = settings.work_system.clamp(1, 9);
-        let index = usize::from(system) - 1;
-        let g92 = if settings.g92_active {
-            settings.g92_offset
-        } else {
-            Position::ZERO
-        };
-        let offsets = Offsets {
-            system,
-            g5x: settings.work_offsets[index],
-            rotation_degrees: settings.work_rotations_degrees[index],
-            g92,
-            tool: Position::ZERO,
-        };
+        let offsets = Offsets::at_start(&settings);
         let at = offsets.work(settings.start);
         let mut tools = Tools {
             table: settings.tools.clone(),

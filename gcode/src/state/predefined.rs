@@ -9,7 +9,7 @@ use motion::canon::{Axis, Cutter, LengthUnit, Plane, Position, Side, SpindleDire
 
 impl State {
     /// A length or angle as the program speaks of it.
-    fn told(&self, position: Position, axis: Axis) -> f64 {
+    fn in_program_units(&self, position: Position, axis: Axis) -> f64 {
         if axis.is_rotary() {
             position[axis]
         } else {
@@ -19,7 +19,7 @@ impl State {
 
     /// The position that a program sees: that of the tool's centre while this differs from the programmed one. In the
     /// profile of a lathe cycle nothing moves yet, and it is the end of the last move of the profile.
-    fn shown(&self) -> Position {
+    fn visible_position(&self) -> Position {
         match &self.turning {
             Some(_) => self.at,
             None => self.cutter_at.unwrap_or(self.at),
@@ -27,7 +27,7 @@ impl State {
     }
 
     /// A length in the unit of the machine, or an angle.
-    fn stored(&self, position: Position, index: u32, first: u32) -> f64 {
+    fn in_machine_units(&self, position: Position, index: u32, first: u32) -> f64 {
         let axis = Axis::ALL[(index - first) as usize];
         if axis.is_rotary() {
             position[axis]
@@ -36,8 +36,8 @@ impl State {
         }
     }
 
-    fn told_by_number(&self, position: Position, index: u32, first: u32) -> f64 {
-        self.told(position, Axis::ALL[(index - first) as usize])
+    fn in_program_units_at(&self, position: Position, index: u32, first: u32) -> f64 {
+        self.in_program_units(position, Axis::ALL[(index - first) as usize])
     }
 }
 
@@ -47,15 +47,15 @@ impl Values for State {
             return Some(self.parameters.get(index));
         }
         Some(match index {
-            5021..=5029 => self.told_by_number(self.machine(), index, 5021),
-            5081..=5089 => self.stored(self.offsets.tool, index, 5081),
+            5021..=5029 => self.in_program_units_at(self.machine(), index, 5021),
+            5081..=5089 => self.in_machine_units(self.offsets.tool, index, 5081),
             5400 => f64::from(self.tools.in_spindle),
-            5401..=5409 => self.stored(self.tool().offset, index, 5401),
+            5401..=5409 => self.in_machine_units(self.tool().offset, index, 5401),
             5410 => self.tool().diameter_mm / self.settings.machine_unit.mm(),
             5411 => self.tool().front_angle_deg,
             5412 => self.tool().back_angle_deg,
             5413 => f64::from(self.tool().orientation),
-            5420..=5428 => self.told_by_number(self.shown(), index, 5420),
+            5420..=5428 => self.in_program_units_at(self.visible_position(), index, 5420),
             _ => self.parameters.get(index),
         })
     }
@@ -95,10 +95,10 @@ impl State {
         let flag = |on: bool| Some(f64::from(on));
         if let Some(letter) = name.strip_prefix("_abs_") {
             let axis = axis_of(letter)?;
-            return Some(self.told(self.machine(), axis));
+            return Some(self.in_program_units(self.machine(), axis));
         }
         if let Some(axis) = name.strip_prefix('_').and_then(axis_of) {
-            return Some(self.told(self.shown(), axis));
+            return Some(self.in_program_units(self.visible_position(), axis));
         }
         match name {
             "_vmajor" => Some(2.9),

@@ -30,47 +30,47 @@ pub enum TableErrorKind {
     /// The same letter twice in a line.
     #[error("{letter} appears twice in this line: once is allowed")]
     RepeatedEntry {
-        /// The letter.
+        /// Letter of the word.
         letter: char,
     },
     /// A letter without number.
     #[error("{letter} needs a number right behind it, without a blank between")]
     NumberMissing {
-        /// The letter.
+        /// Letter of the word.
         letter: char,
     },
     /// Not a number, or more than one entry without a blank between.
     #[error("{letter} needs a plain number such as -1.5, and a blank before the next entry")]
     NotNumber {
-        /// The letter.
+        /// Letter of the word.
         letter: char,
     },
     /// Beyond any machine.
     #[error("the number of {letter} is too large: at most {VALUE_MAX}")]
     TooLarge {
-        /// The letter.
+        /// Letter of the word.
         letter: char,
     },
     /// Not an integer of the range.
     #[error("{letter} ({meaning}) is an integer from 0 to {max}, without a point, and a blank before the next entry")]
     NotInteger {
-        /// The letter.
+        /// Letter of the word.
         letter: char,
         /// What it stands for.
         meaning: &'static str,
-        /// Greatest value.
+        /// Greatest value allowed.
         max: u32,
     },
-    /// No T.
+    /// A line without T, the number of the tool.
     #[error("T is missing: each line names its tool")]
     NumberOfToolMissing,
-    /// No P.
+    /// A line without P, the number of the pocket.
     #[error("P is missing: each tool has a pocket number; with a fixed tool changer any number will do, 1 say")]
     PocketMissing,
     /// A tool number twice in the file.
     #[error("T{number} is already in line {first_line}: each tool number may stand once")]
     RepeatedTool {
-        /// The number.
+        /// Number of the tool.
         number: u32,
         /// Where it stood first.
         first_line: u32,
@@ -78,7 +78,7 @@ pub enum TableErrorKind {
     /// A pocket twice in the file of a random tool changer.
     #[error("P{pocket} is already in line {first_line}: one tool in each pocket of a random tool changer")]
     RepeatedPocket {
-        /// The pocket.
+        /// Number of the pocket.
         pocket: u32,
         /// Where it stood first.
         first_line: u32,

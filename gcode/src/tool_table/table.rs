@@ -1,6 +1,6 @@
 //! Tools, and what a program and a tool changer do to them.
 
-use motion::canon::{Axis, LengthUnit, Position};
+use motion::canon::{Axis, LengthUnit, Position, ToolEntry};
 use std::cmp::Ordering;
 
 /// Most entries of a table, LinuxCNC's limit: pockets 0 (the spindle) to 1000.
@@ -26,7 +26,7 @@ pub enum ToolChanger {
     Random,
 }
 
-/// One tool.
+/// A tool of the table: its numbers, offset and geometry.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tool {
     /// T: number by which programs call it.
@@ -45,6 +45,21 @@ pub struct Tool {
     pub orientation: u8,
     /// What stands behind `;`.
     pub remark: String,
+}
+
+impl Tool {
+    /// What is told of it; `pocket` is its line of the table or its pocket, as the listener counts.
+    pub(crate) fn entry(&self, pocket: u32) -> ToolEntry {
+        ToolEntry {
+            tool: self.number,
+            pocket,
+            offset: self.offset,
+            diameter_mm: self.diameter_mm,
+            front_angle_degrees: self.front_angle_deg,
+            back_angle_degrees: self.back_angle_deg,
+            orientation: self.orientation,
+        }
+    }
 }
 
 /// A line of the file.
@@ -165,7 +180,7 @@ pub enum SetToolError {
     /// A random tool changer has another tool there.
     #[error("pocket {pocket} of the random tool changer holds another tool")]
     PocketTaken {
-        /// The pocket.
+        /// Number of the pocket.
         pocket: u32,
     },
     /// A value beyond what the file may hold.

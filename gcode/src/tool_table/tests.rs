@@ -278,7 +278,7 @@ proptest! {
                 prop_assert!((one - other).abs() <= 4.0 * f64::EPSILON * one.abs());
             }
         }
-        // What came from a file comes again, even when each line is written anew.
+        // What came from a file comes again, even when each line is written again.
         let mut twice = ToolTable::new(LengthUnit::Inch, ToolChanger::Fixed);
         for tool in once.tools() {
             twice.set(tool.clone()).unwrap();

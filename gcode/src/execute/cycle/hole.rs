@@ -89,15 +89,15 @@ impl Hole {
                 }
             }
             Step::Stop => calls.push_back(Call::StopSpindle { spindle }),
-            Step::Start => self.start(self.turning, true, calls),
+            Step::Start => self.start_spindle(self.turning, true, calls),
             Step::Reverse => {
                 calls.push_back(Call::StopSpindle { spindle });
                 // A tap that waited at the bottom for the speed would go on cutting while the spindle comes to rest.
-                self.start(self.turning.map(reversed), false, calls);
+                self.start_spindle(self.turning.map(reversed), false, calls);
             }
             Step::ReverseBack => {
                 calls.push_back(Call::StopSpindle { spindle });
-                self.start(self.turning, true, calls);
+                self.start_spindle(self.turning, true, calls);
             }
             Step::Orient => {
                 calls.push_back(Call::StopSpindle { spindle });
@@ -116,7 +116,7 @@ impl Hole {
         }
     }
 
-    fn start(&self, direction: Option<SpindleDirection>, wait_for_speed: bool, calls: &mut Calls) {
+    fn start_spindle(&self, direction: Option<SpindleDirection>, wait_for_speed: bool, calls: &mut Calls) {
         // Cycles that start the spindle begin only if it turns.
         if let Some(direction) = direction {
             calls.push_back(Call::StartSpindle {

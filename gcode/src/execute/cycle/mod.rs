@@ -15,7 +15,7 @@ mod tests;
 mod words;
 
 use crate::block::{Block, letters};
-use crate::code::{Cycle, Distance, FeedUnit, Motion, Retract, integer_in};
+use crate::code::{Cycle, Distance, FeedUnit, Motion, Retract, integer_in, plane_name};
 use crate::error::ErrorKind;
 use crate::print::length_in;
 use crate::scan::Fault;
@@ -182,7 +182,12 @@ impl State {
                 let kind = ErrorKind::CycleAxisOfOtherPlane {
                     letter: axis.letter(),
                     code: name(),
-                    plane: plane_code(self.modal.plane),
+                    plane: format!(
+                        "{}{} ({})",
+                        first.letter(),
+                        second.letter(),
+                        plane_name(self.modal.plane)
+                    ),
                     axes: format!("{} {} {}", first.letter(), second.letter(), normal.letter()),
                 };
                 return Err((block.span(axis.letter() as u8), kind));
@@ -262,30 +267,15 @@ impl State {
             Distance::Absolute => aside(normal),
             Distance::Incremental => bottom + aside(normal),
         };
-        let spindle = match cycle {
-            Cycle::LeftTapping | Cycle::RightTapping => self.follow_spindle(block)?,
-            Cycle::ChipBreaking
-            | Cycle::Drilling
-            | Cycle::DwellDrilling
-            | Cycle::PeckDrilling
-            | Cycle::Boring
-            | Cycle::StopBoring
-            | Cycle::BackBoring
-            | Cycle::ManualBoring
-            | Cycle::DwellBoring => self.spindle,
+        let spindle = if matches!(cycle, Cycle::LeftTapping | Cycle::RightTapping) {
+            self.select_spindle(block)?
+        } else {
+            self.spindle
         };
-        let clearance_mm = match cycle {
-            Cycle::ChipBreaking => self.settings.chip_breaking_clearance_mm,
-            Cycle::PeckDrilling
-            | Cycle::LeftTapping
-            | Cycle::RightTapping
-            | Cycle::Drilling
-            | Cycle::DwellDrilling
-            | Cycle::Boring
-            | Cycle::StopBoring
-            | Cycle::BackBoring
-            | Cycle::ManualBoring
-            | Cycle::DwellBoring => self.settings.peck_clearance_mm,
+        let clearance_mm = if cycle == Cycle::ChipBreaking {
+            self.settings.chip_breaking_clearance_mm
+        } else {
+            self.settings.peck_clearance_mm
         };
         Ok(Hole {
             at: self.at,
@@ -313,7 +303,7 @@ impl State {
 /// What is checked when a hole is begun, and the spindle of cycles and threads.
 impl State {
     /// The spindle with which a thread goes: the one that `$` names, from then on for all.
-    pub(super) fn follow_spindle(&mut self, block: &Block) -> Result<u8, Fault> {
+    pub(super) fn select_spindle(&mut self, block: &Block) -> Result<u8, Fault> {
         if let Some(number) = block.word_value(b'$') {
             let last = self.settings.spindles - 1;
             let spindle = integer_in(number, 0..=i64::from(last)).ok_or_else(|| {
@@ -395,17 +385,6 @@ fn usual_clearance(unit: LengthUnit) -> f64 {
     match unit {
         LengthUnit::Millimetre => 1.0,
         LengthUnit::Inch => 0.05,
-    }
-}
-
-fn plane_code(plane: Plane) -> &'static str {
-    match plane {
-        Plane::Xy => "XY (G17)",
-        Plane::Zx => "ZX (G18)",
-        Plane::Yz => "YZ (G19)",
-        Plane::Uv => "UV (G17.1)",
-        Plane::Wu => "WU (G18.1)",
-        Plane::Vw => "VW (G19.1)",
     }
 }
 

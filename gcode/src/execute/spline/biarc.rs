@@ -32,7 +32,7 @@ impl Piece {
 /// A span is halved so often at most: a cusp has no arcs that follow it, and is reached as near as makes no difference.
 const HALVINGS_MAX: u32 = 14;
 /// Places of a piece at which its distance from the curve is looked at.
-const SAMPLES: u32 = 9;
+const SAMPLES_PER_PIECE: u32 = 9;
 /// An arc that leaves its chord by less than this is a line, mm.
 const FLAT_MM: f64 = 1e-7;
 /// A curve shorter than this is a line, mm.
@@ -129,11 +129,11 @@ fn arc_from(start: [f64; 2], leaves: [f64; 2], end: [f64; 2]) -> Option<Option<A
     }))
 }
 
-/// Greatest distance of the curve from two pieces, at [`SAMPLES`] places.
+/// Greatest distance of the curve from two pieces, at [`SAMPLES_PER_PIECE`] places.
 fn deviation_mm(curve: &Curve, from: f64, to: f64, two: &[Piece; 2]) -> f64 {
-    (1..=SAMPLES)
+    (1..=SAMPLES_PER_PIECE)
         .map(|sample| {
-            let share = f64::from(sample) / f64::from(SAMPLES + 1);
+            let share = f64::from(sample) / f64::from(SAMPLES_PER_PIECE + 1);
             let point = curve.point(from + share * (to - from));
             two.iter()
                 .map(|piece| distance_mm(piece, point))

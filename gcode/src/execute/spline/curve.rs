@@ -84,12 +84,12 @@ impl Curve {
     pub(super) fn direction(&self, parameter: f64) -> Option<[f64; 2]> {
         let (point, derivative) = self.point_and_derivative(parameter);
         unit(derivative).or_else(|| {
-            const NEAR: f64 = 1e-3;
+            const PARAMETER_STEP: f64 = 1e-3;
             let end = self.spans() as f64;
-            let (from, to) = if parameter + NEAR <= end {
-                (point, self.point(parameter + NEAR))
+            let (from, to) = if parameter + PARAMETER_STEP <= end {
+                (point, self.point(parameter + PARAMETER_STEP))
             } else {
-                (self.point(parameter - NEAR), point)
+                (self.point(parameter - PARAMETER_STEP), point)
             };
             unit([to[0] - from[0], to[1] - from[1]])
         })

@@ -17,7 +17,7 @@ mod curve;
 use super::feed::PathLength;
 use crate::Splines;
 use crate::block::{Block, letters};
-use crate::code::{FeedUnit, Motion, integer_in};
+use crate::code::{FeedUnit, Motion, integer_in, plane_name};
 use crate::error::{ErrorKind, SplineError};
 use crate::scan::Fault;
 use crate::state::{Calls, Nurbs, State};
@@ -41,7 +41,7 @@ fn fault<T>(span: crate::scan::Span, error: SplineError) -> Result<T, Fault> {
 impl State {
     pub(super) fn spline(&mut self, motion: Motion, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
         if self.modal.plane != Plane::Xy {
-            let plane = super::arc::ArcWords::of(self.modal.plane).plane;
+            let plane = plane_name(self.modal.plane);
             return fault(block.motion_span(), SplineError::Plane { plane });
         }
         self.check_curve(block)?;
@@ -348,7 +348,7 @@ impl State {
         }
         let plane = self.modal.plane;
         if let Plane::Uv | Plane::Wu | Plane::Vw = plane {
-            let plane = super::arc::ArcWords::of(plane).plane;
+            let plane = plane_name(plane);
             return fault(span, SplineError::Plane { plane });
         }
         if self.nurbs.as_ref().is_some_and(|nurbs| nurbs.plane != plane) {

@@ -9,7 +9,7 @@
 //! The first cut is J deep, the n-th J times the (1/R)-th power of n, the last one K; H more follow at K. Each begins and
 //! ends shifted along Z by the tangent of Q, so that the tool cuts with one edge; the last one ends at the programmed Z.
 
-use super::{START, missing};
+use super::{START_CODES, missing};
 use crate::block::Block;
 use crate::error::ErrorKind;
 use crate::execute::cycle::PASSES_MAX;
@@ -86,8 +86,8 @@ impl State {
 
     pub(in crate::execute) fn thread(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
         self.need_no_compensation(block)?;
-        let spindle = self.follow_spindle(block)?;
-        self.need_turning(block, spindle, START)?;
+        let spindle = self.select_spindle(block)?;
+        self.need_turning(block, spindle, START_CODES)?;
         if let Some(letter) = block.first_of(b"ABC") {
             let kind = ErrorKind::CycleRotary {
                 letter: letter.into(),

@@ -14,7 +14,7 @@ use crate::state::{Calls, State};
 use motion::canon::Call;
 
 /// M codes that make a spindle turn, for messages.
-const START: &str = "M3 or M4";
+const START_CODES: &str = "M3 or M4";
 
 impl State {
     /// G33: a straight move, K per turn.
@@ -65,8 +65,8 @@ impl State {
 
     fn start_sync(&mut self, block: &Block) -> Result<Call, Fault> {
         self.need_no_compensation(block)?;
-        let spindle = self.follow_spindle(block)?;
-        self.need_turning(block, spindle, START)?;
+        let spindle = self.select_spindle(block)?;
+        self.need_turning(block, spindle, START_CODES)?;
         Ok(Call::StartSpindleSync {
             spindle,
             mm_per_turn: block.word_value(b'K').unwrap_or(0.0) * self.modal.unit.mm(),

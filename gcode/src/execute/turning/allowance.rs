@@ -11,7 +11,7 @@ use crate::execute::circle::Arc;
 /// How much nearer than asked the path may come, mm.
 const TOLERANCE_MM: f64 = 1e-4;
 /// Places of a segment at which its distance is looked at.
-const SAMPLES: u32 = 16;
+const SAMPLES_PER_SEGMENT: u32 = 16;
 
 /// The path so far to the right of a profile; negative: to the left. `None`: there is no such path.
 pub(super) fn beside(profile: &[Segment], right_mm: f64) -> Option<Vec<Segment>> {
@@ -52,7 +52,9 @@ fn joined(profile: &[Segment], right_mm: f64) -> Option<Vec<Segment>> {
         let mut near = profile.iter().filter(near);
         near.all(|segment| segment.distance(point) >= right_mm - TOLERANCE_MM)
     };
-    let keeps = |segment: &Segment| (0..=SAMPLES).all(|at| clear(segment.at(f64::from(at) / f64::from(SAMPLES))));
+    let keeps = |segment: &Segment| {
+        (0..=SAMPLES_PER_SEGMENT).all(|at| clear(segment.at(f64::from(at) / f64::from(SAMPLES_PER_SEGMENT))))
+    };
     (!path.is_empty() && (right_mm < 0.0 || path.iter().all(keeps))).then_some(path)
 }
 

@@ -16,7 +16,7 @@ mod segment;
 
 use super::circle;
 use crate::block::{Block, letters};
-use crate::code::{Distance, FeedUnit, Motion, Roughing, integer_in};
+use crate::code::{Distance, FeedUnit, Motion, Roughing, integer_in, plane_name};
 use crate::error::{ErrorKind, TurningError};
 use crate::scan::{Fault, Span};
 use crate::state::{Calls, State};
@@ -82,7 +82,7 @@ impl State {
         let span = block.motion_span();
         let code = self.motion_name(block);
         if self.modal.plane != Plane::Zx {
-            let plane = super::arc::ArcWords::of(self.modal.plane).plane;
+            let plane = plane_name(self.modal.plane);
             return fault(span, TurningError::Plane { code, plane });
         }
         if self.modal.feed_unit == FeedUnit::InverseTime {
@@ -118,16 +118,16 @@ impl State {
     }
 
     /// A line of a profile: its move is gathered.
-    pub(super) fn gather(&mut self, block: &Block) -> Result<(), Fault> {
+    pub(super) fn read_profile_block(&mut self, block: &Block) -> Result<(), Fault> {
         let Some(mut turning) = self.turning.take() else {
             return Ok(());
         };
-        let result = self.gather_move(&mut turning, block);
+        let result = self.add_profile_move(&mut turning, block);
         self.turning = Some(turning);
         result
     }
 
-    fn gather_move(&mut self, turning: &mut Turning, block: &Block) -> Result<(), Fault> {
+    fn add_profile_move(&mut self, turning: &mut Turning, block: &Block) -> Result<(), Fault> {
         if let Some(span) = block.codes.first_beside_motion() {
             return fault(span, TurningError::NoProfile);
         }
@@ -264,7 +264,7 @@ impl State {
     }
 
     /// The profile is read: tells the cuts.
-    pub(crate) fn turn(&mut self, calls: &mut Calls) -> Result<(), ErrorKind> {
+    pub(crate) fn cut_profile(&mut self, calls: &mut Calls) -> Result<(), ErrorKind> {
         let Some(turning) = self.leave_profile() else {
             return Ok(());
         };

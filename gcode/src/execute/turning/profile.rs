@@ -36,7 +36,7 @@ pub(super) struct Frame {
 
 impl Frame {
     /// In which the profile goes to smaller `p` and greater `q`: from its first corner to its end.
-    fn of(moves: &[Move], along_x: bool) -> Frame {
+    fn new(moves: &[Move], along_x: bool) -> Frame {
         let first = moves.first().map_or([0.0; 2], |one| one.segment.end);
         let last = moves.last().map_or([0.0; 2], |one| one.segment.end);
         let plain = Frame {
@@ -91,7 +91,7 @@ impl Frame {
 
 /// The profile in its frame: the way to its start first. Corners are made.
 pub(super) fn normal(moves: &[Move], along_x: bool, unit_mm: f64) -> Result<(Frame, Vec<Segment>), TurningError> {
-    let frame = Frame::of(moves, along_x);
+    let frame = Frame::new(moves, along_x);
     let made = with_corners(moves, unit_mm)?;
     let mut segments: Vec<(Segment, u32)> = made
         .into_iter()

@@ -138,12 +138,12 @@ impl Rougher<'_> {
             self.at = to;
             self.cuts.push(Cut::Rapid(to));
         } else {
-            self.follow(to);
+            self.apply_flow(to);
         }
     }
 
     /// Cuts along the present segment.
-    fn follow(&mut self, to: Point) {
+    fn apply_flow(&mut self, to: Point) {
         let segment = self.path[self.index];
         let stays = length(minus(to, self.at)) < SAME_MM;
         self.at = to;
@@ -230,7 +230,7 @@ impl Rougher<'_> {
             if falls(segment) {
                 return true;
             }
-            self.follow(segment.end);
+            self.apply_flow(segment.end);
             self.index += 1;
         }
         false
@@ -245,7 +245,7 @@ impl Rougher<'_> {
             {
                 self.at[0] = *p;
                 self.cuts.push(Cut::Feed(self.at));
-                self.follow(segment.end);
+                self.apply_flow(segment.end);
             }
             self.index += 1;
         }

@@ -6,47 +6,34 @@
 //! Reads a line when the calls of the one before are used up, so memory does not grow with the program. What O-words do
 //! is in `control`, all errors of a text at once in `check`.
 
+mod compensated;
+mod control;
+mod failure;
+mod subroutine;
+
+use crate::Settings;
 use crate::block::{Block, Faults, LineNumber, Remapped};
-use crate::error::{CallSite, Error, ErrorKind};
+use crate::error::{Error, ErrorKind};
 use crate::execute::Flow;
 use crate::flow::{Level, LevelKind, Place, Search, SearchEnd, Subroutine};
 use crate::limits::{CheckLimits, Spent};
 use crate::machine::{Machine, NoMachine};
 use crate::o_word::Label;
 use crate::octet::{is_blank, is_empty};
-use crate::parameter::ARGUMENTS;
+use crate::parameter::ARGUMENTS_MAX;
 use crate::remap::{Phase, Rest};
-use crate::scan::{Fault, LINE_MAX, Span};
+use crate::scan::{Fault, LINE_OCTETS_MAX, Span};
 use crate::state::{Calls, State};
 use crate::text::Text;
-use crate::{CompensatedPath, Settings};
 use motion::canon::{Call, Event, Source};
-use motion::compensation::{CompensationError, Compensator};
+use motion::compensation::Compensator;
 use std::collections::{HashMap, VecDeque};
 use std::io::{Cursor, Read, Seek};
-use std::ops::Range;
 use std::path::Path;
 use std::time::Instant;
 
-/// Octets of the first word of a letter in a line, out of comments and expressions.
-fn word_of(line: &[u8], letter: char) -> Option<Range<usize>> {
-    let (mut open, mut begin, mut end) = (0_u32, None, line.len());
-    for (at, octet) in line.iter().enumerate() {
-        let is_over = open == 0 && (matches!(octet, b'(' | b';') || octet.is_ascii_alphabetic());
-        if is_over && begin.is_some() {
-            end = at;
-            break;
-        }
-        match octet {
-            b';' if open == 0 => return None,
-            b'(' | b'[' | b'<' => open += 1,
-            b')' | b']' | b'>' => open = open.saturating_sub(1),
-            octet if is_over && char::from(*octet).eq_ignore_ascii_case(&letter) => begin = Some(at),
-            _ => {}
-        }
-    }
-    begin.map(|begin| begin..begin + line[begin..end].trim_ascii_end().len())
-}
+/// A fault with its place, of what a line asks for.
+pub(crate) type Outcome = Result<(), Fault>;
 
 /// Text that can be read from any place.
 pub trait ReadSeek: Read + Seek + Send {}
@@ -120,7 +107,7 @@ impl Interpreter {
             machine: self.machine,
             files: vec![File::new(String::new(), Box::new(text))],
             file: 0,
-            levels: vec![Level::new(None, LevelKind::Program, None, [0.0; ARGUMENTS])],
+            levels: vec![Level::new(None, LevelKind::Program, None, [0.0; ARGUMENTS_MAX])],
             subroutines: HashMap::new(),
             search: None,
             search_ends: HashMap::new(),
@@ -139,7 +126,7 @@ impl Interpreter {
             errors: Vec::new(),
             state: self.state,
         };
-        run.state.start(&mut run.calls);
+        run.state.push_initial_calls(&mut run.calls);
         run.use_compensator(false);
         run
     }
@@ -223,16 +210,6 @@ impl Run<'_> {
         self.files.get(usize::from(file)).map_or("", |file| file.name.as_str())
     }
 
-    /// An error of the machine that carries out a block: at its first word of this letter, or at all of it.
-    pub fn error_at(&mut self, source: Source, letter: Option<char>, what: String) -> Box<Error> {
-        let octets = self.line_of(source);
-        let span = letter.and_then(|letter| word_of(&octets, letter));
-        let name = &self.files[usize::from(source.file)].name;
-        let kind = ErrorKind::Machine(what);
-        let span = span.unwrap_or(0..octets.len());
-        Box::new(Error::at(name, source.line.max(1), &octets, span, kind))
-    }
-
     /// The program's parameters, offsets, tool and modes as they are behind the last event.
     pub fn snapshot(&self) -> Settings {
         self.state.snapshot()
@@ -242,7 +219,7 @@ impl Run<'_> {
     #[inline]
     pub(crate) fn step(&mut self) {
         if self.state.question.is_some()
-            && let Err(kind) = self.state.settle(&mut *self.machine)
+            && let Err(kind) = self.state.ask_machine(&mut *self.machine)
         {
             return self.fail(Span::default(), kind);
         }
@@ -276,10 +253,13 @@ impl Run<'_> {
             self.stop_before = None;
             return file.text.seek(line.offset, line.number - 1);
         }
-        if line.length > LINE_MAX as u64 {
+        if line.length > LINE_OCTETS_MAX as u64 {
             let length = line.length as usize;
-            let kind = ErrorKind::LineTooLong { length, max: LINE_MAX };
-            return self.fail(Span::new(LINE_MAX - 1, LINE_MAX), kind);
+            let kind = ErrorKind::LineTooLong {
+                length,
+                max: LINE_OCTETS_MAX,
+            };
+            return self.fail(Span::new(LINE_OCTETS_MAX - 1, LINE_OCTETS_MAX), kind);
         }
         if line.offset + line.length > u64::from(u32::MAX) {
             self.ended = true;
@@ -301,10 +281,10 @@ impl Run<'_> {
             file.delimiter = Delimiter::ProgramEnd;
         }
         if self.search.is_some() {
-            return self.pass_over();
+            return self.search_line();
         }
         if may_be_o_word(octets[first]) && crate::o_word::start(octets).is_some() {
-            return self.o_line();
+            return self.run_o_line();
         }
         self.run_block();
     }
@@ -325,15 +305,15 @@ impl Run<'_> {
                 source: self.source,
                 from: Phase::Feed,
             };
-            return self.rest_of_block(rest);
+            return self.run_rest_of_block(rest);
         }
         let result = self.state.execute(&self.block, octets, &mut self.calls);
-        self.follow(result);
+        self.apply_flow(result);
     }
 
     /// Goes where a block leads.
     #[inline]
-    fn follow(&mut self, result: Result<Flow, Fault>) {
+    fn apply_flow(&mut self, result: Result<Flow, Fault>) {
         match result {
             Ok(Flow::On) => {}
             Ok(Flow::End) => self.ended = true,
@@ -345,7 +325,7 @@ impl Run<'_> {
     }
 
     /// Runs a block with remapped codes up to the first of them, which is called.
-    pub(crate) fn rest_of_block(&mut self, mut rest: Rest) {
+    pub(crate) fn run_rest_of_block(&mut self, mut rest: Rest) {
         let phase_of = |remapped: &Remapped| self.state.remaps[remapped.index].phase;
         let next = rest.block.remapped.iter().copied().min_by_key(phase_of);
         let Some(code) = next else {
@@ -353,7 +333,7 @@ impl Run<'_> {
             let result = self
                 .state
                 .execute_phases(&rest.block, &rest.line, phases, &mut self.calls);
-            return self.follow(result);
+            return self.apply_flow(result);
         };
         if let Err((span, kind)) = self.call_remapped(&mut rest, code) {
             self.fail(span, kind);
@@ -389,7 +369,7 @@ impl Run<'_> {
         Ok(())
     }
 
-    fn o_line(&mut self) {
+    fn run_o_line(&mut self) {
         // Taken out of the buffer, as a call may read another file.
         let mut line = std::mem::take(&mut self.line);
         line.clear();
@@ -398,52 +378,12 @@ impl Run<'_> {
             number_source(&mut self.source, n);
             self.state.line = self.source.line;
             let result = crate::o_word::read(cursor, &self.state)
-                .and_then(|o_word| o_word.map_or(Ok(()), |o_word| self.o_word(&o_word)));
+                .and_then(|o_word| o_word.map_or(Ok(()), |o_word| self.run_o_word(&o_word)));
             if let Err((span, kind)) = result {
                 self.fail(span, kind);
             }
         }
         self.line = line;
-    }
-
-    /// The line read last is wrong.
-    #[cold]
-    pub(crate) fn fail(&mut self, span: Span, kind: ErrorKind) {
-        self.faults.clear();
-        self.faults.push((span, kind));
-        self.fail_all();
-    }
-
-    #[cold]
-    fn fail_all(&mut self) {
-        let octets = self.line_of(self.source);
-        if octets.contains(&0) {
-            self.ended = true;
-            self.faults = vec![(Span::default(), ErrorKind::Binary)];
-        }
-        let sites: Vec<CallSite> = self
-            .levels
-            .iter()
-            .rev()
-            .filter_map(|level| self.call_site(level))
-            .collect();
-        let faults = std::mem::take(&mut self.faults);
-        for (span, kind) in faults {
-            let range = usize::from(span.start)..usize::from(span.end);
-            let name = &self.files[usize::from(self.source.file)].name;
-            let mut error = Error::at(name, self.source.line.max(1), &octets, range, kind);
-            error.calls.clone_from(&sites);
-            self.errors.push(error);
-        }
-    }
-
-    fn call_site(&self, level: &Level) -> Option<CallSite> {
-        let back = level.back?;
-        Some(CallSite {
-            subroutine: level.label.as_ref()?.to_string(),
-            file: self.files[back.file].name.clone(),
-            line: back.line,
-        })
     }
 
     /// Where reading goes on, as far as this file is concerned.
@@ -471,23 +411,6 @@ impl Run<'_> {
     pub(crate) fn set_source(&mut self, source: Source) {
         self.source = source;
         self.state.line = source.line;
-    }
-
-    /// The text of a line that was read before; reading goes on where it was.
-    #[cold]
-    fn line_of(&mut self, source: Source) -> Vec<u8> {
-        let text = &mut self.files[usize::from(source.file)].text;
-        if source.line == 0 {
-            return Vec::new();
-        }
-        let (offset, number) = text.place();
-        text.seek(u64::from(source.start), source.line - 1);
-        let octets = match text.next_line() {
-            Ok(Some(_)) => text.octets().to_vec(),
-            Ok(None) | Err(_) => Vec::new(),
-        };
-        text.seek(offset, number);
-        octets
     }
 
     /// The closing `%`.
@@ -598,125 +521,4 @@ fn takes_time(call: &Call) -> bool {
     )
 }
 
-impl Run<'_> {
-    /// Nothing is run any more, and nothing that was is handed out.
-    #[cold]
-    fn cancelled(&mut self) -> Option<Result<Event, Box<Error>>> {
-        if self.ended && self.calls.is_empty() && self.errors.is_empty() && self.refused.is_none() {
-            return None;
-        }
-        self.fail(Span::default(), ErrorKind::Cancelled);
-        let error = self.errors.pop()?;
-        self.refused = None;
-        self.end_by_error(Box::new(error))
-    }
-
-    /// The error of the line read last, whose calls have been handed out.
-    #[cold]
-    fn failed(&mut self) -> Box<Error> {
-        let error = Box::new(self.errors.swap_remove(0));
-        self.errors.clear();
-        if self.continues && !self.ended {
-            while self.levels.len() > 1 {
-                self.leave(None);
-            }
-            return error;
-        }
-        self.ended = true;
-        // Moves that wait for the next one are not run.
-        self.compensator = None;
-        error
-    }
-}
-
-/// Cutter compensation between the calls of the lines and the events of the run.
-impl Run<'_> {
-    /// Before the first event.
-    fn use_compensator(&mut self, number_by_release: bool) {
-        let settings = &self.state.settings;
-        let rules = motion::compensation::Settings {
-            corner: settings.cutter_corner,
-            gouge: settings.gouge,
-            number_by_release,
-        };
-        self.compensator = match settings.compensated_path {
-            CompensatedPath::Centre => Some(Compensator::with_settings(rules)),
-            CompensatedPath::Programmed => None,
-        };
-    }
-
-    /// Whether a call has to go through the compensator.
-    #[inline]
-    fn is_compensated(&self, call: &Call) -> bool {
-        self.compensator
-            .as_ref()
-            .is_some_and(|compensator| !compensator.is_idle() || matches!(call, Call::SetCutterCompensation(_)))
-    }
-
-    fn compensate(&mut self, event: Event) {
-        let Some(compensator) = &mut self.compensator else {
-            return;
-        };
-        if compensator.is_idle() {
-            compensator.set_position(self.state.cutter_from);
-            compensator.set_plane(self.state.modal.plane);
-            compensator.set_path_mode(self.state.modal.path_mode);
-        }
-        let result = compensator.push(event, &mut self.compensated);
-        self.state.cutter_at = compensator.is_on().then(|| compensator.position());
-        if let Err(error) = result {
-            self.refuse(error);
-        }
-    }
-
-    /// Nothing comes behind the last call: what is held goes out. `false`: this was done before.
-    fn finish_compensation(&mut self) -> bool {
-        let Some(compensator) = &mut self.compensator else {
-            return false;
-        };
-        match compensator.finish(&mut self.compensated) {
-            Ok(()) => self.compensator = None,
-            Err(error) => self.refuse(error),
-        }
-        true
-    }
-
-    /// What was made before the error goes out before it; but nothing, if the tool would cut into the contour.
-    #[cold]
-    fn refuse(&mut self, error: CompensationError) {
-        match &mut self.compensator {
-            Some(compensator) if !error.kind.is_gouge() => {
-                compensator.release(&mut self.compensated);
-            }
-            Some(_) | None => {}
-        }
-        self.refused = Some(self.compensation_error(error));
-    }
-
-    /// The last thing that is told; moves that are held wait for one that never comes.
-    #[cold]
-    fn end_by_error(&mut self, error: Box<Error>) -> Option<Result<Event, Box<Error>>> {
-        self.ended = true;
-        self.calls.clear();
-        self.errors.clear();
-        self.compensator = None;
-        self.compensated.clear();
-        Some(Err(error))
-    }
-
-    /// The error with the line it is about, which may have been read a while ago.
-    #[cold]
-    fn compensation_error(&mut self, error: CompensationError) -> Box<Error> {
-        let kind = ErrorKind::Compensation(error.kind);
-        let source = error.source;
-        let octets = self.line_of(source);
-        let file = &self.files[usize::from(source.file)];
-        let all = 0..octets.len();
-        Box::new(Error::at(&file.name, source.line, &octets, all, kind))
-    }
-}
-
 impl std::iter::FusedIterator for Run<'_> {}
-
-/// A fault with its place, of what a line asks for.
-pub(crate) type Outcome = Result<(), Fault>;

@@ -1,0 +1,70 @@
+//! Cutter compensation between the calls of the lines and the events of the run.
+
+use super::Run;
+use crate::CompensatedPath;
+use motion::canon::{Call, Event};
+use motion::compensation::{CompensationError, Compensator};
+
+impl Run<'_> {
+    /// Before the first event.
+    pub(super) fn use_compensator(&mut self, number_by_release: bool) {
+        let settings = &self.state.settings;
+        let rules = motion::compensation::Settings {
+            corner: settings.cutter_corner,
+            gouge: settings.gouge,
+            number_by_release,
+        };
+        self.compensator = match settings.compensated_path {
+            CompensatedPath::Centre => Some(Compensator::with_settings(rules)),
+            CompensatedPath::Programmed => None,
+        };
+    }
+
+    /// Whether a call has to go through the compensator.
+    #[inline]
+    pub(super) fn is_compensated(&self, call: &Call) -> bool {
+        self.compensator
+            .as_ref()
+            .is_some_and(|compensator| !compensator.is_idle() || matches!(call, Call::SetCutterCompensation(_)))
+    }
+
+    pub(super) fn compensate(&mut self, event: Event) {
+        let Some(compensator) = &mut self.compensator else {
+            return;
+        };
+        if compensator.is_idle() {
+            compensator.set_position(self.state.cutter_from);
+            compensator.set_plane(self.state.modal.plane);
+            compensator.set_path_mode(self.state.modal.path_mode);
+        }
+        let result = compensator.push(event, &mut self.compensated);
+        self.state.cutter_at = compensator.is_on().then(|| compensator.position());
+        if let Err(error) = result {
+            self.refuse(error);
+        }
+    }
+
+    /// Nothing comes behind the last call: what is held goes out. `false`: this was done before.
+    pub(super) fn finish_compensation(&mut self) -> bool {
+        let Some(compensator) = &mut self.compensator else {
+            return false;
+        };
+        match compensator.finish(&mut self.compensated) {
+            Ok(()) => self.compensator = None,
+            Err(error) => self.refuse(error),
+        }
+        true
+    }
+
+    /// What was made before the error goes out before it; but nothing, if the tool would cut into the contour.
+    #[cold]
+    pub(super) fn refuse(&mut self, error: CompensationError) {
+        match &mut self.compensator {
+            Some(compensator) if !error.kind.is_gouge() => {
+                compensator.release(&mut self.compensated);
+            }
+            Some(_) | None => {}
+        }
+        self.refused = Some(self.compensation_error(error));
+    }
+}
