@@ -226,7 +226,7 @@ impl Crest {
         let first = now - self.last;
         let second = first - self.first;
         let third = second - self.second;
-        let twist = greater(third.abs(), self.third.abs());
+        let twist = greater(self.third.abs(), third.abs());
         let rise = self.first + first;
         // Its vertex, if it lies between the three.
         let inside = rise.abs() < 2.0 * second.abs();
@@ -302,6 +302,19 @@ mod tests {
                     prop_assert!(bounds[axis] <= most[axis] + 0.05 * greatest, "{} > {}", bounds[axis], most[axis]);
                 }
             }
+        }
+
+        #[test]
+        fn samples_count_the_same_from_both_ends(samples in prop::collection::vec(-1.0f64..1.0, 5..30)) {
+            let most = |mut samples: Box<dyn Iterator<Item = f64>>| {
+                let mut crest = Crest::new(samples.next().unwrap());
+                samples.for_each(|sample| crest.push(sample));
+                crest.most()
+            };
+            let (there, back) = (samples.clone().into_iter(), samples.clone().into_iter().rev());
+            let (there, back) = (most(Box::new(there)), most(Box::new(back)));
+            prop_assert!((there - back).abs() < 1e-12, "{there} {back}");
+            prop_assert!(samples.iter().all(|sample| there >= sample.abs()));
         }
     }
 }

@@ -326,3 +326,27 @@ fn a_blend_that_nearly_turns_back_between_arcs_keeps_the_limits() {
         0.05,
     );
 }
+
+#[test]
+fn a_short_line_before_a_turning_axis_keeps_the_jerk_limit() {
+    let line = |by, scale, turn_a| Step::Line {
+        by,
+        scale,
+        turn_a,
+        rapid: false,
+    };
+    let steps = [
+        Step::Mode(1),
+        line([0.0, 0.8295, 0.0], 0.02, 0.0),
+        line([0.0, 0.9990, 0.0729], 0.02, 0.0),
+        line([0.0, 0.2321, -0.3398], 5.0, -14.7459),
+    ];
+    proven(
+        &program(&steps, false),
+        Settings {
+            look_ahead_blocks: 1,
+            ..settings()
+        },
+        0.05,
+    );
+}
