@@ -26,6 +26,8 @@ pub struct Blend {
     group: Group,
     /// Whether no axis but X, Y and Z moves.
     main_only: bool,
+    /// Least length per parameter, as a part of the greatest.
+    evenness: f64,
 }
 
 impl Blend {
@@ -50,13 +52,22 @@ impl Blend {
         let speed = |u: f64| speed(&c, group, u);
         let table = LengthTable::new(speed);
         let mean = table.length();
-        let slow = (0..=4 * 8).any(|k| speed(f64::from(k) / 32.0) < SLOWEST * mean);
-        (mean.is_finite() && mean > 0.0 && !slow).then_some(Blend {
+        let speeds: [f64; 33] = core::array::from_fn(|k| speed(k as f64 / 32.0));
+        let slowest = speeds.into_iter().fold(f64::INFINITY, f64::min);
+        let fastest = speeds.into_iter().fold(0.0, f64::max);
+        (mean.is_finite() && mean > 0.0 && slowest >= SLOWEST * mean).then_some(Blend {
             c,
             table,
             group,
             main_only,
+            evenness: slowest / fastest,
         })
+    }
+
+    /// Least length per parameter, as a part of the greatest. Where other axes go on, the length may nearly stand still though
+    /// its direction turns little, and derivatives by length change as fast there.
+    pub fn evenness(&self) -> f64 {
+        self.evenness
     }
 
     pub(super) fn length(&self) -> f64 {

@@ -27,6 +27,9 @@ pub(super) const CURVED: f64 = 0.6;
 /// Part of the jerk that the change of acceleration on a bent path may take of what curvature leaves.
 const COUPLED_JERK: f64 = 0.5;
 
+/// Samples of a blend along which the length grows evenly with the parameter; the less evenly it does, the more.
+const UNEVEN_STEPS: f64 = 8.0;
+
 /// What samples of a curve may miss of its direction, as a part: all of the limit of speed is used, with no room for it.
 const SLOPE_MISSED: f64 = 1e-4;
 
@@ -90,6 +93,7 @@ impl Bounds {
             -0.416.. => 24,
             _ => 64,
         };
+        let steps = steps.max((UNEVEN_STEPS / blend.evenness()) as usize);
         Bounds::sampled(steps, |x| blend.derivatives_at::<N>(x))
     }
 
@@ -280,6 +284,7 @@ pub(super) fn jumps(before: &Jet, after: &Jet) -> Option<Bounds> {
 mod tests {
     use super::*;
     use crate::canon::Position;
+    use crate::path::{BlendEnd, Group};
     use crate::plan::smooth::round::round;
     use proptest::prelude::*;
 
@@ -301,6 +306,27 @@ mod tests {
                     prop_assert!(bounds[axis] >= most[axis] - 1e-3 * greatest, "{} < {}", bounds[axis], most[axis]);
                     prop_assert!(bounds[axis] <= most[axis] + 0.05 * greatest, "{} > {}", bounds[axis], most[axis]);
                 }
+            }
+        }
+
+        #[test]
+        fn bounds_of_a_curve_on_which_the_length_nearly_stands_still_are_those_of_many_samples(
+            paces in prop::array::uniform2(0.002f64..0.05), rise in -0.05f64..0.05, turn in 0.1f64..20.0,
+        ) {
+            let end = |x: f64, y: f64, a: f64, pace: f64| {
+                let mut leg = Jet::default();
+                (leg.q[0], leg.q[1], leg.q[3], leg.d1[0]) = (x, y, a, 1.0);
+                BlendEnd { leg, pace, pace_change: 0.0 }
+            };
+            let blend = Piece::blend(&end(0.0, 0.0, 0.0, paces[0]), &end(0.02, rise, turn, paces[1]), Group::Main);
+            // Too sharp a curve is none.
+            let Some(blend) = blend else { return Ok(()) };
+            let Shape::Blend(curve) = blend.shape() else { panic!("a blend") };
+            let bounds = Bounds::of(&blend);
+            let most = Bounds::sampled(4000, |x| curve.derivatives_at::<AXES>(x));
+            for axis in [0, 1, 3] {
+                prop_assert!(bounds.d2[axis] >= 0.9 * most.d2[axis] - 1e-6, "{} < {}", bounds.d2[axis], most.d2[axis]);
+                prop_assert!(bounds.d3[axis] >= 0.9 * most.d3[axis] - 1e-6, "{} < {}", bounds.d3[axis], most.d3[axis]);
             }
         }
 

@@ -67,6 +67,19 @@ pub(super) fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
+/// A step that is short against the tolerance, mostly forward, while A turns.
+fn short_step() -> impl Strategy<Value = Step> {
+    let scale = prop_oneof![3 => Just(0.02), 2 => Just(0.1), 1 => Just(0.3), 1 => Just(5.0)];
+    let turn = prop_oneof![Just(0.0), -0.5f64..0.5, -20.0f64..20.0];
+    let line = (prop::array::uniform3(-0.2f64..1.0), scale, turn).prop_map(|(by, scale, turn_a)| Step::Line {
+        by,
+        scale,
+        turn_a,
+        rapid: false,
+    });
+    prop_oneof![9 => line, 1 => Just(Step::Mode(1)), 1 => Just(Step::Mode(2))]
+}
+
 /// The calls of a program. With `exact`, corners are never rounded.
 pub(super) fn program(steps: &[Step], exact: bool) -> Vec<Event> {
     let mut at = Position::ZERO;
@@ -243,6 +256,11 @@ proptest! {
     }
 
     #[test]
+    fn short_moves_with_a_turning_axis_keep_the_limits(steps in prop::collection::vec(short_step(), 1..25)) {
+        proven(&program(&steps, false), settings(), 0.05);
+    }
+
+    #[test]
     fn exact_path_is_exact(steps in prop::collection::vec(step(), 1..15), window in 1usize..51) {
         proven(&program(&steps, true), Settings { look_ahead_blocks: window, ..settings() }, 0.0);
     }
@@ -327,26 +345,35 @@ fn a_blend_that_nearly_turns_back_between_arcs_keeps_the_limits() {
     );
 }
 
-#[test]
-fn a_short_line_before_a_turning_axis_keeps_the_jerk_limit() {
-    let line = |by, scale, turn_a| Step::Line {
+/// Lines in the tolerance of 0.05 mm, of which the last turns A.
+fn short_lines<const N: usize>(lines: [([f64; 3], f64, f64); N]) {
+    let line = |(by, scale, turn_a)| Step::Line {
         by,
         scale,
         turn_a,
         rapid: false,
     };
-    let steps = [
-        Step::Mode(1),
-        line([0.0, 0.8295, 0.0], 0.02, 0.0),
-        line([0.0, 0.9990, 0.0729], 0.02, 0.0),
-        line([0.0, 0.2321, -0.3398], 5.0, -14.7459),
-    ];
-    proven(
-        &program(&steps, false),
-        Settings {
-            look_ahead_blocks: 1,
-            ..settings()
-        },
-        0.05,
-    );
+    let steps: Vec<_> = [Step::Mode(1)].into_iter().chain(lines.map(line)).collect();
+    let settings = Settings {
+        look_ahead_blocks: 1,
+        ..settings()
+    };
+    proven(&program(&steps, false), settings, 0.05);
+}
+
+#[test]
+fn a_short_line_before_a_turning_axis_keeps_the_jerk_limit() {
+    short_lines([
+        ([0.0, 0.8295, 0.0], 0.02, 0.0),
+        ([0.0, 0.9990, 0.0729], 0.02, 0.0),
+        ([0.0, 0.2321, -0.3398], 5.0, -14.7459),
+    ]);
+}
+
+#[test]
+fn a_corner_where_only_a_turning_axis_goes_on_keeps_the_jerk_limit() {
+    short_lines([
+        ([0.0, 0.3211312821316481, 0.0], 0.02, 0.0),
+        ([0.0, 0.9976468274054657, 0.7797114880667849], 0.02, 0.31176681181003957),
+    ]);
 }
