@@ -75,7 +75,7 @@ impl Axis {
 pub struct Position(pub [f64; AXES]);
 
 impl Position {
-    /// All zero.
+    /// The origin: every axis at 0.
     pub const ZERO: Position = Position([0.0; AXES]);
 
     /// A position of the three main linear axes, the others zero.
@@ -244,7 +244,7 @@ pub struct Cutter {
 /// A tool as the table has it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolEntry {
-    /// T.
+    /// Number that T names.
     pub tool: u32,
     /// Place as LinuxCNC counts it: the line of the table from 1 on, or 0, the spindle.
     pub pocket: u32,
@@ -603,7 +603,7 @@ pub struct Source {
 pub struct Event {
     /// Place in the program.
     pub source: Source,
-    /// What happens.
+    /// What the program asks for there.
     pub call: Call,
 }
 

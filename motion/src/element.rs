@@ -67,7 +67,7 @@ impl Timed for Element {
 /// `jerk` is 0 (the spline of the optimal planner).
 #[derive(Clone, Copy, Debug)]
 pub struct Span {
-    /// The geometry.
+    /// Piece of path of which the span is a stretch.
     pub piece: Piece,
     /// Place on the piece where the span begins, mm (degrees on a purely rotary piece).
     pub s0: f64,

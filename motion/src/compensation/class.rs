@@ -23,7 +23,7 @@ pub(super) enum Class {
 }
 
 impl Class {
-    pub(super) fn of(call: &Call) -> Class {
+    pub(super) fn new(call: &Call) -> Class {
         match call {
             Call::StraightTraverse { .. } | Call::StraightFeed { .. } | Call::ArcFeed { .. } => Class::Move,
             Call::StraightProbe { .. } => Class::Refused("probing (G38.2 to G38.5)"),

@@ -23,7 +23,7 @@ pub(super) enum Shape {
 
 impl Shape {
     /// +1: a counter-clockwise arc, -1: a clockwise one, 0: a line.
-    pub(super) fn turn(self) -> f64 {
+    pub(super) fn turn_sign(self) -> f64 {
         match self {
             Shape::Line => 0.0,
             Shape::Arc { turns, .. } => f64::from(turns.signum()),
@@ -50,7 +50,7 @@ impl Contour {
     fn tangent(&self, at: Point) -> Point {
         match self.shape {
             Shape::Line => unit(sub(self.to, self.from)),
-            Shape::Arc { centre, .. } => scale(left(unit(sub(at, centre))), self.shape.turn()),
+            Shape::Arc { centre, .. } => scale(left(unit(sub(at, centre))), self.shape.turn_sign()),
         }
     }
 
@@ -76,12 +76,12 @@ impl Contour {
 
     /// Whether a tool on `side` goes inside the circle of the arc: left of a counter-clockwise one, right of a clockwise one.
     pub(super) fn is_around_tool(&self, side: f64) -> bool {
-        self.shape.turn() == side
+        self.shape.turn_sign() == side
     }
 
     /// Whether a tool on `side` goes around the outside of the arc.
     pub(super) fn is_before_tool(&self, side: f64) -> bool {
-        self.shape.turn() == -side
+        self.shape.turn_sign() == -side
     }
 
     /// Curve of the centre of a tool that touches the move from the left at a distance of `offset` (right: negative).
@@ -95,7 +95,7 @@ impl Contour {
                 }
             }
             Shape::Arc { centre, .. } => {
-                let turn = self.shape.turn();
+                let turn = self.shape.turn_sign();
                 // The left of a counter-clockwise arc is its inside: the centre's circle is smaller there.
                 // Where it is smaller than nothing the centre is on the far side of the circle's.
                 let radius = (length(sub(self.to, centre)) - turn * offset).abs();

@@ -60,7 +60,7 @@ impl Element {
     }
 
     /// A programmed move.
-    pub(super) fn of(contour: &Contour) -> Element {
+    pub(super) fn new(contour: &Contour) -> Element {
         match contour.shape {
             Shape::Line => Element::line(contour.from, contour.to),
             Shape::Arc { centre, turns } => Element::arc(contour.from, contour.to, centre, turns),

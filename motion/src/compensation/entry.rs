@@ -72,7 +72,7 @@ pub(super) fn enter(
             let curve = Curve::Circle {
                 centre,
                 radius: radius_mm,
-                turn: first.shape.turn(),
+                turn: first.shape.turn_sign(),
             };
             Held::arc(curve, first.from, first.from, Start::Entry, end, turns)
         }

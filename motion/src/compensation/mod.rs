@@ -243,7 +243,7 @@ impl Compensator {
     fn push_off(&mut self, event: Event, out: &mut impl Extend<Event>) -> Result<(), Kind> {
         // Something waits only where the end of compensation showed a gouge, and the caller went on.
         self.release(out);
-        match (&event.call, Class::of(&event.call)) {
+        match (&event.call, Class::new(&event.call)) {
             (Call::ArcFeed { .. }, Class::Move) if self.straight_exit_due => return Err(Kind::ExitArc),
             (call, Class::Move) => {
                 if let Some(to) = end_of(call) {
@@ -295,7 +295,7 @@ impl Compensator {
             return Ok(());
         };
         if let Programmed::Wall(contour, mark) = &contour {
-            window.wall(Element::of(contour), *mark);
+            window.wall(Element::new(contour), *mark);
         }
         let mut found = Ok(());
         for (event, part) in self.made.drain(..) {
@@ -309,7 +309,7 @@ impl Compensator {
                 });
                 self.path_at = *to;
             }
-            let taken = window.take(event);
+            let taken = window.push_event(event);
             found = found.and(taken);
             if let Some(element) = element {
                 window.compare(part, element);
@@ -381,7 +381,7 @@ impl Compensator {
 
     /// Makes of an event what can be made of it by now.
     fn push_on(&mut self, event: Event) -> Result<Programmed, Kind> {
-        match Class::of(&event.call) {
+        match Class::new(&event.call) {
             Class::Move => return self.push_move(event),
             Class::InOrder => match &mut self.mode {
                 Mode::Off | Mode::Entry(_) => self.made.push((event, Part::Free)),

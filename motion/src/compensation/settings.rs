@@ -38,7 +38,7 @@ pub enum Gouge {
 /// How compensation treats corners and what the tool cannot reach.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Settings {
-    /// Outer corners.
+    /// How the tool goes round outer corners.
     pub corner: Corner,
     /// Cuts into the contour.
     pub gouge: Gouge,

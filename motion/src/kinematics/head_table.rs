@@ -25,7 +25,7 @@ pub struct HeadTable {
     pub head: Rotary,
     /// From the spindle nose to the pivot with the head upright, mm: (0, 0, pivot length), say.
     pub pivot_mm: [f64; 3],
-    /// The table.
+    /// The table that carries the workpiece.
     pub table: Rotary,
 }
 
@@ -33,7 +33,7 @@ impl HeadTable {
     /// From the tip to the pivot, head turned, less the same from the spindle nose, head upright. RT.
     fn lever<N: Number>(&self, degrees: N, length_mm: f64) -> [N; 3] {
         let [x, y, z] = self.pivot_mm;
-        let turned = self.head.turn(degrees, [x, y, z + length_mm].map(N::constant));
+        let turned = self.head.rotate(degrees, [x, y, z + length_mm].map(N::constant));
         [turned[0] - x, turned[1] - y, turned[2] - z]
     }
 

@@ -126,7 +126,7 @@ impl Kinematics {
         Kinematics::new(Transform::Trivial, &joints[..axis_of_joint.len().min(JOINTS)])
     }
 
-    /// The family.
+    /// The transform between axes and joints.
     pub fn transform(&self) -> &Transform {
         &self.transform
     }

@@ -21,7 +21,7 @@ pub enum Hand {
 pub struct Rotary {
     /// A turns about X, B about Y, C about Z.
     pub axis: RotaryAxis,
-    /// Which way.
+    /// Which way a positive angle turns.
     pub hand: Hand,
     /// A point of its centre line with all rotary axes at zero, machine coordinates, mm. The coordinate along the line does
     /// not matter.
@@ -61,7 +61,7 @@ impl RotaryAxis {
 
 impl Rotary {
     /// Turns a direction by this axis at an angle. RT.
-    pub(super) fn turn<N: Number>(&self, degrees: N, mut vector: [N; 3]) -> [N; 3] {
+    pub(super) fn rotate<N: Number>(&self, degrees: N, mut vector: [N; 3]) -> [N; 3] {
         let (sin, cos) = degrees.to_radians().sin_cos();
         let sin = match self.hand {
             Hand::Right => sin,
@@ -75,7 +75,7 @@ impl Rotary {
     /// Turns a point about the centre line. RT.
     pub(super) fn turn_point<N: Number>(&self, degrees: N, point: [N; 3]) -> [N; 3] {
         let centre = self.centre_mm;
-        let [x, y, z] = self.turn(
+        let [x, y, z] = self.rotate(
             degrees,
             [point[0] - centre[0], point[1] - centre[1], point[2] - centre[2]],
         );

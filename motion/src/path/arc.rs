@@ -8,9 +8,9 @@ use crate::canon::{AXES, Position};
 /// How an arc is told: two end points, a centre and a turn about an axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Circle {
-    /// First point.
+    /// First point, machine coordinates, mm or degrees.
     pub start: Position,
-    /// Last point.
+    /// Last point, machine coordinates, mm or degrees.
     pub end: Position,
     /// A point on the axis, XYZ in mm.
     pub centre_mm: [f64; 3],

@@ -106,7 +106,7 @@ impl Blend {
         const NEAR: f64 = 1e-9;
         /// Parts of 1/2^20 of a curve differ from their chord by its 2^40th part.
         const HALVINGS: u32 = 20;
-        fn look(points: [f64; 6], halvings: u32, low: &mut f64, high: &mut f64) {
+        fn extend(points: [f64; 6], halvings: u32, low: &mut f64, high: &mut f64) {
             *low = low.min(points[0]).min(points[5]);
             *high = high.max(points[0]).max(points[5]);
             let inside = points.iter().all(|x| (*low - NEAR..=*high + NEAR).contains(x));
@@ -122,7 +122,7 @@ impl Blend {
                 }
             }
             for half in halves {
-                look(half, halvings - 1, low, high);
+                extend(half, halvings - 1, low, high);
             }
         }
         let c = |k: usize| self.c[k][axis];
@@ -136,7 +136,7 @@ impl Blend {
             c(0) + c(1) + c(2) + c(3) + c(4) + c(5),
         ];
         let (mut low, mut high) = (points[0].min(points[5]), points[0].max(points[5]));
-        look(points, HALVINGS, &mut low, &mut high);
+        extend(points, HALVINGS, &mut low, &mut high);
         (low, high)
     }
 

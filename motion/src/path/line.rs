@@ -19,7 +19,7 @@ impl Line {
         for (axis, delta) in delta.iter_mut().enumerate() {
             *delta = end.0[axis] - start.0[axis];
         }
-        let group = Group::of(&delta)?;
+        let group = Group::from_delta(&delta)?;
         let length = group.norm(&delta);
         delta.iter().all(|x| x.is_finite()).then_some(Line {
             start: start.0,

@@ -44,7 +44,7 @@ pub enum Group {
 
 impl Group {
     /// The group that measures a straight move by `delta`; `None` when nothing moves.
-    pub fn of(delta: &[f64; AXES]) -> Option<Group> {
+    pub fn from_delta(delta: &[f64; AXES]) -> Option<Group> {
         [Group::Main, Group::Parallel, Group::Rotary]
             .into_iter()
             .find(|group| group.norm(delta) > 0.0)
@@ -165,7 +165,7 @@ impl Piece {
     }
 
     /// The part of the curve of an arc on which the piece lies: parts of its turn; nothing to know of other shapes.
-    pub fn turn(&self) -> [f64; 2] {
+    pub fn turn_range(&self) -> [f64; 2] {
         match &self.shape {
             Shape::Arc(arc) => [self.from, self.from + self.length].map(|s| arc.parameter(s)),
             Shape::Line(_) | Shape::Blend(_) => [0.0, 1.0],

@@ -42,7 +42,7 @@ impl Junctions {
             Passed::Stretch(stretch) => {
                 let mut next = Bounded {
                     stretch: *stretch,
-                    bounds: stretch.bounds.unwrap_or_else(|| Bounds::of(&stretch.piece)),
+                    bounds: stretch.bounds.unwrap_or_else(|| Bounds::new(&stretch.piece)),
                 };
                 if let Some(last) = &self.last {
                     meet(last, &mut next, settings, out);
@@ -79,7 +79,7 @@ pub(super) fn meeting(a: &Stretch, b: &Stretch, lengths: [f64; 2], settings: &Se
         return Meeting::Stop;
     }
     let reach_s = 3.0 * settings.cycle_s;
-    let bounds = jump.union(&Bounds::of(&a.piece)).union(&Bounds::of(&b.piece));
+    let bounds = jump.union(&Bounds::new(&a.piece)).union(&Bounds::new(&b.piece));
     let limits = bounds.limits(a.feed.min(b.feed), settings);
     // A quarter of a stretch at each end for its zone; what is left for changing speed. A change to a third of a speed
     // takes 9 % more length than one to rest.

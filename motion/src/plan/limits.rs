@@ -54,7 +54,7 @@ pub(super) struct PathLimits {
 }
 
 impl Bounds {
-    pub(super) fn of(piece: &Piece) -> Bounds {
+    pub(super) fn new(piece: &Piece) -> Bounds {
         if let Some([d1, d2, d3]) = piece.greatest_derivatives() {
             return Bounds {
                 d1,
@@ -68,7 +68,7 @@ impl Bounds {
             Shape::Line(_) => Bounds::sampled(3, |x| of_jet(piece.jet(piece.length() * x))),
             // A spiral: one sample every 0.05 rad, 8 for a short one.
             Shape::Arc(arc) => {
-                let [from, to] = piece.turn();
+                let [from, to] = piece.turn_range();
                 let steps = (arc.sweep_rad() * (to - from) / 0.05).ceil().clamp(8.0, 50_000.0) as usize;
                 Bounds::sampled(steps, |x| of_jet(arc.jet_at(from + (to - from) * x)))
             }
@@ -297,7 +297,7 @@ mod tests {
             let b = Piece::line(corner, Position::xyz(10.0 + 10.0 * cos, 10.0 * sin, tilt)).unwrap();
             let blend = round(&a, 5.0, &b, 5.0, tolerance).unwrap().blend;
             let Shape::Blend(curve) = blend.shape() else { panic!("a corner is a blend") };
-            let bounds = Bounds::of(&blend);
+            let bounds = Bounds::new(&blend);
             let most = Bounds::sampled(4000, |x| curve.derivatives_at::<3>(x));
             let pairs = [(bounds.d1, most.d1), (bounds.d2, most.d2), (bounds.d3, most.d3)];
             for (bounds, most) in pairs {
@@ -322,7 +322,7 @@ mod tests {
             // Too sharp a curve is none.
             let Some(blend) = blend else { return Ok(()) };
             let Shape::Blend(curve) = blend.shape() else { panic!("a blend") };
-            let bounds = Bounds::of(&blend);
+            let bounds = Bounds::new(&blend);
             let most = Bounds::sampled(4000, |x| curve.derivatives_at::<AXES>(x));
             for axis in [0, 1, 3] {
                 prop_assert!(bounds.d2[axis] >= 0.9 * most.d2[axis] - 1e-6, "{} < {}", bounds.d2[axis], most.d2[axis]);

@@ -140,7 +140,7 @@ pub struct Programmed {
 pub struct PlanError {
     /// Where in the program.
     pub source: Source,
-    /// Why.
+    /// What is wrong with it.
     pub kind: PlanErrorKind,
 }
 

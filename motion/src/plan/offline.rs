@@ -25,7 +25,7 @@ pub struct Offline {
 /// Keeps everything that is handed over.
 #[derive(Debug, Default)]
 pub struct Recorder {
-    /// Final elements.
+    /// Elements that are final, in the order of the path.
     pub elements: Vec<Element>,
     /// The stop behind them.
     pub tail: Vec<Element>,

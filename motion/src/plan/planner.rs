@@ -141,7 +141,7 @@ impl<S: Sink<Element>> Planner<S> {
         }
         let entry = self
             .program
-            .take(event.source.line, &event.call, &self.settings)
+            .run(event.source.line, &event.call, &self.settings)
             .map_err(|kind| PlanError {
                 source: event.source,
                 kind,
@@ -219,7 +219,7 @@ impl<S: Sink<Element>> Planner<S> {
         self.ideal.drain(..)
     }
 
-    /// The sink.
+    /// Where publications go.
     pub fn sink(&mut self) -> &mut S {
         &mut self.sink
     }

@@ -28,7 +28,7 @@ pub(super) fn limits_along(piece: &Piece, settings: &Settings) -> Result<MotionL
         .as_ref()
         .filter(|joints| !joints.kinematics.is_linear(piece.frame()));
     let Some(space) = joints else {
-        let limits = Bounds::of(piece).limits(f64::INFINITY, settings);
+        let limits = Bounds::new(piece).limits(f64::INFINITY, settings);
         return Ok(MotionLimits {
             velocity: limits.v,
             acceleration: limits.a,

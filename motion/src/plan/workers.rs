@@ -64,7 +64,7 @@ impl Shared {
     }
 
     /// A job that no thread has begun.
-    fn take(&self) -> Option<Job> {
+    fn next_job(&self) -> Option<Job> {
         self.lock().jobs.pop_front()
     }
 
@@ -263,7 +263,7 @@ impl<Out: Send + 'static> Ordered<Out> {
         while self.results.front()?.is_none() {
             if let Ok(result) = self.receiver.try_recv() {
                 self.place(result);
-            } else if let Some(job) = self.workers.0.shared.take() {
+            } else if let Some(job) = self.workers.0.shared.next_job() {
                 job();
             } else if let Ok(result) = self.receiver.recv() {
                 self.place(result);

@@ -78,7 +78,7 @@ impl Track {
     pub(super) fn forward(&mut self) -> Option<&Element> {
         if self.next == self.taken {
             match self.consumer.advance() {
-                Some(element) => self.take(element),
+                Some(element) => self.append(element),
                 None => {
                     self.between = true;
                     return None;
@@ -144,7 +144,7 @@ impl Track {
         self.consumer.published_s()
     }
 
-    fn take(&mut self, element: Element) {
+    fn append(&mut self, element: Element) {
         let place = self.place(self.taken);
         self.passed[place] = Passed {
             element,

@@ -233,7 +233,7 @@ impl Window {
     }
 
     /// Takes an event.
-    pub(super) fn take(&mut self, event: Event) -> Result<(), Kind> {
+    pub(super) fn push_event(&mut self, event: Event) -> Result<(), Kind> {
         let (at_mm, walls) = (self.at_mm, self.walls.end());
         self.waiting.push_back(Waiting { event, at_mm, walls });
         if self.waiting.len() > WAITING_LIMIT {

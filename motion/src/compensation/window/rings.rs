@@ -328,7 +328,7 @@ impl Ring {
 
     /// Whether the ring goes around a point that is not on it.
     fn is_around(&self, point: Point) -> bool {
-        let turned: f64 = self.elements.iter().map(|element| turn(element, point)).sum();
+        let turned: f64 = self.elements.iter().map(|element| turning_rad(element, point)).sum();
         turned.abs() > 0.5 * TAU
     }
 }
@@ -359,7 +359,7 @@ fn area_mm2(ring: &[Element]) -> f64 {
 }
 
 /// How far the direction from a point turns while it looks along an element, rad.
-fn turn(element: &Element, point: Point) -> f64 {
+fn turning_rad(element: &Element, point: Point) -> f64 {
     let chord = |from: Point, to: Point| angle(sub(from, point), sub(to, point));
     let Some(arc) = element.arc else {
         return chord(element.from, element.to);

@@ -72,7 +72,7 @@ impl Runs {
             let before = self.before;
             self.before = open.choose_speed(before, limits.v, settings);
         }
-        out.extend(self.open.replace(Run::of(next, limits)).map(Built::Run));
+        out.extend(self.open.replace(Run::new(next, limits)).map(Built::Run));
     }
 
     /// What is open ends at rest.
@@ -86,7 +86,7 @@ impl Runs {
 }
 
 impl Part {
-    fn of(stretch: &Stretch) -> Part {
+    fn new(stretch: &Stretch) -> Part {
         Part {
             piece: stretch.piece,
             line: stretch.line,
@@ -97,9 +97,9 @@ impl Part {
 }
 
 impl Run {
-    fn of(one: &Bounded, limits: PathLimits) -> Run {
+    fn new(one: &Bounded, limits: PathLimits) -> Run {
         Run {
-            parts: vec![Part::of(&one.stretch)],
+            parts: vec![Part::new(&one.stretch)],
             length: one.stretch.piece.length(),
             limits,
             bounds: one.bounds,
@@ -136,7 +136,7 @@ impl Run {
         if !(alike || both_short) || self.pieces() >= RUN_PIECES {
             return false;
         }
-        self.parts.push(Part::of(&next.stretch));
+        self.parts.push(Part::new(&next.stretch));
         self.length += next_length;
         self.fastest = if alike { fastest } else { v };
         (self.bounds, self.feed, self.limits) = (bounds, feed, limits);

@@ -121,7 +121,7 @@ impl Steps {
         let mut built = Vec::new();
         self.runs.flush(settings, &mut built);
         built.push(Built::Stop);
-        self.take(&mut built);
+        self.append(&mut built);
         if element.is_some() {
             self.finished = false;
             self.steps.push_back(Step::new(What::Rest(element)));
@@ -191,11 +191,11 @@ impl Steps {
             self.runs.push(joined, settings, &mut built);
         }
         joined.clear();
-        self.take(&mut built);
+        self.append(&mut built);
         self.built = built;
     }
 
-    fn take(&mut self, built: &mut Vec<Built>) {
+    fn append(&mut self, built: &mut Vec<Built>) {
         for built in built.drain(..) {
             let what = match built {
                 Built::Run(run) => {

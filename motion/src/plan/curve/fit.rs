@@ -74,14 +74,14 @@ pub(super) fn follow(spans: impl Iterator<Item = (usize, Bezier)>) -> Option<Vec
     let mut leaves = Vec::new();
     let mut before: Option<Shared> = None;
     for (continuity, span) in spans {
-        let start = Shared::of(&span.start());
+        let start = Shared::new(&span.start());
         let start = match (before, start) {
             // Equal but for rounding, which must not look like a corner.
             (Some(before), Some(_)) if continuity >= 2 => Some(before),
             (Some(before), Some(own)) if continuity == 1 => Some(Shared { d1: before.d1, ..own }),
             (_, own) => own,
         };
-        let end = Shared::of(&span.end());
+        let end = Shared::new(&span.end());
         divide(span, start, end, HALVINGS, &mut leaves)?;
         before = end;
     }
@@ -97,7 +97,7 @@ struct Shared {
 
 impl Shared {
     /// `None` where the curve stops as a function of its parameter.
-    fn of(at: &Contact) -> Option<Shared> {
+    fn new(at: &Contact) -> Option<Shared> {
         let pace = length(&at.first);
         let d1 = at.first.map(|x| x / pace);
         let change = dot(&d1, &at.second);
@@ -151,7 +151,7 @@ fn divide(
     }
     let halvings = halvings.checked_sub(1)?;
     let [first, second] = curve.halves();
-    let middle = Shared::of(&first.end());
+    let middle = Shared::new(&first.end());
     divide(first, start, middle, halvings, leaves)?;
     divide(second, middle, end, halvings, leaves)
 }

@@ -83,7 +83,7 @@ fn compare(points: &Points, order: usize, pieces: &[Piece]) -> (f64, f64) {
 
 /// How many joints have a jump of direction, and how many of curvature only.
 fn jumping(pieces: &[Piece]) -> (usize, usize) {
-    let (mut kinks, mut bends) = (0, 0);
+    let (mut direction_jumps, mut bends) = (0, 0);
     for pair in pieces.windows(2) {
         assert_eq!(
             pair[0].position(pair[0].length()).0.map(|x| (x * 1e9).round()),
@@ -91,11 +91,11 @@ fn jumping(pieces: &[Piece]) -> (usize, usize) {
         );
         if let Some(jump) = jumps(&pair[0].jet(pair[0].length()), &pair[1].jet(0.0)) {
             let kink = jump.kink.iter().any(|x| *x > 1e-12);
-            kinks += usize::from(kink);
+            direction_jumps += usize::from(kink);
             bends += usize::from(!kink);
         }
     }
-    (kinks, bends)
+    (direction_jumps, bends)
 }
 
 #[test]
@@ -279,11 +279,11 @@ proptest! {
         prop_assert!(off <= TOLERANCE_MM + chords.min(1e-2), "{off} with {} pieces", pieces.len());
         let sum: f64 = pieces.iter().map(Piece::length).sum();
         prop_assert!((sum / length - 1.0).abs() < 1e-4, "{sum} {length}");
-        let (kinks, bends) = jumping(&pieces);
+        let (direction_jumps, bends) = jumping(&pieces);
         if order >= 4 {
             prop_assert_eq!(bends, 0);
         }
-        prop_assert!(kinks < 100, "{}", kinks);
+        prop_assert!(direction_jumps < 100, "{}", direction_jumps);
     }
 }
 

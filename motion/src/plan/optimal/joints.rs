@@ -168,7 +168,7 @@ impl Steady {
     }
 
     /// Takes the next sample in; a quarter of the step from the one before covers a crest between the two.
-    pub(super) fn see(&mut self, jets: &[JointJet]) {
+    pub(super) fn include(&mut self, jets: &[JointJet]) {
         let mut here = [[0.0; 3]; JOINTS];
         for (values, jet) in here.iter_mut().zip(jets) {
             *values = [jet.d1, jet.d2, jet.d3];

@@ -327,7 +327,7 @@ impl Knots {
     }
 
     /// Gives out the spans of all cells that are certain; of all if the section ends, with the speed `exit`.
-    pub(super) fn take(&mut self, exit: Option<f64>, step_s: f64, out: &mut Vec<Knotted>) {
+    pub(super) fn drain(&mut self, exit: Option<f64>, step_s: f64, out: &mut Vec<Knotted>) {
         if self.cells.is_empty() || (exit.is_none() && self.cells.len() < self.due) {
             return;
         }

@@ -57,7 +57,7 @@ impl Made {
     }
 
     /// Takes this many of its parts, of which there must be more, off its beginning.
-    pub(super) fn take(&mut self, count: usize, out: &mut Vec<Made>) {
+    pub(super) fn split_off(&mut self, count: usize, out: &mut Vec<Made>) {
         let parts = self.parts();
         let Element::Span(left) = &mut self.element else { return };
         let whole = *left;
@@ -281,7 +281,7 @@ pub(super) fn steady_limits(part: Part, log: &Log, joints: &Joints, jets: &mut V
         for k in 0..=count {
             let x = f64::from(k) / f64::from(count);
             joints.jets(&stretch.piece, part.from + (part.to - part.from) * x, jets);
-            steady.see(jets);
+            steady.include(jets);
         }
     }
     steady.limits(joints, feed)

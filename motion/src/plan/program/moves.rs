@@ -88,7 +88,7 @@ impl Program {
             let feed = self.feed.ok_or(PlanErrorKind::NoFeedRate)?;
             let per_s = if self.per_turn { self.turns_s(settings)? } else { 1.0 };
             let delta = std::array::from_fn(|i| end.0[i] - self.position.0[i]);
-            match Group::of(&delta) {
+            match Group::from_delta(&delta) {
                 Some(Group::Rotary) => feed.degrees_s * per_s,
                 Some(Group::Main | Group::Parallel) | None => feed.mm_s * per_s,
             }

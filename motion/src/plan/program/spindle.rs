@@ -99,7 +99,7 @@ impl Program {
             None => way,
             Some(_) => self.with_run_down(&way, &end, pitch_mm, settings)?,
         };
-        let limits = Bounds::of(&piece).limits(f64::INFINITY, settings);
+        let limits = Bounds::new(&piece).limits(f64::INFINITY, settings);
         let speed = pitch_mm * turns_s * return_scale.map_or(1.0, |scale| scale.max(1.0));
         if speed > limits.v {
             return Err(PlanErrorKind::SpindleTooFast { speed, limit: limits.v });

@@ -24,7 +24,7 @@ fn settings() -> Settings {
 }
 
 fn moved(program: &mut Program, call: Call) -> Move {
-    match program.take(1, &call, &settings()) {
+    match program.run(1, &call, &settings()) {
         Ok(Some(Entry::Move(part))) => part,
         other => panic!("a move expected: {other:?}"),
     }
@@ -37,7 +37,7 @@ fn speed(rpm: f64) -> Call {
 fn with_feed() -> Program {
     let mut program = Program::new(Position::ZERO);
     program
-        .take(
+        .run(
             1,
             &Call::SetFeedRate {
                 linear: 5.0,
@@ -85,9 +85,9 @@ fn an_arc_turns_and_shifts_with_its_frame() {
         system: 1,
         origin: Position::xyz(100.0, 0.0, 7.0),
     };
-    program.take(1, &offset, &settings()).unwrap();
+    program.run(1, &offset, &settings()).unwrap();
     program
-        .take(1, &Call::SetXyRotation { degrees: 90.0 }, &settings())
+        .run(1, &Call::SetXyRotation { degrees: 90.0 }, &settings())
         .unwrap();
     moved(&mut program, Call::StraightTraverse { to: Position::ZERO });
     // G18: Z is first, X second; the half turn from X0 to X20 bulges to Z-10 or Z+10. X of the work is Y here.
@@ -115,19 +115,19 @@ fn a_feed_per_turn_is_that_of_the_programmed_speed_and_none_where_the_spindle_st
     let mut program = with_feed();
     let to = Position::xyz(0.0, 0.0, 1.0);
     let mode = Call::SetFeedMode(FeedMode::PerTurn { spindle: 0 });
-    program.take(1, &mode, &settings()).unwrap();
-    program.take(1, &speed(90.0), &settings()).unwrap();
-    let stands = program.take(1, &Call::StraightFeed { to }, &settings());
+    program.run(1, &mode, &settings()).unwrap();
+    program.run(1, &speed(90.0), &settings()).unwrap();
+    let stands = program.run(1, &Call::StraightFeed { to }, &settings());
     assert_eq!(stands.unwrap_err(), PlanErrorKind::SpindleStands);
     let start = Call::StartSpindle {
         spindle: 0,
         direction: SpindleDirection::Counterclockwise,
         wait_for_speed: true,
     };
-    program.take(1, &start, &settings()).unwrap();
+    program.run(1, &start, &settings()).unwrap();
     assert_eq!(moved(&mut program, Call::StraightFeed { to }).feed, 7.5);
     let mode = Call::SetFeedMode(FeedMode::PerTime);
-    program.take(1, &mode, &settings()).unwrap();
+    program.run(1, &mode, &settings()).unwrap();
     let to = Position::ZERO;
     assert_eq!(moved(&mut program, Call::StraightFeed { to }).feed, 5.0);
 }
@@ -155,7 +155,7 @@ fn what_cannot_be_run_is_refused_by_name() {
     ];
     for (call, what) in calls {
         assert_eq!(
-            with_feed().take(1, &call, &settings()).unwrap_err(),
+            with_feed().run(1, &call, &settings()).unwrap_err(),
             PlanErrorKind::Unsupported(what)
         );
     }
@@ -183,7 +183,7 @@ fn modes_decide_what_may_happen_to_a_corner() {
         ),
     ];
     for (x, (mode, corner)) in (1..).zip(modes) {
-        program.take(1, &Call::SetPathMode(mode), &settings()).unwrap();
+        program.run(1, &Call::SetPathMode(mode), &settings()).unwrap();
         let part = moved(
             &mut program,
             Call::StraightFeed {
@@ -197,7 +197,7 @@ fn modes_decide_what_may_happen_to_a_corner() {
 #[test]
 fn a_spindle_speed_is_an_action_only_while_the_spindle_turns() {
     let mut program = with_feed();
-    let mut take = |call| match program.take(4, &call, &settings()).unwrap() {
+    let mut take = |call| match program.run(4, &call, &settings()).unwrap() {
         Some(Entry::Rest(Element::Action { action, line: 4 })) => Some(action),
         None => None,
         other => panic!("an action expected: {other:?}"),
@@ -243,7 +243,7 @@ fn a_constant_speed_of_the_surface_follows_its_zero_and_is_planned_for_its_highe
         direction,
         wait_for_speed: true,
     };
-    let mut take = |call: Call| match program.take(1, &call, &settings()).unwrap() {
+    let mut take = |call: Call| match program.run(1, &call, &settings()).unwrap() {
         Some(Entry::Rest(Element::Action {
             action: Action::SpindleOn { rpm, surface, .. },
             ..
@@ -277,7 +277,7 @@ fn a_constant_speed_of_the_surface_follows_its_zero_and_is_planned_for_its_highe
     );
     assert_eq!((part.feed, part.enables.spindle_speed), (125.0, true));
     // Without D as fast as the machine can.
-    program.take(1, &mode(None), &settings()).unwrap();
+    program.run(1, &mode(None), &settings()).unwrap();
     let part = moved(
         &mut program,
         Call::StraightFeed {
@@ -310,7 +310,7 @@ fn the_first_cut_behind_a_change_of_speed_waits_once() {
     let mut waits = |calls: &[Call]| {
         let waits = |call: &Call| {
             let waits = program.take_wait(call, &settings);
-            program.take(1, call, &settings).unwrap();
+            program.run(1, call, &settings).unwrap();
             waits
         };
         calls.iter().map(waits).collect::<Vec<bool>>()
@@ -333,7 +333,7 @@ fn a_refused_move_leaves_the_program_where_it_is() {
         to: Position::xyz(2e3, 0.0, 0.0),
     };
     assert!(matches!(
-        program.take(1, &far, &settings()),
+        program.run(1, &far, &settings()),
         Err(PlanErrorKind::Travel {
             axis: Axis::X,
             limit: 1e3,
@@ -351,12 +351,9 @@ fn a_refused_move_leaves_the_program_where_it_is() {
         to: Position::xyz(f64::NAN, 0.0, 0.0),
     };
     assert_eq!(
-        program.take(1, &none, &settings()).unwrap_err(),
+        program.run(1, &none, &settings()).unwrap_err(),
         PlanErrorKind::NotFinite
     );
     let centre = arc(Position::xyz(5.0, 5.0, 0.0), Plane::Xy, [3.0, 4.0], 1);
-    assert_eq!(
-        program.take(1, &centre, &settings()).unwrap_err(),
-        PlanErrorKind::BadArc
-    );
+    assert_eq!(program.run(1, &centre, &settings()).unwrap_err(), PlanErrorKind::BadArc);
 }

@@ -107,14 +107,14 @@ fn rounded(last: &Last, next: &mut Last, tolerance: f64, settings: &Settings) ->
     if corner.turning < FLAT {
         return Some((corner, None));
     }
-    let bounds = Bounds::of(&corner.blend);
+    let bounds = Bounds::new(&corner.blend);
     let blend = bounds.limits(a.feed.min(b.feed), settings);
     let paces = [
         (
-            last.pace.unwrap_or_else(|| Pace::of(&last.leg, settings)),
+            last.pace.unwrap_or_else(|| Pace::new(&last.leg, settings)),
             corner.before,
         ),
-        (*next.pace.insert(Pace::of(&next.leg, settings)), corner.after),
+        (*next.pace.insert(Pace::new(&next.leg, settings)), corner.after),
     ];
     worth_it(corner.blend.length(), &blend, &paces).then_some((corner, Some(bounds)))
 }
@@ -145,8 +145,8 @@ struct Pace {
 }
 
 impl Pace {
-    fn of(leg: &Leg, settings: &Settings) -> Pace {
-        let limits = Bounds::of(&leg.part.piece).limits(leg.part.feed, settings);
+    fn new(leg: &Leg, settings: &Settings) -> Pace {
+        let limits = Bounds::new(&leg.part.piece).limits(leg.part.feed, settings);
         let speed = reachable(0.0, limits.v, leg.whole / 2.0, &limits);
         Pace { limits, speed }
     }

@@ -51,7 +51,7 @@ fn smoothed(moves: &[Move], planner_kind: PlannerKind) -> Vec<Passed> {
 struct Found {
     quintics: usize,
     /// Corners that are left as they are.
-    kinks: usize,
+    direction_jumps: usize,
     /// Greatest third derivative on quintics, 1/mm².
     third: f64,
     /// Greatest curvature on quintics, 1/mm.
@@ -64,7 +64,7 @@ fn proven(moves: &[Move], tolerance: f64, planner_kind: PlannerKind) -> Found {
     let out = smoothed(moves, planner_kind);
     let mut found = Found {
         quintics: 0,
-        kinks: 0,
+        direction_jumps: 0,
         third: 0.0,
         curvature: 0.0,
     };
@@ -74,7 +74,7 @@ fn proven(moves: &[Move], tolerance: f64, planner_kind: PlannerKind) -> Found {
         let stretch = match passed {
             Passed::Stretch(stretch) => stretch,
             Passed::Stop => {
-                found.kinks += 1;
+                found.direction_jumps += 1;
                 continue;
             }
         };
@@ -95,7 +95,7 @@ fn proven(moves: &[Move], tolerance: f64, planner_kind: PlannerKind) -> Found {
                     stretch.line
                 );
             } else if kink > 1e-9 {
-                found.kinks += 1;
+                found.direction_jumps += 1;
             }
         }
         last = Some((end, quintic, piece.length()));
@@ -256,7 +256,7 @@ fn a_circle_of_chords_becomes_few_quintics_of_even_curvature() {
         .map(|(sin, cos)| rounded(Position::xyz(20.0 * cos, 20.0 * sin, 0.0)))
         .collect();
     let found = proven(&moves(&points, 0.01), 0.01, PlannerKind::Classic);
-    assert_eq!(found.kinks, 0);
+    assert_eq!(found.direction_jumps, 0);
     assert!(found.quintics < 1256 / 20, "{}", found.quintics);
     // Between two points, 0.0001 of rounding make a curvature of 0.01; here it is 1/20 and a third more where it begins and ends.
     assert!(found.curvature < 0.075, "{}", found.curvature);
@@ -287,7 +287,7 @@ fn long_moves_between_short_ones_stay_straight_in_their_middle() {
         .collect();
     let moves = moves(&points, 0.01);
     let found = proven(&moves, 0.01, PlannerKind::Classic);
-    assert_eq!(found.kinks, 0);
+    assert_eq!(found.direction_jumps, 0);
     let straight = |passed: &&Passed| matches!(passed, Passed::Stretch(s) if matches!(s.piece.shape(), Shape::Line(_)) && s.piece.length() > 20.0);
     assert_eq!(
         smoothed(&moves, PlannerKind::Classic).iter().filter(straight).count(),
@@ -348,7 +348,7 @@ fn nearly_tangent_arcs_are_joined() {
         0.01,
         PlannerKind::Classic,
     );
-    assert_eq!((found.quintics, found.kinks), (2, 0));
+    assert_eq!((found.quintics, found.direction_jumps), (2, 0));
 }
 
 #[test]
@@ -458,7 +458,7 @@ fn tangent_arcs_are_entered_with_a_fraction_of_the_jerk() {
         let moves = bends(&slots(12), axes, 0.01);
         let [apart, swaying] =
             [PlannerKind::Classic, PlannerKind::Optimal].map(|planner_kind| proven(&moves, 0.01, planner_kind));
-        assert_eq!((apart.kinks, swaying.kinks), (0, 0));
+        assert_eq!((apart.direction_jumps, swaying.direction_jumps), (0, 0));
         assert!(swaying.third < 0.65 * apart.third, "{} {}", swaying.third, apart.third);
     }
 }

@@ -123,7 +123,7 @@ impl Watch {
         Watch(Monitor::new(&limits.collect::<Vec<_>>(), settings.cycle_s))
     }
 
-    fn see(&mut self, rig: &Rig) {
+    fn check(&mut self, rig: &Rig) {
         let at = rig.samples.last().unwrap();
         let joints: Vec<f64> = settings()
             .axes
@@ -412,7 +412,7 @@ fn an_override_that_changes_on_the_way_back_acts_on_what_has_not_been_run() {
         let mut run = |rig: &mut Rig, cycles: usize| {
             for _ in 0..cycles {
                 rig.cycle();
-                watch.see(rig);
+                watch.check(rig);
             }
         };
         run(&mut rig, 600);
@@ -525,7 +525,7 @@ proptest! {
             }
             for _ in 0..cycles {
                 rig.cycle();
-                watch.see(&rig);
+                watch.check(&rig);
             }
         }
         rig.share = 1.0;
@@ -534,7 +534,7 @@ proptest! {
             if !rig.cycle() {
                 break;
             }
-            watch.see(&rig);
+            watch.check(&rig);
         }
         watch.proven(&rig, &undisturbed(program(&steps, exact)));
     }

@@ -19,7 +19,7 @@ struct Counter {
 }
 
 impl Counter {
-    fn see(&mut self, element: &Element) {
+    fn count(&mut self, element: &Element) {
         self.elements += 1;
         self.time_s += element.duration_s();
         let Element::Span(span) = element else { return };
@@ -40,7 +40,7 @@ impl Sink<Element> for Counter {
     fn publish(&mut self, committed: &[Element], tail: &[Element]) -> Publish {
         self.publications += 1;
         self.largest = self.largest.max(committed.len() + tail.len());
-        committed.iter().for_each(|element| self.see(element));
+        committed.iter().for_each(|element| self.count(element));
         Publish::Done
     }
 }

@@ -27,9 +27,9 @@ pub struct PulseTiming {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{name} is {got}: must be {least} to {TICKS_MAX}")]
 pub struct TimingError {
-    /// The field.
+    /// The field of the times that is out of range.
     pub name: &'static str,
-    /// Its value.
+    /// Its value, ticks.
     pub got: u32,
     /// The least value possible.
     pub least: u32,

@@ -126,7 +126,7 @@ fn run(
         homing.step(&inputs, &mut positions);
         for (joint, differences) in differences.iter_mut().enumerate() {
             differences
-                .see(positions[joint], most)
+                .check(positions[joint], most)
                 .unwrap_or_else(|over| panic!("joint {joint}: {over}"));
         }
         let status = homing.status();

@@ -155,7 +155,7 @@ proptest! {
             let allowed = if since_stop < 4 { in_a_stop } else { motion };
             for (differences, position) in differences.iter_mut().zip(positions) {
                 prop_assert!(position >= range[0] - 1e-9 && position <= range[1] + 1e-9, "{position} of {range:?}");
-                differences.see(position, allowed).map_err(TestCaseError::fail)?;
+                differences.check(position, allowed).map_err(TestCaseError::fail)?;
             }
             Ok(())
         };

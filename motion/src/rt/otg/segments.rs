@@ -19,7 +19,7 @@ pub struct State {
 }
 
 impl State {
-    /// Standing still.
+    /// At rest at a position, in the unit of the axis.
     pub const fn resting(position: f64) -> State {
         State {
             position,

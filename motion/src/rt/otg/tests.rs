@@ -20,7 +20,7 @@ impl Differences {
 
     /// Takes a position; says what is over. More than rounding: a billionth of the velocity, and of each position as much
     /// as f64 leaves out, as large as the order of the difference makes it.
-    pub(crate) fn see(&mut self, position: f64, limits: MotionLimits) -> Result<(), String> {
+    pub(crate) fn check(&mut self, position: f64, limits: MotionLimits) -> Result<(), String> {
         self.last.remove(0);
         self.last.push(position);
         let mut differences = self.last.clone();
@@ -223,7 +223,7 @@ proptest! {
             let state = otg.step();
             since_stop = if otg.is_stopping() { 0 } else { since_stop + 1 };
             let allowed = if since_stop < 4 { widest(limits, stop) } else { limits };
-            differences.see(state.position, allowed)
+            differences.check(state.position, allowed)
         };
         for (wish, cycles) in wishes {
             match wish {

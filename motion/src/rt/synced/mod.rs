@@ -59,7 +59,7 @@ pub struct SpindleFeedback {
 }
 
 impl SpindleFeedback {
-    /// No encoder.
+    /// What a spindle without an encoder gives.
     pub const NONE: SpindleFeedback = SpindleFeedback {
         turns: 0.0,
         indexed: false,
@@ -224,7 +224,7 @@ impl Follower {
 
     /// Takes where the spindle is: each cycle, also where no move is under way, so that its speed is known when one begins. RT.
     pub fn see(&mut self, spindle: &SpindleFeedback) {
-        self.observer.see(spindle.turns, spindle.indexed);
+        self.observer.update(spindle.turns, spindle.indexed);
         if !spindle.turns.is_finite() {
             self.fail(SyncFault::NoNumber);
         }

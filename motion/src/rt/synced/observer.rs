@@ -38,7 +38,7 @@ impl Observer {
     }
 
     /// Takes the measurement of this cycle. Where the count restarts, as it does at the first index, so does the filter. RT.
-    pub(super) fn see(&mut self, turns: f64, indexed: bool) {
+    pub(super) fn update(&mut self, turns: f64, indexed: bool) {
         if !turns.is_finite() {
             self.seen = 0;
             return;
@@ -98,7 +98,7 @@ mod tests {
         let mut observer = Observer::new(1e-3);
         let turns = |t: f64| 3.0 + 10.0 * t + 20.0 * t * t;
         for k in 0..400 {
-            observer.see(turns(f64::from(k) * 1e-3), true);
+            observer.update(turns(f64::from(k) * 1e-3), true);
         }
         let [place, speed, acceleration] = observer.one_cycle_ago();
         let t = 0.398;
@@ -106,7 +106,7 @@ mod tests {
         assert!((speed - (10.0 + 40.0 * t)).abs() < 1e-6);
         assert!((acceleration - 40.0).abs() < 1e-3);
         assert!(observer.is_settled());
-        observer.see(0.0, false);
+        observer.update(0.0, false);
         assert!(!observer.is_settled());
     }
 }

@@ -56,7 +56,7 @@ const STUCK: (f64, u32) = (0.02, 3);
 /// What came of [`solve`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solved {
-    /// Iterations taken.
+    /// Newton steps that were taken.
     pub iterations: u32,
     /// Whether the gap was met; the profile is feasible either way.
     pub converged: bool,
@@ -67,7 +67,7 @@ pub struct Solved {
 /// The profile to start from is not strictly feasible.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Infeasible {
-    /// Span where.
+    /// First span where it is not.
     pub span: usize,
 }
 

@@ -28,7 +28,7 @@ const ATTEMPTS: u32 = 60;
 pub struct Launch {
     /// Jerk along the path, per s³.
     pub jerk: f64,
-    /// Seconds.
+    /// How long the jerk lasts, s.
     pub duration_s: f64,
 }
 

@@ -377,7 +377,7 @@ impl Stream {
                     let parts = made.parts();
                     let room = PARTS.saturating_sub(committed.len()).max(1);
                     let mut taken = Vec::new();
-                    left.take(room.min(parts - 1), &mut taken);
+                    left.split_off(room.min(parts - 1), &mut taken);
                     for part in &taken {
                         lives.push(Live::new(begin + lives.len() as u64, part, None));
                         committed.push(part.element);

@@ -15,7 +15,7 @@ use crate::plan::optimal::solver::{Grid, Launch};
 use crate::plan::optimal::windows::{Border, Uncut, Window};
 
 impl Stream {
-    pub(super) fn take(&mut self, found: Found) {
+    pub(super) fn push_found(&mut self, found: Found) {
         match found {
             Found::Part(part) => match &mut self.section {
                 None => {
@@ -120,7 +120,7 @@ impl Stream {
             return;
         };
         let mut spans = Vec::new();
-        open.knots.take(exit, self.times.knotting.step_s, &mut spans);
+        open.knots.drain(exit, self.times.knotting.step_s, &mut spans);
         let mut seen = Seen::default();
         for span in spans {
             let Some(stretch) = self.log.stretch(span.item) else {

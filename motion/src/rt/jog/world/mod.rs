@@ -49,7 +49,7 @@ pub enum Obstacle {
 pub struct Obstruction {
     /// The joint that cannot go on.
     pub joint: usize,
-    /// Why.
+    /// What stops it.
     pub why: Obstacle,
 }
 

@@ -78,7 +78,7 @@ impl Watch {
             if !(joint >= limits.range[0] - 1e-9 && joint <= limits.range[1] + 1e-9) {
                 return Err(format!("joint {number} is at {joint}"));
             }
-            let judged = self.differences[number].see(joint, limits.motion);
+            let judged = self.differences[number].check(joint, limits.motion);
             judged.map_err(|over| format!("joint {number} at {position:?}: {over}"))?;
         }
         Ok(position)

@@ -115,7 +115,7 @@ impl Program {
     }
 
     /// What a call comes to, if anything. On an error the position stays, and the call is of no effect.
-    pub(super) fn take(&mut self, line: u32, call: &Call, settings: &Settings) -> Result<Option<Entry>, PlanErrorKind> {
+    pub(super) fn run(&mut self, line: u32, call: &Call, settings: &Settings) -> Result<Option<Entry>, PlanErrorKind> {
         let rest = |action| Ok(Some(Entry::Rest(Element::Action { action, line })));
         let unsupported = |what| Err(PlanErrorKind::Unsupported(what));
         match call {

@@ -43,7 +43,7 @@ use crate::plan::workers::{JobPanicked, Workers};
 /// A stretch of path with limits of its own.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Element {
-    /// mm.
+    /// Length along the path, mm.
     pub length: f64,
     /// Greatest acceleration along it, mm/s².
     pub acceleration: f64,

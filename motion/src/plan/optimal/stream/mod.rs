@@ -281,7 +281,7 @@ impl Stream {
         {
             let begun_anew = self.begun_anew;
             for found in found.drain(..) {
-                self.take(found);
+                self.push_found(found);
                 if self.begun_anew != begun_anew {
                     // The rest of it comes again.
                     break;

@@ -113,7 +113,7 @@ impl Interpolator {
     pub fn step_shares(&mut self, wanted: &Shares, spindle: &SpindleFeedback) -> Sample {
         self.follower.see(spindle);
         let scale = wanted.on(self.track.current(), self.sample.enables);
-        let share = self.turn(scale);
+        let share = self.set_direction(scale);
         let end = self.end();
         if self.at_planned_rest() {
             self.change_at_once(share, end);
@@ -273,7 +273,7 @@ impl Interpolator {
     }
 
     /// Takes the direction that is wanted, at rest; gives the share that is wanted in the direction of the moment.
-    fn turn(&mut self, scale: f64) -> f64 {
+    fn set_direction(&mut self, scale: f64) -> f64 {
         let backward = scale < 0.0 || (scale == 0.0 && self.backward);
         if backward != self.backward && (self.ramp.is_at_rest() || self.at_planned_rest()) {
             self.backward = backward;
