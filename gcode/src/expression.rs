@@ -252,11 +252,10 @@ impl<'l> Cursor<'l> {
             let name = self.name()?;
             return values.named(&name).ok_or_else(|| {
                 let nearest = values.nearest(&name);
-                let kind = ErrorKind::ParameterUndefined {
+                self.span_from(start).fault(ErrorKind::ParameterUndefined {
                     name: name.into_owned(),
                     nearest,
-                };
-                (self.span_from(start), kind)
+                })
             });
         }
         let Some(index) = self.index(values)? else {
@@ -274,10 +273,9 @@ impl<'l> Cursor<'l> {
         let value = self.operand(values)?;
         let rounded = value.round();
         if (value - rounded).abs() > 1e-4 {
-            return Err((
-                self.span_of(start, self.at),
-                ErrorKind::ParameterIndexNotInteger { value },
-            ));
+            return Err(self
+                .span_of(start, self.at)
+                .fault(ErrorKind::ParameterIndexNotInteger { value }));
         }
         Ok((!value.is_nan()).then_some(rounded))
     }
@@ -287,11 +285,10 @@ impl<'l> Cursor<'l> {
         if (1.0..=f64::from(PARAMETER_MAX)).contains(&index) {
             return Ok(index as u32);
         }
-        let kind = ErrorKind::ParameterIndexRange {
+        Err(self.span_from(start).fault(ErrorKind::ParameterIndexRange {
             index,
             max: PARAMETER_MAX,
-        };
-        Err((self.span_from(start), kind))
+        }))
     }
 
     /// A function and its argument in brackets.
@@ -302,12 +299,9 @@ impl<'l> Cursor<'l> {
         let name_span = self.span_from(start);
         if self.peek() != Some(b'[') {
             return Err(match function {
-                Some(function) => {
-                    let kind = ErrorKind::FunctionBracketMissing {
-                        function: function.name(),
-                    };
-                    (name_span, kind)
-                }
+                Some(function) => name_span.fault(ErrorKind::FunctionBracketMissing {
+                    function: function.name(),
+                }),
                 None => {
                     self.at = start;
                     self.value_missing()
@@ -500,10 +494,9 @@ impl<'l> Cursor<'l> {
                 return self.bad_character();
             }
             let found = char::from(self.line[start]).into();
-            return (
-                self.span_from(start),
-                ErrorKind::UnknownOperator { found, nearest: None },
-            );
+            return self
+                .span_from(start)
+                .fault(ErrorKind::UnknownOperator { found, nearest: None });
         }
         let nearest = nearest(&found, Operator::WORDS.map(Operator::name));
         (self.span_from(start), ErrorKind::UnknownOperator { found, nearest })

@@ -63,7 +63,7 @@ mod text;
 mod tool_table;
 
 pub use check::{check, check_on, check_reader};
-pub use error::{CallSite, Error, ErrorKind, ProbeError, SplineError, TurningError};
+pub use error::{ArcError, CallSite, CycleError, Error, ErrorKind, ProbeError, SplineError, ThreadError, TurningError};
 pub use flat::{FlatError, FlatWriter, Unwritable};
 pub use interpreter::{Interpreter, ReadSeek, Run};
 pub use lexer::{Lexer, Word, Words};

@@ -154,11 +154,10 @@ pub(crate) fn head(cursor: &mut Cursor<'_>, values: &impl Values) -> Result<(Opt
         Some((keyword, _)) => Ok((label, *keyword)),
         None => {
             let near = nearest(&word, Keyword::ALL.iter().map(|(_, name)| *name));
-            let kind = ErrorKind::UnknownKeyword {
+            Err(cursor.span_from(at).fault(ErrorKind::UnknownKeyword {
                 word: word.to_ascii_lowercase(),
                 nearest: near.map(str::to_ascii_lowercase),
-            };
-            Err((cursor.span_from(at), kind))
+            }))
         }
     }
 }

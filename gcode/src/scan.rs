@@ -32,6 +32,11 @@ impl Span {
         }
     }
 
+    /// What breaks a rule here.
+    pub(crate) fn fault(self, kind: impl Into<ErrorKind>) -> Fault {
+        (self, kind.into())
+    }
+
     /// As indices of a line.
     pub(crate) fn range(self) -> std::ops::Range<usize> {
         self.start.into()..self.end.into()

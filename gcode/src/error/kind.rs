@@ -3,7 +3,7 @@
 //! In:  from every step of the interpretation, with the values that break a rule.
 //! Out: one line each: what is wrong, the rule, and the remedy if there is one.
 
-use super::{ProbeError, SplineError, TurningError};
+use super::{ArcError, CycleError, ProbeError, SplineError, ThreadError, TurningError};
 
 /// What is wrong; `Display` tells rule and remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -487,12 +487,6 @@ pub enum ErrorKind {
     /// `@` alone where there is no direction.
     #[error("a polar distance (@) from the origin needs an angle (^): the current point is the origin of X and Y")]
     PolarAngleMissing,
-    /// `@` or `^` of an arc in another plane.
-    #[error("polar coordinates (@, ^) of an arc lie in the XY plane, and {plane} is active: write the axes")]
-    PolarArcPlane {
-        /// G18 or G19.
-        plane: &'static str,
-    },
     /// A turn or more on an axis that has no ends.
     #[error(
         "{letter}{value} is no place on a rotary axis without ends: from 0 to less than 360, a minus sign turns backwards to it; \
@@ -503,12 +497,6 @@ pub enum ErrorKind {
         letter: char,
         /// The number that came.
         value: f64,
-    },
-    /// An arc in a plane of UVW.
-    #[error("there are no arcs in the plane {plane}: arcs move X, Y and Z (G17, G18, G19)")]
-    ArcPlane {
-        /// G17.1, G18.1 or G19.1.
-        plane: &'static str,
     },
     /// Incremental polar coordinates where there is no direction.
     #[error("incremental polar coordinates need a direction: the current point is the origin of X and Y")]
@@ -547,15 +535,24 @@ pub enum ErrorKind {
     /// The path of the tool's centre cannot be made.
     #[error("{0}")]
     Compensation(motion::compensation::CompensationErrorKind),
+    /// What is wrong with an arc.
+    #[error("{0}")]
+    Arc(#[from] ArcError),
+    /// What is wrong with a canned cycle.
+    #[error("{0}")]
+    Cycle(#[from] CycleError),
+    /// What is wrong with a thread.
+    #[error("{0}")]
+    Thread(#[from] ThreadError),
     /// A curve.
     #[error("{0}")]
-    Spline(SplineError),
+    Spline(#[from] SplineError),
     /// A cycle along a profile.
     #[error("{0}")]
-    Turning(TurningError),
+    Turning(#[from] TurningError),
     /// A probing move.
     #[error("{0}")]
-    Probe(ProbeError),
+    Probe(#[from] ProbeError),
     /// The number of an O-word.
     #[error("O{value} is no label: its number must be an integer from 0 on")]
     LabelNotInteger {
@@ -766,262 +763,6 @@ pub enum ErrorKind {
     /// G4 without P.
     #[error("G4 needs P, the seconds to wait")]
     DwellMissing,
-    /// Arc without centre and radius.
-    #[error("{motion} needs {offsets} or R: neither centre nor radius is given")]
-    ArcCentreMissing {
-        /// G2 or G3.
-        motion: String,
-        /// Centre letters of the plane.
-        offsets: &'static str,
-    },
-    /// A centre letter of another plane.
-    #[error("{letter} is no centre offset of the plane {plane}: it takes {offsets}")]
-    ArcOffsetOfOtherPlane {
-        /// Letter of the word.
-        letter: char,
-        /// G17, G18 or G19.
-        plane: &'static str,
-        /// Centre letters of the plane.
-        offsets: &'static str,
-    },
-    /// Centre and radius.
-    #[error("an arc takes {letter} or R, not both")]
-    ArcMixed {
-        /// The centre letter.
-        letter: char,
-    },
-    /// One absolute centre coordinate only.
-    #[error("absolute arc centres (G90.1) need both coordinates: {missing} is missing")]
-    ArcAbsoluteCentreIncomplete {
-        /// Letter of the word that is missing.
-        missing: char,
-    },
-    /// R form without end point.
-    #[error("an arc by R needs its end point: {axes} are missing")]
-    ArcEndMissing {
-        /// Axes of the plane.
-        axes: &'static str,
-    },
-    /// R form that ends where it starts.
-    #[error("an arc by R cannot end where it starts: write a full circle with {offsets}")]
-    ArcEndIsStart {
-        /// Centre letters of the plane.
-        offsets: &'static str,
-    },
-    /// R form that does not reach.
-    #[error("radius {radius:.4} is too small: half the distance to the end point is {half_chord:.4}")]
-    ArcRadiusTooSmall {
-        /// Programmed radius, program units.
-        radius: f64,
-        /// Half the distance from start to end, program units.
-        half_chord: f64,
-    },
-    /// Centre on the start or the end.
-    #[error("the centre of the arc lies on its start or end: the radius is 0")]
-    ArcRadiusZero,
-    /// Centre form that does not fit.
-    #[error(
-        "radius at start {start:.4}, at end {end:.4}: difference {difference:.4} > {tolerance:.4} tolerance (centre {}, end {}, \
-         in the units of the program); is the unit right (G20, G21), and are the centre's words offsets from the start (G91.1) or \
-         a place (G90.1)?",
-        pair(*.centre), pair(*.end_at),
-        difference = (.start - .end).abs()
-    )]
-    ArcRadiiDiffer {
-        /// Radius at the start, program units.
-        start: f64,
-        /// Radius at the end, program units.
-        end: f64,
-        /// Greatest difference allowed, program units.
-        tolerance: f64,
-        /// Where the centre lies, on the axes of the plane, program units.
-        centre: [f64; 2],
-        /// Where the end lies, on the axes of the plane, program units.
-        end_at: [f64; 2],
-    },
-    /// P of an arc.
-    #[error("P{value} of an arc is its number of turns: an integer from 1 to {max}")]
-    ArcTurns {
-        /// Number of P.
-        value: f64,
-        /// Greatest value allowed.
-        max: i32,
-    },
-    /// A canned cycle that does not know where to begin.
-    #[error("{cycle} needs R, the level at which feeding begins: no {cycle} is active whose R would still hold")]
-    CycleRMissing {
-        /// The code as programmed, such as `G83`.
-        cycle: String,
-    },
-    /// A canned cycle that does not know how deep to go.
-    #[error("{cycle} needs {axis}, the depth of the hole: no {cycle} is active whose {axis} would still hold")]
-    CycleDepthMissing {
-        /// The code as programmed, such as `G83`.
-        cycle: String,
-        /// Axis of the hole.
-        axis: char,
-    },
-    /// A canned cycle that would cut upwards.
-    #[error("R {r:.4} is below the depth {axis} {depth:.4}: the hole goes from R down")]
-    CycleRBelowDepth {
-        /// Where feeding would begin, program units.
-        r: f64,
-        /// Axis of the hole.
-        axis: char,
-        /// Its end, program units.
-        depth: f64,
-    },
-    /// A word that a canned cycle or a thread needs.
-    #[error("{code} needs {letter}, {meaning}")]
-    CycleWordMissing {
-        /// The code as programmed, such as `G83`.
-        code: String,
-        /// Letter of the word.
-        letter: char,
-        /// What it tells.
-        meaning: &'static str,
-    },
-    /// Q of G73 and G83.
-    #[error("{cycle} needs Q above 0, the depth of one peck: it is {value}")]
-    CyclePeck {
-        /// The code as programmed, such as `G83`.
-        cycle: String,
-        /// Number of the word as programmed.
-        value: f64,
-    },
-    /// L0: no hole at all.
-    #[error("L0 asks {cycle} for no hole at all: L is how many holes in a row, 1 or more")]
-    CycleRepeats {
-        /// The code as programmed, such as `G83`.
-        cycle: String,
-    },
-    /// Words that would make endless lists of moves.
-    #[error("{code} would go into the work {count:.0} times on this line: at most {max} are allowed{}", cycle_hint(.code))]
-    CycleTooLong {
-        /// The code as programmed, such as `G83`.
-        code: String,
-        /// How often.
-        count: f64,
-        /// Greatest value allowed.
-        max: u32,
-    },
-    /// A rotary axis in a canned cycle or G76.
-    #[error("{letter} cannot turn during {code}: move it on a line before")]
-    CycleRotary {
-        /// Letter of the axis.
-        letter: char,
-        /// The code as programmed, such as `G83`.
-        code: String,
-    },
-    /// An axis that the plane does not know.
-    #[error("{letter} cannot move during {code} in the plane {plane}: its axes are {axes}")]
-    CycleAxisOfOtherPlane {
-        /// Letter of the axis.
-        letter: char,
-        /// The code as programmed, such as `G83`.
-        code: String,
-        /// Its axes and its code: `XY (G17)`.
-        plane: String,
-        /// First, second and normal axis.
-        axes: String,
-    },
-    /// `@` or `^` with a cycle outside XY.
-    #[error("polar coordinates (@, ^) tell X and Y, so {code} takes them in the plane XY (G17) only")]
-    CyclePolar {
-        /// The code as programmed, such as `G83`.
-        code: String,
-    },
-    /// A cycle in G93.
-    #[error("{cycle} is many moves, for which one time (G93) cannot do: write G94 and F")]
-    CycleInverseTime {
-        /// The code as programmed, such as `G83`.
-        cycle: String,
-    },
-    /// A cycle or thread with cutter compensation.
-    #[error("{code} cannot be run while cutter compensation is on: write G40 first")]
-    CycleCompensated {
-        /// The code as programmed, such as `G83`.
-        code: String,
-    },
-    /// A code that needs a turning spindle.
-    #[error("{code} needs spindle {spindle} to turn: write {start} and S first")]
-    SpindleAtRest {
-        /// The code as programmed, such as `G83`.
-        code: String,
-        /// Number of the spindle.
-        spindle: u8,
-        /// M code that starts it.
-        start: &'static str,
-    },
-    /// G74 and G84 with the spindle turning the other way.
-    #[error("{code} needs a spindle that turns {needed}, and it turns the other way: {other} taps so")]
-    SpindleDirection {
-        /// The code as programmed, such as `G83`.
-        code: String,
-        /// Direction and its M code.
-        needed: &'static str,
-        /// Code for the other direction.
-        other: String,
-    },
-    /// `$` with a code that goes with one spindle.
-    #[error("${number} is no spindle that {code} can go with: one of 0 to {last}")]
-    OneSpindle {
-        /// The number that came.
-        number: f64,
-        /// The code as programmed, such as `G83`.
-        code: String,
-        /// Greatest value allowed.
-        last: u8,
-    },
-    /// F with a move whose speed is the spindle's.
-    #[error("{code} goes as fast as the spindle turns, so F has no use on its line")]
-    ThreadWithFeed {
-        /// The code as programmed, such as `G83`.
-        code: String,
-    },
-    /// A pitch of 0, or below 0 where the direction is told by something else.
-    #[error("{code} needs a pitch {rule}: {letter} is the way per turn, and it is {value}")]
-    ThreadPitch {
-        /// The code as programmed, such as `G83`.
-        code: String,
-        /// K or P.
-        letter: char,
-        /// What it must be.
-        rule: &'static str,
-        /// Number of the word as programmed.
-        value: f64,
-    },
-    /// I of G76.
-    #[error("I of G76 is the way from the start to the crest of the thread, below 0 for an external one: not 0")]
-    ThreadCrest,
-    /// J of G76.
-    #[error("J of G76 is the depth of the first cut: above 0, and it is {value}")]
-    ThreadFirstCut {
-        /// Number of the word as programmed.
-        value: f64,
-    },
-    /// K of G76.
-    #[error(
-        "K of G76 is the full depth of the thread: above J {first_cut}, the depth of the first cut, and it is {value}"
-    )]
-    ThreadDepth {
-        /// Number of K.
-        value: f64,
-        /// Number of J.
-        first_cut: f64,
-    },
-    /// L of G76.
-    #[error("L{value} of G76 is no taper: 0 none, 1 at the entry, 2 at the exit, 3 at both")]
-    ThreadTaper {
-        /// Number of the word as programmed.
-        value: f64,
-    },
-    /// Q of G76.
-    #[error("Q{value} of G76 is the angle of the compound slide: between -90 and 90 degrees, usually 29, 29.5 or 30")]
-    ThreadAngle {
-        /// Number of the word as programmed.
-        value: f64,
-    },
     /// The text ends too early.
     #[error("the program ends without M2 or M30: write one as its last line")]
     ProgramEndMissing,
@@ -1034,14 +775,6 @@ pub enum ErrorKind {
 }
 
 /// What makes a cycle too long.
-fn cycle_hint(code: &str) -> &'static str {
-    match code {
-        "G73" | "G83" => ": are Q and L right?",
-        "G76" => ": are J, R and H right?",
-        _ => ": is L right?",
-    }
-}
-
 /// ": did you mean endif?"
 fn named_word_hint(nearest: &Option<String>) -> String {
     nearest
@@ -1066,10 +799,6 @@ fn character_hint(character: char) -> &'static str {
 }
 
 /// Two numbers of a place.
-fn pair([first, second]: [f64; 2]) -> String {
-    format!("{first:.4} {second:.4}")
-}
-
 /// The probable meaning, behind a message.
 fn hint(nearest: Option<&'static str>) -> String {
     nearest.map_or(String::new(), |nearest| format!("; did you mean {nearest}?"))

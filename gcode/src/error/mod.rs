@@ -3,14 +3,20 @@
 //! In:  from every step of the interpretation.
 //! Out: to the operator: one line by `Display`, or with the text of the program around it by [`Error::render`].
 
+mod arc;
+mod cycle;
 mod kind;
 mod probe;
 mod spline;
+mod thread;
 mod turning;
 
+pub use arc::ArcError;
+pub use cycle::CycleError;
 pub use kind::ErrorKind;
 pub use probe::ProbeError;
 pub use spline::SplineError;
+pub use thread::ThreadError;
 pub use turning::TurningError;
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};

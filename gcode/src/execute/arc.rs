@@ -4,7 +4,7 @@ use super::circle;
 use super::feed::PathLength;
 use crate::block::{Block, letters};
 use crate::code::{Distance, Motion, plane_name};
-use crate::error::ErrorKind;
+use crate::error::ArcError;
 use crate::scan::Fault;
 use crate::state::{Calls, State};
 use motion::canon::{Call, Plane, Position};
@@ -43,10 +43,10 @@ impl State {
         let plane = self.modal.plane;
         let name = plane_name(plane);
         if matches!(plane, Plane::Uv | Plane::Wu | Plane::Vw) {
-            return Err((block.motion_span(), ErrorKind::ArcPlane { plane: name }));
+            return Err(block.motion_span().fault(ArcError::Plane { plane: name }));
         }
         if plane != Plane::Xy && block.has(letters(b"@^")) {
-            return Err((block.motion_span(), ErrorKind::PolarArcPlane { plane: name }));
+            return Err(block.motion_span().fault(ArcError::PolarPlane { plane: name }));
         }
         let mut to = self.end(block)?;
         let arc = self.arc_to(motion, block, &mut to)?;
@@ -74,17 +74,16 @@ impl State {
         let words = ArcWords::in_plane(plane);
         let unit = self.modal.unit;
         let count = match block.word_value(b'P') {
-            Some(p) => circle::turns_of(p).map_err(|kind| (block.span(b'P'), kind))?,
+            Some(p) => circle::turns_of(p).map_err(|kind| block.span(b'P').fault(kind))?,
             None => 1,
         };
         let turns = circle::signed_turns(motion == Motion::ArcClockwise, count);
         if block.word_value(words.other).is_some() {
-            let kind = ErrorKind::ArcOffsetOfOtherPlane {
+            return Err(block.span(words.other).fault(ArcError::OffsetOfOtherPlane {
                 letter: words.other.into(),
                 plane: plane_name(plane),
                 offsets: words.offset_names,
-            };
-            return Err((block.span(words.other), kind));
+            }));
         }
         let [first, second, _] = plane.axes();
         let start_mm = [self.at[first], self.at[second]];
@@ -96,27 +95,26 @@ impl State {
 
         if let Some(radius) = block.word_value(b'R') {
             if let Some(letter) = given {
-                return Err((block.span(letter), ErrorKind::ArcMixed { letter: letter.into() }));
+                return Err(block.span(letter).fault(ArcError::Mixed { letter: letter.into() }));
             }
             let polar = block.has(letters(b"@^"));
             if block.axis(first).is_none() && block.axis(second).is_none() && !polar {
-                return Err((block.span(b'R'), ErrorKind::ArcEndMissing { axes: words.axis_names }));
+                return Err(block.span(b'R').fault(ArcError::EndMissing { axes: words.axis_names }));
             }
             let end_mm = [to[first], to[second]];
             if is_same_point(start_mm, end_mm) {
                 let offsets = words.offset_names;
-                return Err((block.span(b'R'), ErrorKind::ArcEndIsStart { offsets }));
+                return Err(block.span(b'R').fault(ArcError::EndIsStart { offsets }));
             }
             return circle::by_radius(start_mm, end_mm, radius * unit.mm(), turns, unit)
-                .map_err(|kind| (block.span(b'R'), kind));
+                .map_err(|kind| block.span(b'R').fault(kind));
         }
 
         let Some(given) = given else {
-            let kind = ErrorKind::ArcCentreMissing {
+            return Err(block.motion_span().fault(ArcError::CentreMissing {
                 motion: motion.name(),
                 offsets: words.offset_names,
-            };
-            return Err((block.motion_span(), kind));
+            }));
         };
         let centre_mm = match self.modal.arc_distance {
             Distance::Incremental => [
@@ -126,7 +124,7 @@ impl State {
             Distance::Absolute => {
                 let missing = |letter: u8| {
                     let missing = letter.into();
-                    (block.span(given), ErrorKind::ArcAbsoluteCentreIncomplete { missing })
+                    block.span(given).fault(ArcError::AbsoluteCentreIncomplete { missing })
                 };
                 [
                     offset[0].ok_or_else(|| missing(words.offsets[0]))?,
@@ -140,7 +138,7 @@ impl State {
         }
         let tolerance_mm = self.settings.arc_radius_tolerance_mm;
         circle::by_centre(start_mm, [to[first], to[second]], centre_mm, turns, unit, tolerance_mm)
-            .map_err(|kind| (block.span(given), kind))
+            .map_err(|kind| block.span(given).fault(kind))
     }
 }
 

@@ -5,7 +5,7 @@
 //!
 //! Tolerances are those of LinuxCNC.
 
-use crate::error::ErrorKind;
+use crate::error::ArcError;
 use motion::canon::LengthUnit;
 
 /// Most turns of one arc.
@@ -42,11 +42,11 @@ pub(crate) fn signed_turns(clockwise: bool, count: i32) -> i32 {
 }
 
 /// The number of turns that P names.
-pub(crate) fn turns_of(p: f64) -> Result<i32, ErrorKind> {
+pub(crate) fn turns_of(p: f64) -> Result<i32, ArcError> {
     crate::code::integer(p)
         .and_then(|turns| i32::try_from(turns).ok())
         .filter(|turns| (1..=TURNS_MAX).contains(turns))
-        .ok_or(ErrorKind::ArcTurns {
+        .ok_or(ArcError::Turns {
             value: p,
             max: TURNS_MAX,
         })
@@ -60,11 +60,11 @@ pub(crate) fn by_centre(
     turns: i32,
     unit: LengthUnit,
     tolerance_mm: Option<f64>,
-) -> Result<Arc, ErrorKind> {
+) -> Result<Arc, ArcError> {
     let start_radius_mm = distance_mm(start_mm, centre_mm);
     let end_radius_mm = distance_mm(end_mm, centre_mm);
     if start_radius_mm == 0.0 || end_radius_mm == 0.0 {
-        return Err(ErrorKind::ArcRadiusZero);
+        return Err(ArcError::RadiusZero);
     }
     // abs > 100 * tolerance, or abs > tolerance and abs > 0.1 % of the greater radius: refused.
     let difference_mm = (start_radius_mm - end_radius_mm).abs();
@@ -72,7 +72,7 @@ pub(crate) fn by_centre(
     let absolute_mm = tolerance_mm.unwrap_or_else(|| radius_tolerance_mm(unit));
     let tolerance_mm = relative_mm.clamp(absolute_mm, 100.0 * absolute_mm);
     if difference_mm > tolerance_mm {
-        return Err(ErrorKind::ArcRadiiDiffer {
+        return Err(ArcError::RadiiDiffer {
             start: start_radius_mm / unit.mm(),
             end: end_radius_mm / unit.mm(),
             tolerance: tolerance_mm / unit.mm(),
@@ -93,12 +93,12 @@ pub(crate) fn by_radius(
     radius_mm: f64,
     turns: i32,
     unit: LengthUnit,
-) -> Result<Arc, ErrorKind> {
+) -> Result<Arc, ArcError> {
     let half = [(end_mm[0] - start_mm[0]) / 2.0, (end_mm[1] - start_mm[1]) / 2.0];
     let half_chord_mm = libm::hypot(half[0], half[1]);
     let magnitude_mm = radius_mm.abs();
     if half_chord_mm - magnitude_mm > HALF_CHORD_TOLERANCE_MM {
-        return Err(ErrorKind::ArcRadiusTooSmall {
+        return Err(ArcError::RadiusTooSmall {
             radius: magnitude_mm / unit.mm(),
             half_chord: half_chord_mm / unit.mm(),
         });
@@ -143,7 +143,7 @@ mod tests {
 
     const MM: LengthUnit = LengthUnit::Millimetre;
 
-    fn centre_of(result: Result<Arc, ErrorKind>) -> [f64; 2] {
+    fn centre_of(result: Result<Arc, ArcError>) -> [f64; 2] {
         result.unwrap().centre_mm
     }
 

@@ -122,7 +122,7 @@ impl State {
                         integer_in(number, 0..=i64::from(u32::MAX))
                             .ok_or(ErrorKind::NotInteger { letter, value: number })
                             .and_then(|_| self.tool_or_spindle(number))
-                            .map_err(|kind| (block.span(b'D'), kind))?
+                            .map_err(|kind| block.span(b'D').fault(kind))?
                     }
                     None => self.tool(),
                 };
@@ -133,13 +133,10 @@ impl State {
                 let number = block.word_value(b'D').ok_or_else(missing)?;
                 let orientation = block.word_value(b'L').unwrap_or(0.0);
                 let orientation = integer_in(orientation, 0..=9).ok_or_else(|| {
-                    (
-                        block.span(b'L'),
-                        ErrorKind::Orientation {
-                            letter: 'L',
-                            value: orientation,
-                        },
-                    )
+                    block.span(b'L').fault(ErrorKind::Orientation {
+                        letter: 'L',
+                        value: orientation,
+                    })
                 })?;
                 (side, number * self.modal.unit.mm(), orientation as u8)
             }

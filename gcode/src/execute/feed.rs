@@ -125,21 +125,19 @@ impl State {
     fn feed_missing(&self, block: &Block) -> Fault {
         let motion = self.motion_name(block);
         let (cleared, zero_line) = (self.feed_cleared, self.feed_zero_line);
-        let kind = ErrorKind::FeedMissing {
+        block.motion_span().fault(ErrorKind::FeedMissing {
             motion,
             cleared,
             zero_line,
-        };
-        (block.motion_span(), kind)
+        })
     }
 
     fn inverse_time_feed(&self, block: &Block, length: PathLength, calls: &mut Calls) -> Result<(), Fault> {
         let motion = || self.motion_name(block);
         let number = block.word_value(b'F').ok_or_else(|| {
-            (
-                block.motion_span(),
-                ErrorKind::InverseTimeFeedMissing { motion: motion() },
-            )
+            block
+                .motion_span()
+                .fault(ErrorKind::InverseTimeFeedMissing { motion: motion() })
         })?;
         let mm = self.modal.unit.mm();
         let units = match length {

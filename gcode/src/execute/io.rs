@@ -207,12 +207,11 @@ fn pin(block: &Block, letter: u8) -> Result<Option<u8>, Fault> {
         None => {
             let letter_of = letter.into();
             let max = u8::MAX;
-            let kind = ErrorKind::PinNumber {
+            Err(block.span(letter).fault(ErrorKind::PinNumber {
                 letter: letter_of,
                 value,
                 max,
-            };
-            Err((block.span(letter), kind))
+            }))
         }
     }
 }

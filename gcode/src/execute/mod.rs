@@ -427,13 +427,10 @@ impl State {
                 let integer = |letter: u8, value: f64| {
                     crate::code::integer_in(value, 0..=i64::from(u32::MAX))
                         .map(|integer| integer as u32)
-                        .ok_or((
-                            block.span(letter),
-                            ErrorKind::NotInteger {
-                                letter: letter.into(),
-                                value,
-                            },
-                        ))
+                        .ok_or(block.span(letter).fault(ErrorKind::NotInteger {
+                            letter: letter.into(),
+                            value,
+                        }))
                 };
                 let program = integer(b'P', program)?;
                 let times = block.word_value(b'L').map_or(Ok(1), |times| integer(b'L', times))?;

@@ -154,11 +154,10 @@ impl State {
             whole => whole as u8,
         };
         if let Some(letter) = block.first_of(b"IJ") {
-            let kind = ErrorKind::AngleOfSystem {
+            return Err(block.span(letter).fault(ErrorKind::AngleOfSystem {
                 code,
                 letter: letter.into(),
-            };
-            return Err((block.span(letter), kind));
+            }));
         }
         let mut offsets = Offsets { system, ..self.offsets };
         self.load_system(&mut offsets);

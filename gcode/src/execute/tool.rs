@@ -13,7 +13,7 @@ impl State {
         let Some(number) = block.word_value(b'T') else {
             return Ok(());
         };
-        let tool = self.tool_of(number).map_err(|kind| (block.span(b'T'), kind))?;
+        let tool = self.tool_of(number).map_err(|kind| block.span(b'T').fault(kind))?;
         self.tools.selected = Some(tool.number);
         calls.push_back(Call::SelectTool { tool: tool.number });
         Ok(())
@@ -46,8 +46,9 @@ impl State {
                 let tool = self.tool_of(f64::from(number)).map_err(|kind| (code.span, kind))?;
                 let place = self.settings.tool_change;
                 if self.tool_centre_point && (place.quill_up || place.at_g30) {
-                    let kind = ErrorKind::MachineUnderToolCentrePoint { code: "M6".into() };
-                    return Err((code.span, kind));
+                    return Err(code
+                        .span
+                        .fault(ErrorKind::MachineUnderToolCentrePoint { code: "M6".into() }));
                 }
                 self.go_to_tool_change(calls);
                 calls.push_back(Call::ChangeTool {
@@ -68,7 +69,9 @@ impl State {
                 let missing = || (code.span, ErrorKind::ToolNumberMissing);
                 let number = block.word_value(b'Q').ok_or_else(missing)?;
                 block.check_not_negative(b'Q')?;
-                let tool = self.tool_of(number.round()).map_err(|kind| (block.span(b'Q'), kind))?;
+                let tool = self
+                    .tool_of(number.round())
+                    .map_err(|kind| block.span(b'Q').fault(kind))?;
                 self.tool_changed(tool.number);
                 calls.push_back(Call::SetToolNumber {
                     tool: tool.number,
@@ -137,7 +140,9 @@ impl State {
             // H0 is the tool in the spindle.
             None | Some(0.0) => Ok(state.tool().offset),
             Some(number) => {
-                let tool = state.tool_or_spindle(number).map_err(|kind| (block.span(b'H'), kind))?;
+                let tool = state
+                    .tool_or_spindle(number)
+                    .map_err(|kind| block.span(b'H').fault(kind))?;
                 Ok(tool.offset)
             }
         };
@@ -153,11 +158,10 @@ impl State {
                     .into_iter()
                     .find(|&axis| axis != Axis::Z && offset[axis] != 0.0);
                 if let Some(axis) = across {
-                    let kind = ErrorKind::OffsetUnderToolCentrePoint {
+                    return Err(code.span.fault(ErrorKind::OffsetUnderToolCentrePoint {
                         letter: axis.letter(),
                         value: offset[axis],
-                    };
-                    return Err((code.span, kind));
+                    }));
                 }
                 offset
             }
@@ -301,13 +305,12 @@ impl State {
         let missing = || (span, ErrorKind::ToolToSetMissing { code: how.name() });
         let number = block.word_value(b'P').ok_or_else(missing)?.round();
         if number < 1.0 {
-            let kind = ErrorKind::ToolToSetRange {
+            return Err(block.span(b'P').fault(ErrorKind::ToolToSetRange {
                 code: how.name(),
                 number,
-            };
-            return Err((block.span(b'P'), kind));
+            }));
         }
-        self.tool_of(number).map_err(|kind| (block.span(b'P'), kind))
+        self.tool_of(number).map_err(|kind| block.span(b'P').fault(kind))
     }
 
     /// The offset with which the axes that are named read in `offsets` as the words say.

@@ -109,11 +109,10 @@ fn check_letters(block: &Block, motion: Option<Motion>) -> Result<(), Fault> {
         .iter()
         .find(|(letter, _)| unused & letters(&[*letter]) != 0)
         .expect("every optional letter has its users");
-    let kind = ErrorKind::UnusedWord {
+    Err(block.span(*letter).fault(ErrorKind::UnusedWord {
         letter: (*letter).into(),
         users,
-    };
-    Err((block.span(*letter), kind))
+    }))
 }
 
 /// Codes that use a letter, for messages.

@@ -13,13 +13,10 @@ impl Run<'_> {
     pub(super) fn define(&mut self, o_word: &OWord) -> Outcome {
         let level = self.levels.last().expect("the program's own level is never left");
         if let Some(outer) = &level.label {
-            return Err((
-                o_word.span,
-                ErrorKind::NestedSubroutine {
-                    label: o_word.label.to_string(),
-                    outer: outer.to_string(),
-                },
-            ));
+            return Err(o_word.span.fault(ErrorKind::NestedSubroutine {
+                label: o_word.label.to_string(),
+                outer: outer.to_string(),
+            }));
         }
         let here = self.place();
         let is_program = o_word.keyword == Keyword::Program;
@@ -38,14 +35,11 @@ impl Run<'_> {
         let known = self.subroutines.insert(o_word.label.clone(), found);
         if o_word.keyword == Keyword::Sub {
             if let Some(first) = known.map(|first| first.start).filter(|first| *first != here) {
-                return Err((
-                    o_word.span,
-                    ErrorKind::DefinedTwice {
-                        label: o_word.label.to_string(),
-                        file: self.files[first.file].name.clone(),
-                        line: first.line,
-                    },
-                ));
+                return Err(o_word.span.fault(ErrorKind::DefinedTwice {
+                    label: o_word.label.to_string(),
+                    file: self.files[first.file].name.clone(),
+                    line: first.line,
+                }));
             }
             self.start_search(o_word, SearchEnd::EndSub);
         }
@@ -61,14 +55,11 @@ impl Run<'_> {
     /// Begins a subroutine: where it is known, goes there, else looks for it further down or in a file of its own.
     pub(super) fn enter(&mut self, label: Label, kind: LevelKind, span: Span) -> Outcome {
         if self.levels.len() > CALLS_MAX {
-            return Err((
-                span,
-                ErrorKind::CallsTooDeep {
-                    label: label.to_string(),
-                    depth: self.levels.len(),
-                    depth_max: CALLS_MAX,
-                },
-            ));
+            return Err(span.fault(ErrorKind::CallsTooDeep {
+                label: label.to_string(),
+                depth: self.levels.len(),
+                depth_max: CALLS_MAX,
+            }));
         }
         let back = self.place();
         let arguments = self.state.parameters.arguments();
@@ -151,13 +142,10 @@ impl Run<'_> {
     pub(super) fn return_from(&mut self, o_word: &OWord) -> Outcome {
         let level = self.levels.last().expect("the program's own level is never left");
         if matches!(level.kind, LevelKind::Program) {
-            return Err((
-                o_word.span,
-                ErrorKind::NoSubroutine {
-                    label: o_word.label.to_string(),
-                    keyword: o_word.keyword.name(),
-                },
-            ));
+            return Err(o_word.span.fault(ErrorKind::NoSubroutine {
+                label: o_word.label.to_string(),
+                keyword: o_word.keyword.name(),
+            }));
         }
         let value = (o_word.argument_count > 0).then(|| o_word.argument());
         self.leave(value);

@@ -16,7 +16,7 @@ mod words;
 
 use crate::block::{Block, letters};
 use crate::code::{Cycle, Distance, FeedUnit, Motion, Retract, integer_in, plane_name};
-use crate::error::ErrorKind;
+use crate::error::{CycleError, ErrorKind};
 use crate::print::length_in;
 use crate::scan::Fault;
 use crate::state::{Calls, State};
@@ -61,7 +61,7 @@ impl State {
                 None => block.motion_span(),
             };
             let depth = bottom;
-            return Err((span, ErrorKind::CycleRBelowDepth { r, axis, depth }));
+            return Err(span.fault(CycleError::RBelowDepth { r, axis, depth }));
         }
         // A level that came from R through millimetres and back is still R.
         for level in [&mut initial, &mut current] {
@@ -129,16 +129,15 @@ impl State {
             return Err((block.motion_span(), ErrorKind::AxisMissing { code: code() }));
         }
         if let Some(letter) = block.first_of(b"ABC") {
-            let kind = ErrorKind::CycleRotary {
+            return Err(block.span(letter).fault(CycleError::Rotary {
                 letter: letter.into(),
                 code: code(),
-            };
-            return Err((block.span(letter), kind));
+            }));
         }
         if let Some(letter) = block.first_of(b"@^")
             && self.plane_of(block) != Plane::Xy
         {
-            return Err((block.span(letter), ErrorKind::CyclePolar { code: code() }));
+            return Err(block.span(letter).fault(CycleError::Polar { code: code() }));
         }
         block.check_not_negative(b'L')?;
         block.check_integer(b'L')
@@ -153,7 +152,7 @@ impl State {
         match self.modal.feed_unit {
             FeedUnit::InverseTime => {
                 let cycle = self.motion_name(block);
-                Err((block.motion_span(), ErrorKind::CycleInverseTime { cycle }))
+                Err(block.motion_span().fault(CycleError::InverseTime { cycle }))
             }
             FeedUnit::UnitsPerMinute | FeedUnit::UnitsPerTurn => {
                 self.need_feed(block, || super::feed::PathLength::Mm(0.0), calls)
@@ -167,7 +166,7 @@ impl State {
             return Ok(());
         }
         let code = self.motion_name(block);
-        Err((block.motion_span(), ErrorKind::CycleCompensated { code }))
+        Err(block.motion_span().fault(CycleError::Compensated { code }))
     }
 
     /// R and depth as numbers of the program, from the line or, in a run of the same cycle, from before.
@@ -176,10 +175,10 @@ impl State {
         let held = self.cycle.cycle == Some(cycle);
         let [first, second, normal] = self.modal.plane.axes();
         let r = block.word_value(b'R').or(held.then_some(self.cycle.r));
-        let r = r.ok_or_else(|| (block.motion_span(), ErrorKind::CycleRMissing { cycle: name() }))?;
+        let r = r.ok_or_else(|| block.motion_span().fault(CycleError::RMissing { cycle: name() }))?;
         for axis in Axis::ALL.into_iter().filter(|axis| !axis.is_rotary()) {
             if block.axis(axis).is_some() && ![first, second, normal].contains(&axis) {
-                let kind = ErrorKind::CycleAxisOfOtherPlane {
+                return Err(block.span(axis.letter() as u8).fault(CycleError::AxisOfOtherPlane {
                     letter: axis.letter(),
                     code: name(),
                     plane: format!(
@@ -189,8 +188,7 @@ impl State {
                         plane_name(self.modal.plane)
                     ),
                     axes: format!("{} {} {}", first.letter(), second.letter(), normal.letter()),
-                };
-                return Err((block.span(axis.letter() as u8), kind));
+                }));
             }
         }
         let radius = if normal == Axis::X && self.modal.diameter {
@@ -201,10 +199,9 @@ impl State {
         let depth = block.axis(normal).map(|depth| depth * radius);
         let depth = depth.or(held.then_some(self.cycle.depth)).ok_or_else(|| {
             let axis = normal.letter();
-            (
-                block.motion_span(),
-                ErrorKind::CycleDepthMissing { cycle: name(), axis },
-            )
+            block
+                .motion_span()
+                .fault(CycleError::DepthMissing { cycle: name(), axis })
         })?;
         Ok((r, depth))
     }
@@ -215,7 +212,7 @@ impl State {
             Some(number) => match integer_in(number, 0..=i64::from(u32::MAX)) {
                 Some(0) => {
                     let cycle = self.motion_name(block);
-                    Err((block.span(b'L'), ErrorKind::CycleRepeats { cycle }))
+                    Err(block.span(b'L').fault(CycleError::Repeats { cycle }))
                 }
                 Some(repeats) => Ok(repeats as u32),
                 None => Err(self.too_long(block, number)),
@@ -243,12 +240,11 @@ impl State {
         };
         let missing = |letter: &&(u8, &str)| !held && !block.has(letters(&[letter.0]));
         if let Some((letter, meaning)) = words_needed(cycle, self.modal.plane).iter().find(missing) {
-            let kind = ErrorKind::CycleWordMissing {
+            return Err(block.motion_span().fault(CycleError::WordMissing {
                 code: self.motion_name(block),
                 letter: (*letter).into(),
                 meaning,
-            };
-            return Err((block.motion_span(), kind));
+            }));
         }
         Ok(words)
     }
@@ -308,7 +304,7 @@ impl State {
             let last = self.settings.spindles - 1;
             let spindle = integer_in(number, 0..=i64::from(last)).ok_or_else(|| {
                 let code = self.motion_name(block);
-                (block.span(b'$'), ErrorKind::OneSpindle { number, code, last })
+                block.span(b'$').fault(CycleError::OneSpindle { number, code, last })
             })?;
             self.spindle = spindle as u8;
         }
@@ -321,7 +317,9 @@ impl State {
             return Ok(());
         }
         let code = self.motion_name(block);
-        Err((block.motion_span(), ErrorKind::SpindleAtRest { code, spindle, start }))
+        Err(block
+            .motion_span()
+            .fault(CycleError::SpindleAtRest { code, spindle, start }))
     }
 
     fn check_spindle(&self, cycle: Cycle, block: &Block, hole: &Hole) -> Result<(), Fault> {
@@ -338,12 +336,11 @@ impl State {
         if hole.turning == Some(needed) {
             return Ok(());
         }
-        let kind = ErrorKind::SpindleDirection {
+        Err(block.motion_span().fault(CycleError::SpindleDirection {
             code: self.motion_name(block),
             needed: needed_name,
             other: Motion::Cycle(other).name(),
-        };
-        Err((block.motion_span(), kind))
+        }))
     }
 
     fn check_peck(&self, cycle: Cycle, block: &Block, hole: &Hole) -> Result<(), Fault> {
@@ -351,13 +348,10 @@ impl State {
             return Ok(());
         }
         let cycle = self.motion_name(block);
-        Err((
-            block.span(b'Q'),
-            ErrorKind::CyclePeck {
-                cycle,
-                value: hole.peck,
-            },
-        ))
+        Err(block.span(b'Q').fault(CycleError::Peck {
+            cycle,
+            value: hole.peck,
+        }))
     }
 
     fn check_length(&self, cycle: Cycle, block: &Block, repeats: u32, hole: &Hole) -> Result<(), Fault> {
@@ -376,7 +370,7 @@ impl State {
     pub(super) fn too_long(&self, block: &Block, count: f64) -> Fault {
         let code = self.motion_name(block);
         let max = PASSES_MAX;
-        (block.motion_span(), ErrorKind::CycleTooLong { code, count, max })
+        block.motion_span().fault(CycleError::TooLong { code, count, max })
     }
 }
 

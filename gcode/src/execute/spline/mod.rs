@@ -34,15 +34,11 @@ pub(crate) const NURBS_POINTS_MAX: usize = 10_000;
 /// Arcs by which a curve is measured follow it so nearly, mm.
 const LENGTH_TOLERANCE_MM: f64 = 0.001;
 
-fn fault<T>(span: crate::scan::Span, error: SplineError) -> Result<T, Fault> {
-    Err((span, ErrorKind::Spline(error)))
-}
-
 impl State {
     pub(super) fn spline(&mut self, motion: Motion, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
         if self.modal.plane != Plane::Xy {
             let plane = plane_name(self.modal.plane);
-            return fault(block.motion_span(), SplineError::Plane { plane });
+            return Err(block.motion_span().fault(SplineError::Plane { plane }));
         }
         self.check_curve(block)?;
         if block.first_axis().is_none() {
@@ -101,21 +97,21 @@ impl State {
             None => None,
             Some(value) => match integer_in(value, 0..=NURBS_POINTS_MAX as i64) {
                 Some(order) => Some(order as u32),
-                None => return fault(block.span(b'L'), SplineError::Order { value }),
+                None => return Err(block.span(b'L').fault(SplineError::Order { value })),
             },
         };
         if let Some(value) = weight
             && value <= 0.0
         {
-            return fault(block.span(b'P'), SplineError::Weight { value });
+            return Err(block.span(b'P').fault(SplineError::Weight { value }));
         }
         let first = self.nurbs.is_none();
         let point = self.control_point(block, "G5.2")?;
         if !first && point.is_none() {
-            return fault(span, SplineError::StartWeightLate);
+            return Err(span.fault(SplineError::StartWeightLate));
         }
         if !first && weight.is_none() {
-            return fault(span, SplineError::WeightMissing);
+            return Err(span.fault(SplineError::WeightMissing));
         }
         let plane = self.modal.plane;
         let start = in_plane(self.at, plane);
@@ -131,7 +127,7 @@ impl State {
         }
         if let Some(point) = point {
             if nurbs.points.len() >= NURBS_POINTS_MAX {
-                return fault(span, SplineError::TooManyPoints { max: NURBS_POINTS_MAX });
+                return Err(span.fault(SplineError::TooManyPoints { max: NURBS_POINTS_MAX }));
             }
             nurbs.points.push((point, weight));
         }
@@ -147,21 +143,23 @@ impl State {
             [true, false] => second.letter(),
             [false, true] => first.letter(),
         };
-        fault(block.motion_span(), SplineError::PointIncomplete { code, missing })
+        Err(block
+            .motion_span()
+            .fault(SplineError::PointIncomplete { code, missing }))
     }
 
     pub(super) fn end_nurbs(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
         let span = block.motion_span();
         self.modal.motion = None;
         let Some(Nurbs { order, points, .. }) = self.nurbs.take() else {
-            return fault(span, SplineError::NotOpen);
+            return Err(span.fault(SplineError::NotOpen));
         };
         if let Some(letter) = block.first_axis() {
-            return fault(block.span(letter), SplineError::EndWithPoint);
+            return Err(block.span(letter).fault(SplineError::EndWithPoint));
         }
         if points.len() < order as usize {
             let points = points.len();
-            return fault(span, SplineError::TooFewPoints { order, points });
+            return Err(span.fault(SplineError::TooFewPoints { order, points }));
         }
         let to = self.end_of_points(&points);
         self.curve(points, order, Vec::new(), to, block, calls)
@@ -188,26 +186,26 @@ impl State {
             None => None,
             Some(value) => match integer_in(value, 2..=NURBS_POINTS_MAX as i64) {
                 Some(order) => Some(order as u32),
-                None => return fault(block.span(b'P'), SplineError::KnotOrder { value }),
+                None => return Err(block.span(b'P').fault(SplineError::KnotOrder { value })),
             },
         };
         if let Some(value) = block.word_value(b'Q')
             && integer_in(value, 1..=3).is_none()
         {
-            return fault(block.span(b'Q'), SplineError::KnotWay { value });
+            return Err(block.span(b'Q').fault(SplineError::KnotWay { value }));
         }
         let weight = block.word_value(b'R').unwrap_or(1.0);
         if weight <= 0.0 {
-            return fault(block.span(b'R'), SplineError::KnotWeight { value: weight });
+            return Err(block.span(b'R').fault(SplineError::KnotWeight { value: weight }));
         }
         let point = self.control_point(block, "G6.2")?;
         let Some(knot) = block.word_value(b'K') else {
-            return fault(span, SplineError::KnotMissing);
+            return Err(span.fault(SplineError::KnotMissing));
         };
         let plane = self.modal.plane;
         let mut nurbs = match (self.nurbs.take(), order) {
             (Some(nurbs), _) => nurbs,
-            (None, None) => return fault(span, SplineError::KnotOrderMissing),
+            (None, None) => return Err(span.fault(SplineError::KnotOrderMissing)),
             (None, Some(order)) => Nurbs {
                 order,
                 plane,
@@ -221,13 +219,13 @@ impl State {
             && knot < *last
         {
             let (value, before) = (knot, *last);
-            return fault(block.span(b'K'), SplineError::KnotFalls { value, before });
+            return Err(block.span(b'K').fault(SplineError::KnotFalls { value, before }));
         }
         if point.is_some() && knots.len() > nurbs.points.len() {
-            return fault(span, SplineError::PointBehindKnots);
+            return Err(span.fault(SplineError::PointBehindKnots));
         }
         if knots.len() >= NURBS_POINTS_MAX {
-            return fault(span, SplineError::TooManyPoints { max: NURBS_POINTS_MAX });
+            return Err(span.fault(SplineError::TooManyPoints { max: NURBS_POINTS_MAX }));
         }
         nurbs.points.extend(point.map(|point| (point, weight)));
         knots.push(knot);
@@ -243,19 +241,16 @@ impl State {
         let wanted = knots.len() - order as usize;
         if points.len() != wanted || wanted < order as usize {
             let points = points.len();
-            return fault(
-                span,
-                SplineError::KnotCount {
-                    points,
-                    knots: knots.len(),
-                    order,
-                },
-            );
+            return Err(span.fault(SplineError::KnotCount {
+                points,
+                knots: knots.len(),
+                order,
+            }));
         }
         let degree = order as usize - 1;
         let torn = (1..wanted).find(|at| knots[*at] == knots[at + degree]);
         if knots[0] != knots[degree] || torn.is_some() {
-            return fault(span, SplineError::KnotEnds { order });
+            return Err(span.fault(SplineError::KnotEnds { order }));
         }
         // LinuxCNC's curve begins at its first point, wherever the tool is.
         let mut start = self.at;
@@ -275,9 +270,9 @@ impl State {
         match (self.nurbs.take(), block.first_axis()) {
             (Some(Nurbs { points, order, .. }), _) => {
                 let points = points.len();
-                fault(block.motion_span(), SplineError::KnotsMissing { points, order })
+                Err(block.motion_span().fault(SplineError::KnotsMissing { points, order }))
             }
-            (None, Some(letter)) => fault(block.span(letter), SplineError::EndWithPoint),
+            (None, Some(letter)) => Err(block.span(letter).fault(SplineError::EndWithPoint)),
             (None, None) => Ok(()),
         }
     }
@@ -298,7 +293,7 @@ impl State {
             let pieces = biarc::pieces(&Curve::new(&points, order, &knots), tolerance_mm);
             if pieces.len() > PIECES_MAX {
                 let max = PIECES_MAX;
-                return fault(block.motion_span(), SplineError::TooManyPieces { max });
+                return Err(block.motion_span().fault(SplineError::TooManyPieces { max }));
             }
             Ok(pieces)
         };
@@ -344,25 +339,24 @@ impl State {
     fn check_curve(&self, block: &Block) -> Result<(), Fault> {
         let span = block.motion_span();
         if self.cutter.is_some() {
-            return fault(span, SplineError::Compensated);
+            return Err(span.fault(SplineError::Compensated));
         }
         let plane = self.modal.plane;
         if let Plane::Uv | Plane::Wu | Plane::Vw = plane {
             let plane = plane_name(plane);
-            return fault(span, SplineError::Plane { plane });
+            return Err(span.fault(SplineError::Plane { plane }));
         }
         if self.nurbs.as_ref().is_some_and(|nurbs| nurbs.plane != plane) {
-            return fault(span, SplineError::PlaneChange);
+            return Err(span.fault(SplineError::PlaneChange));
         }
         let [first, second, _] = plane.axes();
         let other = |axis: &Axis| ![first, second].contains(axis) && block.axis(*axis).is_some();
         match Axis::ALL.into_iter().find(other) {
             Some(axis) => {
                 let [letter, first, second] = [axis, first, second].map(Axis::letter);
-                fault(
-                    block.span(letter as u8),
-                    SplineError::OtherAxis { letter, first, second },
-                )
+                Err(block
+                    .span(letter as u8)
+                    .fault(SplineError::OtherAxis { letter, first, second }))
             }
             None => Ok(()),
         }
@@ -378,8 +372,8 @@ impl State {
         let mm = self.modal.unit.mm();
         match names.map(|letter| block.word_value(letter)) {
             [Some(first), Some(second)] => Ok([first * mm, second * mm]),
-            [None, _] => fault(block.motion_span(), error(names[0].into())),
-            [Some(_), None] => fault(block.motion_span(), error(names[1].into())),
+            [None, _] => Err(block.motion_span().fault(error(names[0].into()))),
+            [Some(_), None] => Err(block.motion_span().fault(error(names[1].into()))),
         }
     }
 }

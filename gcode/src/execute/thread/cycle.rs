@@ -11,7 +11,7 @@
 
 use super::{START_CODES, missing};
 use crate::block::Block;
-use crate::error::ErrorKind;
+use crate::error::{CycleError, ErrorKind, ThreadError};
 use crate::execute::cycle::PASSES_MAX;
 use crate::scan::Fault;
 use crate::state::{Calls, State};
@@ -78,7 +78,7 @@ impl State {
         match block.first_of(b"@^") {
             Some(letter) if self.plane_of(block) != motion::canon::Plane::Xy => {
                 let code = "G76".into();
-                Err((block.span(letter), ErrorKind::CyclePolar { code }))
+                Err(block.span(letter).fault(CycleError::Polar { code }))
             }
             Some(_) | None => Ok(()),
         }
@@ -89,11 +89,10 @@ impl State {
         let spindle = self.select_spindle(block)?;
         self.need_turning(block, spindle, START_CODES)?;
         if let Some(letter) = block.first_of(b"ABC") {
-            let kind = ErrorKind::CycleRotary {
+            return Err(block.span(letter).fault(CycleError::Rotary {
                 letter: letter.into(),
                 code: "G76".into(),
-            };
-            return Err((block.span(letter), kind));
+            }));
         }
         let end = self.end(block)?;
         let thread = self.thread_of(block, end, spindle)?;
@@ -122,7 +121,7 @@ impl State {
 
     fn thread_of(&self, block: &Block, end: Position, spindle: u8) -> Result<Thread, Fault> {
         let word = |letter: u8| block.word_value(letter).unwrap_or(0.0);
-        let fail = |letter: u8, kind: ErrorKind| Err((block.span(letter), kind));
+        let fail = |letter: u8, error: ThreadError| Err(block.span(letter).fault(error));
         let radius = if self.modal.diameter { 0.5 } else { 1.0 };
         let [crest, first_cut, depth] = [b'I', b'J', b'K'].map(|letter| word(letter) * radius);
         let (pitch, angle, taper_kind) = (word(b'P'), word(b'Q'), word(b'L').round());
@@ -131,7 +130,7 @@ impl State {
             let (code, value) = ("G76".into(), pitch);
             return fail(
                 b'P',
-                ErrorKind::ThreadPitch {
+                ThreadError::Pitch {
                     code,
                     letter,
                     rule,
@@ -140,20 +139,20 @@ impl State {
             );
         }
         if crest == 0.0 {
-            return fail(b'I', ErrorKind::ThreadCrest);
+            return fail(b'I', ThreadError::Crest);
         }
         if first_cut <= 0.0 {
-            return fail(b'J', ErrorKind::ThreadFirstCut { value: word(b'J') });
+            return fail(b'J', ThreadError::FirstCut { value: word(b'J') });
         }
         if depth <= first_cut {
             let (value, first_cut) = (word(b'K'), word(b'J'));
-            return fail(b'K', ErrorKind::ThreadDepth { value, first_cut });
+            return fail(b'K', ThreadError::Depth { value, first_cut });
         }
         if angle.abs() >= 90.0 {
-            return fail(b'Q', ErrorKind::ThreadAngle { value: angle });
+            return fail(b'Q', ThreadError::Angle { value: angle });
         }
         if taper_kind > 3.0 {
-            return fail(b'L', ErrorKind::ThreadTaper { value: word(b'L') });
+            return fail(b'L', ThreadError::Taper { value: word(b'L') });
         }
         let unit = self.modal.unit;
         let units = |mm: f64| crate::print::length_in(mm, unit);

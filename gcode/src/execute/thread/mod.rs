@@ -8,7 +8,7 @@ mod cycle;
 mod tests;
 
 use crate::block::Block;
-use crate::error::ErrorKind;
+use crate::error::{CycleError, ErrorKind, ThreadError};
 use crate::scan::Fault;
 use crate::state::{Calls, State};
 use motion::canon::Call;
@@ -49,16 +49,15 @@ impl State {
             ));
         };
         if pitch == 0.0 {
-            let kind = ErrorKind::ThreadPitch {
+            return Err(block.span(b'K').fault(ThreadError::Pitch {
                 code: code(),
                 letter: 'K',
                 rule: "other than 0",
                 value: pitch,
-            };
-            return Err((block.span(b'K'), kind));
+            }));
         }
         if block.word_value(b'F').is_some() {
-            return Err((block.span(b'F'), ErrorKind::ThreadWithFeed { code: code() }));
+            return Err(block.span(b'F').fault(ThreadError::WithFeed { code: code() }));
         }
         Ok(())
     }
@@ -76,9 +75,9 @@ impl State {
 }
 
 fn missing(code: String, letter: u8, meaning: &'static str) -> ErrorKind {
-    ErrorKind::CycleWordMissing {
+    ErrorKind::Cycle(CycleError::WordMissing {
         code,
         letter: letter.into(),
         meaning,
-    }
+    })
 }

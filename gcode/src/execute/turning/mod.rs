@@ -17,8 +17,8 @@ mod segment;
 use super::circle;
 use crate::block::{Block, letters};
 use crate::code::{Distance, FeedUnit, Motion, Roughing, integer_in, plane_name};
-use crate::error::{ErrorKind, TurningError};
-use crate::scan::{Fault, Span};
+use crate::error::{ArcError, ErrorKind, TurningError};
+use crate::scan::Fault;
 use crate::state::{Calls, State};
 pub(crate) use cycle::Turning;
 use motion::canon::{Axis, Call, Plane, Position};
@@ -33,10 +33,6 @@ const MOVES_MAX: usize = 1000;
 /// Most passes of G70.
 const PASSES_MAX: u32 = 100;
 
-fn fault<T>(span: Span, error: TurningError) -> Result<T, Fault> {
-    Err((span, ErrorKind::Turning(error)))
-}
-
 impl State {
     pub(super) fn finish(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
         let mm = self.modal.unit.mm();
@@ -44,7 +40,7 @@ impl State {
         let max = PASSES_MAX;
         let passes = match integer_in(passes, 1..=i64::from(max)) {
             Some(passes) => passes as u32,
-            None => return fault(block.span(b'P'), TurningError::Passes { value: passes, max }),
+            None => return Err(block.span(b'P').fault(TurningError::Passes { value: passes, max })),
         };
         let work = Work::Finish {
             first_mm: mm * block.word_value(b'D').unwrap_or(0.0),
@@ -59,14 +55,14 @@ impl State {
         let word = |letter, default| block.word_value(letter).unwrap_or(default);
         if self.cutter.is_some() {
             let code = self.motion_name(block);
-            return fault(block.motion_span(), TurningError::Compensated { code });
+            return Err(block.motion_span().fault(TurningError::Compensated { code }));
         }
         let (step, retract) = (word(b'I', 1.0), word(b'R', 0.5));
         if step <= 0.0 {
-            return fault(block.span(b'I'), TurningError::Increment { value: step });
+            return Err(block.span(b'I').fault(TurningError::Increment { value: step }));
         }
         if retract < 0.0 {
-            return fault(block.span(b'R'), TurningError::Retract { value: retract });
+            return Err(block.span(b'R').fault(TurningError::Retract { value: retract }));
         }
         let work = Work::Rough {
             roughing,
@@ -83,19 +79,19 @@ impl State {
         let code = self.motion_name(block);
         if self.modal.plane != Plane::Zx {
             let plane = plane_name(self.modal.plane);
-            return fault(span, TurningError::Plane { code, plane });
+            return Err(span.fault(TurningError::Plane { code, plane }));
         }
         if self.modal.feed_unit == FeedUnit::InverseTime {
-            return fault(span, TurningError::InverseTime { code });
+            return Err(span.fault(TurningError::InverseTime { code }));
         }
         let Some(number) = block.word_value(b'Q') else {
-            return fault(span, TurningError::ProfileMissing { code });
+            return Err(span.fault(TurningError::ProfileMissing { code }));
         };
         let Some(number) = integer_in(number, 0..=i64::from(u32::MAX)) else {
-            return fault(block.span(b'Q'), TurningError::ProfileNumber { value: number });
+            return Err(block.span(b'Q').fault(TurningError::ProfileNumber { value: number }));
         };
         if let Some(stop) = block.codes.stop {
-            return fault(stop.span, TurningError::StopOnLine);
+            return Err(stop.span.fault(TurningError::StopOnLine));
         }
         other_axes(block, b"YABCV@^")?;
         self.need_feed(block, || super::feed::PathLength::Mm(0.0), calls)?;
@@ -129,7 +125,7 @@ impl State {
 
     fn add_profile_move(&mut self, turning: &mut Turning, block: &Block) -> Result<(), Fault> {
         if let Some(span) = block.codes.first_beside_motion() {
-            return fault(span, TurningError::NoProfile);
+            return Err(span.fault(TurningError::NoProfile));
         }
         match block.codes.motion.map(|code| (code.value, code.span)) {
             None => {}
@@ -137,7 +133,7 @@ impl State {
                 Some(motion @ (Motion::Traverse | Motion::Feed | Motion::ArcClockwise | Motion::ArcCounterclockwise)),
                 _,
             )) => self.modal.motion = Some(motion),
-            Some((_, span)) => return fault(span, TurningError::NoProfile),
+            Some((_, span)) => return Err(span.fault(TurningError::NoProfile)),
         }
         other_axes(block, b"YBV@^STDEHJLPQ$")?;
         let at = [self.at[Axis::Z], self.at[Axis::X]];
@@ -148,7 +144,7 @@ impl State {
             return Ok(());
         }
         if turning.moves.len() >= MOVES_MAX {
-            return fault(block.motion_span(), TurningError::TooLong { max: MOVES_MAX });
+            return Err(block.motion_span().fault(TurningError::TooLong { max: MOVES_MAX }));
         }
         let segment = match self.modal.motion {
             Some(motion @ (Motion::ArcClockwise | Motion::ArcCounterclockwise)) => {
@@ -164,7 +160,7 @@ impl State {
                 .filter(|size| *size > 0.0)
         };
         let corner = match (size(b'A'), size(b'C')) {
-            (Some(_), Some(_)) => return fault(block.span(b'C'), TurningError::TwoCorners),
+            (Some(_), Some(_)) => return Err(block.span(b'C').fault(TurningError::TwoCorners)),
             (Some(size), None) => Some(Corner::Round(size)),
             (None, Some(size)) => Some(Corner::Cut(size)),
             (None, None) => None,
@@ -182,21 +178,17 @@ impl State {
     fn profile_end(&self, block: &Block, axis: Axis, increment: u8, at: f64) -> Result<f64, Fault> {
         let letter = axis.letter();
         match (block.axis(axis), block.word_value(increment)) {
-            (Some(_), Some(_)) => fault(
-                block.span(increment),
-                TurningError::TwoWords {
-                    first: letter,
-                    second: increment.into(),
-                    axis: letter,
-                },
-            ),
-            (None, Some(_)) if self.modal.distance == Distance::Incremental => fault(
-                block.span(increment),
-                TurningError::IncrementTwice {
+            (Some(_), Some(_)) => Err(block.span(increment).fault(TurningError::TwoWords {
+                first: letter,
+                second: increment.into(),
+                axis: letter,
+            })),
+            (None, Some(_)) if self.modal.distance == Distance::Incremental => {
+                Err(block.span(increment).fault(TurningError::IncrementTwice {
                     letter: increment.into(),
                     axis: letter,
-                },
-            ),
+                }))
+            }
             (None, Some(number)) => Ok(at + self.turning_length(axis, number)),
             (Some(number), None) => Ok(self.turning_end(axis, number, at)),
             (None, None) => Ok(at),
@@ -223,15 +215,15 @@ impl State {
         let given = block.first_of(b"KI");
         if let Some(radius) = block.word_value(b'R') {
             if let Some(letter) = given {
-                return Err((block.span(letter), ErrorKind::ArcMixed { letter: letter.into() }));
+                return Err(block.span(letter).fault(ArcError::Mixed { letter: letter.into() }));
             }
             let arc = circle::by_radius(start, end, radius * unit.mm(), turns, unit)
-                .map_err(|kind| (block.span(b'R'), kind))?;
+                .map_err(|kind| block.span(b'R').fault(kind))?;
             return Ok(Segment::arc(start, end, arc.centre_mm, turns));
         }
         let Some(given) = given else {
             let (motion, offsets) = (motion.name(), "I, K");
-            return Err((block.motion_span(), ErrorKind::ArcCentreMissing { motion, offsets }));
+            return Err(block.motion_span().fault(ArcError::CentreMissing { motion, offsets }));
         };
         let offset = *b"KI";
         let centre = match self.modal.arc_distance {
@@ -245,14 +237,15 @@ impl State {
                     let missing = letter.into();
                     let number = block
                         .word_value(letter)
-                        .ok_or((block.span(given), ErrorKind::ArcAbsoluteCentreIncomplete { missing }))?;
+                        .ok_or(block.span(given).fault(ArcError::AbsoluteCentreIncomplete { missing }))?;
                     *place = number * unit.mm();
                 }
                 centre
             }
         };
         let tolerance_mm = self.settings.arc_radius_tolerance_mm;
-        circle::by_centre(start, end, centre, turns, unit, tolerance_mm).map_err(|kind| (block.span(given), kind))?;
+        circle::by_centre(start, end, centre, turns, unit, tolerance_mm)
+            .map_err(|kind| block.span(given).fault(kind))?;
         Ok(Segment::arc(start, end, centre, turns))
     }
 
@@ -311,9 +304,11 @@ impl State {
 fn other_axes(block: &Block, names: &[u8]) -> Result<(), Fault> {
     match block.first_of(names) {
         Some(letter) if letters(b"STDEHJLPQ$") & letters(&[letter]) != 0 => {
-            fault(block.span(letter), TurningError::NoProfile)
+            Err(block.span(letter).fault(TurningError::NoProfile))
         }
-        Some(letter) => fault(block.span(letter), TurningError::OtherAxis { letter: letter.into() }),
+        Some(letter) => Err(block
+            .span(letter)
+            .fault(TurningError::OtherAxis { letter: letter.into() })),
         None => Ok(()),
     }
 }
