@@ -108,5 +108,5 @@ pub fn stop_ramp(config: &Config) -> ScaleRamp {
 
 /// How much harder than planned motion a probe may stop at its contact.
 pub fn stop_shares(config: &Config) -> StopShares {
-    StopShares::of(joint_limits(config))
+    StopShares::new(joint_limits(config))
 }

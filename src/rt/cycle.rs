@@ -457,7 +457,7 @@ impl<B: CyclicBus> Control<B> {
                 }
             }
         }
-        if let Some(trip) = self.parts.monitor.see(&watched_mm[..self.joints], scaling) {
+        if let Some(trip) = self.parts.monitor.check(&watched_mm[..self.joints], scaling) {
             self.fault(match trip {
                 Trip::NotFinite { joint } => Fault::IllegalCommand { joint },
                 Trip::Over {

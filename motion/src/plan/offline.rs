@@ -125,7 +125,7 @@ fn follow(synced: &Synced, cycle_s: f64, samples: &mut Vec<Position>) {
     };
     while !follower.is_over() {
         spindle.turns += cycle_s * synced.turns_s * follower.reversal().map_or(1.0, |scale| -scale);
-        follower.see(&spindle);
+        follower.observe(&spindle);
         follower.step(&spindle);
         samples.push(synced.piece.position(follower.place()));
     }

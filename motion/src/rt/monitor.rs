@@ -137,7 +137,7 @@ impl Monitor {
 
     /// Takes the positions of a cycle, `scaling` if the plan's speed is being scaled; returns the first joint whose
     /// position is NaN, else the first one that is more than a hundredth over a limit. RT.
-    pub fn see(&mut self, positions: &[f64], scaling: bool) -> Option<Trip> {
+    pub fn check(&mut self, positions: &[f64], scaling: bool) -> Option<Trip> {
         let (mut illegal, mut fast) = (None, None);
         self.scaling = if scaling {
             SCALING_SEEN
@@ -205,7 +205,7 @@ mod tests {
         let mut monitor = Monitor::new(&[LIMITS], 0.01);
         for cycle in 0..20 {
             let t = f64::from(cycle) * 0.01;
-            monitor.see(&[500.0 * t.powi(3) / 6.0], false);
+            monitor.check(&[500.0 * t.powi(3) / 6.0], false);
         }
         let (_, peaks) = monitor.peaks().next().unwrap();
         assert!((peaks.of_order[2] - 500.0).abs() < 1e-3, "{peaks:?}");
@@ -216,7 +216,7 @@ mod tests {
     fn a_jump_is_over_every_limit_and_counted() {
         let mut monitor = Monitor::new(&[LIMITS], 0.01);
         for position in [0.0, 0.0, 0.0, 0.0, 1.0] {
-            monitor.see(&[position], false);
+            monitor.check(&[position], false);
         }
         assert_eq!(monitor.peaks().next().unwrap().1.over, [1, 1, 1]);
     }
@@ -224,7 +224,10 @@ mod tests {
     #[test]
     fn what_is_no_number_is_named() {
         let mut monitor = Monitor::new(&[LIMITS, LIMITS], 0.01);
-        assert_eq!(monitor.see(&[0.0, f64::NAN], false), Some(Trip::NotFinite { joint: 1 }));
+        assert_eq!(
+            monitor.check(&[0.0, f64::NAN], false),
+            Some(Trip::NotFinite { joint: 1 })
+        );
     }
 
     #[test]
@@ -249,7 +252,7 @@ mod tests {
                 let mut seen = None;
                 for cycle in 0..20 {
                     let t = f64::from(cycle) * 0.01;
-                    seen = seen.or(monitor.see(&[0.0, 500.0 * t.powi(3) / 6.0], false));
+                    seen = seen.or(monitor.check(&[0.0, 500.0 * t.powi(3) / 6.0], false));
                 }
                 assert_eq!(seen.is_some(), trips, "{name} {share}: {seen:?}");
                 assert!(monitor.peaks().nth(1).unwrap().1.over[order] > 0, "{name} {share}");
@@ -277,7 +280,7 @@ mod tests {
             let mut monitor = Monitor::new(&[LIMITS], 0.01);
             for cycle in 0..20 {
                 let t = f64::from(cycle) * 0.01;
-                monitor.see(&[3000.0 * t.powi(3) / 6.0], scaling);
+                monitor.check(&[3000.0 * t.powi(3) / 6.0], scaling);
             }
             let (_, peaks) = monitor.peaks().next().unwrap();
             assert_eq!(peaks.over[2], over, "{peaks:?}");

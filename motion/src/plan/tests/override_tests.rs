@@ -131,7 +131,7 @@ impl Watch {
             .zip(at.0)
             .filter_map(|(axis, at)| axis.map(|_| at))
             .collect();
-        let trip = self.0.see(&joints, rig.interpolator.is_scaling());
+        let trip = self.0.check(&joints, rig.interpolator.is_scaling());
         assert_eq!(trip, None, "in cycle {}", rig.samples.len());
     }
 

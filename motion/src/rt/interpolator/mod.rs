@@ -95,7 +95,7 @@ impl Interpolator {
 
     /// What was read in this cycle: whether the probe is in contact, and where the axes were then. RT.
     pub fn see_probe(&mut self, contact: bool, measured: &Position) {
-        self.prober.see(contact, measured);
+        self.prober.observe(contact, measured);
     }
 
     /// One cycle further, without an encoder on the spindle. RT.
@@ -111,7 +111,7 @@ impl Interpolator {
 
     /// The same with shares that depend on what the machine is at; backward with [`Shares::all`] below 0. RT.
     pub fn step_shares(&mut self, wanted: &Shares, spindle: &SpindleFeedback) -> Sample {
-        self.follower.see(spindle);
+        self.follower.observe(spindle);
         let scale = wanted.on(self.track.current(), self.sample.enables);
         let share = self.set_direction(scale);
         let end = self.end();

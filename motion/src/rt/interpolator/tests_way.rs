@@ -163,7 +163,7 @@ impl Rig {
         assert!((self.interpolator.remaining_s() - (all_s - at_s)).abs() < 1e-9);
         let trip = self
             .monitor
-            .see(&sample.position.0[..3], self.interpolator.is_scaling());
+            .check(&sample.position.0[..3], self.interpolator.is_scaling());
         assert_eq!(trip, None, "at {at_s} s of {all_s} s");
         self.positions.push(sample.position);
         if sample.action.is_some() && scale > 0.0 {
@@ -200,7 +200,7 @@ impl Rig {
     fn proven(&mut self) {
         let last = *self.positions.last().expect("positions");
         for _ in 0..4 {
-            assert_eq!(self.monitor.see(&last.0[..3], false), None);
+            assert_eq!(self.monitor.check(&last.0[..3], false), None);
         }
         for (_, peaks) in self.monitor.peaks() {
             assert_eq!(peaks.over, [0; 3], "{peaks:?}");

@@ -26,7 +26,7 @@ impl StopShares {
 
     /// What the limits of all joints leave, where joints are linear functions of the axes or not: the acceleration grows no
     /// more than the jerk, so that what the bend of a joint's way adds stays in proportion.
-    pub fn of(joints: impl Iterator<Item = (MotionLimits, StopLimits)>) -> StopShares {
+    pub fn new(joints: impl Iterator<Item = (MotionLimits, StopLimits)>) -> StopShares {
         let mut shares = [f64::INFINITY; 2];
         for (motion, stop) in joints {
             shares[0] = shares[0].min(stop.acceleration / motion.acceleration);
@@ -82,7 +82,7 @@ impl Prober {
     }
 
     /// What was read in this cycle. RT.
-    pub fn see(&mut self, contact: bool, measured: &Position) {
+    pub fn observe(&mut self, contact: bool, measured: &Position) {
         self.contact = Some(contact);
         self.measured = *measured;
     }

@@ -45,7 +45,7 @@ impl Rig {
         let (producer, consumer) = ring::channel(settings.largest_publication());
         let (answers, results) = rtrb::RingBuffer::new(1);
         let ramp = ScaleRamp::new(&[(LIMITS, STOP)], CYCLE_S);
-        let shares = StopShares::of([(LIMITS, STOP)].into_iter());
+        let shares = StopShares::new([(LIMITS, STOP)].into_iter());
         let mut rig = Rig {
             planner: Planner::new(settings, producer),
             interpolator: Interpolator::new(consumer, Position::ZERO, ramp).with_probe(answers, shares),

@@ -223,7 +223,7 @@ impl Follower {
     }
 
     /// Takes where the spindle is: each cycle, also where no move is under way, so that its speed is known when one begins. RT.
-    pub fn see(&mut self, spindle: &SpindleFeedback) {
+    pub fn observe(&mut self, spindle: &SpindleFeedback) {
         self.observer.update(spindle.turns, spindle.indexed);
         if !spindle.turns.is_finite() {
             self.fail(SyncFault::NoNumber);

@@ -67,7 +67,7 @@ fn run(spindle: &mut Spindle, synced: &Synced) -> Pass {
     // The spindle is known before.
     for _ in 0..100 {
         let feedback = spindle.step();
-        follower.see(&feedback);
+        follower.observe(&feedback);
     }
     follower.begin(synced);
     let mut pass = Pass {
@@ -80,7 +80,7 @@ fn run(spindle: &mut Spindle, synced: &Synced) -> Pass {
         spindle.order(pass.follower.reversal());
         let feedback = spindle.step();
         let follower = &mut pass.follower;
-        follower.see(&feedback);
+        follower.observe(&feedback);
         follower.step(&feedback);
         pass.places.push(follower.place());
         if matches!(follower.phase, Phase::Tracking) {
@@ -304,7 +304,7 @@ fn against(synced: &Synced, mut feedback: impl FnMut(u32, &mut Follower) -> Spin
     let mut places = vec![0.0; 3];
     for cycle in 0..20_000 {
         let feedback = feedback(cycle, &mut follower);
-        follower.see(&feedback);
+        follower.observe(&feedback);
         follower.step(&feedback);
         places.push(follower.place());
         if follower.is_over() {
