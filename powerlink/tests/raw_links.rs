@@ -98,12 +98,12 @@ fn inside() {
     exchange(
         "ring, pnet",
         raw("plk-a", spinning),
-        PnetLink::open("plk-b").unwrap(),
+        PnetLink::open("plk-b", 0).unwrap(),
         false,
     );
     exchange(
         "pnet, ring",
-        PnetLink::open("plk-a").unwrap(),
+        PnetLink::open("plk-a", 20_000).unwrap(),
         raw("plk-b", stamped),
         true,
     );
@@ -116,6 +116,8 @@ fn inside() {
         };
         tags_are_seen(raw("plk-a", stamped), raw("plk-b", every_ether_type));
     }
+
+    tags_are_left_out(raw("plk-a", stamped), PnetLink::open("plk-b", 0).unwrap());
 
     overflow(raw("plk-a", stamped), |ring_frames| {
         raw("plk-b", RawConfig { ring_frames, ..stamped })
@@ -136,7 +138,7 @@ fn inside() {
     let mut links: Vec<Box<dyn Link>> = vec![
         Box::new(raw("plk-a", stamped)),
         Box::new(raw("plk-a", by_calls)),
-        Box::new(PnetLink::open("plk-a").unwrap()),
+        Box::new(PnetLink::open("plk-a", 20_000).unwrap()),
     ];
     let mut waiting = raw("plk-a", stamped);
     assert!(ip("link set plk-a down"));
@@ -218,24 +220,43 @@ fn exchange(name: &str, mut a: impl Link, mut b: impl Link, b_stamps: bool) {
     }
 }
 
-/// A frame of another network on the same cable arrives with the VLAN tag that it had on the wire.
+/// Frames of another network on the same cable, by their tags.
+const TAGS: [[u8; 4]; 3] = [
+    [0x81, 0x00, 0x00, 0x05],
+    // A priority and no network.
+    [0x81, 0x00, 0xE0, 0x00],
+    [0x88, 0xA8, 0x0F, 0xFE],
+];
+
+fn tagged(number: u8, tag: [u8; 4]) -> Vec<u8> {
+    let mut tagged = frame(number, 60);
+    tagged.splice(12..12, tag);
+    tagged
+}
+
+/// They arrive with the VLAN tag that they had on the wire.
 fn tags_are_seen(mut a: impl Link, mut b: impl Link) {
     let mut buffer = [0; FRAME_LEN_MAX];
-    for (number, tag) in [
-        (1, [0x81, 0x00, 0x00, 0x05]),
-        // A priority and no network.
-        (2, [0x81, 0x00, 0xE0, 0x00]),
-        (3, [0x88, 0xA8, 0x0F, 0xFE]),
-    ] {
-        let mut tagged = frame(number, 60);
-        tagged.splice(12..12, tag);
-        a.send(&tagged).unwrap();
+    for (number, tag) in (1..).zip(TAGS) {
+        a.send(&tagged(number, tag)).unwrap();
         a.send(&frame(number, 60)).unwrap();
-        for expected in [tagged, frame(number, 60)] {
+        for expected in [tagged(number, tag), frame(number, 60)] {
             let received = next(&mut b, &mut buffer).unwrap();
             assert_eq!(buffer[..received.length], expected);
         }
     }
+}
+
+/// Or not at all: without its tag such a frame would pass for one of this network.
+fn tags_are_left_out(mut a: impl Link, mut b: impl Link) {
+    let mut buffer = [0; FRAME_LEN_MAX];
+    for (number, tag) in (1..).zip(TAGS) {
+        a.send(&tagged(number, tag)).unwrap();
+        a.send(&frame(number + 100, 60)).unwrap();
+        let received = next(&mut b, &mut buffer).unwrap();
+        assert_eq!(buffer[..received.length], frame(number + 100, 60));
+    }
+    assert_eq!(b.receive(&mut buffer, 0), Ok(None));
 }
 
 fn realtime_ns() -> u64 {
@@ -309,7 +330,7 @@ fn oversize(mut a: RawLink, open_b: impl Fn(RawConfig) -> RawLink) {
     let mut links: Vec<Box<dyn Link>> = vec![
         Box::new(open_b(RawConfig::default())),
         Box::new(open_b(by_calls)),
-        Box::new(PnetLink::open("plk-b").unwrap()),
+        Box::new(PnetLink::open("plk-b", 0).unwrap()),
     ];
     let long = frame(7, 4000);
     send_any_length("plk-a", &long);

@@ -1,7 +1,7 @@
 //! What carries frames: one trait, and behind it a raw socket, a second one on libpnet, memory; and a simulated network.
 //!
 //! In:  whole Ethernet frames without FCS to send. Out: frames of others, each with the time it was received, if known.
-//! Nothing in `send` and `receive` allocates or locks (except in `pnet`, which is no RT link and says so).
+//! Nothing in `send` and `receive` allocates or locks.
 
 #[cfg(feature = "std")]
 mod clock;

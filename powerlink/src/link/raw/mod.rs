@@ -22,9 +22,9 @@ use super::clock::{from_timespec, monotonic_ns, to_timespec};
 use super::{Link, LinkError, Received};
 use crate::wire::{FRAME_LEN_MAX, Mac};
 use ring::Ring;
+pub(super) use socket::{Heard, Socket, error, socket_error};
 pub use socket::{OpenError, RawConfig};
 use socket::{PACKET_OUTGOING, errno};
-pub(super) use socket::{Socket, error, socket_error};
 use tag::Tag;
 
 /// How often a look that finds nothing asks for the state of the interface.
@@ -91,7 +91,12 @@ impl RawLink {
                 socket.switch_stamps_on(interface)?;
             }
         }
-        socket.bind(interface, config)?;
+        let heard = if config.every_ether_type {
+            Heard::Everything
+        } else {
+            Heard::Powerlink
+        };
+        socket.bind(interface, heard)?;
         Ok(RawLink {
             ring,
             socket,
@@ -183,8 +188,8 @@ impl Link for RawLink {
     }
 }
 
-/// Waits for a frame, a signal, or the end of the span. RT.
-fn wait(fd: &OwnedFd, span_ns: u64) -> Result<(), LinkError> {
+/// Waits for a frame, a signal, or the end of the span; whether there is a frame. RT.
+pub(super) fn wait(fd: &OwnedFd, span_ns: u64) -> Result<bool, LinkError> {
     let mut poll = libc::pollfd {
         fd: fd.as_raw_fd(),
         events: libc::POLLIN,
@@ -195,8 +200,8 @@ fn wait(fd: &OwnedFd, span_ns: u64) -> Result<(), LinkError> {
     let ready = unsafe { libc::ppoll(&raw mut poll, 1, &raw const span, core::ptr::null()) };
     match ready {
         -1 if errno() != libc::EINTR => Err(error(errno())),
-        1 if poll.revents & libc::POLLERR != 0 => socket_error(fd),
-        _ => Ok(()),
+        1 if poll.revents & libc::POLLERR != 0 => socket_error(fd).map(|()| false),
+        ready => Ok(ready == 1),
     }
 }
 

@@ -52,6 +52,17 @@ const ETHER_TYPE_AT: u32 = 12;
 /// `sll_pkttype` of a frame that this host sent.
 pub(super) const PACKET_OUTGOING: libc::c_uchar = 4;
 
+/// Which frames a socket hears.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::link) enum Heard {
+    /// All.
+    Everything,
+    /// Those of POWERLINK's EtherType, also with a VLAN tag.
+    Powerlink,
+    /// Those without a tag, and none that this PC sent: for a reader who is told neither.
+    UntaggedPowerlink,
+}
+
 /// Time in which the kernel has switched stamping on.
 const STAMPS_ON_TIMEOUT: Duration = Duration::from_millis(20);
 
@@ -141,11 +152,9 @@ impl Socket {
     /// Frames of the interface arrive from now on: of every EtherType, but for what the filter leaves out. The kernel takes a
     /// VLAN tag off and tells of it only those who hear every EtherType; to others a frame of another network on the same cable
     /// would look like one of this.
-    pub(in crate::link) fn bind(&self, interface: &str, config: RawConfig) -> Result<(), OpenError> {
-        if !config.every_ether_type {
-            self.filter_powerlink()
-                .map_err(|error| OpenError::new(interface, "choose POWERLINK frames", error))?;
-        }
+    pub(in crate::link) fn bind(&self, interface: &str, heard: Heard) -> Result<(), OpenError> {
+        self.filter(heard)
+            .map_err(|error| OpenError::new(interface, "choose POWERLINK frames", error))?;
         let protocol = libc::ETH_P_ALL as u16;
         // SAFETY: all-zero is a valid sockaddr_ll.
         let mut address: libc::sockaddr_ll = unsafe { mem::zeroed() };
@@ -166,20 +175,38 @@ impl Socket {
         Ok(())
     }
 
-    /// Has the kernel hand over frames of POWERLINK's EtherType only, also of those with a VLAN tag.
-    fn filter_powerlink(&self) -> io::Result<()> {
+    /// Has the kernel hand over these frames only.
+    fn filter(&self, heard: Heard) -> io::Result<()> {
         let statement = |code: u32, jump_if: u8, jump_else: u8, k: u32| libc::sock_filter {
             code: code as u16,
             jt: jump_if,
             jf: jump_else,
             k,
         };
+        let of_frame = |what: libc::c_int| {
+            let at = (libc::SKF_AD_OFF + what) as u32;
+            statement(libc::BPF_LD | libc::BPF_W | libc::BPF_ABS, 0, 0, at)
+        };
         let mut program = [
+            of_frame(libc::SKF_AD_VLAN_TAG_PRESENT),
+            statement(libc::BPF_JMP | libc::BPF_JEQ | libc::BPF_K, 0, 5, 0),
+            of_frame(libc::SKF_AD_PKTTYPE),
+            statement(
+                libc::BPF_JMP | libc::BPF_JEQ | libc::BPF_K,
+                3,
+                0,
+                PACKET_OUTGOING.into(),
+            ),
             statement(libc::BPF_LD | libc::BPF_H | libc::BPF_ABS, 0, 0, ETHER_TYPE_AT),
             statement(libc::BPF_JMP | libc::BPF_JEQ | libc::BPF_K, 0, 1, ETHER_TYPE.into()),
             statement(libc::BPF_RET | libc::BPF_K, 0, 0, u32::MAX),
             statement(libc::BPF_RET | libc::BPF_K, 0, 0, 0),
         ];
+        let program = match heard {
+            Heard::Everything => return Ok(()),
+            Heard::Powerlink => &mut program[4..],
+            Heard::UntaggedPowerlink => &mut program[..],
+        };
         // The kernel reads the program behind the pointer while it is set, and keeps a copy.
         let filter = libc::sock_fprog {
             len: program.len() as libc::c_ushort,
