@@ -50,10 +50,6 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
             Refusal::new(format!("{file}: {rule}\n1 error in {file}"), json)
         }
     })?;
-    if let Some(path) = &args.cdc {
-        let octets = write_cdc(&config, &plans).with_context(|| format!("{}: cannot be written", path.display()))?;
-        files::write(path, octets).with_context(|| format!("{}: cannot be written", path.display()))?;
-    }
     let timing = Steadiness::measure(&config.rt).advice(&config);
     print(&if args.json {
         let mut json = to_json(&config, &plans);
@@ -63,6 +59,11 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
         let timing = timing.unwrap_or_else(|| "this PC bears what the file asks for, by a look of 0.4 s".into());
         format!("{}timing\n       {timing}\n", Summary(&config, &plans))
     })?;
+    if let Some(path) = &args.cdc {
+        // Behind the result, which a full disk must not keep from the user.
+        let octets = write_cdc(&config, &plans).with_context(|| format!("{}: cannot be written", path.display()))?;
+        files::write(path, octets).with_context(|| format!("{}: cannot be written", path.display()))?;
+    }
     Ok(ExitCode::SUCCESS)
 }
 

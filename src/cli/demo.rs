@@ -51,7 +51,7 @@ pub struct DemoArgs {
     /// Record every frame on the wire to this file (pcap, decoded by Wireshark).
     #[arg(long, value_name = "FILE")]
     capture: Option<PathBuf>,
-    /// Use the wire in memory even where a private network would be allowed.
+    /// Use a wire in memory, on which time waits for the PC, even where a private network would be allowed.
     #[arg(long)]
     memory: bool,
     /// Print the report as JSON instead of text.
@@ -83,48 +83,37 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     config.name = format!("{}-{}", config.name, std::process::id());
 
     // First of all: a namespace can be entered by a process of one thread only.
-    let network = if args.memory {
-        None
-    } else {
-        Some(netns::private_wire(INTERFACES[0], INTERFACES[1]))
+    let network = (!args.memory).then(|| netns::private_wire(INTERFACES[0], INTERFACES[1]));
+    let cycle_us = match &network {
+        None => None,
+        Some(Err(error)) => {
+            eprintln!("no private network, so the same over a wire in memory: {error}");
+            None
+        }
+        Some(Ok(_)) => kept_cycle_us(&Steadiness::measure(&config.rt), config.cycle_us),
     };
-    let steadiness = Steadiness::measure(&config.rt);
-    let pace = Pace::of(&steadiness, config.cycle_us);
-    match pace {
-        Pace::Cycle(cycle_us) if cycle_us == config.cycle_us => {}
-        Pace::Cycle(cycle_us) => {
-            eprintln!("{}: the cycle is {cycle_us} us", busy(&steadiness));
+    let mut far_end = None;
+    if let Some(cycle_us) = cycle_us {
+        if cycle_us != config.cycle_us {
             config = Config {
                 name: config.name,
                 ..bus::read_with_cycle(&machine, Some(cycle_us)).map_err(Refusal::from)?
             };
         }
-        Pace::Paced => {
-            let busy = busy(&steadiness);
-            eprintln!(
-                "{busy}: the same over a wire in memory, where time stands still while the PC does something else"
-            );
-            config.rt.calibrate = false;
-            config.rt.keep_awake = Some(KeepAwake::None);
-        }
+        far_end = Some(FarMachine::start(&machine, cycle_us, args)?);
+    } else {
+        config.rt.calibrate = false;
+        config.rt.keep_awake = Some(KeepAwake::None);
     }
     bear(&mut config);
-    let far_end = match (&network, pace) {
-        (None, _) | (_, Pace::Paced) => None,
-        (Some(Ok(_)), Pace::Cycle(cycle_us)) => Some(FarMachine::start(&machine, cycle_us, args)?),
-        (Some(Err(error)), Pace::Cycle(_)) => {
-            eprintln!("no private network, so the same over a wire in memory: {error}");
-            None
-        }
-    };
     ensure!(
         far_end.is_some() || args.capture.is_none(),
         "--capture needs the private network and a PC that keeps a cycle: in memory nothing passes a network interface"
     );
-    let wire = match pace {
-        Pace::Cycle(_) if far_end.is_some() => Wire::Interface(INTERFACES[0].into()),
-        Pace::Cycle(_) => Wire::Memory,
-        Pace::Paced => Wire::Paced,
+    let wire = match far_end {
+        Some(_) => Wire::Interface(INTERFACES[0].into()),
+        // In memory, time waits for whoever is late, so no load of this PC ends in an alarm.
+        None => Wire::Paced,
     };
     let job = Job {
         config: &config,
@@ -140,30 +129,24 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     run_and_report(job, wire)
 }
 
-/// How time passes for the demo.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Pace {
-    /// By the clock, with this cycle, µs.
-    Cycle(u32),
-    /// No cycle is kept on this PC: by the clock, but never faster than the PC.
-    Paced,
-}
-
-impl Pace {
-    fn of(steadiness: &Steadiness, cycle_us: u32) -> Pace {
-        match steadiness.kept_cycle_us(cycle_us) {
-            // Longer cycles make another machine of it: its drives would hear of a new position too rarely.
-            Some(kept_us) if kept_us <= CYCLES_MAX * cycle_us => Pace::Cycle(kept_us),
-            Some(_) | None => Pace::Paced,
-        }
-    }
-}
-
-fn busy(steadiness: &Steadiness) -> String {
-    format!(
+/// The cycle that this PC keeps, µs, told where it is not the one of the machine file. `None`: none, so the wire is in memory.
+fn kept_cycle_us(steadiness: &Steadiness, cycle_us: u32) -> Option<u32> {
+    // Longer cycles make another machine of it: its drives would hear of a new position too rarely.
+    let kept_us = steadiness
+        .kept_cycle_us(cycle_us)
+        .filter(|kept_us| *kept_us <= CYCLES_MAX * cycle_us);
+    let busy = format!(
         "this PC is busy (a thread wakes up to {:.1} ms late)",
         steadiness.late.max_us / 1e3
-    )
+    );
+    match kept_us {
+        Some(kept_us) if kept_us == cycle_us => {}
+        Some(kept_us) => eprintln!("{busy}: the cycle is {kept_us} us"),
+        None => eprintln!(
+            "{busy}: the same over a wire in memory, where time stands still while the PC does something else"
+        ),
+    }
+    kept_us
 }
 
 /// However busy this PC gets while it runs: a simulated machine bears it.

@@ -60,6 +60,8 @@ pub struct Running {
     pub reports: rtrb::Consumer<timeout::Report>,
     /// Shows whether it looks.
     pub watch: Arc<timeout::Watch>,
+    /// There is a time-out thread; on paced time there is none.
+    pub watched: bool,
     /// Cuts the figures of the cycle into windows.
     pub windows: Windows,
     /// The core of the real-time threads.
@@ -217,7 +219,7 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
         if self.stalled.is_none() {
             self.stalls.attend(now_ns);
         }
-        if self.watcher.is_gone(now_ns, ticks, cycles) {
+        if running.watched && self.watcher.is_gone(now_ns, ticks, cycles) {
             running.operator.is_unwatched(now_ns);
         }
         match running.operator.step() {

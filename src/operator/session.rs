@@ -227,6 +227,7 @@ fn run_on(
         },
         reports: watch_reports,
         watch: Arc::clone(&watch),
+        watched: paced.is_none(),
         windows,
         cpu: process.cpu,
     };

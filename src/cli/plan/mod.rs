@@ -90,6 +90,13 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     } else {
         print!("{report}");
     }
+    let wrong = report.wrong();
+    if !args.json {
+        let program = args.program.display();
+        wrong
+            .iter()
+            .for_each(|(line, what)| eprintln!("{program}:{line}: {what}"));
+    }
     let put = |file: &Path, text: String| files::write(file, text).with_context(|| file.display().to_string());
     if let Some(file) = &args.samples {
         put(file, export::samples(&config, &work))?;
@@ -112,13 +119,6 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     if let Some(file) = &args.svg {
         let name = args.program.file_name().unwrap_or_default().to_string_lossy();
         put(file, picture::picture(&name, &config, &work, &report))?;
-    }
-    let wrong = report.wrong();
-    if !args.json {
-        let program = args.program.display();
-        wrong
-            .iter()
-            .for_each(|(line, what)| eprintln!("{program}:{line}: {what}"));
     }
     Ok(if wrong.is_empty() {
         ExitCode::SUCCESS
