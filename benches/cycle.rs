@@ -31,7 +31,7 @@ use isocnc::operator::console::{Operator, Wish};
 use isocnc::operator::rehearsal::rehearse;
 use isocnc::program::{Feeder, home};
 use isocnc::rt::assemble::assemble;
-use isocnc::rt::cycle::Control;
+use isocnc::rt::cycle::MotionController;
 use isocnc::rt::cycle_stats::{CycleTimes, Recorder, recorder};
 use isocnc::rt::pins::CAPACITY;
 use isocnc::rt::thread::grid;
@@ -168,7 +168,12 @@ fn timed_cycles(config: &Config, paced: bool) -> anyhow::Result<[Jitter; 2]> {
 }
 
 /// One cycle; how long it computed with and without figures, ns.
-fn cycle_ns(control: &mut Control<Bus<'_>>, recorder: &mut Recorder, deadline_ns: u64, period_ns: u64) -> [u64; 2] {
+fn cycle_ns(
+    control: &mut MotionController<Bus<'_>>,
+    recorder: &mut Recorder,
+    deadline_ns: u64,
+    period_ns: u64,
+) -> [u64; 2] {
     control.bus_mut().serve(deadline_ns);
     control.prepare(deadline_ns);
     let net = control.bus_mut().bus.link_mut();

@@ -180,7 +180,8 @@ fn the_cycle_never_allocates() {
     let (mut cycles_done, mut windows_taken) = (0, 0);
     let mut allocations = 0;
     // One cycle, as the cycle thread does it.
-    let mut cycle = |control: &mut isocnc::rt::cycle::Control<Powerlink<'_, Aside<VirtualNet>, NODES>>, late_ns| {
+    let mut cycle = |control: &mut isocnc::rt::cycle::MotionController<Powerlink<'_, Aside<VirtualNet>, NODES>>,
+                     late_ns| {
         allocations += calls(|| control.bus_mut().serve(deadline_ns));
         allocations += calls(|| control.prepare(deadline_ns));
         let net = &mut control.bus_mut().link_mut().0;
@@ -198,7 +199,7 @@ fn the_cycle_never_allocates() {
         let next_ns = deadline_ns + grid.period_ns;
         if cycles_done % 500 == 0 {
             // An ordinary thread takes the window before this one and begins another.
-            windows_taken += u32::from(windows.take().is_some());
+            windows_taken += u32::from(windows.last().is_some());
             windows.cut();
         }
         cycles_done += 1;

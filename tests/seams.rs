@@ -9,9 +9,9 @@ use isocnc::config::{self, Config};
 use isocnc::machine::motion_settings::{ring_capacity, stop_ramp, stop_shares};
 use isocnc::machine::tables::Tables;
 use isocnc::program::{Feeder, Progress, home, probing};
-use isocnc::rt::joint_jog::{Hand, JogMotion, JogOrder};
+use isocnc::rt::joint_jog::{JogMotion, JogOrder, JointJog};
 use isocnc::rt::overrides::{Overridden, Overrides};
-use isocnc::rt::shared::Live;
+use isocnc::rt::shared::RtStatus;
 use motion::canon::{Axis, Position, SpindleDirection};
 use motion::element::Action;
 use motion::kinematics::ToolFrame;
@@ -382,7 +382,7 @@ impl<'a> Machine<'a> {
         self.note(format!("program\n{text}"));
         let kinematics = self.config.kinematics();
         let start = kinematics.forward(&ToolFrame::OFF, &self.joints).expect("a place");
-        let live = Arc::new(Live::new(Overrides::new(self.config.program.planner)));
+        let live = Arc::new(RtStatus::new(Overrides::new(self.config.program.planner)));
         let (producer, consumer) = ring::channel(ring_capacity(self.config));
         let (answers, results) = probing::line();
         let mut feeder =
@@ -433,8 +433,8 @@ impl<'a> Machine<'a> {
                 run.next_block();
                 if self.random.once_in(2) {
                     run.set_single_block(false);
-                    live.overrides.turn(Overridden::Feed, 100.0);
-                    live.overrides.turn(Overridden::Rapid, 100.0);
+                    live.overrides.set_percent(Overridden::Feed, 100.0);
+                    live.overrides.set_percent(Overridden::Rapid, 100.0);
                 }
             }
             if stopping {
@@ -541,7 +541,7 @@ impl<'a> Machine<'a> {
         let world = !self.config.kinematics().is_trivial(&ToolFrame::OFF) && self.random.once_in(2);
         self.count(if world { "jog of axes" } else { "jog of joints" });
         self.note(format!("jog, axes: {world}"));
-        let mut hand = Hand::new(self.config);
+        let mut hand = JointJog::new(self.config);
         let first = self.jog_order(Some(world));
         hand.begin(&self.joints, &first);
         hand.obey(&first);

@@ -106,7 +106,7 @@ impl Measurement {
         ears.dropped();
         loop {
             let order = orders.recv_timeout(to_next(LOOK));
-            self.look(ears)?;
+            self.receive(ears)?;
             match order {
                 Err(RecvTimeoutError::Timeout) => {}
                 Ok(Order::Begin(window, done)) => {
@@ -137,7 +137,7 @@ impl Measurement {
     }
 
     /// Reads what there is.
-    fn look(&mut self, ears: &Ears) -> Result<(), AnalyserError> {
+    fn receive(&mut self, ears: &Ears) -> Result<(), AnalyserError> {
         let look_ns = now_ns(libc::CLOCK_REALTIME);
         let fresh = self.waiting.len();
         let recording = self.capture.is_some();

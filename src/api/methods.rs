@@ -8,7 +8,7 @@
 use super::rpc::{Params, Request, RpcError, code, from_hex, to_hex};
 use super::server::{Serve, Ticket};
 use crate::api::network_view::NetworkView;
-use crate::api::orders::{Counter, Jog, Jogged, Order, Source};
+use crate::api::orders::{Jog, Jogged, Order, OrderClient, Source};
 use crate::bus::SDO_VALUE_MAX;
 use crate::bus::service::{BusService, MailboxError, MailboxRequest};
 use crate::config::JOINTS_MAX;
@@ -16,7 +16,7 @@ use crate::machine::faults::SILENCED;
 use crate::machine::state::State;
 use crate::rt::joint_jog::JogMotion;
 use crate::rt::overrides::Overridden;
-use crate::rt::shared::Live;
+use crate::rt::shared::RtStatus;
 use motion::canon::Axis;
 use obd::AbortCode;
 use serde_json::{Value, json};
@@ -176,7 +176,7 @@ pub const METHODS: &[Method] = &[
                is programmed; 0 holds these moves. At any time, for all programs; one that has switched overrides off (M49) \
                is not changed there",
         looks: false,
-        call: |methods, params, _| Some(methods.turn(params)),
+        call: |methods, params, _| Some(methods.set_overrides(params)),
     },
     Method {
         name: "alarm.acknowledge",
@@ -274,14 +274,14 @@ fn table() -> Value {
 
 /// Everything that methods can reach.
 pub struct Methods {
-    live: Arc<Live>,
+    live: Arc<RtStatus>,
     bus: Box<dyn BusService>,
     /// What the machine file says.
     network: NetworkView,
     /// Orders under way that read: the others answer without a value.
     reading: Vec<Ticket>,
     /// Way to the operator.
-    operator: Counter,
+    operator: OrderClient,
     now_ns: fn() -> u64,
 }
 
@@ -289,9 +289,9 @@ impl Methods {
     /// Methods of a control; `now_ns`: the clock of its bus.
     pub fn new(
         network: NetworkView,
-        live: Arc<Live>,
+        live: Arc<RtStatus>,
         bus: Box<dyn BusService>,
-        operator: Counter,
+        operator: OrderClient,
         now_ns: fn() -> u64,
     ) -> Methods {
         Methods {
@@ -345,9 +345,9 @@ impl Methods {
         })
     }
 
-    /// Turns overrides: all that are given, or none where one of them cannot be. No way over the operator's desk: whoever
+    /// Turns overrides: all that are given, or none where one of them cannot be. No way over the operator's inbox: whoever
     /// cuts turns the feed down because he hears something.
-    fn turn(&self, params: &Params) -> Result<Value, RpcError> {
+    fn set_overrides(&self, params: &Params) -> Result<Value, RpcError> {
         let invalid = |what: String| RpcError::new(code::INVALID_PARAMS, what);
         let mut wanted = Vec::new();
         for what in Overridden::ALL {

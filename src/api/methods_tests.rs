@@ -45,10 +45,10 @@ fn methods() -> Methods {
 fn methods_on(bus: HalfDeafBus) -> Methods {
     let machine = include_str!("../../configs/mill3-demo.toml");
     let config = config::parse(machine, Path::new("demo.toml")).unwrap();
-    let (counter, _) = orders::desk();
+    let (counter, _) = orders::order_channel();
     Methods::new(
-        NetworkView::of(&config),
-        Arc::new(Live::default()),
+        NetworkView::from_config(&config),
+        Arc::new(RtStatus::default()),
         Box::new(bus),
         counter,
         || 0,
@@ -116,7 +116,7 @@ fn refusals_say_what_there_is() {
 #[test]
 fn a_silenced_control_shows_itself_and_refuses_everything_else_at_once() {
     let mut methods = methods();
-    methods.live.silence();
+    methods.live.show_silenced();
     let status = call(&mut methods, "status", json!({})).unwrap().unwrap();
     assert_eq!(status["state"], "silenced");
     assert!(call(&mut methods, "bus.network", json!({})).unwrap().is_ok());
@@ -187,10 +187,10 @@ fn objects_are_read_by_the_bus_as_far_as_it_has_room() {
 fn programs_come_by_path_or_as_text() {
     let machine = include_str!("../../configs/mill3-demo.toml");
     let config = config::parse(machine, Path::new("demo.toml")).unwrap();
-    let (counter, desk) = orders::desk();
+    let (counter, inbox) = orders::order_channel();
     let mut methods = Methods::new(
-        NetworkView::of(&config),
-        Arc::new(Live::default()),
+        NetworkView::from_config(&config),
+        Arc::new(RtStatus::default()),
         Box::new(HalfDeafBus::default()),
         counter,
         || 0,
@@ -210,7 +210,7 @@ fn programs_come_by_path_or_as_text() {
         assert_eq!(refusal(&mut methods, "program.run", params), refused);
     }
     assert_eq!(call(&mut methods, "program.run", json!({ "path": "/part.ngc" })), None);
-    assert_eq!(desk.next(), Some((7, Order::Run(Source::File("/part.ngc".into())))));
+    assert_eq!(inbox.next(), Some((7, Order::Run(Source::File("/part.ngc".into())))));
     assert_eq!(
         call(&mut methods, "program.run", json!({ "name": "n", "text": "M2" })),
         None
@@ -219,10 +219,10 @@ fn programs_come_by_path_or_as_text() {
         name: "n".into(),
         text: "M2".into(),
     };
-    assert_eq!(desk.next(), Some((7, Order::Run(text))));
+    assert_eq!(inbox.next(), Some((7, Order::Run(text))));
     assert_eq!(call(&mut methods, "hold", json!({})), None);
-    assert_eq!(desk.next(), Some((7, Order::Hold)));
-    desk.answer(7, Ok(json!({})));
+    assert_eq!(inbox.next(), Some((7, Order::Hold)));
+    inbox.answer(7, Ok(json!({})));
     assert_eq!(methods.later(), Some((7, Ok(json!({})))));
     for (method, params, order) in [
         ("reverse", json!({}), Order::Reverse(1.0)),
@@ -230,7 +230,7 @@ fn programs_come_by_path_or_as_text() {
         ("single_block", json!({ "on": true }), Order::SingleBlock(true)),
     ] {
         assert_eq!(call(&mut methods, method, params), None);
-        assert_eq!(desk.next(), Some((7, order)));
+        assert_eq!(inbox.next(), Some((7, order)));
     }
     for (method, params, refused) in [
         (
@@ -256,7 +256,7 @@ fn programs_come_by_path_or_as_text() {
     ] {
         assert_eq!(refusal(&mut methods, method, params), refused);
     }
-    drop(desk);
+    drop(inbox);
     assert_eq!(refusal(&mut methods, "stop", json!({})), "the control is ending");
 }
 

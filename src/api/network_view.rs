@@ -87,7 +87,7 @@ pub struct MappedView {
 
 impl NetworkView {
     /// What the machine file says.
-    pub fn of(config: &Config) -> NetworkView {
+    pub fn from_config(config: &Config) -> NetworkView {
         let lines = node_lines(config);
         let nodes = config.bus.nodes.iter().enumerate();
         NetworkView {
@@ -103,7 +103,7 @@ impl NetworkView {
             budget: bus::budget(config),
             live: None,
             nodes: nodes
-                .map(|(place, node)| NodeView::of(node, lines.get(place).copied()))
+                .map(|(place, node)| NodeView::from_config(node, lines.get(place).copied()))
                 .collect(),
         }
     }
@@ -133,7 +133,7 @@ fn node_lines(config: &Config) -> Vec<usize> {
 }
 
 impl NodeView {
-    fn of(node: &Node, line: Option<usize>) -> NodeView {
+    fn from_config(node: &Node, line: Option<usize>) -> NodeView {
         let Identity {
             device_type,
             vendor_id,

@@ -8,7 +8,7 @@ const MACHINE: &str = include_str!("../../configs/mill3-demo.toml");
 fn nodes_are_found_in_the_machine_file() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/mill3-demo.toml");
     let config = config::read(&path).unwrap();
-    let view = NetworkView::of(&config);
+    let view = NetworkView::from_config(&config);
     let lines: Vec<&str> = MACHINE.lines().collect();
     for node in &view.nodes {
         let line = node.line.unwrap();
@@ -22,12 +22,17 @@ fn nodes_are_found_in_the_machine_file() {
     assert_eq!(drive.outputs[1].offset_bits, u32::from(drive.outputs[0].bits));
     // A file that is gone takes the lines with it and nothing else.
     let gone = config::parse(MACHINE, Path::new("/nowhere.toml")).unwrap();
-    assert!(NetworkView::of(&gone).nodes.iter().all(|node| node.line.is_none()));
+    assert!(
+        NetworkView::from_config(&gone)
+            .nodes
+            .iter()
+            .all(|node| node.line.is_none())
+    );
 }
 
 #[test]
 fn a_view_goes_through_json_unchanged() {
-    let mut view = NetworkView::of(&config::parse(MACHINE, Path::new("demo.toml")).unwrap());
+    let mut view = NetworkView::from_config(&config::parse(MACHINE, Path::new("demo.toml")).unwrap());
     view.live = Some(NetworkLive {
         nmt_state: "NOT_ACTIVE".into(),
         why: Some("another managing node is on the wire".into()),

@@ -1,4 +1,4 @@
-//! The operator's desk: what clients of the control socket want of him, his answers, and what lies open there to read.
+//! The operator's inbox: what clients of the control socket want of him, his answers, and what lies open there to read.
 //!
 //! In:  orders, from the service thread. Out: one answer for each, some when it is carried out; [`Shown`], at any time.
 //!
@@ -76,7 +76,7 @@ pub enum Source {
     },
 }
 
-/// What lies open on the desk.
+/// What lies open on the inbox.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Shown {
     /// Step of the sequence, in words.
@@ -104,7 +104,7 @@ pub struct ShownProgram {
 
 /// The clients' side.
 #[derive(Debug)]
-pub struct Counter {
+pub struct OrderClient {
     orders: SyncSender<(Ticket, Order)>,
     answers: Receiver<(Ticket, Result<Value, RpcError>)>,
     shown: Arc<Mutex<Shown>>,
@@ -112,7 +112,7 @@ pub struct Counter {
 
 /// The operator's side.
 #[derive(Debug)]
-pub struct Desk {
+pub struct OrderInbox {
     orders: Receiver<(Ticket, Order)>,
     answers: Sender<(Ticket, Result<Value, RpcError>)>,
     shown: Arc<Mutex<Shown>>,
@@ -120,29 +120,29 @@ pub struct Desk {
 }
 
 /// Both sides.
-pub fn desk() -> (Counter, Desk) {
+pub fn order_channel() -> (OrderClient, OrderInbox) {
     let (orders, orders_out) = sync_channel(ORDERS);
     let (answers_in, answers) = channel();
     let shown = Arc::new(Mutex::new(Shown::default()));
-    let counter = Counter {
+    let counter = OrderClient {
         orders,
         answers,
         shown: Arc::clone(&shown),
     };
-    let desk = Desk {
+    let inbox = OrderInbox {
         orders: orders_out,
         answers: answers_in,
         shown,
         latest: Shown::default(),
     };
-    (counter, desk)
+    (counter, inbox)
 }
 
-impl Counter {
-    /// Puts an order on the desk; its answer comes with the ticket.
+impl OrderClient {
+    /// Puts an order on the inbox; its answer comes with the ticket.
     ///
     /// # Errors
-    /// There is no room, or nobody at the desk.
+    /// There is no room, or nobody at the inbox.
     pub fn put(&self, ticket: Ticket, order: Order) -> Result<(), &'static str> {
         self.orders.try_send((ticket, order)).map_err(|error| match error {
             TrySendError::Full(_) => "too many orders at once",
@@ -169,7 +169,7 @@ impl Counter {
     }
 }
 
-impl Desk {
+impl OrderInbox {
     /// The next order.
     pub fn next(&self) -> Option<(Ticket, Order)> {
         self.orders.try_recv().ok()
@@ -196,32 +196,32 @@ mod tests {
 
     #[test]
     fn orders_and_answers_keep_their_tickets() {
-        let (counter, mut desk) = desk();
+        let (counter, mut inbox) = order_channel();
         counter.put(7, Order::Hold).unwrap();
         counter.put(8, Order::Stop).unwrap();
-        assert_eq!(desk.next(), Some((7, Order::Hold)));
-        assert_eq!(desk.next(), Some((8, Order::Stop)));
-        assert_eq!((desk.next(), counter.answer()), (None, None));
-        desk.answer(8, Ok(Value::Null));
+        assert_eq!(inbox.next(), Some((7, Order::Hold)));
+        assert_eq!(inbox.next(), Some((8, Order::Stop)));
+        assert_eq!((inbox.next(), counter.answer()), (None, None));
+        inbox.answer(8, Ok(Value::Null));
         assert_eq!(counter.answer(), Some((8, Ok(Value::Null))));
         let shown = Shown {
             alarm: Some("x-drive lost".into()),
             obstruction: None,
             ..Shown::default()
         };
-        desk.show(shown.clone());
+        inbox.show(shown.clone());
         assert_eq!(counter.shown(), shown);
     }
 
     #[test]
     fn neither_side_waits() {
-        let (counter, desk) = desk();
+        let (counter, inbox) = order_channel();
         for ticket in 0..ORDERS as u64 {
             counter.put(ticket, Order::Hold).unwrap();
         }
         assert_eq!(counter.put(99, Order::Stop), Err("too many orders at once"));
         assert!(!counter.withdraw(3));
-        drop(desk);
+        drop(inbox);
         assert!(counter.withdraw(3));
         assert_eq!(counter.put(99, Order::Stop), Err("the control is ending"));
     }

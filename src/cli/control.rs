@@ -332,7 +332,7 @@ pub fn single_block(args: &SingleBlockArgs) -> anyhow::Result<ExitCode> {
 ///
 /// # Errors
 /// No control answers, or it refuses.
-pub fn turn(args: &OverrideArgs) -> anyhow::Result<ExitCode> {
+pub fn set_overrides(args: &OverrideArgs) -> anyhow::Result<ExitCode> {
     let (name, acts) = match args.what {
         Overridden::Feed => ("feed", "feed_acts"),
         Overridden::Rapid => ("rapid", "feed_acts"),

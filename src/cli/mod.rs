@@ -135,7 +135,7 @@ pub fn main() -> ExitCode {
         Command::Reverse(args) => control::reverse(args),
         Command::SingleBlock(args) => control::single_block(args),
         Command::Stop(args) => control::lasting(args, control::Lasting::Stop),
-        Command::Override(args) => control::turn(args),
+        Command::Override(args) => control::set_overrides(args),
         Command::Alarm(args) => control::alarm(args),
         Command::Check(args) => check::check(args),
         Command::Init(args) => init::init(args),

@@ -51,7 +51,7 @@ impl Spin {
     }
 
     /// RT: a wake-up came so much later than it was asked for.
-    pub fn see(&mut self, late_ns: u64) {
+    pub fn add_wakeup(&mut self, late_ns: u64) {
         self.wake_ups += 1;
         let wanted_ns = covering_ns(late_ns);
         if late_ns > self.spin_ns && wanted_ns <= self.most_ns {
@@ -80,7 +80,7 @@ mod tests {
 
     fn after(spin: Spin, late_us: impl IntoIterator<Item = u64>) -> Spin {
         late_us.into_iter().fold(spin, |mut spin, late_us| {
-            spin.see(late_us * 1000);
+            spin.add_wakeup(late_us * 1000);
             spin
         })
     }
@@ -114,7 +114,7 @@ mod tests {
             None
         );
         let mut spin = Spin::new(0, 0);
-        spin.see(u64::MAX);
+        spin.add_wakeup(u64::MAX);
         assert_eq!(spin.ns(), 0);
     }
 }

@@ -56,16 +56,16 @@ impl Stalls {
     }
 
     /// Looks, where it is time to.
-    pub fn attend(&mut self, now_ns: u64) {
+    pub fn update(&mut self, now_ns: u64) {
         if now_ns.saturating_sub(self.last.at_ns) >= LOOK_EVERY_NS {
             self.thread = self.thread.take().or_else(|| thread("rt-cycle"));
-            self.last = self.look(now_ns);
+            self.last = self.read_counts(now_ns);
         }
     }
 
     /// What was counted since the last look, about a second ago at the most.
     pub fn evidence(&self, now_ns: u64) -> Evidence {
-        let (now, last) = (self.look(now_ns), &self.last);
+        let (now, last) = (self.read_counts(now_ns), &self.last);
         let since = Counts {
             at_ns: now.at_ns.saturating_sub(last.at_ns),
             ran_ns: now.ran_ns.saturating_sub(last.ran_ns),
@@ -78,7 +78,7 @@ impl Stalls {
     }
 
     /// What cannot be read counts as 0.
-    fn look(&self, now_ns: u64) -> Counts {
+    fn read_counts(&self, now_ns: u64) -> Counts {
         let of_thread = |name: &str| {
             let folder = self.thread.as_ref()?;
             read_to_string(folder.join(name)).ok()
@@ -176,7 +176,7 @@ mod tests {
         while stalls.thread.is_none() {
             stalls.thread = thread("looked-at");
         }
-        stalls.attend(LOOK_EVERY_NS);
+        stalls.update(LOOK_EVERY_NS);
         tell.send(()).unwrap();
         wait.recv().unwrap();
         let Evidence { since, .. } = stalls.evidence(LOOK_EVERY_NS + 7);

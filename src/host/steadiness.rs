@@ -41,10 +41,10 @@ impl Steadiness {
             spin_ns: 0,
             cycles: 0,
         };
-        Steadiness::of(&probe.lasting(LENGTH).run(&AtomicBool::new(false)))
+        Steadiness::from_figures(&probe.lasting(LENGTH).run(&AtomicBool::new(false)))
     }
 
-    fn of(figures: &WakeUpFigures) -> Steadiness {
+    fn from_figures(figures: &WakeUpFigures) -> Steadiness {
         let lacks = |item| figures.findings.iter().any(|finding| finding.item == item);
         Steadiness {
             late: figures.lateness.summary(),

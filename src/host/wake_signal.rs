@@ -7,12 +7,12 @@ use std::time::Duration;
 
 /// A bell that remembers a ring until it is heard.
 #[derive(Debug, Default)]
-pub struct Bell {
+pub struct WakeSignal {
     rung: Mutex<bool>,
     changed: Condvar,
 }
 
-impl Bell {
+impl WakeSignal {
     /// Wakes whoever waits, or the next one who does.
     pub fn ring(&self) {
         *self.rung.lock().unwrap_or_else(PoisonError::into_inner) = true;
@@ -34,7 +34,7 @@ mod tests {
 
     #[test]
     fn a_ring_is_not_lost_and_is_heard_once() {
-        let bell = Bell::default();
+        let bell = WakeSignal::default();
         bell.ring();
         // Would fail the test run by its length, not by a clock.
         bell.wait(Duration::from_secs(3600));
@@ -43,7 +43,7 @@ mod tests {
 
     #[test]
     fn a_waiting_thread_wakes() {
-        let bell = Bell::default();
+        let bell = WakeSignal::default();
         std::thread::scope(|scope| {
             scope.spawn(|| bell.wait(Duration::from_secs(3600)));
             bell.ring();

@@ -138,7 +138,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn of(nominal_ns: u64, values_ns: &[u64]) -> Distribution {
+    fn distribution(nominal_ns: u64, values_ns: &[u64]) -> Distribution {
         let mut jitter = Jitter::new(nominal_ns);
         values_ns.iter().for_each(|value_ns| jitter.record(*value_ns));
         Distribution::from(&jitter)
@@ -147,18 +147,18 @@ mod tests {
     #[test]
     fn distances_by_hand() {
         // Distances 0, 10, 20, 30, 40 ns, early and late mixed.
-        let periods = of(1000, &[1000, 990, 1020, 970, 1040]);
+        let periods = distribution(1000, &[1000, 990, 1020, 970, 1040]);
         let distance = |quantile| (periods.deviation_quantile_us(quantile) * 1000.0).round();
         assert_eq!([0.2, 0.4, 0.5, 0.8, 1.0].map(distance), [0.0, 10.0, 20.0, 30.0, 40.0]);
         assert_eq!(Distribution::default().deviation_quantile_us(0.5), 0.0);
         // The greatest distance is known better than its bucket.
-        assert_eq!(of(0, &[1_000_000]).deviation_quantile_us(0.5), 1000.0);
+        assert_eq!(distribution(0, &[1_000_000]).deviation_quantile_us(0.5), 1000.0);
     }
 
     #[test]
     fn nothing_merged_is_nothing() {
-        let nothing = of(1000, &[]);
-        let some = of(1000, &[1100, 900]);
+        let nothing = distribution(1000, &[]);
+        let some = distribution(1000, &[1100, 900]);
         assert_eq!(Distribution::merge([&nothing]), Distribution::default());
         assert_eq!(Distribution::merge([&nothing, &some, &nothing]), some);
     }
@@ -172,8 +172,8 @@ mod tests {
             let mut at: Vec<usize> = cuts.iter().map(|cut| cut.index(values.len() + 1)).collect();
             at.extend([0, values.len()]);
             at.sort_unstable();
-            let parts: Vec<_> = at.windows(2).map(|ends| of(1_000_000, &values[ends[0]..ends[1]])).collect();
-            let (merged, whole) = (Distribution::merge(&parts), of(1_000_000, &values));
+            let parts: Vec<_> = at.windows(2).map(|ends| distribution(1_000_000, &values[ends[0]..ends[1]])).collect();
+            let (merged, whole) = (Distribution::merge(&parts), distribution(1_000_000, &values));
             prop_assert_eq!(&merged.histogram, &whole.histogram);
             let (a, b) = (merged.figures, whole.figures);
             prop_assert_eq!((a.n, a.min_us, a.max_us), (b.n, b.min_us, b.max_us));

@@ -27,7 +27,7 @@ pub struct Ratios {
 
 impl Ratios {
     /// Ratios of two distributions; `None` if one of them is empty or the latency has a figure of 0.
-    pub fn of(period: &Distribution, latency: &Distribution) -> Option<Ratios> {
+    pub fn between(period: &Distribution, latency: &Distribution) -> Option<Ratios> {
         if period.figures.n == 0 || latency.figures.n == 0 {
             return None;
         }
@@ -95,7 +95,7 @@ pub fn period(round: &Round) -> Distribution {
 /// Fills in what follows from the measured parts of a round.
 pub fn judge(round: &mut Round) {
     let period = period(round);
-    let over = |latency: Option<&Distribution>| Ratios::of(&period, latency?);
+    let over = |latency: Option<&Distribution>| Ratios::between(&period, latency?);
     let cyclictest = round.floor.cyclictest.as_ref().map(|cyclictest| &cyclictest.latency);
     let (over_cyclictest, over_wakeup) = (over(cyclictest), over(round.floor.wakeup.as_ref()));
     (round.over_cyclictest, round.over_wakeup) = (over_cyclictest, over_wakeup);
@@ -199,14 +199,14 @@ mod tests {
     use crate::host::histogram::Jitter;
     use crate::jitter::report::{Cyclictest, Gaps};
 
-    fn of(nominal_ns: u64, values_ns: &[u64]) -> Distribution {
+    fn distribution(nominal_ns: u64, values_ns: &[u64]) -> Distribution {
         let mut jitter = Jitter::new(nominal_ns);
         values_ns.iter().for_each(|value_ns| jitter.record(*value_ns));
         Distribution::from(&jitter)
     }
 
     fn soc(values_ns: &[u64]) -> SocReport {
-        let periods = of(1_000_000, values_ns);
+        let periods = distribution(1_000_000, values_ns);
         let figures = periods.figures;
         SocReport {
             cycle_us: 1000,
@@ -224,18 +224,18 @@ mod tests {
     #[test]
     fn ratios_by_hand() {
         // Distances 1, 1, 2, 2 µs, standard deviation sqrt(2.5) µs; latencies 4, 6, 8, 10 µs, standard deviation sqrt(5) µs.
-        let period = of(1_000_000, &[999_000, 1_001_000, 998_000, 1_002_000]);
-        let latency = of(0, &[4_000, 6_000, 8_000, 10_000]);
-        let ratios = Ratios::of(&period, &latency).unwrap();
+        let period = distribution(1_000_000, &[999_000, 1_001_000, 998_000, 1_002_000]);
+        let latency = distribution(0, &[4_000, 6_000, 8_000, 10_000]);
+        let ratios = Ratios::between(&period, &latency).unwrap();
         // Quantiles are as exact as a bucket is wide: 1/32.
         for (ratio, exact) in [(ratios.p50, 1.0 / 6.0), (ratios.p99, 0.2), (ratios.p99_9, 0.2)] {
             assert!((ratio / exact - 1.0).abs() < 0.07, "{ratio} for {exact}");
         }
         assert!((ratios.std - 0.5_f64.sqrt()).abs() < 1e-9);
-        assert_eq!(Ratios::of(&period, &Distribution::default()), None);
-        assert_eq!(Ratios::of(&Distribution::default(), &latency), None);
+        assert_eq!(Ratios::between(&period, &Distribution::default()), None);
+        assert_eq!(Ratios::between(&Distribution::default(), &latency), None);
         assert_eq!(
-            Ratios::of(&period, &of(0, &[5_000, 5_000])),
+            Ratios::between(&period, &distribution(0, &[5_000, 5_000])),
             None,
             "a deviation of 0 divides nothing"
         );
@@ -256,7 +256,7 @@ mod tests {
             ..Round::default()
         };
         round.floor.cyclictest = Some(Cyclictest {
-            latency: of(0, &[1_000, latency_ns]),
+            latency: distribution(0, &[1_000, latency_ns]),
             ..Cyclictest::default()
         });
         (round.control.cycles, round.control.overruns) = (10_000, u64::from(number));
@@ -302,9 +302,9 @@ mod tests {
         let mut round = round(1, 1_001_000, 1_500_000);
         round.load_with_program.steal_ms = 20.0;
         round.load_at_floor.steal_ms = 10.0;
-        round.floor.wakeup = Some(of(0, &[1_000, 2_000_000]));
+        round.floor.wakeup = Some(distribution(0, &[1_000, 2_000_000]));
         round.floor.gaps = Some(Gaps {
-            gaps: of(0, &[2_000, 4_100_000]),
+            gaps: distribution(0, &[2_000, 4_100_000]),
             ..Gaps::default()
         });
         judge(&mut round);

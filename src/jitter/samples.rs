@@ -219,7 +219,7 @@ pub(crate) fn empty() -> JitterReport {
 }
 
 /// A report of rounds.
-pub(crate) fn of(rounds: Vec<Round>) -> JitterReport {
+pub(crate) fn report_of(rounds: Vec<Round>) -> JitterReport {
     JitterReport {
         result: Ended::Completed,
         medians: medians(rounds.iter()),
@@ -240,7 +240,7 @@ const QUIET: Kind = Kind {
 
 /// A quiet PC.
 pub(crate) fn quiet() -> JitterReport {
-    of((1..=5).map(|number| round(number, QUIET)).collect())
+    report_of((1..=5).map(|number| round(number, QUIET)).collect())
 }
 
 /// Busy neighbours: lateness of milliseconds, a round with a stall, cycles left out.
@@ -252,7 +252,7 @@ pub(crate) fn very_bad() -> JitterReport {
         stall_ns: if number % 3 == 2 { 12_300_000 } else { 0 },
         ..QUIET
     };
-    of((1..=5).map(|number| round(number, kind(number))).collect())
+    report_of((1..=5).map(|number| round(number, kind(number))).collect())
 }
 
 /// One short round, without `cyclictest` and gap scan.
@@ -262,7 +262,7 @@ pub(crate) fn one_round() -> JitterReport {
     one.floor.gaps = None;
     one.floor.notes = vec!["cyclictest is not installed; it comes with the package rt-tests".into()];
     judge(&mut one);
-    of(vec![one])
+    report_of(vec![one])
 }
 
 /// Far more cycles than are made up one by one.
@@ -283,7 +283,7 @@ pub(crate) fn huge() -> JitterReport {
         }
         round.control.cycles *= 1_000_000;
     }
-    of(report.rounds)
+    report_of(report.rounds)
 }
 
 /// A network that is not ours: nobody of us at the far end.
@@ -293,7 +293,7 @@ pub(crate) fn without_far_end() -> JitterReport {
         round.soc_period = None;
         judge(round);
     }
-    of(rounds)
+    report_of(rounds)
 }
 
 /// One of each kind.

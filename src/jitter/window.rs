@@ -8,7 +8,7 @@ use super::processes::FarAnalyser;
 use super::report::Load;
 use crate::host::signals::StopSignal;
 use crate::machine::state::State;
-use crate::operator::operator_loop::{Attendant, Running};
+use crate::operator::operator_loop::{LoopTask, Running};
 use crate::rt::cycle_stats::CycleFigures;
 
 /// Where the measurement is.
@@ -105,9 +105,9 @@ impl<'a> Window<'a> {
     }
 }
 
-impl Attendant for Window<'_> {
-    fn attend(&mut self, running: &mut Running, now_ns: u64) {
-        let cut_off = running.windows.take();
+impl LoopTask for Window<'_> {
+    fn tick(&mut self, running: &mut Running, now_ns: u64) {
+        let cut_off = running.windows.last();
         match self.stage {
             Stage::Before => {
                 if running.operator.live().state == State::Running && running.windows.cut() {

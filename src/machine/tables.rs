@@ -162,7 +162,7 @@ impl Tables {
     }
 
     /// Takes what a program left behind, but for the tool in the spindle: only the machine knows how far a program came.
-    pub fn take(&mut self, left: gcode::Settings) {
+    pub fn adopt(&mut self, left: gcode::Settings) {
         self.parameters = left.parameters.into_iter().collect();
         self.tools = left.tools;
     }

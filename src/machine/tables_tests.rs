@@ -60,7 +60,7 @@ fn held(tables: &Mutex<Tables>) -> (Option<f64>, usize) {
 }
 
 fn take(tables: &Mutex<Tables>, parameters: &[(u16, f64)], tools: ToolTable) {
-    lock(tables).take(gcode::Settings {
+    lock(tables).adopt(gcode::Settings {
         parameters: parameters.iter().copied().collect(),
         tools,
         tool_in_spindle: 4, // as far as it was read, not as far as it was run

@@ -1,6 +1,6 @@
 //! The operator's side of the cycle thread: orders in, notices out, records kept.
 //!
-//! In:  [`Live`] values, notices and trace records of the cycle thread; wishes to stop.
+//! In:  [`RtStatus`] values, notices and trace records of the cycle thread; wishes to stop.
 //! Out: orders, a journal, alarms, and the records that the report is made of.
 //!
 //! Polled every few milliseconds by an ordinary thread, or by a test on virtual time.
@@ -12,7 +12,7 @@ use crate::machine::faults::{Fault, Reaction, SILENCED};
 use crate::machine::sequence::{Order, Outcome, Sequence, Step};
 use crate::machine::state::State;
 use crate::rt::overrides::Overridden;
-use crate::rt::shared::{Command, Live, Notice, OperatorEndpoints, Snapshot, TimedNotice};
+use crate::rt::shared::{Command, Notice, OperatorEndpoints, RtStatus, Snapshot, TimedNotice};
 use crate::rt::timeout;
 use motion::canon::Position;
 use motion::rt::Interpolator;
@@ -198,7 +198,7 @@ impl Operator {
     /// Takes in what came, gives the next order. `now_ns`: any monotonic clock.
     pub fn poll(&mut self, now_ns: u64) -> Wish {
         while let Ok(notice) = self.endpoints.notices.pop() {
-            self.take(notice);
+            self.apply_notice(notice);
         }
         while let Ok(record) = self.endpoints.trace.pop() {
             if self.records {
@@ -272,7 +272,7 @@ impl Operator {
             }
             timeout::Event::CycleHung { cycle, overdue_ns } => {
                 let hung_ms = overdue_ns as f64 * 1e-6;
-                self.silence(
+                self.enter_silenced(
                     cycle,
                     format!("{SILENCED}. It hung for {hung_ms:.1} ms: {}", evidence()),
                 );
@@ -281,8 +281,8 @@ impl Operator {
     }
 
     /// Nothing can be steered any more.
-    fn silence(&mut self, cycle: u64, cause: String) {
-        self.endpoints.live.silence();
+    fn enter_silenced(&mut self, cycle: u64, cause: String) {
+        self.endpoints.live.show_silenced();
         self.ends_anew = true;
         let time_s = cycle as f64 * self.cycle_s;
         self.note(time_s, format!("alarm: {cause}"));
@@ -311,7 +311,7 @@ impl Operator {
     }
 
     /// Something that the operator ought to know and that stops nothing.
-    pub fn tell(&mut self, text: String) {
+    pub fn add_entry(&mut self, text: String) {
         let time_s = self.live().cycles as f64 * self.cycle_s;
         self.note(time_s, text);
     }
@@ -335,7 +335,7 @@ impl Operator {
     }
 
     /// The latest values themselves, and the overrides.
-    pub fn shared(&self) -> Arc<Live> {
+    pub fn shared(&self) -> Arc<RtStatus> {
         Arc::clone(&self.endpoints.live)
     }
 
@@ -420,7 +420,7 @@ impl Operator {
         self.late_cycles
     }
 
-    fn take(&mut self, TimedNotice { cycle, notice }: TimedNotice) {
+    fn apply_notice(&mut self, TimedNotice { cycle, notice }: TimedNotice) {
         let time_s = cycle as f64 * self.cycle_s;
         match notice {
             Notice::State(state) => {
@@ -443,7 +443,7 @@ impl Operator {
                 ..
             } => {
                 if !self.ends_anew {
-                    self.silence(cycle, SILENCED.into());
+                    self.enter_silenced(cycle, SILENCED.into());
                 }
             }
             Notice::Fault { fault, first } => {
@@ -547,7 +547,7 @@ impl Operator {
             let [last, noted] = &mut self.overrides[what as usize];
             let rests = now == std::mem::replace(last, now);
             if rests && now != std::mem::replace(noted, now) {
-                self.tell(format!("{} override {now} %", what.name()));
+                self.add_entry(format!("{} override {now} %", what.name()));
             }
         }
     }

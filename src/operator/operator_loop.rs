@@ -4,8 +4,8 @@
 //! Out: orders to the cycle thread; what was planned of the last program.
 
 use super::standby::{Clients, Part};
-use super::systemd::{Service, Sight};
-use crate::api::orders::Desk;
+use super::systemd::{Service, ServiceStatus};
+use crate::api::orders::OrderInbox;
 use crate::host::capabilities;
 use crate::host::capabilities::Work;
 use crate::host::stalls::Stalls;
@@ -19,7 +19,7 @@ use crate::operator::session::{ANEW, Program, Session, Task};
 use crate::operator::table_writer::Keeper;
 use crate::program::{self, FeedError, Feeder, probing};
 use crate::rt::cycle_stats::Windows;
-use crate::rt::shared::Live;
+use crate::rt::shared::RtStatus;
 use crate::rt::timeout;
 use gcode::CheckLimits;
 use motion::cancel::Cancel;
@@ -69,13 +69,13 @@ pub struct Running {
 }
 
 /// Looks after a running control: shows its progress, measures, says when it is enough.
-pub trait Attendant {
+pub trait LoopTask {
     /// Called every few milliseconds, and once more when all is over. Must not wait for anything.
-    fn attend(&mut self, running: &mut Running, now_ns: u64);
+    fn tick(&mut self, running: &mut Running, now_ns: u64);
 }
 
 /// The loop of one session.
-pub(super) struct Attendance<'scope, 'env> {
+pub(super) struct OperatorLoop<'scope, 'env> {
     scope: &'scope Scope<'scope, 'env>,
     session: &'scope Session<'env>,
     /// Ends all threads of the session.
@@ -111,20 +111,20 @@ struct Planned {
     left: gcode::Settings,
 }
 
-impl<'scope, 'env> Attendance<'scope, 'env> {
+impl<'scope, 'env> OperatorLoop<'scope, 'env> {
     pub(super) fn new(
         scope: &'scope Scope<'scope, 'env>,
         session: &'scope Session<'env>,
         stop: &'scope AtomicBool,
-        desk: Desk,
+        inbox: OrderInbox,
         cpu: usize,
-    ) -> Attendance<'scope, 'env> {
+    ) -> OperatorLoop<'scope, 'env> {
         let stands_by = matches!(session.task, Task::StandBy);
-        Attendance {
+        OperatorLoop {
             scope,
             session,
             stop,
-            clients: Clients::new(scope, session.config, session.tables, stands_by, desk),
+            clients: Clients::new(scope, session.config, session.tables, stands_by, inbox),
             keeper: Keeper::new(scope, session.tables),
             planner: None,
             given_up: Cancel::default(),
@@ -139,7 +139,7 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
     pub(super) fn run(
         mut self,
         running: &mut Running,
-        attendant: &mut dyn Attendant,
+        task: &mut dyn LoopTask,
         cycle_thread_lives: &dyn Fn() -> bool,
     ) -> anyhow::Result<Ran> {
         let mut service = Service::from_environment();
@@ -173,13 +173,13 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
                 service.stopping();
             }
             self.step(running, now_ns)?;
-            attendant.attend(running, now_ns);
-            self.tell(&mut service, &running.operator, now_ns);
+            task.tick(running, now_ns);
+            self.notify_service(&mut service, &running.operator, now_ns);
             std::thread::sleep(to_next(PAUSE));
         }
         service.stopping();
-        attendant.attend(running, monotonic_ns());
-        self.tell(&mut service, &running.operator, monotonic_ns());
+        task.tick(running, monotonic_ns());
+        self.notify_service(&mut service, &running.operator, monotonic_ns());
         self.stop.store(true, Ordering::Release);
         self.clients.give_up_check();
         self.given_up.cancel();
@@ -197,7 +197,7 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
             running.operator.end(now_ns);
             self.clients.give_up_check();
         }
-        self.clients.attend(&mut running.operator, now_ns)?;
+        self.clients.serve(&mut running.operator, now_ns)?;
         let (ticks, cycles) = (running.watch.counters().ticks, running.operator.live().cycles);
         while let Ok(report) = running.reports.pop() {
             match report.event {
@@ -217,7 +217,7 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
             running.operator.hear(&report, evidence);
         }
         if self.stalled.is_none() {
-            self.stalls.attend(now_ns);
+            self.stalls.update(now_ns);
         }
         if running.watched && self.watcher.is_gone(now_ns, ticks, cycles) {
             running.operator.is_unwatched(now_ns);
@@ -239,7 +239,7 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
             self.join_planner(running, now_ns);
         }
         if self.planner.is_none() && running.operator.step() != Step::Program {
-            self.keeper.attend(&mut running.operator)?;
+            self.keeper.poll(&mut running.operator)?;
         }
         Ok(())
     }
@@ -247,15 +247,15 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
     /// A program that is repeated measures something and leaves nothing behind.
     fn keep(&mut self, left: gcode::Settings) {
         match self.session.task {
-            Task::Once(_) | Task::StandBy => self.keeper.take(left),
+            Task::Once(_) | Task::StandBy => self.keeper.hand_in(left),
             Task::Repeat(_) => {}
         }
     }
 
     /// Tells systemd how things are.
-    fn tell(&self, service: &mut Service, operator: &Operator, now_ns: u64) {
+    fn notify_service(&self, service: &mut Service, operator: &Operator, now_ns: u64) {
         let live = operator.live();
-        let sight = Sight {
+        let sight = ServiceStatus {
             state: live.state,
             cycles: live.cycles,
             alarm: operator.alarm().map(|alarm| alarm.cause.as_str()),
@@ -265,7 +265,7 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
             },
             stands_by: operator.step() == Step::StandBy,
         };
-        service.attend(now_ns, &sight);
+        service.notify(now_ns, &sight);
     }
 
     fn program_name(&self) -> Option<&str> {
@@ -276,7 +276,7 @@ impl<'scope, 'env> Attendance<'scope, 'env> {
     }
 
     /// Starts the program thread.
-    fn plan_from(&mut self, position: Position, live: Arc<Live>) -> anyhow::Result<Box<Interpolator>> {
+    fn plan_from(&mut self, position: Position, live: Arc<RtStatus>) -> anyhow::Result<Box<Interpolator>> {
         let Session {
             config, task, tables, ..
         } = self.session;

@@ -14,7 +14,7 @@ use crate::machine::sequence::Outcome;
 use crate::machine::tables::Tables;
 use crate::program::{Feeder, Progress, probing};
 use crate::rt::assemble::assemble;
-use crate::rt::cycle::Control;
+use crate::rt::cycle::MotionController;
 use crate::rt::pins::CAPACITY;
 use crate::rt::thread::grid;
 use crate::sim::near_end::{VirtualBus, VirtualTime, with_virtual};
@@ -33,7 +33,7 @@ const OPERATOR_CYCLES: u64 = 10;
 /// A run on virtual time.
 pub struct Rehearsal<'a, B = VirtualBus<'a>> {
     /// The cycle thread's part.
-    pub control: Box<Control<B>>,
+    pub control: Box<MotionController<B>>,
     /// The operator's part.
     pub operator: Operator,
     /// The pins.
@@ -165,7 +165,7 @@ impl<B: VirtualTime> Rehearsal<'_, B> {
         (self.deadline_ns, self.skipped) = (next.deadline_ns, next.skipped);
         self.cycles += 1;
         if self.cycles.is_multiple_of(OPERATOR_CYCLES) {
-            self.attend(now_ns);
+            self.poll_operator(now_ns);
         }
         if self.cycles.is_multiple_of(self.feed_every) {
             self.feed()?;
@@ -201,7 +201,7 @@ impl<B: VirtualTime> Rehearsal<'_, B> {
         })
     }
 
-    fn attend(&mut self, now_ns: u64) {
+    fn poll_operator(&mut self, now_ns: u64) {
         match self.operator.poll(now_ns) {
             Wish::Nothing => {}
             Wish::PlanFrom(position) => {

@@ -5,7 +5,7 @@
 
 use crate::api::methods::Methods;
 use crate::api::network_view::NetworkView;
-use crate::api::orders::desk;
+use crate::api::orders::order_channel;
 use crate::api::server;
 use crate::api::socket::{BindError, Socket, path_beside};
 use crate::bus::sender::SoleSender;
@@ -23,7 +23,7 @@ use crate::host::terminal::say;
 use crate::host::wait::{Grid, monotonic_ns};
 use crate::machine::tables::Tables;
 use crate::operator::console::Operator;
-use crate::operator::operator_loop::{Attendance, Attendant, Running};
+use crate::operator::operator_loop::{LoopTask, OperatorLoop, Running};
 use crate::rt::assemble::assemble;
 use crate::rt::cycle_stats;
 use crate::rt::cycle_stats::CycleFigures;
@@ -118,11 +118,11 @@ pub struct Ended {
     pub calibration: Calibration,
 }
 
-/// Runs a control from power-on to power-off; `attendant` looks after it meanwhile.
+/// Runs a control from power-on to power-off; `task` looks after it meanwhile.
 ///
 /// # Errors
 /// What keeps it from starting; a thread that panicked. How the machine fared is no error but in [`Ended`].
-pub fn run(session: &Session<'_>, wire: Wire, attendant: &mut dyn Attendant) -> anyhow::Result<Ended> {
+pub fn run(session: &Session<'_>, wire: Wire, task: &mut dyn LoopTask) -> anyhow::Result<Ended> {
     // Before anything that takes time: nothing is to be tuned for a wire that is another one's.
     let _sole = match &wire {
         Wire::Interface(interface) => Some(SoleSender::claim(interface)?),
@@ -162,13 +162,13 @@ pub fn run(session: &Session<'_>, wire: Wire, attendant: &mut dyn Attendant) -> 
             Arc::clone(&watch),
             || capabilities::give_up_or_warn(Work::Ordinary),
             &mut |warning| _ = writeln!(std::io::stderr(), "warning: {warning}"),
-            |open| run_on(session, attendant, near(None), open),
+            |open| run_on(session, task, near(None), open),
         ),
         Wire::Paced => near_end::with_paced(config, Arc::clone(&watch), |open, wire| {
-            run_on(session, attendant, near(Some(wire)), open)
+            run_on(session, task, near(Some(wire)), open)
         }),
         Wire::Memory => near_end::with_memory(config, Arc::clone(&watch), &process, |open| {
-            run_on(session, attendant, near(None), open)
+            run_on(session, task, near(None), open)
         }),
     }
 }
@@ -186,7 +186,7 @@ struct NearEnd<'a> {
 
 fn run_on(
     session: &Session<'_>,
-    attendant: &mut dyn Attendant,
+    task: &mut dyn LoopTask,
     near_end: NearEnd<'_>,
     open: Open<'_>,
 ) -> anyhow::Result<Ended> {
@@ -208,11 +208,11 @@ fn run_on(
     let (control, inlets) = assemble(config, &bus::plan(config), open.cyclic, &mut hal)?;
     // On the heap: it is larger than the stack of a real-time thread, which is locked in memory as a whole.
     let mut control = Box::new(control);
-    let mut network = NetworkView::of(config);
+    let mut network = NetworkView::from_config(config);
     if in_memory {
         network.interface = "a wire in memory".into();
     }
-    let (counter, desk) = desk();
+    let (counter, inbox) = order_channel();
     let methods = Methods::new(network, inlets.live.clone(), open.service, counter, monotonic_ns);
     let socket = control_socket(hal.path(), &config.name)?;
 
@@ -233,7 +233,7 @@ fn run_on(
     };
     let stop = AtomicBool::new(false);
     let (figures, ran) = std::thread::scope(|scope| -> anyhow::Result<_> {
-        let limits = Limits::of(&config.bus, &rt, grid);
+        let limits = Limits::for_machine(&config.bus, &rt, grid);
         let timeouts = match &paced {
             None => Some(TimeoutThread::spawn(
                 Arc::clone(process),
@@ -274,8 +274,8 @@ fn run_on(
         }
         let ended = StopOnDrop(&stop);
         let lives = || !cycle.is_finished();
-        let attendance = Attendance::new(scope, session, &stop, desk, process.cpu);
-        let ran = attendance.run(&mut running, attendant, &lives);
+        let attendance = OperatorLoop::new(scope, session, &stop, inbox, process.cpu);
+        let ran = attendance.run(&mut running, task, &lives);
         drop(ended);
         if running.operator.ends_anew() {
             end_with_thread(&cycle, &running.operator);

@@ -9,7 +9,7 @@ use crate::host::signals;
 use crate::host::signals::StopSignal;
 use crate::host::terminal::say;
 use crate::machine::tables::{Tables, lock};
-use crate::operator::operator_loop::{Attendant, Running};
+use crate::operator::operator_loop::{LoopTask, Running};
 use crate::operator::refusal::Refusal;
 use crate::operator::session;
 use crate::operator::session::{Program, Session, Task, Wire};
@@ -121,8 +121,8 @@ fn minutes(time_s: f64) -> String {
     }
 }
 
-impl Attendant for Progress {
-    fn attend(&mut self, running: &mut Running, _now_ns: u64) {
+impl LoopTask for Progress {
+    fn tick(&mut self, running: &mut Running, _now_ns: u64) {
         self.show(&mut running.operator);
     }
 }

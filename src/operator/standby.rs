@@ -1,6 +1,6 @@
 //! A control that stands by: the network is up, drives are off, nothing moves until a client asks for it.
 //!
-//! In:  a machine, a wire; orders of clients over the desk.
+//! In:  a machine, a wire; orders of clients over the inbox.
 //! Out: programs checked, begun, held, stopped; answers; the journal on the terminal.
 //!
 //! A program is checked as a whole before it is accepted; stopped meanwhile, or forsaken by the client that wants it, it
@@ -8,7 +8,7 @@
 //! also behind a program that was stopped or that failed. A fault waits for an acknowledge and lets no program begin before.
 
 use super::progress::told;
-use crate::api::orders::{Desk, Order, Shown, ShownProgram, Source};
+use crate::api::orders::{Order, OrderInbox, Shown, ShownProgram, Source};
 use crate::api::rpc::{RpcError, code};
 use crate::api::server::Ticket;
 use crate::config::Config;
@@ -23,7 +23,7 @@ use crate::machine::state::State;
 use crate::machine::tables::{Tables, lock};
 use crate::operator::console::Operator;
 use crate::operator::manual_mode;
-use crate::operator::operator_loop::{Attendant, Running};
+use crate::operator::operator_loop::{LoopTask, Running};
 use crate::operator::session;
 use crate::operator::session::{Session, Task, Wire};
 use crate::program::{Overview, check};
@@ -51,7 +51,7 @@ pub(super) struct Clients<'scope, 'env> {
     tables: &'env Mutex<Tables>,
     /// The session waits for programs; else it has its own.
     stands_by: bool,
-    desk: Desk,
+    inbox: OrderInbox,
     checking: Option<Checking<'scope>>,
     part: Option<Arc<Part>>,
 }
@@ -70,14 +70,14 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         config: &'env Config,
         tables: &'env Mutex<Tables>,
         stands_by: bool,
-        desk: Desk,
+        inbox: OrderInbox,
     ) -> Clients<'scope, 'env> {
         Clients {
             scope,
             config,
             tables,
             stands_by,
-            desk,
+            inbox,
             checking: None,
             part: None,
         }
@@ -89,10 +89,10 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     }
 
     /// Carries out what clients want. Waits for nothing.
-    pub(super) fn attend(&mut self, operator: &mut Operator, now_ns: u64) -> std::io::Result<()> {
+    pub(super) fn serve(&mut self, operator: &mut Operator, now_ns: u64) -> std::io::Result<()> {
         // Orders first: a stop reaches a program that would begin in this turn.
         let mut answers = Vec::new();
-        while let Some((ticket, order)) = self.desk.next() {
+        while let Some((ticket, order)) = self.inbox.next() {
             let done = match order {
                 Order::Withdraw => {
                     self.withdraw(ticket);
@@ -154,9 +154,9 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         }
         // Whoever has an answer sees what came of the order.
         let shown = self.shown(operator);
-        self.desk.show(shown);
+        self.inbox.show(shown);
         for (ticket, answer) in answers {
-            self.desk.answer(ticket, answer);
+            self.inbox.answer(ticket, answer);
         }
         Ok(())
     }
@@ -171,7 +171,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             return false;
         };
         let what = "stopped before it began";
-        self.desk.answer(ticket, Err(RpcError::new(code::REFUSED, what)));
+        self.inbox.answer(ticket, Err(RpcError::new(code::REFUSED, what)));
         true
     }
 
@@ -366,8 +366,8 @@ struct Journal {
     as_json: bool,
 }
 
-impl Attendant for Journal {
-    fn attend(&mut self, running: &mut Running, _now_ns: u64) {
+impl LoopTask for Journal {
+    fn tick(&mut self, running: &mut Running, _now_ns: u64) {
         while is_heard()
             && let Some(entry) = running.operator.next_entry()
         {
@@ -382,7 +382,7 @@ impl Attendant for Journal {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::api::orders::{Counter, desk};
+    use crate::api::orders::{OrderClient, order_channel};
     use crate::config;
     use crate::operator::rehearsal::{Rehearsal, rehearse_with};
     use crate::rt::timeout;
@@ -399,7 +399,7 @@ mod tests {
     }
 
     /// Clients of a machine that stands by, its drives off.
-    fn while_standing_by(act: impl FnOnce(&mut Rehearsal<'_>, Clients<'_, '_>, &Counter)) {
+    fn while_standing_by(act: impl FnOnce(&mut Rehearsal<'_>, Clients<'_, '_>, &OrderClient)) {
         let machine = include_str!("../../configs/mill3-demo.toml");
         let config = config::parse(machine, Path::new("demo.toml")).unwrap();
         let tables = Mutex::new(Tables::read(&config).unwrap());
@@ -407,16 +407,16 @@ mod tests {
         rehearse_with(&config, PART.as_bytes(), net, Operator::standing_by, |run| {
             let up = run.run_until(60_000, |run| run.control.state() == State::Disabled)?;
             assert!(up);
-            let (counter, desk) = desk();
-            std::thread::scope(|scope| act(run, Clients::new(scope, &config, &tables, true, desk), &counter));
+            let (counter, inbox) = order_channel();
+            std::thread::scope(|scope| act(run, Clients::new(scope, &config, &tables, true, inbox), &counter));
             Ok(())
         })
         .unwrap();
     }
 
-    fn attend(run: &mut Rehearsal<'_>, clients: &mut Clients<'_, '_>) {
+    fn serve_clients(run: &mut Rehearsal<'_>, clients: &mut Clients<'_, '_>) {
         let now_ns = run.now_ns();
-        clients.attend(&mut run.operator, now_ns).unwrap();
+        clients.serve(&mut run.operator, now_ns).unwrap();
     }
 
     #[test]
@@ -433,7 +433,7 @@ mod tests {
             run.operator.hear(&report, || "it ran 5.0 ms".into());
             for order in [Order::Acknowledge, Order::Enable, Order::Stop, run_order()] {
                 counter.put(1, order).unwrap();
-                attend(run, &mut clients);
+                serve_clients(run, &mut clients);
                 let (_, answer) = counter.answer().expect("an answer at once");
                 assert_eq!(answer.unwrap_err().message, SILENCED);
             }
@@ -447,7 +447,7 @@ mod tests {
             };
             assert_eq!(alarm.cause, format!("{SILENCED}. It hung for 5.0 ms: it ran 5.0 ms"));
             // Nor does it say so a second time where it comes back.
-            run.control.silence();
+            run.control.inhibit_soc();
             run.cycle(0).unwrap();
             let now_ns = run.now_ns();
             run.operator.poll(now_ns);
@@ -460,7 +460,7 @@ mod tests {
         while_standing_by(|run, mut clients, counter| {
             counter.put(1, run_order()).unwrap();
             counter.put(2, Order::Stop).unwrap();
-            attend(run, &mut clients);
+            serve_clients(run, &mut clients);
             let (ticket, answer) = counter.answer().expect("an answer");
             assert_eq!(
                 (ticket, answer.unwrap_err().message.as_str()),
@@ -469,22 +469,22 @@ mod tests {
             assert_eq!(counter.answer(), Some((2, Ok(json!({})))));
             while clients.checking.is_some() {
                 std::thread::yield_now();
-                attend(run, &mut clients);
+                serve_clients(run, &mut clients);
             }
             assert_eq!((run.operator.step(), counter.answer()), (Step::StandBy, None));
             // Nor does one that nobody waits for any more; a ticket that is over changes nothing.
             counter.put(4, run_order()).unwrap();
             assert!(counter.withdraw(4) && counter.withdraw(1));
-            attend(run, &mut clients);
+            serve_clients(run, &mut clients);
             while clients.checking.is_some() {
                 std::thread::yield_now();
-                attend(run, &mut clients);
+                serve_clients(run, &mut clients);
             }
             assert_eq!((run.operator.step(), counter.answer()), (Step::StandBy, None));
             // The next one does.
             counter.put(3, run_order()).unwrap();
             let begun = loop {
-                attend(run, &mut clients);
+                serve_clients(run, &mut clients);
                 if let Some(begun) = counter.answer() {
                     break begun;
                 }
@@ -506,16 +506,16 @@ mod tests {
         };
         while_standing_by(|run, mut clients, counter| {
             let giving_up = [
-                |_: &mut Clients<'_, '_>, counter: &Counter| counter.put(2, Order::Stop).unwrap(),
-                |_: &mut Clients<'_, '_>, counter: &Counter| assert!(counter.withdraw(1)),
+                |_: &mut Clients<'_, '_>, counter: &OrderClient| counter.put(2, Order::Stop).unwrap(),
+                |_: &mut Clients<'_, '_>, counter: &OrderClient| assert!(counter.withdraw(1)),
                 // As the loop does when a signal comes.
-                |clients: &mut Clients<'_, '_>, _: &Counter| assert!(clients.give_up_check()),
+                |clients: &mut Clients<'_, '_>, _: &OrderClient| assert!(clients.give_up_check()),
             ];
             for give_up in giving_up {
                 counter.put(1, endless()).unwrap();
-                attend(run, &mut clients);
+                serve_clients(run, &mut clients);
                 give_up(&mut clients, counter);
-                while let Ok(Some((ticket, order))) = Ok::<_, ()>(clients.desk.next()) {
+                while let Ok(Some((ticket, order))) = Ok::<_, ()>(clients.inbox.next()) {
                     match order {
                         Order::Withdraw => clients.withdraw(ticket),
                         order => assert_eq!((order, clients.give_up_check()), (Order::Stop, true)),
@@ -542,9 +542,9 @@ mod tests {
         let net = NetConfig::clean(1);
         rehearse_with(&config, b"", net, Operator::standing_by, |run| {
             assert!(run.run_until(60_000, |run| run.control.state() == State::Disabled)?);
-            let (counter, desk) = desk();
+            let (counter, inbox) = order_channel();
             std::thread::scope(|scope| {
-                let mut clients = Clients::new(scope, &config, &tables, true, desk);
+                let mut clients = Clients::new(scope, &config, &tables, true, inbox);
                 let jog = crate::api::orders::Jog {
                     what: Some(crate::api::orders::Jogged::Joint(0)),
                     motion: crate::rt::joint_jog::JogMotion::Release,
@@ -554,7 +554,7 @@ mod tests {
                     .enumerate()
                 {
                     counter.put(ticket as u64, order).unwrap();
-                    attend(run, &mut clients);
+                    serve_clients(run, &mut clients);
                     let (_, answer) = counter.answer().expect("an answer at once");
                     let told = answer.unwrap_err().message;
                     assert_eq!(told, config.without_joints(), "{ticket}");

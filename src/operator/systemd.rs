@@ -24,7 +24,7 @@ const SIGNS_OF_LIFE: u32 = 4;
 
 /// What the operator's loop sees in one turn.
 #[derive(Clone, Copy, Debug)]
-pub struct Sight<'a> {
+pub struct ServiceStatus<'a> {
     /// What the machine is doing.
     pub state: State,
     /// Cycles so far.
@@ -72,7 +72,7 @@ struct Sign {
 
 impl Sign {
     /// Whether it is due and deserved.
-    fn take(&mut self, now_ns: u64, cycles: u64, every_ns: u64) -> bool {
+    fn is_due(&mut self, now_ns: u64, cycles: u64, every_ns: u64) -> bool {
         let due = self
             .last
             .is_none_or(|(sent_ns, sent_at)| now_ns.saturating_sub(sent_ns) >= every_ns && cycles > sent_at);
@@ -99,7 +99,7 @@ impl Notifier {
     }
 
     /// What is to be told now.
-    pub fn messages(&mut self, now_ns: u64, sight: &Sight<'_>) -> Vec<Message> {
+    pub fn messages(&mut self, now_ns: u64, sight: &ServiceStatus<'_>) -> Vec<Message> {
         let mut messages = Vec::new();
         if !self.ready && (is_up(sight.state) || sight.alarm.is_some()) {
             self.ready = true;
@@ -112,11 +112,11 @@ impl Notifier {
         }
         if self
             .alive_every_ns
-            .is_some_and(|every_ns| self.alive.take(now_ns, sight.cycles, every_ns))
+            .is_some_and(|every_ns| self.alive.is_due(now_ns, sight.cycles, every_ns))
         {
             messages.push(Message::Alive);
         }
-        if !self.ready && self.extended.take(now_ns, sight.cycles, EXTENSION_EVERY_NS) {
+        if !self.ready && self.extended.is_due(now_ns, sight.cycles, EXTENSION_EVERY_NS) {
             messages.push(Message::Extend);
         }
         messages
@@ -146,7 +146,7 @@ fn is_up(state: State) -> bool {
 }
 
 /// One line for `systemctl status`.
-fn status(sight: &Sight<'_>) -> String {
+fn status(sight: &ServiceStatus<'_>) -> String {
     let program = sight.program.map(|name| format!(", {name}")).unwrap_or_default();
     let alarm = sight.alarm.map(|cause| format!("; alarm: {cause}")).unwrap_or_default();
     let state = match (sight.stands_by, sight.state) {
@@ -176,7 +176,7 @@ impl Service {
     }
 
     /// One turn of the operator's loop.
-    pub fn attend(&mut self, now_ns: u64, sight: &Sight<'_>) {
+    pub fn notify(&mut self, now_ns: u64, sight: &ServiceStatus<'_>) {
         let messages = self.notifier.messages(now_ns, sight);
         self.send(&messages);
     }
@@ -221,8 +221,8 @@ mod tests {
 
     const SECOND: u64 = 1_000_000_000;
 
-    fn sight(state: State, cycles: u64) -> Sight<'static> {
-        Sight {
+    fn sight(state: State, cycles: u64) -> ServiceStatus<'static> {
+        ServiceStatus {
             state,
             cycles,
             alarm: None,
@@ -260,7 +260,7 @@ mod tests {
     #[test]
     fn an_alarm_before_that_is_told_in_words_on_one_line() {
         let mut notifier = Notifier::new(None);
-        let alarm = Sight {
+        let alarm = ServiceStatus {
             alarm: Some("x-drive lost\nREADY=1"),
             program: Some("part.ngc"),
             ..sight(State::Booting, 1)
@@ -277,7 +277,7 @@ mod tests {
     #[test]
     fn standing_by_is_told_in_words() {
         let mut notifier = Notifier::new(None);
-        let waiting = Sight {
+        let waiting = ServiceStatus {
             stands_by: true,
             ..sight(State::Disabled, 1)
         };

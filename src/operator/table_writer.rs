@@ -34,13 +34,13 @@ impl<'scope, 'env> Keeper<'scope, 'env> {
     }
 
     /// Takes what a program left behind; the next one finds it.
-    pub(super) fn take(&mut self, left: gcode::Settings) {
-        lock(self.tables).take(left);
+    pub(super) fn hand_in(&mut self, left: gcode::Settings) {
+        lock(self.tables).adopt(left);
         self.behind = true;
     }
 
     /// Called while no program is under way. Waits for nothing.
-    pub(super) fn attend(&mut self, operator: &mut Operator) -> io::Result<()> {
+    pub(super) fn poll(&mut self, operator: &mut Operator) -> io::Result<()> {
         if self.writer.as_ref().is_some_and(ScopedJoinHandle::is_finished) {
             self.join(operator);
         }
@@ -65,14 +65,14 @@ impl<'scope, 'env> Keeper<'scope, 'env> {
         self.join(operator);
         if self.behind {
             self.behind = false;
-            tell(operator, write(self.tables));
+            add_result(operator, write(self.tables));
         }
     }
 
     fn join(&mut self, operator: &mut Operator) {
         let written = self.writer.take().map(ScopedJoinHandle::join);
         if let Some(written) = written {
-            tell(
+            add_result(
                 operator,
                 written.unwrap_or_else(|_| Err("the thread that writes the tables panicked".into())),
             );
@@ -87,8 +87,8 @@ fn write(tables: &Mutex<Tables>) -> Result<(), String> {
     tables::save(&mut Disk, tables)
 }
 
-fn tell(operator: &mut Operator, written: Result<(), String>) {
+fn add_result(operator: &mut Operator, written: Result<(), String>) {
     if let Err(cause) = written {
-        operator.tell(format!("warning: not kept: {cause}"));
+        operator.add_entry(format!("warning: not kept: {cause}"));
     }
 }

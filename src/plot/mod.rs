@@ -87,7 +87,7 @@ pub fn toolpath_svg(title: &str, samples: &[PathSample], sample_s: f64) -> Strin
     }
     sheet.text((x, 62.0), BODY, "both views: positions of the machine, as commanded");
 
-    let [mut across, mut y, mut z] = [0, 1, 2].map(|axis| Span::of(&samples, axis));
+    let [mut across, mut y, mut z] = [0, 1, 2].map(|axis| Span::covering(&samples, axis));
     let pixels_per_mm = ((RIGHT - LEFT) / across.length()).min(HEIGHT_MAX / (y.length() + z.length()));
     // One scale for all three axes; a short axis gets room around it instead of another scale.
     across.grow_to((RIGHT - LEFT) / pixels_per_mm);
@@ -254,7 +254,7 @@ struct Span {
 }
 
 impl Span {
-    fn of(samples: &[PathSample], axis: usize) -> Span {
+    fn covering(samples: &[PathSample], axis: usize) -> Span {
         let all = samples.iter().map(|sample| sample.command[axis]);
         let (from, to) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(from, to), at| {
             (from.min(at), to.max(at))

@@ -10,7 +10,7 @@ mod settings;
 use crate::config::{self, Config};
 use crate::machine::motion_settings::plan_settings;
 use crate::machine::tables::Tables;
-use crate::rt::shared::Live;
+use crate::rt::shared::RtStatus;
 use exact_stops::ExactStops;
 use gcode::CheckLimits;
 use motion::cancel::Cancel;
@@ -286,7 +286,7 @@ pub struct Feeder<'t, S: Sink<Element>> {
     /// 1 for G54 to 9 for G59.3.
     work_system: u8,
     /// Where the operator's overrides are, and those that the plan was last made with.
-    live: Option<Arc<Live>>,
+    live: Option<Arc<RtStatus>>,
     overrides: [f64; 2],
     line: u32,
     ended: bool,
@@ -357,7 +357,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     }
 
     /// The same that follows the operator, from the next [`Feeder::pump`] on: overrides; in single block, exact stops.
-    pub fn following(self, live: Arc<Live>) -> Feeder<'t, S> {
+    pub fn following(self, live: Arc<RtStatus>) -> Feeder<'t, S> {
         Feeder {
             live: Some(live),
             ..self
@@ -375,11 +375,11 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
                 return Ok(Progress::RingFull);
             }
             if self.probing.is_under_way() {
-                let Some(probed) = self.probing.take() else {
+                let Some(probed) = self.probing.receive() else {
                     return Ok(Progress::Probing);
                 };
                 self.left_s += self.planner.probed(probed.rest);
-                self.probing.tell(gcode::Probed {
+                self.probing.send(gcode::Probed {
                     end: probed.end,
                     at: self.planner.to_work(&probed.at),
                     rest: self.planner.to_work(&probed.rest),

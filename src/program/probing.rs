@@ -70,14 +70,14 @@ impl Probing {
     }
 
     /// How it ended, once that is known; then nothing is under way any more.
-    pub(super) fn take(&mut self) -> Option<Probed> {
+    pub(super) fn receive(&mut self) -> Option<Probed> {
         let result = self.results.as_mut()?.pop().ok()?;
         self.under_way = false;
         Some(result)
     }
 
     /// What the interpreter is told when it asks.
-    pub(super) fn tell(&self, probed: gcode::Probed) {
+    pub(super) fn send(&self, probed: gcode::Probed) {
         *self.answer.lock().unwrap_or_else(PoisonError::into_inner) = Some(probed);
     }
 

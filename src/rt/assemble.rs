@@ -1,19 +1,19 @@
 //! Puts the cycle together from a machine file, before real time begins.
 //!
 //! In:  the checked machine description, a bus.
-//! Out: a [`Control`] for the cycle thread and the other ends of its rings for the operator.
+//! Out: a [`MotionController`] for the cycle thread and the other ends of its rings for the operator.
 
-use super::cycle::{Control, Outlets, Parts};
+use super::cycle::{CycleParts, MotionController, RtEndpoints};
 use super::drives::Drives;
 use super::homing::Homer;
 use super::overrides::Overrides;
 use super::pins::Pins;
-use super::shared::{Live, OperatorEndpoints};
+use super::shared::{OperatorEndpoints, RtStatus};
 use crate::bus::plan::NodePlan;
 use crate::bus::{CyclicBus, InputImage, OutputImage};
 use crate::config::{Config, Joint};
 use crate::machine::overruns::Overruns;
-use crate::rt::joint_jog::Hand;
+use crate::rt::joint_jog::JointJog;
 use anyhow::{Context, anyhow};
 use hal_pins::Hal;
 use motion::rt::{Monitor, MonitorLimits};
@@ -34,37 +34,37 @@ pub fn assemble<B: CyclicBus>(
     plans: &[NodePlan],
     bus: B,
     hal: &mut Hal,
-) -> anyhow::Result<(Control<B>, OperatorEndpoints)> {
+) -> anyhow::Result<(MotionController<B>, OperatorEndpoints)> {
     let (commands, commands_out) = rtrb::RingBuffer::new(COMMANDS);
     let (notices_in, notices) = rtrb::RingBuffer::new(NOTICES);
     let (trace_in, trace) = rtrb::RingBuffer::new(TRACES);
     let (finished_in, finished) = rtrb::RingBuffer::new(PROGRAMS);
-    let live = Arc::new(Live::new(Overrides::new(config.program.planner)));
+    let live = Arc::new(RtStatus::new(Overrides::new(config.program.planner)));
     let drives = Drives::new(config, plans).map_err(|joint| {
         anyhow!("joint {joint}: its drive needs 6040h and 607Ah in `outputs`, 6041h and 6064h in `inputs`")
     })?;
     let cycle_s = f64::from(config.cycle_us) * 1e-6;
-    let parts = Parts {
+    let parts = CycleParts {
         outputs: OutputImage::new(plans.iter().map(|plan| plan.outputs.octets)),
         inputs: InputImage::new(plans.iter().map(|plan| plan.inputs.octets)),
         drives,
         kinematics: config.kinematics(),
         monitor: Monitor::new(&config.joints.iter().map(monitor_limits).collect::<Vec<_>>(), cycle_s),
-        hand: Hand::new(config),
+        hand: JointJog::new(config),
         homer: Homer::new(config),
         pins: Pins::new(hal, config, plans).context("pins")?,
         overruns: Overruns::new(config.rt.overruns_warn, config.rt.overruns_stop),
         mandatory: config.bus.nodes.iter().map(|node| node.mandatory).collect(),
         cycle_s,
     };
-    let outlets = Outlets {
+    let outlets = RtEndpoints {
         commands: commands_out,
         notices: notices_in,
         trace: trace_in,
         finished: finished_in,
         live: live.clone(),
     };
-    let control = Control::new(bus, parts, outlets);
+    let control = MotionController::new(bus, parts, outlets);
     Ok((
         control,
         OperatorEndpoints {

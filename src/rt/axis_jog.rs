@@ -3,7 +3,7 @@
 //! In:  orders for one axis each; a sign of life while the hand is on the key.
 //! Out: commanded positions of all joints; what is in the way, if something is.
 //!
-//! RT: nothing allocates but [`WorldHand::new`].
+//! RT: nothing allocates but [`AxisJog::new`].
 
 use crate::config::Config;
 use crate::machine::motion_settings::{plan_settings, stop_shares};
@@ -16,7 +16,7 @@ use motion::rt::jog::{JogLimits, Obstruction, WorldJog};
 
 /// The operator's hand on the axes.
 #[derive(Debug)]
-pub struct WorldHand {
+pub struct AxisJog {
     kinematics: Kinematics,
     jog: WorldJog,
     /// For each axis: cycles for which the last order still holds.
@@ -29,9 +29,9 @@ pub struct WorldHand {
     obstruction: Option<Obstruction>,
 }
 
-impl WorldHand {
+impl AxisJog {
     /// Off all axes; `None` where the joints are the axes. `joints`: the limits of each joint.
-    pub fn new(config: &Config, joints: &[JogLimits], holds_max: u64) -> Option<WorldHand> {
+    pub fn new(config: &Config, joints: &[JogLimits], holds_max: u64) -> Option<AxisJog> {
         let kinematics = config.kinematics();
         if kinematics.is_trivial(&ToolFrame::OFF) {
             return None;
@@ -47,7 +47,7 @@ impl WorldHand {
                 range: limits.map_or([f64::NEG_INFINITY, f64::INFINITY], |limits| limits.travel),
             }
         });
-        Some(WorldHand {
+        Some(AxisJog {
             jog: WorldJog::new(kinematics, &axes, joints, cycle_s),
             kinematics,
             holds: [0; AXES],

@@ -5,7 +5,7 @@
 //!
 //! Orders are obeyed in `orders.rs`; faults and stops are in `stops.rs`.
 //!
-//! RT: nothing in [`Control::cycle`] allocates, locks, waits for another thread or touches a file; every loop is
+//! RT: nothing in [`MotionController::cycle`] allocates, locks, waits for another thread or touches a file; every loop is
 //! bounded by the number of nodes, joints or ring slots. Budget in `benches/cycle.rs`.
 
 mod orders;
@@ -14,14 +14,14 @@ mod stops;
 use super::drives::{Drive, Drives};
 use super::homing::Homer;
 use super::pins::Pins;
-use super::shared::{Command, Live, Notice, Snapshot, TimedNotice, Trace};
+use super::shared::{Command, Notice, RtStatus, Snapshot, TimedNotice, Trace};
 use crate::bus::{BusEvent, BusState, CycleReport, CyclicBus, InputImage, NodeIndex, NodeState, OutputImage};
 use crate::config::JOINTS_MAX;
 use crate::machine::faults::{Fault, Reaction};
 use crate::machine::overruns::{Overruns, Verdict};
 use crate::machine::state::State;
 use crate::rt::cycle_stats::Timing;
-use crate::rt::joint_jog::{Hand, JogMotion, JogOrder};
+use crate::rt::joint_jog::{JogMotion, JogOrder, JointJog};
 use cia402::axis::{AxisFault, Request, Status};
 use motion::canon::Position;
 use motion::element::Action;
@@ -52,21 +52,21 @@ enum AfterStop {
 }
 
 /// Ends of the rings that lead out of real time.
-pub struct Outlets {
+pub struct RtEndpoints {
     /// Orders.
     pub commands: rtrb::Consumer<Command>,
-    /// Notices; what finds the ring full is counted in [`Control::notices_lost`].
+    /// Notices; what finds the ring full is counted in [`MotionController::notices_lost`].
     pub notices: rtrb::Producer<TimedNotice>,
     /// One record per cycle of a program.
     pub trace: rtrb::Producer<Trace>,
     /// Programs that are over go back, so that nothing is freed in real time.
     pub finished: rtrb::Producer<Box<Interpolator>>,
     /// Latest values.
-    pub live: Arc<Live>,
+    pub live: Arc<RtStatus>,
 }
 
 /// What a machine file makes of a machine.
-pub struct Parts {
+pub struct CycleParts {
     /// Payloads to the nodes.
     pub outputs: OutputImage,
     /// Payloads from the nodes.
@@ -78,7 +78,7 @@ pub struct Parts {
     /// Watches what leaves for the joints.
     pub monitor: Monitor,
     /// Moves joints by hand.
-    pub hand: Hand,
+    pub hand: JointJog,
     /// Homes joints whose drives do not.
     pub homer: Homer,
     /// The control's pins.
@@ -92,10 +92,10 @@ pub struct Parts {
 }
 
 /// Everything that the cycle thread owns.
-pub struct Control<B> {
+pub struct MotionController<B> {
     bus: B,
-    parts: Parts,
-    outlets: Outlets,
+    parts: CycleParts,
+    outlets: RtEndpoints,
     joints: usize,
 
     state: State,
@@ -121,11 +121,11 @@ pub struct Control<B> {
     trace_lost: u64,
 }
 
-impl<B: CyclicBus> Control<B> {
+impl<B: CyclicBus> MotionController<B> {
     /// A machine whose network is down.
-    pub fn new(bus: B, parts: Parts, outlets: Outlets) -> Control<B> {
+    pub fn new(bus: B, parts: CycleParts, outlets: RtEndpoints) -> MotionController<B> {
         let joints = parts.drives.iter().len();
-        Control {
+        MotionController {
             bus,
             parts,
             outlets,
@@ -152,7 +152,7 @@ impl<B: CyclicBus> Control<B> {
         }
     }
 
-    /// Makes the cycle of the date `begin_ns` ready, so that its first frame leaves at once when [`Control::cycle`] is called
+    /// Makes the cycle of the date `begin_ns` ready, so that its first frame leaves at once when [`MotionController::cycle`] is called
     /// at that date. Called again before, it moves the cycle to a later date.
     #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
     pub fn prepare(&mut self, begin_ns: u64) {
@@ -167,10 +167,10 @@ impl<B: CyclicBus> Control<B> {
         self.parts
             .drives
             .read(&self.parts.inputs, |node| self.bus.node_state(node));
-        self.parts.pins.spindle.see(&self.parts.inputs);
+        self.parts.pins.spindle.update_feedback(&self.parts.inputs);
         self.parts.pins.show_inputs(&self.parts.inputs);
         if report.lost > 0 {
-            self.parts.homer.doubt();
+            self.parts.homer.input_lost();
         }
         self.watch(late_ns, skipped);
         self.take_orders();
@@ -224,7 +224,7 @@ impl<B: CyclicBus> Control<B> {
     }
 
     /// The cycle thread was taken for hung: no frame may leave any more.
-    pub fn silence(&mut self) {
+    pub fn inhibit_soc(&mut self) {
         if !matches!(self.state, State::Silenced | State::Down) {
             self.fault(Fault::CycleHung);
         }

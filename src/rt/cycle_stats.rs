@@ -239,7 +239,7 @@ impl Windows {
 
     /// The window that ended with the last cut, once the cycle thread has come by. The last window of all is what
     /// `thread::run` returns.
-    pub fn take(&mut self) -> Option<Box<CycleFigures>> {
+    pub fn last(&mut self) -> Option<Box<CycleFigures>> {
         self.full.pop().ok()
     }
 }
@@ -410,15 +410,15 @@ mod tests {
         recorder.record(&cycle(1, 1_000));
         assert!(windows.cut());
         assert!(!windows.cut(), "the first cut is still to come");
-        assert!(windows.take().is_none());
+        assert!(windows.last().is_none());
         recorder.record(&cycle(2, 5_000));
         assert!(!windows.cut(), "what came of the first cut has not been taken");
-        let first = windows.take().expect("the first window");
+        let first = windows.last().expect("the first window");
         assert_eq!((first.cycles, first.lateness.max_ns()), (1, Some(1_000)));
         recorder.record(&cycle(3, 5_000));
         assert!(windows.cut());
         recorder.record(&cycle(4, 7_000));
-        let second = windows.take().expect("the second window");
+        let second = windows.last().expect("the second window");
         // The period that reaches over the border belongs to the window in which it ends.
         assert_eq!((second.cycles, second.period.n()), (2, 2));
         assert_eq!(recorder.end().lateness.max_ns(), Some(7_000));

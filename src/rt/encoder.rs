@@ -54,7 +54,7 @@ impl Turns {
 
     /// Takes this cycle's counter; `latched`: its value at the last index, `None` where its multiples are at the index. Between
     /// two calls it may change by less than half of its length. RT.
-    pub fn see(&mut self, counter: u64, latched: Option<u64>) -> SpindleFeedback {
+    pub fn update(&mut self, counter: u64, latched: Option<u64>) -> SpindleFeedback {
         match self.last {
             Some(last) => self.counts += self.difference(counter, last),
             // Turns of a counter without a latch count from its zero.
@@ -149,7 +149,7 @@ impl Encoder {
         if inputs.fresh[self.node] {
             let payload = inputs.payload.node(self.node);
             let latched = self.latch.map(|latch| latch.read(payload));
-            self.seen = self.turns.see(self.counter.read(payload), latched);
+            self.seen = self.turns.update(self.counter.read(payload), latched);
             self.missing = 0;
             return self.seen;
         }
@@ -191,7 +191,7 @@ impl Speed {
     }
 
     /// Takes this cycle's place; gives the turns of a cycle, 0 until enough are known. RT.
-    pub fn see(&mut self, place: &SpindleFeedback) -> f64 {
+    pub fn update(&mut self, place: &SpindleFeedback) -> f64 {
         if !place.turns.is_finite() {
             *self = Speed::new();
             return 0.0;
@@ -238,7 +238,7 @@ mod tests {
                 latched = (passed(before.max(now)) * a_turn + phase) as u64 & 0xFFFF;
             }
             count = now;
-            seen.push(turns.see(now as u64 & 0xFFFF, Some(latched)));
+            seen.push(turns.update(now as u64 & 0xFFFF, Some(latched)));
         }
         seen
     }
@@ -284,7 +284,7 @@ mod tests {
                     } else {
                         0
                     };
-                let place = turns.see((cycle * 150 - lost) as u64 & 0xFFFF, Some(latched as u64 & 0xFFFF));
+                let place = turns.update((cycle * 150 - lost) as u64 & 0xFFFF, Some(latched as u64 & 0xFFFF));
                 if let Some(slip) = turns.take_slip() {
                     slips.push((cycle, slip));
                     turns.adopt_index();
@@ -311,14 +311,14 @@ mod tests {
     #[test]
     fn without_a_latch_the_zero_of_the_counter_is_the_index() {
         let mut turns = Turns::new(16, 4096);
-        let first = turns.see(8192 + 1024, None);
+        let first = turns.update(8192 + 1024, None);
         assert_eq!((first.turns, first.indexed), (2.25, true));
         // Over the end of the counter, and back.
-        assert_eq!(Turns::new(16, 4096).see(0xFFFF, None).turns, -1.0 / 4096.0);
+        assert_eq!(Turns::new(16, 4096).update(0xFFFF, None).turns, -1.0 / 4096.0);
         let mut turns = Turns::new(16, 4096);
-        turns.see(0x7FFF, None);
-        assert_eq!(turns.see(0x8001, None).turns, f64::from(0x8001) / 4096.0);
-        assert_eq!(turns.see(0x7FFE, None).turns, f64::from(0x7FFE) / 4096.0);
+        turns.update(0x7FFF, None);
+        assert_eq!(turns.update(0x8001, None).turns, f64::from(0x8001) / 4096.0);
+        assert_eq!(turns.update(0x7FFE, None).turns, f64::from(0x7FFE) / 4096.0);
     }
 
     #[test]
@@ -326,14 +326,14 @@ mod tests {
         let mut speed = Speed::new();
         let place = |turns, indexed| SpindleFeedback { turns, indexed };
         for cycle in 0..100 {
-            let found = speed.see(&place(f64::from(cycle) * 0.02, false));
+            let found = speed.update(&place(f64::from(cycle) * 0.02, false));
             let known = cycle >= SPEED_CYCLES as i32;
             assert!((found - if known { 0.02 } else { 0.0 }).abs() < 1e-12, "{cycle}");
         }
         for cycle in 0..100 {
-            let found = speed.see(&place(0.3 + f64::from(cycle) * 0.02, true));
+            let found = speed.update(&place(0.3 + f64::from(cycle) * 0.02, true));
             assert!((found - 0.02).abs() < 1e-12, "{cycle}");
         }
-        assert_eq!(speed.see(&place(f64::NAN, true)), 0.0);
+        assert_eq!(speed.update(&place(f64::NAN, true)), 0.0);
     }
 }

@@ -137,7 +137,7 @@ impl Homer {
     }
 
     /// Answers of nodes were lost in this cycle. RT.
-    pub fn doubt(&mut self) {
+    pub fn input_lost(&mut self) {
         self.homing.doubt();
     }
 

@@ -9,10 +9,10 @@
 //!
 //! The joints of an axis move together: the first one leads, the others keep their distance from it.
 //!
-//! RT: nothing allocates but [`Hand::new`].
+//! RT: nothing allocates but [`JointJog::new`].
 
 use crate::config::{Config, JOINTS_MAX};
-use crate::rt::axis_jog::WorldHand;
+use crate::rt::axis_jog::AxisJog;
 use motion::canon::Axis;
 use motion::rt::jog::{Jog, JogLimits, Obstruction};
 use motion::rt::{MotionLimits, StopLimits};
@@ -65,20 +65,20 @@ struct Joint {
 
 /// The operator's hand on the joints.
 #[derive(Debug)]
-pub struct Hand {
+pub struct JointJog {
     jog: Jog,
     joints: Box<[Joint]>,
     holds: u64,
     active: bool,
     /// `None`: joints are axes.
-    world: Option<WorldHand>,
+    world: Option<AxisJog>,
     /// Axes are jogged, not joints.
     in_world: bool,
 }
 
-impl Hand {
+impl JointJog {
     /// Off all joints.
-    pub fn new(config: &Config) -> Hand {
+    pub fn new(config: &Config) -> JointJog {
         let cycle_s = f64::from(config.cycle_us) * 1e-6;
         let leader = |joint| {
             let map = config.axes.iter().find(|map| map.joints.contains(&joint));
@@ -92,12 +92,12 @@ impl Hand {
             holds: 0,
         });
         let holds = (HOLDS_S / cycle_s).round() as u64;
-        Hand {
+        JointJog {
             jog: Jog::new(&limits, cycle_s),
             joints: joints.collect(),
             holds,
             active: false,
-            world: WorldHand::new(config, &limits, holds),
+            world: AxisJog::new(config, &limits, holds),
             in_world: false,
         }
     }
@@ -259,7 +259,7 @@ impl Hand {
 
     /// Whether all joints rest.
     pub fn is_at_rest(&self) -> bool {
-        self.world().map_or(self.jog.is_at_rest(), WorldHand::is_at_rest)
+        self.world().map_or(self.jog.is_at_rest(), AxisJog::is_at_rest)
     }
 
     /// Whether the last cycle was part of a stop, for which the limits of stops count.
@@ -274,7 +274,7 @@ impl Hand {
     }
 
     /// The hand on the axes, if that is where it is.
-    fn world(&self) -> Option<&WorldHand> {
+    fn world(&self) -> Option<&AxisJog> {
         self.world.as_ref().filter(|_| self.in_world)
     }
 
@@ -330,7 +330,7 @@ mod tests {
 
     #[test]
     fn the_sides_of_a_gantry_move_together_and_the_first_end_of_travel_ends_both() {
-        let mut hand = Hand::new(&gantry());
+        let mut hand = JointJog::new(&gantry());
         assert_eq!((hand.moved_with(0b010), hand.moved_with(0b100)), (0b011, 0b100));
         let mut command_mm = [10.0, 10.3, -7.0];
         let run = |joints| JogOrder {

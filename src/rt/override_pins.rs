@@ -52,7 +52,7 @@ impl OneOverride {
         })
     }
 
-    fn attend(&mut self, overrides: &Overrides) {
+    fn update(&mut self, overrides: &Overrides) {
         let now = overrides.share(self.what);
         let scale = self.scale.get();
         let counts = self.counts.get();
@@ -79,7 +79,7 @@ impl OneOverride {
             wanted = 1.0;
         }
         if wanted != now {
-            overrides.turn(self.what, 100.0 * wanted);
+            overrides.set_percent(self.what, 100.0 * wanted);
         }
         self.value.set(overrides.share(self.what));
     }
@@ -99,9 +99,9 @@ impl OverridePins {
     }
 
     /// Does what they want, and shows where the overrides stand.
-    pub fn attend(&mut self, overrides: &Overrides) {
+    pub fn update(&mut self, overrides: &Overrides) {
         for one in &mut self.0 {
-            one.attend(overrides);
+            one.update(overrides);
         }
     }
 }

@@ -14,7 +14,7 @@
 //! 0 % is a hold and no plan, because a hold stops within the stop limits from the next cycle on and leaves the plan as it
 //! is; a plan for no speed would have to creep to the next place where it can end. RT but where it says otherwise.
 
-use crate::host::wake_signal::Bell;
+use crate::host::wake_signal::WakeSignal;
 use motion::plan::{FEED_OVERRIDE_MAX, PlannerKind};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Duration;
@@ -56,7 +56,7 @@ const SPINDLE_PERCENT: [f64; 2] = [50.0, 120.0];
 pub struct Overrides {
     settings: [AtomicU32; 3],
     planner_kind: PlannerKind,
-    bell: Bell,
+    bell: WakeSignal,
 }
 
 impl Default for Overrides {
@@ -71,7 +71,7 @@ impl Overrides {
         Overrides {
             settings: [const { AtomicU32::new(AS_PROGRAMMED) }; 3],
             planner_kind,
-            bell: Bell::default(),
+            bell: WakeSignal::default(),
         }
     }
 
@@ -96,7 +96,7 @@ impl Overrides {
     }
 
     /// Turns one as far as its range goes; what is no number is left out. Whoever plans looks a few milliseconds later.
-    pub fn turn(&self, what: Overridden, percent: f64) {
+    pub fn set_percent(&self, what: Overridden, percent: f64) {
         let [least, greatest] = self.range_percent(what);
         if percent.is_finite() {
             let steps = (percent.clamp(least, greatest) * STEPS_PER_PERCENT).round();
@@ -110,7 +110,7 @@ impl Overrides {
     /// What cannot be, and why.
     pub fn order(&self, what: Overridden, percent: f64) -> Result<(), String> {
         self.check(what, percent)?;
-        self.turn(what, percent);
+        self.set_percent(what, percent);
         self.bell.ring();
         Ok(())
     }
@@ -188,7 +188,7 @@ mod tests {
             (f64::INFINITY, 0.0),
             (80.004, 80.0),
         ] {
-            overrides.turn(Feed, percent);
+            overrides.set_percent(Feed, percent);
             assert_eq!(overrides.percent(Feed), got, "{percent}");
         }
     }

@@ -388,7 +388,7 @@ impl Pins {
 
     /// Takes in what pins want of the overrides; the spindle follows its own.
     pub fn follow_overrides(&mut self, overrides: &Overrides, enables: Enables) {
-        self.overrides.attend(overrides);
+        self.overrides.update(overrides);
         let factor = if enables.spindle_override {
             overrides.share(Overridden::Spindle)
         } else {
@@ -423,7 +423,7 @@ impl Pins {
                 rpm,
                 direction,
                 surface,
-            } => self.spindle.turn(rpm, direction, surface),
+            } => self.spindle.command(rpm, direction, surface),
             Action::SpindleOff => self.spindle.stop(),
             Action::Mist(on) => self.mist.set(on),
             Action::Flood(on) => self.flood.set(on),

@@ -1,7 +1,7 @@
 //! What crosses the border between the cycle thread and the rest of the process.
 //!
 //! In:  orders and programs, through a ring.
-//! Out: [`Live`] (latest values), [`Notice`]s and [`Trace`] records, through rings that nobody in real time waits for.
+//! Out: [`RtStatus`] (latest values), [`Notice`]s and [`Trace`] records, through rings that nobody in real time waits for.
 
 use super::overrides::Overrides;
 use crate::bus::BusEvent;
@@ -26,7 +26,7 @@ pub struct OperatorEndpoints {
     /// Programs that are over.
     pub finished: rtrb::Consumer<Box<Interpolator>>,
     /// Latest values.
-    pub live: Arc<Live>,
+    pub live: Arc<RtStatus>,
 }
 
 /// An order for the cycle thread.
@@ -124,7 +124,7 @@ pub struct Trace {
 
 /// Latest values, readable by any thread at any time; each value is whole, the values are not of one instant.
 #[derive(Debug)]
-pub struct Live {
+pub struct RtStatus {
     /// What the operator has turned overrides to: the one thing here that anyone may set.
     pub overrides: Overrides,
     /// Shown in place of every state of the cycle thread, which may be unable to show one.
@@ -147,16 +147,16 @@ pub struct Live {
     tool: AtomicU64,
 }
 
-impl Default for Live {
-    fn default() -> Live {
-        Live::new(Overrides::default())
+impl Default for RtStatus {
+    fn default() -> RtStatus {
+        RtStatus::new(Overrides::default())
     }
 }
 
-impl Live {
+impl RtStatus {
     /// Nothing has been shown yet.
-    pub fn new(overrides: Overrides) -> Live {
-        Live {
+    pub fn new(overrides: Overrides) -> RtStatus {
+        RtStatus {
             overrides,
             silenced: AtomicBool::new(false),
             enables: AtomicU8::new(0),
@@ -211,7 +211,7 @@ pub struct Snapshot {
     pub elapsed_s: f64,
 }
 
-impl Live {
+impl RtStatus {
     /// The spindle holds this tool from now on. RT.
     pub fn set_tool(&self, tool: u32) {
         self.tool.store(u64::from(tool) + 1, Relaxed);
@@ -224,7 +224,7 @@ impl Live {
     }
 
     /// The cycle thread hung and may send nothing any more: from now on the state is [`State::Silenced`].
-    pub fn silence(&self) {
+    pub fn show_silenced(&self) {
         self.silenced.store(true, Relaxed);
     }
 

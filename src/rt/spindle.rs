@@ -179,7 +179,7 @@ impl Spindle {
     }
 
     /// Looks at the encoder. RT.
-    pub fn see(&mut self, inputs: &InputImage) {
+    pub fn update_feedback(&mut self, inputs: &InputImage) {
         self.place = match &mut self.source {
             Source::None => return,
             Source::Pins { revs, indexed } => SpindleFeedback {
@@ -193,7 +193,7 @@ impl Spindle {
                 place
             }
         };
-        self.turns_per_cycle = self.speed.see(&self.place);
+        self.turns_per_cycle = self.speed.update(&self.place);
         self.speed_in.set(self.turns_per_cycle / self.cycle_s);
     }
 
@@ -224,20 +224,20 @@ impl Spindle {
     }
 
     /// M3, M4, S. RT.
-    pub fn turn(&mut self, rpm: f64, direction: SpindleDirection, surface: Option<Surface>) {
+    pub fn command(&mut self, rpm: f64, direction: SpindleDirection, surface: Option<Surface>) {
         self.wanted = Some(Wanted {
             rpm,
             direction,
             surface,
         });
         self.waited_s = 0.0;
-        self.tell(None);
+        self.publish(None);
     }
 
     /// M5. RT.
     pub fn stop(&mut self) {
         self.wanted = None;
-        self.tell(None);
+        self.publish(None);
     }
 
     /// From the next [`Spindle::steer`] on, this share of the programmed speed. RT.
@@ -249,7 +249,7 @@ impl Spindle {
     pub fn steer(&mut self, sample: &Sample) {
         self.x_mm = sample.position[Axis::X];
         self.followed_rpm = sample.turns_s_max.map(|turns_s| FOLLOWED * turns_s * 60.0);
-        self.tell(sample.reversal);
+        self.publish(sample.reversal);
     }
 
     /// The share to which a move in step with the spindle holds a greater override; told once each time. RT.
@@ -269,7 +269,7 @@ impl Spindle {
         wanted.min(most)
     }
 
-    fn tell(&mut self, reversal: Option<f64>) {
+    fn publish(&mut self, reversal: Option<f64>) {
         self.rpm = match self.wanted {
             None => 0.0,
             Some(wanted) => {

@@ -1,9 +1,9 @@
 //! The cycle thread: when a cycle begins, and what fills the time up to the next one.
 //!
 //! In:  the grid of the cycle, the watch of the time-out thread.
-//! Out: calls of [`Control::cycle`], each as near to its date as the PC can; the figures of all cycles.
+//! Out: calls of [`MotionController::cycle`], each as near to its date as the PC can; the figures of all cycles.
 
-use super::cycle::Control;
+use super::cycle::MotionController;
 use super::timeout::Watch;
 use crate::bus::CyclicBus;
 use crate::config::Config;
@@ -30,7 +30,7 @@ pub fn grid(config: &Config) -> Grid {
 
 /// Runs cycles until the network is down or `stop` says so. RT, for a bus on CLOCK_MONOTONIC.
 pub fn run<B: CyclicBus>(
-    control: &mut Control<B>,
+    control: &mut MotionController<B>,
     grid: Grid,
     spin: &mut Spin,
     watch: &Watch,
@@ -51,7 +51,7 @@ pub fn run<B: CyclicBus>(
         sleep_until(wake_ns);
         locks.pass();
         if sleeps {
-            spin.see(monotonic_ns().saturating_sub(wake_ns));
+            spin.add_wakeup(monotonic_ns().saturating_sub(wake_ns));
         }
         let woke_ns = spin_until(deadline_ns);
         // What wakes up too late for its date waits for another one: a SoC is late by no more than the grid bears, or left out.
@@ -63,7 +63,7 @@ pub fn run<B: CyclicBus>(
             continue;
         }
         if !watch.soc_allowed() {
-            control.silence();
+            control.inhibit_soc();
         }
         watch.begin_cycle(cycle, deadline_ns);
         let next_ns = deadline_ns + grid.period_ns;

@@ -108,7 +108,7 @@ impl Drive {
             damping: sim.damping,
             acceleration_max: MOTOR_RESERVE * mm_to_counts(&joint, joint.stop.acceleration_mm_s2),
         };
-        let motor = Motor::new(config, Track::of(&joint, sim.start, special));
+        let motor = Motor::new(config, Track::for_joint(&joint, sim.start, special));
         Drive::switch_on(
             Setup {
                 node: node.clone(),
@@ -153,7 +153,7 @@ impl Drive {
             return None;
         }
         let reaction = self.cn.receive(now_ns, frame, response);
-        self.take(now_ns, &reaction.events);
+        self.apply_events(now_ns, &reaction.events);
         reaction.transmit
     }
 
@@ -168,7 +168,7 @@ impl Drive {
     pub(super) fn poll(&mut self, now_ns: u64) {
         if self.powered {
             let events = self.cn.poll(now_ns);
-            self.take(now_ns, &events);
+            self.apply_events(now_ns, &events);
         }
         if now_ns < self.own_period_ns() {
             return;
@@ -211,7 +211,7 @@ impl Drive {
         self.period_start_ns + periods * u64::from(self.setup.period_ns)
     }
 
-    fn take(&mut self, now_ns: u64, events: &Events) {
+    fn apply_events(&mut self, now_ns: u64, events: &Events) {
         if let Some(Reset::Software | Reset::Node) = events.reset {
             self.reset_due = true;
         }

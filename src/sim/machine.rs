@@ -166,7 +166,7 @@ impl SimMachine {
                 *load_mm = drive.machine_position_mm();
             }
         }
-        sensors.look(&loads_mm[..count], &mut |node, bit, closed| {
+        sensors.update_switches(&loads_mm[..count], &mut |node, bit, closed| {
             if let Device::Io(io) = &mut self.places[node].device {
                 io.sense(bit, closed);
             }

@@ -10,7 +10,7 @@ use crate::bus::CyclicBus;
 use crate::host::wait::Grid;
 use crate::host::wait::{monotonic_ns, sleep_until};
 use crate::machine::state::State;
-use crate::rt::cycle::Control;
+use crate::rt::cycle::MotionController;
 use crate::rt::cycle_stats::{CycleFigures, CycleTimes, Recorder};
 use powerlink::link::{Link, LinkError, Received};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -86,7 +86,7 @@ impl Link for Paced {
 /// Runs cycles on paced time until the network is down or `stop` says so; `wire` is that of the bus. Not RT: a thread that is
 /// late holds time back instead.
 pub fn run_paced<B: CyclicBus>(
-    control: &mut Control<B>,
+    control: &mut MotionController<B>,
     grid: Grid,
     wire: &Paced,
     mut recorder: Recorder,

@@ -54,7 +54,7 @@ impl Sensors {
     /// Tells every sensor to `tell`: index of its node, bit of 6000h/2, whether it is closed.
     ///
     /// RT: no allocation, no locks.
-    pub(super) fn look(&self, loads_mm: &[f64], tell: &mut dyn FnMut(usize, u8, bool)) {
+    pub(super) fn update_switches(&self, loads_mm: &[f64], tell: &mut dyn FnMut(usize, u8, bool)) {
         // Switches on one input are wired side by side: it is closed if one of them is.
         let closed = |node: usize, input: u8| {
             let mut switches = self.home_switches.iter();
@@ -102,7 +102,7 @@ mod tests {
             let config = config::parse(machine, Path::new("m.toml")).unwrap_or_else(|errors| panic!("{errors}"));
             let sensors = Sensors::new(&config).expect("home switches");
             let mut told = Vec::new();
-            sensors.look(&loads_mm, &mut |node, bit, closed| told.push((node, bit, closed)));
+            sensors.update_switches(&loads_mm, &mut |node, bit, closed| told.push((node, bit, closed)));
             told
         };
         let told = looked(machine, [9.0, -3.9, -3.3, 0.0]);

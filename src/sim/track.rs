@@ -71,7 +71,7 @@ const METHODS: [(Edge, f64, Reach); 14] = [
 
 impl Track {
     /// The track of a joint; `start` is the position at power-on as a share of the travel. `special` has the last word.
-    pub(super) fn of(joint: &Joint, start: f64, special: Option<&SimJoint>) -> Track {
+    pub(super) fn for_joint(joint: &Joint, start: f64, special: Option<&SimJoint>) -> Track {
         let mut track = match joint.homing.by {
             HomingBy::Drive { method, .. } => Track::by_drive(joint, method, start),
             HomingBy::Control(HomingByControl {
@@ -189,7 +189,7 @@ mod tests {
     #[test]
     fn the_demo_machines_switches_lie_where_its_homing_methods_need_them() {
         let config = test_config();
-        let x = Track::of(&config.joints[0], 0.5, None);
+        let x = Track::for_joint(&config.joints[0], 0.5, None);
         assert_eq!((x.negative_limit, x.positive_limit), (-70_000, 3_070_000));
         assert_eq!(
             x.home,
@@ -197,7 +197,7 @@ mod tests {
             "method 21: active on the whole negative side, up to machine zero"
         );
         assert_eq!((x.start, x.stop_low, x.stop_high), (1_500_000, -120_000, 3_120_000));
-        let z = Track::of(&config.joints[2], 0.0, None);
+        let z = Track::for_joint(&config.joints[2], 0.0, None);
         assert_eq!(
             z.home,
             (0, 40_000),
@@ -225,7 +225,7 @@ mod tests {
                 method,
                 acceleration_mm_s2: 500.0,
             };
-            let track = Track::of(&joint, 0.5, None);
+            let track = Track::for_joint(&joint, 0.5, None);
             let edges = [track.negative_limit, track.positive_limit, track.home.0, track.home.1];
             assert!(edges.contains(&edge), "method {method}: {edges:?}");
             let beyond = edge + if edge < 70_000 { 30_000 } else { -30_000 };
@@ -247,7 +247,7 @@ mod tests {
             skew_mm: None,
         };
         joint.homing.by = HomingBy::Control(control);
-        let track = Track::of(&joint, 0.5, None);
+        let track = Track::for_joint(&joint, 0.5, None);
         // The limit switch lies behind it.
         assert_eq!((track.home, track.negative_limit), ((-150_000, -80_000), -100_000));
         control.towards_positive = true;
@@ -258,7 +258,7 @@ mod tests {
             switch_mm: Some(306.0),
             input: None,
         };
-        let track = Track::of(&joint, 0.5, Some(&special));
+        let track = Track::for_joint(&joint, 0.5, Some(&special));
         assert_eq!((track.home, track.positive_limit), ((3_060_000, 3_130_000), 3_080_000));
         assert_eq!(track.start, 120_000);
     }
@@ -268,7 +268,7 @@ mod tests {
         let track = Track {
             mark: 150,
             mark_distance: 400,
-            ..Track::of(&test_config().joints[0], 0.5, None)
+            ..Track::for_joint(&test_config().joints[0], 0.5, None)
         };
         let passed = |path: &[i64]| -> Vec<i64> {
             path.windows(2)

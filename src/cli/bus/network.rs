@@ -47,7 +47,7 @@ pub enum Topic {
 /// # Errors
 /// No control and no machine file; an answer that cannot be understood.
 pub(super) fn show(args: &NetworkArgs, topic: Topic, as_json: bool, out: &mut impl Write) -> anyhow::Result<ExitCode> {
-    let (view, status) = look(args)?.map_err(Refusal::from)?;
+    let (view, status) = fetch(args)?.map_err(Refusal::from)?;
     let not_known_yet = view.live.is_none() && !status.is_null();
     match (as_json, topic) {
         (true, _) => {
@@ -69,10 +69,10 @@ pub(super) fn show(args: &NetworkArgs, topic: Topic, as_json: bool, out: &mut im
 }
 
 /// The network, and the status of its control (null where none runs).
-fn look(args: &NetworkArgs) -> anyhow::Result<Result<(NetworkView, Value), config::ConfigErrors>> {
+fn fetch(args: &NetworkArgs) -> anyhow::Result<Result<(NetworkView, Value), config::ConfigErrors>> {
     let from_file = match args.machine_file.as_deref().map(bus::read) {
         Some(Err(errors)) => return Ok(Err(errors)),
-        Some(Ok(config)) => Some(NetworkView::of(&config)),
+        Some(Ok(config)) => Some(NetworkView::from_config(&config)),
         None => None,
     };
     let in_file = from_file.as_ref().map(|view| view.machine.as_str());

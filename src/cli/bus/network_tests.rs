@@ -7,7 +7,7 @@ use std::path::Path;
 fn view() -> NetworkView {
     let machine = include_str!("../../../configs/mill3-demo.toml");
     let config = config::parse(machine, Path::new("demo.toml")).unwrap();
-    let mut view = NetworkView::of(&config);
+    let mut view = NetworkView::from_config(&config);
     view.live = Some(NetworkLive {
         nmt_state: "PRE_OPERATIONAL_1".into(),
         why: Some("PRE_OPERATIONAL_2 waits for mandatory node 2".into()),

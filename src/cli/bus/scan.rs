@@ -116,7 +116,7 @@ fn ask(
 ) -> anyhow::Result<Scanned> {
     let mut heard = Heard::default();
     let listen_ns = (args.listen * 1e9) as u64;
-    let foreign = listen(&mut *link, listen_ns, &mut |now_ns, frame| heard.take(now_ns, frame))?;
+    let foreign = listen(&mut *link, listen_ns, &mut |now_ns, frame| heard.add(now_ns, frame))?;
     if let Some(foreign) = foreign {
         return Ok(Scanned::Foreign(foreign, Box::new(heard)));
     }

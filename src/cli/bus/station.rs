@@ -258,7 +258,7 @@ pub struct Parameters {
 
 impl Parameters {
     /// Parameters of a node that was found.
-    pub fn of(station: Station, target: Found) -> Parameters {
+    pub fn new(station: Station, target: Found) -> Parameters {
         let timing = Timing {
             first_timeout_ns: 50 * MS,
             give_up_ns: SDO_GIVE_UP_NS,

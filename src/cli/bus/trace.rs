@@ -136,7 +136,7 @@ fn decode_all(args: &TraceArgs, octets: &[u8], as_json: bool, out: &mut impl Wri
             cycle: (cycle > 0).then_some(cycle),
         };
         match (args.summary, as_json) {
-            (true, _) => summary.take(&frame, &content, &line, captured.frame.len()),
+            (true, _) => summary.add(&frame, &content, &line, captured.frame.len()),
             (false, false) => writeln!(out, "{}", row(&frame, &line))?,
             (false, true) => writeln!(out, "{}", to_json(&frame, &line))?,
         }
@@ -222,7 +222,7 @@ pub(super) struct Heard {
 
 impl Heard {
     /// Takes the next frame.
-    pub(super) fn take(&mut self, now_ns: u64, frame: &[u8]) {
+    pub(super) fn add(&mut self, now_ns: u64, frame: &[u8]) {
         let content = decode::parse(frame);
         let line = self.decoder.line(&content);
         self.number += 1;
@@ -231,7 +231,7 @@ impl Heard {
             t_ns: now_ns as i64 - *self.start_ns.get_or_insert(now_ns) as i64,
             cycle: None,
         };
-        self.summary.take(&placed, &content, &line, frame.len());
+        self.summary.add(&placed, &content, &line, frame.len());
     }
 
     /// Prints what was heard.

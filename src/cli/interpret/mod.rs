@@ -206,7 +206,7 @@ fn run(args: &InterpretArgs, text: &Text, name: &str, tables: tables::Tables) ->
         match run.start_at_line(line) {
             Ok(resume) => first = resumed(resume, line, name),
             Err(error) => {
-                tell(&error, name);
+                print_error(&error, name);
                 return Ok(1);
             }
         }
@@ -233,7 +233,7 @@ fn run(args: &InterpretArgs, text: &Text, name: &str, tables: tables::Tables) ->
             Err(error) => {
                 errors += 1;
                 out.flush()?; // the calls before it are seen before it
-                tell(&error, name);
+                print_error(&error, name);
             }
         }
     }
@@ -269,7 +269,7 @@ fn resumed(resume: Resume, line: u32, name: &str) -> Vec<Event> {
     resume.calls.into_iter().map(event).collect()
 }
 
-fn tell(error: &Error, name: &str) {
+fn print_error(error: &Error, name: &str) {
     eprintln!("{}", error.render(name));
 }
 

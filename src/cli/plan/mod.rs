@@ -83,7 +83,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     let text =
         files::read(&args.program, files::read::PROGRAM_MAX).with_context(|| args.program.display().to_string())?;
     let (config, tables, work) = planned(args, &text)?;
-    let report = Report::of(&config, &work);
+    let report = Report::new(&config, &work);
     // What was found out first: a disk may be full.
     if args.json {
         println!("{}", serde_json::to_string_pretty(&report)?);

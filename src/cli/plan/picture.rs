@@ -21,8 +21,8 @@ const HEAD: f64 = 84.0;
 
 /// Draws it.
 pub(super) fn picture(name: &str, config: &Config, work: &Work, report: &Report) -> String {
-    let view = tool_path::View::of(work, config.work_offsets[0]);
-    let strips = strips::Strips::of(work);
+    let view = tool_path::View::new(work, config.work_offsets[0]);
+    let strips = strips::Strips::new(work);
     let mut sheet = Sheet::new(WIDTH);
     sheet.text((EDGE, 34.0), TITLE, &format!("{name} on {}", config.name));
     sheet.text((EDGE, 56.0), BODY, &report.in_short());

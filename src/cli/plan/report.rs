@@ -102,7 +102,7 @@ pub(super) struct JointReport {
 }
 
 impl Report {
-    pub(super) fn of(config: &Config, work: &Work) -> Report {
+    pub(super) fn new(config: &Config, work: &Work) -> Report {
         let mut over_limits = Vec::new();
         let joints: Vec<JointReport> = (work.joints.all.iter().enumerate())
             .map(|(index, joint)| {

@@ -431,10 +431,10 @@ mod tests {
         for planner in [PlannerKind::Optimal, PlannerKind::Classic] {
             let config = machine(planner);
             let mut work = run(&config, text, false);
-            assert_eq!(Report::of(&config, &work).wrong(), []);
+            assert_eq!(Report::new(&config, &work).wrong(), []);
             let place = work.cycles.iter().position(|cycle| cycle.line == 4).unwrap() + 5;
             work.joints.all[0].positions[place] += 1e-3;
-            let wrong = Report::of(&config, &work).wrong();
+            let wrong = Report::new(&config, &work).wrong();
             let told = |what: &str| wrong.iter().any(|(line, text)| *line == 4 && text.contains(what));
             assert!(told("joint 0 (X) passes its jerk limit: "), "{wrong:?}");
             assert!(told("of 30000.0, ") && told(" s after the start; "), "{wrong:?}");

@@ -71,7 +71,7 @@ pub(super) fn feed_kept(work: &Work) -> FeedKept {
             Some(share) => {
                 fed += cycles;
                 reached += if share >= REACHED { cycles } else { 0 };
-                match valley.see(share, cycle) {
+                match valley.add(share, cycle) {
                     Some((low, _)) if low < STOP => stops += 1,
                     Some(place) => lowest.push(place),
                     None => {}
@@ -137,7 +137,7 @@ struct Valley {
 }
 
 impl Valley {
-    fn see(&mut self, speed: f64, at: usize) -> Option<(f64, usize)> {
+    fn add(&mut self, speed: f64, at: usize) -> Option<(f64, usize)> {
         if let Some((low, place)) = self.low {
             if speed < low {
                 self.low = Some((speed, at));
@@ -164,7 +164,7 @@ mod tests {
         let mut valley = Valley::default();
         let speeds = [0.0, 0.5, 1.0, 0.9, 0.4, 0.3, 0.35, 0.8, 0.7, 1.0, 0.5, 0.0, 0.6, 0.2];
         let told: Vec<_> = (speeds.iter().enumerate())
-            .filter_map(|(at, speed)| valley.see(*speed, at))
+            .filter_map(|(at, speed)| valley.add(*speed, at))
             .collect();
         assert_eq!(told, [(0.3, 5), (0.0, 11)]);
     }

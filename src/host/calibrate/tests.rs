@@ -140,7 +140,7 @@ fn a_spin_is_raised_while_running_unless_the_file_gives_it_and_that_is_told() {
     let raised_us = |rt: Rt, config: &mut Config| {
         config.rt = rt;
         let mut spin = Calibration::unmeasured(&config.rt, 1000, Nothing, "why").spin(config);
-        (0..3).for_each(|_| spin.see(60_000));
+        (0..3).for_each(|_| spin.add_wakeup(60_000));
         spin.raised_us()
     };
     let given = Rt {

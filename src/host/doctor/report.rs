@@ -26,12 +26,12 @@ pub struct Report {
 impl Report {
     /// How many lines of a level are missing.
     pub fn missing(&self, level: Level) -> usize {
-        self.of(State::Missing)
+        self.with_state(State::Missing)
             .filter(|finding| finding.line.level == level)
             .count()
     }
 
-    fn of(&self, state: State) -> impl Iterator<Item = &Finding> {
+    fn with_state(&self, state: State) -> impl Iterator<Item = &Finding> {
         self.findings.iter().filter(move |finding| finding.state == state)
     }
 
@@ -41,7 +41,7 @@ impl Report {
         let mut cures: Vec<(&str, Level, Vec<&'static str>)> = Vec::new();
         // What was measured comes of all the others, and has no cure of its own.
         for finding in self
-            .of(State::Missing)
+            .with_state(State::Missing)
             .filter(|finding| finding.line.group != Group::Measured)
         {
             let Some(fix) = finding.fix.as_deref() else {
@@ -87,7 +87,7 @@ impl Report {
             "about": self.about,
             "lines": self.findings.iter().map(line).collect::<Vec<_>>(),
             "missing": Json::Object(missing.into_iter().collect()),
-            "unknown": self.of(State::Unknown).count(),
+            "unknown": self.with_state(State::Unknown).count(),
         })
     }
 
@@ -121,7 +121,7 @@ impl Report {
         writeln!(
             f,
             "\n{musts}, {shoulds} and {infos} missing; {} cannot be told.",
-            self.of(State::Unknown).count()
+            self.with_state(State::Unknown).count()
         )?;
         for (level, words) in [(Level::Must, "First do"), (Level::Should, "Then, for better figures")] {
             let cures = self.cures(level);

@@ -5,7 +5,7 @@
 
 use super::*;
 
-impl<B: CyclicBus> Control<B> {
+impl<B: CyclicBus> MotionController<B> {
     pub(super) fn take_orders(&mut self) {
         for _ in 0..COMMANDS_PER_CYCLE {
             let Ok(command) = self.outlets.commands.pop() else {

@@ -5,7 +5,7 @@
 
 use super::*;
 
-impl<B: CyclicBus> Control<B> {
+impl<B: CyclicBus> MotionController<B> {
     /// Looks for faults: lateness, the bus, the drives.
     pub(super) fn watch(&mut self, late_ns: u64, skipped: u64) {
         self.late_max_ns = self.late_max_ns.max(late_ns);

@@ -97,7 +97,7 @@ impl Limits {
     }
 
     /// The limits of a machine whose cycle runs on this grid, `rt` as it was found best for this PC.
-    pub fn of(bus: &Bus, rt: &Rt, cycle: Grid) -> Limits {
+    pub fn for_machine(bus: &Bus, rt: &Rt, cycle: Grid) -> Limits {
         let waits_us = bus.nodes.iter().map(|node| node.pres_timeout_us);
         let shortest_us = waits_us.fold(bus.async_slot_timeout_us, u32::min);
         Limits {
@@ -167,11 +167,11 @@ impl Watchdog {
     /// system call but for the processor time of a cycle thread that is overdue.
     #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
     pub fn tick(&mut self, now_ns: u64, report: impl FnMut(Report)) -> u64 {
-        self.look(now_ns, report, ran_ns)
+        self.check(now_ns, report, ran_ns)
     }
 
     /// `ran_ns` gives the processor time of the cycle thread, where it is known.
-    fn look(&mut self, now_ns: u64, mut report: impl FnMut(Report), ran_ns: impl Fn(&Watch) -> Option<u64>) -> u64 {
+    fn check(&mut self, now_ns: u64, mut report: impl FnMut(Report), ran_ns: impl Fn(&Watch) -> Option<u64>) -> u64 {
         self.watch.ticks.fetch_add(1, Ordering::Relaxed);
         let mut report = |event| report(Report { at_ns: now_ns, event });
         if let Some(node) = take_expired(&self.watch.poll, now_ns) {

@@ -90,7 +90,7 @@ impl Access {
     ) -> anyhow::Result<Access> {
         let mut station = Station::take_over(link, mac, interface, listen_ns)?;
         let target = station.find(id)?;
-        Ok(Access::Wire(Box::new(Parameters::of(station, target))))
+        Ok(Access::Wire(Box::new(Parameters::new(station, target))))
     }
 
     /// Reads an object.

@@ -92,7 +92,7 @@ pub(super) struct Identity {
 
 impl Summary {
     /// Takes the next frame.
-    pub(super) fn take(&mut self, placed: &Placed, content: &Content<'_>, line: &Line, octets: usize) {
+    pub(super) fn add(&mut self, placed: &Placed, content: &Content<'_>, line: &Line, octets: usize) {
         let t_ns = placed.t_ns;
         self.first_ns.get_or_insert(t_ns);
         self.last_ns = t_ns;
@@ -315,7 +315,7 @@ impl Node {
             lost: self.lost,
             lost_in_row_max: self.lost_in_row_max,
             unasked: self.unasked,
-            latency_us: Span::of(&self.latency_ns),
+            latency_us: Span::from_values(&self.latency_ns),
             invited: self.invited,
             silent: self.silent,
             states: (self.states.iter())
@@ -334,7 +334,7 @@ fn cycles(soc_ns: &[i64]) -> Option<Cycles> {
     periods.sort_unstable();
     let median_ns = *periods.get(periods.len() / 2)?;
     let limit_ns = median_ns.saturating_mul(INTERRUPTED.0 as i64) / INTERRUPTED.1 as i64;
-    let span = Span::of(&periods)?;
+    let span = Span::from_values(&periods)?;
     Some(Cycles {
         count: soc_ns.len() as u64,
         period_us: median_ns as f64 / 1e3,
@@ -399,7 +399,7 @@ pub(super) struct Span {
 }
 
 impl Span {
-    fn of(values_ns: &[i64]) -> Option<Span> {
+    fn from_values(values_ns: &[i64]) -> Option<Span> {
         let sum: f64 = values_ns.iter().map(|value| *value as f64).sum();
         Some(Span {
             min: *values_ns.iter().min()? as f64 / 1e3,

@@ -32,7 +32,7 @@ pub(super) struct Strips<'a> {
 }
 
 impl<'a> Strips<'a> {
-    pub(super) fn of(work: &'a Work) -> Strips<'a> {
+    pub(super) fn new(work: &'a Work) -> Strips<'a> {
         let moving: Vec<_> = work
             .joints
             .all

@@ -53,7 +53,7 @@ fn project(isometric: bool, x: f64, y: f64, z: f64) -> (f64, f64) {
 }
 
 impl View {
-    pub(super) fn of(work: &Work, origin: Position) -> View {
+    pub(super) fn new(work: &Work, origin: Position) -> View {
         let cuts = || work.cycles.iter().filter(|cycle| cycle.moving && !cycle.rapid);
         let extent = |axis: Axis| {
             let ends = |(low, high): (f64, f64), at: f64| (low.min(at), high.max(at));

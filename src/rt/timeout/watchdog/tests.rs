@@ -170,7 +170,7 @@ fn a_cycle_thread_that_does_not_get_the_core_is_starved_and_one_that_computes_ha
         for now_ns in (3_000_000..20_000_000).step_by(50_000) {
             let ran_ns = Some(7_000_000 + now_ns * share / 100);
             let report = |report| rig.seen.push(report);
-            rig.watchdog.look(now_ns, report, |_| ran_ns);
+            rig.watchdog.check(now_ns, report, |_| ran_ns);
         }
         let hung = rig.seen.iter().find_map(|report| match report.event {
             Event::CycleHung { cycle: 3, .. } => Some(report.at_ns),
