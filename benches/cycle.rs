@@ -146,7 +146,7 @@ fn timed_cycles(config: &Config, paced: bool) -> anyhow::Result<[Jitter; 2]> {
         if compute.n() >= CYCLES {
             break;
         }
-        // Other threads' work; the program begins anew as often as it takes.
+        // Other threads' work; the program begins again as often as it takes.
         if cycle.is_multiple_of(10) {
             let now_ns = control.bus_mut().now_ns();
             if let Wish::PlanFrom(position) = operator.poll(now_ns) {

@@ -183,7 +183,7 @@ fn check_cycles(cycles: &[Vec<Call>], allowed: &[i64]) -> Result<(), String> {
                 "cycle {at}: frames {counts:?} (SoC, PReq, SoA, ASnd) in {sends} sends, at most {most:?}"
             ));
         }
-        // One for each sleep: a date that has passed is slept for anew.
+        // One for each sleep: a date that has passed is slept for again.
         let of = |number: i64| cycle.iter().filter(|call| call.number == number).count();
         let locks_max = if is_preempt_rt() {
             of(libc::SYS_clock_nanosleep)

@@ -173,7 +173,7 @@ fn a_hung_cycle_thread_gives_no_sign_of_life() {
     while service.is_running() {
         service.hear(Duration::from_millis(100));
     }
-    assert_eq!(service.process.wait().unwrap().code(), Some(3), "to be started anew");
+    assert_eq!(service.process.wait().unwrap().code(), Some(3), "to be restarted");
     let signs = service.told.iter().filter(|told| *told == "WATCHDOG=1").count();
     assert!(
         signs <= 1,

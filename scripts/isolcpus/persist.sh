@@ -176,7 +176,7 @@ rebuild() {
             fi
             ;;
         systemd-boot)
-            # Unified kernel images hold the command line: each is made anew.
+            # Unified kernel images hold the command line: each is made again.
             if [ -z "$(entries)" ]; then
                 for version in "$root"/usr/lib/modules/*/vmlinuz; do
                     [ -e "$version" ] || continue

@@ -118,7 +118,7 @@ impl Watch {
     }
 
     /// RT: whether the cycle thread may send a SoC. Ask before each one; once false, it stays so: what the
-    /// cycle thread was about nobody knows, and the nodes have left the network. The control is started anew.
+    /// cycle thread was about nobody knows, and the nodes have left the network. The control is restarted.
     pub fn soc_allowed(&self) -> bool {
         !self.soc_forbidden.load(Ordering::Acquire)
     }

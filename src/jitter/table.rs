@@ -306,7 +306,7 @@ fn against(goal: &Goal, found: Option<Ratios>, medians: &Medians, std_us: f64) -
     let cell = |most: f64, found: Option<f64>| match found {
         None => format!("{most}  "),
         Some(found) if found <= most => format!("{most} ✓"),
-        // What is no number is not kept either.
+        // NaN is not kept either.
         Some(_) => format!("{most} ✗"),
     };
     [

@@ -75,7 +75,7 @@ fn goals_are_marked_kept_or_not() {
         "0.15 ✓ 0.8 ✓ 1.5 ✓ 1 ✓ 5 ✓"
     );
     assert!(text.contains("by the median over cyclictest"));
-    // What is no number keeps no goal; without cyclictest the own probe judges; without either nothing does.
+    // NaN keeps no goal; without cyclictest the own probe judges; without either nothing does.
     report.medians.over_cyclictest = ratios(f64::NAN, 0.1, 0.1, 0.1);
     assert!(goal(&table(&report), quiet).starts_with("0.05 ✗ 0.2 ✓"));
     report.medians.over_cyclictest = None;

@@ -15,7 +15,7 @@ use std::fmt;
 
 /// What every command says of a control whose cycle thread hung.
 pub const SILENCED: &str = "the network is silenced, because the cycle thread hung: drives stop by themselves for want of SoC; \
-                            this control ends and is to be started anew";
+                            this control ends and has to be restarted";
 
 /// Speed of a spindle that has been waited for too long.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -132,7 +132,7 @@ pub enum Fault {
         /// Commanded position, mm.
         position_mm: f64,
     },
-    /// A command that is no number, or a program that begins where the joint does not stand; a defect of the planner.
+    /// A command that is NaN, or a program that begins where the joint does not stand; a defect of the planner.
     IllegalCommand {
         /// The joint.
         joint: usize,
@@ -298,7 +298,7 @@ impl Fault {
             }
             Fault::IllegalCommand { joint: index } => {
                 format!(
-                    "{}: command that is no number or far from where it stands: a defect of the planner",
+                    "{}: command that is NaN or far from where it stands: a defect of the planner",
                     joint(index)
                 )
             }
@@ -342,7 +342,7 @@ impl Fault {
             ),
             Fault::CycleHung => SILENCED.into(),
             Fault::PinsLost => {
-                "the file of the pins was cut short by another process: pins are lost; end this control and start it anew".into()
+                "the file of the pins was cut short by another process: pins are lost; end this control and start it again".into()
             }
             Fault::ForeignMaster { sign } => format!("{sign}; disconnect it or end it"),
             Fault::LinkFailed { error } => format!("network adapter: {error}"),

@@ -87,7 +87,7 @@ impl Overruns {
         }
     }
 
-    /// RT: cycles for which there is room in the part under way, above 0: behind a full one, the oldest is begun anew.
+    /// RT: cycles for which there is room in the part under way, above 0: behind a full one, the oldest is begun again.
     fn room(&mut self) -> u64 {
         if self.cycles_in_part == PART {
             self.part = (self.part + 1) % PARTS;

@@ -34,7 +34,7 @@ pub enum State {
     /// Joints are moved by hand. Behind the others, because the numbers of the states are shown by a pin.
     Jogging,
     /// Nothing may be sent any more: the cycle thread hung, and what it was about nobody knows. Drives stop by themselves for
-    /// want of SoC; the control ends and is to be started anew.
+    /// want of SoC; the control ends and has to be restarted.
     Silenced,
 }
 

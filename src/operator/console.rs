@@ -26,10 +26,9 @@ const JOURNAL_MAX: usize = 20_000;
 
 /// Stalls of the cycle thread are told of no more often, ns.
 const STALLS_TOLD_NS: u64 = 1_000_000_000;
-/// What is said of a control whose time-out thread hangs.
 /// The alarm of a control whose time-out thread hung.
 pub const UNWATCHED: &str = "the time-out thread hung: nothing watches the cycle any more; this control comes to rest, ends and is \
-                         to be started anew";
+                         to be restarted";
 
 /// A line of the journal.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -95,8 +94,8 @@ pub struct Operator {
     /// Stalls of the cycle thread since the last one that was told of, and when that was.
     stalls: u64,
     stall_told_ns: u64,
-    /// The control cannot go on and must be started anew.
-    ends_anew: bool,
+    /// The control cannot go on and has to be restarted.
+    needs_restart: bool,
     /// Overrides at the last look, and those of the journal, percent.
     overrides: [[f64; 2]; 3],
     /// What ended the last jog.
@@ -132,7 +131,7 @@ impl Operator {
             late_cycles: 0,
             stalls: 0,
             stall_told_ns: 0,
-            ends_anew: false,
+            needs_restart: false,
             overrides: [[100.0; 2]; 3],
             obstruction: None,
             recorder: Recorder::default(),
@@ -283,7 +282,7 @@ impl Operator {
     /// Nothing can be steered any more.
     fn enter_silenced(&mut self, cycle: u64, cause: String) {
         self.endpoints.live.show_silenced();
-        self.ends_anew = true;
+        self.needs_restart = true;
         let time_s = cycle as f64 * self.cycle_s;
         self.note(time_s, format!("alarm: {cause}"));
         self.alarms.push(Alarm { time_s, cause });
@@ -291,15 +290,15 @@ impl Operator {
 
     /// The time-out thread does not look any more: the machine comes to rest and the control ends.
     pub fn is_unwatched(&mut self, now_ns: u64) {
-        if !std::mem::replace(&mut self.ends_anew, true) {
+        if !std::mem::replace(&mut self.needs_restart, true) {
             self.fail(now_ns, UNWATCHED.into());
         }
         self.end(now_ns);
     }
 
-    /// Whether this control cannot go on and must be started anew.
-    pub fn ends_anew(&self) -> bool {
-        self.ends_anew
+    /// Whether this control cannot go on and has to be restarted.
+    pub fn needs_restart(&self) -> bool {
+        self.needs_restart
     }
 
     /// Something outside the cycle thread went wrong: stop and say why.
@@ -442,7 +441,7 @@ impl Operator {
                 fault: Fault::CycleHung,
                 ..
             } => {
-                if !self.ends_anew {
+                if !self.needs_restart {
                     self.enter_silenced(cycle, SILENCED.into());
                 }
             }

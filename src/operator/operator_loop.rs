@@ -15,7 +15,7 @@ use crate::machine::sequence::Step;
 use crate::machine::state::State;
 use crate::machine::tables::lock;
 use crate::operator::console::{Operator, Wish};
-use crate::operator::session::{ANEW, Program, Session, Task};
+use crate::operator::session::{EXIT_RESTART, Program, Session, Task};
 use crate::operator::table_writer::Keeper;
 use crate::program::{self, FeedError, Feeder, probing};
 use crate::rt::cycle_stats::Windows;
@@ -167,7 +167,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
                     "isocnc: the cycle thread has stopped; the drives stop for want of SoC: {}",
                     self.stalls.evidence(now_ns)
                 );
-                std::process::exit(i32::from(ANEW));
+                std::process::exit(i32::from(EXIT_RESTART));
             }
             if self.session.signal.caught().is_some() {
                 service.stopping();

@@ -41,8 +41,8 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
-/// Exit code of a control that cannot go on by itself and is to be started anew.
-pub const ANEW: u8 = 3;
+/// Exit code of a control that cannot go on by itself and has to be restarted.
+pub const EXIT_RESTART: u8 = 3;
 /// A cycle thread that hung is given this long to end, in looks of 10 ms.
 const END_LOOKS: u32 = 100;
 
@@ -277,7 +277,7 @@ fn run_on(
         let attendance = OperatorLoop::new(scope, session, &stop, inbox, process.cpu);
         let ran = attendance.run(&mut running, task, &lives);
         drop(ended);
-        if running.operator.ends_anew() {
+        if running.operator.needs_restart() {
             end_with_thread(&cycle, &running.operator);
         }
         let figures = cycle
@@ -323,7 +323,7 @@ fn end_with_thread<T>(cycle: &std::thread::ScopedJoinHandle<'_, T>, operator: &O
         .alarm()
         .map_or("the cycle thread hung", |alarm| alarm.cause.as_str());
     let _ = writeln!(std::io::stderr(), "isocnc: {cause}");
-    std::process::exit(i32::from(ANEW));
+    std::process::exit(i32::from(EXIT_RESTART));
 }
 
 /// The socket by which other processes reach this control. A control that cannot have one still cuts.

@@ -95,8 +95,8 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
         ));
     }
     written.context("the report could not be written")?;
-    if ended.operator.ends_anew() {
-        return Ok(ExitCode::from(session::ANEW));
+    if ended.operator.needs_restart() {
+        return Ok(ExitCode::from(session::EXIT_RESTART));
     }
     Ok(match (session.signal.caught(), report.result.as_str()) {
         (Some(signal), _) if report.alarms.is_empty() => ExitCode::from(signals::exit_code(signal)),

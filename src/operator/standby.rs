@@ -352,8 +352,8 @@ pub fn stand_by(config: &Config, wire: Wire, as_json: bool, signal: StopSignal) 
         let (programs, alarms) = (operator.programs(), operator.alarms().len());
         say(&format!("{programs} programs run, {alarms} alarms\n"));
     }
-    if operator.ends_anew() {
-        return Ok(ExitCode::from(session::ANEW));
+    if operator.needs_restart() {
+        return Ok(ExitCode::from(session::EXIT_RESTART));
     }
     Ok(match session.signal.caught() {
         Some(signal) => ExitCode::from(signals::exit_code(signal)),
@@ -441,7 +441,7 @@ mod tests {
             assert_eq!(run.operator.outcome(), None);
             run.operator.poll(now_ns);
             assert_eq!(run.operator.outcome(), Some(Outcome::Faulted));
-            assert!(run.operator.ends_anew());
+            assert!(run.operator.needs_restart());
             let [alarm] = run.operator.alarms() else {
                 panic!("{:?}", run.operator.alarms());
             };

@@ -375,7 +375,7 @@ mod tests {
         let y = numbers
             .windows(2)
             .position(|pair| pair[1] < pair[0])
-            .expect("Y begins anew")
+            .expect("Y begins again")
             + 1;
         assert_eq!(numbers[y + 1] - numbers[y], 10.0, "{numbers:?}");
         assert!(svg.len() < 200_000, "{} octets", svg.len());

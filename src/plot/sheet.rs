@@ -2,7 +2,7 @@
 //!
 //! In:  shapes. Out: SVG text that any browser shows.
 //!
-//! Only what pictures of measurements need. Numbers are written to a tenth of a pixel; what is no number is left out, so that
+//! Only what pictures of measurements need. Numbers are written to a tenth of a pixel; NaN is left out, so that
 //! no data make a picture that cannot be read.
 
 use std::fmt::Write;

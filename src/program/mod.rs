@@ -364,7 +364,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         }
     }
 
-    /// Plans a part of the program, and anew what an override has changed.
+    /// Plans a part of the program, and again what an override has changed.
     ///
     /// # Errors
     /// The first thing that is wrong; what was planned before it stays in the ring and ends at rest.

@@ -100,7 +100,7 @@ pub struct MotionController<B> {
 
     state: State,
     after_stop: AfterStop,
-    /// Present while running, held or stopping and never else, so that no old program commands drives switched on anew.
+    /// Present while running, held or stopping and never else, so that no old program commands drives switched on again.
     program: Option<Box<Interpolator>>,
     sample: Sample,
     command_mm: [f64; JOINTS_MAX],
@@ -450,7 +450,7 @@ impl<B: CyclicBus> MotionController<B> {
         let homing = self.parts.homer.under_way();
         let mut watched_mm = self.command_mm;
         if homing != 0 {
-            // Joints that home by their drives are led by these, and count anew at the end.
+            // Joints that home by their drives are led by these, and count again at the end.
             for (joint, watched_mm) in watched_mm.iter_mut().enumerate() {
                 if homing >> joint & 1 == 0 {
                     *watched_mm = 0.0;

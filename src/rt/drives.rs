@@ -109,7 +109,7 @@ impl Drive {
     fn read(&mut self, inputs: &InputImage, state: NodeState) {
         self.online = state == NodeState::Operational;
         if !self.online {
-            // It may have been switched off meanwhile, and then counts anew.
+            // It may have been switched off meanwhile, and then counts again.
             self.forget_home();
         }
         if !inputs.fresh[self.node] {
@@ -144,7 +144,7 @@ impl Drive {
         }
     }
 
-    /// Homing by the control is done: positions count anew, the motor stays where it is. RT.
+    /// Homing by the control is done: positions count again, the motor stays where it is. RT.
     fn home_at(&mut self, found: &Found) {
         self.homed_by_control = Some(true);
         // The motor stood beside the joint by this when the switch closed.
@@ -192,7 +192,7 @@ impl Drive {
             Status::Enabled if self.homed_by_control == Some(false) => command_mm + compensation.correction_mm(),
             Status::Enabled => compensation.step(command_mm),
             Status::Homing => {
-                // Afterwards the motor counts anew, and which way it came is not known.
+                // Afterwards the motor counts again, and which way it came is not known.
                 compensation.restart();
                 command_mm
             }

@@ -144,7 +144,7 @@ impl Encoder {
     }
 
     /// This cycle's place. Where the answer of the node got lost, the spindle is taken to go on as it did (`turns_per_cycle`)
-    /// for a few cycles; then its place is no number. Once it has been gone for so long, its index is looked for anew. RT.
+    /// for a few cycles; then its place is NaN. Once it has been gone for so long, its index is looked for again. RT.
     pub fn read(&mut self, inputs: &InputImage, turns_per_cycle: f64) -> SpindleFeedback {
         if inputs.fresh[self.node] {
             let payload = inputs.payload.node(self.node);
@@ -197,7 +197,7 @@ impl Speed {
             return 0.0;
         }
         if place.indexed != self.last.indexed {
-            // The count begins anew, the spindle goes on.
+            // The count begins again, the spindle goes on.
             let shift = place.turns - (self.last.turns + self.per_cycle);
             for turns in &mut self.turns {
                 *turns += shift;

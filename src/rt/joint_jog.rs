@@ -5,7 +5,7 @@
 //!
 //! An order holds for [`HOLDS_S`]; whoever gave it renews it before that. A client that is lost, slow or killed is therefore
 //! a key let go: the joint comes to rest within its limits. A renewal never begins a motion, so that what was held or stopped
-//! stays at rest until it is ordered anew.
+//! stays at rest until it is ordered again.
 //!
 //! The joints of an axis move together: the first one leads, the others keep their distance from it.
 //!

@@ -95,7 +95,7 @@ impl Overrides {
         }
     }
 
-    /// Turns one as far as its range goes; what is no number is left out. Whoever plans looks a few milliseconds later.
+    /// Turns one as far as its range goes; NaN is left out. Whoever plans looks a few milliseconds later.
     pub fn set_percent(&self, what: Overridden, percent: f64) {
         let [least, greatest] = self.range_percent(what);
         if percent.is_finite() {

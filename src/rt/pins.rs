@@ -370,8 +370,8 @@ impl Pins {
 
     /// Shares of the planned speed for a program that runs.
     ///
-    /// `motion.adaptive-feed` may change in every cycle, far too often to plan anew each time: it scales time, which the
-    /// interpolation does along a ramp within the stop limits, whatever comes how often. What is no number holds the machine.
+    /// `motion.adaptive-feed` may change in every cycle, far too often to plan again each time: it scales time, which the
+    /// interpolation does along a ramp within the stop limits, whatever comes how often. NaN holds the machine.
     pub fn shares(&self, overrides: &Overrides) -> Shares {
         let [feed, rapid] = overrides.of_time();
         // Not `clamp`, which lets NaN pass: any component may write this pin.

@@ -71,7 +71,7 @@ impl Motor {
         self.position
     }
 
-    /// The encoder starts anew from zero, as after power-on.
+    /// The encoder starts again from zero, as after power-on.
     pub(super) fn power_on(&mut self) {
         self.origin = self.position.round() as i64;
     }

@@ -125,7 +125,7 @@ fn has_words(text: &str, words: &str) -> bool {
 #[test]
 fn persist_adds_the_words_and_undo_restores_the_whole_tree() {
     for (name, pc, file) in loaders() {
-        // kernelstub makes its entry anew from its configuration.
+        // kernelstub makes its entry again from its configuration.
         if name == "kernelstub" {
             pc.write(
                 "boot/efi/loader/entries/Pop_OS-current.conf",
@@ -286,7 +286,7 @@ fn entries_of_kernels_that_came_and_went_meanwhile() {
         cmdline.starts_with("root=UUID=1 ro quiet skew_tick=1 isolcpus="),
         "{cmdline}"
     );
-    // A kernel is removed, a new one takes the command line over, one entry is written anew.
+    // A kernel is removed, a new one takes the command line over, one entry is written again.
     pc.remove("boot/efi/loader/entries/old.conf");
     pc.write(
         "boot/efi/loader/entries/new.conf",

@@ -258,7 +258,7 @@ fn measure(plan: &mut Plan, process: &mut Process) -> Vec<Round> {
     for round in 0..ROUNDS {
         let ways = plan.keep_awake.clone();
         for way in ways {
-            // Changing to what holds already would change it all the same: a thread would be started anew.
+            // Changing to what holds already would change it all the same: a thread would be restarted.
             let changed = process.kept_awake() != way;
             if changed && process.keep_awake(way).is_err() && round == 0 && plan.keep_awake.len() > 1 {
                 plan.keep_awake.retain(|other| *other != way);

@@ -36,7 +36,7 @@ impl Log {
         let (first, last) = (f64::from(self.decades.0), f64::from(self.decades.1));
         let share = match value {
             value if value > 0.0 => (value.log10() - first) / (last - first),
-            // Zero, negative or no number.
+            // Zero, negative or NaN.
             _ => 0.0,
         };
         self.pixels.0 + share.clamp(0.0, 1.0) * (self.pixels.1 - self.pixels.0)

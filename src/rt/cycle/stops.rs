@@ -158,7 +158,7 @@ impl<B: CyclicBus> MotionController<B> {
             });
         }
         if let Some(program) = &mut self.program {
-            // A hold cannot act there: the spindle has the say. A tap is followed out of the work first.
+            // A hold cannot act there: the spindle leads. A tap is followed out of the work first.
             program.give_up_sync();
         }
         self.after_stop = if self.state == State::Stopping {
