@@ -313,6 +313,24 @@ fn signals_stop_the_program_in_order() {
     }
 }
 
+/// The machine file chooses libpnet: the whole control, boot to switching off, on that link.
+#[test]
+fn a_program_runs_to_its_end_over_libpnet() {
+    let _alone = alone();
+    let folder = folder();
+    let machine = folder.path().join("pnet.toml");
+    let demo_file = include_str!("../configs/mill3-demo.toml");
+    let text = demo_file.replace("interface = \"plk0\"", "interface = \"plk0\"\nlink = \"pnet\"");
+    assert_ne!(text, demo_file);
+    std::fs::write(&machine, text).expect("our folder");
+    let (_folder, ended) = demo(SHORT, &["--machine", machine.to_str().expect("a path")], |_| {});
+    assert_completed(&ended);
+    if !ended.without_network() {
+        let warning = "warning: plk0: each frame passes libpnet";
+        assert!(ended.errors.contains(warning), "{}", ended.errors);
+    }
+}
+
 #[test]
 fn a_signal_during_boot_ends_the_demo_in_order() {
     let _alone = alone();

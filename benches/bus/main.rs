@@ -1,7 +1,8 @@
-//! What the bus costs: `cargo bench --bench bus`, shorter with `-- --quick`; `-- own`, `-- wire`, `-- grid` run one part.
+//! What the bus costs: `cargo bench --bench bus`, shorter with `-- --quick`; `-- own`, `-- wire`, `-- links`, `-- grid` run one part.
 //!
 //! - own: parsing and writing frames; a whole isochronous cycle of the managing node without a wire, per node.
 //! - wire: SoC to SoA over a veth pair, the nodes on the same core above the managing node.
+//! - links: the same over the ring of the raw socket and over libpnet, in turns.
 //! - grid: the shortest cycles that are kept, and what kept those that were not.
 //!
 //! Each is held against a minimal loop of fixed frames in the same run. Nothing is asserted but that the network works:
@@ -63,7 +64,7 @@ fn main() -> anyhow::Result<()> {
         own::cycle_of::<239>();
         println!("meanwhile          {}", pc(&mut ticks));
     }
-    if !wanted("wire") && !wanted("grid") {
+    if !["wire", "links", "grid"].into_iter().any(wanted) {
         return Ok(());
     }
     let cycles = if arguments.iter().any(|argument| argument == "--quick") {
@@ -83,6 +84,11 @@ fn main() -> anyhow::Result<()> {
         wire::exchange::<8>(&bench, 1000, cycles, " (goal: median <= 50 us)");
         wire::exchange::<32>(&bench, 1000, cycles, " (goal: median <= 130 us)");
         wire::exchange::<239>(&bench, 4000, cycles / 4, "");
+        println!("meanwhile          {}", pc(&mut ticks));
+    }
+    if wanted("links") {
+        wire::links::<2>(&bench, cycles / 5);
+        wire::links::<8>(&bench, cycles / 5);
         println!("meanwhile          {}", pc(&mut ticks));
     }
     if wanted("grid") {

@@ -15,7 +15,7 @@ use super::socket::Socket;
 use anyhow::ensure;
 use isocnc::bus::powerlink::{Powerlink, wall_clock};
 use isocnc::bus::{BusState, CyclicBus, InputImage, OutputImage};
-use isocnc::config;
+use isocnc::config::{self, BusLink};
 use isocnc::host::netns::{add_wire, private_wire};
 use isocnc::host::setup::{Process, Role, STACK_SIZE, enter_thread, prepare_process};
 use isocnc::host::wait::{Grid, monotonic_ns, thread_cpu_ns};
@@ -23,6 +23,7 @@ use isocnc::rt::timeout::{self, Limits, TimeoutThread, Watch};
 use nix::errno::Errno;
 use nix::sys::time::TimeSpec;
 use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
+use powerlink::link::pnet::PnetLink;
 use powerlink::link::raw::{RawConfig, RawLink};
 use powerlink::link::{Link, LinkError, Received};
 use powerlink::wire::message;
@@ -75,14 +76,14 @@ pub(crate) enum Nodes {
 }
 
 /// The near end of the wire; whatever is sent is answered at the far end before `send` returns.
-struct Near {
-    near: RawLink,
+struct Near<L> {
+    near: L,
     /// Far end and the nodes there, unless they have a thread of their own.
     far: Option<(RawLink, Responder)>,
     buffer: [u8; 1514],
 }
 
-impl Link for Near {
+impl<L: Link> Link for Near<L> {
     fn now_ns(&mut self) -> u64 {
         self.near.now_ns()
     }
@@ -113,14 +114,14 @@ fn answer(far: &mut RawLink, responder: &mut Responder, buffer: &mut [u8], deadl
     Ok(())
 }
 
-struct Ours<'a, const N: usize> {
-    bus: Box<Powerlink<'a, Near, N>>,
+struct Ours<'a, L: Link, const N: usize> {
+    bus: Box<Powerlink<'a, Near<L>, N>>,
     outputs: OutputImage,
     inputs: InputImage,
     lost: u64,
 }
 
-impl<const N: usize> Exchange for Ours<'_, N> {
+impl<L: Link, const N: usize> Exchange for Ours<'_, L, N> {
     fn exchange(&mut self, deadline_ns: u64) {
         for node in 0..N {
             self.outputs.node_mut(node)[0] = self.outputs.node(node)[0].wrapping_add(1);
@@ -289,8 +290,39 @@ impl Bench {
 
     /// Boots `N` nodes and runs `cycles` cycles of ours and of the minimal loop, in turns. With `timeouts` the time-out
     /// thread of the control runs as well.
+    #[expect(clippy::too_many_arguments, reason = "each is a knob of a bench")]
     pub(crate) fn run<const N: usize>(
         &self,
+        link: BusLink,
+        cycle_us: u32,
+        pres_timeout_ns: u32,
+        cycles: usize,
+        turn: usize,
+        place: Nodes,
+        timeouts: bool,
+    ) -> anyhow::Result<[Vec<Cycle>; 2]> {
+        match link {
+            BusLink::Raw => {
+                let config = RawConfig {
+                    spin_ns: ANSWER_SPIN_NS,
+                    ..RawConfig::default()
+                };
+                let link = RawLink::open("plk0", config)?;
+                let near = (link.mac(), link);
+                self.run_on::<_, N>(near, cycle_us, pres_timeout_ns, cycles, turn, place, timeouts)
+            }
+            BusLink::Pnet => {
+                let link = PnetLink::open("plk0", ANSWER_SPIN_NS)?;
+                let near = (link.mac(), link);
+                self.run_on::<_, N>(near, cycle_us, pres_timeout_ns, cycles, turn, place, timeouts)
+            }
+        }
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "as above")]
+    fn run_on<L: Link + Send, const N: usize>(
+        &self,
+        (mac, link): ([u8; 6], L),
         cycle_us: u32,
         pres_timeout_ns: u32,
         cycles: usize,
@@ -300,15 +332,9 @@ impl Bench {
     ) -> anyhow::Result<[Vec<Cycle>; 2]> {
         let period_ns = u64::from(cycle_us) * 1000;
         let nodes = node_configs(N, pres_timeout_ns);
-        let config = RawConfig {
-            spin_ns: ANSWER_SPIN_NS,
-            ..RawConfig::default()
-        };
-        let link = RawLink::open("plk0", config)?;
         let (far, responder) = (RawLink::open("plk1", RawConfig::default())?, Responder::new(N));
         let (least_far, answers) = (Socket::open("raw1")?, (1..=N as u8).map(minimal::pres).collect());
         let watch = Arc::new(Watch::default());
-        let mac = link.mac();
         let (within, above) = match place {
             Nodes::Within => (Some(((far, responder), (least_far, answers))), None),
             Nodes::Above => (None, Some(((far, responder), (least_far, answers)))),
@@ -391,10 +417,10 @@ impl Bench {
 }
 
 /// Until all nodes are operational.
-fn boot<const N: usize>(ours: &mut Ours<'_, N>, clocks: &Clocks, grid: Grid) -> anyhow::Result<()> {
+fn boot<L: Link, const N: usize>(ours: &mut Ours<'_, L, N>, clocks: &Clocks, grid: Grid) -> anyhow::Result<()> {
     let began_ns = monotonic_ns();
     let mut deadline_ns = grid.first_after(began_ns);
-    let up = |ours: &Ours<'_, N>| {
+    let up = |ours: &Ours<'_, L, N>| {
         ours.bus.state() == BusState::Operational
             && (0..N).all(|node| ours.bus.node_state(node) == isocnc::bus::NodeState::Operational)
     };
@@ -434,7 +460,7 @@ pub(crate) fn exchange<const N: usize>(bench: &Bench, cycle_us: u32, cycles: usi
             // In a virtual machine the ticks alone can take more than the cycle.
             continue;
         }
-        let [ours, least] = match bench.run::<N>(cycle_us, 5_000, cycles, 1, place, timeouts) {
+        let [ours, least] = match bench.run::<N>(BusLink::Raw, cycle_us, 5_000, cycles, 1, place, timeouts) {
             Ok(ran) => ran,
             Err(why) => {
                 println!("SoC to SoA         {N:3} nodes {name}: {why:#}");
@@ -456,10 +482,31 @@ pub(crate) fn exchange<const N: usize>(bench: &Bench, cycle_us: u32, cycles: usi
     }
 }
 
+/// SoC to SoA over each link that a machine file can choose, in turns: the median of the rounds' medians.
+pub(crate) fn links<const N: usize>(bench: &Bench, cycles: usize) {
+    const ROUNDS: usize = 7;
+    let mut medians_us = [[0.0; ROUNDS]; 2];
+    for round in 0..ROUNDS {
+        for (link, medians_us) in [BusLink::Raw, BusLink::Pnet].into_iter().zip(&mut medians_us) {
+            match bench.run::<N>(link, 1000, 25_000, cycles, 1, Nodes::Within, false) {
+                Ok([ours, _]) => medians_us[round] = median_p99_max(&ours)[0],
+                Err(why) => return println!("link {link:?}          {N:3} nodes: {why:#}"),
+            }
+        }
+    }
+    let [raw_us, pnet_us] = medians_us.map(|mut medians_us| super::median(&mut medians_us));
+    println!(
+        "links              {N:3} nodes, {ROUNDS} rounds in turns: raw ring {raw_us:.1} us, pnet {pnet_us:.1} us, ratio {:.2}, {:.2} us \
+         more a node",
+        pnet_us / raw_us,
+        (pnet_us - raw_us) / N as f64
+    );
+}
+
 /// How many cycles are not over in time, and why.
 pub(crate) fn shortest<const N: usize>(bench: &Bench, cycle_us: u32, pres_timeout_ns: u32, cycles: usize) {
     for (place, where_) in [(Nodes::Within, "in this thread"), (Nodes::Above, "in a thread above")] {
-        let ran = bench.run::<N>(cycle_us, pres_timeout_ns, cycles, 500, place, false);
+        let ran = bench.run::<N>(BusLink::Raw, cycle_us, pres_timeout_ns, cycles, 500, place, false);
         let ran = match ran {
             Ok(ran) => ran,
             Err(why) => {

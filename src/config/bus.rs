@@ -5,7 +5,7 @@
 use super::document::{Item, Section};
 use super::error::nearest;
 use super::node::{self, Names, Network};
-use super::types::{Bus, BusKind};
+use super::types::{Bus, BusKind, BusLink};
 use std::path::Path;
 
 /// Least and greatest AsyncMTU; and the octets of an Ethernet header, which it does not count.
@@ -20,6 +20,7 @@ pub(super) fn bus(section: &mut Section<'_, '_>, cycle_us: Option<u32>, folder: 
         None,
     );
     let interface = interface(section, kind);
+    let link = link(section, kind);
     let async_slot_timeout_us = section.integer("async_slot_timeout_us", 1..=cycle_or_most_us, 150);
     let async_mtu = async_mtu(section, async_slot_timeout_us);
     let pres_lost_max = section.integer("pres_lost_max", 0..=1000, 3);
@@ -63,6 +64,7 @@ pub(super) fn bus(section: &mut Section<'_, '_>, cycle_us: Option<u32>, folder: 
     let bus = Bus {
         kind: kind?,
         interface: interface?,
+        link: link?,
         async_slot_timeout_us: async_slot_timeout_us? as u32,
         pres_lost_max: pres_lost_max? as u32,
         soc_lost_max: soc_lost_max? as u32,
@@ -84,7 +86,18 @@ pub fn wire_time_ns(octets: usize) -> u64 {
     (octets.max(FRAME_OCTETS_MIN) as u64 + 4 + 8 + 12) * 80
 }
 
-/// The longest ASnd; left out: as long as the asynchronous slot allows.
+const NEEDS_INTERFACE: &str = "needs a bus on a network interface";
+
+/// What carries the frames; in memory none of these does.
+fn link(section: &mut Section<'_, '_>, kind: Option<BusKind>) -> Option<BusLink> {
+    let link = section.word("link", &[("raw", BusLink::Raw), ("pnet", BusLink::Pnet)], BusLink::Raw)?;
+    if kind == Some(BusKind::Memory) && link != BusLink::Raw {
+        section.wrong("link", NEEDS_INTERFACE);
+        return None;
+    }
+    Some(link)
+}
+
 /// The name of a TAP device; a wire in memory has no other end that could answer.
 fn tap(section: &mut Section<'_, '_>, kind: Option<BusKind>) -> Option<Option<String>> {
     let Some(item) = section.optional("tap") else {
@@ -97,12 +110,13 @@ fn tap(section: &mut Section<'_, '_>, kind: Option<BusKind>) -> Option<Option<St
         return None;
     }
     if kind == Some(BusKind::Memory) {
-        section.wrong("tap", "needs a bus on a network interface");
+        section.wrong("tap", NEEDS_INTERFACE);
         return None;
     }
     Some(Some(name.to_owned()))
 }
 
+/// The longest ASnd; left out: as long as the asynchronous slot allows.
 fn async_mtu(section: &mut Section<'_, '_>, slot_us: Option<i64>) -> Option<u16> {
     let [least, most] = ASYNC_MTU;
     let slot_ns = slot_us? as u64 * 1000;

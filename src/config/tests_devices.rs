@@ -93,6 +93,19 @@ fn keys_of_a_node_and_of_the_bus_arrive() {
 }
 
 #[test]
+fn the_link_is_raw_unless_another_is_chosen() {
+    let link = |key: &str| {
+        let bus = format!("kind = \"powerlink\"\ninterface = \"eth1\"\n{key}");
+        read(&changed("kind = \"memory\"", &bus)).bus.link
+    };
+    assert_eq!(link(""), BusLink::Raw);
+    assert_eq!(link("link = \"raw\""), BusLink::Raw);
+    assert_eq!(link("link = \"pnet\""), BusLink::Pnet);
+    let in_memory = changed("kind = \"memory\"", "kind = \"memory\"\nlink = \"raw\"");
+    assert_eq!(read(&in_memory).bus.link, BusLink::Raw);
+}
+
+#[test]
 fn cross_traffic_finds_its_nodes() {
     let servo =
         format!("{SERVO}\nname = \"x\"\ncross = [{{ from = \"io\", read = \"0x6401:1/16\", into = \"0x2010:2/16\" }}]");
@@ -130,6 +143,8 @@ fn rules_of_the_network() {
         (memory, "\"memory\"\nasync_mtu = 1500\nasync_slot_timeout_us = 120", &[
             "m.toml:6:13: bus.async_mtu = 1500: takes 124 us on the wire, async_slot_timeout_us leaves 120",
         ]),
+        (memory, "\"memory\"\nlink = \"pnet\"", &["m.toml:6:8: bus.link = \"pnet\": needs a bus on a network interface"]),
+        (memory, "\"powerlink\"\ninterface = \"eth1\"\nlink = \"pcap\"", &["m.toml:7:8: bus.link = \"pcap\": must be \"raw\" or \"pnet\""]),
         (memory, "\"memory\"\nprescaler = 1001", &["m.toml:6:13: bus.prescaler = 1001: must be an integer from 0 to 1000"]),
         (memory, "\"memory\"\nmultiplex_cycles = 255", &["m.toml:6:20: bus.multiplex_cycles = 255: must be an integer from 0 to 254"]),
         (memory, "\"memory\"\nstartup = [\"check-idendity\"]", &[

@@ -177,6 +177,8 @@ pub struct Bus {
     pub kind: BusKind,
     /// Network interface of a real wire.
     pub interface: String,
+    /// What carries frames to and from it.
+    pub link: BusLink,
     /// AsyncSlotTimeout (1F8A:2), µs.
     pub async_slot_timeout_us: u32,
     /// Polls lost in a row that are ridden out.
@@ -205,6 +207,15 @@ pub enum BusKind {
     Powerlink,
     /// Ethernet POWERLINK frames through memory to the simulated machine in this process.
     Memory,
+}
+
+/// What carries frames to and from a network interface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusLink {
+    /// A packet socket with a ring shared with the kernel.
+    Raw,
+    /// libpnet: several system calls a frame.
+    Pnet,
 }
 
 /// Date and time of the software of a node (1F52).

@@ -86,6 +86,7 @@ pub(super) fn test_config() -> Config {
             tap: None,
             kind: BusKind::Memory,
             interface: String::new(),
+            link: BusLink::Raw,
             async_slot_timeout_us: 150,
             pres_lost_max: 3,
             soc_lost_max: 3,

@@ -8,9 +8,10 @@ use super::tap::Tap;
 use super::{NODES_MAX, Powerlink, wall_clock};
 use crate::bus::watch::Watch;
 use crate::bus::{EthernetFrame, Open};
-use crate::config::Config;
+use crate::config::{BusLink, Config};
 use anyhow::{Context, anyhow};
 use powerlink::link::Link;
+use powerlink::link::pnet::PnetLink;
 use powerlink::link::raw::{RawConfig, RawLink, Reception};
 use powerlink::mn::MnConfig;
 use powerlink::wire::node::MN;
@@ -29,15 +30,40 @@ pub(crate) fn with_interface<T>(
     warn: &mut dyn FnMut(&str),
     run: impl FnOnce(Open<'_>) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
-    let raw = RawConfig {
-        spin_ns: ANSWER_SPIN_NS,
-        ..RawConfig::default()
-    };
-    let link = RawLink::open(interface, raw)?;
-    if let reception @ Reception::Calls { .. } = link.reception() {
-        warn(&format!("{interface}: {reception}"));
+    match config.bus.link {
+        BusLink::Raw => {
+            let raw = RawConfig {
+                spin_ns: ANSWER_SPIN_NS,
+                ..RawConfig::default()
+            };
+            let link = RawLink::open(interface, raw)?;
+            if let reception @ Reception::Calls { .. } = link.reception() {
+                warn(&format!("{interface}: {reception}"));
+            }
+            let mac = link.mac();
+            with_tap(config, interface, link, mac, watch, threads, run)
+        }
+        BusLink::Pnet => {
+            let link = PnetLink::open(interface, ANSWER_SPIN_NS)?;
+            warn(&format!(
+                "{interface}: each frame passes libpnet by two or three system calls, as bus.link = \"pnet\" asks for"
+            ));
+            let mac = link.mac();
+            with_tap(config, interface, link, mac, watch, threads, run)
+        }
     }
-    let mac = link.mac();
+}
+
+/// Opens the bus on a link, with the TAP device that the machine file wants.
+fn with_tap<L: Link + Send, T>(
+    config: &Config,
+    interface: &str,
+    link: L,
+    mac: [u8; 6],
+    watch: Arc<Watch>,
+    threads: fn(),
+    run: impl FnOnce(Open<'_>) -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
     let tap = match &config.bus.tap {
         Some(name) => {
             let tap = Tap::open(name, interface, mac, MN, config.bus.async_mtu)?;

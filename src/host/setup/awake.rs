@@ -4,11 +4,11 @@
 //! Out: [`Awake`], which holds what it takes until it is dropped.
 
 use super::STACK_SIZE;
+use super::cpu::set_affinity;
 use super::findings::{Finding, Item};
 use crate::config::KeepAwake;
 use crate::host::capabilities;
 use crate::host::capabilities::Work;
-use nix::sched::{CpuSet, sched_setaffinity};
 use nix::sys::signal::SigSet;
 use nix::unistd::{Pid, gettid};
 use std::fs::{File, OpenOptions, read_to_string};
@@ -142,10 +142,7 @@ impl IdleThread {
         let id = is_ready.recv().unwrap_or_else(|_| Err("it ended".into()))?;
         // The policy before the core: there it is never an ordinary thread.
         put_behind_all(id)?;
-        let mut only = CpuSet::new();
-        only.set(core)
-            .and_then(|()| sched_setaffinity(id, &only))
-            .map_err(|errno| format!("core {core} cannot be taken ({errno})"))?;
+        set_affinity(id, core)?;
         Ok(thread)
     }
 

@@ -73,6 +73,23 @@ pub(super) fn keep_off(cpu: usize) {
     }
 }
 
+/// Puts a thread on one core for good; number 0: the calling thread.
+///
+/// # Errors
+/// Why it cannot be there.
+pub(super) fn set_affinity(thread: Pid, cpu: usize) -> Result<(), String> {
+    // The crate moves the calling thread only, and panics for numbers that no set of cores has room for.
+    let is_set = thread.as_raw() == 0 && cpu < CpuSet::count() && core_affinity::set_for_current(CoreId { id: cpu });
+    if is_set {
+        return Ok(());
+    }
+    // Nor does it say why it failed.
+    let mut only = CpuSet::new();
+    only.set(cpu)
+        .and_then(|()| sched_setaffinity(thread, &only))
+        .map_err(|errno| format!("core {cpu} cannot be taken ({errno})"))
+}
+
 /// Puts the calling thread on one core for good.
 pub(super) fn pin(cpu: usize) -> Option<Finding> {
     let missing = |what| {
@@ -80,13 +97,8 @@ pub(super) fn pin(cpu: usize) -> Option<Finding> {
         Some(Finding::new(Item::Core, what, fix))
     };
     let this = Pid::from_raw(0);
-    // The crate panics for numbers that no set of cores has room for.
-    if cpu >= CpuSet::count() || !core_affinity::set_for_current(CoreId { id: cpu }) {
-        // It tells only that it failed; ask again for the reason.
-        let mut only = CpuSet::new();
-        if let Err(errno) = only.set(cpu).and_then(|()| sched_setaffinity(this, &only)) {
-            return missing(format!("core {cpu} cannot be taken ({errno})"));
-        }
+    if let Err(what) = set_affinity(this, cpu) {
+        return missing(what);
     }
     let only_this =
         |set: &CpuSet| (0..CpuSet::count()).all(|other| set.is_set(other).unwrap_or(false) == (other == cpu));
