@@ -197,7 +197,7 @@ fn watchdog_and_figures() {
                 skipped: 0,
                 pres_lost: 1,
             });
-            if windows.take().is_some() || tick == 20 {
+            if windows.last().is_some() || tick == 20 {
                 windows.cut();
             }
         }
