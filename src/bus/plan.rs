@@ -1,6 +1,6 @@
 //! What each node is told before it may take part, and where its values lie in its payloads.
 //!
-//! Made by the bus from the machine file ([`super::plan`]).
+//! Made by the bus from the machine file ([`super::plan()`]).
 
 use super::layout::Layout;
 use crate::config::{ConfigurationWrite, Stamp};

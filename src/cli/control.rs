@@ -7,6 +7,7 @@
 use crate::api::client::Client;
 use crate::host::signals::{StopSignal, exit_code};
 use crate::host::terminal::{self, StatusLine};
+use crate::machine::faults::SILENCED;
 use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
 use serde_json::{Value, json};
@@ -270,6 +271,7 @@ fn end_of(order: Lasting, status: &Value) -> Option<Result<String, String>> {
     };
     let is_over = matches!(step, "standing by" | "done") && matches!(state, "disabled" | "faulted" | "down");
     match (order, step, state) {
+        (.., "silenced") => Some(Err(terminal::alarm(SILENCED).to_string())),
         (Lasting::Enable, "set-up", "ready" | "jogging") => {
             Some(Ok("drives are on; off again with: isocnc stop".into()))
         }
@@ -422,6 +424,15 @@ fn words(status: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn whoever_waits_hears_that_the_network_is_silenced() {
+        for order in [Lasting::Enable, Lasting::Home, Lasting::Stop, Lasting::Program] {
+            let ended = end_of(order, &json!({ "step": "program", "state": "silenced" }));
+            let said = ended.expect("an end").expect_err("no success");
+            assert_eq!(console::strip_ansi_codes(&said), SILENCED);
+        }
+    }
 
     #[test]
     fn a_status_reads_as_sentences() {

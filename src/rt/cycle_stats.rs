@@ -231,7 +231,7 @@ pub fn recorder(period_ns: u64) -> (Recorder, Windows) {
 
 impl Windows {
     /// Ends the window under way at the next cycle boundary and counts from there again; what it held is then to be had from
-    /// [`Windows::take`]. `false`: the end of the window before has not been taken yet, nothing happens.
+    /// [`Windows::last`]. `false`: the end of the window before has not been taken yet, nothing happens.
     pub fn cut(&mut self) -> bool {
         // Both rings hold one: there is room for the full one before the empty one leaves.
         self.full.is_empty() && self.fresh.push(CycleFigures::new(self.period_ns)).is_ok()

@@ -58,7 +58,7 @@ impl std::error::Error for CdcWriteError {}
 /// more, reach its threshold (1C09), which is off in our own.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_for_others(config: &MnConfig<'_>) -> Result<Vec<u8>, CdcWriteError> {
     let watched = |node: &NodeConfig<'_>| match node.pres_threshold {
         0 => LOSS_COUNT * (config.pres_lost_max + 1),

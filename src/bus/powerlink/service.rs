@@ -1,6 +1,6 @@
 //! The half of the bus that is not real time: requests of clients, and what the managing node knows, in words.
 //!
-//! In:  records and replies of the [publisher](super::publisher). Out: [`Mailbox`], [`Diagnose`].
+//! In:  records and replies of the publisher (`publisher.rs`). Out: [`Mailbox`], [`Diagnose`].
 
 use super::publisher::{Buffer, Order, Record, Reply};
 use crate::bus::service::{

@@ -11,7 +11,7 @@
 //! Its ticks lie on a grid in whose gaps the cycle begins. It sleeps over those at which nothing can be due: a tick takes the
 //! core from the cycle thread, in a virtual machine for far longer than the thread itself runs (`benches/timeout.rs`).
 //!
-//! All decisions are in [`watchdog`], which knows no clock; [`TimeoutThread`] gives them one.
+//! All decisions are in `watchdog.rs`, which knows no clock; [`TimeoutThread`] gives them one.
 
 mod watchdog;
 
