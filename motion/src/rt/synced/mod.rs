@@ -230,7 +230,7 @@ impl Follower {
         }
     }
 
-    /// One cycle further; before it, [`Follower::see`]. RT.
+    /// One cycle further; before it, [`Follower::observe`]. RT.
     pub fn step(&mut self, spindle: &SpindleFeedback) {
         let Some(synced) = self.synced else { return };
         let was_over = self.is_over();

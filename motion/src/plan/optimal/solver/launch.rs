@@ -58,7 +58,7 @@ impl Launch {
 ///
 /// `jets(s, &mut jets)` gives the derivatives of all joints at the distance `s` from the rest. For a stop, s counts
 /// backward; derivatives may be given either way round. `vigour` is the
-/// part of its greatest duration: 1, or less for another try where [`between`] found no way on.
+/// part of its greatest duration: 1, or less for another try where `between` found no way on.
 pub fn launch(
     limits: &[JointLimits],
     cap: f64,
