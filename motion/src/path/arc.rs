@@ -167,28 +167,41 @@ impl Arc {
     }
 
     /// Least and greatest position of `axis` along the arc.
-    ///
-    /// Exact for circles and helices. On a spiral the turning points are those of the circle at the same angle, which
-    /// is off by less than the square of the change of radius per turn over the radius.
     pub fn reach(&self, axis: usize) -> (f64, f64) {
         let (start, end) = (self.start[axis], self.at(1.0)[axis]);
         let (mut low, mut high) = (start.min(end), start.max(end));
         if axis < 3 {
-            // d/du of r cos(w u - phase) g + e u = 0: sin(w u - phase) = e / (r w g).
+            // With r(u) the radius, the position is r g cos(w u - phase) + e u and what does not change. Its slope is zero where
+            // sin(w u - phase - lag) = e / (g hypot(r w, r')), tan(lag) = r' / (r w).
             let g = libm::hypot(self.radial[axis], self.tangential[axis]);
             let phase = libm::atan2(self.tangential[axis], self.radial[axis]);
-            let sine = self.even[axis] / (self.radius * self.sweep * g);
-            if g > 0.0 && sine.abs() <= 1.0 {
-                let first = libm::asin(sine);
-                for base in [first + phase, std::f64::consts::PI - first + phase] {
-                    // The first such place and the last: between them the height only helps in one direction.
-                    let low_turn = base.rem_euclid(TAU);
-                    let turns = ((self.sweep - low_turn) / TAU).floor().max(0.0);
-                    for angle in [low_turn, low_turn + turns * TAU] {
-                        if angle <= self.sweep {
-                            let q = self.at(angle / self.sweep)[axis];
-                            (low, high) = (low.min(q), high.max(q));
+            let (even, change) = (self.even[axis] / g, self.radius_change);
+            let turning = |u: f64, back: bool| {
+                let around = (self.radius + change * u) * self.sweep;
+                let first = libm::asin(even / libm::hypot(around, change));
+                let angle = if back { std::f64::consts::PI - first } else { first };
+                angle + phase + libm::atan2(change, around)
+            };
+            for back in [false, true] {
+                let near = turning(0.0, back);
+                if g == 0.0 || near.is_nan() {
+                    continue;
+                }
+                // The first such place and the last: of those between, radius and height only help in one direction.
+                let low_turn = near.rem_euclid(TAU) - near;
+                let turns = ((self.sweep - near - low_turn) / TAU).floor();
+                for turn in [-1.0, 0.0, turns, turns + 1.0].map(|turn| low_turn + turn * TAU) {
+                    // On a circle the first step is exact; on a spiral, the slope of `turning` is much less than that of the angle.
+                    let mut u = (near + turn) / self.sweep;
+                    for _ in 0..12 {
+                        u = (turning(u.clamp(0.0, 1.0), back) + turn) / self.sweep;
+                        if change == 0.0 {
+                            break;
                         }
+                    }
+                    if (0.0..=1.0).contains(&u) {
+                        let q = self.at(u)[axis];
+                        (low, high) = (low.min(q), high.max(q));
                     }
                 }
             }

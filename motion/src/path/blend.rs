@@ -99,11 +99,33 @@ impl Blend {
         q
     }
 
-    /// Least and greatest position of an axis, within 1e-9.
+    /// Bézier points of an axis: the curve lies between the least and the greatest of them.
+    fn bezier(&self, axis: usize) -> [f64; 6] {
+        let c = |k: usize| self.c[k][axis];
+        // u^k is the sum of (i over k) / (5 over k) of the Bernstein polynomials from i = k on.
+        [
+            c(0),
+            c(0) + c(1) / 5.0,
+            c(0) + 2.0 * c(1) / 5.0 + c(2) / 10.0,
+            c(0) + 3.0 * c(1) / 5.0 + 3.0 * c(2) / 10.0 + c(3) / 10.0,
+            c(0) + 4.0 * c(1) / 5.0 + 6.0 * c(2) / 10.0 + 4.0 * c(3) / 10.0 + c(4) / 5.0,
+            c(0) + c(1) + c(2) + c(3) + c(4) + c(5),
+        ]
+    }
+
+    /// Bounds of the position of an axis, not tight, at next to no cost.
+    pub fn hull(&self, axis: usize) -> (f64, f64) {
+        let points = self.bezier(axis);
+        points[1..]
+            .iter()
+            .fold((points[0], points[0]), |(low, high), x| (low.min(*x), high.max(*x)))
+    }
+
+    /// Least and greatest position of an axis, within 1e-10.
     ///
     /// Halved until the Bézier points of a part, between which the curve lies, are in order or not beyond what is known.
     pub fn reach(&self, axis: usize) -> (f64, f64) {
-        const NEAR: f64 = 1e-9;
+        const NEAR: f64 = 1e-10;
         /// Parts of 1/2^20 of a curve differ from their chord by its 2^40th part.
         const HALVINGS: u32 = 20;
         fn extend(points: [f64; 6], halvings: u32, low: &mut f64, high: &mut f64) {
@@ -125,16 +147,7 @@ impl Blend {
                 extend(half, halvings - 1, low, high);
             }
         }
-        let c = |k: usize| self.c[k][axis];
-        // u^k is the sum of (i over k) / (5 over k) of the Bernstein polynomials from i = k on.
-        let points = [
-            c(0),
-            c(0) + c(1) / 5.0,
-            c(0) + 2.0 * c(1) / 5.0 + c(2) / 10.0,
-            c(0) + 3.0 * c(1) / 5.0 + 3.0 * c(2) / 10.0 + c(3) / 10.0,
-            c(0) + 4.0 * c(1) / 5.0 + 6.0 * c(2) / 10.0 + 4.0 * c(3) / 10.0 + c(4) / 5.0,
-            c(0) + c(1) + c(2) + c(3) + c(4) + c(5),
-        ];
+        let points = self.bezier(axis);
         let (mut low, mut high) = (points[0].min(points[5]), points[0].max(points[5]));
         extend(points, HALVINGS, &mut low, &mut high);
         (low, high)

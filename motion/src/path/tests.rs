@@ -255,3 +255,39 @@ proptest! {
         }
     }
 }
+
+proptest! {
+    #[test]
+    fn an_arc_reaches_as_far_as_its_farthest_places(
+        radius in 0.5f64..50.0, change in prop_oneof![Just(0.0), -0.3f64..0.3], turn in 0.05f64..15.0, phase in 0.0f64..TAU,
+        rise in prop_oneof![Just(0.0), -20.0f64..20.0], tilt in 0.0f64..1.5, clockwise: bool,
+    ) {
+        let (sin, cos) = tilt.sin_cos();
+        // Tilted about Y.
+        let at = |radius: f64, angle: f64, height: f64| {
+            let x = radius * angle.cos();
+            Position::xyz(cos * x + sin * height, radius * angle.sin(), cos * height - sin * x)
+        };
+        let turn = if clockwise { -turn } else { turn };
+        let circle = Circle {
+            start: at(radius, phase, 0.0),
+            end: at(radius * (1.0 + change), phase + turn, rise),
+            centre_mm: [0.0; 3],
+            normal: [sin, 0.0, cos],
+            sweep_rad: turn,
+        };
+        let piece = Piece::arc(&circle).unwrap();
+        let Shape::Arc(arc) = piece.shape() else { panic!("an arc") };
+        for axis in 0..3 {
+            let places = (0..=4000).map(|k| arc.jet_at(f64::from(k) / 4000.0).q[axis]);
+            let (low, high) = arc.reach(axis);
+            for q in places.clone() {
+                prop_assert!(q >= low - 1e-12 * radius && q <= high + 1e-12 * radius, "{axis}: {q} in {low} {high}");
+            }
+            let most = places.clone().fold(f64::NEG_INFINITY, f64::max);
+            let least = places.fold(f64::INFINITY, f64::min);
+            let near = 1e-5 * radius * turn * turn;
+            prop_assert!(high - most < near && least - low < near, "{axis}: {low} {high}, {least} {most}");
+        }
+    }
+}

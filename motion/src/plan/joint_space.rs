@@ -3,9 +3,10 @@
 //! In:  kinematics, limits by joint, pieces of path.
 //! Out: nothing, or the joint that would leave its travel and the place where it would.
 //!
-//! Between two samples a joint is followed by the cubic that has its positions and slopes at both; that lies inside the
-//! polygon of its four Bézier points. Where this polygon leaves the travel, the samples are brought closer together, until
-//! one of them is outside or all that is left of the polygon's excess is rounding.
+//! Between two samples a joint is followed by the quintic that has its positions and first two derivatives at both; that lies
+//! inside the polygon of its six Bézier points. What the joint does beyond that is far less than what the quintic does beyond
+//! the cubic of positions and slopes, by which the polygon is widened. Where it leaves the travel, the samples are brought
+//! closer together, until one of them is outside or all that is left of the polygon's excess is rounding.
 
 use super::{AxisLimits, PlanErrorKind};
 use crate::canon::{Axis, Position};
@@ -21,16 +22,13 @@ pub struct JointSpace {
     pub limits: [AxisLimits; JOINTS],
 }
 
-/// Way between samples at the start, mm, and turn of each rotary axis, degrees: what a joint does beyond its cubic over
-/// these is far below a micrometre.
+/// Way between samples at the start, mm, and turn of each rotary axis, degrees.
 const SAMPLE_MM: f64 = 5.0;
 const SAMPLE_DEGREES: f64 = 1.0;
 /// Samples of one piece at the start.
 const SAMPLES_MAX: f64 = 20_000.0;
 /// How often an interval may be halved.
 const HALVINGS: u32 = 24;
-/// What rounding adds to a position at the limit is no excess.
-const ROUNDING: f64 = 1e-6;
 
 type Joints = [Jet3; JOINTS];
 
@@ -40,8 +38,8 @@ impl JointSpace {
         self.kinematics.joints().len()
     }
 
-    /// Whether all joints reach every place of a piece within their travel.
-    pub(super) fn check(&self, piece: &Piece) -> Result<(), PlanErrorKind> {
+    /// Whether all joints reach every place of a piece within their travel, but for `rounding`.
+    pub(super) fn check(&self, piece: &Piece, rounding: f64) -> Result<(), PlanErrorKind> {
         let length = piece.length();
         let (start, end) = (piece.position(0.0), piece.position(length));
         let turned = Axis::ALL
@@ -57,7 +55,7 @@ impl JointSpace {
         for k in 1..=samples as usize {
             let s = length * k as f64 / samples;
             let to = (s, self.joints(piece, s)?);
-            self.check_between(piece, &from, &to, HALVINGS)?;
+            self.check_between(piece, [&from, &to], rounding, HALVINGS)?;
             from = to;
         }
         Ok(())
@@ -78,16 +76,16 @@ impl JointSpace {
     fn check_between(
         &self,
         piece: &Piece,
-        from: &(f64, Joints),
-        to: &(f64, Joints),
+        [from, to]: [&(f64, Joints); 2],
+        rounding: f64,
         halvings: u32,
     ) -> Result<(), PlanErrorKind> {
-        let third = (to.0 - from.0) / 3.0;
+        let h = to.0 - from.0;
         let mut doubtful = false;
         for joint in 0..self.count() {
             let (a, b) = (&from.1[joint], &to.1[joint]);
             for (s, end) in [(from.0, a), (to.0, b)] {
-                if let Some(limit) = self.excess(joint, end.q) {
+                if let Some(limit) = self.excess(joint, end.q, rounding) {
                     return Err(PlanErrorKind::JointTravel {
                         joint,
                         rotary: self.kinematics.is_rotary(joint),
@@ -97,24 +95,38 @@ impl JointSpace {
                     });
                 }
             }
-            let inner = [a.q + third * a.d1, b.q - third * b.d1];
-            doubtful |= inner.into_iter().any(|q| self.excess(joint, q).is_some());
+            let (slopes, bends) = ([a, b].map(|q| q.d1 * h), [a, b].map(|q| q.d2 * h * h));
+            let polygon = [
+                a.q + slopes[0] / 5.0,
+                a.q + 2.0 * slopes[0] / 5.0 + bends[0] / 20.0,
+                b.q - 2.0 * slopes[1] / 5.0 + bends[1] / 20.0,
+                b.q - slopes[1] / 5.0,
+            ];
+            // Second derivatives of the cubic at both ends: unlike ones make a difference of a 64th in the middle.
+            let rise = 6.0 * (b.q - a.q);
+            let cubic = [
+                rise - 4.0 * slopes[0] - 2.0 * slopes[1],
+                4.0 * slopes[1] + 2.0 * slopes[0] - rise,
+            ];
+            let missed = ((bends[0] - cubic[0]).abs() + (bends[1] - cubic[1]).abs()) / 64.0;
+            let widened = polygon.into_iter().flat_map(|q| [q - missed, q + missed]);
+            doubtful |= widened.into_iter().any(|q| self.excess(joint, q, rounding).is_some());
         }
         if !doubtful || halvings == 0 {
             return Ok(());
         }
         let s = 0.5 * (from.0 + to.0);
         let middle = (s, self.joints(piece, s)?);
-        self.check_between(piece, from, &middle, halvings - 1)?;
-        self.check_between(piece, &middle, to, halvings - 1)
+        self.check_between(piece, [from, &middle], rounding, halvings - 1)?;
+        self.check_between(piece, [&middle, to], rounding, halvings - 1)
     }
 
     /// The limit that a joint position is beyond.
-    fn excess(&self, joint: usize, value: f64) -> Option<f64> {
+    fn excess(&self, joint: usize, value: f64, rounding: f64) -> Option<f64> {
         let [low, high] = self.limits[joint].travel;
-        if value < low - ROUNDING {
+        if value < low - rounding {
             Some(low)
-        } else if value > high + ROUNDING {
+        } else if value > high + rounding {
             Some(high)
         } else {
             None

@@ -6,7 +6,7 @@
 //! The way of a move, one module each:
 //!
 //! ```text
-//! program   calls -> pieces in machine coordinates, with feed and line           (frame: offsets, travel)
+//! program   calls -> pieces in machine coordinates, with feed and line           (frame: offsets; travel)
 //!                                                                                (curve: NURBS to quintics)
 //! smooth    rounds corners within the tolerance, stops where that cannot be
 //! junctions slows down where pieces that are not rounded meet with a small jump
@@ -36,6 +36,7 @@ mod profile;
 mod program;
 mod roots;
 mod smooth;
+mod travel;
 pub mod workers;
 
 use std::fmt;

@@ -7,7 +7,7 @@ use super::optimal::{self, Override, Stream};
 use super::program::{Entry, Move, Program};
 use super::smooth::{Passed, Smoother};
 use super::workers::Workers;
-use super::{PlanError, PlannerKind, Programmed, Settings, classic};
+use super::{PlanError, PlannerKind, Programmed, Settings, classic, travel};
 use crate::canon::{Event, Position};
 use crate::element::{Action, Element, Synced};
 use crate::kinematics::ToolFrame;
@@ -271,7 +271,10 @@ impl<S: Sink<Element>> Planner<S> {
     fn pass(&mut self) {
         for passed in &mut self.passed {
             match passed {
-                Passed::Stretch(stretch) => stretch.piece.set_frame(self.frame),
+                Passed::Stretch(stretch) => {
+                    stretch.piece.set_frame(self.frame);
+                    debug_assert_eq!(travel::check(&stretch.piece, &self.settings), Ok(()));
+                }
                 Passed::Stop => {}
             }
             self.engine.push(passed, &self.settings);

@@ -9,8 +9,7 @@ use super::{Corner, Entry, Move, Program};
 use crate::canon::{PathMode, Plane, Position, ProbeMode};
 use crate::element::{Element, Enables, Probing};
 use crate::path::{Circle, Group, Piece};
-use crate::plan::frame::{check_axes, check_travel};
-use crate::plan::{PlanErrorKind, Settings, probing};
+use crate::plan::{PlanErrorKind, Settings, probing, travel};
 
 /// Most turns of an arc: its knots, some dozens a turn, are in memory together.
 const TURNS_MAX: u32 = 1000;
@@ -70,18 +69,7 @@ impl Program {
         settings: &Settings,
     ) -> Result<Move, PlanErrorKind> {
         let piece = piece.in_frame(self.tool_frame);
-        match &settings.joints {
-            Some(joints) if !joints.kinematics.is_trivial(&self.tool_frame) => {
-                // The axes' own travel is that of the joints which they are when the control is off.
-                if self.tool_frame.tcp {
-                    check_axes(&piece, &settings.axes)?;
-                } else {
-                    check_travel(&piece, &settings.axes)?;
-                }
-                joints.check(&piece)?;
-            }
-            Some(_) | None => check_travel(&piece, &settings.axes)?,
-        }
+        travel::check(&piece, settings)?;
         let feed = if rapid {
             f64::INFINITY
         } else {

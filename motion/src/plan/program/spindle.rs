@@ -7,8 +7,8 @@ use super::{Entry, Program};
 use crate::canon::{Axis, Position, SpindleMode};
 use crate::element::{Action, Element, Surface, Synced, Tap};
 use crate::path::Piece;
-use crate::plan::frame::check_travel;
 use crate::plan::limits::Bounds;
+use crate::plan::travel;
 use crate::plan::{PlanErrorKind, Settings};
 use crate::rt::MotionLimits;
 
@@ -94,7 +94,7 @@ impl Program {
         let Some(way) = Piece::line(self.position, end) else {
             return Ok(None);
         };
-        check_travel(&way, &settings.axes)?;
+        travel::check(&way, settings)?;
         let piece = match return_scale {
             None => way,
             Some(_) => self.with_run_down(&way, &end, pitch_mm, settings)?,
@@ -138,7 +138,7 @@ impl Program {
             Piece::line(self.position, Position(end)).ok_or(PlanErrorKind::NotFinite)
         };
         let least = beyond(pitch_mm)?;
-        check_travel(&least, &settings.axes)?;
+        travel::check(&least, settings)?;
         let mut room = RUN_DOWN_TURNS * pitch_mm;
         for ((limits, direction), end) in settings.axes.iter().zip(direction).zip(end.0) {
             let Some(limits) = limits else { continue };

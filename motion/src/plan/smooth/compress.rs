@@ -17,9 +17,11 @@ use std::collections::VecDeque;
 use super::Leg;
 use super::fit::{Chord, Fit, State, Track};
 use super::round::{distance, reach, turning};
-use crate::canon::AXES;
+use crate::canon::{AXES, Position};
 use crate::path::{BlendEnd, Group, Jet, Piece, Shape};
+use crate::plan::Settings;
 use crate::plan::program::{Corner, Move};
+use crate::plan::travel::{Walls, inside};
 
 /// Moves in a window at first; as long as they make too few spans, twice as many.
 const WINDOW: usize = 256;
@@ -32,6 +34,8 @@ const OVERLAP: usize = 10;
 const SPAN_MOVES: usize = 64;
 /// Height of a span over its width; on a circle, the span turns by eight times as many radians.
 const HEIGHT: f64 = 0.0375;
+/// How often a curve may be drawn in where it leaves the travel.
+const DRAWINGS_IN: u32 = 3;
 /// Turning at which a corner is one in any case, radians.
 const SHARP: f64 = 1.2;
 
@@ -81,33 +85,33 @@ const FRESH: Start = Start::Line {
 };
 
 impl Compressor {
-    pub(super) fn push(&mut self, part: Move, out: &mut Vec<Leg>) {
+    pub(super) fn push(&mut self, part: Move, settings: &Settings, out: &mut Vec<Leg>) {
         if let Some(last) = self.moves.back() {
             if !soft(last, &part) {
-                self.flush(out);
+                self.flush(settings, out);
             } else if self.moves.len() > 1 && long(&self.moves) {
-                self.close(out);
+                self.close(settings, out);
             }
         }
         self.moves.push_back(part);
         if self.moves.len() >= self.full {
-            self.pass_some(out);
+            self.pass_some(settings, out);
         }
     }
 
     /// The run ends with its last move, all of which is let go.
-    pub(super) fn flush(&mut self, out: &mut Vec<Leg>) {
+    pub(super) fn flush(&mut self, settings: &Settings, out: &mut Vec<Leg>) {
         if self.moves.len() > 1 {
-            self.close(out);
+            self.close(settings, out);
         }
-        self.let_go_first(out);
+        self.let_go_first(settings, out);
         self.full = WINDOW;
     }
 }
 
 impl Compressor {
     /// The window is full: lets go what cannot change any more.
-    fn pass_some(&mut self, out: &mut Vec<Leg>) {
+    fn pass_some(&mut self, settings: &Settings, out: &mut Vec<Leg>) {
         let count = self.moves.len();
         if self.lay_out(count, false) < SPANS && count < WINDOW_MAX {
             self.full = 2 * count;
@@ -126,28 +130,28 @@ impl Compressor {
             }
         }
         let Some((last, until)) = found else {
-            self.close(out);
+            self.close(settings, out);
             return;
         };
-        match self.curve(until) {
+        match self.curve(until, settings) {
             Ok((pieces, jet)) => {
                 self.leave_line(out);
                 out.extend(pieces);
                 self.moves.drain(..=last);
                 self.start = Start::Curve(jet);
             }
-            Err(_) => self.close(out),
+            Err(_) => self.close(settings, out),
         }
     }
 
     /// The run ends on its last move, which stays, from some length on.
-    fn close(&mut self, out: &mut Vec<Leg>) {
+    fn close(&mut self, settings: &Settings, out: &mut Vec<Leg>) {
         // Near a place where no curve is found, shorter attempts, so that the work stays in proportion.
         let mut limit = usize::MAX;
         while self.moves.len() > 1 {
             let count = self.moves.len().min(limit);
             self.lay_out(count, true);
-            match self.curve(f64::INFINITY) {
+            match self.curve(f64::INFINITY, settings) {
                 Ok((pieces, _)) => {
                     self.leave_line(out);
                     out.extend(pieces);
@@ -157,7 +161,7 @@ impl Compressor {
                     limit = limit.saturating_mul(2);
                 }
                 Err(_) if count == 2 => {
-                    self.let_go_first(out);
+                    self.let_go_first(settings, out);
                     limit = 8;
                 }
                 Err(chord) => limit = chord.clamp(2, count - 1).min((count / 2).max(8)),
@@ -167,7 +171,7 @@ impl Compressor {
     }
 
     /// Lets go what is left of the first move, as it is.
-    fn let_go_first(&mut self, out: &mut Vec<Leg>) {
+    fn let_go_first(&mut self, settings: &Settings, out: &mut Vec<Leg>) {
         if let Some(part) = self.moves.pop_front() {
             match self.start {
                 Start::Line { from, room } => {
@@ -180,7 +184,7 @@ impl Compressor {
                         whole: piece.length(),
                     }));
                 }
-                Start::Curve(jet) => out.extend(bridge(&jet, &part)),
+                Start::Curve(jet) => out.extend(bridge(&jet, &part, settings)),
             }
         }
         self.start = FRESH;
@@ -295,10 +299,30 @@ impl Compressor {
         spans
     }
 
-    /// The quintics up to parameter `until`, and the state there.
-    fn curve(&mut self, until: f64) -> Result<(Vec<Leg>, Jet), usize> {
-        self.fit.run(&mut self.track)?;
-        let group = self.moves[0].piece.group();
+    /// The quintics up to parameter `until`, and the state there. On failure, the number of the chord in trouble.
+    fn curve(&mut self, until: f64, settings: &Settings) -> Result<(Vec<Leg>, Jet), usize> {
+        let mut walls = Walls::new(settings);
+        let mut drawings_in = 0;
+        self.track.walls = None;
+        loop {
+            self.fit.run(&mut self.track)?;
+            let (pieces, jet) = self.pieces(until)?;
+            let Some(first) = pieces.iter().position(|leg| !inside(&leg.part.piece, settings)) else {
+                return Ok((pieces, jet));
+            };
+            // The curve swings out beyond the ends of its chords: what it aims for, a little further inside, and not at all
+            // where it still does.
+            drawings_in += 1;
+            if drawings_in > DRAWINGS_IN || !walls.draw_in(pieces.iter().map(|leg| &leg.part.piece), settings) {
+                let from = self.fit.borders[first];
+                return Err(self.track.chords.partition_point(|chord| chord.t[1] <= from));
+            }
+            self.track.walls = Some(self.axes.walls(&walls));
+        }
+    }
+
+    fn pieces(&self, until: f64) -> Result<(Vec<Leg>, Jet), usize> {
+        let first = &self.moves[0].piece;
         let (fit, track) = (&self.fit, &self.track);
         let mut pieces = Vec::with_capacity(fit.borders.len());
         let mut chord = 0;
@@ -313,7 +337,7 @@ impl Compressor {
                 pace: pair[1] - pair[0],
                 pace_change: 0.0,
             };
-            let piece = Piece::blend(&end(from), &end(to), group).ok_or(chord)?;
+            let piece = Piece::blend(&end(from), &end(to), first.group()).ok_or(chord)?;
             let mut feed = self.moves[chord].feed;
             while chord + 1 < track.chords.len() && track.chords[chord].t[1] < pair[1] {
                 chord += 1;
@@ -321,7 +345,7 @@ impl Compressor {
             }
             pieces.push(Leg {
                 part: Move {
-                    piece,
+                    piece: piece.in_frame(*first.frame()),
                     feed,
                     corner: Corner::Exact,
                     ..self.moves[chord]
@@ -454,6 +478,16 @@ impl Moving {
         }
     }
 
+    /// The walls as the curve sees them.
+    fn walls(&self, walls: &Walls) -> [[f64; 2]; AXES] {
+        let mut picked = [[f64::NEG_INFINITY, f64::INFINITY]; AXES];
+        for k in 0..self.count {
+            let axis = self.axes[k];
+            picked[k] = walls.0[axis].map(|wall| wall - self.origin[axis]);
+        }
+        picked
+    }
+
     fn jet(&self, state: &State) -> Jet {
         let mut jet = Jet {
             q: self.origin,
@@ -468,15 +502,29 @@ impl Moving {
     }
 }
 
-/// From the end of a curve straight to the end of a move near which no curve was found.
-fn bridge(jet: &Jet, part: &Move) -> Option<Leg> {
-    let end = part.piece.position(part.piece.length());
-    let piece = Piece::line(crate::canon::Position(jet.q), end)?;
-    let room = piece.length() / 2.0;
-    Some(Leg {
-        part: Move { piece, ..*part },
-        room: [0.0, room],
-        whole: piece.length(),
+/// From the end of a curve to the end of a move near which no curve was found: straight, or by the beginning of the move where
+/// that would leave the travel of a joint.
+fn bridge(jet: &Jet, part: &Move, settings: &Settings) -> impl Iterator<Item = Leg> + use<> {
+    let (from, corner, to) = (
+        Position(jet.q),
+        part.piece.position(0.0),
+        part.piece.position(part.piece.length()),
+    );
+    let line = |from, to| Piece::line(from, to).map(|piece| piece.in_frame(*part.piece.frame()));
+    let straight = line(from, to);
+    let pieces = if straight.is_none_or(|piece| inside(&piece, settings)) {
+        [None, straight]
+    } else {
+        [line(from, corner), Some(part.piece)]
+    };
+    let part = *part;
+    pieces.into_iter().flatten().map(move |piece| {
+        let room = piece.length() / 2.0;
+        Leg {
+            part: Move { piece, ..part },
+            room: [0.0, room],
+            whole: piece.length(),
+        }
     })
 }
 

@@ -10,9 +10,11 @@ use crate::plan::Settings;
 use crate::plan::limits::{Bounds, PathLimits};
 use crate::plan::profile::{reachable, time_lost};
 use crate::plan::program::{Corner, Move};
+use crate::plan::travel::inside;
 
-/// Part of the tolerance that a rounded corner uses; the rest is for what set-points cut off between them.
-const TOLERANCE_PART: f64 = 0.95;
+/// Part of the tolerance that a rounded corner uses; the rest is for what set-points cut off between them. Less where it would
+/// leave the travel.
+const TOLERANCE_PARTS: [f64; 4] = [0.95, 0.5, 0.25, 0.1];
 
 /// A corner that turns less is flat, radians.
 const FLAT: f64 = 0.2;
@@ -102,7 +104,10 @@ fn rounded(last: &Last, next: &mut Last, tolerance: f64, settings: &Settings) ->
     }
     // Two corners that share a leg must not leave a sliver of it, on which knots would be next to each other.
     let room = [(a.piece.length() - last.from).min(last.leg.room[1]), next.leg.room[0]].map(|room| ROOM * room);
-    let corner = round(&a.piece, room[0], &b.piece, room[1], TOLERANCE_PART * tolerance)?;
+    let corner = TOLERANCE_PARTS.into_iter().find_map(|part| {
+        round(&a.piece, room[0], &b.piece, room[1], part * tolerance)
+            .filter(|corner| inside(&corner.blend.in_frame(*a.piece.frame()), settings))
+    })?;
     // So flat, a stop is never better.
     if corner.turning < FLAT {
         return Some((corner, None));

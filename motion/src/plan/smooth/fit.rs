@@ -63,6 +63,8 @@ pub(super) struct Track {
     pub(super) start: State,
     /// `None`: the curve goes on behind the track.
     pub(super) end: Option<State>,
+    /// Low and high, by axis: where they are known, the curve aims for nothing beyond them.
+    pub(super) walls: Option<[[f64; 2]; AXES]>,
 }
 
 /// Work space and result.
@@ -134,7 +136,10 @@ impl Fit {
                     span += 1;
                 }
                 let n = basis(&self.knots, span, t, 0);
-                self.band.ask(span - DEGREE, &n, &q, 0.5 * (t - before + after));
+                let aim = track.walls.map_or(q, |walls| {
+                    core::array::from_fn(|axis| q[axis].max(walls[axis][0]).min(walls[axis][1]))
+                });
+                self.band.ask(span - DEGREE, &n, &aim, 0.5 * (t - before + after));
                 before = t;
             }
         }

@@ -10,6 +10,8 @@
 //! min_jerk_blend  lines and arcs that meet tangentially or nearly so -> short curves    (only for the optimal planner)
 //! corners    what is left of moves, and the blends between    (round: one corner)
 //! ```
+//!
+//! No stage makes a piece that leaves travel or reach ([`inside`](super::travel::inside)).
 
 // Several arrays are walked at once, over the axes in use.
 #[allow(clippy::needless_range_loop)]
@@ -79,7 +81,7 @@ pub(super) struct Smoother {
 impl Smoother {
     /// Takes the next move.
     pub(super) fn push(&mut self, part: Move, settings: &Settings, out: &mut Vec<Passed>) {
-        self.naive_cam.push(part, &mut self.moves);
+        self.naive_cam.push(part, settings, &mut self.moves);
         self.pass(settings, out);
     }
 
@@ -87,7 +89,7 @@ impl Smoother {
     pub(super) fn flush(&mut self, settings: &Settings, out: &mut Vec<Passed>) {
         self.naive_cam.flush(&mut self.moves);
         self.pass(settings, out);
-        self.compressor.flush(&mut self.legs);
+        self.compressor.flush(settings, &mut self.legs);
         self.round(settings, out);
         self.min_jerk_blend.flush(settings, &mut self.blended);
         for leg in self.blended.drain(..) {
@@ -98,7 +100,7 @@ impl Smoother {
 
     fn pass(&mut self, settings: &Settings, out: &mut Vec<Passed>) {
         for part in self.moves.drain(..) {
-            self.compressor.push(part, &mut self.legs);
+            self.compressor.push(part, settings, &mut self.legs);
         }
         self.round(settings, out);
     }

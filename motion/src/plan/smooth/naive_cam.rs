@@ -11,7 +11,9 @@
 use super::round::distance;
 use crate::canon::{AXES, Position};
 use crate::path::{Piece, Shape};
+use crate::plan::Settings;
 use crate::plan::program::{Corner, Move};
+use crate::plan::travel::inside;
 
 /// Moves that become one, at most.
 const JOINED_MOVES_MAX: usize = 64;
@@ -28,7 +30,7 @@ pub(super) struct NaiveCam {
 }
 
 impl NaiveCam {
-    pub(super) fn push(&mut self, mut part: Move, out: &mut Vec<Move>) {
+    pub(super) fn push(&mut self, mut part: Move, settings: &Settings, out: &mut Vec<Move>) {
         let Corner::Round(tolerance) = part.corner else {
             self.flush(out);
             out.push(part);
@@ -46,7 +48,10 @@ impl NaiveCam {
             self.between.push(middle);
             let alike = before.feed == part.feed && before.corner == part.corner && before.enables == part.enables;
             let same = alike && self.between.len() < JOINED_MOVES_MAX;
-            match Piece::line(before.piece.position(0.0), part.piece.position(part.piece.length())) {
+            let line = Piece::line(before.piece.position(0.0), part.piece.position(part.piece.length()))
+                .map(|line| line.in_frame(*part.piece.frame()))
+                .filter(|line| inside(line, settings));
+            match line {
                 Some(piece) if same && in_line(&piece, &before.piece, &part.piece, &self.between, allowed) => {
                     self.merged = Some(Move { piece, ..part });
                     return;
@@ -94,6 +99,7 @@ mod tests {
     fn merged(points: &[[f64; 2]], q: f64) -> Vec<(u32, f64)> {
         let at = |p: &[f64; 2]| Position::xyz(p[0], p[1], 0.0);
         let (mut stage, mut out) = (NaiveCam::default(), Vec::new());
+        let settings = Settings::new([None; AXES], 1e-3);
         for (k, pair) in points.windows(2).enumerate() {
             let part = Move {
                 piece: Piece::line(at(&pair[0]), at(&pair[1])).unwrap(),
@@ -104,7 +110,7 @@ mod tests {
                 corner: Corner::Round(0.1),
                 naive_cam_mm: q,
             };
-            stage.push(part, &mut out);
+            stage.push(part, &settings, &mut out);
         }
         stage.flush(&mut out);
         out.iter().map(|part| (part.line, part.piece.length())).collect()

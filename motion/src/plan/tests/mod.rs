@@ -10,6 +10,7 @@ mod joint_space;
 mod override_tests;
 mod random;
 mod slow;
+mod travel;
 
 fn settings() -> Settings {
     let linear = AxisLimits {

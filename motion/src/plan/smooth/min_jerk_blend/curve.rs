@@ -114,7 +114,7 @@ impl Curve {
             };
             legs.push(Leg {
                 part: Move {
-                    piece: Piece::blend(&begin, &end, Group::Main)?,
+                    piece: Piece::blend(&begin, &end, Group::Main)?.in_frame(*next.piece.frame()),
                     feed: owner.feed.min(next.feed),
                     corner: Corner::Exact,
                     ..*next

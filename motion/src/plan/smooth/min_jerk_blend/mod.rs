@@ -24,6 +24,7 @@ use super::Leg;
 use super::round::{distance, turning};
 use crate::path::{BlendEnd, Group, Piece, Shape};
 use crate::plan::program::{Corner, Move};
+use crate::plan::travel::{Walls, inside};
 use crate::plan::{AxisLimits, Settings};
 
 /// Angle up to which two moves belong to one run, radians.
@@ -44,7 +45,7 @@ const ACCELERATION_PART: f64 = 0.7;
 const PASSES: u32 = 2;
 /// Price of being off along the path by the way of one span.
 const ALONG_WEIGHT: f64 = 0.03;
-/// Tries with less of the tolerance where a curve goes beyond it.
+/// Tries, with less of the tolerance where a curve goes beyond it or leaves the travel.
 const TRIES: u32 = 3;
 
 /// Speed on an arc over that at which it takes all of the jerk.
@@ -200,20 +201,35 @@ impl MinJerkBlend {
         // Inside a bend, the borders of the tolerance of both moves meet further from its vertex.
         let tolerance = TOLERANCE_PART * tolerance * libm::cos(0.5 * angle);
         let mut tube = tolerance;
+        let mut walls = None;
         for _ in 0..TRIES {
-            let curve = self.curve(&track, [from, to], &limits, tube)?;
+            let curve = self.curve(&track, [from, to], &limits, tube, walls.as_ref())?;
             let walk = curve.walk(&track, from);
             let end = track.start(last) + to;
             if walk.off <= tolerance && walk.places.last().is_some_and(|s| (s - end).abs() < 1e-6) {
-                return curve.into_legs(&self.run, [from, to], &track, &walk, &self.pace);
+                let blended = curve.into_legs(&self.run, [from, to], &track, &walk, &self.pace)?;
+                if blended.legs.iter().all(|leg| inside(&leg.part.piece, settings)) {
+                    return Some(blended);
+                }
+                // Half the tolerance on both sides of what is as far as that from the limits of the travel.
+                tube = 0.5 * tolerance;
+                walls = Some(Walls::new(settings).drawn_in(tube));
+            } else {
+                tube *= 0.98 * (tolerance / walk.off).min(1.0);
             }
-            tube *= 0.98 * (tolerance / walk.off).min(1.0);
         }
         None
     }
 
     /// The curve of least jerk between two places of the run.
-    fn curve(&mut self, track: &Track, [from, to]: [f64; 2], limits: &AxisLimits, tube: f64) -> Option<Curve> {
+    fn curve(
+        &mut self,
+        track: &Track,
+        [from, to]: [f64; 2],
+        limits: &AxisLimits,
+        tube: f64,
+        walls: Option<&Walls>,
+    ) -> Option<Curve> {
         let begin = self.pace.time_at(from);
         let duration = self.pace.time_at(track.start(track.legs.len() - 1) + to) - begin;
         let wanted = (KNOTS * limits.acceleration / limits.jerk).clamp(KNOTS_S[0], KNOTS_S[1]);
@@ -267,6 +283,7 @@ impl MinJerkBlend {
             let mut gate = |x: f64, (place, along): (Plane, Plane)| {
                 let v = self.pace.at(begin + h * x).v;
                 let (span, weights) = weights(x, spans);
+                let place = walls.map_or(place, |walls| track.flat(&walls.between(&track.position(&place))));
                 gates.push(Gate {
                     span,
                     weights,
