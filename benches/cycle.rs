@@ -27,7 +27,7 @@ use isocnc::host::wait::{monotonic_ns, wait_until};
 use isocnc::machine::motion_settings::{ring_capacity, stop_ramp};
 use isocnc::machine::state::State;
 use isocnc::machine::tables::Tables;
-use isocnc::operator::console::{Operator, Wish};
+use isocnc::operator::console::Operator;
 use isocnc::operator::rehearsal::rehearse;
 use isocnc::program::{Feeder, home};
 use isocnc::rt::assemble::assemble;
@@ -149,7 +149,7 @@ fn timed_cycles(config: &Config, paced: bool) -> anyhow::Result<[Jitter; 2]> {
         // Other threads' work; the program begins again as often as it takes.
         if cycle.is_multiple_of(10) {
             let now_ns = control.bus_mut().now_ns();
-            if let Wish::PlanFrom(position) = operator.poll(now_ns) {
+            if let Some(position) = operator.poll(now_ns) {
                 let (producer, consumer) = ring::channel(ring_capacity(config));
                 feeder = Some(Feeder::new(config, &tables, PROGRAM, position, producer));
                 operator.start(Box::new(Interpolator::new(consumer, position, stop_ramp(config))));

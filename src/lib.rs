@@ -3,6 +3,9 @@
 //! In:  a machine file ([`config`]) and a part program ([`program`]).
 //! Out: set-points to drives over the field bus ([`bus`]), every cycle ([`rt`]).
 
+// An application: what is public here is so for its binary and its tests, and says more than its name only where there is more to say.
+#![allow(missing_docs)]
+
 pub mod analyser;
 pub mod api;
 pub mod bus;

@@ -11,7 +11,7 @@ use isocnc::config::{self, Config};
 use isocnc::host::histogram::Jitter;
 use isocnc::machine::motion_settings::{ring_capacity, stop_ramp};
 use isocnc::machine::state::State;
-use isocnc::operator::console::{Operator, Wish};
+use isocnc::operator::console::Operator;
 use isocnc::program::{Feeder, Progress};
 use isocnc::rt::assemble::assemble;
 use isocnc::rt::cycle_stats::{CycleTimes, recorder};
@@ -227,7 +227,7 @@ fn the_cycle_never_allocates() {
     for _ in 0..20_000 {
         cycle(&mut control, 0);
         let now_ns = control.bus_mut().now_ns();
-        if let Wish::PlanFrom(position) = operator.poll(now_ns) {
+        if let Some(position) = operator.poll(now_ns) {
             let (producer, consumer) = ring::channel(ring_capacity(&config));
             let new = Feeder::new(&config, &tables, text.as_bytes(), position, producer);
             feeder = Some(new.following(operator.shared()));

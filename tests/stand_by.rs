@@ -8,12 +8,13 @@ use isocnc::operator::console::Operator;
 use isocnc::operator::rehearsal::{Rehearsal, rehearse_with};
 use isocnc::sim::{Disturbance, NetConfig};
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
-use nix::sys::signal::{Signal, kill};
+use nix::sys::signal::{SigHandler, Signal, kill};
 use nix::unistd::Pid;
 use serde_json::Value;
 use std::io::Write;
 use std::os::unix::fs::MetadataExt;
 use std::os::unix::net::UnixStream;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -193,6 +194,16 @@ impl Control {
         std::fs::write(&file, changed(&text)).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
         command.arg("run").arg(&file).arg("--json").stdout(stdout);
+        // A shell starts what runs in its background with these ignored.
+        let default = || {
+            // SAFETY: no handler is put in, and nothing else is done between fork and exec.
+            for signal in [Signal::SIGINT, Signal::SIGQUIT] {
+                unsafe { nix::sys::signal::signal(signal, SigHandler::SigDfl)? };
+            }
+            Ok(())
+        };
+        // SAFETY: the closure makes system calls only.
+        unsafe { command.pre_exec(default) };
         Control {
             process: command.spawn().unwrap(),
             folder,

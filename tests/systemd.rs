@@ -5,6 +5,7 @@
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use std::collections::BTreeMap;
+use std::os::unix::fs::MetadataExt;
 use std::os::unix::net::UnixDatagram;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -311,4 +312,47 @@ fn verify(unit: &Path) -> (bool, String) {
         output.status.success(),
         String::from_utf8_lossy(&output.stderr).into_owned(),
     )
+}
+
+/// The journal of a service shows how grave a line is (`journalctl -p warning`); a terminal is spared the numbers.
+#[test]
+fn lines_for_the_journal_of_systemd_begin_with_their_priority() {
+    let _alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    let folder = tempfile::tempdir().unwrap();
+    let [machine_file, output] = ["machine.toml", "output"].map(|name| folder.path().join(name));
+    std::fs::write(&machine_file, machine()).unwrap();
+    for to_journal in [true, false] {
+        let file = std::fs::File::create(&output).unwrap();
+        let number = file.metadata().unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+        command.arg("run").arg(&machine_file).stdout(file);
+        if to_journal {
+            command.env("JOURNAL_STREAM", format!("{}:{}", number.dev(), number.ino()));
+        }
+        let mut control = command.spawn().unwrap();
+        let give_up = Instant::now() + PATIENCE;
+        let text = loop {
+            let text = std::fs::read_to_string(&output).unwrap();
+            if text.contains("machine disabled") {
+                break text;
+            }
+            assert!(Instant::now() < give_up && control.try_wait().unwrap().is_none(), "{text}");
+            std::thread::sleep(Duration::from_millis(20));
+        };
+        kill(Pid::from_raw(control.id() as i32), Signal::SIGTERM).unwrap();
+        control.wait().unwrap();
+        let line = text.lines().find(|line| line.ends_with("machine disabled")).unwrap();
+        assert_eq!(line.starts_with("<6>"), to_journal, "{text}");
+    }
+}
+
+#[test]
+fn a_log_that_nobody_can_mean_is_refused_with_what_can_be_meant() {
+    for (variable, value) in [("ISOCNC_LOG", "loud"), ("ISOCNC_LOG_FORMAT", "xml")] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+        let refused = command.arg("schema").env(variable, value).output().unwrap();
+        let said = String::from_utf8(refused.stderr).unwrap();
+        assert_eq!(refused.status.code(), Some(2), "{said}");
+        assert!(said.contains(variable) && said.contains(value) && said.contains("expected"), "{said}");
+    }
 }

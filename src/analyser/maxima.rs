@@ -3,7 +3,6 @@
 //! In:  values, each with the time since the beginning.
 //! Out: at most [`INTERVALS`] maxima. When they would be more, each two neighbours become one of twice the width.
 
-/// Most intervals.
 pub const INTERVALS: usize = 1024;
 /// Width of an interval at first, ns.
 const FIRST_WIDTH_NS: u64 = 50_000_000;

@@ -76,7 +76,6 @@ struct Seen {
     octets: Vec<u8>,
 }
 
-/// The measurement.
 pub(super) struct Measurement {
     tally: Tally,
     capture: Option<Capture>,

@@ -42,10 +42,8 @@ use std::thread::JoinHandle;
 /// Why nothing can be measured.
 #[derive(Debug, thiserror::Error)]
 pub enum AnalyserError {
-    /// The socket.
     #[error("interface {interface}: {doing}: {cause}{}", rights(.cause))]
     Socket {
-        /// The interface.
         interface: String,
         /// What was tried.
         doing: &'static str,
@@ -55,12 +53,10 @@ pub enum AnalyserError {
     /// The capture file.
     #[error("capture file {}: {cause}", .path.display())]
     Capture {
-        /// The file.
         path: PathBuf,
         /// The system's answer.
         cause: io::Error,
     },
-    /// The thread.
     #[error("the measuring thread has failed")]
     Thread,
 }

@@ -12,13 +12,10 @@ use std::fmt;
 pub struct FrameCounts {
     /// Start of cycle.
     pub soc: u64,
-    /// Poll requests.
     pub preq: u64,
-    /// Poll responses.
     pub pres: u64,
     /// Start of the asynchronous phase.
     pub soa: u64,
-    /// Asynchronous frames.
     pub asnd: u64,
     /// POWERLINK frames of other types.
     pub other: u64,
@@ -47,9 +44,7 @@ pub enum StampSource {
 /// What was measured. Times in µs where the name says nothing else.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SocReport {
-    /// Where.
     pub interface: String,
-    /// Nominal period.
     pub cycle_us: u32,
     /// Whose receive stamps were used.
     pub stamps: StampSource,
@@ -59,13 +54,9 @@ pub struct SocReport {
     pub duration_s: f64,
     /// Number of periods.
     pub n: u64,
-    /// Mean period.
     pub period_mean_us: f64,
-    /// Standard deviation.
     pub period_std_us: f64,
-    /// Shortest period.
     pub period_min_us: f64,
-    /// Longest period.
     pub period_max_us: f64,
     /// Longest minus shortest.
     pub period_range_us: f64,

@@ -27,17 +27,9 @@ pub enum ClientError {
         machine: Option<String>,
     },
     /// Several controls run.
-    Several {
-        /// Their machines.
-        machines: Vec<String>,
-    },
+    Several { machines: Vec<String> },
     /// The socket failed.
-    Io {
-        /// The socket.
-        path: PathBuf,
-        /// Why.
-        cause: io::Error,
-    },
+    Io { path: PathBuf, cause: io::Error },
     /// The answer is none.
     BadAnswer {
         /// What is wrong with it.

@@ -22,9 +22,7 @@ use obd::AbortCode;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
-/// One method.
 pub struct Method {
-    /// Its name.
     pub name: &'static str,
     /// Names of its parameters.
     pub params: &'static [&'static str],
@@ -38,7 +36,6 @@ pub struct Method {
 /// `None`: comes when the bus has done it.
 type Answer = Option<Result<Value, RpcError>>;
 
-/// All methods.
 pub const METHODS: &[Method] = &[
     Method {
         name: "methods",
@@ -443,12 +440,21 @@ impl Serve for Methods {
         if !method.looks && self.live.snapshot().state == State::Silenced {
             return Some(Err(RpcError::new(code::REFUSED, SILENCED)));
         }
-        (method.call)(self, &request.params, ticket)
+        let answer = (method.call)(self, &request.params, ticket);
+        match &answer {
+            Some(Err(error)) => tracing::info!(ticket, method = method.name, error = error.message, "refused"),
+            _ if method.looks => tracing::trace!(ticket, method = method.name),
+            _ => tracing::info!(ticket, method = method.name),
+        }
+        answer
     }
 
     fn later(&mut self) -> Option<(Ticket, Result<Value, RpcError>)> {
-        if let Some(answered) = self.operator.answer() {
-            return Some(answered);
+        if let Some((ticket, result)) = self.operator.answer() {
+            if let Err(error) = &result {
+                tracing::info!(ticket, error = error.message, "refused");
+            }
+            return Some((ticket, result));
         }
         let reply = self.bus.reply()?;
         let read = self.reading.iter().position(|ticket| *ticket == reply.ticket);

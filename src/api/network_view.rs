@@ -14,11 +14,9 @@ use toml::de::DeTable;
 pub struct NetworkView {
     /// Name of the machine.
     pub machine: String,
-    /// Machine file.
     pub file: String,
     /// Network interface; "memory" for the wire in memory.
     pub interface: String,
-    /// Cycle, us.
     pub cycle_us: u32,
     /// AsyncSlotTimeout (0x1F8A/2), us.
     pub async_slot_timeout_us: u32,
@@ -35,9 +33,7 @@ pub struct NetworkView {
 /// One controlled node.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NodeView {
-    /// Node id.
     pub id: u8,
-    /// Its name.
     pub name: String,
     /// Line of its `[[bus.node]]` in the machine file.
     pub line: Option<usize>,
@@ -75,9 +71,7 @@ pub struct ExpectedIdentity {
 /// One object in a payload.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MappedView {
-    /// Object.
     pub index: u16,
-    /// Sub-index.
     pub sub: u8,
     /// First bit in the payload.
     pub offset_bits: u32,

@@ -49,7 +49,6 @@ pub enum Order {
 pub struct Jog {
     /// What is to move; `None`: whatever moves, for [`JogMotion::Keep`] and [`JogMotion::Release`].
     pub what: Option<Jogged>,
-    /// How.
     pub motion: JogMotion,
 }
 
@@ -68,12 +67,7 @@ pub enum Source {
     /// A file that the control may read.
     File(PathBuf),
     /// The text itself, and its name for messages.
-    Text {
-        /// Name.
-        name: String,
-        /// Text.
-        text: String,
-    },
+    Text { name: String, text: String },
 }
 
 /// What lies open on the inbox.
@@ -92,7 +86,6 @@ pub struct Shown {
 /// A program of [`Shown`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ShownProgram {
-    /// Its name.
     pub name: String,
     /// Its last line with something to do.
     pub lines: u32,
@@ -119,7 +112,6 @@ pub struct OrderInbox {
     latest: Shown,
 }
 
-/// Both sides.
 pub fn order_channel() -> (OrderClient, OrderInbox) {
     let (orders, orders_out) = sync_channel(ORDERS);
     let (answers_in, answers) = channel();
@@ -175,7 +167,6 @@ impl OrderInbox {
         self.orders.try_recv().ok()
     }
 
-    /// Answers one.
     pub fn answer(&self, ticket: Ticket, result: Result<Value, RpcError>) {
         // Nobody reads it any more where the service thread has ended.
         let _ = self.answers.send((ticket, result));

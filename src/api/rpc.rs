@@ -58,9 +58,7 @@ impl std::error::Error for RpcError {}
 pub struct Request {
     /// Comes back with the answer; `None`: a notification, which gets no answer.
     pub id: Option<Value>,
-    /// Which method.
     pub method: String,
-    /// Its parameters.
     pub params: Params,
 }
 

@@ -62,7 +62,13 @@ pub fn serve(socket: &Socket, service: &mut impl Serve, stop: &AtomicBool) {
             client.write();
             client.tell_gone(service);
         }
-        clients.retain(|client| !client.is_over());
+        clients.retain(|client| {
+            let stays = !client.is_over();
+            if !stays {
+                tracing::debug!(client = client.name, "disconnected");
+            }
+            stays
+        });
         wait(socket, &mut clients);
         accept(socket, &mut clients, service, &mut next_ticket);
     }
@@ -106,7 +112,8 @@ fn accept(socket: &Socket, clients: &mut Vec<Client>, service: &mut impl Serve, 
         let Ok((stream, _)) = socket.listener().accept() else {
             return;
         };
-        if stream.set_nonblocking(true).is_err() || check_peer(&stream).is_err() {
+        if let Err(cause) = stream.set_nonblocking(true).and_then(|()| check_peer(&stream)) {
+            tracing::warn!(%cause, "connection refused");
             continue;
         }
         if clients.len() >= CLIENTS_MAX {
@@ -114,18 +121,21 @@ fn accept(socket: &Socket, clients: &mut Vec<Client>, service: &mut impl Serve, 
             let silent = (0..clients.len()).min_by_key(|at| (clients[*at].waits(), clients[*at].heard));
             if let Some(mut client) = silent.map(|at| clients.swap_remove(at)) {
                 let what = format!("{CLIENTS_MAX} others are connected, and this one was silent for the longest time");
+                tracing::warn!(client = client.name, "disconnected: {what}");
                 client.answer(&Value::Null, Err(RpcError::new(code::REFUSED, what)));
                 client.write();
                 client.pending.iter().for_each(|(ticket, _)| _ = service.gone(*ticket));
             }
         }
         *next_ticket += 1;
+        tracing::debug!(client = *next_ticket, "connected");
         clients.push(Client::new(stream, *next_ticket));
     }
 }
 
-/// One connection.
 struct Client {
+    /// In the log: the ticket of its connection.
+    name: Ticket,
     stream: UnixStream,
     /// When something of it was heard last: the ticket of that, or of its connection.
     heard: Ticket,
@@ -144,6 +154,7 @@ struct Client {
 impl Client {
     fn new(stream: UnixStream, heard: Ticket) -> Client {
         Client {
+            name: heard,
             stream,
             heard,
             input: Vec::new(),

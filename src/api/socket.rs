@@ -26,10 +26,7 @@ const CONNECT_WAIT: Duration = Duration::from_secs(2);
 #[derive(Debug)]
 pub enum BindError {
     /// Another process serves the same machine.
-    Running {
-        /// Its socket.
-        path: PathBuf,
-    },
+    Running { path: PathBuf },
     /// Something else has this name.
     NoSocket {
         /// What stands there.
@@ -37,7 +34,6 @@ pub enum BindError {
     },
     /// The system does not allow it.
     System {
-        /// The socket.
         path: PathBuf,
         /// What was tried.
         doing: &'static str,

@@ -10,7 +10,6 @@ use crate::config::Mapped;
 pub struct Field {
     /// The object and its length.
     pub object: Mapped,
-    /// First octet.
     pub offset: usize,
 }
 

@@ -131,7 +131,6 @@ pub enum BusEvent {
     Identified(NodeIndex),
     /// A node is not the one that the machine file describes.
     WrongIdentity {
-        /// The node.
         node: NodeIndex,
         /// Object that differs, for example `1018:1`.
         object: (u16, u8),
@@ -142,7 +141,6 @@ pub enum BusEvent {
     },
     /// A node refused a configuration value.
     ConfigurationRefused {
-        /// The node.
         node: NodeIndex,
         /// Object that was written.
         object: (u16, u8),
@@ -159,7 +157,6 @@ pub enum BusEvent {
     NodeLost(NodeIndex),
     /// A node reports an error.
     NodeError {
-        /// The node.
         node: NodeIndex,
         /// Error code of the entry.
         code: u16,
@@ -192,7 +189,6 @@ impl EthernetFrame {
         }
     }
 
-    /// The frame.
     pub fn octets(&self) -> &[u8] {
         &self.octets[..usize::from(self.length)]
     }
@@ -240,7 +236,6 @@ pub type OutputImage = ProcessImage;
 /// What came from the nodes; a lost answer leaves the last value in place.
 #[derive(Clone, Debug)]
 pub struct InputImage {
-    /// Payloads.
     pub payload: ProcessImage,
     /// For each node: polls in a row without an answer, 0 when this cycle's came.
     pub lost_in_row: Box<[u32]>,
@@ -356,7 +351,6 @@ impl<B: CyclicBus + ?Sized> CyclicBus for Box<B> {
 /// Polls of one node so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct NodeStatistics {
-    /// Polls sent.
     pub polls: u64,
     /// Answers that came in time.
     pub answers: u64,

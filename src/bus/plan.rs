@@ -25,11 +25,8 @@ pub struct NodePlan {
 /// A value that is not written into a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LeftOut {
-    /// Object index.
     pub index: u16,
-    /// Sub-index.
     pub sub: u8,
-    /// Why.
     pub reason: LeftOutReason,
 }
 

@@ -11,11 +11,8 @@ use serde::{Deserialize, Serialize};
 pub struct MailboxRequest {
     /// Comes back with the reply.
     pub ticket: u64,
-    /// Which node.
     pub node: NodeIndex,
-    /// Object.
     pub index: u16,
-    /// Sub-index.
     pub sub: u8,
     /// What is written, at most [`super::SDO_VALUE_MAX`] octets; `None`: the object is read.
     pub value: Option<Vec<u8>>,
@@ -64,7 +61,6 @@ pub trait Diagnose {
     fn node(&mut self, node: NodeIndex, now_ns: u64) -> Option<NodeLive>;
 }
 
-/// Both.
 pub trait BusService: Mailbox + Diagnose + Send {}
 
 impl<T: Mailbox + Diagnose + Send> BusService for T {}
@@ -93,7 +89,6 @@ pub struct NetworkLive {
     pub why: Option<String>,
     /// Another managing node that was heard: its MAC and how many frames.
     pub foreign: Option<String>,
-    /// SoCs sent.
     pub cycles: u64,
     /// Cycles left out because the next one was started too late.
     pub cycles_skipped: u64,
@@ -126,7 +121,6 @@ pub struct NodeLive {
     pub errors: Vec<String>,
     /// Errors it signalled since the start.
     pub errors_total: u64,
-    /// PReqs sent.
     pub polls: u64,
     /// PReqs without a PRes in time.
     pub lost: u64,
@@ -138,7 +132,6 @@ pub struct NodeLive {
     pub refused: u64,
     /// Longest time from PReq to PRes, us.
     pub response_max_us: f64,
-    /// Boots begun.
     pub boots: u64,
     /// Times it was given up.
     pub faults: u64,
@@ -147,7 +140,6 @@ pub struct NodeLive {
 /// Why a node is not operational.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Why {
-    /// In words.
     pub text: String,
     /// The object that it is about.
     pub object: Option<String>,
@@ -157,7 +149,6 @@ pub struct Why {
     pub actual: Option<String>,
 }
 
-/// An IdentResponse.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs, reason = "named as the fields of the IdentResponse")]
 pub struct IdentityView {

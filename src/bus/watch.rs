@@ -11,7 +11,6 @@ pub struct Watch {
     // Written by the cycle thread.
     /// Date of the cycle that has begun last; 0: none is expected.
     pub(crate) deadline_ns: AtomicU64,
-    /// Its number.
     pub(crate) cycle: AtomicU64,
     /// Number of the cycle that has ended last, plus 1.
     pub(crate) finished: AtomicU64,
@@ -37,7 +36,6 @@ pub struct Watch {
 /// Counters of the time-out thread.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Counters {
-    /// Ticks done.
     pub ticks: u64,
     /// Ticks left out because the thread ran too late.
     pub missed_ticks: u64,

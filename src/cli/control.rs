@@ -123,15 +123,6 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Pause between two lines about it where the output is no terminal.
 const PAUSE: Duration = Duration::from_secs(5);
 
-/// An order without parameters that is carried out at once.
-#[derive(Clone, Copy, Debug)]
-pub enum Order {
-    /// Comes to rest on the path, keeps the program.
-    Hold,
-    /// Goes on after a hold.
-    Resume,
-}
-
 /// An order that takes its time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lasting {
@@ -160,18 +151,27 @@ pub fn status(args: &ControlArgs) -> anyhow::Result<ExitCode> {
     })
 }
 
-/// Gives an order that is carried out at once.
-///
-/// # Errors
-/// No control answers, or it refuses.
-pub fn order(args: &ControlArgs, order: Order) -> anyhow::Result<ExitCode> {
-    let (method, done) = match order {
-        Order::Hold => ("hold", "comes to rest on the path; go on with: isocnc resume"),
-        Order::Resume => ("resume", "goes on"),
-    };
+/// Gives an order without parameters that is carried out at once; `done` says what comes of it.
+fn order(args: &ControlArgs, method: &str, done: &str) -> anyhow::Result<ExitCode> {
     let answer = call(args, method, json!({}))?;
     print(args, &answer, done);
     Ok(ExitCode::SUCCESS)
+}
+
+/// Comes to rest on the path, keeps the program.
+///
+/// # Errors
+/// No control answers, or it refuses.
+pub fn hold(args: &ControlArgs) -> anyhow::Result<ExitCode> {
+    order(args, "hold", "comes to rest on the path; go on with: isocnc resume")
+}
+
+/// Goes on after a hold.
+///
+/// # Errors
+/// No control answers, or it refuses.
+pub fn resume(args: &ControlArgs) -> anyhow::Result<ExitCode> {
+    order(args, "resume", "goes on")
 }
 
 /// Gives an order and waits until it is carried out. Ctrl-C ends the waiting, and nothing else.
@@ -363,9 +363,7 @@ fn overrides(of: &Value) -> String {
 /// No control answers, or it refuses.
 pub fn alarm(args: &AlarmArgs) -> anyhow::Result<ExitCode> {
     let AlarmCommand::Acknowledge = args.command;
-    let answer = call(&args.control, "alarm.acknowledge", json!({}))?;
-    print(&args.control, &answer, "acknowledged; drives stay off");
-    Ok(ExitCode::SUCCESS)
+    order(&args.control, "alarm.acknowledge", "acknowledged; drives stay off")
 }
 
 fn call(args: &ControlArgs, method: &str, params: Value) -> anyhow::Result<Value> {

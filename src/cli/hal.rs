@@ -3,6 +3,7 @@
 //! In:  the shared memory of the control, found by the name of its machine.
 //! Out: lines or JSON on standard output; `set` changes an input that no net reaches.
 
+use crate::host::terminal::table;
 use anyhow::{Context, bail};
 use glob::Pattern;
 use hal_pins::{AnyValue, Attached, Found, PinInfo};
@@ -228,26 +229,21 @@ fn same_value(a: AnyValue, b: AnyValue) -> bool {
 }
 
 fn write_table(list: &[PinInfo], out: &mut impl Write) -> std::io::Result<()> {
-    let width = |shown: &dyn Fn(&PinInfo) -> usize, least| list.iter().map(shown).max().unwrap_or(0).max(least);
-    let name = width(&|pin| pin.name.len(), 4);
-    let value = width(&|pin| pin.value.to_string().len(), 5);
-    writeln!(out, "{:name$}  type   dir  {:>value$}  net", "name", "value")?;
-    for pin in list {
+    let rows = list.iter().map(|pin| {
         let net = match (&pin.net, &pin.source) {
             (Some(net), _) => net.clone(),
             (None, Some(source)) => format!("from {source}"),
             (None, None) => String::new(),
         };
-        let line = format!(
-            "{:name$}  {:5}  {:3}  {:>value$}  {net}",
-            pin.name,
-            pin.value_type(),
-            pin.kind.short(),
-            pin.value.to_string()
-        );
-        writeln!(out, "{}", line.trim_end())?;
-    }
-    Ok(())
+        vec![
+            pin.name.clone(),
+            pin.value_type().to_string(),
+            pin.kind.short().into(),
+            pin.value.to_string(),
+            net,
+        ]
+    });
+    out.write_all(table(&["name", "type", "dir", ">value", "net"], rows).as_bytes())
 }
 
 fn to_json(pin: &PinInfo) -> Json {

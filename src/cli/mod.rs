@@ -118,6 +118,10 @@ pub fn main() -> ExitCode {
         }
         Err(error) => error.exit(),
     };
+    if let Err(error) = crate::host::logging::begin() {
+        eprintln!("isocnc: {error}");
+        return ExitCode::from(2);
+    }
     if let Command::Demo(_) | Command::Run(_) | Command::Jitter(_) = &cli.command {
         crate::host::setup::keep_one_heap();
     }
@@ -130,8 +134,8 @@ pub fn main() -> ExitCode {
         Command::Enable(args) => control::lasting(args, control::Lasting::Enable),
         Command::Home(args) => control::lasting(args, control::Lasting::Home),
         Command::Jog(args) => jog::jog(args),
-        Command::Hold(args) => control::order(args, control::Order::Hold),
-        Command::Resume(args) => control::order(args, control::Order::Resume),
+        Command::Hold(args) => control::hold(args),
+        Command::Resume(args) => control::resume(args),
         Command::Reverse(args) => control::reverse(args),
         Command::SingleBlock(args) => control::single_block(args),
         Command::Stop(args) => control::lasting(args, control::Lasting::Stop),

@@ -31,9 +31,7 @@ pub enum Question {
     Default(serde_json::Value),
     /// A whole number in this range.
     Integer(RangeInclusive<i64>),
-    /// A number.
     Number(Bound),
-    /// Any text.
     Text,
     /// One of these words.
     Word(Vec<&'static str>),
@@ -41,7 +39,6 @@ pub enum Question {
     Flag,
     /// An array, of what is asked of its items.
     Array,
-    /// A table.
     Table,
     /// An array of tables.
     Tables,

@@ -723,7 +723,7 @@ fn a_mistake_in_a_compensation_file_is_told_with_its_place() {
         rule("# told forward backward\n0 0 0.01 ; home\n\n10 9.98 9.99\n"),
         "0.010"
     );
-    assert_eq!(rule("0 0 0\n10 1o 10\n"), format!("2:4: 1o is no number; {columns}"));
+    assert_eq!(rule("0 0 0\n10 1o 10\n"), format!("2:4: 1o is not a number; {columns}"));
     assert_eq!(rule("0 0\n"), format!("1:1: 2 numbers; {columns}"));
     assert_eq!(rule("# nothing\n"), format!("1:1: no row; {columns}"));
     assert_eq!(

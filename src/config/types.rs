@@ -31,7 +31,6 @@ pub struct Config {
     /// Unit of lengths in tool table and parameter file, and in a program before G20 or G21. All keys of the machine file
     /// itself are in mm.
     pub unit: LengthUnit,
-    /// Real-time settings.
     pub rt: Rt,
     /// The field bus.
     pub bus: Bus,
@@ -43,11 +42,9 @@ pub struct Config {
     pub axes: Vec<AxisMap>,
     /// Origins of G54 (index 0) to G59.3 (index 8), machine coordinates.
     pub work_offsets: [Position; 9],
-    /// Spindle.
     pub spindle: Spindle,
     /// How programs are run.
     pub program: Program,
-    /// The tools.
     pub tools: Tools,
     /// Connections between pins.
     pub nets: Vec<Net>,
@@ -173,7 +170,6 @@ pub enum Require {
 /// `[bus]`
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bus {
-    /// Which wire.
     pub kind: BusKind,
     /// Network interface of a real wire.
     pub interface: String,
@@ -302,7 +298,6 @@ pub struct Identity {
 /// Profile of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Profile {
-    /// Servo drive.
     Cia402,
     /// Digital inputs and outputs (CiA 401).
     Io,
@@ -311,9 +306,7 @@ pub enum Profile {
 /// One object in a PDO: `"0x60FE:1/32"`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mapped {
-    /// Object index.
     pub index: u16,
-    /// Sub-index.
     pub sub: u8,
     /// Length in bits: 8, 16, 32 or 64.
     pub bits: u8,
@@ -357,7 +350,6 @@ pub struct Joint {
 pub struct Compensation {
     /// Way that is lost when the joint turns round, mm.
     pub backlash_mm: f64,
-    /// Pitch errors.
     pub table: PitchTable,
     /// How fast it may change.
     pub take_up: TakeUpLimits,
@@ -453,7 +445,6 @@ pub enum HomeSwitch {
 /// `[[axis]]`
 #[derive(Clone, Debug, PartialEq)]
 pub struct AxisMap {
-    /// Program axis.
     pub axis: Axis,
     /// Joints that it moves (more than one: gantry).
     pub joints: Vec<usize>,

@@ -32,13 +32,10 @@ pub struct Jitter {
 pub struct Summary {
     /// Number of values.
     pub n: u64,
-    /// Mean.
     pub mean_us: f64,
     /// Standard deviation (of the population).
     pub std_us: f64,
-    /// Least value.
     pub min_us: f64,
-    /// Greatest value.
     pub max_us: f64,
     /// Greatest minus least.
     pub range_us: f64,
@@ -59,7 +56,6 @@ pub struct Summary {
 pub struct Bucket {
     /// Least deviation from the nominal.
     pub from_ns: i64,
-    /// Greatest.
     pub to_ns: i64,
     /// Values in it.
     pub count: u64,
@@ -159,7 +155,6 @@ impl Jitter {
         early.chain(late).filter(|bucket| bucket.count > 0)
     }
 
-    /// All figures.
     pub fn summary(&self) -> Summary {
         if self.n == 0 {
             return Summary::default();

@@ -5,6 +5,7 @@ pub mod capabilities;
 pub mod doctor;
 pub mod histogram;
 pub mod latency;
+pub mod logging;
 pub mod netns;
 pub mod network_locks;
 pub mod setup;

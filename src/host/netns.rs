@@ -28,7 +28,6 @@ pub enum NetnsError {
     Forbidden {
         /// What was tried.
         doing: String,
-        /// Its answer.
         errno: Errno,
         /// What forbids it and how to change that.
         fix: String,
@@ -38,21 +37,16 @@ pub enum NetnsError {
     System {
         /// What was tried.
         doing: String,
-        /// The reason.
         cause: String,
     },
     /// No legal name of an interface.
     #[error("interface name '{name}': expected 1 to 15 characters without spaces, slashes and colons")]
-    Name {
-        /// The name.
-        name: String,
-    },
+    Name { name: String },
 }
 
 /// The wire that was made.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Wire {
-    /// One end.
     pub near: String,
     /// The other end.
     pub far: String,

@@ -24,7 +24,6 @@ const SOC_LOST: u32 = 100;
 /// How a PC wakes a thread up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Steadiness {
-    /// How late.
     pub late: Summary,
     /// The thread had a core and SCHED_FIFO.
     pub real_time: bool,

@@ -4,6 +4,7 @@
 //!
 //! The status line is cut off at the right where the terminal ends: wrapped, it could not be wiped again.
 
+use comfy_table::{CellAlignment, Table, presets};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use std::io::{Write, stdout};
@@ -76,6 +77,22 @@ impl Drop for StatusLine {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
     }
+}
+
+/// Rows below a heading, in columns two blanks apart; a heading that begins with `>` stands, as all below it, at the right. Ends
+/// with the end of its last line.
+pub fn table(heading: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    let mut table = Table::new();
+    table.load_preset(presets::NOTHING);
+    table.set_header(heading.iter().map(|name| name.trim_start_matches('>')));
+    table.add_rows(rows);
+    for (column, name) in table.column_iter_mut().zip(heading) {
+        column.set_padding((0, 2));
+        if name.starts_with('>') {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    format!("{}\n", table.trim_fmt())
 }
 
 /// A text that must not be overlooked: red where standard output is a terminal and `NO_COLOR` is not set.

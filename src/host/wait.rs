@@ -51,7 +51,6 @@ pub struct Grid {
 /// The next date of a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Next {
-    /// When.
     pub deadline_ns: u64,
     /// Whole cycles left out before it.
     pub skipped: u64,

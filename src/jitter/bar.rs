@@ -9,7 +9,6 @@ use std::time::Duration;
 /// Pause between two lines where the output is no terminal.
 const PAUSE: Duration = Duration::from_secs(10);
 
-/// The bar.
 pub(super) struct Bar {
     line: StatusLine,
     planned_s: f64,

@@ -37,7 +37,6 @@ pub enum CyclictestError {
     /// What it printed is not what is expected.
     #[error("cyclictest printed '{line}' where {expected} was expected")]
     Output {
-        /// The line.
         line: String,
         /// What should stand there.
         expected: &'static str,

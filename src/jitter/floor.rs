@@ -19,7 +19,6 @@ const PRIORITY: u8 = 90;
 /// How the floor is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plan {
-    /// The core.
     pub core: usize,
     /// Period of wake-ups, µs.
     pub cycle_us: u32,

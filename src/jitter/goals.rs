@@ -9,7 +9,6 @@ use super::ratios::Ratios;
 pub struct Goal {
     /// For which PC.
     pub name: &'static str,
-    /// Ratios.
     pub ratios: Ratios,
     /// Cycles left out per 10,000.
     pub overruns_per_10000: f64,

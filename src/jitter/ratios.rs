@@ -21,7 +21,6 @@ pub struct Ratios {
     pub p99: f64,
     /// 99.9 % of all.
     pub p99_9: f64,
-    /// Standard deviations.
     pub std: f64,
 }
 

@@ -23,7 +23,6 @@ pub struct JitterReport {
     pub result: Ended,
     /// What kept it from being complete, or should be known when reading it; one sentence each.
     pub notes: Vec<String>,
-    /// Where.
     pub pc: Pc,
     /// What was asked for.
     pub settings: Settings,
@@ -83,9 +82,7 @@ pub struct Settings {
     pub far_end: String,
     /// Cycles wanted in all rounds together.
     pub cycles: u64,
-    /// Rounds wanted.
     pub rounds: u32,
-    /// Nominal period.
     pub cycle_us: u32,
     /// Period of the time-out thread.
     pub timeout_us: u32,
@@ -101,7 +98,6 @@ pub struct Settings {
     pub calibration: Vec<String>,
 }
 
-/// One round.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Round {
     /// 1, 2, ...
@@ -197,7 +193,6 @@ pub struct Floor {
 /// What `cyclictest` found.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Cyclictest {
-    /// Its version.
     pub version: String,
     /// How it was called.
     pub command: String,

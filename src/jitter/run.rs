@@ -38,7 +38,6 @@ const PROBES: u64 = 3;
 
 /// What is to be measured.
 pub struct Wanted<'a> {
-    /// The machine.
     pub config: &'a Config,
     /// The program that runs meanwhile, again and again.
     pub program: Program<'a>,
@@ -46,13 +45,11 @@ pub struct Wanted<'a> {
     pub cycles: u64,
     /// Parts into which they are divided.
     pub rounds: u32,
-    /// Who answers.
     pub far_end: FarEnd<'a>,
     /// Cuts the measurement; what was measured is kept.
     pub signal: StopSignal,
     /// Measure the floor of the PC after each round.
     pub floor: bool,
-    /// Show nothing.
     pub quiet: bool,
 }
 
@@ -61,16 +58,12 @@ pub struct Wanted<'a> {
 pub enum FarEnd<'a> {
     /// The simulated machine of this file in a process of its own, and an analyser in another one.
     Private {
-        /// Machine file.
         machine: &'a Path,
         /// Our end of the private wire, and theirs.
         wire: [&'a str; 2],
     },
     /// The nodes of the machine on a network of their own.
-    Network {
-        /// Network interface.
-        interface: &'a str,
-    },
+    Network { interface: &'a str },
 }
 
 impl FarEnd<'_> {

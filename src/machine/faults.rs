@@ -93,25 +93,17 @@ impl fmt::Display for ForeignMaster {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
     /// A mandatory node did not answer more polls in a row than are ridden out, or left the network.
-    NodeLost {
-        /// The node.
-        node: NodeIndex,
-    },
+    NodeLost { node: NodeIndex },
     /// A drive is in fault, refuses a step or does not follow.
     Drive {
-        /// The joint.
         joint: usize,
         /// What the drive supervisor saw.
         fault: AxisFault,
     },
     /// A drive warns (bit 7 of the statusword): it goes on now and says that it may not for long.
-    DriveWarning {
-        /// The joint.
-        joint: usize,
-    },
+    DriveWarning { joint: usize },
     /// Distance between command and actual position above the limit.
     FollowingError {
-        /// The joint.
         joint: usize,
         /// Distance, mm.
         error_mm: f64,
@@ -119,27 +111,17 @@ pub enum Fault {
         limit_mm: f64,
     },
     /// The control could not home a joint, and has come to rest.
-    Homing {
-        /// The joint.
-        joint: usize,
-        /// Why.
-        failure: HomingFailure,
-    },
+    Homing { joint: usize, failure: HomingFailure },
     /// A command beyond the travel of a joint; the planner should have refused it.
     SoftLimit {
-        /// The joint.
         joint: usize,
         /// Commanded position, mm.
         position_mm: f64,
     },
     /// A command that is NaN, or a program that begins where the joint does not stand; a defect of the planner.
-    IllegalCommand {
-        /// The joint.
-        joint: usize,
-    },
+    IllegalCommand { joint: usize },
     /// A command more than a hundredth above a limit of the joint; a defect of the planner.
     LimitExceeded {
-        /// The joint.
         joint: usize,
         /// Velocity, acceleration or jerk.
         order: Order,
@@ -149,10 +131,7 @@ pub enum Fault {
         limit: f64,
     },
     /// A move in step with the spindle was given up, and has come to rest.
-    OutOfStep {
-        /// Why.
-        fault: SyncFault,
-    },
+    OutOfStep { fault: SyncFault },
     /// The spindle did not get to its speed in time.
     SpindleLate {
         /// How far it came.
@@ -171,15 +150,9 @@ pub enum Fault {
         cycles: u64,
     },
     /// More of the last thousand cycles were left out than one should have (`rt.overruns_warn`).
-    ManyOverruns {
-        /// How many.
-        cycles: u64,
-    },
+    ManyOverruns { cycles: u64 },
     /// More of the last thousand cycles were left out than is borne (`rt.overruns_stop`).
-    TooManyOverruns {
-        /// How many.
-        cycles: u64,
-    },
+    TooManyOverruns { cycles: u64 },
     /// The time-out thread took the cycle thread for hung and forbade further cycles.
     CycleHung,
     /// The file of the pins was cut short by another process.
@@ -190,10 +163,7 @@ pub enum Fault {
         sign: ForeignMaster,
     },
     /// The network adapter does not send or receive.
-    LinkFailed {
-        /// Why.
-        error: LinkFailure,
-    },
+    LinkFailed { error: LinkFailure },
 }
 
 /// What the machine does about a fault.

@@ -33,7 +33,6 @@ pub enum Verdict {
     },
 }
 
-/// Counts overruns.
 #[derive(Clone, Debug)]
 pub struct Overruns {
     many: u64,

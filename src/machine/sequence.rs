@@ -1,28 +1,11 @@
 //! From power-on to the end of a program and back, or to stand-by: the order of steps of `run` and `demo`.
 //!
 //! In:  the state that the cycle thread shows, polled every few cycles; wishes to stop.
-//! Out: one order at a time.
+//! Out: one step at a time whose order is due.
 //!
 //! Every step has a time limit, so that nothing ever hangs.
 
 use super::state::State;
-
-/// What the cycle thread shall do next.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
-    /// Switch all drives on.
-    Enable,
-    /// Home the joints of this set (bit n: joint n).
-    Home(u64),
-    /// Plan the program from where the machine stands, and run it.
-    Start,
-    /// Come to rest on the path and give the program up.
-    Stop,
-    /// Switch all drives off.
-    Disable,
-    /// Bring the network down.
-    ShutDown,
-}
 
 /// How the sequence ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,15 +33,12 @@ pub enum Step {
     Home,
     /// Drives on, the machine in the hands of the operator: jogging, homing.
     SetUp,
-    /// The program.
     Program,
     /// To rest on the path.
     Stop,
     /// Drives without power.
     Disable,
-    /// Network down.
     ShutDown,
-    /// Over.
     Done,
 }
 
@@ -221,8 +201,13 @@ impl Sequence {
         }
     }
 
-    /// What to order now, given the state of the machine and whether the program has ended.
-    pub fn poll(&mut self, now_ns: u64, state: State, program_ended: bool) -> Option<Order> {
+    /// The set of joints that [`Step::Home`] homes next (bit n: joint n); 0: all are homed.
+    pub fn joints_to_home(&self) -> u64 {
+        self.homing.last().copied().unwrap_or(0)
+    }
+
+    /// The step whose order is due now, given the state of the machine and whether the program has ended. Each is told once.
+    pub fn poll(&mut self, now_ns: u64, state: State, program_ended: bool) -> Option<Step> {
         if state == State::Silenced {
             // No order would be heard by anybody.
             self.outcome = Outcome::Faulted;
@@ -275,20 +260,12 @@ impl Sequence {
             let next = self.by_hand.map_or(Step::Program, |_| Step::SetUp);
             self.enter(next, now_ns);
         }
-        if self.ordered {
+        let waits = matches!(self.step, Step::Network | Step::StandBy | Step::SetUp | Step::Done);
+        if self.ordered || waits {
             return None;
         }
-        let order = match self.step {
-            Step::Network | Step::StandBy | Step::SetUp | Step::Done => return None,
-            Step::Enable => Order::Enable,
-            Step::Home => Order::Home(*self.homing.last()?),
-            Step::Program => Order::Start,
-            Step::Stop => Order::Stop,
-            Step::Disable => Order::Disable,
-            Step::ShutDown => Order::ShutDown,
-        };
         self.ordered = true;
-        Some(order)
+        Some(self.step)
     }
 
     fn behind_program(&self) -> Step {
@@ -317,6 +294,19 @@ mod tests {
 
     const SECOND: u64 = 1_000_000_000;
 
+    /// The step that is due, and the joints that are homed in it.
+    fn due(sequence: &mut Sequence, now_ns: u64, state: State, ended: bool) -> Option<(Step, u64)> {
+        let step = sequence.poll(now_ns, state, ended)?;
+        Some((
+            step,
+            if step == Step::Home {
+                sequence.joints_to_home()
+            } else {
+                0
+            },
+        ))
+    }
+
     #[test]
     fn a_good_run_gives_every_order_once_and_in_order() {
         let mut sequence = Sequence::new(0, &[0b100, 0b011]);
@@ -324,7 +314,7 @@ mod tests {
         let mut now = 0;
         let mut poll = |sequence: &mut Sequence, state, ended| {
             now += 1;
-            orders.extend(sequence.poll(now, state, ended));
+            orders.extend(due(sequence, now, state, ended));
         };
         for (state, ended) in [
             (State::Booting, false),
@@ -347,12 +337,12 @@ mod tests {
         assert_eq!(
             orders,
             [
-                Order::Enable,
-                Order::Home(0b100),
-                Order::Home(0b011),
-                Order::Start,
-                Order::Disable,
-                Order::ShutDown
+                (Step::Enable, 0),
+                (Step::Home, 0b100),
+                (Step::Home, 0b011),
+                (Step::Program, 0),
+                (Step::Disable, 0),
+                (Step::ShutDown, 0)
             ]
         );
         assert_eq!(sequence.outcome(), Some(Outcome::Completed));
@@ -366,12 +356,12 @@ mod tests {
         }
         for _ in 0..3 {
             assert_eq!(sequence.poll(SECOND, State::Running, false), None);
-            assert_eq!(sequence.poll(SECOND, State::Ready, true), Some(Order::Start));
+            assert_eq!(sequence.poll(SECOND, State::Ready, true), Some(Step::Program));
             assert_eq!(sequence.poll(SECOND, State::Ready, false), None);
         }
         sequence.stop(SECOND);
-        assert_eq!(sequence.poll(SECOND, State::Running, false), Some(Order::Stop));
-        assert_eq!(sequence.poll(SECOND, State::Ready, true), Some(Order::Disable));
+        assert_eq!(sequence.poll(SECOND, State::Running, false), Some(Step::Stop));
+        assert_eq!(sequence.poll(SECOND, State::Ready, true), Some(Step::Disable));
         sequence.poll(SECOND, State::Disabled, true);
         sequence.poll(SECOND, State::Down, true);
         assert_eq!(sequence.outcome(), Some(Outcome::Stopped));
@@ -381,7 +371,7 @@ mod tests {
             sequence.poll(SECOND, state, false);
         }
         sequence.stopped();
-        assert_eq!(sequence.poll(SECOND, State::Ready, true), Some(Order::Disable));
+        assert_eq!(sequence.poll(SECOND, State::Ready, true), Some(Step::Disable));
     }
 
     #[test]
@@ -405,12 +395,17 @@ mod tests {
                 (State::Ready, true),
                 (State::Disabled, true),
             ] {
-                orders.extend(sequence.poll(SECOND, state, ended));
+                orders.extend(due(&mut sequence, SECOND, state, ended));
             }
-            let homed = [Order::Home(0b100), Order::Home(0b011)];
             assert_eq!(
                 orders,
-                [Order::Enable, homed[0], homed[1], Order::Start, Order::Disable]
+                [
+                    (Step::Enable, 0),
+                    (Step::Home, 0b100),
+                    (Step::Home, 0b011),
+                    (Step::Program, 0),
+                    (Step::Disable, 0)
+                ]
             );
             assert_eq!(sequence.program_outcome(), Some(Outcome::Completed));
         }
@@ -418,7 +413,7 @@ mod tests {
         sequence.begin(SECOND);
         sequence.poll(SECOND, State::Disabled, false);
         sequence.stop(SECOND);
-        assert_eq!(sequence.poll(SECOND, State::Enabling, false), Some(Order::Disable));
+        assert_eq!(sequence.poll(SECOND, State::Enabling, false), Some(Step::Disable));
         sequence.poll(SECOND, State::Disabled, false);
         assert_eq!(sequence.program_outcome(), Some(Outcome::Stopped));
         sequence.begin(SECOND);
@@ -426,7 +421,7 @@ mod tests {
         assert_eq!(sequence.poll(SECOND, State::Faulted, false), None);
         assert_eq!(sequence.program_outcome(), Some(Outcome::Faulted));
         sequence.end(SECOND);
-        assert_eq!(sequence.poll(SECOND, State::Faulted, false), Some(Order::ShutDown));
+        assert_eq!(sequence.poll(SECOND, State::Faulted, false), Some(Step::ShutDown));
         sequence.poll(SECOND, State::Down, false);
         assert!(sequence.outcome().is_some());
     }
@@ -438,7 +433,7 @@ mod tests {
             sequence.poll(SECOND, state, false);
         }
         sequence.stopped();
-        assert_eq!(sequence.poll(2 * SECOND, State::Ready, true), Some(Order::Disable));
+        assert_eq!(sequence.poll(2 * SECOND, State::Ready, true), Some(Step::Disable));
         assert_eq!(sequence.outcome(), None);
         sequence.poll(2 * SECOND, State::Disabled, true);
         sequence.poll(2 * SECOND, State::Down, true);
@@ -452,15 +447,12 @@ mod tests {
             sequence.poll(now * SECOND, state, false);
         }
         assert_eq!(
-            sequence.poll(100 * SECOND, State::Ready, false),
-            Some(Order::Home(0b10))
+            due(&mut sequence, 100 * SECOND, State::Ready, false),
+            Some((Step::Home, 0b10))
         );
         assert_eq!(sequence.poll(200 * SECOND, State::Homing, false), None);
         assert_eq!(sequence.step(), Step::Home);
-        assert_eq!(
-            sequence.poll(201 * SECOND, State::Disabled, false),
-            Some(Order::Disable)
-        );
+        assert_eq!(sequence.poll(201 * SECOND, State::Disabled, false), Some(Step::Disable));
         sequence.poll(202 * SECOND, State::Disabled, false);
         sequence.poll(203 * SECOND, State::Down, false);
         assert_eq!(sequence.outcome(), Some(Outcome::Stopped));
@@ -469,14 +461,14 @@ mod tests {
         for (now, state) in [(1, State::Disabled), (1, State::Ready), (1, State::Homing)] {
             sequence.poll(now * SECOND, state, false);
         }
-        assert_eq!(sequence.poll(122 * SECOND, State::Homing, false), Some(Order::Disable));
+        assert_eq!(sequence.poll(122 * SECOND, State::Homing, false), Some(Step::Disable));
     }
 
     #[test]
     fn a_network_that_never_comes_up_times_out() {
         let mut sequence = Sequence::new(0, &[]);
         assert_eq!(sequence.poll(14 * SECOND, State::Booting, false), None);
-        assert_eq!(sequence.poll(16 * SECOND, State::Booting, false), Some(Order::ShutDown));
+        assert_eq!(sequence.poll(16 * SECOND, State::Booting, false), Some(Step::ShutDown));
         sequence.poll(17 * SECOND, State::Down, false);
         assert_eq!(sequence.outcome(), Some(Outcome::TimedOut(Step::Network)));
     }
@@ -488,7 +480,7 @@ mod tests {
             sequence.poll(SECOND, state, false);
         }
         assert_eq!(sequence.step(), Step::Program);
-        assert_eq!(sequence.poll(2 * SECOND, State::Faulted, false), Some(Order::ShutDown));
+        assert_eq!(sequence.poll(2 * SECOND, State::Faulted, false), Some(Step::ShutDown));
         sequence.poll(6 * SECOND, State::ShuttingDown, false);
         assert_eq!(sequence.outcome(), Some(Outcome::Faulted));
     }
@@ -500,10 +492,10 @@ mod tests {
             sequence.poll(SECOND, state, false);
         }
         sequence.stop(SECOND);
-        assert_eq!(sequence.poll(SECOND, State::Running, false), Some(Order::Stop));
+        assert_eq!(sequence.poll(SECOND, State::Running, false), Some(Step::Stop));
         sequence.stop(SECOND);
         assert_eq!(sequence.poll(SECOND, State::Stopping, false), None);
-        assert_eq!(sequence.poll(SECOND, State::Ready, false), Some(Order::Disable));
+        assert_eq!(sequence.poll(SECOND, State::Ready, false), Some(Step::Disable));
         sequence.poll(SECOND, State::Disabled, false);
         sequence.poll(SECOND, State::Down, false);
         assert_eq!(sequence.outcome(), Some(Outcome::Stopped));
@@ -515,18 +507,21 @@ mod tests {
         sequence.home(SECOND);
         assert_eq!(sequence.step(), Step::StandBy, "drives are off");
         sequence.set_up(SECOND, false);
-        assert_eq!(sequence.poll(SECOND, State::Disabled, false), Some(Order::Enable));
+        assert_eq!(sequence.poll(SECOND, State::Disabled, false), Some(Step::Enable));
         // Without homing, straight to the hands.
         assert_eq!(sequence.poll(SECOND, State::Ready, false), None);
         assert_eq!(sequence.step(), Step::SetUp);
         assert_eq!(sequence.poll(1000 * SECOND, State::Jogging, false), None);
         sequence.home(1000 * SECOND);
-        assert_eq!(sequence.poll(1000 * SECOND, State::Ready, false), Some(Order::Home(1)));
+        assert_eq!(
+            due(&mut sequence, 1000 * SECOND, State::Ready, false),
+            Some((Step::Home, 1))
+        );
         assert_eq!(sequence.poll(1000 * SECOND, State::Ready, false), None);
         assert_eq!(sequence.step(), Step::SetUp);
         sequence.stop(1001 * SECOND);
-        assert_eq!(sequence.poll(1001 * SECOND, State::Jogging, false), Some(Order::Stop));
-        assert_eq!(sequence.poll(1001 * SECOND, State::Ready, false), Some(Order::Disable));
+        assert_eq!(sequence.poll(1001 * SECOND, State::Jogging, false), Some(Step::Stop));
+        assert_eq!(sequence.poll(1001 * SECOND, State::Ready, false), Some(Step::Disable));
         sequence.poll(1001 * SECOND, State::Disabled, false);
         assert_eq!(
             (sequence.step(), sequence.program_outcome()),

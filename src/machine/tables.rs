@@ -148,7 +148,6 @@ impl Tables {
         &self.parameters
     }
 
-    /// The tools.
     pub fn tools(&self) -> &ToolTable {
         &self.tools
     }

@@ -9,7 +9,7 @@ use super::recorder::Recorder;
 use crate::bus::{BusEvent, BusState};
 use crate::config::Config;
 use crate::machine::faults::{Fault, Reaction, SILENCED};
-use crate::machine::sequence::{Order, Outcome, Sequence, Step};
+use crate::machine::sequence::{Outcome, Sequence, Step};
 use crate::machine::state::State;
 use crate::rt::overrides::Overridden;
 use crate::rt::shared::{Command, Notice, OperatorEndpoints, RtStatus, Snapshot, TimedNotice};
@@ -20,6 +20,7 @@ use motion::rt::jog::{Obstacle, Obstruction};
 use serde::Serialize;
 use std::mem::{Discriminant, discriminant};
 use std::sync::Arc;
+use tracing::Level;
 
 /// Entries of the journal that are kept; older ones go.
 const JOURNAL_MAX: usize = 20_000;
@@ -35,8 +36,18 @@ pub const UNWATCHED: &str = "the time-out thread hung: nothing watches the cycle
 pub struct Entry {
     /// Seconds since the first cycle.
     pub time_s: f64,
-    /// What happened.
     pub text: String,
+}
+
+impl Entry {
+    /// How grave it is: alarms and warnings begin with this word.
+    pub fn level(&self) -> Level {
+        match self.text.split([':', ',']).next() {
+            Some("alarm") => Level::ERROR,
+            Some("warning") => Level::WARN,
+            _ => Level::INFO,
+        }
+    }
 }
 
 /// What is wrong without stopping the machine. Told when it comes first, and again the 10th, 100th time and so on.
@@ -44,7 +55,6 @@ pub struct Entry {
 pub struct Warning {
     /// Seconds from the first cycle to the first time.
     pub time_s: f64,
-    /// How often.
     pub times: u64,
     /// What, as it was the last time.
     pub cause: String,
@@ -61,16 +71,6 @@ pub struct Alarm {
     pub cause: String,
 }
 
-/// What the caller must do, because it takes threads or files.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Wish {
-    /// Nothing.
-    Nothing,
-    /// Start planning the program from this machine position, then call [`Operator::start`].
-    PlanFrom(Position),
-}
-
-/// The operator.
 pub struct Operator {
     endpoints: OperatorEndpoints,
     sequence: Sequence,
@@ -158,8 +158,8 @@ impl Operator {
         }
     }
 
-    /// Begins a program while standing by: drives on, homing, then [`Wish::PlanFrom`]. False: the machine is not ready for
-    /// one.
+    /// Begins a program while standing by: drives on, homing, then a program from [`Operator::poll`]. False: the
+    /// machine is not ready for one.
     pub fn begin(&mut self, now_ns: u64) -> bool {
         let free = self.sequence.step() == Step::StandBy && self.live().state == State::Disabled;
         if free {
@@ -195,7 +195,10 @@ impl Operator {
     }
 
     /// Takes in what came, gives the next order. `now_ns`: any monotonic clock.
-    pub fn poll(&mut self, now_ns: u64) -> Wish {
+    ///
+    /// A machine position: the caller is to plan the program from there, which takes threads and files, and to call
+    /// [`Operator::start`].
+    pub fn poll(&mut self, now_ns: u64) -> Option<Position> {
         while let Ok(notice) = self.endpoints.notices.pop() {
             self.apply_notice(notice);
         }
@@ -209,18 +212,19 @@ impl Operator {
         let live = self.live();
         // The state counts only once it is that of the last order; a thread that hangs takes none.
         if live.orders_taken < self.orders_given && live.state != State::Silenced {
-            return Wish::Nothing;
+            return None;
         }
-        match self.sequence.poll(now_ns, live.state, self.program_ended) {
-            None => {}
-            Some(Order::Start) => return Wish::PlanFrom(live.position),
-            Some(Order::Enable) => self.give(Command::Enable),
-            Some(Order::Home(joints)) => self.give(Command::Home(joints)),
-            Some(Order::Stop) => self.give(Command::Stop),
-            Some(Order::Disable) => self.give(Command::Disable),
-            Some(Order::ShutDown) => self.give(Command::ShutDown),
-        }
-        Wish::Nothing
+        let command = match self.sequence.poll(now_ns, live.state, self.program_ended)? {
+            Step::Program => return Some(live.position),
+            Step::Enable => Command::Enable,
+            Step::Home => Command::Home(self.sequence.joints_to_home()),
+            Step::Stop => Command::Stop,
+            Step::Disable => Command::Disable,
+            Step::ShutDown => Command::ShutDown,
+            Step::Network | Step::StandBy | Step::SetUp | Step::Done => return None,
+        };
+        self.give(command);
+        None
     }
 
     /// Hands the program to the cycle thread.
@@ -328,7 +332,6 @@ impl Operator {
         self.live().orders_taken >= self.orders_given
     }
 
-    /// Latest values.
     pub fn live(&self) -> Snapshot {
         self.endpoints.live.snapshot()
     }

@@ -14,7 +14,7 @@ use crate::machine::motion_settings::{ring_capacity, stop_ramp, stop_shares};
 use crate::machine::sequence::Step;
 use crate::machine::state::State;
 use crate::machine::tables::lock;
-use crate::operator::console::{Operator, Wish};
+use crate::operator::console::Operator;
 use crate::operator::session::{EXIT_RESTART, Program, Session, Task};
 use crate::operator::table_writer::Keeper;
 use crate::program::{self, FeedError, Feeder, probing};
@@ -227,7 +227,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             Step::StandBy | Step::Disable | Step::ShutDown | Step::Done => self.given_up.cancel(),
             Step::Network | Step::Enable | Step::Home | Step::SetUp | Step::Program | Step::Stop => {}
         }
-        if let Wish::PlanFrom(position) = running.operator.poll(now_ns) {
+        if let Some(position) = running.operator.poll(now_ns) {
             // A program that is repeated has come to its end: nobody waits for the machine any more.
             self.given_up.cancel();
             self.join_planner(running, now_ns);

@@ -8,6 +8,7 @@ use crate::operator::console::{Entry, Operator};
 use crate::program::Overview;
 use motion::canon::Axis;
 use std::time::Duration;
+use tracing::Level;
 
 /// Pause between two lines where the output is no terminal.
 const PAUSE: Duration = Duration::from_secs(5);
@@ -60,9 +61,9 @@ impl Progress {
 /// An entry of the journal as a line; alarms are red on a terminal.
 pub fn told(entry: &Entry) -> String {
     let line = format!("{:9.3} s  {}", entry.time_s, entry.text);
-    match entry.text.starts_with("alarm") {
-        true => format!("{}\n", alarm(line)),
-        false => format!("{line}\n"),
+    match entry.level() {
+        Level::ERROR => format!("{}\n", alarm(line)),
+        _ => format!("{line}\n"),
     }
 }
 

@@ -10,11 +10,8 @@ use std::fmt;
 /// Something is wrong with what the command was given.
 #[derive(Debug)]
 pub struct Refusal {
-    /// For people.
     pub text: String,
-    /// For programs.
     pub json: Value,
-    /// Exit code.
     pub code: u8,
 }
 

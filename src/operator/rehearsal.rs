@@ -5,7 +5,7 @@
 //!
 //! The cycle is the very same code as in real time; only the clock and the wire differ.
 
-use super::console::{Operator, Wish};
+use super::console::Operator;
 use crate::bus;
 use crate::config::Config;
 use crate::host::wait::Grid;
@@ -36,7 +36,6 @@ pub struct Rehearsal<'a, B = VirtualBus<'a>> {
     pub control: Box<MotionController<B>>,
     /// The operator's part.
     pub operator: Operator,
-    /// The pins.
     pub hal: Hal,
     config: &'a Config,
     tables: Tables,
@@ -202,17 +201,14 @@ impl<B: VirtualTime> Rehearsal<'_, B> {
     }
 
     fn poll_operator(&mut self, now_ns: u64) {
-        match self.operator.poll(now_ns) {
-            Wish::Nothing => {}
-            Wish::PlanFrom(position) => {
-                let (producer, consumer) = ring::channel(ring_capacity(self.config));
-                let (answers, results) = probing::line();
-                let feeder = Feeder::new(self.config, &self.tables, self.text, position, producer);
-                self.feeder = Some(feeder.with_probe(results).following(self.operator.shared()));
-                let program = Interpolator::new(consumer, position, stop_ramp(self.config))
-                    .with_probe(answers, stop_shares(self.config));
-                self.operator.start(Box::new(program));
-            }
+        if let Some(position) = self.operator.poll(now_ns) {
+            let (producer, consumer) = ring::channel(ring_capacity(self.config));
+            let (answers, results) = probing::line();
+            let feeder = Feeder::new(self.config, &self.tables, self.text, position, producer);
+            self.feeder = Some(feeder.with_probe(results).following(self.operator.shared()));
+            let program = Interpolator::new(consumer, position, stop_ramp(self.config))
+                .with_probe(answers, stop_shares(self.config));
+            self.operator.start(Box::new(program));
         }
     }
 

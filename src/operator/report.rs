@@ -8,7 +8,7 @@ use crate::analyser::SocReport;
 use crate::bus::NodeStatistics;
 use crate::config::{Config, Joint};
 use crate::host::calibrate::Calibration;
-use crate::host::terminal::alarm;
+use crate::host::terminal::{alarm, table};
 use crate::machine::sequence::Outcome;
 use crate::operator::console::{Alarm, Entry, Warning};
 use crate::operator::session::Ended;
@@ -48,7 +48,6 @@ pub struct Pictures<'a> {
 
 /// Everything that is known at the end of a run.
 pub struct Facts<'a> {
-    /// The machine.
     pub config: &'a Config,
     /// Name of the program.
     pub program: &'a str,
@@ -335,9 +334,7 @@ impl JointPeaks {
 pub struct NodeReport {
     /// Name in the machine file.
     pub name: String,
-    /// Node id.
     pub id: u8,
-    /// Polls.
     #[serde(flatten)]
     pub frames: NodeStatistics,
 }
@@ -421,14 +418,16 @@ impl fmt::Display for RunReport {
                 self.calibration.spin_us.value
             )?;
         }
-        writeln!(f, "\nnode                       polled    answered    lost")?;
-        for node in &self.nodes {
-            writeln!(
-                f,
-                "{:>3} {:<16} {:>12} {:>11} {:>7}",
-                node.id, node.name, node.frames.polls, node.frames.answers, node.frames.lost
-            )?;
-        }
+        let rows = self.nodes.iter().map(|node| {
+            let frames = &node.frames;
+            let counts = [frames.polls, frames.answers, frames.lost].map(|count| count.to_string());
+            [vec![node.id.to_string(), node.name.clone()], counts.into()].concat()
+        });
+        write!(
+            f,
+            "\n{}",
+            table(&[">node", "name", ">polled", ">answered", ">lost"], rows)
+        )?;
         if let Some(soc_period) = &self.soc_period {
             writeln!(
                 f,

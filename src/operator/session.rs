@@ -48,7 +48,6 @@ const END_LOOKS: u32 = 100;
 
 /// A control from power-on to power-off.
 pub struct Session<'a> {
-    /// The machine.
     pub config: &'a Config,
     /// What the machine remembers.
     pub tables: &'a Mutex<Tables>,
@@ -67,7 +66,6 @@ pub struct Session<'a> {
 pub struct Program<'a> {
     /// Its name, for messages.
     pub name: &'a str,
-    /// Its text.
     pub text: &'a [u8],
 }
 

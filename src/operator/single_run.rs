@@ -21,9 +21,7 @@ use std::sync::Mutex;
 
 /// What is to be done.
 pub struct Job<'a> {
-    /// The machine.
     pub config: &'a Config,
-    /// The program.
     pub program: Program<'a>,
     /// Folder for the report.
     pub out: &'a Path,

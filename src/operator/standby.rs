@@ -14,6 +14,7 @@ use crate::api::server::Ticket;
 use crate::config::Config;
 use crate::host::capabilities;
 use crate::host::capabilities::Work;
+use crate::host::logging;
 use crate::host::signals;
 use crate::host::signals::StopSignal;
 use crate::host::terminal::{is_heard, say};
@@ -338,7 +339,8 @@ pub fn stand_by(config: &Config, wire: Wire, as_json: bool, signal: StopSignal) 
             config.name
         ));
     }
-    let ended = session::run(&session, wire, &mut Journal { as_json })?;
+    let to_journal = logging::goes_to_journal(&std::io::stdout());
+    let ended = session::run(&session, wire, &mut Journal { as_json, to_journal })?;
     let operator = &ended.operator;
     if as_json {
         let summary = json!({
@@ -364,6 +366,8 @@ pub fn stand_by(config: &Config, wire: Wire, as_json: bool, signal: StopSignal) 
 /// Prints the journal as it comes.
 struct Journal {
     as_json: bool,
+    /// Standard output leads to the journal of systemd.
+    to_journal: bool,
 }
 
 impl LoopTask for Journal {
@@ -373,6 +377,7 @@ impl LoopTask for Journal {
         {
             match self.as_json {
                 true => say(&format!("{}\n", json!(entry))),
+                false if self.to_journal => say(&format!("{}{}", logging::priority(entry.level()), told(entry))),
                 false => say(&told(entry)),
             }
         }

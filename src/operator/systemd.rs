@@ -13,7 +13,6 @@
 
 use crate::machine::state::State;
 use sd_notify::NotifyState;
-use std::io::Write;
 use std::time::Duration;
 
 /// Start-up is extended by this much beyond now, µs, and how often, ns.
@@ -195,10 +194,7 @@ impl Service {
         if let Err(cause) = sd_notify::notify(&states)
             && !std::mem::replace(&mut self.refused, true)
         {
-            let _ = writeln!(
-                std::io::stderr(),
-                "warning: systemd cannot be told anything: $NOTIFY_SOCKET: {cause}"
-            );
+            tracing::warn!("systemd cannot be told anything: $NOTIFY_SOCKET: {cause}");
         }
     }
 }

@@ -84,7 +84,9 @@ fn write(tables: &Mutex<Tables>) -> Result<(), String> {
     if let Err(cause) = capabilities::use_files() {
         return Err(format!("tables cannot be written: {cause}"));
     }
-    tables::save(&mut Disk, tables)
+    let saved = tables::save(&mut Disk, tables);
+    tracing::debug!(ok = saved.is_ok(), "tables written");
+    saved
 }
 
 fn add_result(operator: &mut Operator, written: Result<(), String>) {

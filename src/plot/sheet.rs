@@ -10,7 +10,6 @@ use std::fmt::Write;
 /// Fonts; the first one that is there.
 const FONT: &str = "DejaVu Sans, Helvetica, Arial, sans-serif";
 
-/// A sheet.
 pub(crate) struct Sheet {
     width: f64,
     body: String,

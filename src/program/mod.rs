@@ -53,7 +53,6 @@ impl fmt::Display for ProgramErrors {
 impl std::error::Error for ProgramErrors {}
 
 impl ProgramErrors {
-    /// How many.
     pub fn count(&self) -> usize {
         self.count
     }
@@ -223,7 +222,6 @@ impl Sink<Element> for Measure {
 /// Why the program cannot go on.
 #[derive(Debug)]
 pub enum FeedError {
-    /// The text.
     Text(Box<gcode::Error>),
     /// The plan: a limit of the machine, and the same as an error of the text.
     Plan(PlanErrorKind, Box<gcode::Error>),

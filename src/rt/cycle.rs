@@ -53,7 +53,6 @@ enum AfterStop {
 
 /// Ends of the rings that lead out of real time.
 pub struct RtEndpoints {
-    /// Orders.
     pub commands: rtrb::Consumer<Command>,
     /// Notices; what finds the ring full is counted in [`MotionController::notices_lost`].
     pub notices: rtrb::Producer<TimedNotice>,
@@ -61,7 +60,6 @@ pub struct RtEndpoints {
     pub trace: rtrb::Producer<Trace>,
     /// Programs that are over go back, so that nothing is freed in real time.
     pub finished: rtrb::Producer<Box<Interpolator>>,
-    /// Latest values.
     pub live: Arc<RtStatus>,
 }
 

@@ -177,11 +177,8 @@ pub struct LastSecond {
     pub period: Second,
     /// Lateness of the SoC.
     pub lateness: Second,
-    /// Exchange.
     pub exchange: Second,
-    /// Computing.
     pub compute: Second,
-    /// Time left.
     pub free: Second,
 }
 

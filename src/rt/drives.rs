@@ -277,7 +277,6 @@ impl Drive {
     }
 }
 
-/// All joints.
 #[derive(Debug)]
 pub struct Drives {
     drives: Box<[Drive]>,

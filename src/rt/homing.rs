@@ -42,7 +42,6 @@ pub struct Found {
     pub forward: bool,
 }
 
-/// Homes joints.
 #[derive(Debug)]
 pub struct Homer {
     homing: Homing,

@@ -32,7 +32,6 @@ pub enum JogMotion {
     Advance {
         /// Distance; its sign is the direction.
         distance_mm: f64,
-        /// Greatest speed.
         velocity_mm_s: f64,
     },
     /// Go on with what was ordered: the hand is still on the key.

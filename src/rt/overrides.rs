@@ -22,7 +22,6 @@ use std::time::Duration;
 /// What can be overridden.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Overridden {
-    /// Programmed feed.
     Feed,
     /// Rapid moves (G0).
     Rapid,

@@ -106,7 +106,6 @@ pub struct Pins {
     resume_before: bool,
     stop_before: bool,
 
-    /// The spindle.
     pub spindle: Spindle,
     flood: Output<bool>,
     mist: Output<bool>,

@@ -14,15 +14,11 @@ const BUCKETS: usize = ((TOP_BITS - SUB_BITS + 1) as usize) << SUB_BITS;
 /// Values of one second, ns.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Second {
-    /// Mean.
     pub mean_ns: f64,
-    /// Standard deviation.
     pub std_ns: f64,
-    /// Least value.
     pub min_ns: u64,
     /// 99 % of the values are at or below this; up to 1/8 too high, never above the greatest.
     pub p99_ns: u64,
-    /// Greatest value.
     pub max_ns: u64,
 }
 

@@ -17,15 +17,11 @@ use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::Re
 
 /// The operator's ends of the rings between him and the cycle thread.
 pub struct OperatorEndpoints {
-    /// Orders.
     pub commands: rtrb::Producer<Command>,
-    /// Notices.
     pub notices: rtrb::Consumer<TimedNotice>,
-    /// Trace records.
     pub trace: rtrb::Consumer<Trace>,
     /// Programs that are over.
     pub finished: rtrb::Consumer<Box<Interpolator>>,
-    /// Latest values.
     pub live: Arc<RtStatus>,
 }
 
@@ -106,7 +102,6 @@ pub struct TimedNotice {
 /// One cycle of a program, for reports.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trace {
-    /// Cycle.
     pub cycle: u64,
     /// Commanded axis positions in the machine, mm or degrees.
     pub command: Position,
@@ -255,7 +250,6 @@ impl RtStatus {
             .store(snapshot.orders_taken, std::sync::atomic::Ordering::Release);
     }
 
-    /// Latest values.
     pub fn snapshot(&self) -> Snapshot {
         let float = |cell: &AtomicU64| f64::from_bits(cell.load(Relaxed));
         let orders_taken = self.orders_taken.load(std::sync::atomic::Ordering::Acquire);

@@ -40,10 +40,11 @@ struct Wanted {
 
 /// Where its place comes from.
 enum Source {
-    /// Nowhere.
     None,
-    /// Components.
-    Pins { revs: Input<f64>, indexed: Input<bool> },
+    Pins {
+        revs: Input<f64>,
+        indexed: Input<bool>,
+    },
     /// A counter of a node; shown to components.
     Counter {
         encoder: Encoder,

@@ -70,7 +70,6 @@ struct Setup {
     period_ns: u32,
 }
 
-/// One drive.
 #[derive(Debug)]
 pub(super) struct Drive {
     setup: Setup,

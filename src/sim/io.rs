@@ -40,7 +40,6 @@ pub(super) const IO_OBJECTS: &[EntryDef] = &[
 const ENTRIES: usize = COMMUNICATION_ENTRIES + obd::lines_of(IO_OBJECTS);
 const OCTETS: usize = COMMUNICATION_BYTES + obd::octets_of(IO_OBJECTS);
 
-/// One node.
 #[derive(Debug)]
 pub(super) struct Io {
     node: Node,

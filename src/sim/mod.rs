@@ -30,9 +30,7 @@ pub const READY: &str = "ready";
 /// Why a node of the machine file cannot be simulated.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SimError {
-    /// Its name.
     pub node: String,
-    /// Its id.
     pub id: u8,
     /// What is in the way.
     pub cause: String,

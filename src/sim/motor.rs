@@ -28,7 +28,6 @@ const COAST: f64 = 0.25;
 pub(super) struct MotorConfig {
     /// Natural frequency of the closed position loop, rad/s.
     pub(super) natural_frequency_rad_s: f64,
-    /// Damping ratio.
     pub(super) damping: f64,
     /// Greatest acceleration of the motor, counts/s².
     pub(super) acceleration_max: f64,

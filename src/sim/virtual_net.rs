@@ -51,46 +51,23 @@ impl NetConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Disturbance {
     /// The node's next PRes get lost.
-    DropPres {
-        /// Node id.
-        node: u8,
-        /// How many.
-        count: u32,
-    },
+    DropPres { node: u8, count: u32 },
     /// The node is switched off.
-    PowerOff {
-        /// Node id.
-        node: u8,
-    },
+    PowerOff { node: u8 },
     /// The node is switched on again.
-    PowerOn {
-        /// Node id.
-        node: u8,
-    },
+    PowerOn { node: u8 },
     /// The node's cable is pulled.
-    Unplug {
-        /// Node id.
-        node: u8,
-    },
+    Unplug { node: u8 },
     /// The node's cable is plugged in again.
-    Plug {
-        /// Node id.
-        node: u8,
-    },
+    Plug { node: u8 },
     /// A fault inside a drive.
     DriveFault {
-        /// Node id.
         node: u8,
         /// 603F.
         error_code: u16,
     },
     /// What is wired to the inputs 6000h/2 of an I/O node.
-    Inputs {
-        /// Node id.
-        node: u8,
-        /// Levels.
-        wired: u8,
-    },
+    Inputs { node: u8, wired: u8 },
 }
 
 /// The wire, seen by the managing node as its link.

@@ -402,7 +402,7 @@ pub enum ErrorKind {
     AddedOffsetMissing,
     /// G10 L0 with a tool in the spindle.
     #[error(
-        "the tool table can only be read anew with an empty spindle, but tool {tool} is in it: write T0 M6 before G10 L0"
+        "the tool table can only be read again with an empty spindle, but tool {tool} is in it: write T0 M6 before G10 L0"
     )]
     ReloadWithTool {
         /// The tool in the spindle.
@@ -410,12 +410,12 @@ pub enum ErrorKind {
     },
     /// G10 without L.
     #[error(
-        "G10 needs L to tell what is set: L1, L10 or L11 a tool, L2 or L20 a work system, L0 reads the tool table anew"
+        "G10 needs L to tell what is set: L1, L10 or L11 a tool, L2 or L20 a work system, L0 reads the tool table again"
     )]
     SetDataMissing,
     /// L of G10.
     #[error(
-        "L{value} is no use of G10: L1, L10 and L11 set a tool, L2 and L20 a work system, L0 reads the tool table anew"
+        "L{value} is no use of G10: L1, L10 and L11 set a tool, L2 and L20 a work system, L0 reads the tool table again"
     )]
     SetData {
         /// The number that came.

@@ -59,7 +59,7 @@ pub enum ParameterFileErrorKind {
         /// Number of the parameter, the first column.
         number: u16,
     },
-    /// The second column is no number.
+    /// The second column is not a number.
     #[error("the value of parameter {number} is a plain number such as -1.5")]
     NotNumber {
         /// Number of the parameter, the first column.

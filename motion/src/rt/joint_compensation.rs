@@ -31,7 +31,7 @@ pub struct PitchRow {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum PitchError {
     /// Not a number, or beyond any machine.
-    #[error("a value is no number or above {MOST_MM} mm")]
+    #[error("a value is not a number or above {MOST_MM} mm")]
     Illegal {
         /// The row.
         row: usize,
@@ -346,7 +346,7 @@ mod tests {
             ),
             (
                 vec![row(-1.0, -1.0, -1.0), row(0.0, f64::NAN, 0.0)],
-                "a value is no number or above 1000000 mm",
+                "a value is not a number or above 1000000 mm",
             ),
             (
                 vec![row(0.0, 0.0, 0.0), row(100.0, 100.0, 0.02)],

@@ -39,7 +39,9 @@ impl PitchTable {
                 let column = content[..octets].chars().count() + 1;
                 match word.parse::<f64>() {
                     Ok(value) if value.is_finite() => values.push(value),
-                    Ok(_) | Err(_) => return wrong(line, column, format!("{word} is no number; a line is {COLUMNS}")),
+                    Ok(_) | Err(_) => {
+                        return wrong(line, column, format!("{word} is not a number; a line is {COLUMNS}"));
+                    }
                 }
             }
             let [position_mm, forward_mm, backward_mm] = values[..] else {

@@ -230,9 +230,7 @@ pub enum CdcFileError {
     Octets(CdcError),
     /// A value of the wrong length.
     Length {
-        /// Object index.
         index: u16,
-        /// Sub-index.
         sub: u8,
         /// Octets expected.
         need: usize,

@@ -40,12 +40,7 @@ pub enum ClaimError {
     /// The interface or the right to send on it is missing.
     Open(OpenError),
     /// Somebody sends on it.
-    Taken {
-        /// The interface.
-        interface: String,
-        /// Who.
-        by: Holder,
-    },
+    Taken { interface: String, by: Holder },
 }
 
 /// Who has claimed an interface.

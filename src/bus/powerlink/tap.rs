@@ -41,7 +41,6 @@ pub enum TapError {
         name: String,
         /// What was tried.
         doing: &'static str,
-        /// Its answer.
         errno: Errno,
         /// What may help.
         hint: &'static str,
@@ -162,7 +161,7 @@ impl Tap {
             }
             let gone = PollFlags::POLLERR | PollFlags::POLLHUP | PollFlags::POLLNVAL;
             if ready[0].revents().is_some_and(|events| events.intersects(gone)) {
-                // Somebody has deleted the device: there is nothing left to carry.
+                tracing::warn!("the TAP device has been deleted: IP frames of other programs are not carried any more");
                 return;
             }
             while let Ok(length) = read(&self.device, &mut buffer) {

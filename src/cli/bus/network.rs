@@ -10,6 +10,7 @@ use crate::api::network_view::{MappedView, NetworkView, NodeView};
 use crate::bus;
 use crate::bus::service::BudgetView;
 use crate::config;
+use crate::host::terminal::table;
 use crate::machine::faults::SILENCED;
 use crate::operator::refusal::Refusal;
 use anyhow::{Context, bail};
@@ -169,10 +170,6 @@ fn tail(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<
     troubles.iter().try_for_each(|trouble| writeln!(out, "{trouble}"))
 }
 
-fn width<'a>(names: impl Iterator<Item = &'a str>, least: usize) -> usize {
-    names.map(|name| name.chars().count()).max().unwrap_or(0).max(least)
-}
-
 fn nodes(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<()> {
     head(view, status, out)?;
     node_table(view, out)?;
@@ -181,26 +178,12 @@ fn nodes(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result
 
 /// Identity as reported, or as expected where nothing was reported.
 fn node_table(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
-    let name = width(view.nodes.iter().map(|node| node.name.as_str()), 4);
-    writeln!(
-        out,
-        "\n  id  {:name$}           device type  vendor      product     revision    serial      state",
-        "name"
-    )?;
+    let hex = |value: Option<u32>| value.map_or("any".into(), |value| format!("0x{value:08X}"));
+    let decimal = |value: Option<u32>| value.map_or("any".into(), |value| value.to_string());
+    let mut rows = Vec::new();
     for node in &view.nodes {
+        let (id, name) = (node.id.to_string(), node.name.clone());
         let expected = &node.expected;
-        let hex = |value: Option<u32>| value.map_or("any".into(), |value| format!("0x{value:08X}"));
-        let decimal = |value: Option<u32>| value.map_or("any".into(), |value| value.to_string());
-        let row = |f: &mut dyn Write,
-                   lead: &str,
-                   what: &str,
-                   [kind, vendor, product, revision, serial]: [String; 5],
-                   state: &str| {
-            let text =
-                format!("{lead}  {what:8}  {kind:11}  {vendor:10}  {product:10}  {revision:10}  {serial:10}  {state}");
-            writeln!(f, "{}", text.trim_end())
-        };
-        let lead = format!("{:>4}  {:name$}", node.id, node.name);
         let wanted = [
             hex(expected.device_type),
             hex(expected.vendor_id),
@@ -208,15 +191,26 @@ fn node_table(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
             hex(expected.revision),
             decimal(expected.serial),
         ];
-        let Some(live) = &node.live else {
-            row(out, &lead, "expected", wanted, "")?;
+        let mut row = |id: String, name: String, what: &str, identity: [String; 5], state: &str| {
+            let [kind, vendor, product, revision, serial] = identity;
+            rows.push(vec![
+                id,
+                name,
+                what.into(),
+                kind,
+                vendor,
+                product,
+                revision,
+                serial,
+                state.into(),
+            ]);
+        };
+        let reported = node.live.as_ref().map(|live| (live, live.identity.as_ref()));
+        let Some((live, Some(identity))) = reported else {
+            row(id, name, "expected", wanted, reported.map_or("", |_| "not heard of"));
             continue;
         };
-        let Some(identity) = &live.identity else {
-            row(out, &lead, "expected", wanted, "not heard of")?;
-            continue;
-        };
-        let reported = [
+        let got = [
             hex(Some(identity.device_type)),
             hex(Some(identity.vendor_id)),
             hex(Some(identity.product_code)),
@@ -225,14 +219,25 @@ fn node_table(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
         ];
         let differs = wanted
             .iter()
-            .zip(&reported)
+            .zip(&got)
             .any(|(wanted, got)| wanted != "any" && wanted != got);
-        row(out, &lead, "is", reported, &live.nmt_state)?;
+        row(id, name, "is", got, &live.nmt_state);
         if differs {
-            row(out, &format!("{:4}  {:name$}", "", ""), "expected", wanted, "")?;
+            row(String::new(), String::new(), "expected", wanted, "");
         }
     }
-    Ok(())
+    let heading = [
+        ">id",
+        "name",
+        "",
+        "device type",
+        "vendor",
+        "product",
+        "revision",
+        "serial",
+        "state",
+    ];
+    write!(out, "\n{}", table(&heading, rows))
 }
 
 fn state(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Result<()> {
@@ -255,32 +260,36 @@ fn state_table(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
             counted(live.bad_frames, "unusable frame")
         )?;
     }
-    let name = width(view.nodes.iter().map(|node| node.name.as_str()), 4);
-    writeln!(
-        out,
-        "\n  id  {:name$}  state              polls       lost  in row  late  PRes after  boots  given up",
-        "name"
-    )?;
-    for node in &view.nodes {
+    let rows = view.nodes.iter().map(|node| {
+        let mut row = vec![node.id.to_string(), node.name.clone()];
         match &node.live {
-            None => writeln!(out, "{:>4}  {:name$}  -", node.id, node.name)?,
-            Some(live) => writeln!(
-                out,
-                "{:>4}  {:name$}  {:17}  {:<10}  {:<4}  {:<6}  {:<4}  {:<10}  {:<5}  {}",
-                node.id,
-                node.name,
-                live.nmt_state,
-                live.polls,
-                live.lost,
-                live.lost_in_row_max,
-                live.late,
+            None => row.push("-".into()),
+            Some(live) => row.extend([
+                live.nmt_state.clone(),
+                live.polls.to_string(),
+                live.lost.to_string(),
+                live.lost_in_row_max.to_string(),
+                live.late.to_string(),
                 format!("{:.1} us", live.response_max_us),
-                live.boots,
-                live.faults
-            )?,
+                live.boots.to_string(),
+                live.faults.to_string(),
+            ]),
         }
-    }
-    Ok(())
+        row
+    });
+    let heading = [
+        ">id",
+        "name",
+        "state",
+        ">polls",
+        ">lost",
+        ">in row",
+        ">late",
+        ">PRes after",
+        ">boots",
+        ">given up",
+    ];
+    write!(out, "\n{}", table(&heading, rows))
 }
 
 /// What the nodes signalled, and what went wrong with them before.
@@ -354,35 +363,31 @@ fn mapping(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
 
 /// How the cycle is spent, with the latencies that the nodes have told.
 fn budget(view: &NetworkView, out: &mut impl Write) -> io::Result<()> {
-    writeln!(
-        out,
-        "\ncycle of {} us          wire us  latency us   worst us  for",
-        view.cycle_us
-    )?;
     let told = |line: &BudgetView| {
         let node = view.nodes.iter().find(|node| Some(node.id) == line.node)?;
         Some(node.live.as_ref()?.identity.as_ref()?.response_time_us)
     };
     let (mut expected_us, mut worst_us) = (0.0, 0.0);
-    for line in &view.budget {
+    let rows = view.budget.iter().map(|line| {
         let latency_us = told(line).unwrap_or(line.latency_us);
         expected_us += line.wire_us + latency_us;
         worst_us += line.worst_us;
         let node = view.nodes.iter().find(|node| Some(node.id) == line.node);
-        writeln!(
-            out,
-            "  {:20} {:>8.1}  {:>10.1}  {:>9.1}  {}",
+        let us = |value: f64| format!("{value:.1}");
+        vec![
             node.map_or("all".into(), |node| node.name.clone()),
-            line.wire_us,
-            latency_us,
-            line.worst_us,
-            line.part
-        )?;
-    }
+            us(line.wire_us),
+            us(latency_us),
+            us(line.worst_us),
+            line.part.clone(),
+        ]
+    });
+    let cycle = format!("cycle of {} us", view.cycle_us);
+    let rows = table(&[&cycle, ">wire us", ">latency us", ">worst us", "for"], rows);
     let share = |us: f64| 100.0 * us / f64::from(view.cycle_us);
     writeln!(
         out,
-        "  together             {expected_us:.1} us when all goes well ({:.0} %), {worst_us:.1} us at worst ({:.0} %)",
+        "\n{rows}together {expected_us:.1} us when all goes well ({:.0} %), {worst_us:.1} us at worst ({:.0} %)",
         share(expected_us),
         share(worst_us)
     )

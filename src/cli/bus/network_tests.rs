@@ -101,12 +101,12 @@ fn nodes_with_their_identity_and_what_is_wrong() {
         [
             "mill3-demo: network PRE_OPERATIONAL_1 on plk0, machine booting, process 77",
             "",
-            "  id  name              device type  vendor      product     revision    serial      state",
-            "   1  x-drive  is        0x00020192   0x00000000  0x00000000  0x00010002  7           OPERATIONAL",
-            "   2  y-drive  is        0x00020192   0x00000000  0x00000000  0x00010002  7           OFF",
-            "               expected  0x00020192   0x0000012D  any         any         any",
-            "   3  z-drive  expected  0x00020192   any         any         any         any         not heard of",
-            "  10  io       expected  0x000F0191   any         any         any         any",
+            "id  name               device type  vendor      product     revision    serial  state",
+            " 1  x-drive  is        0x00020192   0x00000000  0x00000000  0x00010002  7       OPERATIONAL",
+            " 2  y-drive  is        0x00020192   0x00000000  0x00000000  0x00010002  7       OFF",
+            "             expected  0x00020192   0x0000012D  any         any         any",
+            " 3  z-drive  expected  0x00020192   any         any         any         any     not heard of",
+            "10  io       expected  0x000F0191   any         any         any         any",
             "",
             "the network is PRE_OPERATIONAL_1: PRE_OPERATIONAL_2 waits for mandatory node 2",
             "node 2 (y-drive) not operational: 0x1018/1 vendor id is 0x00000000, expected 0x0000012D; tried again in 2.0 s ([[bus.node]] line 41)",
@@ -121,8 +121,8 @@ fn states_figures_and_history() {
     let text = printed(state, &view(), &status());
     for line in [
         "1234 cycles of 1000 us; 2 skipped, 1 cut off; 3 silent in the asynchronous slot, 1 unusable frame",
-        "   1  x-drive  OPERATIONAL        1200        4     2       1     41.2 us     1      0",
-        "  10  io       -",
+        " 1  x-drive  OPERATIONAL   1200     4       2     1     41.2 us      1         0",
+        "10  io       -",
         "  node 1 (x-drive): lost: 4 polls in a row without an answer, 3.0 s ago",
         "  node 1 (x-drive): signalled 8245h E_DLL_LOSS_SOC_TH (occurred), 3.1 s ago",
         "  node 1 (x-drive): and 2 older errors",
@@ -162,7 +162,7 @@ fn the_budget_takes_the_latency_that_a_node_has_told() {
     assert_eq!(row("x-drive")[..2], ["13.4", "50.0"]);
     assert_eq!(row("z-drive")[..2], ["13.4", "143.3"]);
     let last = text.lines().last().unwrap();
-    assert!(last.starts_with("  together "), "{last}");
+    assert!(last.starts_with("together "), "{last}");
 }
 
 #[test]

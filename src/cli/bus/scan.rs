@@ -8,6 +8,7 @@ use super::trace::Heard;
 use super::words;
 use crate::api::client::Client;
 use crate::bus::service::IdentityView;
+use crate::host::terminal;
 use anyhow::ensure;
 use clap::Args;
 use powerlink::link::Link;
@@ -226,25 +227,32 @@ fn troubles(found: &[Found]) -> Vec<String> {
 fn table(interface: &str, found: &[Found], trouble: &[String], out: &mut impl Write) -> std::io::Result<()> {
     if !found.is_empty() {
         let nodes = words::counted(found.len() as u64, "node");
-        writeln!(out, "{nodes} on {interface}\n")?;
-        writeln!(
-            out,
-            "  id  address            state      device type  vendor      product     revision    serial      name"
-        )?;
-    }
-    for Found { id, mac, ident } in found {
-        let row = format!(
-            "{id:>4}  {:17}  {:9}  0x{:08X}   0x{:08X}  0x{:08X}  0x{:08X}  {:<10}  {}",
-            words::mac(*mac),
-            words::state(ident.nmt_state),
-            ident.device_type,
-            ident.vendor_id,
-            ident.product_code,
-            ident.revision,
-            ident.serial,
-            words::text(&ident.host_name)
-        );
-        writeln!(out, "{}", row.trim_end())?;
+        let rows = found.iter().map(|Found { id, mac, ident }| {
+            let hex = |value: u32| format!("0x{value:08X}");
+            vec![
+                id.to_string(),
+                words::mac(*mac),
+                words::state(ident.nmt_state).to_string(),
+                hex(ident.device_type),
+                hex(ident.vendor_id),
+                hex(ident.product_code),
+                hex(ident.revision),
+                ident.serial.to_string(),
+                words::text(&ident.host_name),
+            ]
+        });
+        let heading = [
+            ">id",
+            "address",
+            "state",
+            "device type",
+            "vendor",
+            "product",
+            "revision",
+            "serial",
+            "name",
+        ];
+        write!(out, "{nodes} on {interface}\n\n{}", terminal::table(&heading, rows))?;
     }
     if !trouble.is_empty() && !found.is_empty() {
         writeln!(out)?;

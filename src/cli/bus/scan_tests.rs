@@ -46,7 +46,7 @@ fn every_node_of_a_machine_is_found() {
     });
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(lines[0], "4 nodes on eth7");
-    let head = "  id  address            state      device type  vendor      product     revision    serial      name";
+    let head = "id  address            state   device type  vendor      product     revision    serial  name";
     assert_eq!(lines[2], head);
     let ids: Vec<&str> = lines[3..]
         .iter()
@@ -54,7 +54,7 @@ fn every_node_of_a_machine_is_found() {
         .collect();
     assert_eq!(ids, ["1", "2", "3", "10"]);
     assert!(
-        lines[3].ends_with("PreOp1     0x00020192   0x00000000  0x00000000  0x00000000  1           x-drive"),
+        lines[3].ends_with("PreOp1  0x00020192   0x00000000  0x00000000  0x00000000  1       x-drive"),
         "{}",
         lines[3]
     );

@@ -49,7 +49,6 @@ pub enum Source {
 /// A value and who chose it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Chosen<T> {
-    /// The value.
     pub value: T,
     /// Who chose it.
     pub source: Source,
@@ -92,7 +91,6 @@ pub struct Measured {
 /// One of several that were compared.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Compared<T> {
-    /// Which.
     pub value: T,
     /// How late 90 % of the wake-ups of a typical round were at most.
     pub late_us: f64,

@@ -22,7 +22,6 @@ const fn line(
 use Group::{Background, Core, Kernel, Machine, Measured, Memory, Network, Power, Rights};
 use Level::{Info, Must, Should};
 
-/// All lines.
 #[rustfmt::skip]
 pub static LINES: &[Line] = &[
     line(Kernel, Should, "PREEMPT_RT", "yes", kernel::preempt_rt),

@@ -143,7 +143,6 @@ pub struct Latency {
     pub p99_us: f64,
     /// As `p50_us`, for 99.9 %.
     pub p99_9_us: f64,
-    /// Greatest value.
     pub max_us: f64,
 }
 

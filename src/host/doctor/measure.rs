@@ -8,7 +8,6 @@ use crate::host::doctor::experiments::Latency;
 /// What a greatest value is worth, us, as LinuxCNC's page on latency has it: up to 20 is very good, up to 50 usable, above
 /// 100 not for pulses made by software, above 1000 of no use.
 const WORTH: [(f64, &str); 3] = [(20.0, "very good"), (MAX_US, "usable"), (1000.0, "poor")];
-/// Still usable.
 const MAX_US: f64 = 50.0;
 
 /// How late a thread wakes up.

@@ -86,7 +86,6 @@ impl State {
 /// What lines stand together under.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
-    /// The kernel.
     Kernel,
     /// Virtual machine and clock.
     Machine,
@@ -96,7 +95,6 @@ pub enum Group {
     Power,
     /// What the process may do.
     Rights,
-    /// Memory.
     Memory,
     /// The interface of the field bus.
     Network,
@@ -204,7 +202,6 @@ impl Look {
 /// One line and what it has told.
 #[derive(Clone, Debug)]
 pub struct Finding {
-    /// Which.
     pub line: &'static Line,
     /// What it has told.
     pub state: State,

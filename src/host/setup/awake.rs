@@ -27,11 +27,14 @@ pub(super) enum Awake {
     #[default]
     Nothing,
     /// Held open at 0: all cores stay out of deep idle states until it is closed.
-    DmaLatency { _file: File },
+    DmaLatency {
+        _file: File,
+    },
     /// The time-out thread does: it looks at every tick, needed or not.
     Ticks,
-    /// Spins.
-    IdleThread { _thread: IdleThread },
+    IdleThread {
+        _thread: IdleThread,
+    },
 }
 
 impl Awake {

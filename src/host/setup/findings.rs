@@ -15,15 +15,11 @@ pub(super) const RIGHTS: &str = "run as root, or grant 'rtprio 99' and 'memlock 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Item {
-    /// PREEMPT_RT.
     Kernel,
-    /// High-resolution timers.
     Timers,
     /// The core of the real-time threads.
     Core,
-    /// SCHED_FIFO.
     Priority,
-    /// Locked memory.
     Memory,
     /// No deep idle states.
     IdleStates,

@@ -47,7 +47,6 @@ impl Log {
         (self.decades.0..=self.decades.1).map(|decade| 10_f64.powi(decade))
     }
 
-    /// Both ends.
     pub(super) fn ends(&self) -> (f64, f64) {
         (10_f64.powi(self.decades.0), 10_f64.powi(self.decades.1))
     }

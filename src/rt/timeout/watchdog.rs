@@ -18,7 +18,6 @@ pub(super) const LOOK_AGAIN_NS: u64 = 10_000_000;
 pub struct Report {
     /// When, ns of CLOCK_MONOTONIC.
     pub at_ns: u64,
-    /// What.
     pub event: Event,
 }
 
@@ -26,10 +25,7 @@ pub struct Report {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     /// The PRes of a node did not come in time.
-    PresTimeout {
-        /// Node id.
-        node: u8,
-    },
+    PresTimeout { node: u8 },
     /// The frame of the async slot did not come in time.
     AsyncTimeout {
         /// Node id that had the slot.
@@ -62,10 +58,8 @@ pub enum Event {
     },
 }
 
-/// The limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Cycle.
     pub period_ns: u64,
     /// A cycle that has not begun this long after its date is late.
     pub late_ns: u64,

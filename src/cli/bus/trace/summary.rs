@@ -6,6 +6,7 @@
 use super::super::words::{self, counted};
 use super::decode::{Content, Line};
 use super::{Placed, time};
+use crate::host::terminal::table;
 use powerlink::link::pcap::PcapError;
 use powerlink::nmt::NmtState;
 use powerlink::wire::{Asnd, Frame, Mac, RequestedService, node};
@@ -446,28 +447,37 @@ impl fmt::Display for Report {
                 cycles.period_max_us / 1e3
             )?,
         }
-        writeln!(
-            f,
-            "\nnode  address            polls    lost  in a row  latency us: min    mean     max  invited  silent"
-        )?;
-        for node in &self.nodes {
-            let latency = node
-                .latency_us
-                .map_or(format!("{:>15}{:>8}{:>8}", "-", "-", "-"), |span| {
-                    format!("{:>15.1}{:>8.1}{:>8.1}", span.min, span.mean, span.max)
-                });
-            writeln!(
-                f,
-                "{:>4}  {:17}  {:>6}  {:>6}  {:>8}  {latency}  {:>7}  {:>6}",
-                node.node,
-                node.mac.as_deref().unwrap_or("never heard"),
-                node.polls,
-                node.lost,
-                node.lost_in_row_max,
-                node.invited,
-                node.silent
-            )?;
-        }
+        let rows = self.nodes.iter().map(|node| {
+            let us = |value: fn(&Span) -> f64| {
+                let span = node.latency_us.as_ref();
+                span.map_or("-".into(), |span| format!("{:.1}", value(span)))
+            };
+            vec![
+                node.node.to_string(),
+                node.mac.clone().unwrap_or("never heard".into()),
+                node.polls.to_string(),
+                node.lost.to_string(),
+                node.lost_in_row_max.to_string(),
+                us(|span| span.min),
+                us(|span| span.mean),
+                us(|span| span.max),
+                node.invited.to_string(),
+                node.silent.to_string(),
+            ]
+        });
+        let heading = [
+            ">node",
+            "address",
+            ">polls",
+            ">lost",
+            ">in a row",
+            ">latency us: min",
+            ">mean",
+            ">max",
+            ">invited",
+            ">silent",
+        ];
+        write!(f, "\n{}", table(&heading, rows))?;
         writeln!(f, "\nidentity")?;
         for node in &self.nodes {
             if let Some(id) = &node.identity {

@@ -3,7 +3,6 @@
 use super::fake::{Answers, LATENCY, silent};
 use crate::host::doctor::{Coalescing, Latency, NoAnswer, Offload, State, Target, TimeStamps};
 
-/// One change.
 #[derive(Debug)]
 pub(super) struct Case {
     /// The line that must notice.
@@ -82,7 +81,6 @@ const HUGE: &str = "/sys/kernel/mm/transparent_hugepage/enabled";
 const CLOCK: &str = "/sys/devices/system/clocksource/clocksource0/current_clocksource";
 const CLOCKS: &str = "/sys/devices/system/clocksource/clocksource0/available_clocksource";
 
-/// All changes.
 #[rustfmt::skip]
 pub(super) const CASES: &[Case] = &[
     missing("PREEMPT_RT", "no, 6.18 PREEMPT_DYNAMIC", "linux-image-rt-amd64").without(&["/sys/kernel/realtime"])
