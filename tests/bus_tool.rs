@@ -98,10 +98,7 @@ fn a_running_control_tells_of_its_network_and_lets_parameters_be_read() {
         said.starts_with(&format!("{}: network OPERATIONAL on a wire in memory", demo.machine)),
         "{said}"
     );
-    for node in [
-        "   1  x-drive  is        0x00020192",
-        "  10  io       is        0x000F0191",
-    ] {
+    for node in [" 1  x-drive  is  0x00020192", "10  io       is  0x000F0191"] {
         assert!(said.contains(node), "{said}");
     }
 

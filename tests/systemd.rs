@@ -336,7 +336,10 @@ fn lines_for_the_journal_of_systemd_begin_with_their_priority() {
             if text.contains("machine disabled") {
                 break text;
             }
-            assert!(Instant::now() < give_up && control.try_wait().unwrap().is_none(), "{text}");
+            assert!(
+                Instant::now() < give_up && control.try_wait().unwrap().is_none(),
+                "{text}"
+            );
             std::thread::sleep(Duration::from_millis(20));
         };
         kill(Pid::from_raw(control.id() as i32), Signal::SIGTERM).unwrap();
@@ -353,6 +356,9 @@ fn a_log_that_nobody_can_mean_is_refused_with_what_can_be_meant() {
         let refused = command.arg("schema").env(variable, value).output().unwrap();
         let said = String::from_utf8(refused.stderr).unwrap();
         assert_eq!(refused.status.code(), Some(2), "{said}");
-        assert!(said.contains(variable) && said.contains(value) && said.contains("expected"), "{said}");
+        assert!(
+            said.contains(variable) && said.contains(value) && said.contains("expected"),
+            "{said}"
+        );
     }
 }
