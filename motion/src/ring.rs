@@ -53,6 +53,11 @@ pub trait Sink<T> {
     /// empty tail, the last committed element must end at rest. Not both may be empty.
     fn publish(&mut self, committed: &[T], tail: &[T]) -> Publish;
 
+    /// Whether a publication of so many elements would be refused for want of room. To be asked before one is put together.
+    fn is_full(&self, count: usize) -> bool {
+        self.free() < count
+    }
+
     /// Number that the first element of the next publication gets; the others follow, those of the tail as well.
     fn next_number(&self) -> u64 {
         0
@@ -325,6 +330,12 @@ impl<T: Timed> Producer<T> {
 impl<T: Timed> Sink<T> for Producer<T> {
     fn free(&self) -> usize {
         self.room(self.shared.at.load(Ordering::Acquire))
+    }
+
+    fn is_full(&self, count: usize) -> bool {
+        let at = self.shared.at.load(Ordering::Acquire);
+        // Where the tail has been taken, a publication is to hear of it.
+        self.anchor.is_none_or(|anchor| anchor >= at) && self.room(at) < count
     }
 
     fn publish(&mut self, committed: &[T], tail: &[T]) -> Publish {

@@ -2,17 +2,19 @@
 //!
 //! A counting allocator stands in front of the system's and counts for the thread and the time it is told to.
 
-use motion::canon::{AXES, Axis, Position, ProbeMode};
+use motion::canon::{AXES, Axis, Call, Event, Position, ProbeMode, Source};
 use motion::element::{Element, Enables, Span};
 use motion::kinematics::{Elbow, Follows, Kinematics, Scara, ToolFrame, Transform};
 use motion::path::Piece;
-use motion::ring::{Publish, Sink, channel};
+use motion::plan::{AxisLimits, Planner, PlannerKind, Pumped, Settings};
+use motion::ring::{Producer, Publish, Sink, channel};
 use motion::rt::homing::{Homing, HomingInput, HomingJoint, HomingStatus, HomingWay};
 use motion::rt::jog::{Jog, JogLimits, WorldJog};
 use motion::rt::probe::Probe;
 use motion::rt::{Interpolator, MotionLimits, ScaleRamp, StopLimits, TrajectoryGenerator};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::rc::Rc;
 
 thread_local! {
     static COUNTING: Cell<bool> = const { Cell::new(false) };
@@ -306,4 +308,84 @@ fn jogging_in_the_world_costs_no_allocation() {
     });
     assert_eq!(counted, 0);
     assert!(obstructions > 0, "nothing was ever in the way");
+}
+
+/// A ring that counts what is offered to it.
+struct Offered {
+    ring: Producer<Element>,
+    times: Rc<Cell<u32>>,
+}
+
+impl Sink<Element> for Offered {
+    fn free(&self) -> usize {
+        self.ring.free()
+    }
+
+    fn is_full(&self, count: usize) -> bool {
+        self.ring.is_full(count)
+    }
+
+    fn publish(&mut self, committed: &[Element], tail: &[Element]) -> Publish {
+        self.times.set(self.times.get() + 1);
+        self.ring.publish(committed, tail)
+    }
+
+    fn next_number(&self) -> u64 {
+        self.ring.next_number()
+    }
+
+    fn consumer_at(&self) -> Option<u64> {
+        self.ring.consumer_at()
+    }
+}
+
+/// The control asks some hundred times a second whether there is room again, for as long as the machine runs what it has.
+#[test]
+fn a_planner_whose_ring_is_full_puts_nothing_together() {
+    let axis = AxisLimits {
+        velocity: LIMITS.velocity,
+        acceleration: LIMITS.acceleration,
+        jerk: LIMITS.jerk,
+        travel: [-1e4, 1e4],
+    };
+    for kind in [PlannerKind::Optimal, PlannerKind::Classic] {
+        let mut axes = [None; AXES];
+        axes[..3].fill(Some(axis));
+        let settings = Settings {
+            planner_kind: kind,
+            ..Settings::new(axes, CYCLE_S)
+        };
+        let times = Rc::new(Cell::new(0));
+        let (ring, _consumer) = channel(settings.largest_publication() + 1);
+        let times_seen = Rc::clone(&times);
+        let mut planner = Planner::new(settings, Offered { ring, times });
+        let mut number = 0;
+        let mut push = |planner: &mut Planner<Offered>, call| {
+            number += 1;
+            let source = Source {
+                line: number,
+                ..Source::default()
+            };
+            planner.push(&Event { source, call }).unwrap();
+        };
+        let feed = Call::SetFeedRate {
+            linear: 50.0,
+            angular: 0.0,
+        };
+        push(&mut planner, feed);
+        let mut moves = 0_u32;
+        while planner.pump() != Pumped::Blocked {
+            moves += 1;
+            assert!(moves < 1_000_000, "{kind:?}: the ring is never full");
+            let to = Position::xyz(f64::from(moves % 2), f64::from(moves % 3), 0.0);
+            push(&mut planner, Call::StraightFeed { to });
+        }
+        let offered = times_seen.get();
+        let counted = calls(|| {
+            for _ in 0..1000 {
+                assert_eq!(planner.pump(), Pumped::Blocked);
+            }
+        });
+        assert_eq!((counted, times_seen.get() - offered), (0, 0), "{kind:?}");
+    }
 }

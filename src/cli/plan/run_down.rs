@@ -104,6 +104,10 @@ impl Sink<Element> for Followed {
         self.0.free()
     }
 
+    fn is_full(&self, count: usize) -> bool {
+        self.0.is_full(count)
+    }
+
     fn publish(&mut self, committed: &[Element], tail: &[Element]) -> Publish {
         self.0.publish(committed, tail)
     }

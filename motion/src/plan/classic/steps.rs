@@ -101,6 +101,8 @@ pub(in crate::plan) struct Steps {
     built: Vec<Built>,
     committed: Vec<Element>,
     tail: Vec<Element>,
+    /// Elements of the publication that found no room; 0: none is waiting, or it has changed since.
+    refused: usize,
 }
 
 impl Steps {
@@ -196,6 +198,7 @@ impl Steps {
     }
 
     fn append(&mut self, built: &mut Vec<Built>) {
+        self.refused = 0;
         for built in built.drain(..) {
             let what = match built {
                 Built::Run(run) => {
@@ -232,7 +235,7 @@ impl Steps {
 
     /// Plans the speeds of all steps, none of which is final, and makes steps final; some in any case if the window is full.
     fn plan(&mut self, settings: &Settings) {
-        self.fresh = 0;
+        (self.fresh, self.refused) = (0, 0);
         let mut after = 0.0;
         for i in (0..self.steps.len()).rev() {
             // `after` is the speed at the end of step i. At its cap, nothing that follows can raise it; but what follows
@@ -284,8 +287,16 @@ impl Steps {
 
     /// Hands over the first final steps with a stop behind them.
     fn publish<S: Sink<Element>>(&mut self, sink: &mut S) -> Publish {
+        // Asked again and again while the machine runs what is there: it would be put together each time.
+        if sink.is_full(self.refused) {
+            return Publish::Full;
+        }
         let (mut committed, mut tail) = (std::mem::take(&mut self.committed), std::mem::take(&mut self.tail));
         let result = self.publish_in(sink, &mut committed, &mut tail);
+        self.refused = match result {
+            Publish::Full => committed.len() + tail.len(),
+            Publish::Done | Publish::Passed | Publish::TailTaken => 0,
+        };
         (self.committed, self.tail) = (committed, tail);
         result
     }

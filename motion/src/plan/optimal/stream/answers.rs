@@ -16,6 +16,7 @@ impl Stream {
     /// Restarts planning at a place.
     pub(super) fn restart(&mut self, place: Place, entry: Entry, careful: bool) {
         self.begun_anew += 1;
+        self.refused = 0;
         self.sections = match entry {
             Entry::Speed(_) => Sections::new(place, &self.log),
             Entry::TakenOver(_) => Sections::in_motion(place, &self.log),

@@ -175,6 +175,8 @@ pub(in crate::plan) struct Stream {
     changes: Changes,
     /// Elements of the tail in the ring.
     tail_length: usize,
+    /// Elements of the publication that found no room; 0: none is waiting. What is waiting only grows.
+    refused: usize,
 }
 
 impl Stream {
@@ -205,6 +207,7 @@ impl Stream {
             handed: 0,
             changes: Changes::default(),
             tail_length: 0,
+            refused: 0,
         }
     }
 

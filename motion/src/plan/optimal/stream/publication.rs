@@ -362,6 +362,10 @@ impl Stream {
         if steps == 0 {
             return None;
         }
+        // Asked again and again while the machine runs what is there: it would be put together each time.
+        if !self.changes.is_under_way() && self.refused > 0 && !has_room(sink, self.refused) {
+            return Some(Publish::Full);
+        }
         let mut committed = Vec::new();
         let mut tail = Vec::new();
         let mut lives = Vec::new();
@@ -426,6 +430,7 @@ impl Stream {
                 None if !has_room(sink, lives.len()) => Publish::Full,
                 None => sink.publish(&committed, &tail),
             };
+            self.refused = if result == Publish::Full { lives.len() } else { 0 };
             if result != Publish::Done {
                 return Some(result);
             }
@@ -473,7 +478,8 @@ impl Stream {
 /// Whether so many elements may be handed over: they fit, room for others in their place is left, and the machine has not too
 /// much ahead of it already.
 fn has_room<S: Sink<Element>>(sink: &S, count: usize) -> bool {
-    let ahead = |at| sink.next_number() - at;
-    let behind = sink.consumer_at();
-    behind.is_none_or(|at| ahead(at) < AHEAD && sink.free() >= count + RESERVE)
+    match sink.consumer_at() {
+        Some(at) => sink.next_number() - at < AHEAD && sink.free() >= count + RESERVE,
+        None => !sink.is_full(count),
+    }
 }
