@@ -5,6 +5,9 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use super::{Group, Jet, LengthTable, by_length, distance, dot3};
 use crate::canon::{AXES, Position};
 
+/// Places of a spiral at which its farthest positions are looked for, a turn.
+const SPIRAL_SAMPLES: f64 = 256.0;
+
 /// How an arc is told: two end points, a centre and a turn about an axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Circle {
@@ -170,43 +173,71 @@ impl Arc {
     pub fn reach(&self, axis: usize) -> (f64, f64) {
         let (start, end) = (self.start[axis], self.at(1.0)[axis]);
         let (mut low, mut high) = (start.min(end), start.max(end));
-        if axis < 3 {
-            // With r(u) the radius, the position is r g cos(w u - phase) + e u and what does not change. Its slope is zero where
-            // sin(w u - phase - lag) = e / (g hypot(r w, r')), tan(lag) = r' / (r w).
+        if axis >= 3 {
+            return (low, high);
+        }
+        let mut include = |q: f64| (low, high) = (low.min(q), high.max(q));
+        if self.radius_change == 0.0 {
+            // The position is r g cos(w u - phase) + e u and what does not change. Its slope is zero where
+            // sin(w u - phase) = e / (g r w).
             let g = libm::hypot(self.radial[axis], self.tangential[axis]);
             let phase = libm::atan2(self.tangential[axis], self.radial[axis]);
-            let (even, change) = (self.even[axis] / g, self.radius_change);
-            let turning = |u: f64, back: bool| {
-                let around = (self.radius + change * u) * self.sweep;
-                let first = libm::asin(even / libm::hypot(around, change));
-                let angle = if back { std::f64::consts::PI - first } else { first };
-                angle + phase + libm::atan2(change, around)
-            };
-            for back in [false, true] {
-                let near = turning(0.0, back);
+            let first = libm::asin(self.even[axis] / (g * self.radius * self.sweep));
+            for angle in [first, std::f64::consts::PI - first] {
+                let near = angle + phase;
+                // Where nothing turns along this axis, or it rises faster than it turns.
                 if g == 0.0 || near.is_nan() {
                     continue;
                 }
-                // The first such place and the last: of those between, radius and height only help in one direction.
+                // The first such place and the last: of those between, height only helps in one direction.
                 let low_turn = near.rem_euclid(TAU) - near;
                 let turns = ((self.sweep - near - low_turn) / TAU).floor();
                 for turn in [-1.0, 0.0, turns, turns + 1.0].map(|turn| low_turn + turn * TAU) {
-                    // On a circle the first step is exact; on a spiral, the slope of `turning` is much less than that of the angle.
-                    let mut u = (near + turn) / self.sweep;
-                    for _ in 0..12 {
-                        u = (turning(u.clamp(0.0, 1.0), back) + turn) / self.sweep;
-                        if change == 0.0 {
-                            break;
-                        }
-                    }
+                    let u = (near + turn) / self.sweep;
                     if (0.0..=1.0).contains(&u) {
-                        let q = self.at(u)[axis];
-                        (low, high) = (low.min(q), high.max(q));
+                        include(self.at(u)[axis]);
                     }
                 }
             }
+        } else {
+            // On a spiral these places have no closed form: each lies beside a sample that is beyond its neighbours.
+            let count = (SPIRAL_SAMPLES * self.sweep.abs() / TAU).ceil() + SPIRAL_SAMPLES;
+            let place = |k: f64| (k / count).clamp(0.0, 1.0);
+            let at = |u: f64| self.at(u)[axis];
+            let mut last = [at(0.0), at(0.0)];
+            for k in 0..=count as u32 + 1 {
+                let k = f64::from(k);
+                let next = at(place(k));
+                for side in [1.0, -1.0] {
+                    if side * last[1] >= side * last[0] && side * last[1] >= side * next {
+                        include(self.farthest(axis, side, [place(k - 2.0), place(k)]));
+                    }
+                }
+                last = [last[1], next];
+            }
         }
         (low, high)
+    }
+
+    /// The farthest position of `axis` between two parameters, in the direction of `side`, where it rises to it and falls behind it.
+    fn farthest(&self, axis: usize, side: f64, [mut from, mut to]: [f64; 2]) -> f64 {
+        const GOLDEN: f64 = 0.618_033_988_749_894_9;
+        let at = |u: f64| side * self.at(u)[axis];
+        let (mut a, mut b) = (to - GOLDEN * (to - from), from + GOLDEN * (to - from));
+        let (mut at_a, mut at_b) = (at(a), at(b));
+        // Flat at the top: half of the digits of the place give all of the position.
+        for _ in 0..40 {
+            if at_a > at_b {
+                (to, b, at_b) = (b, a, at_a);
+                a = to - GOLDEN * (to - from);
+                at_a = at(a);
+            } else {
+                (from, a, at_a) = (a, b, at_b);
+                b = from + GOLDEN * (to - from);
+                at_b = at(b);
+            }
+        }
+        side * at_a.max(at_b)
     }
 
     /// RT.
