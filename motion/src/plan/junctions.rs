@@ -2,7 +2,7 @@
 //!
 //! In:  stretches and halts.
 //! Out: the same with bounds. Where direction or curvature jumps a little, both sides get a short zone of their own that
-//! is slow enough for the jump; where it jumps too much, a halt.
+//! is slow enough for the jump; where it jumps too much, a halt. The jumps of rounded numbers are none.
 //!
 //! A zone is as long as the path run in three cycles at its speed, so that no difference of set-points up to the third
 //! reaches from a jump beyond its zone, and none sees two jumps.
@@ -79,8 +79,12 @@ pub(super) fn meeting(a: &Stretch, b: &Stretch, lengths: [f64; 2], settings: &Se
         return Meeting::Stop;
     }
     let reach_s = 3.0 * settings.cycle_s;
-    let bounds = jump.union(&Bounds::new(&a.piece)).union(&Bounds::new(&b.piece));
-    let limits = bounds.limits(a.feed.min(b.feed), settings);
+    let own = Bounds::new(&a.piece).union(&Bounds::new(&b.piece));
+    let feed = a.feed.min(b.feed);
+    if is_rounding(&jump, &own, feed, lengths, settings) {
+        return Meeting::Smooth;
+    }
+    let limits = jump.union(&own).limits(feed, settings);
     // A quarter of a stretch at each end for its zone; what is left for changing speed. A change to a third of a speed
     // takes 9 % more length than one to rest.
     let shortest = lengths[0].min(lengths[1]);
@@ -96,6 +100,22 @@ pub(super) fn meeting(a: &Stretch, b: &Stretch, lengths: [f64; 2], settings: &Se
     }
 }
 
+/// Whether a jump is that of rounded numbers: as many of it as lie within the reach of a difference take next to nothing of any
+/// limit, however fast they are passed.
+fn is_rounding(jump: &Bounds, own: &Bounds, feed: f64, lengths: [f64; 2], settings: &Settings) -> bool {
+    /// Part of the limits; both planners leave more.
+    const PART: f64 = 0.002;
+    let cycle = settings.cycle_s;
+    let speed = own.speed_with(1.0, feed, settings);
+    let count = 1.0 + 3.0 * cycle * speed / lengths[0].min(lengths[1]);
+    settings.axes.iter().enumerate().all(|(axis, limits)| {
+        let Some(limits) = limits else { return true };
+        let kink = count * jump.kink[axis] * speed / cycle;
+        let bend = count * 0.75 * jump.bend[axis] * speed * speed / cycle;
+        kink <= PART * limits.acceleration && kink / cycle + bend <= PART * limits.jerk
+    })
+}
+
 /// Lets `last` go; puts zones or a halt between it and `next`, which is shortened by its zone.
 fn meet(last: &Bounded, next: &mut Bounded, settings: &Settings, out: &mut Vec<Joined>) {
     let (a, b) = (&last.stretch.piece, &next.stretch.piece);
@@ -104,8 +124,13 @@ fn meet(last: &Bounded, next: &mut Bounded, settings: &Settings, out: &mut Vec<J
         return;
     };
     let reach_s = 3.0 * settings.cycle_s;
-    let bounds = jump.union(&last.bounds).union(&next.bounds);
-    let limits = bounds.limits(last.stretch.feed.min(next.stretch.feed), settings);
+    let own = last.bounds.union(&next.bounds);
+    let feed = last.stretch.feed.min(next.stretch.feed);
+    if is_rounding(&jump, &own, feed, [a.length(), b.length()], settings) {
+        out.push(Joined::Stretch(*last));
+        return;
+    }
+    let limits = jump.union(&own).limits(feed, settings);
     let speed = limits.v.min(0.5 * a.length().min(b.length()) / reach_s);
     // Slower than what a few cycles of jerk give, rest is no worse.
     if speed < limits.j * (2.0 * settings.cycle_s) * (2.0 * settings.cycle_s) {

@@ -17,6 +17,7 @@ use std::collections::VecDeque;
 use super::Leg;
 use super::fit::{Chord, Fit, State, Track};
 use super::round::{distance, reach, turning};
+use super::steps::SHARP;
 use crate::canon::{AXES, Position};
 use crate::path::{BlendEnd, Group, Jet, Piece, Shape};
 use crate::plan::Settings;
@@ -34,10 +35,10 @@ const OVERLAP: usize = 10;
 const SPAN_MOVES: usize = 64;
 /// Height of a span over its width; on a circle, the span turns by eight times as many radians.
 const HEIGHT: f64 = 0.0375;
+/// Greatest ratio of tolerances in a run.
+const TOLERANCES: f64 = 2.0;
 /// How often a curve may be drawn in where it leaves the travel.
 const DRAWINGS_IN: u32 = 3;
-/// Turning at which a corner is one in any case, radians.
-const SHARP: f64 = 1.2;
 
 /// Where a run begins.
 #[derive(Clone, Copy, Debug)]
@@ -235,10 +236,10 @@ impl Compressor {
         let axes = &self.axes;
         let track = &mut self.track;
         track.axes = axes.count;
-        track.tolerance = match moves[0].corner {
-            Corner::Round(tolerance) => tolerance,
-            Corner::Exact | Corner::Stop => 0.0,
-        };
+        track.tolerance = moves[..count]
+            .iter()
+            .filter_map(tolerance)
+            .fold(f64::INFINITY, f64::min);
         track.start = axes.state(&begin);
         track.end = closed.then(|| axes.state(&end));
         track.chords.clear();
@@ -393,7 +394,7 @@ fn flat(chords: &[Chord], axes: usize, tolerance: f64) -> bool {
 /// Length of a straight move along which the curve of the moves beside it may begin: about twice that over which the
 /// tolerance lets it go over from straight to bent.
 fn extent<'a>(straight: &Move, beside: impl Iterator<Item = &'a Move>) -> f64 {
-    let Corner::Round(tolerance) = straight.corner else {
+    let Some(tolerance) = tolerance(straight) else {
         return 0.0;
     };
     let (group, direction) = (straight.piece.group(), straight.piece.jet(0.0));
@@ -528,15 +529,25 @@ fn bridge(jet: &Jet, part: &Move, settings: &Settings) -> impl Iterator<Item = L
     })
 }
 
+/// Within which the corner behind a move may be rounded.
+fn tolerance(part: &Move) -> Option<f64> {
+    match part.corner {
+        Corner::Round(tolerance) => Some(tolerance),
+        Corner::Exact | Corner::Stop => None,
+    }
+}
+
 /// Whether the corner between two moves belongs to a run: a corner of short legs and small angle, so well within the
 /// tolerance that a blend would take more than half of a leg.
 fn soft(a: &Move, b: &Move) -> bool {
-    let (Corner::Round(tolerance), Shape::Line(_), Shape::Line(_)) = (a.corner, a.piece.shape(), b.piece.shape())
+    let (Some(tolerance), Some(next), Shape::Line(_), Shape::Line(_)) =
+        (tolerance(a), tolerance(b), a.piece.shape(), b.piece.shape())
     else {
         return false;
     };
     let group = a.piece.group();
-    let alike = b.corner == a.corner && b.enables == a.enables;
+    // The least of a run is that of all of it.
+    let alike = tolerance <= TOLERANCES * next && next <= TOLERANCES * tolerance && b.enables == a.enables;
     if a.rapid || b.rapid || group != b.piece.group() || group == Group::Rotary || !alike {
         return false;
     }

@@ -6,6 +6,7 @@
 //!
 //! ```text
 //! naive_cam  straight moves in line -> one                    (only with Q of G64)
+//! steps      runs of tiny moves that turn sharply -> lines within the tolerance
 //! compress   runs of short straight moves -> few quintics     (fit: least squares, bspline: basis and system)
 //! min_jerk_blend  lines and arcs that meet tangentially or nearly so -> short curves    (only for the optimal planner)
 //! corners    what is left of moves, and the blends between    (round: one corner)
@@ -25,11 +26,13 @@ mod fit;
 mod min_jerk_blend;
 mod naive_cam;
 pub(super) mod round;
+mod steps;
 
 use compress::Compressor;
 use corners::Corners;
 use min_jerk_blend::MinJerkBlend;
 use naive_cam::NaiveCam;
+use steps::Steps;
 
 use crate::element::Enables;
 use crate::path::Piece;
@@ -70,10 +73,12 @@ struct Leg {
 #[derive(Debug, Default)]
 pub(super) struct Smoother {
     naive_cam: NaiveCam,
+    steps: Steps,
     compressor: Compressor,
     min_jerk_blend: MinJerkBlend,
     corners: Corners,
     moves: Vec<Move>,
+    stepped: Vec<Move>,
     legs: Vec<Leg>,
     blended: Vec<Leg>,
 }
@@ -89,6 +94,8 @@ impl Smoother {
     pub(super) fn flush(&mut self, settings: &Settings, out: &mut Vec<Passed>) {
         self.naive_cam.flush(&mut self.moves);
         self.pass(settings, out);
+        self.steps.flush(&mut self.stepped);
+        self.compress(settings, out);
         self.compressor.flush(settings, &mut self.legs);
         self.round(settings, out);
         self.min_jerk_blend.flush(settings, &mut self.blended);
@@ -100,6 +107,13 @@ impl Smoother {
 
     fn pass(&mut self, settings: &Settings, out: &mut Vec<Passed>) {
         for part in self.moves.drain(..) {
+            self.steps.push(part, settings, &mut self.stepped);
+        }
+        self.compress(settings, out);
+    }
+
+    fn compress(&mut self, settings: &Settings, out: &mut Vec<Passed>) {
+        for part in self.stepped.drain(..) {
             self.compressor.push(part, settings, &mut self.legs);
         }
         self.round(settings, out);

@@ -7,6 +7,9 @@
 //! program does not name it; what is spent here is missing for smooth curves, which need many exact points. So the
 //! detector takes Q, but at most a hundredth of P, which is left out of what may be rounded later: moves that are in
 //! line up to the rounding of their numbers. Shorter curves of moves are the compressor's.
+//!
+//! On an exact path, moves of which a cycle would pass many become one where they are exactly in line: the way to rest from
+//! full speed would be more of them than fit into the ring.
 
 use super::round::distance;
 use crate::canon::{AXES, Position};
@@ -17,6 +20,10 @@ use crate::plan::travel::inside;
 
 /// Moves that become one, at most.
 const JOINED_MOVES_MAX: usize = 64;
+/// Part of a cycle: moves that take less become one on an exact path, until it takes a cycle.
+const SHORT_PART: f64 = 1.0 / 12.0;
+/// What rounding takes of moves that are exactly in line, mm.
+const ROUNDING_MM: f64 = 1e-10;
 /// Part of P that may be used.
 const SHARE: f64 = 0.01;
 
@@ -31,23 +38,25 @@ pub(super) struct NaiveCam {
 
 impl NaiveCam {
     pub(super) fn push(&mut self, mut part: Move, settings: &Settings, out: &mut Vec<Move>) {
-        let Corner::Round(tolerance) = part.corner else {
-            self.flush(out);
-            out.push(part);
-            return;
+        let allowed = match part.corner {
+            Corner::Round(tolerance) => part.naive_cam_mm.min(SHARE * tolerance),
+            Corner::Exact if part.piece.length() < SHORT_PART * settings.cycle_s * part.feed => ROUNDING_MM,
+            Corner::Exact | Corner::Stop => 0.0,
         };
-        let allowed = part.naive_cam_mm.min(SHARE * tolerance);
         if allowed <= 0.0 || part.rapid || !matches!(part.piece.shape(), Shape::Line(_)) {
             self.flush(out);
             out.push(part);
             return;
         }
-        part.corner = Corner::Round(tolerance - allowed);
+        if let Corner::Round(tolerance) = &mut part.corner {
+            *tolerance -= allowed;
+        }
         if let Some(before) = self.merged.take() {
             let middle = before.piece.position(before.piece.length());
             self.between.push(middle);
             let alike = before.feed == part.feed && before.corner == part.corner && before.enables == part.enables;
-            let same = alike && self.between.len() < JOINED_MOVES_MAX;
+            let fits = before.corner != Corner::Exact || before.piece.length() < settings.cycle_s * part.feed;
+            let same = alike && fits && self.between.len() < JOINED_MOVES_MAX;
             let line = Piece::line(before.piece.position(0.0), part.piece.position(part.piece.length()))
                 .map(|line| line.in_frame(*part.piece.frame()))
                 .filter(|line| inside(line, settings));

@@ -10,6 +10,7 @@ mod joint_space;
 mod override_tests;
 mod random;
 mod slow;
+mod tiny;
 mod travel;
 
 fn settings() -> Settings {
