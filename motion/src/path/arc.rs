@@ -169,6 +169,18 @@ impl Arc {
         self.radius
     }
 
+    /// Bounds of the position of an axis, not tight, at next to no cost.
+    pub fn hull(&self, axis: usize) -> (f64, f64) {
+        let (mut centre, mut out) = (self.start[axis], 0.0);
+        if axis < 3 {
+            centre -= self.radius * self.radial[axis];
+            let farthest = self.radius.max(self.radius + self.radius_change);
+            out = farthest * libm::hypot(self.radial[axis], self.tangential[axis]);
+        }
+        let even = self.even[axis];
+        (centre + even.min(0.0) - out, centre + even.max(0.0) + out)
+    }
+
     /// Least and greatest position of `axis` along the arc.
     pub fn reach(&self, axis: usize) -> (f64, f64) {
         let (start, end) = (self.start[axis], self.at(1.0)[axis]);

@@ -281,6 +281,8 @@ proptest! {
         for axis in 0..3 {
             let places = (0..=4000).map(|k| arc.jet_at(f64::from(k) / 4000.0).q[axis]);
             let (low, high) = arc.reach(axis);
+            let hull = arc.hull(axis);
+            prop_assert!(hull.0 <= low + 1e-12 * radius && hull.1 >= high - 1e-12 * radius, "{axis}: {hull:?}, {low} {high}");
             for q in places.clone() {
                 prop_assert!(q >= low - 1e-12 * radius && q <= high + 1e-12 * radius, "{axis}: {q} in {low} {high}");
             }

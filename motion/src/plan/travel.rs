@@ -56,9 +56,7 @@ fn beyond(piece: &Piece, settings: &Settings) -> Option<[[f64; 2]; AXES]> {
         };
         let of = |(least, most): (f64, f64)| [low - least, most - high];
         let is_beyond = |excess: [f64; 2]| excess.iter().any(|excess| *excess > SMOOTHED_ROUNDING);
-        if let Shape::Blend(blend) = piece.shape()
-            && !is_beyond(of(blend.hull(axis)))
-        {
+        if !is_beyond(of(hull(piece, axis))) {
             continue;
         }
         let excess = of(reach(piece, axis));
@@ -68,6 +66,15 @@ fn beyond(piece: &Piece, settings: &Settings) -> Option<[[f64; 2]; AXES]> {
         }
     }
     any.then_some(beyond)
+}
+
+/// Bounds of the position of an axis on the whole of the shape of a piece, at next to no cost.
+fn hull(piece: &Piece, axis: usize) -> (f64, f64) {
+    match piece.shape() {
+        Shape::Line(_) => reach(piece, axis),
+        Shape::Arc(arc) => arc.hull(axis),
+        Shape::Blend(blend) => blend.hull(axis),
+    }
 }
 
 /// Least and greatest position of an axis on the whole of the shape of a piece.
@@ -160,12 +167,11 @@ fn check_travel(piece: &Piece, limits: &[Option<AxisLimits>; AXES]) -> Result<()
         let k = axis as usize;
         let Some(limits) = limits[k] else { continue };
         within(axis, end.0[k], &limits)?;
-        if matches!(piece.shape(), Shape::Line(_)) {
+        let both = |(low, high)| within(axis, low, &limits).and(within(axis, high, &limits));
+        if matches!(piece.shape(), Shape::Line(_)) || both(hull(piece, k)).is_ok() {
             continue;
         }
-        let (low, high) = reach(piece, k);
-        within(axis, low, &limits)?;
-        within(axis, high, &limits)?;
+        both(reach(piece, k))?;
     }
     Ok(())
 }

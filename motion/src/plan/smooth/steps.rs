@@ -87,15 +87,16 @@ impl Run {
     /// Takes the next move if it is tiny and belongs to the same line.
     fn takes(&mut self, part: &Move, settings: &Settings) -> bool {
         let (last, next) = (&self.last.piece, &part.piece);
-        let Corner::Round(tolerance) = self.last.corner else {
+        let (Corner::Round(tolerance), Corner::Round(its)) = (self.last.corner, part.corner) else {
             return false;
         };
+        let tolerance = tolerance.min(its);
         // Nearly all moves end here.
         if next.length() >= tolerance || part.rapid || self.last.rapid || self.between.len() + 2 > JOINED_MOVES_MAX {
             return false;
         }
         let group = last.group();
-        let alike = self.last.feed == part.feed && self.last.corner == part.corner && self.last.enables == part.enables;
+        let alike = self.last.feed == part.feed && self.last.enables == part.enables;
         if !alike || group != next.group() || group == Group::Rotary {
             return false;
         }
@@ -122,7 +123,8 @@ impl Run {
         let line = line.in_frame(*next.frame());
         let off = off_line(&line, &self.between);
         if line.group() == group && off <= SHARE * tolerance && inside(&line, settings) {
-            (self.piece, self.last, self.off) = (line, *part, off);
+            let corner = Corner::Round(tolerance);
+            (self.piece, self.last, self.off) = (line, Move { corner, ..*part }, off);
             return true;
         }
         self.between.truncate(before);

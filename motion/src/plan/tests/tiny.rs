@@ -5,10 +5,11 @@ use super::*;
 const PLANNERS: [PlannerKind; 2] = [PlannerKind::Optimal, PlannerKind::Classic];
 const P: f64 = 0.01;
 
+/// As G64 with P alone tells it.
 fn round(tolerance_mm: f64) -> Call {
     Call::SetPathMode(PathMode::Continuous {
         tolerance_mm: Some(tolerance_mm),
-        naive_cam_tolerance_mm: None,
+        naive_cam_tolerance_mm: Some(tolerance_mm),
     })
 }
 
