@@ -6,11 +6,16 @@
 //!
 //! A zone is as long as the path run in three cycles at its speed, so that no difference of set-points up to the third
 //! reaches from a jump beyond its zone, and none sees two jumps.
+//!
+//! The classic planner gets zones as stretches of their own, with bounds that count the jump ([`Junctions`]). For the optimal
+//! planner, a jump is a part of the limits that it takes within its zone ([`meeting`]): speed may change there, too.
 
-use super::Settings;
-use super::limits::{Bounds, jumps};
-use super::profile::reachable;
+use super::limits::{Bounds, PathLimits, jumps};
+use super::optimal::solver::Taken;
+use super::profile::{change_length, reachable};
 use super::smooth::{Passed, Stretch};
+use super::{FEED_OVERRIDE_MAX, Settings};
+use crate::canon::AXES;
 
 /// A stretch with the bounds of its geometry.
 #[derive(Clone, Copy, Debug)]
@@ -57,20 +62,36 @@ impl Junctions {
     }
 }
 
+/// A jump of direction or curvature that is passed at speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Kink {
+    /// Greatest speed within `zone` of it, on both sides, mm/s.
+    pub(super) speed: f64,
+    /// Path that this speed takes in three cycles, mm; no longer than either side.
+    pub(super) zone: f64,
+    /// What set-points beside it take of the limits of every axis.
+    pub(super) taken: [Taken; AXES],
+}
+
 /// What there is where two stretches meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Meeting {
     /// Direction and curvature go on.
     Smooth,
-    /// A jump that is passed at this speed, constant over `zone` (mm) on both sides.
-    Slow { speed: f64, zone: f64 },
+    /// A jump that is passed at speed.
+    Slow(Kink),
     /// A jump that is passed at rest.
     Stop,
 }
 
-/// How the end of `a` and the beginning of `b` meet, of which `lengths` may be used. Every speed up to that of a slow
-/// meeting can be reached from any other within either stretch.
-pub(super) fn meeting(a: &Stretch, b: &Stretch, lengths: [f64; 2], settings: &Settings) -> Meeting {
+/// Part of the limits that a kink may take.
+const KINK_PART: f64 = 0.9;
+/// What passing a kink at speed must gain over a rest, of the time in which speed rises from the rest: a rest divides what is
+/// planned.
+const LEAST_GAIN: f64 = 0.02;
+
+/// How the end of `a` and the beginning of `b` meet, at any override.
+pub(super) fn meeting(a: &Stretch, b: &Stretch, settings: &Settings) -> Meeting {
     let Some(jump) = jumps(&a.piece.jet(a.piece.length()), &b.piece.jet(0.0)) else {
         return Meeting::Smooth;
     };
@@ -78,26 +99,96 @@ pub(super) fn meeting(a: &Stretch, b: &Stretch, lengths: [f64; 2], settings: &Se
         // What a jump of the axes is for joints depends on the place.
         return Meeting::Stop;
     }
-    let reach_s = 3.0 * settings.cycle_s;
+    let cycle_s = settings.cycle_s;
+    let reach_s = 3.0 * cycle_s;
+    let fastest = |stretch: &Stretch| match stretch.enables.feed_override {
+        true => FEED_OVERRIDE_MAX * stretch.feed,
+        false => stretch.feed,
+    };
+    let feed = fastest(a).min(fastest(b));
+    let lengths = [a, b].map(|stretch| stretch.piece.length());
     let own = Bounds::new(&a.piece).union(&Bounds::new(&b.piece));
-    let feed = a.feed.min(b.feed);
     if is_rounding(&jump, &own, feed, lengths, settings) {
         return Meeting::Smooth;
     }
-    let limits = jump.union(&own).limits(feed, settings);
-    // A quarter of a stretch at each end for its zone; what is left for changing speed. A change to a third of a speed
-    // takes 9 % more length than one to rest.
-    let shortest = lengths[0].min(lengths[1]);
-    let speed = limits.v.min(0.25 * shortest / reach_s);
-    let speed = reachable(0.0, speed, 0.9 * 0.5 * shortest, &limits);
-    // Slower than what a few cycles of jerk give, rest is no worse.
-    if speed < limits.j * (2.0 * settings.cycle_s) * (2.0 * settings.cycle_s) {
+    // No more than the shorter side in three cycles: no difference of set-points up to the third sees two kinks.
+    let speed = jump
+        .speed_with(KINK_PART, feed, settings)
+        .min(lengths[0].min(lengths[1]) / reach_s);
+    if !is_worth_passing(a, b, speed, settings) {
         return Meeting::Stop;
     }
-    Meeting::Slow {
+    let most = acceleration_at(&jump, [a, b], speed, settings);
+    let taken = core::array::from_fn(|axis| {
+        let (kink, limits) = (jump.kink[axis], settings.axes[axis]);
+        Taken {
+            acceleration: limits.map_or(0.0, |limits| {
+                (kink * speed / cycle_s).max(limits.acceleration - most.axis)
+            }),
+            // The speed that a difference of set-points sees is that of up to a cycle before or after.
+            jerk: kink * most.path / cycle_s,
+            jerk_by_speed: kink / (cycle_s * cycle_s) + 0.75 * jump.bend[axis] * speed / cycle_s,
+        }
+    });
+    Meeting::Slow(Kink {
         speed,
         zone: reach_s * speed,
+        taken,
+    })
+}
+
+/// Greatest acceleration beside a kink: of every axis, and so along the path.
+struct Most {
+    axis: f64,
+    path: f64,
+}
+
+/// Enough to reach the speed, and so little that it takes little of the jerk.
+fn acceleration_at(jump: &Bounds, sides: [&Stretch; 2], speed: f64, settings: &Settings) -> Most {
+    /// Part of the greatest acceleration on the way from rest to the speed by jerk alone.
+    const PART: f64 = 0.5;
+    /// Part of the jerk limit that need not be saved.
+    const LITTLE: f64 = 0.003;
+    let mut path = f64::INFINITY;
+    let mut enough = f64::INFINITY;
+    for (kink, limits) in jump.kink.iter().zip(&settings.axes) {
+        if let Some(limits) = limits
+            && *kink > 0.0
+        {
+            path = path.min(LITTLE * limits.jerk * settings.cycle_s / kink);
+            enough = enough.min(PART * (limits.jerk * speed).sqrt());
+        }
     }
+    path = path.max(enough);
+    let mut axis = f64::INFINITY;
+    for (stretch, s) in sides.into_iter().zip([sides[0].piece.length(), 0.0]) {
+        let jet = stretch.piece.jet(s);
+        let steepest = jet.d1.iter().fold(0.0f64, |most, d| most.max(d.abs()));
+        axis = axis.min(path * steepest);
+    }
+    Most { axis, path }
+}
+
+/// Whether it takes less time to pass a kink at this speed, steady for three cycles on both sides, than at rest. What lies on
+/// either side is run up to its middle.
+fn is_worth_passing(a: &Stretch, b: &Stretch, speed: f64, settings: &Settings) -> bool {
+    let reach_s = 3.0 * settings.cycle_s;
+    let gain_s = |stretch: &Stretch| {
+        let limits = Bounds::new(&stretch.piece).limits(stretch.feed, settings);
+        let length = 0.5 * stretch.piece.length();
+        let [_, passed_s] = run_up_s(speed, length - reach_s * speed, &limits);
+        let [rising_s, rest_s] = run_up_s(0.0, length, &limits);
+        rest_s - LEAST_GAIN * rising_s - (reach_s + passed_s)
+    };
+    speed > 0.0 && gain_s(a) + gain_s(b) > 0.0
+}
+
+/// Time over a length that begins with a speed, s: while speed rises, and all of it.
+fn run_up_s(from: f64, length: f64, limits: &PathLimits) -> [f64; 2] {
+    let to = reachable(from, limits.v, length, limits);
+    let change = change_length(from, to, limits).min(length);
+    let rising_s = 2.0 * change / (from + to);
+    [rising_s, rising_s + (length - change) / to]
 }
 
 /// Whether a jump is that of rounded numbers: as many of it as lie within the reach of a difference take next to nothing of any

@@ -49,7 +49,7 @@ impl Engine {
     fn push(&mut self, passed: &Passed, settings: &Settings) {
         match self {
             Engine::Classic(steps) => steps.push(passed, settings),
-            Engine::Optimal(stream) => stream.push(*passed),
+            Engine::Optimal(stream) => stream.push(*passed, settings),
         }
     }
 
@@ -77,7 +77,7 @@ impl Engine {
     fn pump<S: Sink<Element>>(&mut self, settings: &Settings, sink: &mut S) -> Pumped {
         match self {
             Engine::Classic(steps) => steps.pump(settings, sink),
-            Engine::Optimal(stream) => stream.pump(settings, sink),
+            Engine::Optimal(stream) => stream.pump(sink),
         }
     }
 }

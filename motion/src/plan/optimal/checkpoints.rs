@@ -5,7 +5,7 @@
 
 use super::joints::Joints;
 use super::knots::Knotted;
-use super::solver::{CREST, JointJet, crest};
+use super::solver::{CREST, JointJet, Taken, crest};
 use super::windows::Uncut;
 use crate::plan::smooth::Stretch;
 
@@ -13,6 +13,8 @@ use crate::plan::smooth::Stretch;
 const UNSEEN: f64 = 0.004;
 /// Speed over that for which knots were placed, at which this is judged.
 const FASTER: f64 = 2.0;
+/// Time of a span over that for which knots were placed, for the greatest speed in it.
+const SLOWER: f64 = 3.0;
 /// How often a span may be halved.
 const HALVINGS: u32 = 5;
 
@@ -29,6 +31,10 @@ pub(super) struct Checkpoints<'a> {
     pub(super) stretch: &'a Stretch,
     /// Greatest speed along it, mm/s.
     pub(super) feed: f64,
+    /// The same by kinks that are near.
+    pub(super) slowest: f64,
+    /// What they take of the limits of each joint; empty where there are none.
+    pub(super) taken: &'a [Taken],
 }
 
 impl Checkpoints<'_> {
@@ -59,8 +65,10 @@ impl Checkpoints<'_> {
     }
 
     fn push(&self, span: Knotted, checkpoints: [&[JointJet]; 3], uncut: &mut Uncut) {
-        let cap = (self.feed * self.feed).max(span.ease);
-        uncut.push(span).push_span(span.to - span.from, cap, checkpoints);
+        let cap = (self.feed * self.feed).max(span.ease).min(self.slowest * self.slowest);
+        uncut
+            .push(span)
+            .push_span(span.to - span.from, SLOWER * span.time_s, cap, checkpoints, self.taken);
     }
 
     fn divide(&self, span: Knotted, [begin, middle, end]: [&[JointJet]; 3], halvings: u32, uncut: &mut Uncut) {

@@ -3,9 +3,10 @@
 //! In:  derivatives of the axes.
 //! Out: derivatives of the joints, and the speed that they allow.
 
-use super::solver::{JointJet, JointLimits};
+use super::solver::{JointJet, JointLimits, Taken};
 use crate::kinematics::{JOINTS, Jet3, Kinematics};
 use crate::path::{Piece, Shape};
+use crate::plan::junctions::Kink;
 use crate::plan::limits::PathLimits;
 use crate::plan::{AxisLimits, Settings};
 
@@ -66,6 +67,29 @@ impl Joints {
 
     pub(super) fn limits(&self) -> &[JointLimits] {
         &self.limits
+    }
+
+    /// What kinks take of the limits of each joint, of each the most; nothing is pushed where there are none.
+    pub(super) fn taken<'a>(&self, kinks: impl Iterator<Item = &'a Kink>, out: &mut Vec<Taken>) {
+        out.clear();
+        // Other joints come to rest at kinks.
+        let Follow::Axes(axes) = &self.follow else { return };
+        for kink in kinks {
+            out.resize(axes.len(), Taken::default());
+            for (taken, &axis) in out.iter_mut().zip(axes) {
+                *taken = taken.max(kink.taken[axis]);
+            }
+        }
+    }
+
+    /// What is left of the limits at a speed where kinks take this.
+    pub(super) fn left(&self, taken: &[Taken], speed: f64) -> Vec<JointLimits> {
+        let mut left = self.limits.clone();
+        for (limits, taken) in left.iter_mut().zip(taken) {
+            limits.acceleration -= taken.acceleration;
+            limits.jerk -= taken.jerk + taken.jerk_by_speed * speed;
+        }
+        left
     }
 
     /// Whether the joints move evenly along a piece.
@@ -182,9 +206,9 @@ impl Steady {
         }
     }
 
-    /// The limits for speeds up to `feed`.
-    pub(super) fn limits(&self, joints: &Joints, feed: f64) -> PathLimits {
-        let all = || self.greatest.iter().zip(&joints.limits);
+    /// The limits for speeds up to `feed` of joints with these limits.
+    pub(super) fn limits(&self, joints: &[JointLimits], feed: f64) -> PathLimits {
+        let all = || self.greatest.iter().zip(joints);
         let mut v = feed;
         for ([d1, d2, d3], limits) in all() {
             v = v.min(SPEED_PART * limits.velocity / d1);

@@ -46,6 +46,7 @@ struct Cell {
     item: u64,
     from: f64,
     to: f64,
+    near: [bool; 2],
     allowed: Allowed,
     /// What b may still be for the sake of what it was, at both ends.
     ease: [f64; 2],
@@ -76,6 +77,7 @@ pub(super) struct Knotted {
     pub(super) item: u64,
     pub(super) from: f64,
     pub(super) to: f64,
+    pub(super) near: [bool; 2],
     /// Estimated time, s.
     pub(super) time_s: f64,
     /// What b may be here even where the feed is below it, as it is at the end: motion that was faster comes down.
@@ -88,6 +90,7 @@ impl Knotted {
             item: self.item,
             from: self.from,
             to: self.to,
+            near: self.near,
         }
     }
 }
@@ -188,7 +191,7 @@ pub(super) struct Knots {
 }
 
 impl Knots {
-    /// A section that begins with this speed: at the end of a launch from rest, or steady.
+    /// A section that begins with this speed: at the end of a launch from rest.
     pub(super) fn new(speed: f64) -> Knots {
         Knots {
             taken_over: None,
@@ -215,10 +218,13 @@ impl Knots {
         let Some(stretch) = log.stretch(part.item) else { return };
         let feed = log.feed(part.item);
         let cap = feed * feed;
-        // By what the joints allow only.
+        let slowest = log
+            .kinks(part.item, part.near)
+            .fold(f64::INFINITY, |least, kink| least.min(kink.speed));
+        // By what the joints and kinks allow only.
         let mut allowed = |piece: &Piece, s: f64| {
             joints.jets(piece, s, jets);
-            joints.allowed(jets, f64::INFINITY)
+            joints.allowed(jets, slowest)
         };
         let first = allowed(&stretch.piece, part.from);
         if let Some(from) = self.taken_over.take() {
@@ -237,11 +243,11 @@ impl Knots {
                 } else {
                     from + step
                 };
-                self.cell(part.item, [from, to], first, cap);
+                self.cell(part, [from, to], first, cap);
                 from = to;
             }
             if from < part.to {
-                self.cell(part.item, [from, part.to], first, cap);
+                self.cell(part, [from, part.to], first, cap);
             }
         } else {
             let mut last = first;
@@ -272,23 +278,24 @@ impl Knots {
                     a: last.a.min(next.a),
                     j: last.j.min(next.j),
                 };
-                self.cell(part.item, [from, to], least, cap);
+                self.cell(part, [from, to], least, cap);
                 last = next;
             }
         }
         self.parts += 1;
     }
 
-    /// Adds a cell, of which the joints allow so much and the feed b up to `cap`.
-    fn cell(&mut self, item: u64, [from, to]: [f64; 2], allowed: Allowed, cap: f64) {
+    /// Adds a cell of a part, of which the joints allow so much and the feed b up to `cap`.
+    fn cell(&mut self, part: Part, [from, to]: [f64; 2], allowed: Allowed, cap: f64) {
         let ease = self
             .ease
             .as_mut()
             .map_or([0.0; 2], |ease| ease.over(to - from, &allowed, cap));
         self.cells.push_back(Cell {
-            item,
+            item: part.item,
             from,
             to,
+            near: part.near,
             allowed: Allowed {
                 b: allowed.b.min(cap.max(ease[0])),
                 ..allowed
@@ -311,6 +318,7 @@ impl Knots {
             item: last.item,
             from: first.from,
             to: last.to,
+            near: last.near,
         })
     }
 
@@ -433,6 +441,7 @@ impl Cell {
                 item: self.item,
                 from: self.from + x,
                 to: if h >= left { self.to } else { self.from + to },
+                near: self.near,
                 time_s: h / self.expected(ends, x + 0.5 * h).sqrt(),
                 ease: self.ease[0] + (self.ease[1] - self.ease[0]) * (to.min(length) / length),
             });

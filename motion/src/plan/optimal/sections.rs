@@ -1,16 +1,15 @@
-//! Cuts the path into sections: stretches of continuous direction and curvature between places of known speed.
+//! Cuts the path into sections: stretches between rests.
 //!
 //! In:  the smoothed path, item by item, kept in a [`Log`] until it has been handed over.
 //! Out: the same as [`Found`]: parts of sections, and what lies between sections.
 //!
-//! At a rest the speed is 0. Where direction or curvature jumps a little, the machine passes at a speed that is slow enough
-//! for the jump, constant over a short zone on both sides (see [`junctions`](crate::plan::junctions)).
+//! Sections begin and end at rest. Where direction or curvature jumps a little, a section goes on, with parts of their own for
+//! the zones in which the jump takes some of the limits (see [`junctions`](crate::plan::junctions)).
 
 use std::collections::VecDeque;
 
 use crate::element::Element;
-use crate::plan::Settings;
-use crate::plan::junctions::{Meeting, meeting};
+use crate::plan::junctions::{Kink, Meeting};
 use crate::plan::smooth::Stretch;
 
 /// One thing after the other, as it came.
@@ -48,11 +47,12 @@ pub(super) struct Log {
     pub(super) shares: Shares,
 }
 
-/// An item, and the speed that joints allow on it if it is a rapid move.
+/// An item, the speed that joints allow on it if it is a rapid move, and how it meets the one before.
 #[derive(Clone, Copy, Debug)]
 struct Kept {
     item: Item,
     rapid: f64,
+    meeting: Meeting,
 }
 
 impl Log {
@@ -64,9 +64,38 @@ impl Log {
         }
     }
 
-    /// Takes the next item; `rapid`: the least speed along it at which a joint reaches its speed limit.
-    pub(super) fn push(&mut self, item: Item, rapid: f64) {
-        self.items.push_back(Kept { item, rapid });
+    /// Takes the next item; `rapid`: the least speed along it at which a joint reaches its speed limit; `meeting`: with the item
+    /// before, if both are stretches.
+    pub(super) fn push(&mut self, item: Item, rapid: f64, meeting: Meeting) {
+        self.items.push_back(Kept { item, rapid, meeting });
+    }
+
+    /// The item that came last, while it is kept.
+    pub(super) fn last(&self) -> Option<&Item> {
+        self.items.back().map(|kept| &kept.item)
+    }
+
+    /// Whether the path cannot be passed at speed where this item begins.
+    pub(super) fn stops_before(&self, item: u64) -> bool {
+        self.kept(item)
+            .is_some_and(|kept| matches!(kept.meeting, Meeting::Stop))
+    }
+
+    /// The kink where this item begins, if there is one that can be passed at speed.
+    pub(super) fn kink_before(&self, item: u64) -> Option<&Kink> {
+        match self.kept(item) {
+            Some(Kept {
+                meeting: Meeting::Slow(kink),
+                ..
+            }) => Some(kink),
+            _ => None,
+        }
+    }
+
+    /// The kinks in whose zones a part of this item lies.
+    pub(super) fn kinks(&self, item: u64, near: [bool; 2]) -> impl Iterator<Item = &Kink> {
+        let ends = [item, item + 1].into_iter().zip(near);
+        ends.filter_map(|(item, near)| if near { self.kink_before(item) } else { None })
     }
 
     fn kept(&self, item: u64) -> Option<&Kept> {
@@ -92,6 +121,7 @@ impl Log {
             Some(&Kept {
                 item: Item::Stretch(stretch),
                 rapid,
+                ..
             }) => match (stretch.rapid, stretch.enables.feed_override) {
                 (_, false) => stretch.feed,
                 (true, true) if self.shares.rapid < 1.0 => rapid * self.shares.rapid,
@@ -124,11 +154,13 @@ impl Log {
 }
 
 /// Part of a stretch.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Part {
     pub(super) item: u64,
     pub(super) from: f64,
     pub(super) to: f64,
+    /// Whether it lies in the zone of the kink at the beginning and at the end of the stretch.
+    pub(super) near: [bool; 2],
 }
 
 /// What there is between two sections.
@@ -136,140 +168,103 @@ pub(super) struct Part {
 pub(super) enum Found {
     /// The section goes on.
     Part(Part),
-    /// The section ends at this speed; the next one begins with it.
-    End { speed: f64 },
-    /// Between two sections: constant speed.
-    Zone {
-        part: Part,
-        speed: f64,
-        /// Whether it lies behind the kink.
-        behind: bool,
-    },
-    /// Between two sections that end and begin at rest: item `item` happens.
+    /// The section ends, at rest.
+    End,
+    /// Between two sections: item `item` happens.
     Rest { item: u64 },
 }
 
 /// What is shorter is left out: no position of a drive is as fine, and knots so near to each other mean nothing.
 const SLIVER_MM: f64 = 1e-9;
+/// What is shorter, over the zone beside it, is made part of that zone: knots are about even.
+const NARROW: f64 = 0.5;
 
 /// Finds sections, with one stretch of delay.
 #[derive(Debug)]
 pub(super) struct Sections {
     /// Next item to look at.
     next: u64,
-    /// What is not yet known to be part of the section up to its end.
-    last: Option<Part>,
+    /// From where on the path has not been given out yet: what lies behind depends on how it goes on.
+    last: Option<Place>,
     /// Whether parts have been given out since the last end.
     open: bool,
-    /// Path of `last` before the place from which it is planned: it was there when the zone at its end was laid out.
-    before: f64,
 }
 
 impl Sections {
-    /// Begins at a place at rest.
+    /// Begins at a place.
     pub(super) fn new(from: Place, log: &Log) -> Sections {
-        let last = log.stretch(from.item).map(|stretch| Part {
-            item: from.item,
-            from: from.s,
-            to: stretch.piece.length(),
-        });
+        let stretch = log.stretch(from.item);
         Sections {
-            next: from.item + u64::from(last.is_some()),
-            last: last.filter(|part| part.to > part.from),
+            next: from.item + u64::from(stretch.is_some()),
+            last: stretch.map(|_| from),
             open: false,
-            before: 0.0,
-        }
-    }
-
-    /// Begins at a place that is passed in motion.
-    pub(super) fn in_motion(from: Place, log: &Log) -> Sections {
-        Sections {
-            before: from.s,
-            ..Sections::new(from, log)
         }
     }
 
     /// Goes on to the next item; false where there is none.
-    pub(super) fn step(&mut self, log: &Log, settings: &Settings, out: &mut Vec<Found>) -> bool {
+    pub(super) fn step(&mut self, log: &Log, out: &mut Vec<Found>) -> bool {
         let Some(item) = log.get(self.next) else {
             return false;
         };
+        if let Some(last) = self.last.take() {
+            self.parts(last, log, out);
+        }
         match item {
-            Item::Stretch(stretch) => {
-                let mut next = Part {
-                    item: self.next,
-                    from: 0.0,
-                    to: stretch.piece.length(),
-                };
-                if let Some(last) = self.last.take()
-                    && let Some(before) = log.stretch(last.item)
-                {
-                    let feeds = [log.feed(last.item), log.feed(self.next)];
-                    let [before, stretch] =
-                        [(before, feeds[0]), (stretch, feeds[1])].map(|(stretch, feed)| Stretch { feed, ..*stretch });
-                    self.meet(last, &before, &mut next, &stretch, settings, out);
+            Item::Stretch(_) => {
+                if log.stops_before(self.next) {
+                    self.close(out);
                 }
-                self.last = Some(next);
+                self.last = Some(Place {
+                    item: self.next,
+                    s: 0.0,
+                });
             }
             Item::Rest(_) => {
-                self.close(0.0, out);
+                self.close(out);
                 out.push(Found::Rest { item: self.next });
             }
         }
         self.next += 1;
-        self.before = 0.0;
         true
     }
 
-    fn part(&mut self, part: Part, out: &mut Vec<Found>) {
-        if part.to - part.from > SLIVER_MM {
-            self.open = true;
-            out.push(Found::Part(part));
-        }
-    }
-
-    fn close(&mut self, speed: f64, out: &mut Vec<Found>) {
-        if let Some(last) = self.last.take() {
-            self.part(last, out);
-        }
+    fn close(&mut self, out: &mut Vec<Found>) {
         if self.open {
             self.open = false;
-            out.push(Found::End { speed });
+            out.push(Found::End);
         }
     }
 
-    fn meet(
-        &mut self,
-        last: Part,
-        before: &Stretch,
-        next: &mut Part,
-        after: &Stretch,
-        settings: &Settings,
-        out: &mut Vec<Found>,
-    ) {
-        let lengths = [last.to - last.from + self.before, next.to - next.from];
-        match meeting(before, after, lengths, settings) {
-            Meeting::Smooth => self.part(last, out),
-            Meeting::Slow { speed, zone } => {
-                let (end, begin) = (last.to - zone, next.from + zone);
-                self.part(Part { to: end, ..last }, out);
-                self.open = true;
-                self.close(speed, out);
-                out.push(Found::Zone {
-                    part: Part { from: end, ..last },
-                    speed,
-                    behind: false,
-                });
-                out.push(Found::Zone {
-                    part: Part { to: begin, ..*next },
-                    speed,
-                    behind: true,
-                });
-                next.from = begin;
+    /// A stretch from a place on, cut where the zones of the kinks at its ends end and begin.
+    fn parts(&mut self, Place { item, s }: Place, log: &Log, out: &mut Vec<Found>) {
+        let Some(stretch) = log.stretch(item) else { return };
+        let length = stretch.piece.length();
+        let mut zones = [item, item + 1].map(|item| log.kink_before(item).map_or(0.0, |kink| kink.zone));
+        // The wider one is that of the faster kink: there, a zone that is longer than it must be costs less.
+        let wide = usize::from(zones[1] > zones[0]);
+        let narrow = 1 - wide;
+        let between = length - zones[0] - zones[1];
+        if zones[wide] > 0.0 && between < 0.0 {
+            zones[wide] = length;
+            if length - zones[narrow] < NARROW * zones[narrow] {
+                zones[narrow] = length;
             }
-            Meeting::Stop => {
-                self.part(last, out);
-                self.close(0.0, out);
+        } else if between < NARROW * zones[wide] {
+            zones[wide] += between;
+        }
+        let (begin, end) = (zones[0], length - zones[1]);
+        let mut from = s;
+        for to in [begin.min(end), begin.max(end), length] {
+            if to - from > SLIVER_MM {
+                let middle = 0.5 * (from + to);
+                self.open = true;
+                out.push(Found::Part(Part {
+                    item,
+                    from,
+                    to,
+                    near: [middle < begin, middle > end],
+                }));
+                from = to;
             }
         }
     }

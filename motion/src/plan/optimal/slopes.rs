@@ -5,7 +5,7 @@
 
 use super::joints::{Joints, Steady};
 use super::sections::{Log, Part, Place};
-use super::solver::{self, JointJet, Launch, State};
+use super::solver::{self, JointJet, JointLimits, Launch, State};
 use crate::element::{Element, Span};
 use crate::plan::limits::PathLimits;
 use crate::plan::profile::Phase;
@@ -20,8 +20,15 @@ pub(super) enum Side {
 /// The launch at the beginning or the end of a part; `None` where geometry leaves none.
 pub(super) fn launch(part: Part, side: Side, log: &Log, joints: &Joints, jets: &mut Vec<JointJet>) -> Option<Launch> {
     let stretch = log.stretch(part.item)?;
-    let feed = log.feed(part.item);
-    solver::launch(joints.limits(), feed * feed, part.to - part.from, 1.0, |x, at| {
+    let mut feed = log.feed(part.item);
+    let mut taken = Vec::new();
+    joints.taken(log.kinks(part.item, part.near), &mut taken);
+    for kink in log.kinks(part.item, part.near) {
+        feed = feed.min(kink.speed);
+    }
+    // A launch ends at a quarter of the speed, and what follows it rises to about twice as much.
+    let limits = joints.left(&taken, if taken.is_empty() { 0.0 } else { 0.6 * feed });
+    solver::launch(&limits, feed * feed, part.to - part.from, 1.0, |x, at| {
         let s = match side {
             Side::Start => part.from + x,
             Side::Stop => part.to - x,
@@ -151,19 +158,6 @@ impl Emission<'_> {
         self.span(part.item, s, b.sqrt(), u, launch.jerk, 0.0, launch.duration_s);
     }
 
-    /// Constant speed.
-    pub(super) fn steady(&mut self, part: Part, speed: f64) {
-        self.span(
-            part.item,
-            part.from,
-            speed,
-            0.0,
-            0.0,
-            0.0,
-            (part.to - part.from) / speed,
-        );
-    }
-
     /// A span of the spline: from state to state over a part.
     pub(super) fn spline(&mut self, part: Part, from: State, to: State) {
         let length = part.to - part.from;
@@ -269,8 +263,14 @@ impl Emission<'_> {
     }
 }
 
-/// Limits along a part that hold for any motion over it.
-pub(super) fn steady_limits(part: Part, log: &Log, joints: &Joints, jets: &mut Vec<JointJet>) -> PathLimits {
+/// Limits along a part that hold for any motion over it, of joints with these limits; the kinks at its ends are not passed.
+pub(super) fn steady_limits(
+    part: Part,
+    limits: &[JointLimits],
+    log: &Log,
+    joints: &Joints,
+    jets: &mut Vec<JointJet>,
+) -> PathLimits {
     /// Samples of a curved piece.
     const SAMPLES: u32 = 16;
     let mut steady = Steady::new();
@@ -284,5 +284,5 @@ pub(super) fn steady_limits(part: Part, log: &Log, joints: &Joints, jets: &mut V
             steady.include(jets);
         }
     }
-    steady.limits(joints, feed)
+    steady.limits(limits, feed)
 }

@@ -37,7 +37,7 @@ pub(super) const WINDOW_SPANS: usize = 8192;
 const BORDER_SPANS: usize = 8;
 
 /// Part of the time by which a window may be slower than it could be.
-const WINDOW_GAP: f64 = 2e-3;
+const WINDOW_GAP: f64 = 1e-3;
 /// The same at a border: its window improves it all but for the state at the border, and sooner from well within the limits.
 const BORDER_GAP: f64 = 0.1;
 

@@ -7,6 +7,7 @@ use super::*;
 use crate::canon::{Call, Event, PathMode, Plane};
 
 mod joint_space;
+mod never_slower;
 mod override_tests;
 mod random;
 mod slow;

@@ -121,7 +121,7 @@ fn nearest(grid: &Grid, span: usize, State { b, u }: State, wanted: f64, room: f
             bound(
                 -row.j1 * u / h + row.j2 * u_fixed + row.j3 * b_fixed,
                 row.j1 / h + row.j2 * u_slope + row.j3 * b_slope,
-                room / v,
+                room / v - row.kink,
             );
         }
     }

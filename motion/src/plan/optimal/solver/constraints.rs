@@ -48,6 +48,8 @@ pub(super) struct Block {
 pub(super) struct Pair {
     pub(super) acceleration: [Lane; 3],
     pub(super) jerk: [Lane; 3],
+    /// What a kink takes of it, in amount.
+    pub(super) kink: Lane,
 }
 
 /// One constraint: 1 / slack, and its multiplier.
@@ -106,6 +108,7 @@ impl Pair {
         self.jerk[0].0[lane] = row.j3;
         self.jerk[1].0[lane] = row.j3 * b1 + row.j2 * rest - by_w;
         self.jerk[2].0[lane] = row.j3 * b2 + row.j2 * part + by_w;
+        self.kink.0[lane] = row.kink;
     }
 }
 
@@ -115,17 +118,14 @@ fn straight(grid: &Grid, joints: &[usize], spans: impl Iterator<Item = Option<us
     let mut tightest = [Row::default(); LANES];
     for (tightest, span) in tightest.iter_mut().zip(spans) {
         let Some(span) = span else { continue };
-        if grid.is_fine(span) {
-            return None;
-        }
-        for checkpoint in 0..CHECKPOINTS.len() {
-            let rows = grid.rows(span, checkpoint);
+        for rows in grid.all_rows(span).chunks_exact(grid.joints()) {
             for row in joints.iter().map(|&joint| &rows[joint]) {
                 if row.a2 != 0.0 || row.j3 != 0.0 {
                     return None;
                 }
                 tightest.a1 = tightest.a1.max(row.a1.abs());
                 tightest.j1 = tightest.j1.max(row.j1.abs());
+                tightest.kink = tightest.kink.max(row.kink);
             }
         }
     }
@@ -182,6 +182,8 @@ impl Constraints {
                 let index = block * LANES + lane;
                 (index < count).then_some(spans.start + index)
             };
+            let fine = (0..LANES).filter_map(own).any(|span| grid.is_fine(span));
+            lanes.checkpoints = if fine { &FINE_CHECKPOINTS } else { &CHECKPOINTS };
             if let Some(pair) = straight(grid, &self.joints, (0..LANES).map(own)) {
                 lanes.rows = 1;
                 for &(part, _) in lanes.checkpoints {
@@ -194,8 +196,6 @@ impl Constraints {
                 self.blocks.push(lanes);
                 continue;
             }
-            let fine = (0..LANES).filter_map(own).any(|span| grid.is_fine(span));
-            lanes.checkpoints = if fine { &FINE_CHECKPOINTS } else { &CHECKPOINTS };
             for (checkpoint, &(part, _)) in lanes.checkpoints.iter().enumerate() {
                 for &joint in &self.joints {
                     let mut pair = Pair::default();

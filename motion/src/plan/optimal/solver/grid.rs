@@ -5,8 +5,10 @@ use crate::plan::roots::cube_root;
 /// Part of the acceleration limit that is planned with. Second differences of set-points are means over two cycles
 /// and never above the greatest value between; the rest covers what lies between two checkpoints.
 pub const ACCELERATION_USE: f64 = 0.995;
-/// Part of the jerk limit that is planned with. Jerk varies most between checkpoints.
+/// Part of the jerk limit that is planned with where it varies most between checkpoints.
 pub const JERK_USE: f64 = 0.965;
+/// Parts of both where joints move evenly: between checkpoints nothing changes but the speed.
+const EVEN_USE: [f64; 2] = [0.9985, 0.985];
 /// Part of the speed limits, programmed feed included, that is planned with: room for rounding.
 pub const SPEED_USE: f64 = 0.9999;
 
@@ -19,6 +21,28 @@ pub struct JointLimits {
     pub acceleration: f64,
     /// Greatest jerk, unit/s³.
     pub jerk: f64,
+}
+
+/// What a jump of direction or curvature takes of the limits of a joint while it is passed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Taken {
+    /// Acceleration, at most, unit/s².
+    pub acceleration: f64,
+    /// Jerk at any speed, at most, unit/s³.
+    pub jerk: f64,
+    /// Further jerk over the speed along the path, at most, unit/s³ per mm/s.
+    pub jerk_by_speed: f64,
+}
+
+impl Taken {
+    /// What the greater of two takes.
+    pub fn max(self, other: Taken) -> Taken {
+        Taken {
+            acceleration: self.acceleration.max(other.acceleration),
+            jerk: self.jerk.max(other.jerk),
+            jerk_by_speed: self.jerk_by_speed.max(other.jerk_by_speed),
+        }
+    }
 }
 
 /// Derivatives of one joint by path length.
@@ -45,6 +69,8 @@ pub(super) struct Row {
     pub(super) j2: f64,
     /// q''' / J.
     pub(super) j3: f64,
+    /// Jerk beside a kink, over speed and J.
+    pub(super) kink: f64,
 }
 
 /// Caps of b over one span, each greater than 0; infinite where nothing caps.
@@ -82,6 +108,8 @@ pub(super) const FINE_CHECKPOINTS: [(f64, f64); 5] = [
 const STRAY: f64 = 0.004;
 /// Crest of jerk between two checkpoints, over the limit, from which further ones are needed.
 pub const CREST: f64 = 0.02;
+/// The same where it comes from the greatest speed in a span.
+const PEAK: f64 = 0.01;
 
 /// By how much jerk, over its limit, may rise between two checkpoints above what they show, where the curvature of a joint and
 /// the acceleration along the path both change: with both linear in s, the second derivative of q''' v³ + 3 q'' v a + q' s...
@@ -104,6 +132,27 @@ pub fn crest(limits: &[JointLimits], length: f64, [begin, middle, end]: [&[Joint
     over.fold(0.0, f64::max)
 }
 
+/// By how much jerk, over its limit, may rise between two checkpoints where the speed has its greatest value between them, at a
+/// quarter of the span from the nearest: b is a parabola.
+fn peak(limits: &[JointLimits], length: f64, time_s: f64, jets: &[JointJet]) -> f64 {
+    let along = limits.iter().zip(jets).fold(f64::INFINITY, |least, (limits, jet)| {
+        least.min(limits.jerk / jet.d1.abs())
+    });
+    along * time_s * time_s * time_s / (32.0 * length)
+}
+
+/// Whether joints with these derivatives move evenly.
+fn are_even(jets: &[JointJet]) -> bool {
+    jets.iter().all(|jet| jet.d2 == 0.0 && jet.d3 == 0.0)
+}
+
+/// Parts of the limits of acceleration and jerk that are planned with where joints have these derivatives, and jerk may rise by
+/// `crest` over its limit between checkpoints.
+pub(super) fn uses(jets: &[JointJet], crest: f64) -> [f64; 2] {
+    let acceleration = if are_even(jets) { EVEN_USE[0] } else { ACCELERATION_USE };
+    [acceleration, (EVEN_USE[1] - crest).max(JERK_USE)]
+}
+
 impl Grid {
     /// No spans yet.
     pub fn new(limits: &[JointLimits]) -> Grid {
@@ -116,8 +165,11 @@ impl Grid {
     /// Adds a span behind the last one.
     ///
     /// `cap` is the greatest b by programmed feed (infinite: none), `checkpoints` the derivatives of every joint at the
-    /// beginning, middle and end, seen from within the span. q' and q'' must go on continuously from span to span.
-    pub fn push_span(&mut self, length: f64, cap: f64, checkpoints: [&[JointJet]; 3]) {
+    /// beginning, middle and end, seen from within the span. q' and q'' must go on continuously from span to span, but beside
+    /// kinks that have been passed: `taken` says what they take of the limits of every joint there, and is empty elsewhere.
+    ///
+    /// `time_s` is about how long the span takes.
+    pub fn push_span(&mut self, length: f64, time_s: f64, cap: f64, checkpoints: [&[JointJet]; 3], taken: &[Taken]) {
         let mut speeds = Caps {
             begin: cap,
             middle: cap,
@@ -148,8 +200,17 @@ impl Grid {
         speeds.end *= margin;
         self.lengths.push(length);
         self.caps.push(speeds);
-        let fine = self.is_curved(cap, length, checkpoints);
+        let bent = crest(&self.limits, length, checkpoints);
+        let peak = peak(&self.limits, length, time_s, checkpoints[1]);
+        let even = checkpoints.iter().all(|jets| are_even(jets));
+        let fine = bent > CREST || (even && peak > PEAK) || self.strays(cap, checkpoints);
+        let crest = bent + peak;
         self.first.push((self.rows.len(), fine));
+        // Beside a kink, the direction turns while acceleration along the path changes: little, but not nothing.
+        let uses = |jets: &[JointJet], crest: f64| match taken {
+            [] => uses(jets, crest),
+            _ => [ACCELERATION_USE, JERK_USE],
+        };
         let [begin, middle, end] = checkpoints;
         if fine {
             // At the quarters, derivatives are those of the parabola through the three.
@@ -167,32 +228,30 @@ impl Grid {
             let first: Vec<JointJet> = joints.clone().map(|joint| quarter(begin, end, joint)).collect();
             let third: Vec<JointJet> = joints.map(|joint| quarter(end, begin, joint)).collect();
             for jets in [begin, &first, middle, &third, end] {
-                self.push_rows(jets);
+                // Half as far apart.
+                self.push_rows(jets, uses(jets, 0.25 * crest), taken);
             }
         } else {
             for jets in checkpoints {
-                self.push_rows(jets);
+                self.push_rows(jets, uses(jets, crest), taken);
             }
         }
     }
 
-    fn push_rows(&mut self, jets: &[JointJet]) {
-        for (jet, limits) in jets.iter().zip(&self.limits) {
-            let a = 1.0 / (ACCELERATION_USE * limits.acceleration);
-            let j = 1.0 / (JERK_USE * limits.jerk);
+    fn push_rows(&mut self, jets: &[JointJet], [acceleration_use, jerk_use]: [f64; 2], taken: &[Taken]) {
+        for (joint, (jet, limits)) in jets.iter().zip(&self.limits).enumerate() {
+            let taken = taken.get(joint).copied().unwrap_or_default();
+            let a = 1.0 / (acceleration_use * limits.acceleration - taken.acceleration);
+            let j = 1.0 / (jerk_use * limits.jerk - taken.jerk);
             self.rows.push(Row {
                 a1: jet.d1 * a,
                 a2: jet.d2 * a,
                 j1: jet.d1 * j,
                 j2: 3.0 * jet.d2 * j,
                 j3: jet.d3 * j,
+                kink: taken.jerk_by_speed * j,
             });
         }
-    }
-
-    /// Whether jerk may exceed its limit between three checkpoints that it keeps.
-    fn is_curved(&self, cap: f64, length: f64, checkpoints: [&[JointJet]; 3]) -> bool {
-        crest(&self.limits, length, checkpoints) > CREST || self.strays(cap, checkpoints)
     }
 
     /// Whether the third derivatives leave the parabola that is taken for them.

@@ -21,6 +21,8 @@ pub struct Knotting {
     pub step_s: f64,
     /// Spans on each side on which the feasible profile depends.
     pub reach: usize,
+    /// Spans on each side over which it is made even: more where jerk takes many of them to build up acceleration.
+    pub even: usize,
 }
 
 impl Knotting {
@@ -28,16 +30,25 @@ impl Knotting {
     pub fn new(limits: &[JointLimits], step_s: f64) -> Knotting {
         /// Spans over which the feasible profile grows from next to nothing to where it grows evenly.
         const GROWING: f64 = 32.0;
+        /// Spans over which it is made even, over those in which acceleration builds up.
+        const EVEN: f64 = 0.15;
+        const EVEN_MAX: f64 = 64.0;
         /// Over the time in which it then reaches its greatest value, with room for paths across several joints.
         const ROOM: f64 = 1.5;
         let time_s = limits
             .iter()
             .map(|limits| limits.velocity / (PACE * limits.acceleration))
             .fold(0.0, f64::max);
+        let build_up_s = limits
+            .iter()
+            .map(|limits| limits.acceleration / limits.jerk)
+            .fold(0.0, f64::max);
+        let even = (EVEN * build_up_s / step_s).floor().min(EVEN_MAX);
         Knotting {
             step_s,
             // At most the greatest integer, whatever the limits are.
-            reach: (GROWING + ROOM * time_s / step_s).ceil() as usize,
+            reach: (GROWING + ROOM * time_s / step_s + 2.0 * even).ceil() as usize,
+            even: even as usize,
         }
     }
 }
@@ -67,13 +78,14 @@ pub(super) fn tangent(grid: &Grid, span: usize) -> [f64; 2] {
 fn own_speed(grid: &Grid, span: usize, step_s: f64) -> f64 {
     let caps = grid.caps(span);
     let mut b = STEADY * caps.begin.min(caps.middle).min(caps.end);
-    let (mut a2, mut j3) = (0.0f64, 0.0f64);
+    let (mut a2, mut j3, mut kink) = (0.0f64, 0.0f64, 0.0f64);
     for row in grid.all_rows(span) {
         a2 = a2.max(row.a2.abs());
         j3 = j3.max(row.j3.abs());
+        kink = kink.max(row.kink);
     }
-    let root = cube_root(STEADY / j3);
-    b = b.min(STEADY / a2).min(root * root);
+    let (root, slow) = (cube_root(STEADY / j3), STEADY / kink);
+    b = b.min(STEADY / a2).min(root * root).min(slow * slow);
     b.sqrt().min(SPEED_SHARE * grid.length(span) / step_s)
 }
 
@@ -94,9 +106,21 @@ fn coefficients(grid: &Grid, spans: Range<usize>, knotting: &Knotting) -> Vec<f6
     for k in (1..speeds.len()).rev() {
         speeds[k - 1] = speeds[k - 1].min(growth(speeds[k], gains[k - 1]));
     }
-    speeds[spans.start - first..spans.end - first]
-        .iter()
-        .map(|speed| speed * speed)
+    // The mean of least ones is never above any of them.
+    let around = |k: usize, count: usize| k.saturating_sub(knotting.even)..(k + knotting.even + 1).min(count);
+    let least: Vec<f64> = (0..speeds.len())
+        .map(|k| {
+            speeds[around(k, speeds.len())]
+                .iter()
+                .copied()
+                .fold(f64::INFINITY, f64::min)
+        })
+        .collect();
+    (spans.start - first..spans.end - first)
+        .map(|k| {
+            let least = &least[around(k, least.len())];
+            least.iter().map(|speed| speed * speed).sum::<f64>() / least.len() as f64
+        })
         .collect()
 }
 

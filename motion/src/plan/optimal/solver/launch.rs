@@ -3,7 +3,7 @@
 //! At rest b grows like s^(4/3), which no polynomial follows. So motion begins with a launch, constant jerk for a time;
 //! the spline begins where the launch ends. A stop is the same in reverse.
 
-use super::grid::{ACCELERATION_USE, Grid, JERK_USE, JointJet, JointLimits, SPEED_USE};
+use super::grid::{CREST, Grid, JointJet, JointLimits, SPEED_USE, uses};
 use super::profile::{State, coefficient, span_value};
 use crate::plan::roots::cube_root;
 
@@ -70,10 +70,11 @@ pub fn launch(
     jets(0.0, &mut at);
     let (mut a, mut j) = (f64::INFINITY, f64::INFINITY);
     let mut cap = cap;
+    let [acceleration_use, jerk_use] = uses(&at, CREST);
     for (jet, limits) in at.iter().zip(limits) {
         let d1 = jet.d1.abs();
-        a = a.min(ACCELERATION_USE * limits.acceleration / d1);
-        j = j.min(JERK_USE * limits.jerk / d1);
+        a = a.min(acceleration_use * limits.acceleration / d1);
+        j = j.min(jerk_use * limits.jerk / d1);
         let v = limits.velocity / d1;
         cap = cap.min(v * v);
     }
@@ -110,11 +111,12 @@ fn allows(
         let t = launch.duration_s * f64::from(check) / f64::from(CHECKS);
         let (v, a) = (0.5 * launch.jerk * t * t, launch.jerk * t);
         jets(launch.jerk * t * t * t / 6.0, at);
+        let [acceleration_use, jerk_use] = uses(at, CREST);
         for (jet, limits) in at.iter().zip(limits) {
             // Either sign of the odd derivatives, so that a stop is the same as a start.
             let acceleration = (jet.d1 * a).abs() + (jet.d2 * v * v).abs();
             let jerk = (jet.d1 * launch.jerk).abs() + 3.0 * (jet.d2 * v * a).abs() + (jet.d3 * v * v * v).abs();
-            if !(acceleration < ACCELERATION_USE * limits.acceleration && jerk < JERK_USE * limits.jerk) {
+            if !(acceleration < acceleration_use * limits.acceleration && jerk < jerk_use * limits.jerk) {
                 return false;
             }
         }
@@ -260,14 +262,15 @@ fn rise(grid: &Grid, from: State, ease: f64, room: usize, span: impl Fn(usize) -
     let mut states = vec![state];
     for index in 0..room {
         let h = grid.length(span(index));
+        // sqrt(b) is greatest at the end of the span.
+        let v = (state.b + 2.0 * state.u * h).sqrt();
         let mut jerk = f64::INFINITY;
         for checkpoint in 0..grid.checkpoints(span(index)).len() {
             for row in grid.rows(span(index), checkpoint) {
-                jerk = jerk.min(1.0 / row.j1.abs());
+                jerk = jerk.min((1.0 - row.kink * v).max(0.0) / row.j1.abs());
             }
         }
-        // sqrt(b) is greatest at the end of the span.
-        let w = ease * jerk / (state.b + 2.0 * state.u * h).sqrt();
+        let w = ease * jerk / v;
         let u = (state.u - w * h).max(0.0);
         state = State {
             b: state.b + (state.u + u) * h,

@@ -23,13 +23,14 @@
 //! With b = v² over the path length s, u = dv/dt = b'/2 and w = u', joint k has
 //!
 //! ```text
-//! speed          |q'| sqrt(b)                          <= V
-//! acceleration   |q' u + q'' b|                        <= A
-//! jerk           |q' w + 3 q'' u + q''' b| sqrt(b)     <= J
+//! speed          |q'| sqrt(b)                                 <= V
+//! acceleration   |q' u + q'' b|                               <= A
+//! jerk           (|q' w + 3 q'' u + q''' b| + K) sqrt(b)      <= J
 //! ```
 //!
-//! and the time is the integral of 1/sqrt(b). b is a quadratic spline on the knots of the grid: b and u continuous, u
-//! linear and w constant within a span. q''' and w jump at knots, hence checkpoints at both ends of every span.
+//! where K is what a kink takes, and 0 elsewhere; the time is the integral of 1/sqrt(b). b is a quadratic spline on the knots of
+//! the grid: b and u continuous, u linear and w constant within a span. q''' and w jump at knots, hence checkpoints at both ends
+//! of every span.
 
 mod band;
 mod brake;
@@ -44,7 +45,7 @@ mod profile;
 mod rise;
 
 pub use brake::first_braking;
-pub use grid::{ACCELERATION_USE, CREST, Grid, JERK_USE, JointJet, JointLimits, SPEED_USE, crest};
+pub use grid::{ACCELERATION_USE, CREST, Grid, JERK_USE, JointJet, JointLimits, SPEED_USE, Taken, crest};
 pub use initial_guess::{Knotting, feasible_profile, initial_guess};
 pub use interior::{Infeasible, Options, Solved, Workspace, solve};
 pub use launch::{Launch, NoStart, launch};

@@ -186,7 +186,8 @@ pub(super) fn assemble(
                 let a = dot(&pair.acceleration, &x);
                 let q = dot(&pair.jerk, &x);
                 let [minus, plus] = [one - a, one + a];
-                let [lower, upper] = [beta - q, beta + q];
+                let room = beta - pair.kink;
+                let [lower, upper] = [room - q, room + q];
                 let [of_a, of_q] = both_recip(minus * plus, lower * upper);
                 let [first, second] = &mut bounds.acceleration;
                 let weight = weigh(first, plus * of_a) + weigh(second, minus * of_a);
@@ -199,7 +200,7 @@ pub(super) fn assemble(
                 both += weight + opposite;
                 add_scaled(&mut turned, weight - opposite, &pair.jerk);
                 add_scaled(&mut by_barrier, two * q * of_q, &pair.jerk);
-                barrier += two * beta * of_q;
+                barrier += two * room * of_q;
                 duals += first.dual + second.dual;
             }
             let weight = Lane::splat(weight) * block.h * used;

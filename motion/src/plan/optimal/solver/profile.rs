@@ -61,7 +61,7 @@ pub(super) fn span_value(grid: &Grid, span: usize, from: State, to: State) -> f6
         let v = b.sqrt();
         for row in grid.rows(span, checkpoint) {
             let acceleration = (row.a1 * u + row.a2 * b).abs();
-            let jerk = (row.j1 * w + row.j2 * u + row.j3 * b).abs() * v;
+            let jerk = ((row.j1 * w + row.j2 * u + row.j3 * b).abs() + row.kink) * v;
             if acceleration.is_nan() || jerk.is_nan() {
                 return f64::INFINITY;
             }

@@ -17,10 +17,7 @@ impl Stream {
     pub(super) fn restart(&mut self, place: Place, entry: Entry, careful: bool) {
         self.begun_anew += 1;
         self.refused = 0;
-        self.sections = match entry {
-            Entry::Speed(_) => Sections::new(place, &self.log),
-            Entry::TakenOver(_) => Sections::in_motion(place, &self.log),
-        };
+        self.sections = Sections::new(place, &self.log);
         self.section = None;
         self.left_over = None;
         self.entry = entry;
@@ -47,7 +44,7 @@ impl Stream {
                     end: tail.rest,
                     after: After::Rest,
                 }));
-                self.restart(tail.rest, Entry::Speed(0.0), true);
+                self.restart(tail.rest, Entry::Rest, true);
             }
             None => self.restart(failed.section.0, failed.section.1, true),
         }
@@ -177,6 +174,9 @@ impl Stream {
     }
 }
 
+/// Speed of the stop behind a border, at the most, over that at the end of its spans.
+const FASTER: f64 = 1.5;
+
 /// A stop from a slow motion at a place, on whatever part of the path follows; where it ends.
 fn stop_from(
     place: Place,
@@ -186,18 +186,30 @@ fn stop_from(
     jets: &mut Vec<JointJet>,
 ) -> Option<Place> {
     let (v, a) = (state.b.sqrt(), state.u);
+    // Slow as it is, kinks take little of the limits.
+    let fastest = FASTER * v;
+    let mut taken = Vec::new();
     let stretch = out.log.stretch(place.item)?;
     let mut parts = Vec::new();
     let mut part = Part {
         item: place.item,
         from: place.s,
         to: stretch.piece.length(),
+        near: [
+            out.log.kink_before(place.item).is_some_and(|kink| place.s < kink.zone),
+            false,
+        ],
     };
     let (mut length, mut limits) = (0.0, None::<PathLimits>);
     // Slow as it is, it takes a few pieces at the most; more means that something is wrong.
     for _ in 0..64 {
         if part.to > part.from {
-            let here = steady_limits(part, out.log, joints, jets);
+            joints.taken(out.log.kinks(part.item, part.near), &mut taken);
+            if out.log.kinks(part.item, part.near).any(|kink| kink.speed < fastest) {
+                return None;
+            }
+            let left = joints.left(&taken, fastest);
+            let here = steady_limits(part, &left, out.log, joints, jets);
             limits = Some(limits.map_or(here, |least| PathLimits {
                 v: least.v.min(here.v),
                 a: least.a.min(here.a),
@@ -212,7 +224,7 @@ fn stop_from(
             let speed = v + 0.5 * a * settle;
             let first = settle * (v + settle * (a / 2.0 - settle * a.signum() * limits.j / 6.0));
             let rest = change_length(speed, 0.0, limits);
-            if first + rest <= length {
+            if speed <= fastest && first + rest <= length {
                 let mut phases = Vec::new();
                 if settle > 0.0 {
                     phases.push(Phase {
@@ -231,10 +243,14 @@ fn stop_from(
             }
         }
         let item = part.item + 1;
+        if out.log.stops_before(item) {
+            return None;
+        }
         part = Part {
             item,
             from: 0.0,
             to: out.log.stretch(item)?.piece.length(),
+            near: [true, false],
         };
     }
     None

@@ -7,7 +7,7 @@
 //!
 //! ```text
 //! section      parts -> spans between knots -> windows, as jobs
-//! phases       what needs no knots: straight sections, zones beside junctions
+//! phases       what needs no knots: straight sections
 //! answers      solved windows -> elements; what to do where there is no way
 //! publication  what is handed over when, and what takes its place when an override changes
 //! ```
@@ -26,6 +26,7 @@ use super::slopes::Made;
 use super::solver::{JointJet, Knotting, Launch, State};
 use super::windows::{Answer, States, Times, Uncut, WINDOW_SPANS, Window};
 use crate::element::Element;
+use crate::plan::junctions::{Meeting, meeting};
 use crate::plan::smooth::Passed;
 use crate::plan::workers::{Ordered, Workers};
 use crate::plan::{Pumped, Settings};
@@ -118,8 +119,7 @@ enum Asked {
 /// How a section begins.
 #[derive(Clone, Copy, Debug)]
 enum Entry {
-    /// At this steady speed, or at rest.
-    Speed(f64),
+    Rest,
     /// In the middle of another plan.
     TakenOver(TakenOver),
 }
@@ -191,7 +191,7 @@ impl Stream {
             sections: Sections::new(begin, &log),
             log,
             section: None,
-            entry: Entry::Speed(0.0),
+            entry: Entry::Rest,
             careful: false,
             steps: VecDeque::new(),
             pending: VecDeque::new(),
@@ -212,25 +212,29 @@ impl Stream {
     }
 
     /// The path goes on.
-    pub(in crate::plan) fn push(&mut self, passed: Passed) {
+    pub(in crate::plan) fn push(&mut self, passed: Passed, settings: &Settings) {
         self.finished = false;
         match passed {
             Passed::Stretch(stretch) => {
+                let meeting = match self.log.last() {
+                    Some(Item::Stretch(before)) => meeting(before, &stretch, settings),
+                    Some(Item::Rest(_)) | None => Meeting::Smooth,
+                };
                 let rapid = if stretch.rapid {
                     self.joints.fastest(&stretch.piece, &mut self.jets)
                 } else {
                     f64::INFINITY
                 };
-                self.log.push(Item::Stretch(stretch), rapid);
+                self.log.push(Item::Stretch(stretch), rapid, meeting);
             }
-            Passed::Stop => self.log.push(Item::Rest(None), f64::INFINITY),
+            Passed::Stop => self.log.push(Item::Rest(None), f64::INFINITY, Meeting::Smooth),
         }
     }
 
     /// What is known ends at rest, where `element` happens if there is one.
     pub(in crate::plan) fn rest(&mut self, element: Option<Element>) {
         self.finished = false;
-        self.log.push(Item::Rest(element), f64::INFINITY);
+        self.log.push(Item::Rest(element), f64::INFINITY, Meeting::Smooth);
     }
 
     /// Nothing follows for now; the path has ended at rest.
@@ -244,11 +248,11 @@ impl Stream {
     }
 
     /// Hands over what is final.
-    pub(in crate::plan) fn pump<S: Sink<Element>>(&mut self, settings: &Settings, sink: &mut S) -> Pumped {
+    pub(in crate::plan) fn pump<S: Sink<Element>>(&mut self, sink: &mut S) -> Pumped {
         loop {
             let begun_anew = self.begun_anew;
             self.begin_change(sink);
-            self.advance(settings);
+            self.advance();
             self.collect();
             if self.changes.has_failed() {
                 self.take_over(sink, true);
@@ -263,7 +267,7 @@ impl Stream {
                     let Some(rest) = self.tail.take() else { continue };
                     self.steps.clear();
                     self.pending.clear();
-                    self.restart(rest, Entry::Speed(0.0), false);
+                    self.restart(rest, Entry::Rest, false);
                 }
                 None if self.is_done() => return Pumped::Done,
                 None if self.changes.withholds() => return Pumped::Blocked,
@@ -275,12 +279,12 @@ impl Stream {
     }
 
     /// Sends what is new through the stages.
-    fn advance(&mut self, settings: &Settings) {
+    fn advance(&mut self) {
         let mut found = Vec::new();
         // Jobs wait in memory: no more of them than keep all threads busy.
         while self.jobs.under_way() <= 4 * (self.workers.threads() + 1)
             && !self.has_urgent()
-            && self.sections.step(&self.log, settings, &mut found)
+            && self.sections.step(&self.log, &mut found)
         {
             let begun_anew = self.begun_anew;
             for found in found.drain(..) {

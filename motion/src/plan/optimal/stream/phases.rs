@@ -1,6 +1,6 @@
-//! Motion without knots: seven phases on one part, constant speed beside a kink.
+//! Motion without knots: seven phases on one part.
 //!
-//! In:  a section of straight parts, or one that the solver found no way through; zones beside junctions.
+//! In:  a section of one straight part, or one that the solver found no way through.
 //! Out: steps to hand over, with places where the machine could stop.
 
 use super::{After, Entry, Made, Part, Place, Ready, Step, Stream, Tail};
@@ -9,26 +9,20 @@ use crate::plan::optimal::slopes::{Emission, steady_limits};
 use crate::plan::profile::{Phase, change_length, profile};
 
 impl Stream {
-    /// Plans the section under construction without knots: one part from speed to speed, several from rest to rest.
-    pub(super) fn phases(&mut self, speed: f64) {
+    /// Plans the section under construction without knots, each part from rest to rest.
+    pub(super) fn phases(&mut self) {
         self.careful = false;
-        let Some(section) = self.section.take() else {
-            self.entry = Entry::Speed(speed);
-            return;
-        };
-        let Entry::Speed(begin_speed) = section.entry else {
+        self.entry = Entry::Rest;
+        let Some(section) = self.section.take() else { return };
+        if let Entry::TakenOver(_) = section.entry {
             self.changes.fail();
             return;
-        };
-        self.entry = Entry::Speed(speed);
+        }
         let mut elements = Vec::new();
         let mut end = section.begin;
-        let last = section.parts.len() - 1;
-        for (k, part) in section.parts.iter().enumerate() {
-            let v0 = if k == 0 { begin_speed } else { 0.0 };
-            let v1 = if k == last { speed } else { 0.0 };
-            let limits = steady_limits(*part, &self.log, &self.joints, &mut self.jets);
-            for phase in profile(v0, v1, part.to - part.from, &limits) {
+        for part in &section.parts {
+            let limits = steady_limits(*part, self.joints.limits(), &self.log, &self.joints, &mut self.jets);
+            for phase in profile(0.0, 0.0, part.to - part.from, &limits) {
                 self.cruise(*part, phase, &limits, &mut elements);
             }
             end = Place {
@@ -36,15 +30,10 @@ impl Stream {
                 s: part.to,
             };
         }
-        if speed > 0.0
-            && let Some(last) = elements.last_mut()
-        {
-            last.opens = false;
-        }
         self.steps.push_back(Step::Ready(Ready {
             elements,
             end,
-            after: if speed > 0.0 { After::More } else { After::Rest },
+            after: After::Rest,
         }));
     }
 
@@ -94,64 +83,5 @@ impl Stream {
                 after: After::Stop(Tail { elements: tail, rest }),
             }));
         }
-    }
-
-    /// Constant speed beside a kink; behind it, the machine could stop on what is left of the stretch.
-    pub(super) fn zone(&mut self, part: Part, speed: f64, behind: bool) {
-        if matches!(self.entry, Entry::Speed(entry) if entry != speed) {
-            self.zone_from_rest(part);
-            return;
-        }
-        let mut elements = Vec::new();
-        Emission {
-            log: &self.log,
-            out: &mut elements,
-        }
-        .steady(part, speed);
-        let count = elements.len();
-        for (k, made) in elements.iter_mut().enumerate() {
-            // Only from its end on, all is as it is planned again.
-            made.opens = behind && k + 1 == count;
-        }
-        let end = Place {
-            item: part.item,
-            s: part.to,
-        };
-        let after = match self.log.stretch(part.item) {
-            Some(stretch) if behind => {
-                let rest = Part {
-                    from: part.to,
-                    to: stretch.piece.length(),
-                    ..part
-                };
-                let limits = steady_limits(rest, &self.log, &self.joints, &mut self.jets);
-                let phases = profile(speed, 0.0, change_length(speed, 0.0, &limits), &limits);
-                let mut elements = Vec::new();
-                let rest = Emission {
-                    log: &self.log,
-                    out: &mut elements,
-                }
-                .phases(&[rest], &phases);
-                After::Stop(Tail { elements, rest })
-            }
-            Some(_) | None => After::More,
-        };
-        self.steps.push_back(Step::Ready(Ready { elements, end, after }));
-    }
-
-    /// A zone before which a section without knots has come to rest already: the kink is passed at rest as well.
-    fn zone_from_rest(&mut self, part: Part) {
-        let mut elements = Vec::new();
-        let limits = steady_limits(part, &self.log, &self.joints, &mut self.jets);
-        for phase in profile(0.0, 0.0, part.to - part.from, &limits) {
-            self.cruise(part, phase, &limits, &mut elements);
-        }
-        self.entry = Entry::Speed(0.0);
-        let end = Place {
-            item: part.item,
-            s: part.to,
-        };
-        let after = After::Rest;
-        self.steps.push_back(Step::Ready(Ready { elements, end, after }));
     }
 }

@@ -181,7 +181,7 @@ impl Stream {
         self.forget_passed(sink);
         let Some(wanted) = self.changes.wanted else { return };
         // Without a consumer, what was handed in is final: it counts from the next rest on.
-        let idle = self.steps.is_empty() && self.section.is_none() && matches!(self.entry, Entry::Speed(0.0));
+        let idle = self.steps.is_empty() && self.section.is_none() && matches!(self.entry, Entry::Rest);
         if sink.consumer_at().is_none() && !idle {
             return;
         }
@@ -226,7 +226,7 @@ impl Stream {
                 item: self.log.begin(),
                 s: 0.0,
             };
-            self.restart(begin, Entry::Speed(0.0), false);
+            self.restart(begin, Entry::Rest, false);
             return;
         };
         let mut ahead_s = 0.0;
@@ -255,7 +255,7 @@ impl Stream {
             urgent: VecDeque::new(),
         });
         self.handed = place.item;
-        let entry = state.map_or(Entry::Speed(0.0), |state| {
+        let entry = state.map_or(Entry::Rest, |state| {
             let crest = self.changes.crest(index, state);
             Entry::TakenOver(TakenOver { state, crest })
         });

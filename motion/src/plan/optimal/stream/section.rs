@@ -31,8 +31,7 @@ impl Stream {
                 }
                 Some(_) => self.go_on(part),
             },
-            Found::End { speed } => self.end(speed),
-            Found::Zone { part, speed, behind } => self.zone(part, speed, behind),
+            Found::End => self.end(),
             Found::Rest { item } => {
                 let elements = match self.log.get(item) {
                     Some(Item::Rest(element)) => element.iter().map(|element| still(*element, item)).collect(),
@@ -68,7 +67,7 @@ impl Stream {
             None => {
                 section.parts.push(part);
                 if section.parts.len() >= CAREFUL_PARTS {
-                    self.phases(0.0);
+                    self.phases();
                 }
             }
         }
@@ -86,7 +85,7 @@ impl Stream {
         let mut first = part;
         let (mut knots, uncut) = match section.entry {
             Entry::TakenOver(from) => (Knots::taken_over(from), Uncut::taken_over(from.state, grid, self.times)),
-            Entry::Speed(0.0) => {
+            Entry::Rest => {
                 let Some(launch) = launch(part, Side::Start, &self.log, &self.joints, &mut self.jets) else {
                     return;
                 };
@@ -95,13 +94,6 @@ impl Stream {
                 let state = launch.start();
                 let knots = Knots::new(state.b.sqrt());
                 (knots, Uncut::new(state, grid, self.times))
-            }
-            Entry::Speed(speed) => {
-                let state = State {
-                    b: speed * speed,
-                    u: 0.0,
-                };
-                (Knots::new(speed), Uncut::new(state, grid, self.times))
             }
         };
         knots.push(
@@ -122,14 +114,19 @@ impl Stream {
         let mut spans = Vec::new();
         open.knots.drain(exit, self.times.knotting.step_s, &mut spans);
         let mut seen = Seen::default();
+        let mut taken = Vec::new();
         for span in spans {
             let Some(stretch) = self.log.stretch(span.item) else {
                 continue;
             };
+            let kinks = || self.log.kinks(span.item, span.near);
+            self.joints.taken(kinks(), &mut taken);
             let checkpoints = Checkpoints {
                 joints: &self.joints,
                 stretch,
                 feed: self.log.feed(span.item),
+                slowest: kinks().fold(f64::INFINITY, |least, kink| least.min(kink.speed)),
+                taken: &taken,
             };
             checkpoints.add(span, &mut open.uncut, &mut seen);
         }
@@ -145,7 +142,7 @@ impl Stream {
             };
             let start = open.start.take();
             let begin = (section.begin, section.entry);
-            self.add_window(window, start, None, begin, Some(border), None);
+            self.add_window(window, start, None, begin, Some(border), false);
         }
     }
 
@@ -156,7 +153,7 @@ impl Stream {
         stop: Option<(Part, Launch)>,
         section: (Place, Entry),
         border: Option<Border>,
-        speed_after: Option<f64>,
+        rests: bool,
     ) {
         let number = self.windows;
         self.windows += 1;
@@ -190,7 +187,7 @@ impl Stream {
             tail: None,
             left_tail,
             section,
-            rests: speed_after == Some(0.0),
+            rests,
         });
         self.ask(number);
     }
@@ -212,7 +209,7 @@ impl Stream {
     }
 
     /// The section ends.
-    fn end(&mut self, speed: f64) {
+    fn end(&mut self) {
         if self
             .section
             .as_ref()
@@ -220,61 +217,35 @@ impl Stream {
         {
             self.open();
         }
-        let stop = self.stop(speed);
-        if matches!((&self.section, self.entry), (None, Entry::TakenOver(_))) {
-            // A zone begins before the place from which this would go on.
-            self.changes.fail();
-            return;
-        }
+        let stop = self.stop();
         let Some(section) = &mut self.section else { return };
         let Some(open) = &mut section.open else {
-            self.phases(speed);
+            self.phases();
             return;
         };
-        let failed = stop.is_err();
-        let stop = stop.unwrap_or(None);
         if let Some((_, launch)) = stop {
             open.knots.trim(launch.length());
         }
-        self.add_spans(Some(stop.map_or(speed, |(_, launch)| launch.stop().b.sqrt())));
+        // Nothing leads to a state that is none: the window is given up as soon as it is clear where it begins.
+        let state = stop.map_or(State { b: f64::NAN, u: 0.0 }, |(_, launch)| launch.stop());
+        self.add_spans(Some(stop.map_or(0.0, |(_, launch)| launch.stop().b.sqrt())));
         self.cut(true);
         let Some(section) = self.section.take() else { return };
         let Some(open) = section.open else { return };
-        let mut state = stop.map_or(
-            State {
-                b: speed * speed,
-                u: 0.0,
-            },
-            |(_, launch)| launch.stop(),
-        );
-        if failed {
-            // Nothing leads to a state that is none: the window is given up as soon as it is clear where it begins.
-            state.b = f64::NAN;
-        }
         let window = open.uncut.last(state);
-        self.entry = Entry::Speed(speed);
+        self.entry = Entry::Rest;
         self.careful = false;
-        self.add_window(
-            window,
-            open.start,
-            stop,
-            (section.begin, section.entry),
-            None,
-            Some(speed),
-        );
+        self.add_window(window, open.start, stop, (section.begin, section.entry), None, true);
     }
 
-    /// The launch of the stop at the end of the open section, if it ends at rest.
-    fn stop(&mut self, speed: f64) -> Result<Option<(Part, Launch)>, ()> {
-        if speed > 0.0 {
-            return Ok(None);
-        }
+    /// The launch of the stop at the end of the open section; `None` where geometry leaves none.
+    fn stop(&mut self) -> Option<(Part, Launch)> {
         let Some(Section { open: Some(open), .. }) = &self.section else {
-            return Err(());
+            return None;
         };
-        let part = open.knots.last_part().ok_or(())?;
-        let launch = launch(part, Side::Stop, &self.log, &self.joints, &mut self.jets).ok_or(())?;
-        Ok(Some((part, launch)))
+        let part = open.knots.last_part()?;
+        let launch = launch(part, Side::Stop, &self.log, &self.joints, &mut self.jets)?;
+        Some((part, launch))
     }
 
     /// Whether seven phases run a closed section in the shortest time: one straight part.
@@ -284,7 +255,7 @@ impl Stream {
                 .stretch(part.item)
                 .is_some_and(|stretch| self.joints.are_even(&stretch.piece))
         };
-        matches!(section.entry, Entry::Speed(_)) && matches!(&section.parts[..], [part] if even(part))
+        matches!(section.entry, Entry::Rest) && matches!(&section.parts[..], [part] if even(part))
     }
 }
 

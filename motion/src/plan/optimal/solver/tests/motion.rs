@@ -101,7 +101,7 @@ pub(super) fn grid_of(path: &dyn Path, limits: &[JointLimits], cap: f64, knots: 
             path.jets(pair[0] + 0.5 * h),
             path.jets(pair[1] - inside),
         ];
-        grid.push_span(h, cap, [&jets[0], &jets[1], &jets[2]]);
+        grid.push_span(h, 0.0, cap, [&jets[0], &jets[1], &jets[2]], &[]);
     }
     grid
 }
