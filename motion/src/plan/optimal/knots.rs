@@ -16,9 +16,9 @@ use crate::path::Piece;
 
 /// Time between knots as part of the time in which acceleration builds up, and its bounds in s.
 const STEP: f64 = 0.16;
-const STEP_S: [f64; 2] = [0.001, 0.010];
+const STEP_S: [f64; 2] = [0.003, 0.010];
 /// Cells of a curved piece: so many in the time of a step, and at the most.
-const CELLS_PER_STEP: f64 = 1.5;
+const CELLS_PER_STEP: f64 = 1.0;
 const CELLS: f64 = 12.0;
 /// Greatest change of b over a span, as a part of it, about, and how often a span is shortened for it.
 const CHANGE: f64 = 0.6;

@@ -110,34 +110,29 @@ impl LeastJerk {
         self.x.clear();
         self.x.resize(size, 0.0);
         const THIRD: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
+        let square = scale * scale;
         for span in 0..spline.len() - 3 {
-            for axis in 0..2 {
-                let mut form = [0.0; WIDTH];
-                let mut value = 0.0;
-                for k in 0..4 {
-                    form[2 * k + axis] = scale * THIRD[k];
-                    value += scale * THIRD[k] * spline[span + k][axis];
-                }
-                self.add(span, &form, 1.0, -value);
-            }
+            let third = |axis: usize| -> f64 { (0..4).map(|k| THIRD[k] * spline[span + k][axis]).sum() };
+            let pull = [-square * third(0), -square * third(1)];
+            self.add(span, &THIRD, [square, 0.0, square], pull);
         }
         for (k, gate) in gates.iter().enumerate() {
             let [upper, lower] = self.bounds[k];
-            let form = |direction: Plane, factor: f64| {
-                let mut form = [0.0; WIDTH];
-                for k in 0..4 {
-                    form[2 * k] = factor * gate.weights[k] * direction[0];
-                    form[2 * k + 1] = factor * gate.weights[k] * direction[1];
-                }
-                form
-            };
-            let along = gate.stiffness * gate.off(spline, gate.along);
-            self.add(gate.span, &form(gate.along, gate.stiffness), 1.0, -along);
-            let y = gate.off(spline, gate.across()) / tolerance;
+            let across = gate.across().map(|x| x / tolerance);
+            let y = gate.off(spline, across);
             let pull = |bound: &Bound, beyond: f64| (target + bound.price * beyond) / bound.slack;
             let push = pull(&upper, y + upper.slack - 1.0) - pull(&lower, lower.slack - 1.0 - y);
             let weight = upper.price / upper.slack + lower.price / lower.slack;
-            self.add(gate.span, &form(gate.across(), 1.0 / tolerance), weight, -push);
+            let stiff = gate.along.map(|x| x * gate.stiffness);
+            let along = gate.off(spline, stiff);
+            let square = |i: usize, j: usize| stiff[i] * stiff[j] + weight * across[i] * across[j];
+            let pull = [0, 1].map(|i| -along * stiff[i] - push * across[i]);
+            self.add(
+                gate.span,
+                &gate.weights,
+                [square(0, 0), square(0, 1), square(1, 1)],
+                pull,
+            );
         }
         self.factor_and_solve(FIXED..size - FIXED);
         // How far the step may go.
@@ -171,43 +166,64 @@ impl LeastJerk {
         most
     }
 
-    /// Adds `weight` times the square of a linear form, and what pulls at it.
-    fn add(&mut self, span: usize, form: &[f64; WIDTH], weight: f64, pull: f64) {
-        let base = 2 * span;
-        for i in 0..WIDTH {
-            let f = weight * form[i];
-            let row = &mut self.rows[base + i];
-            for j in i..WIDTH {
-                row[j - i] += f * form[j];
+    /// Adds a quadratic form (xx, xy, yy) of the point that these weights of four coefficients make, and what pulls at it.
+    fn add(&mut self, span: usize, weights: &[f64; 4], [xx, xy, yy]: [f64; 3], pull: Plane) {
+        let rows = &mut self.rows[2 * span..2 * span + WIDTH];
+        let x = &mut self.x[2 * span..2 * span + WIDTH];
+        for i in 0..4 {
+            for j in i..4 {
+                let both = weights[i] * weights[j];
+                rows[2 * i][2 * (j - i)] += both * xx;
+                rows[2 * i][2 * (j - i) + 1] += both * xy;
+                rows[2 * i + 1][2 * (j - i)] += both * yy;
+                if j > i {
+                    rows[2 * i + 1][2 * (j - i) - 1] += both * xy;
+                }
             }
-            self.x[base + i] += pull * form[i];
+            x[2 * i] += weights[i] * pull[0];
+            x[2 * i + 1] += weights[i] * pull[1];
         }
     }
 
     /// Factors the part of the matrix of the unknowns that are free, and solves; 0 for the others.
     fn factor_and_solve(&mut self, free: std::ops::Range<usize>) {
         self.x[..free.start].fill(0.0);
-        self.x[free.end..].fill(0.0);
+        // Nothing couples with what is not free, nor with what is behind the end.
+        self.rows.resize(free.end + WIDTH, [0.0; WIDTH]);
+        self.x.truncate(free.end);
+        self.x.resize(free.end + WIDTH, 0.0);
+        for i in free.end.saturating_sub(WIDTH).max(free.start)..free.end {
+            self.rows[i][free.end - i..].fill(0.0);
+        }
         for i in free.clone() {
-            let row = self.rows[i];
+            let [row, below @ ..] = &mut self.rows[i..i + WIDTH] else {
+                return;
+            };
+            let [x, right @ ..] = &mut self.x[i..i + WIDTH] else {
+                return;
+            };
             let inverse = 1.0 / row[0].max(1e-300);
-            let reach = WIDTH.min(free.end - i);
-            for a in 1..reach {
+            for a in 1..WIDTH {
                 let factor = row[a] * inverse;
-                let below = &mut self.rows[i + a];
-                for b in a..reach {
-                    below[b - a] -= factor * row[b];
+                for b in a..WIDTH {
+                    below[a - 1][b - a] -= factor * row[b];
                 }
-                self.x[i + a] -= factor * self.x[i];
+                right[a - 1] -= factor * *x;
+            }
+            // What is left of the row is its inverse and the factors.
+            *x *= inverse;
+            for a in 1..WIDTH {
+                row[a] *= inverse;
             }
         }
-        for i in free.clone().rev() {
+        for i in free.rev() {
             let row = &self.rows[i];
-            let mut x = self.x[i];
-            for a in 1..WIDTH.min(free.end - i) {
-                x -= row[a] * self.x[i + a];
+            let [x, right @ ..] = &mut self.x[i..i + WIDTH] else {
+                return;
+            };
+            for a in 1..WIDTH {
+                *x -= row[a] * right[a - 1];
             }
-            self.x[i] = x / row[0].max(1e-300);
         }
     }
 }

@@ -33,7 +33,11 @@ const GENTLE: f64 = 1.0;
 const RUN_MOVES_MAX: usize = 16;
 /// Time between knots over that in which acceleration builds up, and its bounds in s.
 const KNOTS: f64 = 0.16;
-const KNOTS_S: [f64; 2] = [0.001, 0.010];
+const KNOTS_S: [f64; 2] = [0.003, 0.010];
+/// Time before the first joint and behind the last beyond which moves stay as they are, over that in which acceleration builds
+/// up; and at the least, s: the tolerance takes its time, too.
+const REACH: f64 = 3.0;
+const REACH_S: f64 = 0.03;
 /// Part of a move at the end of a run that stays as it is.
 const UNCHANGED_PART: f64 = 0.2;
 /// Part of the tolerance that is used; the rest is for what lies between the places that are looked at, and for what
@@ -45,6 +49,9 @@ const ACCELERATION_PART: f64 = 0.7;
 const PASSES: u32 = 2;
 /// Price of being off along the path by the way of one span.
 const ALONG_WEIGHT: f64 = 0.03;
+/// What is kept of that in the first try with the longest time between knots, and in proportion to its square: curves go beyond
+/// it between the places that are looked at.
+const BETWEEN: f64 = 0.07;
 /// Tries, with less of the tolerance where a curve goes beyond it or leaves the travel.
 const TRIES: u32 = 3;
 
@@ -83,8 +90,9 @@ impl MinJerkBlend {
             if !self.joins(&leg.part) {
                 self.close(Some(&leg.part), settings, out);
                 self.entry = Entry::Behind(last);
-            } else if self.run.len() == RUN_MOVES_MAX {
-                self.close_within(settings, out);
+            } else if self.run.len() == RUN_MOVES_MAX || self.is_long(settings) {
+                let exit = crossing(&last, &leg.part, settings);
+                self.close_within(exit, settings, out);
             }
         }
         self.run.push(leg);
@@ -133,9 +141,16 @@ impl MinJerkBlend {
         out.append(&mut self.run);
     }
 
-    /// The run ends in the middle of its last move, the rest of which begins the next one.
-    fn close_within(&mut self, settings: &Settings, out: &mut Vec<Leg>) {
-        if let Some(blended) = self.blend(Exit::Within, settings) {
+    /// Whether the last move of several is so long that what happens at its ends has nothing to do with each other.
+    fn is_long(&self, settings: &Settings) -> bool {
+        let [_, .., last] = &self.run[..] else { return false };
+        limits([&last.part.piece].into_iter(), settings)
+            .is_some_and(|limits| last.part.piece.length() > 2.0 * reach_s(&limits) * cap(&last.part, &limits))
+    }
+
+    /// The run ends in the middle of its last move, the rest of which begins the next one; `exit`: the speed at its end.
+    fn close_within(&mut self, exit: f64, settings: &Settings, out: &mut Vec<Leg>) {
+        if let Some(blended) = self.blend(Exit::Within(exit), settings) {
             self.entry = Entry::Within(blended.speed);
             self.let_go(blended, out);
         } else if let [.., before, _] = self.run[..] {
@@ -176,7 +191,7 @@ impl MinJerkBlend {
         };
         let (to, exits) = match exit {
             Exit::Speed(speed) => ((1.0 - UNCHANGED_PART) * last_length, speed),
-            Exit::Within => (0.5 * last_length, f64::INFINITY),
+            Exit::Within(speed) => (0.5 * last_length, speed),
         };
         let limits = limits(run.iter().map(|leg| &leg.part.piece), settings)?;
         let mut tolerance = f64::INFINITY;
@@ -198,20 +213,30 @@ impl MinJerkBlend {
         }
         self.pace.finish(ACCELERATION_PART * limits.acceleration);
         let track = Track::new(run, normal);
+        // What is farther from the joints stays as it is.
+        let reach_s = reach_s(&limits);
+        let [first_s, last_s] = [first_length, track.start(last)].map(|joint| self.pace.time_at(joint));
+        let whole = [from, to];
+        let mut ends = [
+            from.max(self.pace.at(first_s - reach_s).s),
+            to.min(self.pace.at(last_s + reach_s).s - track.start(last)),
+        ];
         // Inside a bend, the borders of the tolerance of both moves meet further from its vertex.
         let tolerance = TOLERANCE_PART * tolerance * libm::cos(0.5 * angle);
-        let mut tube = tolerance;
+        let mut tube = tolerance * (1.0 - BETWEEN * (knot_s(&limits) / KNOTS_S[1]).powi(2));
         let mut walls = None;
         for _ in 0..TRIES {
-            let curve = self.curve(&track, [from, to], &limits, tube, walls.as_ref())?;
-            let walk = curve.walk(&track, from);
-            let end = track.start(last) + to;
+            let curve = self.curve(&track, ends, &limits, tube, walls.as_ref())?;
+            let walk = curve.walk(&track, ends[0]);
+            let end = track.start(last) + ends[1];
             if walk.off <= tolerance && walk.places.last().is_some_and(|s| (s - end).abs() < 1e-6) {
-                let blended = curve.into_legs(&self.run, [from, to], &track, &walk, &self.pace)?;
+                let blended = curve.into_legs(&self.run, ends, &track, &walk, &self.pace)?;
                 if blended.legs.iter().all(|leg| inside(&leg.part.piece, settings)) {
                     return Some(blended);
                 }
-                // Half the tolerance on both sides of what is as far as that from the limits of the travel.
+                // Half the tolerance on both sides of what is as far as that from the limits of the travel: to get there takes
+                // its way.
+                ends = whole;
                 tube = 0.5 * tolerance;
                 walls = Some(Walls::new(settings).drawn_in(tube));
             } else {
@@ -232,8 +257,7 @@ impl MinJerkBlend {
     ) -> Option<Curve> {
         let begin = self.pace.time_at(from);
         let duration = self.pace.time_at(track.start(track.legs.len() - 1) + to) - begin;
-        let wanted = (KNOTS * limits.acceleration / limits.jerk).clamp(KNOTS_S[0], KNOTS_S[1]);
-        let spans = (duration / wanted).ceil();
+        let spans = (duration / knot_s(limits)).ceil();
         if !spans.is_finite() || spans > 10_000.0 {
             return None;
         }
@@ -317,13 +341,23 @@ impl MinJerkBlend {
     }
 }
 
+/// Time between knots, s.
+fn knot_s(limits: &AxisLimits) -> f64 {
+    (KNOTS * limits.acceleration / limits.jerk).clamp(KNOTS_S[0], KNOTS_S[1])
+}
+
+/// How far a joint reaches, s.
+fn reach_s(limits: &AxisLimits) -> f64 {
+    (REACH * limits.acceleration / limits.jerk).max(REACH_S)
+}
+
 /// How a run ends.
 #[derive(Clone, Copy, Debug)]
 enum Exit {
     /// With its last move, and with this speed.
     Speed(f64),
-    /// In the middle of its last move.
-    Within,
+    /// In the middle of its last move, at the end of which the speed is this.
+    Within(f64),
 }
 
 /// What became of a run.
