@@ -208,6 +208,25 @@ fn one_mistake_does_not_hide_another() {
     assert_eq!(keys, ["rt.prio", "joint[2].jerk_mm_s3", "axis[1].letter"]);
 }
 
+/// The check before a run tells what the report of the run judges by.
+#[test]
+fn the_tolerance_of_a_program_is_what_it_allows_its_moves() {
+    let config = parse(DEMO).unwrap();
+    let tables = Tables::read(&config).unwrap();
+    let cancel = motion::cancel::Cancel::default();
+    let tolerance_mm = |text: &str| {
+        let checked = isocnc::program::check(&config, &tables, "part.ngc", text.as_bytes(), &cancel);
+        checked.unwrap_or_else(|errors| panic!("{errors}")).tolerance_mm
+    };
+    assert_eq!(tolerance_mm("G21 G64 P0.05\nG1 X1 F100\nG64 P0.5\nM2\n"), 0.05);
+    assert_eq!(
+        tolerance_mm("G21 G64 P0.05 F100\nG5.2 P1 L3 X0 Y0\nX1 Y1 P1\nX2 Y0 P1\nG5.3\nM2\n"),
+        0.05
+    );
+    assert_eq!(tolerance_mm("G21 G61\nG1 X1 F100\nM2\n"), 0.0);
+    assert_eq!(tolerance_mm("G21 G64\nG1 X1 F100\nM2\n"), config.program.tolerance_mm);
+}
+
 /// No joints and no axes are a machine if the file says so.
 #[test]
 fn a_machine_of_inputs_and_outputs_runs_no_programs_and_says_why() {

@@ -102,7 +102,7 @@ impl<'a> Facts<'a> {
             starved_cycles: recorder.starved_cycles(),
             following_error_max_mm,
             following_error_max_line,
-            deviation: deviation(path, recorder.samples(), self.config.program.tolerance_mm),
+            deviation: deviation(path, recorder.samples(), self.overview.tolerance_mm),
             peaks: peaks
                 .iter()
                 .zip(&self.config.joints)

@@ -70,6 +70,8 @@ pub struct Overview {
     pub lines: u32,
     /// Planned time, s.
     pub time_s: f64,
+    /// Greatest deviation from the path that the program allows its moves (G64), mm; 0: none.
+    pub tolerance_mm: f64,
 }
 
 /// Folder of a program, in which its subroutines are looked for first.
@@ -150,6 +152,7 @@ pub fn check(
     overview.lines = overview.lines.max(feeder.line());
     let measure = feeder.sink();
     overview.time_s = measure.time_s + measure.tail_s;
+    overview.tolerance_mm = feeder.tolerance_mm();
     Ok(overview)
 }
 
@@ -521,7 +524,10 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
                 self.mode_tolerance_mm = tolerance_mm.unwrap_or(self.default_tolerance_mm);
             }
             Call::SetPathMode(PathMode::ExactPath | PathMode::ExactStop) => self.mode_tolerance_mm = 0.0,
-            Call::StraightTraverse { .. } | Call::StraightFeed { .. } | Call::ArcFeed { .. } => {
+            Call::StraightTraverse { .. }
+            | Call::StraightFeed { .. }
+            | Call::ArcFeed { .. }
+            | Call::NurbsFeed { .. } => {
                 self.tolerance_mm = self.tolerance_mm.max(self.mode_tolerance_mm);
             }
             _ => {}

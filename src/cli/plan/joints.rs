@@ -17,6 +17,9 @@ pub(super) const NAMES: [&str; ORDERS] = ["velocity", "acceleration", "jerk"];
 /// Excess that is rounding and not motion, as a part of the limit.
 const SLACK: f64 = 1e-6;
 
+/// Rounding of a position against the travel, mm: as much as real time lets pass.
+const TRAVEL_SLACK_MM: f64 = 1e-6;
+
 /// One joint on its way through a program.
 #[derive(Clone, Debug)]
 pub(super) struct Joint {
@@ -24,6 +27,8 @@ pub(super) struct Joint {
     pub(super) axis: Option<Axis>,
     /// Greatest velocity, acceleration and jerk, mm (degrees) and s.
     pub(super) limits: [f64; ORDERS],
+    /// Least and greatest position, mm or degrees.
+    travel: [f64; 2],
     /// One per cycle that was run, mm or degrees.
     pub(super) positions: Vec<f64>,
     /// For each of them, how many of the cycles right before it were run, up to [`ORDERS`].
@@ -40,6 +45,18 @@ pub(super) struct Peaks {
     pub(super) over: [u64; ORDERS],
     /// Where the greatest amounts are, as places among the set-points.
     pub(super) at: [usize; ORDERS],
+}
+
+/// How a joint leaves its travel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Beyond {
+    /// Where it is the farthest beyond a limit, and which.
+    pub(super) value: f64,
+    pub(super) limit: f64,
+    /// Place among the set-points.
+    pub(super) at: usize,
+    /// Cycles in which it is beyond one.
+    pub(super) cycles: u64,
 }
 
 /// The joints of a machine, and the way to them.
@@ -61,6 +78,7 @@ impl Joints {
                     joint.limits.acceleration_mm_s2,
                     joint.limits.jerk_mm_s3,
                 ],
+                travel: joint.travel_mm,
                 positions: Vec::new(),
                 known: Vec::new(),
                 cycle_s: f64::from(config.cycle_us) * 1e-6,
@@ -152,6 +170,35 @@ impl Joint {
         peaks
     }
 
+    /// Whether and where it is told to leave its travel: there, the machine would fault.
+    pub(super) fn beyond_travel(&self) -> Option<Beyond> {
+        let [low, high] = self.travel;
+        let mut beyond: Option<Beyond> = None;
+        for (at, &value) in self.positions.iter().enumerate() {
+            let (excess, limit) = if low - value > value - high {
+                (low - value, low)
+            } else {
+                (value - high, high)
+            };
+            if excess <= TRAVEL_SLACK_MM {
+                continue;
+            }
+            let before = beyond.map_or(0, |beyond| beyond.cycles);
+            let farthest = beyond.filter(|beyond| (beyond.value - beyond.limit).abs() >= excess);
+            let now = Beyond {
+                value,
+                limit,
+                at,
+                cycles: 0,
+            };
+            beyond = Some(Beyond {
+                cycles: before + 1,
+                ..farthest.unwrap_or(now)
+            });
+        }
+        beyond
+    }
+
     /// Whether it moves at all.
     pub(super) fn moves(&self) -> bool {
         self.positions.windows(2).any(|pair| pair[0] != pair[1])
@@ -167,6 +214,7 @@ mod tests {
         let joint = Joint {
             axis: Some(Axis::X),
             limits: [10.0, 50.0, 1500.0],
+            travel: [5.0, 7.5],
             positions: vec![5.0, 5.0, 6.0, 8.0],
             known: vec![3; 4],
             cycle_s: 0.1,
@@ -187,6 +235,16 @@ mod tests {
         let peaks = joint.peaks();
         assert!((peaks.greatest[2] - 3000.0).abs() < 1e-9);
         assert_eq!((peaks.over, peaks.at[2]), ([1, 3, 2], 4));
+        let beyond = joint.beyond_travel();
+        assert_eq!(
+            beyond,
+            Some(Beyond {
+                value: 8.0,
+                limit: 7.5,
+                at: 3,
+                cycles: 1
+            })
+        );
     }
 
     #[test]
@@ -194,6 +252,7 @@ mod tests {
         let joint = Joint {
             axis: Some(Axis::X),
             limits: [10.0, 50.0, 1500.0],
+            travel: [0.0, 102.0],
             positions: vec![0.0, 0.5, 100.5, 101.0, 101.5, 102.0],
             known: vec![3, 3, 0, 1, 2, 3],
             cycle_s: 0.1,
@@ -202,5 +261,6 @@ mod tests {
         assert_eq!(joint.differences(3), [5.0, 0.0, 0.0]);
         assert!(joint.differences(5)[2].abs() < 1e-9);
         assert_eq!(joint.peaks().over[0], 0);
+        assert_eq!(joint.beyond_travel(), None);
     }
 }

@@ -29,6 +29,8 @@ pub(super) struct Report {
     pub(super) cycles_over_limits: u64,
     /// Where each limit that is not kept is passed the most.
     over_limits: Vec<OverLimit>,
+    /// Joints that leave their travel.
+    beyond_travel: Vec<BeyondTravel>,
     /// What the program allows.
     tolerance_mm: f64,
     /// Of a set-point from the path.
@@ -74,6 +76,37 @@ impl fmt::Display for OverLimit {
             self.value / self.allowed * 100.0,
             self.time_s,
             self.cycles
+        )
+    }
+}
+
+/// A joint that leaves its travel.
+#[derive(Debug, Serialize)]
+struct BeyondTravel {
+    joint: usize,
+    axis: Option<char>,
+    unit: &'static str,
+    cycles: u64,
+    /// The most, what is allowed, and where.
+    value: f64,
+    allowed: f64,
+    line: u32,
+    time_s: f64,
+}
+
+impl fmt::Display for BeyondTravel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let axis = self.axis.map(|axis| format!(" ({axis})")).unwrap_or_default();
+        write!(
+            f,
+            "joint {}{axis} leaves its travel: {:.4} {unit}, the limit is {:.4} {unit}, {:.3} s after the start; {} cycles are \
+             beyond",
+            self.joint,
+            self.value,
+            self.allowed,
+            self.time_s,
+            self.cycles,
+            unit = self.unit,
         )
     }
 }
@@ -139,6 +172,22 @@ impl Report {
                 }
             })
             .collect();
+        let beyond_travel = (work.joints.all.iter().enumerate())
+            .filter_map(|(index, joint)| {
+                let beyond = joint.beyond_travel()?;
+                let cycle = work.cycles.get(beyond.at)?;
+                Some(BeyondTravel {
+                    joint: index,
+                    axis: joint.axis.map(|axis| axis.letter()),
+                    unit: joint.unit(),
+                    cycles: beyond.cycles,
+                    value: beyond.value,
+                    allowed: beyond.limit,
+                    line: cycle.line,
+                    time_s: cycle.number as f64 * work.cycle_s,
+                })
+            })
+            .collect();
         let over_run_mm = work.cycles.iter().map(|cycle| cycle.over_run_mm).fold(0.0, f64::max);
         let Deviation {
             off_mm,
@@ -162,6 +211,7 @@ impl Report {
             cycles_judged: work.cycles.len(),
             cycles_over_limits: joints.iter().flat_map(|joint| joint.over).sum(),
             over_limits,
+            beyond_travel,
             joints,
             tolerance_mm: work.tolerance_mm,
             deviation_max_mm: off_mm,
@@ -185,7 +235,11 @@ impl Report {
             .given_up
             .iter()
             .map(|given_up| (given_up.line, given_up.why.clone()));
-        over.chain(given_up).collect()
+        let beyond = self
+            .beyond_travel
+            .iter()
+            .map(|beyond| (beyond.line, beyond.to_string()));
+        over.chain(beyond).chain(given_up).collect()
     }
 
     /// In one line, for the head of a picture.
