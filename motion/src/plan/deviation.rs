@@ -13,11 +13,16 @@ use std::collections::VecDeque;
 
 use super::Programmed;
 use super::smooth::round::{distance, nearest};
-use crate::canon::Position;
+use crate::canon::{AXES, Position};
 use crate::path::{Piece, Shape};
 
 /// Longest part of a piece that is one place in the order, mm: inside, points may come in any order.
 const CELL_MM: f64 = 0.25;
+/// Programmed points are so far apart at the most, mm.
+const POINTS_MM: f64 = 10.0;
+/// Set-points nearer than this, mm, are one side of their polygon where they are in line, by this cosine.
+const SIDE_MM: f64 = 0.005;
+const IN_LINE: f64 = 0.9999;
 /// Parts of the track that are kept at the most.
 const CELLS_MAX: usize = 1 << 16;
 
@@ -65,7 +70,8 @@ pub struct DeviationJudge {
     path: Follower,
     length_mm: f64,
     polygon: Follower,
-    last: Option<Position>,
+    /// The side of the polygon under way.
+    side: [Option<Position>; 2],
     /// Programmed points that set-points have not come to, and how far along the path each is.
     points: VecDeque<(f64, Position)>,
     tolerance_mm: f64,
@@ -85,6 +91,7 @@ impl DeviationJudge {
             Shape::Blend(_) => 4,
             Shape::Arc(arc) => (arc.sweep_rad() * 2.0).ceil() as usize,
         };
+        let count = count.max((piece.length() / POINTS_MM).ceil() as usize);
         for k in usize::from(self.length_mm > 0.0)..=count {
             let s = piece.length() * k as f64 / count as f64;
             self.points.push_back((self.length_mm + s, piece.position(s)));
@@ -97,11 +104,7 @@ impl DeviationJudge {
     pub fn push_sample(&mut self, sample: &Position) {
         let around_mm = around_mm(self.tolerance_mm);
         self.path.follow(sample, around_mm);
-        if let Some(last) = self.last.replace(*sample)
-            && let Some(step) = Piece::line(last, *sample)
-        {
-            self.polygon.push(step);
-        }
+        self.push_corner(sample);
         // Set-points are so far beyond it that they come no nearer.
         let behind_mm = 4.0 * around_mm + CELL_MM;
         while self
@@ -115,6 +118,9 @@ impl DeviationJudge {
 
     /// What was found, once all has come.
     pub fn finish(mut self) -> Deviation {
+        if let [Some(from), Some(to)] = self.side {
+            self.polygon.push_line(from, to);
+        }
         while !self.points.is_empty() {
             self.pass_point();
         }
@@ -124,6 +130,23 @@ impl DeviationJudge {
             reached_mm: self.path.reached_mm,
             length_mm: self.length_mm,
         }
+    }
+
+    /// The polygon goes on: set-points that follow closely and in line are one side of it.
+    fn push_corner(&mut self, sample: &Position) {
+        let [from, to] = self.side;
+        let (Some(from), Some(to)) = (from, to) else {
+            self.side = [from.or(Some(*sample)), from.map(|_| *sample)];
+            return;
+        };
+        let (length, step) = (distance(&to.0, &from.0), distance(&sample.0, &to.0));
+        let along: f64 = (0..AXES).map(|i| (to.0[i] - from.0[i]) * (sample.0[i] - to.0[i])).sum();
+        let in_line = along >= IN_LINE * length * step;
+        if length + step > SIDE_MM || !in_line {
+            self.polygon.push_line(from, to);
+            self.side[0] = Some(to);
+        }
+        self.side[1] = Some(*sample);
     }
 
     fn pass_point(&mut self) {
@@ -164,6 +187,11 @@ impl Follower {
         self.pieces.push_back(piece);
     }
 
+    fn push_line(&mut self, from: Position, to: Position) {
+        // Set-points of a machine that stands make none.
+        self.pieces.extend(Piece::line(from, to));
+    }
+
     fn follow(&mut self, point: &Position, around_mm: f64) {
         if self.pieces.is_empty() {
             return;
@@ -195,12 +223,11 @@ impl Follower {
             before = before.min(cell.off_mm);
             let off_mm = off.max(before);
             self.cells[index].off_mm = off_mm;
-            // Equal ones: the farthest.
-            if off_mm <= best {
-                (best, found_mm) = (off_mm, cell.begin_mm + s);
-            } else if off <= around_mm {
+            // Never from farther back than where the last point was: near places behind it may be of another pass.
+            if off_mm <= best || off <= around_mm {
                 found_mm = found_mm.max(cell.begin_mm + s);
             }
+            best = best.min(off_mm);
             index += 1;
         }
         self.off_mm = self.off_mm.max(best);
@@ -433,6 +460,16 @@ mod tests {
             .flatten()
             .map(programmed)
             .collect();
+        // So slowly that a millimetre has thousands of set-points.
+        let corner = [[0.0, 0.0], [12.0, 0.0], [12.0, 12.0]].map(|[x, y]| Position::xyz(x, y, 0.0));
+        let slow: Vec<_> = corner
+            .windows(2)
+            .filter_map(|ends| Piece::line(ends[0], ends[1]))
+            .map(programmed)
+            .collect();
+        let found = deviation(&along(&slow, 0.0002), &slow, 0.01);
+        assert!(found.off_mm < 1e-9 && found.missed_mm < 1e-9, "{found:?}");
+        assert!((found.length_mm - found.reached_mm).abs() < 1e-9, "{found:?}");
         for (name, path) in [
             ("spiral", spiral),
             ("halves", halves),

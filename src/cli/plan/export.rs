@@ -1,9 +1,9 @@
 //! Files of numbers about a plan, for other programs.
 //!
-//! In:  a program that was run down.
+//! In:  a program that is run down.
 //! Out: set-points; the programmed path; the smoothed path with its derivatives.
 
-use super::run_down::{Work, whole};
+use super::run_down::{Cycle, whole};
 use crate::config::Config;
 use crate::machine::tables::Tables;
 use crate::program::{FeedError, Feeder, home};
@@ -12,6 +12,7 @@ use motion::element::{Element, Span};
 use motion::path::{Jet, Shape};
 use motion::plan::Programmed;
 use motion::ring::{Publish, Sink};
+use std::collections::HashMap;
 use std::fmt::Write as _;
 
 /// Speed below which a span ends at rest, mm/s: less than a cycle of the lowest jerk reaches.
@@ -23,31 +24,51 @@ fn letters(config: &Config) -> Vec<(Axis, char)> {
 }
 
 /// One commanded position per cycle: `t,` and the axes, s and mm (degrees).
-pub(super) fn samples(config: &Config, work: &Work) -> String {
-    let axes = letters(config);
-    let mut csv = String::from("t");
-    axes.iter().for_each(|(_, letter)| csv.extend([',', *letter]));
-    for now in &work.cycles {
-        let _ = write!(csv, "\n{:.6}", now.number as f64 * work.cycle_s);
-        for (axis, _) in &axes {
-            let _ = write!(csv, ",{:.12}", now.position[*axis]);
+#[derive(Debug)]
+pub(super) struct Samples {
+    axes: Vec<Axis>,
+    csv: String,
+}
+
+impl Samples {
+    pub(super) fn new(config: &Config) -> Samples {
+        let axes = letters(config);
+        let mut csv = String::from("t");
+        axes.iter().for_each(|(_, letter)| csv.extend([',', *letter]));
+        Samples {
+            axes: axes.into_iter().map(|(axis, _)| axis).collect(),
+            csv,
         }
     }
-    csv.push('\n');
-    csv
+
+    pub(super) fn push(&mut self, cycle: &Cycle, cycle_s: f64) {
+        let _ = write!(self.csv, "\n{:.6}", cycle.number as f64 * cycle_s);
+        for axis in &self.axes {
+            let _ = write!(self.csv, ",{:.12}", cycle.position[*axis]);
+        }
+    }
+
+    pub(super) fn finish(self) -> String {
+        self.csv + "\n"
+    }
 }
 
 /// The programmed path, one element a line: `P x y z`, `L x y z F mm/s`, `C x y z cx cy cz nx ny nz F mm/s T turns`.
-pub(super) fn programmed(path: &[Programmed]) -> String {
-    let xyz = |position: &Position| {
-        let [x, y, z] = [Axis::X, Axis::Y, Axis::Z].map(|axis| position[axis]);
-        format!("{x:.12} {y:.12} {z:.12}")
-    };
-    let mut text = String::new();
-    if let Some(first) = path.first() {
-        text += &format!("P {}\n", xyz(&first.piece.position(0.0)));
-    }
-    for element in path {
+#[derive(Debug, Default)]
+pub(super) struct ProgrammedPath {
+    pub(super) text: String,
+}
+
+impl ProgrammedPath {
+    pub(super) fn push(&mut self, element: &Programmed) {
+        let xyz = |position: &Position| {
+            let [x, y, z] = [Axis::X, Axis::Y, Axis::Z].map(|axis| position[axis]);
+            format!("{x:.12} {y:.12} {z:.12}")
+        };
+        let text = &mut self.text;
+        if text.is_empty() {
+            *text += &format!("P {}\n", xyz(&element.piece.position(0.0)));
+        }
         let end = xyz(&element.piece.position(element.piece.length()));
         let feed = if element.feed.is_finite() {
             format!(" F {:.9}", element.feed)
@@ -59,25 +80,24 @@ pub(super) fn programmed(path: &[Programmed]) -> String {
                 let ([cx, cy, cz], [nx, ny, nz]) = (arc.centre_mm(), arc.turns_about());
                 // Full turns beyond the first; an arc that ends where it begins makes one.
                 let turns = (arc.sweep_rad() / std::f64::consts::TAU - 1e-9).ceil() - 1.0;
-                text += &format!("C {end} {cx:.12} {cy:.12} {cz:.12} {nx} {ny} {nz}{feed} T {turns}\n");
+                *text += &format!("C {end} {cx:.12} {cy:.12} {cz:.12} {nx} {ny} {nz}{feed} T {turns}\n");
             }
-            Shape::Line(_) => text += &format!("L {end}{feed}\n"),
+            Shape::Line(_) => *text += &format!("L {end}{feed}\n"),
             // A part of a curve, which turns by less than a radian: lines that leave it by less than a micrometre.
             Shape::Blend(_) => {
                 let length = element.piece.length();
                 let count = (length / 8e-3).sqrt().ceil().max(1.0) * 2.0;
                 for k in 1..=count as u32 {
                     let end = xyz(&element.piece.position(length * f64::from(k) / count));
-                    text += &format!("L {end}{feed}\n");
+                    *text += &format!("L {end}{feed}\n");
                 }
             }
         }
     }
-    text
 }
 
 /// The smoothed path, one point per millisecond of the plan: section (a new one begins at every rest), plan time within it,
-/// length, planned speed, programmed feed of the line, and for each axis position and three derivatives by length.
+/// length, planned speed, programmed feed of the line (`feeds`), and for each axis position and three derivatives by length.
 ///
 /// # Errors
 /// The first thing of the program that cannot be planned.
@@ -85,7 +105,7 @@ pub(super) fn smoothed(
     config: &Config,
     tables: &Tables,
     (name, text): (&str, &[u8]),
-    path: &[Programmed],
+    feeds: HashMap<u32, f64>,
 ) -> Result<String, FeedError> {
     let axes = letters(config);
     let mut csv = String::from("section,t,s,v,feed");
@@ -95,11 +115,6 @@ pub(super) fn smoothed(
         });
     }
     csv.push('\n');
-    let mut feeds = std::collections::HashMap::new();
-    for part in path.iter().filter(|part| !part.rapid) {
-        let feed = feeds.entry(part.line).or_insert(part.feed);
-        *feed = part.feed.max(*feed);
-    }
     let points = Points {
         axes: axes.into_iter().map(|(axis, _)| axis).collect(),
         feeds,
@@ -122,7 +137,7 @@ pub(super) fn smoothed(
 /// Writes down points of whatever is planned.
 struct Points {
     axes: Vec<Axis>,
-    feeds: std::collections::HashMap<u32, f64>,
+    feeds: HashMap<u32, f64>,
     csv: String,
     section: usize,
     /// Plan time and length since the beginning of the section.

@@ -1,6 +1,6 @@
 //! What set-points ask of each joint.
 //!
-//! In:  positions of the joints, one per cycle.
+//! In:  positions of the joints, one per cycle, as they come.
 //! Out: velocity, acceleration and jerk as differences of neighbouring set-points, which is what a drive sees.
 //!
 //! The machine rests before the first set-point and after the last. Behind cycles that were not run, a difference is known
@@ -29,10 +29,17 @@ pub(super) struct Joint {
     pub(super) limits: [f64; ORDERS],
     /// Least and greatest position, mm or degrees.
     travel: [f64; 2],
-    /// One per cycle that was run, mm or degrees.
-    pub(super) positions: Vec<f64>,
-    /// For each of them, how many of the cycles right before it were run, up to [`ORDERS`].
-    known: Vec<u8>,
+    /// How it is told to leave its travel, if it is: there, the machine would fault.
+    pub(super) beyond_travel: Option<Beyond>,
+    /// The last set-points, the latest first, mm or degrees, and how many of the cycles right before the latest were run, up to
+    /// [`ORDERS`].
+    last: Option<([f64; ORDERS + 1], usize)>,
+    /// Velocity, acceleration and jerk in the cycle that ends at the latest, as far as they are known, else 0.
+    pub(super) differences: [f64; ORDERS],
+    /// What is asked of it at the most.
+    pub(super) peaks: Peaks,
+    /// Whether it has moved at all.
+    pub(super) moves: bool,
     cycle_s: f64,
 }
 
@@ -43,8 +50,8 @@ pub(super) struct Peaks {
     pub(super) greatest: [f64; ORDERS],
     /// Cycles over the limit.
     pub(super) over: [u64; ORDERS],
-    /// Where the greatest amounts are, as places among the set-points.
-    pub(super) at: [usize; ORDERS],
+    /// Where the greatest amounts are: cycle and line.
+    pub(super) at: [(u64, u32); ORDERS],
 }
 
 /// How a joint leaves its travel.
@@ -53,8 +60,8 @@ pub(super) struct Beyond {
     /// Where it is the farthest beyond a limit, and which.
     pub(super) value: f64,
     pub(super) limit: f64,
-    /// Place among the set-points.
-    pub(super) at: usize,
+    /// Cycle and line.
+    pub(super) at: (u64, u32),
     /// Cycles in which it is beyond one.
     pub(super) cycles: u64,
 }
@@ -79,8 +86,11 @@ impl Joints {
                     joint.limits.jerk_mm_s3,
                 ],
                 travel: joint.travel_mm,
-                positions: Vec::new(),
-                known: Vec::new(),
+                beyond_travel: None,
+                last: None,
+                differences: [0.0; ORDERS],
+                peaks: Peaks::default(),
+                moves: false,
                 cycle_s: f64::from(config.cycle_us) * 1e-6,
             })
             .collect();
@@ -93,17 +103,36 @@ impl Joints {
 
     /// Takes the set-point of a cycle, and whether the one before it was run as well. A position that the machine cannot take
     /// leaves the joints where they are.
-    pub(super) fn push(&mut self, position: &Position, frame: &ToolFrame, follows: bool) {
+    pub(super) fn push(&mut self, position: &Position, frame: &ToolFrame, place: (u64, u32), follows: bool) {
         // The planner has refused such positions; and the peaks would tell of the jump behind them.
         let _ = self.kinematics.inverse(frame, &position.0, &mut self.now);
         for (joint, position) in self.all.iter_mut().zip(&self.now) {
-            joint.positions.push(*position);
-            let before = joint
-                .known
-                .last()
-                .map_or(ORDERS as u8, |known| (known + 1).min(ORDERS as u8));
-            joint.known.push(if follows { before } else { 0 });
+            joint.push(*position, place, follows);
+            joint.judge_travel(*position, place);
         }
+    }
+
+    /// A cycle behind the last set-point: the machine rests, and up to [`ORDERS`] cycles long there is still something to see.
+    pub(super) fn rest(&mut self, place: (u64, u32)) {
+        for joint in &mut self.all {
+            if let Some(([latest, ..], _)) = joint.last {
+                joint.push(latest, place, true);
+            }
+        }
+    }
+
+    /// The greatest use of a limit in the latest cycle, its joint and its order.
+    pub(super) fn greatest_use(&self) -> (f64, usize, usize) {
+        let mut best = (0.0, 0, 0);
+        for (index, joint) in self.all.iter().enumerate() {
+            for (order, (difference, limit)) in joint.differences.iter().zip(&joint.limits).enumerate() {
+                let used = difference.abs() / limit;
+                if used > best.0 {
+                    best = (used, index, order);
+                }
+            }
+        }
+        best
     }
 }
 
@@ -117,91 +146,53 @@ impl Joint {
         }
     }
 
-    /// Velocity, acceleration and jerk in the cycle that ends at this set-point, as far as they are known, else 0; up to three
-    /// cycles behind the last one there is still something to see.
-    pub(super) fn differences(&self, cycle: usize) -> [f64; ORDERS] {
-        let known = self.known.get(cycle).map_or(ORDERS, |known| usize::from(*known));
-        let mut differences = self.all_differences(cycle);
-        differences[known..].fill(0.0);
-        differences
-    }
-
-    fn all_differences(&self, cycle: usize) -> [f64; ORDERS] {
-        let at = |back: usize| {
-            let index = cycle.saturating_sub(back).min(self.positions.len().saturating_sub(1));
-            self.positions.get(index).copied().unwrap_or(0.0)
-        };
-        let [q0, q1, q2, q3] = [at(0), at(1), at(2), at(3)];
+    fn push(&mut self, position: f64, place: (u64, u32), follows: bool) {
+        let ([q1, q2, q3, _], known) = self.last.unwrap_or(([position; ORDERS + 1], ORDERS));
+        let known = if follows { (known + 1).min(ORDERS) } else { 0 };
+        self.moves |= position != q1;
+        self.last = Some(([position, q1, q2, q3], known));
         let cycle_s = self.cycle_s;
-        [
-            (q0 - q1) / cycle_s,
-            (q0 - 2.0 * q1 + q2) / cycle_s.powi(2),
-            (q0 - 3.0 * q1 + 3.0 * q2 - q3) / cycle_s.powi(3),
-        ]
-    }
-
-    /// Cycles in which there is something to see.
-    pub(super) fn cycles(&self) -> usize {
-        self.positions.len() + ORDERS
-    }
-
-    /// What is asked of it at the most.
-    pub(super) fn peaks(&self) -> Peaks {
-        let mut peaks = Peaks::default();
-        for cycle in 0..self.cycles() {
-            let differences = self.differences(cycle);
-            let position = self
-                .positions
-                .get(cycle)
-                .or(self.positions.last())
-                .copied()
-                .unwrap_or(0.0);
-            // Positions carry rounding of their own size, which differences multiply.
-            let rounding = 8.0 * f64::EPSILON * position.abs().max(1.0);
-            for (order, difference) in differences.into_iter().enumerate() {
-                let amount = difference.abs();
-                if amount > peaks.greatest[order] {
-                    (peaks.greatest[order], peaks.at[order]) = (amount, cycle);
-                }
-                let noise = rounding / self.cycle_s.powi(order as i32 + 1);
-                peaks.over[order] += u64::from(amount > self.limits[order] * (1.0 + SLACK) + noise);
+        self.differences = [
+            (position - q1) / cycle_s,
+            (position - 2.0 * q1 + q2) / cycle_s.powi(2),
+            (position - 3.0 * q1 + 3.0 * q2 - q3) / cycle_s.powi(3),
+        ];
+        self.differences[known..].fill(0.0);
+        // Positions carry rounding of their own size, which differences multiply.
+        let rounding = 8.0 * f64::EPSILON * position.abs().max(1.0);
+        let peaks = &mut self.peaks;
+        for (order, difference) in self.differences.into_iter().enumerate() {
+            let amount = difference.abs();
+            if amount > peaks.greatest[order] {
+                (peaks.greatest[order], peaks.at[order]) = (amount, place);
             }
+            let noise = rounding / cycle_s.powi(order as i32 + 1);
+            peaks.over[order] += u64::from(amount > self.limits[order] * (1.0 + SLACK) + noise);
         }
-        peaks
     }
 
-    /// Whether and where it is told to leave its travel: there, the machine would fault.
-    pub(super) fn beyond_travel(&self) -> Option<Beyond> {
+    fn judge_travel(&mut self, value: f64, place: (u64, u32)) {
         let [low, high] = self.travel;
-        let mut beyond: Option<Beyond> = None;
-        for (at, &value) in self.positions.iter().enumerate() {
-            let (excess, limit) = if low - value > value - high {
-                (low - value, low)
-            } else {
-                (value - high, high)
-            };
-            if excess <= TRAVEL_SLACK_MM {
-                continue;
-            }
-            let before = beyond.map_or(0, |beyond| beyond.cycles);
-            let farthest = beyond.filter(|beyond| (beyond.value - beyond.limit).abs() >= excess);
-            let now = Beyond {
-                value,
-                limit,
-                at,
-                cycles: 0,
-            };
-            beyond = Some(Beyond {
-                cycles: before + 1,
-                ..farthest.unwrap_or(now)
-            });
+        let (excess, limit) = if low - value > value - high {
+            (low - value, low)
+        } else {
+            (value - high, high)
+        };
+        if excess <= TRAVEL_SLACK_MM {
+            return;
         }
-        beyond
-    }
-
-    /// Whether it moves at all.
-    pub(super) fn moves(&self) -> bool {
-        self.positions.windows(2).any(|pair| pair[0] != pair[1])
+        let now = Beyond {
+            value,
+            limit,
+            at: place,
+            cycles: 0,
+        };
+        let before = self.beyond_travel;
+        let farthest = before.filter(|beyond| (beyond.value - beyond.limit).abs() >= excess);
+        self.beyond_travel = Some(Beyond {
+            cycles: before.map_or(0, |beyond| beyond.cycles) + 1,
+            ..farthest.unwrap_or(now)
+        });
     }
 }
 
@@ -209,17 +200,28 @@ impl Joint {
 mod tests {
     use super::*;
 
-    #[test]
-    fn differences_reach_beyond_both_ends() {
-        let joint = Joint {
+    fn joint() -> Joint {
+        Joint {
             axis: Some(Axis::X),
             limits: [10.0, 50.0, 1500.0],
             travel: [5.0, 7.5],
-            positions: vec![5.0, 5.0, 6.0, 8.0],
-            known: vec![3; 4],
+            beyond_travel: None,
+            last: None,
+            differences: [0.0; ORDERS],
+            peaks: Peaks::default(),
+            moves: false,
             cycle_s: 0.1,
-        };
-        let seen: Vec<[f64; 3]> = (0..joint.cycles()).map(|cycle| joint.differences(cycle)).collect();
+        }
+    }
+
+    #[test]
+    fn differences_reach_beyond_both_ends() {
+        let mut joint = joint();
+        let mut seen = Vec::new();
+        for (cycle, position) in [5.0, 5.0, 6.0, 8.0, 8.0, 8.0, 8.0].into_iter().enumerate() {
+            joint.push(position, (cycle as u64, 1), true);
+            seen.push(joint.differences);
+        }
         let expected = [
             [0.0, 0.0, 0.0],
             [0.0, 0.0, 0.0],
@@ -232,35 +234,44 @@ mod tests {
         for (seen, expected) in seen.iter().flatten().zip(expected.iter().flatten()) {
             assert!((seen - expected).abs() < 1e-9, "{seen} {expected}");
         }
-        let peaks = joint.peaks();
+        let peaks = joint.peaks;
         assert!((peaks.greatest[2] - 3000.0).abs() < 1e-9);
-        assert_eq!((peaks.over, peaks.at[2]), ([1, 3, 2], 4));
-        let beyond = joint.beyond_travel();
-        assert_eq!(
-            beyond,
-            Some(Beyond {
-                value: 8.0,
-                limit: 7.5,
-                at: 3,
-                cycles: 1
-            })
-        );
+        assert_eq!((peaks.over, peaks.at[2], joint.moves), ([1, 3, 2], (4, 1), true));
+    }
+
+    #[test]
+    fn the_farthest_place_beyond_the_travel_is_told() {
+        let mut joint = joint();
+        for (cycle, position) in [5.0, 5.0, 6.0, 7.6, 8.0, 7.6, 7.0].into_iter().enumerate() {
+            joint.judge_travel(position, (cycle as u64, 1));
+        }
+        let beyond = Beyond {
+            value: 8.0,
+            limit: 7.5,
+            at: (4, 1),
+            cycles: 3,
+        };
+        assert_eq!(joint.beyond_travel, Some(beyond));
     }
 
     #[test]
     fn behind_cycles_that_were_not_run_nothing_is_judged_that_is_not_known() {
-        let joint = Joint {
-            axis: Some(Axis::X),
-            limits: [10.0, 50.0, 1500.0],
-            travel: [0.0, 102.0],
-            positions: vec![0.0, 0.5, 100.5, 101.0, 101.5, 102.0],
-            known: vec![3, 3, 0, 1, 2, 3],
-            cycle_s: 0.1,
-        };
-        assert_eq!(joint.differences(2), [0.0; 3]);
-        assert_eq!(joint.differences(3), [5.0, 0.0, 0.0]);
-        assert!(joint.differences(5)[2].abs() < 1e-9);
-        assert_eq!(joint.peaks().over[0], 0);
-        assert_eq!(joint.beyond_travel(), None);
+        let mut joint = joint();
+        let mut seen = Vec::new();
+        for (position, follows) in [
+            (0.0, true),
+            (0.5, true),
+            (100.5, false),
+            (101.0, true),
+            (101.5, true),
+            (102.0, true),
+        ] {
+            joint.push(position, (0, 1), follows);
+            seen.push(joint.differences);
+        }
+        assert_eq!(seen[2], [0.0; 3]);
+        assert_eq!(seen[3], [5.0, 0.0, 0.0]);
+        assert!(seen[5][2].abs() < 1e-9);
+        assert_eq!(joint.peaks.over[0], 0);
     }
 }

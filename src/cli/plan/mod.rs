@@ -4,7 +4,8 @@
 //! Out: how long it takes and what it asks of every joint, as text or JSON; on demand set-points, paths and a picture.
 //!
 //! The program goes through the planner twice: once for the time that planning takes, once through the ring and the
-//! interpolation of the machine, without a clock (`run_down`).
+//! interpolation of the machine, without a clock (`run_down`). What is judged is judged cycle by cycle: memory does not grow with the
+//! program, but for the files of numbers that were asked for.
 
 mod export;
 mod ideal_spindle;
@@ -22,7 +23,7 @@ use anyhow::{Context, anyhow};
 use clap::{Args, ValueEnum};
 use motion::plan::PlannerKind;
 use report::Report;
-use run_down::Work;
+use run_down::{Wanted, Work};
 use serde_json::{Value as Json, json};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -82,7 +83,7 @@ impl From<PlannerName> for PlannerKind {
 pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     let text =
         files::read(&args.program, files::read::PROGRAM_MAX).with_context(|| args.program.display().to_string())?;
-    let (config, tables, work) = planned(args, &text)?;
+    let (config, tables, mut work) = planned(args, &text)?;
     let report = Report::new(&config, &work);
     // What was found out first: a disk may be full.
     if args.json {
@@ -98,27 +99,20 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
             .for_each(|(line, what)| eprintln!("{program}:{line}: {what}"));
     }
     let put = |file: &Path, text: String| files::write(file, text).with_context(|| file.display().to_string());
-    if let Some(file) = &args.samples {
-        put(file, export::samples(&config, &work))?;
-    }
-    if let Some(file) = &args.path {
-        put(file, export::programmed(&work.path))?;
+    for (file, lines) in [(&args.samples, work.samples.take()), (&args.path, work.path.take())] {
+        if let Some((file, lines)) = file.as_ref().zip(lines) {
+            put(file, lines)?;
+        }
     }
     if let Some(file) = &args.smoothed {
-        let points = export::smoothed(
-            &config,
-            &tables,
-            (&args.program.display().to_string(), &text),
-            &work.path,
-        );
-        put(
-            file,
-            points.map_err(|error| anyhow!(error.located(&args.program.display().to_string())))?,
-        )?;
+        let name = args.program.display().to_string();
+        let feeds = std::mem::take(&mut work.feeds);
+        let points = export::smoothed(&config, &tables, (&name, &text), feeds);
+        put(file, points.map_err(|error| anyhow!(error.located(&name)))?)?;
     }
-    if let Some(file) = &args.svg {
+    if let Some((file, recording)) = args.svg.as_ref().zip(work.recording.as_ref()) {
         let name = args.program.file_name().unwrap_or_default().to_string_lossy();
-        put(file, picture::picture(&name, &config, &work, &report))?;
+        put(file, picture::picture(&name, &config, recording, &work, &report))?;
     }
     Ok(if wrong.is_empty() {
         ExitCode::SUCCESS
@@ -153,7 +147,12 @@ fn planned(args: &PlanArgs, text: &[u8]) -> Result<(Config, Tables, Work), Refus
         &tables,
         (&name, text),
         args.threads.map(usize::from),
-        args.samples.is_some(),
+        Wanted {
+            samples: args.samples.is_some(),
+            path: args.path.is_some(),
+            feeds: args.smoothed.is_some(),
+            picture: args.svg.is_some(),
+        },
     ) {
         Ok(work) => Ok((config, tables, work)),
         Err(error) => {

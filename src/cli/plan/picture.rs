@@ -4,6 +4,7 @@
 //! In:  a program that was run down, and its report.
 //! Out: SVG.
 
+pub(super) mod recording;
 mod strips;
 mod tool_path;
 
@@ -12,6 +13,7 @@ use super::run_down::Work;
 use crate::config::Config;
 use crate::plot::sheet::Sheet;
 use crate::plot::{BODY, TITLE};
+use recording::Recording;
 
 /// Whole picture, pixels.
 const WIDTH: f64 = 1200.0;
@@ -20,9 +22,9 @@ const EDGE: f64 = 24.0;
 const HEAD: f64 = 84.0;
 
 /// Draws it.
-pub(super) fn picture(name: &str, config: &Config, work: &Work, report: &Report) -> String {
-    let view = tool_path::View::new(work, config.work_offsets[0]);
-    let strips = strips::Strips::new(work);
+pub(super) fn picture(name: &str, config: &Config, recording: &Recording, work: &Work, report: &Report) -> String {
+    let view = tool_path::View::new(&recording.moving, config.work_offsets[0]);
+    let strips = strips::Strips::new(recording, work);
     let mut sheet = Sheet::new(WIDTH);
     sheet.text((EDGE, 34.0), TITLE, &format!("{name} on {}", config.name));
     sheet.text((EDGE, 56.0), BODY, &report.in_short());

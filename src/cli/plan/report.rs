@@ -2,9 +2,9 @@
 
 use super::joints::{NAMES, ORDERS, Peaks};
 use super::run_down::Work;
-use super::slow_places::{FeedKept, feed_kept};
+use super::slow_places::FeedKept;
 use crate::config::Config;
-use motion::plan::{Deviation, PlannerKind, deviation};
+use motion::plan::{Deviation, PlannerKind};
 use serde::Serialize;
 use std::fmt;
 
@@ -25,7 +25,7 @@ pub(super) struct Report {
     pub(super) joints: Vec<JointReport>,
     /// Cycles of the whole program, and how many of them were run and judged: of elements that take long, not every one.
     cycles: u64,
-    cycles_judged: usize,
+    cycles_judged: u64,
     pub(super) cycles_over_limits: u64,
     /// Where each limit that is not kept is passed the most.
     over_limits: Vec<OverLimit>,
@@ -143,20 +143,20 @@ impl Report {
                     greatest: peaks,
                     over,
                     at,
-                } = joint.peaks();
+                } = joint.peaks;
                 let share = |order: usize| peaks[order] / joint.limits[order];
-                over_limits.extend((0..ORDERS).filter(|&order| over[order] > 0).filter_map(|order| {
-                    let cycle = work.cycles.get(at[order]).or(work.cycles.last())?;
-                    Some(OverLimit {
+                over_limits.extend((0..ORDERS).filter(|&order| over[order] > 0).map(|order| {
+                    let (cycle, line) = at[order];
+                    OverLimit {
                         joint: index,
                         axis: joint.axis.map(|axis| axis.letter()),
                         limit: NAMES[order],
                         cycles: over[order],
                         value: peaks[order],
                         allowed: joint.limits[order],
-                        line: cycle.line,
-                        time_s: cycle.number as f64 * work.cycle_s,
-                    })
+                        line,
+                        time_s: cycle as f64 * work.cycle_s,
+                    }
                 }));
                 JointReport {
                     joint: index,
@@ -174,8 +174,8 @@ impl Report {
             .collect();
         let beyond_travel = (work.joints.all.iter().enumerate())
             .filter_map(|(index, joint)| {
-                let beyond = joint.beyond_travel()?;
-                let cycle = work.cycles.get(beyond.at)?;
+                let beyond = joint.beyond_travel?;
+                let (cycle, line) = beyond.at;
                 Some(BeyondTravel {
                     joint: index,
                     axis: joint.axis.map(|axis| axis.letter()),
@@ -183,32 +183,31 @@ impl Report {
                     cycles: beyond.cycles,
                     value: beyond.value,
                     allowed: beyond.limit,
-                    line: cycle.line,
-                    time_s: cycle.number as f64 * work.cycle_s,
+                    line,
+                    time_s: cycle as f64 * work.cycle_s,
                 })
             })
             .collect();
-        let over_run_mm = work.cycles.iter().map(|cycle| cycle.over_run_mm).fold(0.0, f64::max);
         let Deviation {
             off_mm,
             missed_mm,
             reached_mm,
             length_mm,
-        } = deviation(&work.programmed_positions(), &work.path, work.tolerance_mm);
+        } = work.deviation;
         Report {
             planner: match config.program.planner {
                 PlannerKind::Optimal => "optimal",
                 PlannerKind::Classic => "classic",
             },
             lines: work.lines,
-            blocks: work.path.len(),
+            blocks: work.blocks,
             elements: work.elements,
             motion_time_s: work.motion_time_s,
             wall_time_s: work.wall_time_s,
-            blocks_per_s: work.path.len() as f64 / work.wall_time_s,
+            blocks_per_s: work.blocks as f64 / work.wall_time_s,
             threads: work.threads,
-            cycles: work.cycle_count(),
-            cycles_judged: work.cycles.len(),
+            cycles: work.cycles,
+            cycles_judged: work.cycles_judged,
             cycles_over_limits: joints.iter().flat_map(|joint| joint.over).sum(),
             over_limits,
             beyond_travel,
@@ -216,7 +215,7 @@ impl Report {
             tolerance_mm: work.tolerance_mm,
             deviation_max_mm: off_mm,
             missed_max_mm: missed_mm,
-            over_run_mm,
+            over_run_mm: work.over_run_mm,
             path_length_mm: length_mm,
             path_reached_mm: reached_mm,
             starved_cycles: work.starved_cycles,
@@ -224,7 +223,7 @@ impl Report {
                 line,
                 why: fault.to_string(),
             }),
-            feed: feed_kept(work),
+            feed: work.feed.clone(),
         }
     }
 
@@ -283,7 +282,7 @@ impl fmt::Display for Report {
             )?;
         }
         writeln!(f, "over limits     {} cycles", self.cycles_over_limits)?;
-        if (self.cycles_judged as u64) < self.cycles {
+        if self.cycles_judged < self.cycles {
             writeln!(
                 f,
                 "judged          {} of {} cycles: of elements that take long, their ends and places on the way (all: --samples)",

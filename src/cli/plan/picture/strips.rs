@@ -4,8 +4,9 @@
 //! is lost.
 
 use super::WIDTH;
+use super::recording::{Event, Extremes, Recording, Stretches};
 use crate::cli::plan::joints::{Joint, NAMES, ORDERS};
-use crate::cli::plan::run_down::{Event, Work};
+use crate::cli::plan::run_down::Work;
 use crate::plot::lines::{number, round_up};
 use crate::plot::sheet::{Anchor, Face, Sheet};
 use crate::plot::{BODY, GRID, INK, SMALL};
@@ -26,19 +27,20 @@ const BEYOND: f64 = 1.18;
 
 /// What is drawn.
 pub(super) struct Strips<'a> {
+    recording: &'a Recording,
     work: &'a Work,
     moving: Vec<(usize, &'a Joint)>,
     strip_height: f64,
 }
 
 impl<'a> Strips<'a> {
-    pub(super) fn new(work: &'a Work) -> Strips<'a> {
+    pub(super) fn new(recording: &'a Recording, work: &'a Work) -> Strips<'a> {
         let moving: Vec<_> = work
             .joints
             .all
             .iter()
             .enumerate()
-            .filter(|(_, joint)| joint.moves())
+            .filter(|(_, joint)| joint.moves)
             .collect();
         let strip_height = match moving.len() {
             0..=2 => 84.0,
@@ -47,6 +49,7 @@ impl<'a> Strips<'a> {
             _ => 46.0,
         };
         Strips {
+            recording,
             work,
             moving,
             strip_height,
@@ -82,7 +85,7 @@ impl<'a> Strips<'a> {
 
     /// Grid of time, and what happened at rest.
     fn draw_time(&self, sheet: &mut Sheet, top: f64, bottom: f64) {
-        let end_s = self.work.cycle_count().max(2) as f64 * self.work.cycle_s;
+        let end_s = self.work.cycles.max(2) as f64 * self.work.cycle_s;
         let pixel = |time_s: f64| LEFT + time_s / end_s * COLUMNS as f64;
         let step_s = round_up(end_s / 12.0);
         for k in 0..=(end_s / step_s) as i32 {
@@ -93,7 +96,7 @@ impl<'a> Strips<'a> {
         }
         let middle = (LEFT + RIGHT) / 2.0;
         sheet.text((middle, bottom + 36.0), BODY.at(Anchor::Middle), "time, s");
-        let marks = &self.work.marks;
+        let marks = &self.recording.marks;
         let mut named = f64::NEG_INFINITY;
         for mark in marks.iter().step_by(marks.len().div_ceil(MARKS_MAX).max(1)) {
             let x = pixel(mark.cycle as f64 * self.work.cycle_s);
@@ -112,7 +115,7 @@ impl<'a> Strips<'a> {
 
     fn draw_strip(&self, sheet: &mut Sheet, top: f64, index: usize, joint: &Joint, order: usize) {
         let limit = joint.limits[order];
-        let columns = columns(self.work, joint, order);
+        let columns = columns(self.work.cycles, &self.recording.values[index][order]);
         let peak = columns
             .iter()
             .flatten()
@@ -143,42 +146,23 @@ impl<'a> Strips<'a> {
     }
 }
 
-/// Least and greatest value of each column of pixels, in the order in which they came.
-fn columns(work: &Work, joint: &Joint, order: usize) -> Vec<Vec<f64>> {
-    let count = work.cycles.len();
-    let cycles = work.cycle_count() as usize + ORDERS;
-    let value = |cycle: usize| joint.differences(cycle)[order];
-    // Place among the cycles that were run of the first that is not before this one.
-    let place = |number: usize| {
-        let run = work.cycles.partition_point(|cycle| cycle.number < number as u64);
-        run + number
-            .saturating_sub(work.cycle_count() as usize)
-            .min(joint.cycles() - count)
+/// Least and greatest value of each column of pixels, in the order in which they came; none where there are fewer cycles than
+/// pixels: the line passes.
+fn columns(cycles: u64, values: &Stretches) -> Vec<Vec<f64>> {
+    let cycles = cycles + ORDERS as u64;
+    let mut columns = vec![None; COLUMNS];
+    for (begin, extremes) in values.iter() {
+        let column = (begin * COLUMNS as u64 / cycles) as usize;
+        let column: &mut Option<Extremes> = &mut columns[column.min(COLUMNS - 1)];
+        *column = Some(column.map_or(extremes, |all| all.with(extremes)));
+    }
+    let shown = |column: &Option<Extremes>| match column {
+        None => Vec::new(),
+        Some(Extremes { least, greatest }) if least.0 == greatest.0 => vec![least.1],
+        Some(Extremes { least, greatest }) if least.0 < greatest.0 => vec![least.1, greatest.1],
+        Some(Extremes { least, greatest }) => vec![greatest.1, least.1],
     };
-    let begin = |column: usize| place(column * cycles / COLUMNS);
-    (0..COLUMNS)
-        .map(|column| {
-            let (from, to) = (begin(column), begin(column + 1));
-            let mut least: Option<(usize, f64)> = None;
-            let mut greatest: Option<(usize, f64)> = None;
-            for cycle in from..to {
-                let now = value(cycle);
-                if least.is_none_or(|(_, low)| now < low) {
-                    least = Some((cycle, now));
-                }
-                if greatest.is_none_or(|(_, high)| now > high) {
-                    greatest = Some((cycle, now));
-                }
-            }
-            match (least, greatest) {
-                (Some(low), Some(high)) if low.0 < high.0 => vec![low.1, high.1],
-                (Some(low), Some(high)) if low.0 > high.0 => vec![high.1, low.1],
-                (Some(one), _) => vec![one.1],
-                // Fewer cycles than pixels: the line passes.
-                (None, _) => Vec::new(),
-            }
-        })
-        .collect()
+    columns.iter().map(shown).collect()
 }
 
 /// Leaves out points between others of the same height.

@@ -3,7 +3,7 @@
 //! Flat programs are seen from above, others isometrically; one scale for all axes.
 
 use super::{EDGE, WIDTH};
-use crate::cli::plan::run_down::Work;
+use crate::cli::plan::run_down::Cycle;
 use crate::plot::lines::{number, round_up, thin_out};
 use crate::plot::sheet::{Anchor, Sheet};
 use crate::plot::{BODY, INK, RAPID, SMALL};
@@ -53,8 +53,9 @@ fn project(isometric: bool, x: f64, y: f64, z: f64) -> (f64, f64) {
 }
 
 impl View {
-    pub(super) fn new(work: &Work, origin: Position) -> View {
-        let cuts = || work.cycles.iter().filter(|cycle| cycle.moving && !cycle.rapid);
+    /// `moving`: cycles in motion.
+    pub(super) fn new(moving: &[Cycle], origin: Position) -> View {
+        let cuts = || moving.iter().filter(|cycle| !cycle.rapid);
         let extent = |axis: Axis| {
             let ends = |(low, high): (f64, f64), at: f64| (low.min(at), high.max(at));
             let all = cuts()
@@ -68,7 +69,7 @@ impl View {
         let colour = |speed: f64| ((speed / speed_max * COLOURS as f64) as usize).min(COLOURS - 1);
         let mut runs: Vec<Run> = Vec::new();
         let mut last = None;
-        for cycle in work.cycles.iter().filter(|cycle| cycle.moving) {
+        for cycle in moving {
             let at = project(&cycle.position);
             let colour = (!cycle.rapid).then(|| colour(cycle.speed_mm_s));
             match runs.last_mut() {
