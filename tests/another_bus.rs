@@ -8,6 +8,7 @@ use isocnc::bus::layout::{Field, Layout};
 use isocnc::bus::plan::NodePlan;
 use isocnc::bus::{
     self, BusEvent, BusState, CycleReport, CyclicBus, InputImage, NodeIndex, NodeState, NodeStatistics, OutputImage,
+    TimeReference,
 };
 use isocnc::config::{self, Config, HomingBy, Profile};
 use isocnc::machine::sequence::Outcome;
@@ -145,6 +146,7 @@ impl CyclicBus for Table {
             started_ns: Some(sent_ns),
             done_ns: self.now_ns,
             lost,
+            time: TimeReference::Ours,
         }
     }
 

@@ -256,6 +256,19 @@ impl InputImage {
     }
 }
 
+/// Whose clock the dates of cycles follow.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TimeReference {
+    /// That of this PC: the nodes follow the frame that starts their cycle (POWERLINK: SoC).
+    #[default]
+    Ours,
+    /// That of the bus, as one of its nodes keeps it (EtherCAT: distributed clocks).
+    Bus {
+        /// By how much this cycle began behind its date there, ns; below 0: before it.
+        late_ns: i64,
+    },
+}
+
 /// What one exchange took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CycleReport {
@@ -268,6 +281,7 @@ pub struct CycleReport {
     pub done_ns: u64,
     /// Answers that did not come in this cycle.
     pub lost: u32,
+    pub time: TimeReference,
 }
 
 /// The half of a bus that the cycle thread knows. RT: no call allocates, locks or waits beyond its deadline.

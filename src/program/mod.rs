@@ -150,6 +150,7 @@ pub fn check(
         overview.lines = overview.lines.max(feeder.line());
     }
     overview.lines = overview.lines.max(feeder.line());
+    overview.tolerance_mm = feeder.tolerance_mm();
     let measure = feeder.sink();
     overview.time_s = measure.time_s + measure.tail_s;
     overview.tolerance_mm = feeder.tolerance_mm();
@@ -599,6 +600,21 @@ mod tests {
                 Err(error) => return error,
             }
         }
+    }
+
+    #[test]
+    fn what_the_moves_may_be_off_is_what_the_program_says_of_them() {
+        let (config, tables) = demo();
+        let tolerance_mm = |text: &str| {
+            let checked = check(&config, &tables, "p.ngc", text.as_bytes(), &Cancel::default());
+            checked.expect("a program").tolerance_mm
+        };
+        assert_eq!(tolerance_mm("G21 G90 G64 P0.05\nG1 X1 F100\nG64 P0.2\nM2\n"), 0.05);
+        assert_eq!(
+            tolerance_mm("G21 G90 G64\nG1 X1 F100\nM2\n"),
+            config.program.tolerance_mm
+        );
+        assert_eq!(tolerance_mm("G21 G90 G61\nG1 X1 F100\nM2\n"), 0.0);
     }
 
     #[test]

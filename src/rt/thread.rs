@@ -5,7 +5,7 @@
 
 use super::cycle::MotionController;
 use super::timeout::Watch;
-use crate::bus::CyclicBus;
+use crate::bus::{CyclicBus, TimeReference};
 use crate::config::Config;
 use crate::host::network_locks::NetworkLocks;
 use crate::host::spin::Spin;
@@ -17,6 +17,36 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Time before a cycle at which the bus is left alone, beyond the spin: the wake-up itself takes this long at most on a
 /// quiet core.
 const QUIET_NS: u64 = 30_000;
+
+/// Dates come nearer to those of the bus by so much in a cycle at the most, ns: the drives see no more than that.
+const STEER_MAX_NS: f64 = 1000.0;
+/// Shares of an error that are taken out at once, and that count as drift of the clocks, a cycle: settled within some hundred
+/// cycles, without overshoot.
+const STEER_SHARE: f64 = 1.0 / 16.0;
+const STEER_DRIFT_SHARE: f64 = 1.0 / 1024.0;
+
+/// Leads the dates of cycles to the clock of the bus, where it is the one that counts.
+#[derive(Clone, Copy, Debug, Default)]
+struct Steering {
+    /// What the clocks part by in a cycle, ns.
+    drift_ns: f64,
+}
+
+impl Steering {
+    /// By how much the next cycle begins later than a period behind this one, ns.
+    fn shift_ns(&mut self, time: TimeReference) -> i64 {
+        let TimeReference::Bus { late_ns } = time else {
+            return 0;
+        };
+        let wanted_ns = self.drift_ns - late_ns as f64 * STEER_SHARE;
+        let shift_ns = wanted_ns.clamp(-STEER_MAX_NS, STEER_MAX_NS);
+        // On the way from a large error nothing is learned of the drift.
+        if shift_ns == wanted_ns {
+            self.drift_ns -= late_ns as f64 * STEER_DRIFT_SHARE;
+        }
+        shift_ns.round() as i64
+    }
+}
 
 /// Dates of the cycle of a machine.
 pub fn grid(config: &Config) -> Grid {
@@ -41,6 +71,7 @@ pub fn run<B: CyclicBus>(
     watch.set_cpu_clock(thread_cpu_clock());
     let (mut cycle, mut skipped) = (0, 0);
     let mut deadline_ns = grid.first_after(monotonic_ns());
+    let mut steering = Steering::default();
     recorder.begin();
     while control.state() != State::Down && !stop.load(Ordering::Acquire) {
         let spin_ns = spin.ns();
@@ -84,10 +115,37 @@ pub fn run<B: CyclicBus>(
             pres_lost: report.lost,
         });
         control.show_timing(recorder.timing());
-        let next = grid.next(deadline_ns, ended_ns);
+        let begun_ns = deadline_ns.saturating_add_signed(steering.shift_ns(report.time));
+        let next = grid.next(begun_ns, ended_ns);
         (deadline_ns, skipped) = (next.deadline_ns, next.skipped);
         cycle += 1;
     }
     watch.disarm();
     recorder.end()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Clocks that part by 80 ppm, and half a period of 1 ms at the beginning.
+    #[test]
+    fn the_clock_of_the_bus_is_followed_in_small_steps() {
+        let (period_ns, bus_period_ns) = (1_000_000.0, 1_000_080.0);
+        let mut steering = Steering::default();
+        let (mut ours_ns, mut bus_ns) = (0.0, 500_000.0);
+        let mut late_ns = 0.0;
+        for cycle in 0..5000 {
+            late_ns = ours_ns - bus_ns;
+            let shift_ns = steering.shift_ns(TimeReference::Bus {
+                late_ns: late_ns as i64,
+            });
+            assert!(shift_ns.abs() <= 1000, "cycle {cycle}: {shift_ns}");
+            ours_ns += period_ns + shift_ns as f64;
+            bus_ns += bus_period_ns;
+        }
+        assert!(late_ns.abs() < 20.0, "{late_ns} ns");
+        assert!((steering.drift_ns - 80.0).abs() < 2.0, "{steering:?}");
+        assert_eq!(steering.shift_ns(TimeReference::Ours), 0);
+    }
 }

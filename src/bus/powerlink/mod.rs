@@ -18,7 +18,7 @@ pub mod tap;
 use super::watch::Watch;
 use super::{
     BusEvent, BusState, CycleReport, CyclicBus, EthernetFrame, InputImage, NodeIndex, NodeState, NodeStatistics,
-    OutputImage,
+    OutputImage, TimeReference,
 };
 use crate::machine::faults::{ForeignMaster, LinkFailure};
 use powerlink::link::{Link, LinkError};
@@ -325,6 +325,7 @@ impl<L: Link, const NODES: usize> CyclicBus for Powerlink<'_, L, NODES> {
             started_ns: soc_ns,
             done_ns: self.link.now_ns(),
             lost,
+            time: TimeReference::Ours,
         }
     }
 
