@@ -70,8 +70,10 @@ pub struct DeviationJudge {
     path: Follower,
     length_mm: f64,
     polygon: Follower,
-    /// The side of the polygon under way.
-    side: [Option<Position>; 2],
+    /// The side of the polygon under way: set-points, and how far along the path each was found.
+    side: [Option<(Position, f64)>; 2],
+    /// How far along the path the polygon has come without it.
+    polygon_mm: f64,
     /// Programmed points that set-points have not come to, and how far along the path each is.
     points: VecDeque<(f64, Position)>,
     tolerance_mm: f64,
@@ -110,7 +112,7 @@ impl DeviationJudge {
         while self
             .points
             .front()
-            .is_some_and(|(at, _)| at + behind_mm < self.path.reached_mm)
+            .is_some_and(|(at, _)| at + behind_mm < self.polygon_mm)
         {
             self.pass_point();
         }
@@ -118,7 +120,7 @@ impl DeviationJudge {
 
     /// What was found, once all has come.
     pub fn finish(mut self) -> Deviation {
-        if let [Some(from), Some(to)] = self.side {
+        if let [Some((from, _)), Some((to, _))] = self.side {
             self.polygon.push_line(from, to);
         }
         while !self.points.is_empty() {
@@ -134,9 +136,9 @@ impl DeviationJudge {
 
     /// The polygon goes on: set-points that follow closely and in line are one side of it.
     fn push_corner(&mut self, sample: &Position) {
-        let [from, to] = self.side;
-        let (Some(from), Some(to)) = (from, to) else {
-            self.side = [from.or(Some(*sample)), from.map(|_| *sample)];
+        let next = Some((*sample, self.path.reached_mm));
+        let [Some((from, _)), Some((to, reached_mm))] = self.side else {
+            self.side = [self.side[0].or(next), self.side[0].and(next)];
             return;
         };
         let (length, step) = (distance(&to.0, &from.0), distance(&sample.0, &to.0));
@@ -144,9 +146,10 @@ impl DeviationJudge {
         let in_line = along >= IN_LINE * length * step;
         if length + step > SIDE_MM || !in_line {
             self.polygon.push_line(from, to);
-            self.side[0] = Some(to);
+            self.polygon_mm = reached_mm;
+            self.side[0] = Some((to, reached_mm));
         }
-        self.side[1] = Some(*sample);
+        self.side[1] = next;
     }
 
     fn pass_point(&mut self) {
@@ -470,6 +473,9 @@ mod tests {
         let found = deviation(&along(&slow, 0.0002), &slow, 0.01);
         assert!(found.off_mm < 1e-9 && found.missed_mm < 1e-9, "{found:?}");
         assert!((found.length_mm - found.reached_mm).abs() < 1e-9, "{found:?}");
+        // Places far apart on it.
+        let found = deviation(&along(&slow, 3.0), &slow, 0.01);
+        assert!(found.off_mm < 1e-9 && found.missed_mm < 1e-9, "{found:?}");
         for (name, path) in [
             ("spiral", spiral),
             ("halves", halves),
