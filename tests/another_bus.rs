@@ -259,5 +259,5 @@ fn a_fault_of_a_drive_stops_the_machine() {
         let drive = bus.drives[0].as_mut().expect("a drive");
         drive.device.raise_fault(cia402::device::ERROR_FOLLOWING);
     });
-    assert!(alarm.contains("0x8611"), "{alarm}");
+    assert!(alarm.contains("8611h"), "{alarm}");
 }

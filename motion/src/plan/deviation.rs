@@ -23,6 +23,8 @@ const POINTS_MM: f64 = 10.0;
 /// Set-points nearer than this, mm, are one side of their polygon where they are in line, by this cosine.
 const SIDE_MM: f64 = 0.005;
 const IN_LINE: f64 = 0.9999;
+/// What rounding takes of an exact path, mm.
+const ROUNDING_MM: f64 = 1e-9;
 /// Parts of the track that are kept at the most.
 const CELLS_MAX: usize = 1 << 16;
 
@@ -136,7 +138,7 @@ impl DeviationJudge {
 
     /// The polygon goes on: set-points that follow closely and in line are one side of it.
     fn push_corner(&mut self, sample: &Position) {
-        let next = Some((*sample, self.path.reached_mm));
+        let next = Some((*sample, self.path.passed_mm));
         let [Some((from, _)), Some((to, reached_mm))] = self.side else {
             self.side = [self.side[0].or(next), self.side[0].and(next)];
             return;
@@ -182,6 +184,8 @@ struct Follower {
     next: (u64, f64, f64),
     last: Option<Position>,
     off_mm: f64,
+    /// Where the last point may be at the nearest and at the farthest, along the track.
+    passed_mm: f64,
     reached_mm: f64,
 }
 
@@ -234,13 +238,17 @@ impl Follower {
             index += 1;
         }
         self.off_mm = self.off_mm.max(best);
-        let at_best = |cell: &&Cell| cell.off_mm <= best;
-        if let Some(cell) = self.cells.iter().rev().find(at_best)
-            && let Some(piece) = self.pieces.get((cell.piece - self.first) as usize)
-        {
+        // A way back over the same line is as near.
+        let at_best = |cell: &&Cell| cell.off_mm <= best + ROUNDING_MM;
+        let place = |cell: &Cell| {
+            let piece = self.pieces.get((cell.piece - self.first) as usize)?;
             let (_, s) = nearest(piece, &point.0, cell.from, cell.to, 0.5 * (cell.from + cell.to));
-            self.reached_mm = cell.begin_mm + s;
-        }
+            Some(cell.begin_mm + s)
+        };
+        let passed_mm = self.cells.iter().find(at_best).and_then(place);
+        let reached_mm = self.cells.iter().rev().find(at_best).and_then(place);
+        self.passed_mm = passed_mm.unwrap_or(self.passed_mm);
+        self.reached_mm = reached_mm.unwrap_or(self.reached_mm);
         self.forget(2.0 * best + around_mm);
     }
 
@@ -475,6 +483,8 @@ mod tests {
         assert!((found.length_mm - found.reached_mm).abs() < 1e-9, "{found:?}");
         // Places far apart on it.
         let found = deviation(&along(&slow, 3.0), &slow, 0.01);
+        assert!(found.off_mm < 1e-9 && found.missed_mm < 1e-9, "{found:?}");
+        let found = deviation(&along(&pecks, 0.625), &pecks, 0.01);
         assert!(found.off_mm < 1e-9 && found.missed_mm < 1e-9, "{found:?}");
         for (name, path) in [
             ("spiral", spiral),
