@@ -150,7 +150,6 @@ pub fn check(
         overview.lines = overview.lines.max(feeder.line());
     }
     overview.lines = overview.lines.max(feeder.line());
-    overview.tolerance_mm = feeder.tolerance_mm();
     let measure = feeder.sink();
     overview.time_s = measure.time_s + measure.tail_s;
     overview.tolerance_mm = feeder.tolerance_mm();
