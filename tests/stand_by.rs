@@ -196,8 +196,8 @@ impl Control {
         command.arg("run").arg(&file).arg("--json").stdout(stdout);
         // A shell starts what runs in its background with these ignored.
         let default = || {
-            // SAFETY: no handler is put in, and nothing else is done between fork and exec.
             for signal in [Signal::SIGINT, Signal::SIGQUIT] {
+                // SAFETY: no handler is put in, and nothing else is done between fork and exec.
                 unsafe { nix::sys::signal::signal(signal, SigHandler::SigDfl)? };
             }
             Ok(())
