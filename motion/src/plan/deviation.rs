@@ -255,12 +255,18 @@ impl Follower {
     /// The next part of the track; false: there is none yet.
     fn add_cell(&mut self) -> bool {
         let (piece, from, begin_mm) = self.next;
-        let Some(length) = self.pieces.get((piece - self.first) as usize).map(Piece::length) else {
+        let Some(own) = self.pieces.get((piece - self.first) as usize) else {
             return false;
         };
+        let length = own.length();
+        // Where an arc comes around again, it is another place.
+        let cell_mm = match own.shape() {
+            Shape::Arc(arc) => CELL_MM.min(length / arc.sweep_rad().ceil()),
+            Shape::Line(_) | Shape::Blend(_) => CELL_MM,
+        };
         // No sliver is left behind it.
-        let to = if length - from > 1.5 * CELL_MM {
-            from + CELL_MM
+        let to = if length - from > 1.5 * cell_mm {
+            from + cell_mm
         } else {
             length
         };
@@ -481,6 +487,18 @@ mod tests {
         let found = deviation(&along(&slow, 0.0002), &slow, 0.01);
         assert!(found.off_mm < 1e-9 && found.missed_mm < 1e-9, "{found:?}");
         assert!((found.length_mm - found.reached_mm).abs() < 1e-9, "{found:?}");
+        // All around, and a little more.
+        let around = [arc(
+            [0.05, 0.0],
+            [0.05 * 0.01f64.cos(), 0.05 * 0.01f64.sin()],
+            [0.0, 0.0],
+            TAU + 0.01,
+        )];
+        let found = deviation(&along(&around, 0.001), &around, 0.0);
+        assert!(
+            found.off_mm < 1e-9 && (found.length_mm - found.reached_mm).abs() < 1e-9,
+            "{found:?}"
+        );
         // Places far apart on it.
         let found = deviation(&along(&slow, 3.0), &slow, 0.01);
         assert!(found.off_mm < 1e-9 && found.missed_mm < 1e-9, "{found:?}");

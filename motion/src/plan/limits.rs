@@ -84,8 +84,12 @@ impl Bounds {
 
     fn of_blend<const N: usize>(blend: &Blend) -> Bounds {
         let first = blend.group().first();
-        let [from, to] = [0.0, 1.0].map(|x| blend.derivatives_at::<N>(x)[0]);
-        let cosine: f64 = (first..first + 3).map(|axis| from[axis] * to[axis]).sum();
+        let [from, middle, to] = [0.0, 0.5, 1.0].map(|x| blend.derivatives_at::<N>(x)[0]);
+        let cosine = |a: &[f64; N], b: &[f64; N]| (first..first + 3).map(|axis| a[axis] * b[axis]).sum::<f64>();
+        // One that turns back again turns twice as far as to its middle.
+        let half = cosine(&from, &middle).min(cosine(&middle, &to));
+        let ends = cosine(&from, &to);
+        let cosine = if ends > half { 2.0 * half * half - 1.0 } else { ends };
         // The sharper the corner, the shorter the place where most of it turns: up to 0.3, 1 and 2 radians.
         let steps = match cosine {
             0.955.. => 12,
