@@ -111,7 +111,8 @@ pub(super) fn above(profile: &[Segment], radius_mm: f64) -> Option<Vec<Segment>>
     }
     places.retain(|p| (end[0]..=start[0]).contains(p));
     places.sort_by(|a, b| b.total_cmp(a));
-    places.dedup_by(|a, b| (*a - *b).abs() < SAME_MM);
+    // Where an arc begins upright, its height grows by much more than the way along.
+    places.dedup_by(|a, b| (*a - *b).abs() < 1e-3 * SAME_MM);
     let mut path: Vec<Segment> = Vec::new();
     let mut at = start;
     let mut of: Option<usize> = None;
