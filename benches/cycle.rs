@@ -125,9 +125,9 @@ fn timed_cycles(config: &Config, paced: bool) -> anyhow::Result<[Jitter; 2]> {
     let bus = Timed::new(bus.map_err(|error| anyhow::anyhow!("{error}"))?);
     let name = format!("bench-{}", std::process::id());
     let mut hal = hal_pins::Hal::create_in(&[std::env::temp_dir()], &name, CAPACITY)?;
-    let (control, inlets) = assemble(config, &plans, bus, &mut hal)?;
+    let (control, endpoints) = assemble(config, &plans, bus, &mut hal)?;
     let mut control = Box::new(control);
-    let mut operator = Operator::new(config, inlets, 0).repeating();
+    let mut operator = Operator::new(config, endpoints, 0).repeating();
     let (mut recorder, _windows) = recorder(grid(config).period_ns);
     let (mut compute, mut alone) = (Jitter::new(0), Jitter::new(0));
     let tables = Tables::read(config)?;

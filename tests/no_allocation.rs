@@ -171,9 +171,9 @@ fn the_cycle_never_allocates() {
     .expect("a network");
     let name = format!("no-allocation-{}", std::process::id());
     let mut hal = hal_pins::Hal::create_in(&[std::env::temp_dir()], &name, CAPACITY).expect("pins");
-    let (control, inlets) = assemble(&config, &plans, bus, &mut hal).expect("a control");
+    let (control, endpoints) = assemble(&config, &plans, bus, &mut hal).expect("a control");
     let mut control = Box::new(control);
-    let mut operator = Operator::new(&config, inlets, 0);
+    let mut operator = Operator::new(&config, endpoints, 0);
 
     let grid = grid(&config);
     let (mut deadline_ns, mut skipped) = (grid.first_after(0), 0);

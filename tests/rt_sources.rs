@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// Files, and folders with all that is in them.
 const REAL_TIME: &[&str] = &[
     "src/bus/powerlink/publisher.rs",
-    "src/rt/cycle.rs",
+    "src/rt/cycle/mod.rs",
     "src/rt/cycle/orders.rs",
     "src/rt/cycle/stops.rs",
     "src/rt/drives.rs",
@@ -27,7 +27,7 @@ const REAL_TIME: &[&str] = &[
     "src/rt/spindle.rs",
     "src/rt/thread.rs",
     "src/rt/timeout/mod.rs",
-    "src/rt/timeout/watchdog.rs",
+    "src/rt/timeout/watchdog/mod.rs",
     "src/bus/watch.rs",
     "src/host/wait.rs",
     "src/host/histogram.rs",
@@ -99,7 +99,7 @@ const START_UP: &[(&str, &str, &str)] = &[
         "makes the buffers, which are never freed",
     ),
     (
-        "src/rt/cycle.rs",
+        "src/rt/cycle/mod.rs",
         "peaks",
         "read by the report when the cycle thread is gone",
     ),

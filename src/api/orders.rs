@@ -116,7 +116,7 @@ pub fn order_channel() -> (OrderClient, OrderInbox) {
     let (orders, orders_out) = sync_channel(ORDERS);
     let (answers_in, answers) = channel();
     let shown = Arc::new(Mutex::new(Shown::default()));
-    let counter = OrderClient {
+    let client = OrderClient {
         orders,
         answers,
         shown: Arc::clone(&shown),
@@ -127,7 +127,7 @@ pub fn order_channel() -> (OrderClient, OrderInbox) {
         shown,
         latest: Shown::default(),
     };
-    (counter, inbox)
+    (client, inbox)
 }
 
 impl OrderClient {
@@ -187,33 +187,33 @@ mod tests {
 
     #[test]
     fn orders_and_answers_keep_their_tickets() {
-        let (counter, mut inbox) = order_channel();
-        counter.put(7, Order::Hold).unwrap();
-        counter.put(8, Order::Stop).unwrap();
+        let (client, mut inbox) = order_channel();
+        client.put(7, Order::Hold).unwrap();
+        client.put(8, Order::Stop).unwrap();
         assert_eq!(inbox.next(), Some((7, Order::Hold)));
         assert_eq!(inbox.next(), Some((8, Order::Stop)));
-        assert_eq!((inbox.next(), counter.answer()), (None, None));
+        assert_eq!((inbox.next(), client.answer()), (None, None));
         inbox.answer(8, Ok(Value::Null));
-        assert_eq!(counter.answer(), Some((8, Ok(Value::Null))));
+        assert_eq!(client.answer(), Some((8, Ok(Value::Null))));
         let shown = Shown {
             alarm: Some("x-drive lost".into()),
             obstruction: None,
             ..Shown::default()
         };
         inbox.show(shown.clone());
-        assert_eq!(counter.shown(), shown);
+        assert_eq!(client.shown(), shown);
     }
 
     #[test]
     fn neither_side_waits() {
-        let (counter, inbox) = order_channel();
+        let (client, inbox) = order_channel();
         for ticket in 0..ORDERS as u64 {
-            counter.put(ticket, Order::Hold).unwrap();
+            client.put(ticket, Order::Hold).unwrap();
         }
-        assert_eq!(counter.put(99, Order::Stop), Err("too many orders at once"));
-        assert!(!counter.withdraw(3));
+        assert_eq!(client.put(99, Order::Stop), Err("too many orders at once"));
+        assert!(!client.withdraw(3));
         drop(inbox);
-        assert!(counter.withdraw(3));
-        assert_eq!(counter.put(99, Order::Stop), Err("the control is ending"));
+        assert!(client.withdraw(3));
+        assert_eq!(client.put(99, Order::Stop), Err("the control is ending"));
     }
 }

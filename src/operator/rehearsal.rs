@@ -90,11 +90,11 @@ pub fn rehearse_on<'a, B: VirtualTime, T>(
     act: impl FnOnce(&mut Rehearsal<'a, B>) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
     let mut hal = private_pins()?;
-    let (control, inlets) = assemble(config, &bus::plan(config), bus, &mut hal)?;
+    let (control, endpoints) = assemble(config, &bus::plan(config), bus, &mut hal)?;
     let grid = grid(config);
     let mut rehearsal = Rehearsal {
         control: Box::new(control),
-        operator: operator(Operator::new(config, inlets, 0)),
+        operator: operator(Operator::new(config, endpoints, 0)),
         hal,
         config,
         tables: Tables::read(config)?,

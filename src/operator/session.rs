@@ -203,20 +203,20 @@ fn run_on(
         ..thread::grid(config)
     };
     let mut hal = Hal::create(&config.name, CAPACITY).context("pins")?;
-    let (control, inlets) = assemble(config, &bus::plan(config), open.cyclic, &mut hal)?;
+    let (control, endpoints) = assemble(config, &bus::plan(config), open.cyclic, &mut hal)?;
     // On the heap: it is larger than the stack of a real-time thread, which is locked in memory as a whole.
     let mut control = Box::new(control);
     let mut network = NetworkView::from_config(config);
     if in_memory {
         network.interface = "a wire in memory".into();
     }
-    let (counter, inbox) = order_channel();
-    let methods = Methods::new(network, inlets.live.clone(), open.service, counter, monotonic_ns);
+    let (client, inbox) = order_channel();
+    let methods = Methods::new(network, endpoints.live.clone(), open.service, client, monotonic_ns);
     let socket = control_socket(hal.path(), &config.name)?;
 
     let (recorder, windows) = cycle_stats::recorder(grid.period_ns);
     let (reports, watch_reports) = rtrb::RingBuffer::new(timeout::REPORTS);
-    let operator = Operator::new(config, inlets, monotonic_ns());
+    let operator = Operator::new(config, endpoints, monotonic_ns());
     let mut running = Running {
         operator: match session.task {
             Task::Once(_) => operator,
@@ -272,8 +272,8 @@ fn run_on(
         }
         let ended = StopOnDrop(&stop);
         let lives = || !cycle.is_finished();
-        let attendance = OperatorLoop::new(scope, session, &stop, inbox, process.cpu);
-        let ran = attendance.run(&mut running, task, &lives);
+        let operator_loop = OperatorLoop::new(scope, session, &stop, inbox, process.cpu);
+        let ran = operator_loop.run(&mut running, task, &lives);
         drop(ended);
         if running.operator.needs_restart() {
             end_with_thread(&cycle, &running.operator);

@@ -412,8 +412,8 @@ mod tests {
         rehearse_with(&config, PART.as_bytes(), net, Operator::standing_by, |run| {
             let up = run.run_until(60_000, |run| run.control.state() == State::Disabled)?;
             assert!(up);
-            let (counter, inbox) = order_channel();
-            std::thread::scope(|scope| act(run, Clients::new(scope, &config, &tables, true, inbox), &counter));
+            let (client, inbox) = order_channel();
+            std::thread::scope(|scope| act(run, Clients::new(scope, &config, &tables, true, inbox), &client));
             Ok(())
         })
         .unwrap();
@@ -426,7 +426,7 @@ mod tests {
 
     #[test]
     fn a_silenced_machine_refuses_every_order_with_the_cause_and_ends() {
-        while_standing_by(|run, mut clients, counter| {
+        while_standing_by(|run, mut clients, client| {
             let now_ns = run.now_ns();
             let report = timeout::Report {
                 at_ns: now_ns,
@@ -437,9 +437,9 @@ mod tests {
             };
             run.operator.hear(&report, || "it ran 5.0 ms".into());
             for order in [Order::Acknowledge, Order::Enable, Order::Stop, run_order()] {
-                counter.put(1, order).unwrap();
+                client.put(1, order).unwrap();
                 serve_clients(run, &mut clients);
-                let (_, answer) = counter.answer().expect("an answer at once");
+                let (_, answer) = client.answer().expect("an answer at once");
                 assert_eq!(answer.unwrap_err().message, SILENCED);
             }
             // The thread that hung takes no order and shows nothing.
@@ -462,35 +462,35 @@ mod tests {
 
     #[test]
     fn a_program_that_is_stopped_or_forsaken_during_its_check_never_begins() {
-        while_standing_by(|run, mut clients, counter| {
-            counter.put(1, run_order()).unwrap();
-            counter.put(2, Order::Stop).unwrap();
+        while_standing_by(|run, mut clients, client| {
+            client.put(1, run_order()).unwrap();
+            client.put(2, Order::Stop).unwrap();
             serve_clients(run, &mut clients);
-            let (ticket, answer) = counter.answer().expect("an answer");
+            let (ticket, answer) = client.answer().expect("an answer");
             assert_eq!(
                 (ticket, answer.unwrap_err().message.as_str()),
                 (1, "stopped before it began")
             );
-            assert_eq!(counter.answer(), Some((2, Ok(json!({})))));
+            assert_eq!(client.answer(), Some((2, Ok(json!({})))));
             while clients.checking.is_some() {
                 std::thread::yield_now();
                 serve_clients(run, &mut clients);
             }
-            assert_eq!((run.operator.step(), counter.answer()), (Step::StandBy, None));
+            assert_eq!((run.operator.step(), client.answer()), (Step::StandBy, None));
             // Nor does one that nobody waits for any more; a ticket that is over changes nothing.
-            counter.put(4, run_order()).unwrap();
-            assert!(counter.withdraw(4) && counter.withdraw(1));
+            client.put(4, run_order()).unwrap();
+            assert!(client.withdraw(4) && client.withdraw(1));
             serve_clients(run, &mut clients);
             while clients.checking.is_some() {
                 std::thread::yield_now();
                 serve_clients(run, &mut clients);
             }
-            assert_eq!((run.operator.step(), counter.answer()), (Step::StandBy, None));
+            assert_eq!((run.operator.step(), client.answer()), (Step::StandBy, None));
             // The next one does.
-            counter.put(3, run_order()).unwrap();
+            client.put(3, run_order()).unwrap();
             let begun = loop {
                 serve_clients(run, &mut clients);
-                if let Some(begun) = counter.answer() {
+                if let Some(begun) = client.answer() {
                     break begun;
                 }
                 std::thread::yield_now();
@@ -509,17 +509,17 @@ mod tests {
                 text: "G21 G90 F100\no1 while [1]\nG1 X1\nX2\no1 endwhile\nM2\n".into(),
             })
         };
-        while_standing_by(|run, mut clients, counter| {
+        while_standing_by(|run, mut clients, client| {
             let giving_up = [
-                |_: &mut Clients<'_, '_>, counter: &OrderClient| counter.put(2, Order::Stop).unwrap(),
-                |_: &mut Clients<'_, '_>, counter: &OrderClient| assert!(counter.withdraw(1)),
+                |_: &mut Clients<'_, '_>, client: &OrderClient| client.put(2, Order::Stop).unwrap(),
+                |_: &mut Clients<'_, '_>, client: &OrderClient| assert!(client.withdraw(1)),
                 // As the loop does when a signal comes.
                 |clients: &mut Clients<'_, '_>, _: &OrderClient| assert!(clients.give_up_check()),
             ];
             for give_up in giving_up {
-                counter.put(1, endless()).unwrap();
+                client.put(1, endless()).unwrap();
                 serve_clients(run, &mut clients);
-                give_up(&mut clients, counter);
+                give_up(&mut clients, client);
                 while let Ok(Some((ticket, order))) = Ok::<_, ()>(clients.inbox.next()) {
                     match order {
                         Order::Withdraw => clients.withdraw(ticket),
@@ -532,7 +532,7 @@ mod tests {
                     wanted.is_none() && said.contains("given up here, before the end"),
                     "{said}"
                 );
-                while counter.answer().is_some() {}
+                while client.answer().is_some() {}
             }
         });
     }
@@ -547,7 +547,7 @@ mod tests {
         let net = NetConfig::clean(1);
         rehearse_with(&config, b"", net, Operator::standing_by, |run| {
             assert!(run.run_until(60_000, |run| run.control.state() == State::Disabled)?);
-            let (counter, inbox) = order_channel();
+            let (client, inbox) = order_channel();
             std::thread::scope(|scope| {
                 let mut clients = Clients::new(scope, &config, &tables, true, inbox);
                 let jog = crate::api::orders::Jog {
@@ -558,9 +558,9 @@ mod tests {
                     .into_iter()
                     .enumerate()
                 {
-                    counter.put(ticket as u64, order).unwrap();
+                    client.put(ticket as u64, order).unwrap();
                     serve_clients(run, &mut clients);
-                    let (_, answer) = counter.answer().expect("an answer at once");
+                    let (_, answer) = client.answer().expect("an answer at once");
                     let told = answer.unwrap_err().message;
                     assert_eq!(told, config.without_joints(), "{ticket}");
                 }

@@ -261,5 +261,4 @@ fn table(interface: &str, found: &[Found], trouble: &[String], out: &mut impl Wr
 }
 
 #[cfg(test)]
-#[path = "scan_tests.rs"]
 mod tests;

@@ -155,5 +155,4 @@ fn not_now(operator: &Operator) -> String {
 }
 
 #[cfg(test)]
-#[path = "manual_mode_tests.rs"]
 mod tests;

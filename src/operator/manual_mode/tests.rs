@@ -108,7 +108,7 @@ impl Hands<'_, '_> {
 }
 
 fn by_hand(act: impl FnOnce(&mut Hands<'_, '_>)) {
-    by_hand_on(include_str!("../../configs/mill3-demo.toml"), act);
+    by_hand_on(include_str!("../../../configs/mill3-demo.toml"), act);
 }
 
 fn by_hand_on(machine: &str, act: impl FnOnce(&mut Hands<'_, '_>)) {
@@ -292,7 +292,7 @@ fn a_fault_stops_a_jog_within_the_stop_limits() {
 
 #[test]
 fn axes_of_an_arm_run_in_the_world_until_the_hand_is_off() {
-    by_hand_on(include_str!("../../configs/scara-demo.toml"), |hands| {
+    by_hand_on(include_str!("../../../configs/scara-demo.toml"), |hands| {
         hands.homed();
         let begin = hands.position();
         hands.jog(&run_at(X, 50.0)).unwrap();
@@ -342,7 +342,7 @@ fn axes_of_an_arm_run_in_the_world_until_the_hand_is_off() {
 
 #[test]
 fn axes_of_an_arm_advance_by_a_distance_to_the_end_and_no_farther() {
-    by_hand_on(include_str!("../../configs/scara-demo.toml"), |hands| {
+    by_hand_on(include_str!("../../../configs/scara-demo.toml"), |hands| {
         hands.homed();
         let begin = hands.position();
         for _ in 0..3 {
@@ -379,7 +379,7 @@ fn axes_of_an_arm_advance_by_a_distance_to_the_end_and_no_farther() {
 
 #[test]
 fn an_arm_that_is_nearly_stretched_comes_to_rest_and_the_joint_in_the_way_is_named() {
-    by_hand_on(include_str!("../../configs/scara-demo.toml"), |hands| {
+    by_hand_on(include_str!("../../../configs/scara-demo.toml"), |hands| {
         hands.homed();
         hands.jog(&run_at(X, 100.0)).unwrap();
         let mut cycles = 0;
@@ -413,7 +413,7 @@ fn an_arm_that_is_nearly_stretched_comes_to_rest_and_the_joint_in_the_way_is_nam
 
 #[test]
 fn what_will_come_of_a_jog_is_told() {
-    let config = config::parse(include_str!("../../configs/mill3-demo.toml"), Path::new("demo.toml")).unwrap();
+    let config = config::parse(include_str!("../../../configs/mill3-demo.toml"), Path::new("demo.toml")).unwrap();
     let told = |motion, joints| outlook(motion, joints, &config, &Position::xyz(300.0, 0.0, 0.0));
     let advance = |distance_mm, velocity_mm_s| JogMotion::Advance {
         distance_mm,

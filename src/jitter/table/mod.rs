@@ -431,5 +431,4 @@ impl Text {
 }
 
 #[cfg(test)]
-#[path = "table_tests.rs"]
 mod tests;

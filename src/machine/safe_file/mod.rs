@@ -160,5 +160,4 @@ impl Files for Disk {
 }
 
 #[cfg(test)]
-#[path = "safe_file_tests.rs"]
 mod tests;

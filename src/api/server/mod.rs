@@ -305,5 +305,4 @@ impl Client {
 }
 
 #[cfg(test)]
-#[path = "server_tests.rs"]
 mod tests;

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 /// Runs commands on the nodes of the demo machine, each line one command; returns what was printed and the exit codes.
 fn on_machine(node: u8, commands: &[&str], device: Option<&DeviceDescription>) -> (String, Vec<String>) {
-    let machine = include_str!("../../../configs/mill3-demo.toml");
+    let machine = include_str!("../../../../configs/mill3-demo.toml");
     let config = config::parse(machine, Path::new("demo.toml")).unwrap();
     let mut machine = SimMachine::new(&config).unwrap();
     let (near, mut far) = memory::pair(0);

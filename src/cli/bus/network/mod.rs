@@ -422,5 +422,4 @@ fn report(view: &NetworkView, status: &Value, out: &mut impl Write) -> io::Resul
 }
 
 #[cfg(test)]
-#[path = "network_tests.rs"]
 mod tests;

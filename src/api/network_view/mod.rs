@@ -175,5 +175,4 @@ fn mapped(objects: &[Mapped]) -> Vec<MappedView> {
 }
 
 #[cfg(test)]
-#[path = "network_view_tests.rs"]
 mod tests;

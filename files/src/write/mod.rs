@@ -215,5 +215,4 @@ impl New {
 }
 
 #[cfg(test)]
-#[path = "write_tests.rs"]
 mod tests;

@@ -386,7 +386,7 @@ mod tests {
         assert_eq!(octets[octets.len() - 8..], [0x00, 0x16, 0, 1, 0, 0, 0, 1]);
     }
 
-    const MACHINE: &str = include_str!("../../../configs/mill3-demo.toml");
+    const MACHINE: &str = include_str!("../../../../configs/mill3-demo.toml");
     const DRIVE_1: &str = "profile = \"cia402\"\nmandatory = true\npres_timeout_us = 150\n";
     const IO: &str = "profile = \"io\"\npres_timeout_us = 150\n";
 

@@ -278,5 +278,4 @@ pub fn save(disk: &mut impl Files, tables: &Mutex<Tables>) -> Result<(), String>
 }
 
 #[cfg(test)]
-#[path = "tables_tests.rs"]
 mod tests;

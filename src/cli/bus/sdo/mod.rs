@@ -350,5 +350,4 @@ fn list_object(access: &mut Access, index: u16, as_json: bool, out: &mut impl Wr
 }
 
 #[cfg(test)]
-#[path = "sdo_tests.rs"]
 mod tests;

@@ -489,5 +489,4 @@ pub fn value_of(answer: &Value) -> Option<Vec<u8>> {
 }
 
 #[cfg(test)]
-#[path = "methods_tests.rs"]
 mod tests;

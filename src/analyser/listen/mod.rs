@@ -279,5 +279,4 @@ fn take_orders(
 }
 
 #[cfg(test)]
-#[path = "listen_tests.rs"]
 mod tests;

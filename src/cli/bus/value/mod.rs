@@ -262,5 +262,4 @@ pub fn to_json(octets: &[u8], data_type: Option<DataType>) -> Json {
 }
 
 #[cfg(test)]
-#[path = "value_tests.rs"]
 mod tests;

@@ -31,7 +31,7 @@ fn is(code: ExitCode, expected: ExitCode) -> bool {
 
 #[test]
 fn every_node_of_a_machine_is_found() {
-    let machine = include_str!("../../../configs/mill3-demo.toml");
+    let machine = include_str!("../../../../configs/mill3-demo.toml");
     let config = config::parse(machine, Path::new("demo.toml")).unwrap();
     let mut machine = SimMachine::new(&config).unwrap();
     let (near, mut far) = memory::pair(0);

@@ -2,7 +2,7 @@ use super::*;
 use crate::config;
 use std::path::Path;
 
-const MACHINE: &str = include_str!("../../configs/mill3-demo.toml");
+const MACHINE: &str = include_str!("../../../configs/mill3-demo.toml");
 
 #[test]
 fn nodes_are_found_in_the_machine_file() {

@@ -6,7 +6,7 @@ use crate::machine::safe_file::Disk;
 use gcode::Tool;
 use std::fs;
 
-const DEMO: &str = include_str!("../../configs/mill3-demo.toml");
+const DEMO: &str = include_str!("../../../configs/mill3-demo.toml");
 
 /// The demo machine in a folder of its own.
 struct Machine {

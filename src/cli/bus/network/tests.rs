@@ -5,7 +5,7 @@ use std::path::Path;
 /// The demo machine with a running control: node 1 operational, node 2 of a wrong vendor, node 3 never heard of, node 10 not
 /// shown yet.
 fn view() -> NetworkView {
-    let machine = include_str!("../../../configs/mill3-demo.toml");
+    let machine = include_str!("../../../../configs/mill3-demo.toml");
     let config = config::parse(machine, Path::new("demo.toml")).unwrap();
     let mut view = NetworkView::from_config(&config);
     view.live = Some(NetworkLive {

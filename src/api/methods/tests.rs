@@ -43,14 +43,14 @@ fn methods() -> Methods {
 }
 
 fn methods_on(bus: HalfDeafBus) -> Methods {
-    let machine = include_str!("../../configs/mill3-demo.toml");
+    let machine = include_str!("../../../configs/mill3-demo.toml");
     let config = config::parse(machine, Path::new("demo.toml")).unwrap();
-    let (counter, _) = orders::order_channel();
+    let (client, _) = orders::order_channel();
     Methods::new(
         NetworkView::from_config(&config),
         Arc::new(RtStatus::default()),
         Box::new(bus),
-        counter,
+        client,
         || 0,
     )
 }
@@ -185,14 +185,14 @@ fn objects_are_read_by_the_bus_as_far_as_it_has_room() {
 
 #[test]
 fn programs_come_by_path_or_as_text() {
-    let machine = include_str!("../../configs/mill3-demo.toml");
+    let machine = include_str!("../../../configs/mill3-demo.toml");
     let config = config::parse(machine, Path::new("demo.toml")).unwrap();
-    let (counter, inbox) = orders::order_channel();
+    let (client, inbox) = orders::order_channel();
     let mut methods = Methods::new(
         NetworkView::from_config(&config),
         Arc::new(RtStatus::default()),
         Box::new(HalfDeafBus::default()),
-        counter,
+        client,
         || 0,
     );
     for (params, refused) in [
