@@ -38,7 +38,6 @@ mod tests_spindle;
 mod types;
 
 pub use bus::wire_time_ns;
-#[cfg(feature = "testing")]
 pub use document::{Bound, Question};
 pub use error::{ConfigError, ConfigErrors};
 pub use types::*;
