@@ -2,7 +2,7 @@
 
 use crate::ToolTable;
 use motion::canon::{AXES, LengthUnit, PathMode, Position};
-use motion::compensation::{Corner, Gouge};
+use motion::compensation::{Corner, FeedSettings, Gouge};
 use motion::kinematics::Kinematics;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -105,6 +105,8 @@ pub struct Settings {
     pub cutter_corner: Corner,
     /// What happens where it would cut into another part of the contour.
     pub gouge: Gouge,
+    /// Feed of the compensated tool inside of arcs and in inside corners.
+    pub contour_feed: FeedSettings,
     /// How curves are told.
     pub splines: Splines,
     /// Whether X words are diameters at the start (G7).
@@ -163,6 +165,7 @@ impl Default for Settings {
             compensated_path: CompensatedPath::default(),
             cutter_corner: Corner::default(),
             gouge: Gouge::default(),
+            contour_feed: FeedSettings::default(),
             splines: Splines::default(),
             diameter_mode: false,
             spindles: 1,

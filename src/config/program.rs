@@ -6,7 +6,7 @@ use super::document::{Bound, Section};
 use super::remap::remap;
 use super::types::{ARC_RADIUS_TOLERANCE, Program, ToolChanger, Tools, UserCodes};
 use motion::canon::LengthUnit;
-use motion::compensation::{Corner, Gouge};
+use motion::compensation::{Corner, FeedSettings, Gouge, InsideCorners};
 use motion::plan::PlannerKind;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -18,6 +18,11 @@ const ARC_TOLERANCE_MIN_INCH: f64 = 0.00004;
 const PECK_CLEARANCE_MAX_MM: f64 = 100.0;
 /// Bend of a corner, degrees: beyond the limit the way to its point and back is 12 radii long.
 const CORNER_LIMIT: Bound = Bound::Within(1.0, 160.0);
+/// Feed in inside corners, as a share of F; the length that counts as corner, mm; the bend from which on it is one, degrees.
+const INSIDE_CORNER_SHARE: Bound = Bound::Within(0.05, 1.0);
+const INSIDE_CORNER_MAX_MM: f64 = 100.0;
+const INSIDE_CORNER_BEND: Bound = Bound::Within(5.0, 170.0);
+const INSIDE_CORNER_DEGREES: f64 = 30.0;
 /// Folders that are searched for one file.
 const FOLDERS_MAX: usize = 10;
 /// Threads that plan; more than a PC has cores are of no use.
@@ -63,6 +68,7 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
         ("neighbours-only", Gouge::NeighboursOnly),
     ];
     let gouge = section.word("gouge", &gouges, default.gouge);
+    let contour_feed = contour_feed(section);
     let mut tolerance = |key, least, most| section.number(key, Bound::Within(least, most), most);
     let [most_mm, most_inch] = ARC_RADIUS_TOLERANCE;
     let arc_radius_tolerance_mm = tolerance("arc_radius_tolerance_mm", ARC_TOLERANCE_MIN_MM, most_mm);
@@ -97,6 +103,7 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
         peck_clearance_mm: peck_clearance_mm?,
         cutter_corner: cutter_corner?,
         gouge: gouge?,
+        contour_feed: contour_feed?,
         arc_radius_tolerance_mm: arc_radius_tolerance_mm?,
         arc_radius_tolerance_inch: arc_radius_tolerance_inch?,
         values: values?,
@@ -122,6 +129,36 @@ pub(super) fn tools(section: &mut Section<'_, '_>, base: &Path) -> Option<Tools>
 pub(super) fn units(section: &mut Section<'_, '_>) -> Option<LengthUnit> {
     let words = [("mm", LengthUnit::Millimetre), ("inch", LengthUnit::Inch)];
     section.word("units", &words, LengthUnit::Millimetre)
+}
+
+/// `feed_at_contour` and the keys of inside corners, of which the share switches them on.
+fn contour_feed(section: &mut Section<'_, '_>) -> Option<FeedSettings> {
+    const SHARE: &str = "inside_corner_feed";
+    let arcs = section.flag("feed_at_contour", false);
+    let slow = section.optional(SHARE).is_some();
+    let share = section.number(SHARE, INSIDE_CORNER_SHARE, 1.0);
+    let distance_mm = match section.has("inside_corner_mm") {
+        true => section
+            .number("inside_corner_mm", Bound::Positive(INSIDE_CORNER_MAX_MM), None)
+            .map(Some),
+        false => Some(None),
+    };
+    let bend_degrees = section.number("inside_corner_degrees", INSIDE_CORNER_BEND, INSIDE_CORNER_DEGREES);
+    for key in ["inside_corner_mm", "inside_corner_degrees"] {
+        if section.has(key) && !slow {
+            section.wrong(key, "needs inside_corner_feed");
+            return None;
+        }
+    }
+    let corners = InsideCorners {
+        share: share?,
+        distance_mm: distance_mm?,
+        bend_degrees: bend_degrees?,
+    };
+    Some(FeedSettings {
+        arcs: arcs?,
+        inside_corners: slow.then_some(corners),
+    })
 }
 
 /// `cutter_corner`, with the limit that only an intersection has.

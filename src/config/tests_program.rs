@@ -85,6 +85,10 @@ peck_clearance_mm = 0.5
 cutter_corner = "intersection"
 cutter_corner_limit_degrees = 95
 gouge = "drop-loop"
+feed_at_contour = true
+inside_corner_feed = 0.5
+inside_corner_mm = 3
+inside_corner_degrees = 45
 arc_radius_tolerance_mm = 0.01
 arc_radius_tolerance_inch = 0.001
 values.Probe = { Height = 12.5, speed = -3 }
@@ -136,6 +140,14 @@ orient_offset_degrees = -90
         peck_clearance_mm: Some(0.5),
         cutter_corner: motion::compensation::Corner::Intersection { limit_degrees: 95.0 },
         gouge: motion::compensation::Gouge::DropLoop,
+        contour_feed: motion::compensation::FeedSettings {
+            arcs: true,
+            inside_corners: Some(motion::compensation::InsideCorners {
+                share: 0.5,
+                distance_mm: Some(3.0),
+                bend_degrees: 45.0,
+            }),
+        },
         arc_radius_tolerance_mm: 0.01,
         arc_radius_tolerance_inch: 0.001,
         values: [value("height", 12.5), value("speed", -3.0)].into(),
@@ -222,6 +234,14 @@ fn each_rule_has_its_message() {
         (
             "[program]\ncutter_corner_limit_degrees = 80\n",
             &["2:31: program.cutter_corner_limit_degrees = 80: needs cutter_corner = \"intersection\""],
+        ),
+        (
+            "[program]\ninside_corner_mm = 2\n",
+            &["2:20: program.inside_corner_mm = 2: needs inside_corner_feed"],
+        ),
+        (
+            "[program]\ninside_corner_feed = 0\n",
+            &["2:22: program.inside_corner_feed = 0: must lie between 0.05 and 1"],
         ),
         (
             "[program.values]\nprobe = 5\n[program.values.a]\nx = 1\nX = 2\ny = \"z\"\n",

@@ -524,6 +524,8 @@ pub struct Program {
     pub cutter_corner: motion::compensation::Corner,
     /// What happens where it would cut into another part of the contour; default an error.
     pub gouge: motion::compensation::Gouge,
+    /// Feed under G41 and G42 inside of arcs and in inside corners; default as programmed.
+    pub contour_feed: motion::compensation::FeedSettings,
     /// Greatest difference of an arc's radii at start and end under G21, mm; default 0.02·√2.
     pub arc_radius_tolerance_mm: f64,
     /// The same under G20, inch; default 0.002·√2.
@@ -562,6 +564,7 @@ impl Default for Program {
             peck_clearance_mm: None,
             cutter_corner: motion::compensation::Corner::default(),
             gouge: motion::compensation::Gouge::default(),
+            contour_feed: motion::compensation::FeedSettings::default(),
             arc_radius_tolerance_mm,
             arc_radius_tolerance_inch,
             values: BTreeMap::new(),

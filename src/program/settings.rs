@@ -47,6 +47,7 @@ pub fn interpreter_settings(config: &Config, start: Position) -> gcode::Settings
         fanuc_subprograms: program.fanuc_subroutines,
         cutter_corner: program.cutter_corner,
         gouge: program.gouge,
+        contour_feed: program.contour_feed,
         orient_offset_degrees: config.spindle.orient_offset_degrees,
         subroutine_folders: program.directory.iter().chain(listed).cloned().collect(),
         user_codes: Some(user_codes(&program.user_codes)),

@@ -85,14 +85,17 @@ impl State {
     }
 
     pub(crate) fn push_feed(&self, calls: &mut Calls) {
+        let [linear, angular] = self.canonical_feed();
+        calls.push_back(Call::SetFeedRate { linear, angular });
+    }
+
+    /// F as [`Call::SetFeedRate`] tells it: linear and angular.
+    pub(crate) fn canonical_feed(&self) -> [f64; 2] {
         let per = match self.modal.feed_unit {
             FeedUnit::UnitsPerTurn => 1.0,
             FeedUnit::UnitsPerMinute | FeedUnit::InverseTime => 60.0,
         };
-        calls.push_back(Call::SetFeedRate {
-            linear: self.modal.feed * self.modal.unit.mm() / per,
-            angular: self.modal.feed / per,
-        });
+        [self.modal.feed * self.modal.unit.mm() / per, self.modal.feed / per]
     }
 
     /// Sees to it that a move has a feed; in G93 tells the one that makes it take the time on its line.

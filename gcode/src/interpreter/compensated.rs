@@ -3,7 +3,7 @@
 use super::Run;
 use crate::CompensatedPath;
 use motion::canon::{Call, Event};
-use motion::compensation::{CompensationError, Compensator};
+use motion::compensation::{CompensationError, Compensator, ContourFeed};
 
 impl Run<'_> {
     /// Before the first event.
@@ -14,6 +14,7 @@ impl Run<'_> {
             gouge: settings.gouge,
             number_by_release,
         };
+        self.compensated = ContourFeed::new(settings.contour_feed);
         self.compensator = match settings.compensated_path {
             CompensatedPath::Centre => Some(Compensator::with_settings(rules)),
             CompensatedPath::Programmed => None,
@@ -37,8 +38,18 @@ impl Run<'_> {
             compensator.set_plane(self.state.modal.plane);
             compensator.set_path_mode(self.state.modal.path_mode);
         }
+        let switched = match event.call {
+            Call::SetCutterCompensation(cutter) => cutter,
+            _ => None,
+        };
         let result = compensator.push(event, &mut self.compensated);
         self.state.cutter_at = compensator.is_on().then(|| compensator.position());
+        if !compensator.is_on() {
+            self.compensated.end();
+        } else if let Some(cutter) = switched {
+            let (plane, feed) = (self.state.modal.plane, self.state.canonical_feed());
+            self.compensated.begin(&cutter, plane, self.state.cutter_from, feed);
+        }
         if let Err(error) = result {
             self.refuse(error);
         }
@@ -50,7 +61,10 @@ impl Run<'_> {
             return false;
         };
         match compensator.finish(&mut self.compensated) {
-            Ok(()) => self.compensator = None,
+            Ok(()) => {
+                self.compensated.end();
+                self.compensator = None;
+            }
             Err(error) => self.refuse(error),
         }
         true
@@ -65,6 +79,7 @@ impl Run<'_> {
             }
             Some(_) | None => {}
         }
+        self.compensated.end();
         self.refused = Some(self.compensation_error(error));
     }
 }

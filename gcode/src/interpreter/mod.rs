@@ -26,8 +26,8 @@ use crate::scan::{Fault, LINE_OCTETS_MAX, Span};
 use crate::state::{Calls, State};
 use crate::text::Text;
 use motion::canon::{Call, Event, Source};
-use motion::compensation::Compensator;
-use std::collections::{HashMap, VecDeque};
+use motion::compensation::{Compensator, ContourFeed};
+use std::collections::HashMap;
 use std::io::{Cursor, Read, Seek};
 use std::path::Path;
 use std::time::Instant;
@@ -113,7 +113,7 @@ impl Interpreter {
             search_ends: HashMap::new(),
             calls: Calls::new(),
             compensator: None,
-            compensated: VecDeque::new(),
+            compensated: ContourFeed::default(),
             refused: None,
             source: Source::default(),
             ended: false,
@@ -156,7 +156,7 @@ pub struct Run<'t> {
     /// Makes the path of the tool's centre while cutter compensation is on.
     compensator: Option<Compensator>,
     /// What it made.
-    compensated: VecDeque<Event>,
+    compensated: ContourFeed,
     /// What it refused, behind what it made before.
     refused: Option<Box<Error>>,
     source: Source,
@@ -461,7 +461,7 @@ impl Iterator for Run<'_> {
             if self.spent.limits.cancel.is_cancelled() {
                 return self.cancelled();
             }
-            if let Some(event) = self.compensated.pop_front() {
+            if let Some(event) = self.compensated.pop() {
                 return Some(Ok(event));
             }
             if let Some(error) = self.refused.take() {
@@ -484,6 +484,7 @@ impl Iterator for Run<'_> {
                 if let Some(compensator) = &mut self.compensator
                     && compensator.release(&mut self.compensated)
                 {
+                    self.compensated.let_go();
                     continue;
                 }
                 return Some(Err(self.failed()));

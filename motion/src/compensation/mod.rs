@@ -29,11 +29,13 @@
 //! ```text
 //!   events -> corners, move by move (beside.rs, entry.rs, join.rs, held.rs)      moves of the centre
 //!          -> look-ahead over the contour (window/)                              the same, or without loops
+//!          -> feed at the contour (contour_feed.rs)                              with another feed on some of them
 //! ```
 
 mod beside;
 mod class;
 mod contour;
+mod contour_feed;
 mod element;
 mod entry;
 mod error;
@@ -48,6 +50,7 @@ use crate::canon::{Axis, Call, Cutter, Event, PathMode, Plane, Position, Side, S
 use beside::{Beside, Made, Next};
 use class::Class;
 use contour::{Contour, Shape};
+pub use contour_feed::{ContourFeed, FeedSettings, InsideCorners};
 use element::Element;
 pub use error::{CompensationError, CompensationErrorKind};
 use geometry::{Point, length, sub};
