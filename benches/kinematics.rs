@@ -4,7 +4,7 @@
 //! `cargo bench --bench kinematics`
 
 use motion::canon::{Axis, Position};
-use motion::element::{Element, Enables, Span};
+use motion::element::{Auxiliary, Element, Enables, Span};
 use motion::kinematics::{Follows, Hand, Jet3, Kinematics, Rotary, RotaryAxis, TableTable, ToolFrame, Transform};
 use motion::path::Piece;
 use motion::ring::{self, Sink};
@@ -82,6 +82,7 @@ fn main() {
             line: 1,
             rapid: false,
             enables: Enables::default(),
+            auxiliary: Auxiliary::INITIAL,
         };
         producer.publish(&[Element::Span(span)], &[]);
         let plan = MotionLimits {

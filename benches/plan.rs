@@ -22,7 +22,7 @@ use isocnc::machine::motion_settings::{ring_capacity, stop_ramp};
 use isocnc::machine::tables::Tables;
 use isocnc::program::{Feeder, Progress, home};
 use motion::canon::Position;
-use motion::element::{Element, Enables, Span};
+use motion::element::{Auxiliary, Element, Enables, Span};
 use motion::kinematics::{Hand, Kinematics, Rotary, RotaryAxis, TableTable, ToolFrame, Transform};
 use motion::path::Piece;
 use motion::plan::PlannerKind;
@@ -308,6 +308,7 @@ fn five_axes() -> anyhow::Result<()> {
                 line: k as u32,
                 rapid: false,
                 enables: Enables::default(),
+                auxiliary: Auxiliary::INITIAL,
             }))
         })
         .collect();

@@ -480,6 +480,9 @@ impl<'a> Machine<'a> {
                 sample.line
             );
             self.see(stops);
+            if let Some(action) = sample.on_the_way {
+                self.spindle.act(action, &sample);
+            }
             if let Some(action) = sample.action
                 && !shares.hold(sample.enables)
                 && self.spindle.act(action, &sample)

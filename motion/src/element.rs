@@ -87,6 +87,8 @@ pub struct Span {
     pub rapid: bool,
     /// What acts on it from outside.
     pub enables: Enables,
+    /// What the program has told spindle, coolant, tool changer and operator before it.
+    pub auxiliary: Auxiliary,
 }
 
 /// What acts on a move from outside, as the program has it at that block (M48 to M53).
@@ -118,6 +120,88 @@ impl Enables {
 impl Default for Enables {
     fn default() -> Enables {
         Enables::INITIAL
+    }
+}
+
+/// Auxiliary functions as they stand at a move. A move that begins with others than the one before it tells them to the machine
+/// as it is passed: no rest is needed for them. Whether they are told on the way or at rest ([`Element::Action`]), this is the
+/// state behind them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Auxiliary {
+    /// The spindle: speed (1/min), direction and speed of the surface as in [`Action::SpindleOn`]; `None`: it is to stand.
+    pub spindle: Option<(f64, SpindleDirection, Option<Surface>)>,
+    /// M7.
+    pub mist: bool,
+    /// M8.
+    pub flood: bool,
+    /// The tool that was selected last (T).
+    pub selected_tool: Option<u32>,
+    /// How many messages there have been.
+    pub messages: u32,
+}
+
+impl Auxiliary {
+    /// As any program begins.
+    pub const INITIAL: Auxiliary = Auxiliary {
+        spindle: None,
+        mist: false,
+        flood: false,
+        selected_tool: None,
+        messages: 0,
+    };
+
+    /// What holds behind an action; `None`: the machine has to come to rest for it.
+    pub fn after(self, action: Action) -> Option<Auxiliary> {
+        Some(match action {
+            Action::SpindleOn {
+                rpm,
+                direction,
+                surface,
+            } => Auxiliary {
+                spindle: Some((rpm, direction, surface)),
+                ..self
+            },
+            Action::SpindleOff => Auxiliary { spindle: None, ..self },
+            Action::Mist(mist) => Auxiliary { mist, ..self },
+            Action::Flood(flood) => Auxiliary { flood, ..self },
+            Action::SelectTool { tool } => Auxiliary {
+                selected_tool: Some(tool),
+                ..self
+            },
+            Action::Message { number } => Auxiliary {
+                messages: number + 1,
+                ..self
+            },
+            Action::AwaitSpindle
+            | Action::ChangeTool { .. }
+            | Action::SetTool { .. }
+            | Action::ProgramStop
+            | Action::OptionalStop
+            | Action::ProgramEnd => return None,
+        })
+    }
+
+    /// The first of the actions that lead from here to `to`. RT.
+    pub fn first_towards(self, to: &Auxiliary) -> Option<Action> {
+        if self.spindle != to.spindle {
+            Some(
+                to.spindle
+                    .map_or(Action::SpindleOff, |(rpm, direction, surface)| Action::SpindleOn {
+                        rpm,
+                        direction,
+                        surface,
+                    }),
+            )
+        } else if self.mist != to.mist {
+            Some(Action::Mist(to.mist))
+        } else if self.flood != to.flood {
+            Some(Action::Flood(to.flood))
+        } else if let Some(tool) = to.selected_tool.filter(|_| self.selected_tool != to.selected_tool) {
+            Some(Action::SelectTool { tool })
+        } else {
+            let number = self.messages;
+            (number < to.messages).then_some(Action::Message { number })
+        }
     }
 }
 
@@ -254,7 +338,7 @@ impl Surface {
     }
 }
 
-/// Something to do at rest, between two moves.
+/// Something to do between two moves: at rest or, where [`Auxiliary::after`] knows it, as the place is passed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {
     /// M3, M4, or S while the spindle turns.
@@ -360,6 +444,7 @@ mod tests {
                 line: 1,
                 rapid: false,
                 enables: Enables::default(),
+                auxiliary: Auxiliary::INITIAL,
             };
             let r = gradient.abs().sqrt();
             let (sinh, cosh) = if gradient > 0.0 {

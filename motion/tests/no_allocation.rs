@@ -3,7 +3,7 @@
 //! A counting allocator stands in front of the system's and counts for the thread and the time it is told to.
 
 use motion::canon::{AXES, Axis, Call, Event, Position, ProbeMode, Source};
-use motion::element::{Element, Enables, Span};
+use motion::element::{Auxiliary, Element, Enables, Span};
 use motion::kinematics::{Elbow, Follows, Kinematics, Scara, ToolFrame, Transform};
 use motion::path::Piece;
 use motion::plan::{AxisLimits, Planner, PlannerKind, Pumped, Settings};
@@ -151,6 +151,7 @@ fn backward_and_block_by_block_cost_no_allocation() {
                 line: number / 500,
                 rapid: false,
                 enables: Enables::INITIAL,
+                auxiliary: Auxiliary::INITIAL,
             };
             s0 = span.place(1e-3);
             Element::Span(span)

@@ -134,7 +134,7 @@ impl<S: Sink<Element>> Planner<S> {
     /// What cannot be planned, with its place. It concerns this call only, which is then of no effect.
     pub fn push(&mut self, event: &Event) -> Result<(), PlanError> {
         if self.program.take_wait(&event.call, &self.settings) {
-            self.rest(Some(Element::Action {
+            self.rest_told(Some(Element::Action {
                 action: Action::AwaitSpindle,
                 line: event.source.line,
             }));
@@ -151,7 +151,7 @@ impl<S: Sink<Element>> Planner<S> {
             Some(Entry::Move(part)) => self.moved(part),
             Some(Entry::Curve(parts)) => parts.into_iter().for_each(|part| self.moved(part)),
             Some(Entry::Halt) => {
-                self.rest(None);
+                self.rest_told(None);
                 self.frame = self.program.tool_frame();
             }
             Some(Entry::Rest(element)) => {
@@ -168,7 +168,7 @@ impl<S: Sink<Element>> Planner<S> {
                     }
                     Element::Span(_) | Element::Dwell { .. } | Element::Action { .. } => {}
                 }
-                self.rest(Some(element));
+                self.rest_told(Some(element));
             }
         }
         Ok(())
@@ -205,7 +205,7 @@ impl<S: Sink<Element>> Planner<S> {
 
     /// Nothing follows for now: what is known is planned to its end, at rest. More may be pushed later.
     pub fn finish(&mut self) {
-        self.rest(None);
+        self.rest_told(None);
         self.engine.finish();
     }
 
@@ -249,6 +249,7 @@ impl<S: Sink<Element>> Planner<S> {
     }
 
     fn moved(&mut self, part: Move) {
+        self.program.begins();
         self.ideal.push(Programmed {
             piece: part.piece,
             feed: part.feed,
@@ -257,6 +258,14 @@ impl<S: Sink<Element>> Planner<S> {
         });
         self.smoother.push(part, &self.settings, &mut self.passed);
         self.pass();
+    }
+
+    /// Rest, at which what no move has brought about is done first.
+    fn rest_told(&mut self, element: Option<Element>) {
+        for told in self.program.take_on_the_way() {
+            self.rest(Some(told));
+        }
+        self.rest(element);
     }
 
     /// Sends everything through the stages; it ends at rest.

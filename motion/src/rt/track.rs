@@ -3,9 +3,10 @@
 //! In:  elements of the ring. Out: the current one, those that follow, and how far there is a way back.
 //!
 //! Passed elements are kept in memory that [`Track::new`] takes. There is no way back over an action, a move in step with
-//! the spindle or a probing move: what a tool changer or a tap has done is not undone by going back. RT.
+//! the spindle, a probing move, or a place at which the spindle, say, was told something on the way: what a tool changer or a tap
+//! has done is not undone by going back. RT.
 
-use crate::element::{Element, Span};
+use crate::element::{Auxiliary, Element, Span};
 use crate::ring::{Consumer, Timed};
 
 #[derive(Clone, Copy, Debug)]
@@ -31,6 +32,8 @@ pub(super) struct Track {
     next: u64,
     /// There is no current element: at rest behind the one before `next`.
     between: bool,
+    /// Auxiliary functions of the last span taken.
+    auxiliary: Auxiliary,
 }
 
 impl Track {
@@ -48,6 +51,7 @@ impl Track {
             floor: 0,
             next: 0,
             between: true,
+            auxiliary: Auxiliary::INITIAL,
         }
     }
 
@@ -150,6 +154,11 @@ impl Track {
             element,
             moved_s: self.moved_s,
         };
+        if let Element::Span(span) = &element
+            && std::mem::replace(&mut self.auxiliary, span.auxiliary) != span.auxiliary
+        {
+            self.floor = self.taken;
+        }
         self.taken += 1;
         match element {
             Element::Span(_) => self.moved_s += element.duration_s(),

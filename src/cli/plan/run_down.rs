@@ -196,6 +196,9 @@ pub(super) fn run_down(
         }
         sample = interpolator.step_shares(&shares, &spindle.place());
         spindle.step(&sample);
+        if let Some(action) = sample.on_the_way {
+            spindle.act(action, sample.position[Axis::X]);
+        }
         if let Some(action) = sample.action
             && spindle.act(action, sample.position[Axis::X])
         {

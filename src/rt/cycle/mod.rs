@@ -346,6 +346,10 @@ impl<B: CyclicBus> MotionController<B> {
             self.parts.pins.spindle.steer(&self.sample);
             let in_step = program.take_sync_report();
             let held = self.parts.pins.spindle.take_held();
+            if let Some(action) = self.sample.on_the_way {
+                self.notice(Notice::Action(action));
+                self.parts.pins.begin_action(action);
+            }
             // A ramp to rest may just reach the end of a move: what stands behind it, a spindle say, must not begin then.
             if !wanted.hold(self.sample.enables)
                 && self.waiting.is_none()

@@ -4,7 +4,7 @@
 //! Out: runs. Acceleration is 0 where runs meet, so they must not be too short; all their pieces share the limits of the
 //! worst, so they must not differ too much. Both are decided by the data alone.
 
-use crate::element::{Element, Enables, Span};
+use crate::element::{Auxiliary, Element, Enables, Span};
 use crate::path::Piece;
 use crate::plan::Settings;
 use crate::plan::junctions::{Bounded, Joined};
@@ -25,6 +25,7 @@ struct Part {
     line: u32,
     rapid: bool,
     enables: Enables,
+    auxiliary: Auxiliary,
 }
 
 /// Consecutive pieces under common limits.
@@ -92,6 +93,7 @@ impl Part {
             line: stretch.line,
             rapid: stretch.rapid,
             enables: stretch.enables,
+            auxiliary: stretch.auxiliary,
         }
     }
 }
@@ -217,6 +219,7 @@ impl Run {
             line: part.line,
             rapid: part.rapid,
             enables: part.enables,
+            auxiliary: part.auxiliary,
         }));
     }
 }

@@ -111,6 +111,7 @@ impl Emission<'_> {
                 line: stretch.line,
                 rapid: stretch.rapid,
                 enables: stretch.enables,
+                auxiliary: stretch.auxiliary,
             };
             let end = span.place(duration_s);
             self.divided(item, span, end, LONG_S[0]);
@@ -193,6 +194,7 @@ impl Emission<'_> {
             line: stretch.line,
             rapid: stretch.rapid,
             enables: stretch.enables,
+            auxiliary: stretch.auxiliary,
         };
         // Newton's steps within a bracket. The place rises until the end; behind it the motion may turn round soon, where speed
         // has nearly come down to nothing.

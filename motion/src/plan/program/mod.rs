@@ -10,7 +10,7 @@ mod spindle;
 use super::frame::Frame;
 use super::{PlanErrorKind, Settings};
 use crate::canon::{Axis, Call, FeedMode, PathMode, Position, SpindleDirection, SpindleMode};
-use crate::element::{Action, Element, Enables};
+use crate::element::{Action, Auxiliary, Element, Enables};
 use crate::kinematics::ToolFrame;
 use crate::path::Piece;
 
@@ -34,6 +34,7 @@ pub(super) struct Move {
     pub(super) line: u32,
     pub(super) rapid: bool,
     pub(super) enables: Enables,
+    pub(super) auxiliary: Auxiliary,
     /// At its end.
     pub(super) corner: Corner,
     /// Q of G64: how far the ends of moves in line may be off for these to become one, mm; 0: not at all.
@@ -80,8 +81,14 @@ pub(super) struct Program {
     spindle_mode: SpindleMode,
     /// The spindle was told another speed, and no feed move has come since.
     speed_changed: bool,
-    messages: u32,
+    /// What has been told to spindle, coolant, tool changer and operator.
+    auxiliary: Auxiliary,
+    /// Actions that the next move brings about where it begins; at rest if none follows.
+    on_the_way: Vec<Element>,
 }
+
+/// Actions for which the machine does not come to rest between two moves, at the most.
+const ON_THE_WAY_MAX: usize = 16;
 
 impl Program {
     pub(super) fn new(start: Position) -> Program {
@@ -98,8 +105,32 @@ impl Program {
             speed: 0.0,
             spindle_mode: SpindleMode::Rpm,
             speed_changed: false,
-            messages: 0,
+            auxiliary: Auxiliary::INITIAL,
+            on_the_way: Vec::new(),
         }
+    }
+
+    /// What an action comes to: where moves are passed on the move, it is done as the next one begins, if it can be.
+    fn act(&mut self, action: Action, line: u32) -> Option<Entry> {
+        let element = Element::Action { action, line };
+        let passed = self.mode != PathMode::ExactStop && self.on_the_way.len() < ON_THE_WAY_MAX;
+        let after = self.auxiliary.after(action);
+        self.auxiliary = after.unwrap_or(self.auxiliary);
+        if after.is_some() && passed {
+            self.on_the_way.push(element);
+            return None;
+        }
+        Some(Entry::Rest(element))
+    }
+
+    /// A move has begun: it brings about what was said before it.
+    pub(super) fn begins(&mut self) {
+        self.on_the_way.clear();
+    }
+
+    /// No move follows before the next rest: what was said is to be done there.
+    pub(super) fn take_on_the_way(&mut self) -> Vec<Element> {
+        std::mem::take(&mut self.on_the_way)
     }
 
     /// Whether the spindle is to be waited for before this call. Told once.
@@ -116,7 +147,6 @@ impl Program {
 
     /// What a call comes to, if anything. On an error the position stays, and the call is of no effect.
     pub(super) fn run(&mut self, line: u32, call: &Call, settings: &Settings) -> Result<Option<Entry>, PlanErrorKind> {
-        let rest = |action| Ok(Some(Entry::Rest(Element::Action { action, line })));
         let unsupported = |what| Err(PlanErrorKind::Unsupported(what));
         match call {
             // Moves.
@@ -160,18 +190,18 @@ impl Program {
             Call::SetXyRotation { degrees } => self.frame.rotate(*degrees),
             Call::SetG5xOffset { origin, .. } => {
                 self.frame.g5x = *origin;
-                return self.centre_moved(settings).map_or(Ok(None), rest);
+                return Ok(self.centre_moved(settings).and_then(|action| self.act(action, line)));
             }
             Call::SetG92Offset { offset } => {
                 self.frame.g92 = *offset;
-                return self.centre_moved(settings).map_or(Ok(None), rest);
+                return Ok(self.centre_moved(settings).and_then(|action| self.act(action, line)));
             }
             Call::SetToolLengthOffset { offset } => {
                 let length_mm = if self.tool_frame.tcp { offset[Axis::Z] } else { 0.0 };
                 let entry = self.reframe(ToolFrame { length_mm, ..self.tool_frame }, settings)?;
                 self.frame.tool = *offset;
                 return match entry {
-                    None => self.centre_moved(settings).map_or(Ok(None), rest),
+                    None => Ok(self.centre_moved(settings).and_then(|action| self.act(action, line))),
                     Some(_) => Ok(entry),
                 };
             }
@@ -201,33 +231,32 @@ impl Program {
             Call::SetSpindleSpeed { speed, .. } => {
                 self.speed = *speed;
                 self.speed_changed = self.spindle.is_some();
-                return self.spindle_on(settings).map_or(Ok(None), rest);
+                return Ok(self.spindle_on(settings).and_then(|action| self.act(action, line)));
             }
             Call::StartSpindle { direction, wait_for_speed, .. } => {
                 self.spindle = Some(*direction);
                 // A tap in a floating holder goes back while the spindle still comes to its speed.
                 self.speed_changed = *wait_for_speed;
-                return self.spindle_on(settings).map_or(Ok(None), rest);
+                return Ok(self.spindle_on(settings).and_then(|action| self.act(action, line)));
             }
             Call::StopSpindle { .. } => {
                 self.spindle = None;
                 self.speed_changed = false;
-                return rest(Action::SpindleOff);
+                return Ok(self.act(Action::SpindleOff, line));
             }
-            // What is done at rest.
-            Call::Mist(on) => return rest(Action::Mist(*on)),
-            Call::Flood(on) => return rest(Action::Flood(*on)),
-            Call::SelectTool { tool } => return rest(Action::SelectTool { tool: *tool }),
-            Call::ChangeTool { tool, .. } => return rest(Action::ChangeTool { tool: *tool }),
-            Call::SetToolNumber { tool, .. } => return rest(Action::SetTool { tool: *tool }),
+            // What is done between two moves.
+            Call::Mist(on) => return Ok(self.act(Action::Mist(*on), line)),
+            Call::Flood(on) => return Ok(self.act(Action::Flood(*on), line)),
+            Call::SelectTool { tool } => return Ok(self.act(Action::SelectTool { tool: *tool }, line)),
+            Call::ChangeTool { tool, .. } => return Ok(self.act(Action::ChangeTool { tool: *tool }, line)),
+            Call::SetToolNumber { tool, .. } => return Ok(self.act(Action::SetTool { tool: *tool }, line)),
             Call::Message(_) => {
-                let number = self.messages;
-                self.messages += 1;
-                return rest(Action::Message { number });
+                let number = self.auxiliary.messages;
+                return Ok(self.act(Action::Message { number }, line));
             }
-            Call::ProgramStop => return rest(Action::ProgramStop),
-            Call::OptionalProgramStop => return rest(Action::OptionalStop),
-            Call::ProgramEnd => return rest(Action::ProgramEnd),
+            Call::ProgramStop => return Ok(self.act(Action::ProgramStop, line)),
+            Call::OptionalProgramStop => return Ok(self.act(Action::OptionalStop, line)),
+            Call::ProgramEnd => return Ok(self.act(Action::ProgramEnd, line)),
             // What this machine cannot do.
             Call::SetCutterCompensation(Some(_)) => {
                 return unsupported("a programmed path with cutter compensation (G41, G42)");

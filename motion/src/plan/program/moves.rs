@@ -109,6 +109,7 @@ impl Program {
                 spindle_speed: self.per_turn,
                 ..self.enables
             },
+            auxiliary: self.auxiliary,
             corner,
             naive_cam_mm,
         })

@@ -197,10 +197,13 @@ fn modes_decide_what_may_happen_to_a_corner() {
 #[test]
 fn a_spindle_speed_is_an_action_only_while_the_spindle_turns() {
     let mut program = with_feed();
-    let mut take = |call| match program.run(4, &call, &settings()).unwrap() {
-        Some(Entry::Rest(Element::Action { action, line: 4 })) => Some(action),
-        None => None,
-        other => panic!("an action expected: {other:?}"),
+    let mut take = |call| {
+        assert!(program.run(4, &call, &settings()).unwrap().is_none());
+        match program.take_on_the_way()[..] {
+            [Element::Action { action, line: 4 }] => Some(action),
+            [] => None,
+            ref other => panic!("an action expected: {other:?}"),
+        }
     };
     let direction = SpindleDirection::Counterclockwise;
     assert_eq!(take(speed(500.0)), None);
@@ -243,12 +246,17 @@ fn a_constant_speed_of_the_surface_follows_its_zero_and_is_planned_for_its_highe
         direction,
         wait_for_speed: true,
     };
-    let mut take = |call: Call| match program.run(1, &call, &settings()).unwrap() {
-        Some(Entry::Rest(Element::Action {
-            action: Action::SpindleOn { rpm, surface, .. },
-            ..
-        })) => Some((rpm, surface)),
-        _ => None,
+    let mut take = |call: Call| {
+        program.run(1, &call, &settings()).unwrap();
+        match program.take_on_the_way()[..] {
+            [
+                Element::Action {
+                    action: Action::SpindleOn { rpm, surface, .. },
+                    ..
+                },
+            ] => Some((rpm, surface)),
+            _ => None,
+        }
     };
     let surface = |m_per_minute, centre_mm| {
         Some(Surface {

@@ -547,7 +547,10 @@ fn soft(a: &Move, b: &Move) -> bool {
     };
     let group = a.piece.group();
     // The least of a run is that of all of it.
-    let alike = tolerance <= TOLERANCES * next && next <= TOLERANCES * tolerance && b.enables == a.enables;
+    let alike = tolerance <= TOLERANCES * next
+        && next <= TOLERANCES * tolerance
+        && b.enables == a.enables
+        && b.auxiliary == a.auxiliary;
     if a.rapid || b.rapid || group != b.piece.group() || group == Group::Rotary || !alike {
         return false;
     }

@@ -87,6 +87,7 @@ fn meet(last: &Last, next: &mut Last, settings: &Settings, out: &mut Vec<Passed>
         line: b.line,
         rapid: b.rapid,
         enables: b.enables,
+        auxiliary: b.auxiliary,
     }));
     next.from = corner.after;
 }
@@ -136,6 +137,7 @@ impl Last {
                 line: part.line,
                 rapid: part.rapid,
                 enables: part.enables,
+                auxiliary: part.auxiliary,
             }));
         }
     }

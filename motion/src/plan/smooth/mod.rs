@@ -34,7 +34,7 @@ use min_jerk_blend::MinJerkBlend;
 use naive_cam::NaiveCam;
 use steps::Steps;
 
-use crate::element::Enables;
+use crate::element::{Auxiliary, Enables};
 use crate::path::Piece;
 use crate::plan::limits::Bounds;
 use crate::plan::program::Move;
@@ -50,6 +50,7 @@ pub(super) struct Stretch {
     pub(super) line: u32,
     pub(super) rapid: bool,
     pub(super) enables: Enables,
+    pub(super) auxiliary: Auxiliary,
 }
 
 /// What comes out.

@@ -54,7 +54,10 @@ impl NaiveCam {
         if let Some(before) = self.merged.take() {
             let middle = before.piece.position(before.piece.length());
             self.between.push(middle);
-            let alike = before.feed == part.feed && before.corner == part.corner && before.enables == part.enables;
+            let alike = before.feed == part.feed
+                && before.corner == part.corner
+                && before.enables == part.enables
+                && before.auxiliary == part.auxiliary;
             let fits = before.corner != Corner::Exact || before.piece.length() < settings.cycle_s * part.feed;
             let same = alike && fits && self.between.len() < JOINED_MOVES_MAX;
             let line = Piece::line(before.piece.position(0.0), part.piece.position(part.piece.length()))
@@ -116,6 +119,7 @@ mod tests {
                 line: k as u32 + 1,
                 rapid: false,
                 enables: crate::element::Enables::default(),
+                auxiliary: crate::element::Auxiliary::INITIAL,
                 corner: Corner::Round(0.1),
                 naive_cam_mm: q,
             };

@@ -96,7 +96,8 @@ impl Run {
             return false;
         }
         let group = last.group();
-        let alike = self.last.feed == part.feed && self.last.enables == part.enables;
+        let alike =
+            self.last.feed == part.feed && self.last.enables == part.enables && self.last.auxiliary == part.auxiliary;
         if !alike || group != next.group() || group == Group::Rotary {
             return false;
         }

@@ -3,7 +3,7 @@
 use super::round::distance;
 use super::*;
 use crate::canon::{AXES, Position};
-use crate::element::Enables;
+use crate::element::{Auxiliary, Enables};
 use crate::path::{Circle, Shape};
 use crate::plan::program::Corner;
 use crate::plan::{AxisLimits, PlannerKind, Programmed, deviation};
@@ -31,6 +31,7 @@ fn moves(points: &[Position], tolerance: f64) -> Vec<Move> {
             line: k as u32 + 1,
             rapid: false,
             enables: Enables::default(),
+            auxiliary: Auxiliary::INITIAL,
             corner: Corner::Round(tolerance),
             naive_cam_mm: 0.0,
         })
@@ -340,6 +341,7 @@ fn nearly_tangent_arcs_are_joined() {
         line: 1,
         rapid: false,
         enables: Enables::default(),
+        auxiliary: Auxiliary::INITIAL,
         corner: Corner::Round(0.01),
         naive_cam_mm: 0.0,
     };
@@ -411,6 +413,7 @@ fn bends(bends: &[Bend], axes: [[f64; 3]; 2], tolerance: f64) -> Vec<Move> {
             line: k as u32 + 1,
             rapid: false,
             enables: Enables::default(),
+            auxiliary: Auxiliary::INITIAL,
             corner: Corner::Round(tolerance),
             naive_cam_mm: 0.0,
         }));

@@ -8,6 +8,7 @@ use crate::canon::{Call, Event, PathMode, Plane};
 
 mod joint_space;
 mod never_slower;
+mod on_the_way;
 mod override_tests;
 mod random;
 mod slow;

@@ -21,7 +21,7 @@ use super::shares::Shares;
 use super::synced::{Follower, SpindleFeedback, SyncReport};
 use super::track::{Track, begins_at_rest};
 use crate::canon::Position;
-use crate::element::{Action, Element};
+use crate::element::{Action, Auxiliary, Element};
 use crate::ring::{Consumer, Timed};
 use ends::{Arrived, End};
 pub use sample::{Sample, SampleState};
@@ -50,6 +50,8 @@ pub struct Interpolator {
     follower: Follower,
     prober: Prober,
     sample: Sample,
+    /// What of the auxiliary functions has been told.
+    told: Auxiliary,
 }
 
 impl Interpolator {
@@ -75,6 +77,7 @@ impl Interpolator {
             single_block: false,
             arrived: None,
             leaves: false,
+            told: sample.auxiliary,
             sample,
         }
     }
@@ -127,7 +130,19 @@ impl Interpolator {
             }
         }
         self.evaluate();
+        self.sample.on_the_way = None;
+        if !wanted.hold(self.sample.enables)
+            && let Some(action) = self.told.first_towards(&self.sample.auxiliary)
+        {
+            self.tell(action);
+            self.sample.on_the_way = Some(action);
+        }
         self.sample
+    }
+
+    /// An action is done, or is to be done in this cycle. RT.
+    fn tell(&mut self, action: Action) {
+        self.told = self.told.after(action).unwrap_or(self.told);
     }
 
     /// Where the axes are, machine position. RT.
@@ -139,6 +154,8 @@ impl Interpolator {
     pub fn acknowledge_action(&mut self) {
         if let Some(&Element::Action { action, .. }) = self.track.current() {
             self.track.leave();
+            self.tell(action);
+            self.sample.auxiliary = self.told;
             self.sample.action = None;
             self.sample.state = if action == Action::ProgramEnd {
                 SampleState::Finished

@@ -2,7 +2,7 @@
 
 use super::Interpolator;
 use crate::canon::Position;
-use crate::element::{Action, Element, Enables, Probing, Span, Synced};
+use crate::element::{Action, Auxiliary, Element, Enables, Probing, Span, Synced};
 use crate::kinematics::ToolFrame;
 use crate::rt::synced::SyncFault;
 
@@ -40,6 +40,10 @@ pub struct Sample {
     pub state: SampleState,
     /// What waits to be acknowledged.
     pub action: Option<Action>,
+    /// What is to be done in this cycle, on the way: nothing waits for it.
+    pub on_the_way: Option<Action>,
+    /// Auxiliary functions of the move.
+    pub auxiliary: Auxiliary,
     /// A tap is on its way back: the spindle is to turn the other way, this much as fast as programmed.
     pub reversal: Option<f64>,
     /// A move in step with the spindle is under way, or waits for it: as fast as the axes can follow it, turns/s.
@@ -60,6 +64,8 @@ impl Sample {
             enables: Enables::INITIAL,
             state: SampleState::Finished,
             action: None,
+            on_the_way: None,
+            auxiliary: Auxiliary::INITIAL,
             reversal: None,
             turns_s_max: None,
             fault: None,
@@ -99,7 +105,8 @@ impl Interpolator {
             }
             Some(Element::Action { action, line }) => {
                 self.sample.line = line;
-                self.sample.action = Some(action);
+                // What the move before it has said comes first.
+                self.sample.action = (self.told == self.sample.auxiliary).then_some(action);
                 self.sample.state = SampleState::Acting;
             }
             None => {
@@ -122,6 +129,7 @@ impl Interpolator {
         self.sample.line = span.line;
         self.sample.rapid = span.rapid;
         self.sample.enables = span.enables;
+        self.sample.auxiliary = span.auxiliary;
     }
 
     pub(super) fn show_probing(&mut self, probing: &Probing) {

@@ -1,7 +1,7 @@
 //! The interpolation on plans made by hand.
 
 use super::*;
-use crate::element::{Enables, Span};
+use crate::element::{Auxiliary, Enables, Span};
 use crate::path::Piece;
 use crate::ring::{self, Producer, Publish, Sink};
 use crate::rt::{MotionLimits, StopLimits};
@@ -42,6 +42,7 @@ pub(super) fn there(from_mm: f64, line: u32) -> [Element; 4] {
             line,
             rapid: false,
             enables: Enables::default(),
+            auxiliary: Auxiliary::INITIAL,
         };
         (s0, v0, a0) = (span.place(t), span.speed(t), a0 + jerk * t);
         Element::Span(span)

@@ -3,7 +3,7 @@
 use super::tests::{CYCLE_S, there};
 use super::*;
 use crate::canon::{AXES, Call, Event, PathMode, Position, Source};
-use crate::element::{Enables, Span};
+use crate::element::{Auxiliary, Enables, Span};
 use crate::path::Piece;
 use crate::plan::{AxisLimits, Planner, PlannerKind, Pumped, Settings};
 use crate::ring::{self, Producer, Publish, Sink};
@@ -459,6 +459,7 @@ fn a_block_too_short_to_stop_in_is_passed_and_the_one_behind_it_is_not() {
             line,
             rapid: false,
             enables: Enables::INITIAL,
+            auxiliary: Auxiliary::INITIAL,
         };
         (s0, v0, a0) = (span.place(duration_s), span.speed(duration_s), a0 + jerk * duration_s);
         Element::Span(span)
