@@ -1,8 +1,13 @@
-//! Memory of the control: all of it is locked, so it is bounded.
+//! Memory of the control: all of it is locked, so it is bounded, however long a program is; and of a plan.
 //!
 //! Measured is the process of the control, which has its simulated machine in it as well: a demo over the wire in memory, and
 //! the same with the real-time threads.
 
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use std::fmt::Write as _;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 use tempfile::TempDir;
@@ -25,30 +30,57 @@ fn greatest_memory(process: &mut Child) -> [u64; 2] {
     greatest
 }
 
-/// Runs `isocnc COMMAND` in a folder that holds the machine; the report it wrote.
-fn report_of(command: &[&str]) -> String {
-    let out = TempDir::new().expect("a folder");
+/// A folder with the machine and a program.
+fn folder(program: &str) -> TempDir {
+    let folder = TempDir::new().expect("a folder");
     let name = format!("name = \"memory-{}\"", std::process::id());
     let machine = include_str!("../configs/mill3-demo.toml")
         .replacen("name = \"mill3-demo\"", &name, 1)
         .replacen("kind = \"powerlink\"", "kind = \"memory\"", 1);
-    std::fs::write(out.path().join("machine.toml"), machine).expect("our folder");
-    std::fs::write(out.path().join("part.ngc"), include_str!("../configs/short-part.ngc")).expect("our folder");
-    let mut process = Command::new(env!("CARGO_BIN_EXE_isocnc"))
+    std::fs::write(folder.path().join("machine.toml"), machine).expect("our folder");
+    std::fs::write(folder.path().join("part.ngc"), program).expect("our folder");
+    folder
+}
+
+/// Starts `isocnc COMMAND` in a folder; with what it prints, or without.
+fn start(command: &[&str], folder: &Path, stdout: Stdio) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_isocnc"))
         .args(command)
-        .args(["--out", "."])
-        .current_dir(out.path())
+        .current_dir(folder)
         .stdin(Stdio::null())
-        .stdout(Stdio::null())
+        .stdout(stdout)
         .spawn()
-        .expect("isocnc");
-    let [resident_kib, locked_kib] = greatest_memory(&mut process);
+        .expect("isocnc")
+}
+
+fn assert_bounded(command: &[&str], process: &mut Child) {
+    let [resident_kib, locked_kib] = greatest_memory(process);
     eprintln!("{command:?}: resident {resident_kib} KiB, locked {locked_kib} KiB");
     assert!(
         (1..=MEMORY_MAX_KIB).contains(&resident_kib) && locked_kib <= MEMORY_MAX_KIB,
         "{command:?}: resident {resident_kib} KiB, locked {locked_kib} KiB, at most {MEMORY_MAX_KIB} each"
     );
+}
+
+/// Runs `isocnc COMMAND` on the short part; the report it wrote.
+fn report_of(command: &[&str]) -> String {
+    let out = folder(include_str!("../configs/short-part.ngc"));
+    let command = [command, &["--out", "."]].concat();
+    assert_bounded(&command, &mut start(&command, out.path(), Stdio::null()));
     std::fs::read_to_string(out.path().join("run.json")).expect("a report")
+}
+
+/// Three hundred thousand lines of a tenth of a millimetre, around and around: more than an hour of motion.
+fn long_program() -> String {
+    let mut text = String::from("G21 G90 G64 P0.01 F3000\nG0 X60 Y50 Z0\n");
+    for k in 0..300_000 {
+        let turn = f64::from(k) * 0.01;
+        let radius = 10.0 + 2.0 * (turn * 0.13).sin();
+        let (x, y) = (50.0 + radius * turn.cos(), 50.0 + radius * turn.sin());
+        writeln!(text, "G1 X{x:.4} Y{y:.4}").expect("memory");
+    }
+    text.push_str("M2\n");
+    text
 }
 
 #[test]
@@ -57,4 +89,51 @@ fn the_control_takes_no_more_than_64_mib_from_its_start_to_its_report() {
     assert!(report.contains("\"result\": \"completed\""), "{report}");
     // Whether a PC without real time brings this one to its end is not asked.
     report_of(&["run", "machine.toml", "part.ngc"]);
+}
+
+#[test]
+fn a_plan_takes_no_more_than_64_mib_however_long_the_program_is() {
+    let folder = folder(&long_program());
+    for planner in ["optimal", "classic"] {
+        let command = ["plan", "machine.toml", "part.ngc", "--planner", planner];
+        let mut process = start(&command, folder.path(), Stdio::null());
+        assert_bounded(&command, &mut process);
+        assert!(process.wait().expect("it has ended").success(), "{planner}");
+    }
+}
+
+#[test]
+fn a_run_takes_no_more_than_64_mib_however_long_the_program_is() {
+    let folder = folder(&long_program());
+    let command = [
+        "demo",
+        "--memory",
+        "--machine",
+        "machine.toml",
+        "--program",
+        "part.ngc",
+        "--out",
+        ".",
+    ];
+    let mut process = start(&command, folder.path(), Stdio::piped());
+    let output = BufReader::new(process.stdout.take().expect("a pipe"));
+    let pid = Pid::from_raw(process.id() as i32);
+    // Stopped once the machine cuts: as much is planned ahead of it as ever will be.
+    let reader = std::thread::spawn(move || {
+        for line in output.lines().map_while(Result::ok) {
+            let words: Vec<&str> = line.split_whitespace().collect();
+            if let ["line", number, "of", ..] = words[..]
+                && number.parse::<u32>().is_ok_and(|number| number > 1000)
+            {
+                let _ = kill(pid, Signal::SIGINT);
+            }
+        }
+    });
+    assert_bounded(&command, &mut process);
+    reader.join().expect("it reads");
+    let report = std::fs::read_to_string(folder.path().join("run.json")).expect("a report");
+    assert!(
+        report.contains("\"result\": \"stopped\"") && report.contains("\"command_max_mm\""),
+        "{report}"
+    );
 }

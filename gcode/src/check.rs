@@ -12,19 +12,8 @@ use std::io;
 
 /// All errors of a program in memory, in the order of its lines.
 pub fn check(text: &[u8], settings: Settings) -> Vec<Error> {
-    check_on(text, settings, NoMachine, CheckLimits::default())
-}
-
-/// The same with a machine that answers while the program is run: which lines follow a probing move may depend on it.
-pub fn check_on(
-    text: &[u8],
-    settings: Settings,
-    machine: impl Machine + Send + 'static,
-    limits: CheckLimits,
-) -> Vec<Error> {
     let again = || Ok(io::Cursor::new(text));
-    let interpreter = Interpreter::new(settings).with_machine(machine);
-    match check_run(io::Cursor::new(text), again, interpreter, limits) {
+    match check_reader(io::Cursor::new(text), again, settings, CheckLimits::default()) {
         Ok(errors) => errors,
         Err(error) => unreachable!("memory can be read: {error}"),
     }
@@ -44,7 +33,21 @@ pub fn check_reader<R: ReadSeek>(
     settings: Settings,
     limits: CheckLimits,
 ) -> io::Result<Vec<Error>> {
-    check_run(text, again, Interpreter::new(settings), limits)
+    check_on(text, again, settings, NoMachine, limits)
+}
+
+/// The same with a machine that answers while the program is run: which lines follow a probing move may depend on it.
+///
+/// # Errors
+/// The text cannot be read.
+pub fn check_on<R: ReadSeek>(
+    text: R,
+    again: impl FnOnce() -> io::Result<R>,
+    settings: Settings,
+    machine: impl Machine + Send + 'static,
+    limits: CheckLimits,
+) -> io::Result<Vec<Error>> {
+    check_run(text, again, Interpreter::new(settings).with_machine(machine), limits)
 }
 
 fn check_run<R: ReadSeek>(

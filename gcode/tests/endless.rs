@@ -1,13 +1,19 @@
 //! Programs that never end, and checks that nobody wants any more.
 
-use gcode::{CheckLimits, ErrorKind, Interpreter, NoMachine, Settings, check_on};
+use gcode::{CheckLimits, Error, ErrorKind, Interpreter, Settings, check_reader};
+use std::io::Cursor;
 use std::time::Duration;
 
 const IDLE: &str = "G21\n(before)\no1 while [1]\n#1 = [#1 + 1]\nS100\no1 endwhile\nM2\n";
 const MOVING: &str = "G21 G90 F100\no1 while [1]\nG1 X1\nX2\no1 endwhile\nM2\n";
 
+fn check_within(text: &str, limits: CheckLimits) -> Vec<Error> {
+    let again = || Ok(Cursor::new(text));
+    check_reader(Cursor::new(text), again, Settings::default(), limits).expect("memory can be read")
+}
+
 fn last(text: &str, limits: CheckLimits) -> (u32, ErrorKind) {
-    let errors = check_on(text.as_bytes(), Settings::default(), NoMachine, limits);
+    let errors = check_within(text, limits);
     let error = errors.last().expect("it never ends");
     (error.line, error.kind.clone())
 }
@@ -24,7 +30,7 @@ fn a_loop_that_moves_nothing_is_told_long_before_one_that_moves() {
     assert_eq!(last(MOVING, limits()).1, ErrorKind::TooManySteps { steps: 100_000 });
     // What asks for nothing, but comes to an end, is none.
     let long = format!("{}G0 X1\n{}M2\n", "#1 = 2\n".repeat(900), "#1 = 2\n".repeat(900));
-    assert_eq!(check_on(long.as_bytes(), Settings::default(), NoMachine, limits()), []);
+    assert_eq!(check_within(&long, limits()), []);
 }
 
 #[test]

@@ -53,7 +53,8 @@ pub trait Sink<T> {
     /// empty tail, the last committed element must end at rest. Not both may be empty.
     fn publish(&mut self, committed: &[T], tail: &[T]) -> Publish;
 
-    /// Whether a publication of so many elements would be refused for want of room. To be asked before one is put together.
+    /// Whether a publication of so many elements is to wait: there is no room for it, or the consumer has enough ahead of it. To be
+    /// asked before one is put together.
     fn is_full(&self, count: usize) -> bool {
         self.free() < count
     }
@@ -66,6 +67,12 @@ pub trait Sink<T> {
     /// Number of the element that the consumer is at, or begins with. It may have moved on since. `None`: there is no
     /// consumer, and what was handed in is final.
     fn consumer_at(&self) -> Option<u64> {
+        None
+    }
+
+    /// Seconds of final motion behind the element that the consumer is at; below 0 where it runs down a tail. `None`: there is no
+    /// consumer.
+    fn ahead_s(&self) -> Option<f64> {
         None
     }
 
@@ -139,6 +146,9 @@ type Chunk<T> = Box<[Slot<T>]>;
 const CHUNK_MAX: usize = 512;
 /// Chunks of a small ring.
 const CHUNKS_MIN: usize = 8;
+/// Final motion behind the element that the consumer is at, s, with which it has enough ahead of it: far more than the planner
+/// ever takes for what comes next. More would only take memory, as much as the program is long.
+const AHEAD_S: f64 = 10.0;
 
 struct Shared<T> {
     /// Slots that may be in use; a power of two.
@@ -154,6 +164,8 @@ struct Shared<T> {
     at: AtomicU64,
     /// Seconds of everything published, tails that were replaced left out; bits of an f64.
     published_s: AtomicU64,
+    /// Seconds of all that the consumer has come to, the element that it is at counted as a whole; bits of an f64.
+    passed_s: AtomicU64,
 }
 
 // SAFETY: an element is written by the producer only while no `next` word leads to its slot, and read by the consumer
@@ -203,6 +215,7 @@ pub struct Producer<T> {
 pub struct Consumer<T> {
     shared: Arc<Shared<T>>,
     at: Option<u64>,
+    passed_s: f64,
 }
 
 /// A ring of at least `capacity` elements.
@@ -216,6 +229,7 @@ pub fn channel<T: Timed + Send>(capacity: usize) -> (Producer<T>, Consumer<T>) {
         first: AtomicU64::new(Next::END),
         at: AtomicU64::new(0),
         published_s: AtomicU64::new(0),
+        passed_s: AtomicU64::new(0),
     });
     let producer = Producer {
         shared: Arc::clone(&shared),
@@ -228,7 +242,12 @@ pub fn channel<T: Timed + Send>(capacity: usize) -> (Producer<T>, Consumer<T>) {
         held: 0..0,
         spare: Vec::new(),
     };
-    (producer, Consumer { shared, at: None })
+    let consumer = Consumer {
+        shared,
+        at: None,
+        passed_s: 0.0,
+    };
+    (producer, consumer)
 }
 
 impl<T: Timed> Producer<T> {
@@ -335,7 +354,7 @@ impl<T: Timed> Sink<T> for Producer<T> {
     fn is_full(&self, count: usize) -> bool {
         let at = self.shared.at.load(Ordering::Acquire);
         // Where the tail has been taken, a publication is to hear of it.
-        self.anchor.is_none_or(|anchor| anchor >= at) && self.room(at) < count
+        self.anchor.is_none_or(|anchor| anchor >= at) && (self.room(at) < count || self.ahead_s() > Some(AHEAD_S))
     }
 
     fn publish(&mut self, committed: &[T], tail: &[T]) -> Publish {
@@ -366,6 +385,10 @@ impl<T: Timed> Sink<T> for Producer<T> {
 
     fn consumer_at(&self) -> Option<u64> {
         Some(self.shared.at.load(Ordering::Acquire))
+    }
+
+    fn ahead_s(&self) -> Option<f64> {
+        Some(self.committed_s - f64::from_bits(self.shared.passed_s.load(Ordering::Relaxed)))
     }
 
     fn published_s(&self) -> Option<f64> {
@@ -420,6 +443,8 @@ impl<T: Timed> Consumer<T> {
         // SAFETY: a word that was written with Release after the element led here, and the producer leaves the slot
         // alone until `at` is beyond it.
         let element = unsafe { (*self.shared.slot(number).element.get()).assume_init() };
+        self.passed_s += element.duration_s();
+        self.shared.passed_s.store(self.passed_s.to_bits(), Ordering::Relaxed);
         self.shared.at.store(number, Ordering::Release);
         Some(element)
     }
@@ -594,6 +619,27 @@ mod tests {
             Publish::Done
         );
         assert_eq!(chunks(&producer), 60_000_usize.div_ceil(CHUNK_MAX) + 1);
+    }
+
+    #[test]
+    fn a_consumer_that_has_enough_ahead_of_it_gets_no_more() {
+        let (mut producer, mut consumer) = channel(64);
+        let steps: Vec<_> = (0..11).map(|from| step(from, false)).collect();
+        // The tail does not count: it may take any time to stop.
+        producer.publish(&steps[..10], &[step(10, false), step(11, false), step(12, true)]);
+        assert!(!producer.is_full(1));
+        producer.publish(&steps[10..], &[step(11, true)]);
+        assert!(producer.is_full(1));
+        consumer.advance();
+        assert!(!producer.is_full(1));
+        assert!(producer.is_full(64));
+        // A publication in place of final motion counts for what is left.
+        producer.publish_after(4, &[step(5, true)], &[]);
+        let steps: Vec<_> = (6..11).map(|from| step(from, true)).collect();
+        producer.publish(&steps, &[]);
+        assert!(!producer.is_full(1));
+        producer.publish(&[step(11, true)], &[]);
+        assert!(producer.is_full(1));
     }
 
     /// What a planner does: goes on from the last committed number, or from the rest if it came too late.

@@ -12,6 +12,7 @@ use crate::operator::refusal::Refusal;
 use crate::operator::report::{FarEnd, SOC_PERIOD_DATA};
 use crate::operator::session::{Program, Wire};
 use crate::operator::single_run::{Job, run_and_report};
+use crate::program::text::{Reader, Text};
 use crate::sim::READY;
 use anyhow::{Context, ensure};
 use clap::Args;
@@ -65,9 +66,9 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     let (name, text) = match &args.program {
         Some(path) => (
             path.display().to_string(),
-            files::read(path, files::read::PROGRAM_MAX).with_context(|| path.display().to_string())?,
+            Text::read(path).with_context(|| path.display().to_string())?,
         ),
-        None => (PROGRAM_NAME.to_owned(), PROGRAM.to_vec()),
+        None => (PROGRAM_NAME.to_owned(), PROGRAM.to_vec().into()),
     };
     files::make_folder(&args.out).with_context(|| args.out.display().to_string())?;
     let machine = machine_file(args.machine.as_deref(), &args.out)?;
@@ -119,7 +120,7 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<ExitCode> {
         config: &config,
         program: Program {
             name: &name,
-            text: &text,
+            text: Reader::from(&text),
         },
         out: &args.out,
         json: args.json,

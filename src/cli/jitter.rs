@@ -14,6 +14,7 @@ use crate::jitter::{output, program, run};
 use crate::machine::tables::Tables;
 use crate::operator::refusal::Refusal;
 use crate::operator::session::Program;
+use crate::program::text::{Reader, Text};
 use anyhow::{Context, ensure};
 use clap::Args;
 use std::path::PathBuf;
@@ -81,11 +82,11 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
     let (name, text) = match &args.program {
         Some(path) => (
             path.display().to_string(),
-            files::read(path, files::read::PROGRAM_MAX).with_context(|| path.display().to_string())?,
+            Text::read(path).with_context(|| path.display().to_string())?,
         ),
         None => (
             program::NAME.to_owned(),
-            program::pocket(&config, program::BLOCKS)?.into_bytes(),
+            program::pocket(&config, program::BLOCKS)?.into_bytes().into(),
         ),
     };
     let tables = Tables::read(&config)?;
@@ -115,7 +116,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
         config: &config,
         program: Program {
             name: &name,
-            text: &text,
+            text: Reader::from(&text),
         },
         cycles: args.cycles.unwrap_or(CYCLES),
         rounds: args.rounds,

@@ -7,6 +7,7 @@ use crate::operator::refusal::Refusal;
 use crate::operator::session::{Program, Wire};
 use crate::operator::single_run::{Job, run_and_report};
 use crate::operator::standby::stand_by;
+use crate::program::text::{Reader, Text};
 use anyhow::Context;
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -38,12 +39,12 @@ pub fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     let Some(program) = &args.program else {
         return stand_by(&config, wire, args.json, signal);
     };
-    let text = files::read(program, files::read::PROGRAM_MAX).with_context(|| program.display().to_string())?;
+    let text = Text::read(program).with_context(|| program.display().to_string())?;
     let job = Job {
         config: &config,
         program: Program {
             name: &program.display().to_string(),
-            text: &text,
+            text: Reader::from(&text),
         },
         out: args.out.as_deref().unwrap_or(Path::new("isocnc-out")),
         json: args.json,

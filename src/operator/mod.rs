@@ -3,6 +3,7 @@
 pub mod console;
 mod manual_mode;
 pub mod operator_loop;
+mod path_judge;
 pub mod progress;
 pub mod recorder;
 pub mod refusal;

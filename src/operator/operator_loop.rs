@@ -1,7 +1,7 @@
 //! The operator's loop of a running control: orders, the program thread, whoever looks after it; until everything is over.
 //!
 //! In:  what the real-time threads show and report, a wish to stop.
-//! Out: orders to the cycle thread; what was planned of the last program.
+//! Out: orders to the cycle thread; how long the last program was planned to take.
 
 use super::standby::{Clients, Part};
 use super::systemd::{Service, ServiceStatus};
@@ -15,8 +15,11 @@ use crate::machine::sequence::Step;
 use crate::machine::state::State;
 use crate::machine::tables::lock;
 use crate::operator::console::Operator;
+use crate::operator::path_judge::PathJudge;
+use crate::operator::recorder::Recorder;
 use crate::operator::session::{EXIT_RESTART, Program, Session, Task};
 use crate::operator::table_writer::Keeper;
+use crate::program::text::Reader;
 use crate::program::{self, FeedError, Feeder, probing};
 use crate::rt::cycle_stats::Windows;
 use crate::rt::shared::RtStatus;
@@ -25,12 +28,11 @@ use gcode::CheckLimits;
 use motion::cancel::Cancel;
 use motion::canon::Position;
 use motion::element::Element;
-use motion::plan::Programmed;
 use motion::ring::{self, Producer};
 use motion::rt::Interpolator;
 use std::io::Write;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, mpsc};
 use std::thread::{Scope, ScopedJoinHandle};
 use std::time::Duration;
 
@@ -49,8 +51,6 @@ const SILENCED_NS: u64 = 500_000_000;
 const UNWATCHED_NS: u64 = 1_000_000_000;
 const UNWATCHED_CYCLES: u64 = 100;
 const UNWATCHED_TURNS: u32 = 20;
-/// Pieces of the programmed path that are kept for the report.
-const PATH_MAX: usize = 500_000;
 
 /// A control that runs, as the ordinary threads see it.
 pub struct Running {
@@ -84,7 +84,8 @@ pub(super) struct OperatorLoop<'scope, 'env> {
     planner: Option<PlannerThread<'scope>>,
     /// Nobody wants the rest of the program that is being planned.
     given_up: Cancel,
-    ran: Ran,
+    /// As [`Feeder::probed_time_s`] says of the last program.
+    probed_time_s: Option<f64>,
     keeper: Keeper<'scope, 'env>,
     stalls: Stalls,
     /// A stall of the cycle thread that is not told of yet, and the cycle in which it began.
@@ -94,18 +95,10 @@ pub(super) struct OperatorLoop<'scope, 'env> {
 
 type PlannerThread<'scope> = ScopedJoinHandle<'scope, Planned>;
 
-/// What was planned of a program while it ran.
-#[derive(Debug, Default)]
-pub(super) struct Ran {
-    /// The programmed path as far as it was planned; of probing moves what they went.
-    pub(super) path: Vec<Programmed>,
-    /// As [`Feeder::probed_time_s`] says.
-    pub(super) probed_time_s: Option<f64>,
-}
-
 /// What the program thread ends with.
 struct Planned {
-    ran: Ran,
+    /// As [`Feeder::probed_time_s`] says.
+    probed_time_s: Option<f64>,
     error: Option<FeedError>,
     /// What the program left for the machine to remember.
     left: gcode::Settings,
@@ -128,20 +121,20 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             keeper: Keeper::new(scope, session.tables),
             planner: None,
             given_up: Cancel::default(),
-            ran: Ran::default(),
+            probed_time_s: None,
             stalls: Stalls::new(cpu),
             stalled: None,
             watcher: Watcher::default(),
         }
     }
 
-    /// Runs until everything is over; gives what was planned of the last program.
+    /// Runs until everything is over; gives how long the last program was planned to take, as [`Feeder::probed_time_s`] says.
     pub(super) fn run(
         mut self,
         running: &mut Running,
         task: &mut dyn LoopTask,
         cycle_thread_lives: &dyn Fn() -> bool,
-    ) -> anyhow::Result<Ran> {
+    ) -> anyhow::Result<Option<f64>> {
         let mut service = Service::from_environment();
         let (mut cycles, mut cycles_since_ns) = (0, monotonic_ns());
         let mut silenced_ns = None;
@@ -185,11 +178,12 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         self.given_up.cancel();
         // What it may still find wrong concerns nobody any more.
         if let Some(Ok(planned)) = self.planner.take().map(ScopedJoinHandle::join) {
-            self.ran = planned.ran;
+            self.probed_time_s = planned.probed_time_s;
             self.keep(planned.left);
         }
+        running.operator.recorder.judge(true);
         self.keeper.finish(&mut running.operator);
-        Ok(self.ran)
+        Ok(self.probed_time_s)
     }
 
     fn step(&mut self, running: &mut Running, now_ns: u64) -> anyhow::Result<()> {
@@ -232,9 +226,10 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             self.given_up.cancel();
             self.join_planner(running, now_ns);
             let live = running.operator.shared();
-            let program = self.plan_from(position, live)?;
+            let program = self.plan_from(position, live, &mut running.operator.recorder)?;
             running.operator.start(program);
         }
+        running.operator.recorder.judge(false);
         if self.planner.as_ref().is_some_and(ScopedJoinHandle::is_finished) {
             self.join_planner(running, now_ns);
         }
@@ -247,7 +242,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
     /// A program that is repeated measures something and leaves nothing behind.
     fn keep(&mut self, left: gcode::Settings) {
         match self.session.task {
-            Task::Once(_) | Task::StandBy => self.keeper.hand_in(left),
+            Task::Once(..) | Task::StandBy => self.keeper.hand_in(left),
             Task::Repeat(_) => {}
         }
     }
@@ -270,23 +265,35 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
 
     fn program_name(&self) -> Option<&str> {
         match &self.session.task {
-            Task::Once(program) | Task::Repeat(program) => Some(program.name),
+            Task::Once(program, _) | Task::Repeat(program) => Some(program.name),
             Task::StandBy => self.clients.part().map(|part| part.name.as_str()),
         }
     }
 
     /// Starts the program thread.
-    fn plan_from(&mut self, position: Position, live: Arc<RtStatus>) -> anyhow::Result<Box<Interpolator>> {
+    fn plan_from(
+        &mut self,
+        position: Position,
+        live: Arc<RtStatus>,
+        recorder: &mut Recorder,
+    ) -> anyhow::Result<Box<Interpolator>> {
         let Session {
             config, task, tables, ..
         } = self.session;
         let tables = lock(tables).clone();
         let (producer, consumer) = ring::channel(ring_capacity(config));
         let (answers, results) = probing::line();
-        let (text, path_max) = match (task, self.clients.part()) {
-            (Task::Once(program), _) => (Text::Given(*program), PATH_MAX),
-            (Task::Repeat(program), _) => (Text::Given(*program), 0),
-            (Task::StandBy, Some(part)) => (Text::Asked(Arc::clone(part)), 0),
+        let (told, news) = mpsc::channel();
+        let mut passed = None;
+        let text = match (task, self.clients.part()) {
+            (Task::Once(program, overview), _) => {
+                let judge = PathJudge::new(news, overview.tolerance_mm);
+                passed = Some(judge.passed());
+                recorder.judge_with(judge);
+                Text::Given(*program)
+            }
+            (Task::Repeat(program), _) => Text::Given(*program),
+            (Task::StandBy, Some(part)) => Text::Asked(Arc::clone(part)),
             (Task::StandBy, None) => anyhow::bail!("a program was begun that is not there"),
         };
         let stop = self.stop;
@@ -298,13 +305,17 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
                 capabilities::give_up_or_warn(Work::Ordinary);
                 // They inherit from here that they keep off the core of real time, and have no rights.
                 let workers = program::workers(config);
-                let feeder = Feeder::with_workers(config, &tables, text.octets(), position, producer, &workers)
+                let mut feeder = Feeder::with_workers(config, &tables, text.reader(), position, producer, &workers)
                     .beside(text.name())
                     .with_probe(results)
                     .within(running_limits(given_up.clone()))
-                    .following(live);
+                    .following(live)
+                    .telling_path(told);
+                if let Some(passed) = passed {
+                    feeder = feeder.keeping_near(passed);
+                }
                 let over = || stop.load(Ordering::Acquire) || given_up.is_cancelled();
-                feed(feeder, path_max, over)
+                feed(feeder, over)
             })?;
         self.planner = Some(planner);
         let interpolator = Interpolator::new(consumer, position, stop_ramp(config));
@@ -314,8 +325,12 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
     fn join_planner(&mut self, running: &mut Running, now_ns: u64) {
         match self.planner.take().map(ScopedJoinHandle::join) {
             None => {}
-            Some(Ok(Planned { ran, error, left })) => {
-                self.ran = ran;
+            Some(Ok(Planned {
+                probed_time_s,
+                error,
+                left,
+            })) => {
+                self.probed_time_s = probed_time_s;
                 self.keep(left);
                 if let Some(error) = error {
                     let name = self.program_name().unwrap_or_default();
@@ -367,10 +382,10 @@ enum Text<'env> {
 }
 
 impl Text<'_> {
-    fn octets(&self) -> &[u8] {
+    fn reader(&self) -> Reader<'_> {
         match self {
             Text::Given(program) => program.text,
-            Text::Asked(part) => &part.text,
+            Text::Asked(part) => Reader::from(&part.text),
         }
     }
 
@@ -394,14 +409,10 @@ fn running_limits(cancel: Cancel) -> CheckLimits {
 
 /// The program thread: plans until the machine has come to the end of the program, as overrides may change till then, or
 /// until nobody wants it any more.
-fn feed(mut feeder: Feeder<'_, Producer<Element>>, path_max: usize, over: impl Fn() -> bool) -> Planned {
-    let mut path = Vec::new();
+fn feed(mut feeder: Feeder<'_, Producer<Element>>, over: impl Fn() -> bool) -> Planned {
     let mut failed = None;
     while !over() {
-        let progress = feeder.pump();
-        let room = path_max.saturating_sub(path.len());
-        path.extend(feeder.ideal_path().take(room));
-        match progress {
+        match feeder.pump() {
             Ok(program::Progress::Working) => {}
             Ok(program::Progress::Done) if feeder.is_over() => break,
             Ok(program::Progress::RingFull | program::Progress::Probing | program::Progress::Done) => {
@@ -415,11 +426,8 @@ fn feed(mut feeder: Feeder<'_, Producer<Element>>, path_max: usize, over: impl F
         }
     }
     feeder.give_up_contact();
-    let room = path_max.saturating_sub(path.len());
-    path.extend(feeder.ideal_path().take(room));
-    let probed_time_s = feeder.probed_time_s();
     Planned {
-        ran: Ran { path, probed_time_s },
+        probed_time_s: feeder.probed_time_s(),
         error: failed,
         left: feeder.left_behind(),
     }

@@ -1,10 +1,13 @@
 //! What a program really did, cycle by cycle.
 //!
 //! In:  trace records of the cycle thread.
-//! Out: samples of commanded and actual positions for the report; greatest following error of the whole run.
+//! Out: samples of commanded and actual positions for the report; greatest following error of the whole run, and greatest distance
+//! from the programmed path.
 //!
 //! Memory is bounded, as it is locked: a longer run has a sample for two cycles, or four, and so on.
 
+use super::path_judge::PathJudge;
+use super::report::Deviation;
 use crate::plot::PathSample;
 use crate::rt::shared::Trace;
 use motion::canon::Axis;
@@ -25,6 +28,7 @@ pub struct Recorder {
     following_error_max_mm: f64,
     following_error_line: u32,
     line: u32,
+    judge: Option<PathJudge>,
 }
 
 impl Recorder {
@@ -44,6 +48,9 @@ impl Recorder {
             rapid: record.rapid,
             line: record.line,
         };
+        if let Some(judge) = &mut self.judge {
+            judge.add(sample);
+        }
         match self.samples.last_mut() {
             Some(last) if self.cycles_of_last < 1 << self.halvings => {
                 *last = last.further_off(sample);
@@ -61,11 +68,28 @@ impl Recorder {
 
     /// Makes one sample of two.
     fn halve(&mut self) {
-        for pair in 0..SAMPLES_MAX / 2 {
-            self.samples[pair] = self.samples[2 * pair].further_off(self.samples[2 * pair + 1]);
-        }
+        halve(&mut self.samples);
         self.samples.truncate(SAMPLES_MAX / 2);
         self.halvings += 1;
+    }
+
+    /// From now on samples are judged by the path that this one knows.
+    pub(super) fn judge_with(&mut self, judge: PathJudge) {
+        self.judge = Some(judge);
+    }
+
+    /// Judges samples that wait for it: a part of them, or all, where no more path comes.
+    pub(super) fn judge(&mut self, all: bool) {
+        match &mut self.judge {
+            Some(judge) if all => judge.finish(),
+            Some(judge) => judge.judge(),
+            None => {}
+        }
+    }
+
+    /// Greatest distances from the programmed path; `None` where no path was judged.
+    pub fn deviation(&self) -> Option<Deviation> {
+        self.judge.as_ref()?.deviation()
     }
 
     /// Kept samples, from the start of the program on: one a cycle, or of as many cycles as a sample stands for the one in
@@ -92,6 +116,13 @@ impl Recorder {
     /// Greatest following error of any joint, mm, and the program line of that cycle.
     pub fn following_error_max(&self) -> (f64, u32) {
         (self.following_error_max_mm, self.following_error_line)
+    }
+}
+
+/// Puts one sample for each pair into the first half: the further one off.
+pub(super) fn halve(samples: &mut [PathSample]) {
+    for pair in 0..samples.len() / 2 {
+        samples[pair] = samples[2 * pair].further_off(samples[2 * pair + 1]);
     }
 }
 

@@ -18,8 +18,6 @@ use crate::program::Overview;
 use crate::rt::cycle_stats::FiguresSummary;
 use crate::rt::timeout;
 use anyhow::Context;
-use motion::canon::Position;
-use motion::plan::Programmed;
 use motion::rt::Peaks;
 use serde::Serialize;
 use std::fmt;
@@ -64,7 +62,6 @@ impl<'a> Facts<'a> {
     pub fn report(self) -> (RunReport, Pictures<'a>) {
         let Ended {
             operator,
-            path,
             probed_time_s,
             figures,
             peaks,
@@ -102,7 +99,7 @@ impl<'a> Facts<'a> {
             starved_cycles: recorder.starved_cycles(),
             following_error_max_mm,
             following_error_max_line,
-            deviation: deviation(path, recorder.samples(), self.overview.tolerance_mm),
+            deviation: recorder.deviation(),
             peaks: peaks
                 .iter()
                 .zip(&self.config.joints)
@@ -212,25 +209,6 @@ pub fn address(folder: &Path) -> String {
         }
     }
     address
-}
-
-/// How far the actual path may leave the programmed one and still be found on it, mm.
-const AROUND_MM: f64 = 0.5;
-
-/// Greatest distances from the programmed path; `None` without a path or samples.
-fn deviation(path: &[Programmed], samples: &[PathSample], tolerance_mm: f64) -> Option<Deviation> {
-    if path.is_empty() || samples.is_empty() {
-        return None;
-    }
-    let from_path = |position: fn(&PathSample) -> [f64; 3], around_mm: f64| {
-        let positions = samples.iter().map(position).map(|[x, y, z]| Position::xyz(x, y, z));
-        motion::plan::deviation::off_mm(positions, path, around_mm)
-    };
-    Some(Deviation {
-        command_max_mm: from_path(|sample| sample.command, tolerance_mm),
-        actual_max_mm: from_path(|sample| sample.actual, AROUND_MM),
-        tolerance_mm,
-    })
 }
 
 /// Everything there is to say of a run.

@@ -24,6 +24,8 @@ use crate::host::wait::{Grid, monotonic_ns};
 use crate::machine::tables::Tables;
 use crate::operator::console::Operator;
 use crate::operator::operator_loop::{LoopTask, OperatorLoop, Running};
+use crate::program::Overview;
+use crate::program::text::Reader;
 use crate::rt::assemble::assemble;
 use crate::rt::cycle_stats;
 use crate::rt::cycle_stats::CycleFigures;
@@ -34,7 +36,6 @@ use crate::sim::near_end;
 use crate::sim::paced::{Paced, run_paced};
 use anyhow::{Context, anyhow};
 use hal_pins::Hal;
-use motion::plan::Programmed;
 use motion::rt::Peaks;
 use std::io::Write;
 use std::path::Path;
@@ -66,14 +67,14 @@ pub struct Session<'a> {
 pub struct Program<'a> {
     /// Its name, for messages.
     pub name: &'a str,
-    pub text: &'a [u8],
+    pub text: Reader<'a>,
 }
 
 /// What a control does between homing and power-off.
 #[derive(Clone, Copy, Debug)]
 pub enum Task<'a> {
-    /// Runs a program and keeps a record of it.
-    Once(Program<'a>),
+    /// Runs a program, which comes to this, and keeps a record of it.
+    Once(Program<'a>, Overview),
     /// Runs a program again and again until it is told to stop, in constant memory.
     Repeat(Program<'a>),
     /// Waits for programs of clients, drives off.
@@ -94,8 +95,6 @@ pub enum Wire {
 pub struct Ended {
     /// Journal, alarms, outcome, what the program did.
     pub operator: Operator,
-    /// The programmed path as far as it was planned; of probing moves what they went.
-    pub path: Vec<Programmed>,
     /// Planned time of a program whose probing moves ended at a contact: of what was really to be run, s.
     pub probed_time_s: Option<f64>,
     /// How the cycle thread ran.
@@ -219,7 +218,7 @@ fn run_on(
     let operator = Operator::new(config, endpoints, monotonic_ns());
     let mut running = Running {
         operator: match session.task {
-            Task::Once(_) => operator,
+            Task::Once(..) => operator,
             Task::Repeat(_) => operator.repeating(),
             Task::StandBy => operator.standing_by(),
         },
@@ -230,7 +229,7 @@ fn run_on(
         cpu: process.cpu,
     };
     let stop = AtomicBool::new(false);
-    let (figures, ran) = std::thread::scope(|scope| -> anyhow::Result<_> {
+    let (figures, probed_time_s) = std::thread::scope(|scope| -> anyhow::Result<_> {
         let limits = Limits::for_machine(&config.bus, &rt, grid);
         let timeouts = match &paced {
             None => Some(TimeoutThread::spawn(
@@ -273,7 +272,7 @@ fn run_on(
         let ended = StopOnDrop(&stop);
         let lives = || !cycle.is_finished();
         let operator_loop = OperatorLoop::new(scope, session, &stop, inbox, process.cpu);
-        let ran = operator_loop.run(&mut running, task, &lives);
+        let probed_time_s = operator_loop.run(&mut running, task, &lives);
         drop(ended);
         if running.operator.needs_restart() {
             end_with_thread(&cycle, &running.operator);
@@ -282,7 +281,7 @@ fn run_on(
             .join()
             .map_err(|_| anyhow!("the cycle thread panicked; the drives stop for want of SoC"));
         drop(timeouts);
-        Ok((figures?, ran?))
+        Ok((figures?, probed_time_s?))
     })?;
     if let Err(cause) = capabilities::use_files() {
         // Folders that this user may write anyway are none the worse.
@@ -291,8 +290,7 @@ fn run_on(
 
     Ok(Ended {
         operator: running.operator,
-        path: ran.path,
-        probed_time_s: ran.probed_time_s,
+        probed_time_s,
         figures,
         peaks: control.peaks(),
         statistics: (0..config.bus.nodes.len())

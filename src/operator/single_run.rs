@@ -61,7 +61,7 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
     let session = Session {
         config,
         tables: &tables,
-        task: Task::Once(program),
+        task: Task::Once(program, overview),
         quiet: job.json,
         signal: job.signal,
         keep_rights: false,

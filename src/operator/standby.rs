@@ -27,6 +27,7 @@ use crate::operator::manual_mode;
 use crate::operator::operator_loop::{LoopTask, Running};
 use crate::operator::session;
 use crate::operator::session::{Session, Task, Wire};
+use crate::program::text::Text;
 use crate::program::{Overview, check};
 use crate::rt::shared::Command;
 use motion::cancel::Cancel;
@@ -39,7 +40,7 @@ use std::thread::{Scope, ScopedJoinHandle};
 #[derive(Debug)]
 pub(super) struct Part {
     pub(super) name: String,
-    pub(super) text: Vec<u8>,
+    pub(super) text: Text,
     overview: Overview,
 }
 
@@ -262,13 +263,13 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     }
 }
 
-fn read(source: Source) -> Result<(String, Vec<u8>), String> {
+fn read(source: Source) -> Result<(String, Text), String> {
     match source {
-        Source::Text { name, text } => Ok((name, text.into_bytes())),
+        Source::Text { name, text } => Ok((name, text.into_bytes().into())),
         Source::File(path) => {
             let name = path.display().to_string();
             let failed = |cause: std::io::Error| format!("{name}: {cause}");
-            let text = files::read(&path, files::read::PROGRAM_MAX).map_err(failed)?;
+            let text = Text::read(&path).map_err(failed)?;
             Ok((name, text))
         }
     }

@@ -4,8 +4,10 @@
 //! Out: elements in the ring, as many as fit, until the program is planned; then what the program left to remember.
 
 mod exact_stops;
+pub mod path;
 pub mod probing;
 mod settings;
+pub mod text;
 
 use crate::config::{self, Config};
 use crate::machine::motion_settings::plan_settings;
@@ -17,21 +19,30 @@ use motion::cancel::Cancel;
 use motion::canon::{Axis, Call, Event, PathMode, Position};
 use motion::element::Element;
 use motion::kinematics::ToolFrame;
+use motion::path::PackedPiece;
 use motion::plan::workers::Workers;
 use motion::plan::{PlanError, PlanErrorKind, Planner, Programmed, Pumped};
 use motion::ring::{Publish, Sink};
 use motion::rt::probe::Probed;
+use path::PathNews;
 use probing::Probing;
 pub use settings::{interpreter_settings, settings_with};
 use std::fmt;
 use std::num::NonZero;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::Sender;
 use std::thread::available_parallelism;
 use std::time::{Duration, Instant};
+use text::Reader;
 
 /// Canonical calls that one call of [`Feeder::pump`] takes at the most.
 const EVENTS_PER_PUMP: usize = 256;
+/// Pieces of the programmed path that whoever judges set-points by it may have before them, and final motion ahead of the machine, s,
+/// from which on no more is read than that: all of them lie in memory.
+const PATH_AHEAD: u64 = 20_000;
+const PATH_AHEAD_S: f64 = 0.5;
 
 /// Codes of the work systems.
 const WORK_SYSTEMS: [&str; 9] = ["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"];
@@ -80,12 +91,34 @@ fn folder(program: &str) -> Option<&Path> {
 }
 
 /// All errors of the text; what a machine can do is not looked at. `path`: of the program.
-pub fn check_text(config: &Config, tables: &Tables, path: &str, text: &[u8], limits: CheckLimits) -> Vec<gcode::Error> {
+pub fn check_text(
+    config: &Config,
+    tables: &Tables,
+    path: &str,
+    text: Reader<'_>,
+    limits: CheckLimits,
+) -> Vec<gcode::Error> {
     let mut settings = planned_settings(config, tables, home(config));
     if let Some(folder) = folder(path) {
         settings.subroutine_folders.insert(0, folder.to_owned());
     }
-    gcode::check_on(text, settings, Probing::new().1, limits)
+    let errors = gcode::check_on(text, || Ok(text), settings, Probing::new().1, limits);
+    errors.unwrap_or_else(|error| vec![not_readable(&error)])
+}
+
+/// The text of a program cannot be read.
+fn not_readable(error: &std::io::Error) -> gcode::Error {
+    gcode::Error {
+        file: String::new(),
+        line: 1,
+        column: 1,
+        text: String::new(),
+        span: 0..0,
+        kind: gcode::ErrorKind::NotReadable {
+            reason: error.to_string(),
+        },
+        calls: Vec::new(),
+    }
 }
 
 /// Interprets and plans the whole program without moving anything, so that all errors are found before it starts. `cancel` ends
@@ -93,13 +126,14 @@ pub fn check_text(config: &Config, tables: &Tables, path: &str, text: &[u8], lim
 ///
 /// # Errors
 /// All errors of the text, or the first one of the plan: a limit of the machine, or of the check.
-pub fn check(
+pub fn check<'t>(
     config: &Config,
     tables: &Tables,
     path: &str,
-    text: &[u8],
+    text: impl Into<Reader<'t>>,
     cancel: &Cancel,
 ) -> Result<Overview, ProgramErrors> {
+    let text = text.into();
     let limits = CheckLimits {
         cancel: cancel.clone(),
         ..CheckLimits::default()
@@ -286,6 +320,11 @@ pub struct Feeder<'t, S: Sink<Element>> {
     exact_stops: ExactStops,
     /// 1 for G54 to 9 for G59.3.
     work_system: u8,
+    /// Who is told of the programmed path, in place of [`Feeder::ideal_path`].
+    told: Option<Sender<PathNews>>,
+    /// Pieces of it that have been told, and how many of them set-points have left behind.
+    path: u64,
+    path_passed: Option<Arc<AtomicU64>>,
     /// Where the operator's overrides are, and those that the plan was last made with.
     live: Option<Arc<RtStatus>>,
     overrides: [f64; 2],
@@ -302,7 +341,13 @@ pub struct Feeder<'t, S: Sink<Element>> {
 
 impl<'t, S: Sink<Element>> Feeder<'t, S> {
     /// Begins at `start`, a machine position at rest.
-    pub fn new(config: &Config, tables: &Tables, text: &'t [u8], start: Position, sink: S) -> Feeder<'t, S> {
+    pub fn new(
+        config: &Config,
+        tables: &Tables,
+        text: impl Into<Reader<'t>>,
+        start: Position,
+        sink: S,
+    ) -> Feeder<'t, S> {
         Feeder::with_workers(config, tables, text, start, sink, &Workers::none())
     }
 
@@ -310,7 +355,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     pub fn with_workers(
         config: &Config,
         tables: &Tables,
-        text: &'t [u8],
+        text: impl Into<Reader<'t>>,
         start: Position,
         sink: S,
         workers: &Workers,
@@ -319,12 +364,15 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         Feeder {
             events: gcode::Interpreter::new(planned_settings(config, tables, start))
                 .with_machine(asked)
-                .run(text),
+                .run_reader(text.into()),
             planner: Planner::with_workers(plan_settings(config, start), sink, workers),
             waiting: None,
             probing,
             exact_stops: ExactStops::NONE,
             work_system: 1,
+            told: None,
+            path: 0,
+            path_passed: None,
             live: None,
             overrides: [1.0; 2],
             line: 0,
@@ -357,6 +405,19 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         self
     }
 
+    /// The same that tells of the programmed path as it comes, each move before any motion along it is in the ring.
+    pub fn telling_path(self, to: Sender<PathNews>) -> Feeder<'t, S> {
+        Feeder { told: Some(to), ..self }
+    }
+
+    /// The same that does not go far ahead of the one who judges set-points by its path: `passed` counts the pieces behind them.
+    pub fn keeping_near(self, passed: Arc<AtomicU64>) -> Feeder<'t, S> {
+        Feeder {
+            path_passed: Some(passed),
+            ..self
+        }
+    }
+
     /// The same that follows the operator, from the next [`Feeder::pump`] on: overrides; in single block, exact stops.
     pub fn following(self, live: Arc<RtStatus>) -> Feeder<'t, S> {
         Feeder {
@@ -372,6 +433,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     pub fn pump(&mut self) -> Result<Progress, FeedError> {
         for _ in 0..EVENTS_PER_PUMP {
             self.follow_overrides();
+            self.tell_path(None);
             if self.planner.pump() == Pumped::Blocked {
                 return Ok(Progress::RingFull);
             }
@@ -380,6 +442,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
                     return Ok(Progress::Probing);
                 };
                 self.left_s += self.planner.probed(probed.rest);
+                self.tell_path(Some(PathNews::Probed));
                 self.probing.send(gcode::Probed {
                     end: probed.end,
                     at: self.planner.to_work(&probed.at),
@@ -392,6 +455,9 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
                 } else {
                     Progress::Working
                 });
+            }
+            if self.is_far_ahead() {
+                return Ok(Progress::RingFull);
             }
             match self.waiting.take().map(Ok).or_else(|| self.events.next()) {
                 Some(Ok(event)) => {
@@ -410,6 +476,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
                     {
                         // All before it, and the move itself; the rest is planned once it is over.
                         self.planner.await_contact();
+                        self.tell_path(Some(PathNews::Probing));
                         self.planner.finish();
                     }
                 }
@@ -464,6 +531,17 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     /// Nobody waits for the end of a probing move any more: the path has all of its way.
     pub fn give_up_contact(&mut self) {
         self.planner.give_up_contact();
+        self.tell_path(Some(PathNews::Probed));
+    }
+
+    /// Tells how the programmed path goes on, and what comes behind that.
+    fn tell_path(&mut self, news: Option<PathNews>) {
+        let Some(told) = &self.told else { return };
+        let path = self.planner.ideal_path();
+        self.path += path.len() as u64;
+        let ways = path.map(|part| PathNews::Way(PackedPiece::from(&part.piece)));
+        // Who does not listen any more does not want to know.
+        ways.chain(news).for_each(|news| drop(told.send(news)));
     }
 
     /// Planned time of a program whose probing moves ended where the machine touched something, s: of the ways that they and
@@ -477,7 +555,15 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     /// Programmed path since the last call, before corners were rounded; machine coordinates. A probing move is told when it is
     /// over, as far as it went.
     pub fn ideal_path(&mut self) -> std::vec::Drain<'_, Programmed> {
-        self.planner.ideal_path()
+        let path = self.planner.ideal_path();
+        self.path += path.len() as u64;
+        path
+    }
+
+    /// Whether there is more path before the set-points than need be.
+    fn is_far_ahead(&mut self) -> bool {
+        let Some(passed) = &self.path_passed else { return false };
+        self.path - passed.load(Ordering::Relaxed) > PATH_AHEAD && self.planner.sink().ahead_s() > Some(PATH_AHEAD_S)
     }
 
     /// Pauses until there may be something to do: an order comes, or the machine has moved on for `most`.

@@ -239,6 +239,50 @@ impl Piece {
     }
 }
 
+/// Where a piece leads, in little memory: most are straight, and any piece has room for the largest shape. How its axes are
+/// meant is left out.
+#[derive(Clone, Debug)]
+pub enum PackedPiece {
+    /// A stretch of a straight line.
+    Line {
+        /// Where it begins on the line.
+        from: f64,
+        /// Its length.
+        length: f64,
+        /// The line.
+        line: Line,
+    },
+    /// Any other.
+    Other(Box<Piece>),
+}
+
+impl From<&Piece> for PackedPiece {
+    fn from(piece: &Piece) -> PackedPiece {
+        match piece.shape {
+            Shape::Line(line) => PackedPiece::Line {
+                from: piece.from,
+                length: piece.length,
+                line,
+            },
+            Shape::Arc(_) | Shape::Blend(_) => PackedPiece::Other(Box::new(*piece)),
+        }
+    }
+}
+
+impl From<PackedPiece> for Piece {
+    fn from(packed: PackedPiece) -> Piece {
+        match packed {
+            PackedPiece::Line { from, length, line } => Piece {
+                from,
+                length,
+                shape: Shape::Line(line),
+                frame: ToolFrame::OFF,
+            },
+            PackedPiece::Other(piece) => *piece,
+        }
+    }
+}
+
 fn distance(a: &[f64; AXES], b: &[f64; AXES]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }

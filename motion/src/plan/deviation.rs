@@ -14,7 +14,7 @@ use std::collections::VecDeque;
 use super::Programmed;
 use super::smooth::round::{distance, nearest};
 use crate::canon::{AXES, Position};
-use crate::path::{Piece, Shape};
+use crate::path::{PackedPiece, Piece, Shape};
 
 /// Longest part of a piece that is one place in the order, mm: inside, points may come in any order.
 const CELL_MM: f64 = 0.25;
@@ -50,13 +50,43 @@ pub fn deviation(samples: &[Position], path: &[Programmed], tolerance_mm: f64) -
     judge.finish()
 }
 
-/// Greatest distance of a set-point from the programmed path, mm, as in [`Deviation::off_mm`].
-pub fn off_mm(samples: impl Iterator<Item = Position>, path: &[Programmed], tolerance_mm: f64) -> f64 {
-    let mut follower = Follower::default();
-    path.iter().for_each(|part| follower.push(part.piece));
-    let around_mm = around_mm(tolerance_mm);
-    samples.for_each(|sample| follower.follow(&sample, around_mm));
-    follower.off_mm
+/// Greatest distance of a set-point from the programmed path, as in [`Deviation::off_mm`], as both come.
+///
+/// The path has to be ahead of the set-points by as much as these may be off.
+#[derive(Debug)]
+pub struct OffPath {
+    path: Follower,
+    around_mm: f64,
+}
+
+impl OffPath {
+    /// `tolerance_mm`: how far set-points may be off, which is how far is looked around.
+    pub fn new(tolerance_mm: f64) -> OffPath {
+        OffPath {
+            path: Follower::default(),
+            around_mm: around_mm(tolerance_mm),
+        }
+    }
+
+    /// The programmed path goes on.
+    pub fn push_path(&mut self, piece: PackedPiece) {
+        self.path.push(piece);
+    }
+
+    /// The next set-point.
+    pub fn push_sample(&mut self, sample: &Position) {
+        self.path.follow(sample, self.around_mm);
+    }
+
+    /// Pieces of the path that set-points have left behind.
+    pub fn passed(&self) -> u64 {
+        self.path.first
+    }
+
+    /// Greatest distance so far, mm.
+    pub fn off_mm(&self) -> f64 {
+        self.path.off_mm
+    }
 }
 
 /// How far is looked beyond the way that a point has gone.
@@ -101,7 +131,7 @@ impl DeviationJudge {
             self.points.push_back((self.length_mm + s, piece.position(s)));
         }
         self.length_mm += piece.length();
-        self.path.push(*piece);
+        self.path.push(PackedPiece::from(piece));
     }
 
     /// The next set-point.
@@ -118,6 +148,11 @@ impl DeviationJudge {
         {
             self.pass_point();
         }
+    }
+
+    /// Pieces of the path that set-points have left behind.
+    pub fn passed(&self) -> u64 {
+        self.path.first
     }
 
     /// What was found, once all has come.
@@ -176,9 +211,11 @@ struct Cell {
 /// Follows points along a track.
 #[derive(Debug, Default)]
 struct Follower {
-    /// Of the cells, and those that come behind them; number of the first.
+    /// Of the cells; number of the first.
     pieces: VecDeque<Piece>,
     first: u64,
+    /// Those that come behind them.
+    ahead: VecDeque<PackedPiece>,
     cells: VecDeque<Cell>,
     /// Where the next cell begins: piece, place in it, and length of the track before the piece.
     next: (u64, f64, f64),
@@ -190,17 +227,17 @@ struct Follower {
 }
 
 impl Follower {
-    fn push(&mut self, piece: Piece) {
-        self.pieces.push_back(piece);
+    fn push(&mut self, piece: PackedPiece) {
+        self.ahead.push_back(piece);
     }
 
     fn push_line(&mut self, from: Position, to: Position) {
         // Set-points of a machine that stands make none.
-        self.pieces.extend(Piece::line(from, to));
+        self.ahead.extend(Piece::line(from, to).as_ref().map(PackedPiece::from));
     }
 
     fn follow(&mut self, point: &Position, around_mm: f64) {
-        if self.pieces.is_empty() {
+        if self.pieces.is_empty() && self.ahead.is_empty() {
             return;
         }
         let step_mm = self.last.map_or(0.0, |last| distance(&point.0, &last.0));
@@ -255,6 +292,9 @@ impl Follower {
     /// The next part of the track; false: there is none yet.
     fn add_cell(&mut self) -> bool {
         let (piece, from, begin_mm) = self.next;
+        if piece == self.first + self.pieces.len() as u64 {
+            self.pieces.extend(self.ahead.pop_front().map(Piece::from));
+        }
         let Some(own) = self.pieces.get((piece - self.first) as usize) else {
             return false;
         };

@@ -6,6 +6,7 @@
 use super::run_down::{Cycle, whole};
 use crate::config::Config;
 use crate::machine::tables::Tables;
+use crate::program::text::Reader;
 use crate::program::{FeedError, Feeder, home};
 use motion::canon::{Axis, Position};
 use motion::element::{Element, Span};
@@ -104,7 +105,7 @@ impl ProgrammedPath {
 pub(super) fn smoothed(
     config: &Config,
     tables: &Tables,
-    (name, text): (&str, &[u8]),
+    (name, text): (&str, Reader<'_>),
     feeds: HashMap<u32, f64>,
 ) -> Result<String, FeedError> {
     let axes = letters(config);

@@ -19,6 +19,7 @@ use crate::bus;
 use crate::config::{self, Config};
 use crate::machine::tables::Tables;
 use crate::operator::refusal::Refusal;
+use crate::program::text::{Reader, Text};
 use anyhow::{Context, anyhow};
 use clap::{Args, ValueEnum};
 use motion::plan::PlannerKind;
@@ -81,9 +82,9 @@ impl From<PlannerName> for PlannerKind {
 /// # Errors
 /// Files that cannot be read or written.
 pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
-    let text =
-        files::read(&args.program, files::read::PROGRAM_MAX).with_context(|| args.program.display().to_string())?;
-    let (config, tables, mut work) = planned(args, &text)?;
+    let text = Text::read(&args.program).with_context(|| args.program.display().to_string())?;
+    let text = Reader::from(&text);
+    let (config, tables, mut work) = planned(args, text)?;
     let report = Report::new(&config, &work);
     // What was found out first: a disk may be full.
     if args.json {
@@ -107,7 +108,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     if let Some(file) = &args.smoothed {
         let name = args.program.display().to_string();
         let feeds = std::mem::take(&mut work.feeds);
-        let points = export::smoothed(&config, &tables, (&name, &text), feeds);
+        let points = export::smoothed(&config, &tables, (&name, text), feeds);
         put(file, points.map_err(|error| anyhow!(error.located(&name)))?)?;
     }
     if let Some((file, recording)) = args.svg.as_ref().zip(work.recording.as_ref()) {
@@ -122,7 +123,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
 }
 
 /// The machine, and the program planned for it.
-fn planned(args: &PlanArgs, text: &[u8]) -> Result<(Config, Tables, Work), Refusal> {
+fn planned(args: &PlanArgs, text: Reader<'_>) -> Result<(Config, Tables, Work), Refusal> {
     let mut config = bus::read(&args.machine)?;
     if let Some(name) = args.planner {
         config.program.planner = name.into();

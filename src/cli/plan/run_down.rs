@@ -11,6 +11,7 @@ use super::slow_places::{FeedKept, FeedWatch};
 use crate::config::Config;
 use crate::machine::motion_settings::{ring_capacity, stop_ramp};
 use crate::machine::tables::Tables;
+use crate::program::text::Reader;
 use crate::program::{FeedError, Feeder, Progress, home};
 use motion::canon::{Axis, Position};
 use motion::element::Element;
@@ -23,6 +24,8 @@ use motion::ring::{self, Producer, Publish, Sink, Timed};
 use motion::rt::{Interpolator, Sample, SampleState, Shares, SyncFault};
 use std::collections::HashMap;
 use std::num::NonZero;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::available_parallelism;
 use std::time::Instant;
 
@@ -37,6 +40,9 @@ const PLACES: f64 = 16.0;
 const PLACES_PER_RAD: f64 = 650.0;
 /// As much as a piece is taken to turn that is neither a line nor an arc, or whose joints are no linear function of the axes.
 const TURN_RAD: f64 = 2.0;
+
+/// Cycles after which a full ring is looked at again: it holds thousands of them.
+const FULL_CYCLES: u64 = 64;
 
 /// What there is to know of one cycle.
 #[derive(Clone, Copy, Debug)]
@@ -112,6 +118,10 @@ impl Sink<Element> for Followed {
         self.0.is_full(count)
     }
 
+    fn ahead_s(&self) -> Option<f64> {
+        self.0.ahead_s()
+    }
+
     fn publish(&mut self, committed: &[Element], tail: &[Element]) -> Publish {
         self.0.publish(committed, tail)
     }
@@ -145,7 +155,7 @@ impl Sink<Element> for Measure {
 pub(super) fn run_down(
     config: &Config,
     tables: &Tables,
-    (name, text): (&str, &[u8]),
+    (name, text): (&str, Reader<'_>),
     threads: Option<usize>,
     wanted: Wanted,
 ) -> Result<Work, FeedError> {
@@ -160,7 +170,10 @@ pub(super) fn run_down(
     let (motion_time_s, elements) = (measure.time_s + measure.tail_s, measure.elements);
 
     let (producer, consumer) = ring::channel(ring_capacity(config));
-    let mut feeder = Feeder::with_workers(config, tables, text, start, Followed(producer), &workers).beside(name);
+    let passed = Arc::new(AtomicU64::new(0));
+    let mut feeder = Feeder::with_workers(config, tables, text, start, Followed(producer), &workers)
+        .beside(name)
+        .keeping_near(Arc::clone(&passed));
     let kinematics = config.kinematics();
     let mut interpolator = Interpolator::new(consumer, start, stop_ramp(config));
     let mut judge = Judge::new(config, wanted);
@@ -169,14 +182,17 @@ pub(super) fn run_down(
     let mut sample = Sample::resting(start);
     judge.push(&sample, 0.0);
     let (mut done, mut in_a_row, mut starved_cycles, mut given_up) = (false, 0, 0, None);
+    let mut feed_at = 0;
     loop {
-        while !done {
+        while !done && judge.number >= feed_at {
             let progress = feeder.pump()?;
             judge.deviation.allow(feeder.tolerance_mm());
             feeder.ideal_path().for_each(|part| judge.push_path(&part));
+            passed.store(judge.deviation.passed(), Ordering::Relaxed);
             match progress {
                 Progress::Working => {}
-                Progress::RingFull | Progress::Probing => break,
+                Progress::RingFull => feed_at = judge.number + FULL_CYCLES,
+                Progress::Probing => break,
                 Progress::Done => done = true,
             }
         }
@@ -452,7 +468,7 @@ mod tests {
             samples,
             ..Wanted::default()
         };
-        run_down(config, &tables, ("part.ngc", text.as_bytes()), Some(1), wanted)
+        run_down(config, &tables, ("part.ngc", text.as_bytes().into()), Some(1), wanted)
             .unwrap_or_else(|error| panic!("{error:?}"))
     }
 

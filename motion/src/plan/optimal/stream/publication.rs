@@ -479,7 +479,7 @@ impl Stream {
 /// much ahead of it already.
 fn has_room<S: Sink<Element>>(sink: &S, count: usize) -> bool {
     match sink.consumer_at() {
-        Some(at) => sink.next_number() - at < AHEAD && sink.free() >= count + RESERVE,
+        Some(at) => sink.next_number() - at < AHEAD && sink.free() >= count + RESERVE && !sink.is_full(count),
         None => !sink.is_full(count),
     }
 }
