@@ -104,6 +104,8 @@ fn a_shut_down_in_mid_program_rests_on_the_path_first() {
         // A later, lesser wish changes nothing.
         run.operator.give(Command::Disable);
         reach_state(run, State::ShuttingDown);
+        // The operator takes records of ten cycles at a time.
+        run.run_until(10, |_| false).expect("a good program");
         let commands = commands(run);
         assert_ends_at_rest(&commands);
         assert_within_limits(&commands, true);
