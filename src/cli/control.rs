@@ -212,6 +212,9 @@ pub fn program(args: &ProgramArgs) -> anyhow::Result<ExitCode> {
         begun["lines"],
         begun["planned_time_s"].as_f64().unwrap_or(0.0)
     );
+    if let Some(warning) = begun["warning"].as_str().filter(|_| !args.control.json) {
+        eprintln!("warning: {warning}");
+    }
     if *no_wait {
         print(&args.control, &begun, &words);
         return Ok(ExitCode::SUCCESS);

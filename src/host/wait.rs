@@ -18,6 +18,11 @@ pub fn thread_cpu_ns() -> u64 {
     clock_ns(ClockId::CLOCK_THREAD_CPUTIME_ID)
 }
 
+/// Processor time of the calling thread, s. A system call.
+pub fn thread_cpu_s() -> f64 {
+    thread_cpu_ns() as f64 * 1e-9
+}
+
 /// The clock of the calling thread's processor time, for other threads of the process.
 pub fn thread_cpu_clock() -> Option<libc::clockid_t> {
     let mut clock = 0;

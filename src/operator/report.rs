@@ -15,6 +15,7 @@ use crate::operator::session::Ended;
 use crate::plot;
 use crate::plot::PathSample;
 use crate::program::Overview;
+use crate::program::real_time::RealTimeFactor;
 use crate::rt::cycle_stats::FiguresSummary;
 use crate::rt::timeout;
 use anyhow::Context;
@@ -95,6 +96,7 @@ impl<'a> Facts<'a> {
             line_reached: recorder.line(),
             lines: self.overview.lines,
             planned_time_s: probed_time_s.unwrap_or(self.overview.time_s),
+            real_time_factor: self.overview.real_time,
             motion_time_s,
             starved_cycles: recorder.starved_cycles(),
             following_error_max_mm,
@@ -234,6 +236,8 @@ pub struct RunReport {
     pub lines: u32,
     /// Seconds that the program was planned to take; its probing moves, and what follows them, as far as they really went.
     pub planned_time_s: f64,
+    /// How much quicker than motion it was planned when it was checked.
+    pub real_time_factor: RealTimeFactor,
     /// Seconds that it took, holds and waits included.
     pub motion_time_s: f64,
     /// Cycles of this in which the machine stood because its plan came late.

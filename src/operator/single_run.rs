@@ -58,6 +58,9 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
             minutes(overview.time_s)
         ));
     }
+    if let Some((line, what)) = overview.real_time.warning() {
+        eprintln!("{}:{line}: warning: {what}", program.name);
+    }
     let session = Session {
         config,
         tables: &tables,

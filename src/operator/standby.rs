@@ -234,10 +234,16 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         if !operator.begin(now_ns) {
             return Err("the machine is not ready for a program".into());
         }
+        let warning = (part.overview.real_time.warning()).map(|(line, what)| format!("{}:{line}: {what}", part.name));
+        if let Some(warning) = &warning {
+            operator.add_entry(format!("warning: {warning}"));
+        }
         let begun = json!({
             "program": part.name,
             "lines": part.overview.lines,
             "planned_time_s": part.overview.time_s,
+            "real_time_factor": part.overview.real_time,
+            "warning": warning,
         });
         self.part = Some(Arc::new(part));
         Ok(begun)

@@ -130,6 +130,24 @@ impl Sheet {
         }
     }
 
+    /// A round mark with a short text in it, that leads to a place in the page.
+    pub(crate) fn mark(&mut self, at: (f64, f64), text: &str, title: &str, address: &str) {
+        const RADIUS: f64 = 9.0;
+        if at.0.is_finite() && at.1.is_finite() {
+            let _ = writeln!(
+                self.body,
+                r##"<a href="{}"><title>{}</title><circle cx="{:.1}" cy="{:.1}" r="{RADIUS}" fill="#fff4c2" stroke="#222222"/><text x="{:.1}" y="{:.1}" font-size="11" text-anchor="middle" fill="#222222">{}</text></a>"##,
+                escaped(address),
+                escaped(title),
+                at.0,
+                at.1,
+                at.0,
+                at.1 + 4.0,
+                escaped(text)
+            );
+        }
+    }
+
     /// A text whose base line is at the place.
     pub(crate) fn text(&mut self, at: (f64, f64), face: Face, text: &str) {
         self.write(at, face, "", text);

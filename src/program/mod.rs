@@ -6,10 +6,12 @@
 mod exact_stops;
 pub mod path;
 pub mod probing;
+pub mod real_time;
 mod settings;
 pub mod text;
 
 use crate::config::{self, Config};
+use crate::host::wait::thread_cpu_s;
 use crate::machine::motion_settings::plan_settings;
 use crate::machine::tables::Tables;
 use crate::rt::shared::RtStatus;
@@ -22,10 +24,11 @@ use motion::kinematics::ToolFrame;
 use motion::path::PackedPiece;
 use motion::plan::workers::Workers;
 use motion::plan::{PlanError, PlanErrorKind, Planner, Programmed, Pumped};
-use motion::ring::{Publish, Sink};
+use motion::ring::Sink;
 use motion::rt::probe::Probed;
 use path::PathNews;
 use probing::Probing;
+use real_time::{Measure, RealTimeFactor};
 pub use settings::{interpreter_settings, settings_with};
 use std::fmt;
 use std::num::NonZero;
@@ -83,6 +86,8 @@ pub struct Overview {
     pub time_s: f64,
     /// Greatest deviation from the path that the program allows its moves (G64), mm; 0: none.
     pub tolerance_mm: f64,
+    /// How much quicker than motion the calling thread has planned it; no other helped.
+    pub real_time: RealTimeFactor,
 }
 
 /// Folder of a program, in which its subroutines are looked for first.
@@ -157,18 +162,9 @@ pub fn check<'t>(
         });
     }
     let mut overview = Overview::default();
-    let mut feeder = Feeder::new(
-        config,
-        tables,
-        text,
-        home(config),
-        Measure {
-            time_s: 0.0,
-            tail_s: 0.0,
-        },
-    )
-    .beside(path)
-    .within(limits);
+    let mut feeder = Feeder::new(config, tables, text, home(config), Measure::new(thread_cpu_s))
+        .beside(path)
+        .within(limits);
     loop {
         match feeder.pump() {
             Ok(Progress::Done) => break,
@@ -185,7 +181,8 @@ pub fn check<'t>(
     }
     overview.lines = overview.lines.max(feeder.line());
     let measure = feeder.sink();
-    overview.time_s = measure.time_s + measure.tail_s;
+    overview.time_s = measure.time_s();
+    overview.real_time = measure.real_time_factor();
     overview.tolerance_mm = feeder.tolerance_mm();
     Ok(overview)
 }
@@ -235,25 +232,6 @@ fn resident() -> Option<u64> {
     let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
     let kib: u64 = line.trim().strip_suffix(" kB")?.parse().ok()?;
     Some(kib << 10)
-}
-
-/// Takes a plan for its duration only.
-struct Measure {
-    time_s: f64,
-    tail_s: f64,
-}
-
-impl Sink<Element> for Measure {
-    fn free(&self) -> usize {
-        usize::MAX / 2
-    }
-
-    fn publish(&mut self, committed: &[Element], tail: &[Element]) -> Publish {
-        use motion::ring::Timed;
-        self.time_s += committed.iter().map(Timed::duration_s).sum::<f64>();
-        self.tail_s = tail.iter().map(Timed::duration_s).sum();
-        Publish::Done
-    }
 }
 
 /// Why the program cannot go on.
@@ -673,10 +651,7 @@ mod tests {
 
     fn first_error(text: &str) -> FeedError {
         let (config, tables) = demo();
-        let measure = Measure {
-            time_s: 0.0,
-            tail_s: 0.0,
-        };
+        let measure = Measure::new(|| 0.0);
         let mut feeder = Feeder::new(&config, &tables, text.as_bytes(), home(&config), measure);
         loop {
             match feeder.pump() {
@@ -700,6 +675,14 @@ mod tests {
             config.program.tolerance_mm
         );
         assert_eq!(tolerance_mm("G21 G90 G61\nG1 X1 F100\nM2\n"), 0.0);
+    }
+
+    #[test]
+    fn a_check_tells_how_quick_planning_is() {
+        let (config, tables) = demo();
+        let text = b"G21 G90 G64 P0.05\nG1 X100 F1000\nY50\nX0\nM2\n";
+        let checked = check(&config, &tables, "p.ngc", text, &Cancel::default()).expect("a program");
+        assert!(checked.real_time.whole.is_some_and(|whole| whole > 0.0), "{checked:?}");
     }
 
     #[test]

@@ -17,6 +17,8 @@ pub(super) struct IdealSpindle {
     told: Option<(f64, SpindleDirection, Option<Surface>)>,
     turns: f64,
     turns_s: f64,
+    /// The operator's, on the programmed speed.
+    factor: f64,
 }
 
 impl IdealSpindle {
@@ -28,7 +30,13 @@ impl IdealSpindle {
             told: None,
             turns: 0.0,
             turns_s: 0.0,
+            factor: 1.0,
         }
+    }
+
+    /// From now on so much of the programmed speed.
+    pub(super) fn set_override(&mut self, factor: f64) {
+        self.factor = factor;
     }
 
     /// Where it is.
@@ -101,7 +109,7 @@ impl IdealSpindle {
             return 0.0;
         };
         let at_surface = surface.map_or(f64::INFINITY, |surface| surface.rpm(x_mm));
-        let turns_s = rpm.min(self.rpm_max).min(at_surface) / 60.0;
+        let turns_s = (rpm.min(at_surface) * self.factor).min(self.rpm_max) / 60.0;
         let turns_s = match direction {
             SpindleDirection::Clockwise => turns_s,
             SpindleDirection::Counterclockwise => -turns_s,

@@ -27,6 +27,8 @@ pub(super) struct Joint {
     pub(super) axis: Option<Axis>,
     /// Greatest velocity, acceleration and jerk, mm (degrees) and s.
     pub(super) limits: [f64; ORDERS],
+    /// The same where a hold or a stop, or a way out of one, scales time.
+    pub(super) stop_limits: [f64; ORDERS],
     /// Least and greatest position, mm or degrees.
     travel: [f64; 2],
     /// How it is told to leave its travel, if it is: there, the machine would fault.
@@ -38,6 +40,8 @@ pub(super) struct Joint {
     pub(super) differences: [f64; ORDERS],
     /// What is asked of it at the most.
     pub(super) peaks: Peaks,
+    /// The same where stop limits hold.
+    pub(super) stop_peaks: Peaks,
     /// Whether it has moved at all.
     pub(super) moves: bool,
     cycle_s: f64,
@@ -70,6 +74,8 @@ pub(super) struct Beyond {
 pub(super) struct Joints {
     kinematics: Kinematics,
     now: Vec<f64>,
+    /// Cycles for which stop limits hold yet.
+    stopping: usize,
     /// In the order of the machine file.
     pub(super) all: Vec<Joint>,
 }
@@ -85,11 +91,17 @@ impl Joints {
                     joint.limits.acceleration_mm_s2,
                     joint.limits.jerk_mm_s3,
                 ],
+                stop_limits: [
+                    joint.limits.velocity_mm_s,
+                    joint.stop.acceleration_mm_s2,
+                    joint.stop.jerk_mm_s3,
+                ],
                 travel: joint.travel_mm,
                 beyond_travel: None,
                 last: None,
                 differences: [0.0; ORDERS],
                 peaks: Peaks::default(),
+                stop_peaks: Peaks::default(),
                 moves: false,
                 cycle_s: f64::from(config.cycle_us) * 1e-6,
             })
@@ -97,8 +109,14 @@ impl Joints {
         Joints {
             kinematics,
             now: vec![0.0; all.len()],
+            stopping: 0,
             all,
         }
+    }
+
+    /// Time is scaled in the cycle that comes: what is seen of that, in it and in those behind it, has to keep the stop limits.
+    pub(super) fn scale(&mut self) {
+        self.stopping = ORDERS + 1;
     }
 
     /// Takes the set-point of a cycle, and whether the one before it was run as well. A position that the machine cannot take
@@ -106,19 +124,28 @@ impl Joints {
     pub(super) fn push(&mut self, position: &Position, frame: &ToolFrame, place: (u64, u32), follows: bool) {
         // The planner has refused such positions; and the peaks would tell of the jump behind them.
         let _ = self.kinematics.inverse(frame, &position.0, &mut self.now);
+        let stops = self.take_stop();
         for (joint, position) in self.all.iter_mut().zip(&self.now) {
-            joint.push(*position, place, follows);
+            joint.push(*position, place, follows, stops);
             joint.judge_travel(*position, place);
         }
     }
 
     /// A cycle behind the last set-point: the machine rests, and up to [`ORDERS`] cycles long there is still something to see.
     pub(super) fn rest(&mut self, place: (u64, u32)) {
+        let stops = self.take_stop();
         for joint in &mut self.all {
             if let Some(([latest, ..], _)) = joint.last {
-                joint.push(latest, place, true);
+                joint.push(latest, place, true, stops);
             }
         }
+    }
+
+    /// Whether stop limits hold in this cycle.
+    fn take_stop(&mut self) -> bool {
+        let stops = self.stopping > 0;
+        self.stopping = self.stopping.saturating_sub(1);
+        stops
     }
 
     /// The greatest use of a limit in the latest cycle, its joint and its order.
@@ -146,7 +173,7 @@ impl Joint {
         }
     }
 
-    fn push(&mut self, position: f64, place: (u64, u32), follows: bool) {
+    fn push(&mut self, position: f64, place: (u64, u32), follows: bool, stops: bool) {
         let ([q1, q2, q3, _], known) = self.last.unwrap_or(([position; ORDERS + 1], ORDERS));
         let known = if follows { (known + 1).min(ORDERS) } else { 0 };
         self.moves |= position != q1;
@@ -160,14 +187,18 @@ impl Joint {
         self.differences[known..].fill(0.0);
         // Positions carry rounding of their own size, which differences multiply.
         let rounding = 8.0 * f64::EPSILON * position.abs().max(1.0);
-        let peaks = &mut self.peaks;
+        let (peaks, limits) = if stops {
+            (&mut self.stop_peaks, &self.stop_limits)
+        } else {
+            (&mut self.peaks, &self.limits)
+        };
         for (order, difference) in self.differences.into_iter().enumerate() {
             let amount = difference.abs();
             if amount > peaks.greatest[order] {
                 (peaks.greatest[order], peaks.at[order]) = (amount, place);
             }
             let noise = rounding / cycle_s.powi(order as i32 + 1);
-            peaks.over[order] += u64::from(amount > self.limits[order] * (1.0 + SLACK) + noise);
+            peaks.over[order] += u64::from(amount > limits[order] * (1.0 + SLACK) + noise);
         }
     }
 
@@ -209,6 +240,8 @@ mod tests {
             last: None,
             differences: [0.0; ORDERS],
             peaks: Peaks::default(),
+            stop_limits: [10.0, 500.0, 15_000.0],
+            stop_peaks: Peaks::default(),
             moves: false,
             cycle_s: 0.1,
         }
@@ -219,7 +252,7 @@ mod tests {
         let mut joint = joint();
         let mut seen = Vec::new();
         for (cycle, position) in [5.0, 5.0, 6.0, 8.0, 8.0, 8.0, 8.0].into_iter().enumerate() {
-            joint.push(position, (cycle as u64, 1), true);
+            joint.push(position, (cycle as u64, 1), true, false);
             seen.push(joint.differences);
         }
         let expected = [
@@ -266,7 +299,7 @@ mod tests {
             (101.5, true),
             (102.0, true),
         ] {
-            joint.push(position, (0, 1), follows);
+            joint.push(position, (0, 1), follows, false);
             seen.push(joint.differences);
         }
         assert_eq!(seen[2], [0.0; 3]);

@@ -7,13 +7,19 @@
 //! interpolation of the machine, without a clock (`run_down`). What is judged is judged cycle by cycle: memory does not grow with the
 //! program, but for the files of numbers that were asked for.
 
+mod ahead;
+mod compare;
 mod export;
 mod ideal_spindle;
 mod joints;
+mod lines;
+mod page;
 mod picture;
 mod report;
 mod run_down;
+mod script;
 mod slow_places;
+mod times;
 
 use crate::bus;
 use crate::config::{self, Config};
@@ -22,12 +28,17 @@ use crate::operator::refusal::Refusal;
 use crate::program::text::{Reader, Text};
 use anyhow::{Context, anyhow};
 use clap::{Args, ValueEnum};
+use compare::{Compared, Comparison};
 use motion::plan::PlannerKind;
 use report::Report;
 use run_down::{Wanted, Work};
+use script::{Script, ScriptError};
 use serde_json::{Value as Json, json};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+
+/// Longest script, octets.
+const SCRIPT_MAX: u64 = 1 << 20;
 
 /// Arguments of `plan`.
 #[derive(Debug, Args)]
@@ -54,6 +65,17 @@ pub struct PlanArgs {
     /// Draw the tool path coloured by speed, and velocity, acceleration and jerk of every joint over time.
     #[arg(long, value_name = "FILE.svg")]
     svg: Option<PathBuf>,
+    /// Write one page for a browser: path, velocity, acceleration and jerk over time, slowest places, times, lines of the program.
+    #[arg(long, value_name = "FILE.html")]
+    html: Option<PathBuf>,
+    /// What the operator does meanwhile, an order a line: `at 2.5 s feed 50`, `at line 120 hold`, `after 3 s resume`,
+    /// `at rest reverse 50`; `rapid`, `spindle`, `single-block on`, `stop`.
+    #[arg(long, value_name = "FILE")]
+    script: Option<PathBuf>,
+    /// Plan it with another setting as well, and show both side by side: KEY=VALUE[,KEY=VALUE...] in place of what the machine file
+    /// says (`program.planner=classic`, `joint.0.travel_mm=[0,300]`), or another machine file. May be given several times.
+    #[arg(long, value_name = "SETTING", conflicts_with_all = ["samples", "path", "smoothed", "svg", "html"])]
+    compare: Vec<String>,
     /// Print JSON, errors too.
     #[arg(long)]
     json: bool,
@@ -84,7 +106,10 @@ impl From<PlannerName> for PlannerKind {
 pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     let text = Text::read(&args.program).with_context(|| args.program.display().to_string())?;
     let text = Reader::from(&text);
-    let (config, tables, mut work) = planned(args, text)?;
+    if !args.compare.is_empty() {
+        return compare(args, text);
+    }
+    let (config, tables, mut work) = planned(args, machine(args, None)?, text)?;
     let report = Report::new(&config, &work);
     // What was found out first: a disk may be full.
     if args.json {
@@ -98,6 +123,13 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
         wrong
             .iter()
             .for_each(|(line, what)| eprintln!("{program}:{line}: {what}"));
+        for (line, what) in report.left_out() {
+            let script = args.script.as_deref().unwrap_or(&args.program).display();
+            eprintln!("{script}:{line}: never came: {what}");
+        }
+        if let Some((line, what)) = report.real_time_factor.warning() {
+            eprintln!("{program}:{line}: warning: {what}");
+        }
     }
     let put = |file: &Path, text: String| files::write(file, text).with_context(|| file.display().to_string());
     for (file, lines) in [(&args.samples, work.samples.take()), (&args.path, work.path.take())] {
@@ -115,19 +147,67 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
         let name = args.program.file_name().unwrap_or_default().to_string_lossy();
         put(file, picture::picture(&name, &config, recording, &work, &report))?;
     }
-    Ok(if wrong.is_empty() {
+    if let Some(file) = &args.html {
+        let page = page::Page {
+            name: &args.program.file_name().unwrap_or_default().to_string_lossy(),
+            text,
+            config: &config,
+            work: &work,
+            report: &report,
+        };
+        let html = page.html().with_context(|| args.program.display().to_string())?;
+        put(file, html.unwrap_or_default())?;
+    }
+    Ok(if wrong.is_empty() && report.left_out().is_empty() {
         ExitCode::SUCCESS
     } else {
         ExitCode::FAILURE
     })
 }
 
-/// The machine, and the program planned for it.
-fn planned(args: &PlanArgs, text: Reader<'_>) -> Result<(Config, Tables, Work), Refusal> {
-    let mut config = bus::read(&args.machine)?;
-    if let Some(name) = args.planner {
+/// The program planned with each setting, side by side: exit code 0 if it can be run with all of them.
+fn compare(args: &PlanArgs, text: Reader<'_>) -> anyhow::Result<ExitCode> {
+    let mut compare = Vec::new();
+    for setting in std::iter::once(None).chain(args.compare.iter().map(Some)) {
+        let (config, _, work) = planned(args, machine(args, setting)?, text)?;
+        compare.push(Compared {
+            setting: setting.map_or("as given", String::as_str).to_owned(),
+            report: Report::new(&config, &work),
+        });
+    }
+    let comparison = Comparison { compare };
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&comparison)?);
+    } else {
+        print!("{comparison}");
+    }
+    let mut code = ExitCode::SUCCESS;
+    for Compared { setting, report } in &comparison.compare {
+        for (line, what) in report.wrong() {
+            code = ExitCode::FAILURE;
+            if !args.json {
+                eprintln!("{}:{line}: {setting}: {what}", args.program.display());
+            }
+        }
+    }
+    Ok(code)
+}
+
+/// The machine, with a setting of its own.
+fn machine(args: &PlanArgs, setting: Option<&String>) -> Result<Config, Refusal> {
+    let mut config = match setting {
+        Some(setting) => compare::machine(&args.machine, setting)?,
+        None => bus::read(&args.machine)?,
+    };
+    let own_planner = setting.is_some_and(|setting| setting.contains("program.planner"));
+    if let Some(name) = args.planner.filter(|_| !own_planner) {
         config.program.planner = name.into();
     }
+    Ok(config)
+}
+
+/// The program planned for a machine.
+fn planned(args: &PlanArgs, config: Config, text: Reader<'_>) -> Result<(Config, Tables, Work), Refusal> {
     let plain = |file: &Path, error: &dyn std::fmt::Display| Refusal::of_file(&file.display().to_string(), error);
     config::check_planner(&config).map_err(|rule| plain(&args.machine, &format!("--planner classic: {rule}")))?;
     let tables = Tables::read(&config).map_err(|error| plain(&args.machine, &error))?;
@@ -136,6 +216,9 @@ fn planned(args: &PlanArgs, text: Reader<'_>) -> Result<(Config, Tables, Work), 
         let rule = format!("cannot be planned: {}", config.without_joints());
         return Err(plain(&args.program, &format!("{name}: {rule}")));
     }
+    let script = (args.script.as_ref())
+        .map(|file| read_script(file, config.program.planner))
+        .transpose()?;
     let errors = crate::program::check_text(&config, &tables, &name, text, gcode::CheckLimits::default());
     if !errors.is_empty() {
         let shown: Vec<String> = errors.iter().map(|error| error.render(&name)).collect();
@@ -152,7 +235,8 @@ fn planned(args: &PlanArgs, text: Reader<'_>) -> Result<(Config, Tables, Work), 
             samples: args.samples.is_some(),
             path: args.path.is_some(),
             feeds: args.smoothed.is_some(),
-            picture: args.svg.is_some(),
+            picture: args.svg.is_some() || args.html.is_some() || (args.json && args.compare.is_empty()),
+            script,
         },
     ) {
         Ok(work) => Ok((config, tables, work)),
@@ -162,6 +246,15 @@ fn planned(args: &PlanArgs, text: Reader<'_>) -> Result<(Config, Tables, Work), 
             Err(Refusal::new(error.render(&name), json))
         }
     }
+}
+
+fn read_script(file: &Path, planner: PlannerKind) -> Result<Script, Refusal> {
+    let name = file.display().to_string();
+    let text = files::read(file, SCRIPT_MAX).map_err(|error| Refusal::of_file(&name, format!("{name}: {error}")))?;
+    Script::parse(&text, planner).map_err(|ScriptError { line, rule }| {
+        let json = json!({ "file": name, "errors": [{ "line": line, "rule": rule }] });
+        Refusal::new(format!("{name}:{line}: {rule}"), json)
+    })
 }
 
 fn error_json(error: &gcode::Error) -> Json {

@@ -1,12 +1,20 @@
 //! What a plan comes to, as a table for people or JSON for programs.
 
 use super::joints::{NAMES, ORDERS, Peaks};
+use super::picture::recording::Numbers;
 use super::run_down::Work;
+use super::script::ScriptReport;
 use super::slow_places::FeedKept;
+use super::times::{TimeTable, Times};
 use crate::config::Config;
+use crate::program::real_time::RealTimeFactor;
 use motion::plan::{Deviation, PlannerKind};
 use serde::Serialize;
 use std::fmt;
+
+/// Operations and limits that the text shows; JSON has all of them.
+const OPERATIONS_SHOWN: usize = 40;
+const LIMITS_SHOWN: usize = 6;
 
 /// What a plan comes to. Lengths and derivatives of rotary joints are in degrees.
 #[derive(Debug, Serialize)]
@@ -21,6 +29,8 @@ pub(super) struct Report {
     /// From text to committed profile.
     wall_time_s: f64,
     blocks_per_s: f64,
+    /// How much quicker than motion one thread plans it.
+    pub(super) real_time_factor: RealTimeFactor,
     threads: usize,
     pub(super) joints: Vec<JointReport>,
     /// Cycles of the whole program, and how many of them were run and judged: of elements that take long, not every one.
@@ -45,8 +55,14 @@ pub(super) struct Report {
     starved_cycles: u64,
     /// A move in step with the spindle behind which nothing was run down, and why.
     given_up: Option<GivenUp>,
+    /// What the operator did.
+    script: Option<ScriptReport>,
     #[serde(flatten)]
     feed: FeedKept,
+    #[serde(flatten)]
+    times: TimeTable,
+    /// What the page shows in pictures.
+    picture: Option<Numbers>,
 }
 
 /// A limit that is not kept.
@@ -132,6 +148,18 @@ pub(super) struct JointReport {
     pub(super) jerk_share: f64,
     /// Cycles over the limit.
     over: [u64; ORDERS],
+    /// Where a script holds and goes on, within the limits of stops; else `None`.
+    stopping: Option<Stopping>,
+}
+
+/// What holds and stops ask of a joint, as [`JointReport`].
+#[derive(Debug, Serialize)]
+pub(super) struct Stopping {
+    acceleration_max: f64,
+    acceleration_share: f64,
+    jerk_max: f64,
+    jerk_share: f64,
+    over: [u64; ORDERS],
 }
 
 impl Report {
@@ -139,25 +167,39 @@ impl Report {
         let mut over_limits = Vec::new();
         let joints: Vec<JointReport> = (work.joints.all.iter().enumerate())
             .map(|(index, joint)| {
+                let mut add = |Peaks { greatest, over, at }: Peaks, limits: [f64; ORDERS]| {
+                    over_limits.extend((0..ORDERS).filter(|&order| over[order] > 0).map(|order| {
+                        let (cycle, line) = at[order];
+                        OverLimit {
+                            joint: index,
+                            axis: joint.axis.map(|axis| axis.letter()),
+                            limit: NAMES[order],
+                            cycles: over[order],
+                            value: greatest[order],
+                            allowed: limits[order],
+                            line,
+                            time_s: cycle as f64 * work.cycle_s,
+                        }
+                    }));
+                };
+                add(joint.peaks, joint.limits);
+                add(joint.stop_peaks, joint.stop_limits);
                 let Peaks {
-                    greatest: peaks,
-                    over,
-                    at,
+                    greatest: peaks, over, ..
                 } = joint.peaks;
                 let share = |order: usize| peaks[order] / joint.limits[order];
-                over_limits.extend((0..ORDERS).filter(|&order| over[order] > 0).map(|order| {
-                    let (cycle, line) = at[order];
-                    OverLimit {
-                        joint: index,
-                        axis: joint.axis.map(|axis| axis.letter()),
-                        limit: NAMES[order],
-                        cycles: over[order],
-                        value: peaks[order],
-                        allowed: joint.limits[order],
-                        line,
-                        time_s: cycle as f64 * work.cycle_s,
-                    }
-                }));
+                let Peaks {
+                    greatest: stops,
+                    over: over_stops,
+                    ..
+                } = joint.stop_peaks;
+                let stopping = (stops != [0.0; ORDERS]).then(|| Stopping {
+                    acceleration_max: stops[1],
+                    acceleration_share: stops[1] / joint.stop_limits[1],
+                    jerk_max: stops[2],
+                    jerk_share: stops[2] / joint.stop_limits[2],
+                    over: over_stops,
+                });
                 JointReport {
                     joint: index,
                     axis: joint.axis.map(|axis| axis.letter()),
@@ -169,6 +211,7 @@ impl Report {
                     jerk_max: peaks[2],
                     jerk_share: share(2),
                     over,
+                    stopping,
                 }
             })
             .collect();
@@ -205,10 +248,11 @@ impl Report {
             motion_time_s: work.motion_time_s,
             wall_time_s: work.wall_time_s,
             blocks_per_s: work.blocks as f64 / work.wall_time_s,
+            real_time_factor: work.real_time,
             threads: work.threads,
             cycles: work.cycles,
             cycles_judged: work.cycles_judged,
-            cycles_over_limits: joints.iter().flat_map(|joint| joint.over).sum(),
+            cycles_over_limits: over_limits.iter().map(|over| over.cycles).sum(),
             over_limits,
             beyond_travel,
             joints,
@@ -223,7 +267,10 @@ impl Report {
                 line,
                 why: fault.to_string(),
             }),
+            script: work.script.clone(),
             feed: work.feed.clone(),
+            times: work.times.clone(),
+            picture: (work.recording.as_ref()).map(|recording| recording.numbers(&work.joints, work.cycle_s)),
         }
     }
 
@@ -241,6 +288,50 @@ impl Report {
         over.chain(beyond).chain(given_up).collect()
     }
 
+    /// What [`Report::compared`] says behind the planner, one after the other.
+    pub(super) const COMPARED: [&'static str; 11] = [
+        "motion time, s",
+        "planned in, s",
+        "real-time factor",
+        "deviation, mm",
+        "missed, mm",
+        "at feed, %",
+        "stops",
+        "velocity, %",
+        "acceleration, %",
+        "jerk, %",
+        "over limits",
+    ];
+
+    /// What is compared with other settings, each in a few characters; of limits, the joint that uses most.
+    pub(super) fn compared(&self) -> [String; 12] {
+        let most = |share: fn(&JointReport) -> f64| {
+            let most = self.joints.iter().map(share).fold(0.0, f64::max);
+            format!("{:.1}", most * 100.0)
+        };
+        [
+            self.planner.to_owned(),
+            format!("{:.3}", self.motion_time_s),
+            format!("{:.3}", self.wall_time_s),
+            self.real_time_factor
+                .whole
+                .map_or("-".to_owned(), |whole| format!("{whole:.0}")),
+            format!("{:.4}", self.deviation_max_mm),
+            format!("{:.4}", self.missed_max_mm),
+            format!("{:.1}", self.feed.at_feed_share * 100.0),
+            self.feed.stops.to_string(),
+            most(|joint| joint.velocity_share),
+            most(|joint| joint.acceleration_share),
+            most(|joint| joint.jerk_share),
+            self.cycles_over_limits.to_string(),
+        ]
+    }
+
+    /// Orders of a script that never came, each with its line in the script.
+    pub(super) fn left_out(&self) -> &[(u32, String)] {
+        self.script.as_ref().map_or(&[], |script| &script.left_out)
+    }
+
     /// In one line, for the head of a picture.
     pub(super) fn in_short(&self) -> String {
         format!(
@@ -250,6 +341,66 @@ impl Report {
             self.motion_time_s,
             self.planner,
             self.deviation_max_mm,
+        )
+    }
+}
+
+impl Report {
+    /// What takes the time: by tool, and by operation where there is more than one.
+    fn write_times(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let TimeTable { tools, operations } = &self.times;
+        let operations: Vec<_> = operations.iter().filter(|own| own.times.counts()).collect();
+        let head = "time s    cutting      rapid      dwell    waiting   cutting m     rapid m";
+        writeln!(f, "tools           {head}  changes")?;
+        for own in tools.iter().filter(|own| own.times.counts()) {
+            let name = own.name.as_deref().unwrap_or_default();
+            writeln!(
+                f,
+                "  {:13} {}  {:7}  {name}",
+                format!("T{}", own.tool),
+                Row(&own.times),
+                own.times.tool_changes
+            )?;
+        }
+        if operations.len() > 1 {
+            writeln!(f, "operations      {head}")?;
+        }
+        for own in operations
+            .iter()
+            .take(OPERATIONS_SHOWN)
+            .filter(|_| operations.len() > 1)
+        {
+            let name = own.name.as_deref().unwrap_or("before the first heading");
+            let place = format!("line {}, T{}", own.line, own.tool);
+            writeln!(f, "  {place:13} {}  {name}", Row(&own.times))?;
+        }
+        match operations.len().saturating_sub(OPERATIONS_SHOWN) {
+            0 => Ok(()),
+            more => writeln!(f, "                and {more} more: --json"),
+        }
+    }
+}
+
+/// The columns of a table of times.
+struct Row<'a>(&'a Times);
+
+impl fmt::Display for Row<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Times {
+            time_s,
+            cutting_s,
+            rapid_s,
+            dwell_s,
+            waiting_s,
+            cutting_mm,
+            rapid_mm,
+            ..
+        } = self.0;
+        write!(
+            f,
+            "{time_s:6.1} {cutting_s:10.1} {rapid_s:10.1} {dwell_s:10.1} {waiting_s:10.1} {:11.3} {:11.3}",
+            cutting_mm / 1e3,
+            rapid_mm / 1e3
         )
     }
 }
@@ -264,6 +415,20 @@ impl fmt::Display for Report {
             "planned in      {:.3} s, {:.0} blocks/s, {} threads, {} elements",
             self.wall_time_s, self.blocks_per_s, self.threads, self.elements
         )?;
+        if let Some(whole) = self.real_time_factor.whole {
+            write!(
+                f,
+                "real-time factor {whole:.0}: s of motion per s of one thread that plans"
+            )?;
+            match self.real_time_factor.least {
+                Some(least) => writeln!(
+                    f,
+                    "; at the least {:.1}, lines {} to {}",
+                    least.factor, least.from_line, least.to_line
+                )?,
+                None => writeln!(f)?,
+            }
+        }
         for joint in &self.joints {
             let name = match joint.axis {
                 Some(axis) => format!("joint {} ({axis})", joint.joint),
@@ -280,6 +445,17 @@ impl fmt::Display for Report {
                 joint.jerk_share * 100.0,
                 unit = joint.unit,
             )?;
+        }
+        for joint in &self.joints {
+            if let Some(stopping) = &joint.stopping {
+                writeln!(
+                    f,
+                    "{:15} of its stop limits: acceleration {:.1} %, jerk {:.1} %",
+                    format!("joint {}", joint.joint),
+                    stopping.acceleration_share * 100.0,
+                    stopping.jerk_share * 100.0
+                )?;
+            }
         }
         writeln!(f, "over limits     {} cycles", self.cycles_over_limits)?;
         if self.cycles_judged < self.cycles {
@@ -314,18 +490,45 @@ impl fmt::Display for Report {
             self.feed.at_feed_share * 100.0,
             self.feed.stops
         )?;
+        let fed: f64 = self.feed.limited_by.iter().map(|by| by.time_s).sum();
+        if !self.feed.limited_by.is_empty() {
+            let told = self.feed.limited_by.iter().take(LIMITS_SHOWN).map(|by| {
+                let joint = match (by.joint, by.axis) {
+                    (_, Some(axis)) => format!("{axis} "),
+                    (Some(joint), None) => format!("joint {joint} "),
+                    (None, None) => String::new(),
+                };
+                format!("{joint}{} {:.1} %", by.what, by.time_s / fed * 100.0)
+            });
+            writeln!(f, "limited by      {}", told.collect::<Vec<_>>().join(", "))?;
+        }
         for place in &self.feed.slow_places {
-            let axis = place.axis.map(|axis| format!(" ({axis})")).unwrap_or_default();
+            writeln!(f, "slow place      line {}: {}", place.line, place.in_words())?;
+        }
+        for place in &self.feed.stop_places {
             writeln!(
                 f,
-                "slow place      line {} limited to {:.1} % of feed ({:.2} mm/s) by joint {}{axis} {} ({:.0} % of its limit)",
-                place.line,
-                place.feed_share * 100.0,
-                place.speed_mm_s,
-                place.joint,
-                place.limit,
-                place.limit_share * 100.0
+                "stop            line {}, after {:.3} s: {}",
+                place.line, place.time_s, place.reason
             )?;
+        }
+        self.write_times(f)?;
+        if let Some(script) = &self.script {
+            for done in &script.orders {
+                write!(
+                    f,
+                    "script          {:.3} s, line {}: {}",
+                    done.time_s, done.line, done.order
+                )?;
+                match done.rest_s {
+                    Some(rest_s) => writeln!(f, "; at rest {:.3} s later", rest_s - done.time_s)?,
+                    None => writeln!(f)?,
+                }
+            }
+            let ScriptReport {
+                end, time_s, held_s, ..
+            } = script;
+            writeln!(f, "with the script {end} after {time_s:.3} s, {held_s:.3} s of it held")?;
         }
         if let Some(given_up) = &self.given_up {
             writeln!(f, "given up        line {}: {}", given_up.line, given_up.why)?;

@@ -3,14 +3,19 @@
 //! An element that takes long is not run in every one of its cycles, of which there may be millions that differ in nothing: its
 //! beginning, its end and many places between them are. What was run is counted, and nothing else is judged.
 
+use super::ahead::Ahead;
 use super::export;
 use super::ideal_spindle::IdealSpindle;
 use super::joints::{Joints, ORDERS};
 use super::picture::recording::Recording;
-use super::slow_places::{FeedKept, FeedWatch};
+use super::script::{Manner, Operator, Script, ScriptReport};
+use super::slow_places::{FeedKept, FeedWatch, On};
+use super::times::{TimeTable, TimeWatch};
 use crate::config::Config;
+use crate::host::wait::thread_cpu_s;
 use crate::machine::motion_settings::{ring_capacity, stop_ramp};
 use crate::machine::tables::Tables;
+use crate::program::real_time::{Measure, Pace, RealTimeFactor};
 use crate::program::text::Reader;
 use crate::program::{FeedError, Feeder, Progress, home};
 use motion::canon::{Axis, Position};
@@ -20,7 +25,7 @@ use motion::path::{Piece, Shape};
 use motion::plan::Programmed;
 use motion::plan::deviation::{Deviation, DeviationJudge};
 use motion::plan::workers::Workers;
-use motion::ring::{self, Producer, Publish, Sink, Timed};
+use motion::ring::{self, Producer, Publish, Sink, Timed as _};
 use motion::rt::{Interpolator, Sample, SampleState, Shares, SyncFault};
 use std::collections::HashMap;
 use std::num::NonZero;
@@ -43,6 +48,8 @@ const TURN_RAD: f64 = 2.0;
 
 /// Cycles after which a full ring is looked at again: it holds thousands of them.
 const FULL_CYCLES: u64 = 64;
+/// Cycles after which the planner looks for an override that was turned.
+const LOOK_CYCLES: u64 = 5;
 
 /// What there is to know of one cycle.
 #[derive(Clone, Copy, Debug)]
@@ -60,7 +67,7 @@ pub(super) struct Cycle {
 }
 
 /// What is to be kept of a run besides its figures: it takes memory with the length of the program, but for a picture.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Wanted {
     /// Every cycle, as lines of set-points.
     pub(super) samples: bool,
@@ -69,6 +76,8 @@ pub(super) struct Wanted {
     /// The feed of each line.
     pub(super) feeds: bool,
     pub(super) picture: bool,
+    /// What the operator does meanwhile.
+    pub(super) script: Option<Script>,
 }
 
 /// A program, planned and run down.
@@ -84,10 +93,13 @@ pub(super) struct Work {
     /// Greatest way of a tap behind its depth, mm.
     pub(super) over_run_mm: f64,
     pub(super) feed: FeedKept,
+    pub(super) times: TimeTable,
     /// Everything planned, by the cycle-independent clock of the plan, s.
     pub(super) motion_time_s: f64,
     /// From text to committed profile, s.
     pub(super) wall_time_s: f64,
+    /// How much quicker than motion one thread plans it.
+    pub(super) real_time: RealTimeFactor,
     /// That planned.
     pub(super) threads: usize,
     pub(super) lines: u32,
@@ -99,6 +111,7 @@ pub(super) struct Work {
     pub(super) starved_cycles: u64,
     /// Line of a move in step with the spindle that was given up, and why: nothing behind it was run down.
     pub(super) given_up: Option<(u32, SyncFault)>,
+    pub(super) script: Option<ScriptReport>,
     /// What was wanted besides.
     pub(super) samples: Option<String>,
     pub(super) path: Option<String>,
@@ -106,45 +119,47 @@ pub(super) struct Work {
     pub(super) recording: Option<Recording>,
 }
 
-/// The ring, for a planner that follows nobody: no override changes what is in it, so that what takes long stays whole.
-struct Followed(Producer<Element>);
+/// The ring. Where nobody turns overrides, what is in it stays as it is: what takes long need not be cut into parts.
+struct Followed {
+    ring: Producer<Element>,
+    overridden: bool,
+}
 
 impl Sink<Element> for Followed {
     fn free(&self) -> usize {
-        self.0.free()
+        self.ring.free()
     }
 
     fn is_full(&self, count: usize) -> bool {
-        self.0.is_full(count)
+        self.ring.is_full(count)
     }
 
     fn ahead_s(&self) -> Option<f64> {
-        self.0.ahead_s()
+        self.ring.ahead_s()
     }
 
     fn publish(&mut self, committed: &[Element], tail: &[Element]) -> Publish {
-        self.0.publish(committed, tail)
-    }
-}
-
-/// Takes a plan for its size and its duration only.
-#[derive(Default)]
-struct Measure {
-    elements: usize,
-    time_s: f64,
-    tail_s: f64,
-}
-
-impl Sink<Element> for Measure {
-    fn free(&self) -> usize {
-        usize::MAX / 2
+        self.ring.publish(committed, tail)
     }
 
-    fn publish(&mut self, committed: &[Element], tail: &[Element]) -> Publish {
-        self.elements += committed.len();
-        self.time_s += committed.iter().map(Timed::duration_s).sum::<f64>();
-        self.tail_s = tail.iter().map(Timed::duration_s).sum();
-        Publish::Done
+    fn next_number(&self) -> u64 {
+        if self.overridden { self.ring.next_number() } else { 0 }
+    }
+
+    fn consumer_at(&self) -> Option<u64> {
+        self.ring.consumer_at().filter(|_| self.overridden)
+    }
+
+    fn published_s(&self) -> Option<f64> {
+        self.ring.published_s().filter(|_| self.overridden)
+    }
+
+    fn publish_after(&mut self, number: u64, committed: &[Element], tail: &[Element]) -> Publish {
+        if self.overridden {
+            self.ring.publish_after(number, committed, tail)
+        } else {
+            Publish::Passed
+        }
     }
 }
 
@@ -163,29 +178,51 @@ pub(super) fn run_down(
     let threads = threads.unwrap_or_else(|| available_parallelism().map_or(1, NonZero::get));
     let workers = Workers::new(threads - 1, || ());
     let began = Instant::now();
-    let mut feeder = Feeder::with_workers(config, tables, text, start, Measure::default(), &workers).beside(name);
+    let mut feeder =
+        Feeder::with_workers(config, tables, text, start, Measure::new(thread_cpu_s), &workers).beside(name);
     whole(&mut feeder)?;
     let wall_time_s = began.elapsed().as_secs_f64();
     let measure = feeder.sink();
-    let (motion_time_s, elements) = (measure.time_s + measure.tail_s, measure.elements);
+    let (motion_time_s, elements) = (measure.time_s(), measure.elements());
 
     let (producer, consumer) = ring::channel(ring_capacity(config));
+    let cycle_s = f64::from(config.cycle_us) * 1e-6;
+    let planner = config.program.planner;
+    let script = wanted.script.clone();
+    let mut operator = script.map(|script| Operator::new(script, planner, cycle_s));
+    let followed = Followed {
+        ring: producer,
+        overridden: operator.is_some(),
+    };
+    // Alone, so that what it takes can be told from what others do meanwhile.
+    drop(workers);
     let passed = Arc::new(AtomicU64::new(0));
-    let mut feeder = Feeder::with_workers(config, tables, text, start, Followed(producer), &workers)
+    let mut feeder = Feeder::new(config, tables, text, start, followed)
         .beside(name)
         .keeping_near(Arc::clone(&passed));
+    let (mut pace, mut planning_s) = (Pace::new(0.0), 0.0);
+    if let Some(operator) = &operator {
+        feeder = feeder.following(operator.live());
+    }
     let kinematics = config.kinematics();
     let mut interpolator = Interpolator::new(consumer, start, stop_ramp(config));
-    let mut judge = Judge::new(config, wanted);
     let every_cycle = wanted.samples;
+    let mut judge = Judge::new(config, tables, text, wanted);
     let mut spindle = IdealSpindle::new(judge.cycle_s, config.spindle.rpm_max);
     let mut sample = Sample::resting(start);
-    judge.push(&sample, 0.0);
+    judge.push(&sample, None, 0.0, Manner::PLAIN);
     let (mut done, mut in_a_row, mut starved_cycles, mut given_up) = (false, 0, 0, None);
     let mut feed_at = 0;
     loop {
-        while !done && judge.number >= feed_at {
+        // The last elements may be in the ring, and an override changes them yet.
+        let mut once = operator.is_some() && judge.number.is_multiple_of(LOOK_CYCLES) && !feeder.is_over();
+        while (!done && judge.number >= feed_at) || once {
+            once = false;
+            let began_s = thread_cpu_s();
             let progress = feeder.pump()?;
+            planning_s += thread_cpu_s() - began_s;
+            let published_s = feeder.sink().ring.published_s().unwrap_or(0.0);
+            pace.planned(published_s, feeder.line(), || planning_s);
             judge.deviation.allow(feeder.tolerance_mm());
             feeder.ideal_path().for_each(|part| judge.push_path(&part));
             passed.store(judge.deviation.passed(), Ordering::Relaxed);
@@ -196,14 +233,27 @@ pub(super) fn run_down(
                 Progress::Done => done = true,
             }
         }
+        let mut wanted = Shares::FULL;
+        let mut skip_max = u64::MAX;
+        if let Some(operator) = &mut operator {
+            operator.act(judge.number, &sample, &mut interpolator);
+            spindle.set_override(operator.spindle(&sample));
+            (wanted, skip_max) = (operator.shares(), operator.may_skip(judge.number));
+            if !every_cycle && skip_max < u64::MAX && operator.is_still(judge.number as f64 * cycle_s) {
+                operator.skip_rest(skip_max);
+                judge.number += skip_max;
+                in_a_row = 0;
+                skip_max = 0;
+            }
+        }
         let shares = Shares {
             turning: spindle.feed_share(),
-            ..Shares::FULL
+            ..wanted
         };
         in_a_row += 1;
         if !every_cycle && in_a_row > AT_PLACE && spindle.keeps(&sample) {
-            let skipped = cycles_to_skip(&interpolator, &kinematics, judge.cycle_s);
-            if skipped > 0 {
+            let skipped = cycles_to_skip(&interpolator, &kinematics, judge.cycle_s).min(skip_max);
+            if skipped > AT_PLACE {
                 interpolator.skip(skipped);
                 spindle.skip(skipped);
                 judge.number += skipped;
@@ -216,13 +266,21 @@ pub(super) fn run_down(
             spindle.act(action, sample.position[Axis::X]);
         }
         if let Some(action) = sample.action
+            && !wanted.hold(sample.enables)
             && spindle.act(action, sample.position[Axis::X])
         {
             interpolator.acknowledge_action();
         }
-        judge.push(&sample, interpolator.over_run_mm());
+        let (manner, goes_on) = match &mut operator {
+            Some(operator) => operator.see(judge.number, &sample, &interpolator),
+            None => (Manner::PLAIN, true),
+        };
+        judge.push(&sample, interpolator.element(), interpolator.over_run_mm(), manner);
         if let Some(fault) = sample.fault {
             given_up = Some((sample.line, fault));
+            break;
+        }
+        if !goes_on {
             break;
         }
         match sample.state {
@@ -233,9 +291,12 @@ pub(super) fn run_down(
         }
     }
     let work = judge.finish();
+    let published_s = feeder.sink().ring.published_s().unwrap_or(0.0);
     Ok(Work {
+        script: operator.map(|operator| operator.finish(work.cycles)),
         motion_time_s,
         wall_time_s,
+        real_time: pace.finish(published_s, feeder.line(), planning_s),
         threads,
         lines: feeder.line(),
         elements,
@@ -298,7 +359,9 @@ pub(super) struct Judge {
     last: Option<Cycle>,
     joints: Joints,
     deviation: DeviationJudge,
+    ahead: Ahead,
     feed: FeedWatch,
+    times: TimeWatch,
     blocks: usize,
     over_run_mm: f64,
     /// Depth of the tap under way that its spindle has passed.
@@ -311,7 +374,7 @@ pub(super) struct Judge {
 }
 
 impl Judge {
-    pub(super) fn new(config: &Config, wanted: Wanted) -> Judge {
+    pub(super) fn new(config: &Config, tables: &Tables, text: Reader<'_>, wanted: Wanted) -> Judge {
         let cycle_s = f64::from(config.cycle_us) * 1e-6;
         Judge {
             cycle_s,
@@ -320,7 +383,9 @@ impl Judge {
             last: None,
             joints: Joints::new(config),
             deviation: DeviationJudge::default(),
+            ahead: Ahead::default(),
             feed: FeedWatch::new(cycle_s),
+            times: TimeWatch::new(text, tables, cycle_s),
             blocks: 0,
             over_run_mm: 0.0,
             depth: None,
@@ -336,7 +401,7 @@ impl Judge {
     fn push_path(&mut self, part: &Programmed) {
         self.blocks += 1;
         self.deviation.push_path(&part.piece);
-        self.feed.push_path(part);
+        self.ahead.push_path(part);
         if let Some(path) = &mut self.path {
             path.push(part);
         }
@@ -347,7 +412,7 @@ impl Judge {
     }
 
     /// The next cycle.
-    pub(super) fn push(&mut self, sample: &Sample, over_run_mm: f64) {
+    pub(super) fn push(&mut self, sample: &Sample, element: Option<&Element>, over_run_mm: f64, manner: Manner) {
         let cycle = Cycle {
             number: self.number,
             position: sample.position,
@@ -359,12 +424,20 @@ impl Judge {
         let follows = self.last.is_none_or(|last| last.number + 1 == cycle.number);
         self.number += 1;
         self.judged += 1;
+        if manner.scaling {
+            self.joints.scale();
+        }
         self.joints
             .push(&sample.position, &sample.frame, (cycle.number, cycle.line), follows);
-        self.feed.push(cycle, &self.joints);
+        let on = self.on(&cycle, sample, element, manner);
+        self.feed.push(cycle, on, &self.joints);
+        self.times.push(&cycle, sample, manner);
         self.over_run_mm = self.over_run_mm.max(over_run_mm);
         let programmed = self.programmed_position(&sample.position, over_run_mm);
-        self.deviation.push_sample(&programmed);
+        // What is run again was judged when it was run first: path and set-points are compared in their order.
+        if !manner.again {
+            self.deviation.push_sample(&programmed);
+        }
         if let Some(samples) = &mut self.samples {
             samples.push(&cycle, self.cycle_s);
         }
@@ -372,6 +445,24 @@ impl Judge {
             recording.push(sample, &cycle, &self.joints);
         }
         self.last = Some(cycle);
+    }
+
+    /// What the machine is on.
+    fn on(&mut self, cycle: &Cycle, sample: &Sample, element: Option<&Element>, manner: Manner) -> On {
+        if !cycle.moving || manner.again {
+            return On::default();
+        }
+        let times = &mut self.times;
+        let Some(line) = self.ahead.reach(cycle.line, |line| times.leave(line)) else {
+            return On::default();
+        };
+        let is_curve = matches!(element, Some(Element::Span(span)) if matches!(span.piece.shape(), Shape::Blend(_)));
+        On {
+            feed: (line.feed.filter(|_| manner.feed > 0.0 && !manner.scaling)).map(|feed| feed * manner.feed),
+            by_spindle: sample.enables.spindle_speed || matches!(element, Some(Element::Synced(_))),
+            smoothed: is_curve && !line.is_curve,
+            corner_degrees: self.ahead.corner_degrees(),
+        }
     }
 
     /// Where the machine is as far as the program says: where a tap is behind its depth, at its depth.
@@ -390,6 +481,8 @@ impl Judge {
     /// What was found; what only the caller knows is left open.
     pub(super) fn finish(mut self) -> Work {
         let cycles = self.number;
+        let times = &mut self.times;
+        self.ahead.finish(|line| times.leave(line));
         if let Some(last) = self.last {
             for behind in 0..ORDERS as u64 {
                 let number = cycles + behind;
@@ -400,7 +493,7 @@ impl Judge {
                     moving: false,
                     ..last
                 };
-                self.feed.push(resting, &self.joints);
+                self.feed.push(resting, On::default(), &self.joints);
                 if let Some(recording) = &mut self.recording {
                     recording.rest(number, &self.joints);
                 }
@@ -411,18 +504,21 @@ impl Judge {
             cycles,
             cycles_judged: self.judged,
             feed: self.feed.finish(&self.joints),
+            times: self.times.finish(),
             joints: self.joints,
             blocks: self.blocks,
             deviation: self.deviation.finish(),
             over_run_mm: self.over_run_mm,
             motion_time_s: 0.0,
             wall_time_s: 0.0,
+            real_time: RealTimeFactor::default(),
             threads: 0,
             lines: 0,
             elements: 0,
             tolerance_mm: 0.0,
             starved_cycles: 0,
             given_up: None,
+            script: None,
             samples: self.samples.map(export::Samples::finish),
             path: self.path.map(|path| path.text),
             feeds: self.feeds.unwrap_or_default(),
@@ -546,11 +642,16 @@ mod tests {
             let config = machine(planner);
             assert_eq!(Report::new(&config, &run(&config, text, false)).wrong(), []);
             // A jump in the fourth line.
-            let mut judge = Judge::new(&config, Wanted::default());
+            let mut judge = Judge::new(
+                &config,
+                &Tables::read(&config).unwrap(),
+                text.into(),
+                Wanted::default(),
+            );
             for cycle in 0..1000 {
                 let mut sample = Sample::resting(Position::ZERO);
                 (sample.line, sample.position[Axis::X]) = (cycle / 200, if cycle == 900 { 1e-3 } else { 0.0 });
-                judge.push(&sample, 0.0);
+                judge.push(&sample, None, 0.0, Manner::PLAIN);
             }
             let wrong = Report::new(&config, &judge.finish()).wrong();
             let told = |what: &str| wrong.iter().any(|(line, text)| *line == 4 && text.contains(what));

@@ -1,14 +1,15 @@
 //! Where a program cannot have its feed, and why.
 //!
 //! In:  a program that is run down, cycle by cycle.
-//! Out: its slowest places, each with the joint and the limit that comes nearest there; how much of the time the feed is
-//! reached; stops on the way.
+//! Out: its slowest places, each with its reason, the joint and the limit that comes nearest there; how much of the time the feed is
+//! reached, and what limits the rest; stops on the way.
 
 use super::joints::{Joints, NAMES, ORDERS};
 use super::run_down::Cycle;
-use motion::plan::Programmed;
+use motion::canon::Axis;
 use serde::Serialize;
 use std::collections::VecDeque;
+use std::fmt;
 
 /// Places that are told.
 const PLACES: usize = 5;
@@ -21,11 +22,48 @@ const RISE: f64 = 1.5;
 /// Limits that are used so many cycles before a slow place may be why it is slow.
 const BEHIND: usize = 2;
 
+/// From this share of a limit on it is what limits the speed.
+const USED: f64 = 0.9;
+/// A corner turns by more, degrees: what turns by less is a curve that was programmed as chords.
+const CORNER_DEGREES: f64 = 10.0;
+
+/// Why the feed is not reached.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub(super) enum Reason {
+    /// The spindle leads: feed by turns (G95), a thread, a tap.
+    Spindle,
+    /// The programmed path has a corner there, which the tolerance does not let pass any faster.
+    Corner { degrees: f64 },
+    /// A limit of a joint, on a curve, or before and behind a slower place.
+    Joint,
+    /// The curve that is within the tolerance of short moves or of a corner is sharper than the path.
+    Tolerance,
+    /// The end of what is planned; or the plan leaves something.
+    #[default]
+    LookAhead,
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Reason::Spindle => write!(f, "spindle"),
+            Reason::Corner { degrees } => write!(f, "corner of {degrees:.0} degrees"),
+            Reason::Joint => write!(f, "joint"),
+            Reason::Tolerance => write!(f, "tolerance"),
+            Reason::LookAhead => write!(f, "look-ahead"),
+        }
+    }
+}
+
 /// A place where speed is least.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub(super) struct SlowPlace {
+    pub(super) reason: Reason,
     pub(super) line: u32,
     pub(super) time_s: f64,
+    /// X, Y, Z of the machine.
+    pub(super) at_mm: [f64; 3],
     pub(super) speed_mm_s: f64,
     pub(super) feed_mm_s: f64,
     pub(super) feed_share: f64,
@@ -38,6 +76,25 @@ pub(super) struct SlowPlace {
     pub(super) limit_share: f64,
 }
 
+impl SlowPlace {
+    /// What is the matter there, without the line.
+    pub(super) fn in_words(&self) -> String {
+        let axis = self.axis.map(|axis| format!(" ({axis})")).unwrap_or_default();
+        if self.feed_share < STOP {
+            return format!("stop: {}", self.reason);
+        }
+        format!(
+            "{}; limited to {:.1} % of feed ({:.2} mm/s) by joint {}{axis} {} ({:.0} % of its limit)",
+            self.reason,
+            self.feed_share * 100.0,
+            self.speed_mm_s,
+            self.joint,
+            self.limit,
+            self.limit_share * 100.0
+        )
+    }
+}
+
 /// How the feed was kept.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub(super) struct FeedKept {
@@ -47,6 +104,21 @@ pub(super) struct FeedKept {
     pub(super) stops: usize,
     /// The slowest places, the slowest first.
     pub(super) slow_places: Vec<SlowPlace>,
+    /// The first stops.
+    pub(super) stop_places: Vec<SlowPlace>,
+    /// What limits the speed of feed moves, seconds: the feed itself; a limit of a joint; something else, before and behind corners
+    /// mostly.
+    pub(super) limited_by: Vec<LimitedBy>,
+}
+
+/// For how long something limits the speed of feed moves.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct LimitedBy {
+    /// `feed`, `velocity`, `acceleration`, `jerk` or `other`.
+    pub(super) what: &'static str,
+    pub(super) joint: Option<usize>,
+    pub(super) axis: Option<char>,
+    pub(super) time_s: f64,
 }
 
 /// What is known of a cycle that is judged once those behind it are known.
@@ -56,21 +128,33 @@ struct Seen {
     /// For how many cycles it stands: those before it that were not run are counted to it.
     cycles: u64,
     used: (f64, usize, usize),
+    on: On,
+}
+
+/// What the machine is on in a cycle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct On {
+    /// As programmed and overridden, mm/s; `None`: no move at feed, or none that may move.
+    pub(super) feed: Option<f64>,
+    /// Whether the spindle decides how fast.
+    pub(super) by_spindle: bool,
+    /// Whether it is a curve that smoothing has put in place of programmed moves.
+    pub(super) smoothed: bool,
+    /// Sharpest corner of the programmed path at either end of its line.
+    pub(super) corner_degrees: f64,
 }
 
 /// Looks for them while a program is run down.
 #[derive(Debug)]
 pub(super) struct FeedWatch {
     cycle_s: f64,
-    /// Lines that come, in the order of the path, and their feeds, mm/s.
-    feeds: VecDeque<(u32, f64)>,
-    /// The line that was last looked for, and its feed if it has one.
-    line: Option<(u32, Option<f64>)>,
     /// The latest cycles: limits are used around a slow place, not just in it.
     seen: VecDeque<Seen>,
     last: Option<u64>,
     fed: u64,
     reached: u64,
+    /// Cycles in which a limit is used, by joint and order.
+    limited: Vec<[u64; ORDERS]>,
     valley: Valley,
     kept: FeedKept,
 }
@@ -79,34 +163,26 @@ impl FeedWatch {
     pub(super) fn new(cycle_s: f64) -> FeedWatch {
         FeedWatch {
             cycle_s,
-            feeds: VecDeque::new(),
-            line: None,
             seen: VecDeque::new(),
             last: None,
             fed: 0,
             reached: 0,
+            limited: Vec::new(),
             valley: Valley::default(),
             kept: FeedKept::default(),
         }
     }
 
-    /// The programmed path goes on.
-    pub(super) fn push_path(&mut self, part: &Programmed) {
-        if part.rapid || !part.feed.is_finite() {
-            return;
-        }
-        // The same line may have several feeds in a row: the highest counts.
-        match self.feeds.back_mut() {
-            Some((line, feed)) if *line == part.line => *feed = feed.max(part.feed),
-            _ => self.feeds.push_back((part.line, part.feed)),
-        }
-    }
-
     /// The next cycle, and what it asks of the joints.
-    pub(super) fn push(&mut self, cycle: Cycle, joints: &Joints) {
+    pub(super) fn push(&mut self, cycle: Cycle, on: On, joints: &Joints) {
         let cycles = self.last.replace(cycle.number).map_or(1, |last| cycle.number - last);
         let used = joints.greatest_use();
-        self.seen.push_back(Seen { cycle, cycles, used });
+        self.seen.push_back(Seen {
+            cycle,
+            cycles,
+            used,
+            on,
+        });
         if self.seen.len() > ORDERS {
             self.judge(self.seen.len() - 1 - ORDERS);
         }
@@ -117,43 +193,71 @@ impl FeedWatch {
 
     /// What was found, once the machine has rested for [`ORDERS`] cycles.
     pub(super) fn finish(mut self, joints: &Joints) -> FeedKept {
-        for place in &mut self.kept.slow_places {
-            place.axis = joints.all[place.joint].axis.map(|axis| axis.letter());
+        let letter = |joint: usize| joints.all[joint].axis.map(|axis| axis.letter());
+        let FeedKept {
+            slow_places,
+            stop_places,
+            ..
+        } = &mut self.kept;
+        for place in slow_places.iter_mut().chain(stop_places) {
+            place.axis = letter(place.joint);
         }
         self.kept.at_feed_share = match self.fed {
             0 => 1.0,
             fed => self.reached as f64 / fed as f64,
         };
+        let seconds = |cycles: u64| cycles as f64 * self.cycle_s;
+        let of_joints = self.limited.iter().enumerate().flat_map(|(joint, orders)| {
+            (0..ORDERS).map(move |order| LimitedBy {
+                what: NAMES[order],
+                joint: Some(joint),
+                axis: letter(joint),
+                time_s: seconds(orders[order]),
+            })
+        });
+        let used: u64 = self.limited.iter().flatten().sum();
+        let plain = |what, cycles| LimitedBy {
+            what,
+            joint: None,
+            axis: None,
+            time_s: seconds(cycles),
+        };
+        let mut limited_by: Vec<LimitedBy> = of_joints
+            .chain([
+                plain("feed", self.reached),
+                plain("other", self.fed - self.reached - used),
+            ])
+            .filter(|by| by.time_s > 0.0)
+            .collect();
+        limited_by.sort_by(|a, b| b.time_s.total_cmp(&a.time_s));
+        self.kept.limited_by = limited_by;
         self.kept
     }
 
-    fn feed(&mut self, line: u32) -> Option<f64> {
-        if let Some((known, feed)) = self.line
-            && known == line
-        {
-            return feed;
-        }
-        let place = self.feeds.iter().position(|(own, _)| *own == line);
-        let feed = place.map(|place| {
-            self.feeds.drain(..place);
-            self.feeds[0].1
-        });
-        self.line = Some((line, feed));
-        feed
-    }
-
     fn judge(&mut self, at: usize) {
-        let Some(Seen { cycle, cycles, .. }) = self.seen.get(at).copied() else {
+        let Some(Seen {
+            cycle,
+            cycles,
+            used,
+            on,
+        }) = self.seen.get(at).copied()
+        else {
             return;
         };
-        let feed = self.feed(cycle.line).filter(|_| cycle.moving && !cycle.rapid);
-        let Some(feed) = feed else {
+        let Some(feed) = on.feed.filter(|_| cycle.moving && !cycle.rapid) else {
             self.valley = Valley::default();
             return;
         };
         let share = cycle.speed_mm_s / feed;
         self.fed += cycles;
-        self.reached += if share >= REACHED { cycles } else { 0 };
+        if share >= REACHED {
+            self.reached += cycles;
+        } else if let (part, joint, order) = used
+            && part >= USED
+        {
+            self.limited.resize(self.limited.len().max(joint + 1), [0; ORDERS]);
+            self.limited[joint][order] += cycles;
+        }
         let nearest_limit = || {
             let around = self
                 .seen
@@ -165,8 +269,10 @@ impl FeedWatch {
         let place = || {
             let (limit_share, joint, order) = nearest_limit();
             SlowPlace {
+                reason: on.reason(share < STOP, limit_share),
                 line: cycle.line,
                 time_s: cycle.number as f64 * self.cycle_s,
+                at_mm: [Axis::X, Axis::Y, Axis::Z].map(|axis| cycle.position[axis]),
                 speed_mm_s: cycle.speed_mm_s,
                 feed_mm_s: feed,
                 feed_share: share,
@@ -177,9 +283,28 @@ impl FeedWatch {
             }
         };
         match self.valley.add(share, place) {
-            Some((low, _)) if low < STOP => self.kept.stops += 1,
+            Some((low, place)) if low < STOP => {
+                self.kept.stops += 1;
+                if self.kept.stop_places.len() < PLACES {
+                    self.kept.stop_places.push(place);
+                }
+            }
             Some((_, place)) => self.kept.add(place),
             None => {}
+        }
+    }
+}
+
+impl On {
+    /// Why the speed has a low there.
+    fn reason(&self, stops: bool, limit_share: f64) -> Reason {
+        let degrees = self.corner_degrees;
+        match self {
+            _ if self.by_spindle => Reason::Spindle,
+            _ if (stops || self.smoothed) && degrees >= CORNER_DEGREES => Reason::Corner { degrees },
+            _ if self.smoothed => Reason::Tolerance,
+            _ if limit_share >= USED && !stops => Reason::Joint,
+            _ => Reason::LookAhead,
         }
     }
 }

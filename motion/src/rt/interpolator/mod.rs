@@ -251,6 +251,11 @@ impl Interpolator {
         (self.track.published_s() - self.done_s - self.time_s).max(0.0)
     }
 
+    /// Plan time that has passed, s: less again on the way back. RT.
+    pub fn passed_s(&self) -> f64 {
+        self.done_s + self.time_s
+    }
+
     /// Whether nothing moves and nothing will before a step with a share other than 0. RT.
     pub fn is_at_rest(&self) -> bool {
         match self.track.current() {

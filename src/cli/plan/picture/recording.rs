@@ -3,11 +3,14 @@
 //! In:  every cycle that is run, and what it asks of the joints.
 //! Out: places of the path, thinned out where they are many; the least and the greatest value of each stretch of time; marks.
 
-use crate::cli::plan::joints::{Joints, ORDERS};
+use crate::cli::plan::joints::{Joints, NAMES, ORDERS};
 use crate::cli::plan::run_down::Cycle;
 use crate::config::Config;
+use motion::canon::Axis;
 use motion::element::Action;
 use motion::rt::{Sample, SampleState};
+use serde::Serialize;
+use serde_json::value::RawValue;
 
 /// Places of the path that are kept at the most; an even number.
 const PLACES_MAX: usize = 1 << 16;
@@ -166,6 +169,78 @@ impl Recording {
             for (stretches, difference) in values.iter_mut().zip(joint.differences) {
                 stretches.push(number, difference);
             }
+        }
+    }
+}
+
+/// Places and stretches that are handed on as numbers, at the most.
+const NUMBERS_MAX: usize = 1000;
+
+/// What a picture shows, as numbers.
+#[derive(Debug, Serialize)]
+pub(in crate::cli::plan) struct Numbers {
+    /// X, Y, Z of the machine, mm; speed, mm/s; line; 1 for a rapid move; s after the start.
+    path: Vec<Box<RawValue>>,
+    strips: Vec<Strip>,
+}
+
+/// A value of a joint over time.
+#[derive(Debug, Serialize)]
+struct Strip {
+    joint: usize,
+    what: &'static str,
+    limit: f64,
+    /// Beginning of a stretch of time, s; least and greatest value in it.
+    rows: Vec<Box<RawValue>>,
+}
+
+/// Numbers in one line of the text, which would have one for each of them.
+fn row(numbers: &[f64]) -> Option<Box<RawValue>> {
+    let short: Vec<f64> = numbers.iter().map(|number| (number * 1e6).round() / 1e6).collect();
+    serde_json::value::to_raw_value(&short).ok()
+}
+
+impl Recording {
+    pub(in crate::cli::plan) fn numbers(&self, joints: &Joints, cycle_s: f64) -> Numbers {
+        let every = self.moving.len().div_ceil(NUMBERS_MAX).max(1);
+        let ends = self.moving.last().into_iter();
+        let path = self.moving.iter().step_by(every).chain(ends).filter_map(|cycle| {
+            let [x, y, z] = [Axis::X, Axis::Y, Axis::Z].map(|axis| cycle.position[axis]);
+            let time_s = cycle.number as f64 * cycle_s;
+            row(&[
+                x,
+                y,
+                z,
+                cycle.speed_mm_s,
+                f64::from(cycle.line),
+                f64::from(u8::from(cycle.rapid)),
+                time_s,
+            ])
+        });
+        let strips = self
+            .values
+            .iter()
+            .zip(&joints.all)
+            .enumerate()
+            .flat_map(|(index, (orders, joint))| {
+                (0..ORDERS).map(move |order| {
+                    let all: Vec<(u64, Extremes)> = orders[order].iter().collect();
+                    let together = all.chunks(all.len().div_ceil(NUMBERS_MAX).max(1));
+                    let rows = together.filter_map(|some| {
+                        let extremes = some.iter().map(|(_, extremes)| *extremes).reduce(Extremes::with)?;
+                        row(&[some[0].0 as f64 * cycle_s, extremes.least.1, extremes.greatest.1])
+                    });
+                    Strip {
+                        joint: index,
+                        what: NAMES[order],
+                        limit: joint.limits[order],
+                        rows: rows.collect(),
+                    }
+                })
+            });
+        Numbers {
+            path: path.collect(),
+            strips: strips.collect(),
         }
     }
 }

@@ -3,8 +3,8 @@
 //! A pixel of a long program stands for many cycles: the least and the greatest value of them are drawn, so that no peak
 //! is lost.
 
-use super::WIDTH;
 use super::recording::{Event, Extremes, Recording, Stretches};
+use super::{Place, WIDTH};
 use crate::cli::plan::joints::{Joint, NAMES, ORDERS};
 use crate::cli::plan::run_down::Work;
 use crate::plot::lines::{number, round_up};
@@ -64,7 +64,7 @@ impl<'a> Strips<'a> {
         30.0 + ORDERS as f64 * self.group_height() + AXIS_HEIGHT
     }
 
-    pub(super) fn draw(&self, sheet: &mut Sheet, top: f64) {
+    pub(super) fn draw(&self, sheet: &mut Sheet, top: f64, places: &[Place]) {
         let top = top + 30.0;
         let bottom = top + ORDERS as f64 * self.group_height();
         self.draw_time(sheet, top, bottom);
@@ -81,12 +81,22 @@ impl<'a> Strips<'a> {
                 self.draw_strip(sheet, at, *index, joint, order);
             }
         }
+        for place in places {
+            // Above the names of what happens at rest.
+            place.mark(sheet, (self.pixel(place.time_s), top - 31.0));
+        }
+    }
+
+    /// Where a time is.
+    fn pixel(&self, time_s: f64) -> f64 {
+        let end_s = self.work.cycles.max(2) as f64 * self.work.cycle_s;
+        LEFT + time_s / end_s * COLUMNS as f64
     }
 
     /// Grid of time, and what happened at rest.
     fn draw_time(&self, sheet: &mut Sheet, top: f64, bottom: f64) {
         let end_s = self.work.cycles.max(2) as f64 * self.work.cycle_s;
-        let pixel = |time_s: f64| LEFT + time_s / end_s * COLUMNS as f64;
+        let pixel = |time_s: f64| self.pixel(time_s);
         let step_s = round_up(end_s / 12.0);
         for k in 0..=(end_s / step_s) as i32 {
             let time_s = f64::from(k) * step_s;

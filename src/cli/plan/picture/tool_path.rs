@@ -2,7 +2,7 @@
 //!
 //! Flat programs are seen from above, others isometrically; one scale for all axes.
 
-use super::{EDGE, WIDTH};
+use super::{EDGE, Place, WIDTH};
 use crate::cli::plan::run_down::Cycle;
 use crate::plot::lines::{number, round_up, thin_out};
 use crate::plot::sheet::{Anchor, Sheet};
@@ -39,6 +39,8 @@ pub(super) struct View {
     ends: Option<[(f64, f64); 2]>,
     /// X0 Y0 Z0 of G54, where that is in the picture.
     zero: Option<(f64, f64)>,
+    /// Places with a number.
+    places: Vec<(f64, f64)>,
 }
 
 /// A place of the machine as it is seen, mm to the right and up.
@@ -53,8 +55,8 @@ fn project(isometric: bool, x: f64, y: f64, z: f64) -> (f64, f64) {
 }
 
 impl View {
-    /// `moving`: cycles in motion.
-    pub(super) fn new(moving: &[Cycle], origin: Position) -> View {
+    /// `moving`: cycles in motion; `isometric`: whether it is seen so, else as fits.
+    pub(super) fn new(moving: &[Cycle], origin: Position, isometric: Option<bool>, places: &[Place]) -> View {
         let cuts = || moving.iter().filter(|cycle| !cycle.rapid);
         let extent = |axis: Axis| {
             let ends = |(low, high): (f64, f64), at: f64| (low.min(at), high.max(at));
@@ -63,7 +65,7 @@ impl View {
                 .fold((f64::INFINITY, f64::NEG_INFINITY), ends);
             (all.1 - all.0).max(0.0)
         };
-        let isometric = extent(Axis::Z) > FLAT * extent(Axis::X).max(extent(Axis::Y));
+        let isometric = isometric.unwrap_or_else(|| extent(Axis::Z) > FLAT * extent(Axis::X).max(extent(Axis::Y)));
         let project = |at: &Position| project(isometric, at[Axis::X], at[Axis::Y], at[Axis::Z]);
         let speed_max = round_up_finely(cuts().map(|cycle| cycle.speed_mm_s).fold(0.0, f64::max));
         let colour = |speed: f64| ((speed / speed_max * COLOURS as f64) as usize).min(COLOURS - 1);
@@ -119,6 +121,12 @@ impl View {
             speed_max,
             ends,
             zero: inside.then(|| pixels(zero)),
+            places: (places.iter())
+                .map(|place| {
+                    let [x, y, z] = place.at_mm;
+                    pixels(self::project(isometric, x, y, z))
+                })
+                .collect(),
         }
     }
 
@@ -126,7 +134,7 @@ impl View {
         self.height.ceil() + BELOW
     }
 
-    pub(super) fn draw(&self, sheet: &mut Sheet, top: f64) {
+    pub(super) fn draw(&self, sheet: &mut Sheet, top: f64, places: &[Place]) {
         let room = WIDTH - 2.0 * EDGE - BAR_WIDTH;
         let left = EDGE + (room - self.width) / 2.0;
         let place = |(x, y): &(f64, f64)| (x + left, y + top);
@@ -152,6 +160,9 @@ impl View {
             .flat_map(|[first, last]| [(first, false), (last, true)])
         {
             sheet.dot(place(end), 5.0, INK, filled);
+        }
+        for (at, of) in self.places.iter().zip(places) {
+            of.mark(sheet, place(at));
         }
         self.draw_legend(sheet, top + self.height.ceil() + 30.0);
         self.draw_bar(sheet, top);
