@@ -21,7 +21,7 @@ pub(crate) const CALLS_MAX: usize = 9;
 pub(crate) const SUBROUTINES_MAX: usize = 100_000;
 
 /// Most labels of a level, and most ends of searches, that are remembered; then they are forgotten and remembered from the start.
-pub(crate) const REMEMBERED_MAX: usize = 100_000;
+pub(crate) const REMEMBERED_MAX: usize = 20_000;
 
 /// A place from which reading goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

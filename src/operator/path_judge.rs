@@ -116,3 +116,80 @@ impl PathJudge {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use motion::path::{PackedPiece, Piece};
+    use std::sync::mpsc::{Sender, channel};
+
+    fn judge() -> (Sender<PathNews>, PathJudge) {
+        let (to, news) = channel();
+        (to, PathJudge::new(news, 0.01))
+    }
+
+    fn tell_line(to: &Sender<PathNews>, from: f64, end: f64) {
+        let at = |x: f64| Position::xyz(x, 0.0, 0.0);
+        let line = Piece::line(at(from), at(end)).unwrap();
+        to.send(PathNews::Way(PackedPiece::from(&line))).unwrap();
+    }
+
+    fn sample(x: f64, off_mm: f64) -> PathSample {
+        PathSample {
+            command: [x, 0.0, 0.0],
+            actual: [x, off_mm, 0.0],
+            rapid: false,
+            line: 1,
+        }
+    }
+
+    #[test]
+    fn samples_of_a_probing_move_wait_until_its_end_is_known() {
+        let (to, mut judge) = judge();
+        assert!(judge.deviation().is_none());
+        tell_line(&to, 0.0, 1.0);
+        to.send(PathNews::Probing).unwrap();
+        for k in 0..=100 {
+            judge.add(sample(f64::from(k) * 0.05, 0.002));
+            judge.judge();
+        }
+        assert!(judge.deviation().is_none());
+        // It went 4 of 10 mm, and back from there.
+        tell_line(&to, 1.0, 5.0);
+        to.send(PathNews::Probed).unwrap();
+        tell_line(&to, 5.0, 0.0);
+        for k in 0..=100 {
+            judge.add(sample(5.0 - f64::from(k) * 0.05, 0.004));
+            judge.judge();
+        }
+        judge.finish();
+        let found = judge.deviation().unwrap();
+        assert!(found.command_max_mm < 1e-9, "{found:?}");
+        assert!((found.actual_max_mm - 0.004).abs() < 1e-9, "{found:?}");
+    }
+
+    #[test]
+    fn however_long_it_takes_memory_is_bounded_and_what_is_furthest_off_is_judged() {
+        let (to, mut judge) = judge();
+        to.send(PathNews::Probing).unwrap();
+        let samples = 10 * WAITING_MAX;
+        for k in 0..samples {
+            judge.add(sample(k as f64 * 1e-4, if k == samples / 3 { 0.03 } else { 0.001 }));
+            assert!(judge.waiting.len() <= WAITING_MAX);
+        }
+        tell_line(&to, 0.0, samples as f64 * 1e-4);
+        to.send(PathNews::Probed).unwrap();
+        judge.finish();
+        let found = judge.deviation().unwrap();
+        assert!((found.actual_max_mm - 0.03).abs() < 1e-9, "{found:?}");
+        // What lies behind the samples is forgotten.
+        let pieces = 10_000_u32;
+        for k in 0..pieces {
+            let from = samples as f64 * 1e-4 + f64::from(k) * 0.1;
+            tell_line(&to, from, from + 0.1);
+            judge.add(sample(from + 0.1, 0.0));
+            judge.judge();
+        }
+        assert!(judge.passed().load(Ordering::Relaxed) > u64::from(pieces) - 100);
+    }
+}
