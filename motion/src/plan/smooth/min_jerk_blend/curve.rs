@@ -50,6 +50,8 @@ impl Curve {
             off: 0.0,
         };
         let (mut last, mut q) = (from, value(&self.spline, 0.0));
+        // To the left of the same move, at the last two steps.
+        let mut beside = [f64::NAN; 2];
         for k in 1..=STEPS * spans {
             let x = k as f64 / STEPS as f64;
             let next = value(&self.spline, x);
@@ -58,7 +60,13 @@ impl Curve {
             let near = track.nearest(&next, window);
             walk.off = walk.off.max(near.1);
             let [leg, next_leg] = [last, near.0].map(|s| track.leg_at(s));
-            if leg != next_leg {
+            let (place, along) = track.place(near.0);
+            let left = along[0] * (next[1] - place[1]) - along[1] * (next[0] - place[0]);
+            if leg == next_leg {
+                walk.off = walk.off.max(crest([beside[0], beside[1], left]));
+                beside = [beside[1], left];
+            } else {
+                beside = [f64::NAN, left];
                 // The distance has a kink at the vertex.
                 for fine in 1..FINE {
                     let x = x - (1.0 - f64::from(fine) / f64::from(FINE)) / STEPS as f64;
@@ -127,6 +135,16 @@ impl Curve {
         }
         let speed = pace.at(pace.time_at(track.start(run.len() - 1) + to)).v;
         Some(Blended { legs, from, to, speed })
+    }
+}
+
+/// Greatest magnitude of the parabola through three values at even steps, if it has its vertex between them; 0 where it has not.
+fn crest([a, b, c]: [f64; 3]) -> f64 {
+    let (rise, bend) = (c - a, a - 2.0 * b + c);
+    if rise.abs() < 2.0 * bend.abs() {
+        (b - rise * rise / (8.0 * bend)).abs()
+    } else {
+        0.0
     }
 }
 
