@@ -540,7 +540,7 @@ fn planned(name: &str, program: &str) -> (bool, String) {
     let folder = std::env::temp_dir().join(format!("isocnc-threading-{}-{name}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder");
     let file = folder.join("part.ngc");
-    std::fs::write(&file, format!("G21 G90 G18 G94 G54 G64\n{program}M5\nM2\n")).expect("a file");
+    std::fs::write(&file, format!("G21 G90 G18 G94 G54 G61\n{program}M5\nM2\n")).expect("a file");
     let machine = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/lathe2-demo.toml");
     let output = std::process::Command::new(env!("CARGO_BIN_EXE_isocnc"))
         .args(["plan", machine])

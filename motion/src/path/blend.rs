@@ -79,8 +79,13 @@ impl Blend {
         self.group
     }
 
+    /// Length up to parameter `u`.
+    pub(super) fn length_to(&self, u: f64) -> f64 {
+        self.table.length_to(u, |u| speed(&self.c, self.group, u))
+    }
+
     /// RT.
-    fn parameter(&self, s: f64) -> f64 {
+    pub(super) fn parameter(&self, s: f64) -> f64 {
         self.table.parameter(s, |u| speed(&self.c, self.group, u))
     }
 

@@ -212,6 +212,19 @@ impl Piece {
         &self.shape
     }
 
+    /// Places from `from` to `to` by the part of the parameter of a curve between them, of lines and arcs by that of the length:
+    /// a corner that is passed slowly is run about evenly by it.
+    pub(crate) fn by_parameter(&self, from: f64, to: f64) -> impl Fn(f64) -> f64 + '_ {
+        let ends = match &self.shape {
+            Shape::Blend(blend) => Some((blend, [from, to].map(|s| blend.parameter(self.from + s)))),
+            Shape::Line(_) | Shape::Arc(_) => None,
+        };
+        move |part| match ends {
+            Some((blend, [begin, end])) => blend.length_to(begin + part * (end - begin)) - self.from,
+            None => from + part * (to - from),
+        }
+    }
+
     /// The stretch from `from` to `to` of this piece; `None` when it is empty.
     pub fn cut(&self, from: f64, to: f64) -> Option<Piece> {
         let (from, to) = (from.max(0.0), to.min(self.length));
@@ -367,6 +380,12 @@ impl LengthTable {
 
     fn length(&self) -> f64 {
         self.s[INTERVALS]
+    }
+
+    /// Length up to parameter `u`.
+    fn length_to(&self, u: f64, speed: impl Fn(f64) -> f64) -> f64 {
+        let k = ((u * INTERVALS as f64) as usize).min(INTERVALS - 1);
+        self.s[k] + integrate(k as f64 / INTERVALS as f64, u, &speed)
     }
 
     /// Parameter at length `s`. RT: one scan of the table, a cubic guess, at most two Newton steps.

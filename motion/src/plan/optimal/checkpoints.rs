@@ -7,12 +7,16 @@ use super::joints::Joints;
 use super::knots::Knotted;
 use super::solver::{CREST, JointJet, Taken, crest};
 use super::windows::Uncut;
+use crate::path::Shape;
 use crate::plan::smooth::Stretch;
 
 /// Acceleration or jerk, over its limit, by which what happens between checkpoints may differ from what they show.
 const UNSEEN: f64 = 0.004;
 /// Speed over that for which knots were placed, at which this is judged.
 const FASTER: f64 = 2.0;
+/// The same in a curve that is passed slowly, where joints allow little more than knots were placed for; and its
+/// [`evenness`](crate::path::Blend::evenness) at the most.
+const FASTER_IN_SLOW: (f64, f64) = (1.3, 0.5);
 /// Time of a span over that for which knots were placed, for the greatest speed in it.
 const SLOWER: f64 = 3.0;
 /// How often a span may be halved.
@@ -74,7 +78,7 @@ impl Checkpoints<'_> {
     fn divide(&self, span: Knotted, [begin, middle, end]: [&[JointJet]; 3], halvings: u32, uncut: &mut Uncut) {
         let s = 0.5 * (span.from + span.to);
         let (first, third) = (self.at(0.5 * (span.from + s)), self.at(0.5 * (s + span.to)));
-        let v = FASTER * (span.to - span.from) / span.time_s;
+        let v = self.faster() * (span.to - span.from) / span.time_s;
         let unseen = self
             .unseen(v, [begin, middle, end], &first)
             .max(self.unseen(v, [end, middle, begin], &third));
@@ -90,6 +94,13 @@ impl Checkpoints<'_> {
         };
         self.divide(Knotted { to: s, ..half }, [begin, &first, middle], halvings - 1, uncut);
         self.divide(Knotted { from: s, ..half }, [middle, &third, end], halvings - 1, uncut);
+    }
+
+    fn faster(&self) -> f64 {
+        match self.stretch.piece.shape() {
+            Shape::Blend(blend) if blend.evenness() <= FASTER_IN_SLOW.1 => FASTER_IN_SLOW.0,
+            Shape::Line(_) | Shape::Arc(_) | Shape::Blend(_) => FASTER,
+        }
     }
 
     /// How far the joints at the quarter next to the first of three checkpoints are from the parabola through them.

@@ -256,13 +256,13 @@ impl Knots {
             let b = last.b.min(middle.b).min(end.b).min(cap);
             // At least one, also for what is not a number.
             let cells = (CELLS_PER_STEP * length / (b.sqrt() * step_s)).ceil().clamp(1.0, CELLS);
-            let step = length / cells;
+            let place = stretch.piece.by_parameter(part.from, part.to);
             let (cells, mut k) = (cells as u32, 0);
             // Where a cell has been divided.
             let mut divided = None;
             while k < cells {
-                let begin = part.from + step * f64::from(k);
-                let end = if k + 1 == cells { part.to } else { begin + step };
+                let [begin, end] = [k, k + 1].map(|k| place(f64::from(k) / f64::from(cells)));
+                let end = if k + 1 == cells { part.to } else { end };
                 let from = divided.unwrap_or(begin);
                 // On the way down the feed changes sooner than the path.
                 let eased = self.ease.filter(|ease| ease.b > cap).map(|ease| ease.step(&last));

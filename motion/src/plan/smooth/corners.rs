@@ -3,14 +3,15 @@
 //! In:  moves, with the room for corners at their ends.
 //! Out: stretches: what is left of the moves and the blends between them; halts where the machine must come to rest.
 
-use super::round::{Rounded, round};
+use super::overlap::{Overlap, Pace, Vertex};
+use super::round::{Rounded, fast_ratios, overlap, round_as, slow_ratios, turning};
 use super::{Leg, Passed, Stretch};
 use crate::path::Group;
-use crate::plan::Settings;
 use crate::plan::limits::{Bounds, PathLimits};
 use crate::plan::profile::{reachable, time_lost};
 use crate::plan::program::{Corner, Move};
 use crate::plan::travel::inside;
+use crate::plan::{PlannerKind, Settings};
 
 /// Part of the tolerance that a rounded corner uses; the rest is for what set-points cut off between them. Less where it would
 /// leave the travel.
@@ -80,15 +81,22 @@ fn meet(last: &Last, next: &mut Last, settings: &Settings, out: &mut Vec<Passed>
     };
     last.let_go(corner.before, out);
     let (a, b) = (&last.leg.part, &next.leg.part);
-    out.push(Passed::Stretch(Stretch {
-        piece: corner.blend,
-        bounds,
-        feed: a.feed.min(b.feed),
-        line: b.line,
-        rapid: b.rapid,
-        enables: b.enables,
-        auxiliary: b.auxiliary,
-    }));
+    // The move changes in the middle of a corner, if there is one.
+    let halves = match corner.second {
+        Some(second) => [Some((corner.blend, a)), Some((second, b))],
+        None => [Some((corner.blend, b)), None],
+    };
+    for (piece, part) in halves.into_iter().flatten() {
+        out.push(Passed::Stretch(Stretch {
+            piece,
+            bounds,
+            feed: a.feed.min(b.feed),
+            line: part.line,
+            rapid: b.rapid,
+            enables: part.enables,
+            auxiliary: part.auxiliary,
+        }));
+    }
     next.from = corner.after;
 }
 
@@ -105,24 +113,89 @@ fn rounded(last: &Last, next: &mut Last, tolerance: f64, settings: &Settings) ->
     }
     // Two corners that share a leg must not leave a sliver of it, on which knots would be next to each other.
     let room = [(a.piece.length() - last.from).min(last.leg.room[1]), next.leg.room[0]].map(|room| ROOM * room);
-    let corner = TOLERANCE_PARTS.into_iter().find_map(|part| {
-        round(&a.piece, room[0], &b.piece, room[1], part * tolerance)
-            .filter(|corner| inside(&corner.blend.in_frame(*a.piece.frame()), settings))
-    })?;
+    let (end, start) = (a.piece.jet(a.piece.length()), b.piece.jet(0.0));
+    let turning = turning(a.piece.group(), &end, &start);
+    let ratios = fast_ratios(turning);
     // So flat, a stop is never better.
-    if corner.turning < FLAT {
-        return Some((corner, None));
+    if turning < FLAT {
+        return quintic(ratios, a, b, room, tolerance, settings).map(|corner| (corner, None));
     }
-    let bounds = Bounds::new(&corner.blend);
-    let blend = bounds.limits(a.feed.min(b.feed), settings);
-    let paces = [
-        (
-            last.pace.unwrap_or_else(|| Pace::new(&last.leg, settings)),
-            corner.before,
-        ),
-        (*next.pace.insert(Pace::new(&next.leg, settings)), corner.after),
+    let legs = [
+        last.pace.unwrap_or_else(|| pace(&last.leg, settings)),
+        *next.pace.insert(pace(&next.leg, settings)),
     ];
-    worth_it(corner.blend.length(), &blend, &paces).then_some((corner, Some(bounds)))
+    if settings.planner_kind == PlannerKind::Classic {
+        let corner = quintic(ratios, a, b, room, tolerance, settings)?;
+        let bounds = Bounds::new(&corner.blend);
+        let blend = bounds.limits(a.feed.min(b.feed), settings);
+        let paces = [(legs[0], corner.before), (legs[1], corner.after)];
+        return worth_it(corner.blend.length(), &blend, &paces).then_some((corner, Some(bounds)));
+    }
+    let vertex = Vertex {
+        directions: [&end.d1, &start.d1],
+        turning,
+        feed: a.feed.min(b.feed),
+        legs,
+    };
+    fastest(a, b, &vertex, room, tolerance, settings).map(|corner| (corner, None))
+}
+
+/// The corner as one quintic that stays inside the travel.
+fn quintic(
+    ratios: (f64, f64),
+    a: &Move,
+    b: &Move,
+    room: [f64; 2],
+    tolerance: f64,
+    settings: &Settings,
+) -> Option<Rounded> {
+    TOLERANCE_PARTS.into_iter().find_map(|part| {
+        round_as(ratios, &a.piece, room[0], &b.piece, room[1], part * tolerance)
+            .filter(|corner| is_inside(corner, a, settings))
+    })
+}
+
+fn is_inside(corner: &Rounded, a: &Move, settings: &Settings) -> bool {
+    let mut pieces = [Some(corner.blend), corner.second].into_iter().flatten();
+    pieces.all(|piece| inside(&piece.in_frame(*a.piece.frame()), settings))
+}
+
+/// The corner that takes the least time, unless a stop takes less: passed fast, or slowly in one of several shapes.
+fn fastest(
+    a: &Move,
+    b: &Move,
+    vertex: &Vertex<'_>,
+    room: [f64; 2],
+    tolerance: f64,
+    settings: &Settings,
+) -> Option<Rounded> {
+    let stop: f64 = vertex
+        .legs
+        .iter()
+        .map(|leg| time_lost(leg.speed, 0.0, &leg.limits))
+        .sum();
+    let [from, to] = vertex.directions;
+    let most = room[0].min(room[1]);
+    let ratios = [fast_ratios(vertex.turning), slow_ratios(vertex.turning)];
+    let quintics = ratios.map(|ratios| (Overlap::quintic(ratios), Some(ratios)));
+    let swings = Overlap::swings(vertex.turning).map(|shape| (shape, None));
+    let mut candidates: Vec<_> = quintics
+        .into_iter()
+        .chain(swings)
+        .map(|(shape, ratios)| {
+            let size = (TOLERANCE_PARTS[0] * tolerance / shape.off(from, to)).min(most);
+            (shape.time_lost(size, vertex, settings), size, shape, ratios)
+        })
+        .filter(|(time_s, ..)| *time_s < stop)
+        .collect();
+    candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
+    candidates
+        .into_iter()
+        .find_map(|(_, size, shape, ratios)| match ratios {
+            Some(ratios) => quintic(ratios, a, b, room, tolerance, settings),
+            None => overlap(&shape, &a.piece, &b.piece, size, TOLERANCE_PARTS[0] * tolerance)
+                .filter(|corner| is_inside(corner, a, settings)),
+        })
 }
 
 impl Last {
@@ -143,20 +216,11 @@ impl Last {
     }
 }
 
-/// How fast a leg can be run.
-#[derive(Clone, Copy, Debug)]
-struct Pace {
-    limits: PathLimits,
-    /// What it allows in its middle, coming from rest.
-    speed: f64,
-}
-
-impl Pace {
-    fn new(leg: &Leg, settings: &Settings) -> Pace {
-        let limits = Bounds::new(&leg.part.piece).limits(leg.part.feed, settings);
-        let speed = reachable(0.0, limits.v, leg.whole / 2.0, &limits);
-        Pace { limits, speed }
-    }
+/// How fast a leg can be run: in its middle, coming from rest.
+fn pace(leg: &Leg, settings: &Settings) -> Pace {
+    let limits = Bounds::new(&leg.part.piece).limits(leg.part.feed, settings);
+    let speed = reachable(0.0, limits.v, leg.whole / 2.0, &limits);
+    Pace { limits, speed }
 }
 
 /// Whether running through a blend takes less time than a stop at the corner. Where the tolerance is small against what

@@ -9,7 +9,7 @@
 //! steps      runs of tiny moves that turn sharply -> lines within the tolerance
 //! compress   runs of short straight moves -> few quintics     (fit: least squares, bspline: basis and system)
 //! min_jerk_blend  lines and arcs that meet tangentially or nearly so -> short curves    (only for the optimal planner)
-//! corners    what is left of moves, and the blends between    (round: one corner)
+//! corners    what is left of moves, and the blends between    (round: one corner; overlap: shapes to be passed slowly)
 //! ```
 //!
 //! No stage makes a piece that leaves travel or reach ([`inside`](super::travel::inside)).
@@ -25,6 +25,7 @@ mod fit;
 #[allow(clippy::needless_range_loop)]
 mod min_jerk_blend;
 mod naive_cam;
+mod overlap;
 pub(super) mod round;
 mod steps;
 

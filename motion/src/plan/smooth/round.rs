@@ -3,6 +3,7 @@
 //! In:  the two legs, how much of each may be used, the tolerance.
 //! Out: a blend with continuous direction and curvature that stays within the tolerance, and where it begins and ends.
 
+use super::overlap::Overlap;
 use crate::canon::AXES;
 use crate::path::{BlendEnd, Group, Jet, Piece, Shape};
 
@@ -12,10 +13,10 @@ pub(in crate::plan) struct Rounded {
     /// What is taken from the end of the first leg.
     pub(in crate::plan) before: f64,
     pub(in crate::plan) blend: Piece,
+    /// Its second half, where it has two.
+    pub(in crate::plan) second: Option<Piece>,
     /// What is taken from the beginning of the second leg.
     pub(in crate::plan) after: f64,
-    /// Angle between the directions of the legs, radians.
-    pub(in crate::plan) turning: f64,
 }
 
 /// Where the inner control points lie on the legs, as parts of the distance from the vertex, by interior angle in
@@ -28,9 +29,28 @@ const SHAPES: [(f64, f64, f64); 5] = [
     (180.0, 0.60, 0.14),
 ];
 
-fn shape(interior_deg: f64) -> (f64, f64) {
-    let mut at = SHAPES[0];
-    for next in SHAPES {
+/// The same for corners that are passed slowly: nearly cubic, which is constant jerk where the parameter grows evenly in time.
+const SLOW_SHAPES: [(f64, f64, f64); 5] = [
+    (60.0, 0.354, 0.096),
+    (90.0, 0.40, 0.10),
+    (120.0, 0.44, 0.12),
+    (135.0, 0.462, 0.156),
+    (160.0, 0.53, 0.166),
+];
+
+/// Where the inner control points lie on the legs of a corner that turns by so much, radians.
+pub(super) fn fast_ratios(turning: f64) -> (f64, f64) {
+    shape(&SHAPES, 180.0 - turning.to_degrees())
+}
+
+/// The same where it is passed slowly.
+pub(super) fn slow_ratios(turning: f64) -> (f64, f64) {
+    shape(&SLOW_SHAPES, 180.0 - turning.to_degrees())
+}
+
+fn shape(shapes: &[(f64, f64, f64)], interior_deg: f64) -> (f64, f64) {
+    let mut at = shapes[0];
+    for &next in shapes {
         if interior_deg <= next.0 {
             let x = if next.0 > at.0 {
                 ((interior_deg - at.0) / (next.0 - at.0)).max(0.0)
@@ -69,7 +89,7 @@ pub(in crate::plan) fn turning(group: Group, a: &Jet, b: &Jet) -> f64 {
 
 /// Distance from the vertex at which a corner of two straight legs must begin for its crest to be `tolerance` away.
 pub(in crate::plan) fn reach(group: Group, a: &Jet, b: &Jet, tolerance: f64) -> f64 {
-    let ratios = shape(180.0 - turning(group, a, b).to_degrees());
+    let ratios = fast_ratios(turning(group, a, b));
     tolerance / off_per_size(ratios, distance(&a.d1, &b.d1))
 }
 
@@ -78,28 +98,39 @@ fn off_per_size((p1, p2): (f64, f64), gap: f64) -> f64 {
     gap * (1.0 + 5.0 * p1 + 10.0 * p2) / 32.0
 }
 
-/// Rounds a corner, using up to `room` of each leg. `None`: nothing to round, or no curve found.
+/// Rounds a corner that is passed fast, using up to `room` of each leg. `None`: nothing to round, or no curve found.
+#[cfg(test)]
+pub(in crate::plan) fn round(a: &Piece, room_a: f64, b: &Piece, room_b: f64, tolerance: f64) -> Option<Rounded> {
+    let ratios = fast_ratios(turning(a.group(), &a.jet(a.length()), &b.jet(0.0)));
+    round_as(ratios, a, room_a, b, room_b, tolerance)
+}
+
+/// The same with inner control points at these parts of the size.
 ///
 /// How far the blend of two straight legs is off is known, and proportional to its size `d`; bent legs add what goes about
 /// with its square. These two factors are found from the blends themselves, and `d` is chosen so that the tolerance is used up.
-pub(in crate::plan) fn round(a: &Piece, room_a: f64, b: &Piece, room_b: f64, tolerance: f64) -> Option<Rounded> {
-    let group = a.group();
+pub(super) fn round_as(
+    ratios: (f64, f64),
+    a: &Piece,
+    room_a: f64,
+    b: &Piece,
+    room_b: f64,
+    tolerance: f64,
+) -> Option<Rounded> {
     let (end, start) = (a.jet(a.length()), b.jet(0.0));
     let straight = matches!((a.shape(), b.shape()), (Shape::Line(_), Shape::Line(_)));
     let (gap, bend) = (distance(&end.d1, &start.d1), distance(&end.d2, &start.d2));
     if gap < 1e-9 && (straight || bend < 1e-9) {
         return None;
     }
-    let turning = turning(group, &end, &start);
-    let ratios = shape(180.0 - turning.to_degrees());
     let room = room_a.min(room_b);
     // Off by linear d + square d².
     let mut linear = off_per_size(ratios, gap);
     let rounded = |d, blend| Rounded {
         before: d,
         blend,
+        second: None,
         after: d,
-        turning,
     };
     if straight {
         let d = room.min(tolerance / linear);
@@ -189,6 +220,54 @@ fn deviation(blend: &Piece, a: &Piece, before: f64, b: &Piece, after: f64) -> f6
         }
     }
     1.01 * off.max(missed)
+}
+
+/// The same of two blends that meet about at the corner, each of which is near its leg only.
+fn deviation_of_halves(halves: &[Piece; 2], legs: [&Piece; 2], size: f64) -> f64 {
+    const STEPS: usize = 24;
+    let vertex = legs[1].position(0.0).0;
+    let mut off = distance(&halves[1].position(0.0).0, &vertex);
+    for (side, (half, leg)) in halves.iter().zip(legs).enumerate() {
+        let Shape::Blend(curve) = half.shape() else {
+            return f64::INFINITY;
+        };
+        let (from, to) = if side == 0 {
+            (leg.length() - size, leg.length())
+        } else {
+            (0.0, size)
+        };
+        for k in 0..=STEPS {
+            let x = k as f64 / STEPS as f64;
+            off = off.max(nearest(leg, &curve.position_at(x), from, to, from + x * size).0);
+        }
+    }
+    1.02 * off
+}
+
+/// Passes a corner in this shape, whose size for straight legs is given.
+pub(super) fn overlap(shape: &Overlap, a: &Piece, b: &Piece, size: f64, tolerance: f64) -> Option<Rounded> {
+    const TRIES: usize = 4;
+    let straight = matches!((a.shape(), b.shape()), (Shape::Line(_), Shape::Line(_)));
+    let mut size = size;
+    for _ in 0..TRIES {
+        let halves = shape.blends(a, b, size, a.group())?;
+        let off = if straight {
+            0.0
+        } else {
+            deviation_of_halves(&halves, [a, b], size)
+        };
+        if off <= tolerance {
+            let [blend, second] = halves;
+            return Some(Rounded {
+                before: size,
+                blend,
+                second: Some(second),
+                after: size,
+            });
+        }
+        size *= 0.95 * tolerance / off;
+    }
+    None
 }
 
 /// Distance of `q` from the stretch of a leg, and where, found from a first guess by steps along the tangent.

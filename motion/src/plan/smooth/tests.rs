@@ -493,3 +493,94 @@ fn moves_out_of_the_plane_are_left_as_they_are() {
     });
     assert_eq!(classic, optimal);
 }
+
+/// Two legs that meet at the origin, the second turned by so much within the plane of two unit vectors.
+fn two_legs(degrees: f64, [u, w]: [[f64; 3]; 2], lengths: [f64; 2], tolerance: f64) -> Vec<Move> {
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    let place = |length: f64, along: f64, across: f64| {
+        let [x, y, z] = [0, 1, 2].map(|i| length * (along * u[i] + across * w[i]));
+        Position::xyz(x, y, z)
+    };
+    let points = [
+        place(-lengths[0], 1.0, 0.0),
+        Position::ZERO,
+        place(lengths[1], cos, sin),
+    ];
+    moves(&points, tolerance)
+}
+
+/// Two unit vectors at a right angle, of any orientation.
+fn plane() -> impl Strategy<Value = [[f64; 3]; 2]> {
+    let angle = || -std::f64::consts::PI..std::f64::consts::PI;
+    prop_oneof![1 => Just(XY), 4 => (angle(), angle(), angle()).prop_map(|(a, b, c)| {
+        let ((sa, ca), (sb, cb), (sc, cc)) = (a.sin_cos(), b.sin_cos(), c.sin_cos());
+        [[ca * cb, sa * cb, -sb], [ca * sb * sc - sa * cc, sa * sb * sc + ca * cc, cb * sc]]
+    })]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    #[test]
+    fn a_corner_of_any_angle_is_within_its_tolerance_everywhere(
+        degrees in 3.0f64..177.0, axes in plane(), lengths in prop::array::uniform2(prop_oneof![0.02f64..1.0, 1.0f64..50.0]),
+        tolerance in prop_oneof![Just(0.001), Just(0.01), Just(0.05), Just(0.5)],
+    ) {
+        /// Samples of each blend.
+        const STEPS: u32 = 5000;
+        let moves = two_legs(degrees, axes, lengths, tolerance);
+        let mut missed = f64::INFINITY;
+        let mut last: Option<Piece> = None;
+        for passed in smoothed(&moves, PlannerKind::Optimal) {
+            let Passed::Stretch(stretch) = passed else {
+                (missed, last) = (0.0, None);
+                continue;
+            };
+            let piece = stretch.piece;
+            let first = piece.jet(0.0);
+            // Two lines meet in a stop.
+            let joined = last.replace(piece).filter(|before| [before, &piece].iter().any(|piece| matches!(piece.shape(), Shape::Blend(_))));
+            if let Some(before) = joined.map(|piece| piece.jet(piece.length())) {
+                prop_assert!(distance(&before.q, &first.q) < 1e-9);
+                prop_assert!(distance(&before.d1, &first.d1) < 1e-9);
+                let curvature = distance(&first.d2, &[0.0; AXES]);
+                prop_assert!(distance(&before.d2, &first.d2) < 1e-7 * (1.0 + curvature) + 1e-14 / (piece.length() * piece.length()));
+            }
+            for k in 0..=STEPS {
+                let q = piece.position(piece.length() * f64::from(k) / f64::from(STEPS));
+                let off = moves.iter().map(|leg| round::nearest(&leg.piece, &q.0, 0.0, leg.piece.length(), 0.0).0);
+                prop_assert!(off.fold(f64::INFINITY, f64::min) <= tolerance);
+                missed = missed.min(distance(&q.0, &[0.0; AXES]));
+            }
+        }
+        prop_assert!(missed <= tolerance, "the corner is missed by {missed}");
+    }
+
+    #[test]
+    fn a_corner_of_an_arc_is_within_its_tolerance(
+        turns in prop::array::uniform3(-3.0f64..3.0), lengths in prop::array::uniform3(0.2f64..12.0),
+        curvature in -1.0f64..1.0, axes in prop_oneof![Just(XY), Just(ZX), Just(TILTED)],
+        tolerance in prop_oneof![Just(0.001), Just(0.01), Just(0.1)],
+    ) {
+        let [a, b, c] = lengths;
+        let parts = [(0.0, a, 0.0), (turns[0], b, curvature * 2.5 / b.max(0.8)), (turns[1], c, 0.0)];
+        proven(&bends(&parts, axes, tolerance), tolerance, PlannerKind::Optimal);
+    }
+}
+
+#[test]
+fn a_right_angle_is_left_and_met_with_a_swing() {
+    let moves = two_legs(90.0, XY, [10.0, 10.0], 0.01);
+    let (mut lowest, mut farthest) = (0.0f64, 0.0f64);
+    for passed in smoothed(&moves, PlannerKind::Optimal) {
+        let Passed::Stretch(stretch) = passed else {
+            panic!("no stop")
+        };
+        for k in 0..=1000 {
+            let q = stretch.piece.position(stretch.piece.length() * f64::from(k) / 1000.0).0;
+            (lowest, farthest) = (lowest.min(q[1]), farthest.max(q[0]));
+        }
+    }
+    // Out, before it turns in; and on the other side of the second leg behind the corner.
+    assert!(lowest < -0.008 && farthest > 0.008, "{lowest} {farthest}");
+}

@@ -6,6 +6,7 @@ use super::smooth::round::distance;
 use super::*;
 use crate::canon::{Call, Event, PathMode, Plane};
 
+mod corners;
 mod joint_space;
 mod never_slower;
 mod on_the_way;

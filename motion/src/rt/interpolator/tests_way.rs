@@ -266,6 +266,8 @@ fn backward_to_the_beginning_and_forward_to_the_same_end() {
 #[test]
 fn there_is_no_way_back_over_an_action_and_a_dwell_takes_no_time_on_it() {
     let mut calls = square();
+    // The corners themselves, so that it is known where moves begin.
+    calls[1] = Call::SetPathMode(PathMode::ExactPath);
     calls.insert(4, Call::Message("now".into()));
     calls.insert(6, Call::Dwell { seconds: 0.2 });
     let mut rig = Rig::new(&calls, PlannerKind::Optimal, KEPT_ELEMENTS);

@@ -1,0 +1,100 @@
+//! What corners cost.
+
+use super::*;
+use crate::plan::offline::plan_offline;
+use proptest::prelude::*;
+
+fn machine() -> Settings {
+    let limits = AxisLimits {
+        velocity: 100.0,
+        acceleration: 1000.0,
+        jerk: 20_000.0,
+        travel: [-500.0, 500.0],
+    };
+    Settings::new([Some(limits); AXES], 1e-3)
+}
+
+/// A path through these points, with corners within the tolerance; 0: from rest to rest.
+fn through(points: &[Position], feed_mm_s: f64, tolerance: f64, settings: Settings) -> Offline {
+    let mode = if tolerance > 0.0 {
+        PathMode::Continuous {
+            tolerance_mm: Some(tolerance),
+            naive_cam_tolerance_mm: None,
+        }
+    } else {
+        PathMode::ExactStop
+    };
+    let head = [
+        Call::SetFeedRate {
+            linear: feed_mm_s,
+            angular: feed_mm_s,
+        },
+        Call::SetPathMode(mode),
+    ];
+    let moves = points.iter().map(|to| Call::StraightFeed { to: *to });
+    plan_offline(&events(head.into_iter().chain(moves)), settings).unwrap()
+}
+
+fn corner(degrees: f64, tolerance: f64) -> f64 {
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    let points = [
+        Position::xyz(10.0, 0.0, 0.0),
+        Position::xyz(10.0 + 10.0 * cos, 10.0 * sin, 0.0),
+    ];
+    let plan = through(&points, 100.0, tolerance, machine());
+    assert_eq!(check(&plan.samples, 1e-3, &machine().axes).over(), 0);
+    plan.motion_time_s
+}
+
+#[test]
+fn corners_take_little_longer_than_the_reference() {
+    // By angle and tolerance: the reference of benches/corners.rs, path and speed chosen together.
+    for (degrees, tolerance, reference_s) in [
+        (20.0, 0.01, 0.455),
+        (45.0, 0.01, 0.465),
+        (45.0, 0.05, 0.426),
+        (60.0, 0.01, 0.471),
+        (60.0, 0.05, 0.440),
+        (90.0, 0.01, 0.471),
+        (90.0, 0.05, 0.447),
+        (90.0, 0.5, 0.438),
+        (120.0, 0.01, 0.457),
+        (120.0, 0.05, 0.444),
+        (120.0, 0.5, 0.414),
+    ] {
+        let ratio = corner(degrees, tolerance) / reference_s;
+        assert!(ratio < 1.05, "{degrees} degrees within {tolerance} mm: {ratio}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn rounded_corners_take_no_longer_than_stops(
+        steps in prop::collection::vec((prop::array::uniform3(-1.0f64..1.0), prop_oneof![0.05f64..1.0, 1.0f64..20.0]), 2..8),
+        flat in any::<bool>(), feed in prop_oneof![2.0f64..20.0, 20.0f64..100.0], jerk in prop_oneof![Just(2e4), Just(1e5), Just(1e6)],
+        tolerance in prop_oneof![Just(0.001), Just(0.01), Just(0.05), Just(0.5)],
+    ) {
+        let mut at = Position::ZERO;
+        let points: Vec<_> = steps.iter().map(|(by, scale)| {
+            for (axis, by) in by.iter().enumerate() {
+                at.0[axis] += if flat && axis == 2 { 0.0 } else { by * scale };
+            }
+            at
+        }).collect();
+        let mut settings = machine();
+        for axis in settings.axes.iter_mut().flatten() {
+            axis.jerk = jerk;
+        }
+        let [rounded, stopped] = [tolerance, 0.0].map(|tolerance| through(&points, feed, tolerance, settings));
+        // Speeds are planned to within 0.2 % of the time.
+        prop_assert!(
+            rounded.motion_time_s <= 1.002 * stopped.motion_time_s + 1e-3,
+            "{} {}", rounded.motion_time_s, stopped.motion_time_s
+        );
+        prop_assert_eq!(check(&rounded.samples, 1e-3, &settings.axes).over(), 0);
+        let off = deviation(&rounded.samples, &rounded.ideal, tolerance);
+        prop_assert!(off.off_mm <= tolerance, "{off:?}");
+    }
+}
