@@ -20,18 +20,18 @@ use hdrhistogram::Histogram;
 use isocnc::config::{self, Config};
 use isocnc::machine::motion_settings::{ring_capacity, stop_ramp};
 use isocnc::machine::tables::Tables;
-use isocnc::program::{Feeder, Progress, home};
+use isocnc::program::{Feeder, Progress, Threads, home};
 use motion::canon::Position;
 use motion::element::{Auxiliary, Element, Enables, Span};
 use motion::kinematics::{Hand, Kinematics, Rotary, RotaryAxis, TableTable, ToolFrame, Transform};
 use motion::path::Piece;
 use motion::plan::PlannerKind;
-use motion::plan::workers::Workers;
 use motion::ring::{self, Publish, Sink, Timed};
 use motion::rt::{Interpolator, SampleState};
 use proof_programs::Size;
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
+use std::thread::Scope;
 use std::time::Instant;
 
 const MACHINE: &str = include_str!("../tests/proof_programs/three-axes.toml");
@@ -102,11 +102,26 @@ fn machine(planner: PlannerKind) -> anyhow::Result<(Config, Tables)> {
     Ok((config, tables))
 }
 
-fn plan(text: &str, planner: PlannerKind, workers: &Workers) -> anyhow::Result<Planned> {
+fn plan(text: &str, planner: PlannerKind, threads: usize) -> anyhow::Result<Planned> {
     let (config, tables) = machine(planner)?;
+    std::thread::scope(|scope| plan_in(scope, (&config, &tables), text, threads))
+}
+
+fn plan_in<'t>(
+    scope: &'t Scope<'t, '_>,
+    machine @ (config, _): (&Config, &Tables),
+    text: &'t str,
+    threads: usize,
+) -> anyhow::Result<Planned> {
     let began = Instant::now();
     let sink = Measure::default();
-    let mut feeder = Feeder::with_workers(&config, &tables, text.as_bytes(), home(&config), sink, workers);
+    let mut feeder = Feeder::in_threads(
+        machine,
+        text.as_bytes(),
+        home(config),
+        sink,
+        Threads::new(threads, scope),
+    );
     let mut blocks = 0;
     loop {
         let progress = feeder
@@ -142,12 +157,11 @@ fn throughput(options: &Options) -> anyhow::Result<()> {
             .iter()
             .flat_map(|(planner_kind, name)| [1, 2].map(|threads| (*planner_kind, *name, threads)))
             .collect();
-        let pools = [1, 2].map(|threads| Workers::new(threads - 1, || ()));
         let mut rates = vec![Vec::new(); variants.len()];
         let mut blocks = 0;
         for _ in 0..options.rounds {
             for ((planner_kind, _, threads), rates) in variants.iter().zip(&mut rates) {
-                let planned = plan(&text, *planner_kind, &pools[threads - 1])?;
+                let planned = plan(&text, *planner_kind, *threads)?;
                 blocks = planned.blocks;
                 rates.push(planned.blocks as f64 / planned.wall_s);
             }
@@ -184,16 +198,10 @@ fn motion_times(options: &Options) -> anyhow::Result<()> {
             .map(|case| (case.name.to_owned(), case.text(Size::Full)))
             .collect(),
     };
-    let workers = Workers::new(1, || ());
     for (name, text) in programs {
         let times: Vec<String> = PLANNERS
             .iter()
-            .map(|(planner_kind, planner)| {
-                Ok(format!(
-                    "{planner} {:.3}",
-                    plan(&text, *planner_kind, &workers)?.motion_s
-                ))
-            })
+            .map(|(planner_kind, planner)| Ok(format!("{planner} {:.3}", plan(&text, *planner_kind, 2)?.motion_s)))
             .collect::<anyhow::Result<_>>()?;
         let known = LINUXCNC
             .iter()

@@ -547,6 +547,15 @@ impl<'d, 'l> Section<'d, 'l> {
         }
     }
 
+    /// Notes a key of machine files of before that has another name now.
+    pub(super) fn renamed(&mut self, key: &'static str, now: &'static str) {
+        self.known.push(key);
+        if let Some((name, _)) = self.table.get_key_value(key) {
+            let rule = format!("is called `{now}` now");
+            self.log.misplaced(name.span(), &self.key(key), &rule, None);
+        }
+    }
+
     /// Names the keys that nobody asked for.
     pub(super) fn done(self) {
         for key in self.table.keys() {

@@ -26,7 +26,7 @@ const INSIDE_CORNER_DEGREES: f64 = 30.0;
 /// Folders that are searched for one file.
 const FOLDERS_MAX: usize = 10;
 /// Threads that plan; more than a PC has cores are of no use.
-const PLANNER_THREADS_MAX: i64 = 64;
+const THREADS_MAX: i64 = 64;
 /// Values of `#<_ini[section]name>`.
 const VALUE_MAX: f64 = 1e9;
 
@@ -39,12 +39,16 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
     let default = Program::default();
     let tolerance_mm = section.number("tolerance_mm", Bound::Positive(10.0), default.tolerance_mm);
     let look_ahead_blocks = section.integer("look_ahead_blocks", 1..=1_000_000, default.look_ahead_blocks as i64);
+    let buffer_blocks = default.look_ahead_buffer_blocks as i64;
+    let look_ahead_buffer_blocks = section.integer("look_ahead_buffer_blocks", 1..=1_000_000, buffer_blocks);
+    let overlap_blocks = default.look_ahead_overlap_blocks as i64;
+    let look_ahead_overlap_blocks = section.integer("look_ahead_overlap_blocks", 0..=1_000_000, overlap_blocks);
     let planner = section.word(
         "planner",
         &[("optimal", PlannerKind::Optimal), ("classic", PlannerKind::Classic)],
         Some(default.planner),
     );
-    let planner_threads = section.optional_integer("planner_threads", 1..=PLANNER_THREADS_MAX);
+    let threads = section.optional_integer("threads", 1..=THREADS_MAX);
     let parameter_file = file(section, "parameter_file", base, MayBeMissing::Yes);
     let directory = folder(section, "directory", base);
     let subroutine_directories = folders(section, "subroutine_directories", base);
@@ -85,12 +89,15 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
         }
         table.done();
     }
+    section.renamed("planner_threads", "threads");
     section.not_yet(&["optional_stop", "log_directory", "startup_code", "read_pins"]);
     Some(Program {
         tolerance_mm: tolerance_mm?,
         look_ahead_blocks: look_ahead_blocks? as usize,
+        look_ahead_buffer_blocks: look_ahead_buffer_blocks? as usize,
+        look_ahead_overlap_blocks: look_ahead_overlap_blocks? as usize,
         planner: planner?,
-        planner_threads: planner_threads?.map(|threads| threads as usize),
+        threads: threads?.map(|threads| threads as usize),
         parameter_file: parameter_file?,
         directory: directory?,
         subroutine_directories: subroutine_directories?,

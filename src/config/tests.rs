@@ -485,11 +485,18 @@ fn rules_of_axes_and_offsets() {
 fn rules_of_the_rest() {
     let end = "joints = [0]\n";
     check(&[
-        (end, "joints = [0]\n[spindle]\nrpm_max = 0\n[program]\ntolerance_mm = 0\nlook_ahead_blocks = 0\nplanner_threads = 65\n", &[
+        (end, "joints = [0]\n[spindle]\nrpm_max = 0\n[program]\ntolerance_mm = 0\nlook_ahead_blocks = 0\nthreads = 65\n", &[
             "m.toml:29:11: spindle.rpm_max = 0: must be above 0",
             "m.toml:31:16: program.tolerance_mm = 0: must be above 0",
             "m.toml:32:21: program.look_ahead_blocks = 0: must be an integer from 1 to 1000000",
-            "m.toml:33:19: program.planner_threads = 65: must be an integer from 1 to 64",
+            "m.toml:33:11: program.threads = 65: must be an integer from 1 to 64",
+        ]),
+        (end, "joints = [0]\n[program]\nlook_ahead_buffer_blocks = 0\nlook_ahead_overlap_blocks = -1\n", &[
+            "m.toml:29:28: program.look_ahead_buffer_blocks = 0: must be an integer from 1 to 1000000",
+            "m.toml:30:29: program.look_ahead_overlap_blocks = -1: must be an integer from 0 to 1000000",
+        ]),
+        (end, "joints = [0]\n[program]\nplanner_threads = 3\n", &[
+            "m.toml:29:1: program.planner_threads: is called `threads` now",
         ]),
         (end, "joints = [0]\n[sim]\nnatural_frequency_hz = 0\ndamping = -1\nstart = 1.5\n", &[
             "m.toml:29:24: sim.natural_frequency_hz = 0: must lie between 0.1 and 1000",

@@ -46,7 +46,8 @@ fn what_is_left_out_is_as_in_linuxcnc() {
     assert!(!config.axes[0].wrapped);
     let program = config.program;
     assert_eq!((program.tolerance_mm, program.look_ahead_blocks), (0.01, 10_000));
-    assert_eq!(program.planner_threads, None);
+    let buffers = (program.look_ahead_buffer_blocks, program.look_ahead_overlap_blocks);
+    assert_eq!((program.threads, buffers), (None, (300, 50)));
     assert_eq!((program.parameter_file, program.directory), (None, None));
     assert!(!program.user_codes.allowed && !program.block_delete && !program.diameter_mode);
     assert!(program.keep_g92 && program.fanuc_subroutines);
@@ -69,8 +70,10 @@ fn every_key_is_read_and_paths_start_at_the_machine_file() {
         r#"[program]
 tolerance_mm = 0.02
 look_ahead_blocks = 500
+look_ahead_buffer_blocks = 200
+look_ahead_overlap_blocks = 0
 planner = "classic"
-planner_threads = 3
+threads = 3
 parameter_file = "made-later.var"
 directory = "programs"
 subroutine_directories = ["subs", "codes"]
@@ -123,8 +126,10 @@ orient_offset_degrees = -90
     let expected = Program {
         tolerance_mm: 0.02,
         look_ahead_blocks: 500,
+        look_ahead_buffer_blocks: 200,
+        look_ahead_overlap_blocks: 0,
         planner: motion::plan::PlannerKind::Classic,
-        planner_threads: Some(3),
+        threads: Some(3),
         parameter_file: Some(here("made-later.var")),
         directory: Some(here("programs")),
         subroutine_directories: vec![here("subs"), here("codes")],

@@ -492,13 +492,17 @@ impl Config {
 pub struct Program {
     /// Path tolerance of G64 without P, mm; default 0.01.
     pub tolerance_mm: f64,
-    /// Blocks that the planner looks ahead; default 1000.
+    /// Blocks that the planner looks ahead; default 10,000.
     pub look_ahead_blocks: usize,
+    /// Blocks over which one thread of the classic planner looks ahead at a time; default 300.
+    pub look_ahead_buffer_blocks: usize,
+    /// Blocks on either side of such a buffer from which it begins; default 50.
+    pub look_ahead_overlap_blocks: usize,
     /// How speed is chosen along the path.
     pub planner: motion::plan::PlannerKind,
-    /// Threads that plan, that of the program among them. `None`: one for every core that may be used and is not that of the
-    /// real-time threads, at most [`Program::PLANNER_THREADS_USUAL`].
-    pub planner_threads: Option<usize>,
+    /// Threads that plan, from text to committed motion, that of the program among them. `None`: one for every core that may be used and is not that of the
+    /// real-time threads, at most [`Program::THREADS_USUAL`].
+    pub threads: Option<usize>,
     /// File of the parameters that outlive a program, LinuxCNC's var file; made if it is missing. `None`: nothing outlives
     /// the process, and [`Config::work_offsets`] hold at each start.
     pub parameter_file: Option<PathBuf>,
@@ -541,7 +545,7 @@ pub const ARC_RADIUS_TOLERANCE: [f64; 2] = [0.02 * std::f64::consts::SQRT_2, 0.0
 
 impl Program {
     /// Threads that plan at the most where the machine file names no number.
-    pub const PLANNER_THREADS_USUAL: usize = 4;
+    pub const THREADS_USUAL: usize = 4;
 }
 
 impl Default for Program {
@@ -550,8 +554,10 @@ impl Default for Program {
         Program {
             tolerance_mm: 0.01,
             look_ahead_blocks: 10_000,
+            look_ahead_buffer_blocks: 300,
+            look_ahead_overlap_blocks: 50,
             planner: motion::plan::PlannerKind::default(),
-            planner_threads: None,
+            threads: None,
             parameter_file: None,
             directory: None,
             subroutine_directories: Vec::new(),

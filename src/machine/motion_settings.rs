@@ -52,6 +52,8 @@ pub fn plan_settings(config: &Config, start: Position) -> Settings {
         cycle_s: f64::from(config.cycle_us) * 1e-6,
         tolerance_mm: config.program.tolerance_mm,
         look_ahead_blocks: config.program.look_ahead_blocks,
+        look_ahead_buffer_blocks: config.program.look_ahead_buffer_blocks,
+        look_ahead_overlap_blocks: config.program.look_ahead_overlap_blocks,
         spindle_encoder: config.spindle.encoder.is_some(),
         await_spindle: config.spindle.wait_for_speed,
         spindle_rpm_max: config.spindle.rpm_max,

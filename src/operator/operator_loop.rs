@@ -20,7 +20,7 @@ use crate::operator::recorder::Recorder;
 use crate::operator::session::{EXIT_RESTART, Program, Session, Task};
 use crate::operator::table_writer::Keeper;
 use crate::program::text::Reader;
-use crate::program::{self, FeedError, Feeder, probing};
+use crate::program::{self, FeedError, Feeder, Threads, probing};
 use crate::rt::cycle_stats::Windows;
 use crate::rt::shared::RtStatus;
 use crate::rt::timeout;
@@ -303,19 +303,22 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             .name("program".into())
             .spawn_scoped(self.scope, move || {
                 capabilities::give_up_or_warn(Work::Ordinary);
-                // They inherit from here that they keep off the core of real time, and have no rights.
-                let workers = program::workers(config);
-                let mut feeder = Feeder::with_workers(config, &tables, text.reader(), position, producer, &workers)
-                    .beside(text.name())
-                    .with_probe(results)
-                    .within(running_limits(given_up.clone()))
-                    .following(live)
-                    .telling_path(told);
-                if let Some(passed) = passed {
-                    feeder = feeder.keeping_near(passed);
-                }
                 let over = || stop.load(Ordering::Acquire) || given_up.is_cancelled();
-                feed(feeder, over)
+                std::thread::scope(|scope| {
+                    // Its threads inherit from here that they keep off the core of real time, and have no rights.
+                    let threads = Threads::new(program::threads(config), scope);
+                    let machine = (*config, &tables);
+                    let mut feeder = Feeder::in_threads(machine, text.reader(), position, producer, threads)
+                        .beside(text.name())
+                        .with_probe(results)
+                        .within(running_limits(given_up.clone()))
+                        .following(live)
+                        .telling_path(told);
+                    if let Some(passed) = passed {
+                        feeder = feeder.keeping_near(passed);
+                    }
+                    feed(feeder, over)
+                })
             })?;
         self.planner = Some(planner);
         let interpolator = Interpolator::new(consumer, position, stop_ramp(config));

@@ -8,6 +8,7 @@ pub mod path;
 pub mod probing;
 pub mod real_time;
 mod settings;
+mod stages;
 pub mod text;
 
 use crate::config::{self, Config};
@@ -15,40 +16,42 @@ use crate::host::wait::thread_cpu_s;
 use crate::machine::motion_settings::plan_settings;
 use crate::machine::tables::Tables;
 use crate::rt::shared::RtStatus;
-use exact_stops::ExactStops;
 use gcode::CheckLimits;
 use motion::cancel::Cancel;
-use motion::canon::{Axis, Call, Event, PathMode, Position};
+use motion::canon::Position;
 use motion::element::Element;
 use motion::kinematics::ToolFrame;
 use motion::path::PackedPiece;
+use motion::plan::timeline::{Task, during};
 use motion::plan::workers::Workers;
-use motion::plan::{PlanError, PlanErrorKind, Planner, Programmed, Pumped};
+use motion::plan::{PathPlanner, PlanErrorKind, Programmed, Pumped, SpeedPlanner};
 use motion::ring::Sink;
 use motion::rt::probe::Probed;
 use path::PathNews;
 use probing::Probing;
 use real_time::{Measure, RealTimeFactor};
 pub use settings::{interpreter_settings, settings_with};
+pub use stages::Threads;
+use stages::{After, BATCH, Batch, Failed, Part, Smoothing, Spare, Stage};
 use std::fmt;
 use std::num::NonZero;
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::Sender;
+use std::sync::{Arc, PoisonError, mpsc};
 use std::thread::available_parallelism;
 use std::time::{Duration, Instant};
 use text::Reader;
 
 /// Canonical calls that one call of [`Feeder::pump`] takes at the most.
 const EVENTS_PER_PUMP: usize = 256;
+
 /// Pieces of the programmed path that whoever judges set-points by it may have before them, and final motion ahead of the machine, s,
 /// from which on no more is read than that: all of them lie in memory.
 const PATH_AHEAD: u64 = 20_000;
 const PATH_AHEAD_S: f64 = 0.5;
 
-/// Codes of the work systems.
-const WORK_SYSTEMS: [&str; 9] = ["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"];
+/// Stages that may have a thread of their own: interpreter and smoothing.
+const STAGES: usize = 2;
 
 /// Why a program cannot be run; shown with its place in the text.
 #[derive(Debug)]
@@ -291,16 +294,23 @@ pub enum Progress {
 
 /// A program on its way into the ring.
 pub struct Feeder<'t, S: Sink<Element>> {
-    events: gcode::Run<'t>,
-    planner: Planner<S>,
-    waiting: Option<Event>,
+    smoothing: Stage<'t, Smoothing<'t>, Batch>,
+    /// What came from smoothing and is not planned yet.
+    batch: Batch,
+    spare: Spare,
+    speed: SpeedPlanner<S>,
+    ideal: Vec<Programmed>,
     probing: Probing,
-    exact_stops: ExactStops,
-    /// 1 for G54 to 9 for G59.3.
-    work_system: u8,
+    /// Those that are not started yet.
+    threads: Option<Threads<'t>>,
+    workers: Workers,
+    /// To the thread of smoothing.
+    contacts: Option<mpsc::Sender<Probed>>,
     /// Who is told of the programmed path, in place of [`Feeder::ideal_path`].
-    told: Option<Sender<PathNews>>,
-    /// Pieces of it that have been told, and how many of them set-points have left behind.
+    told: Option<mpsc::Sender<PathNews>>,
+    /// What is told behind the path of the next part.
+    news: Option<PathNews>,
+    /// Pieces of the path that have been told, and how many of them set-points have left behind.
     path: u64,
     path_passed: Option<Arc<AtomicU64>>,
     /// Where the operator's overrides are, and those that the plan was last made with.
@@ -310,15 +320,11 @@ pub struct Feeder<'t, S: Sink<Element>> {
     ended: bool,
     /// Planned time of what probing moves left of their ways at a contact, s.
     left_s: f64,
-    /// What G64 without P allows, mm.
-    default_tolerance_mm: f64,
-    /// What the path mode of the moment allows, and the most of that for any move.
-    mode_tolerance_mm: f64,
     tolerance_mm: f64,
 }
 
 impl<'t, S: Sink<Element>> Feeder<'t, S> {
-    /// Begins at `start`, a machine position at rest.
+    /// Begins at `start`, a machine position at rest. All is done in the thread that calls [`Feeder::pump`].
     pub fn new(
         config: &Config,
         tables: &Tables,
@@ -326,29 +332,54 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         start: Position,
         sink: S,
     ) -> Feeder<'t, S> {
-        Feeder::with_workers(config, tables, text, start, sink, &Workers::none())
+        Feeder::with_workers((config, tables), text.into(), start, sink, Workers::none())
     }
 
-    /// The same with threads that help to plan; what is planned does not depend on them.
-    pub fn with_workers(
-        config: &Config,
-        tables: &Tables,
+    /// The same in several threads; what is planned does not depend on how many. They begin with the first [`Feeder::pump`], with
+    /// the rights of the thread that calls it and where that may run, and end with the feeder.
+    pub fn in_threads(
+        machine: (&Config, &Tables),
         text: impl Into<Reader<'t>>,
         start: Position,
         sink: S,
-        workers: &Workers,
+        threads: Threads<'t>,
     ) -> Feeder<'t, S> {
-        let (probing, asked) = Probing::new();
+        let beside = threads.count.saturating_sub(1);
+        let stages = beside.min(STAGES);
+        let workers = Workers::with_helpers(beside - stages, stages, threads.timeline.clone(), || ());
         Feeder {
-            events: gcode::Interpreter::new(planned_settings(config, tables, start))
-                .with_machine(asked)
-                .run_reader(text.into()),
-            planner: Planner::with_workers(plan_settings(config, start), sink, workers),
-            waiting: None,
+            threads: Some(threads),
+            ..Feeder::with_workers(machine, text.into(), start, sink, workers)
+        }
+    }
+
+    fn with_workers(
+        (config, tables): (&Config, &Tables),
+        text: Reader<'t>,
+        start: Position,
+        sink: S,
+        workers: Workers,
+    ) -> Feeder<'t, S> {
+        let settings = plan_settings(config, start);
+        let (probing, asked) = Probing::new();
+        let interpreter = gcode::Interpreter::new(planned_settings(config, tables, start))
+            .with_machine(asked)
+            .run_reader(text);
+        let path = PathPlanner::new(settings);
+        let timeline = workers.timeline().cloned();
+        let smoothing = Smoothing::new(interpreter, path, config.program.tolerance_mm, timeline);
+        Feeder {
+            spare: Arc::clone(&smoothing.spare),
+            smoothing: Stage::Here(Box::new(smoothing)),
+            batch: Batch::default(),
+            speed: SpeedPlanner::new(settings, sink, &workers),
+            ideal: Vec::new(),
             probing,
-            exact_stops: ExactStops::NONE,
-            work_system: 1,
+            threads: None,
+            workers,
+            contacts: None,
             told: None,
+            news: None,
             path: 0,
             path_passed: None,
             live: None,
@@ -356,35 +387,33 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             line: 0,
             ended: false,
             left_s: 0.0,
-            default_tolerance_mm: config.program.tolerance_mm,
-            mode_tolerance_mm: 0.0,
             tolerance_mm: 0.0,
         }
     }
 
     /// The same that stops with an error where a check has to, or when it is cancelled.
-    pub fn within(mut self, limits: CheckLimits) -> Feeder<'t, S> {
-        self.events = self.events.within(limits);
-        self
+    pub fn within(self, limits: CheckLimits) -> Feeder<'t, S> {
+        self.with_interpreter(|interpreter| interpreter.within(limits))
     }
 
     /// The same for the program of this path: its subroutines are looked for beside it first.
-    pub fn beside(mut self, path: &str) -> Feeder<'t, S> {
-        if let Some(folder) = folder(path) {
-            self.events = self.events.subroutines_beside(folder);
+    pub fn beside(self, path: &str) -> Feeder<'t, S> {
+        match folder(path) {
+            Some(folder) => self.with_interpreter(|interpreter| interpreter.subroutines_beside(folder)),
+            None => self,
         }
-        self
     }
 
     /// The same for a machine that probes: `results` tell how each probing move ended, and nothing behind it is read before.
     /// Without it, every probing move touches something at its end.
     pub fn with_probe(mut self, results: rtrb::Consumer<Probed>) -> Feeder<'t, S> {
-        self.probing.wait_for(results);
+        let answers = self.probing.wait_for(results);
+        self.smoothing.recall().answers = Some(answers);
         self
     }
 
     /// The same that tells of the programmed path as it comes, each move before any motion along it is in the ring.
-    pub fn telling_path(self, to: Sender<PathNews>) -> Feeder<'t, S> {
+    pub fn telling_path(self, to: mpsc::Sender<PathNews>) -> Feeder<'t, S> {
         Feeder { told: Some(to), ..self }
     }
 
@@ -397,38 +426,46 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     }
 
     /// The same that follows the operator, from the next [`Feeder::pump`] on: overrides; in single block, exact stops.
-    pub fn following(self, live: Arc<RtStatus>) -> Feeder<'t, S> {
-        Feeder {
-            live: Some(live),
-            ..self
-        }
+    pub fn following(mut self, live: Arc<RtStatus>) -> Feeder<'t, S> {
+        self.smoothing.recall().live = Some(Arc::clone(&live));
+        self.live = Some(live);
+        self
+    }
+
+    fn with_interpreter(mut self, change: impl FnOnce(gcode::Run<'t>) -> gcode::Run<'t>) -> Feeder<'t, S> {
+        self.smoothing.recall().change_interpreter(change);
+        self
     }
 
     /// Plans a part of the program, and again what an override has changed.
     ///
     /// # Errors
-    /// The first thing that is wrong; what was planned before it stays in the ring and ends at rest.
+    /// The first thing that is wrong; what was planned before it stays in the ring and ends at rest. Nothing follows it.
+    ///
+    /// # Panics
+    /// Where a thread of it has.
     pub fn pump(&mut self) -> Result<Progress, FeedError> {
+        if let Some(threads) = self.threads.take() {
+            self.contacts = stages::start(&mut self.smoothing, &threads, &self.workers);
+        }
+        let timeline = self.workers.timeline().cloned();
+        during(timeline.as_ref(), Some(Task::Slope), || self.plan())
+    }
+
+    fn plan(&mut self) -> Result<Progress, FeedError> {
         for _ in 0..EVENTS_PER_PUMP {
             self.follow_overrides();
-            self.tell_path(None);
-            if self.planner.pump() == Pumped::Blocked {
+            if self.speed.pump() == Pumped::Blocked {
                 return Ok(Progress::RingFull);
             }
             if self.probing.is_under_way() {
                 let Some(probed) = self.probing.receive() else {
                     return Ok(Progress::Probing);
                 };
-                self.left_s += self.planner.probed(probed.rest);
-                self.tell_path(Some(PathNews::Probed));
-                self.probing.send(gcode::Probed {
-                    end: probed.end,
-                    at: self.planner.to_work(&probed.at),
-                    rest: self.planner.to_work(&probed.rest),
-                });
+                self.probed(probed);
             }
             if self.ended {
-                return Ok(if self.planner.is_done() {
+                return Ok(if self.speed.is_done() {
                     Progress::Done
                 } else {
                     Progress::Working
@@ -437,87 +474,109 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             if self.is_far_ahead() {
                 return Ok(Progress::RingFull);
             }
-            match self.waiting.take().map(Ok).or_else(|| self.events.next()) {
-                Some(Ok(event)) => {
-                    self.line = event.source.line;
-                    self.look_at(&event.call);
-                    let single_block = self.live.as_ref().is_some_and(|live| live.single_block());
-                    if let Some(call) = self.exact_stops.switch(single_block) {
-                        let source = event.source;
-                        self.plan(&Event { source, call })?;
-                    }
-                    if self.exact_stops.let_pass(&event.call) {
-                        self.plan(&event)?;
-                    }
-                    if let Call::StraightProbe { .. } = event.call
-                        && self.probing.begin()
-                    {
-                        // All before it, and the move itself; the rest is planned once it is over.
-                        self.planner.await_contact();
+            let part = self.next_part();
+            self.line = part.line;
+            self.tolerance_mm = part.tolerance_mm;
+            self.left_s = part.left_s;
+            self.ideal.extend(self.batch.programmed.drain(..part.programmed));
+            for smoothed in self.batch.smoothed.drain(..part.smoothed) {
+                self.speed.push(smoothed);
+            }
+            let news = self.news.take();
+            self.tell_path(news);
+            match part.after {
+                After::More => {}
+                After::Probe => {
+                    self.probing.begin();
+                    if self.probing.is_under_way() {
                         self.tell_path(Some(PathNews::Probing));
-                        self.planner.finish();
                     }
                 }
-                Some(Err(error)) => {
-                    self.planner.finish();
+                After::Ended => self.ended = true,
+                After::Failed(failed) => {
                     self.ended = true;
-                    return Err(FeedError::Text(error));
-                }
-                None => {
-                    self.planner.finish();
-                    self.ended = true;
+                    return Err(self.failed(failed));
                 }
             }
         }
         Ok(Progress::Working)
     }
 
-    fn plan(&mut self, event: &Event) -> Result<(), FeedError> {
-        let Err(PlanError { source, kind }) = self.planner.push(event) else {
-            return Ok(());
-        };
-        let (letter, what) = match kind {
-            PlanErrorKind::Travel { axis, value, limit } => {
-                (Some(axis.letter()), self.beyond_travel(axis, value, limit))
+    /// Waits for it, where it comes from a thread.
+    fn next_part(&mut self) -> Part {
+        // Single block counts from the next call on.
+        let most = if self.live.is_some() { 1 } else { BATCH };
+        loop {
+            if let Some(part) = self.batch.parts.pop_front() {
+                return part;
             }
-            PlanErrorKind::NoSuchAxis { axis } => (Some(axis.letter()), None),
-            _ => (None, None),
-        };
-        let what = what.unwrap_or_else(|| kind.to_string());
-        Err(FeedError::Plan(kind, self.events.error_at(source, letter, what)))
+            match &mut self.smoothing {
+                Stage::Here(smoothing) => smoothing.work(most, &mut self.batch),
+                Stage::There(thread) => match thread.batches.take() {
+                    Some(batch) => {
+                        let used = std::mem::replace(&mut self.batch, batch);
+                        let mut spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner);
+                        spare.push(used);
+                    }
+                    // It has told no end: it panicked.
+                    None => self.smoothing.recall().work(most, &mut self.batch),
+                },
+                Stage::Gone => panic!("a stage is gone"),
+            }
+        }
     }
 
-    /// Why a place is beyond the travel of an axis, by the offsets in force; `None` where a rotation makes the axis another one in
-    /// the work.
-    fn beyond_travel(&self, axis: Axis, value: f64, limit: f64) -> Option<String> {
-        let zero = Position::ZERO;
-        let mut one = zero;
-        one[axis] = 1.0;
-        let [zero, one] = [zero, one].map(|machine| self.planner.to_work(&machine));
-        let follows = |other: &Axis| ((one[*other] - zero[*other]) - f64::from(*other == axis)).abs() < 1e-9;
-        let (letter, offset) = (axis.letter(), 0.0 - zero[axis]);
-        let unit = if axis.is_rotary() { "degrees" } else { "mm" };
-        Axis::ALL.iter().all(follows).then(|| {
-            format!(
-                "{letter} {:.3} {unit} in {} (offset {letter} {offset:.3}) is machine {value:.3}, travel ends at {limit:.3}",
-                value - offset,
-                WORK_SYSTEMS[usize::from(self.work_system.clamp(1, 9)) - 1],
-            )
-        })
+    fn probed(&mut self, probed: Probed) {
+        // How far it went comes with the next part.
+        self.news = Some(PathNews::Probed);
+        match (&mut self.smoothing, &self.contacts) {
+            (Stage::There(_), Some(contacts)) => {
+                // A thread that is gone is noticed by what does not come.
+                let _ = contacts.send(probed);
+            }
+            (smoothing, _) => {
+                let smoothing = smoothing.recall();
+                smoothing.probed(&probed);
+                self.left_s = smoothing.left_s();
+            }
+        }
     }
 
-    /// Nobody waits for the end of a probing move any more: the path has all of its way.
+    fn failed(&mut self, failed: Failed) -> FeedError {
+        match failed {
+            Failed::Text(error) => FeedError::Text(error),
+            Failed::Plan {
+                source,
+                letter,
+                what,
+                kind,
+            } => FeedError::Plan(kind, self.recall().interpreter().error_at(source, letter, what)),
+        }
+    }
+
+    /// The stages without their threads, for the end of the program.
+    fn recall(&mut self) -> &mut Smoothing<'t> {
+        // It may be waiting for one.
+        self.contacts = None;
+        self.smoothing.recall()
+    }
+
+    /// Nobody waits for the end of a probing move any more: the path has all of its way. Nothing more is planned.
     pub fn give_up_contact(&mut self) {
-        self.planner.give_up_contact();
+        self.ended = true;
+        let smoothing = self.recall();
+        let (way, left_s) = (smoothing.path().give_up_contact(), smoothing.left_s());
+        self.left_s = left_s;
+        self.ideal.extend(way);
         self.tell_path(Some(PathNews::Probed));
     }
 
     /// Tells how the programmed path goes on, and what comes behind that.
     fn tell_path(&mut self, news: Option<PathNews>) {
         let Some(told) = &self.told else { return };
-        let path = self.planner.ideal_path();
-        self.path += path.len() as u64;
-        let ways = path.map(|part| PathNews::Way(PackedPiece::from(&part.piece)));
+        self.path += self.ideal.len() as u64;
+        let ways = self.ideal.drain(..);
+        let ways = ways.map(|part| PathNews::Way(PackedPiece::from(&part.piece)));
         // Who does not listen any more does not want to know.
         ways.chain(news).for_each(|news| drop(told.send(news)));
     }
@@ -526,22 +585,21 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     /// what follows them really had, as far as it was planned. `None`: none did, and a look at the text says as much.
     pub fn probed_time_s(&mut self) -> Option<f64> {
         let left_s = self.left_s;
-        let published_s = self.planner.sink().published_s().filter(|_| left_s > 0.0)?;
+        let published_s = self.speed.sink().published_s().filter(|_| left_s > 0.0)?;
         Some(published_s - left_s)
     }
 
     /// Programmed path since the last call, before corners were rounded; machine coordinates. A probing move is told when it is
     /// over, as far as it went.
     pub fn ideal_path(&mut self) -> std::vec::Drain<'_, Programmed> {
-        let path = self.planner.ideal_path();
-        self.path += path.len() as u64;
-        path
+        self.path += self.ideal.len() as u64;
+        self.ideal.drain(..)
     }
 
     /// Whether there is more path before the set-points than need be.
     fn is_far_ahead(&mut self) -> bool {
         let Some(passed) = &self.path_passed else { return false };
-        self.path - passed.load(Ordering::Relaxed) > PATH_AHEAD && self.planner.sink().ahead_s() > Some(PATH_AHEAD_S)
+        self.path - passed.load(Ordering::Relaxed) > PATH_AHEAD && self.speed.sink().ahead_s() > Some(PATH_AHEAD_S)
     }
 
     /// Pauses until there may be something to do: an order comes, or the machine has moved on for `most`.
@@ -554,7 +612,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
 
     /// Whether no override can change anything any more: the machine has come to the last element of a program that is done.
     pub fn is_over(&mut self) -> bool {
-        let sink = self.planner.sink();
+        let sink = self.speed.sink();
         sink.consumer_at().is_none_or(|at| at + 1 >= sink.next_number())
     }
 
@@ -566,36 +624,25 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         }
         if wanted != self.overrides {
             self.overrides = wanted;
-            self.planner.set_override(wanted[0], wanted[1]);
+            self.speed.set_override(wanted[0], wanted[1]);
         }
+    }
+
+    /// As [`SpeedPlanner::computed_ahead`] says.
+    pub fn computed_ahead(&self) -> [u64; 2] {
+        self.speed.computed_ahead()
     }
 
     /// Where the plan goes.
     pub fn sink(&mut self) -> &mut S {
-        self.planner.sink()
+        self.speed.sink()
     }
 
-    /// Offsets, parameters and tools as the program left them, as far as it was interpreted.
-    pub fn left_behind(&self) -> gcode::Settings {
-        self.events.snapshot()
-    }
-
-    /// Follows the work system, the path mode and what it allows the moves in it.
-    fn look_at(&mut self, call: &Call) {
-        match call {
-            Call::SetG5xOffset { system, .. } => self.work_system = *system,
-            Call::SetPathMode(PathMode::Continuous { tolerance_mm, .. }) => {
-                self.mode_tolerance_mm = tolerance_mm.unwrap_or(self.default_tolerance_mm);
-            }
-            Call::SetPathMode(PathMode::ExactPath | PathMode::ExactStop) => self.mode_tolerance_mm = 0.0,
-            Call::StraightTraverse { .. }
-            | Call::StraightFeed { .. }
-            | Call::ArcFeed { .. }
-            | Call::NurbsFeed { .. } => {
-                self.tolerance_mm = self.tolerance_mm.max(self.mode_tolerance_mm);
-            }
-            _ => {}
-        }
+    /// Offsets, parameters and tools as the program left them, as far as it was interpreted: with threads of its own, the
+    /// interpreter is ahead of the plan by some hundred calls. Nothing more is planned.
+    pub fn left_behind(&mut self) -> gcode::Settings {
+        self.ended = true;
+        self.recall().interpreter().snapshot()
     }
 
     /// Greatest deviation from the path that the program has allowed its moves so far (G64), mm; 0: none.
@@ -603,7 +650,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         self.tolerance_mm
     }
 
-    /// Line that was interpreted last.
+    /// Line that was planned last.
     pub fn line(&self) -> u32 {
         self.line
     }
@@ -627,17 +674,18 @@ fn planned_settings(config: &Config, tables: &Tables, start: Position) -> gcode:
     }
 }
 
-/// The threads that help the calling one to plan. They run where it may run and have the rights that it has: to be called
-/// where both are settled.
-pub fn workers(config: &Config) -> Workers {
+/// How many threads plan, the calling one among them. They run where that may run, and have the rights that it has.
+pub fn threads(config: &Config) -> usize {
     let usual = || {
         available_parallelism()
             .map_or(1, NonZero::get)
-            .min(config::Program::PLANNER_THREADS_USUAL)
+            .min(config::Program::THREADS_USUAL)
     };
-    let threads = config.program.planner_threads.unwrap_or_else(usual);
-    Workers::new(threads.saturating_sub(1), || ())
+    config.program.threads.unwrap_or_else(usual)
 }
+
+#[cfg(test)]
+mod tests_threads;
 
 #[cfg(test)]
 mod tests {

@@ -6,9 +6,9 @@
 //! A program that is only looked at has nobody to wait for: its probing moves touch something at their very end. So loops that
 //! probe until they touch come to an end, and what follows a touch is seen.
 
-use motion::canon::{Position, ProbeEnd, ProbeMode};
+use motion::canon::{Call, Position, ProbeEnd, ProbeMode};
 use motion::rt::probe::Probed;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
 
 /// The line from the interpolation to the program.
 pub fn line() -> (rtrb::Producer<Probed>, rtrb::Consumer<Probed>) {
@@ -16,12 +16,17 @@ pub fn line() -> (rtrb::Producer<Probed>, rtrb::Consumer<Probed>) {
     rtrb::RingBuffer::new(1)
 }
 
+/// Where answers to the interpreter come from; nobody gives any: `None`.
+type Answered = Arc<Mutex<Option<mpsc::Receiver<gcode::Probed>>>>;
+
 /// The machine as the interpreter sees it: probing moves end as they were told to have ended, and all else as planned.
-pub(super) struct Asked(Arc<Mutex<Option<gcode::Probed>>>);
+pub(super) struct Asked(Answered);
 
 impl gcode::Machine for Asked {
     fn probed(&mut self, _: Position, to: Position, _: ProbeMode) -> Option<gcode::Probed> {
-        let told = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let answered = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        // Waits where the move is still under way; told nothing, where nobody wants to know any more.
+        let told = answered.as_ref().and_then(|answers| answers.recv().ok());
         Some(told.unwrap_or(gcode::Probed {
             end: ProbeEnd::Tripped,
             at: to,
@@ -30,10 +35,26 @@ impl gcode::Machine for Asked {
     }
 }
 
+/// Whether the interpreter asks how a call ended before it goes on.
+pub(super) fn is_asked_behind(call: &Call) -> bool {
+    matches!(call, Call::StraightProbe { .. })
+}
+
+/// Who tells the interpreter how probing moves ended.
+pub(super) struct Answers(mpsc::Sender<gcode::Probed>);
+
+impl Answers {
+    /// To be told once for each probing move, before the interpreter is asked for what follows it.
+    pub(super) fn send(&self, probed: gcode::Probed) {
+        // The interpreter may have come to its end.
+        let _ = self.0.send(probed);
+    }
+}
+
 /// The probing moves of one program.
 pub(super) struct Probing {
     results: Option<rtrb::Consumer<Probed>>,
-    answer: Arc<Mutex<Option<gcode::Probed>>>,
+    answered: Answered,
     under_way: bool,
     count: u64,
 }
@@ -41,11 +62,11 @@ pub(super) struct Probing {
 impl Probing {
     /// Of a program that is only looked at; and what its interpreter asks.
     pub(super) fn new() -> (Probing, Asked) {
-        let answer = Arc::default();
-        let asked = Asked(Arc::clone(&answer));
+        let answered = Answered::default();
+        let asked = Asked(Arc::clone(&answered));
         let probing = Probing {
             results: None,
-            answer,
+            answered,
             under_way: false,
             count: 0,
         };
@@ -53,15 +74,17 @@ impl Probing {
     }
 
     /// Of a program that runs.
-    pub(super) fn wait_for(&mut self, results: rtrb::Consumer<Probed>) {
+    pub(super) fn wait_for(&mut self, results: rtrb::Consumer<Probed>) -> Answers {
+        let (sender, receiver) = mpsc::channel();
+        *self.answered.lock().unwrap_or_else(PoisonError::into_inner) = Some(receiver);
         self.results = Some(results);
+        Answers(sender)
     }
 
-    /// A probing move goes to the machine. Whether its end has to be awaited.
-    pub(super) fn begin(&mut self) -> bool {
+    /// A probing move goes to the machine; it is under way if its end has to be awaited.
+    pub(super) fn begin(&mut self) {
         self.count += 1;
         self.under_way = self.results.is_some();
-        self.under_way
     }
 
     /// Whether a move is under way.
@@ -74,11 +97,6 @@ impl Probing {
         let result = self.results.as_mut()?.pop().ok()?;
         self.under_way = false;
         Some(result)
-    }
-
-    /// What the interpreter is told when it asks.
-    pub(super) fn send(&self, probed: gcode::Probed) {
-        *self.answer.lock().unwrap_or_else(PoisonError::into_inner) = Some(probed);
     }
 
     /// Whether there was a move whose end was only assumed.

@@ -12,7 +12,7 @@
 //! junctions slows down where pieces that are not rounded meet with a small jump
 //! optimal   speeds near the shortest time, by an interior point method; or
 //! classic   joins pieces into runs, plans speeds backward and forward, slopes    (limits, profile)
-//! planner   all of them, one after the other
+//! planner   all of them, one after the other; or the path and its speeds apart, in two threads
 //! ```
 //!
 //! Not real time; allocates.
@@ -36,6 +36,7 @@ mod profile;
 mod program;
 mod roots;
 mod smooth;
+pub mod timeline;
 mod travel;
 pub mod workers;
 
@@ -48,7 +49,7 @@ use crate::path::Piece;
 pub use deviation::{Deviation, deviation};
 pub use joint_space::JointSpace;
 pub use offline::{Offline, plan_offline};
-pub use planner::{FEED_OVERRIDE_MAX, Planner, Pumped};
+pub use planner::{FEED_OVERRIDE_MAX, PathPlanner, Planner, Pumped, Smoothed, SpeedPlanner};
 
 #[cfg(test)]
 mod tests;
@@ -91,6 +92,10 @@ pub struct Settings {
     /// Pieces of path that are looked ahead where speeds depend on so many. More where three braking lengths are longer; the
     /// optimal planner always looks as far as that.
     pub look_ahead_blocks: usize,
+    /// With [`PlannerKind::Classic`], pieces of path over which one thread looks ahead at a time, at least 1.
+    pub look_ahead_buffer_blocks: usize,
+    /// With [`PlannerKind::Classic`], pieces of path behind such a buffer and before it from which its speeds are computed.
+    pub look_ahead_overlap_blocks: usize,
     /// Whether an encoder with an index tells where the spindle is: without it, a program with moves in step with the spindle
     /// (G33, G33.1, G76) is refused.
     pub spindle_encoder: bool,
@@ -114,6 +119,8 @@ impl Settings {
             cycle_s,
             tolerance_mm: 0.01,
             look_ahead_blocks: 10_000,
+            look_ahead_buffer_blocks: 300,
+            look_ahead_overlap_blocks: 50,
             spindle_encoder: false,
             await_spindle: false,
             spindle_rpm_max: 6000.0,

@@ -82,14 +82,27 @@ impl Engine {
     }
 }
 
-/// Turns canonical calls into a plan and hands it over.
+/// What a path planner hands on to a speed planner.
+#[derive(Clone, Debug)]
+pub struct Smoothed(What);
+
+#[derive(Clone, Debug)]
+enum What {
+    /// The path goes on.
+    Passed(Passed),
+    /// What is known ends at rest, where this happens if there is something.
+    Rest(Option<Element>),
+    /// Nothing follows for now.
+    Finish,
+}
+
+/// The first half of a planner: canonical calls to a smoothed path. It knows nothing of what becomes of it, so that it may run
+/// ahead in a thread of its own.
 #[derive(Debug)]
-pub struct Planner<S> {
+pub struct PathPlanner {
     settings: Settings,
-    sink: S,
     program: Program,
     smoother: Smoother,
-    engine: Engine,
     /// How the axes of what passes the stages are meant.
     frame: ToolFrame,
     ideal: Vec<Programmed>,
@@ -99,31 +112,22 @@ pub struct Planner<S> {
     probing_s: f64,
     /// What the smoother lets go: memory that is kept from one move to the next.
     passed: Vec<Passed>,
+    smoothed: Vec<Smoothed>,
 }
 
-impl<S: Sink<Element>> Planner<S> {
-    /// A planner at rest at the start position, which does everything in the thread that calls it.
-    pub fn new(settings: Settings, sink: S) -> Planner<S> {
-        Planner::with_workers(settings, sink, &Workers::none())
-    }
-
-    /// The same with threads to help it. What comes out does not depend on how many there are.
-    pub fn with_workers(settings: Settings, sink: S, workers: &Workers) -> Planner<S> {
-        let engine = match settings.planner_kind {
-            PlannerKind::Classic => Engine::Classic(classic::Steps::default()),
-            PlannerKind::Optimal => Engine::Optimal(Stream::new(&settings, workers)),
-        };
-        Planner {
-            settings,
-            sink,
+impl PathPlanner {
+    /// At rest at the start position.
+    pub fn new(settings: Settings) -> PathPlanner {
+        PathPlanner {
             program: Program::new(settings.start),
+            settings,
             smoother: Smoother::default(),
-            engine,
             frame: ToolFrame::OFF,
             ideal: Vec::new(),
             awaited: None,
             probing_s: 0.0,
             passed: Vec::new(),
+            smoothed: Vec::new(),
         }
     }
 
@@ -174,14 +178,28 @@ impl<S: Sink<Element>> Planner<S> {
         Ok(())
     }
 
-    /// The last call was a probing move, and a contact may end it before its end: [`Planner::probed`] is to tell where it did.
-    /// Until then it is no part of [`Planner::ideal_path`]. Without this, it goes its whole way.
+    /// Nothing follows for now: what is known ends at rest. More may be pushed later.
+    pub fn finish(&mut self) {
+        self.rest_told(None);
+        self.smoothed.push(Smoothed(What::Finish));
+    }
+
+    /// What has become of the calls since this function was called last, for a [`SpeedPlanner`].
+    pub fn smoothed(&mut self) -> std::vec::Drain<'_, Smoothed> {
+        self.smoothed.drain(..)
+    }
+
+    /// Programmed moves since the last call of this function, in machine coordinates; a probing move as far as it went.
+    pub fn ideal_path(&mut self) -> std::vec::Drain<'_, Programmed> {
+        self.ideal.drain(..)
+    }
+
+    /// As [`Planner::await_contact`] says.
     pub fn await_contact(&mut self) {
         self.awaited = self.ideal.pop().map(|way| (way, self.probing_s));
     }
 
-    /// The last call was a probing move, and it came to rest here, machine position: what follows begins there. It may go to
-    /// the ring only once the move is over. Gives the planned time of the way that was left, s.
+    /// As [`Planner::probed`] says.
     pub fn probed(&mut self, rest: Position) -> f64 {
         self.program.stands_at(rest);
         let Some((way, planned_s)) = self.awaited.take() else {
@@ -193,59 +211,14 @@ impl<S: Sink<Element>> Planner<S> {
         planned_s * (1.0 - gone_mm / way.piece.length()).max(0.0)
     }
 
-    /// The end of a probing move is no longer waited for: it counts as programmed.
-    pub fn give_up_contact(&mut self) {
-        self.ideal.extend(self.awaited.take().map(|(way, _)| way));
+    /// The end of a probing move is no longer waited for: it counts as programmed. Gives that move, if there was one.
+    pub fn give_up_contact(&mut self) -> Option<Programmed> {
+        self.awaited.take().map(|(way, _)| way)
     }
 
     /// Where a machine position lies in the work coordinates of the moment.
     pub fn to_work(&self, machine: &Position) -> Position {
         self.program.to_work(machine)
-    }
-
-    /// Nothing follows for now: what is known is planned to its end, at rest. More may be pushed later.
-    pub fn finish(&mut self) {
-        self.rest_told(None);
-        self.engine.finish();
-    }
-
-    /// Whether everything has been handed over after [`Planner::finish`].
-    pub fn is_done(&self) -> bool {
-        self.engine.is_done()
-    }
-
-    /// Programmed moves since the last call of this function, in machine coordinates; a probing move as far as it went.
-    pub fn ideal_path(&mut self) -> std::vec::Drain<'_, Programmed> {
-        self.ideal.drain(..)
-    }
-
-    /// Where publications go.
-    pub fn sink(&mut self) -> &mut S {
-        &mut self.sink
-    }
-
-    /// From now on feed moves run at `feed` times the programmed feed (0 to 1.2) and rapid moves with `rapid` times the speed
-    /// limits of the joints (0 to 1); NaN counts as 0. With 0, the machine comes to rest on the path and waits.
-    ///
-    /// What is in the ring already is planned again from a place a few hundredths of a second ahead of the machine, by the
-    /// next [`Planner::pump`]. Into a sink without a consumer it counts from the next rest on. With [`PlannerKind::Classic`] it is
-    /// without effect: there, the interpolation scales time.
-    pub fn set_override(&mut self, feed: f64, rapid: f64) {
-        // Not `clamp`, which lets NaN pass.
-        #[allow(clippy::manual_clamp, reason = "max and min turn NaN into 0")]
-        let within = |share: f64, most: f64| share.max(0.0).min(most);
-        match &mut self.engine {
-            Engine::Classic(_) => {}
-            Engine::Optimal(stream) => stream.set_override(Override {
-                feed: within(feed, FEED_OVERRIDE_MAX),
-                rapid: within(rapid, 1.0),
-            }),
-        }
-    }
-
-    /// Hands over what is final.
-    pub fn pump(&mut self) -> Pumped {
-        self.engine.pump(&self.settings, &mut self.sink)
     }
 
     fn moved(&mut self, part: Move) {
@@ -268,27 +241,183 @@ impl<S: Sink<Element>> Planner<S> {
         self.rest(element);
     }
 
-    /// Sends everything through the stages; it ends at rest.
+    /// Sends everything through; it ends at rest.
     fn rest(&mut self, element: Option<Element>) {
         self.smoother.flush(&self.settings, &mut self.passed);
         self.pass();
-        self.engine.rest(element, &self.settings);
+        self.smoothed.push(Smoothed(What::Rest(element)));
     }
 
-    /// What the smoother lets go, to the slope. Pieces that it made are meant as the moves they come from: it is empty when
-    /// that changes.
+    /// What the smoother lets go. Pieces that it made are meant as the moves they come from: it is empty when that changes.
     fn pass(&mut self) {
-        for passed in &mut self.passed {
-            match passed {
+        for mut passed in self.passed.drain(..) {
+            match &mut passed {
                 Passed::Stretch(stretch) => {
                     stretch.piece.set_frame(self.frame);
                     debug_assert_eq!(travel::check(&stretch.piece, &self.settings), Ok(()));
                 }
                 Passed::Stop => {}
             }
-            self.engine.push(passed, &self.settings);
+            self.smoothed.push(Smoothed(What::Passed(passed)));
         }
-        self.passed.clear();
+    }
+}
+
+/// The second half of a planner: the smoothed path to a plan in time.
+#[derive(Debug)]
+pub struct SpeedPlanner<S> {
+    settings: Settings,
+    sink: S,
+    engine: Engine,
+}
+
+impl<S: Sink<Element>> SpeedPlanner<S> {
+    /// At rest at the start position, with threads to help. What comes out does not depend on how many there are.
+    pub fn new(settings: Settings, sink: S, workers: &Workers) -> SpeedPlanner<S> {
+        let engine = match settings.planner_kind {
+            PlannerKind::Classic => Engine::Classic(classic::Steps::new(&settings, workers)),
+            PlannerKind::Optimal => Engine::Optimal(Stream::new(&settings, workers)),
+        };
+        SpeedPlanner { settings, sink, engine }
+    }
+
+    /// The path goes on, or ends.
+    pub fn push(&mut self, smoothed: Smoothed) {
+        match smoothed.0 {
+            What::Passed(passed) => self.engine.push(&passed, &self.settings),
+            What::Rest(element) => self.engine.rest(element, &self.settings),
+            What::Finish => self.engine.finish(),
+        }
+    }
+
+    /// Hands over what is final.
+    pub fn pump(&mut self) -> Pumped {
+        self.engine.pump(&self.settings, &mut self.sink)
+    }
+
+    /// Whether everything has been handed over behind the end of the path.
+    pub fn is_done(&self) -> bool {
+        self.engine.is_done()
+    }
+
+    /// Of the runs that the passes of [`PlannerKind::Classic`] went over: how often what threads had computed ahead was from the
+    /// right speed, and how often it was computed again. Without threads and with [`PlannerKind::Optimal`], 0.
+    pub fn computed_ahead(&self) -> [u64; 2] {
+        match &self.engine {
+            Engine::Classic(steps) => steps.computed_ahead(),
+            Engine::Optimal(_) => [0; 2],
+        }
+    }
+
+    /// Where publications go.
+    pub fn sink(&mut self) -> &mut S {
+        &mut self.sink
+    }
+
+    /// As [`Planner::set_override`] says.
+    pub fn set_override(&mut self, feed: f64, rapid: f64) {
+        // Not `clamp`, which lets NaN pass.
+        #[allow(clippy::manual_clamp, reason = "max and min turn NaN into 0")]
+        let within = |share: f64, most: f64| share.max(0.0).min(most);
+        match &mut self.engine {
+            Engine::Classic(_) => {}
+            Engine::Optimal(stream) => stream.set_override(Override {
+                feed: within(feed, FEED_OVERRIDE_MAX),
+                rapid: within(rapid, 1.0),
+            }),
+        }
+    }
+}
+
+/// Turns canonical calls into a plan and hands it over: both halves, one after the other.
+#[derive(Debug)]
+pub struct Planner<S> {
+    path: PathPlanner,
+    speed: SpeedPlanner<S>,
+}
+
+impl<S: Sink<Element>> Planner<S> {
+    /// A planner at rest at the start position, which does everything in the thread that calls it.
+    pub fn new(settings: Settings, sink: S) -> Planner<S> {
+        Planner::with_workers(settings, sink, &Workers::none())
+    }
+
+    /// The same with threads to help it. What comes out does not depend on how many there are.
+    pub fn with_workers(settings: Settings, sink: S, workers: &Workers) -> Planner<S> {
+        Planner {
+            path: PathPlanner::new(settings),
+            speed: SpeedPlanner::new(settings, sink, workers),
+        }
+    }
+
+    /// Takes the next call.
+    ///
+    /// # Errors
+    ///
+    /// What cannot be planned, with its place. It concerns this call only, which is then of no effect.
+    pub fn push(&mut self, event: &Event) -> Result<(), PlanError> {
+        let result = self.path.push(event);
+        self.pass();
+        result
+    }
+
+    /// The last call was a probing move, and a contact may end it before its end: [`Planner::probed`] is to tell where it did.
+    /// Until then it is no part of [`Planner::ideal_path`]. Without this, it goes its whole way.
+    pub fn await_contact(&mut self) {
+        self.path.await_contact();
+    }
+
+    /// The last call was a probing move, and it came to rest here, machine position: what follows begins there. It may go to
+    /// the ring only once the move is over. Gives the planned time of the way that was left, s.
+    pub fn probed(&mut self, rest: Position) -> f64 {
+        self.path.probed(rest)
+    }
+
+    /// Where a machine position lies in the work coordinates of the moment.
+    pub fn to_work(&self, machine: &Position) -> Position {
+        self.path.to_work(machine)
+    }
+
+    /// Nothing follows for now: what is known is planned to its end, at rest. More may be pushed later.
+    pub fn finish(&mut self) {
+        self.path.finish();
+        self.pass();
+    }
+
+    /// Whether everything has been handed over after [`Planner::finish`].
+    pub fn is_done(&self) -> bool {
+        self.speed.is_done()
+    }
+
+    /// Programmed moves since the last call of this function, in machine coordinates; a probing move as far as it went.
+    pub fn ideal_path(&mut self) -> std::vec::Drain<'_, Programmed> {
+        self.path.ideal_path()
+    }
+
+    /// Where publications go.
+    pub fn sink(&mut self) -> &mut S {
+        self.speed.sink()
+    }
+
+    /// From now on feed moves run at `feed` times the programmed feed (0 to 1.2) and rapid moves with `rapid` times the speed
+    /// limits of the joints (0 to 1); NaN counts as 0. With 0, the machine comes to rest on the path and waits.
+    ///
+    /// What is in the ring already is planned again from a place a few hundredths of a second ahead of the machine, by the
+    /// next [`Planner::pump`]. Into a sink without a consumer it counts from the next rest on. With [`PlannerKind::Classic`] it is
+    /// without effect: there, the interpolation scales time.
+    pub fn set_override(&mut self, feed: f64, rapid: f64) {
+        self.speed.set_override(feed, rapid);
+    }
+
+    /// Hands over what is final.
+    pub fn pump(&mut self) -> Pumped {
+        self.speed.pump()
+    }
+
+    fn pass(&mut self) {
+        for smoothed in self.path.smoothed() {
+            self.speed.push(smoothed);
+        }
     }
 }
 

@@ -4,11 +4,13 @@
 //! Out: their results by number, never by time of completion, so that no plan depends on how many threads there are.
 //!
 //! [`Workers::run`] is for many small jobs that are known at once, [`Ordered`] for larger ones that come one after the
-//! other. Who waits for a result does waiting jobs meanwhile; no thread spins. Threads inherit affinity and rights of the
+//! other; a [`queue`] joins two stages of which each has a thread of its own. Who waits for a result, or at a queue, does waiting
+//! jobs meanwhile; no thread spins. Threads inherit affinity and rights of the
 //! thread that starts them, and a hook can change both: they must keep off the core of real time.
 //!
 //! Not real time; allocates.
 
+use super::timeline::{Task, Timeline, during};
 use std::any::Any;
 use std::collections::VecDeque;
 use std::fmt;
@@ -47,6 +49,7 @@ struct Waiting {
 struct Shared {
     waiting: Mutex<Waiting>,
     changed: Condvar,
+    timeline: Option<Timeline>,
 }
 
 impl Shared {
@@ -61,6 +64,35 @@ impl Shared {
             waiting.jobs.push_back(job);
             self.changed.notify_one();
         }
+    }
+
+    /// Gives what `ready` gives once it gives something, and does jobs until then. Who makes it ready calls `wake` behind.
+    fn wait_until<T>(&self, mut ready: impl FnMut() -> Option<T>) -> T {
+        let mut waiting = self.lock();
+        loop {
+            if let Some(result) = ready() {
+                if !waiting.jobs.is_empty() {
+                    // This thread may have been woken for a job that it leaves to another one.
+                    self.changed.notify_one();
+                }
+                return result;
+            }
+            if let Some(job) = waiting.jobs.pop_front() {
+                drop(waiting);
+                job();
+                waiting = self.lock();
+            } else {
+                let wait = || self.changed.wait(waiting).unwrap_or_else(PoisonError::into_inner);
+                waiting = during(self.timeline.as_ref(), None, wait);
+            }
+        }
+    }
+
+    /// Has everybody who waits look again.
+    fn wake(&self) {
+        // Who is about to wait has seen what was before, and waits by the time that the lock is free.
+        drop(self.lock());
+        self.changed.notify_all();
     }
 
     /// A job that no thread has begun.
@@ -88,6 +120,8 @@ impl Shared {
 struct Pool {
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
+    /// Threads of others, which do jobs while they wait.
+    helpers: usize,
 }
 
 impl Drop for Pool {
@@ -115,7 +149,21 @@ impl Workers {
     /// Starts `threads` threads beside the caller's; with none, all is done by the caller. Each calls `start` first. Where
     /// the system refuses threads, there are fewer: see [`Workers::threads`].
     pub fn new(threads: usize, start: impl Fn() + Send + Sync + 'static) -> Workers {
-        let shared = Arc::new(Shared::default());
+        Workers::with_helpers(threads, 0, None, start)
+    }
+
+    /// The same where so many further threads do jobs as well: while they wait at a [`queue`]. Jobs and waits are recorded, if there
+    /// is a recording.
+    pub fn with_helpers(
+        threads: usize,
+        helpers: usize,
+        timeline: Option<Timeline>,
+        start: impl Fn() + Send + Sync + 'static,
+    ) -> Workers {
+        let shared = Arc::new(Shared {
+            timeline,
+            ..Shared::default()
+        });
         let start = Arc::new(start);
         let spawn = |number: usize| {
             let (shared, start) = (Arc::clone(&shared), Arc::clone(&start));
@@ -126,7 +174,11 @@ impl Workers {
             })
         };
         let threads = (1..=threads).map_while(|number| spawn(number).ok()).collect();
-        Workers(Arc::new(Pool { shared, threads }))
+        Workers(Arc::new(Pool {
+            shared,
+            threads,
+            helpers,
+        }))
     }
 
     /// No threads: the caller does everything.
@@ -136,7 +188,12 @@ impl Workers {
 
     /// Threads beside the caller's.
     pub fn threads(&self) -> usize {
-        self.0.threads.len()
+        self.0.threads.len() + self.0.helpers
+    }
+
+    /// What jobs and waits are recorded to.
+    pub fn timeline(&self) -> Option<&Timeline> {
+        self.0.shared.timeline.as_ref()
     }
 
     /// Does the jobs with the numbers below `count`, the caller as well as all threads, and returns what they give, in the
@@ -152,13 +209,13 @@ impl Workers {
         let helpers = self.threads().min(count.saturating_sub(1));
         if helpers == 0 {
             return (0..count)
-                .map(|number| guarded(number as u64, || job(number)))
+                .map(|number| guarded(self.timeline(), number as u64, || job(number)))
                 .collect();
         }
         let (job, next) = (Arc::new(job), Arc::new(AtomicUsize::new(0)));
         let (sender, receiver) = channel();
         let part = |sender: Sender<Vec<(usize, Result<Out, JobPanicked>)>>| {
-            let (job, next) = (Arc::clone(&job), Arc::clone(&next));
+            let (job, next, timeline) = (Arc::clone(&job), Arc::clone(&next), self.timeline().cloned());
             move || {
                 let mut done = Vec::new();
                 loop {
@@ -166,7 +223,7 @@ impl Workers {
                     if number >= count {
                         break;
                     }
-                    done.push((number, guarded(number as u64, || job(number))));
+                    done.push((number, guarded(timeline.as_ref(), number as u64, || job(number))));
                 }
                 // The caller waits for the numbers, and may be gone before a helper that came too late for any.
                 let _ = sender.send(done);
@@ -180,7 +237,9 @@ impl Workers {
         results.resize_with(count, || None);
         let mut left = count;
         while left > 0 {
-            let Ok(done) = receiver.recv() else { break };
+            let Ok(done) = during(self.timeline(), None, || receiver.recv()) else {
+                break;
+            };
             left -= done.len();
             for (number, result) in done {
                 results[number] = Some(result);
@@ -200,6 +259,112 @@ impl Workers {
 impl fmt::Debug for Workers {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Workers").field("threads", &self.threads()).finish()
+    }
+}
+
+/// What two threads have in common of a queue.
+struct Line<T> {
+    items: Mutex<Items<T>>,
+    workers: Workers,
+}
+
+struct Items<T> {
+    waiting: VecDeque<T>,
+    room: usize,
+    /// One of the ends is gone.
+    closed: bool,
+}
+
+impl<T> Line<T> {
+    fn lock(&self) -> MutexGuard<'_, Items<T>> {
+        self.items.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Tells the other end.
+    fn wake(&self) {
+        self.workers.0.shared.wake();
+    }
+
+    fn close(&self) {
+        self.lock().closed = true;
+        self.wake();
+    }
+}
+
+/// A queue between two threads with room for `room` items, at least one. Who waits at either end does jobs of the pool meanwhile.
+pub fn queue<T>(room: usize, workers: &Workers) -> (QueueIn<T>, QueueOut<T>) {
+    let line = Arc::new(Line {
+        items: Mutex::new(Items {
+            waiting: VecDeque::with_capacity(room),
+            room: room.max(1),
+            closed: false,
+        }),
+        workers: workers.clone(),
+    });
+    (QueueIn(Arc::clone(&line)), QueueOut(line))
+}
+
+/// Where items are put into a [`queue`]. Dropping it ends the queue behind them.
+pub struct QueueIn<T>(Arc<Line<T>>);
+
+impl<T> QueueIn<T> {
+    /// Waits for room. `false`: nobody takes items any more.
+    pub fn put(&self, item: T) -> bool {
+        let mut item = Some(item);
+        let put = self.0.workers.0.shared.wait_until(|| {
+            let mut items = self.0.lock();
+            if items.closed {
+                return Some(false);
+            }
+            if items.waiting.len() >= items.room {
+                return None;
+            }
+            items.waiting.extend(item.take());
+            Some(true)
+        });
+        if put {
+            self.0.wake();
+        }
+        put
+    }
+
+    /// Does jobs until nobody takes items any more.
+    pub fn help(&self) {
+        let is_closed = || self.0.lock().closed.then_some(());
+        self.0.workers.0.shared.wait_until(is_closed);
+    }
+}
+
+impl<T> Drop for QueueIn<T> {
+    fn drop(&mut self) {
+        self.0.close();
+    }
+}
+
+/// Where items are taken out of a [`queue`]. Dropping it ends the queue, and what is in it is gone.
+pub struct QueueOut<T>(Arc<Line<T>>);
+
+impl<T> QueueOut<T> {
+    /// Waits for the next item. `None`: none comes any more.
+    pub fn take(&self) -> Option<T> {
+        let taken = self.0.workers.0.shared.wait_until(|| {
+            let mut items = self.0.lock();
+            match items.waiting.pop_front() {
+                Some(item) => Some(Some(item)),
+                None => items.closed.then_some(None),
+            }
+        });
+        if taken.is_some() {
+            self.0.wake();
+        }
+        taken
+    }
+}
+
+impl<T> Drop for QueueOut<T> {
+    fn drop(&mut self) {
+        self.0.close();
+        self.0.lock().waiting.clear();
     }
 }
 
@@ -231,14 +396,15 @@ impl<Out: Send + 'static> Ordered<Out> {
     pub fn push(&mut self, job: impl FnOnce() -> Out + Send + 'static) -> u64 {
         let number = self.next + self.results.len() as u64;
         if self.workers.threads() == 0 {
-            self.results.push_back(Some(guarded(number, job)));
+            let result = guarded(self.workers.timeline(), number, job);
+            self.results.push_back(Some(result));
             return number;
         }
         self.results.push_back(None);
-        let sender = self.sender.clone();
+        let (sender, timeline) = (self.sender.clone(), self.workers.timeline().cloned());
         let job: Job = Box::new(move || {
             // Whoever handed it in may no longer want it.
-            let _ = sender.send((number, guarded(number, job)));
+            let _ = sender.send((number, guarded(timeline.as_ref(), number, job)));
         });
         self.workers.0.shared.add(std::iter::once(job));
         number
@@ -265,7 +431,7 @@ impl<Out: Send + 'static> Ordered<Out> {
                 self.place(result);
             } else if let Some(job) = self.workers.0.shared.next_job() {
                 job();
-            } else if let Ok(result) = self.receiver.recv() {
+            } else if let Ok(result) = during(self.workers.timeline(), None, || self.receiver.recv()) {
                 self.place(result);
             }
         }
@@ -293,8 +459,9 @@ impl<Out> fmt::Debug for Ordered<Out> {
 }
 
 /// Does a job and turns its panic into an error. What the job leaves half done is its own, and gone with it.
-fn guarded<Out>(number: u64, job: impl FnOnce() -> Out) -> Result<Out, JobPanicked> {
-    catch_unwind(AssertUnwindSafe(job)).map_err(|payload| JobPanicked {
+fn guarded<Out>(timeline: Option<&Timeline>, number: u64, job: impl FnOnce() -> Out) -> Result<Out, JobPanicked> {
+    let result = during(timeline, Some(Task::LookAhead), || catch_unwind(AssertUnwindSafe(job)));
+    result.map_err(|payload| JobPanicked {
         number,
         message: message(payload.as_ref()),
     })
@@ -424,6 +591,67 @@ mod tests {
         drop(workers);
         drop(ordered);
         assert_eq!(done.load(Ordering::Relaxed), 50);
+    }
+
+    /// Two stages behind each other, every one in a thread of its own; the last also hands in jobs.
+    fn staged(threads: usize, room: usize) -> (Vec<u64>, Vec<u64>) {
+        let workers = Workers::with_helpers(threads, 2, None, || ());
+        let (numbers_in, numbers) = queue(room, &workers);
+        let (squares_in, squares) = queue(room, &workers);
+        std::thread::scope(|scope| {
+            scope.spawn(move || {
+                assert!((0..500_u64).all(|number| numbers_in.put(number)));
+                drop(numbers_in);
+            });
+            scope.spawn(move || {
+                while let Some(number) = numbers.take() {
+                    squares_in.put(number * number);
+                }
+            });
+            let mut ordered = Ordered::new(&workers);
+            let mut got = Vec::new();
+            while let Some(square) = squares.take() {
+                got.push(square);
+                ordered.push(move || work((square % 50) as usize));
+            }
+            (
+                got,
+                std::iter::from_fn(|| ordered.wait_next()).map(Result::unwrap).collect(),
+            )
+        })
+    }
+
+    #[test]
+    fn a_queue_keeps_the_order_and_its_ends_do_jobs_while_they_wait() {
+        let squares: Vec<u64> = (0..500).map(|number| number * number).collect();
+        let worked: Vec<u64> = squares.iter().map(|square| work((square % 50) as usize)).collect();
+        for (threads, room) in [(0, 0), (0, 1), (1, 3), (2, 64)] {
+            assert_eq!(
+                staged(threads, room),
+                (squares.clone(), worked.clone()),
+                "{threads} {room}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_queue_ends_at_both_ends_when_one_of_them_goes() {
+        let workers = Workers::with_helpers(0, 1, None, || ());
+        let (put, take) = queue(2, &workers);
+        assert!(put.put(1) && put.put(2));
+        drop(put);
+        assert_eq!((take.take(), take.take(), take.take()), (Some(1), Some(2), None));
+        let (put, take) = queue(1, &workers);
+        std::thread::scope(|scope| {
+            // Waits for room that never comes, or finds the end: it comes back either way.
+            let thread = scope.spawn(move || {
+                let both = put.put(1) && put.put(2);
+                put.help();
+                both
+            });
+            drop(take);
+            assert!(!thread.join().unwrap());
+        });
     }
 
     #[test]

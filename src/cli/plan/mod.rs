@@ -9,6 +9,7 @@
 
 mod ahead;
 mod compare;
+mod efficiency;
 mod export;
 mod ideal_spindle;
 mod joints;
@@ -19,12 +20,14 @@ mod report;
 mod run_down;
 mod script;
 mod slow_places;
+mod timeline;
 mod times;
 
 use crate::bus;
 use crate::config::{self, Config};
 use crate::machine::tables::Tables;
 use crate::operator::refusal::Refusal;
+use crate::program::FeedError;
 use crate::program::text::{Reader, Text};
 use anyhow::{Context, anyhow};
 use clap::{Args, ValueEnum};
@@ -50,7 +53,8 @@ pub struct PlanArgs {
     /// How speed is chosen along the path, in place of what the machine file says.
     #[arg(long, value_enum)]
     planner: Option<PlannerName>,
-    /// Threads that plan, the first one counted; left out: as many as there are cores. The plan does not depend on them.
+    /// Threads that plan, the first one counted; left out: those of the machine file, or as many as there are cores. The plan
+    /// does not depend on them.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=64))]
     threads: Option<u16>,
     /// Write one commanded position per cycle: `t,` and axis letters, s and mm.
@@ -76,6 +80,14 @@ pub struct PlanArgs {
     /// says (`program.planner=classic`, `joint.0.travel_mm=[0,300]`), or another machine file. May be given several times.
     #[arg(long, value_name = "SETTING", conflicts_with_all = ["samples", "path", "smoothed", "svg", "html"])]
     compare: Vec<String>,
+    /// Draw which thread planned what, and when.
+    #[arg(long, value_name = "FILE.svg", conflicts_with = "compare")]
+    timeline: Option<PathBuf>,
+    /// Plan with 1 to 8 threads (up to --threads) and, with planner "classic", several buffers and overlaps of the look-ahead, some
+    /// rounds in turn: a table of what they bring, and a picture of it. Nothing else is judged.
+    #[arg(long, value_name = "FILE.svg")]
+    #[arg(conflicts_with_all = ["samples", "path", "smoothed", "svg", "html", "script", "compare", "timeline", "json"])]
+    efficiency: Option<PathBuf>,
     /// Print JSON, errors too.
     #[arg(long)]
     json: bool,
@@ -108,6 +120,9 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     let text = Reader::from(&text);
     if !args.compare.is_empty() {
         return compare(args, text);
+    }
+    if let Some(file) = &args.efficiency {
+        return measured(args, text, file);
     }
     let (config, tables, mut work) = planned(args, machine(args, None)?, text)?;
     let report = Report::new(&config, &work);
@@ -146,6 +161,14 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     if let Some((file, recording)) = args.svg.as_ref().zip(work.recording.as_ref()) {
         let name = args.program.file_name().unwrap_or_default().to_string_lossy();
         put(file, picture::picture(&name, &config, recording, &work, &report))?;
+    }
+    if let Some((file, record)) = args.timeline.as_ref().zip(work.timeline.as_ref()) {
+        let name = args.program.file_name().unwrap_or_default().to_string_lossy();
+        let title = format!("{name} on {}: who plans what", config.name);
+        let (blocks, seconds, threads) = (work.blocks, work.wall_time_s, work.threads);
+        let rate = blocks as f64 / seconds;
+        let figures = format!("{blocks} blocks in {seconds:.3} s, {rate:.0} blocks/s, {threads} threads");
+        put(file, timeline::picture(&[title, figures], record))?;
     }
     if let Some(file) = &args.html {
         let page = page::Page {
@@ -208,24 +231,10 @@ fn machine(args: &PlanArgs, setting: Option<&String>) -> Result<Config, Refusal>
 
 /// The program planned for a machine.
 fn planned(args: &PlanArgs, config: Config, text: Reader<'_>) -> Result<(Config, Tables, Work), Refusal> {
-    let plain = |file: &Path, error: &dyn std::fmt::Display| Refusal::of_file(&file.display().to_string(), error);
-    config::check_planner(&config).map_err(|rule| plain(&args.machine, &format!("--planner classic: {rule}")))?;
-    let tables = Tables::read(&config).map_err(|error| plain(&args.machine, &error))?;
-    let name = args.program.display().to_string();
-    if config.joints.is_empty() {
-        let rule = format!("cannot be planned: {}", config.without_joints());
-        return Err(plain(&args.program, &format!("{name}: {rule}")));
-    }
     let script = (args.script.as_ref())
         .map(|file| read_script(file, config.program.planner))
         .transpose()?;
-    let errors = crate::program::check_text(&config, &tables, &name, text, gcode::CheckLimits::default());
-    if !errors.is_empty() {
-        let shown: Vec<String> = errors.iter().map(|error| error.render(&name)).collect();
-        let listed: Vec<Json> = errors.iter().map(error_json).collect();
-        let json = json!({ "file": name, "errors": listed });
-        return Err(Refusal::new(shown.join("\n\n"), json));
-    }
+    let (tables, name) = checked(args, &config, text)?;
     match run_down::run_down(
         &config,
         &tables,
@@ -237,15 +246,53 @@ fn planned(args: &PlanArgs, config: Config, text: Reader<'_>) -> Result<(Config,
             feeds: args.smoothed.is_some(),
             picture: args.svg.is_some() || args.html.is_some() || (args.json && args.compare.is_empty()),
             script,
+            timeline: args.timeline.is_some(),
         },
     ) {
         Ok(work) => Ok((config, tables, work)),
-        Err(error) => {
-            let listed = error_json(error.of_text());
-            let json = json!({ "file": name, "errors": [listed] });
-            Err(Refusal::new(error.render(&name), json))
-        }
+        Err(error) => Err(refused(&name, &error)),
     }
+}
+
+/// What threads, buffers and overlaps bring.
+fn measured(args: &PlanArgs, text: Reader<'_>, file: &Path) -> anyhow::Result<ExitCode> {
+    let config = machine(args, None)?;
+    let (tables, name) = checked(args, &config, text)?;
+    let threads = args.threads.map_or(8, usize::from);
+    let efficiency = efficiency::measure(&config, &tables, (&name, text), threads);
+    let efficiency = efficiency.map_err(|error| refused(&name, &error))?;
+    print!("{efficiency}");
+    let program = args.program.file_name().unwrap_or_default().to_string_lossy();
+    let title = format!("{program} on {}: efficiency of threads", config.name);
+    files::write(file, efficiency.picture(&title)).with_context(|| file.display().to_string())?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// A program that cannot be planned.
+fn refused(name: &str, error: &FeedError) -> Refusal {
+    let listed = error_json(error.of_text());
+    let json = json!({ "file": name, "errors": [listed] });
+    Refusal::new(error.render(name), json)
+}
+
+/// The tables of a machine, and the name of the program, whose text has no error.
+fn checked(args: &PlanArgs, config: &Config, text: Reader<'_>) -> Result<(Tables, String), Refusal> {
+    let plain = |file: &Path, error: &dyn std::fmt::Display| Refusal::of_file(&file.display().to_string(), error);
+    config::check_planner(config).map_err(|rule| plain(&args.machine, &format!("--planner classic: {rule}")))?;
+    let tables = Tables::read(config).map_err(|error| plain(&args.machine, &error))?;
+    let name = args.program.display().to_string();
+    if config.joints.is_empty() {
+        let rule = format!("cannot be planned: {}", config.without_joints());
+        return Err(plain(&args.program, &format!("{name}: {rule}")));
+    }
+    let errors = crate::program::check_text(config, &tables, &name, text, gcode::CheckLimits::default());
+    if !errors.is_empty() {
+        let shown: Vec<String> = errors.iter().map(|error| error.render(&name)).collect();
+        let listed: Vec<Json> = errors.iter().map(error_json).collect();
+        let json = json!({ "file": name, "errors": listed });
+        return Err(Refusal::new(shown.join("\n\n"), json));
+    }
+    Ok((tables, name))
 }
 
 fn read_script(file: &Path, planner: PlannerKind) -> Result<Script, Refusal> {

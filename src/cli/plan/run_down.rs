@@ -17,14 +17,14 @@ use crate::machine::motion_settings::{ring_capacity, stop_ramp};
 use crate::machine::tables::Tables;
 use crate::program::real_time::{Measure, Pace, RealTimeFactor};
 use crate::program::text::Reader;
-use crate::program::{FeedError, Feeder, Progress, home};
+use crate::program::{FeedError, Feeder, Progress, Threads, home};
 use motion::canon::{Axis, Position};
 use motion::element::Element;
 use motion::kinematics::Kinematics;
 use motion::path::{Piece, Shape};
 use motion::plan::Programmed;
 use motion::plan::deviation::{Deviation, DeviationJudge};
-use motion::plan::workers::Workers;
+use motion::plan::timeline::{Record, Timeline};
 use motion::ring::{self, Producer, Publish, Sink, Timed as _};
 use motion::rt::{Interpolator, Sample, SampleState, Shares, SyncFault};
 use std::collections::HashMap;
@@ -76,6 +76,8 @@ pub(super) struct Wanted {
     /// The feed of each line.
     pub(super) feeds: bool,
     pub(super) picture: bool,
+    /// Which thread planned what, and when.
+    pub(super) timeline: bool,
     /// What the operator does meanwhile.
     pub(super) script: Option<Script>,
 }
@@ -117,6 +119,7 @@ pub(super) struct Work {
     pub(super) path: Option<String>,
     pub(super) feeds: HashMap<u32, f64>,
     pub(super) recording: Option<Recording>,
+    pub(super) timeline: Option<Record>,
 }
 
 /// The ring. Where nobody turns overrides, what is in it stays as it is: what takes long need not be cut into parts.
@@ -175,15 +178,22 @@ pub(super) fn run_down(
     wanted: Wanted,
 ) -> Result<Work, FeedError> {
     let start = home(config);
+    let threads = threads.or(config.program.threads);
     let threads = threads.unwrap_or_else(|| available_parallelism().map_or(1, NonZero::get));
-    let workers = Workers::new(threads - 1, || ());
-    let began = Instant::now();
-    let mut feeder =
-        Feeder::with_workers(config, tables, text, start, Measure::new(thread_cpu_s), &workers).beside(name);
-    whole(&mut feeder)?;
-    let wall_time_s = began.elapsed().as_secs_f64();
-    let measure = feeder.sink();
-    let (motion_time_s, elements) = (measure.time_s(), measure.elements());
+    let timeline = wanted.timeline.then(Timeline::default);
+    let (wall_time_s, motion_time_s, elements) = std::thread::scope(|scope| {
+        let mut planning = Threads::new(threads, scope);
+        if let Some(timeline) = &timeline {
+            planning = planning.recorded(timeline.clone());
+        }
+        let began = Instant::now();
+        let measure = Measure::new(thread_cpu_s);
+        let mut feeder = Feeder::in_threads((config, tables), text, start, measure, planning).beside(name);
+        whole(&mut feeder)?;
+        let wall_time_s = began.elapsed().as_secs_f64();
+        let measure = feeder.sink();
+        Ok((wall_time_s, measure.time_s(), measure.elements()))
+    })?;
 
     let (producer, consumer) = ring::channel(ring_capacity(config));
     let cycle_s = f64::from(config.cycle_us) * 1e-6;
@@ -194,9 +204,8 @@ pub(super) fn run_down(
         ring: producer,
         overridden: operator.is_some(),
     };
-    // Alone, so that what it takes can be told from what others do meanwhile.
-    drop(workers);
     let passed = Arc::new(AtomicU64::new(0));
+    // Alone, so that what it takes can be told from what others do meanwhile.
     let mut feeder = Feeder::new(config, tables, text, start, followed)
         .beside(name)
         .keeping_near(Arc::clone(&passed));
@@ -298,6 +307,7 @@ pub(super) fn run_down(
         wall_time_s,
         real_time: pace.finish(published_s, feeder.line(), planning_s),
         threads,
+        timeline: timeline.map(|timeline| timeline.record()),
         lines: feeder.line(),
         elements,
         tolerance_mm: feeder.tolerance_mm(),
@@ -523,6 +533,7 @@ impl Judge {
             path: self.path.map(|path| path.text),
             feeds: self.feeds.unwrap_or_default(),
             recording: self.recording,
+            timeline: None,
         }
     }
 }
@@ -642,12 +653,7 @@ mod tests {
             let config = machine(planner);
             assert_eq!(Report::new(&config, &run(&config, text, false)).wrong(), []);
             // A jump in the fourth line.
-            let mut judge = Judge::new(
-                &config,
-                &Tables::read(&config).unwrap(),
-                text.into(),
-                Wanted::default(),
-            );
+            let mut judge = Judge::new(&config, &Tables::read(&config).unwrap(), text.into(), Wanted::default());
             for cycle in 0..1000 {
                 let mut sample = Sample::resting(Position::ZERO);
                 (sample.line, sample.position[Axis::X]) = (cycle / 200, if cycle == 900 { 1e-3 } else { 0.0 });

@@ -6,6 +6,7 @@
 //! Acceleration is 0 where runs meet. It never breaks a limit, it costs little to compute, and it leaves time on the
 //! table: the baseline of the optimal planner.
 
+mod buffers;
 pub mod pass;
 mod runs;
 mod steps;

@@ -14,29 +14,36 @@
 //! planned for a stop that has not.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
+use super::buffers::{Ahead, Buffers, Runs as Path, before, cap};
 use super::runs::{Built, RUN_PIECES, Run, Runs};
 use crate::element::Element;
 use crate::plan::junctions::{Joined, Junctions};
-use crate::plan::profile::{brakeable, change_length, end_speed, least_end_speed};
+use crate::plan::profile::{change_length, end_speed, least_end_speed};
 use crate::plan::smooth::Passed;
+use crate::plan::workers::Workers;
 use crate::plan::{Pumped, Settings};
 use crate::ring::{Publish, Sink};
 
 /// What happens, one after the other.
 #[derive(Debug)]
 enum What {
-    Run(Run),
+    Run(Arc<Run>),
     /// Rest; with something to do or without.
     Rest(Option<Element>),
 }
 
 impl What {
-    fn pieces(&self) -> usize {
+    fn run(&self) -> Option<&Arc<Run>> {
         match self {
-            What::Run(run) => run.pieces(),
-            What::Rest(_) => 0,
+            What::Run(run) => Some(run),
+            What::Rest(_) => None,
         }
+    }
+
+    fn pieces(&self) -> usize {
+        self.run().map_or(0, |run| run.pieces())
     }
 }
 
@@ -45,11 +52,17 @@ struct Step {
     what: What,
     /// Greatest speed at its end from which what follows can be run, by the backward pass; `None`: not planned yet.
     end_speed: Option<f64>,
+    /// What was computed ahead of it, if anything.
+    ahead: Ahead,
 }
 
 impl Step {
     fn new(what: What) -> Step {
-        Step { what, end_speed: None }
+        Step {
+            what,
+            end_speed: None,
+            ahead: Ahead::default(),
+        }
     }
 
     /// Elements that it comes to at the most: a border between phases may fall into any piece, and there are six.
@@ -65,8 +78,10 @@ const PUBLICATION: usize = 128;
 /// Elements that the stop behind a publication may have: enough for a second of braking over short blocks.
 const TAIL: usize = 8192;
 
-/// Pieces that are new before speeds are planned again, at the most.
+/// Pieces that are new before speeds are planned again, at the most: so many, or so many buffers. It does not depend on how many
+/// threads there are.
 const FRESH: usize = 128;
+const BUFFERS: usize = 4;
 
 /// Braking lengths that are looked ahead at the least, however many pieces that are: up to what that many stops may have.
 const BRAKING_LENGTHS: usize = 3;
@@ -78,13 +93,16 @@ pub(in crate::plan) fn largest_publication() -> usize {
 }
 
 /// Plans runs and hands them over.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(in crate::plan) struct Steps {
+    buffers: Buffers,
     junctions: Junctions,
     runs: Runs,
     steps: VecDeque<Step>,
     /// Steps at the front whose speeds are decided.
     final_steps: usize,
+    /// Steps at the front whose motion has been computed ahead, as far as that is worth it.
+    computed_steps: usize,
     /// Speed before the first step.
     speed: f64,
     /// Steps at the front that the tail in the ring goes through.
@@ -106,6 +124,28 @@ pub(in crate::plan) struct Steps {
 }
 
 impl Steps {
+    /// At rest at the beginning of a path that comes.
+    pub(in crate::plan) fn new(settings: &Settings, workers: &Workers) -> Steps {
+        Steps {
+            buffers: Buffers::new(settings, workers),
+            junctions: Junctions::default(),
+            runs: Runs::default(),
+            steps: VecDeque::new(),
+            final_steps: 0,
+            computed_steps: 0,
+            speed: 0.0,
+            tail_steps: 0,
+            pieces: 0,
+            fresh: 0,
+            finished: false,
+            joined: Vec::new(),
+            built: Vec::new(),
+            committed: Vec::new(),
+            tail: Vec::new(),
+            refused: 0,
+        }
+    }
+
     /// The path goes on.
     pub(in crate::plan) fn push(&mut self, passed: &Passed, settings: &Settings) {
         self.finished = false;
@@ -128,6 +168,11 @@ impl Steps {
             self.finished = false;
             self.steps.push_back(Step::new(What::Rest(element)));
         }
+    }
+
+    /// How often a pass over a run took what had been computed ahead, and how often it had to compute that again.
+    pub(in crate::plan) fn computed_ahead(&self) -> [u64; 2] {
+        self.buffers.counts()
     }
 
     /// Nothing follows for now; the path has ended at rest.
@@ -166,7 +211,8 @@ impl Steps {
 
     /// Plans if there is enough new to make a difference, or no reason to wait.
     fn plan_if_due(&mut self, settings: &Settings) {
-        if self.finished || self.fresh >= settings.look_ahead_blocks.div_ceil(4).clamp(1, FRESH) {
+        let most = FRESH.max(BUFFERS * settings.look_ahead_buffer_blocks);
+        if self.finished || self.fresh >= settings.look_ahead_blocks.div_ceil(4).clamp(1, most) {
             self.plan(settings);
         }
     }
@@ -204,7 +250,7 @@ impl Steps {
                 Built::Run(run) => {
                     self.pieces += run.pieces();
                     self.fresh += run.pieces();
-                    What::Run(run)
+                    What::Run(Arc::new(run))
                 }
                 // One rest after another is one rest.
                 Built::Stop if self.steps.back().is_none_or(|step| matches!(step.what, What::Rest(_))) => continue,
@@ -214,28 +260,82 @@ impl Steps {
         }
     }
 
+    fn run_at(&self, i: usize) -> Option<&Run> {
+        self.steps.get(i)?.what.run().map(Arc::as_ref)
+    }
+
     /// Greatest speed at the end of step `i`, by what is on both sides.
     fn cap(&self, i: usize) -> f64 {
-        match (
-            self.steps.get(i).map(|step| &step.what),
-            self.steps.get(i + 1).map(|step| &step.what),
-        ) {
-            (Some(What::Run(a)), Some(What::Run(b))) => a.limits.v.min(b.limits.v),
-            _ => 0.0,
-        }
+        cap(self.run_at(i), self.run_at(i + 1))
     }
 
     /// Greatest speed before step `i` if `after` is that at its end.
     fn before(&self, i: usize, after: f64) -> f64 {
-        match &self.steps[i].what {
-            What::Run(run) if i > 0 => brakeable(after, self.cap(i - 1), run.length, &run.limits),
-            What::Run(_) | What::Rest(_) => 0.0,
+        let ahead = &self.steps[i].ahead;
+        let computed = self.buffers.counted(ahead.has()[0], ahead.before(after));
+        computed.unwrap_or_else(|| before(i.checked_sub(1).and_then(|i| self.run_at(i)), self.run_at(i), after))
+    }
+
+    /// The steps from `first` on, for jobs.
+    fn path(&self, steps: std::ops::Range<usize>) -> Path {
+        self.steps.range(steps).map(|step| step.what.run().cloned()).collect()
+    }
+
+    /// Has the threads compute what the backward pass will ask for.
+    fn compute_speeds(&mut self) {
+        // Those that were there before have been looked at from further ahead than a buffer would.
+        let new = self
+            .steps
+            .iter()
+            .rev()
+            .take_while(|step| step.end_speed.is_none())
+            .count();
+        let first = (self.steps.len() - new).saturating_sub(1);
+        if self
+            .buffers
+            .are_worth_it(&mut self.steps.range(first..).map(|step| step.what.pieces()))
+        {
+            let computed = self.buffers.speeds(&self.path(first..self.steps.len()));
+            // What is before the first is not in the path.
+            let known = usize::from(first > 0);
+            for (step, speeds) in self.steps.range_mut(first..).zip(computed).skip(known) {
+                step.ahead.set_speeds(speeds);
+            }
+        }
+    }
+
+    /// Has the threads compute the motion that the next final steps will come to.
+    fn compute_motion(&mut self) {
+        let most = self.buffers.pieces_at_once();
+        let mut pieces = 0;
+        let within = self.steps.range(..self.final_steps).take_while(|step| {
+            let within = pieces < most;
+            pieces += step.what.pieces();
+            within
+        });
+        let steps = 0..within.count();
+        self.computed_steps = steps.end;
+        if self
+            .buffers
+            .are_worth_it(&mut self.steps.range(steps.clone()).map(|step| step.what.pieces()))
+        {
+            let path = self.path(steps.clone());
+            let ends = self
+                .steps
+                .range(steps.clone())
+                .map(|step| step.end_speed.unwrap_or(0.0))
+                .collect();
+            let computed = self.buffers.motion(&path, ends, self.speed);
+            for (step, motion) in self.steps.range_mut(steps).zip(computed) {
+                step.ahead.set_motion(motion);
+            }
         }
     }
 
     /// Plans the speeds of all steps, none of which is final, and makes steps final; some in any case if the window is full.
     fn plan(&mut self, settings: &Settings) {
         (self.fresh, self.refused) = (0, 0);
+        self.compute_speeds();
         let mut after = 0.0;
         for i in (0..self.steps.len()).rev() {
             // `after` is the speed at the end of step i. At its cap, nothing that follows can raise it; but what follows
@@ -291,6 +391,9 @@ impl Steps {
         if sink.is_full(self.refused) {
             return Publish::Full;
         }
+        if self.computed_steps == 0 {
+            self.compute_motion();
+        }
         let (mut committed, mut tail) = (std::mem::take(&mut self.committed), std::mem::take(&mut self.tail));
         let result = self.publish_in(sink, &mut committed, &mut tail);
         self.refused = match result {
@@ -312,8 +415,17 @@ impl Steps {
             let mut steps = 0;
             let mut after = self.speed;
             while steps < self.final_steps && (steps == 0 || committed.len() < PUBLICATION) {
-                let end_speed = self.speed_after(steps, after);
-                after = self.elements(steps, after, end_speed, committed);
+                let step = &self.steps[steps];
+                after = match self
+                    .buffers
+                    .counted(step.ahead.has()[1], step.ahead.motion(after, step.end_speed))
+                {
+                    Some(motion) => {
+                        committed.extend_from_slice(&motion.elements);
+                        motion.after
+                    }
+                    None => self.elements(steps, after, self.speed_after(steps, after), committed),
+                };
                 steps += 1;
             }
             match self.stop(steps, after, tail) {
@@ -371,6 +483,7 @@ impl Steps {
     }
 
     fn drop_steps(&mut self, count: usize) {
+        self.computed_steps = self.computed_steps.saturating_sub(count);
         for step in self.steps.drain(..count) {
             self.pieces -= step.what.pieces();
         }
