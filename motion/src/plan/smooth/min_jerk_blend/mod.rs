@@ -17,7 +17,7 @@ mod track;
 
 use curve::{Curve, value, weights};
 use least_jerk::{Gate, LeastJerk, Plane};
-use pace::Pace;
+use pace::{Moment, Pace};
 use track::{Track, flat, normal};
 
 use super::Leg;
@@ -51,7 +51,7 @@ const PASSES: u32 = 2;
 const ALONG_WEIGHT: f64 = 0.03;
 /// What is kept of that in the first try with the longest time between knots, and in proportion to its square: curves go beyond
 /// it between the places that are looked at.
-const BETWEEN: f64 = 0.07;
+const BETWEEN: f64 = 0.13;
 /// Tries, with less of the tolerance where a curve goes beyond it or leaves the travel.
 const TRIES: u32 = 3;
 
@@ -290,22 +290,22 @@ impl MinJerkBlend {
         }
         // Parameter and place of what the curve has to keep to: evenly, and both directions at every vertex.
         let even: Vec<f64> = (2..2 * spans - 1).map(|k| 0.5 * k as f64).collect();
-        let mut places: Vec<f64> = even.iter().map(|x| self.pace.at(begin + h * x).s).collect();
+        let moments: Vec<Moment> = even.iter().map(|x| self.pace.at(begin + h * x)).collect();
+        let mut places: Vec<f64> = moments.iter().map(|moment| moment.s).collect();
         let scale = 1.0 / (limits.jerk * h * h * h);
         let mut gates = Vec::with_capacity(even.len() + 2 * track.legs.len());
         for pass in 0..PASSES {
             if pass > 0 {
                 let mut last = 0.0f64;
-                for (x, place) in even.iter().zip(&mut places) {
-                    let around = self.pace.at(begin + h * x).v * h;
+                for ((x, place), moment) in even.iter().zip(&mut places).zip(&moments) {
+                    let around = moment.v * h;
                     let window = [(*place - around).max(last), (*place + around).max(last)];
                     last = track.nearest(&value(&spline, *x), window).0;
                     *place = last;
                 }
             }
             gates.clear();
-            let mut gate = |x: f64, (place, along): (Plane, Plane)| {
-                let v = self.pace.at(begin + h * x).v;
+            let mut gate = |x: f64, v: f64, (place, along): (Plane, Plane)| {
                 let (span, weights) = weights(x, spans);
                 let place = walls.map_or(place, |walls| track.flat(&walls.between(&track.position(&place))));
                 gates.push(Gate {
@@ -316,8 +316,8 @@ impl MinJerkBlend {
                     stiffness: ALONG_WEIGHT.sqrt() / (v * h),
                 });
             };
-            for (x, s) in even.iter().zip(&places) {
-                gate(*x, track.place(*s));
+            for ((x, s), moment) in even.iter().zip(&places).zip(&moments) {
+                gate(*x, moment.v, track.place(*s));
             }
             for pair in track.legs.windows(2) {
                 let vertex = pair[1].0;
@@ -327,8 +327,9 @@ impl MinJerkBlend {
                 }
                 let part = (vertex - places[k - 1]) / (places[k] - places[k - 1]);
                 let x = even[k - 1] + 0.5 * part;
+                let v = self.pace.at(begin + h * x).v;
                 for jet in [pair[0].1.jet(f64::INFINITY), pair[1].1.jet(0.0)] {
-                    gate(x, (track.flat(&jet.q), track.direction(&jet.d1)));
+                    gate(x, v, (track.flat(&jet.q), track.direction(&jet.d1)));
                 }
             }
             self.solver.solve(&mut spline, &gates, tube, scale);
