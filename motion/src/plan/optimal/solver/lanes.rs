@@ -36,11 +36,6 @@ impl Lane {
         each!(a => 1.0 / a; self)
     }
 
-    #[inline(always)]
-    pub(super) fn sqrt(self) -> Lane {
-        each!(a => a.sqrt(); self)
-    }
-
     /// The greater one; never keeps a NaN of `other`.
     #[inline(always)]
     pub(super) fn max(self, other: Lane) -> Lane {

@@ -105,7 +105,7 @@ impl Stream {
     /// The stop behind the right border of a window: the solution there down to the feasible profile, and from there to rest.
     fn tail_behind(&mut self, index: usize, states: &[State]) -> Option<Tail> {
         let spans = &self.pending[index].behind;
-        let mut elements = Vec::new();
+        let mut elements = Vec::with_capacity(spans.len() + STOP_ELEMENTS);
         let mut out = Emission {
             log: &self.log,
             out: &mut elements,
@@ -131,7 +131,7 @@ impl Stream {
         let Some(pending) = self.pending.remove(index) else {
             return;
         };
-        let mut elements = Vec::new();
+        let mut elements = Vec::with_capacity(pending.window.sources.len() + 2);
         let mut out = Emission {
             log: &self.log,
             out: &mut elements,
@@ -174,6 +174,8 @@ impl Stream {
     }
 }
 
+/// Elements that such a stop has, mostly.
+const STOP_ELEMENTS: usize = 16;
 /// Speed of the stop behind a border, at the most, over that at the end of its spans.
 const FASTER: f64 = 1.5;
 

@@ -366,9 +366,14 @@ impl Stream {
         if !self.changes.is_under_way() && self.refused > 0 && !has_room(sink, self.refused) {
             return Some(Publish::Full);
         }
-        let mut committed = Vec::new();
+        let count = |step: &Step| match step {
+            Step::Ready(ready) => ready.elements.len(),
+            Step::Window(_) => 0,
+        };
+        let count: usize = self.steps.range(..steps).map(count).sum();
+        let mut committed = Vec::with_capacity(count);
         let mut tail = Vec::new();
-        let mut lives = Vec::new();
+        let mut lives = Vec::with_capacity(count);
         let begin = sink.next_number();
         let consumed = sink.consumer_at().is_some();
         let mut cut = None;

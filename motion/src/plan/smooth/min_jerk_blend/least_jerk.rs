@@ -10,6 +10,8 @@
 
 use std::ops::Range;
 
+use multiversion::multiversion;
+
 /// A point or direction of the plane.
 pub(super) type Plane = [f64; 2];
 
@@ -232,9 +234,7 @@ impl LeastJerk {
             }
             self.rights[k] = [x[k], x[far]];
         }
-        for k in 0..each {
-            eliminate(&mut self.pairs[k..], &mut self.rights[k..]);
-        }
+        eliminate(&mut self.pairs, &mut self.rights, each);
         let mut matrix = [[0.0; MIDDLE]; MIDDLE];
         let mut right = [0.0; MIDDLE];
         let (pairs, rights) = (&self.pairs[each..], &self.rights[each..]);
@@ -270,26 +270,32 @@ type Pair = [f64; 2];
 /// Unknowns that are left in the middle, at the most.
 const MIDDLE: usize = WIDTH + 1;
 
-/// Eliminates the first unknown from the rows behind it. What is left of its row is the factors.
-fn eliminate(rows: &mut [[Pair; WIDTH]], rights: &mut [Pair]) {
-    let [row, below @ ..] = &mut rows[..WIDTH] else { return };
-    let [right, rights @ ..] = &mut rights[..WIDTH] else {
-        return;
-    };
-    let inverse = row[0].map(|pivot| 1.0 / pivot.max(1e-300));
-    for a in 1..WIDTH {
-        let factor = [row[a][0] * inverse[0], row[a][1] * inverse[1]];
-        for b in a..WIDTH {
-            let entry = &mut below[a - 1][b - a];
-            entry[0] -= factor[0] * row[b][0];
-            entry[1] -= factor[1] * row[b][1];
+/// Eliminates the first `count` unknowns from the rows behind them. What is left of their rows is the factors.
+#[multiversion(targets("x86_64+avx2"))]
+fn eliminate(rows: &mut [[Pair; WIDTH]], rights: &mut [Pair], count: usize) {
+    for k in 0..count {
+        let [row, below @ ..] = &mut rows[k..k + WIDTH] else {
+            return;
+        };
+        let [right, rights @ ..] = &mut rights[k..k + WIDTH] else {
+            return;
+        };
+        let inverse = row[0].map(|pivot| 1.0 / pivot.max(1e-300));
+        let times = |a: Pair, b: Pair| [a[0] * b[0], a[1] * b[1]];
+        let take = |from: &mut Pair, x: Pair| {
+            from[0] -= x[0];
+            from[1] -= x[1];
+        };
+        for a in 1..WIDTH {
+            let factor = times(row[a], inverse);
+            for b in a..WIDTH {
+                take(&mut below[a - 1][b - a], times(factor, row[b]));
+            }
+            take(&mut rights[a - 1], times(factor, *right));
         }
-        rights[a - 1][0] -= factor[0] * right[0];
-        rights[a - 1][1] -= factor[1] * right[1];
-    }
-    for pair in [right].into_iter().chain(&mut row[1..]) {
-        pair[0] *= inverse[0];
-        pair[1] *= inverse[1];
+        for pair in [right].into_iter().chain(&mut row[1..]) {
+            *pair = times(*pair, inverse);
+        }
     }
 }
 
