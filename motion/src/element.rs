@@ -226,17 +226,24 @@ impl Span {
 
 /// 1/N! + x/(N+2)! + x²/(N+4)! + ...: of these are the solutions of the law of motion (cosh and sinh, or cos and sin).
 fn series<const N: u32>(x: f64) -> f64 {
-    const TERMS: u32 = 10;
-    let first = const { 1.0 / factorial(N) };
-    if x == 0.0 {
-        return first;
-    }
-    let mut sum = 0.0;
-    for k in (0..TERMS).rev() {
-        let n = N + 2 * k;
-        sum = 1.0 + x * sum / f64::from((n + 1) * (n + 2));
-    }
-    sum * first
+    const TERMS: usize = 10;
+    /// Terms where x is that small: the next one is beyond rounding.
+    const FEW: (f64, usize) = (0.03, 5);
+    let factors = const {
+        let mut factors = [0.0; TERMS];
+        let mut k = 0;
+        while k < TERMS {
+            factors[k] = 1.0 / factorial(N + 2 * k as u32);
+            k += 1;
+        }
+        factors
+    };
+    let terms = if x.abs() < FEW.0 {
+        &factors[..FEW.1]
+    } else {
+        &factors[..]
+    };
+    terms.iter().rev().fold(0.0, |sum, factor| factor + x * sum)
 }
 
 const fn factorial(n: u32) -> f64 {

@@ -411,7 +411,7 @@ impl LengthTable {
             let step = (s - self.s[k] - integrate(from, u, &speed)) / speed(u);
             u = (u + step).clamp(from, from + width);
             // The next step would be about the square of this one.
-            if step.abs() < 1e-9 {
+            if step.abs() < 1e-7 {
                 break;
             }
         }

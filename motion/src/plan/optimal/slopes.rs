@@ -10,6 +10,9 @@ use crate::element::{Element, Span};
 use crate::plan::limits::PathLimits;
 use crate::plan::profile::Phase;
 
+/// Time by Simpson's rule over that by the mean speed, up to which it is taken.
+const SIMPSON_NEAR: f64 = 1.5;
+
 /// Which end of a section.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Side {
@@ -196,6 +199,12 @@ impl Emission<'_> {
             enables: stretch.enables,
             auxiliary: stretch.auxiliary,
         };
+        // Simpson's rule is near; where the motion nearly stands still at one end it is not, nor is any other.
+        let middle = from.b + length * (from.u + 0.25 * length * gradient);
+        let simpson_s = length / 6.0 * (1.0 / v0 + 4.0 / middle.sqrt() + 1.0 / v1);
+        if simpson_s < SIMPSON_NEAR * mean_s {
+            span.duration_s = simpson_s;
+        }
         // Newton's steps within a bracket. The place rises until the end; behind it the motion may turn round soon, where speed
         // has nearly come down to nothing.
         let (mut low, mut high) = (0.0, f64::INFINITY);

@@ -88,10 +88,8 @@ impl Block {
     /// The unknowns of its spans from the coefficients that begin with the first of them.
     #[inline(always)]
     pub(super) fn x(&self, c: &[f64]) -> [Lane; 3] {
-        let [a, b, d, e, f, g] = c[..LANES + 2] else {
-            return [Lane::splat(0.0); 3];
-        };
-        let (c0, c1, c2) = (Lane([a, b, d, e]), Lane([b, d, e, f]), Lane([d, e, f, g]));
+        let from = |k: usize| Lane(c[k..].first_chunk().copied().unwrap_or_default());
+        let (c0, c1, c2) = (from(0), from(1), from(2));
         [c1, self.k0 * (c1 - c0), self.k1 * (c2 - c1)]
     }
 }
@@ -223,6 +221,10 @@ impl Constraints {
 
     /// Every span has two caps, and per checkpoint and joint two bounds of acceleration and two of jerk.
     pub(super) fn number(&self) -> usize {
-        2 * self.count + 4 * LANES * self.pairs.len()
+        let blocks = self.blocks.iter().enumerate();
+        let pairs: usize = blocks
+            .map(|(k, block)| LANES.min(self.count - k * LANES) * block.rows * block.checkpoints.len())
+            .sum();
+        2 * self.count + 4 * pairs
     }
 }

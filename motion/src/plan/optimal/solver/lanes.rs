@@ -5,7 +5,7 @@
 use std::ops::{Add, AddAssign, Mul, Sub};
 
 /// Spans that are worked on at once.
-pub(super) const LANES: usize = 4;
+pub(super) const LANES: usize = 8;
 
 /// One number for each of [`LANES`] spans.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -14,14 +14,20 @@ pub(super) struct Lane(pub(super) [f64; LANES]);
 /// A lane by an expression of the numbers in one or two lanes.
 macro_rules! each {
     ($a:ident => $value:expr; $x:expr) => {{
-        let [p, q, r, s] = $x.0;
         let f = |$a: f64| $value;
-        Lane([f(p), f(q), f(r), f(s)])
+        let mut lane = $x;
+        for a in &mut lane.0 {
+            *a = f(*a);
+        }
+        lane
     }};
     ($a:ident, $b:ident => $value:expr; $x:expr, $y:expr) => {{
-        let ([p, q, r, s], [t, u, v, w]) = ($x.0, $y.0);
         let f = |$a: f64, $b: f64| $value;
-        Lane([f(p, t), f(q, u), f(r, v), f(s, w)])
+        let mut lane = $x;
+        for (a, b) in lane.0.iter_mut().zip($y.0) {
+            *a = f(*a, b);
+        }
+        lane
     }};
 }
 
@@ -50,22 +56,19 @@ impl Lane {
 
     #[inline(always)]
     pub(super) fn greatest(self) -> f64 {
-        let [a, b, c, d] = self.0;
         let more = |a: f64, b: f64| if b > a { b } else { a };
-        more(more(more(more(f64::NEG_INFINITY, a), b), c), d)
+        self.0.into_iter().fold(f64::NEG_INFINITY, more)
     }
 
     /// Whether one of them is above a bound.
     #[inline(always)]
     pub(super) fn exceeds(self, bound: f64) -> bool {
-        let [a, b, c, d] = self.0;
-        (a > bound) | (b > bound) | (c > bound) | (d > bound)
+        self.0.into_iter().fold(false, |any, a| any | (a > bound))
     }
 
     #[inline(always)]
     pub(super) fn sum(self) -> f64 {
-        let [a, b, c, d] = self.0;
-        a + b + c + d
+        self.0.into_iter().sum()
     }
 }
 

@@ -3,7 +3,7 @@
 //! In:  constraints, coefficients c, a step d of them.
 //! Out: the Newton system; how much slack a step uses up; multipliers.
 //!
-//! Each is compiled a second time for processors with wider vectors, and chosen when the program runs. Both compute the same
+//! Each is compiled again for processors with wider vectors, and chosen when the program runs. All compute the same
 //! bits: a vector instruction rounds like a scalar one, and no product is fused with a sum.
 
 use multiversion::{inherit_target, multiversion};
@@ -86,6 +86,14 @@ fn greater(a: f64, b: f64) -> f64 {
 #[inline(always)]
 fn smaller(a: f64, b: f64) -> f64 {
     if b < a { b } else { a }
+}
+
+/// Adds scale · row to one lane.
+#[inline(always)]
+fn add_lane_scaled(to: &mut [Lane; 3], l: usize, scale: f64, row: [f64; 3]) {
+    to[0].0[l] += scale * row[0];
+    to[1].0[l] += scale * row[1];
+    to[2].0[l] += scale * row[2];
 }
 
 /// Adds scale · row rowᵀ to one lane.
@@ -249,10 +257,8 @@ impl Sums {
             let weight = weight * h * block.used.0[l];
             self.time.0[l] += weight * beta;
             let (by_time, by_barrier) = (weight * slope, 0.0 - self.barrier.0[l] * slope);
-            for k in 0..3 {
-                self.by_time[k].0[l] += by_time * b_row[k];
-                self.by_barrier[k].0[l] += by_barrier * b_row[k];
-            }
+            add_lane_scaled(&mut self.by_time, l, by_time, b_row);
+            add_lane_scaled(&mut self.by_barrier, l, by_barrier, b_row);
             // Jerk bounds are convex in b: their second derivative counts against that of the time, and is left out
             // beyond, so that the matrix stays positive definite.
             let left = greater(weight - self.duals.0[l], 0.0);
@@ -290,18 +296,15 @@ impl Sums {
         self.both.0[l] += weight + opposite;
         self.barrier.0[l] += 2.0 * room * of_q;
         self.duals.0[l] += dual + opposite_dual;
-        let (by_a, by_q) = (2.0 * a * of_a, 2.0 * q * of_q);
-        for k in 0..3 {
-            self.turned[k].0[l] += (weight - opposite) * jerk[k];
-            self.by_barrier[k].0[l] += by_a * acceleration[k];
-            self.by_barrier[k].0[l] += by_q * jerk[k];
-        }
+        add_lane_scaled(&mut self.turned, l, weight - opposite, jerk);
+        add_lane_scaled(&mut self.by_barrier, l, 2.0 * a * of_a, acceleration);
+        add_lane_scaled(&mut self.by_barrier, l, 2.0 * q * of_q, jerk);
     }
 }
 
 /// Values, gradients and matrix at `c`; returns the time. Multipliers are kept within a factor of `centrality` of those that
 /// belong to the slacks and the weight `mu` of the barrier: with 1, they restart.
-#[multiversion(targets("x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2"))]
 pub(super) fn assemble(
     constraints: &mut Constraints,
     c: &[f64],
@@ -433,7 +436,7 @@ impl Stiffening {
 ///
 /// A constraint that is far from its bound does not show in the matrix, and a step may pass far beyond it. It alone would make
 /// the whole step short.
-#[multiversion(targets("x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2"))]
 pub(super) fn stiffen(constraints: &mut Constraints, mu: f64, d: &[f64], matrix: &mut Band) -> bool {
     #[inherit_target]
     #[inline(never)]
@@ -533,7 +536,7 @@ impl Passed {
 }
 
 /// New multipliers for the step `d`; returns the greatest part of a slack (or of b, to 9/10) that the step would use up.
-#[multiversion(targets("x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2"))]
 pub(super) fn advance(constraints: &mut Constraints, mu: f64, d: &[f64]) -> f64 {
     #[inherit_target]
     #[inline(never)]

@@ -49,9 +49,11 @@ const ACCELERATION_PART: f64 = 0.7;
 const PASSES: u32 = 2;
 /// Price of being off along the path by the way of one span.
 const ALONG_WEIGHT: f64 = 0.03;
-/// What is kept of that in the first try with the longest time between knots, and in proportion to its square: curves go beyond
-/// it between the places that are looked at.
-const BETWEEN: f64 = 0.13;
+/// What is kept of that in the first try with so long between knots or more, and in proportion to the third power of shorter times:
+/// curves go beyond it between the places that are looked at, as jerk takes them there. Mostly enough, so that it is the only
+/// try.
+const BETWEEN: f64 = 0.082;
+const BETWEEN_S: f64 = 0.008;
 /// Tries, with less of the tolerance where a curve goes beyond it or leaves the travel.
 const TRIES: u32 = 3;
 
@@ -223,7 +225,7 @@ impl MinJerkBlend {
         ];
         // Inside a bend, the borders of the tolerance of both moves meet further from its vertex.
         let tolerance = TOLERANCE_PART * tolerance * libm::cos(0.5 * angle);
-        let mut tube = tolerance * (1.0 - BETWEEN * (knot_s(&limits) / KNOTS_S[1]).powi(2));
+        let mut tube = tolerance * (1.0 - BETWEEN * (knot_s(&limits) / BETWEEN_S).min(1.0).powi(3));
         let mut walls = None;
         for _ in 0..TRIES {
             let curve = self.curve(&track, ends, &limits, tube, walls.as_ref())?;
