@@ -377,9 +377,9 @@ fn digest(numbers: &[u64]) -> u64 {
 #[test]
 fn any_machine_gives_the_same_bits() {
     const DIGESTS: [(&str, [u64; 2]); 3] = [
-        ("mixed", [0x7656_3117_636F_47E2, 0x4043_CEF5_3434_7694]),
-        ("rose", [0xEBDC_A703_2671_EF7F, 0x8AC5_4F66_3A1C_41A6]),
-        ("text", [0x9AC4_0C9E_1C6A_2E30, 0xB4D7_2C2D_8426_3B0D]),
+        ("mixed", [0xD025_0846_5E27_9A82, 0x4043_CEF5_3434_7694]),
+        ("rose", [0xB3DE_9704_7C0B_836E, 0x046C_2029_6587_557E]),
+        ("text", [0xE756_B2E9_BDD0_BC9E, 0xB4D7_2C2D_8426_3B0D]),
     ];
     let found = DIGESTS.map(|(name, _)| {
         let text = proof_programs::find(name)
