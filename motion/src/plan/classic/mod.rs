@@ -7,7 +7,6 @@
 //! table: the baseline of the optimal planner.
 
 mod buffers;
-pub mod pass;
 mod runs;
 mod steps;
 
