@@ -6,7 +6,7 @@
 //! The machine never runs faster than it can stop in what is planned, so that a planner that falls behind costs stops, no fault; a
 //! program with [`FACTOR_MIN`] everywhere has none, even where others want the processor. Processor time is what counts and not
 //! the clock on the wall: what a preempted thread waits for is no property of the program, and a busy PC raises no false alarm.
-//! A stretch is the shortest one of at least [`STRETCH_S`] of motion: below that, what is planned already bridges any delay, and
+//! A stretch is the shortest one of at least `STRETCH_S` of motion: below that, what is planned already bridges any delay, and
 //! what a processor does besides (caches, page faults, its frequency) would count more than the program does. It begins where
 //! something has been planned already: before that the machine stands, and only waits a little longer.
 

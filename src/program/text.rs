@@ -28,7 +28,7 @@ impl Text {
     /// Reads a file.
     ///
     /// # Errors
-    /// As [`files::read`], of a file longer than [`PROGRAM_MAX`] too.
+    /// As [`files::read()`], of a file longer than [`PROGRAM_MAX`] too.
     pub fn read(path: &Path) -> io::Result<Text> {
         let file = files::open(path)?;
         let copied = match file.metadata()?.len() {
