@@ -27,8 +27,10 @@ pub(super) const CURVED: f64 = 0.6;
 /// Part of the jerk that the change of acceleration on a bent path may take of what curvature leaves.
 const COUPLED_JERK: f64 = 0.5;
 
-/// Samples of a blend along which the length grows evenly with the parameter; the less evenly it does, the more.
+/// Samples of a blend along which the length grows evenly with the parameter; the less evenly it does, the more: where the length
+/// nearly stands still, the crest of the third derivative is as much narrower as it is higher. No more than so many for that.
 const UNEVEN_STEPS: f64 = 8.0;
+const UNEVEN_STEPS_MAX: f64 = 2000.0;
 
 /// What samples of a curve may miss of its direction, as a part: all of the limit of speed is used, with no room for it.
 const SLOPE_MISSED: f64 = 1e-4;
@@ -97,7 +99,9 @@ impl Bounds {
             -0.416.. => 24,
             _ => 64,
         };
-        let steps = steps.max((UNEVEN_STEPS / blend.evenness()) as usize);
+        let uneven = UNEVEN_STEPS / blend.evenness();
+        let uneven = uneven.max((uneven / blend.evenness()).min(UNEVEN_STEPS_MAX));
+        let steps = steps.max(uneven as usize);
         Bounds::sampled(steps, |x| blend.derivatives_at::<N>(x))
     }
 
