@@ -72,7 +72,7 @@ done
 wait "$demo" || echo "figures.sh: the demo ended with exit code $?: its figures are those of a run with trouble" >&2
 figure "memory of the control, greatest resident" "$peak" KiB
 figure "memory of the control, locked" "$locked" KiB
-figure "time to OPERATIONAL" "$(sed -n 's/.*operational after \([0-9.]*\) s.*/\1/ip' "$work/demo.log" | sed -n 1p)" s
+figure "time to OPERATIONAL" "$(sed -n 's/.*operational  *after  *\([0-9.]*\) s.*/\1/ip' "$work/demo.log" | sed -n 1p)" s
 
 if [ -z "$programs" ]; then
     cargo run --release --quiet --example proof_programs -- "$work/programs" >/dev/null
