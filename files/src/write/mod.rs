@@ -3,8 +3,9 @@
 //! In:  a path, octets. Out: the file with its old content or the new one.
 //!
 //! The new content goes to a file of its own in the same folder, made for this (O_EXCL), is forced to the disk, and takes the
-//! name of the old one. So a full disk spoils nothing, and a link in the place of the file is replaced, not followed. What is a
-//! device or pipe, as `/dev/null` and `/dev/stdout`, is written as it is.
+//! name of the old one. So a full disk spoils nothing. A link of somebody else in the place of the file is replaced, not
+//! followed; behind a link of one's own, the file that it leads to is replaced. What is a device or pipe, as `/dev/null` and
+//! `/dev/stdout`, is written as it is.
 
 use crate::place::{self, Missing, Place};
 use nix::errno::Errno;
