@@ -8,7 +8,7 @@
 use isocnc::config::{self, Config};
 use isocnc::machine::motion_settings::{ring_capacity, stop_ramp, stop_shares};
 use isocnc::machine::tables::Tables;
-use isocnc::program::{Feeder, Progress, home, probing};
+use isocnc::program::{Feeder, Progress, home, waits};
 use isocnc::rt::joint_jog::{JogMotion, JogOrder, JointJog};
 use isocnc::rt::overrides::{Overridden, Overrides};
 use isocnc::rt::shared::RtStatus;
@@ -384,7 +384,7 @@ impl<'a> Machine<'a> {
         let start = kinematics.forward(&ToolFrame::OFF, &self.joints).expect("a place");
         let live = Arc::new(RtStatus::new(Overrides::new(self.config.program.planner)));
         let (producer, consumer) = ring::channel(ring_capacity(self.config));
-        let (answers, results) = probing::line();
+        let (answers, results) = waits::line();
         let mut feeder =
             Feeder::new(self.config, &self.tables, text.as_bytes(), start, producer).following(Arc::clone(&live));
         let mut run = Interpolator::new(consumer, start, stop_ramp(self.config));

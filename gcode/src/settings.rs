@@ -121,6 +121,10 @@ pub struct Settings {
     pub chip_breaking_clearance_mm: Option<f64>,
     /// How far above the last depth G83 begins to feed again where its line has no D, mm; `None`: as for G73.
     pub peck_clearance_mm: Option<f64>,
+    /// Digital inputs and outputs that programs may name, each: LinuxCNC has at most 64.
+    pub digital_pins: u16,
+    /// Analog inputs and outputs that programs may name, each: LinuxCNC has at most 16.
+    pub analog_pins: u16,
     /// Added to the angles of M19, degrees.
     pub orient_offset_degrees: f64,
     /// Folders in which subroutines with files of their own are looked for, in this order.
@@ -173,6 +177,8 @@ impl Default for Settings {
             arc_radius_tolerance_mm: None,
             chip_breaking_clearance_mm: None,
             peck_clearance_mm: None,
+            digital_pins: 256,
+            analog_pins: 256,
             orient_offset_degrees: 0.0,
             subroutine_folders: Vec::new(),
             user_codes: None,

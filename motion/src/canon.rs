@@ -8,6 +8,7 @@
 //! `machine = rotate_xy(work + g92) + g5x + tool`.
 
 use std::borrow::Cow;
+use std::fmt;
 
 /// Number of program axes: X Y Z A B C U V W.
 pub const AXES: usize = 9;
@@ -267,6 +268,15 @@ pub enum Input {
     Digital(u8),
     /// E.
     Analog(u8),
+}
+
+impl fmt::Display for Input {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Input::Digital(index) => write!(f, "digital input {index}"),
+            Input::Analog(index) => write!(f, "analog input {index}"),
+        }
+    }
 }
 
 /// What M66 waits for, its L word.

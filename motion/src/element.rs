@@ -2,7 +2,7 @@
 //!
 //! In:  from the planner. Out: to the interpolation.
 
-use crate::canon::{ProbeMode, SpindleDirection};
+use crate::canon::{Input, ProbeMode, SpindleDirection, WaitMode};
 use crate::path::Piece;
 use crate::ring::Timed;
 use crate::rt::MotionLimits;
@@ -138,6 +138,100 @@ pub struct Auxiliary {
     pub selected_tool: Option<u32>,
     /// How many messages there have been.
     pub messages: u32,
+    /// Outputs that the program has set (M62 to M68).
+    pub outputs: Outputs,
+}
+
+/// Digital and analog outputs as a program has set them; those that it has not stay as they are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outputs {
+    /// Digital outputs that are set, on or off (bit n: output n).
+    digital: u64,
+    /// Those of them that are on.
+    on: u64,
+    /// Analog outputs that are set.
+    analog: u16,
+    /// Their values; 0 where none is set.
+    values: [f64; Outputs::ANALOG],
+}
+
+impl Outputs {
+    /// Digital outputs that there can be at the most, as in LinuxCNC.
+    pub const DIGITAL: usize = 64;
+    /// Analog outputs that there can be at the most.
+    pub const ANALOG: usize = 16;
+
+    /// None is set.
+    pub const NONE: Outputs = Outputs {
+        digital: 0,
+        on: 0,
+        analog: 0,
+        values: [0.0; Outputs::ANALOG],
+    };
+
+    /// Sets a digital output; false: there is none of this number. RT.
+    pub fn set_digital(&mut self, index: u8, on: bool) -> bool {
+        let Some(bit) = 1_u64.checked_shl(index.into()) else {
+            return false;
+        };
+        self.digital |= bit;
+        self.on = if on { self.on | bit } else { self.on & !bit };
+        true
+    }
+
+    /// Sets an analog output; false: there is none of this number, or the value is no number. RT.
+    pub fn set_analog(&mut self, index: u8, value: f64) -> bool {
+        match self.values.get_mut(usize::from(index)) {
+            Some(place) if value.is_finite() => {
+                *place = value;
+                self.analog |= 1 << index;
+                true
+            }
+            Some(_) | None => false,
+        }
+    }
+
+    /// The actions that set these, in order.
+    pub fn actions(self) -> impl Iterator<Item = Action> {
+        let number = |index: usize| index as u8;
+        let digital = move |index| {
+            let index_of = number(index);
+            self.digital(index).map(|on| Action::SetDigital { index: index_of, on })
+        };
+        let analog = move |index| {
+            let index_of = number(index);
+            self.analog(index)
+                .map(|value| Action::SetAnalog { index: index_of, value })
+        };
+        (0..Outputs::DIGITAL)
+            .filter_map(digital)
+            .chain((0..Outputs::ANALOG).filter_map(analog))
+    }
+
+    /// What the program has set a digital output to; `None`: nothing. RT.
+    pub fn digital(&self, index: usize) -> Option<bool> {
+        let bit = u32::try_from(index).ok().and_then(|index| 1_u64.checked_shl(index))?;
+        (self.digital & bit != 0).then_some(self.on & bit != 0)
+    }
+
+    /// What the program has set an analog output to; `None`: nothing. RT.
+    pub fn analog(&self, index: usize) -> Option<f64> {
+        let value = self.values.get(index)?;
+        (self.analog >> index & 1 != 0).then_some(*value)
+    }
+
+    /// The same with those that `later` sets.
+    pub fn with(mut self, later: &Outputs) -> Outputs {
+        self.digital |= later.digital;
+        self.on = self.on & !later.digital | later.on;
+        for (index, value) in later.values.iter().enumerate() {
+            if later.analog >> index & 1 != 0 {
+                self.values[index] = *value;
+            }
+        }
+        self.analog |= later.analog;
+        self
+    }
 }
 
 impl Auxiliary {
@@ -148,6 +242,7 @@ impl Auxiliary {
         flood: false,
         selected_tool: None,
         messages: 0,
+        outputs: Outputs::NONE,
     };
 
     /// What holds behind an action; `None`: the machine has to come to rest for it.
@@ -172,7 +267,18 @@ impl Auxiliary {
                 messages: number + 1,
                 ..self
             },
+            Action::SetDigital { index, on } => {
+                let mut after = self;
+                after.outputs.set_digital(index, on);
+                after
+            }
+            Action::SetAnalog { index, value } => {
+                let mut after = self;
+                after.outputs.set_analog(index, value);
+                after
+            }
             Action::AwaitSpindle
+            | Action::AwaitInput { .. }
             | Action::ChangeTool { .. }
             | Action::SetTool { .. }
             | Action::ProgramStop
@@ -181,7 +287,7 @@ impl Auxiliary {
         })
     }
 
-    /// The first of the actions that lead from here to `to`. RT.
+    /// The first of the actions that lead from here to `to`; [`Auxiliary::outputs`] apart, of which all change at once. RT.
     pub fn first_towards(self, to: &Auxiliary) -> Option<Action> {
         if self.spindle != to.spindle {
             Some(
@@ -385,6 +491,29 @@ pub enum Action {
         /// Number.
         number: u32,
     },
+    /// M64, M65; also M62, M63 before a move whose timing is not the plan's.
+    SetDigital {
+        /// Number of the output.
+        index: u8,
+        /// On or off.
+        on: bool,
+    },
+    /// M68; also M67 before a move whose timing is not the plan's.
+    SetAnalog {
+        /// Number of the output.
+        index: u8,
+        /// Value.
+        value: f64,
+    },
+    /// M66: goes on once the input is as it is to be, or the time is over.
+    AwaitInput {
+        /// Which.
+        input: Input,
+        /// For what.
+        mode: WaitMode,
+        /// Longest wait, s.
+        timeout_s: f64,
+    },
     /// M0.
     ProgramStop,
     /// M1.
@@ -423,6 +552,18 @@ impl fmt::Display for Action {
             Action::ChangeTool { tool } => write!(f, "change to tool {tool}"),
             Action::SetTool { tool } => write!(f, "tool {tool} in the spindle"),
             Action::Message { number } => write!(f, "message {number}"),
+            Action::SetDigital { index, on: value } => write!(f, "digital output {index} {}", on(value)),
+            Action::SetAnalog { index, value } => write!(f, "analog output {index} to {value}"),
+            Action::AwaitInput { input, mode, timeout_s } => {
+                let what = match mode {
+                    WaitMode::Immediate => return write!(f, "read {input}"),
+                    WaitMode::Rise => "rise",
+                    WaitMode::Fall => "fall",
+                    WaitMode::High => "be on",
+                    WaitMode::Low => "be off",
+                };
+                write!(f, "wait for {input} to {what}, {timeout_s} s at the most")
+            }
             Action::ProgramStop => f.write_str("stop (M0)"),
             Action::OptionalStop => f.write_str("optional stop (M1)"),
             Action::ProgramEnd => f.write_str("end"),

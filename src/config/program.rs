@@ -7,6 +7,7 @@ use super::remap::remap;
 use super::types::{ARC_RADIUS_TOLERANCE, Program, ToolChanger, Tools, UserCodes};
 use motion::canon::LengthUnit;
 use motion::compensation::{Corner, FeedSettings, Gouge, InsideCorners};
+use motion::element::Outputs;
 use motion::plan::PlannerKind;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -53,6 +54,16 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
     let directory = folder(section, "directory", base);
     let subroutine_directories = folders(section, "subroutine_directories", base);
     let user_codes = user_codes(section, base);
+    let digital_pins = section.integer(
+        "digital_pins",
+        0..=Outputs::DIGITAL as i64,
+        i64::from(default.digital_pins),
+    );
+    let analog_pins = section.integer(
+        "analog_pins",
+        0..=Outputs::ANALOG as i64,
+        i64::from(default.analog_pins),
+    );
     let block_delete = section.flag("block_delete", default.block_delete);
     let diameter_mode = section.flag("diameter_mode", default.diameter_mode);
     let keep_g92 = section.flag("keep_g92", default.keep_g92);
@@ -102,6 +113,8 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
         directory: directory?,
         subroutine_directories: subroutine_directories?,
         user_codes: user_codes?,
+        digital_pins: digital_pins? as u16,
+        analog_pins: analog_pins? as u16,
         block_delete: block_delete?,
         diameter_mode: diameter_mode?,
         keep_g92: keep_g92?,

@@ -49,6 +49,7 @@ fn what_is_left_out_is_as_in_linuxcnc() {
     let buffers = (program.look_ahead_buffer_blocks, program.look_ahead_overlap_blocks);
     assert_eq!((program.threads, buffers), (None, (300, 50)));
     assert_eq!((program.parameter_file, program.directory), (None, None));
+    assert_eq!((program.digital_pins, program.analog_pins), (4, 4));
     assert!(!program.user_codes.allowed && !program.block_delete && !program.diameter_mode);
     assert!(program.keep_g92 && program.fanuc_subroutines);
     assert_eq!(
@@ -79,6 +80,8 @@ directory = "programs"
 subroutine_directories = ["subs", "codes"]
 user_codes = true
 user_code_directories = ["codes"]
+digital_pins = 64
+analog_pins = 16
 block_delete = true
 diameter_mode = true
 keep_g92 = false
@@ -137,6 +140,8 @@ orient_offset_degrees = -90
             allowed: true,
             directories: vec![here("codes")],
         },
+        digital_pins: 64,
+        analog_pins: 16,
         block_delete: true,
         diameter_mode: true,
         keep_g92: false,

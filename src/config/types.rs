@@ -512,6 +512,10 @@ pub struct Program {
     pub subroutine_directories: Vec<PathBuf>,
     /// M100 to M199.
     pub user_codes: UserCodes,
+    /// Digital inputs and outputs that programs may name (M62 to M66), each; default 4.
+    pub digital_pins: u16,
+    /// Analog inputs and outputs that programs may name (M66 to M68), each; default 4.
+    pub analog_pins: u16,
     /// Leave out lines that begin with `/`; default false.
     pub block_delete: bool,
     /// X words are diameters (G7) at the start; default false.
@@ -562,6 +566,8 @@ impl Default for Program {
             directory: None,
             subroutine_directories: Vec::new(),
             user_codes: UserCodes::default(),
+            digital_pins: 4,
+            analog_pins: 4,
             block_delete: false,
             diameter_mode: false,
             keep_g92: true,

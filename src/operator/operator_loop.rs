@@ -20,7 +20,7 @@ use crate::operator::recorder::Recorder;
 use crate::operator::session::{EXIT_RESTART, Program, Session, Task};
 use crate::operator::table_writer::Keeper;
 use crate::program::text::Reader;
-use crate::program::{self, FeedError, Feeder, Threads, probing};
+use crate::program::{self, FeedError, Feeder, Threads, waits};
 use crate::rt::cycle_stats::Windows;
 use crate::rt::shared::RtStatus;
 use crate::rt::timeout;
@@ -282,7 +282,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         } = self.session;
         let tables = lock(tables).clone();
         let (producer, consumer) = ring::channel(ring_capacity(config));
-        let (answers, results) = probing::line();
+        let (answers, results) = waits::line();
         let (told, news) = mpsc::channel();
         let mut passed = None;
         let text = match (task, self.clients.part()) {
@@ -418,7 +418,7 @@ fn feed(mut feeder: Feeder<'_, Producer<Element>>, over: impl Fn() -> bool) -> P
         match feeder.pump() {
             Ok(program::Progress::Working) => {}
             Ok(program::Progress::Done) if feeder.is_over() => break,
-            Ok(program::Progress::RingFull | program::Progress::Probing | program::Progress::Done) => {
+            Ok(program::Progress::RingFull | program::Progress::Waiting | program::Progress::Done) => {
                 feeder.pause(to_next(PLANNER_PAUSE));
             }
             Err(_) if over() => break,

@@ -12,7 +12,7 @@ use crate::host::wait::Grid;
 use crate::machine::motion_settings::{ring_capacity, stop_ramp, stop_shares};
 use crate::machine::sequence::Outcome;
 use crate::machine::tables::Tables;
-use crate::program::{Feeder, Progress, probing};
+use crate::program::{Feeder, Progress, waits};
 use crate::rt::assemble::assemble;
 use crate::rt::cycle::MotionController;
 use crate::rt::pins::CAPACITY;
@@ -203,7 +203,7 @@ impl<B: VirtualTime> Rehearsal<'_, B> {
     fn poll_operator(&mut self, now_ns: u64) {
         if let Some(position) = self.operator.poll(now_ns) {
             let (producer, consumer) = ring::channel(ring_capacity(self.config));
-            let (answers, results) = probing::line();
+            let (answers, results) = waits::line();
             let feeder = Feeder::new(self.config, &self.tables, self.text, position, producer);
             self.feeder = Some(feeder.with_probe(results).following(self.operator.shared()));
             let program = Interpolator::new(consumer, position, stop_ramp(self.config))

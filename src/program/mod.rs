@@ -5,11 +5,11 @@
 
 mod exact_stops;
 pub mod path;
-pub mod probing;
 pub mod real_time;
 mod settings;
 mod stages;
 pub mod text;
+pub mod waits;
 
 use crate::config::{self, Config};
 use crate::host::wait::thread_cpu_s;
@@ -26,9 +26,8 @@ use motion::plan::timeline::{Task, during};
 use motion::plan::workers::Workers;
 use motion::plan::{PathPlanner, PlanErrorKind, Programmed, Pumped, SpeedPlanner};
 use motion::ring::Sink;
-use motion::rt::probe::Probed;
+use motion::rt::probe::Answer;
 use path::PathNews;
-use probing::Probing;
 use real_time::{Measure, RealTimeFactor};
 pub use settings::{interpreter_settings, settings_with};
 pub use stages::Threads;
@@ -41,6 +40,7 @@ use std::sync::{Arc, PoisonError, mpsc};
 use std::thread::available_parallelism;
 use std::time::{Duration, Instant};
 use text::Reader;
+use waits::{Awaited, Waits};
 
 /// Canonical calls that one call of [`Feeder::pump`] takes at the most.
 const EVENTS_PER_PUMP: usize = 256;
@@ -110,7 +110,7 @@ pub fn check_text(
     if let Some(folder) = folder(path) {
         settings.subroutine_folders.insert(0, folder.to_owned());
     }
-    let errors = gcode::check_on(text, || Ok(text), settings, Probing::new().1, limits);
+    let errors = gcode::check_on(text, || Ok(text), settings, Waits::new().1, limits);
     errors.unwrap_or_else(|error| vec![not_readable(&error)])
 }
 
@@ -171,9 +171,9 @@ pub fn check<'t>(
     loop {
         match feeder.pump() {
             Ok(Progress::Done) => break,
-            Ok(Progress::Working | Progress::RingFull | Progress::Probing) => {}
+            Ok(Progress::Working | Progress::RingFull | Progress::Waiting) => {}
             // Where a probe will really touch is not known: what follows may be elsewhere, and is judged when it is there.
-            Err(error) if feeder.probing.has_assumed() && error.is_of_a_place() && !cancel.is_cancelled() => break,
+            Err(error) if feeder.waits.has_assumed() && error.is_of_a_place() && !cancel.is_cancelled() => break,
             Err(error) => return Err(failed(error.render(path))),
         }
         if let Some(limit) = budget.passed() {
@@ -286,8 +286,8 @@ pub enum Progress {
     Working,
     /// The ring is full: try again when the machine has moved on.
     RingFull,
-    /// A probing move is under way: what follows it depends on how it ends. Try again in a while.
-    Probing,
+    /// A probing move or a wait for an input (M66) is under way: what follows depends on how it ends. Try again in a while.
+    Waiting,
     /// The whole program is in the ring. As long as the machine runs it, it may change: see [`Feeder::is_over`].
     Done,
 }
@@ -300,12 +300,12 @@ pub struct Feeder<'t, S: Sink<Element>> {
     spare: Spare,
     speed: SpeedPlanner<S>,
     ideal: Vec<Programmed>,
-    probing: Probing,
+    waits: Waits,
     /// Those that are not started yet.
     threads: Option<Threads<'t>>,
     workers: Workers,
     /// To the thread of smoothing.
-    contacts: Option<mpsc::Sender<Probed>>,
+    answers: Option<mpsc::Sender<Answer>>,
     /// Who is told of the programmed path, in place of [`Feeder::ideal_path`].
     told: Option<mpsc::Sender<PathNews>>,
     /// What is told behind the path of the next part.
@@ -361,7 +361,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         workers: Workers,
     ) -> Feeder<'t, S> {
         let settings = plan_settings(config, start);
-        let (probing, asked) = Probing::new();
+        let (waits, asked) = Waits::new();
         let interpreter = gcode::Interpreter::new(planned_settings(config, tables, start))
             .with_machine(asked)
             .run_reader(text);
@@ -374,10 +374,10 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             batch: Batch::default(),
             speed: SpeedPlanner::new(settings, sink, &workers),
             ideal: Vec::new(),
-            probing,
+            waits,
             threads: None,
             workers,
-            contacts: None,
+            answers: None,
             told: None,
             news: None,
             path: 0,
@@ -404,10 +404,10 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         }
     }
 
-    /// The same for a machine that probes: `results` tell how each probing move ended, and nothing behind it is read before.
-    /// Without it, every probing move touches something at its end.
-    pub fn with_probe(mut self, results: rtrb::Consumer<Probed>) -> Feeder<'t, S> {
-        let answers = self.probing.wait_for(results);
+    /// The same for a machine that runs it: `results` tell how each probing move ended and what inputs read, and nothing behind is
+    /// read before. Without it, every probing move touches something at its end, and every input comes as it is waited for.
+    pub fn with_probe(mut self, results: rtrb::Consumer<Answer>) -> Feeder<'t, S> {
+        let answers = self.waits.wait_for(results);
         self.smoothing.recall().answers = Some(answers);
         self
     }
@@ -446,7 +446,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     /// Where a thread of it has.
     pub fn pump(&mut self) -> Result<Progress, FeedError> {
         if let Some(threads) = self.threads.take() {
-            self.contacts = stages::start(&mut self.smoothing, &threads, &self.workers);
+            self.answers = stages::start(&mut self.smoothing, &threads, &self.workers);
         }
         let timeline = self.workers.timeline().cloned();
         during(timeline.as_ref(), Some(Task::Slope), || self.plan())
@@ -458,11 +458,11 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             if self.speed.pump() == Pumped::Blocked {
                 return Ok(Progress::RingFull);
             }
-            if self.probing.is_under_way() {
-                let Some(probed) = self.probing.receive() else {
-                    return Ok(Progress::Probing);
+            if self.waits.awaited().is_some() {
+                let Some(answer) = self.waits.receive() else {
+                    return Ok(Progress::Waiting);
                 };
-                self.probed(probed);
+                self.answered(answer);
             }
             if self.ended {
                 return Ok(if self.speed.is_done() {
@@ -486,9 +486,8 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             self.tell_path(news);
             match part.after {
                 After::More => {}
-                After::Probe => {
-                    self.probing.begin();
-                    if self.probing.is_under_way() {
+                After::Await(awaited) => {
+                    if self.waits.begin(awaited) && awaited == Awaited::Probe {
                         self.tell_path(Some(PathNews::Probing));
                     }
                 }
@@ -526,17 +525,19 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         }
     }
 
-    fn probed(&mut self, probed: Probed) {
-        // How far it went comes with the next part.
-        self.news = Some(PathNews::Probed);
-        match (&mut self.smoothing, &self.contacts) {
-            (Stage::There(_), Some(contacts)) => {
+    fn answered(&mut self, answer: Answer) {
+        if let Answer::Probed(_) = answer {
+            // How far it went comes with the next part.
+            self.news = Some(PathNews::Probed);
+        }
+        match (&mut self.smoothing, &self.answers) {
+            (Stage::There(_), Some(answers)) => {
                 // A thread that is gone is noticed by what does not come.
-                let _ = contacts.send(probed);
+                let _ = answers.send(answer);
             }
             (smoothing, _) => {
                 let smoothing = smoothing.recall();
-                smoothing.probed(&probed);
+                smoothing.answered(&answer);
                 self.left_s = smoothing.left_s();
             }
         }
@@ -557,7 +558,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     /// The stages without their threads, for the end of the program.
     fn recall(&mut self) -> &mut Smoothing<'t> {
         // It may be waiting for one.
-        self.contacts = None;
+        self.answers = None;
         self.smoothing.recall()
     }
 

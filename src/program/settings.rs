@@ -48,6 +48,8 @@ pub fn interpreter_settings(config: &Config, start: Position) -> gcode::Settings
         cutter_corner: program.cutter_corner,
         gouge: program.gouge,
         contour_feed: program.contour_feed,
+        digital_pins: program.digital_pins,
+        analog_pins: program.analog_pins,
         orient_offset_degrees: config.spindle.orient_offset_degrees,
         subroutine_folders: program.directory.iter().chain(listed).cloned().collect(),
         user_codes: Some(user_codes(&program.user_codes)),
@@ -116,6 +118,8 @@ mod tests {
         let mut expected = gcode::Settings {
             start: Position::xyz(1.0, 2.0, 3.0),
             spindles: 1,
+            digital_pins: 4,
+            analog_pins: 4,
             user_codes: Some(Vec::new()),
             kinematics: demo().kinematics(),
             tools: found.tools.clone(),
@@ -147,6 +151,8 @@ mod tests {
         program.subroutine_directories = vec![PathBuf::from("one"), PathBuf::from("two")];
         program.user_codes.allowed = true;
         program.user_codes.directories = vec![PathBuf::from("nowhere"), folder.path().to_owned()];
+        program.digital_pins = 64;
+        program.analog_pins = 16;
         program.block_delete = true;
         program.diameter_mode = true;
         program.chip_breaking_clearance_mm = Some(1.0);
@@ -170,6 +176,7 @@ mod tests {
         assert_eq!(found.parameters[&5221], 20.0 / 25.4);
         assert!((found.work_offsets[0][Axis::X] - 20.0).abs() < 1e-12);
         assert!(found.block_delete && found.diameter_mode);
+        assert_eq!((found.digital_pins, found.analog_pins), (64, 16));
         assert_eq!((found.spindles, found.orient_offset_degrees), (3, 15.0));
         assert_eq!(found.wrapped_rotary.map(usize::from), [0, 0, 0, 0, 1, 0, 0, 0, 0]);
         assert_eq!(found.arc_radius_tolerance_mm, Some(0.0254));

@@ -1,6 +1,6 @@
 //! What comes before speeds: interpretation with cutter compensation, and smoothing.
 //!
-//! In:  program text; whether single block is on; how probing moves ended.
+//! In:  program text; whether single block is on; answers to what the program waits for.
 //! Out: the smoothed path call by call, and what the program had meant.
 //!
 //! Either stage works in the thread that asks it, or in one of its own with a queue behind it, of which the one in front of it takes
@@ -8,13 +8,13 @@
 //! (#5420), so that the interpreter cannot run ahead of it.
 
 use super::exact_stops::ExactStops;
-use super::probing::{Answers, is_asked_behind};
+use super::waits::{Answers, Awaited, Told, awaited_behind};
 use crate::rt::shared::RtStatus;
 use motion::canon::{Axis, Call, Event, PathMode, Position, Source};
 use motion::plan::timeline::{Task, Timeline, during};
 use motion::plan::workers::{QueueIn, QueueOut, Workers, queue};
 use motion::plan::{PathPlanner, PlanError, PlanErrorKind, Programmed, Smoothed};
-use motion::rt::probe::Probed;
+use motion::rt::probe::Answer;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::thread::{Builder, Scope, ScopedJoinHandle};
@@ -146,8 +146,8 @@ pub(super) enum Failed {
 /// What is behind a part.
 pub(super) enum After {
     More,
-    /// A probing move was the last of it.
-    Probe,
+    /// Nothing is read behind it before this is known.
+    Await(Awaited),
     Ended,
     Failed(Failed),
 }
@@ -186,7 +186,7 @@ pub(super) struct Smoothing<'t> {
     pub(super) spare: Spare,
     /// Where single block is switched.
     pub(super) live: Option<Arc<RtStatus>>,
-    /// Who is told how probing moves ended; `None`: they end as programmed, and nobody waits.
+    /// Who is told what the program waits for; `None`: all is as programmed, and nobody waits.
     pub(super) answers: Option<Answers>,
     left_s: f64,
     /// 1 for G54 to 9 for G59.3.
@@ -293,7 +293,7 @@ impl<'t> Smoothing<'t> {
             };
             let is_more = match after {
                 After::More => true,
-                After::Probe => self.answers.is_none(),
+                After::Await(_) => self.answers.is_none(),
                 After::Ended | After::Failed(_) => false,
             };
             let before = (batch.programmed.len(), batch.smoothed.len());
@@ -339,33 +339,40 @@ impl<'t> Smoothing<'t> {
         let single_block = self.live.as_ref().is_some_and(|live| live.single_block());
         let source = event.source;
         let switch = self.exact_stops.switch(single_block).map(|call| Event { source, call });
-        let is_probe = matches!(event.call, Call::StraightProbe { .. });
+        let awaited = awaited_behind(&event.call);
         let event = self.exact_stops.let_pass(&event.call).then_some(event);
         for event in switch.iter().chain(&event) {
             if let Err(error) = self.path.push(event) {
                 return After::Failed(self.failed(error));
             }
         }
-        if !is_probe {
-            return After::More;
-        }
+        let Some(awaited) = awaited else { return After::More };
         if self.answers.is_some() {
-            // All before it, and the move itself; the rest is planned once it is over.
-            self.path.await_contact();
+            // All before it, and it itself; the rest is planned once it is over.
+            match awaited {
+                Awaited::Probe => self.path.await_contact(),
+                Awaited::Input => {}
+            }
             self.path.finish();
         }
-        After::Probe
+        After::Await(awaited)
     }
 
-    /// The probing move behind which it stopped is over.
-    pub(super) fn probed(&mut self, probed: &Probed) {
-        self.left_s += self.path.probed(probed.rest);
+    /// What the program stopped for has come.
+    pub(super) fn answered(&mut self, answer: &Answer) {
+        let told = match answer {
+            Answer::Probed(probed) => {
+                self.left_s += self.path.probed(probed.rest);
+                Told::Probed(gcode::Probed {
+                    end: probed.end,
+                    at: self.path.to_work(&probed.at),
+                    rest: self.path.to_work(&probed.rest),
+                })
+            }
+            Answer::Input(read) => Told::Input(*read),
+        };
         if let Some(answers) = &self.answers {
-            answers.send(gcode::Probed {
-                end: probed.end,
-                at: self.path.to_work(&probed.at),
-                rest: self.path.to_work(&probed.rest),
-            });
+            answers.send(told);
         }
     }
 
@@ -430,7 +437,7 @@ fn interpret(interpreter: &mut gcode::Run<'_>, most: usize, timeline: Option<&Ti
         while calls.len() < most {
             let interpreted = interpreter.next();
             let is_last = match &interpreted {
-                Some(Ok(event)) => is_asked_behind(&event.call),
+                Some(Ok(event)) => awaited_behind(&event.call).is_some(),
                 Some(Err(_)) | None => true,
             };
             calls.push(interpreted);
@@ -442,13 +449,13 @@ fn interpret(interpreter: &mut gcode::Run<'_>, most: usize, timeline: Option<&Ti
     })
 }
 
-/// Starts the threads of the stages: one for both beside the caller's, or two. Gives who tells how
-/// probing moves ended.
+/// Starts the threads of the stages: one for both beside the caller's, or two. Gives who tells what the program
+/// waits for.
 pub(super) fn start<'t>(
     smoothing: &mut Stage<'t, Smoothing<'t>, Batch>,
     Threads { count, spawn, .. }: &Threads<'t>,
     workers: &Workers,
-) -> Option<mpsc::Sender<Probed>> {
+) -> Option<mpsc::Sender<Answer>> {
     if *count < 2 {
         return None;
     }
@@ -457,7 +464,7 @@ pub(super) fn start<'t>(
     {
         smoothing.start_interpreter(spawn, workers);
     }
-    let (contacts, contacts_of) = mpsc::channel::<Probed>();
+    let (answers, answers_of) = mpsc::channel::<Answer>();
     let thread = match count {
         2 => Builder::new().name("interpreter".to_owned()),
         _ => Builder::new().name("smoothing".to_owned()),
@@ -469,20 +476,20 @@ pub(super) fn start<'t>(
             smoothing.work(BATCH, &mut batch);
             let Some(last) = batch.parts.back() else { return };
             let is_over = matches!(last.after, After::Ended | After::Failed(_));
-            let is_probe = matches!(last.after, After::Probe) && smoothing.answers.is_some();
+            let waits = matches!(last.after, After::Await(_)) && smoothing.answers.is_some();
             if !batches.put(batch) {
                 return;
             }
             if is_over {
                 return batches.help();
             }
-            if is_probe {
-                match contacts_of.recv() {
-                    Ok(probed) => smoothing.probed(&probed),
+            if waits {
+                match answers_of.recv() {
+                    Ok(answer) => smoothing.answered(&answer),
                     Err(_) => return,
                 }
             }
         }
     });
-    Some(contacts)
+    Some(answers)
 }

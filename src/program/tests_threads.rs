@@ -8,6 +8,7 @@ use motion::canon::ProbeEnd;
 use motion::plan::PlannerKind;
 use motion::plan::workers::Workers;
 use motion::ring::{Consumer, Publish, channel};
+use motion::rt::probe::Probed;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::thread::{Builder, scope};
 
@@ -113,6 +114,7 @@ const MIXED: &str = "G21 G90 G17 G94 G64 P0.05\nT1\nF1200\nG0 X0 Y0 Z5\n\
     G41.1 D4\nG1 X10 Y0\nG1 X10 Y20\nG3 X0 Y30 I-10 J0\nG1 X-20\nG40\nG1 Y-10\n\
     #1 = 0\no100 while [#1 lt 400]\n#1 = [#1 + 1]\nG1 X[10 * sin[#1 * 9]] Y[0.05 * #1]\no100 endwhile\n\
     G10 L2 P1 X1 Y2\nG4 P0.1\nG61\nG1 X20 Y5\nG1 X20 Y25\nG61.1\nG1 X0\nG64 P0.02 Q0.02\n\
+    M62 P1\nM67 E0 Q1.5\nG1 X2\nM63 P1\nM64 P2\nG1 X3\nM66 P0 L3 Q1\nG1 X[3 + #5399]\n\
     G38.2 Z-1 F100\n#500 = #5063\nG1 X5 F900\nM3 S1000\nG2 X5 Y25 I3 J0 Z1 P3\nM5\nM2\n";
 
 #[test]
@@ -177,7 +179,7 @@ fn what_follows_a_probing_move_begins_where_it_ended() {
         let (config, tables) = machine(PlannerKind::Optimal);
         scope(|scope| {
             let (producer, mut consumer) = channel(1 << 14);
-            let (mut answers, results) = probing::line();
+            let (mut answers, results) = waits::line();
             let mut feeder = Feeder::in_threads(
                 (&config, &tables),
                 text.as_bytes(),
@@ -191,7 +193,7 @@ fn what_follows_a_probing_move_begins_where_it_ended() {
             loop {
                 match feeder.pump().unwrap() {
                     Progress::Done => break,
-                    Progress::Probing => {
+                    Progress::Waiting => {
                         run_dry(&mut consumer);
                         seen.push(format!(
                             "{} {:?}",
@@ -201,7 +203,7 @@ fn what_follows_a_probing_move_begins_where_it_ended() {
                         contacts += 1;
                         let at = Position([1.0, 0.5 * f64::from(contacts), -2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
                         let end = ProbeEnd::Tripped;
-                        answers.push(Probed { end, at, rest: at }).unwrap();
+                        answers.push(Answer::Probed(Probed { end, at, rest: at })).unwrap();
                     }
                     Progress::Working | Progress::RingFull => {}
                 }
@@ -242,7 +244,7 @@ fn a_program_that_nobody_wants_any_more_leaves_no_thread_behind() {
         // In the middle of a probing move, and by a wish.
         let waits = "G21 G90 F600\nG38.2 Z-20\nM2\n";
         scope(|scope| {
-            let (_answers, results) = probing::line();
+            let (_answers, results) = waits::line();
             let machine = (&config, &tables);
             let mut feeder = Feeder::in_threads(
                 machine,
@@ -252,7 +254,7 @@ fn a_program_that_nobody_wants_any_more_leaves_no_thread_behind() {
                 Threads::new(threads, scope),
             )
             .with_probe(results);
-            while feeder.pump().unwrap() != Progress::Probing {}
+            while feeder.pump().unwrap() != Progress::Waiting {}
             feeder.give_up_contact();
             assert_eq!(feeder.ideal_path().count(), 1);
         });

@@ -7,6 +7,7 @@ pub mod cycle_stats;
 pub mod drives;
 pub mod encoder;
 pub mod homing;
+pub mod io_pins;
 pub mod joint_jog;
 pub mod override_pins;
 pub mod overrides;

@@ -6,6 +6,7 @@
 //! Names are LinuxCNC's where LinuxCNC has one. [`Pins::new`] and the links are made at start-up; the rest is RT.
 
 use super::drives::Drives;
+use super::io_pins::{InputPins, OutputPins};
 use super::override_pins::OverridePins;
 use super::overrides::{Overridden, Overrides};
 use super::recent::Second;
@@ -107,6 +108,10 @@ pub struct Pins {
     stop_before: bool,
 
     pub spindle: Spindle,
+    /// Inputs for which programs wait.
+    pub inputs: InputPins,
+    /// Outputs that programs set.
+    pub outputs: OutputPins,
     flood: Output<bool>,
     mist: Output<bool>,
     tool_change: Output<bool>,
@@ -341,6 +346,8 @@ impl Pins {
             resume_before: false,
             stop_before: false,
             spindle: Spindle::new(hal, config, plans)?,
+            inputs: InputPins::new(hal, config)?,
+            outputs: OutputPins::new(hal, config)?,
             flood: hal.output("iocontrol.0.coolant-flood")?,
             mist: hal.output("iocontrol.0.coolant-mist")?,
             tool_change: hal.output("iocontrol.0.tool-change")?,
@@ -431,6 +438,9 @@ impl Pins {
                 self.tool_number.set(tool);
                 self.tool_change_asked = false;
             }
+            Action::SetDigital { index, on } => self.outputs.set_digital(index, on),
+            Action::SetAnalog { index, value } => self.outputs.set_analog(index, value),
+            Action::AwaitInput { input, mode, timeout_s } => self.inputs.await_input(input, mode, timeout_s),
             Action::ProgramEnd => self.all_off(),
             Action::AwaitSpindle | Action::ProgramStop | Action::OptionalStop | Action::Message { .. } => {}
         }
@@ -453,6 +463,7 @@ impl Pins {
                 done
             }
             Action::AwaitSpindle => self.spindle.is_at_speed(),
+            Action::AwaitInput { .. } => self.inputs.is_over(),
             // The operator says when.
             Action::ProgramStop => false,
             // The switch for optional stops is off.
@@ -463,12 +474,14 @@ impl Pins {
             | Action::Flood(_)
             | Action::SelectTool { .. }
             | Action::SetTool { .. }
+            | Action::SetDigital { .. }
+            | Action::SetAnalog { .. }
             | Action::ProgramEnd
             | Action::Message { .. } => true,
         }
     }
 
-    /// Spindle and coolant off.
+    /// Spindle and coolant off. The outputs of programs keep what they have, as in LinuxCNC.
     pub fn all_off(&mut self) {
         self.spindle.stop();
         self.mist.set(false);

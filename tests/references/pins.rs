@@ -6,7 +6,7 @@ use isocnc::rt::pins::{CAPACITY, Pins};
 use isocnc::{bus, config};
 use std::collections::BTreeMap;
 
-/// The name with letters instead of the numbers of a machine: `joint.N.homed`, `io.ID.in-NN`.
+/// The name with letters instead of the numbers of a machine: `joint.N.homed`, `io.ID.in-NN`, `motion.digital-in-NN`.
 fn general(name: &str) -> String {
     let mut parts: Vec<&str> = name.split('.').collect();
     match parts[0] {
@@ -17,7 +17,11 @@ fn general(name: &str) -> String {
     }
     let name = parts.join(".");
     match name.rsplit_once('-') {
-        Some((start, number)) if name.starts_with("io.") && number.parse::<u32>().is_ok() => format!("{start}-NN"),
+        Some((start, number))
+            if (name.starts_with("io.") || name.starts_with("motion.")) && number.parse::<u32>().is_ok() =>
+        {
+            format!("{start}-NN")
+        }
         _ => name,
     }
 }

@@ -72,7 +72,7 @@ impl State {
                 let letter = letter.into();
                 (code.span, ErrorKind::OutputMissing { letter })
             };
-            pin(block, letter)?.ok_or_else(missing)
+            self.pin(block, letter)?.ok_or_else(missing)
         };
         match code.value {
             InputOutput::Digital { on, with_motion } => {
@@ -94,7 +94,7 @@ impl State {
 
     /// M66
     fn wait_input(&mut self, block: &Block, span: Span, calls: &mut Calls) -> Result<(), Fault> {
-        let input = match (pin(block, b'P')?, pin(block, b'E')?) {
+        let input = match (self.pin(block, b'P')?, self.pin(block, b'E')?) {
             (Some(index), None) => Input::Digital(index),
             (None, Some(index)) => Input::Analog(index),
             (Some(_), Some(_)) => return Err((block.span(b'E'), ErrorKind::TwoInputs)),
@@ -121,6 +121,29 @@ impl State {
         calls.push_back(Call::WaitInput { input, mode, timeout_s });
         self.question = Some(Question::Input { input, mode, timeout_s });
         Ok(())
+    }
+
+    /// Number of an input or output, rounded as LinuxCNC does: P names a digital one, E an analog one.
+    fn pin(&self, block: &Block, letter: u8) -> Result<Option<u8>, Fault> {
+        let Some(value) = block.word_value(letter) else {
+            return Ok(None);
+        };
+        let count = match letter {
+            b'E' => self.settings.analog_pins,
+            _ => self.settings.digital_pins,
+        };
+        let max = count.saturating_sub(1).min(u8::MAX.into()) as u8;
+        match integer_in(value.round(), 0..=i64::from(max)) {
+            Some(index) => Ok(Some(index as u8)),
+            None => {
+                let letter_of = letter.into();
+                Err(block.span(letter).fault(ErrorKind::PinNumber {
+                    letter: letter_of,
+                    value,
+                    max,
+                }))
+            }
+        }
     }
 
     /// Brings back coolant and overrides as far as they differ.
@@ -193,25 +216,6 @@ impl State {
         if self.modal.flood {
             self.modal.flood = false;
             calls.push_back(Call::Flood(false));
-        }
-    }
-}
-
-/// Number of an input or output, rounded as LinuxCNC does.
-fn pin(block: &Block, letter: u8) -> Result<Option<u8>, Fault> {
-    let Some(value) = block.word_value(letter) else {
-        return Ok(None);
-    };
-    match integer_in(value.round(), 0..=i64::from(u8::MAX)) {
-        Some(index) => Ok(Some(index as u8)),
-        None => {
-            let letter_of = letter.into();
-            let max = u8::MAX;
-            Err(block.span(letter).fault(ErrorKind::PinNumber {
-                letter: letter_of,
-                value,
-                max,
-            }))
         }
     }
 }

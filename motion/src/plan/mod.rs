@@ -211,6 +211,11 @@ pub enum PlanErrorKind {
     BadArc,
     /// A move in step with the spindle on a machine that does not know where its spindle is.
     NoSpindleEncoder,
+    /// There is no output of this number; or its value is no number.
+    NoSuchOutput {
+        /// Number of the output.
+        index: u8,
+    },
     /// A move that goes by turns of a spindle that does not turn.
     SpindleStands,
     /// A move in step with the spindle that is too fast for the axes.
@@ -280,6 +285,7 @@ impl fmt::Display for PlanErrorKind {
             PlanErrorKind::WildCurve => f.write_str(
                 "the curve would take too many pieces; expected control points less far off and weights (P) less unlike",
             ),
+            PlanErrorKind::NoSuchOutput { index } => write!(f, "output {index} cannot be set"),
             PlanErrorKind::NoSpindleEncoder => f.write_str(
                 "a move in step with the spindle (G33, G33.1, G76) needs an encoder with an index on it, which this machine has not; \
                  expected a program without it",

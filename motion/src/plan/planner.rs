@@ -172,6 +172,12 @@ impl PathPlanner {
                     }
                     Element::Span(_) | Element::Dwell { .. } | Element::Action { .. } => {}
                 }
+                if let Element::Synced(_) | Element::Probing(_) = element {
+                    let line = element.line();
+                    for action in self.program.take_outputs().actions() {
+                        self.rest_told(Some(Element::Action { action, line }));
+                    }
+                }
                 self.rest_told(Some(element));
             }
         }

@@ -79,6 +79,9 @@ impl IdealSpindle {
             | Action::ChangeTool { .. }
             | Action::SetTool { .. }
             | Action::Message { .. }
+            | Action::SetDigital { .. }
+            | Action::SetAnalog { .. }
+            | Action::AwaitInput { .. }
             | Action::ProgramStop
             | Action::OptionalStop => true,
         }

@@ -238,7 +238,7 @@ pub(super) fn run_down(
             match progress {
                 Progress::Working => {}
                 Progress::RingFull => feed_at = judge.number + FULL_CYCLES,
-                Progress::Probing => break,
+                Progress::Waiting => break,
                 Progress::Done => done = true,
             }
         }

@@ -27,6 +27,7 @@ use motion::canon::Position;
 use motion::element::Action;
 use motion::kinematics::{Kinematics, ToolFrame};
 use motion::rt::homing::HomingStatus;
+use motion::rt::probe::Answer;
 use motion::rt::{Interpolator, Monitor, Peaks, Sample, SampleState, Shares, SyncFault, Trip};
 use std::sync::Arc;
 
@@ -167,6 +168,7 @@ impl<B: CyclicBus> MotionController<B> {
             .read(&self.parts.inputs, |node| self.bus.node_state(node));
         self.parts.pins.spindle.update_feedback(&self.parts.inputs);
         self.parts.pins.show_inputs(&self.parts.inputs);
+        self.parts.pins.inputs.look();
         if report.lost > 0 {
             self.parts.homer.input_lost();
         }
@@ -346,6 +348,9 @@ impl<B: CyclicBus> MotionController<B> {
             self.parts.pins.spindle.steer(&self.sample);
             let in_step = program.take_sync_report();
             let held = self.parts.pins.spindle.take_held();
+            if let Some(outputs) = &self.sample.outputs {
+                self.parts.pins.outputs.set(outputs);
+            }
             if let Some(action) = self.sample.on_the_way {
                 self.notice(Notice::Action(action));
                 self.parts.pins.begin_action(action);
@@ -408,6 +413,9 @@ impl<B: CyclicBus> MotionController<B> {
         {
             if let Action::ChangeTool { tool } | Action::SetTool { tool } = action {
                 self.outlets.live.set_tool(tool);
+            }
+            if let (Action::AwaitInput { .. }, Some(program)) = (action, &mut self.program) {
+                program.answer(Answer::Input(self.parts.pins.inputs.read()));
             }
             self.end_wait();
         } else if let Some(late) = self.parts.pins.spindle.late().filter(|_| self.program.is_some()) {

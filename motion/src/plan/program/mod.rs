@@ -10,7 +10,7 @@ mod spindle;
 use super::frame::Frame;
 use super::{PlanErrorKind, Settings};
 use crate::canon::{Axis, Call, FeedMode, PathMode, Position, SpindleDirection, SpindleMode};
-use crate::element::{Action, Auxiliary, Element, Enables};
+use crate::element::{Action, Auxiliary, Element, Enables, Outputs};
 use crate::kinematics::ToolFrame;
 use crate::path::Piece;
 
@@ -83,6 +83,8 @@ pub(super) struct Program {
     speed_changed: bool,
     /// What has been told to spindle, coolant, tool changer and operator.
     auxiliary: Auxiliary,
+    /// Outputs that are to change as the next move begins (M62, M63, M67).
+    outputs: Outputs,
     /// Actions that the next move brings about where it begins; at rest if none follows.
     on_the_way: Vec<Element>,
 }
@@ -106,6 +108,7 @@ impl Program {
             spindle_mode: SpindleMode::Rpm,
             speed_changed: false,
             auxiliary: Auxiliary::INITIAL,
+            outputs: Outputs::NONE,
             on_the_way: Vec::new(),
         }
     }
@@ -121,6 +124,24 @@ impl Program {
             return None;
         }
         Some(Entry::Rest(element))
+    }
+
+    /// Outputs change with the next move, or at once at rest.
+    fn set_outputs(&mut self, outputs: &Outputs, with_motion: bool, line: u32) -> Option<Entry> {
+        if with_motion {
+            self.outputs = self.outputs.with(outputs);
+            return None;
+        }
+        self.auxiliary.outputs = self.auxiliary.outputs.with(outputs);
+        let action = outputs.actions().next()?;
+        Some(Entry::Rest(Element::Action { action, line }))
+    }
+
+    /// Outputs that change as the move of the moment begins; at rest before it, if the plan does not know when that is.
+    pub(super) fn take_outputs(&mut self) -> Outputs {
+        let outputs = std::mem::replace(&mut self.outputs, Outputs::NONE);
+        self.auxiliary.outputs = self.auxiliary.outputs.with(&outputs);
+        outputs
     }
 
     /// A move has begun: it brings about what was said before it.
@@ -254,6 +275,24 @@ impl Program {
                 let number = self.auxiliary.messages;
                 return Ok(self.act(Action::Message { number }, line));
             }
+            Call::SetDigitalOutput { index, on, with_motion } => {
+                let mut outputs = Outputs::NONE;
+                if !outputs.set_digital(*index, *on) {
+                    return Err(PlanErrorKind::NoSuchOutput { index: *index });
+                }
+                return Ok(self.set_outputs(&outputs, *with_motion, line));
+            }
+            Call::SetAnalogOutput { index, value, with_motion } => {
+                let mut outputs = Outputs::NONE;
+                if !outputs.set_analog(*index, *value) {
+                    return Err(PlanErrorKind::NoSuchOutput { index: *index });
+                }
+                return Ok(self.set_outputs(&outputs, *with_motion, line));
+            }
+            Call::WaitInput { input, mode, timeout_s } => {
+                let action = Action::AwaitInput { input: *input, mode: *mode, timeout_s: *timeout_s };
+                return Ok(Some(Entry::Rest(Element::Action { action, line })));
+            }
             Call::ProgramStop => return Ok(self.act(Action::ProgramStop, line)),
             Call::OptionalProgramStop => return Ok(self.act(Action::OptionalStop, line)),
             Call::ProgramEnd => return Ok(self.act(Action::ProgramEnd, line)),
@@ -264,9 +303,6 @@ impl Program {
             Call::OrientSpindle { .. } | Call::WaitSpindleOriented { .. } => {
                 return unsupported("orientation of the spindle (M19)");
             }
-            Call::SetDigitalOutput { .. } => return unsupported("digital outputs (M62 to M65)"),
-            Call::SetAnalogOutput { .. } => return unsupported("analog outputs (M67, M68)"),
-            Call::WaitInput { .. } => return unsupported("waiting for an input (M66)"),
             Call::UserCode { .. } => return unsupported("codes of the user (M100 to M199)"),
             // Of no consequence for motion: told for those who print, and for the process.
             Call::SelectPlane(_)

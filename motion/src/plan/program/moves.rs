@@ -82,6 +82,7 @@ impl Program {
             }
         };
         self.position = end;
+        self.take_outputs();
         let corner = match self.mode {
             PathMode::ExactPath => Corner::Exact,
             PathMode::ExactStop => Corner::Stop,

@@ -15,7 +15,7 @@ mod ends;
 mod sample;
 
 use super::braking::SAME_S;
-use super::probe::{Probed, Prober, StopShares};
+use super::probe::{Answer, Prober, StopShares};
 use super::scale::ScaleRamp;
 use super::shares::Shares;
 use super::synced::{Follower, SpindleFeedback, SyncReport};
@@ -82,13 +82,18 @@ impl Interpolator {
         }
     }
 
-    /// The same with a probe: `answers` get the result of every probing move; stops at a contact may be harder than planned
+    /// The same with a probe: `answers` get the result of every probing move, and what [`Interpolator::answer`] is given; stops at a contact may be harder than planned
     /// motion by `shares`. Without it, probing moves go their whole way.
-    pub fn with_probe(self, answers: rtrb::Producer<Probed>, shares: StopShares) -> Interpolator {
+    pub fn with_probe(self, answers: rtrb::Producer<Answer>, shares: StopShares) -> Interpolator {
         Interpolator {
             prober: self.prober.answering(answers, shares),
             ..self
         }
+    }
+
+    /// Tells who reads the program what it waits for. RT.
+    pub fn answer(&mut self, answer: Answer) {
+        self.prober.answer(answer);
     }
 
     /// Whether a probing move is under way, which wants [`Interpolator::see_probe`] before every step. RT.
@@ -131,9 +136,15 @@ impl Interpolator {
         }
         self.evaluate();
         self.sample.on_the_way = None;
-        if !wanted.hold(self.sample.enables)
-            && let Some(action) = self.told.first_towards(&self.sample.auxiliary)
-        {
+        self.sample.outputs = None;
+        let holds = wanted.hold(self.sample.enables);
+        let outputs = self.sample.auxiliary.outputs;
+        // All in the cycle in which the move begins, which may be on the ramp of a hold.
+        if self.told.outputs != outputs && (!holds || self.time_s > 0.0) {
+            self.told.outputs = outputs;
+            self.sample.outputs = Some(outputs);
+        }
+        if !holds && let Some(action) = self.told.first_towards(&self.sample.auxiliary) {
             self.tell(action);
             self.sample.on_the_way = Some(action);
         }

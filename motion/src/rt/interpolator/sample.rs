@@ -2,7 +2,7 @@
 
 use super::Interpolator;
 use crate::canon::Position;
-use crate::element::{Action, Auxiliary, Element, Enables, Probing, Span, Synced};
+use crate::element::{Action, Auxiliary, Element, Enables, Outputs, Probing, Span, Synced};
 use crate::kinematics::ToolFrame;
 use crate::rt::synced::SyncFault;
 
@@ -42,6 +42,8 @@ pub struct Sample {
     pub action: Option<Action>,
     /// What is to be done in this cycle, on the way: nothing waits for it.
     pub on_the_way: Option<Action>,
+    /// Outputs that are to change in this cycle, on the way.
+    pub outputs: Option<Outputs>,
     /// Auxiliary functions of the move.
     pub auxiliary: Auxiliary,
     /// A tap is on its way back: the spindle is to turn the other way, this much as fast as programmed.
@@ -65,6 +67,7 @@ impl Sample {
             state: SampleState::Finished,
             action: None,
             on_the_way: None,
+            outputs: None,
             auxiliary: Auxiliary::INITIAL,
             reversal: None,
             turns_s_max: None,

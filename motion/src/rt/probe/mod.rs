@@ -33,6 +33,15 @@ pub struct Probed {
     pub rest: Position,
 }
 
+/// What whoever reads the program waits for before it goes on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Answer {
+    /// A probing move is over.
+    Probed(Probed),
+    /// What M66 read, 1 or 0 of a digital input; `None`: its time ran out.
+    Input(Option<f64>),
+}
+
 /// Limits of motion along a line, from those of the joints: `slopes` are joint units per unit of the line.
 ///
 /// Exact where joints are a linear function of the axes. A line along which no joint moves has no limits.

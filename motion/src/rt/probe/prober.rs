@@ -1,11 +1,11 @@
 //! The probing moves of a program, one after the other.
 //!
 //! In:  probing moves of the plan; in every cycle the contact, and where the axes were measured when it was read.
-//! Out: commanded positions; one [`Probed`] for each move to whoever reads the program and waits for it.
+//! Out: commanded positions; one [`Answer`] for each move to whoever reads the program and waits for it.
 //!
 //! RT: nothing allocates but [`Prober::new`].
 
-use super::{Probe, Probed};
+use super::{Answer, Probe};
 use crate::canon::Position;
 use crate::element::Probing;
 use crate::rt::{MotionLimits, StopLimits};
@@ -54,7 +54,7 @@ pub struct Prober {
     probe: Probe,
     shares: StopShares,
     /// Who waits for the results; `None`: every move goes its whole way.
-    answers: Option<rtrb::Producer<Probed>>,
+    answers: Option<rtrb::Producer<Answer>>,
     /// `None`: nothing has been read since the move was begun.
     contact: Option<bool>,
     measured: Position,
@@ -73,7 +73,7 @@ impl Prober {
     }
 
     /// The same with somebody who waits for the results, and with harder stops.
-    pub fn answering(self, answers: rtrb::Producer<Probed>, shares: StopShares) -> Prober {
+    pub fn answering(self, answers: rtrb::Producer<Answer>, shares: StopShares) -> Prober {
         Prober {
             answers: Some(answers),
             shares,
@@ -130,11 +130,16 @@ impl Prober {
         let Some(result) = self.probe.result() else {
             return false;
         };
-        if let Some(answers) = &mut self.answers {
-            // Nothing else is probed before the answer has been read.
-            let _ = answers.push(result);
-        }
+        self.answer(Answer::Probed(result));
         true
+    }
+
+    /// Tells who waits. RT.
+    pub fn answer(&mut self, answer: Answer) {
+        if let Some(answers) = &mut self.answers {
+            // Nothing else is waited for before the answer has been read.
+            let _ = answers.push(answer);
+        }
     }
 
     /// Where the move has come to. RT.

@@ -23,7 +23,7 @@ const ORIGIN_Z: f64 = -60.0;
 struct Rig {
     planner: Planner<Producer<Element>>,
     interpolator: Interpolator,
-    results: rtrb::Consumer<Probed>,
+    results: rtrb::Consumer<Answer>,
     line: u32,
     starved: bool,
 }
@@ -64,6 +64,13 @@ impl Rig {
             },
         ]);
         rig
+    }
+
+    fn result(&mut self) -> Probed {
+        match self.results.pop() {
+            Ok(Answer::Probed(probed)) => probed,
+            other => panic!("no result: {other:?}"),
+        }
     }
 
     /// Pushes calls and plans them to their end.
@@ -137,7 +144,7 @@ fn a_program_goes_on_from_where_the_probe_came_to_rest() {
         };
         rig.push(&[down, probe(-90.0, true)]);
         let mut heights = rig.run(-40.0);
-        let result = rig.results.pop().expect("a result");
+        let result = rig.result();
         assert_eq!(result.end, ProbeEnd::Tripped);
         // 20 mm/s: seen within the way of one cycle; v^1.5/J^0.5 = 0.32 mm to rest.
         let at = result.at.0[2];
@@ -172,7 +179,7 @@ fn without_contact_the_whole_way_is_gone_and_told() {
         let mut rig = Rig::new(planner_kind);
         rig.push(&[probe(-30.0, false)]);
         let heights = rig.run(-99.0);
-        let result = rig.results.pop().expect("a result");
+        let result = rig.result();
         assert_eq!((result.end, result.rest.0[2]), (ProbeEnd::Missed, -30.0));
         assert_eq!(heights.last(), Some(&-30.0));
     }
@@ -194,7 +201,7 @@ fn a_hold_rests_on_the_way_and_the_contact_counts_meanwhile() {
     assert!(rig.results.pop().is_err());
     assert_eq!(rig.cycle(0.0, -40.0), held);
     rig.run(-40.0);
-    assert_eq!(rig.results.pop().expect("a result").end, ProbeEnd::Tripped);
+    assert_eq!(rig.result().end, ProbeEnd::Tripped);
 }
 
 #[test]
@@ -206,5 +213,5 @@ fn a_hold_keeps_a_probing_move_from_beginning() {
     }
     assert!(rig.interpolator.is_at_rest() && rig.results.pop().is_err());
     rig.cycle(1.0, 99.0);
-    assert_eq!(rig.results.pop().expect("a result").end, ProbeEnd::Already);
+    assert_eq!(rig.result().end, ProbeEnd::Already);
 }
