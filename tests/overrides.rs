@@ -217,6 +217,135 @@ fn with_no_feed_rapid_moves_run_up_to_the_next_feed_move_and_it_waits() {
     }
 }
 
+/// Down to the work, along it, up and away, with all corners rounded; the corners between rapid moves and those at feed.
+const SEAMS: &str = "G21 G90 G94 G64 P0.05 F3000\nG53 G0 X0 Y0 Z0\nG53 G0 X50 Y50\nG53 G1 Z-20\nG53 G1 X90\nG53 G0 Z0\nG53 G0 Y90\nG53 G1 X60\nM2\n";
+const SEAM_CORNERS: [[f64; 3]; 3] = [[50.0, 50.0, 0.0], [90.0, 50.0, -20.0], [90.0, 90.0, 0.0]];
+const SEAM_END: [f64; 3] = [60.0, 90.0, 0.0];
+
+#[test]
+fn rapid_and_feed_moves_meet_on_the_move_at_any_override() {
+    let config = machine(PlannerKind::Optimal);
+    for (feed, rapid) in [
+        (100.0, 100.0),
+        (50.0, 100.0),
+        (100.0, 50.0),
+        (120.0, 10.0),
+        (10.0, 100.0),
+    ] {
+        run_part(&config, SEAMS, |run| {
+            turn(run, Feed, feed);
+            turn(run, Rapid, rapid);
+            prove(run, &config, SEAM_END);
+            for (line, limit) in [(4, feed / 2.0), (5, feed / 2.0), (6, 1.5 * rapid), (8, feed / 2.0)] {
+                let got = fastest(run, line);
+                assert!(
+                    got <= limit * (1.0 + 1e-6),
+                    "feed {feed} %, rapid {rapid} %, line {line}: {got}"
+                );
+            }
+            let commands = commands(run);
+            for corner in SEAM_CORNERS {
+                let off = |at: &[f64; 3]| (0..3).map(|axis| (at[axis] - corner[axis]).powi(2)).sum::<f64>().sqrt();
+                let near: Vec<_> = commands.windows(2).filter(|pair| off(&pair[0]) < 1.0).collect();
+                let slowest = near.iter().map(|pair| {
+                    (0..3)
+                        .map(|axis| (pair[1][axis] - pair[0][axis]).powi(2))
+                        .sum::<f64>()
+                        .sqrt()
+                });
+                let slowest_mm_s = slowest.fold(f64::INFINITY, f64::min) / CYCLE_S;
+                assert!(
+                    slowest_mm_s > 0.5,
+                    "feed {feed} %, rapid {rapid} %, {corner:?}: {slowest_mm_s} mm/s"
+                );
+            }
+        });
+    }
+}
+
+/// Whatever is turned to nothing when: the machine comes to rest, at the corner itself where there was time to plan it, and at no
+/// corner that belongs to what goes on; then it runs to the end.
+#[test]
+fn an_override_of_nothing_holds_at_the_corner_between_a_rapid_move_and_one_at_feed() {
+    /// Cycles between the order and the corner in which a rest there can always be planned.
+    const PLANNED_CYCLES: usize = 450;
+    let config = machine(PlannerKind::Optimal);
+    let (lines, total) = run_part(&config, SEAMS, |run| {
+        prove(run, &config, SEAM_END);
+        let samples = run.operator.recorder.samples();
+        let first = |line| samples.iter().position(|sample| sample.line >= line).expect("a line");
+        ([4, 6, 8].map(first), samples.len())
+    });
+    let mut exact = 0;
+    for (what, corners) in [(Feed, [0, 2]), (Rapid, [1, 1])] {
+        for at in (5..total - 5).step_by(41) {
+            run_part(&config, SEAMS, |run| {
+                reach_cycle(run, at);
+                turn(run, what, 0.0);
+                cycles(run, 2500);
+                let live = run.operator.live();
+                assert_eq!(live.velocity_mm_s, 0.0, "{what:?} at {at}");
+                let next = corners
+                    .into_iter()
+                    .find(|corner| at < lines[*corner])
+                    .filter(|corner| at + PLANNED_CYCLES < lines[*corner]);
+                let is_held = |line: u32| match what {
+                    Feed => matches!(line, 4 | 5 | 8),
+                    Rapid | Spindle => matches!(line, 0..=3 | 6 | 7),
+                };
+                let under_way = run.operator.recorder.samples()[at].line;
+                if let Some(corner) = next
+                    && !is_held(under_way)
+                {
+                    let position = [Axis::X, Axis::Y, Axis::Z].map(|axis| live.position[axis]);
+                    assert_eq!(position, SEAM_CORNERS[corner], "{what:?} at {at}");
+                    exact += 1;
+                }
+                turn(run, what, 100.0);
+                prove(run, &config, SEAM_END);
+            });
+        }
+    }
+    assert!(exact > 5, "{exact}");
+}
+
+/// The same turned back before the machine is there, and a hold on top.
+#[test]
+fn an_override_turned_to_nothing_and_back_leaves_the_corner_rounded() {
+    let config = machine(PlannerKind::Optimal);
+    let undisturbed = run_part(&config, SEAMS, |run| {
+        prove(run, &config, SEAM_END);
+        commands(run)
+    });
+    for (what, at, after) in [(Feed, 20, 40), (Feed, 60, 5), (Rapid, 900, 10), (Feed, 200, 30)] {
+        run_part(&config, SEAMS, |run| {
+            reach_cycle(run, at);
+            turn(run, what, 0.0);
+            cycles(run, after);
+            run.operator.give(Command::Hold);
+            cycles(run, after);
+            turn(run, what, 100.0);
+            cycles(run, 300);
+            run.operator.give(Command::Resume);
+            prove(run, &config, SEAM_END);
+            let commands = commands(run);
+            for corner in SEAM_CORNERS {
+                let nearest = |of: &[[f64; 3]]| {
+                    let squares = of
+                        .iter()
+                        .map(|at| (0..3).map(|axis| (at[axis] - corner[axis]).powi(2)).sum::<f64>());
+                    squares.fold(f64::INFINITY, f64::min).sqrt()
+                };
+                let [before, now] = [nearest(&undisturbed), nearest(&commands)];
+                assert!(
+                    now > 0.5 * before && before > 0.005,
+                    "{what:?} at {at}, {corner:?}: {now}, {before}"
+                );
+            }
+        });
+    }
+}
+
 #[test]
 fn where_the_program_switches_overrides_off_it_runs_as_programmed() {
     // Lines 4 and 7 follow the override, 5 and 6 do not.

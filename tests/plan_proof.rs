@@ -379,7 +379,7 @@ fn any_machine_gives_the_same_bits() {
     const DIGESTS: [(&str, [u64; 2]); 3] = [
         ("mixed", [0xD025_0846_5E27_9A82, 0x4043_CEF5_3434_7694]),
         ("rose", [0xB3DE_9704_7C0B_836E, 0x046C_2029_6587_557E]),
-        ("text", [0xE756_B2E9_BDD0_BC9E, 0xB4D7_2C2D_8426_3B0D]),
+        ("text", [0x0310_9F0E_4315_39F9, 0xB4D7_2C2D_8426_3B0D]),
     ];
     let found = DIGESTS.map(|(name, _)| {
         let text = proof_programs::find(name)

@@ -313,9 +313,10 @@ pub struct Feeder<'t, S: Sink<Element>> {
     /// Pieces of the path that have been told, and how many of them set-points have left behind.
     path: u64,
     path_passed: Option<Arc<AtomicU64>>,
-    /// Where the operator's overrides are, and those that the plan was last made with.
+    /// Where the operator's overrides are, and those that the plan was last made with; which of the moves are held.
     live: Option<Arc<RtStatus>>,
     overrides: [f64; 2],
+    held: [bool; 2],
     line: u32,
     ended: bool,
     /// Planned time of what probing moves left of their ways at a contact, s.
@@ -384,6 +385,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             path_passed: None,
             live: None,
             overrides: [1.0; 2],
+            held: [false; 2],
             line: 0,
             ended: false,
             left_s: 0.0,
@@ -619,13 +621,15 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
 
     fn follow_overrides(&mut self) {
         let Some(live) = &self.live else { return };
+        let planned = live.overrides.planned();
         let mut wanted = self.overrides;
-        for (wanted, share) in wanted.iter_mut().zip(live.overrides.planned()) {
+        for (wanted, share) in wanted.iter_mut().zip(planned) {
             *wanted = share.unwrap_or(*wanted);
         }
-        if wanted != self.overrides {
-            self.overrides = wanted;
-            self.speed.set_override(wanted[0], wanted[1]);
+        let held = planned.map(|share| share.is_none());
+        if (wanted, held) != (self.overrides, self.held) {
+            (self.overrides, self.held) = (wanted, held);
+            self.speed.set_override(wanted[0], wanted[1], held);
         }
     }
 

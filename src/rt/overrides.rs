@@ -8,11 +8,12 @@
 //! | | planner `optimal` | planner `classic` |
 //! |---|---|---|
 //! | feed, rapid above 0 | a new plan from a place a little ahead of the machine, by the program thread | interpolation: plan time passes more slowly, so up to 100 % |
-//! | 0 % | interpolation: a hold of these moves, of which those that rest are not begun | the same |
+//! | 0 % | interpolation: a hold of these moves, of which those that rest are not begun; a new plan that rests before them | interpolation: the same hold |
 //! | spindle | a factor on S, at once | the same |
 //!
-//! 0 % is a hold and no plan, because a hold stops within the stop limits from the next cycle on and leaves the plan as it
-//! is; a plan for no speed would have to creep to the next place where it can end. RT but where it says otherwise.
+//! 0 % is a hold and no speed to plan with, because a hold stops within the stop limits from the next cycle on; a plan for no
+//! speed would have to creep to the next place where it can end. What is planned anew is where the machine waits: a rapid move
+//! ends at rest before a move at feed that is held, and the other way round. RT but where it says otherwise.
 
 use crate::host::wake_signal::WakeSignal;
 use motion::plan::{FEED_OVERRIDE_MAX, PlannerKind};
@@ -135,7 +136,7 @@ impl Overrides {
         })
     }
 
-    /// What a plan is to be made with, feed and rapid; 0 is a hold and no plan, so that the one before stays: `None`.
+    /// What a plan is to be made with, feed and rapid; 0 is a hold, for which the share before stays: `None`.
     pub fn planned(&self) -> [Option<f64>; 2] {
         [Overridden::Feed, Overridden::Rapid].map(|what| Some(self.share(what)).filter(|share| *share > 0.0))
     }

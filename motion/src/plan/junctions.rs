@@ -44,17 +44,24 @@ impl Junctions {
                 self.flush(out);
                 out.push(Joined::Stop);
             }
-            Passed::Stretch(stretch) => {
-                let mut next = Bounded {
-                    stretch: *stretch,
-                    bounds: stretch.bounds.unwrap_or_else(|| Bounds::new(&stretch.piece)),
-                };
-                if let Some(last) = &self.last {
-                    meet(last, &mut next, settings, out);
+            Passed::Stretch(stretch) => self.go_on(stretch, settings, out),
+            Passed::Seam(seam) => {
+                for stretch in &seam.rounded {
+                    self.go_on(stretch, settings, out);
                 }
-                self.last = Some(next);
             }
         }
+    }
+
+    fn go_on(&mut self, stretch: &Stretch, settings: &Settings, out: &mut Vec<Joined>) {
+        let mut next = Bounded {
+            stretch: *stretch,
+            bounds: stretch.bounds.unwrap_or_else(|| Bounds::new(&stretch.piece)),
+        };
+        if let Some(last) = &self.last {
+            meet(last, &mut next, settings, out);
+        }
+        self.last = Some(next);
     }
 
     pub(super) fn flush(&mut self, out: &mut Vec<Joined>) {

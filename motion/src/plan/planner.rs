@@ -5,7 +5,7 @@
 
 use super::optimal::{self, Override, Stream};
 use super::program::{Entry, Move, Program};
-use super::smooth::{Passed, Smoother};
+use super::smooth::{Passed, Smoother, Stretch};
 use super::workers::Workers;
 use super::{PlanError, PlannerKind, Programmed, Settings, classic, travel};
 use crate::canon::{Event, Position};
@@ -49,7 +49,7 @@ impl Engine {
     fn push(&mut self, passed: &Passed, settings: &Settings) {
         match self {
             Engine::Classic(steps) => steps.push(passed, settings),
-            Engine::Optimal(stream) => stream.push(*passed, settings),
+            Engine::Optimal(stream) => stream.push(passed, settings),
         }
     }
 
@@ -258,15 +258,23 @@ impl PathPlanner {
     fn pass(&mut self) {
         for mut passed in self.passed.drain(..) {
             match &mut passed {
-                Passed::Stretch(stretch) => {
-                    stretch.piece.set_frame(self.frame);
-                    debug_assert_eq!(travel::check(&stretch.piece, &self.settings), Ok(()));
+                Passed::Stretch(stretch) => meant(stretch, self.frame, &self.settings),
+                Passed::Seam(seam) => {
+                    for stretch in seam.rounded.iter_mut().chain(&mut seam.exact) {
+                        meant(stretch, self.frame, &self.settings);
+                    }
                 }
                 Passed::Stop => {}
             }
             self.smoothed.push(Smoothed(What::Passed(passed)));
         }
     }
+}
+
+/// Says how the axes of a stretch are meant.
+fn meant(stretch: &mut Stretch, frame: ToolFrame, settings: &Settings) {
+    stretch.piece.set_frame(frame);
+    debug_assert_eq!(travel::check(&stretch.piece, settings), Ok(()));
 }
 
 /// The second half of a planner: the smoothed path to a plan in time.
@@ -320,8 +328,9 @@ impl<S: Sink<Element>> SpeedPlanner<S> {
         &mut self.sink
     }
 
-    /// As [`Planner::set_override`] says.
-    pub fn set_override(&mut self, feed: f64, rapid: f64) {
+    /// As [`Planner::set_override`] says. Of the moves at feed and the rapid ones, those that are `held` are so by the
+    /// interpolation: what goes before them is planned to come to rest where they begin.
+    pub fn set_override(&mut self, feed: f64, rapid: f64, held: [bool; 2]) {
         // Not `clamp`, which lets NaN pass.
         #[allow(clippy::manual_clamp, reason = "max and min turn NaN into 0")]
         let within = |share: f64, most: f64| share.max(0.0).min(most);
@@ -330,6 +339,7 @@ impl<S: Sink<Element>> SpeedPlanner<S> {
             Engine::Optimal(stream) => stream.set_override(Override {
                 feed: within(feed, FEED_OVERRIDE_MAX),
                 rapid: within(rapid, 1.0),
+                held,
             }),
         }
     }
@@ -412,7 +422,7 @@ impl<S: Sink<Element>> Planner<S> {
     /// next [`Planner::pump`]. Into a sink without a consumer it counts from the next rest on. With [`PlannerKind::Classic`] it is
     /// without effect: there, the interpolation scales time.
     pub fn set_override(&mut self, feed: f64, rapid: f64) {
-        self.speed.set_override(feed, rapid);
+        self.speed.set_override(feed, rapid, [false; 2]);
     }
 
     /// Hands over what is final.

@@ -44,15 +44,42 @@ pub(super) struct Log {
     /// Number of the first item that is kept.
     first: u64,
     items: VecDeque<Kept>,
+    seams: VecDeque<Seam>,
     pub(super) shares: Shares,
+    /// Whether moves at feed, and rapid ones, wait until they may begin, where overrides act on them.
+    pub(super) held: [bool; 2],
 }
 
-/// An item, the speed that joints allow on it if it is a rapid move, and how it meets the one before.
+/// What came.
 #[derive(Clone, Copy, Debug)]
-struct Kept {
-    item: Item,
-    rapid: f64,
-    meeting: Meeting,
+pub(super) struct Kept {
+    pub(super) item: Item,
+    /// Least speed along it at which a joint reaches its speed limit, where the override of rapid moves acts; else infinite.
+    pub(super) rapid: f64,
+    /// With the item before, if both are stretches.
+    pub(super) meeting: Meeting,
+}
+
+impl Kept {
+    pub(super) fn rest(element: Option<Element>) -> Kept {
+        Kept {
+            item: Item::Rest(element),
+            rapid: f64::INFINITY,
+            meeting: Meeting::Smooth,
+        }
+    }
+}
+
+/// A corner between a rapid move and one at feed: two items, which are rounded, or the way over the corner itself.
+#[derive(Debug)]
+struct Seam {
+    /// Number of the first.
+    item: u64,
+    /// The way that is not taken.
+    other: [Kept; 2],
+    /// Whether the way over the corner itself is taken: in what is planned, and in what has been handed over.
+    exact: bool,
+    handed_exact: bool,
 }
 
 impl Log {
@@ -60,14 +87,76 @@ impl Log {
         Log {
             first: 0,
             items: VecDeque::new(),
+            seams: VecDeque::new(),
             shares: Shares { feed: 1.0, rapid: 1.0 },
+            held: [false; 2],
         }
     }
 
-    /// Takes the next item; `rapid`: the least speed along it at which a joint reaches its speed limit; `meeting`: with the item
-    /// before, if both are stretches.
-    pub(super) fn push(&mut self, item: Item, rapid: f64, meeting: Meeting) {
-        self.items.push_back(Kept { item, rapid, meeting });
+    /// Takes the next item.
+    pub(super) fn push(&mut self, kept: Kept) {
+        self.items.push_back(kept);
+    }
+
+    /// Takes a seam: both ways over it.
+    pub(super) fn push_seam(&mut self, [rounded, exact]: [[Kept; 2]; 2]) {
+        let item = self.end();
+        let waits = self.waits_at(&exact);
+        let (taken, other) = if waits { (exact, rounded) } else { (rounded, exact) };
+        self.items.extend(taken);
+        self.seams.push_back(Seam {
+            item,
+            other,
+            exact: waits,
+            handed_exact: false,
+        });
+    }
+
+    /// What follows this place is planned anew: the machine goes to a corner itself if it waits there. What lies before it, and
+    /// a seam that has begun there, are as they were handed over.
+    pub(super) fn choose_ways(&mut self, from: Place) {
+        for k in 0..self.seams.len() {
+            let seam = &self.seams[k];
+            let ahead = seam.item > from.item || (seam.item == from.item && from.s <= 0.0);
+            let wanted = if ahead {
+                self.waits_at(&seam.other)
+            } else {
+                seam.handed_exact
+            };
+            if wanted == seam.exact {
+                continue;
+            }
+            let seam = &mut self.seams[k];
+            seam.exact = wanted;
+            for (item, other) in (seam.item..).zip(&mut seam.other) {
+                // The first one may have been passed.
+                let index = item
+                    .checked_sub(self.first)
+                    .and_then(|index| usize::try_from(index).ok());
+                if let Some(kept) = index.and_then(|index| self.items.get_mut(index)) {
+                    std::mem::swap(kept, other);
+                }
+            }
+        }
+    }
+
+    /// What is planned has been handed over.
+    pub(super) fn hand_over(&mut self) {
+        for seam in &mut self.seams {
+            seam.handed_exact = seam.exact;
+        }
+    }
+
+    /// Whether the second of two items is held and the first is not.
+    fn waits_at(&self, [first, second]: &[Kept; 2]) -> bool {
+        !self.holds(first) && self.holds(second)
+    }
+
+    fn holds(&self, kept: &Kept) -> bool {
+        match &kept.item {
+            Item::Stretch(stretch) => stretch.enables.feed_override && self.held[usize::from(stretch.rapid)],
+            Item::Rest(_) => false,
+        }
     }
 
     /// The item that came last, while it is kept.
@@ -77,8 +166,9 @@ impl Log {
 
     /// Whether the path cannot be passed at speed where this item begins.
     pub(super) fn stops_before(&self, item: u64) -> bool {
-        self.kept(item)
-            .is_some_and(|kept| matches!(kept.meeting, Meeting::Stop))
+        let Some(kept) = self.kept(item) else { return false };
+        let before = item.checked_sub(1).and_then(|before| self.kept(before));
+        matches!(kept.meeting, Meeting::Stop) || before.is_some_and(|before| self.waits_at(&[*before, *kept]))
     }
 
     /// The kink where this item begins, if there is one that can be passed at speed.
@@ -122,12 +212,23 @@ impl Log {
                 item: Item::Stretch(stretch),
                 rapid,
                 ..
-            }) => match (stretch.rapid, stretch.enables.feed_override) {
-                (_, false) => stretch.feed,
-                (true, true) if self.shares.rapid < 1.0 => rapid * self.shares.rapid,
-                (true, true) => stretch.feed,
-                (false, true) => stretch.feed * self.shares.feed,
-            },
+            }) => {
+                let Shares {
+                    feed: of_feed,
+                    rapid: of_rapid,
+                } = self.shares;
+                let by_rapid = if of_rapid < 1.0 {
+                    rapid * of_rapid
+                } else {
+                    f64::INFINITY
+                };
+                match (stretch.enables.feed_override, stretch.seam, stretch.rapid) {
+                    (false, ..) => stretch.feed,
+                    (true, true, _) => by_rapid.min(stretch.feed * of_feed),
+                    (true, false, true) => by_rapid,
+                    (true, false, false) => stretch.feed * of_feed,
+                }
+            }
             Some(Kept {
                 item: Item::Rest(_), ..
             })
@@ -139,6 +240,9 @@ impl Log {
     pub(super) fn drop_before(&mut self, item: u64) {
         while self.first < item && self.items.pop_front().is_some() {
             self.first += 1;
+        }
+        while self.seams.front().is_some_and(|seam| seam.item + 1 < self.first) {
+            self.seams.pop_front();
         }
     }
 

@@ -5,8 +5,8 @@
 
 use super::overlap::{Overlap, Pace, Vertex};
 use super::round::{Rounded, fast_ratios, overlap, round_as, slow_ratios, turning};
-use super::{Leg, Passed, Stretch};
-use crate::path::Group;
+use super::{Leg, Passed, Seam, Stretch};
+use crate::path::{Group, Piece};
 use crate::plan::limits::{Bounds, PathLimits};
 use crate::plan::profile::{reachable, time_lost};
 use crate::plan::program::{Corner, Move};
@@ -64,8 +64,8 @@ impl Corners {
 fn meet(last: &Last, next: &mut Last, settings: &Settings, out: &mut Vec<Passed>) {
     let (a, b) = (&last.leg.part, &next.leg.part);
     let tolerance = match a.corner {
-        Corner::Round(tolerance) if joinable(a, b) => tolerance,
-        Corner::Exact if joinable(a, b) => {
+        Corner::Round(tolerance) if joinable(a, b, settings) => tolerance,
+        Corner::Exact if joinable(a, b, settings) && a.rapid == b.rapid => {
             last.let_go(0.0, out);
             return;
         }
@@ -80,29 +80,64 @@ fn meet(last: &Last, next: &mut Last, settings: &Settings, out: &mut Vec<Passed>
         return;
     };
     last.let_go(corner.before, out);
-    let (a, b) = (&last.leg.part, &next.leg.part);
-    // The move changes in the middle of a corner, if there is one.
-    let halves = match corner.second {
-        Some(second) => [Some((corner.blend, a)), Some((second, b))],
-        None => [Some((corner.blend, b)), None],
-    };
-    for (piece, part) in halves.into_iter().flatten() {
-        out.push(Passed::Stretch(Stretch {
-            piece,
-            bounds,
-            feed: a.feed.min(b.feed),
-            line: part.line,
-            rapid: b.rapid,
-            enables: part.enables,
-            auxiliary: part.auxiliary,
-        }));
-    }
     next.from = corner.after;
+    let (a, b) = (&last.leg.part, &next.leg.part);
+    let seam = a.rapid != b.rapid;
+    let stretch = |piece, part: &Move| Stretch {
+        bounds,
+        feed: a.feed.min(b.feed),
+        seam,
+        ..stretch_of(piece, part)
+    };
+    // The move changes in the middle of a corner, if there is one.
+    let rounded = match corner.second {
+        Some(second) => Some([corner.blend, second]),
+        None if seam => halves(&corner.blend),
+        None => None,
+    };
+    let Some([first, second]) = rounded else {
+        out.push(Passed::Stretch(stretch(corner.blend, b)));
+        return;
+    };
+    let rounded = [stretch(first, a), stretch(second, b)];
+    let length = a.piece.length();
+    let taken = [
+        a.piece.cut(length - corner.before, length),
+        b.piece.cut(0.0, corner.after),
+    ];
+    match taken {
+        [Some(before), Some(after)] if seam => out.push(Passed::Seam(Box::new(Seam {
+            rounded,
+            exact: [stretch_of(before, a), stretch_of(after, b)],
+        }))),
+        _ => out.extend(rounded.map(Passed::Stretch)),
+    }
 }
 
-/// Whether speed may be carried from one move into the other.
-fn joinable(a: &Move, b: &Move) -> bool {
-    a.rapid == b.rapid && a.piece.group() == b.piece.group()
+fn halves(blend: &Piece) -> Option<[Piece; 2]> {
+    let [middle, end] = [0.5, 1.0].map(|part| part * blend.length());
+    Some([blend.cut(0.0, middle)?, blend.cut(middle, end)?])
+}
+
+/// Whether speed may be carried from one move into the other. The classic planner, whose plan overrides do not change, comes to
+/// rest between a rapid move and one at feed, so that the machine can wait there.
+fn joinable(a: &Move, b: &Move, settings: &Settings) -> bool {
+    let paced_alike = a.rapid == b.rapid || settings.planner_kind == PlannerKind::Optimal;
+    paced_alike && a.piece.group() == b.piece.group()
+}
+
+/// A piece of a move.
+fn stretch_of(piece: Piece, part: &Move) -> Stretch {
+    Stretch {
+        piece,
+        bounds: None,
+        feed: part.feed,
+        line: part.line,
+        rapid: part.rapid,
+        seam: false,
+        enables: part.enables,
+        auxiliary: part.auxiliary,
+    }
 }
 
 /// The corner between two moves, if it is worth rounding, and the bounds of the blend if they were needed for that.
@@ -203,15 +238,7 @@ impl Last {
     fn let_go(&self, taken: f64, out: &mut Vec<Passed>) {
         let part = &self.leg.part;
         if let Some(piece) = part.piece.cut(self.from, part.piece.length() - taken) {
-            out.push(Passed::Stretch(Stretch {
-                piece,
-                bounds: None,
-                feed: part.feed,
-                line: part.line,
-                rapid: part.rapid,
-                enables: part.enables,
-                auxiliary: part.auxiliary,
-            }));
+            out.push(Passed::Stretch(stretch_of(piece, part)));
         }
     }
 }

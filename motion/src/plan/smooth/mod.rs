@@ -50,14 +50,27 @@ pub(super) struct Stretch {
     pub(super) feed: f64,
     pub(super) line: u32,
     pub(super) rapid: bool,
+    /// Whether it is part of a rounded corner between a rapid move and one at feed: what limits either of them limits it.
+    pub(super) seam: bool,
     pub(super) enables: Enables,
     pub(super) auxiliary: Auxiliary,
 }
 
-/// What comes out.
+/// A rounded corner between a rapid move and one at feed.
 #[derive(Clone, Copy, Debug)]
+pub(super) struct Seam {
+    /// It changes from one move to the other in its middle.
+    pub(super) rounded: [Stretch; 2],
+    /// What it takes of the moves: the way over the corner itself, at which the machine comes to rest.
+    pub(super) exact: [Stretch; 2],
+}
+
+/// What comes out.
+#[derive(Clone, Debug)]
 pub(super) enum Passed {
     Stretch(Stretch),
+    /// Only for the optimal planner. Before a move that an override of 0 holds, the machine waits at the corner itself.
+    Seam(Box<Seam>),
     /// Rest before what follows.
     Stop,
 }

@@ -74,6 +74,7 @@ fn proven(moves: &[Move], tolerance: f64, planner_kind: PlannerKind) -> Found {
     for passed in &out {
         let stretch = match passed {
             Passed::Stretch(stretch) => stretch,
+            Passed::Seam(_) => unreachable!("all at feed"),
             Passed::Stop => {
                 found.direction_jumps += 1;
                 continue;
@@ -242,6 +243,7 @@ proptest! {
                     let jet = stretch.piece.jet(0.3 * stretch.piece.length());
                     jet.q.iter().chain(&jet.d3).map(|x| x.to_bits()).collect()
                 }
+                Passed::Seam(_) => unreachable!("all at feed"),
                 Passed::Stop => vec![0],
             };
             smoothed(&moves, PlannerKind::Classic).iter().flat_map(bits).collect()
@@ -364,6 +366,7 @@ fn a_path_that_turns_back_stops_or_stays_within_the_tolerance() {
         .iter()
         .filter_map(|passed| match passed {
             Passed::Stretch(stretch) => Some(stretch.piece.position(stretch.piece.length()).0[0]),
+            Passed::Seam(_) => unreachable!("all at feed"),
             Passed::Stop => None,
         })
         .fold(0.0, f64::max);

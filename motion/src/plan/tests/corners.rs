@@ -1,7 +1,8 @@
 //! What corners cost.
 
 use super::*;
-use crate::plan::offline::plan_offline;
+use crate::element::{Element, Span};
+use crate::plan::offline::{Recorder, plan_offline};
 use proptest::prelude::*;
 
 fn machine() -> Settings {
@@ -64,6 +65,110 @@ fn corners_take_little_longer_than_the_reference() {
     ] {
         let ratio = corner(degrees, tolerance) / reference_s;
         assert!(ratio < 1.05, "{degrees} degrees within {tolerance} mm: {ratio}");
+    }
+}
+
+/// Spans of a plan.
+fn spans(events: &[Event], settings: Settings) -> Vec<Span> {
+    let mut planner = Planner::new(settings, Recorder::default());
+    for event in events {
+        planner.push(event).unwrap();
+        planner.pump();
+    }
+    planner.finish();
+    planner.pump();
+    let elements = planner.sink().elements.iter();
+    elements
+        .filter_map(|element| match element {
+            Element::Span(span) => Some(*span),
+            _ => None,
+        })
+        .collect()
+}
+
+const FEED_MM_S: f64 = 20.0;
+
+/// Straight on into the material, along it, out of it and away.
+fn plunge(mode: PathMode) -> Vec<Event> {
+    let rapid = |x: f64, y: f64, z: f64| Call::StraightTraverse {
+        to: Position::xyz(x, y, z),
+    };
+    let head = [
+        Call::SetFeedRate {
+            linear: FEED_MM_S,
+            angular: FEED_MM_S,
+        },
+        Call::SetPathMode(mode),
+    ];
+    let moves = [
+        rapid(0.0, 0.0, -10.0),
+        feed(0.0, 0.0, -14.0),
+        feed(6.0, 0.0, -14.0),
+        rapid(6.0, 0.0, 0.0),
+        rapid(6.0, 30.0, 0.0),
+        feed(9.0, 30.0, 0.0),
+    ];
+    events(head.into_iter().chain(moves))
+}
+
+const WITHIN: PathMode = PathMode::Continuous {
+    tolerance_mm: Some(0.05),
+    naive_cam_tolerance_mm: None,
+};
+
+#[test]
+fn rapid_and_feed_moves_follow_each_other_without_a_stop() {
+    let [stopped, rounded] = [PathMode::ExactStop, WITHIN].map(|mode| proven(&plunge(mode), machine(), 0.05));
+    assert!(rounded.motion_time_s < 0.9 * stopped.motion_time_s);
+    // Nothing but what lies on rapid moves is faster than the feed.
+    for span in spans(&plunge(WITHIN), machine()) {
+        let fastest = span.speed(0.0).max(span.speed(span.duration_s));
+        assert!(span.rapid || fastest <= FEED_MM_S, "{fastest} on line {}", span.line);
+        let on_its_line = span.line == 3 || span.line == 6 || span.line == 7;
+        assert_eq!(span.rapid, on_its_line, "line {}", span.line);
+    }
+    // But for start and end.
+    let rests = |plan: &Offline| {
+        let between = &plan.samples[10..plan.samples.len() - 10];
+        let pairs = between.windows(2);
+        pairs.filter(|pair| distance(&pair[0].0, &pair[1].0) < 2e-4).count()
+    };
+    assert!(rests(&stopped) > 0);
+    assert_eq!(rests(&rounded), 0);
+}
+
+#[test]
+fn where_rapid_and_feed_moves_meet_both_overrides_hold() {
+    for shares in [[0.5, 1.0], [1.0, 0.1], [1.2, 0.3], [0.1, 0.05]] {
+        let mut planner = Planner::new(machine(), Recorder::default());
+        planner.set_override(shares[0], shares[1]);
+        planner.pump();
+        for event in plunge(WITHIN) {
+            planner.push(&event).unwrap();
+        }
+        planner.finish();
+        while planner.pump() != Pumped::Done {}
+        let spans: Vec<Span> = planner
+            .sink()
+            .elements
+            .iter()
+            .filter_map(|element| match element {
+                Element::Span(span) => Some(*span),
+                _ => None,
+            })
+            .collect();
+        let mut corners = 0;
+        for span in &spans {
+            let fastest = span.speed(0.0).max(span.speed(span.duration_s));
+            let (feed, rapid) = (FEED_MM_S * shares[0], 100.0 * shares[1]);
+            let corner = matches!(span.piece.shape(), crate::path::Shape::Blend(_));
+            corners += usize::from(corner);
+            // A blend may point along two axes, each of which may run at its limit.
+            let rapid = if corner { rapid * 2f64.sqrt() } else { rapid };
+            assert!(span.rapid || fastest <= feed, "{fastest} at feed on line {}", span.line);
+            assert!(!span.rapid || fastest <= rapid, "{fastest} rapid on line {}", span.line);
+        }
+        assert!(corners > 0);
     }
 }
 

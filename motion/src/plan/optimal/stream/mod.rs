@@ -21,13 +21,13 @@ use std::collections::VecDeque;
 
 use super::joints::Joints;
 use super::knots::{Knots, Knotted, TakenOver, step_s};
-use super::sections::{Item, Log, Part, Place, Sections};
+use super::sections::{Item, Kept, Log, Part, Place, Sections};
 use super::slopes::Made;
 use super::solver::{JointJet, Knotting, Launch, State};
 use super::windows::{Answer, States, Times, Uncut, WINDOW_SPANS, Window};
 use crate::element::Element;
 use crate::plan::junctions::{Meeting, meeting};
-use crate::plan::smooth::Passed;
+use crate::plan::smooth::{Passed, Stretch};
 use crate::plan::workers::{Ordered, Workers};
 use crate::plan::{Pumped, Settings};
 use crate::ring::{Publish, Sink};
@@ -212,29 +212,47 @@ impl Stream {
     }
 
     /// The path goes on.
-    pub(in crate::plan) fn push(&mut self, passed: Passed, settings: &Settings) {
+    pub(in crate::plan) fn push(&mut self, passed: &Passed, settings: &Settings) {
         self.finished = false;
         match passed {
             Passed::Stretch(stretch) => {
-                let meeting = match self.log.last() {
-                    Some(Item::Stretch(before)) => meeting(before, &stretch, settings),
-                    Some(Item::Rest(_)) | None => Meeting::Smooth,
-                };
-                let rapid = if stretch.rapid {
-                    self.joints.fastest(&stretch.piece, &mut self.jets)
-                } else {
-                    f64::INFINITY
-                };
-                self.log.push(Item::Stretch(stretch), rapid, meeting);
+                let before = self.log.last().copied();
+                let kept = self.kept(stretch, before.as_ref(), settings);
+                self.log.push(kept);
             }
-            Passed::Stop => self.log.push(Item::Rest(None), f64::INFINITY, Meeting::Smooth),
+            Passed::Seam(seam) => {
+                let before = self.log.last().copied();
+                let ways = [&seam.rounded, &seam.exact].map(|[first, second]| {
+                    let kept = self.kept(first, before.as_ref(), settings);
+                    [kept, self.kept(second, Some(&kept.item), settings)]
+                });
+                self.log.push_seam(ways);
+            }
+            Passed::Stop => self.log.push(Kept::rest(None)),
+        }
+    }
+
+    fn kept(&mut self, stretch: &Stretch, before: Option<&Item>, settings: &Settings) -> Kept {
+        let meeting = match before {
+            Some(Item::Stretch(before)) => meeting(before, stretch, settings),
+            Some(Item::Rest(_)) | None => Meeting::Smooth,
+        };
+        let rapid = if stretch.rapid || stretch.seam {
+            self.joints.fastest(&stretch.piece, &mut self.jets)
+        } else {
+            f64::INFINITY
+        };
+        Kept {
+            item: Item::Stretch(*stretch),
+            rapid,
+            meeting,
         }
     }
 
     /// What is known ends at rest, where `element` happens if there is one.
     pub(in crate::plan) fn rest(&mut self, element: Option<Element>) {
         self.finished = false;
-        self.log.push(Item::Rest(element), f64::INFINITY, Meeting::Smooth);
+        self.log.push(Kept::rest(element));
     }
 
     /// Nothing follows for now; the path has ended at rest.

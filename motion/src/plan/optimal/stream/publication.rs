@@ -41,6 +41,8 @@ pub(in crate::plan) struct Override {
     pub(in crate::plan) feed: f64,
     /// Of the speed limits of the joints on rapid moves.
     pub(in crate::plan) rapid: f64,
+    /// Whether moves at feed, and rapid ones, are held by the interpolation.
+    pub(in crate::plan) held: [bool; 2],
 }
 
 /// An element in the ring that the machine has not passed.
@@ -191,6 +193,14 @@ impl Stream {
             feed: wanted.feed.max(LEAST),
             rapid: wanted.rapid.clamp(LEAST, 1.0),
         };
+        let [feed, rapid] = self.changes.zero;
+        self.log.held = [wanted.held[0] || feed, wanted.held[1] || rapid];
+        if idle {
+            self.log.choose_ways(Place {
+                item: self.handed,
+                s: 0.0,
+            });
+        }
         if sink.consumer_at().is_some() {
             self.changes.under_way = None;
             self.take_over(sink, false);
@@ -226,6 +236,7 @@ impl Stream {
                 item: self.log.begin(),
                 s: 0.0,
             };
+            self.log.choose_ways(begin);
             self.restart(begin, Entry::Rest, false);
             return;
         };
@@ -259,6 +270,7 @@ impl Stream {
             let crest = self.changes.crest(index, state);
             Entry::TakenOver(TakenOver { state, crest })
         });
+        self.log.choose_ways(place);
         self.restart(place, entry, false);
         if state.is_none() && live.number != last.number && self.changes.zero.contains(&true) {
             // What followed must not happen yet: an end takes its place.
@@ -473,6 +485,7 @@ impl Stream {
             }
             None => live.truncate(live.len() - self.tail_length.min(live.len())),
         }
+        self.log.hand_over();
         if consumed {
             self.changes.live.extend(lives);
             self.tail_length = tail;
