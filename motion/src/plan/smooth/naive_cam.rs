@@ -3,10 +3,11 @@
 //! In:  moves. Out: moves; several straight ones at the same feed, none of whose ends is farther from the line between
 //! the first and the last point than allowed, are one.
 //!
-//! It is asked for by Q of G64, and Q0 switches it off. Q alone would spend the whole tolerance P, as it is P where the
-//! program does not name it; what is spent here is missing for smooth curves, which need many exact points. So the
-//! detector takes Q, but at most a hundredth of P, which is left out of what may be rounded later: moves that are in
-//! line up to the rounding of their numbers. Shorter curves of moves are the compressor's.
+//! It is asked for by Q of G64, and Q0 switches it off. What is spent here is left out of what may be rounded later, so that
+//! both together stay within P. Where the program does not name Q, it is P; but smooth curves need many exact points, so that
+//! no more than a hundredth of P is spent then: on moves that are in line up to the rounding of their numbers. Shorter curves of
+//! moves are the compressor's. A Q below P is taken at its word, but for the half of P that is left to corners; one above P is
+//! as none, as nothing may be farther off than P.
 //!
 //! On an exact path, moves of which a cycle would pass many become one where they are exactly in line: the way to rest from
 //! full speed would be more of them than fit into the ring.
@@ -24,8 +25,8 @@ const JOINED_MOVES_MAX: usize = 64;
 const SHORT_PART: f64 = 1.0 / 12.0;
 /// What rounding takes of moves that are exactly in line, mm.
 const ROUNDING_MM: f64 = 1e-10;
-/// Part of P that may be used.
-const SHARE: f64 = 0.01;
+/// Parts of P that may be used: where Q is below it, and where it is not.
+const SHARES: [f64; 2] = [0.5, 0.01];
 
 /// Holds back straight moves as long as the next may be in line.
 #[derive(Debug, Default)]
@@ -39,7 +40,10 @@ pub(super) struct NaiveCam {
 impl NaiveCam {
     pub(super) fn push(&mut self, mut part: Move, settings: &Settings, out: &mut Vec<Move>) {
         let allowed = match part.corner {
-            Corner::Round(tolerance) => part.naive_cam_mm.min(SHARE * tolerance),
+            Corner::Round(tolerance) => {
+                let share = SHARES[usize::from(part.naive_cam_mm >= tolerance)];
+                part.naive_cam_mm.min(share * tolerance)
+            }
             Corner::Exact if part.piece.length() < SHORT_PART * settings.cycle_s * part.feed => ROUNDING_MM,
             Corner::Exact | Corner::Stop => 0.0,
         };
@@ -146,9 +150,14 @@ mod tests {
             merged(&points, 0.0001).iter().map(|part| part.0).collect::<Vec<_>>(),
             [1, 2, 3, 5]
         );
-        // The share of P bounds Q.
+        // The share of P bounds Q where Q is P, and so was not named.
         let bent = [[0.0, 0.0], [1.0, 0.003], [2.0, 0.0]];
         assert_eq!(merged(&bent, 0.1).len(), 2);
+        assert_eq!(merged(&bent, 3.0).len(), 2);
+        assert_eq!(merged(&bent, 0.004), [(2, 2.0)]);
+        assert_eq!(merged(&bent, 0.002).len(), 2);
+        // Half of P is left to corners.
+        assert_eq!(merged(&[[0.0, 0.0], [1.0, 0.06], [2.0, 0.0]], 0.09).len(), 2);
     }
 
     #[test]
