@@ -17,6 +17,8 @@ const ARC_TOLERANCE_MIN_MM: f64 = 0.001;
 const ARC_TOLERANCE_MIN_INCH: f64 = 0.00004;
 /// No cycle needs more; mm.
 const PECK_CLEARANCE_MAX_MM: f64 = 100.0;
+/// Rapid moves that cut corners by more are none that anybody would foresee; mm.
+const RAPID_TOLERANCE_MAX_MM: f64 = 100.0;
 /// Bend of a corner, degrees: beyond the limit the way to its point and back is 12 radii long.
 const CORNER_LIMIT: Bound = Bound::Within(1.0, 160.0);
 /// Feed in inside corners, as a share of F; the length that counts as corner, mm; the bend from which on it is one, degrees.
@@ -39,6 +41,12 @@ pub(super) const CLASSIC_IS_LINEAR: &str = "plans for the axes of the program, a
 pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Program> {
     let default = Program::default();
     let tolerance_mm = section.number("tolerance_mm", Bound::Positive(10.0), default.tolerance_mm);
+    let rapid_tolerance_mm = match section.has("rapid_tolerance_mm") {
+        true => section
+            .number("rapid_tolerance_mm", Bound::Positive(RAPID_TOLERANCE_MAX_MM), None)
+            .map(Some),
+        false => Some(None),
+    };
     let look_ahead_blocks = section.integer("look_ahead_blocks", 1..=1_000_000, default.look_ahead_blocks as i64);
     let buffer_blocks = default.look_ahead_buffer_blocks as i64;
     let look_ahead_buffer_blocks = section.integer("look_ahead_buffer_blocks", 1..=1_000_000, buffer_blocks);
@@ -104,6 +112,7 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
     section.not_yet(&["optional_stop", "log_directory", "startup_code", "read_pins"]);
     Some(Program {
         tolerance_mm: tolerance_mm?,
+        rapid_tolerance_mm: rapid_tolerance_mm?,
         look_ahead_blocks: look_ahead_blocks? as usize,
         look_ahead_buffer_blocks: look_ahead_buffer_blocks? as usize,
         look_ahead_overlap_blocks: look_ahead_overlap_blocks? as usize,

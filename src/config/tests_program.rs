@@ -46,6 +46,7 @@ fn what_is_left_out_is_as_in_linuxcnc() {
     assert!(!config.axes[0].wrapped);
     let program = config.program;
     assert_eq!((program.tolerance_mm, program.look_ahead_blocks), (0.01, 10_000));
+    assert_eq!(program.rapid_tolerance_mm, None);
     let buffers = (program.look_ahead_buffer_blocks, program.look_ahead_overlap_blocks);
     assert_eq!((program.threads, buffers), (None, (300, 50)));
     assert_eq!((program.parameter_file, program.directory), (None, None));
@@ -70,6 +71,7 @@ fn every_key_is_read_and_paths_start_at_the_machine_file() {
         folder.path(),
         r#"[program]
 tolerance_mm = 0.02
+rapid_tolerance_mm = 1.5
 look_ahead_blocks = 500
 look_ahead_buffer_blocks = 200
 look_ahead_overlap_blocks = 0
@@ -128,6 +130,7 @@ orient_offset_degrees = -90
     let value = |name: &str, value: f64| (("probe".to_owned(), name.to_owned()), value);
     let expected = Program {
         tolerance_mm: 0.02,
+        rapid_tolerance_mm: Some(1.5),
         look_ahead_blocks: 500,
         look_ahead_buffer_blocks: 200,
         look_ahead_overlap_blocks: 0,

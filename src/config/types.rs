@@ -492,6 +492,8 @@ impl Config {
 pub struct Program {
     /// Path tolerance of G64 without P, mm; default 0.01.
     pub tolerance_mm: f64,
+    /// Path tolerance of G64 at the corners between two rapid moves, mm. `None`: that of the program.
+    pub rapid_tolerance_mm: Option<f64>,
     /// Blocks that the planner looks ahead; default 10,000.
     pub look_ahead_blocks: usize,
     /// Blocks over which one thread of the classic planner looks ahead at a time; default 300.
@@ -557,6 +559,7 @@ impl Default for Program {
         let [arc_radius_tolerance_mm, arc_radius_tolerance_inch] = ARC_RADIUS_TOLERANCE;
         Program {
             tolerance_mm: 0.01,
+            rapid_tolerance_mm: None,
             look_ahead_blocks: 10_000,
             look_ahead_buffer_blocks: 300,
             look_ahead_overlap_blocks: 50,

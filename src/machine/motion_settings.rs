@@ -51,6 +51,7 @@ pub fn plan_settings(config: &Config, start: Position) -> Settings {
         joints: joint_space(config, kinematics),
         cycle_s: f64::from(config.cycle_us) * 1e-6,
         tolerance_mm: config.program.tolerance_mm,
+        rapid_tolerance_mm: config.program.rapid_tolerance_mm,
         look_ahead_blocks: config.program.look_ahead_blocks,
         look_ahead_buffer_blocks: config.program.look_ahead_buffer_blocks,
         look_ahead_overlap_blocks: config.program.look_ahead_overlap_blocks,

@@ -368,7 +368,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             .run_reader(text);
         let path = PathPlanner::new(settings);
         let timeline = workers.timeline().cloned();
-        let smoothing = Smoothing::new(interpreter, path, config.program.tolerance_mm, timeline);
+        let smoothing = Smoothing::new(interpreter, path, &config.program, timeline);
         Feeder {
             spare: Arc::clone(&smoothing.spare),
             smoothing: Stage::Here(Box::new(smoothing)),

@@ -9,6 +9,7 @@
 
 use super::exact_stops::ExactStops;
 use super::waits::{Answers, Awaited, Told, awaited_behind};
+use crate::config;
 use crate::rt::shared::RtStatus;
 use motion::canon::{Axis, Call, Event, PathMode, Position, Source};
 use motion::plan::timeline::{Task, Timeline, during};
@@ -193,6 +194,8 @@ pub(super) struct Smoothing<'t> {
     work_system: u8,
     /// What G64 without P allows, mm.
     default_tolerance_mm: f64,
+    /// What corners between rapid moves are allowed wherever G64 allows something, mm.
+    rapid_tolerance_mm: Option<f64>,
     /// What the path mode of the moment allows, and the most of that for any move.
     mode_tolerance_mm: f64,
     tolerance_mm: f64,
@@ -202,7 +205,7 @@ impl<'t> Smoothing<'t> {
     pub(super) fn new(
         interpreter: gcode::Run<'t>,
         path: PathPlanner,
-        default_tolerance_mm: f64,
+        program: &config::Program,
         timeline: Option<Timeline>,
     ) -> Smoothing<'t> {
         Smoothing {
@@ -216,7 +219,8 @@ impl<'t> Smoothing<'t> {
             answers: None,
             left_s: 0.0,
             work_system: 1,
-            default_tolerance_mm,
+            default_tolerance_mm: program.tolerance_mm,
+            rapid_tolerance_mm: program.rapid_tolerance_mm,
             mode_tolerance_mm: 0.0,
             tolerance_mm: 0.0,
         }
@@ -384,10 +388,14 @@ impl<'t> Smoothing<'t> {
                 self.mode_tolerance_mm = tolerance_mm.unwrap_or(self.default_tolerance_mm);
             }
             Call::SetPathMode(PathMode::ExactPath | PathMode::ExactStop) => self.mode_tolerance_mm = 0.0,
-            Call::StraightTraverse { .. }
-            | Call::StraightFeed { .. }
-            | Call::ArcFeed { .. }
-            | Call::NurbsFeed { .. } => {
+            Call::StraightTraverse { .. } => {
+                let rapid_mm = self.rapid_tolerance_mm.filter(|_| self.mode_tolerance_mm > 0.0);
+                self.tolerance_mm = self
+                    .tolerance_mm
+                    .max(self.mode_tolerance_mm)
+                    .max(rapid_mm.unwrap_or(0.0));
+            }
+            Call::StraightFeed { .. } | Call::ArcFeed { .. } | Call::NurbsFeed { .. } => {
                 self.tolerance_mm = self.tolerance_mm.max(self.mode_tolerance_mm);
             }
             _ => {}

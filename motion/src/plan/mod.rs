@@ -89,6 +89,8 @@ pub struct Settings {
     pub cycle_s: f64,
     /// Greatest deviation from the path where G64 names none, mm.
     pub tolerance_mm: f64,
+    /// The same at the corners between two rapid moves where corners may be rounded, mm. `None`: as at all others.
+    pub rapid_tolerance_mm: Option<f64>,
     /// Pieces of path that are looked ahead where speeds depend on so many. More where three braking lengths are longer; the
     /// optimal planner always looks as far as that.
     pub look_ahead_blocks: usize,
@@ -118,6 +120,7 @@ impl Settings {
             joints: None,
             cycle_s,
             tolerance_mm: 0.01,
+            rapid_tolerance_mm: None,
             look_ahead_blocks: 10_000,
             look_ahead_buffer_blocks: 300,
             look_ahead_overlap_blocks: 50,

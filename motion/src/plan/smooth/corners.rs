@@ -64,7 +64,10 @@ impl Corners {
 fn meet(last: &Last, next: &mut Last, settings: &Settings, out: &mut Vec<Passed>) {
     let (a, b) = (&last.leg.part, &next.leg.part);
     let tolerance = match a.corner {
-        Corner::Round(tolerance) if joinable(a, b, settings) => tolerance,
+        Corner::Round(tolerance) if joinable(a, b, settings) => match settings.rapid_tolerance_mm {
+            Some(of_rapid) if a.rapid && b.rapid => of_rapid,
+            Some(_) | None => tolerance,
+        },
         Corner::Exact if joinable(a, b, settings) && a.rapid == b.rapid => {
             last.let_go(0.0, out);
             return;

@@ -172,6 +172,98 @@ fn where_rapid_and_feed_moves_meet_both_overrides_hold() {
     }
 }
 
+#[test]
+fn corners_between_rapid_moves_have_a_tolerance_of_their_own() {
+    let rapid = |x: f64, y: f64| Call::StraightTraverse {
+        to: Position::xyz(x, y, 0.0),
+    };
+    let at_feed = |x: f64, y: f64| Call::StraightFeed {
+        to: Position::xyz(x, y, 0.0),
+    };
+    let program = |mode| {
+        let head = [
+            Call::SetFeedRate {
+                linear: 50.0,
+                angular: 50.0,
+            },
+            Call::SetPathMode(mode),
+        ];
+        // A corner between rapid moves, one into the feed, one at feed, one out of it.
+        let moves = [
+            rapid(20.0, 0.0),
+            rapid(20.0, 20.0),
+            at_feed(40.0, 20.0),
+            at_feed(40.0, 40.0),
+            rapid(60.0, 40.0),
+        ];
+        events(head.into_iter().chain(moves))
+    };
+    let corners = [[20.0, 0.0], [20.0, 20.0], [40.0, 20.0], [40.0, 40.0]];
+    for planner_kind in [PlannerKind::Optimal, PlannerKind::Classic] {
+        let missed = |rapid_tolerance_mm, mode| {
+            let settings = Settings {
+                rapid_tolerance_mm,
+                planner_kind,
+                ..machine()
+            };
+            let plan = plan_offline(&program(mode), settings).unwrap();
+            assert_eq!(check(&plan.samples, 1e-3, &settings.axes).over(), 0);
+            // Of each corner: how far the set-points next to it are from it, and how far the farthest is from the path.
+            let missed = corners.map(|[x, y]| {
+                let off = plan.samples.iter().map(|at| (at.0[0] - x).hypot(at.0[1] - y));
+                off.fold(f64::INFINITY, f64::min)
+            });
+            let off = corners.map(|[x, y]| {
+                let near = plan.samples.iter().filter(|at| (at.0[0] - x).hypot(at.0[1] - y) < 9.0);
+                let legs = plan.ideal.iter().map(|part| part.piece).collect::<Vec<_>>();
+                near.map(|at| {
+                    let off = legs
+                        .iter()
+                        .map(|leg| super::super::smooth::round::nearest(leg, &at.0, 0.0, leg.length(), 0.0).0);
+                    off.fold(f64::INFINITY, f64::min)
+                })
+                .fold(0.0, f64::max)
+            });
+            (missed, off, plan.motion_time_s)
+        };
+        let (_, alike, time_s) = missed(None, WITHIN);
+        let (of_rapid, off, shorter_s) = missed(Some(2.0), WITHIN);
+        assert!(alike.iter().all(|off| *off <= 0.05), "{planner_kind:?} {alike:?}");
+        assert!(off[0] > 0.5 && off[0] <= 2.0, "{planner_kind:?} {off:?}");
+        assert!(off[1..].iter().all(|off| *off <= 0.05), "{planner_kind:?} {off:?}");
+        assert!(of_rapid[0] <= 2.0 && of_rapid[1..].iter().all(|missed| *missed <= 0.05 + 0.05));
+        assert!(shorter_s < time_s - 0.01, "{planner_kind:?}: {shorter_s} {time_s}");
+        // Less than P counts as well, and nothing is rounded where the path is exact.
+        let (_, tight, _) = missed(Some(0.001), WITHIN);
+        assert!(tight[0] <= 0.001, "{planner_kind:?} {tight:?}");
+        let (_, exact, _) = missed(Some(2.0), PathMode::ExactPath);
+        assert!(exact.iter().all(|off| *off < 1e-9), "{planner_kind:?} {exact:?}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+
+    #[test]
+    fn whatever_q_is_the_path_stays_within_p(
+        steps in prop::collection::vec((0.05f64..6.0, -1.0f64..1.0), 3..40), wave in prop_oneof![Just(0.001), Just(0.01), Just(0.1)],
+        p in prop_oneof![Just(0.01), Just(0.05)], q in prop_oneof![Just(0.0), Just(0.2), Just(0.9), Just(1.0), Just(5.0)],
+        classic in any::<bool>(),
+    ) {
+        let mut x = 0.0;
+        let moves: Vec<_> = steps.iter().map(|(along, across)| {
+            x += along;
+            Call::StraightFeed { to: Position::xyz(x, across * wave, 0.0) }
+        }).collect();
+        let head = [
+            Call::SetFeedRate { linear: 60.0, angular: 60.0 },
+            Call::SetPathMode(PathMode::Continuous { tolerance_mm: Some(p), naive_cam_tolerance_mm: Some(q * p) }),
+        ];
+        let planner_kind = if classic { PlannerKind::Classic } else { PlannerKind::Optimal };
+        proven(&events(head.into_iter().chain(moves)), Settings { planner_kind, ..machine() }, p);
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
