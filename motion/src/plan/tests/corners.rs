@@ -139,7 +139,7 @@ fn rapid_and_feed_moves_follow_each_other_without_a_stop() {
 
 #[test]
 fn where_rapid_and_feed_moves_meet_both_overrides_hold() {
-    for shares in [[0.5, 1.0], [1.0, 0.1], [1.2, 0.3], [0.1, 0.05]] {
+    for shares in [[0.5, 1.0], [1.0, 0.1], [1.2, 0.3], [0.1, 0.05], [1.0, 0.02]] {
         let mut planner = Planner::new(machine(), Recorder::default());
         planner.set_override(shares[0], shares[1]);
         planner.pump();
