@@ -377,9 +377,9 @@ fn digest(numbers: &[u64]) -> u64 {
 #[test]
 fn any_machine_gives_the_same_bits() {
     const DIGESTS: [(&str, [u64; 2]); 3] = [
-        ("mixed", [0xD025_0846_5E27_9A82, 0x4043_CEF5_3434_7694]),
-        ("rose", [0xB3DE_9704_7C0B_836E, 0x046C_2029_6587_557E]),
-        ("text", [0x0310_9F0E_4315_39F9, 0xB4D7_2C2D_8426_3B0D]),
+        ("mixed", [0xC9F1_A062_5258_DB17, 0x4043_CEF5_3434_7694]),
+        ("rose", [0x3ABD_9C4A_2AB6_3708, 0x046C_2029_6587_557E]),
+        ("text", [0x0223_9973_E9F7_8BEE, 0xB4D7_2C2D_8426_3B0D]),
     ];
     let found = DIGESTS.map(|(name, _)| {
         let text = proof_programs::find(name)

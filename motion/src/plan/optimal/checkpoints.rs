@@ -17,8 +17,6 @@ const FASTER: f64 = 2.0;
 /// The same in a curve that is passed slowly, where joints allow little more than knots were placed for; and its
 /// [`evenness`](crate::path::Blend::evenness) at the most.
 const FASTER_IN_SLOW: (f64, f64) = (1.3, 0.5);
-/// Time of a span over that for which knots were placed, for the greatest speed in it.
-const SLOWER: f64 = 3.0;
 /// How often a span may be halved.
 const HALVINGS: u32 = 5;
 
@@ -72,7 +70,7 @@ impl Checkpoints<'_> {
         let cap = (self.feed * self.feed).max(span.ease).min(self.slowest * self.slowest);
         uncut
             .push(span)
-            .push_span(span.to - span.from, SLOWER * span.time_s, cap, checkpoints, self.taken);
+            .push_span(span.to - span.from, span.time_s, cap, checkpoints, self.taken);
     }
 
     fn divide(&self, span: Knotted, [begin, middle, end]: [&[JointJet]; 3], halvings: u32, uncut: &mut Uncut) {

@@ -20,8 +20,14 @@ const STEP_S: [f64; 2] = [0.003, 0.010];
 /// Cells of a curved piece: so many in the time of a step, and at the most.
 const CELLS_PER_STEP: f64 = 1.0;
 const CELLS: f64 = 12.0;
-/// Greatest change of b over a span, as a part of it, about, and how often a span is shortened for it.
+/// Greatest change of b over a span, as a part of it, about.
 const CHANGE: f64 = 0.6;
+/// The same on straight stretches, where nothing but the speed changes. Spans grow by this part of the way to the nearer end there,
+/// up to so many times the even ones.
+const STRAIGHT_CHANGE: f64 = 0.3;
+const STRAIGHT_GROWTH: f64 = 0.3;
+const STRAIGHT_MOST: f64 = 3.0;
+/// How often a span is shortened for a change.
 const SHORTENINGS: u32 = 40;
 /// Spans of even time at both ends of a cell; farther inside they grow by this part from one to the next. So there are no more of
 /// them where motion takes hours, as it takes these because nothing changes.
@@ -50,6 +56,8 @@ struct Cell {
     allowed: Allowed,
     /// What b may still be for the sake of what it was, at both ends.
     ease: [f64; 2],
+    /// Whether its spans may grow: joints move evenly on it.
+    grows: bool,
     /// Number of the part it belongs to, counted in the section.
     part: u64,
 }
@@ -177,6 +185,8 @@ impl Ease {
 pub(super) struct Knots {
     /// How the section takes over from another plan, and what follows from it.
     taken_over: Option<TakenOver>,
+    /// Whether spans may grow on straight stretches: what brakes from the middle of another plan needs all of them.
+    grows: bool,
     ease: Option<Ease>,
     cells: VecDeque<Cell>,
     /// Estimated b before the first cell: certain.
@@ -195,6 +205,7 @@ impl Knots {
     pub(super) fn new(speed: f64) -> Knots {
         Knots {
             taken_over: None,
+            grows: true,
             ease: None,
             cells: VecDeque::new(),
             begin: speed * speed,
@@ -209,6 +220,7 @@ impl Knots {
     pub(super) fn taken_over(from: TakenOver) -> Knots {
         Knots {
             taken_over: Some(from),
+            grows: false,
             ..Knots::new(from.state.b.sqrt())
         }
     }
@@ -243,11 +255,11 @@ impl Knots {
                 } else {
                     from + step
                 };
-                self.cell(part, [from, to], first, cap);
+                self.cell(part, [from, to], first, cap, true);
                 from = to;
             }
             if from < part.to {
-                self.cell(part, [from, part.to], first, cap);
+                self.cell(part, [from, part.to], first, cap, true);
             }
         } else {
             let mut last = first;
@@ -278,7 +290,7 @@ impl Knots {
                     a: last.a.min(next.a),
                     j: last.j.min(next.j),
                 };
-                self.cell(part, [from, to], least, cap);
+                self.cell(part, [from, to], least, cap, false);
                 last = next;
             }
         }
@@ -286,7 +298,7 @@ impl Knots {
     }
 
     /// Adds a cell of a part, of which the joints allow so much and the feed b up to `cap`.
-    fn cell(&mut self, part: Part, [from, to]: [f64; 2], allowed: Allowed, cap: f64) {
+    fn cell(&mut self, part: Part, [from, to]: [f64; 2], allowed: Allowed, cap: f64, even: bool) {
         let ease = self
             .ease
             .as_mut()
@@ -301,6 +313,7 @@ impl Knots {
                 ..allowed
             },
             ease,
+            grows: even && self.grows,
             part: self.parts,
         });
     }
@@ -413,18 +426,26 @@ impl Cell {
     /// Its spans.
     fn divide(&self, ends: [f64; 2], step_s: f64, out: &mut Vec<Knotted>) {
         let length = self.length();
+        // What comes down to its feed, and what lies beside a kink, stays on its spans: see `slopes`.
+        let straight = self.grows && self.near == [false; 2] && self.ease == [0.0; 2];
+        let (change, most) = if straight {
+            (STRAIGHT_CHANGE, STRAIGHT_MOST)
+        } else {
+            (CHANGE, 1.0)
+        };
         let mut x = 0.0;
         while x < length {
             let here = self.expected(ends, x);
             let left = length - x;
             let even = here.sqrt() * step_s;
             let grown = GROWTH * (x.min(left) - EVEN * even).max(0.0);
-            let mut h = even + grown;
+            let most = (1.0 + STRAIGHT_GROWTH * x.min(left) / even).min(most);
+            let mut h = most * even + grown;
             for _ in 0..SHORTENINGS {
                 let there = self.expected(ends, (x + h).min(length));
                 let (low, high) = (here.min(there), here.max(there));
-                if high <= (1.0 + CHANGE) * low {
-                    h = h.min(low.sqrt() * step_s + grown);
+                if high <= (1.0 + change) * low {
+                    h = h.min(most * low.sqrt() * step_s + grown);
                     break;
                 }
                 h *= 0.7;

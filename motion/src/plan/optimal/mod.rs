@@ -9,6 +9,7 @@
 //! checkpoints  derivatives of the joints on every span, and whether three places show enough
 //! windows    cuts sections into windows; jobs for the worker threads
 //! solver     speed over a window: the square of the speed as a quadratic B-spline, interior point method
+//! s_curve    straight stretches between two states, in closed form
 //! slopes     states at knots, starts and stops -> elements
 //! stream     all of them, and what is handed over when
 //! ```
@@ -19,6 +20,7 @@
 mod checkpoints;
 mod joints;
 mod knots;
+mod s_curve;
 mod sections;
 mod slopes;
 pub mod solver;

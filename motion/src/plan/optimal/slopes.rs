@@ -4,6 +4,8 @@
 //! Out: elements.
 
 use super::joints::{Joints, Steady};
+use super::knots::Knotted;
+use super::s_curve::s_curve;
 use super::sections::{Log, Part, Place};
 use super::solver::{self, JointJet, JointLimits, Launch, State};
 use crate::element::{Element, Span};
@@ -40,6 +42,10 @@ pub(super) fn launch(part: Part, side: Side, log: &Log, joints: &Joints, jets: &
         at.copy_from_slice(jets);
     })
 }
+
+/// Parts of the speed and acceleration that the solver plans with which straight stretches take: less, so that a new plan can go on
+/// from any place on them.
+const STRAIGHT_PARTS: [f64; 2] = [0.99995, 0.998];
 
 /// Spans are divided until they take no longer, s: at the end of each, another plan may take over.
 const DIVISION_S: f64 = 0.01;
@@ -228,6 +234,51 @@ impl Emission<'_> {
             };
         }
         self.divided(part.item, span, part.to, LONG_S[1]);
+    }
+
+    /// Spans of the spline from state to state. Where a straight stretch takes several of them, the fastest motion between its
+    /// ends takes their place: it may be faster than a spline with few knots, and is never slower.
+    pub(super) fn spans(&mut self, spans: &[Knotted], states: &[State], joints: &Joints, jets: &mut Vec<JointJet>) {
+        let mut first = 0;
+        for group in spans.chunk_by(|a, b| a.item == b.item && a.near == b.near) {
+            let states = &states[first..=first + group.len()];
+            first += group.len();
+            if !self.straight(group, states, joints, jets) {
+                for (span, states) in group.iter().zip(states.windows(2)) {
+                    self.spline(span.part(), states[0], states[1]);
+                }
+            }
+        }
+    }
+
+    /// Several spans on one piece, in closed form; whether there is one.
+    fn straight(&mut self, spans: &[Knotted], states: &[State], joints: &Joints, jets: &mut Vec<JointJet>) -> bool {
+        let ([first, .., last], [from, .., to]) = (spans, states) else {
+            return false;
+        };
+        let Some(stretch) = self.log.stretch(first.item) else {
+            return false;
+        };
+        // A new plan that is faster than the feed comes down to it by its spans.
+        if first.near != [false; 2] || first.ease > 0.0 || !joints.are_even(&stretch.piece) {
+            return false;
+        }
+        joints.jets(&stretch.piece, first.from, jets);
+        let most = solver::even_limits(joints.limits(), jets, self.log.feed(first.item));
+        let limits = PathLimits {
+            v: (STRAIGHT_PARTS[0] * most.v).max(from.b.max(to.b).sqrt()),
+            a: (STRAIGHT_PARTS[1] * most.a).max(from.u.abs()).max(to.u.abs()),
+            ..most
+        };
+        let part = Part {
+            to: last.to,
+            ..first.part()
+        };
+        let Some(phases) = s_curve(*from, *to, part.to - part.from, &limits) else {
+            return false;
+        };
+        self.phases(&[part], &phases);
+        true
     }
 
     /// Phases along parts that follow each other; returns where they end.

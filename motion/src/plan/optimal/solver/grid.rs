@@ -1,5 +1,6 @@
 //! What the solver knows of the path: derivatives at checkpoints of every span, scaled by the limits.
 
+use crate::plan::limits::PathLimits;
 use crate::plan::roots::cube_root;
 
 /// Part of the acceleration limit that is planned with. Second differences of set-points are means over two cycles
@@ -7,7 +8,7 @@ use crate::plan::roots::cube_root;
 pub const ACCELERATION_USE: f64 = 0.995;
 /// Part of the jerk limit that is planned with where it varies most between checkpoints.
 pub const JERK_USE: f64 = 0.965;
-/// Parts of both where joints move evenly: between checkpoints nothing changes but the speed.
+/// The same of acceleration and jerk where joints move evenly: between checkpoints nothing changes but the speed.
 const EVEN_USE: [f64; 2] = [0.9985, 0.985];
 /// Part of the speed limits, programmed feed included, that is planned with: room for rounding.
 pub const SPEED_USE: f64 = 0.9999;
@@ -87,6 +88,8 @@ pub(super) struct Caps {
 pub struct Grid {
     limits: Vec<JointLimits>,
     lengths: Vec<f64>,
+    /// Estimated time of every span, s.
+    times_s: Vec<f64>,
     caps: Vec<Caps>,
     /// Index of the first row of every span, and whether it has checkpoints at its quarters too.
     first: Vec<(usize, bool)>,
@@ -105,7 +108,7 @@ pub(super) const FINE_CHECKPOINTS: [(f64, f64); 5] = [
     (1.0, 1.0 / 12.0),
 ];
 /// What jerk may stray from the chord between two checkpoints without further ones, over the limit.
-const STRAY: f64 = 0.004;
+const STRAY: f64 = 0.006;
 /// Crest of jerk between two checkpoints, over the limit, from which further ones are needed.
 pub const CREST: f64 = 0.02;
 /// The same where it comes from the greatest speed in a span.
@@ -141,6 +144,9 @@ fn peak(limits: &[JointLimits], length: f64, time_s: f64, jets: &[JointJet]) -> 
     along * time_s * time_s * time_s / (32.0 * length)
 }
 
+/// Time of a span over the estimated one, for the greatest speed in it.
+const SLOWER: f64 = 1.5;
+
 /// Whether joints with these derivatives move evenly.
 fn are_even(jets: &[JointJet]) -> bool {
     jets.iter().all(|jet| jet.d2 == 0.0 && jet.d3 == 0.0)
@@ -151,6 +157,26 @@ fn are_even(jets: &[JointJet]) -> bool {
 pub(super) fn uses(jets: &[JointJet], crest: f64) -> [f64; 2] {
     let acceleration = if are_even(jets) { EVEN_USE[0] } else { ACCELERATION_USE };
     [acceleration, (EVEN_USE[1] - crest).max(JERK_USE)]
+}
+
+/// Limits that are planned with along a straight stretch on which joints have these derivatives, for speeds up to `feed`.
+pub(in crate::plan) fn even_limits(limits: &[JointLimits], jets: &[JointJet], feed: f64) -> PathLimits {
+    let mut along = PathLimits {
+        v: feed,
+        a: f64::INFINITY,
+        j: f64::INFINITY,
+    };
+    for (limits, jet) in limits.iter().zip(jets) {
+        let d1 = jet.d1.abs();
+        along.v = along.v.min(limits.velocity / d1);
+        along.a = along.a.min(limits.acceleration / d1);
+        along.j = along.j.min(limits.jerk / d1);
+    }
+    PathLimits {
+        v: SPEED_USE * along.v,
+        a: EVEN_USE[0] * along.a,
+        j: EVEN_USE[1] * along.j,
+    }
 }
 
 impl Grid {
@@ -199,9 +225,10 @@ impl Grid {
         speeds.middle *= margin;
         speeds.end *= margin;
         self.lengths.push(length);
+        self.times_s.push(time_s);
         self.caps.push(speeds);
         let bent = crest(&self.limits, length, checkpoints);
-        let peak = peak(&self.limits, length, time_s, checkpoints[1]);
+        let peak = peak(&self.limits, length, SLOWER * time_s, checkpoints[1]);
         let even = checkpoints.iter().all(|jets| are_even(jets));
         let fine = bent > CREST || (even && peak > PEAK) || self.strays(cap, checkpoints);
         let crest = bent + peak;
@@ -297,6 +324,11 @@ impl Grid {
         self.lengths[span]
     }
 
+    /// Estimated time of a span, s.
+    pub(super) fn time_s(&self, span: usize) -> f64 {
+        self.times_s[span]
+    }
+
     /// Some of the spans, as a grid of their own.
     pub fn part(&self, spans: std::ops::Range<usize>) -> Grid {
         let row = |span: usize| self.first.get(span).map_or(self.rows.len(), |first| first.0);
@@ -304,6 +336,7 @@ impl Grid {
         Grid {
             limits: self.limits.clone(),
             lengths: self.lengths[spans.clone()].to_vec(),
+            times_s: self.times_s[spans.clone()].to_vec(),
             caps: self.caps[spans.clone()].to_vec(),
             first: self.first[spans]
                 .iter()
@@ -318,6 +351,7 @@ impl Grid {
         let spans = spans.min(self.spans());
         let rows = self.first.get(spans).map_or(self.rows.len(), |first| first.0);
         self.lengths.drain(..spans);
+        self.times_s.drain(..spans);
         self.caps.drain(..spans);
         self.first.drain(..spans);
         self.rows.drain(..rows);
@@ -329,6 +363,7 @@ impl Grid {
     /// Forgets all spans.
     pub fn clear(&mut self) {
         self.lengths.clear();
+        self.times_s.clear();
         self.caps.clear();
         self.first.clear();
         self.rows.clear();

@@ -54,9 +54,9 @@ impl Knotting {
 }
 
 /// The feasible profile over the speed for which knots were placed: accelerations shrink by its square, jerk by its cube.
-const SPEED_SHARE: f64 = 0.3;
+const SPEED_SHARE: f64 = 0.4;
 /// Part of the limits of steady motion at the feasible profile.
-const STEADY: f64 = 0.2;
+const STEADY: f64 = 0.3;
 /// Part of the acceleration limit that changes of the feasible profile take, before it is scaled by the square of [`SPEED_SHARE`].
 const PACE: f64 = 0.5;
 /// The feasible profile grows from span to span by this factor at the most.
@@ -86,7 +86,8 @@ fn own_speed(grid: &Grid, span: usize, step_s: f64) -> f64 {
     }
     let (root, slow) = (cube_root(STEADY / j3), STEADY / kink);
     b = b.min(STEADY / a2).min(root * root).min(slow * slow);
-    b.sqrt().min(SPEED_SHARE * grid.length(span) / step_s)
+    b.sqrt()
+        .min(SPEED_SHARE * grid.length(span) / step_s.max(grid.time_s(span)))
 }
 
 /// Coefficients of the feasible profile, one per span of the grid in the range.

@@ -36,7 +36,7 @@ impl Default for Options {
 }
 
 /// Part of the way to the nearest bound that a step takes.
-const TO_BOUND: f64 = 0.98;
+const TO_BOUND: f64 = 0.995;
 /// What is left of the weight of the barrier after a nearly full step, a medium one, and at least after a short one.
 const LEAVE: [f64; 3] = [0.125, 0.25, 0.1];
 /// The gap is not made smaller than this part of what the last step was to gain: nearer to the bounds, the method would creep
@@ -48,8 +48,6 @@ const FIRST_GAP: f64 = 0.3;
 const CENTRALITY: [f64; 2] = [0.1, 1e4];
 /// The same where multipliers restart.
 const RESTART_CENTRALITY: [f64; 2] = [1.0, 1.0];
-/// How often constraints that would not allow a step are made stiffer.
-const STIFFENINGS: u32 = 2;
 /// Step below which an iteration counts as stuck, and how many of them in a row restart the multipliers.
 const STUCK: (f64, u32) = (0.02, 3);
 
@@ -172,10 +170,8 @@ impl Workspace {
             let gradients = time_gradient.iter().zip(barrier_gradient.iter());
             self.right.extend(gradients.map(|(time, barrier)| -time - mu * barrier));
             self.factor.solve(matrix, free.clone(), &self.right, &mut self.d);
-            for _ in 0..STIFFENINGS {
-                if !stiffen(&mut self.constraints, mu, &self.d, matrix) {
-                    break;
-                }
+            // Once more would shorten iterations less than it costs.
+            if stiffen(&mut self.constraints, mu, &self.d, matrix) {
                 self.factor.solve(matrix, free.clone(), &self.right, &mut self.d);
             }
             let most = advance(&mut self.constraints, mu, &self.d);

@@ -45,6 +45,7 @@ mod profile;
 mod rise;
 
 pub use brake::first_braking;
+pub(in crate::plan) use grid::even_limits;
 pub use grid::{ACCELERATION_USE, CREST, Grid, JERK_USE, JointJet, JointLimits, SPEED_USE, Taken, crest};
 pub use initial_guess::{Knotting, feasible_profile, initial_guess};
 pub use interior::{Infeasible, Options, Solved, Workspace, solve};

@@ -140,8 +140,8 @@ impl Stream {
             out.start(*part, launch);
         }
         let mut end = pending.section.0;
-        for (span, states) in pending.window.sources.iter().zip(states.windows(2)) {
-            out.spline(span.part(), states[0], states[1]);
+        out.spans(&pending.window.sources, &states, &self.joints, &mut self.jets);
+        if let Some(span) = pending.window.sources.last() {
             end = Place {
                 item: span.item,
                 s: span.to,

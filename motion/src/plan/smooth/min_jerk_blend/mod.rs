@@ -16,7 +16,7 @@ mod pace;
 mod track;
 
 use curve::{Curve, value, weights};
-use least_jerk::{Gate, LeastJerk, Plane};
+use least_jerk::{Gate, LeastJerk, NEAR, Plane, ROUGH};
 use pace::{Moment, Pace};
 use track::{Track, flat, normal};
 
@@ -334,7 +334,8 @@ impl MinJerkBlend {
                     gate(x, v, (track.flat(&jet.q), track.direction(&jet.d1)));
                 }
             }
-            self.solver.solve(&mut spline, &gates, tube, scale);
+            let near = if pass + 1 < PASSES { ROUGH } else { NEAR };
+            self.solver.solve(&mut spline, &gates, tube, scale, near);
         }
         spline
             .iter()
