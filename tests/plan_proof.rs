@@ -377,9 +377,9 @@ fn digest(numbers: &[u64]) -> u64 {
 #[test]
 fn any_machine_gives_the_same_bits() {
     const DIGESTS: [(&str, [u64; 2]); 3] = [
-        ("mixed", [0xC9F1_A062_5258_DB17, 0x4043_CEF5_3434_7694]),
+        ("mixed", [0x0629_0388_0FAC_6867, 0x4043_CEF5_3434_7694]),
         ("rose", [0x3ABD_9C4A_2AB6_3708, 0x046C_2029_6587_557E]),
-        ("text", [0x0223_9973_E9F7_8BEE, 0xB4D7_2C2D_8426_3B0D]),
+        ("text", [0xE85C_C300_A641_861E, 0xB4D7_2C2D_8426_3B0D]),
     ];
     let found = DIGESTS.map(|(name, _)| {
         let text = proof_programs::find(name)

@@ -21,9 +21,7 @@ const WIDTH: usize = 8;
 const FIXED: usize = 6;
 const ITERATIONS: u32 = 15;
 /// Mean of slack times price at which the result is near enough.
-pub(super) const NEAR: f64 = 1e-2;
-/// The same where it only says next to which places the curve will be.
-pub(super) const ROUGH: f64 = 3e-2;
+const NEAR: f64 = 3e-3;
 /// Part of the way to the border of what is allowed that a step may go.
 const STEP: f64 = 0.98;
 
@@ -94,8 +92,8 @@ pub(super) struct LeastJerk {
 const THIRD: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
 
 impl LeastJerk {
-    /// Improves `spline`, until it is as `near` as that. `scale` makes third differences numbers about 1 where they are at the limit.
-    pub(super) fn solve(&mut self, spline: &mut [Plane], gates: &[Gate], tolerance: f64, scale: f64, near: f64) {
+    /// Improves `spline`. `scale` makes third differences numbers about 1 where they are at the limit.
+    pub(super) fn solve(&mut self, spline: &mut [Plane], gates: &[Gate], tolerance: f64, scale: f64) {
         self.offs.clear();
         self.offs.extend(gates.iter().map(|gate| {
             let across = gate.across().map(|x| x / tolerance);
@@ -133,7 +131,7 @@ impl LeastJerk {
                 outside = outside.max((off.y + upper.slack - 1.0).abs());
             }
             gap /= count;
-            if gap < near && outside < 1e-6 {
+            if gap < NEAR && outside < 1e-6 {
                 break;
             }
             let step = self.step(spline, gates, square, centring * gap);

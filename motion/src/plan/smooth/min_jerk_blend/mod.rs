@@ -16,7 +16,7 @@ mod pace;
 mod track;
 
 use curve::{Curve, value, weights};
-use least_jerk::{Gate, LeastJerk, NEAR, Plane, ROUGH};
+use least_jerk::{Gate, LeastJerk, Plane};
 use pace::{Moment, Pace};
 use track::{Track, flat, normal};
 
@@ -334,8 +334,7 @@ impl MinJerkBlend {
                     gate(x, v, (track.flat(&jet.q), track.direction(&jet.d1)));
                 }
             }
-            let near = if pass + 1 < PASSES { ROUGH } else { NEAR };
-            self.solver.solve(&mut spline, &gates, tube, scale, near);
+            self.solver.solve(&mut spline, &gates, tube, scale);
         }
         spline
             .iter()
