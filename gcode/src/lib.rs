@@ -69,7 +69,7 @@ pub use interpreter::{Interpreter, ReadSeek, Run};
 pub use lexer::{Lexer, Word, Words};
 pub use limits::CheckLimits;
 pub use located::Located;
-pub use machine::{Machine, NoMachine, Probed};
+pub use machine::{Machine, NoMachine, PinReader, Probed};
 pub use print::CanonPrinter;
 pub use resume::Resume;
 pub use scan::LINE_OCTETS_MAX;

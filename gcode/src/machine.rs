@@ -3,6 +3,9 @@
 //! An answer is asked for when it is needed: after the call that brings it about (a probing move, M66, M6) was handed
 //! out, and before the next line is read. Who runs the calls answers when they have been run.
 
+use std::fmt;
+use std::sync::Arc;
+
 use motion::canon::{Input, Position, ProbeEnd, ProbeMode, WaitMode};
 
 /// How a probing move ended.
@@ -36,6 +39,15 @@ pub trait Machine {
         Some(0.0)
     }
 
+    /// The program of a code of the user (M100 to M199) has ended.
+    ///
+    /// # Errors
+    /// Why it counts as failed.
+    fn user_code_ended(&mut self, number: u8, p: f64, q: f64) -> Result<(), String> {
+        let _ = (number, p, q);
+        Ok(())
+    }
+
     /// The tool that is in the spindle after a change to `tool`.
     fn tool_changed(&mut self, tool: u32) -> u32 {
         tool
@@ -57,5 +69,28 @@ pub struct NoMachine;
 impl Machine for NoMachine {
     fn place_after_tool_change(&mut self, before: Position, _now: Position) -> Position {
         before
+    }
+}
+
+/// Pins of a running control, by name, for `#<_hal[name]>`.
+#[derive(Clone)]
+pub struct PinReader(Arc<PinValue>);
+
+type PinValue = dyn Fn(&str) -> Option<f64> + Send + Sync;
+
+impl PinReader {
+    /// Pins as this function gives them; `None`: there is none of that name.
+    pub fn new(value: impl Fn(&str) -> Option<f64> + Send + Sync + 'static) -> PinReader {
+        PinReader(Arc::new(value))
+    }
+
+    pub(crate) fn value(&self, name: &str) -> Option<f64> {
+        (self.0)(name)
+    }
+}
+
+impl fmt::Debug for PinReader {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("PinReader")
     }
 }

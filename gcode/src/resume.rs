@@ -43,7 +43,7 @@ impl Run<'_> {
         let mut assumptions = Vec::new();
         self.calls.clear();
         while self.stop_before.is_some() && !self.ended && self.errors.is_empty() {
-            if let Some(question) = self.state.question {
+            for question in &self.state.questions {
                 assumptions.push(assumption(self.source().line, question));
             }
             self.step();
@@ -76,10 +76,11 @@ impl Run<'_> {
     }
 }
 
-fn assumption(line: u32, question: Question) -> String {
+fn assumption(line: u32, question: &Question) -> String {
     match question {
         Question::Probe { .. } => format!("line {line}: where the probe tripped"),
         Question::Input { .. } => format!("line {line}: what the input read"),
+        Question::UserCode { number, .. } => format!("line {line}: that M{number} did what it is to do"),
         Question::Tool { tool, .. } => format!("line {line}: that the change brought tool {tool}"),
     }
 }

@@ -127,6 +127,8 @@ pub struct Settings {
     pub analog_pins: u16,
     /// Added to the angles of M19, degrees.
     pub orient_offset_degrees: f64,
+    /// An M19 without R, P and Q, which orients nothing, is an error; LinuxCNC takes no notice of it.
+    pub orient_needs_angle: bool,
     /// Folders in which subroutines with files of their own are looked for, in this order.
     pub subroutine_folders: Vec<PathBuf>,
     /// Codes of M100 to M199 that can be run; `None`: all, for those who only look at a program.
@@ -139,6 +141,10 @@ pub struct Settings {
     pub remaps: Vec<Remap>,
     /// Values of `#<_ini[section]key>`, by `section` and `key` in lower case.
     pub ini_values: BTreeMap<(String, String), f64>,
+    /// Values of `#<_hal[pin]>` where no control runs, by name in lower case.
+    pub pin_values: BTreeMap<String, f64>,
+    /// Lines that are run before every program, modes only.
+    pub startup_code: String,
 }
 
 impl Default for Settings {
@@ -180,12 +186,15 @@ impl Default for Settings {
             digital_pins: 256,
             analog_pins: 256,
             orient_offset_degrees: 0.0,
+            orient_needs_angle: false,
             subroutine_folders: Vec::new(),
             user_codes: None,
             fanuc_subprograms: true,
             repeats_by_m99: false,
             remaps: Vec::new(),
             ini_values: BTreeMap::new(),
+            pin_values: BTreeMap::new(),
+            startup_code: String::new(),
         }
     }
 }

@@ -103,6 +103,14 @@ impl Hal {
         }
     }
 
+    /// All pins and nets that there are, for looking at their values from other threads.
+    pub fn view(&self) -> View {
+        View {
+            shared: self.shared.clone(),
+            entries: self.entries.clone(),
+        }
+    }
+
     /// One more reader of any pin or net.
     ///
     /// # Errors
@@ -270,6 +278,22 @@ impl Memory {
     /// RT: whether somebody has cut the file short: pins that were lost read as zeros until they are written again.
     pub fn is_lost(&self) -> bool {
         self.shared.words.is_lost()
+    }
+}
+
+/// Pins and nets by name, to be looked at.
+pub struct View {
+    shared: Arc<Shared>,
+    entries: Vec<Entry>,
+}
+
+impl View {
+    /// The value of a pin or net now; of an input that of the net it is on. `None`: there is none of that name.
+    pub fn value(&self, name: &str) -> Option<AnyValue> {
+        let index = self.entries.iter().position(|entry| entry.name == name)?;
+        let source = self.shared.source[index].load(Ordering::Acquire) as usize;
+        let entry = self.entries.get(source)?;
+        Some(self.shared.words.value(source, entry))
     }
 }
 

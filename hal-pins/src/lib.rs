@@ -50,7 +50,7 @@ mod value;
 pub use attached::{Attached, PinInfo};
 pub use error::HalError;
 pub use file::{Found, directories, find};
-pub use hal::{Hal, Input, Memory, Output};
+pub use hal::{Hal, Input, Memory, Output, View};
 pub use kind::{Kind, Type};
 pub use layout::CAPACITY_MAX;
 pub use name::{NAME_LEN_MAX, check_name, nearest};

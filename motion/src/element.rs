@@ -2,7 +2,7 @@
 //!
 //! In:  from the planner. Out: to the interpolation.
 
-use crate::canon::{Input, ProbeMode, SpindleDirection, WaitMode};
+use crate::canon::{Input, OrientDirection, ProbeMode, SpindleDirection, WaitMode};
 use crate::path::Piece;
 use crate::ring::Timed;
 use crate::rt::MotionLimits;
@@ -256,7 +256,7 @@ impl Auxiliary {
                 spindle: Some((rpm, direction, surface)),
                 ..self
             },
-            Action::SpindleOff => Auxiliary { spindle: None, ..self },
+            Action::SpindleOff | Action::OrientSpindle { .. } => Auxiliary { spindle: None, ..self },
             Action::Mist(mist) => Auxiliary { mist, ..self },
             Action::Flood(flood) => Auxiliary { flood, ..self },
             Action::SelectTool { tool } => Auxiliary {
@@ -279,6 +279,8 @@ impl Auxiliary {
             }
             Action::AwaitSpindle
             | Action::AwaitInput { .. }
+            | Action::AwaitOriented { .. }
+            | Action::UserCode { .. }
             | Action::ChangeTool { .. }
             | Action::SetTool { .. }
             | Action::ProgramStop
@@ -465,6 +467,18 @@ pub enum Action {
     },
     /// M5.
     SpindleOff,
+    /// M19: the spindle turns to an angle and is held there, until it is told something else.
+    OrientSpindle {
+        /// Angle, degrees.
+        degrees: f64,
+        /// Way there.
+        direction: OrientDirection,
+    },
+    /// M19 Q; also before what follows an M19 without Q: goes on once the spindle is at its angle.
+    AwaitOriented {
+        /// Longest wait, s; `None`: as long as the machine waits for a speed of the spindle.
+        timeout_s: Option<f64>,
+    },
     /// Before the first feed move behind a change of speed: goes on once the spindle has it.
     AwaitSpindle,
     /// M7 on, M9 off.
@@ -514,6 +528,15 @@ pub enum Action {
         /// Longest wait, s.
         timeout_s: f64,
     },
+    /// M100 to M199: a program of the PC runs; goes on once there is more of the plan, which is when it has ended.
+    UserCode {
+        /// Number of the M code.
+        number: u8,
+        /// P, -1 if it is not there.
+        p: f64,
+        /// Q, -1 if it is not there.
+        q: f64,
+    },
     /// M0.
     ProgramStop,
     /// M1.
@@ -545,6 +568,9 @@ impl fmt::Display for Action {
                 }
             }
             Action::SpindleOff => f.write_str("spindle off"),
+            Action::OrientSpindle { degrees, .. } => write!(f, "spindle to {degrees} degrees"),
+            Action::AwaitOriented { .. } => f.write_str("wait for the angle of the spindle"),
+            Action::UserCode { number, p, q } => write!(f, "M{number} {p} {q}"),
             Action::AwaitSpindle => f.write_str("wait for the speed of the spindle"),
             Action::Mist(mist) => write!(f, "mist {}", on(mist)),
             Action::Flood(flood) => write!(f, "flood {}", on(flood)),

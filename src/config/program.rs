@@ -30,6 +30,8 @@ const INSIDE_CORNER_DEGREES: f64 = 30.0;
 const FOLDERS_MAX: usize = 10;
 /// Threads that plan; more than a PC has cores are of no use.
 const THREADS_MAX: i64 = 64;
+/// Time of a program of the PC, s.
+const USER_CODE_TIMEOUT: Bound = Bound::Within(0.1, 86_400.0);
 /// Values of `#<_ini[section]name>`.
 const VALUE_MAX: f64 = 1e9;
 
@@ -62,6 +64,9 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
     let directory = folder(section, "directory", base);
     let subroutine_directories = folders(section, "subroutine_directories", base);
     let user_codes = user_codes(section, base);
+    let log_directory = folder(section, "log_directory", base);
+    let startup_code = startup_code(section);
+    let pins = pins(section);
     let digital_pins = section.integer(
         "digital_pins",
         0..=Outputs::DIGITAL as i64,
@@ -109,7 +114,7 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
         table.done();
     }
     section.renamed("planner_threads", "threads");
-    section.not_yet(&["optional_stop", "log_directory", "startup_code", "read_pins"]);
+    section.not_yet(&["optional_stop"]);
     Some(Program {
         tolerance_mm: tolerance_mm?,
         rapid_tolerance_mm: rapid_tolerance_mm?,
@@ -122,6 +127,9 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
         directory: directory?,
         subroutine_directories: subroutine_directories?,
         user_codes: user_codes?,
+        log_directory: log_directory?,
+        startup_code: startup_code?,
+        pins: pins?,
         digital_pins: digital_pins? as u16,
         analog_pins: analog_pins? as u16,
         block_delete: block_delete?,
@@ -211,6 +219,7 @@ fn cutter_corner(section: &mut Section<'_, '_>) -> Option<Corner> {
 fn user_codes(section: &mut Section<'_, '_>, base: &Path) -> Option<UserCodes> {
     let allowed = section.flag("user_codes", false);
     let directories = folders(section, "user_code_directories", base);
+    let timeout_s = section.number("user_code_timeout_s", USER_CODE_TIMEOUT, UserCodes::default().timeout_s);
     if allowed == Some(true) && directories.as_ref().is_some_and(Vec::is_empty) {
         section.wrong(
             "user_codes",
@@ -221,7 +230,32 @@ fn user_codes(section: &mut Section<'_, '_>, base: &Path) -> Option<UserCodes> {
     Some(UserCodes {
         allowed: allowed?,
         directories: directories?,
+        timeout_s: timeout_s?,
     })
+}
+
+/// `startup_code`.
+fn startup_code(section: &mut Section<'_, '_>) -> Option<String> {
+    match section.optional("startup_code") {
+        Some(item) => Some(item.text(&section.key("startup_code"))?.to_owned()),
+        None => Some(String::new()),
+    }
+}
+
+/// `[program.pins]`: what programs read as `#<_hal[pin]>` where no control runs.
+fn pins(section: &mut Section<'_, '_>) -> Option<BTreeMap<String, f64>> {
+    let mut pins = BTreeMap::new();
+    let mut complete = true;
+    let Some(mut names) = section.optional_section("pins") else {
+        return Some(pins);
+    };
+    for name in names.names() {
+        match names.any_number(&name, Bound::Size(VALUE_MAX)) {
+            Some(value) => complete &= pins.insert(name.to_ascii_lowercase(), value).is_none(),
+            None => complete = false,
+        }
+    }
+    complete.then_some(pins)
 }
 
 /// `[program.values.SECTION]`: numbers that programs read as `#<_ini[SECTION]NAME>`.

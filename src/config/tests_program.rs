@@ -82,6 +82,10 @@ directory = "programs"
 subroutine_directories = ["subs", "codes"]
 user_codes = true
 user_code_directories = ["codes"]
+user_code_timeout_s = 5
+log_directory = "subs"
+startup_code = "G61"
+pins."Motion.digital-in-00" = 1
 digital_pins = 64
 analog_pins = 16
 block_delete = true
@@ -142,7 +146,11 @@ orient_offset_degrees = -90
         user_codes: UserCodes {
             allowed: true,
             directories: vec![here("codes")],
+            timeout_s: 5.0,
         },
+        log_directory: Some(here("subs")),
+        startup_code: "G61".into(),
+        pins: [("motion.digital-in-00".to_owned(), 1.0)].into(),
         digital_pins: 64,
         analog_pins: 16,
         block_delete: true,

@@ -514,6 +514,12 @@ pub struct Program {
     pub subroutine_directories: Vec<PathBuf>,
     /// M100 to M199.
     pub user_codes: UserCodes,
+    /// Folder of the files that programs write; `None`: they write none.
+    pub log_directory: Option<PathBuf>,
+    /// Modes that are set before every program.
+    pub startup_code: String,
+    /// Values of `#<_hal[pin]>` in checks and plans, by name in lower case.
+    pub pins: BTreeMap<String, f64>,
     /// Digital inputs and outputs that programs may name (M62 to M66), each; default 4.
     pub digital_pins: u16,
     /// Analog inputs and outputs that programs may name (M66 to M68), each; default 4.
@@ -569,6 +575,9 @@ impl Default for Program {
             directory: None,
             subroutine_directories: Vec::new(),
             user_codes: UserCodes::default(),
+            log_directory: None,
+            startup_code: String::new(),
+            pins: BTreeMap::new(),
             digital_pins: 4,
             analog_pins: 4,
             block_delete: false,
@@ -589,12 +598,24 @@ impl Default for Program {
 }
 
 /// M100 to M199: programs of the PC that part programs may start.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct UserCodes {
     /// They may be started; default false.
     pub allowed: bool,
     /// Folders of the files `M100` to `M199`, in the order in which they are searched.
     pub directories: Vec<PathBuf>,
+    /// How long one may run, s; default 60.
+    pub timeout_s: f64,
+}
+
+impl Default for UserCodes {
+    fn default() -> UserCodes {
+        UserCodes {
+            allowed: false,
+            directories: Vec::new(),
+            timeout_s: 60.0,
+        }
+    }
 }
 
 /// `[[program.remap]]`

@@ -17,6 +17,23 @@ use std::fmt;
 pub const SILENCED: &str = "the network is silenced, because the cycle thread hung: drives stop by themselves for want of SoC; \
                             this control ends and has to be restarted";
 
+/// Why the spindle is not at the angle of M19.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum OrientFailure {
+    /// The time of Q is over.
+    Late {
+        /// Wanted angle, degrees.
+        degrees: f64,
+        /// The time, s.
+        timeout_s: f64,
+    },
+    /// `spindle.0.orient-fault` is not 0.
+    Fault {
+        /// Its value.
+        code: i32,
+    },
+}
+
 /// Speed of a spindle that has been waited for too long.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpeedNotReached {
@@ -137,6 +154,11 @@ pub enum Fault {
         /// How far it came.
         late: SpeedNotReached,
     },
+    /// The spindle did not get to the angle of M19.
+    SpindleOrient {
+        /// Why.
+        failure: OrientFailure,
+    },
     /// An index of the spindle's encoder came a number of counts away from where whole turns are.
     CountsLost {
         /// Counts, below 0 where some were lost.
@@ -202,6 +224,7 @@ impl Fault {
             | Fault::LimitExceeded { .. }
             | Fault::OutOfStep { .. }
             | Fault::SpindleLate { .. }
+            | Fault::SpindleOrient { .. }
             | Fault::CountsLost { in_step: true, .. }
             | Fault::TooManyOverruns { .. }
             | Fault::PinsLost
@@ -229,6 +252,7 @@ impl Fault {
             | Fault::LimitExceeded { .. }
             | Fault::OutOfStep { .. }
             | Fault::SpindleLate { .. }
+            | Fault::SpindleOrient { .. }
             | Fault::CountsLost { .. }
             | Fault::CyclesSkipped { .. }
             | Fault::ManyOverruns { .. }
@@ -295,6 +319,14 @@ impl Fault {
                     "spindle: spindle.0.at-speed does not tell that {:.0} 1/min are reached",
                     late.wanted_rpm
                 ),
+            },
+            Fault::SpindleOrient { failure } => match failure {
+                OrientFailure::Late { degrees, timeout_s } => format!(
+                    "spindle: spindle.0.is-oriented does not tell within {timeout_s} s that {degrees} degrees are reached (M19)"
+                ),
+                OrientFailure::Fault { code } => {
+                    format!("spindle: what orients it reports fault {code} (spindle.0.orient-fault, M19)")
+                }
             },
             Fault::CountsLost { counts, .. } => format!(
                 "spindle: its encoder counted {} {} than whole turns between two indexes: look at its cable, its shield and \

@@ -24,7 +24,7 @@ use crate::program::{self, FeedError, Feeder, Threads, waits};
 use crate::rt::cycle_stats::Windows;
 use crate::rt::shared::RtStatus;
 use crate::rt::timeout;
-use gcode::CheckLimits;
+use gcode::{CheckLimits, PinReader};
 use motion::cancel::Cancel;
 use motion::canon::Position;
 use motion::element::Element;
@@ -78,6 +78,8 @@ pub trait LoopTask {
 pub(super) struct OperatorLoop<'scope, 'env> {
     scope: &'scope Scope<'scope, 'env>,
     session: &'scope Session<'env>,
+    /// Pins that programs may read.
+    pins: PinReader,
     /// Ends all threads of the session.
     stop: &'scope AtomicBool,
     clients: Clients<'scope, 'env>,
@@ -110,12 +112,14 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         session: &'scope Session<'env>,
         stop: &'scope AtomicBool,
         inbox: OrderInbox,
+        pins: PinReader,
         cpu: usize,
     ) -> OperatorLoop<'scope, 'env> {
         let stands_by = matches!(session.task, Task::StandBy);
         OperatorLoop {
             scope,
             session,
+            pins,
             stop,
             clients: Clients::new(scope, session.config, session.tables, stands_by, inbox),
             keeper: Keeper::new(scope, session.tables),
@@ -299,6 +303,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         let stop = self.stop;
         self.given_up = Cancel::default();
         let given_up = self.given_up.clone();
+        let pins = self.pins.clone();
         let planner = std::thread::Builder::new()
             .name("program".into())
             .spawn_scoped(self.scope, move || {
@@ -311,6 +316,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
                     let mut feeder = Feeder::in_threads(machine, text.reader(), position, producer, threads)
                         .beside(text.name())
                         .with_probe(results)
+                        .reading_pins(pins)
                         .within(running_limits(given_up.clone()))
                         .following(live)
                         .telling_path(told);

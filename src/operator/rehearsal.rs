@@ -12,6 +12,7 @@ use crate::host::wait::Grid;
 use crate::machine::motion_settings::{ring_capacity, stop_ramp, stop_shares};
 use crate::machine::sequence::Outcome;
 use crate::machine::tables::Tables;
+use crate::operator::session::pin_reader;
 use crate::program::{Feeder, Progress, waits};
 use crate::rt::assemble::assemble;
 use crate::rt::cycle::MotionController;
@@ -205,7 +206,8 @@ impl<B: VirtualTime> Rehearsal<'_, B> {
             let (producer, consumer) = ring::channel(ring_capacity(self.config));
             let (answers, results) = waits::line();
             let feeder = Feeder::new(self.config, &self.tables, self.text, position, producer);
-            self.feeder = Some(feeder.with_probe(results).following(self.operator.shared()));
+            let feeder = feeder.with_probe(results).reading_pins(pin_reader(&self.hal));
+            self.feeder = Some(feeder.following(self.operator.shared()));
             let program = Interpolator::new(consumer, position, stop_ramp(self.config))
                 .with_probe(answers, stop_shares(self.config));
             self.operator.start(Box::new(program));

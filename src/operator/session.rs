@@ -35,7 +35,8 @@ use crate::rt::timeout::{self, Limits, TimeoutThread};
 use crate::sim::near_end;
 use crate::sim::paced::{Paced, run_paced};
 use anyhow::{Context, anyhow};
-use hal_pins::Hal;
+use gcode::PinReader;
+use hal_pins::{AnyValue, Hal};
 use motion::rt::Peaks;
 use std::io::Write;
 use std::path::Path;
@@ -271,7 +272,7 @@ fn run_on(
         }
         let ended = StopOnDrop(&stop);
         let lives = || !cycle.is_finished();
-        let operator_loop = OperatorLoop::new(scope, session, &stop, inbox, process.cpu);
+        let operator_loop = OperatorLoop::new(scope, session, &stop, inbox, pin_reader(&hal), process.cpu);
         let probed_time_s = operator_loop.run(&mut running, task, &lives);
         drop(ended);
         if running.operator.needs_restart() {
@@ -304,6 +305,21 @@ fn run_on(
             spin_raised_us: spin.raised_us(),
             ..calibration
         },
+    })
+}
+
+/// Pins as programs read them.
+pub(super) fn pin_reader(hal: &Hal) -> PinReader {
+    let pins = hal.view();
+    PinReader::new(move |name| {
+        Some(match pins.value(name)? {
+            AnyValue::Bit(on) => f64::from(on),
+            AnyValue::S32(number) => f64::from(number),
+            AnyValue::U32(number) => f64::from(number),
+            AnyValue::S64(number) => number as f64,
+            AnyValue::U64(number) => number as f64,
+            AnyValue::Float(number) => number,
+        })
     })
 }
 

@@ -6,17 +6,19 @@
 mod exact_stops;
 pub mod path;
 pub mod real_time;
+mod records;
 mod settings;
 mod stages;
 pub mod text;
+mod user_code;
 pub mod waits;
 
-use crate::config::{self, Config};
+use crate::config::{self, Config, UserCodes};
 use crate::host::wait::thread_cpu_s;
 use crate::machine::motion_settings::plan_settings;
 use crate::machine::tables::Tables;
 use crate::rt::shared::RtStatus;
-use gcode::CheckLimits;
+use gcode::{CheckLimits, PinReader};
 use motion::cancel::Cancel;
 use motion::canon::Position;
 use motion::element::Element;
@@ -40,7 +42,7 @@ use std::sync::{Arc, PoisonError, mpsc};
 use std::thread::available_parallelism;
 use std::time::{Duration, Instant};
 use text::Reader;
-use waits::{Awaited, Waits};
+use waits::{Awaited, Known, Waits};
 
 /// Canonical calls that one call of [`Feeder::pump`] takes at the most.
 const EVENTS_PER_PUMP: usize = 256;
@@ -110,7 +112,7 @@ pub fn check_text(
     if let Some(folder) = folder(path) {
         settings.subroutine_folders.insert(0, folder.to_owned());
     }
-    let errors = gcode::check_on(text, || Ok(text), settings, Waits::new().1, limits);
+    let errors = gcode::check_on(text, || Ok(text), settings, Waits::new(UserCodes::default()).1, limits);
     errors.unwrap_or_else(|error| vec![not_readable(&error)])
 }
 
@@ -286,7 +288,7 @@ pub enum Progress {
     Working,
     /// The ring is full: try again when the machine has moved on.
     RingFull,
-    /// A probing move or a wait for an input (M66) is under way: what follows depends on how it ends. Try again in a while.
+    /// A probing move, a wait for an input (M66) or a code of the user (M100 to M199) is under way: what follows depends on how it ends. Try again in a while.
     Waiting,
     /// The whole program is in the ring. As long as the machine runs it, it may change: see [`Feeder::is_over`].
     Done,
@@ -305,7 +307,7 @@ pub struct Feeder<'t, S: Sink<Element>> {
     threads: Option<Threads<'t>>,
     workers: Workers,
     /// To the thread of smoothing.
-    answers: Option<mpsc::Sender<Answer>>,
+    answers: Option<mpsc::Sender<Known>>,
     /// Who is told of the programmed path, in place of [`Feeder::ideal_path`].
     told: Option<mpsc::Sender<PathNews>>,
     /// What is told behind the path of the next part.
@@ -362,7 +364,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         workers: Workers,
     ) -> Feeder<'t, S> {
         let settings = plan_settings(config, start);
-        let (waits, asked) = Waits::new();
+        let (waits, asked) = Waits::new(config.program.user_codes.clone());
         let interpreter = gcode::Interpreter::new(planned_settings(config, tables, start))
             .with_machine(asked)
             .run_reader(text);
@@ -427,6 +429,11 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         }
     }
 
+    /// The same that reads pins of a running control for `#<_hal[name]>`.
+    pub fn reading_pins(self, pins: PinReader) -> Feeder<'t, S> {
+        self.with_interpreter(|interpreter| interpreter.with_pins(pins))
+    }
+
     /// The same that follows the operator, from the next [`Feeder::pump`] on: overrides; in single block, exact stops.
     pub fn following(mut self, live: Arc<RtStatus>) -> Feeder<'t, S> {
         self.smoothing.recall().live = Some(Arc::clone(&live));
@@ -461,10 +468,10 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
                 return Ok(Progress::RingFull);
             }
             if self.waits.awaited().is_some() {
-                let Some(answer) = self.waits.receive() else {
+                let Some(known) = self.waits.receive() else {
                     return Ok(Progress::Waiting);
                 };
-                self.answered(answer);
+                self.answered(known);
             }
             if self.ended {
                 return Ok(if self.speed.is_done() {
@@ -527,19 +534,19 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         }
     }
 
-    fn answered(&mut self, answer: Answer) {
-        if let Answer::Probed(_) = answer {
+    fn answered(&mut self, known: Known) {
+        if let Known::Machine(Answer::Probed(_)) = known {
             // How far it went comes with the next part.
             self.news = Some(PathNews::Probed);
         }
         match (&mut self.smoothing, &self.answers) {
             (Stage::There(_), Some(answers)) => {
                 // A thread that is gone is noticed by what does not come.
-                let _ = answers.send(answer);
+                let _ = answers.send(known);
             }
             (smoothing, _) => {
                 let smoothing = smoothing.recall();
-                smoothing.answered(&answer);
+                smoothing.answered(known);
                 self.left_s = smoothing.left_s();
             }
         }
@@ -548,6 +555,9 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     fn failed(&mut self, failed: Failed) -> FeedError {
         match failed {
             Failed::Text(error) => FeedError::Text(error),
+            Failed::Record { source, what } => {
+                FeedError::Text(self.recall().interpreter().error_at(source, None, what))
+            }
             Failed::Plan {
                 source,
                 letter,
@@ -675,6 +685,7 @@ pub fn home(config: &Config) -> Position {
 fn planned_settings(config: &Config, tables: &Tables, start: Position) -> gcode::Settings {
     gcode::Settings {
         splines: gcode::Splines::Timed,
+        orient_needs_angle: true,
         ..settings_with(config, tables, start)
     }
 }

@@ -3,10 +3,10 @@
 //! In:  [`Config`], [`Tables`], the place where the machine stands.
 //! Out: [`gcode::Settings`].
 
+use super::user_code;
 use crate::config::{self, Config};
 use crate::machine::tables::{Tables, without_file};
 use motion::canon::{AXES, LengthUnit, Position};
-use std::os::unix::fs::PermissionsExt;
 
 /// Codes of the user.
 const USER_CODES: std::ops::RangeInclusive<u8> = 100..=199;
@@ -55,6 +55,8 @@ pub fn interpreter_settings(config: &Config, start: Position) -> gcode::Settings
         user_codes: Some(user_codes(&program.user_codes)),
         remaps: program.remaps.iter().map(remap).collect(),
         ini_values: program.values.clone(),
+        pin_values: program.pins.clone(),
+        startup_code: program.startup_code.clone(),
         ..gcode::Settings::default()
     }
 }
@@ -74,16 +76,9 @@ fn arc_radius_tolerance_mm(config: &Config) -> Option<f64> {
 
 /// Those of M100 to M199 for which there is a program that may be started.
 fn user_codes(codes: &config::UserCodes) -> Vec<u8> {
-    let is_program = |number: u8| {
-        codes.directories.iter().any(|folder| {
-            let metadata = std::fs::metadata(folder.join(format!("M{number}")));
-            metadata.is_ok_and(|metadata| metadata.is_file() && metadata.permissions().mode() & 0o111 != 0)
-        })
-    };
-    match codes.allowed {
-        true => USER_CODES.filter(|number| is_program(*number)).collect(),
-        false => Vec::new(),
-    }
+    USER_CODES
+        .filter(|number| user_code::file(codes, *number).is_some())
+        .collect()
 }
 
 fn remap(remap: &config::Remap) -> gcode::Remap {
@@ -101,6 +96,7 @@ mod tests {
     use crate::config::Remap;
     use motion::canon::Axis;
     use motion::compensation::{Corner, Gouge};
+    use std::os::unix::fs::PermissionsExt;
     use std::path::{Path, PathBuf};
 
     fn demo() -> Config {
@@ -161,6 +157,8 @@ mod tests {
         program.cutter_corner = Corner::Intersection { limit_degrees: 60.0 };
         program.gouge = Gouge::DropLoop;
         program.arc_radius_tolerance_inch = 0.001;
+        program.pins = [("a.b".to_owned(), 1.0)].into();
+        program.startup_code = "G61".into();
         program.values = [(("probe".to_owned(), "height".to_owned()), 5.0)].into();
         program.remaps = vec![Remap {
             code: "M400".into(),
@@ -190,7 +188,8 @@ mod tests {
         assert_eq!(found.subroutine_folders, ["parts", "one", "two"].map(PathBuf::from));
         assert_eq!(found.user_codes, Some(vec![100, 199]));
         assert_eq!(found.remaps[0].code, "M400");
-        assert_eq!(found.ini_values.len(), 1);
+        assert_eq!((found.ini_values.len(), found.pin_values.len()), (1, 1));
+        assert_eq!(found.startup_code, "G61");
 
         config.program.user_codes.allowed = false;
         config.unit = LengthUnit::Millimetre;

@@ -8,10 +8,11 @@
 //! (#5420), so that the interpreter cannot run ahead of it.
 
 use super::exact_stops::ExactStops;
-use super::waits::{Answers, Awaited, Told, awaited_behind};
+use super::records::Records;
+use super::waits::{Answers, Awaited, Known, Told, awaited_behind};
 use crate::config;
 use crate::rt::shared::RtStatus;
-use motion::canon::{Axis, Call, Event, PathMode, Position, Source};
+use motion::canon::{Axis, Call, Event, PathMode, Position, ProbeEnd, Source};
 use motion::plan::timeline::{Task, Timeline, during};
 use motion::plan::workers::{QueueIn, QueueOut, Workers, queue};
 use motion::plan::{PathPlanner, PlanError, PlanErrorKind, Programmed, Smoothed};
@@ -142,6 +143,11 @@ pub(super) enum Failed {
         what: String,
         kind: PlanErrorKind,
     },
+    /// What the program wanted to write.
+    Record {
+        source: Source,
+        what: String,
+    },
 }
 
 /// What is behind a part.
@@ -189,6 +195,10 @@ pub(super) struct Smoothing<'t> {
     pub(super) live: Option<Arc<RtStatus>>,
     /// Who is told what the program waits for; `None`: all is as programmed, and nobody waits.
     pub(super) answers: Option<Answers>,
+    /// What the program writes: only one that runs.
+    records: Records,
+    /// Why a point of a probing move could not be written.
+    unwritten: Option<String>,
     left_s: f64,
     /// 1 for G54 to 9 for G59.3.
     work_system: u8,
@@ -217,6 +227,8 @@ impl<'t> Smoothing<'t> {
             spare: Spare::default(),
             live: None,
             answers: None,
+            records: Records::new(program.log_directory.clone()),
+            unwritten: None,
             left_s: 0.0,
             work_system: 1,
             default_tolerance_mm: program.tolerance_mm,
@@ -344,6 +356,11 @@ impl<'t> Smoothing<'t> {
         let source = event.source;
         let switch = self.exact_stops.switch(single_block).map(|call| Event { source, call });
         let awaited = awaited_behind(&event.call);
+        if self.answers.is_some()
+            && let Err(what) = self.write(&event.call)
+        {
+            return After::Failed(Failed::Record { source, what });
+        }
         let event = self.exact_stops.let_pass(&event.call).then_some(event);
         for event in switch.iter().chain(&event) {
             if let Err(error) = self.path.push(event) {
@@ -355,7 +372,7 @@ impl<'t> Smoothing<'t> {
             // All before it, and it itself; the rest is planned once it is over.
             match awaited {
                 Awaited::Probe => self.path.await_contact(),
-                Awaited::Input => {}
+                Awaited::Input | Awaited::UserCode { .. } => {}
             }
             self.path.finish();
         }
@@ -363,20 +380,42 @@ impl<'t> Smoothing<'t> {
     }
 
     /// What the program stopped for has come.
-    pub(super) fn answered(&mut self, answer: &Answer) {
-        let told = match answer {
-            Answer::Probed(probed) => {
+    pub(super) fn answered(&mut self, known: Known) {
+        let told = match known {
+            Known::Machine(Answer::Probed(probed)) => {
                 self.left_s += self.path.probed(probed.rest);
+                let at = self.path.to_work(&probed.at);
+                if probed.end == ProbeEnd::Tripped {
+                    self.unwritten = self.records.touched(&at).err();
+                }
                 Told::Probed(gcode::Probed {
                     end: probed.end,
-                    at: self.path.to_work(&probed.at),
+                    at,
                     rest: self.path.to_work(&probed.rest),
                 })
             }
-            Answer::Input(read) => Told::Input(*read),
+            Known::Machine(Answer::Input(read)) => Told::Input(read),
+            // The machine rests there: it is for user codes only, which tell their end.
+            Known::Machine(Answer::Reached) => Told::User(Ok(())),
+            Known::User(ended) => Told::User(ended),
         };
         if let Some(answers) = &self.answers {
             answers.send(told);
+        }
+    }
+
+    /// Writes what a call of a program that runs has to be written.
+    fn write(&mut self, call: &Call) -> Result<(), String> {
+        if let Some(what) = self.unwritten.take() {
+            return Err(what);
+        }
+        match call {
+            Call::Record(record) => self.records.record(record),
+            Call::UseLengthUnit(unit) => {
+                self.records.use_unit(*unit);
+                Ok(())
+            }
+            _ => Ok(()),
         }
     }
 
@@ -463,7 +502,7 @@ pub(super) fn start<'t>(
     smoothing: &mut Stage<'t, Smoothing<'t>, Batch>,
     Threads { count, spawn, .. }: &Threads<'t>,
     workers: &Workers,
-) -> Option<mpsc::Sender<Answer>> {
+) -> Option<mpsc::Sender<Known>> {
     if *count < 2 {
         return None;
     }
@@ -472,7 +511,7 @@ pub(super) fn start<'t>(
     {
         smoothing.start_interpreter(spawn, workers);
     }
-    let (answers, answers_of) = mpsc::channel::<Answer>();
+    let (answers, answers_of) = mpsc::channel::<Known>();
     let thread = match count {
         2 => Builder::new().name("interpreter".to_owned()),
         _ => Builder::new().name("smoothing".to_owned()),
@@ -493,7 +532,7 @@ pub(super) fn start<'t>(
             }
             if waits {
                 match answers_of.recv() {
-                    Ok(answer) => smoothing.answered(&answer),
+                    Ok(known) => smoothing.answered(known),
                     Err(_) => return,
                 }
             }

@@ -1,4 +1,5 @@
-//! What a program waits for, between it and the cycle thread: how a probing move ended, what an input read (M66).
+//! What a program waits for, between it and the cycle thread: how a probing move ended, what an input read (M66), how
+//! a code of the user ended (M100 to M199).
 //!
 //! In:  results of the cycle thread, machine coordinates.
 //! Out: answers to the interpreter, work coordinates.
@@ -6,6 +7,8 @@
 //! A program that is only looked at has nobody to wait for: its probing moves touch something at their very end, and its inputs
 //! come as they are waited for. So loops that probe until they touch come to an end, and what follows a touch is seen.
 
+use super::user_code::UserCode;
+use crate::config::UserCodes;
 use motion::canon::{Call, Input, Position, ProbeEnd, ProbeMode, WaitMode};
 use motion::rt::probe::Answer;
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
@@ -17,12 +20,14 @@ pub fn line() -> (rtrb::Producer<Answer>, rtrb::Consumer<Answer>) {
 }
 
 /// An answer to the interpreter.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) enum Told {
     /// How a probing move ended, work coordinates.
     Probed(gcode::Probed),
     /// What an input read; `None`: the time ran out.
     Input(Option<f64>),
+    /// How a code of the user ended.
+    User(Result<(), String>),
 }
 
 /// Where answers to the interpreter come from; nobody gives any: `None`.
@@ -43,7 +48,7 @@ impl gcode::Machine for Asked {
     fn probed(&mut self, _: Position, to: Position, _: ProbeMode) -> Option<gcode::Probed> {
         match self.told() {
             Some(Told::Probed(probed)) => Some(probed),
-            Some(Told::Input(_)) | None => Some(gcode::Probed {
+            Some(Told::Input(_) | Told::User(_)) | None => Some(gcode::Probed {
                 end: ProbeEnd::Tripped,
                 at: to,
                 rest: to,
@@ -54,21 +59,46 @@ impl gcode::Machine for Asked {
     fn waited(&mut self, _: Input, mode: WaitMode, _: f64) -> Option<f64> {
         match self.told() {
             Some(Told::Input(read)) => read,
-            Some(Told::Probed(_)) | None => match mode {
+            Some(Told::Probed(_) | Told::User(_)) | None => match mode {
                 WaitMode::Rise | WaitMode::High => Some(1.0),
                 WaitMode::Immediate | WaitMode::Fall | WaitMode::Low => Some(0.0),
             },
         }
     }
+
+    fn user_code_ended(&mut self, _: u8, _: f64, _: f64) -> Result<(), String> {
+        match self.told() {
+            Some(Told::User(ended)) => ended,
+            Some(Told::Probed(_) | Told::Input(_)) | None => Ok(()),
+        }
+    }
 }
 
 /// What a program waits for behind a call.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Awaited {
     /// The end of a probing move.
     Probe,
     /// An input (M66).
     Input,
+    /// The program of a code of the user, once the machine rests there.
+    UserCode {
+        /// 100 to 199.
+        number: u8,
+        /// P, -1 if it is not there.
+        p: f64,
+        /// Q, -1 if it is not there.
+        q: f64,
+    },
+}
+
+/// What has become of what was waited for.
+#[derive(Debug)]
+pub(super) enum Known {
+    /// The machine has answered.
+    Machine(Answer),
+    /// A code of the user has ended.
+    User(Result<(), String>),
 }
 
 /// What the interpreter asks behind a call before it goes on.
@@ -76,6 +106,7 @@ pub(super) fn awaited_behind(call: &Call) -> Option<Awaited> {
     match call {
         Call::StraightProbe { .. } => Some(Awaited::Probe),
         Call::WaitInput { .. } => Some(Awaited::Input),
+        &Call::UserCode { number, p, q } => Some(Awaited::UserCode { number, p, q }),
         _ => None,
     }
 }
@@ -96,18 +127,23 @@ pub(super) struct Waits {
     results: Option<rtrb::Consumer<Answer>>,
     answered: Answered,
     awaited: Option<Awaited>,
+    codes: UserCodes,
+    /// Runs in this moment.
+    user_code: Option<UserCode>,
     probed: bool,
 }
 
 impl Waits {
     /// Of a program that is only looked at; and what its interpreter asks.
-    pub(super) fn new() -> (Waits, Asked) {
+    pub(super) fn new(codes: UserCodes) -> (Waits, Asked) {
         let answered = Answered::default();
         let asked = Asked(Arc::clone(&answered));
         let waits = Waits {
             results: None,
             answered,
             awaited: None,
+            codes,
+            user_code: None,
             probed: false,
         };
         (waits, asked)
@@ -133,11 +169,25 @@ impl Waits {
         self.awaited
     }
 
-    /// The answer, once it is there; then nothing is waited for any more.
-    pub(super) fn receive(&mut self) -> Option<Answer> {
-        let result = self.results.as_mut()?.pop().ok()?;
-        self.awaited = None;
-        Some(result)
+    /// What came of it, once that is known; then nothing is waited for any more.
+    pub(super) fn receive(&mut self) -> Option<Known> {
+        let known = match &mut self.user_code {
+            Some(user_code) => Known::User(user_code.poll()?),
+            None => match (self.results.as_mut()?.pop().ok()?, self.awaited) {
+                (Answer::Reached, Some(Awaited::UserCode { number, p, q })) => {
+                    match UserCode::start(&self.codes, number, p, q) {
+                        Ok(user_code) => {
+                            self.user_code = Some(user_code);
+                            return None;
+                        }
+                        Err(reason) => Known::User(Err(reason)),
+                    }
+                }
+                (answer, _) => Known::Machine(answer),
+            },
+        };
+        (self.user_code, self.awaited) = (None, None);
+        Some(known)
     }
 
     /// Whether there was a probing move whose end was only assumed.

@@ -431,6 +431,8 @@ impl Pins {
                 surface,
             } => self.spindle.command(rpm, direction, surface),
             Action::SpindleOff => self.spindle.stop(),
+            Action::OrientSpindle { degrees, direction } => self.spindle.orient(degrees, direction),
+            Action::AwaitOriented { timeout_s } => self.spindle.await_oriented(timeout_s),
             Action::Mist(on) => self.mist.set(on),
             Action::Flood(on) => self.flood.set(on),
             Action::SelectTool { tool } | Action::SetTool { tool } => self.tool_number.set(tool),
@@ -442,7 +444,11 @@ impl Pins {
             Action::SetAnalog { index, value } => self.outputs.set_analog(index, value),
             Action::AwaitInput { input, mode, timeout_s } => self.inputs.await_input(input, mode, timeout_s),
             Action::ProgramEnd => self.all_off(),
-            Action::AwaitSpindle | Action::ProgramStop | Action::OptionalStop | Action::Message { .. } => {}
+            Action::AwaitSpindle
+            | Action::UserCode { .. }
+            | Action::ProgramStop
+            | Action::OptionalStop
+            | Action::Message { .. } => {}
         }
     }
 
@@ -463,6 +469,9 @@ impl Pins {
                 done
             }
             Action::AwaitSpindle => self.spindle.is_at_speed(),
+            Action::AwaitOriented { .. } => self.spindle.is_oriented(),
+            // More of the plan says when.
+            Action::UserCode { .. } => false,
             Action::AwaitInput { .. } => self.inputs.is_over(),
             // The operator says when.
             Action::ProgramStop => false,
@@ -470,6 +479,7 @@ impl Pins {
             Action::OptionalStop => true,
             Action::SpindleOn { .. }
             | Action::SpindleOff
+            | Action::OrientSpindle { .. }
             | Action::Mist(_)
             | Action::Flood(_)
             | Action::SelectTool { .. }

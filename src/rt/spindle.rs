@@ -10,9 +10,9 @@ use crate::bus::layout::Field;
 use crate::bus::plan::NodePlan;
 use crate::bus::{InputImage, NodeIndex, OutputImage};
 use crate::config::{Config, SpindleEncoder};
-use crate::machine::faults::SpeedNotReached;
+use crate::machine::faults::{OrientFailure, SpeedNotReached};
 use hal_pins::{Hal, HalError, Input, Output};
-use motion::canon::{Axis, SpindleDirection};
+use motion::canon::{Axis, OrientDirection, SpindleDirection};
 use motion::element::Surface;
 use motion::rt::{Sample, SpindleFeedback};
 
@@ -69,6 +69,7 @@ pub struct Spindle {
     speed_out: Output<f64>,
     speed_in: Output<f64>,
     at_speed: Input<bool>,
+    orientation: Orientation,
     source: Source,
     drive: Option<Drive>,
 
@@ -140,6 +141,7 @@ impl Spindle {
             speed_out: hal.output("spindle.0.speed-out")?,
             speed_in: hal.output("spindle.0.speed-in")?,
             at_speed: hal.input("spindle.0.at-speed", true)?,
+            orientation: Orientation::new(hal)?,
             source,
             drive,
             cycle_s: f64::from(config.cycle_us) * 1e-6,
@@ -179,8 +181,9 @@ impl Spindle {
         of_drive || of_encoder
     }
 
-    /// Looks at the encoder. RT.
+    /// Looks at the encoder, and whether the spindle is at the angle of an M19. RT.
     pub fn update_feedback(&mut self, inputs: &InputImage) {
+        self.orientation.look();
         self.place = match &mut self.source {
             Source::None => return,
             Source::Pins { revs, indexed } => SpindleFeedback {
@@ -226,6 +229,7 @@ impl Spindle {
 
     /// M3, M4, S. RT.
     pub fn command(&mut self, rpm: f64, direction: SpindleDirection, surface: Option<Surface>) {
+        self.orientation.end();
         self.wanted = Some(Wanted {
             rpm,
             direction,
@@ -237,8 +241,33 @@ impl Spindle {
 
     /// M5. RT.
     pub fn stop(&mut self) {
+        self.orientation.end();
         self.wanted = None;
         self.publish(None);
+    }
+
+    /// M19. RT.
+    pub fn orient(&mut self, degrees: f64, direction: OrientDirection) {
+        self.stop();
+        self.orientation.begin(degrees, direction);
+    }
+
+    /// M19 Q: from here on the time counts; `None`: that for a speed. RT.
+    pub fn await_oriented(&mut self, timeout_s: Option<f64>) {
+        self.orientation.timeout_s = timeout_s.unwrap_or(self.timeout_s);
+        self.orientation.waited_s = 0.0;
+    }
+
+    /// Whether the spindle is where M19 has sent it. RT.
+    pub fn is_oriented(&mut self) -> bool {
+        let orientation = &mut self.orientation;
+        orientation.waited_s += self.cycle_s;
+        orientation.state != Orienting::UnderWay
+    }
+
+    /// Why the angle of an M19 is not reached. RT.
+    pub fn orient_failure(&self) -> Option<OrientFailure> {
+        self.orientation.failure()
     }
 
     /// From the next [`Spindle::steer`] on, this share of the programmed speed. RT.
@@ -349,6 +378,90 @@ impl Spindle {
             // Within the object's numbers: the speed is at most the highest one.
             let value = (self.rpm * drive.per_rpm).round() as i64;
             drive.speed.write(outputs.node_mut(drive.node), value as u64);
+        }
+    }
+}
+
+/// What M19 has come to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Orienting {
+    /// No M19 holds the spindle.
+    Not,
+    /// On its way to the angle.
+    UnderWay,
+    /// There, and held.
+    Done,
+}
+
+/// M19: what turns the spindle to an angle is a component or the spindle's drive.
+struct Orientation {
+    orient: Output<bool>,
+    angle: Output<f64>,
+    mode: Output<i32>,
+    is_oriented: Input<bool>,
+    fault: Input<i32>,
+    locked: Output<bool>,
+    brake: Output<bool>,
+    state: Orienting,
+    timeout_s: f64,
+    waited_s: f64,
+}
+
+impl Orientation {
+    fn new(hal: &mut Hal) -> Result<Orientation, HalError> {
+        Ok(Orientation {
+            orient: hal.output("spindle.0.orient")?,
+            angle: hal.output("spindle.0.orient-angle")?,
+            mode: hal.output("spindle.0.orient-mode")?,
+            is_oriented: hal.input("spindle.0.is-oriented", false)?,
+            fault: hal.input("spindle.0.orient-fault", 0)?,
+            locked: hal.output("spindle.0.locked")?,
+            brake: hal.output("spindle.0.brake")?,
+            state: Orienting::Not,
+            timeout_s: f64::INFINITY,
+            waited_s: 0.0,
+        })
+    }
+
+    fn begin(&mut self, degrees: f64, direction: OrientDirection) {
+        self.angle.set(degrees);
+        self.mode.set(match direction {
+            OrientDirection::Shortest => 0,
+            OrientDirection::Clockwise => 1,
+            OrientDirection::Counterclockwise => 2,
+        });
+        (self.timeout_s, self.waited_s) = (f64::INFINITY, 0.0);
+        self.set(Orienting::UnderWay);
+    }
+
+    fn end(&mut self) {
+        self.set(Orienting::Not);
+    }
+
+    fn set(&mut self, state: Orienting) {
+        self.state = state;
+        self.orient.set(state == Orienting::UnderWay);
+        self.locked.set(state == Orienting::Done);
+        self.brake.set(state == Orienting::Done);
+    }
+
+    /// Once in every cycle.
+    fn look(&mut self) {
+        if self.state == Orienting::UnderWay && self.is_oriented.get() && self.fault.get() == 0 {
+            self.set(Orienting::Done);
+        }
+    }
+
+    fn failure(&self) -> Option<OrientFailure> {
+        if self.state != Orienting::UnderWay {
+            return None;
+        }
+        match self.fault.get() {
+            0 => (self.waited_s > self.timeout_s).then_some(OrientFailure::Late {
+                degrees: self.angle.get(),
+                timeout_s: self.timeout_s,
+            }),
+            code => Some(OrientFailure::Fault { code }),
         }
     }
 }

@@ -3,6 +3,8 @@
 //! In:  outputs 6200h/1 and /2 from the managing node; [`Io::set_inputs`] for what is wired to the inputs.
 //! Out: inputs 6000h/1, the auxiliary contacts of the contactors on 6200h/1, and 6000h/2, the wired inputs.
 //!
+//! Output 15 (6200h/2, bit 7) orients the spindle: it turns to its index and is held there, which input 15 (6000h/2, bit 7) tells.
+//!
 //! The spindle hangs on the same node: its frequency converter on the analog output 6411h/1, the counter of its encoder on
 //! 3000h/1, the count at the last index on 3000h/2.
 //!
@@ -39,6 +41,9 @@ pub(super) const IO_OBJECTS: &[EntryDef] = &[
 
 const ENTRIES: usize = COMMUNICATION_ENTRIES + obd::lines_of(IO_OBJECTS);
 const OCTETS: usize = COMMUNICATION_BYTES + obd::octets_of(IO_OBJECTS);
+
+/// Bit of the output that orients the spindle, and of the input that tells that it is there.
+const ORIENT: u8 = 0x80;
 
 #[derive(Debug)]
 pub(super) struct Io {
@@ -93,6 +98,7 @@ impl Io {
     pub(super) fn work(&mut self) {
         self.switch();
         let objects = self.cn.dictionary_mut();
+        self.spindle.orient = objects.get(self.output_keys[1]) & ORIENT != 0;
         self.spindle.advance(objects.get(self.speed_key));
         objects.set(self.encoder_keys[0], self.spindle.count() as u32);
         objects.set(self.encoder_keys[1], self.spindle.latched() as u32);
@@ -110,7 +116,8 @@ impl Io {
         }
         let contacts = objects.get(self.output_keys[0]);
         objects.set(self.input_keys[0], contacts);
-        objects.set(self.input_keys[1], self.wired | self.sensed);
+        let oriented = if self.spindle.is_oriented() { ORIENT } else { 0 };
+        objects.set(self.input_keys[1], self.wired | self.sensed | oriented);
     }
 
     pub(super) fn poll(&mut self, now_ns: u64) {

@@ -9,6 +9,11 @@ use crate::config::{Config, SpindleCounter, SpindleEncoder};
 
 /// Change of the speed, 1/min per second.
 const RAMP_RPM_S: f64 = 2000.0;
+/// Speed at which it turns to its index at the most, turns/s, and the speed for each turn that is left, 1/s.
+const ORIENT_TURNS_S: f64 = 2.0;
+const ORIENT_GAIN: f64 = 10.0;
+/// What it may be off, turns, and move still, turns/s.
+const ORIENTED_TURNS: f64 = 1e-3;
 /// Place of the index, turns behind where the spindle stands at power-on.
 const INDEX: f64 = 0.37;
 
@@ -22,6 +27,8 @@ pub(super) struct Spindle {
     turns: f64,
     turns_s: f64,
     latched: u64,
+    /// It is told to turn to its index.
+    pub(super) orient: bool,
     /// The shaft is held: it stands, whatever it is told.
     pub(super) blocked: bool,
     /// Counts that came from nowhere; below 0: that got lost.
@@ -42,6 +49,7 @@ impl Spindle {
             turns: 0.0,
             turns_s: 0.0,
             latched: 0,
+            orient: false,
             blocked: false,
             slipped: 0,
         }
@@ -49,7 +57,10 @@ impl Spindle {
 
     /// One cycle towards the speed that `told` says: 32767 is the highest.
     pub(super) fn advance(&mut self, told: i16) {
-        let wanted = f64::from(told) / f64::from(i16::MAX) * self.greatest_turns_s;
+        let wanted = match self.orient {
+            true => self.towards_index(),
+            false => f64::from(told) / f64::from(i16::MAX) * self.greatest_turns_s,
+        };
         let step = RAMP_RPM_S / 60.0 * self.period_s;
         let before = self.turns_s;
         self.turns_s = if self.blocked {
@@ -63,6 +74,19 @@ impl Spindle {
         if passed(from) != passed(to) {
             self.latched = self.count_at(passed(from.max(to)) + INDEX);
         }
+    }
+
+    /// Speed that leads to the nearest place of the index, turns/s.
+    fn towards_index(&self) -> f64 {
+        let off = self.turns_from_index();
+        let way = off.round() - off;
+        (ORIENT_GAIN * way).clamp(-ORIENT_TURNS_S, ORIENT_TURNS_S)
+    }
+
+    /// Whether it is told to be at its index, and is.
+    pub(super) fn is_oriented(&self) -> bool {
+        let off = self.turns_from_index();
+        self.orient && (off - off.round()).abs() < ORIENTED_TURNS && self.turns_s.abs() < ORIENTED_TURNS
     }
 
     /// Count of the encoder.

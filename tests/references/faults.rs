@@ -4,7 +4,7 @@ use super::source::{covers, variants};
 use super::{check, code, head, row};
 use cia402::axis::{AxisFault, HomingFault, Step};
 use cia402::profile::State;
-use isocnc::machine::faults::{Fault, ForeignMaster, LinkFailure, Reaction, SpeedNotReached};
+use isocnc::machine::faults::{Fault, ForeignMaster, LinkFailure, OrientFailure, Reaction, SpeedNotReached};
 use motion::rt::homing::HomingFailure;
 use motion::rt::{Order, SyncFault};
 
@@ -95,6 +95,15 @@ pub(crate) fn examples() -> Vec<Fault> {
     examples.extend([
         late(Some(2100.0)),
         late(None),
+        Fault::SpindleOrient {
+            failure: OrientFailure::Late {
+                degrees: 90.0,
+                timeout_s: 10.0,
+            },
+        },
+        Fault::SpindleOrient {
+            failure: OrientFailure::Fault { code: 7 },
+        },
         Fault::CountsLost {
             counts: -12,
             in_step: true,

@@ -27,6 +27,8 @@ pub(crate) fn shipped() -> Vec<PathBuf> {
 const MORE: &str = r#"
 [program.values.limits]
 reach = 1.0
+[program.pins]
+ready = 1.0
 [[bus.node.sdo]]
 object = "0x2010:3"
 value = 5

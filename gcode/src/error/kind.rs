@@ -145,7 +145,7 @@ pub enum ErrorKind {
         index: u32,
     },
     /// A named parameter that nothing was assigned to.
-    #[error("#<{name}> is not defined: assign it before it is read{}", named_hint(.nearest))]
+    #[error("#<{name}> {}", undefined(.name, .nearest))]
     ParameterUndefined {
         /// Its name.
         name: String,
@@ -336,6 +336,28 @@ pub enum ErrorKind {
     NoSuchUserCode {
         /// 100 to 199.
         number: u8,
+    },
+    /// M19 with nothing to do.
+    #[error("M19 without an angle orients nothing: expected R, 0 to 360 degrees")]
+    OrientNothing,
+    /// A code of the user that failed.
+    #[error("M{number}: {reason}")]
+    UserCodeFailed {
+        /// 100 to 199.
+        number: u8,
+        /// Why, as the machine says.
+        reason: String,
+    },
+    /// It ends a program or calls one.
+    #[error("expected modes only, no end of a program and no call of another one")]
+    StartupFlow,
+    /// The code that the machine file has before every program.
+    #[error("startup_code of the machine file, \"{line}\": {reason}")]
+    StartupCode {
+        /// The line of it.
+        line: String,
+        /// What is wrong with it.
+        reason: String,
     },
     /// An assignment to a parameter that only tells something.
     #[error("#{name} is read-only: the control sets it")]
@@ -802,6 +824,15 @@ fn character_hint(character: char) -> &'static str {
 /// The probable meaning, behind a message.
 fn hint(nearest: Option<&'static str>) -> String {
     nearest.map_or(String::new(), |nearest| format!("; did you mean {nearest}?"))
+}
+
+fn undefined(name: &str, nearest: &Option<String>) -> String {
+    if name.starts_with("_hal[") {
+        return "is not known: expected a pin that the control has, and for a check or a plan its value in program.pins of the \
+                machine file"
+            .into();
+    }
+    format!("is not defined: assign it before it is read{}", named_hint(nearest))
 }
 
 fn named_hint(nearest: &Option<String>) -> String {

@@ -119,7 +119,7 @@ impl State {
             }
         }
         calls.push_back(Call::WaitInput { input, mode, timeout_s });
-        self.question = Some(Question::Input { input, mode, timeout_s });
+        self.questions.push(Question::Input { input, mode, timeout_s });
         Ok(())
     }
 
@@ -191,11 +191,11 @@ impl State {
         if known.is_some_and(|known| !known.contains(&code.value)) {
             return Err((code.span, ErrorKind::NoSuchUserCode { number: code.value }));
         }
-        calls.push_back(Call::UserCode {
-            number: code.value,
-            p: block.word_value(b'P').unwrap_or(-1.0),
-            q: block.word_value(b'Q').unwrap_or(-1.0),
-        });
+        let number = code.value;
+        let p = block.word_value(b'P').unwrap_or(-1.0);
+        let q = block.word_value(b'Q').unwrap_or(-1.0);
+        calls.push_back(Call::UserCode { number, p, q });
+        self.questions.push(Question::UserCode { number, p, q });
         Ok(())
     }
 

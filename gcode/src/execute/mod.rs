@@ -200,15 +200,23 @@ impl State {
 
     /// Asks the machine what the calls of the last line were to find out.
     pub(crate) fn ask_machine(&mut self, machine: &mut dyn Machine) -> Result<(), ErrorKind> {
-        let Some(question) = self.question.take() else {
-            return Ok(());
-        };
+        for question in std::mem::take(&mut self.questions) {
+            self.ask(question, machine)?;
+        }
+        Ok(())
+    }
+
+    fn ask(&mut self, question: Question, machine: &mut dyn Machine) -> Result<(), ErrorKind> {
         match question {
             Question::Probe { from, to, mode } => self.probed(from, to, mode, machine.probed(from, to, mode)),
             Question::Input { input, mode, timeout_s } => {
                 let value = machine.waited(input, mode, timeout_s);
                 self.parameters.set(parameter::INPUT_RESULT, value.unwrap_or(-1.0));
                 Ok(())
+            }
+            Question::UserCode { number, p, q } => {
+                let ended = machine.user_code_ended(number, p, q);
+                ended.map_err(|reason| ErrorKind::UserCodeFailed { number, reason })
             }
             Question::Tool { tool, before } => {
                 let brought = machine.tool_changed(tool);

@@ -35,7 +35,7 @@ impl State {
             return refuse(ProbeError::Nowhere);
         }
         calls.extend([Call::Probe(true), Call::StraightProbe { to, mode }, Call::Probe(false)]);
-        self.question = Some(Question::Probe { from, to, mode });
+        self.questions.push(Question::Probe { from, to, mode });
         self.at = to;
         Ok(())
     }

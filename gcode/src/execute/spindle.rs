@@ -3,7 +3,7 @@
 use crate::block::{Block, letters};
 use crate::code::{SpindleAction, SpindleCode, integer_in};
 use crate::error::ErrorKind;
-use crate::scan::Fault;
+use crate::scan::{Fault, Span};
 use crate::state::{Calls, Modal, State};
 use motion::canon::{Call, LengthUnit, OrientDirection, SpindleMode};
 
@@ -145,12 +145,12 @@ impl State {
                     calls.push_back(Call::StopSpindle { spindle });
                 }
             }
-            SpindleAction::Orient => self.orient(block, calls)?,
+            SpindleAction::Orient => self.orient(block, code.span, calls)?,
         }
         Ok(())
     }
 
-    fn orient(&mut self, block: &Block, calls: &mut Calls) -> Result<(), Fault> {
+    fn orient(&mut self, block: &Block, span: Span, calls: &mut Calls) -> Result<(), Fault> {
         let angle = block.word_value(b'R');
         if let Some(degrees) = angle.filter(|degrees| !(0.0..=360.0).contains(degrees)) {
             return Err((block.span(b'R'), ErrorKind::OrientAngle { degrees }));
@@ -163,6 +163,9 @@ impl State {
             Some(None) => return Err((block.span(b'P'), ErrorKind::OrientDirection)),
         };
         let timeout_s = block.word_value(b'Q');
+        if self.settings.orient_needs_angle && !block.has(letters(b"RPQ")) {
+            return Err((span, ErrorKind::OrientNothing));
+        }
         for spindle in self.named_spindles(block, false)? {
             self.modal.spindles[usize::from(spindle)].turning = None; // it is held at the angle
             // Q alone only waits.

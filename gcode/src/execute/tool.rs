@@ -55,7 +55,7 @@ impl State {
                     tool: tool.number,
                     pocket: tool.pocket,
                 });
-                self.question = Some(Question::Tool {
+                self.questions.push(Question::Tool {
                     tool: tool.number,
                     before: None,
                 });
@@ -185,7 +185,7 @@ impl State {
                 (false, None) => return Err((code.span, ErrorKind::AddedOffsetMissing)),
             },
         };
-        if let Some(Question::Tool { before, .. }) = &mut self.question
+        if let Some(Question::Tool { before, .. }) = self.questions.last_mut()
             && motion.is_none()
         {
             *before = Some(self.at);

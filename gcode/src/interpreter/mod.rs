@@ -17,7 +17,7 @@ use crate::error::{Error, ErrorKind};
 use crate::execute::Flow;
 use crate::flow::{Level, LevelKind, Place, Search, SearchEnd, Subroutine};
 use crate::limits::{CheckLimits, Spent};
-use crate::machine::{Machine, NoMachine};
+use crate::machine::{Machine, NoMachine, PinReader};
 use crate::o_word::Label;
 use crate::octet::{is_blank, is_empty};
 use crate::parameter::ARGUMENTS_MAX;
@@ -128,6 +128,7 @@ impl Interpreter {
         };
         run.state.push_initial_calls(&mut run.calls);
         run.use_compensator(false);
+        run.start_up();
         run
     }
 }
@@ -205,6 +206,49 @@ impl Run<'_> {
         self
     }
 
+    /// Reads the pins of a running control for `#<_hal[name]>`, as they are when the line is read.
+    pub fn with_pins(mut self, pins: PinReader) -> Self {
+        self.state.pins = Some(pins);
+        self
+    }
+
+    /// Runs the code that the machine has before every program.
+    fn start_up(&mut self) {
+        let code = std::mem::take(&mut self.state.settings.startup_code);
+        for line in code.lines() {
+            let before = self.calls.len();
+            if let Err(kind) = self.start_up_line(line) {
+                self.calls.truncate(before);
+                let (line, reason) = (line.to_owned(), kind.to_string());
+                self.fail(Span::default(), ErrorKind::StartupCode { line, reason });
+                break;
+            }
+            if self.calls.iter().skip(before).any(takes_time) || !self.state.questions.is_empty() {
+                self.calls.truncate(before);
+                let (line, reason) = (
+                    line.to_owned(),
+                    "expected modes only, nothing that moves or waits".to_owned(),
+                );
+                self.fail(Span::default(), ErrorKind::StartupCode { line, reason });
+                break;
+            }
+        }
+        self.state.settings.startup_code = code;
+    }
+
+    fn start_up_line(&mut self, line: &str) -> Result<(), ErrorKind> {
+        self.faults.clear();
+        self.block.read(line.as_bytes(), &self.state, &mut self.faults);
+        if let Some((_, kind)) = self.faults.pop() {
+            return Err(kind);
+        }
+        match self.state.execute(&self.block, line.as_bytes(), &mut self.calls) {
+            Ok(Flow::On) if self.block.remapped.is_empty() => Ok(()),
+            Ok(_) => Err(ErrorKind::StartupFlow),
+            Err((_, kind)) => Err(kind),
+        }
+    }
+
     /// Name of a file of the events ([`Source::file`]); empty: the program itself.
     pub fn file_name(&self, file: u16) -> &str {
         self.files.get(usize::from(file)).map_or("", |file| file.name.as_str())
@@ -218,7 +262,7 @@ impl Run<'_> {
     /// Reads and runs one line: fills `calls`, or `errors`.
     #[inline]
     pub(crate) fn step(&mut self) {
-        if self.state.question.is_some()
+        if !self.state.questions.is_empty()
             && let Err(kind) = self.state.ask_machine(&mut *self.machine)
         {
             return self.fail(Span::default(), kind);

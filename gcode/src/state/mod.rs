@@ -7,6 +7,7 @@ mod predefined;
 use crate::code::{Distance, FeedUnit, Motion, Retract};
 use crate::execute::cycle::CycleWords;
 use crate::execute::turning::Turning;
+use crate::machine::PinReader;
 use crate::parameter::{self, Parameters};
 use crate::remap;
 use crate::{Settings, ToolChanger, ToolTable};
@@ -177,6 +178,8 @@ pub(crate) enum Question {
         mode: WaitMode,
         timeout_s: f64,
     },
+    /// How a code of the user ended.
+    UserCode { number: u8, p: f64, q: f64 },
     /// Which tool M6 brought, and where the axes stand.
     Tool {
         tool: u32,
@@ -234,8 +237,10 @@ pub(crate) struct State {
     /// A G40 was run and no move since.
     pub(crate) cutter_ended: bool,
     pub(crate) parameters: Parameters,
-    /// What the machine is asked before the next line is read.
-    pub(crate) question: Option<Question>,
+    /// What the machine is asked before the next line is read, in the order of the calls of this one.
+    pub(crate) questions: Vec<Question>,
+    /// Pins of a running control.
+    pub(crate) pins: Option<PinReader>,
     /// Control points of a NURBS since its G5.2.
     pub(crate) nurbs: Option<Nurbs>,
     /// A lathe cycle whose profile is being read.
@@ -313,7 +318,8 @@ impl State {
             cutter_from: Position::ZERO,
             cutter_ended: false,
             parameters,
-            question: None,
+            questions: Vec::new(),
+            pins: None,
             nurbs: None,
             turning: None,
             spline_leaves: [0.0; 2],

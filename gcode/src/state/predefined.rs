@@ -158,7 +158,16 @@ impl State {
             "_task" => Some(0.0),
             "_call_level" => Some(f64::from(self.call_level)),
             "_remap_level" => Some(self.remapping.len() as f64),
-            name => self.ini_value(name),
+            name => self.ini_value(name).or_else(|| self.pin_value(name)),
+        }
+    }
+
+    /// `#<_hal[pin]>`: of a running control, else as the settings say.
+    fn pin_value(&self, name: &str) -> Option<f64> {
+        let pin = name.strip_prefix("_hal[")?.strip_suffix(']')?;
+        match &self.pins {
+            Some(pins) => pins.value(pin),
+            None => self.settings.pin_values.get(pin).copied(),
         }
     }
 

@@ -9,7 +9,7 @@ use super::smooth::{Passed, Smoother, Stretch};
 use super::workers::Workers;
 use super::{PlanError, PlannerKind, Programmed, Settings, classic, travel};
 use crate::canon::{Event, Position};
-use crate::element::{Action, Element, Synced};
+use crate::element::{Element, Synced};
 use crate::kinematics::ToolFrame;
 use crate::path::Piece;
 use crate::ring::Sink;
@@ -137,9 +137,9 @@ impl PathPlanner {
     ///
     /// What cannot be planned, with its place. It concerns this call only, which is then of no effect.
     pub fn push(&mut self, event: &Event) -> Result<(), PlanError> {
-        if self.program.take_wait(&event.call, &self.settings) {
+        if let Some(action) = self.program.take_wait(&event.call, &self.settings) {
             self.rest_told(Some(Element::Action {
-                action: Action::AwaitSpindle,
+                action,
                 line: event.source.line,
             }));
         }

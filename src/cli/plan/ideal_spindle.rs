@@ -68,7 +68,7 @@ impl IdealSpindle {
                 self.told = Some((rpm, direction, surface));
                 true
             }
-            Action::SpindleOff | Action::ProgramEnd => {
+            Action::SpindleOff | Action::OrientSpindle { .. } | Action::ProgramEnd => {
                 self.told = None;
                 true
             }
@@ -82,6 +82,8 @@ impl IdealSpindle {
             | Action::SetDigital { .. }
             | Action::SetAnalog { .. }
             | Action::AwaitInput { .. }
+            | Action::AwaitOriented { .. }
+            | Action::UserCode { .. }
             | Action::ProgramStop
             | Action::OptionalStop => true,
         }

@@ -361,6 +361,9 @@ impl<B: CyclicBus> MotionController<B> {
                 && let Some(action) = self.sample.action
             {
                 self.waiting = Some(action);
+                if let (Action::UserCode { .. }, Some(program)) = (action, &mut self.program) {
+                    program.answer(Answer::Reached);
+                }
                 self.notice(Notice::Action(action));
                 self.parts.pins.begin_action(action);
             }
@@ -408,8 +411,9 @@ impl<B: CyclicBus> MotionController<B> {
                 self.sample.velocity_mm_s = self.parts.homer.speed_mm_s();
             }
         }
+        let has_more = self.program.as_ref().is_some_and(|program| program.has_more());
         if let Some(action) = self.waiting
-            && self.parts.pins.action_done(action)
+            && (self.parts.pins.action_done(action) || matches!(action, Action::UserCode { .. }) && has_more)
         {
             if let Action::ChangeTool { tool } | Action::SetTool { tool } = action {
                 self.outlets.live.set_tool(tool);
@@ -420,6 +424,14 @@ impl<B: CyclicBus> MotionController<B> {
             self.end_wait();
         } else if let Some(late) = self.parts.pins.spindle.late().filter(|_| self.program.is_some()) {
             self.fault(Fault::SpindleLate { late });
+        } else if let Some(failure) = self
+            .parts
+            .pins
+            .spindle
+            .orient_failure()
+            .filter(|_| self.program.is_some())
+        {
+            self.fault(Fault::SpindleOrient { failure });
         }
         (self.parts.pins).follow_overrides(&self.outlets.live.overrides, self.sample.enables);
     }

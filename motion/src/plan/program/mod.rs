@@ -81,6 +81,8 @@ pub(super) struct Program {
     spindle_mode: SpindleMode,
     /// The spindle was told another speed, and no feed move has come since.
     speed_changed: bool,
+    /// An M19 whose end nobody has waited for.
+    orienting: bool,
     /// What has been told to spindle, coolant, tool changer and operator.
     auxiliary: Auxiliary,
     /// Outputs that are to change as the next move begins (M62, M63, M67).
@@ -107,6 +109,7 @@ impl Program {
             speed: 0.0,
             spindle_mode: SpindleMode::Rpm,
             speed_changed: false,
+            orienting: false,
             auxiliary: Auxiliary::INITIAL,
             outputs: Outputs::NONE,
             on_the_way: Vec::new(),
@@ -154,8 +157,12 @@ impl Program {
         std::mem::take(&mut self.on_the_way)
     }
 
-    /// Whether the spindle is to be waited for before this call. Told once.
-    pub(super) fn take_wait(&mut self, call: &Call, settings: &Settings) -> bool {
+    /// What the spindle is to be waited for before this call. Told once.
+    pub(super) fn take_wait(&mut self, call: &Call, settings: &Settings) -> Option<Action> {
+        if self.orienting && is_kept_back_by_orientation(call) {
+            self.orienting = false;
+            return Some(Action::AwaitOriented { timeout_s: None });
+        }
         // On a rapid move a constant speed of the surface may come to be quite another one of the spindle.
         let rapid = matches!(call, Call::StraightTraverse { .. });
         self.speed_changed |= rapid && self.spindle.is_some() && self.surface().is_some();
@@ -163,7 +170,7 @@ impl Program {
             call,
             Call::StraightFeed { .. } | Call::ArcFeed { .. } | Call::NurbsFeed { .. } | Call::RigidTap { .. }
         );
-        cuts && std::mem::take(&mut self.speed_changed) && settings.await_spindle
+        (cuts && std::mem::take(&mut self.speed_changed) && settings.await_spindle).then_some(Action::AwaitSpindle)
     }
 
     /// What a call comes to, if anything. On an error the position stays, and the call is of no effect.
@@ -236,6 +243,8 @@ impl Program {
             | Call::SetSpindleMode { spindle: 1.., .. }
             | Call::SetSpindleSpeed { spindle: 1.., .. }
             | Call::StartSpindle { spindle: 1.., .. }
+            | Call::OrientSpindle { spindle: 1.., .. }
+            | Call::WaitSpindleOriented { spindle: 1.., .. }
             | Call::StopSpindle { spindle: 1.. } => return unsupported("a second spindle ($1 and above)"),
             Call::StartSpindleSync { velocity: true, .. } => {
                 return unsupported("motion at the speed of the spindle only");
@@ -255,12 +264,25 @@ impl Program {
                 return Ok(self.spindle_on(settings).and_then(|action| self.act(action, line)));
             }
             Call::StartSpindle { direction, wait_for_speed, .. } => {
+                self.orienting = false;
                 self.spindle = Some(*direction);
                 // A tap in a floating holder goes back while the spindle still comes to its speed.
                 self.speed_changed = *wait_for_speed;
                 return Ok(self.spindle_on(settings).and_then(|action| self.act(action, line)));
             }
+            Call::OrientSpindle { degrees, direction, .. } => {
+                (self.spindle, self.speed_changed, self.orienting) = (None, false, true);
+                self.auxiliary.spindle = None;
+                let action = Action::OrientSpindle { degrees: *degrees, direction: *direction };
+                return Ok(Some(Entry::Rest(Element::Action { action, line })));
+            }
+            Call::WaitSpindleOriented { timeout_s, .. } => {
+                self.orienting = false;
+                let action = Action::AwaitOriented { timeout_s: Some(*timeout_s) };
+                return Ok(Some(Entry::Rest(Element::Action { action, line })));
+            }
             Call::StopSpindle { .. } => {
+                self.orienting = false;
                 self.spindle = None;
                 self.speed_changed = false;
                 return Ok(self.act(Action::SpindleOff, line));
@@ -293,6 +315,10 @@ impl Program {
                 let action = Action::AwaitInput { input: *input, mode: *mode, timeout_s: *timeout_s };
                 return Ok(Some(Entry::Rest(Element::Action { action, line })));
             }
+            Call::UserCode { number, p, q } => {
+                let action = Action::UserCode { number: *number, p: *p, q: *q };
+                return Ok(Some(Entry::Rest(Element::Action { action, line })));
+            }
             Call::ProgramStop => return Ok(self.act(Action::ProgramStop, line)),
             Call::OptionalProgramStop => return Ok(self.act(Action::OptionalStop, line)),
             Call::ProgramEnd => return Ok(self.act(Action::ProgramEnd, line)),
@@ -300,10 +326,6 @@ impl Program {
             Call::SetCutterCompensation(Some(_)) => {
                 return unsupported("a programmed path with cutter compensation (G41, G42)");
             }
-            Call::OrientSpindle { .. } | Call::WaitSpindleOriented { .. } => {
-                return unsupported("orientation of the spindle (M19)");
-            }
-            Call::UserCode { .. } => return unsupported("codes of the user (M100 to M199)"),
             // Of no consequence for motion: told for those who print, and for the process.
             Call::SelectPlane(_)
             | Call::UseLengthUnit(_)
@@ -356,6 +378,25 @@ impl Program {
         self.tool_frame = to;
         Ok(Some(Entry::Halt))
     }
+}
+
+/// Whether a call waits for the angle of an M19 without Q: whatever moves, takes time or has others act on the machine.
+fn is_kept_back_by_orientation(call: &Call) -> bool {
+    matches!(
+        call,
+        Call::StraightTraverse { .. }
+            | Call::StraightFeed { .. }
+            | Call::ArcFeed { .. }
+            | Call::NurbsFeed { .. }
+            | Call::StraightProbe { .. }
+            | Call::RigidTap { .. }
+            | Call::Dwell { .. }
+            | Call::ChangeTool { .. }
+            | Call::WaitInput { .. }
+            | Call::UserCode { .. }
+            | Call::ProgramStop
+            | Call::OptionalProgramStop
+    )
 }
 
 #[cfg(test)]

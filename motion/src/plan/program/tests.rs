@@ -317,7 +317,7 @@ fn the_first_cut_behind_a_change_of_speed_waits_once() {
     };
     let mut waits = |calls: &[Call]| {
         let waits = |call: &Call| {
-            let waits = program.take_wait(call, &settings);
+            let waits = program.take_wait(call, &settings) == Some(Action::AwaitSpindle);
             program.run(1, call, &settings).unwrap();
             waits
         };

@@ -176,6 +176,11 @@ impl Interpolator {
         }
     }
 
+    /// Whether more has been planned behind what is under way. RT.
+    pub fn has_more(&self) -> bool {
+        self.track.following().next().is_some()
+    }
+
     /// Single block: comes to rest at the end of each block, where the line of the plan changes; where that comes sooner than
     /// the machine can stop, at the end of the following one. On the way back the same at the beginning of each block that
     /// moves. RT.

@@ -40,6 +40,8 @@ pub enum Answer {
     Probed(Probed),
     /// What M66 read, 1 or 0 of a digital input; `None`: its time ran out.
     Input(Option<f64>),
+    /// The machine rests at a code of the user (M100 to M199), which may be run.
+    Reached,
 }
 
 /// Limits of motion along a line, from those of the joints: `slopes` are joint units per unit of the line.
