@@ -396,3 +396,66 @@ fn modes_of_the_machine_file_hold_before_every_program() {
         );
     }
 }
+
+#[test]
+fn a_second_spindle_turns_by_its_number_and_is_waited_for() {
+    let config = machine(&MILL.replace("rpm_max = 24000.0", "rpm_max = 24000.0\ncount = 2"));
+    let text = "G21 G90 F6000\nS1000 M3 $0\nS500 $1\nM4 $1\nG1 X20\nS700 $1\nM5 $1\nG1 X30\nM4 $1\nM2\n";
+    rehearse_part(&config, text, |run| {
+        let (first, speed): (Input<f64>, Input<f64>) = (
+            run.hal.reader("spindle.0.speed-out").expect("a pin"),
+            run.hal.reader("spindle.1.speed-out").expect("a pin"),
+        );
+        let [on, forward, reverse] = ["on", "forward", "reverse"].map(|pin| bit(run, &format!("spindle.1.{pin}")));
+        let (mut seen, mut waited) = (Vec::new(), 0);
+        run.hal.set("spindle.1.at-speed", false).expect("a pin");
+        run.run_until(CYCLES_MAX, |run| {
+            let now = (on.get(), forward.get(), reverse.get(), speed.get());
+            if seen.last() != Some(&now) {
+                seen.push(now);
+            }
+            waited += u32::from(run.operator.live().line == 4);
+            if waited == 500 {
+                run.hal.set("spindle.1.at-speed", true).expect("a pin");
+            }
+            assert!(
+                run.operator.live().line < 6 || first.get() == 1000.0 || run.operator.live().line >= 9,
+                "the first goes on"
+            );
+            run.operator.outcome().is_some()
+        })
+        .expect("a good program");
+        assert_eq!(
+            run.operator.outcome(),
+            Some(Outcome::Completed),
+            "{:#?}",
+            run.operator.journal()
+        );
+        assert!((500..510).contains(&waited), "{waited}");
+        let off = (false, false, false, 0.0);
+        let turns = |rpm: f64| (true, false, true, -rpm);
+        assert_eq!(seen, [off, turns(500.0), turns(700.0), off, turns(700.0), off]);
+    });
+    for (line, what) in [
+        ("M19 R0 $1", "second spindle"),
+        ("G96 S100 D1000 $1", "second spindle"),
+        ("M3 $2", "$2"),
+    ] {
+        let shown = refused(&config, &format!("G21 G90 F100\n{line}\nG1 X1\nM2\n"));
+        assert!(shown.contains("p.ngc:2:") && shown.contains(what), "{line}: {shown}");
+    }
+    // The one that is late is named.
+    rehearse_part(&config, "G21\nS500 M3 $1\nM2\n", |run| {
+        run.hal.set("spindle.1.at-speed", false).expect("a pin");
+        run.run_until(60_000, |run| run.operator.alarm().is_some())
+            .expect("a good program");
+        let cause = run
+            .operator
+            .alarm()
+            .map(|alarm| alarm.cause.clone())
+            .unwrap_or_default();
+        assert!(cause.contains("spindle.1.at-speed"), "{cause}");
+        run.run_until(1000, |_| false).expect("a good program");
+        assert!(!bit(run, "spindle.1.on").get());
+    });
+}

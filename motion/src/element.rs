@@ -280,6 +280,7 @@ impl Auxiliary {
             Action::AwaitSpindle
             | Action::AwaitInput { .. }
             | Action::AwaitOriented { .. }
+            | Action::TurnSpindle { .. }
             | Action::UserCode { .. }
             | Action::ChangeTool { .. }
             | Action::SetTool { .. }
@@ -479,6 +480,13 @@ pub enum Action {
         /// Longest wait, s; `None`: as long as the machine waits for a speed of the spindle.
         timeout_s: Option<f64>,
     },
+    /// M3, M4, M5 or S of a spindle beside the first: goes on once it has its speed.
+    TurnSpindle {
+        /// Number of the spindle, 1 or more.
+        spindle: u8,
+        /// Revolutions per minute, below 0 counter-clockwise; `None`: it is to stand.
+        rpm: Option<f64>,
+    },
     /// Before the first feed move behind a change of speed: goes on once the spindle has it.
     AwaitSpindle,
     /// M7 on, M9 off.
@@ -571,6 +579,11 @@ impl fmt::Display for Action {
             Action::OrientSpindle { degrees, .. } => write!(f, "spindle to {degrees} degrees"),
             Action::AwaitOriented { .. } => f.write_str("wait for the angle of the spindle"),
             Action::UserCode { number, p, q } => write!(f, "M{number} {p} {q}"),
+            Action::TurnSpindle {
+                spindle,
+                rpm: Some(rpm),
+            } => write!(f, "spindle {spindle} on, {rpm} 1/min"),
+            Action::TurnSpindle { spindle, rpm: None } => write!(f, "spindle {spindle} off"),
             Action::AwaitSpindle => f.write_str("wait for the speed of the spindle"),
             Action::Mist(mist) => write!(f, "mist {}", on(mist)),
             Action::Flood(flood) => write!(f, "flood {}", on(flood)),

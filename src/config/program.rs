@@ -69,12 +69,12 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
     let pins = pins(section);
     let digital_pins = section.integer(
         "digital_pins",
-        0..=Outputs::DIGITAL as i64,
+        1..=Outputs::DIGITAL as i64,
         i64::from(default.digital_pins),
     );
     let analog_pins = section.integer(
         "analog_pins",
-        0..=Outputs::ANALOG as i64,
+        1..=Outputs::ANALOG as i64,
         i64::from(default.analog_pins),
     );
     let block_delete = section.flag("block_delete", default.block_delete);

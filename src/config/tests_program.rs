@@ -208,12 +208,15 @@ fn each_rule_has_its_message() {
     let folder = folder();
     let cases: &[(&str, &[&str])] = &[
         (
-            "[program]\nparameter_file = \"no/m.var\"\ndirectory = \"nowhere\"\nlog_directory = \"x\"\nstartup_code = \"G1\"",
+            "[program]\nparameter_file = \"no/m.var\"\ndirectory = \"nowhere\"\nlog_directory = \"x\"\noptional_stop = true\nstartup_code = 5\ndigital_pins = 0\nanalog_pins = 17",
             &[
                 "2:18: program.parameter_file = \"no/m.var\": there is no folder HERE/no",
                 "3:13: program.directory = \"nowhere\": there is no folder HERE/nowhere",
-                "4:1: program.log_directory: is not supported yet",
-                "5:1: program.startup_code: is not supported yet",
+                "4:17: program.log_directory = \"x\": there is no folder HERE/x",
+                "5:1: program.optional_stop: is not supported yet",
+                "6:16: program.startup_code = 5: must be a string, is an integer",
+                "7:16: program.digital_pins = 0: must be an integer from 1 to 64",
+                "8:15: program.analog_pins = 17: must be an integer from 1 to 16",
             ],
         ),
         (

@@ -37,6 +37,8 @@ pub enum OrientFailure {
 /// Speed of a spindle that has been waited for too long.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpeedNotReached {
+    /// Number of the spindle.
+    pub spindle: u8,
     /// Wanted, 1/min, above 0 with M3.
     pub wanted_rpm: f64,
     /// Measured; `None` without an encoder.
@@ -316,8 +318,8 @@ impl Fault {
                     late.wanted_rpm
                 ),
                 None => format!(
-                    "spindle: spindle.0.at-speed does not tell that {:.0} 1/min are reached",
-                    late.wanted_rpm
+                    "spindle: spindle.{}.at-speed does not tell that {:.0} 1/min are reached",
+                    late.spindle, late.wanted_rpm
                 ),
             },
             Fault::SpindleOrient { failure } => match failure {

@@ -10,11 +10,12 @@ use super::io_pins::{InputPins, OutputPins};
 use super::override_pins::OverridePins;
 use super::overrides::{Overridden, Overrides};
 use super::recent::Second;
-use super::spindle::Spindle;
+use super::spindle::{OtherSpindle, Spindle};
 use crate::bus::layout::Field;
 use crate::bus::plan::NodePlan;
 use crate::bus::{BusState, CyclicBus, InputImage, OutputImage};
 use crate::config::{self, Config, ConfigErrors, Profile};
+use crate::machine::faults::SpeedNotReached;
 use crate::machine::state::State;
 use crate::rt::cycle_stats::Timing;
 use hal_pins::{Hal, HalError, Input, Memory, Output};
@@ -108,6 +109,8 @@ pub struct Pins {
     stop_before: bool,
 
     pub spindle: Spindle,
+    /// Those beside the first.
+    pub others: Vec<OtherSpindle>,
     /// Inputs for which programs wait.
     pub inputs: InputPins,
     /// Outputs that programs set.
@@ -346,6 +349,9 @@ impl Pins {
             resume_before: false,
             stop_before: false,
             spindle: Spindle::new(hal, config, plans)?,
+            others: (1..config.spindle.count)
+                .map(|number| OtherSpindle::new(hal, config, number))
+                .collect::<Result<_, _>>()?,
             inputs: InputPins::new(hal, config)?,
             outputs: OutputPins::new(hal, config)?,
             flood: hal.output("iocontrol.0.coolant-flood")?,
@@ -433,6 +439,11 @@ impl Pins {
             Action::SpindleOff => self.spindle.stop(),
             Action::OrientSpindle { degrees, direction } => self.spindle.orient(degrees, direction),
             Action::AwaitOriented { timeout_s } => self.spindle.await_oriented(timeout_s),
+            Action::TurnSpindle { spindle, rpm } => {
+                if let Some(other) = self.other(spindle) {
+                    other.turn(rpm);
+                }
+            }
             Action::Mist(on) => self.mist.set(on),
             Action::Flood(on) => self.flood.set(on),
             Action::SelectTool { tool } | Action::SetTool { tool } => self.tool_number.set(tool),
@@ -470,6 +481,7 @@ impl Pins {
             }
             Action::AwaitSpindle => self.spindle.is_at_speed(),
             Action::AwaitOriented { .. } => self.spindle.is_oriented(),
+            Action::TurnSpindle { spindle, .. } => self.other(spindle).is_none_or(|other| other.is_at_speed()),
             // More of the plan says when.
             Action::UserCode { .. } => false,
             Action::AwaitInput { .. } => self.inputs.is_over(),
@@ -491,9 +503,22 @@ impl Pins {
         }
     }
 
-    /// Spindle and coolant off. The outputs of programs keep what they have, as in LinuxCNC.
+    /// A spindle whose speed has been waited for too long.
+    pub fn late(&self) -> Option<SpeedNotReached> {
+        let others = || self.others.iter().find_map(OtherSpindle::late);
+        self.spindle.late().or_else(others)
+    }
+
+    fn other(&mut self, spindle: u8) -> Option<&mut OtherSpindle> {
+        self.others.get_mut(usize::from(spindle).checked_sub(1)?)
+    }
+
+    /// Spindles and coolant off. The outputs of programs keep what they have, as in LinuxCNC.
     pub fn all_off(&mut self) {
         self.spindle.stop();
+        for other in &mut self.others {
+            other.turn(None);
+        }
         self.mist.set(false);
         self.flood.set(false);
         self.tool_change.set(false);

@@ -360,6 +360,7 @@ impl Spindle {
     /// Whether its speed has been waited for too long. RT.
     pub fn late(&self) -> Option<SpeedNotReached> {
         (self.waited_s > self.timeout_s).then(|| SpeedNotReached {
+            spindle: 0,
             wanted_rpm: self.rpm,
             measured_rpm: self.measured_rpm(),
         })
@@ -463,5 +464,70 @@ impl Orientation {
             }),
             code => Some(OrientFailure::Fault { code }),
         }
+    }
+}
+
+/// A spindle beside the first: its pins. Components or its drive follow them.
+pub struct OtherSpindle {
+    number: u8,
+    on: Output<bool>,
+    forward: Output<bool>,
+    reverse: Output<bool>,
+    speed_out: Output<f64>,
+    at_speed: Input<bool>,
+    waits: bool,
+    rpm_max: f64,
+    cycle_s: f64,
+    timeout_s: f64,
+    waited_s: f64,
+}
+
+impl OtherSpindle {
+    /// The spindle of a number, 1 or more.
+    ///
+    /// # Errors
+    /// Shared memory too small.
+    pub fn new(hal: &mut Hal, config: &Config, number: u8) -> Result<OtherSpindle, HalError> {
+        let name = |pin: &str| format!("spindle.{number}.{pin}");
+        let spindle = &config.spindle;
+        Ok(OtherSpindle {
+            number,
+            on: hal.output(&name("on"))?,
+            forward: hal.output(&name("forward"))?,
+            reverse: hal.output(&name("reverse"))?,
+            speed_out: hal.output(&name("speed-out"))?,
+            at_speed: hal.input(&name("at-speed"), true)?,
+            waits: spindle.wait_for_speed,
+            rpm_max: spindle.rpm_max,
+            cycle_s: f64::from(config.cycle_us) * 1e-6,
+            timeout_s: spindle.speed_timeout_s,
+            waited_s: 0.0,
+        })
+    }
+
+    /// Its speed, below 0 counter-clockwise; `None`: it is to stand. RT.
+    pub fn turn(&mut self, rpm: Option<f64>) {
+        let speed = rpm.unwrap_or(0.0).clamp(-self.rpm_max, self.rpm_max);
+        self.on.set(rpm.is_some());
+        self.forward.set(rpm.is_some_and(|rpm| !rpm.is_sign_negative()));
+        self.reverse.set(rpm.is_some_and(f64::is_sign_negative));
+        self.speed_out.set(speed);
+        self.waited_s = 0.0;
+    }
+
+    /// Whether it has the speed that it is told, if that is to be waited for. RT.
+    pub fn is_at_speed(&mut self) -> bool {
+        let at_speed = !self.waits || !self.on.get() || self.at_speed.get();
+        self.waited_s = if at_speed { 0.0 } else { self.waited_s + self.cycle_s };
+        at_speed
+    }
+
+    /// Whether its speed has been waited for too long. RT.
+    pub fn late(&self) -> Option<SpeedNotReached> {
+        (self.waited_s > self.timeout_s).then(|| SpeedNotReached {
+            spindle: self.number,
+            wanted_rpm: self.speed_out.get(),
+            measured_rpm: None,
+        })
     }
 }

@@ -62,6 +62,7 @@ pub(crate) fn examples() -> Vec<Fault> {
     let wanted_rpm = 3000.0;
     let late = |measured_rpm| Fault::SpindleLate {
         late: SpeedNotReached {
+            spindle: 0,
             wanted_rpm,
             measured_rpm,
         },

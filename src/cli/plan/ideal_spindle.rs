@@ -83,6 +83,7 @@ impl IdealSpindle {
             | Action::SetAnalog { .. }
             | Action::AwaitInput { .. }
             | Action::AwaitOriented { .. }
+            | Action::TurnSpindle { .. }
             | Action::UserCode { .. }
             | Action::ProgramStop
             | Action::OptionalStop => true,

@@ -422,7 +422,7 @@ impl<B: CyclicBus> MotionController<B> {
                 program.answer(Answer::Input(self.parts.pins.inputs.read()));
             }
             self.end_wait();
-        } else if let Some(late) = self.parts.pins.spindle.late().filter(|_| self.program.is_some()) {
+        } else if let Some(late) = self.parts.pins.late().filter(|_| self.program.is_some()) {
             self.fault(Fault::SpindleLate { late });
         } else if let Some(failure) = self
             .parts

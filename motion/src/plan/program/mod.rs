@@ -9,7 +9,7 @@ mod spindle;
 
 use super::frame::Frame;
 use super::{PlanErrorKind, Settings};
-use crate::canon::{Axis, Call, FeedMode, PathMode, Position, SpindleDirection, SpindleMode};
+use crate::canon::{Axis, Call, FeedMode, PathMode, Position, SPINDLES, SpindleDirection, SpindleMode};
 use crate::element::{Action, Auxiliary, Element, Enables, Outputs};
 use crate::kinematics::ToolFrame;
 use crate::path::Piece;
@@ -81,6 +81,8 @@ pub(super) struct Program {
     spindle_mode: SpindleMode,
     /// The spindle was told another speed, and no feed move has come since.
     speed_changed: bool,
+    /// Speed and direction of the spindles beside the first.
+    others: [(f64, Option<SpindleDirection>); SPINDLES],
     /// An M19 whose end nobody has waited for.
     orienting: bool,
     /// What has been told to spindle, coolant, tool changer and operator.
@@ -109,6 +111,7 @@ impl Program {
             speed: 0.0,
             spindle_mode: SpindleMode::Rpm,
             speed_changed: false,
+            others: [(0.0, None); SPINDLES],
             orienting: false,
             auxiliary: Auxiliary::INITIAL,
             outputs: Outputs::NONE,
@@ -127,6 +130,17 @@ impl Program {
             return None;
         }
         Some(Entry::Rest(element))
+    }
+
+    /// A spindle beside the first is told its speed and direction, at rest.
+    fn turn_other(&mut self, spindle: u8, to: (f64, Option<SpindleDirection>), line: u32) -> Option<Entry> {
+        *self.others.get_mut(usize::from(spindle))? = to;
+        let rpm = to.1.map(|direction| match direction {
+            SpindleDirection::Clockwise => to.0,
+            SpindleDirection::Counterclockwise => -to.0,
+        });
+        let action = Action::TurnSpindle { spindle, rpm };
+        Some(Entry::Rest(Element::Action { action, line }))
     }
 
     /// Outputs change with the next move, or at once at rest.
@@ -240,12 +254,25 @@ impl Program {
             // The spindle.
             Call::StartSpindleSync { spindle: 1.., .. }
             | Call::SetFeedMode(FeedMode::PerTurn { spindle: 1.. })
-            | Call::SetSpindleMode { spindle: 1.., .. }
-            | Call::SetSpindleSpeed { spindle: 1.., .. }
-            | Call::StartSpindle { spindle: 1.., .. }
+            | Call::SetSpindleMode { spindle: 1.., mode: SpindleMode::ConstantSurfaceSpeed { .. } }
             | Call::OrientSpindle { spindle: 1.., .. }
-            | Call::WaitSpindleOriented { spindle: 1.., .. }
-            | Call::StopSpindle { spindle: 1.. } => return unsupported("a second spindle ($1 and above)"),
+            | Call::WaitSpindleOriented { spindle: 1.., .. } => {
+                return unsupported("more of a second spindle ($1 and above) than S, M3, M4 and M5");
+            }
+            Call::SetSpindleMode { spindle: 1.., mode: SpindleMode::Rpm } => {}
+            Call::SetSpindleSpeed { spindle: spindle @ 1.., speed } => {
+                let direction = self.others.get(usize::from(*spindle)).and_then(|(_, direction)| *direction);
+                let to = (*speed, direction);
+                return Ok(self.turn_other(*spindle, to, line).filter(|_| direction.is_some()));
+            }
+            Call::StartSpindle { spindle: spindle @ 1.., direction, .. } => {
+                let speed = self.others.get(usize::from(*spindle)).map_or(0.0, |(speed, _)| *speed);
+                return Ok(self.turn_other(*spindle, (speed, Some(*direction)), line));
+            }
+            Call::StopSpindle { spindle: spindle @ 1.. } => {
+                let (speed, before) = self.others.get(usize::from(*spindle)).copied().unwrap_or((0.0, None));
+                return Ok(self.turn_other(*spindle, (speed, None), line).filter(|_| before.is_some()));
+            }
             Call::StartSpindleSync { velocity: true, .. } => {
                 return unsupported("motion at the speed of the spindle only");
             }
