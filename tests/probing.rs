@@ -213,7 +213,7 @@ fn what_depends_on_a_touch_is_not_judged_before_it() {
     let text = "G21 G90 G94 G54\nG53 G0 Z-80\nG38.2 Z-44 F600\nG10 L20 P1 Z0\nG1 Z-3\nM2\n";
     assert!(judge(text).is_ok());
     // This is wrong wherever the floor is.
-    let text = "G21 G90 G94 G54\nG53 G0 Z-80\nG38.2 Z-44 F600\nM19 R20\nM2\n";
+    let text = "G21 G90 G94 G54\nG53 G0 Z-80\nG38.2 Z-44 F600\nS100 M3 G33 Z-41 K1\nM2\n";
     let errors = judge(text).expect_err("not on this machine").to_string();
     assert!(errors.contains("--> part:4:1"), "{errors}");
     // And this before anything is touched.

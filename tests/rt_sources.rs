@@ -19,6 +19,7 @@ const REAL_TIME: &[&str] = &[
     "src/rt/encoder.rs",
     "src/rt/joint_jog.rs",
     "src/rt/homing.rs",
+    "src/rt/io_pins.rs",
     "src/host/network_locks.rs",
     "src/rt/override_pins.rs",
     "src/rt/overrides.rs",
@@ -107,6 +108,8 @@ const START_UP: &[(&str, &str, &str)] = &[
     ("src/rt/joint_jog.rs", "new", "makes the joints"),
     ("src/rt/homing.rs", "new", "makes the groups"),
     ("src/rt/cycle_stats.rs", "new", "makes empty figures"),
+    ("src/rt/io_pins.rs", "new", "makes the pins"),
+    ("src/rt/spindle.rs", "new", "makes the pins"),
     ("src/rt/override_pins.rs", "new", "makes the pins"),
     (
         "src/rt/overrides.rs",
