@@ -152,7 +152,10 @@ fn timed_cycles(config: &Config, paced: bool) -> anyhow::Result<[Jitter; 2]> {
             if let Some(position) = operator.poll(now_ns) {
                 let (producer, consumer) = ring::channel(ring_capacity(config));
                 feeder = Some(Feeder::new(config, &tables, PROGRAM, position, producer));
-                operator.start(Box::new(Interpolator::new(consumer, position, stop_ramp(config))));
+                operator.start(
+                    Box::new(Interpolator::new(consumer, position, stop_ramp(config))),
+                    false,
+                );
             }
         }
         if let Some(feeder) = &mut feeder {

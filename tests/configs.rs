@@ -215,7 +215,8 @@ fn the_tolerance_of_a_program_is_what_it_allows_its_moves() {
     let tables = Tables::read(&config).unwrap();
     let cancel = motion::cancel::Cancel::default();
     let tolerance_mm = |text: &str| {
-        let checked = isocnc::program::check(&config, &tables, "part.ngc", text.as_bytes(), &cancel);
+        let begin = isocnc::program::Begin::at_home(&config);
+        let checked = isocnc::program::check(&config, &tables, "part.ngc", text.as_bytes(), &begin, &cancel);
         checked.unwrap_or_else(|errors| panic!("{errors}")).tolerance_mm
     };
     assert_eq!(tolerance_mm("G21 G64 P0.05\nG1 X1 F100\nG64 P0.5\nM2\n"), 0.05);
@@ -238,7 +239,8 @@ fn a_machine_of_inputs_and_outputs_runs_no_programs_and_says_why() {
     );
     let tables = Tables::read(&config).unwrap();
     let cancel = motion::cancel::Cancel::default();
-    let refused = isocnc::program::check(&config, &tables, "part.ngc", b"M2\n", &cancel).unwrap_err();
+    let begin = isocnc::program::Begin::at_home(&config);
+    let refused = isocnc::program::check(&config, &tables, "part.ngc", b"M2\n", &begin, &cancel).unwrap_err();
     assert_eq!(
         refused.to_string(),
         "part.ngc: cannot be run: io-only has no joints: it exchanges inputs and outputs, and moves nothing"

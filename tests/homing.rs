@@ -1,7 +1,7 @@
 //! Homing by the control, on virtual time: switches of the simulated machine, positions against its loads.
 
 use isocnc::config::{self, Config, HomingBy, HomingByControl};
-use isocnc::machine::sequence::{Outcome, Step};
+use isocnc::machine::sequence::{Job, Outcome, Step};
 use isocnc::machine::state::State;
 use isocnc::operator::console::Operator;
 use isocnc::operator::rehearsal::{Rehearsal, rehearse, rehearse_with};
@@ -107,16 +107,20 @@ fn assert_no_limit_was_broken(run: &Rehearsal<'_>) {
     }
 }
 
-fn homed_by_hand(run: &mut Rehearsal<'_>) {
+/// Homing of all joints begins; drives are switched on before.
+fn begin_homing(run: &mut Rehearsal<'_>) {
     let now_ns = run.now_ns();
-    if run.operator.step() == Step::SetUp {
-        assert!(run.operator.home(now_ns));
-    } else {
-        assert!(run.operator.set_up(now_ns, true));
-    }
-    reach(run, "homed", |run| {
-        run.operator.step() == Step::SetUp && run.control.state() == State::Ready
-    });
+    let order = run.operator.homing_order(u64::MAX);
+    assert!(run.operator.begin(now_ns, Job::Home(order)));
+}
+
+fn stands_by_homed(run: &Rehearsal<'_>) -> bool {
+    run.operator.step() == Step::StandBy && run.control.state() == State::Ready
+}
+
+fn homed_by_hand(run: &mut Rehearsal<'_>) {
+    begin_homing(run);
+    reach(run, "homed", |run| stands_by_homed(run));
 }
 
 #[test]
@@ -152,13 +156,7 @@ fn no_drive_is_told_to_jump_when_positions_begin_to_count() {
     by_hand(&config, |run| {
         // The second time it stands beside its joint by half of the backlash, and homes from there.
         for _ in 0..2 {
-            let now_ns = run.now_ns();
-            let begun = if run.operator.step() == Step::SetUp {
-                run.operator.home(now_ns)
-            } else {
-                run.operator.set_up(now_ns, true)
-            };
-            assert!(begun);
+            begin_homing(run);
             let mut before: Option<[(i64, bool); JOINTS]> = None;
             let mut homed = [0; JOINTS];
             reach(run, "homed", |run| {
@@ -175,7 +173,7 @@ fn no_drive_is_told_to_jump_when_positions_begin_to_count() {
                     }
                 }
                 before = Some(now);
-                run.operator.step() == Step::SetUp && run.control.state() == State::Ready
+                stands_by_homed(run)
             });
             assert_eq!(homed, [1, 1, 1, 0], "in the cycle that was looked at");
             // A way forth and back, which the backlash follows.
@@ -212,8 +210,7 @@ fn answers_lost_at_the_switch_do_not_move_its_place() {
         control_of(&mut config, joint).resolution_mm = RESOLUTION_MM;
     }
     by_hand(&config, |run| {
-        let now_ns = run.now_ns();
-        assert!(run.operator.set_up(now_ns, true));
+        begin_homing(run);
         let (mut before_mm, mut losses) = (loads(run)[LEFT], 0);
         reach(run, "homed", |run| {
             let at_mm = loads(run)[LEFT];
@@ -224,7 +221,7 @@ fn answers_lost_at_the_switch_do_not_move_its_place() {
                 let now_ns = run.now_ns();
                 run.net().at(now_ns, Disturbance::DropPres { node: 10, count: 3 });
             }
-            run.operator.step() == Step::SetUp && run.control.state() == State::Ready
+            stands_by_homed(run)
         });
         assert_eq!(losses, 1);
         let off_mm = shown(run, LEFT) - loads(run)[LEFT];
@@ -238,13 +235,12 @@ fn a_gantry_that_stands_askew_ends_square() {
     by_hand(&machine(), |run| {
         let before = loads(run);
         assert!((before[RIGHT] - before[LEFT] - 0.6).abs() < 1e-9, "{before:?}");
-        let now_ns = run.now_ns();
-        assert!(run.operator.set_up(now_ns, true));
+        begin_homing(run);
         let mut skew_mm = 0.0_f64;
         reach(run, "homed", |run| {
             let now = loads(run);
             skew_mm = skew_mm.max((now[RIGHT] - now[LEFT]).abs());
-            run.operator.step() == Step::SetUp && run.control.state() == State::Ready
+            stands_by_homed(run)
         });
         let after = loads(run);
         assert!((after[RIGHT] - after[LEFT]).abs() <= 2.0 * RESOLUTION_MM, "{after:?}");
@@ -365,8 +361,7 @@ fn a_drive_that_fails_while_another_joint_homes_stops_both() {
 #[test]
 fn a_stop_ends_homing_at_rest_and_the_next_one_begins_anew() {
     by_hand(&machine(), |run| {
-        let now_ns = run.now_ns();
-        assert!(run.operator.set_up(now_ns, true));
+        begin_homing(run);
         reach_homing(run, X);
         let now_ns = run.now_ns();
         run.operator.stop(now_ns);
@@ -408,7 +403,7 @@ fn soft_limits_hold_once_a_joint_is_homed_and_not_before_it_may_be_jogged() {
     };
     by_hand(&machine(), |run| {
         let now_ns = run.now_ns();
-        assert!(run.operator.set_up(now_ns, false));
+        assert!(run.operator.begin(now_ns, Job::On));
         reach(run, "on", |run| run.control.state() == State::Ready);
         let before = loads(run);
         jog(run);
@@ -429,8 +424,7 @@ fn a_stop_while_a_drive_homes_beside_the_control_ends_both() {
     )]);
     by_hand(&config, |run| {
         let begin = loads(run);
-        let now_ns = run.now_ns();
-        assert!(run.operator.set_up(now_ns, true));
+        begin_homing(run);
         reach(run, "both on their way", |run| {
             let now = loads(run);
             (now[X] - begin[X]).abs() > 20.0 && (now[Z] - begin[Z]).abs() > 5.0
@@ -464,8 +458,7 @@ fn joints_home_in_the_order_of_their_numbers_and_by_whom_makes_no_difference() {
     assert_eq!(config.homing_order(), [0b1001, 0b0110]);
     by_hand(&config, |run| {
         let before = loads(run);
-        let now_ns = run.now_ns();
-        assert!(run.operator.set_up(now_ns, true));
+        begin_homing(run);
         let mut moved_together = false;
         reach(run, "X and Z homed", |run| {
             let now = loads(run);
@@ -474,9 +467,7 @@ fn joints_home_in_the_order_of_their_numbers_and_by_whom_makes_no_difference() {
             is_homed(run, X) && is_homed(run, Z)
         });
         assert!(moved_together);
-        reach(run, "homed", |run| {
-            run.operator.step() == Step::SetUp && run.control.state() == State::Ready
-        });
+        reach(run, "homed", |run| stands_by_homed(run));
         assert_true(run, &[X, LEFT, RIGHT]);
         assert_eq!(run.operator.alarms(), []);
     });
@@ -487,7 +478,7 @@ fn a_drive_that_was_away_is_not_homed_any_more() {
     by_hand(&machine(), |run| {
         homed_by_hand(run);
         let now_ns = run.now_ns();
-        run.operator.stop(now_ns);
+        run.operator.off(now_ns);
         reach(run, "off", |run| {
             run.operator.step() == Step::StandBy && run.control.state() == State::Disabled
         });

@@ -6,7 +6,7 @@ use isocnc::machine::sequence::Outcome;
 use isocnc::machine::state::State;
 use isocnc::machine::tables::Tables;
 use isocnc::operator::rehearsal::{Rehearsal, rehearse};
-use isocnc::program::check;
+use isocnc::program::{Begin, check};
 use isocnc::rt::shared::Command;
 use isocnc::sim::NetConfig;
 use motion::cancel::Cancel;
@@ -349,7 +349,14 @@ fn outputs_and_inputs_that_there_are_not_are_refused_at_their_place() {
     let tables = Tables::read(&config).expect("tables");
     let refused = |line: &str| {
         let text = format!("G21\n{line}\nM2\n");
-        let checked = check(&config, &tables, "p.ngc", text.as_bytes(), &Cancel::default());
+        let checked = check(
+            &config,
+            &tables,
+            "p.ngc",
+            text.as_bytes(),
+            &Begin::at_home(&config),
+            &Cancel::default(),
+        );
         checked.expect_err(line).to_string()
     };
     for (line, place) in [

@@ -231,7 +231,10 @@ fn the_cycle_never_allocates() {
             let (producer, consumer) = ring::channel(ring_capacity(&config));
             let new = Feeder::new(&config, &tables, text.as_bytes(), position, producer);
             feeder = Some(new.following(operator.shared()));
-            operator.start(Box::new(Interpolator::new(consumer, position, stop_ramp(&config))));
+            operator.start(
+                Box::new(Interpolator::new(consumer, position, stop_ramp(&config))),
+                false,
+            );
         }
         if control.state() == State::Running {
             break;

@@ -5,7 +5,7 @@ use isocnc::machine::sequence::Outcome;
 use isocnc::machine::state::State;
 use isocnc::machine::tables::Tables;
 use isocnc::operator::rehearsal::{Rehearsal, rehearse};
-use isocnc::program::check;
+use isocnc::program::{Begin, check};
 use isocnc::rt::shared::Command;
 use isocnc::sim::NetConfig;
 use motion::cancel::Cancel;
@@ -208,7 +208,16 @@ fn a_stop_in_a_probing_move_ends_the_program_at_rest() {
 fn what_depends_on_a_touch_is_not_judged_before_it() {
     let config = machine();
     let tables = Tables::read(&config).expect("no tables");
-    let judge = |text: &str| check(&config, &tables, "part", text.as_bytes(), &Cancel::default());
+    let judge = |text: &str| {
+        check(
+            &config,
+            &tables,
+            "part",
+            text.as_bytes(),
+            &Begin::at_home(&config),
+            &Cancel::default(),
+        )
+    };
     // Were the floor at the end of the probing move, the cut would lie below the travel.
     let text = "G21 G90 G94 G54\nG53 G0 Z-80\nG38.2 Z-44 F600\nG10 L20 P1 Z0\nG1 Z-3\nM2\n";
     assert!(judge(text).is_ok());

@@ -5,7 +5,7 @@ use isocnc::config::{self, Config};
 use isocnc::machine::sequence::Outcome;
 use isocnc::machine::tables::Tables;
 use isocnc::operator::rehearsal::{Rehearsal, rehearse};
-use isocnc::program::check;
+use isocnc::program::{Begin, check};
 use isocnc::rt::shared::Command;
 use isocnc::sim::NetConfig;
 use motion::cancel::Cancel;
@@ -41,7 +41,14 @@ fn end_of(config: &Config, text: &str) -> Result<Outcome, String> {
 /// What a check says of a program.
 fn refused(config: &Config, text: &str) -> String {
     let tables = Tables::read(config).expect("tables");
-    let checked = check(config, &tables, "p.ngc", text.as_bytes(), &Cancel::default());
+    let checked = check(
+        config,
+        &tables,
+        "p.ngc",
+        text.as_bytes(),
+        &Begin::at_home(config),
+        &Cancel::default(),
+    );
     checked.expect_err("a program that is refused").to_string()
 }
 
@@ -296,7 +303,15 @@ fn a_program_reads_pins_as_they_are_and_a_check_what_the_machine_file_states() {
     );
     config.program.pins.insert("motion.analog-in-02".into(), 1.0);
     let tables = Tables::read(&config).expect("tables");
-    check(&config, &tables, "p.ngc", text.as_bytes(), &Cancel::default()).unwrap_or_else(|errors| panic!("{errors}"));
+    check(
+        &config,
+        &tables,
+        "p.ngc",
+        text.as_bytes(),
+        &Begin::at_home(&config),
+        &Cancel::default(),
+    )
+    .unwrap_or_else(|errors| panic!("{errors}"));
     rehearse_part(&config, text, |run| {
         run.hal.set("motion.analog-in-02", 3.5).expect("a pin");
         assert_eq!(run.run(CYCLES_MAX).expect("an end"), Outcome::Completed);

@@ -63,7 +63,7 @@ fn help(command: &[&str]) -> String {
 fn check_command_line(words: &[&str]) {
     let depth = match words {
         ["bus", "sdo", ..] => 3,
-        ["hal" | "bus" | "program" | "alarm", ..] => 2,
+        ["hal" | "bus" | "program" | "alarm" | "offset" | "tool", ..] | ["estop", "reset"] => 2,
         _ => 1,
     };
     let (command, rest) = words.split_at(depth.min(words.len()));
@@ -131,7 +131,8 @@ fn every_option_of_the_text_exists() {
             continue;
         };
         let option = format!("--{option}");
-        let known: [&[&str]; 9] = [
+        let known: [&[&str]; 10] = [
+            &["stop"],
             &["demo"],
             &["init"],
             &["jitter"],

@@ -35,6 +35,7 @@ const REAL_TIME: &[&str] = &[
     "src/rt/cycle_stats.rs",
     "src/rt/recent.rs",
     "src/rt/shared.rs",
+    "src/rt/waiting.rs",
     "src/machine/overruns.rs",
     "src/host/latency.rs",
     "src/bus/powerlink/mod.rs",
@@ -109,6 +110,11 @@ const START_UP: &[(&str, &str, &str)] = &[
     ("src/rt/homing.rs", "new", "makes the groups"),
     ("src/rt/cycle_stats.rs", "new", "makes empty figures"),
     ("src/rt/io_pins.rs", "new", "makes the pins"),
+    (
+        "src/rt/waiting.rs",
+        "text",
+        "a sentence for the operator, made by his thread",
+    ),
     ("src/rt/spindle.rs", "new", "makes the pins"),
     ("src/rt/override_pins.rs", "new", "makes the pins"),
     (

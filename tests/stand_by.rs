@@ -1,31 +1,32 @@
 //! A control that stands by: on virtual time, where every cycle can be looked at; and as a process with its clients.
 
 use cia402::State as Power;
+use common::{Control, PATIENCE};
 use isocnc::config;
-use isocnc::machine::sequence::{Outcome, Step};
+use isocnc::machine::sequence::{Job, Outcome, Step};
 use isocnc::machine::state::State;
 use isocnc::operator::console::Operator;
 use isocnc::operator::rehearsal::{Rehearsal, rehearse_with};
 use isocnc::sim::{Disturbance, NetConfig};
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
-use nix::sys::signal::{SigHandler, Signal, kill};
+use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use serde_json::Value;
 use std::io::Write;
 use std::os::unix::fs::MetadataExt;
 use std::os::unix::net::UnixStream;
-use std::os::unix::process::CommandExt;
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::path::Path;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
+
+mod common;
 
 const MACHINE: &str = include_str!("../configs/mill3-demo.toml");
 const PART: &str = "G21 G90 G94 G54 G64 P0.01\nG0 X5 Y5 Z0\nG1 X15 F3000\nG0 Z5\nM2\n";
 /// Half a minute of motion.
 const LONG: &str = "G21 G90 G94 G54 G64 P0.01\nG0 X5 Y5 Z0\nG1 X200 F400\nM2\n";
 const CYCLES_MAX: u64 = 60_000;
-const PATIENCE: Duration = Duration::from_secs(120);
 
 fn stand_by(text: &str, act: impl FnOnce(&mut Rehearsal<'_>)) {
     let config = config::parse(MACHINE, Path::new("mill3-demo.toml")).unwrap();
@@ -53,11 +54,21 @@ fn positions(run: &mut Rehearsal<'_>) -> [u64; 3] {
 
 fn begin(run: &mut Rehearsal<'_>) -> bool {
     let now_ns = run.now_ns();
-    run.operator.begin(now_ns)
+    let home = run.operator.homing_order(run.operator.not_homed());
+    run.operator.begin(now_ns, Job::Program { home })
+}
+
+fn off(run: &mut Rehearsal<'_>) {
+    let now_ns = run.now_ns();
+    run.operator.off(now_ns);
+    reach(run, "off", |run| {
+        run.operator.step() == Step::StandBy && run.control.state() == State::Disabled
+    });
+    assert!(!powers(run).contains(&Some(Power::OperationEnabled)));
 }
 
 #[test]
-fn nothing_moves_before_a_program_and_drives_are_off_again_behind_it() {
+fn nothing_moves_before_a_program_and_the_next_one_finds_drives_on_and_joints_homed() {
     stand_by(PART, |run| {
         assert!(!begin(run), "the network is not up");
         reach(run, "disabled", |run| run.control.state() == State::Disabled);
@@ -68,20 +79,43 @@ fn nothing_moves_before_a_program_and_drives_are_off_again_behind_it() {
             assert!(!powers(run).contains(&Some(Power::OperationEnabled)));
         }
         assert_eq!(positions(run), rest);
-        for programs in 1..=2 {
+        let homings = |run: &Rehearsal<'_>| {
+            let entries = run.operator.journal().iter();
+            entries.filter(|entry| entry.text == "machine homing").count()
+        };
+        let mut homed = 0;
+        for programs in 1..=3 {
             assert!(begin(run));
             assert!(!begin(run), "one at a time");
             reach(run, "standing by", |run| run.operator.step() == Step::StandBy);
             assert_eq!(run.operator.program_outcome(), Some(Outcome::Completed));
-            assert_eq!(
-                (run.operator.programs(), run.control.state()),
-                (programs, State::Disabled)
-            );
-            assert!(!powers(run).contains(&Some(Power::OperationEnabled)));
+            assert_eq!((run.operator.programs(), run.control.state()), (programs, State::Ready));
+            assert_eq!(powers(run), [Some(Power::OperationEnabled); 3]);
+            if programs == 1 {
+                homed = homings(run);
+            }
+            if programs == 2 {
+                // Feedback is read with drives off, too: joints stay homed.
+                off(run);
+            }
         }
+        assert!(homed > 0);
+        assert_eq!(homings(run), homed, "homed once");
+        off(run);
         let now_ns = run.now_ns();
         run.operator.end(now_ns);
         assert_eq!(run.run(CYCLES_MAX).unwrap(), Outcome::Completed);
+    });
+}
+
+/// Nothing says M2 there.
+#[test]
+fn a_program_between_percent_signs_comes_to_its_end() {
+    stand_by("%\nG21 G90\nG0 X5 Y5\n%\n", |run| {
+        reach(run, "disabled", |run| run.control.state() == State::Disabled);
+        assert!(begin(run));
+        reach(run, "standing by", |run| run.operator.step() == Step::StandBy);
+        assert_eq!(run.operator.program_outcome(), Some(Outcome::Completed));
     });
 }
 
@@ -95,8 +129,11 @@ fn a_stop_leads_back_to_stand_by() {
         run.operator.stop(now_ns);
         reach(run, "standing by", |run| run.operator.step() == Step::StandBy);
         assert_eq!(run.operator.program_outcome(), Some(Outcome::Stopped));
-        assert_eq!(run.control.state(), State::Disabled);
+        assert_eq!(run.control.state(), State::Ready, "drives stay on");
         assert!(begin(run), "ready for the next one");
+        reach(run, "running", |run| run.control.state() == State::Running);
+        off(run);
+        assert_eq!(run.operator.program_outcome(), Some(Outcome::Stopped));
     });
 }
 
@@ -168,114 +205,6 @@ fn a_pc_that_stands_still_while_drives_are_off_is_warned_of_and_nothing_has_to_b
     });
 }
 
-/// A control that stands by over the wire in memory.
-struct Control {
-    process: Child,
-    folder: TempDir,
-    machine: String,
-}
-
-impl Control {
-    fn start(name: &str, stdout: impl Into<Stdio>) -> Control {
-        Control::start_in(tempfile::tempdir().unwrap(), name, stdout, str::to_owned)
-    }
-
-    /// In a folder with files of its own, for which the machine file may be `changed`.
-    fn start_in(folder: TempDir, name: &str, stdout: impl Into<Stdio>, changed: fn(&str) -> String) -> Control {
-        let machine = format!("{name}-{}", std::process::id());
-        let file = folder.path().join("machine.toml");
-        let config = config::parse(MACHINE, Path::new("mill3-demo.toml")).unwrap();
-        let text = MACHINE
-            .replace(&format!("\"{}\"", config.name), &format!("\"{machine}\""))
-            // However busy this PC is.
-            .replace("\nlock_memory = true", "\noverruns_stop = 0\nlock_memory = true")
-            .replace("pres_lost_max = 20", "pres_lost_max = 1000")
-            .replacen("kind = \"powerlink\"", "kind = \"memory\"", 1);
-        std::fs::write(&file, changed(&text)).unwrap();
-        let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
-        command.arg("run").arg(&file).arg("--json").stdout(stdout);
-        // A shell starts what runs in its background with these ignored.
-        let default = || {
-            for signal in [Signal::SIGINT, Signal::SIGQUIT] {
-                // SAFETY: no handler is put in, and nothing else is done between fork and exec.
-                unsafe { nix::sys::signal::signal(signal, SigHandler::SigDfl)? };
-            }
-            Ok(())
-        };
-        // SAFETY: the closure makes system calls only.
-        unsafe { command.pre_exec(default) };
-        Control {
-            process: command.spawn().unwrap(),
-            folder,
-            machine,
-        }
-    }
-
-    fn program(&self, name: &str, text: &str) -> PathBuf {
-        let path = self.folder.path().join(name);
-        std::fs::write(&path, text).unwrap();
-        path
-    }
-
-    /// The client's answer, or the errors that it answers.
-    fn ask(&self, arguments: &[&str]) -> Result<Value, String> {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
-        let output = command
-            .args(arguments)
-            .args(["--json", "--machine", &self.machine])
-            .output()
-            .unwrap();
-        match output.status.code() {
-            Some(0) => Ok(serde_json::from_slice(&output.stdout).unwrap()),
-            _ => {
-                let errors: Value = serde_json::from_slice(&output.stdout).unwrap();
-                let rules = errors["errors"].as_array().unwrap().iter();
-                let rules: Vec<&str> = rules.map(|error| error["rule"].as_str().unwrap()).collect();
-                Err(rules.join("\n"))
-            }
-        }
-    }
-
-    /// A client in words: its exit code, and all that it says.
-    fn words(&self, arguments: &[&str]) -> (Option<i32>, String) {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
-        let output = command
-            .args(arguments)
-            .args(["--machine", &self.machine])
-            .output()
-            .unwrap();
-        let text = |octets: &[u8]| String::from_utf8_lossy(octets).into_owned();
-        (output.status.code(), text(&output.stdout) + &text(&output.stderr))
-    }
-
-    fn wait_for(&self, what: &str, done: impl Fn(&Value) -> bool) -> Value {
-        let give_up = Instant::now() + PATIENCE;
-        loop {
-            let status = self.ask(&["status"]);
-            if let Ok(status) = &status
-                && done(status)
-            {
-                return status.clone();
-            }
-            assert!(Instant::now() < give_up, "never {what}: {status:?}");
-            std::thread::sleep(Duration::from_millis(20));
-        }
-    }
-
-    fn refused(&self, arguments: &[&str], why: &str) {
-        let said = self.ask(arguments).expect_err("a refusal");
-        assert!(said.contains(why), "{said}");
-    }
-}
-
-impl Drop for Control {
-    fn drop(&mut self) {
-        // Gone already where the test went well.
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
-
 #[test]
 fn a_reader_who_does_not_read_keeps_nobody_from_stopping_the_machine() {
     let (_reader, mut full) = std::io::pipe().unwrap();
@@ -303,7 +232,7 @@ fn clients_wait_for_the_end_of_what_they_order() {
     let status = control.ask(&["status"]).unwrap();
     assert_eq!(
         (&status["step"], &status["homed"]),
-        (&"set-up".into(), &serde_json::json!([0, 1, 2]))
+        (&"standing by".into(), &serde_json::json!([0, 1, 2]))
     );
 
     // Faster than the axis can, and farther than it may.
@@ -313,17 +242,18 @@ fn clients_wait_for_the_end_of_what_they_order() {
         said,
         "speed cut from 4000 to 100 mm/s, the limit of Z\nZ at rest at 5.000 mm, its soft limit\n"
     );
-    let (code, said) = control.words(&["stop"]);
-    assert_eq!((code, said.lines().last()), (Some(0), Some("at rest, drives are off")));
-    assert_eq!(control.ask(&["status"]).unwrap()["state"], "disabled");
+    // Drives stay on, and what is homed stays so: the program follows the hand.
 
     let part = control.program("part.ngc", PART);
     let (code, said) = control.words(&["program", "run", part.to_str().unwrap()]);
     assert_eq!(
         (code, said.lines().last()),
-        (Some(0), Some("completed; drives are off")),
+        (Some(0), Some("completed; drives are on")),
         "{said}"
     );
+    let (code, said) = control.words(&["off"]);
+    assert_eq!((code, said.lines().last()), (Some(0), Some("at rest, drives are off")));
+    assert_eq!(control.ask(&["status"]).unwrap()["state"], "disabled");
 
     // Whoever does not want to wait any longer stops nothing; a program that is stopped is not done.
     let long = control.program("long.ngc", LONG);
@@ -462,9 +392,10 @@ fn clients_run_hold_and_stop_programs() {
     let standing_by = |status: &Value| status["state"] == "disabled" && status["step"] == "standing by";
     let status = control.wait_for("standing by", standing_by);
     assert_eq!((&status["program"], &status["alarm"]), (&Value::Null, &Value::Null));
-    control.refused(&["hold"], "nothing runs that could be held; the machine is disabled");
-    control.refused(&["stop"], "there is no program to stop");
-    control.refused(&["reverse"], "no program runs or is held; the machine is disabled");
+    control.refused(&["hold"], "nothing runs that could be held");
+    control.refused(&["stop"], "there is nothing to stop");
+    control.refused(&["reverse"], "no program runs or is held");
+    control.refused(&["program", "start"], "drives are off: isocnc on");
     for (switch, on) in [("on", true), ("off", false)] {
         control.ask(&["single-block", switch]).unwrap();
         control.wait_for("single block", |status| status["single_block"] == on);
@@ -482,7 +413,10 @@ fn clients_run_hold_and_stop_programs() {
         (&begun["program"], &begun["lines"]),
         (&part.to_str().unwrap().into(), &5.into())
     );
-    control.refused(&["program", "run", part.to_str().unwrap()], "not while the machine is");
+    let busy = control
+        .ask(&["program", "run", part.to_str().unwrap()])
+        .expect_err("a refusal");
+    assert!(busy.contains("wait"), "{busy}");
     let status = control.wait_for("the end of the part", |status| !status["program"]["result"].is_null());
     assert_eq!(status["program"]["result"], "completed", "{status}");
 
@@ -497,6 +431,10 @@ fn clients_run_hold_and_stop_programs() {
     control.wait_for("on the way again", |status| {
         status["position_mm"] != held["position_mm"]
     });
+    // Some way to go back on.
+    control.wait_for("a few millimetres on", |status| {
+        status["position_mm"][0].as_f64() > held["position_mm"][0].as_f64().map(|x_mm| x_mm + 8.0)
+    });
     control.ask(&["reverse", "50"]).unwrap();
     let back = control.wait_for("on the way back", |status| {
         status["direction"] == "reverse" && status["state"] == "running"
@@ -507,8 +445,11 @@ fn clients_run_hold_and_stop_programs() {
     control.ask(&["resume"]).unwrap();
     control.wait_for("forward", |status| status["direction"] == "forward");
     control.ask(&["stop", "--no-wait"]).unwrap();
-    let status = control.wait_for("standing by", standing_by);
-    assert_eq!(status["program"]["result"], "stopped", "{status}");
+    let status = control.wait_for("at rest", |status| status["job"] == "stopped");
+    assert_eq!(
+        (&status["program"]["result"], &status["power"]),
+        (&"stopped".into(), &"on".into())
+    );
 
     kill(Pid::from_raw(control.process.id() as i32), Signal::SIGTERM).unwrap();
     assert_eq!(control.process.wait().unwrap().code(), Some(143));
@@ -528,7 +469,7 @@ fn what_programs_leave_behind_is_there_for_the_next_one_and_after_a_restart() {
     write(&folder, "m.var", "100 3\n5221 20\n5222 20\n5223 -60\n");
     write(&folder, "m.tbl", "T1 P1 Z5 ;mine\n");
     let mut control = Control::start_in(folder, "tables", Stdio::null(), with_tables);
-    let standing_by = |status: &Value| status["state"] == "disabled" && status["step"] == "standing by";
+    let standing_by = |status: &Value| !status["job"].is_null();
     let file = |control: &Control, name: &str| std::fs::read_to_string(control.folder.path().join(name)).unwrap();
     let kept = |control: &Control, value: &str| {
         let give_up = Instant::now() + PATIENCE;
@@ -537,7 +478,7 @@ fn what_programs_leave_behind_is_there_for_the_next_one_and_after_a_restart() {
             std::thread::sleep(Duration::from_millis(20));
         }
     };
-    control.wait_for("standing by", standing_by);
+    control.wait_for("standing by", |status| status["power"] == "off");
     let double = control.program("double.ngc", &format!("#100=[#100*2]\n{PART}"));
     let run =
         |control: &Control, program: &Path| control.ask(&["program", "run", "--no-wait", program.to_str().unwrap()]);
@@ -564,7 +505,7 @@ fn what_programs_leave_behind_is_there_for_the_next_one_and_after_a_restart() {
     assert_eq!(control.process.wait().unwrap().code(), Some(143));
     let folder = std::mem::replace(&mut control.folder, tempfile::tempdir().unwrap());
     let control = Control::start_in(folder, "tables-again", Stdio::null(), with_tables);
-    control.wait_for("standing by", standing_by);
+    control.wait_for("standing by", |status| status["power"] == "off");
     let double = control.program("double.ngc", &format!("#100=[#100*2]\n{PART}"));
     run(&control, &double).unwrap();
     control.wait_for("the end of the part", |status| !status["program"]["result"].is_null());

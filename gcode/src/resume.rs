@@ -12,7 +12,7 @@ use crate::interpreter::Run;
 use crate::scan::Span;
 use crate::state::Calls;
 use crate::state::{Question, State};
-use motion::canon::{Call, FeedMode, Position};
+use motion::canon::{Axis, Call, FeedMode, Position};
 
 /// What a machine must be given before a program goes on in its middle.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,7 +29,28 @@ pub struct Resume {
     pub assumptions: Vec<String>,
 }
 
+/// How a machine comes to the place where a program goes on in its middle: never by one rapid move of all axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Approach {
+    /// Z goes up to here first, machine coordinates, mm; where it stands higher, it stays.
+    pub retract_mm: f64,
+    /// The last piece of the way down that is gone at feed, mm.
+    pub clearance_mm: f64,
+    /// That feed, mm/min.
+    pub feed_mm_per_minute: f64,
+}
+
 impl Run<'_> {
+    /// Begins before a line of the program, as [`Run::start_at_line`] says, and hands out first what brings the machine there: Z
+    /// up; modes, tool and spindle; rotary axes; the others; Z down by rapid and, at last, at feed. An error is the first event.
+    pub fn begin_at_line(mut self, line: u32, approach: &Approach) -> Self {
+        match self.start_at_line(line) {
+            Ok(_) => self.calls.extend(self.state.approach(approach)),
+            Err(error) => self.errors.push(*error),
+        }
+        self
+    }
+
     /// Goes on to a line of the program, counted from 1, without handing out the events before it. The next event is the
     /// first one of that line.
     ///
@@ -86,8 +107,55 @@ fn assumption(line: u32, question: &Question) -> String {
 }
 
 impl State {
+    /// Calls that bring a machine that stands where the settings say into this state and to the current point.
+    fn approach(&self, approach: &Approach) -> Vec<Call> {
+        let (now, target) = (self.settings.start, self.machine());
+        let to = |machine: Position| Call::StraightTraverse {
+            to: self.offsets.work(machine),
+        };
+        let mut at = now;
+        at[Axis::Z] = at[Axis::Z].max(approach.retract_mm);
+        // Where work coordinates lie, before the first move in them.
+        let mut calls = vec![
+            Call::UseLengthUnit(self.modal.unit),
+            self.g5x_call(),
+            self.g92_call(),
+            self.rotation_call(),
+            Call::SetToolLengthOffset {
+                offset: self.offsets.tool,
+            },
+            to(at),
+        ];
+        calls.extend(self.modes_told());
+        for axis in [Axis::A, Axis::B, Axis::C] {
+            at[axis] = target[axis];
+        }
+        calls.push(to(at));
+        at = Position(Axis::ALL.map(|axis| if axis == Axis::Z { at[axis] } else { target[axis] }));
+        calls.push(to(at));
+        at[Axis::Z] = at[Axis::Z].min(target[Axis::Z] + approach.clearance_mm);
+        calls.push(to(at));
+        calls.extend([
+            Call::SetFeedMode(FeedMode::PerTime),
+            Call::SetFeedRate {
+                linear: approach.feed_mm_per_minute / 60.0,
+                angular: approach.feed_mm_per_minute / 60.0,
+            },
+            Call::StraightFeed { to: self.at },
+        ]);
+        calls.extend(self.feed_told());
+        calls
+    }
+
     /// Calls that bring a machine into this state.
     fn re_establish(&self) -> Vec<Call> {
+        let mut calls = self.modes_told();
+        calls.push(Call::StraightTraverse { to: self.at });
+        calls
+    }
+
+    /// The same without the way to the current point.
+    pub(crate) fn modes_told(&self) -> Vec<Call> {
         let modal = &self.modal;
         let mut calls = Calls::new();
         calls.extend([
@@ -133,12 +201,18 @@ impl State {
             }
         }
         calls.extend([Call::Mist(modal.mist), Call::Flood(modal.flood)]);
-        calls.push_back(Call::SetFeedMode(match modal.feed_unit {
+        calls.extend(self.feed_told());
+        calls.into()
+    }
+
+    /// Unit and value of the feed.
+    fn feed_told(&self) -> Vec<Call> {
+        let mut calls = Calls::new();
+        calls.push_back(Call::SetFeedMode(match self.modal.feed_unit {
             crate::code::FeedUnit::UnitsPerTurn => FeedMode::PerTurn { spindle: 0 },
             crate::code::FeedUnit::InverseTime | crate::code::FeedUnit::UnitsPerMinute => FeedMode::PerTime,
         }));
         self.push_feed(&mut calls);
-        calls.push_back(Call::StraightTraverse { to: self.at });
         calls.into()
     }
 }

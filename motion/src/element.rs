@@ -286,7 +286,8 @@ impl Auxiliary {
             | Action::SetTool { .. }
             | Action::ProgramStop
             | Action::OptionalStop
-            | Action::ProgramEnd => return None,
+            | Action::ProgramEnd
+            | Action::TextEnd => return None,
         })
     }
 
@@ -551,6 +552,8 @@ pub enum Action {
     OptionalStop,
     /// M2, M30.
     ProgramEnd,
+    /// A text is over without them, by `%` or as a line of MDI: nothing is switched off.
+    TextEnd,
 }
 
 impl fmt::Display for Action {
@@ -606,6 +609,7 @@ impl fmt::Display for Action {
             Action::ProgramStop => f.write_str("stop (M0)"),
             Action::OptionalStop => f.write_str("optional stop (M1)"),
             Action::ProgramEnd => f.write_str("end"),
+            Action::TextEnd => f.write_str("end of the text"),
         }
     }
 }

@@ -6,6 +6,7 @@
 
 use crate::api::rpc::RpcError;
 use crate::api::server::Ticket;
+use crate::program::Change;
 use crate::rt::joint_jog::JogMotion;
 use motion::canon::Axis;
 use serde::Serialize;
@@ -20,12 +21,22 @@ const ORDERS: usize = 16;
 /// What a client wants.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Order {
-    /// Switch drives on, home, run a program, switch them off again.
+    /// Switch drives on; nothing moves.
+    On,
+    /// Come to rest, then switch drives off.
+    Off,
+    /// Home these joints, all if none is named; drives are switched on first if they are off, and stay on.
+    Home(Vec<usize>),
+    /// Check a program and keep it.
+    Load(Source),
+    /// Run the program that is loaded: from its beginning, or before a line, if that was agreed to.
+    Start { from_line: Option<u32>, yes: bool },
+    /// Switch drives on, home what is not homed, load and run a program.
     Run(Source),
-    /// Switch drives on, to jog and home by hand.
-    Enable,
-    /// Home all joints; drives are switched on first if they are off, and stay on.
-    Home,
+    /// Run a line that was typed, behind those that wait.
+    Mdi(String),
+    /// Change what the machine remembers.
+    Change(Change),
     /// Move joints by hand.
     Jog(Jog),
     /// Come to rest on the path, keep the program.
@@ -36,10 +47,22 @@ pub enum Order {
     Reverse(f64),
     /// Whether to rest at the end of each block.
     SingleBlock(bool),
-    /// Come to rest on the path, give the program up, switch drives off.
+    /// The tool that the program waits for is in the spindle.
+    ToolChanged,
+    /// Come to rest on the path and give the program up; drives stay on.
     Stop,
+    /// Emergency stop.
+    Estop,
+    /// The emergency stop is over.
+    EstopReset,
     /// Allow motion again after a fault whose cause is gone.
     Acknowledge,
+    /// Show the work offsets.
+    Offsets,
+    /// Show the tools.
+    Tools,
+    /// Show the journal behind this number.
+    Journal(u64),
     /// Whoever gave the order of this ticket has gone: what has not begun shall not begin. Has no answer.
     Withdraw,
 }
@@ -75,12 +98,41 @@ pub enum Source {
 pub struct Shown {
     /// Step of the sequence, in words.
     pub step: &'static str,
-    /// The program under way, or the last one.
+    /// Whether the machine can move: `starting`, `off`, `on`, ...
+    pub power: &'static str,
+    /// What is going on: `idle`, `running`, ...
+    pub activity: &'static str,
+    /// Whose orders the machine follows, or followed last: `manual`, `mdi` or `auto`.
+    pub mode: &'static str,
+    /// The program that is loaded, under way, or was the last one.
     pub program: Option<ShownProgram>,
+    /// How the last order that takes time ended, once it has.
+    pub job: Option<&'static str>,
+    /// The line of MDI under way, and those that wait behind it.
+    pub mdi: Vec<String>,
+    /// What a machine that waits waits for.
+    pub waiting: Option<Waiting>,
+    /// G and M codes in force for MDI.
+    pub codes: Vec<String>,
+    /// Place of the axes in the work system in force for MDI, less what is added to it: subtract from machine coordinates.
+    pub work_offset: Vec<f64>,
+    /// Tool in the spindle, 0: none.
+    pub tool: u32,
     /// Why the machine stopped by itself; stands until it is acknowledged or another program begins.
     pub alarm: Option<String>,
     /// What ended the last jog, if something was in its way.
     pub obstruction: Option<String>,
+}
+
+/// What a machine that waits waits for.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Waiting {
+    /// `operator`, `tool-change`, `spindle-speed`, ...
+    #[serde(rename = "for")]
+    pub what: &'static str,
+    pub text: String,
+    /// What releases it.
+    pub release: &'static str,
 }
 
 /// A program of [`Shown`].

@@ -109,6 +109,29 @@ impl Params {
     }
 
     /// A text, if it is given.
+    /// Whole numbers in a list; none where it is missing.
+    ///
+    /// # Errors
+    /// It is no list of numbers within these limits.
+    pub fn numbers(&self, name: &str, least: u64, most: u64) -> Result<Vec<u64>, RpcError> {
+        let wrong = |got: &Value| {
+            let what = format!("parameter \"{name}\": expected a list of numbers, {least} to {most}, got {got}");
+            RpcError::new(code::INVALID_PARAMS, what)
+        };
+        match self.0.get(name) {
+            None => Ok(Vec::new()),
+            Some(list) => {
+                let numbers = list.as_array().ok_or_else(|| wrong(list))?.iter();
+                numbers
+                    .map(|number| {
+                        let found = number.as_u64().filter(|number| (least..=most).contains(number));
+                        found.ok_or_else(|| wrong(number))
+                    })
+                    .collect()
+            }
+        }
+    }
+
     pub fn text(&self, name: &str) -> Result<Option<&str>, RpcError> {
         let Some(value) = self.0.get(name) else {
             return Ok(None);

@@ -1,5 +1,5 @@
-//! `isocnc status`, `program run`, `enable`, `home`, `hold`, `resume`, `reverse`, `single-block`, `stop`, `override`,
-//! `alarm acknowledge`: clients of a running control.
+//! `isocnc status`, `on`, `off`, `home`, `program`, `mdi`, `hold`, `resume`, `reverse`, `single-block`, `stop`, `override`,
+//! `tool-changed`, `alarm acknowledge`: clients of a running control.
 //!
 //! In:  the control socket of a machine, or of the only one that runs.
 //! Out: a few lines or one JSON value. Exit code 1: the control refuses, or none runs.
@@ -47,7 +47,26 @@ pub struct OrderArgs {
 
 #[derive(Clone, Debug, Subcommand)]
 enum ProgramCommand {
-    /// Run a program on a control that stands by: drives on, homing, the program, drives off
+    /// Check a program and keep it for `start`
+    #[command(after_help = "Example: isocnc program load configs/sample-part.ngc")]
+    Load {
+        /// File; the control must be allowed to read it
+        file: PathBuf,
+    },
+    /// Run the program that is loaded; drives are on and joints homed before
+    #[command(after_help = "Example: isocnc program start")]
+    Start {
+        /// Begin before this line: says what that means, and does it with --yes
+        #[arg(long, value_name = "N")]
+        from_line: Option<u32>,
+        /// What a start at a line means is right
+        #[arg(long, requires = "from_line")]
+        yes: bool,
+        /// Return once the program has begun, not once it is over
+        #[arg(long)]
+        no_wait: bool,
+    },
+    /// All at once: drives on, joints home that are not, load, start; drives stay on
     #[command(after_help = "Example: isocnc program run configs/sample-part.ngc")]
     Run {
         /// File; the control must be allowed to read it
@@ -56,6 +75,24 @@ enum ProgramCommand {
         #[arg(long)]
         no_wait: bool,
     },
+}
+
+/// Arguments of `home`.
+#[derive(Clone, Debug, Args)]
+pub struct HomeArgs {
+    #[command(flatten)]
+    order: OrderArgs,
+    /// Numbers of the joints; all without them
+    joints: Vec<u8>,
+}
+
+/// Arguments of `mdi`.
+#[derive(Clone, Debug, Args)]
+pub struct MdiArgs {
+    #[command(flatten)]
+    order: OrderArgs,
+    /// A line of G-code
+    line: String,
 }
 
 /// Arguments of `alarm`.
@@ -72,6 +109,22 @@ enum AlarmCommand {
     /// Allow motion again after a fault whose cause is gone; switches nothing on
     #[command(after_help = "Example: isocnc alarm acknowledge")]
     Acknowledge,
+}
+
+/// Arguments of `estop`.
+#[derive(Clone, Debug, Args)]
+pub struct EstopArgs {
+    #[command(flatten)]
+    control: ControlArgs,
+    #[command(subcommand)]
+    command: Option<EstopCommand>,
+}
+
+#[derive(Clone, Debug, Subcommand)]
+enum EstopCommand {
+    /// The emergency stop is over; switches nothing on
+    #[command(after_help = "Example: isocnc estop reset")]
+    Reset,
 }
 
 /// Arguments of `reverse`.
@@ -120,6 +173,8 @@ enum Overridden {
 
 /// Between two looks while an order is carried out.
 const LOOK: Duration = Duration::from_millis(50);
+/// Looks whether a reset has had its effect.
+const RESET_LOOKS: u32 = 10;
 /// Pause between two lines about it where the output is no terminal.
 const PAUSE: Duration = Duration::from_secs(5);
 
@@ -127,13 +182,17 @@ const PAUSE: Duration = Duration::from_secs(5);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lasting {
     /// Switches drives on.
-    Enable,
-    /// Homes all joints.
+    On,
+    /// To rest, then switches drives off.
+    Off,
+    /// Homes joints.
     Home,
     /// Comes to rest on the path, gives the program up.
     Stop,
     /// Runs a program.
     Program,
+    /// Runs a line of G-code.
+    Mdi,
 }
 
 /// Shows how a control is.
@@ -174,55 +233,126 @@ pub fn resume(args: &ControlArgs) -> anyhow::Result<ExitCode> {
     order(args, "resume", "goes on")
 }
 
-/// Gives an order and waits until it is carried out. Ctrl-C ends the waiting, and nothing else.
+/// Says that the tool is in the spindle that the program waits for.
+///
+/// # Errors
+/// No control answers, or it refuses.
+pub fn tool_changed(args: &ControlArgs) -> anyhow::Result<ExitCode> {
+    order(args, "tool.changed", "goes on with this tool")
+}
+
+/// Switches drives on or off, or stops, and waits until that is done. Ctrl-C ends the waiting, and nothing else.
 ///
 /// # Errors
 /// No control answers, or it refuses.
 pub fn lasting(args: &OrderArgs, order: Lasting) -> anyhow::Result<ExitCode> {
     let (method, begun) = match order {
-        Lasting::Enable => ("enable", "drives go on and nothing moves; off again with: isocnc stop"),
-        Lasting::Home => ("home", "homes; drives stay on then, off again with: isocnc stop"),
-        Lasting::Stop => ("stop", "comes to rest on the path, then drives go off"),
-        Lasting::Program => ("program.run", "begun"),
+        Lasting::On => ("on", "drives go on, and nothing moves"),
+        Lasting::Off => ("off", "comes to rest, then drives go off"),
+        Lasting::Stop => ("stop", "comes to rest on the path; drives stay on"),
+        Lasting::Home => ("home", "homes; drives stay on"),
+        Lasting::Program => ("program.start", "begun; see: isocnc status"),
+        Lasting::Mdi => ("mdi", "begun"),
     };
-    let signal = StopSignal::install().context("signals")?;
-    let mut client = Client::connect(args.control.machine.as_deref())?;
-    let answer = client.call(method, json!({}))?;
-    if args.no_wait {
-        print(&args.control, &answer, begun);
-        return Ok(ExitCode::SUCCESS);
-    }
-    wait(&mut client, &args.control, order, &signal)
+    give(args, order, method, json!({}), |_| begun.to_owned())
 }
 
-/// Runs a program, and waits for its end.
+/// Homes joints.
+///
+/// # Errors
+/// No control answers, or it refuses.
+pub fn home(args: &HomeArgs) -> anyhow::Result<ExitCode> {
+    let params = match args.joints.is_empty() {
+        true => json!({}),
+        false => json!({ "joints": args.joints }),
+    };
+    give(&args.order, Lasting::Home, "home", params, |_| {
+        "homes; drives stay on".into()
+    })
+}
+
+/// Runs a line of G-code.
+///
+/// # Errors
+/// No control answers, or it refuses.
+pub fn mdi(args: &MdiArgs) -> anyhow::Result<ExitCode> {
+    give(&args.order, Lasting::Mdi, "mdi", json!({ "line": args.line }), |_| {
+        "begun".into()
+    })
+}
+
+/// Loads, starts or runs a program, and waits for its end.
 ///
 /// # Errors
 /// There is no such file; no control answers, or it refuses.
 pub fn program(args: &ProgramArgs) -> anyhow::Result<ExitCode> {
-    let ProgramCommand::Run { file, no_wait } = &args.command;
-    let signal = StopSignal::install().context("signals")?;
-    let path = std::fs::canonicalize(file).with_context(|| file.display().to_string())?;
-    let path = path.to_str().context("the path is no UTF-8")?;
-    let mut client = Client::connect(args.control.machine.as_deref())?;
-    let begun = client.call("program.run", json!({ "path": path }))?;
-    let words = format!(
-        "begun: {}, {} lines, {:.1} s planned; see: isocnc status",
-        path,
-        begun["lines"],
-        begun["planned_time_s"].as_f64().unwrap_or(0.0)
-    );
-    if let Some(warning) = begun["warning"].as_str().filter(|_| !args.control.json) {
+    let (control, path) = (&args.control, |file: &PathBuf| -> anyhow::Result<Value> {
+        let path = std::fs::canonicalize(file).with_context(|| file.display().to_string())?;
+        let path = path.to_str().context("the path is no UTF-8")?;
+        Ok(json!({ "path": path }))
+    });
+    let (method, params, no_wait) = match &args.command {
+        ProgramCommand::Load { file } => {
+            let loaded = call(control, "program.load", path(file)?)?;
+            warn(control, &loaded);
+            let words = outlook("loaded", &loaded);
+            print(control, &loaded, &format!("{words}; run it with: isocnc program start"));
+            return Ok(ExitCode::SUCCESS);
+        }
+        ProgramCommand::Start {
+            from_line: Some(line),
+            yes,
+            no_wait,
+        } => ("program.start", json!({ "from_line": line, "yes": yes }), *no_wait),
+        ProgramCommand::Start { no_wait, .. } => ("program.start", json!({}), *no_wait),
+        ProgramCommand::Run { file, no_wait } => ("program.run", path(file)?, *no_wait),
+    };
+    let args = OrderArgs {
+        control: control.clone(),
+        no_wait,
+    };
+    give(&args, Lasting::Program, method, params, |begun| {
+        format!("{}; see: isocnc status", outlook("begun", begun))
+    })
+}
+
+/// What a program comes to, in words.
+fn outlook(done: &str, of: &Value) -> String {
+    format!(
+        "{done}: {}, {} lines, {:.1} s planned",
+        of["program"].as_str().unwrap_or("program"),
+        of["lines"],
+        of["planned_time_s"].as_f64().unwrap_or(0.0)
+    )
+}
+
+fn warn(control: &ControlArgs, begun: &Value) {
+    if let Some(warning) = begun["warning"].as_str().filter(|_| !control.json) {
         eprintln!("warning: {warning}");
     }
-    if *no_wait {
+}
+
+/// Gives an order, and waits until it is carried out if that is wanted.
+fn give(
+    args: &OrderArgs,
+    order: Lasting,
+    method: &str,
+    params: Value,
+    words: impl FnOnce(&Value) -> String,
+) -> anyhow::Result<ExitCode> {
+    let signal = StopSignal::install().context("signals")?;
+    let mut client = Client::connect(args.control.machine.as_deref())?;
+    let begun = client.call(method, params)?;
+    warn(&args.control, &begun);
+    let words = words(&begun);
+    if args.no_wait {
         print(&args.control, &begun, &words);
         return Ok(ExitCode::SUCCESS);
     }
-    if !args.control.json {
+    if !args.control.json && order == Lasting::Program {
         terminal::say(&format!("{words}\n"));
     }
-    wait(&mut client, &args.control, Lasting::Program, &signal)
+    wait(&mut client, &args.control, order, &signal)
 }
 
 /// Waits until an order is carried out. Exit code 1: it was not.
@@ -264,46 +394,55 @@ fn wait(client: &mut Client, args: &ControlArgs, order: Lasting, signal: &StopSi
 /// What came of an order: done, or why not; `None`: neither yet.
 fn end_of(order: Lasting, status: &Value) -> Option<Result<String, String>> {
     let (step, state) = (status["step"].as_str()?, status["state"].as_str()?);
-    let failed = || {
-        let alarm = status["alarm"]
-            .as_str()
-            .map(|cause| terminal::alarm(format!("alarm: {cause}")).to_string());
-        Some(Err(
-            alarm.unwrap_or_else(|| format!("given up: the machine is {state} ({step})"))
-        ))
+    if state == "silenced" {
+        return Some(Err(terminal::alarm(SILENCED).to_string()));
+    }
+    // A control that was started for one program ends with it.
+    let is_over = step == "done";
+    let job = status["job"].as_str();
+    if job.is_none() && !is_over {
+        return None;
+    }
+    let drives = match state {
+        "ready" | "jogging" => "drives are on",
+        _ => "drives are off",
     };
-    let is_over = matches!(step, "standing by" | "done") && matches!(state, "disabled" | "faulted" | "down");
-    match (order, step, state) {
-        (.., "silenced") => Some(Err(terminal::alarm(SILENCED).to_string())),
-        (Lasting::Enable, "set-up", "ready" | "jogging") => {
-            Some(Ok("drives are on; off again with: isocnc stop".into()))
-        }
-        (Lasting::Home, "set-up", "ready" | "jogging") => {
-            Some(Ok("homed; drives are on, off again with: isocnc stop".into()))
-        }
-        (Lasting::Stop, ..) if is_over => Some(Ok("at rest, drives are off".into())),
-        (Lasting::Program, ..) if is_over => match status["program"]["result"].as_str()? {
-            "completed" => Some(Ok("completed; drives are off".into())),
-            "stopped" => Some(Err("stopped before its end; drives are off".into())),
-            _ => failed(),
+    let alarm = status["alarm"].as_str();
+    let failed = |words: String| {
+        let alarm = alarm.map(|cause| terminal::alarm(format!("alarm: {cause}")).to_string());
+        Some(Err(alarm.unwrap_or(words)))
+    };
+    match order {
+        Lasting::Off if matches!(state, "ready" | "jogging") => None,
+        Lasting::Stop if matches!(state, "jogging" | "stopping") => None,
+        Lasting::Off | Lasting::Stop => Some(Ok(format!("at rest, {drives}"))),
+        Lasting::On | Lasting::Home | Lasting::Program | Lasting::Mdi => match job {
+            Some("completed") => Some(Ok(match order {
+                Lasting::Home => format!("homed; {drives}"),
+                Lasting::Program | Lasting::Mdi => format!("completed; {drives}"),
+                Lasting::On | Lasting::Off | Lasting::Stop => drives.to_owned(),
+            })),
+            Some("stopped") => failed(format!("stopped before its end; {drives}")),
+            _ => failed(format!("given up: the machine is {state} ({step})")),
         },
-        (Lasting::Enable | Lasting::Home, ..) if is_over => failed(),
-        (Lasting::Enable | Lasting::Home | Lasting::Stop | Lasting::Program, ..) => None,
     }
 }
 
 /// How far an order is, as one line.
 fn on_the_way(status: &Value) -> String {
     let text = |value: &Value| value.as_str().unwrap_or("unknown").to_owned();
-    let step = text(&status["step"]);
-    match status["step"].as_str() {
-        Some("program") => format!(
+    if let Some(waiting) = status["waiting"]["text"].as_str() {
+        return format!("waits: {waiting}; {}", text(&status["waiting"]["release"]));
+    }
+    match (status["step"].as_str(), status["mode"].as_str()) {
+        (Some("program"), Some("mdi")) => text(&status["state"]),
+        (Some("program"), _) => format!(
             "line {} of {}  {}",
             status["line"],
             status["program"]["lines"],
             text(&status["state"])
         ),
-        _ => step,
+        _ => text(&status["step"]),
     }
 }
 
@@ -360,6 +499,38 @@ fn overrides(of: &Value) -> String {
     )
 }
 
+/// Stops at once, or resets that.
+///
+/// # Errors
+/// No control answers, or it refuses.
+pub fn estop(args: &EstopArgs) -> anyhow::Result<ExitCode> {
+    match args.command {
+        None => order(&args.control, "estop", "emergency stop; over with: isocnc estop reset"),
+        Some(EstopCommand::Reset) => reset_estop(&args.control),
+    }
+}
+
+/// Tells what came of a reset: a chain that stays open lets the stop stand.
+fn reset_estop(args: &ControlArgs) -> anyhow::Result<ExitCode> {
+    let mut client = Client::connect(args.machine.as_deref())?;
+    client.call("estop.reset", json!({}))?;
+    for _ in 0..RESET_LOOKS {
+        let status = client.call("status", json!({}))?;
+        if status["state"] != "estop" {
+            print(args, &status, "reset; drives stay off: isocnc on");
+            return Ok(ExitCode::SUCCESS);
+        }
+        std::thread::sleep(LOOK);
+    }
+    let status = client.call("status", json!({}))?;
+    print(
+        args,
+        &status,
+        "the emergency stop stands, its chain is still open: release the button that opened it, then isocnc estop reset",
+    );
+    Ok(ExitCode::FAILURE)
+}
+
 /// Acknowledges.
 ///
 /// # Errors
@@ -369,7 +540,7 @@ pub fn alarm(args: &AlarmArgs) -> anyhow::Result<ExitCode> {
     order(&args.control, "alarm.acknowledge", "acknowledged; drives stay off")
 }
 
-fn call(args: &ControlArgs, method: &str, params: Value) -> anyhow::Result<Value> {
+pub(super) fn call(args: &ControlArgs, method: &str, params: Value) -> anyhow::Result<Value> {
     let mut client = Client::connect(args.machine.as_deref())?;
     Ok(client.call(method, params)?)
 }
@@ -388,9 +559,18 @@ fn words(status: &Value) -> String {
         format!("machine   {} ({})", text(&status["machine"]), text(&status["file"])),
         format!("state     {}, {}", text(&status["state"]), text(&status["step"])),
     ];
+    if let Some(waiting) = status["waiting"].as_object() {
+        let (what, release) = (text(&waiting["text"]), text(&waiting["release"]));
+        lines.push(format!("waits     {what}; {release}"));
+    }
+    if let Some(mdi) = status["mdi"].as_array().filter(|mdi| !mdi.is_empty()) {
+        let mdi: Vec<&str> = mdi.iter().filter_map(Value::as_str).collect();
+        lines.push(format!("mdi       {}", mdi.join(" | ")));
+    }
     if let Some(program) = status["program"].as_object() {
         let progress = match program["result"].as_str() {
             Some(result) => result.to_owned(),
+            None if status["step"] != "program" => "loaded".to_owned(),
             None => format!("line {} of {}", status["line"], program["lines"]),
         };
         let way = if status["direction"] == "reverse" {
@@ -428,7 +608,7 @@ mod tests {
 
     #[test]
     fn whoever_waits_hears_that_the_network_is_silenced() {
-        for order in [Lasting::Enable, Lasting::Home, Lasting::Stop, Lasting::Program] {
+        for order in [Lasting::On, Lasting::Home, Lasting::Stop, Lasting::Program] {
             let ended = end_of(order, &json!({ "step": "program", "state": "silenced" }));
             let said = ended.expect("an end").expect_err("no success");
             assert_eq!(console::strip_ansi_codes(&said), SILENCED);
@@ -445,6 +625,8 @@ mod tests {
                        cycles    1000, 0 left out, 12.3 us late at most";
         assert_eq!(words(&status), waiting);
         status["program"] = json!({ "name": "/p.ngc", "lines": 90, "planned_time_s": 1.0, "result": null });
+        assert!(words(&status).contains("\nprogram   /p.ngc: loaded\n"));
+        status["step"] = json!("program");
         status["alarm"] = json!("x-drive lost");
         let said = words(&status);
         assert!(
@@ -469,28 +651,48 @@ mod tests {
 
     #[test]
     fn an_order_ends_when_it_is_carried_out_or_has_failed() {
-        let status = |step: &str, state: &str| json!({ "step": step, "state": state, "alarm": null, "program": null });
-        let end = |order, step, state| end_of(order, &status(step, state)).map(|end| end.is_ok());
-        assert_eq!(end(Lasting::Enable, "switching drives on", "enabling"), None);
-        assert_eq!(end(Lasting::Enable, "set-up", "enabling"), None);
-        assert_eq!(end(Lasting::Enable, "set-up", "ready"), Some(true));
-        assert_eq!(end(Lasting::Home, "homing", "ready"), None);
-        assert_eq!(end(Lasting::Home, "set-up", "ready"), Some(true));
-        assert_eq!(end(Lasting::Home, "standing by", "stopping"), None);
-        assert_eq!(end(Lasting::Home, "standing by", "disabled"), Some(false));
-        assert_eq!(end(Lasting::Stop, "switching drives off", "disabling"), None);
-        assert_eq!(end(Lasting::Stop, "standing by", "disabled"), Some(true));
-        assert_eq!(end(Lasting::Stop, "done", "down"), Some(true));
-        let mut over = status("standing by", "disabled");
-        assert_eq!(end_of(Lasting::Program, &status("program", "running")), None);
-        over["program"] = json!({ "result": "completed" });
+        let status = |step: &str, state: &str, job: Option<&str>| json!({ "step": step, "state": state, "job": job, "alarm": null });
+        let end = |order, step, state, job| {
+            let end = end_of(order, &status(step, state, job))?;
+            Some(end.map_err(|said| console::strip_ansi_codes(&said).into_owned()))
+        };
+        let by = "standing by";
+        let done = |said: &str| Some(Ok(said.to_owned()));
+        let failed = |said: &str| Some(Err(said.to_owned()));
+        assert_eq!(end(Lasting::On, "switching drives on", "enabling", None), None);
+        assert_eq!(end(Lasting::On, by, "ready", Some("completed")), done("drives are on"));
+        assert_eq!(end(Lasting::Home, "homing", "ready", None), None);
         assert_eq!(
-            end_of(Lasting::Program, &over),
-            Some(Ok("completed; drives are off".into()))
+            end(Lasting::Home, by, "ready", Some("completed")),
+            done("homed; drives are on")
         );
-        over["program"]["result"] = json!("stopped");
-        assert!(end_of(Lasting::Program, &over).is_some_and(|end| end.is_err()));
-        over["program"]["result"] = json!("faulted");
+        assert_eq!(
+            end(Lasting::Home, by, "disabled", Some("stopped")),
+            failed("stopped before its end; drives are off")
+        );
+        assert_eq!(end(Lasting::Off, by, "ready", Some("completed")), None);
+        assert_eq!(
+            end(Lasting::Off, by, "disabled", Some("completed")),
+            done("at rest, drives are off")
+        );
+        assert_eq!(
+            end(Lasting::Stop, by, "ready", Some("stopped")),
+            done("at rest, drives are on")
+        );
+        assert_eq!(
+            end(Lasting::Stop, "done", "down", None),
+            done("at rest, drives are off")
+        );
+        assert_eq!(end(Lasting::Program, "program", "running", None), None);
+        assert_eq!(
+            end(Lasting::Program, by, "ready", Some("completed")),
+            done("completed; drives are on")
+        );
+        assert_eq!(
+            end(Lasting::On, by, "disabled", Some("timed out")),
+            failed("given up: the machine is disabled (standing by)")
+        );
+        let mut over = status(by, "faulted", Some("faulted"));
         over["alarm"] = json!("x-drive lost");
         let said = end_of(Lasting::Program, &over)
             .and_then(Result::err)

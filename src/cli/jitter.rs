@@ -15,6 +15,7 @@ use crate::machine::tables::Tables;
 use crate::operator::refusal::Refusal;
 use crate::operator::session::Program;
 use crate::program::text::{Reader, Text};
+use crate::program::{Begin, check};
 use anyhow::{Context, ensure};
 use clap::Args;
 use std::path::PathBuf;
@@ -90,7 +91,8 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<ExitCode> {
         ),
     };
     let tables = Tables::read(&config)?;
-    if let Err(errors) = crate::program::check(&config, &tables, &name, &text, signal.cancel()) {
+    let begin = Begin::at_home(&config);
+    if let Err(errors) = check(&config, &tables, &name, &text, &begin, signal.cancel()) {
         return Err(match errors.is_cancelled() {
             true => nothing_measured(&signal, "a signal came before"),
             false => Refusal::of_file(&name, errors).nothing_moved(),

@@ -14,6 +14,7 @@ pub mod pages;
 pub mod plan;
 pub mod run;
 pub mod simulate;
+pub mod tables;
 
 use crate::host::terminal::say;
 use crate::operator::refusal::Refusal;
@@ -43,14 +44,33 @@ enum Command {
     /// Show how a running control is.
     #[command(after_help = "Example: isocnc status --json")]
     Status(control::ControlArgs),
-    /// Run a program on a control that stands by.
+    /// Switch the drives of a control that stands by on; moves nothing.
+    #[command(after_help = "Example: isocnc on")]
+    On(control::OrderArgs),
+    /// Bring the machine to rest and switch drives off.
+    #[command(after_help = "Example: isocnc off")]
+    Off(control::OrderArgs),
+    /// Emergency stop: quick stop of all drives until `estop reset`. Not a safety function.
+    #[command(after_help = "Example: isocnc estop")]
+    Estop(control::EstopArgs),
+    /// Home joints; drives are switched on first and stay on.
+    #[command(after_help = "Example: isocnc home 2")]
+    Home(control::HomeArgs),
+    /// Load, start or run a program on a control that stands by.
     Program(control::ProgramArgs),
-    /// Switch the drives of a control that stands by on, to home and jog by hand; `stop` switches them off.
-    #[command(after_help = "Example: isocnc enable")]
-    Enable(control::OrderArgs),
-    /// Home all joints; drives are switched on first and stay on.
-    #[command(after_help = "Example: isocnc home")]
-    Home(control::OrderArgs),
+    /// Run a line of G-code in the modes that the one before has left.
+    #[command(after_help = "Example: isocnc mdi G0")]
+    Mdi(control::MdiArgs),
+    /// Let an axis read a value where it stands: work offset, or length of a tool.
+    #[command(after_help = "Example: isocnc touch-off X 0 --system G54")]
+    TouchOff(tables::TouchOffArgs),
+    /// Show or set work offsets.
+    Offset(tables::OffsetArgs),
+    /// Show or set tools.
+    Tool(tables::ToolArgs),
+    /// Say that the tool is in the spindle that the program waits for.
+    #[command(after_help = "Example: isocnc tool-changed")]
+    ToolChanged(control::ControlArgs),
     /// Move an axis or a joint by hand.
     #[command(after_help = "Example: isocnc jog X -2.5 --speed 20")]
     Jog(jog::JogArgs),
@@ -66,12 +86,15 @@ enum Command {
     /// Let the program rest at the end of each block; `resume` runs the next one.
     #[command(after_help = "Example: isocnc single-block on")]
     SingleBlock(control::SingleBlockArgs),
-    /// Bring the program of a running control to rest on its path, give it up, switch drives off.
+    /// Bring the machine to rest, a program on its path, and give it up; drives stay on.
     #[command(after_help = "Example: isocnc stop")]
     Stop(control::OrderArgs),
     /// Run feed, rapid moves or the spindle at another percentage of what is programmed.
     #[command(after_help = "Example: isocnc override feed 80")]
     Override(control::OverrideArgs),
+    /// Print what has happened at a running control, and before, where the machine file names a state folder.
+    #[command(after_help = "Example: isocnc journal --since 100")]
+    Journal(tables::JournalArgs),
     /// Acknowledge the alarm of a running control.
     Alarm(control::AlarmArgs),
     /// Check a machine file: all errors at once, located.
@@ -130,9 +153,16 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(args),
         Command::Doctor(args) => doctor::doctor(args),
         Command::Status(args) => control::status(args),
+        Command::On(args) => control::lasting(args, control::Lasting::On),
+        Command::Off(args) => control::lasting(args, control::Lasting::Off),
+        Command::Estop(args) => control::estop(args),
+        Command::Home(args) => control::home(args),
         Command::Program(args) => control::program(args),
-        Command::Enable(args) => control::lasting(args, control::Lasting::Enable),
-        Command::Home(args) => control::lasting(args, control::Lasting::Home),
+        Command::Mdi(args) => control::mdi(args),
+        Command::TouchOff(args) => tables::touch_off(args),
+        Command::Offset(args) => tables::offset(args),
+        Command::Tool(args) => tables::tool(args),
+        Command::ToolChanged(args) => control::tool_changed(args),
         Command::Jog(args) => jog::jog(args),
         Command::Hold(args) => control::hold(args),
         Command::Resume(args) => control::resume(args),
@@ -140,6 +170,7 @@ pub fn main() -> ExitCode {
         Command::SingleBlock(args) => control::single_block(args),
         Command::Stop(args) => control::lasting(args, control::Lasting::Stop),
         Command::Override(args) => control::set_overrides(args),
+        Command::Journal(args) => tables::journal(args),
         Command::Alarm(args) => control::alarm(args),
         Command::Check(args) => check::check(args),
         Command::Init(args) => init::init(args),

@@ -48,7 +48,7 @@ use hal_pins::HalError;
 use kinematics::Family;
 use motion::canon::LengthUnit;
 use motion::plan::PlannerKind;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 
 /// Reads and checks a machine file.
@@ -210,8 +210,9 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     let mut root = Section::root(log, table);
     root.integer("schema", 1..=1, None);
 
-    let machine = root.section("machine").map(machine);
-    let (name, family, cycle_us, unit) = machine.unwrap_or((None, None, None, None));
+    let base = path.parent().unwrap_or(Path::new(""));
+    let machine = root.section("machine").map(|section| machine(section, base));
+    let (name, family, cycle_us, unit, state_directory) = machine.unwrap_or((None, None, None, None, None));
     let rt = root.section("rt").and_then(|section| rt(section, cycle_us));
     let bus = root.section("bus").and_then(|mut section| {
         let bus = bus::bus(&mut section, cycle_us, path.parent().unwrap_or(Path::new("")));
@@ -298,6 +299,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         path: path.to_owned(),
         name: name?,
         cycle_us: cycle_us?,
+        state_directory: state_directory?,
         unit: unit?,
         rt: rt?,
         bus: bus?,
@@ -321,10 +323,16 @@ fn no_tables<'d, 'l>(root: &mut Section<'d, 'l>, key: &'static str) -> Vec<Secti
     Vec::new()
 }
 
-/// Name, kinematics, cycle and unit.
-type Machine = (Option<String>, Option<Family>, Option<u32>, Option<LengthUnit>);
+/// Name, kinematics, cycle, unit and state folder.
+type Machine = (
+    Option<String>,
+    Option<Family>,
+    Option<u32>,
+    Option<LengthUnit>,
+    Option<Option<PathBuf>>,
+);
 
-fn machine(mut section: Section<'_, '_>) -> Machine {
+fn machine(mut section: Section<'_, '_>, base: &Path) -> Machine {
     let name = section
         .required("name", "the name of the machine")
         .and_then(|item| item.text("machine.name"));
@@ -336,8 +344,9 @@ fn machine(mut section: Section<'_, '_>) -> Machine {
         .integer("cycle_us", 250..=10_000, 1000)
         .map(|cycle_us| cycle_us as u32);
     let unit = program::units(&mut section);
+    let state_directory = program::new_folder(&mut section, "state_directory", base);
     section.done();
-    (name.map(str::to_owned), family, cycle_us, unit)
+    (name.map(str::to_owned), family, cycle_us, unit, state_directory)
 }
 
 fn rt(mut section: Section<'_, '_>, cycle_us: Option<u32>) -> Option<Rt> {

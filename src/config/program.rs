@@ -331,6 +331,20 @@ fn folder(section: &mut Section<'_, '_>, key: &'static str, base: &Path) -> Opti
     Some(Some(path))
 }
 
+/// A folder that is made if it is missing, in one that is there.
+pub(super) fn new_folder(section: &mut Section<'_, '_>, key: &'static str, base: &Path) -> Option<Option<PathBuf>> {
+    let Some(path) = path(section, key, base)? else {
+        return Some(None);
+    };
+    let is_folder = path.is_dir();
+    let can_be_made = !path.exists() && path.parent().is_some_and(Path::is_dir);
+    if !is_folder && !can_be_made {
+        section.wrong(key, format!("{} is no folder and cannot be made", path.display()));
+        return None;
+    }
+    Some(Some(path))
+}
+
 fn path(section: &mut Section<'_, '_>, key: &'static str, base: &Path) -> Option<Option<PathBuf>> {
     let Some(item) = section.optional(key) else {
         return Some(None);

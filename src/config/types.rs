@@ -28,6 +28,8 @@ pub struct Config {
     pub name: String,
     /// Cycle of bus and interpolation, µs.
     pub cycle_us: u32,
+    /// Folder for what the control writes by itself: its journal; `None`: nothing outlives the process.
+    pub state_directory: Option<PathBuf>,
     /// Unit of lengths in tool table and parameter file, and in a program before G20 or G21. All keys of the machine file
     /// itself are in mm.
     pub unit: LengthUnit,

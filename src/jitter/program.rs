@@ -148,7 +148,15 @@ mod tests {
         let moves = |word: &str| lines.iter().filter(|line| line.starts_with(word)).count();
         assert!((7_990..8_030).contains(&(moves("G1") + moves("G3"))), "{}", lines.len());
         assert_eq!(moves("G3"), 2 * LOOPS);
-        let overview = check(&config, &tables(&config), NAME, text.as_bytes(), &Cancel::default()).unwrap();
+        let overview = check(
+            &config,
+            &tables(&config),
+            NAME,
+            text.as_bytes(),
+            &crate::program::Begin::at_home(&config),
+            &Cancel::default(),
+        )
+        .unwrap();
         assert_eq!(overview.lines as usize, lines.len());
         assert!(overview.time_s > 30.0, "{overview:?}");
         // Home is X0 Y0 Z0 of the machine, so minus the offset in G54.
@@ -160,8 +168,15 @@ mod tests {
         let config = machine();
         for blocks in [0, 1, ROSE, ROSE + 1, ROSE + LOOPS, ROSE + LOOPS + 1] {
             let text = pocket(&config, blocks).unwrap();
-            check(&config, &tables(&config), NAME, text.as_bytes(), &Cancel::default())
-                .unwrap_or_else(|errors| panic!("{blocks} blocks: {errors}"));
+            check(
+                &config,
+                &tables(&config),
+                NAME,
+                text.as_bytes(),
+                &crate::program::Begin::at_home(&config),
+                &Cancel::default(),
+            )
+            .unwrap_or_else(|errors| panic!("{blocks} blocks: {errors}"));
         }
     }
 

@@ -92,6 +92,7 @@ impl<'a> Window<'a> {
             | State::Stopping
             | State::Disabling
             | State::Faulted
+            | State::Estop
             | State::ShuttingDown
             | State::Down
             | State::Silenced => false,

@@ -186,6 +186,10 @@ pub enum Fault {
         /// Who was heard.
         sign: ForeignMaster,
     },
+    /// The emergency stop chain is open, or (`by_order`) somebody ordered an emergency stop.
+    EmergencyStop { by_order: bool },
+    /// A limit switch closed; `above`: the one at the upper end.
+    LimitSwitch { joint: usize, above: bool },
     /// The network adapter does not send or receive.
     LinkFailed { error: LinkFailure },
 }
@@ -202,6 +206,9 @@ pub enum Reaction {
     ControlledStop,
     /// Quick stop of the drives at once, from the last good set-points: there is no path on which to stop; alarm, as above.
     QuickStop,
+    /// Quick stop of the drives at once, spindle and coolant off; nothing moves again before the chain is closed and the stop is
+    /// reset. Beats every other state.
+    EmergencyStop,
     /// Nothing can be steered any more: no SoC is sent, the drives stop by themselves for want of it; alarm.
     Silence,
 }
@@ -230,11 +237,13 @@ impl Fault {
             | Fault::CountsLost { in_step: true, .. }
             | Fault::TooManyOverruns { .. }
             | Fault::PinsLost
+            | Fault::LimitSwitch { .. }
             | Fault::ForeignMaster { .. }
             | Fault::LinkFailed {
                 error: LinkFailure::Down | LinkFailure::FrameLength { .. } | LinkFailure::Os { .. },
             } => Reaction::ControlledStop,
             Fault::IllegalCommand { .. } => Reaction::QuickStop,
+            Fault::EmergencyStop { .. } => Reaction::EmergencyStop,
             Fault::CycleHung => Reaction::Silence,
         }
     }
@@ -260,6 +269,8 @@ impl Fault {
             | Fault::ManyOverruns { .. }
             | Fault::CycleHung
             | Fault::PinsLost
+            | Fault::EmergencyStop { .. }
+            | Fault::LimitSwitch { .. }
             | Fault::ForeignMaster { .. } => false,
         }
     }
@@ -348,6 +359,13 @@ impl Fault {
             Fault::PinsLost => {
                 "the file of the pins was cut short by another process: pins are lost; end this control and start it again".into()
             }
+            Fault::EmergencyStop { by_order: true } => "emergency stop by order".into(),
+            Fault::EmergencyStop { by_order: false } => "emergency stop: the chain is open (iocontrol.0.emc-enable-in)".into(),
+            Fault::LimitSwitch { joint: index, above } => format!(
+                "{}: its {} limit switch has closed; it can be jogged the other way",
+                joint(index),
+                if above { "upper" } else { "lower" }
+            ),
             Fault::ForeignMaster { sign } => format!("{sign}; disconnect it or end it"),
             Fault::LinkFailed { error } => format!("network adapter: {error}"),
         }

@@ -1,8 +1,10 @@
 //! Machine state, order of steps and what faults do.
 
 pub mod faults;
+pub mod journal;
 pub mod motion_settings;
 pub mod overruns;
+pub mod permission;
 pub mod safe_file;
 pub mod sequence;
 pub mod state;

@@ -25,14 +25,12 @@ pub enum Outcome {
 pub enum Step {
     /// Network up to OPERATIONAL.
     Network,
-    /// Drives off; waits for a program, or for the network, or for an acknowledge.
+    /// Waits for orders, drives off or on; for the network, or for an acknowledge.
     StandBy,
     /// Drives to OPERATION ENABLED.
     Enable,
     /// Joints home, one group after the other.
     Home,
-    /// Drives on, the machine in the hands of the operator: jogging, homing.
-    SetUp,
     Program,
     /// To rest on the path.
     Stop,
@@ -50,7 +48,7 @@ impl Step {
             Step::Network => 15 * SECOND,
             Step::Enable => 10 * SECOND,
             Step::Home => 120 * SECOND,
-            Step::StandBy | Step::SetUp | Step::Program | Step::Done => u64::MAX,
+            Step::StandBy | Step::Program | Step::Done => u64::MAX,
             Step::Stop => 10 * SECOND,
             Step::Disable => 5 * SECOND,
             Step::ShutDown => 3 * SECOND,
@@ -64,7 +62,6 @@ impl Step {
             Step::StandBy => "standing by",
             Step::Enable => "switching drives on",
             Step::Home => "homing",
-            Step::SetUp => "set-up",
             Step::Program => "program",
             Step::Stop => "stop",
             Step::Disable => "switching drives off",
@@ -74,23 +71,38 @@ impl Step {
     }
 }
 
+/// What is to be done while standing by. Drives that are off are switched on first, and stay on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Job {
+    /// Nothing but that.
+    On,
+    /// These sets of joints are homed, one after the other.
+    Home(Vec<u64>),
+    /// A program, or lines of MDI, behind the homing of these sets of joints.
+    Program { home: Vec<u64> },
+}
+
 /// The sequence and where it is.
 #[derive(Debug)]
 pub struct Sequence {
     step: Step,
     step_since_ns: u64,
-    /// All groups of joints, the first one last.
-    groups: Vec<u64>,
     /// Groups of joints still to be homed, the next one last.
     homing: Vec<u64>,
+    /// A program runs behind that.
+    has_program: bool,
     ordered: bool,
     /// The program is begun again whenever it has ended, until somebody wants an end.
     repeats: bool,
-    /// Behind a program the network stays up and the next one is waited for.
+    /// Behind a job the drives stay on and the next one is waited for.
     stands_by: bool,
-    /// Drives go on for the operator's hands, not for a program; and how the last program ended.
-    by_hand: Option<Outcome>,
+    /// Drives are to go off once the machine rests.
+    goes_off: bool,
     outcome: Outcome,
+    /// Something was begun while standing by.
+    has_begun: bool,
+    /// How the last program ended.
+    program: Outcome,
 }
 
 impl Sequence {
@@ -99,13 +111,15 @@ impl Sequence {
         Sequence {
             step: Step::Network,
             step_since_ns: now_ns,
-            groups: homing.iter().rev().copied().collect(),
             homing: homing.iter().rev().copied().collect(),
+            has_program: true,
             ordered: false,
             repeats: false,
             stands_by: false,
-            by_hand: None,
+            goes_off: false,
             outcome: Outcome::Completed,
+            has_begun: false,
+            program: Outcome::Completed,
         }
     }
 
@@ -114,45 +128,32 @@ impl Sequence {
         Sequence { repeats: true, ..self }
     }
 
-    /// The same that waits for programs: [`Sequence::begin`] runs one, and behind it drives go off and it waits again, until
-    /// [`Sequence::end`]. There is no time limit on the network: drives may be switched on later than the PC.
+    /// The same that waits for jobs: behind each it waits again, drives on, until [`Sequence::end`]. There is no time limit on the
+    /// network: drives may be switched on later than the PC.
     pub fn standing_by(self) -> Sequence {
         Sequence {
             stands_by: true,
+            has_program: false,
+            homing: Vec::new(),
             step: Step::StandBy,
             ..self
         }
     }
 
-    /// Switches drives on, homes and runs a program; only while standing by. All joints are homed each time: whatever moved
-    /// while drives were off has been seen by nobody.
-    pub fn begin(&mut self, now_ns: u64) {
-        if self.step == Step::StandBy {
-            self.homing.clone_from(&self.groups);
-            self.outcome = Outcome::Completed;
-            self.enter(Step::Enable, now_ns);
+    /// Begins a job; only while standing by. `state`: of the machine.
+    pub fn begin(&mut self, now_ns: u64, state: State, job: Job) {
+        if self.step != Step::StandBy {
+            return;
         }
-    }
-
-    /// Switches drives on for set-up by hand, homed or as they are; only while standing by. Ends with [`Sequence::stop`].
-    pub fn set_up(&mut self, now_ns: u64, home: bool) {
-        if self.step == Step::StandBy {
-            self.by_hand = Some(self.outcome);
-            self.homing.clear();
-            if home {
-                self.homing.clone_from(&self.groups);
-            }
-            self.outcome = Outcome::Completed;
-            self.enter(Step::Enable, now_ns);
-        }
-    }
-
-    /// Homes all joints during set-up.
-    pub fn home(&mut self, now_ns: u64) {
-        if self.step == Step::SetUp {
-            self.homing.clone_from(&self.groups);
-            self.enter(Step::Home, now_ns);
-        }
+        self.outcome = Outcome::Completed;
+        self.has_begun = true;
+        self.has_program = matches!(job, Job::Program { .. });
+        self.homing = match job {
+            Job::On => Vec::new(),
+            Job::Home(groups) | Job::Program { home: groups } => groups.into_iter().rev().collect(),
+        };
+        let is_on = state == State::Ready;
+        self.enter(if is_on { Step::Home } else { Step::Enable }, now_ns);
     }
 
     /// Where the sequence is.
@@ -160,9 +161,19 @@ impl Sequence {
         self.step
     }
 
-    /// How the last program ended, while standing by.
+    /// Whether what is under way is or leads to a program.
+    pub fn has_program(&self) -> bool {
+        self.has_program && self.step != Step::StandBy
+    }
+
+    /// How the last program ended, while none is under way.
     pub fn program_outcome(&self) -> Option<Outcome> {
-        (self.step == Step::StandBy).then_some(self.outcome)
+        (!self.has_program()).then_some(self.program)
+    }
+
+    /// How the last job ended, while none is under way; `None` where there was none, too.
+    pub fn job_outcome(&self) -> Option<Outcome> {
+        (self.step == Step::StandBy && self.has_begun).then_some(self.outcome)
     }
 
     /// How it ended, once it has.
@@ -179,10 +190,10 @@ impl Sequence {
         self.stop(now_ns);
     }
 
-    /// The operator wants an end of the program. May be called again and again.
+    /// The operator wants an end of what is under way. May be called again and again.
     pub fn stop(&mut self, now_ns: u64) {
         match self.step {
-            Step::Home | Step::SetUp | Step::Program => {
+            Step::Home | Step::Program => {
                 self.outcome = Outcome::Stopped;
                 self.enter(Step::Stop, now_ns);
             }
@@ -191,6 +202,24 @@ impl Sequence {
                 self.enter(Step::Disable, now_ns);
             }
             Step::StandBy | Step::Stop | Step::Disable | Step::ShutDown | Step::Done => {}
+        }
+    }
+
+    /// The operator wants drives off, the machine at rest first. May be called again and again.
+    pub fn off(&mut self, now_ns: u64) {
+        self.goes_off = true;
+        self.has_begun = true;
+        match self.step {
+            Step::StandBy => self.enter(Step::Disable, now_ns),
+            _ => self.stop(now_ns),
+        }
+    }
+
+    /// Something outside of the machine went wrong: an end of what is under way, as of a fault.
+    pub fn fail(&mut self, now_ns: u64) {
+        self.stop(now_ns);
+        if self.step == Step::Stop || self.step == Step::Disable {
+            self.outcome = Outcome::Faulted;
         }
     }
 
@@ -211,10 +240,10 @@ impl Sequence {
         if state == State::Silenced {
             // No order would be heard by anybody.
             self.outcome = Outcome::Faulted;
-            self.by_hand = None;
             self.enter(Step::Done, now_ns);
         }
-        if state == State::Faulted && !matches!(self.step, Step::StandBy | Step::Disable | Step::ShutDown | Step::Done)
+        if matches!(state, State::Faulted | State::Estop)
+            && !matches!(self.step, Step::StandBy | Step::Disable | Step::ShutDown | Step::Done)
         {
             self.outcome = Outcome::Faulted;
             self.enter(Step::Disable, now_ns);
@@ -224,9 +253,9 @@ impl Sequence {
                 self.outcome = Outcome::TimedOut(self.step);
             }
             let next = match self.step {
-                Step::Network | Step::Enable | Step::Home | Step::SetUp | Step::Program | Step::Stop => Step::Disable,
+                Step::Network | Step::Enable | Step::Home | Step::Program | Step::Stop => Step::Disable,
                 Step::StandBy => Step::StandBy,
-                Step::Disable => self.behind_program(),
+                Step::Disable => self.behind_drives(),
                 Step::ShutDown | Step::Done => Step::Done,
             };
             self.enter(next, now_ns);
@@ -247,20 +276,24 @@ impl Sequence {
             }
             (Step::Program, State::Ready) if program_ended && self.ordered => {
                 let again = self.repeats && self.outcome == Outcome::Completed;
-                self.enter(if again { Step::Program } else { Step::Disable }, now_ns);
+                self.enter(if again { Step::Program } else { self.behind_job() }, now_ns);
             }
-            (Step::Stop, State::Ready | State::Disabled) => self.enter(Step::Disable, now_ns),
-            (Step::Disable, State::Disabled | State::Booting | State::Faulted | State::Down) => {
-                self.enter(self.behind_program(), now_ns);
+            (Step::Stop, State::Ready | State::Disabled) => self.enter(self.behind_job(), now_ns),
+            (Step::Disable, State::Disabled | State::Booting | State::Faulted | State::Estop | State::Down) => {
+                self.enter(self.behind_drives(), now_ns);
             }
             (Step::ShutDown, State::Down) => self.enter(Step::Done, now_ns),
             _ => {}
         }
         if self.step == Step::Home && self.homing.is_empty() {
-            let next = self.by_hand.map_or(Step::Program, |_| Step::SetUp);
+            let next = if self.has_program {
+                Step::Program
+            } else {
+                self.behind_job()
+            };
             self.enter(next, now_ns);
         }
-        let waits = matches!(self.step, Step::Network | Step::StandBy | Step::SetUp | Step::Done);
+        let waits = matches!(self.step, Step::Network | Step::StandBy | Step::Done);
         if self.ordered || waits {
             return None;
         }
@@ -268,7 +301,16 @@ impl Sequence {
         Some(self.step)
     }
 
-    fn behind_program(&self) -> Step {
+    /// Where it goes on once the machine rests.
+    fn behind_job(&self) -> Step {
+        match self.stands_by && !self.goes_off {
+            true => Step::StandBy,
+            false => Step::Disable,
+        }
+    }
+
+    /// Where it goes on once drives are off.
+    fn behind_drives(&self) -> Step {
         match self.stands_by {
             true => Step::StandBy,
             false => Step::ShutDown,
@@ -276,11 +318,11 @@ impl Sequence {
     }
 
     fn enter(&mut self, step: Step, now_ns: u64) {
-        if step == Step::StandBy
-            && let Some(before) = self.by_hand.take()
-        {
-            // Set-up is no program: what is told of the last one stands.
-            self.outcome = before;
+        if step == Step::StandBy && self.has_program {
+            self.program = self.outcome;
+        }
+        if step == Step::StandBy {
+            self.goes_off = false;
         }
         self.step = step;
         self.step_since_ns = now_ns;
@@ -374,49 +416,66 @@ mod tests {
         assert_eq!(sequence.poll(SECOND, State::Ready, true), Some(Step::Disable));
     }
 
+    fn program(home: &[u64]) -> Job {
+        Job::Program { home: home.to_vec() }
+    }
+
     #[test]
-    fn standing_by_gives_no_order_before_a_program_and_waits_again_behind_it() {
+    fn standing_by_gives_no_order_before_a_job_and_waits_again_behind_it_with_drives_on() {
         let mut sequence = Sequence::new(0, &[0b100, 0b011]).standing_by();
         // However long the network takes, and whatever is acknowledged meanwhile.
         for state in [State::Booting, State::Faulted, State::Disabling, State::Disabled] {
             assert_eq!(sequence.poll(3600 * SECOND, state, false), None);
             assert_eq!(sequence.step(), Step::StandBy);
         }
-        for _ in 0..2 {
-            sequence.begin(SECOND);
-            sequence.begin(SECOND);
-            let mut orders = Vec::new();
-            for (state, ended) in [
-                (State::Disabled, false),
-                (State::Ready, false),
-                (State::Ready, false),
-                (State::Ready, false),
-                (State::Running, false),
-                (State::Ready, true),
-                (State::Disabled, true),
-            ] {
-                orders.extend(due(&mut sequence, SECOND, state, ended));
-            }
-            assert_eq!(
-                orders,
-                [
-                    (Step::Enable, 0),
-                    (Step::Home, 0b100),
-                    (Step::Home, 0b011),
-                    (Step::Program, 0),
-                    (Step::Disable, 0)
-                ]
-            );
-            assert_eq!(sequence.program_outcome(), Some(Outcome::Completed));
+        let mut orders = Vec::new();
+        sequence.begin(SECOND, State::Disabled, program(&[0b100, 0b011]));
+        sequence.begin(SECOND, State::Disabled, Job::On);
+        for (state, ended) in [
+            (State::Disabled, false),
+            (State::Ready, false),
+            (State::Ready, false),
+            (State::Ready, false),
+            (State::Running, false),
+            (State::Ready, true),
+            (State::Ready, true),
+        ] {
+            orders.extend(due(&mut sequence, SECOND, state, ended));
         }
-        // A stop ends the program, and a fault it, too; neither ends the standing by.
-        sequence.begin(SECOND);
+        let expected = [
+            (Step::Enable, 0),
+            (Step::Home, 0b100),
+            (Step::Home, 0b011),
+            (Step::Program, 0),
+        ];
+        assert_eq!(orders, expected);
+        assert_eq!(
+            (sequence.step(), sequence.program_outcome()),
+            (Step::StandBy, Some(Outcome::Completed))
+        );
+        // The next one: drives are on, and joints know where they are.
+        sequence.begin(SECOND, State::Ready, program(&[]));
+        assert_eq!(sequence.program_outcome(), None);
+        assert_eq!(due(&mut sequence, SECOND, State::Ready, true), Some((Step::Program, 0)));
+        // A stop ends the program, and drives stay on; one before they are on switches them off.
+        sequence.stop(SECOND);
+        assert_eq!(sequence.poll(SECOND, State::Running, false), Some(Step::Stop));
+        assert_eq!(sequence.poll(SECOND, State::Ready, true), None);
+        assert_eq!(
+            (sequence.step(), sequence.program_outcome()),
+            (Step::StandBy, Some(Outcome::Stopped))
+        );
+        sequence.off(SECOND);
+        assert_eq!(sequence.poll(SECOND, State::Ready, true), Some(Step::Disable));
+        sequence.poll(SECOND, State::Disabled, true);
+        sequence.begin(SECOND, State::Disabled, program(&[]));
         sequence.poll(SECOND, State::Disabled, false);
         sequence.stop(SECOND);
         assert_eq!(sequence.poll(SECOND, State::Enabling, false), Some(Step::Disable));
         sequence.poll(SECOND, State::Disabled, false);
         assert_eq!(sequence.program_outcome(), Some(Outcome::Stopped));
-        sequence.begin(SECOND);
+        // Nor does a fault end the standing by.
+        sequence.begin(SECOND, State::Disabled, program(&[]));
         sequence.poll(SECOND, State::Disabled, false);
         assert_eq!(sequence.poll(SECOND, State::Faulted, false), None);
         assert_eq!(sequence.program_outcome(), Some(Outcome::Faulted));
@@ -424,6 +483,37 @@ mod tests {
         assert_eq!(sequence.poll(SECOND, State::Faulted, false), Some(Step::ShutDown));
         sequence.poll(SECOND, State::Down, false);
         assert!(sequence.outcome().is_some());
+    }
+
+    #[test]
+    fn jobs_that_are_no_programs_leave_what_is_told_of_the_last_one() {
+        let mut sequence = Sequence::new(0, &[0b1]).standing_by();
+        sequence.begin(SECOND, State::Disabled, Job::On);
+        assert_eq!(sequence.poll(SECOND, State::Disabled, false), Some(Step::Enable));
+        assert_eq!(sequence.job_outcome(), None);
+        assert_eq!(sequence.poll(SECOND, State::Ready, false), None);
+        assert_eq!(sequence.job_outcome(), Some(Outcome::Completed));
+        // However long the hands take.
+        assert_eq!(sequence.poll(1000 * SECOND, State::Jogging, false), None);
+        sequence.begin(1000 * SECOND, State::Ready, Job::Home(vec![1]));
+        let home = due(&mut sequence, 1000 * SECOND, State::Ready, false);
+        assert_eq!(home, Some((Step::Home, 1)));
+        sequence.stop(1001 * SECOND);
+        assert_eq!(sequence.poll(1001 * SECOND, State::Homing, false), Some(Step::Stop));
+        // A drive that homes stops by its own ramp, and is off then.
+        assert_eq!(sequence.poll(1001 * SECOND, State::Disabled, false), None);
+        assert_eq!(
+            (sequence.step(), sequence.job_outcome(), sequence.program_outcome()),
+            (Step::StandBy, Some(Outcome::Stopped), Some(Outcome::Completed))
+        );
+        sequence.begin(1002 * SECOND, State::Disabled, Job::On);
+        sequence.poll(1002 * SECOND, State::Disabled, false);
+        assert_eq!(
+            sequence.poll(1013 * SECOND, State::Enabling, false),
+            Some(Step::Disable)
+        );
+        sequence.poll(1014 * SECOND, State::Disabled, false);
+        assert_eq!(sequence.job_outcome(), Some(Outcome::TimedOut(Step::Enable)));
     }
 
     #[test]
@@ -499,33 +589,5 @@ mod tests {
         sequence.poll(SECOND, State::Disabled, false);
         sequence.poll(SECOND, State::Down, false);
         assert_eq!(sequence.outcome(), Some(Outcome::Stopped));
-    }
-
-    #[test]
-    fn set_up_ends_with_drives_off_and_is_no_program() {
-        let mut sequence = Sequence::new(0, &[0b1]).standing_by();
-        sequence.home(SECOND);
-        assert_eq!(sequence.step(), Step::StandBy, "drives are off");
-        sequence.set_up(SECOND, false);
-        assert_eq!(sequence.poll(SECOND, State::Disabled, false), Some(Step::Enable));
-        // Without homing, straight to the hands.
-        assert_eq!(sequence.poll(SECOND, State::Ready, false), None);
-        assert_eq!(sequence.step(), Step::SetUp);
-        assert_eq!(sequence.poll(1000 * SECOND, State::Jogging, false), None);
-        sequence.home(1000 * SECOND);
-        assert_eq!(
-            due(&mut sequence, 1000 * SECOND, State::Ready, false),
-            Some((Step::Home, 1))
-        );
-        assert_eq!(sequence.poll(1000 * SECOND, State::Ready, false), None);
-        assert_eq!(sequence.step(), Step::SetUp);
-        sequence.stop(1001 * SECOND);
-        assert_eq!(sequence.poll(1001 * SECOND, State::Jogging, false), Some(Step::Stop));
-        assert_eq!(sequence.poll(1001 * SECOND, State::Ready, false), Some(Step::Disable));
-        sequence.poll(1001 * SECOND, State::Disabled, false);
-        assert_eq!(
-            (sequence.step(), sequence.program_outcome()),
-            (Step::StandBy, Some(Outcome::Completed))
-        );
     }
 }

@@ -36,10 +36,12 @@ pub enum State {
     /// Nothing may be sent any more: the cycle thread hung, and what it was about nobody knows. Drives stop by themselves for
     /// want of SoC; the control ends and has to be restarted.
     Silenced,
+    /// Emergency stop: drives are stopped and without power; waits for a reset once the chain is closed.
+    Estop,
 }
 
 impl State {
-    const ALL: [State; 14] = [
+    const ALL: [State; 15] = [
         State::Booting,
         State::Disabled,
         State::Enabling,
@@ -54,6 +56,7 @@ impl State {
         State::Down,
         State::Jogging,
         State::Silenced,
+        State::Estop,
     ];
 
     /// The state of a number made by `as u8`.
@@ -78,6 +81,7 @@ impl State {
             State::ShuttingDown => "shutting down",
             State::Down => "down",
             State::Silenced => "silenced",
+            State::Estop => "estop",
         }
     }
 }

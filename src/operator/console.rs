@@ -9,7 +9,8 @@ use super::recorder::Recorder;
 use crate::bus::{BusEvent, BusState};
 use crate::config::Config;
 use crate::machine::faults::{Fault, Reaction, SILENCED};
-use crate::machine::sequence::{Outcome, Sequence, Step};
+use crate::machine::journal::{Entry, Kind};
+use crate::machine::sequence::{Job, Outcome, Sequence, Step};
 use crate::machine::state::State;
 use crate::rt::overrides::Overridden;
 use crate::rt::shared::{Command, Notice, OperatorEndpoints, RtStatus, Snapshot, TimedNotice};
@@ -19,7 +20,7 @@ use motion::rt::Interpolator;
 use motion::rt::jog::{Obstacle, Obstruction};
 use serde::Serialize;
 use std::mem::{Discriminant, discriminant};
-use std::sync::Arc;
+use std::sync::{Arc, mpsc};
 use tracing::Level;
 
 /// Entries of the journal that are kept; older ones go.
@@ -31,22 +32,21 @@ const STALLS_TOLD_NS: u64 = 1_000_000_000;
 pub const UNWATCHED: &str = "the time-out thread hung: nothing watches the cycle any more; this control comes to rest, ends and is \
                          to be restarted";
 
-/// A line of the journal.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Entry {
-    /// Seconds since the first cycle.
-    pub time_s: f64,
-    pub text: String,
+/// How grave an entry of the journal is.
+pub fn level(entry: &Entry) -> Level {
+    match entry.kind {
+        Kind::Alarm => Level::ERROR,
+        Kind::Warning => Level::WARN,
+        Kind::Note => Level::INFO,
+    }
 }
 
-impl Entry {
-    /// How grave it is: alarms and warnings begin with this word.
-    pub fn level(&self) -> Level {
-        match self.text.split([':', ',']).next() {
-            Some("alarm") => Level::ERROR,
-            Some("warning") => Level::WARN,
-            _ => Level::INFO,
-        }
+/// Alarms and warnings begin with this word.
+fn kind(text: &str) -> Kind {
+    match text.split([':', ',']).next() {
+        Some("alarm") => Kind::Alarm,
+        Some("warning") => Kind::Warning,
+        _ => Kind::Note,
     }
 }
 
@@ -74,6 +74,8 @@ pub struct Alarm {
 pub struct Operator {
     endpoints: OperatorEndpoints,
     sequence: Sequence,
+    /// Sets of joints in the order in which they are homed.
+    homing: Vec<u64>,
     orders_given: u64,
     /// Whether trace records are kept.
     records: bool,
@@ -86,6 +88,12 @@ pub struct Operator {
     operational_s: Option<f64>,
     journal: Vec<Entry>,
     journal_read: usize,
+    /// Number of the last entry.
+    seq: u64,
+    /// Time of day, s since 1970; `None`: there is none, as in virtual time.
+    time_of_day: Option<fn() -> f64>,
+    /// Who writes the journal to the disk.
+    keeper: Option<mpsc::Sender<Entry>>,
     alarms: Vec<Alarm>,
     /// Alarms that somebody has acknowledged, or begun another program after.
     alarms_over: usize,
@@ -110,6 +118,7 @@ impl Operator {
         Operator {
             endpoints,
             sequence: Sequence::new(now_ns, &config.homing_order()),
+            homing: config.homing_order(),
             records: true,
             orders_given: 0,
             program_ended: false,
@@ -125,6 +134,9 @@ impl Operator {
             operational_s: None,
             journal: Vec::new(),
             journal_read: 0,
+            seq: 0,
+            time_of_day: None,
+            keeper: None,
             alarms: Vec::new(),
             alarms_over: 0,
             warnings: Vec::new(),
@@ -158,40 +170,40 @@ impl Operator {
         }
     }
 
-    /// Begins a program while standing by: drives on, homing, then a program from [`Operator::poll`]. False: the
-    /// machine is not ready for one.
-    pub fn begin(&mut self, now_ns: u64) -> bool {
-        let free = self.sequence.step() == Step::StandBy && self.live().state == State::Disabled;
+    /// Begins a job while standing by; where it is a program, [`Operator::poll`] tells when to plan it. False: the machine is not
+    /// ready for one.
+    pub fn begin(&mut self, now_ns: u64, job: Job) -> bool {
+        let state = self.live().state;
+        let free = self.sequence.step() == Step::StandBy && matches!(state, State::Disabled | State::Ready);
         if free {
             self.alarms_over = self.alarms.len();
-            self.sequence.begin(now_ns);
+            self.sequence.begin(now_ns, state, job);
         }
         free
     }
 
-    /// Switches drives on for set-up by hand while standing by, and homes them if wanted. False: the machine is not ready.
-    pub fn set_up(&mut self, now_ns: u64, home: bool) -> bool {
-        let free = self.sequence.step() == Step::StandBy && self.live().state == State::Disabled;
-        if free {
-            self.alarms_over = self.alarms.len();
-            self.sequence.set_up(now_ns, home);
-        }
-        free
+    /// The sets of joints to be homed, in their order, for these joints (bit n: joint n) to be homed.
+    pub fn homing_order(&self, joints: u64) -> Vec<u64> {
+        let groups = self.homing.iter().map(|group| group & joints);
+        groups.filter(|group| *group != 0).collect()
     }
 
-    /// Homes all joints during set-up. False: the machine is not ready.
-    pub fn home(&mut self, now_ns: u64) -> bool {
-        let free = self.sequence.step() == Step::SetUp && self.live().state == State::Ready;
-        if free {
-            self.sequence.home(now_ns);
-        }
-        free
+    /// Those that are not homed.
+    pub fn not_homed(&self) -> u64 {
+        let all = self.homing.iter().fold(0, |all, group| all | group);
+        all & !self.live().homed
     }
 
     /// Allows motion again after a fault.
     pub fn acknowledge(&mut self) {
         self.alarms_over = self.alarms.len();
         self.give(Command::Acknowledge);
+    }
+
+    /// The emergency stop is over; switches nothing on.
+    pub fn reset_estop(&mut self) {
+        self.alarms_over = self.alarms.len();
+        self.give(Command::EstopReset);
     }
 
     /// Takes in what came, gives the next order. `now_ns`: any monotonic clock.
@@ -221,17 +233,17 @@ impl Operator {
             Step::Stop => Command::Stop,
             Step::Disable => Command::Disable,
             Step::ShutDown => Command::ShutDown,
-            Step::Network | Step::StandBy | Step::SetUp | Step::Done => return None,
+            Step::Network | Step::StandBy | Step::Done => return None,
         };
         self.give(command);
         None
     }
 
-    /// Hands the program to the cycle thread.
-    pub fn start(&mut self, program: Box<Interpolator>) {
+    /// Hands the program to the cycle thread, or (`mdi`) a line that was typed.
+    pub fn start(&mut self, program: Box<Interpolator>, mdi: bool) {
         self.program_ended = false;
-        self.programs += 1;
-        self.give(Command::Start(program));
+        self.programs += u64::from(!mdi);
+        self.give(Command::Start { program, mdi });
     }
 
     /// Wants an end of everything; may be called again and again.
@@ -239,9 +251,18 @@ impl Operator {
         self.sequence.end(now_ns);
     }
 
-    /// Wants the machine at rest and off; may be called again and again. Whoever stands by waits for the next program then.
+    /// Wants the machine at rest, spindle and coolant off; may be called again and again. Whoever stands by waits for the next job
+    /// then, drives on.
     pub fn stop(&mut self, now_ns: u64) {
         self.sequence.stop(now_ns);
+        if self.sequence.step() == Step::StandBy && matches!(self.live().state, State::Ready | State::Jogging) {
+            self.give(Command::Stop);
+        }
+    }
+
+    /// Wants the machine at rest and drives off; may be called again and again.
+    pub fn off(&mut self, now_ns: u64) {
+        self.sequence.off(now_ns);
     }
 
     /// Takes in what the time-out thread saw. `evidence`: what the system says of the cycle thread's last time.
@@ -310,7 +331,7 @@ impl Operator {
         let time_s = self.live().cycles as f64 * self.cycle_s;
         self.note(time_s, format!("alarm: {cause}"));
         self.alarms.push(Alarm { time_s, cause });
-        self.sequence.stop(now_ns);
+        self.sequence.fail(now_ns);
     }
 
     /// Something that the operator ought to know and that stops nothing.
@@ -371,13 +392,19 @@ impl Operator {
         })
     }
 
-    /// How the last program ended, while standing by.
+    /// How the last program ended, while none is under way.
     pub fn program_outcome(&self) -> Option<Outcome> {
-        let outcome = self.sequence.program_outcome()?;
-        Some(match self.alarm() {
-            None => outcome,
-            Some(_) => Outcome::Faulted,
-        })
+        self.sequence.program_outcome()
+    }
+
+    /// How the last job ended, while none is under way.
+    pub fn job_outcome(&self) -> Option<Outcome> {
+        self.sequence.job_outcome()
+    }
+
+    /// Whether a program is under way, or what leads to one.
+    pub fn has_program(&self) -> bool {
+        self.sequence.has_program()
     }
 
     /// First cause since the last acknowledge.
@@ -393,6 +420,24 @@ impl Operator {
     /// Programs begun so far, each repetition counted.
     pub fn programs(&self) -> u64 {
         self.programs
+    }
+
+    /// Goes on with the journal of earlier days, whose last number is this, and gives new entries to `keeper`, too.
+    pub fn keep_journal(&mut self, before: Vec<Entry>, last: u64, keeper: mpsc::Sender<Entry>) {
+        self.seq = last;
+        self.journal_read = before.len();
+        self.journal = before;
+        self.keeper = Some(keeper);
+    }
+
+    /// Entries have the time of day from this clock, s since 1970.
+    pub fn set_time_of_day(&mut self, clock: fn() -> f64) {
+        self.time_of_day = Some(clock);
+    }
+
+    /// Nothing more is kept.
+    pub fn close_journal(&mut self) {
+        self.keeper = None;
     }
 
     /// Everything noted so far, or the latest of it.
@@ -561,7 +606,19 @@ impl Operator {
             self.journal.drain(..gone);
             self.journal_read = self.journal_read.saturating_sub(gone);
         }
-        self.journal.push(Entry { time_s, text });
+        self.seq += 1;
+        let entry = Entry {
+            seq: self.seq,
+            unix_s: self.time_of_day.map_or(0.0, |now| now()),
+            time_s,
+            kind: kind(&text),
+            text,
+        };
+        if let Some(keeper) = &self.keeper {
+            // One that is gone has told so.
+            let _ = keeper.send(entry.clone());
+        }
+        self.journal.push(entry);
     }
 }
 

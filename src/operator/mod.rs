@@ -1,6 +1,7 @@
 //! The running control as its operator sees it: a session from start to end, programs, manual mode, stand-by, reports.
 
 pub mod console;
+mod journal_keeper;
 mod manual_mode;
 pub mod operator_loop;
 mod path_judge;
@@ -9,6 +10,7 @@ pub mod recorder;
 pub mod refusal;
 #[cfg(any(test, feature = "testing"))]
 pub mod rehearsal;
+mod remembered;
 pub mod report;
 pub mod session;
 pub mod single_run;

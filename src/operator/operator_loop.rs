@@ -11,7 +11,7 @@ use crate::host::capabilities::Work;
 use crate::host::stalls::Stalls;
 use crate::host::wait::{monotonic_ns, to_next};
 use crate::machine::motion_settings::{ring_capacity, stop_ramp, stop_shares};
-use crate::machine::sequence::Step;
+use crate::machine::sequence::{Outcome, Step};
 use crate::machine::state::State;
 use crate::machine::tables::lock;
 use crate::operator::console::Operator;
@@ -20,7 +20,7 @@ use crate::operator::recorder::Recorder;
 use crate::operator::session::{EXIT_RESTART, Program, Session, Task};
 use crate::operator::table_writer::Keeper;
 use crate::program::text::Reader;
-use crate::program::{self, FeedError, Feeder, Threads, waits};
+use crate::program::{self, Begin, FeedError, Feeder, Threads, waits};
 use crate::rt::cycle_stats::Windows;
 use crate::rt::shared::RtStatus;
 use crate::rt::timeout;
@@ -88,6 +88,8 @@ pub(super) struct OperatorLoop<'scope, 'env> {
     given_up: Cancel,
     /// As [`Feeder::probed_time_s`] says of the last program.
     probed_time_s: Option<f64>,
+    /// The modes that the last program has left, until it is known how it ended.
+    modes_left: Option<gcode::Modes>,
     keeper: Keeper<'scope, 'env>,
     stalls: Stalls,
     /// A stall of the cycle thread that is not told of yet, and the cycle in which it began.
@@ -104,6 +106,8 @@ struct Planned {
     error: Option<FeedError>,
     /// What the program left for the machine to remember.
     left: gcode::Settings,
+    /// The modes in which it left the machine.
+    modes: gcode::Modes,
 }
 
 impl<'scope, 'env> OperatorLoop<'scope, 'env> {
@@ -124,6 +128,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             clients: Clients::new(scope, session.config, session.tables, stands_by, inbox),
             keeper: Keeper::new(scope, session.tables),
             planner: None,
+            modes_left: None,
             given_up: Cancel::default(),
             probed_time_s: None,
             stalls: Stalls::new(cpu),
@@ -195,7 +200,9 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             running.operator.end(now_ns);
             self.clients.give_up_check();
         }
-        self.clients.serve(&mut running.operator, now_ns)?;
+        let is_planning = self.planner.is_some();
+        self.clients
+            .serve(&mut running.operator, &mut self.keeper, is_planning, now_ns)?;
         let (ticks, cycles) = (running.watch.counters().ticks, running.operator.live().cycles);
         while let Ok(report) = running.reports.pop() {
             match report.event {
@@ -223,7 +230,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         match running.operator.step() {
             // What is left of it to come to rest on is in the ring already.
             Step::StandBy | Step::Disable | Step::ShutDown | Step::Done => self.given_up.cancel(),
-            Step::Network | Step::Enable | Step::Home | Step::SetUp | Step::Program | Step::Stop => {}
+            Step::Network | Step::Enable | Step::Home | Step::Program | Step::Stop => {}
         }
         if let Some(position) = running.operator.poll(now_ns) {
             // A program that is repeated has come to its end: nobody waits for the machine any more.
@@ -231,11 +238,19 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             self.join_planner(running, now_ns);
             let live = running.operator.shared();
             let program = self.plan_from(position, live, &mut running.operator.recorder)?;
-            running.operator.start(program);
+            let is_mdi = self.clients.part().is_some_and(|part| part.is_mdi());
+            running.operator.start(program, is_mdi);
         }
         running.operator.recorder.judge(false);
         if self.planner.as_ref().is_some_and(ScopedJoinHandle::is_finished) {
             self.join_planner(running, now_ns);
+        }
+        if self.planner.is_none()
+            && let Some(outcome) = running.operator.program_outcome()
+            && let Some(modes) = self.modes_left.take()
+        {
+            self.clients
+                .adopt_modes(Some(modes).filter(|_| outcome == Outcome::Completed));
         }
         if self.planner.is_none() && running.operator.step() != Step::Program {
             self.keeper.poll(&mut running.operator)?;
@@ -259,7 +274,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             cycles: live.cycles,
             alarm: operator.alarm().map(|alarm| alarm.cause.as_str()),
             program: match operator.step() {
-                Step::StandBy | Step::SetUp => None,
+                Step::StandBy => None,
                 _ => self.program_name(),
             },
             stands_by: operator.step() == Step::StandBy,
@@ -315,9 +330,10 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
                     let machine = (*config, &tables);
                     let mut feeder = Feeder::in_threads(machine, text.reader(), position, producer, threads)
                         .beside(text.name())
-                        .with_probe(results)
-                        .reading_pins(pins)
                         .within(running_limits(given_up.clone()))
+                        .reading_pins(pins)
+                        .beginning(&text.begin(position))
+                        .with_probe(results)
                         .following(live)
                         .telling_path(told);
                     if let Some(passed) = passed {
@@ -338,7 +354,9 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
                 probed_time_s,
                 error,
                 left,
+                modes,
             })) => {
+                self.modes_left = Some(modes);
                 self.probed_time_s = probed_time_s;
                 self.keep(left);
                 if let Some(error) = error {
@@ -394,7 +412,7 @@ impl Text<'_> {
     fn reader(&self) -> Reader<'_> {
         match self {
             Text::Given(program) => program.text,
-            Text::Asked(part) => Reader::from(&part.text),
+            Text::Asked(part) => Reader::from(&*part.text),
         }
     }
 
@@ -402,6 +420,13 @@ impl Text<'_> {
         match self {
             Text::Given(program) => program.name,
             Text::Asked(part) => &part.name,
+        }
+    }
+
+    fn begin(&self, at: Position) -> Begin {
+        match self {
+            Text::Given(_) => Begin::Program { at },
+            Text::Asked(part) => part.begin.moved_to(at),
         }
     }
 }
@@ -439,6 +464,7 @@ fn feed(mut feeder: Feeder<'_, Producer<Element>>, over: impl Fn() -> bool) -> P
         probed_time_s: feeder.probed_time_s(),
         error: failed,
         left: feeder.left_behind(),
+        modes: feeder.modes_left(),
     }
 }
 

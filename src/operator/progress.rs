@@ -3,8 +3,9 @@
 //! In:  the operator. Out: the terminal.
 
 use crate::host::terminal::{StatusLine, alarm, is_heard};
+use crate::machine::journal::Entry;
 use crate::machine::state::State;
-use crate::operator::console::{Entry, Operator};
+use crate::operator::console::{Operator, level};
 use crate::program::Overview;
 use motion::canon::Axis;
 use std::time::Duration;
@@ -61,7 +62,7 @@ impl Progress {
 /// An entry of the journal as a line; alarms are red on a terminal.
 pub fn told(entry: &Entry) -> String {
     let line = format!("{:9.3} s  {}", entry.time_s, entry.text);
-    match entry.level() {
+    match level(entry) {
         Level::ERROR => format!("{}\n", alarm(line)),
         _ => format!("{line}\n"),
     }
@@ -70,16 +71,23 @@ pub fn told(entry: &Entry) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::machine::journal::Kind;
 
     #[test]
     fn alarms_are_told_as_such() {
-        let entry = |text: &str| Entry {
+        let entry = |kind, text: &str| Entry {
+            seq: 1,
+            unix_s: 0.0,
             time_s: 1.5,
+            kind,
             text: text.into(),
         };
-        assert_eq!(told(&entry("machine ready")), "    1.500 s  machine ready\n");
+        assert_eq!(
+            told(&entry(Kind::Note, "machine ready")),
+            "    1.500 s  machine ready\n"
+        );
         // Colours are for terminals; a test has none, or one.
-        let alarm = console::strip_ansi_codes(&told(&entry("alarm: x-drive lost"))).into_owned();
+        let alarm = console::strip_ansi_codes(&told(&entry(Kind::Alarm, "alarm: x-drive lost"))).into_owned();
         assert_eq!(alarm, "    1.500 s  alarm: x-drive lost\n");
     }
 }

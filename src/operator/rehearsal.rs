@@ -210,7 +210,7 @@ impl<B: VirtualTime> Rehearsal<'_, B> {
             self.feeder = Some(feeder.following(self.operator.shared()));
             let program = Interpolator::new(consumer, position, stop_ramp(self.config))
                 .with_probe(answers, stop_shares(self.config));
-            self.operator.start(Box::new(program));
+            self.operator.start(Box::new(program), false);
         }
     }
 

@@ -21,8 +21,10 @@ use crate::host::signals::{StopOnDrop, StopSignal};
 use crate::host::steadiness::Steadiness;
 use crate::host::terminal::say;
 use crate::host::wait::{Grid, monotonic_ns};
+use crate::machine::journal::{Entry, Journal};
 use crate::machine::tables::Tables;
 use crate::operator::console::Operator;
+use crate::operator::journal_keeper;
 use crate::operator::operator_loop::{LoopTask, OperatorLoop, Running};
 use crate::program::Overview;
 use crate::program::text::Reader;
@@ -41,7 +43,7 @@ use motion::rt::Peaks;
 use std::io::Write;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, mpsc};
 
 /// Exit code of a control that cannot go on by itself and has to be restarted.
 pub const EXIT_RESTART: u8 = 3;
@@ -216,7 +218,12 @@ fn run_on(
 
     let (recorder, windows) = cycle_stats::recorder(grid.period_ns);
     let (reports, watch_reports) = rtrb::RingBuffer::new(timeout::REPORTS);
-    let operator = Operator::new(config, endpoints, monotonic_ns());
+    let mut operator = Operator::new(config, endpoints, monotonic_ns());
+    operator.set_time_of_day(time_of_day);
+    let journal = match &config.state_directory {
+        Some(folder) => Some(open_journal(folder, &mut operator)?),
+        None => None,
+    };
     let mut running = Running {
         operator: match session.task {
             Task::Once(..) => operator,
@@ -256,6 +263,11 @@ fn run_on(
                     run_paced(&mut control, grid, wire, recorder, &stop)
                 }
             })?;
+        if let Some((journal, entries)) = journal {
+            std::thread::Builder::new()
+                .name("journal".into())
+                .spawn_scoped(scope, move || journal_keeper::keep(journal, &entries))?;
+        }
         if let Some(socket) = &socket {
             std::thread::Builder::new()
                 .name("service".into())
@@ -275,6 +287,7 @@ fn run_on(
         let operator_loop = OperatorLoop::new(scope, session, &stop, inbox, pin_reader(&hal), process.cpu);
         let probed_time_s = operator_loop.run(&mut running, task, &lives);
         drop(ended);
+        running.operator.close_journal();
         if running.operator.needs_restart() {
             end_with_thread(&cycle, &running.operator);
         }
@@ -321,6 +334,23 @@ pub(super) fn pin_reader(hal: &Hal) -> PinReader {
             AnyValue::Float(number) => number,
         })
     })
+}
+
+/// Seconds since 1970.
+fn time_of_day() -> f64 {
+    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    since.map_or(0.0, |since| since.as_secs_f64())
+}
+
+/// Opens the journal of the state folder, and lets the operator go on with it.
+fn open_journal(folder: &Path, operator: &mut Operator) -> anyhow::Result<(Journal, mpsc::Receiver<Entry>)> {
+    let opened = Journal::open(folder).with_context(|| format!("state_directory {}", folder.display()))?;
+    let (keeper, entries) = mpsc::channel();
+    operator.keep_journal(opened.entries, opened.last, keeper);
+    if let Some(warning) = opened.warning {
+        operator.add_entry(format!("warning: {warning}"));
+    }
+    Ok((opened.journal, entries))
 }
 
 /// A thread that hangs cannot be joined: where it does not come back, the process ends without a report.

@@ -13,7 +13,7 @@ use crate::operator::operator_loop::{LoopTask, Running};
 use crate::operator::refusal::Refusal;
 use crate::operator::session;
 use crate::operator::session::{Program, Session, Task, Wire};
-use crate::program::check;
+use crate::program::{Begin, check};
 use anyhow::Context;
 use std::path::Path;
 use std::process::ExitCode;
@@ -43,7 +43,15 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
     } = job;
     let tables = Tables::read(config).map_err(|error| Refusal::of_file(program.name, error).nothing_moved())?;
     let tables = Mutex::new(tables);
-    let checked = check(config, &lock(&tables), program.name, program.text, job.signal.cancel());
+    let begin = Begin::at_home(config);
+    let checked = check(
+        config,
+        &lock(&tables),
+        program.name,
+        program.text,
+        &begin,
+        job.signal.cancel(),
+    );
     let overview = match checked {
         Ok(overview) => overview,
         Err(errors) if errors.is_cancelled() => return Ok(given_up(&job.signal)),

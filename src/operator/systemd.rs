@@ -139,7 +139,8 @@ fn is_up(state: State) -> bool {
         | State::Held
         | State::Stopping
         | State::Disabling
-        | State::Faulted => true,
+        | State::Faulted
+        | State::Estop => true,
         State::Booting | State::ShuttingDown | State::Down | State::Silenced => false,
     }
 }

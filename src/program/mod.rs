@@ -3,7 +3,9 @@
 //! In:  program text; what the machine remembers; the machine position from which it starts.
 //! Out: elements in the ring, as many as fit, until the program is planned; then what the program left to remember.
 
+mod change;
 mod exact_stops;
+mod from_line;
 pub mod path;
 pub mod real_time;
 mod records;
@@ -18,6 +20,8 @@ use crate::host::wait::thread_cpu_s;
 use crate::machine::motion_settings::plan_settings;
 use crate::machine::tables::Tables;
 use crate::rt::shared::RtStatus;
+pub use change::{Change, changed};
+pub use from_line::{approach, preview};
 use gcode::{CheckLimits, PinReader};
 use motion::cancel::Cancel;
 use motion::canon::Position;
@@ -95,6 +99,54 @@ pub struct Overview {
     pub real_time: RealTimeFactor,
 }
 
+/// Where and how a program begins.
+#[derive(Clone, Debug)]
+pub enum Begin {
+    /// At this machine position, at rest.
+    Program { at: Position },
+    /// The same for lines that are typed: in the modes that the ones before have left; `None`: as a program.
+    Mdi {
+        at: Position,
+        modes: Option<Arc<gcode::Modes>>,
+    },
+    /// Before this line, by this way.
+    FromLine {
+        at: Position,
+        line: u32,
+        approach: gcode::Approach,
+    },
+}
+
+impl Begin {
+    /// As behind homing.
+    pub fn at_home(config: &Config) -> Begin {
+        Begin::Program { at: home(config) }
+    }
+
+    /// The machine position at which it begins.
+    pub fn at(&self) -> Position {
+        match self {
+            Begin::Program { at } | Begin::Mdi { at, .. } | Begin::FromLine { at, .. } => *at,
+        }
+    }
+
+    /// The same from another place.
+    pub fn moved_to(&self, at: Position) -> Begin {
+        match self {
+            Begin::Program { .. } => Begin::Program { at },
+            Begin::FromLine { line, approach, .. } => Begin::FromLine {
+                at,
+                line: *line,
+                approach: *approach,
+            },
+            Begin::Mdi { modes, .. } => Begin::Mdi {
+                at,
+                modes: modes.clone(),
+            },
+        }
+    }
+}
+
 /// Folder of a program, in which its subroutines are looked for first.
 fn folder(program: &str) -> Option<&Path> {
     Path::new(program).parent()
@@ -108,7 +160,18 @@ pub fn check_text(
     text: Reader<'_>,
     limits: CheckLimits,
 ) -> Vec<gcode::Error> {
-    let mut settings = planned_settings(config, tables, home(config));
+    check_from(config, tables, path, text, home(config), limits)
+}
+
+fn check_from(
+    config: &Config,
+    tables: &Tables,
+    path: &str,
+    text: Reader<'_>,
+    at: Position,
+    limits: CheckLimits,
+) -> Vec<gcode::Error> {
+    let mut settings = planned_settings(config, tables, at);
     if let Some(folder) = folder(path) {
         settings.subroutine_folders.insert(0, folder.to_owned());
     }
@@ -141,6 +204,7 @@ pub fn check<'t>(
     tables: &Tables,
     path: &str,
     text: impl Into<Reader<'t>>,
+    begin: &Begin,
     cancel: &Cancel,
 ) -> Result<Overview, ProgramErrors> {
     let text = text.into();
@@ -157,7 +221,12 @@ pub fn check<'t>(
         return Err(failed(format!("{path}: cannot be run: {}", config.without_joints())));
     }
     let mut budget = Budget::new(limits.time);
-    let errors = check_text(config, tables, path, text, limits.clone());
+    // Of what was typed the first mistake is enough.
+    let errors = match begin {
+        Begin::Program { at } => check_from(config, tables, path, text, *at, limits.clone()),
+        // Of a start in its middle it was found at the check of the whole.
+        Begin::Mdi { .. } | Begin::FromLine { .. } => Vec::new(),
+    };
     if !errors.is_empty() {
         let shown: Vec<String> = errors.iter().map(|error| error.render(path)).collect();
         return Err(ProgramErrors {
@@ -167,9 +236,10 @@ pub fn check<'t>(
         });
     }
     let mut overview = Overview::default();
-    let mut feeder = Feeder::new(config, tables, text, home(config), Measure::new(thread_cpu_s))
+    let mut feeder = Feeder::new(config, tables, text, begin.at(), Measure::new(thread_cpu_s))
         .beside(path)
-        .within(limits);
+        .within(limits)
+        .beginning(begin);
     loop {
         match feeder.pump() {
             Ok(Progress::Done) => break,
@@ -405,6 +475,17 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         match folder(path) {
             Some(folder) => self.with_interpreter(|interpreter| interpreter.subroutines_beside(folder)),
             None => self,
+        }
+    }
+
+    /// The same that begins so. What the lines before a line ask of the machine is taken as it comes in a check: to be called before
+    /// [`Feeder::with_probe`], and behind [`Feeder::beside`] and [`Feeder::within`].
+    pub fn beginning(self, begin: &Begin) -> Feeder<'t, S> {
+        match begin {
+            Begin::Program { .. } => self,
+            Begin::Mdi { modes: None, .. } => self.with_interpreter(gcode::Run::as_mdi),
+            Begin::FromLine { line, approach, .. } => self.with_interpreter(|run| run.begin_at_line(*line, approach)),
+            Begin::Mdi { modes: Some(modes), .. } => self.with_interpreter(|run| run.as_mdi().continuing(modes)),
         }
     }
 
@@ -660,6 +741,12 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         self.recall().interpreter().snapshot()
     }
 
+    /// The modes in which the program has left the machine. Nothing more is planned.
+    pub fn modes_left(&mut self) -> gcode::Modes {
+        self.ended = true;
+        self.recall().interpreter().modes()
+    }
+
     /// Greatest deviation from the path that the program has allowed its moves so far (G64), mm; 0: none.
     pub fn tolerance_mm(&self) -> f64 {
         self.tolerance_mm
@@ -730,7 +817,14 @@ mod tests {
     fn what_the_moves_may_be_off_is_what_the_program_says_of_them() {
         let (config, tables) = demo();
         let tolerance_mm = |text: &str| {
-            let checked = check(&config, &tables, "p.ngc", text.as_bytes(), &Cancel::default());
+            let checked = check(
+                &config,
+                &tables,
+                "p.ngc",
+                text.as_bytes(),
+                &Begin::at_home(&config),
+                &Cancel::default(),
+            );
             checked.expect("a program").tolerance_mm
         };
         assert_eq!(tolerance_mm("G21 G90 G64 P0.05\nG1 X1 F100\nG64 P0.2\nM2\n"), 0.05);
@@ -745,7 +839,15 @@ mod tests {
     fn a_check_tells_how_quick_planning_is() {
         let (config, tables) = demo();
         let text = b"G21 G90 G64 P0.05\nG1 X100 F1000\nY50\nX0\nM2\n";
-        let checked = check(&config, &tables, "p.ngc", text, &Cancel::default()).expect("a program");
+        let checked = check(
+            &config,
+            &tables,
+            "p.ngc",
+            text,
+            &Begin::at_home(&config),
+            &Cancel::default(),
+        )
+        .expect("a program");
         assert!(checked.real_time.whole.is_some_and(|whole| whole > 0.0), "{checked:?}");
     }
 

@@ -327,6 +327,14 @@ impl Drives {
         }
     }
 
+    /// Joints whose drives home themselves now (bit n: joint n). RT.
+    pub fn homing(&self) -> u64 {
+        let drives = self.drives.iter().enumerate();
+        drives.fold(0, |mask, (joint, drive)| {
+            mask | u64::from(drive.status() == Status::Homing) << joint
+        })
+    }
+
     /// Whether every drive shows a status that `wanted` accepts. RT.
     pub fn all(&self, wanted: impl Fn(&Drive) -> bool) -> bool {
         self.drives.iter().all(wanted)

@@ -17,3 +17,4 @@ pub mod shared;
 pub mod spindle;
 pub mod thread;
 pub mod timeout;
+pub mod waiting;

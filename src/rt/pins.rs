@@ -33,6 +33,10 @@ struct JointPins {
     homed: Output<bool>,
     amp_enabled: Output<bool>,
     home_switch: Input<bool>,
+    /// Lower and upper.
+    limit_switches: [Input<bool>; 2],
+    homing: Output<bool>,
+    hard_limits: [Output<bool>; 2],
 }
 
 /// A mapped object that a pin shows.
@@ -107,6 +111,7 @@ pub struct Pins {
     stop: Input<bool>,
     resume_before: bool,
     stop_before: bool,
+    estop: EstopPins,
 
     pub spindle: Spindle,
     /// Those beside the first.
@@ -124,6 +129,66 @@ pub struct Pins {
     tool_change_asked: bool,
 
     timing: TimingPins,
+}
+
+/// The emergency stop chain.
+struct EstopPins {
+    /// True: the chain is closed.
+    enable_in: Input<bool>,
+    /// False: software wants the chain open.
+    user_enable_out: Output<bool>,
+    /// A pulse at a reset, for a latch.
+    user_request_enable: Output<bool>,
+    activate: Input<bool>,
+    reset: Input<bool>,
+    is_activated: Output<bool>,
+    machine_is_on: Output<bool>,
+    activate_before: bool,
+    reset_before: bool,
+    /// Cycles that the pulse still lasts.
+    pulse: u32,
+}
+
+/// How long a reset asks the latch of the chain to close, cycles.
+const RESET_PULSE: u32 = 100;
+
+impl EstopPins {
+    fn new(hal: &mut Hal) -> Result<EstopPins, HalError> {
+        Ok(EstopPins {
+            enable_in: hal.input("iocontrol.0.emc-enable-in", true)?,
+            user_enable_out: hal.output("iocontrol.0.user-enable-out")?,
+            user_request_enable: hal.output("iocontrol.0.user-request-enable")?,
+            activate: hal.input("halui.estop.activate", false)?,
+            reset: hal.input("halui.estop.reset", false)?,
+            is_activated: hal.output("halui.estop.is-activated")?,
+            machine_is_on: hal.output("halui.machine.is-on")?,
+            activate_before: false,
+            reset_before: false,
+            pulse: 0,
+        })
+    }
+
+    /// RT.
+    fn show(&mut self, state: State) {
+        let is_estop = state == State::Estop;
+        self.is_activated.set(is_estop);
+        self.user_enable_out.set(!is_estop || self.pulse > 0);
+        self.user_request_enable.set(self.pulse > 0);
+        self.pulse = self.pulse.saturating_sub(1);
+        let is_on = match state {
+            State::Ready | State::Homing | State::Jogging | State::Running | State::Held | State::Stopping => true,
+            State::Booting
+            | State::Disabled
+            | State::Enabling
+            | State::Disabling
+            | State::Faulted
+            | State::ShuttingDown
+            | State::Down
+            | State::Silenced
+            | State::Estop => false,
+        };
+        self.machine_is_on.set(is_on);
+    }
 }
 
 /// How the cycle keeps its time.
@@ -251,6 +316,15 @@ impl Pins {
                 homed: hal.output(&name("homed"))?,
                 amp_enabled: hal.output(&name("amp-enabled"))?,
                 home_switch: hal.input(&name("home-sw-in"), false)?,
+                limit_switches: [
+                    hal.input(&name("neg-lim-sw-in"), false)?,
+                    hal.input(&name("pos-lim-sw-in"), false)?,
+                ],
+                homing: hal.output(&name("homing"))?,
+                hard_limits: [
+                    hal.output(&name("neg-hard-limit"))?,
+                    hal.output(&name("pos-hard-limit"))?,
+                ],
             });
         }
         let mut axes = Vec::new();
@@ -348,6 +422,7 @@ impl Pins {
             stop: hal.input("halui.program.stop", false)?,
             resume_before: false,
             stop_before: false,
+            estop: EstopPins::new(hal)?,
             spindle: Spindle::new(hal, config, plans)?,
             others: (1..config.spindle.count)
                 .map(|number| OtherSpindle::new(hal, config, number))
@@ -421,6 +496,41 @@ impl Pins {
         self.memory.is_lost()
     }
 
+    /// Whether the emergency stop chain is open.
+    pub fn is_chain_open(&self) -> bool {
+        !self.estop.enable_in.get()
+    }
+
+    /// Whether the pin that orders an emergency stop has risen since the last call, and the one that resets it.
+    pub fn take_estop(&mut self) -> [bool; 2] {
+        let pins = &mut self.estop;
+        let [activate, reset] = [pins.activate.get(), pins.reset.get()];
+        let activated = activate && !std::mem::replace(&mut pins.activate_before, activate);
+        let was_reset = reset && !std::mem::replace(&mut pins.reset_before, reset);
+        [activated, was_reset]
+    }
+
+    /// Asks the latch of the chain to close.
+    pub fn request_enable(&mut self) {
+        self.estop.pulse = RESET_PULSE;
+    }
+
+    /// Whether the latch is still being asked.
+    pub fn is_enable_requested(&self) -> bool {
+        self.estop.pulse > 0
+    }
+
+    /// Joints whose lower, and whose upper limit switch is closed (bit n: joint n).
+    pub fn limit_switches(&self) -> [u64; 2] {
+        let mut closed = [0; 2];
+        for (joint, pins) in self.joints.iter().enumerate() {
+            for (closed, switch) in closed.iter_mut().zip(&pins.limit_switches) {
+                *closed |= u64::from(switch.get()) << joint;
+            }
+        }
+        closed
+    }
+
     /// Whether the stop pin has risen since the last call.
     pub fn take_stop(&mut self) -> bool {
         let now = self.stop.get();
@@ -459,6 +569,7 @@ impl Pins {
             | Action::UserCode { .. }
             | Action::ProgramStop
             | Action::OptionalStop
+            | Action::TextEnd
             | Action::Message { .. } => {}
         }
     }
@@ -499,8 +610,14 @@ impl Pins {
             | Action::SetDigital { .. }
             | Action::SetAnalog { .. }
             | Action::ProgramEnd
+            | Action::TextEnd
             | Action::Message { .. } => true,
         }
+    }
+
+    /// The operator says that the tool is changed.
+    pub fn end_tool_change(&mut self) {
+        self.tool_change.set(false);
     }
 
     /// A spindle whose speed has been waited for too long.
@@ -595,6 +712,10 @@ impl Pins {
             pins.f_error.set(drive.following_error_mm());
             pins.homed.set(drive.is_homed());
             pins.amp_enabled.set(drive.status() == cia402::axis::Status::Enabled);
+            pins.homing.set(drive.status() == cia402::axis::Status::Homing);
+            for (shown, switch) in pins.hard_limits.iter_mut().zip(&pins.limit_switches) {
+                shown.set(switch.get());
+            }
         }
         for (axis, pos_cmd) in &mut self.axes {
             pos_cmd.set(sample.position[*axis]);
@@ -605,6 +726,7 @@ impl Pins {
         }
         self.network_up.set(bus.state() == BusState::Operational);
         self.machine_state.set(state as u32);
+        self.estop.show(state);
         self.program_line.set(sample.line);
         self.current_vel.set(sample.velocity_mm_s);
     }

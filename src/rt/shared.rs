@@ -8,6 +8,7 @@ use crate::bus::BusEvent;
 use crate::machine::faults::Fault;
 use crate::machine::state::State;
 use crate::rt::joint_jog::JogOrder;
+use crate::rt::waiting::{Waiting, WaitingCell};
 use motion::canon::{AXES, Position};
 use motion::element::{Action, Enables};
 use motion::rt::jog::Obstruction;
@@ -34,8 +35,10 @@ pub enum Command {
     Home(u64),
     /// Move joints by hand; only homed joints of a machine that is ready or jogging.
     Jog(JogOrder),
-    /// Run what the ring behind this interpolator brings.
-    Start(Box<Interpolator>),
+    /// Run what the ring behind this interpolator brings. `mdi`: spindle and coolant stay as its last block leaves them.
+    Start { program: Box<Interpolator>, mdi: bool },
+    /// The operator has put the tool into the spindle that the program waits for.
+    ToolChanged,
     /// Come to rest on the path, keep the program.
     Hold,
     /// Go on, forward: after a hold, or with the next block in single block.
@@ -50,6 +53,10 @@ pub enum Command {
     Disable,
     /// Allow motion again after a fault whose cause is gone.
     Acknowledge,
+    /// Emergency stop.
+    Estop,
+    /// The emergency stop is over, if its chain is closed; switches nothing on.
+    EstopReset,
     /// Bring the network down.
     ShutDown,
 }
@@ -140,6 +147,10 @@ pub struct RtStatus {
     elapsed_s: AtomicU64,
     /// One more than the number of the tool that the last change brought; 0: there was none.
     tool: AtomicU64,
+    /// What a program waits for.
+    waiting: WaitingCell,
+    chain_open: AtomicBool,
+    limits: [AtomicU64; 2],
 }
 
 impl Default for RtStatus {
@@ -169,6 +180,9 @@ impl RtStatus {
             remaining_s: AtomicU64::new(0),
             elapsed_s: AtomicU64::new(0),
             tool: AtomicU64::new(0),
+            waiting: WaitingCell::default(),
+            chain_open: AtomicBool::new(false),
+            limits: Default::default(),
         }
     }
 }
@@ -204,6 +218,12 @@ pub struct Snapshot {
     pub remaining_s: f64,
     /// Time since the program began, s.
     pub elapsed_s: f64,
+    /// What the program waits for.
+    pub waiting: Option<Waiting>,
+    /// The emergency stop chain is open.
+    pub chain_open: bool,
+    /// Joints whose lower, and whose upper limit switch is closed (bit n: joint n).
+    pub limits: [u64; 2],
 }
 
 impl RtStatus {
@@ -244,6 +264,11 @@ impl RtStatus {
         self.cycles_skipped.store(snapshot.cycles_skipped, Relaxed);
         self.remaining_s.store(snapshot.remaining_s.to_bits(), Relaxed);
         self.elapsed_s.store(snapshot.elapsed_s.to_bits(), Relaxed);
+        self.waiting.set(snapshot.waiting);
+        self.chain_open.store(snapshot.chain_open, Relaxed);
+        for (cell, limit) in self.limits.iter().zip(snapshot.limits) {
+            cell.store(limit, Relaxed);
+        }
         self.state.store(snapshot.state as u8, Relaxed);
         // Release: who sees an order taken sees the state that it led to.
         self.orders_taken
@@ -270,6 +295,9 @@ impl RtStatus {
             cycles_skipped: self.cycles_skipped.load(Relaxed),
             remaining_s: float(&self.remaining_s),
             elapsed_s: float(&self.elapsed_s),
+            waiting: self.waiting.get(),
+            chain_open: self.chain_open.load(Relaxed),
+            limits: std::array::from_fn(|end| self.limits[end].load(Relaxed)),
         }
     }
 }

@@ -74,6 +74,7 @@ pub(super) fn test_config() -> Config {
         path: "test.toml".into(),
         name: "mill3".to_string(),
         cycle_us: 1000,
+        state_directory: None,
         unit: LengthUnit::Millimetre,
         rt: Rt {
             phase_us: Some(370),

@@ -132,6 +132,9 @@ pub(crate) fn examples() -> Vec<Fault> {
                 is_itself: false,
             },
         },
+        Fault::EmergencyStop { by_order: false },
+        Fault::EmergencyStop { by_order: true },
+        Fault::LimitSwitch { joint: 0, above: true },
     ]);
     examples.extend(OF_LINKS.map(|error| Fault::LinkFailed { error }));
     covers(FAULTS, "Fault", &examples);
@@ -145,6 +148,7 @@ pub(crate) fn words(reaction: Reaction) -> &'static str {
         Reaction::Warn => "warning, goes on",
         Reaction::ControlledStop => "controlled stop",
         Reaction::QuickStop => "quick stop",
+        Reaction::EmergencyStop => "emergency stop",
         Reaction::Silence => "silenced",
     }
 }
@@ -159,6 +163,7 @@ fn the_faults() {
             Reaction::Warn,
             Reaction::ControlledStop,
             Reaction::QuickStop,
+            Reaction::EmergencyStop,
             Reaction::Silence,
         ];
         covers(FAULTS, "Reaction", &reactions);

@@ -11,6 +11,7 @@ mod machine_file;
 mod pins;
 mod socket;
 mod source;
+mod states;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -88,7 +88,14 @@ fn a_command_above_a_limit_stops_the_machine_and_names_joint_order_value_and_lim
         let mut feeder = Feeder::new(&wrong, &tables, text, start, producer);
         while feeder.pump().expect("a good program") == Progress::Working {}
         let program = Interpolator::new(consumer, start, stop_ramp(&wrong));
-        order(run, Command::Start(Box::new(program)), State::Running);
+        order(
+            run,
+            Command::Start {
+                program: Box::new(program),
+                mdi: false,
+            },
+            State::Running,
+        );
         reach_state(run, State::Stopping);
         reach_state(run, State::Faulted);
         run.run_until(10, |_| false).expect("a good program");

@@ -127,7 +127,14 @@ fn a_program_from_elsewhere_is_refused_before_anything_moves() {
         let mut elsewhere = run.operator.live().position;
         elsewhere[Axis::X] += 1.0;
         let program = Interpolator::new(consumer, elsewhere, stop_ramp(&config));
-        order(run, Command::Start(Box::new(program)), State::Faulted);
+        order(
+            run,
+            Command::Start {
+                program: Box::new(program),
+                mdi: false,
+            },
+            State::Faulted,
+        );
         run.run_until(100, |_| false).expect("a good program");
         for (at_mm, before_mm) in loads(run).into_iter().zip(before) {
             assert!((at_mm - before_mm).abs() < 0.01, "moved from {before_mm} to {at_mm}");

@@ -456,14 +456,19 @@ impl State {
         calls.extend([Call::ProgramEnd, Call::Reset, Call::Reset]);
     }
 
-    /// What M2 and M30 reset.
-    fn end_program(&mut self, calls: &mut Calls) {
+    /// What ends with every text: moves under it belong together.
+    pub(crate) fn end_compensation(&mut self, calls: &mut Calls) {
         if self.cutter.take().is_some() {
             calls.push_back(Call::SetCutterCompensation(None));
         }
         if self.tool_centre_point {
             self.use_tool_frame(self.offsets.tool, false, calls);
         }
+    }
+
+    /// What M2 and M30 reset.
+    fn end_program(&mut self, calls: &mut Calls) {
+        self.end_compensation(calls);
         let mut offsets = self.offsets;
         offsets.system = 1;
         self.load_system(&mut offsets);

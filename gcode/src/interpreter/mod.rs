@@ -120,6 +120,7 @@ impl Interpreter {
             spent: Spent::default(),
             continues: false,
             stop_before: None,
+            is_mdi: false,
             line: Vec::new(),
             block: Block::default(),
             faults: Faults::new(),
@@ -166,6 +167,8 @@ pub struct Run<'t> {
     continues: bool,
     /// The line before which a start in the middle of the program stops passing over events.
     pub(crate) stop_before: Option<u32>,
+    /// The text need not end with M2, M30 or `%`.
+    pub(crate) is_mdi: bool,
     /// Kept for their memory.
     line: Vec<u8>,
     block: Block,
@@ -476,6 +479,15 @@ impl Run<'_> {
             return self.end_of_subroutine();
         }
         self.ended = true;
+        if self.is_mdi {
+            return match self.state.check_nurbs_closed(None) {
+                Ok(()) => {
+                    self.state.end_compensation(&mut self.calls);
+                    self.calls.push_back(Call::Finish);
+                }
+                Err(kind) => self.fail(Span::default(), kind),
+            };
+        }
         let kind = match self.files[self.file].delimiter {
             Delimiter::Unknown | Delimiter::ProgramEnd => ErrorKind::ProgramEndMissing,
             Delimiter::Percent => ErrorKind::PercentMissing,

@@ -63,7 +63,7 @@ impl Tool {
 }
 
 /// A line of the file.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) enum Line {
     /// Blank, or a comment of its own.
     Text(String),

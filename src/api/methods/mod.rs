@@ -5,10 +5,12 @@
 //!
 //! To add a method: a line in [`METHODS`] and its function.
 
+mod arguments;
+
 use super::rpc::{Params, Request, RpcError, code, from_hex, to_hex};
 use super::server::{Serve, Ticket};
 use crate::api::network_view::NetworkView;
-use crate::api::orders::{Jog, Jogged, Order, OrderClient, Source};
+use crate::api::orders::{Jog, Order, OrderClient};
 use crate::bus::SDO_VALUE_MAX;
 use crate::bus::service::{BusService, MailboxError, MailboxRequest};
 use crate::config::JOINTS_MAX;
@@ -17,7 +19,6 @@ use crate::machine::state::State;
 use crate::rt::joint_jog::JogMotion;
 use crate::rt::overrides::Overridden;
 use crate::rt::shared::RtStatus;
-use motion::canon::Axis;
 use obd::AbortCode;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -73,29 +74,120 @@ pub const METHODS: &[Method] = &[
         call: |methods, params, ticket| methods.sdo(params, ticket, true),
     },
     Method {
-        name: "program.run",
-        params: &["path", "name", "text"],
-        does: "checks a program, switches drives on, homes, runs it, switches drives off; only while standing by. A file \
-               that the control may read (\"path\", absolute), or \"text\" and its \"name\"",
+        name: "on",
+        params: &[],
+        does: "switches drives on; moves nothing, and homes nothing",
         looks: false,
-        call: |methods, params, ticket| match source(params) {
-            Ok(source) => methods.order(ticket, Order::Run(source)),
+        call: |methods, _, ticket| methods.order(ticket, Order::On),
+    },
+    Method {
+        name: "off",
+        params: &[],
+        does: "brings the machine to rest and switches drives off",
+        looks: false,
+        call: |methods, _, ticket| methods.order(ticket, Order::Off),
+    },
+    Method {
+        name: "estop",
+        params: &[],
+        does: "emergency stop: quick stop of all drives, spindle and coolant off, until \"estop.reset\". Not a safety function",
+        looks: false,
+        call: |methods, _, ticket| methods.order(ticket, Order::Estop),
+    },
+    Method {
+        name: "estop.reset",
+        params: &[],
+        does: "the emergency stop is over, once its chain is closed; switches nothing on",
+        looks: false,
+        call: |methods, _, ticket| methods.order(ticket, Order::EstopReset),
+    },
+    Method {
+        name: "home",
+        params: &["joints"],
+        does: "homes the \"joints\" of a list of numbers, all without it, in the order of their \"sequence\"; switches drives on if \
+               they are off, and leaves them on",
+        looks: false,
+        call: |methods, params, ticket| match params.numbers("joints", 0, JOINTS_MAX as u64 - 1) {
+            Ok(joints) => methods.order(
+                ticket,
+                Order::Home(joints.into_iter().map(|joint| joint as usize).collect()),
+            ),
             Err(error) => Some(Err(error)),
         },
     },
     Method {
-        name: "enable",
-        params: &[],
-        does: "switches drives on, to home and jog by hand; moves nothing; only while standing by. \"stop\" switches them off",
+        name: "program.load",
+        params: &["path", "name", "text"],
+        does: "checks a program and keeps it for \"program.start\". A file that the control may read (\"path\", absolute), or \
+               \"text\" and its \"name\"",
         looks: false,
-        call: |methods, _, ticket| methods.order(ticket, Order::Enable),
+        call: |methods, params, ticket| methods.order_of(ticket, arguments::source(params).map(Order::Load)),
     },
     Method {
-        name: "home",
-        params: &[],
-        does: "homes all joints, Z first; switches drives on if they are off, and leaves them on",
+        name: "program.start",
+        params: &["from_line", "yes"],
+        does: "runs the program that is loaded; drives are on and joints homed before. Before a line (\"from_line\"): refused with what \
+               that means, one sentence a line, until \"yes\" is true",
         looks: false,
-        call: |methods, _, ticket| methods.order(ticket, Order::Home),
+        call: |methods, params, ticket| methods.order_of(ticket, arguments::start(params)),
+    },
+    Method {
+        name: "program.run",
+        params: &["path", "name", "text"],
+        does: "checks a program, switches drives on if they are off, homes joints that are not, runs it; drives stay on. \
+               Parameters as of \"program.load\"",
+        looks: false,
+        call: |methods, params, ticket| methods.order_of(ticket, arguments::source(params).map(Order::Run)),
+    },
+    Method {
+        name: "mdi",
+        params: &["line"],
+        does: "runs a \"line\" of G-code in the modes that the one before has left, behind those that wait; answered when it begins",
+        looks: false,
+        call: |methods, params, ticket| methods.order_of(ticket, arguments::line(params).map(Order::Mdi)),
+    },
+    Method {
+        name: "touch_off",
+        params: &["axis", "value", "system", "tool"],
+        does: "the \"axis\" reads \"value\" (unit of the machine) where it stands: in a work \"system\" (G54 to G59.3, else the one in \
+               force), or once the length of a \"tool\" is in force",
+        looks: false,
+        call: |methods, params, ticket| methods.order_of(ticket, arguments::touch_off(params).map(Order::Change)),
+    },
+    Method {
+        name: "offset.list",
+        params: &[],
+        does: "origins of G54 to G59.3 and G92",
+        looks: true,
+        call: |methods, _, ticket| methods.order(ticket, Order::Offsets),
+    },
+    Method {
+        name: "offset.set",
+        params: &["system", "axis", "value"],
+        does: "puts the origin of a work \"system\" (else the one in force) on an \"axis\" to this \"value\", machine coordinates",
+        looks: false,
+        call: |methods, params, ticket| methods.order_of(ticket, arguments::offset(params).map(Order::Change)),
+    },
+    Method {
+        name: "tool.list",
+        params: &[],
+        does: "the tool table, and the tool in the spindle",
+        looks: true,
+        call: |methods, _, ticket| methods.order(ticket, Order::Tools),
+    },
+    Method {
+        name: "tool.set",
+        params: &["tool", "length", "diameter"],
+        does: "\"length\" or \"diameter\" of a \"tool\", or both, in the unit of the machine; one that the table lacks is added",
+        looks: false,
+        call: |methods, params, ticket| methods.order_of(ticket, arguments::tool(params).map(Order::Change)),
+    },
+    Method {
+        name: "tool.changed",
+        params: &[],
+        does: "the tool that the program waits for is in the spindle",
+        looks: false,
+        call: |methods, _, ticket| methods.order(ticket, Order::ToolChanged),
     },
     Method {
         name: "jog",
@@ -103,10 +195,7 @@ pub const METHODS: &[Method] = &[
         does: "moves an \"axis\" (letter) or a \"joint\" (number) by hand: at a velocity, whose sign is the direction, as far \
                as the soft limit; or by \"distance_mm\", which adds up. Holds for 0.2 s: renew it with \"jog.keep\"",
         looks: false,
-        call: |methods, params, ticket| match jog(params) {
-            Ok(jog) => methods.order(ticket, Order::Jog(jog)),
-            Err(error) => Some(Err(error)),
-        },
+        call: |methods, params, ticket| methods.order_of(ticket, arguments::jog(params).map(Order::Jog)),
     },
     Method {
         name: "jog.keep",
@@ -143,10 +232,7 @@ pub const METHODS: &[Method] = &[
                of its speed, as far as the last block that moves nothing or turns with the spindle; \"hold\" rests, \"resume\" \
                goes forward again",
         looks: false,
-        call: |methods, params, ticket| match reverse_share(params) {
-            Ok(share) => methods.order(ticket, Order::Reverse(share)),
-            Err(error) => Some(Err(error)),
-        },
+        call: |methods, params, ticket| methods.order_of(ticket, arguments::reverse_share(params).map(Order::Reverse)),
     },
     Method {
         name: "single_block",
@@ -154,15 +240,12 @@ pub const METHODS: &[Method] = &[
         does: "\"on\" (true or false): the program rests at the end of each block, \"resume\" runs the next one; what is planned \
                from now on stops at the end of each block exactly",
         looks: false,
-        call: |methods, params, ticket| match params.flag("on") {
-            Ok(on) => methods.order(ticket, Order::SingleBlock(on)),
-            Err(error) => Some(Err(error)),
-        },
+        call: |methods, params, ticket| methods.order_of(ticket, params.flag("on").map(Order::SingleBlock)),
     },
     Method {
         name: "stop",
         params: &[],
-        does: "brings the machine to rest, a program on its path, gives it up and switches drives off",
+        does: "brings the machine to rest, a program on its path, and gives it up; spindle and coolant go off, drives stay on",
         looks: false,
         call: |methods, _, ticket| methods.order(ticket, Order::Stop),
     },
@@ -176,6 +259,21 @@ pub const METHODS: &[Method] = &[
         call: |methods, params, _| Some(methods.set_overrides(params)),
     },
     Method {
+        name: "journal.since",
+        params: &["seq"],
+        does: "entries of the journal behind number \"seq\" (0: all that are known), the oldest first, up to 500; \"more\": there are \
+               others behind them",
+        looks: true,
+        call: |methods, params, ticket| {
+            let since = if params.has("seq") {
+                params.number("seq", 0, u64::MAX)
+            } else {
+                Ok(0)
+            };
+            methods.order_of(ticket, since.map(Order::Journal))
+        },
+    },
+    Method {
         name: "alarm.acknowledge",
         params: &[],
         does: "allows motion again after a fault whose cause is gone; moves nothing and switches nothing on",
@@ -184,82 +282,9 @@ pub const METHODS: &[Method] = &[
     },
 ];
 
-/// What "jog" is to do.
-fn jog(params: &Params) -> Result<Jog, RpcError> {
-    let invalid = |what: &str| Err(RpcError::new(code::INVALID_PARAMS, what));
-    let Some(what) = jogged(params)? else {
-        return invalid("expected \"axis\" or \"joint\"");
-    };
-    let velocity_mm_s = params.real("velocity_mm_s")?;
-    let motion = match (velocity_mm_s, params.real("distance_mm")?) {
-        (None, _) => return invalid("parameter \"velocity_mm_s\": expected a number, it is missing"),
-        (Some(0.0), _) => return invalid("parameter \"velocity_mm_s\": expected a velocity, got 0"),
-        (Some(velocity_mm_s), None) => JogMotion::Run { velocity_mm_s },
-        (Some(velocity_mm_s), Some(distance_mm)) => JogMotion::Advance {
-            distance_mm,
-            velocity_mm_s,
-        },
-    };
-    Ok(Jog {
-        what: Some(what),
-        motion,
-    })
-}
-
-/// The share of "reverse".
-fn reverse_share(params: &Params) -> Result<f64, RpcError> {
-    let percent = params.real("percent")?.unwrap_or(100.0);
-    if percent > 0.0 && percent <= 100.0 {
-        return Ok(percent / 100.0);
-    }
-    let what = format!("parameter \"percent\": expected a number above 0 and up to 100, got {percent}");
-    Err(RpcError::new(code::INVALID_PARAMS, what))
-}
-
-/// The axis or joint of a jog, if one is given.
-fn jogged(params: &Params) -> Result<Option<Jogged>, RpcError> {
-    let invalid = |what: String| RpcError::new(code::INVALID_PARAMS, what);
-    let axis = match params.text("axis")? {
-        None => None,
-        Some(text) => {
-            let mut letters = text.chars();
-            let axis = letters.next().filter(|_| letters.as_str().is_empty());
-            let axis = axis.and_then(Axis::from_letter);
-            let wrong = || {
-                invalid(format!(
-                    "parameter \"axis\": expected one of X Y Z A B C U V W, got \"{text}\""
-                ))
-            };
-            Some(Jogged::Axis(axis.ok_or_else(wrong)?))
-        }
-    };
-    if !params.has("joint") {
-        return Ok(axis);
-    }
-    let joint = params.number("joint", 0, JOINTS_MAX as u64 - 1)? as usize;
-    match axis {
-        None => Ok(Some(Jogged::Joint(joint))),
-        Some(_) => Err(invalid("expected \"axis\" or \"joint\", not both".into())),
-    }
-}
-
-/// The program of "program.run".
-fn source(params: &Params) -> Result<Source, RpcError> {
-    let invalid = |what: &str| Err(RpcError::new(code::INVALID_PARAMS, what));
-    match (params.text("path")?, params.text("name")?, params.text("text")?) {
-        (Some(path), None, None) if path.starts_with('/') => Ok(Source::File(path.into())),
-        (Some(path), None, None) => {
-            let what = format!("parameter \"path\": expected an absolute path, got \"{path}\"");
-            Err(RpcError::new(code::INVALID_PARAMS, what))
-        }
-        (None, name, Some(text)) => {
-            let name = name.unwrap_or("program").to_owned();
-            let text = text.to_owned();
-            Ok(Source::Text { name, text })
-        }
-        (None, _, None) => invalid("expected \"path\", or \"text\" and \"name\""),
-        (Some(_), _, _) => invalid("expected \"path\" alone, or \"text\" and \"name\""),
-    }
+/// Numbers of the joints of a set.
+fn numbers(joints: u64) -> Vec<usize> {
+    (0..JOINTS_MAX).filter(|joint| joints >> joint & 1 == 1).collect()
 }
 
 fn table() -> Value {
@@ -313,7 +338,7 @@ impl Methods {
             "cycles": live.cycles,
             "cycles_skipped": live.cycles_skipped,
             "late_max_us": live.late_max_ns as f64 / 1e3,
-            "homed": (0..JOINTS_MAX).filter(|joint| live.homed >> joint & 1 == 1).collect::<Vec<_>>(),
+            "homed": numbers(live.homed),
             "line": live.line,
             "direction": if live.reversing { "reverse" } else { "forward" },
             "single_block": live.single_block,
@@ -321,7 +346,20 @@ impl Methods {
             "position_mm": live.position.0,
             "override": self.overrides(),
             "step": shown.step,
+            "power": shown.power,
+            "mode": shown.mode,
+            "activity": shown.activity,
+            "job": shown.job,
             "program": shown.program,
+            "mdi": shown.mdi,
+            "waiting": shown.waiting,
+            "codes": shown.codes,
+            "tool": shown.tool,
+            "work_offset_mm": shown.work_offset,
+            "remaining_s": live.remaining_s,
+            "elapsed_s": live.elapsed_s,
+            "estop_chain_open": live.chain_open,
+            "limit_switches": { "lower": numbers(live.limits[0]), "upper": numbers(live.limits[1]) },
             "alarm": shown.alarm,
             "obstruction": shown.obstruction,
         })
@@ -363,6 +401,13 @@ impl Methods {
         Ok(self.overrides())
     }
 
+    fn order_of(&mut self, ticket: Ticket, order: Result<Order, RpcError>) -> Answer {
+        match order {
+            Ok(order) => self.order(ticket, order),
+            Err(error) => Some(Err(error)),
+        }
+    }
+
     fn order(&mut self, ticket: Ticket, order: Order) -> Answer {
         match self.operator.put(ticket, order) {
             Ok(()) => None,
@@ -372,10 +417,10 @@ impl Methods {
 
     /// What concerns jogs under way: of one axis or joint, or all.
     fn jogging(&mut self, params: &Params, ticket: Ticket, motion: JogMotion) -> Answer {
-        match jogged(params) {
-            Ok(what) => self.order(ticket, Order::Jog(Jog { what, motion })),
-            Err(error) => Some(Err(error)),
-        }
+        self.order_of(
+            ticket,
+            arguments::jogged(params).map(|what| Order::Jog(Jog { what, motion })),
+        )
     }
 
     fn network(&mut self) -> Result<Value, RpcError> {

@@ -1,9 +1,11 @@
 use super::*;
 use crate::api::orders;
+use crate::api::orders::{Jogged, Source};
 use crate::api::rpc;
 use crate::bus::service::{Diagnose, Mailbox, MailboxFull, MailboxReply, NetworkLive, NodeLive};
 use crate::bus::{NodeIndex, SDO_VALUE_MAX};
 use crate::config;
+use motion::canon::Axis;
 use std::path::Path;
 
 /// A bus that knows of its network and refuses every second request.
@@ -81,8 +83,9 @@ fn refusals_say_what_there_is() {
     assert_eq!(
         refusal(&mut methods, "bus.nodes", json!({})),
         "no method \"bus.nodes\"; there are methods, status, bus.network, bus.sdo_read, bus.sdo_write, \
-         program.run, enable, home, jog, jog.keep, jog.stop, hold, resume, reverse, single_block, stop, override, \
-         alarm.acknowledge"
+         on, off, estop, estop.reset, home, program.load, program.start, program.run, mdi, touch_off, offset.list, \
+         offset.set, tool.list, tool.set, tool.changed, jog, jog.keep, jog.stop, hold, resume, reverse, single_block, stop, override, \
+         journal.since, alarm.acknowledge"
     );
     assert_eq!(
         refusal(&mut methods, "status", json!({ "x": 1 })),
@@ -264,7 +267,7 @@ fn programs_come_by_path_or_as_text() {
 fn a_jog_says_what_how_fast_and_how_far() {
     let read = |params: Value| {
         let line = json!({ "jsonrpc": "2.0", "id": 1, "method": "jog", "params": params }).to_string();
-        jog(&rpc::parse(line.as_bytes()).unwrap().params).map_err(|error| error.message)
+        arguments::jog(&rpc::parse(line.as_bytes()).unwrap().params).map_err(|error| error.message)
     };
     assert_eq!(
         read(json!({ "axis": "x", "velocity_mm_s": -20 })),

@@ -85,6 +85,7 @@ impl IdealSpindle {
             | Action::AwaitOriented { .. }
             | Action::TurnSpindle { .. }
             | Action::UserCode { .. }
+            | Action::TextEnd
             | Action::ProgramStop
             | Action::OptionalStop => true,
         }

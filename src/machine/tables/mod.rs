@@ -30,7 +30,7 @@ const G92: std::ops::RangeInclusive<u16> = 5210..=5219;
 const ORIGINS: u16 = 5221;
 
 /// Tools and parameters, and the files that keep them.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Tables {
     parameters: Vec<(u16, f64)>,
     tools: ToolTable,
@@ -41,7 +41,7 @@ pub struct Tables {
 }
 
 /// A file, and what it held when it was read or written last; `None`: it was not there.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 struct Kept {
     path: PathBuf,
     content: Option<Vec<u8>>,
@@ -146,6 +146,28 @@ impl Tables {
     /// Numbers and values of the parameters that are kept, ascending; lengths in the unit of the machine.
     pub fn parameters(&self) -> &[(u16, f64)] {
         &self.parameters
+    }
+
+    /// Origin of the work system in force, and the offset of G92 as far as it is; mm and degrees.
+    pub fn work_offset(&self, unit: LengthUnit) -> [Position; 2] {
+        let value = |number: u16| {
+            let found = self.parameters.binary_search_by_key(&number, |entry| entry.0);
+            found.map_or(0.0, |at| self.parameters[at].1)
+        };
+        let position = |first: u16| {
+            Position(Axis::ALL.map(|axis| {
+                let scale = if axis.is_rotary() { 1.0 } else { unit.mm() };
+                value(first + axis as u16) * scale
+            }))
+        };
+        let system = value(ORIGINS - 1).clamp(1.0, 9.0) as u16;
+        let is_suspended = value(*G92.start()) == 0.0;
+        let g92 = if is_suspended {
+            Position::ZERO
+        } else {
+            position(G92.start() + 1)
+        };
+        [position(ORIGINS + 20 * (system - 1)), g92]
     }
 
     pub fn tools(&self) -> &ToolTable {

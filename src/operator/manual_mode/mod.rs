@@ -1,4 +1,4 @@
-//! The machine in the hands of the operator: drives on, homing, jogging; between stand-by and programs.
+//! The machine in the hands of the operator: jogging, between programs.
 //!
 //! In:  orders of clients, how the machine is.
 //! Out: orders to the cycle thread, or why not.
@@ -16,26 +16,6 @@ use motion::canon::{Axis, Position};
 use motion::kinematics::ToolFrame;
 use serde_json::{Value, json};
 
-/// Switches drives on; nothing moves.
-pub(super) fn enable(operator: &mut Operator, now_ns: u64) -> Result<(), String> {
-    match operator.set_up(now_ns, false) {
-        true => Ok(()),
-        false => Err(not_now(operator)),
-    }
-}
-
-/// Homes all joints.
-pub(super) fn home(operator: &mut Operator, now_ns: u64) -> Result<(), String> {
-    let begun = match operator.step() {
-        Step::SetUp => operator.home(now_ns),
-        _ => operator.set_up(now_ns, true),
-    };
-    match begun {
-        true => Ok(()),
-        false => Err(not_now(operator)),
-    }
-}
-
 /// Moves joints by hand. Gives what comes of the order: `axis` and its `unit`, the greatest speed, and the soft limit where the
 /// motion ends there.
 pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result<Value, String> {
@@ -44,10 +24,7 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
     }
     let live = operator.live();
     match (operator.step(), live.state) {
-        (Step::SetUp, State::Ready | State::Jogging) => {}
-        (Step::StandBy, State::Disabled) => {
-            return Err("drives are off; home the machine first: isocnc home".into());
-        }
+        (Step::StandBy, State::Ready | State::Jogging) => {}
         _ => return Err(not_now(operator)),
     }
     let axis = match jog.what {
@@ -67,6 +44,9 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
         let joint = (joints & !live.homed).trailing_zeros();
         return Err(format!("joint {joint} is not homed: isocnc home"));
     }
+    if let Some(switch) = in_the_way(jog.motion, axis.is_some(), joints, live.limits) {
+        return Err(switch);
+    }
     // What was ordered a moment ago may not have begun yet.
     if !begins && live.state != State::Jogging && operator.is_up_to_date() {
         return Err(operator.obstruction().unwrap_or("nothing is being jogged").to_owned());
@@ -81,6 +61,25 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
         Some(axis) => json!({ "axis": axis.letter().to_string(), "unit": unit(axis) }),
         None => outlook(motion, joints, config, &live.position),
     })
+}
+
+/// The limit switch that a motion would lead further onto, in words.
+fn in_the_way(motion: JogMotion, by_several: bool, joints: u64, [lower, upper]: [u64; 2]) -> Option<String> {
+    let way = match motion {
+        JogMotion::Run { velocity_mm_s } => velocity_mm_s,
+        JogMotion::Advance { distance_mm, .. } => distance_mm,
+        JogMotion::Keep | JogMotion::Release => return None,
+    };
+    let name = |joints: u64, end: &str| {
+        let joint = joints.trailing_zeros();
+        (joints != 0)
+            .then(|| format!("joint {joint} stands on its {end} limit switch: jog joint {joint} the other way"))
+    };
+    match by_several {
+        true => name(lower & joints, "lower").or_else(|| name(upper & joints, "upper")),
+        false if way < 0.0 => name(lower & joints, "lower"),
+        false => name(upper & joints, "upper"),
+    }
 }
 
 /// What will come of a motion of joints that are those of one axis.
@@ -122,7 +121,7 @@ fn unit(axis: Axis) -> &'static str {
 }
 
 /// The joints that something moves (bit n: joint n).
-fn joints(what: Jogged, config: &Config) -> Result<u64, String> {
+pub(super) fn joints(what: Jogged, config: &Config) -> Result<u64, String> {
     let mask = |joints: &[usize]| joints.iter().fold(0, |mask, joint| mask | 1 << joint);
     match what {
         Jogged::Axis(axis) => match config.axes.iter().find(|map| map.axis == axis) {

@@ -1,5 +1,6 @@
 use super::*;
 use crate::config;
+use crate::machine::sequence::Job;
 use crate::operator::rehearsal::{Rehearsal, rehearse_with};
 use crate::sim::{Disturbance, NetConfig};
 use motion::canon::{Axis, Position};
@@ -68,12 +69,13 @@ impl Hands<'_, '_> {
 
     fn homed(&mut self) {
         let now_ns = self.run.now_ns();
-        home(&mut self.run.operator, now_ns).unwrap();
+        let order = self.run.operator.homing_order(u64::MAX);
+        assert!(self.run.operator.begin(now_ns, Job::Home(order)));
         let (mut done, mut since) = (false, 0);
         for _ in 0..CYCLES_MAX {
             self.run.cycle(0).unwrap();
             // Operators look every few cycles only.
-            since = if self.run.operator.step() == Step::SetUp {
+            since = if self.run.operator.step() == Step::StandBy {
                 since + 1
             } else {
                 0
@@ -132,9 +134,9 @@ fn by_hand_on(machine: &str, act: impl FnOnce(&mut Hands<'_, '_>)) {
 fn nothing_jogs_before_drives_are_on_and_joints_know_where_they_are() {
     by_hand(|hands| {
         let why = hands.jog(&run_at(X, 10.0)).unwrap_err();
-        assert_eq!(why, "drives are off; home the machine first: isocnc home");
+        assert_eq!(why, "not while the machine is disabled (standing by)");
         let now_ns = hands.run.now_ns();
-        enable(&mut hands.run.operator, now_ns).unwrap();
+        assert!(hands.run.operator.begin(now_ns, Job::On));
         hands.reach(State::Ready);
         hands.cycles(50);
         let before = hands.position();
@@ -251,13 +253,22 @@ fn a_hold_and_a_stop_end_a_jog_whatever_the_hand_says() {
         let rest_mm = hands.x_mm();
         hands.cycles(100);
         assert_eq!(hands.x_mm(), rest_mm);
-        // A stop switches drives off, at rest and not before.
+        // A stop leaves drives on; an order to switch them off does so at rest and not before.
         hands.jog(&run_at(X, 50.0)).unwrap();
         hands.keeping(500);
         let now_ns = hands.run.now_ns();
         hands.run.operator.stop(now_ns);
         hands.reach(State::Stopping);
         hands.reach(State::Ready);
+        assert_eq!(hands.run.operator.live().velocity_mm_s, 0.0);
+        hands.cycles(100);
+        assert_eq!(hands.run.control.state(), State::Ready);
+        hands.jog(&run_at(X, -50.0)).unwrap();
+        hands.keeping(500);
+        let now_ns = hands.run.now_ns();
+        hands.run.operator.off(now_ns);
+        hands.reach(State::Stopping);
+        hands.reach(State::Disabling);
         assert_eq!(hands.run.operator.live().velocity_mm_s, 0.0);
         hands.reach(State::Disabled);
         hands.cycles(50);

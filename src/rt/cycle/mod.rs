@@ -22,6 +22,8 @@ use crate::machine::overruns::{Overruns, Verdict};
 use crate::machine::state::State;
 use crate::rt::cycle_stats::Timing;
 use crate::rt::joint_jog::{JogMotion, JogOrder, JointJog};
+use crate::rt::overrides::Overridden;
+use crate::rt::waiting::Waiting;
 use cia402::axis::{AxisFault, Request, Status};
 use motion::canon::Position;
 use motion::element::Action;
@@ -101,6 +103,8 @@ pub struct MotionController<B> {
     after_stop: AfterStop,
     /// Present while running, held or stopping and never else, so that no old program commands drives switched on again.
     program: Option<Box<Interpolator>>,
+    /// It is a line of MDI.
+    is_mdi: bool,
     sample: Sample,
     command_mm: [f64; JOINTS_MAX],
     hold: bool,
@@ -108,6 +112,10 @@ pub struct MotionController<B> {
     reverse: Option<f64>,
     single_block: bool,
     waiting: Option<Action>,
+    /// An override or a switch lets feed or rapid moves rest.
+    is_fed_nothing: bool,
+    /// Closed limit switches: lower, upper (bit n: joint n).
+    limits: [u64; 2],
     fault_seen: bool,
     network_closing: bool,
     cycle: u64,
@@ -132,12 +140,15 @@ impl<B: CyclicBus> MotionController<B> {
             state: State::Booting,
             after_stop: AfterStop::Ready,
             program: None,
+            is_mdi: false,
             sample: Sample::resting(Position::ZERO),
             command_mm: [0.0; JOINTS_MAX],
             hold: false,
             reverse: None,
             single_block: false,
             waiting: None,
+            is_fed_nothing: false,
+            limits: [0; 2],
             fault_seen: false,
             network_closing: false,
             cycle: 0,
@@ -251,7 +262,10 @@ impl<B: CyclicBus> MotionController<B> {
             }
             State::Running if self.hold && self.at_rest() => self.enter(State::Held),
             State::Running if self.sample.state == SampleState::Finished => {
-                self.end_program();
+                if !self.is_mdi {
+                    self.parts.pins.all_off();
+                }
+                self.let_program_go();
                 self.enter(State::Ready);
             }
             State::Stopping if self.at_rest() => self.after_stop(),
@@ -260,6 +274,9 @@ impl<B: CyclicBus> MotionController<B> {
             } else {
                 State::Booting
             }),
+            State::Estop if self.parts.pins.is_enable_requested() && !self.parts.pins.is_chain_open() => {
+                self.end_fault();
+            }
             State::ShuttingDown if self.bus.state() == BusState::Down => self.enter(State::Down),
             State::ShuttingDown if self.drives_off() && !self.network_closing => {
                 self.network_closing = true;
@@ -278,6 +295,7 @@ impl<B: CyclicBus> MotionController<B> {
             | State::Faulted
             | State::ShuttingDown
             | State::Down
+            | State::Estop
             | State::Silenced => {}
         }
     }
@@ -311,8 +329,13 @@ impl<B: CyclicBus> MotionController<B> {
             && (!homer.is_active() || homer.is_at_rest())
     }
 
+    /// Gives the program up: spindle and coolant off.
     fn end_program(&mut self) {
         self.parts.pins.all_off();
+        self.let_program_go();
+    }
+
+    fn let_program_go(&mut self) {
         let Some(program) = self.program.take() else { return };
         self.give_back(program);
         self.waiting = None;
@@ -331,6 +354,11 @@ impl<B: CyclicBus> MotionController<B> {
             },
             _ => Shares::all(0.0),
         };
+        let overrides = &self.outlets.live.overrides;
+        self.is_fed_nothing = wanted.hold(self.sample.enables)
+            || [Overridden::Feed, Overridden::Rapid]
+                .map(|what| overrides.percent(what))
+                .contains(&0.0);
         if let Some(program) = &mut self.program {
             if program.is_probing() {
                 let measured = self.parts.drives.measured(&self.parts.kinematics, &self.sample);
@@ -415,13 +443,17 @@ impl<B: CyclicBus> MotionController<B> {
         if let Some(action) = self.waiting
             && (self.parts.pins.action_done(action) || matches!(action, Action::UserCode { .. }) && has_more)
         {
-            if let Action::ChangeTool { tool } | Action::SetTool { tool } = action {
-                self.outlets.live.set_tool(tool);
+            match action {
+                Action::ChangeTool { tool } | Action::SetTool { tool } => self.tool_is_changed(tool),
+                Action::AwaitInput { .. } => {
+                    let read = Answer::Input(self.parts.pins.inputs.read());
+                    if let Some(program) = &mut self.program {
+                        program.answer(read);
+                    }
+                    self.end_wait();
+                }
+                _ => self.end_wait(),
             }
-            if let (Action::AwaitInput { .. }, Some(program)) = (action, &mut self.program) {
-                program.answer(Answer::Input(self.parts.pins.inputs.read()));
-            }
-            self.end_wait();
         } else if let Some(late) = self.parts.pins.late().filter(|_| self.program.is_some()) {
             self.fault(Fault::SpindleLate { late });
         } else if let Some(failure) = self
@@ -448,6 +480,25 @@ impl<B: CyclicBus> MotionController<B> {
         if homing != 0 {
             let command_mm = &mut self.command_mm[..self.joints];
             parts.homer.step(&parts.drives, &parts.pins, command_mm);
+        }
+    }
+
+    fn tool_is_changed(&mut self, tool: u32) {
+        self.outlets.live.set_tool(tool);
+        self.end_wait();
+    }
+
+    /// What a program that stands still waits for.
+    fn waits_for(&self) -> Option<Waiting> {
+        self.program.as_ref().filter(|_| self.state == State::Running)?;
+        if let Some(action) = self.waiting {
+            return Waiting::of(action);
+        }
+        let rests = self.sample.velocity_mm_s == 0.0;
+        match self.sample.state {
+            SampleState::Moving | SampleState::Starved if rests && self.is_fed_nothing => Some(Waiting::Feed),
+            SampleState::Starved if self.program_has_moved => Some(Waiting::Queue),
+            _ => None,
         }
     }
 
@@ -535,6 +586,9 @@ impl<B: CyclicBus> MotionController<B> {
             cycles_skipped: self.cycles_skipped,
             remaining_s,
             elapsed_s,
+            waiting: self.waits_for(),
+            chain_open: self.parts.pins.is_chain_open(),
+            limits: self.limits,
         });
         if self.program.is_some() {
             let mut actual_mm = [0.0; JOINTS_MAX];

@@ -14,6 +14,13 @@ impl<B: CyclicBus> MotionController<B> {
             self.obey(command);
             self.orders_taken += 1;
         }
+        let [estop, reset] = self.parts.pins.take_estop();
+        if estop {
+            self.obey(Command::Estop);
+        }
+        if reset {
+            self.obey(Command::EstopReset);
+        }
         if self.parts.pins.take_stop() {
             self.obey(Command::Stop);
         }
@@ -33,10 +40,20 @@ impl<B: CyclicBus> MotionController<B> {
                 self.home(joints);
             }
             (Command::Jog(order), State::Ready | State::Jogging) => self.jog(&order),
-            (Command::Start(program), State::Ready) if self.parts.drives.all(|drive| drive.is_homed()) => {
-                self.start(program);
+            (Command::Start { program, mdi }, State::Ready)
+                if self.limits == [0; 2] && self.parts.drives.all(|drive| drive.is_homed()) =>
+            {
+                self.start(program, mdi);
             }
-            (Command::Start(program), _) => self.give_back(program),
+            (Command::Start { program, .. }, _) => self.give_back(program),
+            (Command::ToolChanged, State::Running | State::Held) => {
+                if let Some(Action::ChangeTool { tool }) = self.waiting {
+                    self.parts.pins.end_tool_change();
+                    self.tool_is_changed(tool);
+                }
+            }
+            // What a line of MDI has switched on.
+            (Command::Stop, State::Ready) => self.parts.pins.all_off(),
             (Command::Hold, State::Running) => self.hold = true,
             (Command::Hold, State::Jogging) => self.parts.hand.release_all(),
             (Command::Resume, State::Running | State::Held) => {
@@ -63,12 +80,12 @@ impl<B: CyclicBus> MotionController<B> {
             (Command::Stop, State::Homing) | (Command::Disable, State::Enabling | State::Ready | State::Homing) => {
                 self.switch_off(State::Disabling)
             }
-            (Command::Acknowledge, State::Faulted) => {
-                self.fault_seen = false;
-                self.parts.overruns.clear();
-                self.parts.drives.request(u64::MAX, Request::ResetFault);
-                self.enter(State::Disabling);
+            (Command::Estop, _) => self.fault(Fault::EmergencyStop { by_order: true }),
+            (Command::EstopReset, State::Estop) => {
+                // A latch in the chain may close it by that: `step_state` goes on once it has.
+                self.parts.pins.request_enable();
             }
+            (Command::Acknowledge, State::Faulted) => self.end_fault(),
             (Command::ShutDown, State::ShuttingDown | State::Down) => {}
             // Nothing can be sent that would bring it down.
             (Command::ShutDown, State::Silenced) => self.enter(State::Down),
@@ -83,13 +100,23 @@ impl<B: CyclicBus> MotionController<B> {
             (Command::Enable, _)
             | (Command::Home(_), _)
             | (Command::Jog(_), _)
+            | (Command::EstopReset, _)
             | (Command::Hold, _)
+            | (Command::ToolChanged, _)
             | (Command::Resume, _)
             | (Command::Reverse(_), _)
             | (Command::Stop, _)
             | (Command::Disable, _)
             | (Command::Acknowledge, _) => {}
         }
+    }
+
+    /// What stopped the machine is over; drives stay off.
+    pub(super) fn end_fault(&mut self) {
+        self.fault_seen = false;
+        self.parts.overruns.clear();
+        self.parts.drives.request(u64::MAX, Request::ResetFault);
+        self.enter(State::Disabling);
     }
 
     /// Homes joints side by side, each by its drive or by the control.
@@ -125,7 +152,7 @@ impl<B: CyclicBus> MotionController<B> {
     }
 
     /// Runs a program, if it begins where every joint stands: one planned from elsewhere would begin with a jump.
-    pub(super) fn start(&mut self, mut program: Box<Interpolator>) {
+    pub(super) fn start(&mut self, mut program: Box<Interpolator>, mdi: bool) {
         let mut begin_mm = [0.0; JOINTS_MAX];
         let begin_mm = &mut begin_mm[..self.joints];
         let begin = program.position().0;
@@ -146,6 +173,7 @@ impl<B: CyclicBus> MotionController<B> {
         }
         program.set_single_block(self.single_block);
         self.program = Some(program);
+        self.is_mdi = mdi;
         self.hold = false;
         self.reverse = None;
         self.waiting = None;
@@ -168,6 +196,21 @@ impl<B: CyclicBus> MotionController<B> {
         }
     }
 
+    /// Whether a jog would lead a joint further onto its limit switch. Of axes that several joints move nobody knows.
+    fn leads_into_limit(&self, order: &JogOrder) -> bool {
+        let velocity_mm_s = match order.motion {
+            JogMotion::Run { velocity_mm_s } => velocity_mm_s,
+            JogMotion::Advance { distance_mm, .. } => distance_mm,
+            JogMotion::Keep | JogMotion::Release => return false,
+        };
+        let [below, above] = self.limits;
+        let together = self.parts.hand.moved_with(order.joints);
+        if order.axis.is_some() {
+            return (below | above) & together != 0;
+        }
+        together & if velocity_mm_s < 0.0 { below } else { above } != 0
+    }
+
     /// Moves joints by hand, if they and those that move with them know where they are, and no hold is asked for.
     pub(super) fn jog(&mut self, order: &JogOrder) {
         let together = self.parts.hand.moved_with(order.joints);
@@ -175,7 +218,11 @@ impl<B: CyclicBus> MotionController<B> {
         let homed = drives.all(|(joint, drive)| together >> joint & 1 == 0 || drive.is_homed());
         let held = self.parts.pins.is_feed_hold();
         match (order.motion, self.state) {
-            (JogMotion::Run { .. } | JogMotion::Advance { .. }, _) if !homed || held => return,
+            (JogMotion::Run { .. } | JogMotion::Advance { .. }, _)
+                if !homed || held || self.leads_into_limit(order) =>
+            {
+                return;
+            }
             (JogMotion::Run { .. } | JogMotion::Advance { .. }, State::Ready) => {
                 for (command_mm, drive) in self.command_mm.iter_mut().zip(self.parts.drives.iter()) {
                     *command_mm = drive.command_mm();

@@ -19,7 +19,11 @@ impl<B: CyclicBus> MotionController<B> {
             Verdict::TooMany { skipped: cycles } => self.fault(Fault::TooManyOverruns { cycles }),
         }
         if self.parts.pins.are_lost() {
+            // They all read as 0, which says nothing of the chain.
             self.fault(Fault::PinsLost);
+        } else {
+            self.watch_chain();
+            self.watch_limit_switches();
         }
         let in_step = self.sample.turns_s_max.is_some();
         if let Some(counts) = self.parts.pins.spindle.take_slip(in_step) {
@@ -58,6 +62,37 @@ impl<B: CyclicBus> MotionController<B> {
         }
     }
 
+    /// The emergency stop chain. While the network comes up, inputs of its nodes say nothing yet.
+    fn watch_chain(&mut self) {
+        let matters = !matches!(
+            self.state,
+            State::Booting | State::Estop | State::ShuttingDown | State::Down | State::Silenced
+        );
+        if matters && self.parts.pins.is_chain_open() {
+            self.fault(Fault::EmergencyStop { by_order: false });
+        }
+    }
+
+    /// A limit switch that closes stops the machine; one that was closed before lets a jog lead away from it.
+    fn watch_limit_switches(&mut self) {
+        let before = std::mem::replace(&mut self.limits, self.parts.pins.limit_switches());
+        if !self.under_command() {
+            return;
+        }
+        for (above, (now, before)) in [false, true].into_iter().zip(self.limits.into_iter().zip(before)) {
+            // A joint that homes may do so onto its switch.
+            let homing = match self.state {
+                State::Homing => self.parts.homer.under_way() | self.parts.drives.homing(),
+                _ => 0,
+            };
+            let closed = now & !before & !homing;
+            if closed != 0 {
+                let joint = closed.trailing_zeros() as usize;
+                self.fault(Fault::LimitSwitch { joint, above });
+            }
+        }
+    }
+
     /// Whether drives are or should be under power.
     pub(super) fn under_command(&self) -> bool {
         match self.state {
@@ -74,6 +109,7 @@ impl<B: CyclicBus> MotionController<B> {
             | State::Faulted
             | State::ShuttingDown
             | State::Down
+            | State::Estop
             | State::Silenced => false,
         }
     }
@@ -91,7 +127,7 @@ impl<B: CyclicBus> MotionController<B> {
                 self.notice(Notice::Fault { fault, first: false });
                 return;
             }
-            Reaction::ControlledStop | Reaction::QuickStop | Reaction::Silence => {}
+            Reaction::ControlledStop | Reaction::QuickStop | Reaction::EmergencyStop | Reaction::Silence => {}
         }
         if self.state == State::Booting && fault.is_usual_in_boot() {
             return;
@@ -102,7 +138,9 @@ impl<B: CyclicBus> MotionController<B> {
             self.notice(Notice::Fault { fault, first: false });
             return;
         }
-        if !self.fault_seen {
+        // It is told also where a fault has stopped the machine before: another step of the operator gets on.
+        let is_estop = reaction == Reaction::EmergencyStop && self.state != State::Estop;
+        if !self.fault_seen || is_estop {
             self.fault_seen = true;
             self.notice(Notice::Fault { fault, first: true });
         } else if reaction == Reaction::ControlledStop {
@@ -117,7 +155,15 @@ impl<B: CyclicBus> MotionController<B> {
                 self.enter(State::Silenced);
             }
             (Reaction::Count | Reaction::Warn, _)
-            | (_, State::Faulted | State::ShuttingDown | State::Down | State::Silenced) => {}
+            | (_, State::Estop | State::ShuttingDown | State::Down | State::Silenced) => {}
+            (Reaction::EmergencyStop, _) => {
+                self.end_program();
+                self.parts.hand.end();
+                self.parts.homer.end();
+                self.parts.drives.request(u64::MAX, Request::QuickStop);
+                self.enter(State::Estop);
+            }
+            (_, State::Faulted) => {}
             (Reaction::QuickStop, _) => {
                 self.end_program();
                 self.parts.hand.end();

@@ -70,7 +70,7 @@ impl State {
     }
 
     /// Refuses what would leave control points of an open NURBS behind.
-    pub(super) fn check_nurbs_closed(&self, motion: Option<Motion>) -> Result<(), ErrorKind> {
+    pub(crate) fn check_nurbs_closed(&self, motion: Option<Motion>) -> Result<(), ErrorKind> {
         let Some(nurbs) = &self.nurbs else { return Ok(()) };
         let points = nurbs.points.len();
         let error = match (&nurbs.knots, motion) {

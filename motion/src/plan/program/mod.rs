@@ -349,6 +349,7 @@ impl Program {
             Call::ProgramStop => return Ok(self.act(Action::ProgramStop, line)),
             Call::OptionalProgramStop => return Ok(self.act(Action::OptionalStop, line)),
             Call::ProgramEnd => return Ok(self.act(Action::ProgramEnd, line)),
+            Call::Finish => return Ok(self.act(Action::TextEnd, line)),
             // What this machine cannot do.
             Call::SetCutterCompensation(Some(_)) => {
                 return unsupported("a programmed path with cutter compensation (G41, G42)");
@@ -366,8 +367,7 @@ impl Program {
             | Call::SetPlanner { .. } // there is one planner, with limited jerk
             | Call::Probe(_)
             | Call::PalletShuttle
-            | Call::Reset
-            | Call::Finish => {}
+            | Call::Reset => {}
         }
         Ok(None)
     }

@@ -168,7 +168,7 @@ impl Interpolator {
             self.tell(action);
             self.sample.auxiliary = self.told;
             self.sample.action = None;
-            self.sample.state = if action == Action::ProgramEnd {
+            self.sample.state = if matches!(action, Action::ProgramEnd | Action::TextEnd) {
                 SampleState::Finished
             } else {
                 SampleState::Starved

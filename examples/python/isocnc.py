@@ -1,0 +1,86 @@
+"""A client of a running isocnc control: JSON-RPC 2.0 over its Unix socket, by the standard library alone.
+
+    from isocnc import Control
+    with Control("mill3") as control:
+        control.call("on")
+        control.wait()
+        print(control.call("status")["power"])
+"""
+
+import json
+import os
+import socket
+import time
+
+
+class Refused(Exception):
+    """The control does not do it; the text says why, and what would help."""
+
+
+class Failed(Exception):
+    """It was begun and did not come to its end."""
+
+
+def folders():
+    """Where the socket may be, as docs/control-socket.md says."""
+    yield "/run/isocnc"
+    if "XDG_RUNTIME_DIR" in os.environ:
+        yield os.path.join(os.environ["XDG_RUNTIME_DIR"], "isocnc")
+    yield f"/dev/shm/isocnc-{os.getuid()}"
+
+
+class Control:
+    """A connection to the control of a machine."""
+
+    def __init__(self, machine):
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        for folder in folders():
+            path = os.path.join(folder, f"isocnc-control.{machine}")
+            try:
+                self.socket.connect(path)
+                break
+            except OSError:
+                continue
+        else:
+            raise Refused(f"no control of machine {machine} runs")
+        self.lines = self.socket.makefile("r", encoding="utf-8", newline="\n")
+        self.last = 0
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.lines.close()
+        self.socket.close()
+
+    def call(self, method, **params):
+        """Asks for something and gives the answer; an order that takes time is answered when it begins."""
+        self.last += 1
+        request = {"jsonrpc": "2.0", "id": self.last, "method": method, "params": params}
+        self.socket.sendall(json.dumps(request).encode() + b"\n")
+        while True:
+            line = self.lines.readline()
+            if not line:
+                raise Refused("the control has ended")
+            answer = json.loads(line)
+            if answer.get("id") != self.last:
+                continue
+            if "error" in answer:
+                raise Refused(answer["error"]["message"])
+            return answer["result"]
+
+    def wait(self, until=lambda status: status["job"] is not None, pause_s=0.02):
+        """Looks again and again until a status is as wanted: by default, until what was ordered is over."""
+        while True:
+            status = self.call("status")
+            if until(status):
+                return status
+            time.sleep(pause_s)
+
+    def do(self, method, **params):
+        """An order, and its end."""
+        self.call(method, **params)
+        status = self.wait()
+        if status["job"] != "completed":
+            raise Failed(f"{method}: {status['job']}: {status['alarm']}")
+        return status

@@ -1,0 +1,244 @@
+//! What one text leaves in force for the next one: lines of MDI follow each other as those of a program do.
+//!
+//! In:  a run that has come to its end. Out: the same modes at the start of another run, and their words for the operator.
+//!
+//! Cutter compensation and tool-centre-point control end with a text: the moves that they change belong together.
+
+use crate::code::{Distance, FeedUnit, Retract, plane_name};
+use crate::interpreter::Run;
+use crate::state::{Modal, Saved, State};
+use motion::canon::{LengthUnit, PathMode, Position, SpindleDirection, SpindleMode};
+
+/// Modes, length offset, selected tool.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Modes {
+    modal: Modal,
+    tool_offset: Option<Position>,
+    selected: Option<u32>,
+    saved: Vec<Saved>,
+    spindle: u8,
+    system: u8,
+    spindles: u8,
+}
+
+impl Modes {
+    fn of(state: &State) -> Modes {
+        Modes {
+            modal: state.modal,
+            tool_offset: state.tools.offset_on.then_some(state.offsets.tool),
+            selected: state.tools.selected,
+            saved: state.saved.iter().filter(|saved| saved.level == 0).copied().collect(),
+            spindle: state.spindle,
+            system: state.offsets.system,
+            spindles: state.settings.spindles,
+        }
+    }
+
+    /// Length offset of the tool in force (G43), mm and degrees; `None`: G49.
+    pub fn tool_offset(&self) -> Option<Position> {
+        self.tool_offset
+    }
+
+    /// Work system in force, 1 for G54 to 9 for G59.3.
+    pub fn work_system(&self) -> u8 {
+        self.system
+    }
+
+    /// The words in force, as in LinuxCNC's list of active codes: one of each modal group, F, S, and T where a tool is selected.
+    pub fn words(&self) -> Vec<String> {
+        let modal = &self.modal;
+        let mut words = vec![modal.motion.map_or("G80".into(), |motion| motion.name())];
+        let mut push = |word: &str| words.push(word.to_owned());
+        push(plane_name(modal.plane));
+        push(match modal.unit {
+            LengthUnit::Millimetre => "G21",
+            LengthUnit::Inch => "G20",
+        });
+        push(match modal.distance {
+            Distance::Absolute => "G90",
+            Distance::Incremental => "G91",
+        });
+        push(match modal.arc_distance {
+            Distance::Absolute => "G90.1",
+            Distance::Incremental => "G91.1",
+        });
+        push(match modal.feed_unit {
+            FeedUnit::InverseTime => "G93",
+            FeedUnit::UnitsPerMinute => "G94",
+            FeedUnit::UnitsPerTurn => "G95",
+        });
+        push("G40");
+        push(if self.tool_offset.is_some() { "G43" } else { "G49" });
+        push(&system_word(self.system));
+        push(&match modal.path_mode {
+            PathMode::ExactPath => "G61".to_owned(),
+            PathMode::ExactStop => "G61.1".to_owned(),
+            PathMode::Continuous { tolerance_mm: None, .. } => "G64".to_owned(),
+            PathMode::Continuous {
+                tolerance_mm: Some(tolerance_mm),
+                ..
+            } => format!("G64 P{}", tolerance_mm / modal.unit.mm()),
+        });
+        push(if modal.diameter { "G7" } else { "G8" });
+        push(match modal.retract {
+            Retract::OldZ => "G98",
+            Retract::R => "G99",
+        });
+        for (number, spindle) in modal.spindles.iter().take(usize::from(self.spindles)).enumerate() {
+            let of = if number == 0 {
+                String::new()
+            } else {
+                format!(" ${number}")
+            };
+            let mode = match spindle.mode {
+                SpindleMode::Rpm => "G97",
+                SpindleMode::ConstantSurfaceSpeed { .. } => "G96",
+            };
+            let turning = match spindle.turning {
+                None => "M5",
+                Some(SpindleDirection::Clockwise) => "M3",
+                Some(SpindleDirection::Counterclockwise) => "M4",
+            };
+            push(&format!("{mode}{of}"));
+            push(&format!("{turning}{of}"));
+            push(&format!("S{}{of}", spindle.speed));
+        }
+        match (modal.mist, modal.flood) {
+            (false, false) => push("M9"),
+            (true, false) => push("M7"),
+            (false, true) => push("M8"),
+            (true, true) => {
+                push("M7");
+                push("M8");
+            }
+        }
+        let all_on = modal.overrides.feed && modal.overrides.speed[0];
+        push(if all_on { "M48" } else { "M49" });
+        push(&format!("F{}", modal.feed));
+        if let Some(tool) = self.selected {
+            push(&format!("T{tool}"));
+        }
+        words
+    }
+}
+
+/// G54 to G59.3.
+fn system_word(system: u8) -> String {
+    match system {
+        7..=9 => format!("G59.{}", system - 6),
+        _ => format!("G{}", 53 + system),
+    }
+}
+
+impl Run<'_> {
+    /// What is in force behind the last event.
+    pub fn modes(&self) -> Modes {
+        Modes::of(&self.state)
+    }
+
+    /// The same of a text that need not end with M2, M30 or `%`: lines of MDI.
+    pub fn as_mdi(mut self) -> Self {
+        self.is_mdi = true;
+        self
+    }
+
+    /// The same, begun in the modes that another text has left. The first events tell all of them; their source has line 0. Offsets,
+    /// parameters and tools are those of the [`Settings`](crate::Settings), as ever.
+    pub fn continuing(mut self, modes: &Modes) -> Self {
+        let state = &mut self.state;
+        state.modal = modes.modal;
+        state.tools.selected = modes.selected;
+        state.saved.clone_from(&modes.saved);
+        state.spindle = modes.spindle;
+        if let Some(offset) = modes.tool_offset {
+            state.tools.offset_on = true;
+            let mut offsets = state.offsets;
+            offsets.tool = offset;
+            state.set_offsets(offsets);
+        }
+        self.calls.clear();
+        self.calls.extend(state.modes_told());
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::{Interpreter, Settings};
+    use motion::canon::{Call, Position, SpindleDirection};
+
+    /// Runs one text after the other, each from the modes and at the place of the one before.
+    fn in_turn(texts: &[&str]) -> (Vec<Call>, Vec<String>) {
+        let (mut settings, mut modes) = (Settings::default(), None);
+        let mut calls = Vec::new();
+        for text in texts {
+            let mut run = Interpreter::new(settings).run(text.as_bytes()).as_mdi();
+            if let Some(modes) = &modes {
+                run = run.continuing(modes);
+            }
+            calls = run.by_ref().map(|event| event.unwrap().call).collect();
+            (settings, modes) = (run.snapshot(), Some(run.modes()));
+        }
+        (calls, modes.map(|modes| modes.words()).unwrap_or_default())
+    }
+
+    #[test]
+    fn a_line_goes_on_in_the_modes_of_the_one_before() {
+        let (calls, words) = in_turn(&["G20 G91 F10\n", "G1 X1 M3 S500\n", "X1 S600\n"]);
+        let feeds: Vec<_> = calls
+            .iter()
+            .filter_map(|call| match call {
+                Call::StraightFeed { to } => Some(*to),
+                _ => None,
+            })
+            .collect();
+        assert_eq!(feeds, [Position::xyz(50.8, 0.0, 0.0)], "{calls:?}");
+        // What is not told again would be off for whoever moves the machine.
+        assert!(
+            calls.iter().any(|call| matches!(
+                call,
+                Call::StartSpindle {
+                    direction: SpindleDirection::Clockwise,
+                    ..
+                }
+            )),
+            "{calls:?}"
+        );
+        assert!(!calls.iter().any(|call| matches!(call, Call::StraightTraverse { .. })));
+        for word in ["G1", "G20", "G91", "M3", "S600", "F10", "G54", "G49", "M9"] {
+            assert!(words.iter().any(|found| found == word), "{word}: {words:?}");
+        }
+    }
+
+    #[test]
+    fn the_length_of_the_tool_stays_in_force() {
+        let mut settings = Settings::default();
+        let long = crate::Tool {
+            number: 3,
+            pocket: 3,
+            offset: Position::xyz(0.0, 0.0, 40.0),
+            ..crate::Tool::default()
+        };
+        settings.tools.set(long).unwrap();
+        settings.tool_in_spindle = 3;
+        settings.start = Position::xyz(0.0, 0.0, 100.0);
+        let mut run = Interpreter::new(settings).run(b"G43\n").as_mdi();
+        assert!(run.by_ref().all(|event| event.is_ok()));
+        let (settings, modes) = (run.snapshot(), run.modes());
+        assert!(modes.words().contains(&"G43".to_owned()));
+        // Where it stands has not changed: Z reads 60, and a move to 60 goes nowhere.
+        let mut run = Interpreter::new(settings)
+            .run(b"G10 L20 P1 Z0\nM2\n")
+            .continuing(&modes);
+        assert!(run.by_ref().all(|event| event.is_ok()));
+        assert_eq!(run.snapshot().work_offsets[0], Position::xyz(0.0, 0.0, 60.0));
+    }
+
+    #[test]
+    fn an_end_of_program_leaves_what_it_resets_to() {
+        let (_, words) = in_turn(&["G20 G91 G55 F10 M3 S500 M8\nM2\n"]);
+        for word in ["G20", "G90", "G54", "M5", "M9"] {
+            assert!(words.iter().any(|found| found == word), "{word}: {words:?}");
+        }
+    }
+}

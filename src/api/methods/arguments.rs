@@ -1,0 +1,181 @@
+//! What the parameters of a request say of an order.
+
+use crate::api::orders::{Jog, Jogged, Order, Source};
+use crate::api::rpc::{Params, RpcError, code};
+use crate::config::JOINTS_MAX;
+use crate::program::Change;
+use crate::rt::joint_jog::JogMotion;
+use motion::canon::Axis;
+
+/// Longest line of MDI, octets.
+const LINE_MAX: usize = gcode::LINE_OCTETS_MAX;
+
+/// What "jog" is to do.
+pub(super) fn jog(params: &Params) -> Result<Jog, RpcError> {
+    let invalid = |what: &str| Err(RpcError::new(code::INVALID_PARAMS, what));
+    let Some(what) = jogged(params)? else {
+        return invalid("expected \"axis\" or \"joint\"");
+    };
+    let velocity_mm_s = params.real("velocity_mm_s")?;
+    let motion = match (velocity_mm_s, params.real("distance_mm")?) {
+        (None, _) => return invalid("parameter \"velocity_mm_s\": expected a number, it is missing"),
+        (Some(0.0), _) => return invalid("parameter \"velocity_mm_s\": expected a velocity, got 0"),
+        (Some(velocity_mm_s), None) => JogMotion::Run { velocity_mm_s },
+        (Some(velocity_mm_s), Some(distance_mm)) => JogMotion::Advance {
+            distance_mm,
+            velocity_mm_s,
+        },
+    };
+    Ok(Jog {
+        what: Some(what),
+        motion,
+    })
+}
+
+/// The share of "reverse".
+pub(super) fn reverse_share(params: &Params) -> Result<f64, RpcError> {
+    let percent = params.real("percent")?.unwrap_or(100.0);
+    if percent > 0.0 && percent <= 100.0 {
+        return Ok(percent / 100.0);
+    }
+    let what = format!("parameter \"percent\": expected a number above 0 and up to 100, got {percent}");
+    Err(RpcError::new(code::INVALID_PARAMS, what))
+}
+
+/// The axis or joint of a jog, if one is given.
+pub(super) fn jogged(params: &Params) -> Result<Option<Jogged>, RpcError> {
+    let invalid = |what: String| RpcError::new(code::INVALID_PARAMS, what);
+    let axis = axis(params)?.map(Jogged::Axis);
+    if !params.has("joint") {
+        return Ok(axis);
+    }
+    let joint = params.number("joint", 0, JOINTS_MAX as u64 - 1)? as usize;
+    match axis {
+        None => Ok(Some(Jogged::Joint(joint))),
+        Some(_) => Err(invalid("expected \"axis\" or \"joint\", not both".into())),
+    }
+}
+
+/// The program of "program.run".
+pub(super) fn source(params: &Params) -> Result<Source, RpcError> {
+    let invalid = |what: &str| Err(RpcError::new(code::INVALID_PARAMS, what));
+    match (params.text("path")?, params.text("name")?, params.text("text")?) {
+        (Some(path), None, None) if path.starts_with('/') => Ok(Source::File(path.into())),
+        (Some(path), None, None) => {
+            let what = format!("parameter \"path\": expected an absolute path, got \"{path}\"");
+            Err(RpcError::new(code::INVALID_PARAMS, what))
+        }
+        (None, name, Some(text)) => {
+            let name = name.unwrap_or("program").to_owned();
+            let text = text.to_owned();
+            Ok(Source::Text { name, text })
+        }
+        (None, _, None) => invalid("expected \"path\", or \"text\" and \"name\""),
+        (Some(_), _, _) => invalid("expected \"path\" alone, or \"text\" and \"name\""),
+    }
+}
+
+/// The axis of a letter, if one is given.
+fn axis(params: &Params) -> Result<Option<Axis>, RpcError> {
+    let Some(text) = params.text("axis")? else {
+        return Ok(None);
+    };
+    let mut letters = text.chars();
+    let axis = letters.next().filter(|_| letters.as_str().is_empty());
+    let axis = axis.and_then(Axis::from_letter);
+    let wrong = || {
+        let what = format!("parameter \"axis\": expected one of X Y Z A B C U V W, got \"{text}\"");
+        RpcError::new(code::INVALID_PARAMS, what)
+    };
+    axis.ok_or_else(wrong).map(Some)
+}
+
+fn needed<T>(value: Option<T>, name: &str, what: &str) -> Result<T, RpcError> {
+    value.ok_or_else(|| {
+        let what = format!("parameter \"{name}\": expected {what}, it is missing");
+        RpcError::new(code::INVALID_PARAMS, what)
+    })
+}
+
+/// The work system of a word, 1 for G54 to 9 for G59.3, if one is given.
+fn system(params: &Params) -> Result<Option<u8>, RpcError> {
+    const WORDS: [&str; 9] = ["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"];
+    let Some(text) = params.text("system")? else {
+        return Ok(None);
+    };
+    let number = (1..).zip(WORDS).find(|(_, word)| word.eq_ignore_ascii_case(text));
+    let wrong = || {
+        let what = format!("parameter \"system\": expected one of G54 to G59, G59.1 to G59.3, got \"{text}\"");
+        RpcError::new(code::INVALID_PARAMS, what)
+    };
+    number.map(|(number, _)| Some(number)).ok_or_else(wrong)
+}
+
+/// The line of "mdi".
+pub(super) fn line(params: &Params) -> Result<String, RpcError> {
+    let invalid = |what: String| Err(RpcError::new(code::INVALID_PARAMS, what));
+    match needed(params.text("line")?, "line", "a text")? {
+        line if line.trim().is_empty() => invalid("parameter \"line\": expected a line of G-code, it is empty".into()),
+        line if line.contains(['\n', '\r']) => invalid("parameter \"line\": expected one line, got several".into()),
+        line if line.len() > LINE_MAX => invalid(format!("parameter \"line\": expected {LINE_MAX} octets at the most")),
+        line => Ok(line.to_owned()),
+    }
+}
+
+/// How "program.start" begins.
+pub(super) fn start(params: &Params) -> Result<Order, RpcError> {
+    let from_line = match params.has("from_line") {
+        true => Some(params.number("from_line", 1, u64::from(u32::MAX))? as u32),
+        false => None,
+    };
+    let yes = params.has("yes") && params.flag("yes")?;
+    Ok(Order::Start { from_line, yes })
+}
+
+/// What "touch_off" is to do.
+pub(super) fn touch_off(params: &Params) -> Result<Change, RpcError> {
+    let axis = needed(axis(params)?, "axis", "a letter")?;
+    let value = needed(params.real("value")?, "value", "a number")?;
+    let system = system(params)?;
+    match (params.has("tool"), system) {
+        (false, system) => Ok(Change::TouchOffWork { axis, value, system }),
+        (true, None) => Ok(Change::TouchOffTool {
+            axis,
+            value,
+            tool: tool_number(params)?,
+        }),
+        (true, Some(_)) => Err(RpcError::new(
+            code::INVALID_PARAMS,
+            "expected \"system\" or \"tool\", not both",
+        )),
+    }
+}
+
+/// What "offset.set" is to do.
+pub(super) fn offset(params: &Params) -> Result<Change, RpcError> {
+    Ok(Change::Offset {
+        axis: needed(axis(params)?, "axis", "a letter")?,
+        value: needed(params.real("value")?, "value", "a number")?,
+        system: system(params)?,
+    })
+}
+
+/// What "tool.set" is to do.
+pub(super) fn tool(params: &Params) -> Result<Change, RpcError> {
+    let (length, diameter) = (params.real("length")?, params.real("diameter")?);
+    if length.is_none() && diameter.is_none() {
+        return Err(RpcError::new(
+            code::INVALID_PARAMS,
+            "expected \"length\" or \"diameter\", or both",
+        ));
+    }
+    Ok(Change::Tool {
+        number: tool_number(params)?,
+        length,
+        diameter,
+    })
+}
+
+fn tool_number(params: &Params) -> Result<u32, RpcError> {
+    Ok(params.number("tool", 0, u64::from(u32::MAX))? as u32)
+}

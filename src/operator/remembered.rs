@@ -1,0 +1,91 @@
+//! What the machine remembers, for whoever asks: work offsets and tools.
+//!
+//! Lengths are in the unit of the machine, angles in degrees.
+
+use crate::config::Config;
+use crate::machine::journal::Entry;
+use crate::machine::tables::Tables;
+use crate::program::settings_with;
+use motion::canon::{Axis, LengthUnit, Position};
+use serde_json::{Map, Value, json};
+
+/// Entries of one answer.
+const ENTRIES_MAX: usize = 500;
+
+/// Values of the axes that are there.
+fn by_letter(position: &Position, axes: impl Iterator<Item = Axis>, unit: LengthUnit) -> Value {
+    let values = axes.map(|axis| {
+        let scale = if axis.is_rotary() { 1.0 } else { unit.mm() };
+        (axis.letter().to_string(), json!(position[axis] / scale))
+    });
+    Value::Object(values.collect::<Map<_, _>>())
+}
+
+fn unit_word(unit: LengthUnit) -> &'static str {
+    match unit {
+        LengthUnit::Millimetre => "mm",
+        LengthUnit::Inch => "inch",
+    }
+}
+
+/// G54 to G59.3 and G92: origins in machine coordinates, rotations, which one is in force.
+pub(super) fn offsets(tables: &Tables, config: &Config) -> Value {
+    let settings = settings_with(config, tables, Position::ZERO);
+    let axes = || config.axes.iter().map(|map| map.axis);
+    let systems = settings.work_offsets.iter().zip(settings.work_rotations_degrees);
+    let systems: Vec<Value> = (1..=9_u8)
+        .zip(systems)
+        .map(|(number, (origin, degrees))| {
+            json!({
+                "system": system_word(number),
+                "active": number == settings.work_system,
+                "origin": by_letter(origin, axes(), config.unit),
+                "rotation_degrees": degrees,
+            })
+        })
+        .collect();
+    json!({
+        "unit": unit_word(config.unit),
+        "systems": systems,
+        "g92": by_letter(&settings.g92_offset, axes(), config.unit),
+        "g92_active": settings.g92_active,
+    })
+}
+
+/// The tool table, and which one is in the spindle.
+pub(super) fn tools(tables: &Tables, unit: LengthUnit) -> Value {
+    let tools: Vec<Value> = tables
+        .tools()
+        .tools()
+        .map(|tool| {
+            json!({
+                "tool": tool.number,
+                "pocket": tool.pocket,
+                "length": tool.offset[Axis::Z] / unit.mm(),
+                "diameter": tool.diameter_mm / unit.mm(),
+                "remark": tool.remark,
+            })
+        })
+        .collect();
+    json!({ "unit": unit_word(unit), "in_spindle": tables.tool_in_spindle(), "tools": tools })
+}
+
+/// Entries of the journal behind a number, the oldest first, as many as one answer holds.
+pub(super) fn journal(entries: &[Entry], since: u64) -> Value {
+    let behind = entries.partition_point(|entry| entry.seq <= since);
+    let rest = &entries[behind..];
+    let told = &rest[..rest.len().min(ENTRIES_MAX)];
+    json!({
+        "entries": told,
+        "more": told.len() < rest.len(),
+        "last": entries.last().map_or(0, |entry| entry.seq),
+    })
+}
+
+/// G54 to G59.3.
+fn system_word(number: u8) -> String {
+    match number {
+        7..=9 => format!("G59.{}", number - 6),
+        _ => format!("G{}", 53 + number),
+    }
+}

@@ -1,0 +1,185 @@
+//! What a program that stands still waits for.
+//!
+//! In:  the action under way, the shares of the speed. Out: one word that any thread may read, and sentences for the operator.
+
+use motion::canon::Input;
+use motion::element::Action;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+/// What a program waits for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Waiting {
+    /// M0, or M1 with its switch on: whoever looks after the machine.
+    Operator,
+    /// M6: the tool changer, or whoever changes the tool by hand.
+    ToolChange { tool: u32 },
+    /// The spindle has yet to reach its speed.
+    SpindleSpeed,
+    /// M19: the spindle has yet to come to its angle.
+    SpindleOrient,
+    /// M66: an input.
+    Input { input: Input },
+    /// M100 to M199: a program of the user runs.
+    UserCommand { number: u8 },
+    /// An override at 0 %, or a switch for hold.
+    Feed,
+    /// More of the plan.
+    Queue,
+}
+
+impl Waiting {
+    /// Of an action that is not done yet; `None`: it is done at once.
+    pub fn of(action: Action) -> Option<Waiting> {
+        match action {
+            Action::ProgramStop | Action::OptionalStop => Some(Waiting::Operator),
+            Action::ChangeTool { tool } => Some(Waiting::ToolChange { tool }),
+            Action::AwaitSpindle => Some(Waiting::SpindleSpeed),
+            Action::AwaitInput { input, .. } => Some(Waiting::Input { input }),
+            Action::AwaitOriented { .. } => Some(Waiting::SpindleOrient),
+            Action::UserCode { number, .. } => Some(Waiting::UserCommand { number }),
+            Action::SpindleOn { .. }
+            | Action::SpindleOff
+            | Action::OrientSpindle { .. }
+            | Action::TurnSpindle { .. }
+            | Action::Mist(_)
+            | Action::Flood(_)
+            | Action::SelectTool { .. }
+            | Action::SetTool { .. }
+            | Action::Message { .. }
+            | Action::SetDigital { .. }
+            | Action::SetAnalog { .. }
+            | Action::ProgramEnd
+            | Action::TextEnd => None,
+        }
+    }
+
+    /// One word for programs.
+    pub fn word(self) -> &'static str {
+        match self {
+            Waiting::Operator => "operator",
+            Waiting::ToolChange { .. } => "tool-change",
+            Waiting::SpindleSpeed => "spindle-speed",
+            Waiting::Input { .. } => "input",
+            Waiting::SpindleOrient => "spindle-orient",
+            Waiting::UserCommand { .. } => "user-command",
+            Waiting::Feed => "feed",
+            Waiting::Queue => "queue",
+        }
+    }
+
+    /// A sentence for the operator.
+    pub fn text(self) -> String {
+        match self {
+            Waiting::Operator => "the program has stopped (M0, M1)".into(),
+            Waiting::ToolChange { tool: 0 } => "take the tool out of the spindle".into(),
+            Waiting::ToolChange { tool } => format!("put tool {tool} into the spindle"),
+            Waiting::SpindleSpeed => "the spindle comes to its speed".into(),
+            Waiting::Input { input } => format!("{input} is to come (M66)"),
+            Waiting::SpindleOrient => "the spindle comes to its angle (M19)".into(),
+            Waiting::UserCommand { number } => format!("the command M{number} runs"),
+            Waiting::Feed => "feed is held by an override at 0 %, motion.feed-hold or motion.adaptive-feed".into(),
+            Waiting::Queue => "the plan is behind".into(),
+        }
+    }
+
+    /// What releases it.
+    pub fn release(self) -> &'static str {
+        match self {
+            Waiting::Operator => "isocnc resume",
+            Waiting::ToolChange { .. } => "isocnc tool-changed, or iocontrol.0.tool-changed",
+            Waiting::SpindleSpeed => "spindle.0.at-speed",
+            Waiting::Input { .. } => "the input, or its time-out",
+            Waiting::SpindleOrient => "spindle.0.is-oriented, or its time-out",
+            Waiting::UserCommand { .. } => "its end, or its time limit",
+            Waiting::Feed => "the override, or the switch",
+            Waiting::Queue => "by itself",
+        }
+    }
+
+    fn bits(self) -> u64 {
+        match self {
+            Waiting::Operator => 1,
+            Waiting::ToolChange { tool } => 2 | u64::from(tool) << 32,
+            Waiting::SpindleSpeed => 3,
+            Waiting::Feed => 4,
+            Waiting::Queue => 5,
+            Waiting::SpindleOrient => 8,
+            Waiting::UserCommand { number } => 9 | u64::from(number) << 32,
+            Waiting::Input {
+                input: Input::Digital(index),
+            } => 6 | u64::from(index) << 32,
+            Waiting::Input {
+                input: Input::Analog(index),
+            } => 7 | u64::from(index) << 32,
+        }
+    }
+
+    fn from_bits(bits: u64) -> Option<Waiting> {
+        let number = (bits >> 32) as u32;
+        match bits & 0xFFFF_FFFF {
+            1 => Some(Waiting::Operator),
+            2 => Some(Waiting::ToolChange { tool: number }),
+            3 => Some(Waiting::SpindleSpeed),
+            4 => Some(Waiting::Feed),
+            5 => Some(Waiting::Queue),
+            8 => Some(Waiting::SpindleOrient),
+            9 => Some(Waiting::UserCommand { number: number as u8 }),
+            6 => Some(Waiting::Input {
+                input: Input::Digital(number as u8),
+            }),
+            7 => Some(Waiting::Input {
+                input: Input::Analog(number as u8),
+            }),
+            _ => None,
+        }
+    }
+}
+
+/// The latest of it, for any thread.
+#[derive(Debug, Default)]
+pub struct WaitingCell(AtomicU64);
+
+impl WaitingCell {
+    /// RT.
+    pub fn set(&self, waiting: Option<Waiting>) {
+        self.0.store(waiting.map_or(0, Waiting::bits), Relaxed);
+    }
+
+    /// The latest.
+    pub fn get(&self) -> Option<Waiting> {
+        Waiting::from_bits(self.0.load(Relaxed))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_wait_comes_through_the_cell_and_says_what_ends_it() {
+        let cell = WaitingCell::default();
+        assert_eq!(cell.get(), None);
+        let all = [
+            Waiting::Operator,
+            Waiting::ToolChange { tool: u32::MAX },
+            Waiting::SpindleSpeed,
+            Waiting::Feed,
+            Waiting::Queue,
+            Waiting::SpindleOrient,
+            Waiting::UserCommand { number: 199 },
+            Waiting::Input {
+                input: Input::Digital(63),
+            },
+            Waiting::Input {
+                input: Input::Analog(15),
+            },
+        ];
+        for waiting in all {
+            cell.set(Some(waiting));
+            assert_eq!(cell.get(), Some(waiting));
+            assert!(!waiting.text().is_empty() && !waiting.release().is_empty());
+        }
+        cell.set(None);
+        assert_eq!(cell.get(), None);
+    }
+}

@@ -1,0 +1,129 @@
+//! A control that stands by as a process, and its clients, for the tests that need one.
+
+#![allow(dead_code, reason = "no test needs all of it")]
+
+use isocnc::config;
+use nix::sys::signal::{SigHandler, Signal};
+use serde_json::Value;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+const MACHINE: &str = include_str!("../../configs/mill3-demo.toml");
+/// Longest that anything may take.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(120);
+
+/// A control that stands by over the wire in memory.
+pub(crate) struct Control {
+    pub(crate) process: Child,
+    pub(crate) folder: TempDir,
+    pub(crate) machine: String,
+}
+
+impl Control {
+    pub(crate) fn start(name: &str, stdout: impl Into<Stdio>) -> Control {
+        Control::start_in(tempfile::tempdir().unwrap(), name, stdout, str::to_owned)
+    }
+
+    /// In a folder with files of its own, for which the machine file may be `changed`.
+    pub(crate) fn start_in(
+        folder: TempDir,
+        name: &str,
+        stdout: impl Into<Stdio>,
+        changed: fn(&str) -> String,
+    ) -> Control {
+        let machine = format!("{name}-{}", std::process::id());
+        let file = folder.path().join("machine.toml");
+        let config = config::parse(MACHINE, Path::new("mill3-demo.toml")).unwrap();
+        let text = MACHINE
+            .replace(&format!("\"{}\"", config.name), &format!("\"{machine}\""))
+            // However busy this PC is.
+            .replace("\nlock_memory = true", "\noverruns_stop = 0\nlock_memory = true")
+            .replace("pres_lost_max = 20", "pres_lost_max = 1000")
+            .replacen("kind = \"powerlink\"", "kind = \"memory\"", 1);
+        std::fs::write(&file, changed(&text)).unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+        command.arg("run").arg(&file).arg("--json").stdout(stdout);
+        // A shell starts what runs in its background with these ignored.
+        let default = || {
+            for signal in [Signal::SIGINT, Signal::SIGQUIT] {
+                // SAFETY: no handler is put in, and nothing else is done between fork and exec.
+                unsafe { nix::sys::signal::signal(signal, SigHandler::SigDfl)? };
+            }
+            Ok(())
+        };
+        // SAFETY: the closure makes system calls only.
+        unsafe { command.pre_exec(default) };
+        Control {
+            process: command.spawn().unwrap(),
+            folder,
+            machine,
+        }
+    }
+
+    pub(crate) fn program(&self, name: &str, text: &str) -> PathBuf {
+        let path = self.folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path
+    }
+
+    /// The client's answer, or the errors that it answers.
+    pub(crate) fn ask(&self, arguments: &[&str]) -> Result<Value, String> {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+        let output = command
+            .args(arguments)
+            .args(["--json", "--machine", &self.machine])
+            .output()
+            .unwrap();
+        match output.status.code() {
+            Some(0) => Ok(serde_json::from_slice(&output.stdout).unwrap()),
+            _ => {
+                let errors: Value = serde_json::from_slice(&output.stdout).unwrap();
+                let rules = errors["errors"].as_array().unwrap().iter();
+                let rules: Vec<&str> = rules.map(|error| error["rule"].as_str().unwrap()).collect();
+                Err(rules.join("\n"))
+            }
+        }
+    }
+
+    /// A client in words: its exit code, and all that it says.
+    pub(crate) fn words(&self, arguments: &[&str]) -> (Option<i32>, String) {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+        let output = command
+            .args(arguments)
+            .args(["--machine", &self.machine])
+            .output()
+            .unwrap();
+        let text = |octets: &[u8]| String::from_utf8_lossy(octets).into_owned();
+        (output.status.code(), text(&output.stdout) + &text(&output.stderr))
+    }
+
+    pub(crate) fn wait_for(&self, what: &str, done: impl Fn(&Value) -> bool) -> Value {
+        let give_up = Instant::now() + PATIENCE;
+        loop {
+            let status = self.ask(&["status"]);
+            if let Ok(status) = &status
+                && done(status)
+            {
+                return status.clone();
+            }
+            assert!(Instant::now() < give_up, "never {what}: {status:?}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    pub(crate) fn refused(&self, arguments: &[&str], why: &str) {
+        let said = self.ask(arguments).expect_err("a refusal");
+        assert!(said.contains(why), "{said}");
+    }
+}
+
+impl Drop for Control {
+    fn drop(&mut self) {
+        // Gone already where the test went well.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
