@@ -5,8 +5,9 @@
 //! continuous position, direction and curvature, within the tolerance of what they replace. Corners that need not be
 //! touched are left to [`super::corners`].
 //!
-//! A corner belongs to a run where rounding it alone would be short of room ([`soft`]). A run begins and ends on a
-//! straight move, part of which is left as it is. Runs of any length pass through a window: when it is full, a curve is
+//! A corner belongs to a run where rounding it alone would be short of room ([`soft`]). A run of one corner, unless that is flat,
+//! is no run: beside a very short leg, a stop may take less time. A run begins and ends on a straight move, part of which is left
+//! as it is. Runs of any length pass through a window: when it is full, a curve is
 //! fitted through all of it and all but its last spans are let go; the next fit goes on from there with equal position and
 //! derivatives. Windows are cut by the moves alone, so that equal programs give equal bits.
 //!
@@ -15,6 +16,7 @@
 use std::collections::VecDeque;
 
 use super::Leg;
+use super::corners::FLAT;
 use super::fit::{Chord, Fit, State, Track};
 use super::round::{distance, reach, turning};
 use super::steps::SHARP;
@@ -147,6 +149,10 @@ impl Compressor {
 
     /// The run ends on its last move, which stays, from some length on.
     fn close(&mut self, settings: &Settings, out: &mut Vec<Leg>) {
+        // Left to be compared with a stop.
+        if self.moves.len() == 2 && matches!(self.start, Start::Line { .. }) && self.turns() >= FLAT {
+            self.let_go_first(settings, out);
+        }
         // Near a place where no curve is found, shorter attempts, so that the work stays in proportion.
         let mut limit = usize::MAX;
         while self.moves.len() > 1 {
@@ -171,6 +177,12 @@ impl Compressor {
         self.full = WINDOW;
     }
 
+    /// By how much the path turns behind the first move, radians.
+    fn turns(&self) -> f64 {
+        let [a, b] = [0, 1].map(|k| &self.moves[k].piece);
+        turning(a.group(), &a.jet(a.length()), &b.jet(0.0))
+    }
+
     /// Lets go what is left of the first move, as it is.
     fn let_go_first(&mut self, settings: &Settings, out: &mut Vec<Leg>) {
         if let Some(part) = self.moves.pop_front() {
@@ -182,7 +194,7 @@ impl Compressor {
                     out.extend(part.piece.cut(from, length).map(|piece| Leg {
                         part: Move { piece, ..part },
                         room: [room.min(length / 2.0), end],
-                        whole: piece.length(),
+                        whole: length,
                     }));
                 }
                 Start::Curve(jet) => out.extend(bridge(&jet, &part, settings)),

@@ -18,7 +18,7 @@ use crate::plan::{PlannerKind, Settings};
 const TOLERANCE_PARTS: [f64; 4] = [0.95, 0.5, 0.25, 0.1];
 
 /// A corner that turns less is flat, radians.
-const FLAT: f64 = 0.2;
+pub(super) const FLAT: f64 = 0.2;
 
 /// Part of the room for a corner that it may use.
 const ROOM: f64 = 0.97;

@@ -264,6 +264,56 @@ proptest! {
     }
 }
 
+/// Asserts that a path with rounded corners takes no longer than from rest to rest, and stays within limits and tolerance.
+fn no_longer_than_stops(points: &[Position], feed_mm_s: f64, jerk: f64, tolerance: f64) {
+    let mut settings = machine();
+    for axis in settings.axes.iter_mut().flatten() {
+        axis.jerk = jerk;
+    }
+    let [rounded, stopped] = [tolerance, 0.0].map(|tolerance| through(points, feed_mm_s, tolerance, settings));
+    // Speeds are planned to within 0.2 % of the time.
+    assert!(
+        rounded.motion_time_s <= 1.002 * stopped.motion_time_s + 1e-3,
+        "{} {}",
+        rounded.motion_time_s,
+        stopped.motion_time_s
+    );
+    assert_eq!(check(&rounded.samples, 1e-3, &settings.axes).over(), 0);
+    let off = deviation(&rounded.samples, &rounded.ideal, tolerance);
+    assert!(off.off_mm <= tolerance, "{off:?}");
+}
+
+#[test]
+fn a_corner_at_a_very_short_leg_takes_no_longer_than_a_stop() {
+    let line = |points: &[[f64; 3]]| {
+        points
+            .iter()
+            .map(|[x, y, z]| Position::xyz(*x, *y, *z))
+            .collect::<Vec<_>>()
+    };
+    // A leg of 0.08, 0.05, 0.29 and 0.18 mm.
+    let short_first = line(&[[0.0346, -0.0733, 0.0], [14.5528, -1.5858, 0.0]]);
+    let short_second = line(&[
+        [0.86458, 0.32785, 9.48368],
+        [0.86874, 0.36032, 9.51577],
+        [2.20687, -4.43831, 8.55905],
+    ]);
+    let short_before_long = line(&[
+        [-9.23137, -4.2511, 2.62559],
+        [-9.26171, -4.50404, 2.49461],
+        [-14.08116, -3.8512, -4.92838],
+    ]);
+    let short_behind_long = line(&[
+        [-1.50385, -6.60156, -2.48659],
+        [-1.40072, -6.75099, -2.49005],
+        [-1.00028, -6.1613, -2.79446],
+    ]);
+    no_longer_than_stops(&short_first, 47.30166619959684, 2e4, 0.5);
+    no_longer_than_stops(&short_second, 68.76260577844003, 2e4, 0.05);
+    no_longer_than_stops(&short_before_long, 89.07989022357194, 2e4, 0.5);
+    no_longer_than_stops(&short_behind_long, 86.34588983776204, 2e4, 0.5);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
@@ -280,18 +330,6 @@ proptest! {
             }
             at
         }).collect();
-        let mut settings = machine();
-        for axis in settings.axes.iter_mut().flatten() {
-            axis.jerk = jerk;
-        }
-        let [rounded, stopped] = [tolerance, 0.0].map(|tolerance| through(&points, feed, tolerance, settings));
-        // Speeds are planned to within 0.2 % of the time.
-        prop_assert!(
-            rounded.motion_time_s <= 1.002 * stopped.motion_time_s + 1e-3,
-            "{} {}", rounded.motion_time_s, stopped.motion_time_s
-        );
-        prop_assert_eq!(check(&rounded.samples, 1e-3, &settings.axes).over(), 0);
-        let off = deviation(&rounded.samples, &rounded.ideal, tolerance);
-        prop_assert!(off.off_mm <= tolerance, "{off:?}");
+        no_longer_than_stops(&points, feed, jerk, tolerance);
     }
 }
