@@ -7,6 +7,7 @@ use isocnc::machine::sequence::{Job, Outcome, Step};
 use isocnc::machine::state::State;
 use isocnc::operator::console::Operator;
 use isocnc::operator::rehearsal::{Rehearsal, rehearse_with};
+use isocnc::rt::shared::Command;
 use isocnc::sim::{Disturbance, NetConfig};
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::sys::signal::{Signal, kill};
@@ -16,7 +17,7 @@ use std::io::Write;
 use std::os::unix::fs::MetadataExt;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{self, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
@@ -172,6 +173,59 @@ fn a_fault_lets_nothing_begin_before_it_is_acknowledged() {
     });
 }
 
+/// The chain opens before a cycle: the state is that of this cycle, and the drives hear of it in the next exchange; whatever goes on.
+#[test]
+fn an_open_chain_stops_every_drive_by_the_next_exchange_and_closing_it_starts_nothing() {
+    let mut reached = 0;
+    for wanted in [State::Ready, State::Running, State::Held] {
+        stand_by(LONG, |run| {
+            reach(run, "disabled", |run| run.control.state() == State::Disabled);
+            assert!(begin(run));
+            reach(run, "running", |run| run.control.state() == State::Running);
+            run.run_until(300, |_| false).unwrap();
+            match wanted {
+                State::Held => run.operator.give(Command::Hold),
+                State::Ready => {
+                    let now_ns = run.now_ns();
+                    run.operator.stop(now_ns);
+                }
+                _ => {}
+            }
+            reach(run, "there", |run| run.control.state() == wanted);
+            run.hal.set("iocontrol.0.emc-enable-in", false).unwrap();
+            run.cycle(0).unwrap();
+            assert_eq!(run.control.state(), State::Estop, "from {wanted:?}");
+            // What this cycle has computed leaves with the next one, and drives act on it at the SoC behind that.
+            let mut cycles = 0;
+            while powers(run).contains(&Some(Power::OperationEnabled)) {
+                run.cycle(0).unwrap();
+                cycles += 1;
+                assert!(cycles <= 10, "{:?}", powers(run));
+            }
+            assert_eq!(cycles, 2, "from {wanted:?}");
+            run.run_until(1000, |_| false).unwrap();
+            let rest = positions(run);
+            run.hal.set("iocontrol.0.emc-enable-in", true).unwrap();
+            run.run_until(1000, |_| false).unwrap();
+            assert_eq!((run.control.state(), positions(run)), (State::Estop, rest));
+            assert!(!begin(run), "nothing begins before a reset");
+            run.operator.acknowledge();
+            run.run_until(100, |_| false).unwrap();
+            assert_eq!(run.control.state(), State::Estop, "an acknowledge is no reset");
+            run.operator.reset_estop();
+            reach(run, "off", |run| run.control.state() == State::Disabled);
+            run.run_until(500, |_| false).unwrap();
+            assert_eq!((run.control.state(), positions(run)), (State::Disabled, rest));
+            reach(run, "standing by", |run| run.operator.step() == Step::StandBy);
+            assert_eq!(run.operator.not_homed(), 0, "its place was read all the time");
+            let over: Vec<_> = run.control.peaks().iter().map(|peaks| peaks.over).collect();
+            assert!(over.iter().all(|over| *over == [0; 3]), "{over:?}");
+            reached += 1;
+        });
+    }
+    assert_eq!(reached, 3);
+}
+
 #[test]
 fn a_pc_that_stands_still_while_drives_are_off_is_warned_of_and_nothing_has_to_be_acknowledged() {
     stand_by(PART, |run| {
@@ -258,7 +312,7 @@ fn clients_wait_for_the_end_of_what_they_order() {
     // Whoever does not want to wait any longer stops nothing; a program that is stopped is not done.
     let long = control.program("long.ngc", LONG);
     let waits = || {
-        let mut client = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+        let mut client = process::Command::new(env!("CARGO_BIN_EXE_isocnc"));
         client.args(["program", "run", long.to_str().unwrap(), "--machine", &control.machine]);
         client.stdout(Stdio::piped()).spawn().unwrap()
     };
@@ -293,7 +347,7 @@ fn errors_have_one_shape_where_json_is_asked_for() {
         (&["hal", "list", "--machine", "nobody", "--json"], 1),
         (&["stop", "--json", "--no-such-option"], 2),
     ] {
-        let output = Command::new(binary).args(arguments).output().unwrap();
+        let output = process::Command::new(binary).args(arguments).output().unwrap();
         assert_eq!(output.status.code(), Some(code), "{arguments:?}");
         let errors: Value =
             serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{arguments:?}: {error}"));

@@ -159,6 +159,17 @@ fn a_day_at_the_machine() {
     assert_near(work_mm(&control)[0], 30.0);
     assert_near(work_mm(&control)[1], 20.0);
 
+    let (_, journal) = control.words(&["journal"]);
+    for entry in [
+        "order: touch-off",
+        "MDI: G91 G0 X5",
+        "part.ngc: completed, ",
+        "long.ngc: stopped, ",
+    ] {
+        assert!(journal.contains(entry), "{entry}: {journal}");
+    }
+    control.refused(&["offset", "set", "G55", "W", "1"], "the machine has no axis W");
+
     // Emergency stop in mid-program, by software; three acts to get on.
     control.ask(&["program", "run", "--no-wait", long]).unwrap();
     control.wait_for("running", |status| status["state"] == "running");
@@ -201,8 +212,18 @@ fn the_chain_and_limit_switches_stop_the_machine_and_say_how_to_go_on() {
     done(&control, &["estop", "reset"], "reset; drives stay off: isocnc on");
     done(&control, &["on"], "drives are on");
 
-    control.ask(&["jog", "X", "20", "--speed", "50"]).unwrap();
+    // Whoever has ordered what was stopped is told why.
+    let mut hand = Command::new(env!("CARGO_BIN_EXE_isocnc"));
+    hand.args(["jog", "X", "+", "--speed", "20", "--machine", &control.machine]);
+    let hand = hand.stdout(Stdio::piped()).spawn().unwrap();
+    control.wait_for("the jog", |status| status["activity"] == "jogging");
     set("joint.0.pos-lim-sw-in", "true");
+    let output = hand.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        output.status.code() == Some(1) && said.contains("upper limit switch"),
+        "{said}"
+    );
     let stopped = control.wait_for("the stop", |status| status["alarm"].is_string());
     assert!(
         stopped["alarm"].as_str().unwrap().contains("upper limit switch"),

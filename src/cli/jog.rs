@@ -71,6 +71,14 @@ pub fn jog(args: &JogArgs) -> anyhow::Result<ExitCode> {
             break status;
         }
     };
+    // What stopped the machine is told a little after that it stands.
+    let status = match status["state"].as_str() {
+        Some("faulted" | "estop") => {
+            std::thread::sleep(RENEWAL);
+            client.call("status", json!({}))?
+        }
+        _ => status,
+    };
     let end = json!({
         "position_mm": status["position_mm"],
         "obstruction": status["obstruction"],

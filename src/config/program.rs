@@ -337,7 +337,9 @@ pub(super) fn new_folder(section: &mut Section<'_, '_>, key: &'static str, base:
         return Some(None);
     };
     let is_folder = path.is_dir();
-    let can_be_made = !path.exists() && path.parent().is_some_and(Path::is_dir);
+    // A path of one word lies where the process runs.
+    let beside = |parent: &Path| parent.as_os_str().is_empty() || parent.is_dir();
+    let can_be_made = !path.exists() && path.parent().is_some_and(beside);
     if !is_folder && !can_be_made {
         section.wrong(key, format!("{} is no folder and cannot be made", path.display()));
         return None;

@@ -3,7 +3,7 @@
 //! In:  what the real-time threads show and report, a wish to stop.
 //! Out: orders to the cycle thread; how long the last program was planned to take.
 
-use super::standby::{Clients, Part};
+use super::standby::{Clients, Part, outcome_word};
 use super::systemd::{Service, ServiceStatus};
 use crate::api::orders::OrderInbox;
 use crate::host::capabilities;
@@ -90,6 +90,8 @@ pub(super) struct OperatorLoop<'scope, 'env> {
     probed_time_s: Option<f64>,
     /// The modes that the last program has left, until it is known how it ended.
     modes_left: Option<gcode::Modes>,
+    /// When the last program was begun.
+    begun_ns: u64,
     keeper: Keeper<'scope, 'env>,
     stalls: Stalls,
     /// A stall of the cycle thread that is not told of yet, and the cycle in which it began.
@@ -129,6 +131,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             keeper: Keeper::new(scope, session.tables),
             planner: None,
             modes_left: None,
+            begun_ns: 0,
             given_up: Cancel::default(),
             probed_time_s: None,
             stalls: Stalls::new(cpu),
@@ -240,6 +243,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             let program = self.plan_from(position, live, &mut running.operator.recorder)?;
             let is_mdi = self.clients.part().is_some_and(|part| part.is_mdi());
             running.operator.start(program, is_mdi);
+            self.begun_ns = now_ns;
         }
         running.operator.recorder.judge(false);
         if self.planner.as_ref().is_some_and(ScopedJoinHandle::is_finished) {
@@ -249,6 +253,12 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             && let Some(outcome) = running.operator.program_outcome()
             && let Some(modes) = self.modes_left.take()
         {
+            if self.clients.part().is_some_and(|part| !part.is_mdi()) {
+                let name = self.program_name().unwrap_or_default();
+                let took_s = now_ns.saturating_sub(self.begun_ns) as f64 * 1e-9;
+                let entry = format!("program {name}: {}, {took_s:.1} s", outcome_word(outcome));
+                running.operator.add_entry(entry);
+            }
             self.clients
                 .adopt_modes(Some(modes).filter(|_| outcome == Outcome::Completed));
         }

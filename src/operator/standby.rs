@@ -276,6 +276,9 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 return Ok(Some(Err(why)));
             }
         }
+        if is_told(&order) {
+            operator.add_entry(format!("order: {}", wish.command()));
+        }
         let done = match order {
             Order::Withdraw | Order::Offsets | Order::Tools | Order::Journal(_) => return Ok(None),
             Order::On => self.begin(Job::On, Mode::Manual, operator, now_ns),
@@ -328,6 +331,11 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 return Ok(None);
             }
             Order::Change(change) => {
+                if let Some(axis) = change.axis()
+                    && let Err(why) = manual_mode::joints(Jogged::Axis(axis), self.config)
+                {
+                    return Ok(Some(Err(why)));
+                }
                 let at = operator.live().position;
                 let changed = changed(self.config, &lock(self.tables), at, self.modes.as_deref(), &change);
                 changed.map(|left| keeper.hand_in(left))
@@ -712,13 +720,18 @@ fn wish(order: &Order) -> Option<Wish> {
     })
 }
 
-fn outcome_word(outcome: Outcome) -> &'static str {
+pub(super) fn outcome_word(outcome: Outcome) -> &'static str {
     match outcome {
         Outcome::Completed => "completed",
         Outcome::Stopped => "stopped",
         Outcome::Faulted => "faulted",
         Outcome::TimedOut(_) => "timed out",
     }
+}
+
+/// Whether the journal has it: not what a hand on a key sends many times a second, nor lines of MDI, which it has when they begin.
+fn is_told(order: &Order) -> bool {
+    !matches!(order, Order::Jog(_) | Order::Mdi(_))
 }
 
 /// Whether it is about motion, which a machine without joints has none of.

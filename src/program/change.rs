@@ -28,6 +28,18 @@ pub enum Change {
     },
 }
 
+impl Change {
+    /// The axis that it is about.
+    pub fn axis(&self) -> Option<Axis> {
+        match self {
+            Change::TouchOffWork { axis, .. } | Change::TouchOffTool { axis, .. } | Change::Offset { axis, .. } => {
+                Some(*axis)
+            }
+            Change::Tool { .. } => None,
+        }
+    }
+}
+
 /// Carries out a change. Lengths are in the unit of the machine.
 ///
 /// # Errors
