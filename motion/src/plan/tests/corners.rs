@@ -314,6 +314,29 @@ fn a_corner_at_a_very_short_leg_takes_no_longer_than_a_stop() {
     no_longer_than_stops(&short_behind_long, 86.34588983776204, 2e4, 0.5);
 }
 
+#[test]
+fn where_curvature_changes_fast_the_acceleration_is_kept_between_checkpoints() {
+    let line = |points: &[[f64; 3]]| {
+        points
+            .iter()
+            .map(|[x, y, z]| Position::xyz(*x, *y, *z))
+            .collect::<Vec<_>>()
+    };
+    let four = line(&[
+        [-1.868542171247717, 0.13458967241121642, -1.2530002636361859],
+        [-2.4200855668232704, 0.5981654928417159, -1.0687024400117622],
+        [-3.2465966217734805, -0.9244053462962334, 2.45104604032659],
+        [-2.7771878351400057, -0.36033213174723333, 2.3622686359865437],
+    ]);
+    let three = line(&[
+        [0.2813171894599204, -0.3221931568033377, 0.29894948497531215],
+        [-13.39325461713006, -15.79731353079607, -12.399263839458717],
+        [-13.793566617284322, -16.06450020890932, -12.417404177581526],
+    ]);
+    no_longer_than_stops(&four, 16.252960161360193, 1e6, 0.5);
+    no_longer_than_stops(&three, 36.277507819810346, 1e6, 0.05);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 

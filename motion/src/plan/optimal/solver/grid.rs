@@ -109,6 +109,8 @@ pub(super) const FINE_CHECKPOINTS: [(f64, f64); 5] = [
 ];
 /// What jerk may stray from the chord between two checkpoints without further ones, over the limit.
 const STRAY: f64 = 0.006;
+/// The same of acceleration.
+const STRAY_ACCELERATION: f64 = 0.003;
 /// Crest of jerk between two checkpoints, over the limit, from which further ones are needed.
 pub const CREST: f64 = 0.02;
 /// The same where it comes from the greatest speed in a span.
@@ -281,7 +283,7 @@ impl Grid {
         }
     }
 
-    /// Whether the third derivatives leave the parabola that is taken for them.
+    /// Whether the second or third derivatives leave the chord that is taken for them.
     fn strays(&self, cap: f64, [begin, middle, end]: [&[JointJet]; 3]) -> bool {
         // The speed that curvature allows, roughly.
         let mut v = cap.sqrt();
@@ -299,9 +301,15 @@ impl Grid {
             v = v.min(limits.velocity / d1).min(cube_root(2.0 * limits.jerk / d3));
             v = v.min((limits.acceleration / middle[joint].d2.abs()).sqrt());
         }
-        let stray = |joint: usize| (begin[joint].d3 - 2.0 * middle[joint].d3 + end[joint].d3).abs() / 8.0;
+        let stray = |derivative: fn(&JointJet) -> f64, joint: usize| {
+            let [first, second, third] = [begin, middle, end].map(|jets| derivative(&jets[joint]));
+            (first - 2.0 * second + third).abs() / 8.0
+        };
         let mut limits = self.limits.iter().enumerate();
-        limits.any(|(joint, limits)| stray(joint) * v * v * v > STRAY * limits.jerk)
+        limits.any(|(joint, limits)| {
+            stray(|jet| jet.d3, joint) * v * v * v > STRAY * limits.jerk
+                || stray(|jet| jet.d2, joint) * v * v > STRAY_ACCELERATION * limits.acceleration
+        })
     }
 
     /// Number of spans.
