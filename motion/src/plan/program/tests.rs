@@ -136,12 +136,15 @@ fn a_feed_per_turn_is_that_of_the_programmed_speed_and_none_where_the_spindle_st
 fn what_cannot_be_run_is_refused_by_name() {
     let calls = [
         (
-            Call::StartSpindle {
+            Call::SetFeedMode(FeedMode::PerTurn { spindle: 1 }),
+            "more of a second spindle ($1 and above) than S, M3, M4 and M5",
+        ),
+        (
+            Call::WaitSpindleOriented {
                 spindle: 1,
-                direction: SpindleDirection::Clockwise,
-                wait_for_speed: true,
+                timeout_s: 1.0,
             },
-            "a second spindle ($1 and above)",
+            "more of a second spindle ($1 and above) than S, M3, M4 and M5",
         ),
         // One of a million took more memory than a PC has.
         (
