@@ -98,6 +98,20 @@ fn a_day_at_the_machine() {
     control.ask(&["stop"]).unwrap();
     assert_eq!(spindle(&control)["value"], false);
 
+    // Neither a stop, which this was, nor an emergency stop lets the next line start the spindle again; other modes stay.
+    control.ask(&["mdi", "G0 X1"]).unwrap();
+    assert_eq!(spindle(&control)["value"], false);
+    control.ask(&["mdi", "M3 S500 M8"]).unwrap();
+    assert_eq!(spindle(&control)["value"], true);
+    control.ask(&["estop"]).unwrap();
+    control.wait_for("the stop", |status| status["power"] == "estop");
+    done(&control, &["estop", "reset"], "reset; drives stay off: isocnc on");
+    done(&control, &["on"], "drives are on");
+    control.ask(&["mdi", "G0 X1"]).unwrap();
+    assert_eq!(spindle(&control)["value"], false);
+    assert!(status(&control)["codes"].to_string().contains("\"G91\""));
+    control.ask(&["mdi", "G90"]).unwrap();
+
     // A tool: set, changed by hand while a line waits, its length measured.
     done(
         &control,
@@ -131,6 +145,7 @@ fn a_day_at_the_machine() {
     control.ask(&["resume"]).unwrap();
     control.wait_for("running again", |status| status["activity"] == "running");
     done(&control, &["stop"], "at rest, drives are on");
+    done(&control, &["on"], "drives are on");
     control.ask(&["jog", "Y", "3", "--speed", "50"]).unwrap();
     done(&control, &["program", "run", part], "completed; drives are on");
     let at = work_mm(&control);
@@ -233,6 +248,8 @@ fn the_chain_and_limit_switches_stop_the_machine_and_say_how_to_go_on() {
     control.wait_for("off", |status| status["power"] == "off");
     done(&control, &["on"], "drives are on");
     control.refused(&["mdi", "G0 X1"], "a limit switch is closed");
+    let (_, said) = control.words(&["status"]);
+    assert!(said.contains("the upper switch of joint 0 is closed"), "{said}");
     control.refused(&["jog", "X", "1"], "joint 0 stands on its upper limit switch");
     control.ask(&["jog", "X", "-5", "--speed", "20"]).unwrap();
     set("joint.0.pos-lim-sw-in", "false");

@@ -34,6 +34,22 @@ impl Modes {
         }
     }
 
+    /// The machine has switched spindles and coolant off: the next text switches nothing on that it does not name.
+    pub fn switch_off(&mut self) {
+        for spindle in &mut self.modal.spindles {
+            spindle.turning = None;
+        }
+        self.modal.mist = false;
+        self.modal.flood = false;
+        for saved in &mut self.saved {
+            for spindle in &mut saved.modal.spindles {
+                spindle.turning = None;
+            }
+            saved.modal.mist = false;
+            saved.modal.flood = false;
+        }
+    }
+
     /// Length offset of the tool in force (G43), mm and degrees; `None`: G49.
     pub fn tool_offset(&self) -> Option<Position> {
         self.tool_offset
@@ -208,6 +224,30 @@ mod tests {
         for word in ["G1", "G20", "G91", "M3", "S600", "F10", "G54", "G49", "M9"] {
             assert!(words.iter().any(|found| found == word), "{word}: {words:?}");
         }
+    }
+
+    /// Neither at once nor by a state that was saved before (M70, M72).
+    #[test]
+    fn what_the_machine_has_switched_off_stays_off() {
+        let mut run = Interpreter::new(Settings::default())
+            .run(b"G91 M3 S500 M8\nM70\n")
+            .as_mdi();
+        assert!(run.by_ref().all(|event| event.is_ok()));
+        let mut modes = run.modes();
+        modes.switch_off();
+        let mut run = Interpreter::new(run.snapshot())
+            .run(b"M72\nG0 X1\n")
+            .as_mdi()
+            .continuing(&modes);
+        let on = run.by_ref().find(|event| {
+            matches!(
+                event.as_ref().unwrap().call,
+                Call::StartSpindle { .. } | Call::Mist(true) | Call::Flood(true)
+            )
+        });
+        assert_eq!(on, None);
+        let words = run.modes().words();
+        assert!(words.contains(&"G91".to_owned()), "the other modes stay: {words:?}");
     }
 
     #[test]

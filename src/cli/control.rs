@@ -587,6 +587,10 @@ fn words(status: &Value) -> String {
     if status["override"].is_object() && turned.contains(&true) {
         lines.push(format!("override  {}", overrides(&status["override"])));
     }
+    for end in ["lower", "upper"] {
+        let joints = status["limit_switches"][end].as_array().into_iter().flatten();
+        lines.extend(joints.map(|joint| format!("limit     the {end} switch of joint {joint} is closed")));
+    }
     if let Some(obstruction) = status["obstruction"].as_str() {
         lines.push(obstruction.to_owned());
     }

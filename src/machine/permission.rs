@@ -258,7 +258,8 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
             ),
         },
         Wish::On => match power {
-            Power::On => Ok(()),
+            // They are, and nothing is in its way.
+            Power::On => is_idle(activity),
             _ => needs(condition, true),
         },
         // At rest and without power is what is wanted.
@@ -283,11 +284,7 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
             needs(condition, false)?;
             is_homed(condition)?;
             is_off_limits(condition)?;
-            match activity {
-                // It waits for its turn behind others; a program refuses it where that is known.
-                Activity::Idle => Ok(()),
-                _ => is_idle(activity),
-            }
+            is_idle(activity)
         }
         Wish::Start => {
             needs(condition, false)?;

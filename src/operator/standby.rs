@@ -58,6 +58,8 @@ pub(super) struct Part {
     overview: Overview,
     /// What it was checked with.
     tables: Tables,
+    /// How often spindle and coolant had been switched off when it was checked.
+    switched_off: u64,
 }
 
 impl Part {
@@ -116,6 +118,8 @@ pub(super) struct Clients<'scope, 'env> {
     mdi: VecDeque<(Ticket, String)>,
     /// Those in force for the next line of MDI; `None`: as at the start of a program.
     modes: Option<Arc<Modes>>,
+    /// How often the machine had switched spindle and coolant off by the last look, and when the last program began.
+    switched_off: [u64; 2],
     /// Some planner still works for the program that was the last one.
     is_planning: bool,
 }
@@ -164,6 +168,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             mode: Mode::default(),
             mdi: VecDeque::new(),
             modes: None,
+            switched_off: [0; 2],
             is_planning: false,
         }
     }
@@ -175,9 +180,20 @@ impl<'scope, 'env> Clients<'scope, 'env> {
 
     /// A program is over, and has left these modes if it came to its end: what follows a stop begins as a program does.
     pub(super) fn adopt_modes(&mut self, modes: Option<Modes>) {
+        let [now, at_begin] = self.switched_off;
         self.modes = modes.map(Arc::new);
+        if now != at_begin {
+            self.switch_modes_off();
+        }
         if self.modes.is_none() {
             self.refuse_queue("the line before it was given up");
+        }
+    }
+
+    /// What has been switched off stays off until a line names it again.
+    fn switch_modes_off(&mut self) {
+        if let Some(modes) = &mut self.modes {
+            Arc::make_mut(modes).switch_off();
         }
     }
 
@@ -196,6 +212,10 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         now_ns: u64,
     ) -> std::io::Result<()> {
         self.is_planning = is_planning;
+        let switched_off = operator.live().switched_off;
+        if std::mem::replace(&mut self.switched_off[0], switched_off) != switched_off {
+            self.switch_modes_off();
+        }
         // Orders first: a stop reaches a program that would begin in this turn.
         let mut answers = Vec::new();
         while let Some((ticket, order)) = self.inbox.next() {
@@ -285,7 +305,6 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             Order::Off => {
                 self.give_up_check();
                 self.refuse_queue("drives are switched off");
-                self.modes = None;
                 operator.off(now_ns);
                 Ok(())
             }
@@ -372,8 +391,6 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 self.refuse_queue("stopped before it began");
                 if !self.give_up_check() {
                     operator.stop(now_ns);
-                    // What was switched on by hand goes off with it.
-                    self.modes = None;
                 }
                 Ok(())
             }
@@ -494,9 +511,6 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     }
 
     fn begin(&mut self, job: Job, mode: Mode, operator: &mut Operator, now_ns: u64) -> Result<(), String> {
-        if job == Job::On && operator.live().state == State::Ready {
-            return Ok(());
-        }
         match operator.begin(now_ns, job) {
             true => {
                 self.mode = mode;
@@ -529,6 +543,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         };
         let cancel = Cancel::default();
         let given_up = cancel.clone();
+        let switched_off = operator.live().switched_off;
         let work = move || {
             capabilities::give_up_or_warn(Work::Ordinary);
             // Whoever edited a table while nothing ran wants it to count.
@@ -572,6 +587,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 begin,
                 overview,
                 tables,
+                switched_off,
             })
         };
         let thread = std::thread::Builder::new()
@@ -622,6 +638,10 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         };
         // Things may have changed during the check.
         self.may(wish, operator)?;
+        let switched_off = operator.live().switched_off;
+        if part.is_mdi() && part.switched_off != switched_off {
+            return Err("stopped before it began".into());
+        }
         let missing = match then {
             Then::Run => operator.not_homed(),
             Then::Load | Then::Start => 0,
@@ -632,6 +652,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         if part.is_mdi() {
             operator.add_entry(format!("MDI: {}", part.line));
         }
+        self.switched_off[1] = switched_off;
         self.part = Some(part);
         Ok(begun)
     }

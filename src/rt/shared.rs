@@ -149,6 +149,7 @@ pub struct RtStatus {
     tool: AtomicU64,
     /// What a program waits for.
     waiting: WaitingCell,
+    switched_off: AtomicU64,
     chain_open: AtomicBool,
     limits: [AtomicU64; 2],
 }
@@ -181,6 +182,7 @@ impl RtStatus {
             elapsed_s: AtomicU64::new(0),
             tool: AtomicU64::new(0),
             waiting: WaitingCell::default(),
+            switched_off: AtomicU64::new(0),
             chain_open: AtomicBool::new(false),
             limits: Default::default(),
         }
@@ -220,6 +222,8 @@ pub struct Snapshot {
     pub elapsed_s: f64,
     /// What the program waits for.
     pub waiting: Option<Waiting>,
+    /// How often a stop, a fault or power-off has switched spindle and coolant off.
+    pub switched_off: u64,
     /// The emergency stop chain is open.
     pub chain_open: bool,
     /// Joints whose lower, and whose upper limit switch is closed (bit n: joint n).
@@ -265,6 +269,7 @@ impl RtStatus {
         self.remaining_s.store(snapshot.remaining_s.to_bits(), Relaxed);
         self.elapsed_s.store(snapshot.elapsed_s.to_bits(), Relaxed);
         self.waiting.set(snapshot.waiting);
+        self.switched_off.store(snapshot.switched_off, Relaxed);
         self.chain_open.store(snapshot.chain_open, Relaxed);
         for (cell, limit) in self.limits.iter().zip(snapshot.limits) {
             cell.store(limit, Relaxed);
@@ -296,6 +301,7 @@ impl RtStatus {
             remaining_s: float(&self.remaining_s),
             elapsed_s: float(&self.elapsed_s),
             waiting: self.waiting.get(),
+            switched_off: self.switched_off.load(Relaxed),
             chain_open: self.chain_open.load(Relaxed),
             limits: std::array::from_fn(|end| self.limits[end].load(Relaxed)),
         }

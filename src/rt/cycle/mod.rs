@@ -116,6 +116,7 @@ pub struct MotionController<B> {
     is_fed_nothing: bool,
     /// Closed limit switches: lower, upper (bit n: joint n).
     limits: [u64; 2],
+    switched_off: u64,
     fault_seen: bool,
     network_closing: bool,
     cycle: u64,
@@ -149,6 +150,7 @@ impl<B: CyclicBus> MotionController<B> {
             waiting: None,
             is_fed_nothing: false,
             limits: [0; 2],
+            switched_off: 0,
             fault_seen: false,
             network_closing: false,
             cycle: 0,
@@ -263,7 +265,7 @@ impl<B: CyclicBus> MotionController<B> {
             State::Running if self.hold && self.at_rest() => self.enter(State::Held),
             State::Running if self.sample.state == SampleState::Finished => {
                 if !self.is_mdi {
-                    self.parts.pins.all_off();
+                    self.all_off();
                 }
                 self.let_program_go();
                 self.enter(State::Ready);
@@ -331,8 +333,14 @@ impl<B: CyclicBus> MotionController<B> {
 
     /// Gives the program up: spindle and coolant off.
     fn end_program(&mut self) {
-        self.parts.pins.all_off();
+        self.all_off();
         self.let_program_go();
+    }
+
+    /// Spindle and coolant off, and whoever goes by what lines of MDI have switched on hears of it.
+    fn all_off(&mut self) {
+        self.parts.pins.all_off();
+        self.switched_off += 1;
     }
 
     fn let_program_go(&mut self) {
@@ -587,6 +595,7 @@ impl<B: CyclicBus> MotionController<B> {
             remaining_s,
             elapsed_s,
             waiting: self.waits_for(),
+            switched_off: self.switched_off,
             chain_open: self.parts.pins.is_chain_open(),
             limits: self.limits,
         });

@@ -53,7 +53,7 @@ impl<B: CyclicBus> MotionController<B> {
                 }
             }
             // What a line of MDI has switched on.
-            (Command::Stop, State::Ready) => self.parts.pins.all_off(),
+            (Command::Stop, State::Ready) => self.all_off(),
             (Command::Hold, State::Running) => self.hold = true,
             (Command::Hold, State::Jogging) => self.parts.hand.release_all(),
             (Command::Resume, State::Running | State::Held) => {

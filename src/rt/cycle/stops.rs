@@ -233,7 +233,7 @@ impl<B: CyclicBus> MotionController<B> {
     }
 
     pub(super) fn switch_off(&mut self, next: State) {
-        self.parts.pins.all_off();
+        self.all_off();
         self.parts.drives.request(u64::MAX, Request::Disable);
         self.enter(next);
     }
