@@ -333,3 +333,22 @@ fn the_journal_goes_on_behind_a_kill() {
         .collect();
     assert!(numbers.windows(2).all(|pair| pair[1] == pair[0] + 1), "{numbers:?}");
 }
+
+/// Between load and start the tool table is edited by hand: what it says now is checked, and refused where it does not fit.
+#[test]
+fn a_table_that_is_edited_behind_the_load_counts_at_the_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = folder.path().join("tools.tbl");
+    std::fs::write(&table, "T5 P5 Z10\n").unwrap();
+    let control = Control::start_in(folder, "edited-table", Stdio::null(), |machine| {
+        format!("{machine}\n[tools]\ntable = \"tools.tbl\"\n")
+    });
+    control.wait_for("the network", |status| status["power"] == "off");
+    done(&control, &["home"], "homed; drives are on");
+    let part = control.program("part.ngc", "G21 G90 G94 G54 G49\nG43 H5\nG0 Z-20\nM2\n");
+    control.ask(&["program", "load", part.to_str().unwrap()]).unwrap();
+    std::fs::write(&table, "T5 P5 Z-500\n").unwrap();
+    control.refused(&["program", "start"], "part.ngc:3:");
+    std::fs::write(&table, "T5 P5 Z11\n").unwrap();
+    done(&control, &["program", "start"], "completed; drives are on");
+}

@@ -1,38 +1,20 @@
-//! A control that stands by: the network is up, and the machine does what clients ask for.
-//!
-//! In:  a machine, a wire; orders of clients over the inbox.
-//! Out: what is carried out; answers; the journal on the terminal.
-//!
-//! Each order is judged by the table of [`crate::machine::permission`]. A program is checked as a whole before it is accepted;
-//! stopped meanwhile, or forsaken by the client that wants it, it never begins. Drives that were switched on stay on, and joints
-//! that are homed stay so: jogging, MDI and programs follow each other. A fault waits for an acknowledge and lets nothing begin
-//! before.
+//! What clients want of the machine: each order is judged by the table of [`crate::machine::permission`], then carried out.
 
-use super::progress::told;
-use super::remembered;
-use super::table_writer::Keeper;
-use crate::api::orders::{Jogged, Order, OrderInbox, Shown, ShownProgram, Source, Waiting};
+use super::check::{Checked, Part, Subject, examine};
+use crate::api::orders::{Jogged, Order, OrderInbox, Shown, ShownProgram, Waiting};
 use crate::api::rpc::{RpcError, code};
 use crate::api::server::Ticket;
 use crate::config::Config;
-use crate::host::capabilities;
-use crate::host::capabilities::Work;
-use crate::host::logging;
-use crate::host::signals;
-use crate::host::signals::StopSignal;
-use crate::host::terminal::{is_heard, say};
 use crate::machine::faults::SILENCED;
 use crate::machine::permission::{Activity, Condition, Power, Wish, permit};
 use crate::machine::sequence::{Job, Outcome, Step};
 use crate::machine::state::State;
 use crate::machine::tables::{Tables, lock};
-use crate::operator::console::{Operator, level};
+use crate::operator::console::Operator;
 use crate::operator::manual_mode;
-use crate::operator::operator_loop::{LoopTask, Running};
-use crate::operator::session;
-use crate::operator::session::{Session, Task, Wire};
-use crate::program::text::{Reader, Text};
-use crate::program::{Begin, Change, Overview, approach, changed, check, home, preview};
+use crate::operator::remembered;
+use crate::operator::table_writer::Keeper;
+use crate::program::{Begin, Change, changed, home};
 use crate::rt::shared::Command;
 use crate::rt::waiting;
 use gcode::Modes;
@@ -40,35 +22,11 @@ use motion::cancel::Cancel;
 use motion::canon::Axis;
 use serde_json::{Value, json};
 use std::collections::VecDeque;
-use std::process::ExitCode;
 use std::sync::{Arc, Mutex};
 use std::thread::{Scope, ScopedJoinHandle};
 
 /// Lines of MDI that wait for their turn.
 const MDI_MAX: usize = 64;
-
-/// A program that was accepted, or a line that was typed.
-#[derive(Debug)]
-pub(super) struct Part {
-    pub(super) name: String,
-    /// The line that was typed, for the journal; of a program nothing.
-    line: String,
-    pub(super) text: Arc<Text>,
-    pub(super) begin: Begin,
-    overview: Overview,
-    /// What it was checked with.
-    tables: Tables,
-    /// How often spindle and coolant had been switched off when it was checked.
-    switched_off: u64,
-}
-
-impl Part {
-    pub(super) fn is_mdi(&self) -> bool {
-        matches!(self.begin, Begin::Mdi { .. })
-    }
-}
-
-type Checked = Result<Part, String>;
 
 /// What becomes of a program behind its check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,14 +59,14 @@ impl Mode {
 }
 
 /// Serves the clients of one session.
-pub(super) struct Clients<'scope, 'env> {
-    scope: &'scope Scope<'scope, 'env>,
+pub(in crate::operator) struct Clients<'scope, 'env> {
+    pub(super) scope: &'scope Scope<'scope, 'env>,
     config: &'env Config,
-    tables: &'env Mutex<Tables>,
+    pub(super) tables: &'env Mutex<Tables>,
     /// The session waits for programs; else it has its own.
     stands_by: bool,
-    inbox: OrderInbox,
-    checking: Option<Checking<'scope>>,
+    pub(super) inbox: OrderInbox,
+    pub(super) checking: Option<Checking<'scope>>,
     /// What runs, or ran last.
     part: Option<Arc<Part>>,
     /// The program to start.
@@ -125,31 +83,18 @@ pub(super) struct Clients<'scope, 'env> {
 }
 
 /// A program that is being checked.
-struct Checking<'scope> {
+pub(super) struct Checking<'scope> {
     /// Who waits for it to begin; `None`: nobody any more, and it does not begin.
-    wanted: Option<Ticket>,
+    pub(super) wanted: Option<Ticket>,
     then: Then,
     cancel: Cancel,
-    thread: ScopedJoinHandle<'scope, Checked>,
-}
-
-/// What is to be checked.
-enum Subject {
-    Source(Source),
-    /// The program that is loaded, since the tables have changed.
-    Again(Arc<Part>),
-    /// The same before a line; `yes`: the operator has agreed to what that means.
-    FromLine {
-        part: Arc<Part>,
-        line: u32,
-        yes: bool,
-    },
+    pub(super) thread: ScopedJoinHandle<'scope, Checked>,
 }
 
 type Answer = Result<Value, String>;
 
 impl<'scope, 'env> Clients<'scope, 'env> {
-    pub(super) fn new(
+    pub(in crate::operator) fn new(
         scope: &'scope Scope<'scope, 'env>,
         config: &'env Config,
         tables: &'env Mutex<Tables>,
@@ -174,12 +119,12 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     }
 
     /// What is under way, or was last.
-    pub(super) fn part(&self) -> Option<&Arc<Part>> {
+    pub(in crate::operator) fn part(&self) -> Option<&Arc<Part>> {
         self.part.as_ref()
     }
 
     /// A program is over, and has left these modes if it came to its end: what follows a stop begins as a program does.
-    pub(super) fn adopt_modes(&mut self, modes: Option<Modes>) {
+    pub(in crate::operator) fn adopt_modes(&mut self, modes: Option<Modes>) {
         let [now, at_begin] = self.switched_off;
         self.modes = modes.map(Arc::new);
         if now != at_begin {
@@ -204,7 +149,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     }
 
     /// Carries out what clients want. Waits for nothing. `is_planning`: a planner still works for the last program.
-    pub(super) fn serve(
+    pub(in crate::operator) fn serve(
         &mut self,
         operator: &mut Operator,
         keeper: &mut Keeper<'_, '_>,
@@ -248,9 +193,8 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         {
             match self.may(Wish::Mdi, operator) {
                 Ok(()) => {
-                    let name = "MDI".into();
-                    let source = Source::Text { name, text: line };
-                    self.check(ticket, Subject::Source(source), Then::Start, Mode::Mdi, operator)?;
+                    let modes = self.modes.clone();
+                    self.check(ticket, Subject::Mdi { line, modes }, Then::Start, operator)?;
                 }
                 Err(why) => answers.push((ticket, Err(why))),
             }
@@ -316,33 +260,23 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                     })
             }
             Order::Load(source) => {
-                self.check(ticket, Subject::Source(source), Then::Load, Mode::Auto, operator)?;
+                self.check(ticket, Subject::Program(source), Then::Load, operator)?;
                 return Ok(None);
             }
             Order::Run(source) => {
-                self.check(ticket, Subject::Source(source), Then::Run, Mode::Auto, operator)?;
+                self.check(ticket, Subject::Program(source), Then::Run, operator)?;
                 return Ok(None);
             }
-            Order::Start {
-                from_line: Some(line),
-                yes,
-            } => {
-                if let Some(part) = self.loaded.clone() {
-                    let subject = Subject::FromLine { part, line, yes };
-                    self.check(ticket, subject, Then::Start, Mode::Auto, operator)?;
-                }
-                return Ok(None);
-            }
-            Order::Start { .. } => {
+            Order::Start { from_line, yes } => {
                 let Some(part) = self.loaded.clone() else {
                     return Ok(Some(Err("no program is loaded".into())));
                 };
-                let known = part.tables == *lock(self.tables);
-                if !known {
-                    self.check(ticket, Subject::Again(part), Then::Start, Mode::Auto, operator)?;
-                    return Ok(None);
-                }
-                return Ok(Some(self.start(part, Then::Start, operator, now_ns)));
+                let subject = match from_line {
+                    Some(line) => Subject::FromLine { part, line, yes },
+                    None => Subject::Loaded(part),
+                };
+                self.check(ticket, subject, Then::Start, operator)?;
+                return Ok(None);
             }
             Order::Mdi(_) if self.mdi.len() >= MDI_MAX => Err(format!("{MDI_MAX} lines wait already")),
             Order::Mdi(line) => {
@@ -413,7 +347,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     }
 
     /// Whoever wants a stop while a program is being checked does not want it to begin behind that. False: there is none.
-    pub(super) fn give_up_check(&mut self) -> bool {
+    pub(in crate::operator) fn give_up_check(&mut self) -> bool {
         let Some(checking) = &mut self.checking else {
             return false;
         };
@@ -427,7 +361,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     }
 
     /// A machine must not begin to move for somebody who has given up waiting for it.
-    fn withdraw(&mut self, ticket: Ticket) {
+    pub(super) fn withdraw(&mut self, ticket: Ticket) {
         self.mdi.retain(|(wanted, _)| *wanted != ticket);
         if let Some(checking) = &mut self.checking
             && checking.wanted == Some(ticket)
@@ -520,80 +454,25 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         }
     }
 
-    /// Reads and checks a program in a thread of its own: that may take seconds.
-    fn check(
-        &mut self,
-        ticket: Ticket,
-        subject: Subject,
-        then: Then,
-        mode: Mode,
-        operator: &Operator,
-    ) -> std::io::Result<()> {
+    /// Has it checked in a thread of its own.
+    fn check(&mut self, ticket: Ticket, subject: Subject, then: Then, operator: &Operator) -> std::io::Result<()> {
         let (config, tables) = (self.config, self.tables);
         let at = match operator.not_homed() {
             0 => operator.live().position,
             _ => home(config),
         };
-        let begin = match mode {
-            Mode::Mdi => Begin::Mdi {
-                at,
-                modes: self.modes.clone(),
-            },
-            Mode::Manual | Mode::Auto => Begin::Program { at },
+        self.mode = match subject {
+            Subject::Mdi { .. } => Mode::Mdi,
+            Subject::Program(_) | Subject::Loaded(_) | Subject::FromLine { .. } => Mode::Auto,
         };
+        let switched_off = operator.live().switched_off;
         let cancel = Cancel::default();
         let given_up = cancel.clone();
-        let switched_off = operator.live().switched_off;
-        let work = move || {
-            capabilities::give_up_or_warn(Work::Ordinary);
-            // Whoever edited a table while nothing ran wants it to count.
-            let tables = {
-                let mut tables = lock(tables);
-                tables.refresh(config).map_err(|error| error.to_string())?;
-                tables.clone()
-            };
-            let begin = match subject {
-                Subject::FromLine { line, .. } => Begin::FromLine {
-                    at,
-                    line,
-                    approach: approach(config),
-                },
-                _ => begin,
-            };
-            if let Subject::FromLine { part, line, yes: false } = &subject {
-                let text = Reader::from(&*part.text);
-                let told = preview(config, &tables, &part.name, text, (at, *line), &given_up)?;
-                return Err(format!(
-                    "{}\nif that is right: isocnc program start --from-line {line} --yes",
-                    told.join("\n")
-                ));
-            }
-            let line = match &subject {
-                Subject::Source(Source::Text { text, .. }) if matches!(begin, Begin::Mdi { .. }) => {
-                    text.trim().to_owned()
-                }
-                _ => String::new(),
-            };
-            let (name, text) = match subject {
-                Subject::Source(source) => read(source)?,
-                Subject::Again(part) | Subject::FromLine { part, .. } => (part.name.clone(), Arc::clone(&part.text)),
-            };
-            let checked = check(config, &tables, &name, &*text, &begin, &given_up);
-            let overview = checked.map_err(|errors| errors.to_string())?;
-            Ok(Part {
-                name,
-                line,
-                text,
-                begin,
-                overview,
-                tables,
-                switched_off,
-            })
-        };
         let thread = std::thread::Builder::new()
             .name("check".into())
-            .spawn_scoped(self.scope, work)?;
-        self.mode = mode;
+            .spawn_scoped(self.scope, move || {
+                examine(config, tables, at, subject, switched_off, &given_up)
+            })?;
         self.checking = Some(Checking {
             wanted: Some(ticket),
             then,
@@ -604,8 +483,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     }
 
     /// A program has passed its check.
-    fn accept(&mut self, part: Part, then: Then, operator: &mut Operator, now_ns: u64) -> Answer {
-        let part = Arc::new(part);
+    fn accept(&mut self, part: Arc<Part>, then: Then, operator: &mut Operator, now_ns: u64) -> Answer {
         if matches!(part.begin, Begin::Program { .. }) {
             self.loaded = Some(Arc::clone(&part));
         }
@@ -741,7 +619,7 @@ fn wish(order: &Order) -> Option<Wish> {
     })
 }
 
-pub(super) fn outcome_word(outcome: Outcome) -> &'static str {
+pub(in crate::operator) fn outcome_word(outcome: Outcome) -> &'static str {
     match outcome {
         Outcome::Completed => "completed",
         Outcome::Stopped => "stopped",
@@ -761,303 +639,4 @@ fn moves(wish: Wish) -> bool {
         wish,
         Wish::On | Wish::Home | Wish::Jog | Wish::Mdi | Wish::TouchOff | Wish::Load | Wish::Start | Wish::Run
     )
-}
-
-fn read(source: Source) -> Result<(String, Arc<Text>), String> {
-    match source {
-        Source::Text { name, text } => Ok((name, Arc::new(text.into_bytes().into()))),
-        Source::File(path) => {
-            let name = path.display().to_string();
-            let failed = |cause: std::io::Error| format!("{name}: {cause}");
-            let text = Text::read(&path).map_err(failed)?;
-            Ok((name, Arc::new(text)))
-        }
-    }
-}
-
-/// Stands by until a signal ends it.
-///
-/// # Errors
-/// What keeps it from starting.
-pub fn stand_by(config: &Config, wire: Wire, as_json: bool, signal: StopSignal) -> anyhow::Result<ExitCode> {
-    let tables = Mutex::new(Tables::read(config)?);
-    let session = Session {
-        config,
-        tables: &tables,
-        task: Task::StandBy,
-        quiet: as_json,
-        signal,
-        keep_rights: false,
-    };
-    if !as_json {
-        say(&format!(
-            "isocnc: {} stands by with drives off; 'isocnc program run FILE' runs a program, Ctrl-C ends\n",
-            config.name
-        ));
-    }
-    let to_journal = logging::goes_to_journal(&std::io::stdout());
-    let ended = session::run(&session, wire, &mut Journal { as_json, to_journal })?;
-    let operator = &ended.operator;
-    if as_json {
-        let summary = json!({
-            "machine": config.name,
-            "signal": session.signal.caught(),
-            "programs": operator.programs(),
-            "alarms": operator.alarms(),
-        });
-        say(&format!("{summary}\n"));
-    } else {
-        let (programs, alarms) = (operator.programs(), operator.alarms().len());
-        say(&format!("{programs} programs run, {alarms} alarms\n"));
-    }
-    if operator.needs_restart() {
-        return Ok(ExitCode::from(session::EXIT_RESTART));
-    }
-    Ok(match session.signal.caught() {
-        Some(signal) => ExitCode::from(signals::exit_code(signal)),
-        None => ExitCode::FAILURE,
-    })
-}
-
-/// Prints the journal as it comes.
-struct Journal {
-    as_json: bool,
-    /// Standard output leads to the journal of systemd.
-    to_journal: bool,
-}
-
-impl LoopTask for Journal {
-    fn tick(&mut self, running: &mut Running, _now_ns: u64) {
-        while is_heard()
-            && let Some(entry) = running.operator.next_entry()
-        {
-            match self.as_json {
-                true => say(&format!("{}\n", json!(entry))),
-                false if self.to_journal => say(&format!("{}{}", logging::priority(level(entry)), told(entry))),
-                false => say(&told(entry)),
-            }
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::api::orders::{OrderClient, order_channel};
-    use crate::config;
-    use crate::operator::rehearsal::{Rehearsal, rehearse_with};
-    use crate::rt::timeout;
-    use crate::sim::NetConfig;
-    use std::path::Path;
-
-    const PART: &str = "G21 G90 G94 G54\nG0 X5 Y5\nM2\n";
-
-    fn run_order() -> Order {
-        Order::Run(Source::Text {
-            name: "part".into(),
-            text: PART.into(),
-        })
-    }
-
-    /// Clients of a machine that stands by, its drives off.
-    fn while_standing_by(act: impl FnOnce(&mut Rehearsal<'_>, Clients<'_, '_>, &OrderClient)) {
-        let machine = include_str!("../../configs/mill3-demo.toml");
-        let config = config::parse(machine, Path::new("demo.toml")).unwrap();
-        let tables = Mutex::new(Tables::read(&config).unwrap());
-        let net = NetConfig::clean(1);
-        rehearse_with(&config, PART.as_bytes(), net, Operator::standing_by, |run| {
-            let up = run.run_until(60_000, |run| run.control.state() == State::Disabled)?;
-            assert!(up);
-            let (client, inbox) = order_channel();
-            std::thread::scope(|scope| act(run, Clients::new(scope, &config, &tables, true, inbox), &client));
-            Ok(())
-        })
-        .unwrap();
-    }
-
-    fn serve_clients(run: &mut Rehearsal<'_>, clients: &mut Clients<'_, '_>) {
-        let now_ns = run.now_ns();
-        let mut keeper = Keeper::new(clients.scope, clients.tables);
-        clients.serve(&mut run.operator, &mut keeper, false, now_ns).unwrap();
-    }
-
-    #[test]
-    fn a_silenced_machine_refuses_every_order_with_the_cause_and_ends() {
-        while_standing_by(|run, mut clients, client| {
-            let now_ns = run.now_ns();
-            let report = timeout::Report {
-                at_ns: now_ns,
-                event: timeout::Event::CycleHung {
-                    cycle: 3,
-                    overdue_ns: 5_050_000,
-                },
-            };
-            run.operator.hear(&report, || "it ran 5.0 ms".into());
-            for order in [Order::Acknowledge, Order::On, Order::Stop, run_order()] {
-                client.put(1, order).unwrap();
-                serve_clients(run, &mut clients);
-                let (_, answer) = client.answer().expect("an answer at once");
-                assert_eq!(answer.unwrap_err().message, SILENCED);
-            }
-            // The thread that hung takes no order and shows nothing.
-            assert_eq!(run.operator.outcome(), None);
-            run.operator.poll(now_ns);
-            assert_eq!(run.operator.outcome(), Some(Outcome::Faulted));
-            assert!(run.operator.needs_restart());
-            let [alarm] = run.operator.alarms() else {
-                panic!("{:?}", run.operator.alarms());
-            };
-            assert_eq!(alarm.cause, format!("{SILENCED}. It hung for 5.0 ms: it ran 5.0 ms"));
-            // Nor does it say so a second time where it comes back.
-            run.control.inhibit_soc();
-            run.cycle(0).unwrap();
-            let now_ns = run.now_ns();
-            run.operator.poll(now_ns);
-            assert_eq!((run.control.state(), run.operator.alarms().len()), (State::Silenced, 1));
-        });
-    }
-
-    #[test]
-    fn a_program_that_is_stopped_or_forsaken_during_its_check_never_begins() {
-        while_standing_by(|run, mut clients, client| {
-            client.put(1, run_order()).unwrap();
-            client.put(2, Order::Stop).unwrap();
-            serve_clients(run, &mut clients);
-            let (ticket, answer) = client.answer().expect("an answer");
-            assert_eq!(
-                (ticket, answer.unwrap_err().message.as_str()),
-                (1, "stopped before it began")
-            );
-            assert_eq!(client.answer(), Some((2, Ok(json!({})))));
-            while clients.checking.is_some() {
-                std::thread::yield_now();
-                serve_clients(run, &mut clients);
-            }
-            assert_eq!((run.operator.step(), client.answer()), (Step::StandBy, None));
-            // Nor does one that nobody waits for any more; a ticket that is over changes nothing.
-            client.put(4, run_order()).unwrap();
-            assert!(client.withdraw(4) && client.withdraw(1));
-            serve_clients(run, &mut clients);
-            while clients.checking.is_some() {
-                std::thread::yield_now();
-                serve_clients(run, &mut clients);
-            }
-            assert_eq!((run.operator.step(), client.answer()), (Step::StandBy, None));
-            // The next one does.
-            client.put(3, run_order()).unwrap();
-            let begun = loop {
-                serve_clients(run, &mut clients);
-                if let Some(begun) = client.answer() {
-                    break begun;
-                }
-                std::thread::yield_now();
-            };
-            assert_eq!((begun.0, begun.1.is_ok()), (3, true));
-            assert_eq!(run.operator.step(), Step::Enable);
-        });
-    }
-
-    /// A pendant moves two axes at once: its orders lie on the inbox together.
-    #[test]
-    fn jogs_that_come_in_one_turn_are_all_taken() {
-        while_standing_by(|run, mut clients, client| {
-            let now_ns = run.now_ns();
-            let home = run.operator.homing_order(u64::MAX);
-            assert!(run.operator.begin(now_ns, Job::Home(home)));
-            let homed = run.run_until(60_000, |run| {
-                run.operator.step() == Step::StandBy && run.control.state() == State::Ready
-            });
-            assert!(homed.unwrap());
-            let jog = |joint| {
-                Order::Jog(crate::api::orders::Jog {
-                    what: Some(Jogged::Joint(joint)),
-                    motion: crate::rt::joint_jog::JogMotion::Run { velocity_mm_s: 10.0 },
-                })
-            };
-            for joint in [0, 1] {
-                client.put(joint as u64, jog(joint)).unwrap();
-            }
-            serve_clients(run, &mut clients);
-            for _ in 0..2 {
-                let (_, answer) = client.answer().expect("an answer at once");
-                assert!(answer.is_ok(), "{answer:?}");
-            }
-            // Whatever needs rest waits for what becomes of them.
-            client.put(9, Order::Home(Vec::new())).unwrap();
-            serve_clients(run, &mut clients);
-            let (_, answer) = client.answer().expect("an answer at once");
-            assert!(answer.unwrap_err().message.contains("wait"));
-        });
-    }
-
-    /// Else the thread goes on for as long as the limits of a check allow, and the next program is refused meanwhile.
-    #[test]
-    fn the_check_of_a_program_that_nobody_wants_any_more_ends_at_once() {
-        let endless = || {
-            Order::Run(Source::Text {
-                name: "endless".into(),
-                text: "G21 G90 F100\no1 while [1]\nG1 X1\nX2\no1 endwhile\nM2\n".into(),
-            })
-        };
-        while_standing_by(|run, mut clients, client| {
-            let giving_up = [
-                |_: &mut Clients<'_, '_>, client: &OrderClient| client.put(2, Order::Stop).unwrap(),
-                |_: &mut Clients<'_, '_>, client: &OrderClient| assert!(client.withdraw(1)),
-                // As the loop does when a signal comes.
-                |clients: &mut Clients<'_, '_>, _: &OrderClient| assert!(clients.give_up_check()),
-            ];
-            for give_up in giving_up {
-                client.put(1, endless()).unwrap();
-                serve_clients(run, &mut clients);
-                give_up(&mut clients, client);
-                while let Ok(Some((ticket, order))) = Ok::<_, ()>(clients.inbox.next()) {
-                    match order {
-                        Order::Withdraw => clients.withdraw(ticket),
-                        order => assert_eq!((order, clients.give_up_check()), (Order::Stop, true)),
-                    }
-                }
-                let Checking { wanted, thread, .. } = clients.checking.take().expect("it is under way");
-                let said = thread.join().unwrap().unwrap_err();
-                assert!(
-                    wanted.is_none() && said.contains("given up here, before the end"),
-                    "{said}"
-                );
-                while client.answer().is_some() {}
-            }
-        });
-    }
-
-    /// The whole control of a machine without joints, in virtual time: it comes up, moves its inputs to its outputs, and refuses
-    /// whatever would move something.
-    #[test]
-    fn a_machine_of_inputs_and_outputs_stands_by_and_refuses_to_move() {
-        let machine = include_str!("../../configs/io-only.toml");
-        let config = config::parse(machine, Path::new("io-only.toml")).unwrap();
-        let tables = Mutex::new(Tables::read(&config).unwrap());
-        let net = NetConfig::clean(1);
-        rehearse_with(&config, b"", net, Operator::standing_by, |run| {
-            assert!(run.run_until(60_000, |run| run.control.state() == State::Disabled)?);
-            let (client, inbox) = order_channel();
-            std::thread::scope(|scope| {
-                let mut clients = Clients::new(scope, &config, &tables, true, inbox);
-                let jog = crate::api::orders::Jog {
-                    what: Some(crate::api::orders::Jogged::Joint(0)),
-                    motion: crate::rt::joint_jog::JogMotion::Release,
-                };
-                for (ticket, order) in [run_order(), Order::On, Order::Home(Vec::new()), Order::Jog(jog)]
-                    .into_iter()
-                    .enumerate()
-                {
-                    client.put(ticket as u64, order).unwrap();
-                    serve_clients(run, &mut clients);
-                    let (_, answer) = client.answer().expect("an answer at once");
-                    let told = answer.unwrap_err().message;
-                    assert_eq!(told, config.without_joints(), "{ticket}");
-                }
-            });
-            assert_eq!(run.control.state(), State::Disabled);
-            Ok(())
-        })
-        .unwrap();
-    }
 }

@@ -1,0 +1,123 @@
+//! The check of a program or of a line of MDI, before it is accepted.
+
+use crate::api::orders::Source;
+use crate::config::Config;
+use crate::host::capabilities;
+use crate::host::capabilities::Work;
+use crate::machine::tables::{Tables, lock};
+use crate::program::text::{Reader, Text};
+use crate::program::{Begin, Overview, approach, check, preview};
+use gcode::Modes;
+use motion::cancel::Cancel;
+use motion::canon::Position;
+
+use std::sync::{Arc, Mutex};
+
+/// A program that was accepted, or a line that was typed.
+#[derive(Debug)]
+pub(in crate::operator) struct Part {
+    pub(in crate::operator) name: String,
+    /// The line that was typed, for the journal; of a program nothing.
+    pub(super) line: String,
+    pub(in crate::operator) text: Arc<Text>,
+    pub(in crate::operator) begin: Begin,
+    pub(super) overview: Overview,
+    /// What it was checked with.
+    tables: Tables,
+    /// How often spindle and coolant had been switched off when it was checked.
+    pub(super) switched_off: u64,
+}
+
+impl Part {
+    pub(in crate::operator) fn is_mdi(&self) -> bool {
+        matches!(self.begin, Begin::Mdi { .. })
+    }
+}
+
+/// What is to be checked.
+pub(super) enum Subject {
+    Program(Source),
+    Mdi {
+        line: String,
+        modes: Option<Arc<Modes>>,
+    },
+    /// The program that is loaded: tables may have changed since.
+    Loaded(Arc<Part>),
+    /// The same before a line; `yes`: the operator has agreed to what that means.
+    FromLine {
+        part: Arc<Part>,
+        line: u32,
+        yes: bool,
+    },
+}
+
+/// The part, or why it cannot run.
+pub(super) type Checked = Result<Arc<Part>, String>;
+
+/// Reads and checks what is to run from `at`, in a thread of its own: that may take seconds.
+pub(super) fn examine(
+    config: &Config,
+    tables: &Mutex<Tables>,
+    at: Position,
+    subject: Subject,
+    switched_off: u64,
+    given_up: &Cancel,
+) -> Checked {
+    capabilities::give_up_or_warn(Work::Ordinary);
+    // Whoever edited a table while nothing ran wants it to count.
+    let tables = {
+        let mut tables = lock(tables);
+        tables.refresh(config).map_err(|error| error.to_string())?;
+        tables.clone()
+    };
+    let mut typed = String::new();
+    let (name, text, begin) = match subject {
+        Subject::Loaded(part) if part.tables == tables => return Ok(part),
+        Subject::Loaded(part) => (part.name.clone(), Arc::clone(&part.text), Begin::Program { at }),
+        Subject::Program(source) => {
+            let (name, text) = read(source)?;
+            (name, text, Begin::Program { at })
+        }
+        Subject::Mdi { line, modes } => {
+            typed = line.trim().to_owned();
+            (
+                "MDI".to_owned(),
+                Arc::new(line.into_bytes().into()),
+                Begin::Mdi { at, modes },
+            )
+        }
+        Subject::FromLine { part, line, yes } => {
+            if !yes {
+                let text = Reader::from(&*part.text);
+                let told = preview(config, &tables, &part.name, text, (at, line), given_up)?.join("\n");
+                return Err(format!(
+                    "{told}\nif that is right: isocnc program start --from-line {line} --yes"
+                ));
+            }
+            let approach = approach(config);
+            let begin = Begin::FromLine { at, line, approach };
+            (part.name.clone(), Arc::clone(&part.text), begin)
+        }
+    };
+    let checked = check(config, &tables, &name, &*text, &begin, given_up);
+    let overview = checked.map_err(|errors| errors.to_string())?;
+    Ok(Arc::new(Part {
+        name,
+        line: typed,
+        text,
+        begin,
+        overview,
+        tables,
+        switched_off,
+    }))
+}
+
+fn read(source: Source) -> Result<(String, Arc<Text>), String> {
+    match source {
+        Source::Text { name, text } => Ok((name, Arc::new(text.into_bytes().into()))),
+        Source::File(path) => {
+            let text = Text::read(&path).map_err(|cause| format!("{}: {cause}", path.display()))?;
+            Ok((path.display().to_string(), Arc::new(text)))
+        }
+    }
+}

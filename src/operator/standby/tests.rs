@@ -1,0 +1,226 @@
+use super::clients::{Checking, Clients};
+use crate::api::orders::{Jogged, Order, OrderClient, Source, order_channel};
+use crate::config;
+use crate::machine::faults::SILENCED;
+use crate::machine::sequence::{Job, Outcome, Step};
+use crate::machine::state::State;
+use crate::machine::tables::Tables;
+use crate::operator::console::Operator;
+use crate::operator::rehearsal::{Rehearsal, rehearse_with};
+use crate::operator::table_writer::Keeper;
+use crate::rt::timeout;
+use crate::sim::NetConfig;
+use serde_json::json;
+use std::path::Path;
+use std::sync::Mutex;
+
+const PART: &str = "G21 G90 G94 G54\nG0 X5 Y5\nM2\n";
+
+fn run_order() -> Order {
+    Order::Run(Source::Text {
+        name: "part".into(),
+        text: PART.into(),
+    })
+}
+
+/// Clients of a machine that stands by, its drives off.
+fn while_standing_by(act: impl FnOnce(&mut Rehearsal<'_>, Clients<'_, '_>, &OrderClient)) {
+    let machine = include_str!("../../../configs/mill3-demo.toml");
+    let config = config::parse(machine, Path::new("demo.toml")).unwrap();
+    let tables = Mutex::new(Tables::read(&config).unwrap());
+    let net = NetConfig::clean(1);
+    rehearse_with(&config, PART.as_bytes(), net, Operator::standing_by, |run| {
+        let up = run.run_until(60_000, |run| run.control.state() == State::Disabled)?;
+        assert!(up);
+        let (client, inbox) = order_channel();
+        std::thread::scope(|scope| act(run, Clients::new(scope, &config, &tables, true, inbox), &client));
+        Ok(())
+    })
+    .unwrap();
+}
+
+fn serve_clients(run: &mut Rehearsal<'_>, clients: &mut Clients<'_, '_>) {
+    let now_ns = run.now_ns();
+    let mut keeper = Keeper::new(clients.scope, clients.tables);
+    clients.serve(&mut run.operator, &mut keeper, false, now_ns).unwrap();
+}
+
+#[test]
+fn a_silenced_machine_refuses_every_order_with_the_cause_and_ends() {
+    while_standing_by(|run, mut clients, client| {
+        let now_ns = run.now_ns();
+        let report = timeout::Report {
+            at_ns: now_ns,
+            event: timeout::Event::CycleHung {
+                cycle: 3,
+                overdue_ns: 5_050_000,
+            },
+        };
+        run.operator.hear(&report, || "it ran 5.0 ms".into());
+        for order in [Order::Acknowledge, Order::On, Order::Stop, run_order()] {
+            client.put(1, order).unwrap();
+            serve_clients(run, &mut clients);
+            let (_, answer) = client.answer().expect("an answer at once");
+            assert_eq!(answer.unwrap_err().message, SILENCED);
+        }
+        // The thread that hung takes no order and shows nothing.
+        assert_eq!(run.operator.outcome(), None);
+        run.operator.poll(now_ns);
+        assert_eq!(run.operator.outcome(), Some(Outcome::Faulted));
+        assert!(run.operator.needs_restart());
+        let [alarm] = run.operator.alarms() else {
+            panic!("{:?}", run.operator.alarms());
+        };
+        assert_eq!(alarm.cause, format!("{SILENCED}. It hung for 5.0 ms: it ran 5.0 ms"));
+        // Nor does it say so a second time where it comes back.
+        run.control.inhibit_soc();
+        run.cycle(0).unwrap();
+        let now_ns = run.now_ns();
+        run.operator.poll(now_ns);
+        assert_eq!((run.control.state(), run.operator.alarms().len()), (State::Silenced, 1));
+    });
+}
+
+#[test]
+fn a_program_that_is_stopped_or_forsaken_during_its_check_never_begins() {
+    while_standing_by(|run, mut clients, client| {
+        client.put(1, run_order()).unwrap();
+        client.put(2, Order::Stop).unwrap();
+        serve_clients(run, &mut clients);
+        let (ticket, answer) = client.answer().expect("an answer");
+        assert_eq!(
+            (ticket, answer.unwrap_err().message.as_str()),
+            (1, "stopped before it began")
+        );
+        assert_eq!(client.answer(), Some((2, Ok(json!({})))));
+        while clients.checking.is_some() {
+            std::thread::yield_now();
+            serve_clients(run, &mut clients);
+        }
+        assert_eq!((run.operator.step(), client.answer()), (Step::StandBy, None));
+        // Nor does one that nobody waits for any more; a ticket that is over changes nothing.
+        client.put(4, run_order()).unwrap();
+        assert!(client.withdraw(4) && client.withdraw(1));
+        serve_clients(run, &mut clients);
+        while clients.checking.is_some() {
+            std::thread::yield_now();
+            serve_clients(run, &mut clients);
+        }
+        assert_eq!((run.operator.step(), client.answer()), (Step::StandBy, None));
+        // The next one does.
+        client.put(3, run_order()).unwrap();
+        let begun = loop {
+            serve_clients(run, &mut clients);
+            if let Some(begun) = client.answer() {
+                break begun;
+            }
+            std::thread::yield_now();
+        };
+        assert_eq!((begun.0, begun.1.is_ok()), (3, true));
+        assert_eq!(run.operator.step(), Step::Enable);
+    });
+}
+
+/// A pendant moves two axes at once: its orders lie on the inbox together.
+#[test]
+fn jogs_that_come_in_one_turn_are_all_taken() {
+    while_standing_by(|run, mut clients, client| {
+        let now_ns = run.now_ns();
+        let home = run.operator.homing_order(u64::MAX);
+        assert!(run.operator.begin(now_ns, Job::Home(home)));
+        let homed = run.run_until(60_000, |run| {
+            run.operator.step() == Step::StandBy && run.control.state() == State::Ready
+        });
+        assert!(homed.unwrap());
+        let jog = |joint| {
+            Order::Jog(crate::api::orders::Jog {
+                what: Some(Jogged::Joint(joint)),
+                motion: crate::rt::joint_jog::JogMotion::Run { velocity_mm_s: 10.0 },
+            })
+        };
+        for joint in [0, 1] {
+            client.put(joint as u64, jog(joint)).unwrap();
+        }
+        serve_clients(run, &mut clients);
+        for _ in 0..2 {
+            let (_, answer) = client.answer().expect("an answer at once");
+            assert!(answer.is_ok(), "{answer:?}");
+        }
+        // Whatever needs rest waits for what becomes of them.
+        client.put(9, Order::Home(Vec::new())).unwrap();
+        serve_clients(run, &mut clients);
+        let (_, answer) = client.answer().expect("an answer at once");
+        assert!(answer.unwrap_err().message.contains("wait"));
+    });
+}
+
+/// Else the thread goes on for as long as the limits of a check allow, and the next program is refused meanwhile.
+#[test]
+fn the_check_of_a_program_that_nobody_wants_any_more_ends_at_once() {
+    let endless = || {
+        Order::Run(Source::Text {
+            name: "endless".into(),
+            text: "G21 G90 F100\no1 while [1]\nG1 X1\nX2\no1 endwhile\nM2\n".into(),
+        })
+    };
+    while_standing_by(|run, mut clients, client| {
+        let giving_up = [
+            |_: &mut Clients<'_, '_>, client: &OrderClient| client.put(2, Order::Stop).unwrap(),
+            |_: &mut Clients<'_, '_>, client: &OrderClient| assert!(client.withdraw(1)),
+            // As the loop does when a signal comes.
+            |clients: &mut Clients<'_, '_>, _: &OrderClient| assert!(clients.give_up_check()),
+        ];
+        for give_up in giving_up {
+            client.put(1, endless()).unwrap();
+            serve_clients(run, &mut clients);
+            give_up(&mut clients, client);
+            while let Ok(Some((ticket, order))) = Ok::<_, ()>(clients.inbox.next()) {
+                match order {
+                    Order::Withdraw => clients.withdraw(ticket),
+                    order => assert_eq!((order, clients.give_up_check()), (Order::Stop, true)),
+                }
+            }
+            let Checking { wanted, thread, .. } = clients.checking.take().expect("it is under way");
+            let said = thread.join().unwrap().unwrap_err();
+            assert!(
+                wanted.is_none() && said.contains("given up here, before the end"),
+                "{said}"
+            );
+            while client.answer().is_some() {}
+        }
+    });
+}
+
+/// The whole control of a machine without joints, in virtual time: it comes up, moves its inputs to its outputs, and refuses
+/// whatever would move something.
+#[test]
+fn a_machine_of_inputs_and_outputs_stands_by_and_refuses_to_move() {
+    let machine = include_str!("../../../configs/io-only.toml");
+    let config = config::parse(machine, Path::new("io-only.toml")).unwrap();
+    let tables = Mutex::new(Tables::read(&config).unwrap());
+    let net = NetConfig::clean(1);
+    rehearse_with(&config, b"", net, Operator::standing_by, |run| {
+        assert!(run.run_until(60_000, |run| run.control.state() == State::Disabled)?);
+        let (client, inbox) = order_channel();
+        std::thread::scope(|scope| {
+            let mut clients = Clients::new(scope, &config, &tables, true, inbox);
+            let jog = crate::api::orders::Jog {
+                what: Some(crate::api::orders::Jogged::Joint(0)),
+                motion: crate::rt::joint_jog::JogMotion::Release,
+            };
+            for (ticket, order) in [run_order(), Order::On, Order::Home(Vec::new()), Order::Jog(jog)]
+                .into_iter()
+                .enumerate()
+            {
+                client.put(ticket as u64, order).unwrap();
+                serve_clients(run, &mut clients);
+                let (_, answer) = client.answer().expect("an answer at once");
+                let told = answer.unwrap_err().message;
+                assert_eq!(told, config.without_joints(), "{ticket}");
+            }
+        });
+        assert_eq!(run.control.state(), State::Disabled);
+        Ok(())
+    })
+    .unwrap();
+}
