@@ -4,6 +4,7 @@ use isocnc::config::{self, Config};
 use isocnc::machine::sequence::Outcome;
 use isocnc::machine::state::State;
 use isocnc::operator::rehearsal::{Rehearsal, rehearse};
+use isocnc::rt::joint_jog::{JogMotion, JogOrder};
 use isocnc::rt::overrides::Overridden;
 use isocnc::rt::shared::Command;
 use isocnc::sim::{Disturbance, NetConfig};
@@ -293,6 +294,182 @@ fn an_override_that_is_turned_on_the_way_back_leaves_path_and_limits_alone() {
             assert_part_ends(run);
             assert_within_stop_limits(run);
             assert_on_path(&commands(run), &path, ARROW_MM);
+        });
+    }
+}
+
+fn jog_by(run: &mut Rehearsal<'_>, joint: u32, distance_mm: f64) {
+    let motion = JogMotion::Advance {
+        distance_mm,
+        velocity_mm_s: 50.0,
+    };
+    run.operator.give(Command::Jog(JogOrder {
+        joints: 1 << joint,
+        axis: None,
+        motion,
+    }));
+}
+
+/// The hand stays on the key until nothing moves any more.
+fn rest_away(run: &mut Rehearsal<'_>) {
+    for _ in 0..20 {
+        run.operator.give(Command::Jog(JogOrder {
+            joints: u64::MAX,
+            axis: None,
+            motion: JogMotion::Keep,
+        }));
+        let _ = run.run_until(100, |_| false).expect("no fault");
+    }
+    let mut before = None;
+    reach(run, "at rest away from the path", |run| {
+        let live = run.operator.live();
+        let rests = before == Some(live.position) && run.operator.is_up_to_date();
+        before = Some(live.position);
+        live.state == State::Away && rests
+    });
+}
+
+fn place(run: &Rehearsal<'_>) -> [f64; 3] {
+    let position = run.operator.live().position;
+    [position.0[0], position.0[1], position.0[2]]
+}
+
+/// Set-points of a part that is held in the midst, and whatever is done to it there.
+fn held_part(seed: u64, meanwhile: impl FnOnce(&mut Rehearsal<'_>, [f64; 3])) -> Vec<[f64; 3]> {
+    rehearse_part(seed, |run| {
+        reach_midst(run);
+        run.operator.give(Command::Hold);
+        reach_state(run, State::Held);
+        let held = place(run);
+        meanwhile(run, held);
+        assert_eq!((run.control.state(), place(run)), (State::Held, held));
+        run.operator.give(Command::Resume);
+        assert_eq!(run.run(CYCLES_MAX).expect("an end"), Outcome::Completed);
+        assert_within_stop_limits(run);
+        let mut commands = commands(run);
+        commands.dedup();
+        commands
+    })
+}
+
+/// Places on the way back, cycle by cycle.
+fn way_back(run: &mut Rehearsal<'_>) -> Vec<[f64; 3]> {
+    let mut way = Vec::new();
+    run.operator.give(Command::Resume);
+    reach(run, "back", |run| {
+        way.push(place(run));
+        run.control.state() == State::Held
+    });
+    way
+}
+
+#[test]
+fn a_part_that_was_left_by_hand_comes_out_as_the_one_that_was_not() {
+    let undisturbed = held_part(7, |_, _| {});
+    let left = held_part(7, |run, held| {
+        assert_eq!(run.operator.live().waiting, None);
+        jog_by(run, 2, 30.0);
+        rest_away(run);
+        jog_by(run, 0, -7.5);
+        jog_by(run, 1, 5.0);
+        rest_away(run);
+        let away = place(run);
+        assert!((away[2] - held[2] - 30.0).abs() < 1e-9 && (away[0] - held[0] + 7.5).abs() < 1e-9);
+        assert!(
+            run.operator
+                .live()
+                .waiting
+                .is_some_and(|waiting| waiting.release().contains("resume"))
+        );
+        assert!(run.operator.live().line >= MIDST);
+        let way = way_back(run);
+        // Beside first, then down, the last of it slowly.
+        for pair in way.windows(2) {
+            let [before, after] = [pair[0], pair[1]];
+            let is_beside = (before[0] - held[0]).hypot(before[1] - held[1]) < 1e-9;
+            assert!(is_beside || after[2] == away[2], "{after:?}");
+            if before[2] < held[2] + 4.9 {
+                assert!(
+                    before[2] - after[2] <= 100.0 / 60.0 * CYCLE_S + 1e-9,
+                    "{before:?} {after:?}"
+                );
+            }
+        }
+    });
+    assert!(undisturbed.len() > 1000);
+    assert_eq!(left, undisturbed);
+}
+
+#[test]
+fn from_below_the_way_back_goes_up_first_and_a_hold_or_a_hand_may_break_it() {
+    let undisturbed = held_part(8, |_, _| {});
+    let left = held_part(8, |run, held| {
+        jog_by(run, 0, 12.0);
+        rest_away(run);
+        jog_by(run, 2, -3.0);
+        rest_away(run);
+        let below = place(run);
+        // What only programs can be asked is without effect here.
+        for command in [Command::Reverse(1.0), Command::Hold, Command::ToolChanged] {
+            run.operator.give(command);
+        }
+        rest_away(run);
+        assert_eq!(place(run), below);
+        run.operator.give(Command::Resume);
+        reach(run, "on the way up", |run| place(run)[2] > below[2] + 1.0);
+        assert_eq!((run.control.state(), place(run)[0]), (State::Returning, below[0]));
+        run.operator.give(Command::Hold);
+        rest_away(run);
+        let broken = place(run);
+        assert!(broken[2] < held[2] && broken[0] == below[0], "{broken:?}");
+        jog_by(run, 1, 4.0);
+        rest_away(run);
+        let way = way_back(run);
+        for at in &way {
+            let is_beside = (at[0] - broken[0]).abs() < 1e-9;
+            assert!(is_beside || (at[2] - held[2]).abs() < 1e-9, "{at:?}");
+        }
+    });
+    assert_eq!(left, undisturbed);
+}
+
+#[test]
+fn away_from_the_path_and_on_the_way_back_a_stop_gives_the_part_up_and_a_fault_stops_the_machine() {
+    for (returning, fault) in [(false, false), (true, false), (false, true), (true, true)] {
+        rehearse_part(9, |run| {
+            reach_midst(run);
+            run.operator.give(Command::Hold);
+            reach_state(run, State::Held);
+            jog_by(run, 2, 20.0);
+            rest_away(run);
+            jog_by(run, 0, 60.0);
+            if returning {
+                // The hand is let go first.
+                run.operator.give(Command::Resume);
+                reach(run, "beside", |run| {
+                    run.control.state() == State::Returning && run.operator.live().velocity_mm_s > 10.0
+                });
+            } else {
+                reach(run, "in motion", |run| run.operator.live().velocity_mm_s > 10.0);
+            }
+            match fault {
+                true => run.operator.give(Command::Estop),
+                false => run.operator.give(Command::Stop),
+            }
+            reach(run, "at an end", |run| {
+                matches!(run.control.state(), State::Ready | State::Estop | State::Disabled)
+            });
+            let off = run.operator.live().switched_off;
+            assert!(off > 0, "spindle and coolant are off");
+            // Drives that stop by their own ramp do so behind the state.
+            let _ = run.run_until(1000, |_| false);
+            let rest = place(run);
+            run.operator.give(Command::Resume);
+            let moved = run.run_until(200, |run| place(run) != rest);
+            assert!(!moved.expect("no fault"), "it moves again: {rest:?} {:?}", place(run));
+            for peaks in run.control.peaks() {
+                assert_eq!(peaks.over, [0; 3], "{peaks:?}");
+            }
         });
     }
 }

@@ -15,6 +15,7 @@ use isocnc::operator::console::Operator;
 use isocnc::program::{Feeder, Progress};
 use isocnc::rt::assemble::assemble;
 use isocnc::rt::cycle_stats::{CycleTimes, recorder};
+use isocnc::rt::joint_jog::{JogMotion, JogOrder};
 use isocnc::rt::pins::CAPACITY;
 use isocnc::rt::shared::Command;
 use isocnc::rt::thread::grid;
@@ -260,7 +261,20 @@ fn the_cycle_never_allocates() {
             4_500 => hal.set("halui.feed-override.scale", 0.1).expect("a pin"),
             4_501 => hal.set("halui.feed-override.counts", -3).expect("a pin"),
             5_000 => operator.give(Command::Hold),
-            6_000 => {
+            5_400 | 5_500 => {
+                let joints = 1 << (cycles / 100 % 2);
+                let motion = JogMotion::Run { velocity_mm_s: 20.0 };
+                operator.give(Command::Jog(JogOrder {
+                    joints,
+                    axis: None,
+                    motion,
+                }));
+            }
+            5_600 => {
+                assert_eq!(control.state(), State::Away);
+                operator.give(Command::Resume);
+            }
+            6_900 => {
                 assert_eq!(control.state(), State::Held);
                 operator.give(Command::Resume);
             }
@@ -288,7 +302,10 @@ fn the_cycle_never_allocates() {
             },
         );
         assert!(
-            matches!(control.state(), State::Running | State::Held),
+            matches!(
+                control.state(),
+                State::Running | State::Held | State::Away | State::Returning
+            ),
             "cycle {cycles}: {:?}",
             control.state()
         );

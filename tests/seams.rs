@@ -1,17 +1,18 @@
 //! Every seam between what moves joints: a program's plan, probing moves, threads and taps, holds, the way back, single block,
-//! overrides, stops, jogs of joints and of axes, homing. One after the other at random, on every family of kinematics, with
+//! overrides, stops, jogs of joints and of axes, the way back from them, homing. One after the other at random, on every family of kinematics, with
 //! both planners; all that leaves for the joints is one row of set-points, judged by its differences from cycle to cycle.
 //!
 //! These are the generators of the cycle thread themselves, without a bus. Random scripts print their seed; more of them:
 //! `ISOCNC_SEEDS=100 cargo test --test seams`.
 
-use isocnc::config::{self, Config};
+use isocnc::config::{self, Config, JOINTS_MAX};
 use isocnc::machine::motion_settings::{ring_capacity, stop_ramp, stop_shares};
 use isocnc::machine::tables::Tables;
 use isocnc::program::{Feeder, Progress, home, waits};
 use isocnc::rt::joint_jog::{JogMotion, JogOrder, JointJog};
 use isocnc::rt::overrides::{Overridden, Overrides};
 use isocnc::rt::shared::RtStatus;
+use isocnc::rt::way_back::{self, WayBack};
 use motion::canon::{Axis, Position, SpindleDirection};
 use motion::element::Action;
 use motion::kinematics::ToolFrame;
@@ -545,6 +546,7 @@ impl<'a> Machine<'a> {
         self.count(if world { "jog of axes" } else { "jog of joints" });
         self.note(format!("jog, axes: {world}"));
         let mut hand = JointJog::new(self.config);
+        let left = self.joints.clone();
         let first = self.jog_order(Some(world));
         hand.begin(&self.joints, &first);
         hand.obey(&first);
@@ -570,6 +572,55 @@ impl<'a> Machine<'a> {
             }
             assert!(cycle < CYCLES_MAX, "{}: a jog without an end", self.story[0]);
         }
+        if self.random.once_in(2) {
+            self.go_back(&mut hand, &left);
+        }
+    }
+
+    /// Back to where the hand took the machine from, held on the way now and then.
+    fn go_back(&mut self, hand: &mut JointJog, left: &[f64]) {
+        self.count("way back");
+        self.note("way back");
+        let kinematics = self.config.kinematics();
+        let mut joints_mm = [0.0; JOINTS_MAX];
+        joints_mm[..left.len()].copy_from_slice(left);
+        let axes = kinematics.forward(&ToolFrame::OFF, left).expect("a place");
+        let place = way_back::Place { joints_mm, axes };
+        let mut way_back = WayBack::new(self.config);
+        hand.begin_to_go(&self.joints);
+        way_back.begin();
+        let mut held = 0;
+        for cycle in 0.. {
+            if held == 0 && self.random.once_in(700) {
+                self.note("held");
+                held = 300;
+                hand.release_all();
+                way_back.interrupt();
+            }
+            if held > 0 {
+                held -= 1;
+            }
+            let progress = match held {
+                0 => way_back.step(&place, hand, [1.0, 1.0]),
+                _ => way_back::Progress::Moving,
+            };
+            match progress {
+                way_back::Progress::Moving => {}
+                way_back::Progress::There => {
+                    for (joint, left) in self.joints.iter_mut().zip(left) {
+                        assert!((*joint - left).abs() < 1e-6, "{joint} {left}");
+                        *joint = *left;
+                    }
+                    self.count("came back");
+                    break;
+                }
+                way_back::Progress::Elsewhere => break,
+            }
+            hand.step(&mut self.joints);
+            self.see(hand.is_stopping());
+            assert!(cycle < 8 * CYCLES_MAX, "{}: a way back without an end", self.story[0]);
+        }
+        self.note("way back ends");
     }
 
     /// Homes an axis by a switch nearby, and ends where it was; or is stopped on the way.
@@ -718,7 +769,7 @@ fn live_through(name: &str) {
         .is_trivial(&ToolFrame::OFF);
     let axes = (!trivial).then_some("jog of axes");
     let in_step: &[&str] = if place.in_step { &["thread", "tap"] } else { &[] };
-    let all = ["program", "probing", "jog of joints", "homing"];
+    let all = ["program", "probing", "jog of joints", "homing", "way back", "came back"];
     for what in all.iter().chain(in_step).copied().chain(axes) {
         assert!(ran.get(what).is_some_and(|count| *count >= 1), "{what}: {ran:?}");
     }

@@ -142,6 +142,30 @@ fn a_day_at_the_machine() {
     control.refused(&["jog", "X", "1"], "a program runs");
     control.ask(&["hold"]).unwrap();
     control.wait_for("held", |status| status["activity"] == "held");
+    // Away by hand, to look at the work, and back, with the way told.
+    let held = work_mm(&control);
+    done(
+        &control,
+        &["jog", "Y", "6", "--speed", "50"],
+        &format!(
+            "Y at rest at {:.3} mm",
+            status(&control)["position_mm"][1].as_f64().unwrap() + 6.0
+        ),
+    );
+    control.ask(&["jog", "Z", "4", "--speed", "50"]).unwrap();
+    let away = control.wait_for("away", |status| status["activity"] == "away");
+    assert_eq!(away["waiting"]["for"], "operator");
+    control.refused(&["reverse"], "isocnc resume returns to it");
+    control.refused(&["mdi", "G0 X1"], "a program is held, away from its path");
+    let (code, said) = control.words(&["resume"]);
+    assert!(
+        code == Some(0) && said.contains("returns to the path: Y") && said.contains("then Z down to"),
+        "{said}"
+    );
+    control.wait_for("held again", |status| status["activity"] == "held");
+    for (back, held) in work_mm(&control).into_iter().zip(held) {
+        assert_near(back, held);
+    }
     control.ask(&["resume"]).unwrap();
     control.wait_for("running again", |status| status["activity"] == "running");
     done(&control, &["stop"], "at rest, drives are on");

@@ -225,12 +225,21 @@ pub fn hold(args: &ControlArgs) -> anyhow::Result<ExitCode> {
     order(args, "hold", "comes to rest on the path; go on with: isocnc resume")
 }
 
-/// Goes on after a hold.
+/// Goes on after a hold; away from the path, returns to it first.
 ///
 /// # Errors
 /// No control answers, or it refuses.
 pub fn resume(args: &ControlArgs) -> anyhow::Result<ExitCode> {
-    order(args, "resume", "goes on")
+    let answer = call(args, "resume", json!({}))?;
+    let legs = answer["returns"]
+        .as_array()
+        .map(|legs| legs.iter().filter_map(Value::as_str));
+    let done = legs.map_or("goes on".to_owned(), |legs| {
+        let way = legs.collect::<Vec<_>>().join(", then ");
+        format!("returns to the path: {way}\nthere it waits: isocnc resume goes on")
+    });
+    print(args, &answer, &done);
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Says that the tool is in the spindle that the program waits for.

@@ -58,8 +58,11 @@ pub fn jog(args: &JogArgs) -> anyhow::Result<ExitCode> {
         std::thread::sleep(RENEWAL);
         let status = client.call("status", json!({}))?;
         let rests = status["velocity_mm_s"].as_f64() == Some(0.0);
-        if status["state"] != "jogging" {
-            break status;
+        // A machine that is away from its path is so also when nobody jogs.
+        match status["state"].as_str() {
+            Some("jogging") => {}
+            Some("away") if !rests || endless && signal.caught().is_none() => {}
+            _ => break status,
         }
         // A key that is let go; at the end of the way, too, so that what is ordered next need not wait.
         let method = if signal.caught().is_some() || rests && !endless {

@@ -89,6 +89,8 @@ impl<'a> Window<'a> {
             | State::Enabling
             | State::Homing
             | State::Jogging
+            | State::Away
+            | State::Returning
             | State::Stopping
             | State::Disabling
             | State::Faulted

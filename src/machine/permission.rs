@@ -159,19 +159,25 @@ pub enum Activity {
     Running,
     /// It rests on its path.
     Held,
+    /// It is held, and the machine was moved away from its path by hand.
+    Away,
+    /// The machine returns to where it is held.
+    Returning,
     /// It comes to rest and is given up.
     Stopping,
 }
 
 impl Activity {
     /// All of them.
-    pub const ALL: [Activity; 7] = [
+    pub const ALL: [Activity; 9] = [
         Activity::Idle,
         Activity::Checking,
         Activity::Homing,
         Activity::Jogging,
         Activity::Running,
         Activity::Held,
+        Activity::Away,
+        Activity::Returning,
         Activity::Stopping,
     ];
 
@@ -184,6 +190,8 @@ impl Activity {
             Activity::Jogging => "jogging",
             Activity::Running => "running",
             Activity::Held => "held",
+            Activity::Away => "away",
+            Activity::Returning => "returning",
             Activity::Stopping => "stopping",
         }
     }
@@ -276,7 +284,8 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
         Wish::Jog => {
             needs(condition, false)?;
             match activity {
-                Activity::Jogging => Ok(()),
+                Activity::Jogging | Activity::Held | Activity::Away => Ok(()),
+                Activity::Running => refused("a program runs", "isocnc hold, then jog"),
                 _ => is_idle(activity),
             }
         }
@@ -303,7 +312,7 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
             _ => is_idle(activity),
         },
         Wish::Hold => match activity {
-            Activity::Running | Activity::Jogging | Activity::Held => Ok(()),
+            Activity::Running | Activity::Jogging | Activity::Held | Activity::Away | Activity::Returning => Ok(()),
             _ => refused(
                 "nothing runs that could be held",
                 "isocnc status tells how the machine is",
@@ -311,6 +320,9 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
         },
         Wish::Resume | Wish::Reverse => match activity {
             Activity::Running | Activity::Held => Ok(()),
+            Activity::Away if wish == Wish::Resume => Ok(()),
+            Activity::Away => refused("the machine is away from the path", "isocnc resume returns to it"),
+            Activity::Returning => refused("the machine returns to the path", "wait, or isocnc hold"),
             Activity::Stopping => refused("the program is being given up", "start it again"),
             _ => refused(
                 "no program runs or is held",
@@ -373,6 +385,11 @@ fn is_idle(activity: Activity) -> Result<(), Refusal> {
         Activity::Jogging => ("something is moved by hand", "let it come to rest"),
         Activity::Running => ("a program runs", "wait, or isocnc stop"),
         Activity::Held => ("a program is held", "isocnc resume, or isocnc stop"),
+        Activity::Away => (
+            "a program is held, away from its path",
+            "isocnc resume returns to it, isocnc stop gives it up",
+        ),
+        Activity::Returning => ("the machine returns to the path", "wait, or isocnc stop"),
         Activity::Stopping => ("the machine comes to rest", "wait until it has"),
     };
     Err(Refusal { why, next })
@@ -413,7 +430,7 @@ mod tests {
                 }
             }
         }
-        assert_eq!(done + refused, 18 * 16 * 8 * 7);
+        assert_eq!(done + refused, 18 * 16 * 8 * 9);
         assert!(done > 1000 && refused > 1000, "{done} {refused}");
     }
 

@@ -38,10 +38,14 @@ pub enum State {
     Silenced,
     /// Emergency stop: drives are stopped and without power; waits for a reset once the chain is closed.
     Estop,
+    /// A program is held, and the machine is moved by hand or rests away from its path.
+    Away,
+    /// On the way back to where the program is held.
+    Returning,
 }
 
 impl State {
-    const ALL: [State; 15] = [
+    const ALL: [State; 17] = [
         State::Booting,
         State::Disabled,
         State::Enabling,
@@ -57,6 +61,8 @@ impl State {
         State::Jogging,
         State::Silenced,
         State::Estop,
+        State::Away,
+        State::Returning,
     ];
 
     /// The state of a number made by `as u8`.
@@ -82,6 +88,8 @@ impl State {
             State::Down => "down",
             State::Silenced => "silenced",
             State::Estop => "estop",
+            State::Away => "away",
+            State::Returning => "returning",
         }
     }
 }

@@ -515,6 +515,11 @@ impl Operator {
                 self.note(time_s, text.clone());
                 self.obstruction = Some(text);
             }
+            Notice::NoWayBack => {
+                let what = "the machine did not come back to where the program is held: jog nearer to it, then isocnc resume";
+                self.obstruction = Some(what.into());
+                self.note(time_s, format!("warning: {what}"));
+            }
             Notice::SpindleHeld { line, share } => self.note(
                 time_s,
                 format!(

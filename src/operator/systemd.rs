@@ -137,6 +137,8 @@ fn is_up(state: State) -> bool {
         | State::Jogging
         | State::Running
         | State::Held
+        | State::Away
+        | State::Returning
         | State::Stopping
         | State::Disabling
         | State::Faulted

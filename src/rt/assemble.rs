@@ -14,6 +14,7 @@ use crate::bus::{CyclicBus, InputImage, OutputImage};
 use crate::config::{Config, Joint};
 use crate::machine::overruns::Overruns;
 use crate::rt::joint_jog::JointJog;
+use crate::rt::way_back::WayBack;
 use anyhow::{Context, anyhow};
 use hal_pins::Hal;
 use motion::rt::{Monitor, MonitorLimits};
@@ -51,6 +52,7 @@ pub fn assemble<B: CyclicBus>(
         kinematics: config.kinematics(),
         monitor: Monitor::new(&config.joints.iter().map(monitor_limits).collect::<Vec<_>>(), cycle_s),
         hand: JointJog::new(config),
+        way_back: WayBack::new(config),
         homer: Homer::new(config),
         pins: Pins::new(hal, config, plans).context("pins")?,
         overruns: Overruns::new(config.rt.overruns_warn, config.rt.overruns_stop),

@@ -24,6 +24,7 @@ pub struct AxisJog {
     /// Cycles for which an order holds.
     holds_max: u64,
     cycle_s: f64,
+    fastest: [f64; AXES],
     position: Position,
     speed_mm_s: f64,
     obstruction: Option<Obstruction>,
@@ -53,6 +54,7 @@ impl AxisJog {
             holds: [0; AXES],
             holds_max,
             cycle_s,
+            fastest: axes.map(|axis| axis.motion.velocity),
             position: Position::ZERO,
             speed_mm_s: 0.0,
             obstruction: None,
@@ -135,6 +137,28 @@ impl AxisJog {
             // What cannot go on is over, so that the hand on the key notices.
             self.obstruction = Some(obstruction);
             self.holds = [0; AXES];
+        }
+    }
+
+    /// Where an axis is.
+    pub fn place(&self, axis: usize) -> Option<f64> {
+        self.position.0.get(axis).copied()
+    }
+
+    /// Where a joint is, mm.
+    pub fn joint(&self, joint: usize) -> f64 {
+        self.jog.joint(joint)
+    }
+
+    /// Greatest speed of an axis by hand, mm/s.
+    pub fn fastest(&self, axis: usize) -> f64 {
+        self.fastest.get(axis).copied().unwrap_or(0.0)
+    }
+
+    /// Moves an axis by a distance, from rest.
+    pub fn go_by(&mut self, axis: usize, distance: f64, velocity: f64) {
+        if let Some(axis) = Axis::ALL.get(axis) {
+            self.jog.advance(*axis, distance, velocity);
         }
     }
 

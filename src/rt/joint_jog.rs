@@ -60,6 +60,7 @@ struct Joint {
     start_mm: f64,
     /// Cycles for which the last order still holds.
     holds: u64,
+    fastest_mm_s: f64,
 }
 
 /// The operator's hand on the joints.
@@ -89,6 +90,7 @@ impl JointJog {
             travel_mm: joint.travel_mm,
             start_mm: 0.0,
             holds: 0,
+            fastest_mm_s: limits[number].motion.velocity,
         });
         let holds = (HOLDS_S / cycle_s).round() as u64;
         JointJog {
@@ -214,6 +216,64 @@ impl JointJog {
             joint.holds = 0;
         }
         self.jog.stop_all();
+    }
+
+    /// Begins with all joints at rest at `positions_mm`, to be sent to places by [`JointJog::go_by`]: of axes, where joints are not
+    /// axes.
+    pub fn begin_to_go(&mut self, positions_mm: &[f64]) {
+        let nothing = JogOrder {
+            joints: 0,
+            axis: self.world.as_ref().map(|_| Axis::Z),
+            motion: JogMotion::Keep,
+        };
+        self.begin(positions_mm, &nothing);
+    }
+
+    /// Whether axes are moved, not joints.
+    pub fn is_in_world(&self) -> bool {
+        self.world().is_some()
+    }
+
+    /// Where an axis or a joint that leads is; `None`: there is no such one.
+    pub fn place(&self, number: usize) -> Option<f64> {
+        if let Some(world) = self.world() {
+            return world.place(number);
+        }
+        let leads = self.joints.get(number).is_some_and(|joint| joint.leader == number);
+        self.jog.state(number).filter(|_| leads).map(|state| state.position)
+    }
+
+    /// Its greatest speed by hand, mm/s.
+    pub fn fastest(&self, number: usize) -> f64 {
+        match self.world() {
+            Some(world) => world.fastest(number),
+            None => self.joints.get(number).map_or(0.0, |joint| joint.fastest_mm_s),
+        }
+    }
+
+    /// Moves it by a distance, from rest; no hand has to stay on a key for it.
+    pub fn go_by(&mut self, number: usize, distance: f64, velocity: f64) {
+        if let Some(world) = self.world.as_mut().filter(|_| self.in_world) {
+            world.go_by(number, distance, velocity);
+        } else {
+            self.jog.advance(number, distance, velocity);
+        }
+    }
+
+    /// Whether all joints are at these positions, but for a slack, mm.
+    pub fn is_at(&self, positions_mm: &[f64], slack_mm: f64) -> bool {
+        let mut joints = self.joints.iter().zip(positions_mm).enumerate();
+        joints.all(|(number, (joint, wanted_mm))| {
+            let ahead_mm = joint.start_mm - self.joints[joint.leader].start_mm;
+            let at_mm = match self.world() {
+                Some(world) => world.joint(number),
+                None => self
+                    .jog
+                    .state(joint.leader)
+                    .map_or(f64::NAN, |state| state.position + ahead_mm),
+            };
+            (at_mm - wanted_mm).abs() <= slack_mm
+        })
     }
 
     /// Takes the hand off.

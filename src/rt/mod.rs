@@ -18,3 +18,4 @@ pub mod spindle;
 pub mod thread;
 pub mod timeout;
 pub mod waiting;
+pub mod way_back;

@@ -176,7 +176,14 @@ impl EstopPins {
         self.user_request_enable.set(self.pulse > 0);
         self.pulse = self.pulse.saturating_sub(1);
         let is_on = match state {
-            State::Ready | State::Homing | State::Jogging | State::Running | State::Held | State::Stopping => true,
+            State::Ready
+            | State::Homing
+            | State::Jogging
+            | State::Running
+            | State::Held
+            | State::Away
+            | State::Returning
+            | State::Stopping => true,
             State::Booting
             | State::Disabled
             | State::Enabling

@@ -79,6 +79,8 @@ pub enum Notice {
     Action(Action),
     /// Something is in the way of an axis that is jogged.
     Obstructed(Obstruction),
+    /// The machine does not come back to where the program is held on its path.
+    NoWayBack,
     /// In a move in step with the spindle, its override acts up to a share only: the axes cannot follow more.
     SpindleHeld {
         /// Line of the program.
@@ -151,6 +153,8 @@ pub struct RtStatus {
     waiting: WaitingCell,
     switched_off: AtomicU64,
     chain_open: AtomicBool,
+    /// Not numbers: the machine is not away from a path.
+    held_at: [AtomicU64; AXES],
     limits: [AtomicU64; 2],
 }
 
@@ -184,6 +188,7 @@ impl RtStatus {
             waiting: WaitingCell::default(),
             switched_off: AtomicU64::new(0),
             chain_open: AtomicBool::new(false),
+            held_at: [const { AtomicU64::new(f64::NAN.to_bits()) }; AXES],
             limits: Default::default(),
         }
     }
@@ -226,6 +231,8 @@ pub struct Snapshot {
     pub switched_off: u64,
     /// The emergency stop chain is open.
     pub chain_open: bool,
+    /// Where the program is held while the machine is elsewhere.
+    pub held_at: Option<Position>,
     /// Joints whose lower, and whose upper limit switch is closed (bit n: joint n).
     pub limits: [u64; 2],
 }
@@ -271,6 +278,10 @@ impl RtStatus {
         self.waiting.set(snapshot.waiting);
         self.switched_off.store(snapshot.switched_off, Relaxed);
         self.chain_open.store(snapshot.chain_open, Relaxed);
+        let held_at = snapshot.held_at.unwrap_or(Position([f64::NAN; AXES]));
+        for (cell, value) in self.held_at.iter().zip(held_at.0) {
+            cell.store(value.to_bits(), Relaxed);
+        }
         for (cell, limit) in self.limits.iter().zip(snapshot.limits) {
             cell.store(limit, Relaxed);
         }
@@ -303,6 +314,8 @@ impl RtStatus {
             waiting: self.waiting.get(),
             switched_off: self.switched_off.load(Relaxed),
             chain_open: self.chain_open.load(Relaxed),
+            held_at: Some(Position(std::array::from_fn(|axis| float(&self.held_at[axis]))))
+                .filter(|place| place.0.iter().all(|value| value.is_finite())),
             limits: std::array::from_fn(|end| self.limits[end].load(Relaxed)),
         }
     }

@@ -25,6 +25,8 @@ pub enum Waiting {
     Feed,
     /// More of the plan.
     Queue,
+    /// The operator, who has moved the machine away from the path by hand.
+    Return,
 }
 
 impl Waiting {
@@ -64,6 +66,7 @@ impl Waiting {
             Waiting::UserCommand { .. } => "user-command",
             Waiting::Feed => "feed",
             Waiting::Queue => "queue",
+            Waiting::Return => "operator",
         }
     }
 
@@ -79,6 +82,7 @@ impl Waiting {
             Waiting::UserCommand { number } => format!("the command M{number} runs"),
             Waiting::Feed => "feed is held by an override at 0 %, motion.feed-hold or motion.adaptive-feed".into(),
             Waiting::Queue => "the plan is behind".into(),
+            Waiting::Return => "the machine is away from the path on which the program is held".into(),
         }
     }
 
@@ -93,6 +97,7 @@ impl Waiting {
             Waiting::UserCommand { .. } => "its end, or its time limit",
             Waiting::Feed => "the override, or the switch",
             Waiting::Queue => "by itself",
+            Waiting::Return => "isocnc resume returns, Z up first; isocnc resume again goes on",
         }
     }
 
@@ -103,6 +108,7 @@ impl Waiting {
             Waiting::SpindleSpeed => 3,
             Waiting::Feed => 4,
             Waiting::Queue => 5,
+            Waiting::Return => 10,
             Waiting::SpindleOrient => 8,
             Waiting::UserCommand { number } => 9 | u64::from(number) << 32,
             Waiting::Input {
@@ -122,6 +128,7 @@ impl Waiting {
             3 => Some(Waiting::SpindleSpeed),
             4 => Some(Waiting::Feed),
             5 => Some(Waiting::Queue),
+            10 => Some(Waiting::Return),
             8 => Some(Waiting::SpindleOrient),
             9 => Some(Waiting::UserCommand { number: number as u8 }),
             6 => Some(Waiting::Input {
@@ -165,6 +172,7 @@ mod tests {
             Waiting::SpindleSpeed,
             Waiting::Feed,
             Waiting::Queue,
+            Waiting::Return,
             Waiting::SpindleOrient,
             Waiting::UserCommand { number: 199 },
             Waiting::Input {

@@ -214,14 +214,15 @@ pub const METHODS: &[Method] = &[
     Method {
         name: "hold",
         params: &[],
-        does: "brings the program to rest on its path and keeps it; a jog is over",
+        does: "brings the program to rest on its path and keeps it: it may be jogged away then; a jog or a way back is over",
         looks: false,
         call: |methods, _, ticket| methods.order(ticket, Order::Hold),
     },
     Method {
         name: "resume",
         params: &[],
-        does: "goes on after a hold, and forward after \"reverse\"; in single block, runs the next block",
+        does: "goes on after a hold, and forward after \"reverse\"; in single block, runs the next block. Of a machine that was jogged \
+               away: returns to where the program is held, Z up first (\"returns\": the legs), and waits there for the next one",
         looks: false,
         call: |methods, _, ticket| methods.order(ticket, Order::Resume),
     },
@@ -359,6 +360,7 @@ impl Methods {
             "remaining_s": live.remaining_s,
             "elapsed_s": live.elapsed_s,
             "estop_chain_open": live.chain_open,
+            "held_at_mm": live.held_at.map(|place| place.0),
             "limit_switches": { "lower": numbers(live.limits[0]), "upper": numbers(live.limits[1]) },
             "alarm": shown.alarm,
             "obstruction": shown.obstruction,

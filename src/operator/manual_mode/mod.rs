@@ -24,7 +24,7 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
     }
     let live = operator.live();
     match (operator.step(), live.state) {
-        (Step::StandBy, State::Ready | State::Jogging) => {}
+        (Step::StandBy, State::Ready | State::Jogging) | (Step::Program, State::Held | State::Away) => {}
         _ => return Err(not_now(operator)),
     }
     let axis = match jog.what {
@@ -48,7 +48,7 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
         return Err(switch);
     }
     // What was ordered a moment ago may not have begun yet.
-    if !begins && live.state != State::Jogging && operator.is_up_to_date() {
+    if !begins && !matches!(live.state, State::Jogging | State::Away) && operator.is_up_to_date() {
         return Err(operator.obstruction().unwrap_or("nothing is being jogged").to_owned());
     }
     if begins {

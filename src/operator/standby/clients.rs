@@ -15,8 +15,9 @@ use crate::operator::manual_mode;
 use crate::operator::remembered;
 use crate::operator::table_writer::Keeper;
 use crate::program::{Begin, Change, changed, home};
-use crate::rt::shared::Command;
+use crate::rt::shared::{Command, Snapshot};
 use crate::rt::waiting;
+use crate::rt::way_back::SLOW_MM;
 use gcode::Modes;
 use motion::cancel::Cancel;
 use motion::canon::Axis;
@@ -302,8 +303,9 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 Ok(())
             }
             Order::Resume => {
+                let way = way_back(&operator.live(), self.config);
                 operator.give(Command::Resume);
-                Ok(())
+                return Ok(Some(Ok(way.map_or(json!({}), |way| json!({ "returns": way })))));
             }
             Order::Reverse(share) => {
                 operator.give(Command::Reverse(share));
@@ -382,12 +384,21 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             State::Faulted => Power::Alarm,
             State::Estop if live.chain_open => Power::EstopOpen,
             State::Estop => Power::Estop,
-            State::Ready | State::Homing | State::Jogging | State::Running | State::Held | State::Stopping => Power::On,
+            State::Ready
+            | State::Homing
+            | State::Jogging
+            | State::Running
+            | State::Held
+            | State::Away
+            | State::Returning
+            | State::Stopping => Power::On,
             State::ShuttingDown | State::Down | State::Silenced => Power::Ending,
         };
         let is_checked = self.checking.is_some();
         let activity = match (step, state) {
             (_, State::Held) => Activity::Held,
+            (_, State::Away) => Activity::Away,
+            (_, State::Returning) => Activity::Returning,
             (Step::Stop, _) | (_, State::Stopping) => Activity::Stopping,
             (Step::Home, _) | (_, State::Homing) => Activity::Homing,
             (Step::Program, _) | (_, State::Running) => Activity::Running,
@@ -592,6 +603,25 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         let tool = self.modes.as_deref().and_then(Modes::tool_offset).unwrap_or_default();
         Axis::ALL.map(|axis| origin[axis] + g92[axis] + tool[axis]).to_vec()
     }
+}
+
+/// How the machine returns to where the program is held, if it is elsewhere: one sentence a leg.
+fn way_back(live: &Snapshot, config: &Config) -> Option<Vec<String>> {
+    let (at, to) = (live.position, live.held_at?);
+    let axes = || config.axes.iter().map(|map| map.axis);
+    let beside = axes().filter(|axis| *axis != Axis::Z && at[*axis] != to[*axis]);
+    let beside: Vec<String> = beside.map(|axis| format!("{}{:.3}", axis.letter(), to[axis])).collect();
+    let mut way = Vec::new();
+    if axes().any(|axis| axis == Axis::Z) && at[Axis::Z] < to[Axis::Z] {
+        way.push(format!("Z up to {:.3}", to[Axis::Z]));
+    }
+    if !beside.is_empty() {
+        way.push(beside.join(" "));
+    }
+    if axes().any(|axis| axis == Axis::Z) && at[Axis::Z] > to[Axis::Z] {
+        way.push(format!("Z down to {:.3}, the last {SLOW_MM} mm slowly", to[Axis::Z]));
+    }
+    Some(way)
 }
 
 /// The row of the table of orders; `None`: it only looks.

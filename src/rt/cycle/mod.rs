@@ -24,6 +24,7 @@ use crate::rt::cycle_stats::Timing;
 use crate::rt::joint_jog::{JogMotion, JogOrder, JointJog};
 use crate::rt::overrides::Overridden;
 use crate::rt::waiting::Waiting;
+use crate::rt::way_back::{Place, Progress, WayBack};
 use cia402::axis::{AxisFault, Request, Status};
 use motion::canon::Position;
 use motion::element::Action;
@@ -80,6 +81,8 @@ pub struct CycleParts {
     pub monitor: Monitor,
     /// Moves joints by hand.
     pub hand: JointJog,
+    /// Brings joints back to the path.
+    pub way_back: WayBack,
     /// Homes joints whose drives do not.
     pub homer: Homer,
     /// The control's pins.
@@ -111,6 +114,10 @@ pub struct MotionController<B> {
     /// Backward along the path, at this share of its speed.
     reverse: Option<f64>,
     single_block: bool,
+    /// Where the program is held while the machine is elsewhere.
+    away_from: Option<Place>,
+    /// It is to return there, once the hand is off.
+    goes_back: bool,
     waiting: Option<Action>,
     /// An override or a switch lets feed or rapid moves rest.
     is_fed_nothing: bool,
@@ -147,6 +154,8 @@ impl<B: CyclicBus> MotionController<B> {
             hold: false,
             reverse: None,
             single_block: false,
+            away_from: None,
+            goes_back: false,
             waiting: None,
             is_fed_nothing: false,
             limits: [0; 2],
@@ -262,6 +271,15 @@ impl<B: CyclicBus> MotionController<B> {
                 self.parts.hand.end();
                 self.enter(State::Ready);
             }
+            State::Away if self.parts.hand.is_over() => {
+                self.parts.hand.end();
+                if self.goes_back {
+                    self.parts.hand.begin_to_go(&self.command_mm[..self.joints]);
+                    self.parts.way_back.begin();
+                    self.enter(State::Returning);
+                }
+            }
+            State::Returning => self.go_back(),
             State::Running if self.hold && self.at_rest() => self.enter(State::Held),
             State::Running if self.sample.state == SampleState::Finished => {
                 if !self.is_mdi {
@@ -298,6 +316,7 @@ impl<B: CyclicBus> MotionController<B> {
             | State::ShuttingDown
             | State::Down
             | State::Estop
+            | State::Away
             | State::Silenced => {}
         }
     }
@@ -347,6 +366,7 @@ impl<B: CyclicBus> MotionController<B> {
         let Some(program) = self.program.take() else { return };
         self.give_back(program);
         self.waiting = None;
+        self.away_from = None;
         let joints = &self.command_mm[..self.joints];
         let position = self.parts.kinematics.forward(&ToolFrame::OFF, joints);
         self.sample = Sample::resting(position.unwrap_or(self.sample.position));
@@ -367,7 +387,9 @@ impl<B: CyclicBus> MotionController<B> {
             || [Overridden::Feed, Overridden::Rapid]
                 .map(|what| overrides.percent(what))
                 .contains(&0.0);
-        if let Some(program) = &mut self.program {
+        if self.away_from.is_some() {
+            self.move_by_hand();
+        } else if let Some(program) = &mut self.program {
             if program.is_probing() {
                 let measured = self.parts.drives.measured(&self.parts.kinematics, &self.sample);
                 program.see_probe(self.parts.pins.probe_input(), &measured);
@@ -426,26 +448,8 @@ impl<B: CyclicBus> MotionController<B> {
                 self.fault(Fault::OutOfStep { fault });
             }
         } else {
-            let by_hand = self.parts.hand.is_active();
-            if by_hand {
-                if self.parts.pins.is_feed_hold() {
-                    self.parts.hand.release_all();
-                }
-                self.parts.hand.step(&mut self.command_mm[..self.joints]);
-                if let Some(obstruction) = self.parts.hand.take_obstruction() {
-                    self.notice(Notice::Obstructed(obstruction));
-                }
-            } else {
-                self.stay_or_home();
-            }
-            let joints = &self.command_mm[..self.joints];
-            let position = self.parts.kinematics.forward(&ToolFrame::OFF, joints);
-            self.sample = Sample::resting(position.unwrap_or(self.sample.position));
-            if by_hand {
-                self.sample.velocity_mm_s = self.parts.hand.speed_mm_s();
-            } else if self.parts.homer.is_active() {
-                self.sample.velocity_mm_s = self.parts.homer.speed_mm_s();
-            }
+            self.sample = Sample::resting(self.sample.position);
+            self.move_by_hand();
         }
         let has_more = self.program.as_ref().is_some_and(|program| program.has_more());
         if let Some(action) = self.waiting
@@ -476,6 +480,63 @@ impl<B: CyclicBus> MotionController<B> {
         (self.parts.pins).follow_overrides(&self.outlets.live.overrides, self.sample.enables);
     }
 
+    /// Joints follow the hand, or home, or stay.
+    fn move_by_hand(&mut self) {
+        let by_hand = self.parts.hand.is_active();
+        if by_hand {
+            if self.parts.pins.is_feed_hold() {
+                self.parts.hand.release_all();
+            }
+            self.parts.hand.step(&mut self.command_mm[..self.joints]);
+            if let Some(obstruction) = self.parts.hand.take_obstruction() {
+                self.notice(Notice::Obstructed(obstruction));
+            }
+        } else {
+            self.stay_or_home();
+        }
+        let joints = &self.command_mm[..self.joints];
+        if let Some(position) = self.parts.kinematics.forward(&self.sample.frame, joints) {
+            self.sample.position = position;
+        }
+        self.sample.velocity_mm_s = match () {
+            () if by_hand => self.parts.hand.speed_mm_s(),
+            () if self.parts.homer.is_active() => self.parts.homer.speed_mm_s(),
+            () => 0.0,
+        };
+    }
+
+    /// The next leg of the way back, or its end.
+    fn go_back(&mut self) {
+        let Some(place) = &self.away_from else { return };
+        if !self.goes_back {
+            if self.parts.hand.is_at_rest() {
+                self.parts.hand.end();
+                self.enter(State::Away);
+            }
+            return;
+        }
+        if self.parts.pins.is_feed_hold() {
+            self.parts.way_back.interrupt();
+            return;
+        }
+        let overrides = &self.outlets.live.overrides;
+        let shares = [Overridden::Rapid, Overridden::Feed].map(|what| overrides.share(what).min(1.0));
+        match self.parts.way_back.step(place, &mut self.parts.hand, shares) {
+            Progress::Moving => {}
+            Progress::There => {
+                self.parts.hand.end();
+                self.away_from = None;
+                self.enter(State::Held);
+            }
+            Progress::Elsewhere => {
+                self.goes_back = false;
+                self.parts.hand.end();
+                self.notice(Notice::NoWayBack);
+                self.enter(State::Away);
+            }
+        }
+    }
+
     /// Each joint stays where it was told to be, but for those that home by the control.
     fn stay_or_home(&mut self) {
         let parts = &mut self.parts;
@@ -498,6 +559,9 @@ impl<B: CyclicBus> MotionController<B> {
 
     /// What a program that stands still waits for.
     fn waits_for(&self) -> Option<Waiting> {
+        if self.state == State::Away {
+            return Some(Waiting::Return);
+        }
         self.program.as_ref().filter(|_| self.state == State::Running)?;
         if let Some(action) = self.waiting {
             return Waiting::of(action);
@@ -520,10 +584,10 @@ impl<B: CyclicBus> MotionController<B> {
     /// The last look at what leaves for the drives: numbers, inside the travel, within the limits.
     fn check_commands(&mut self) {
         let scaling = match &self.program {
-            Some(program) => program.is_scaling(),
-            None if self.parts.hand.is_active() => self.parts.hand.is_stopping(),
-            None if self.parts.homer.is_active() => self.parts.homer.is_stopping(),
-            None => {
+            Some(program) if self.away_from.is_none() => program.is_scaling(),
+            _ if self.parts.hand.is_active() => self.parts.hand.is_stopping(),
+            _ if self.parts.homer.is_active() => self.parts.homer.is_stopping(),
+            _ => {
                 self.parts.monitor.restart();
                 return;
             }
@@ -597,9 +661,10 @@ impl<B: CyclicBus> MotionController<B> {
             waiting: self.waits_for(),
             switched_off: self.switched_off,
             chain_open: self.parts.pins.is_chain_open(),
+            held_at: self.away_from.map(|place| place.axes),
             limits: self.limits,
         });
-        if self.program.is_some() {
+        if self.program.is_some() && self.away_from.is_none() {
             let mut actual_mm = [0.0; JOINTS_MAX];
             let mut following_error_mm = 0.0_f64;
             for (actual_mm, drive) in actual_mm.iter_mut().zip(self.parts.drives.iter()) {

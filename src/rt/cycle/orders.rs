@@ -39,14 +39,14 @@ impl<B: CyclicBus> MotionController<B> {
             (Command::Home(joints), State::Ready) => {
                 self.home(joints);
             }
-            (Command::Jog(order), State::Ready | State::Jogging) => self.jog(&order),
+            (Command::Jog(order), State::Ready | State::Jogging | State::Held | State::Away) => self.jog(&order),
             (Command::Start { program, mdi }, State::Ready)
                 if self.limits == [0; 2] && self.parts.drives.all(|drive| drive.is_homed()) =>
             {
                 self.start(program, mdi);
             }
             (Command::Start { program, .. }, _) => self.give_back(program),
-            (Command::ToolChanged, State::Running | State::Held) => {
+            (Command::ToolChanged, State::Running | State::Held | State::Away) => {
                 if let Some(Action::ChangeTool { tool }) = self.waiting {
                     self.parts.pins.end_tool_change();
                     self.tool_is_changed(tool);
@@ -56,6 +56,14 @@ impl<B: CyclicBus> MotionController<B> {
             (Command::Stop, State::Ready) => self.all_off(),
             (Command::Hold, State::Running) => self.hold = true,
             (Command::Hold, State::Jogging) => self.parts.hand.release_all(),
+            (Command::Hold, State::Away | State::Returning) => {
+                self.goes_back = false;
+                self.parts.hand.release_all();
+            }
+            (Command::Resume, State::Away) => {
+                self.goes_back = true;
+                self.parts.hand.release_all();
+            }
             (Command::Resume, State::Running | State::Held) => {
                 self.run_along(None);
                 if let Some(Action::ProgramStop | Action::OptionalStop) = self.waiting {
@@ -69,10 +77,13 @@ impl<B: CyclicBus> MotionController<B> {
                     program.set_single_block(on);
                 }
             }
-            (Command::Stop, State::Jogging | State::Running | State::Held) => self.stop_then(AfterStop::Ready),
-            (Command::Disable, State::Jogging | State::Running | State::Held | State::Stopping) => {
-                self.stop_then(AfterStop::Disable)
+            (Command::Stop, State::Jogging | State::Running | State::Held | State::Away | State::Returning) => {
+                self.stop_then(AfterStop::Ready)
             }
+            (
+                Command::Disable,
+                State::Jogging | State::Running | State::Held | State::Away | State::Returning | State::Stopping,
+            ) => self.stop_then(AfterStop::Disable),
             (Command::Stop | Command::Disable, State::Homing) if self.parts.homer.is_active() => {
                 self.stop_then(AfterStop::Disable);
             }
@@ -89,9 +100,10 @@ impl<B: CyclicBus> MotionController<B> {
             (Command::ShutDown, State::ShuttingDown | State::Down) => {}
             // Nothing can be sent that would bring it down.
             (Command::ShutDown, State::Silenced) => self.enter(State::Down),
-            (Command::ShutDown, State::Jogging | State::Running | State::Held | State::Stopping) => {
-                self.stop_then(AfterStop::ShutDown)
-            }
+            (
+                Command::ShutDown,
+                State::Jogging | State::Running | State::Held | State::Away | State::Returning | State::Stopping,
+            ) => self.stop_then(AfterStop::ShutDown),
             (Command::ShutDown, State::Homing) if self.parts.homer.is_active() => {
                 self.stop_then(AfterStop::ShutDown);
             }
@@ -211,6 +223,28 @@ impl<B: CyclicBus> MotionController<B> {
         together & if velocity_mm_s < 0.0 { below } else { above } != 0
     }
 
+    /// Leaves the path on which the program is held; false: not in the middle of a move that the spindle or a probe leads.
+    fn step_away(&mut self) -> bool {
+        let Some(program) = &self.program else { return false };
+        if program.is_probing() || !program.is_at_rest() || self.sample.turns_s_max.is_some() {
+            return false;
+        }
+        for (command_mm, drive) in self.command_mm.iter_mut().zip(self.parts.drives.iter()) {
+            *command_mm = drive.command_mm();
+        }
+        let joints = &self.command_mm[..self.joints];
+        let Some(axes) = self.parts.kinematics.forward(&ToolFrame::OFF, joints) else {
+            return false;
+        };
+        self.away_from = Some(Place {
+            joints_mm: self.command_mm,
+            axes,
+        });
+        self.goes_back = false;
+        self.enter(State::Away);
+        true
+    }
+
     /// Moves joints by hand, if they and those that move with them know where they are, and no hold is asked for.
     pub(super) fn jog(&mut self, order: &JogOrder) {
         let together = self.parts.hand.moved_with(order.joints);
@@ -223,6 +257,17 @@ impl<B: CyclicBus> MotionController<B> {
             {
                 return;
             }
+            (JogMotion::Run { .. } | JogMotion::Advance { .. }, State::Held) => {
+                if !self.step_away() {
+                    return;
+                }
+                self.parts.hand.begin(&self.command_mm[..self.joints], order);
+            }
+            (JogMotion::Keep | JogMotion::Release, State::Held) => return,
+            (JogMotion::Run { .. } | JogMotion::Advance { .. }, State::Away) if !self.parts.hand.is_active() => {
+                self.parts.hand.begin(&self.command_mm[..self.joints], order);
+            }
+            (JogMotion::Keep | JogMotion::Release, State::Away) if !self.parts.hand.is_active() => return,
             (JogMotion::Run { .. } | JogMotion::Advance { .. }, State::Ready) => {
                 for (command_mm, drive) in self.command_mm.iter_mut().zip(self.parts.drives.iter()) {
                     *command_mm = drive.command_mm();

@@ -102,6 +102,8 @@ impl<B: CyclicBus> MotionController<B> {
             | State::Jogging
             | State::Running
             | State::Held
+            | State::Away
+            | State::Returning
             | State::Stopping => true,
             State::Booting
             | State::Disabled
@@ -171,7 +173,10 @@ impl<B: CyclicBus> MotionController<B> {
                 self.quick_stop();
             }
             // To rest on the path first; `step_state` goes on to the quick stop.
-            (Reaction::ControlledStop, State::Jogging | State::Running | State::Held | State::Stopping) => {
+            (
+                Reaction::ControlledStop,
+                State::Jogging | State::Running | State::Held | State::Away | State::Returning | State::Stopping,
+            ) => {
                 self.stop_then(AfterStop::Ready);
             }
             (Reaction::ControlledStop, State::Homing) if self.parts.homer.is_active() => {

@@ -247,6 +247,11 @@ impl WorldJog {
         Position(position)
     }
 
+    /// Where a joint is; NaN: there is no such one. RT.
+    pub fn joint(&self, joint: usize) -> f64 {
+        self.joints[..self.limits.len()].get(joint).copied().unwrap_or(f64::NAN)
+    }
+
     /// Why the axes rest although they were told to run. RT.
     pub fn obstruction(&self) -> Option<Obstruction> {
         self.obstruction
