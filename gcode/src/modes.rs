@@ -6,10 +6,11 @@
 
 use crate::code::{Distance, FeedUnit, Retract, plane_name};
 use crate::interpreter::Run;
+use crate::parameter::Parameters;
 use crate::state::{Modal, Saved, State};
 use motion::canon::{LengthUnit, PathMode, Position, SpindleDirection, SpindleMode};
 
-/// Modes, length offset, selected tool.
+/// Modes, length offset, selected tool, parameters that no file keeps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Modes {
     modal: Modal,
@@ -19,6 +20,7 @@ pub struct Modes {
     spindle: u8,
     system: u8,
     spindles: u8,
+    parameters: Parameters,
 }
 
 impl Modes {
@@ -31,6 +33,7 @@ impl Modes {
             spindle: state.spindle,
             system: state.offsets.system,
             spindles: state.settings.spindles,
+            parameters: state.parameters.clone(),
         }
     }
 
@@ -166,6 +169,7 @@ impl Run<'_> {
         state.tools.selected = modes.selected;
         state.saved.clone_from(&modes.saved);
         state.spindle = modes.spindle;
+        state.parameters.take_over(&modes.parameters);
         if let Some(offset) = modes.tool_offset {
             state.tools.offset_on = true;
             let mut offsets = state.offsets;
@@ -248,6 +252,22 @@ mod tests {
         assert_eq!(on, None);
         let words = run.modes().words();
         assert!(words.contains(&"G91".to_owned()), "the other modes stay: {words:?}");
+    }
+
+    #[test]
+    fn parameters_outlast_the_line() {
+        let text = [
+            "#100 = 5\n#<_global> = 7\n#<local> = 8\n",
+            "G1 F10 X[#100 + #<_global> + EXISTS[#<local>]]\n",
+        ];
+        let (calls, _) = in_turn(&text);
+        let to = Position::xyz(12.0, 0.0, 0.0);
+        assert!(calls.contains(&Call::StraightFeed { to }), "{calls:?}");
+        // Where a probe has touched, too.
+        let touched = "G21 G38.3 X3 F10\n";
+        let (calls, _) = in_turn(&[touched, "G1 F10 X[#5061 + 1]\n"]);
+        let to = Position::xyz(4.0, 0.0, 0.0);
+        assert!(calls.contains(&Call::StraightFeed { to }), "{calls:?}");
     }
 
     #[test]

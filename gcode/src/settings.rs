@@ -131,6 +131,8 @@ pub struct Settings {
     pub orient_needs_angle: bool,
     /// Folders in which subroutines with files of their own are looked for, in this order.
     pub subroutine_folders: Vec<PathBuf>,
+    /// Subroutines that come with the machine, path of the file and its text: found where no folder has a file of that name.
+    pub subroutine_files: &'static [(&'static str, &'static str)],
     /// Codes of M100 to M199 that can be run; `None`: all, for those who only look at a program.
     pub user_codes: Option<Vec<u8>>,
     /// Whether there are subprograms in Fanuc's style: a bare O-word, M98 and M99. Without them these words are errors.
@@ -188,6 +190,7 @@ impl Default for Settings {
             orient_offset_degrees: 0.0,
             orient_needs_angle: false,
             subroutine_folders: Vec::new(),
+            subroutine_files: &[],
             user_codes: None,
             fanuc_subprograms: true,
             repeats_by_m99: false,

@@ -1,12 +1,12 @@
 //! Subroutines: where they are, their call and their return.
 
-use super::{File, Outcome, Run};
+use super::{File, Outcome, ReadSeek, Run};
 use crate::error::ErrorKind;
 use crate::flow::{CALLS_MAX, Level, LevelKind, Place, SUBROUTINES_MAX, Search, SearchEnd, Subroutine};
 use crate::o_word::{Keyword, Label, OWord};
 use crate::parameter::ARGUMENTS_MAX;
 use crate::scan::Span;
-use std::io::BufReader;
+use std::io::{BufReader, Cursor};
 
 impl Run<'_> {
     /// A definition in the way of reading: kept, and passed over.
@@ -118,15 +118,12 @@ impl Run<'_> {
         for folder in self.state.settings.subroutine_folders.clone() {
             let path = folder.join(&name);
             let shown = path.display().to_string();
-            if let Some(known) = self.files.iter().position(|file| file.name == shown) {
-                self.file = known;
-                self.files[known].text.seek(0, 0);
+            if self.is_read(&shown) {
                 return Ok(());
             }
             match files::open(&path) {
                 Ok(file) => {
-                    self.files.push(File::new(shown, Box::new(BufReader::new(file))));
-                    self.file = self.files.len() - 1;
+                    self.read(shown, Box::new(BufReader::new(file)));
                     return Ok(());
                 }
                 Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
@@ -136,7 +133,30 @@ impl Run<'_> {
                 }
             }
         }
+        let of_that_name = |(path, _): &&(&str, &str)| path.rsplit('/').next() == Some(&*name);
+        let mut shipped = self.state.settings.subroutine_files.iter();
+        if let Some((path, text)) = shipped.find(of_that_name)
+            && !self.is_read(path)
+        {
+            self.read((*path).into(), Box::new(Cursor::new(text)));
+        }
         Ok(())
+    }
+
+    /// Whether a file is read already; then goes on at its start.
+    fn is_read(&mut self, name: &str) -> bool {
+        let known = self.files.iter().position(|file| file.name == name);
+        if let Some(known) = known {
+            self.file = known;
+            self.files[known].text.seek(0, 0);
+        }
+        known.is_some()
+    }
+
+    /// Goes on in another file.
+    fn read(&mut self, name: String, text: Box<dyn ReadSeek>) {
+        self.files.push(File::new(name, text));
+        self.file = self.files.len() - 1;
     }
 
     pub(super) fn return_from(&mut self, o_word: &OWord) -> Outcome {
@@ -245,5 +265,63 @@ impl Run<'_> {
                 keyword: "sub".into(),
             },
         );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::printed::printed_with;
+    use crate::{NoMachine, Settings};
+    use motion::canon::LengthUnit;
+
+    const SHIPPED: &[(&str, &str)] = &[
+        (
+            "lib/outer.ngc",
+            "o<outer> sub\n(debug,outer)\no<inner> call [#1 + 1]\no<outer> endsub\n",
+        ),
+        ("lib/inner.ngc", "o<inner> sub\n(debug,inner %d#1)\no<inner> endsub\n"),
+        ("lib/wrong.ngc", "o<wrong> sub\n(abort,so it is)\no<wrong> endsub\n"),
+    ];
+
+    fn shipped() -> Settings {
+        Settings {
+            subroutine_files: SHIPPED,
+            ..Settings::default()
+        }
+    }
+
+    #[test]
+    fn what_comes_with_the_machine_is_found_unless_a_folder_has_a_file_of_that_name() {
+        let program = "o<outer> call [1]\no<inner> call [5]\no<outer> call [2]\nM2\n";
+        let said = |settings| printed_with(program, settings, NoMachine).replace("MESSAGE", "");
+        let both = "(\"outer\")\n(\"inner 2\")\n(\"inner 5\")\n(\"outer\")\n(\"inner 3\")\n";
+        assert_eq!(said(shipped()), both);
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(
+            folder.path().join("inner.ngc"),
+            "o<inner> sub\n(debug,own)\no<inner> endsub\n",
+        )
+        .unwrap();
+        let own = Settings {
+            subroutine_folders: vec![folder.path().to_owned()],
+            ..shipped()
+        };
+        assert_eq!(said(own), "(\"outer\")\n(\"own\")\n(\"own\")\n(\"outer\")\n(\"own\")\n");
+        let wrong = printed_with("G0 X1\no<wrong> call\nM2\n", shipped(), NoMachine);
+        assert!(wrong.contains("lib/wrong.ngc:2:"), "{wrong}");
+    }
+
+    #[test]
+    fn a_program_knows_the_unit_of_the_machine_and_whether_it_is_run() {
+        let program = "(debug,%d#<_metric_machine> #<_task>)\nM2\n";
+        let said = |machine_unit| {
+            let settings = Settings {
+                machine_unit,
+                ..Settings::default()
+            };
+            printed_with(program, settings, NoMachine)
+        };
+        assert_eq!(said(LengthUnit::Millimetre), "MESSAGE(\"1 0\")\n");
+        assert_eq!(said(LengthUnit::Inch), "MESSAGE(\"0 0\")\n");
     }
 }

@@ -51,7 +51,7 @@ pub(crate) fn system_rotation(system: u8) -> u32 {
 type Names = HashMap<Box<str>, f64>;
 
 /// What parameters hold.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Parameters {
     /// By number; 0 is not used.
     numbered: Box<[f64]>,
@@ -154,6 +154,16 @@ impl Parameters {
             &self.globals
         } else {
             self.locals.last().expect("the level of the program is never left")
+        }
+    }
+
+    /// Takes over what another text has left and no file keeps: global names, numbers below those of stored points, result of M66.
+    pub(crate) fn take_over(&mut self, left: &Parameters) {
+        self.globals.clone_from(&left.globals);
+        for index in (1..G28_POINT as u16).chain([INPUT_RESULT as u16]) {
+            if !self.kept.contains(&index) {
+                self.set(u32::from(index), left.get(u32::from(index)));
+            }
         }
     }
 

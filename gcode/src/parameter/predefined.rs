@@ -10,6 +10,7 @@ pub(super) const NAMES: &[&str] = &[
     "_ccomp",
     "_metric",
     "_imperial",
+    "_metric_machine",
     "_absolute",
     "_incremental",
     "_inverse_time",

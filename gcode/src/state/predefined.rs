@@ -120,6 +120,7 @@ impl State {
             }),
             "_metric" => flag(modal.unit == LengthUnit::Millimetre),
             "_imperial" => flag(modal.unit == LengthUnit::Inch),
+            "_metric_machine" => flag(self.settings.machine_unit == LengthUnit::Millimetre),
             "_absolute" => flag(modal.distance == Distance::Absolute),
             "_incremental" => flag(modal.distance == Distance::Incremental),
             "_inverse_time" => flag(modal.feed_unit == FeedUnit::InverseTime),
@@ -155,7 +156,7 @@ impl State {
                     .pocket_of(self.tools.selected.and_then(|tool| self.tools.line_of(tool))),
             ),
             "_value" | "_value_returned" => Some(0.0), // set by a return, then found among the globals
-            "_task" => Some(0.0),
+            "_task" => flag(self.pins.is_some()),      // a machine runs the program
             "_call_level" => Some(f64::from(self.call_level)),
             "_remap_level" => Some(self.remapping.len() as f64),
             name => self.ini_value(name).or_else(|| self.pin_value(name)),
