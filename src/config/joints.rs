@@ -175,21 +175,25 @@ fn counts_per_unit(section: &mut Section<'_, '_>) -> Option<[u32; 2]> {
 }
 
 fn travel(section: &mut Section<'_, '_>) -> Option<[f64; 2]> {
-    let path = section.key("travel_mm");
-    let item = section.required("travel_mm", "soft limits, like [-5.0, 305.0]")?;
-    let items = item.items(&path)?;
+    range(section, "travel_mm", "soft limits, like [-5.0, 305.0]")
+}
+
+/// A lower and an upper limit, mm.
+pub(super) fn range(section: &mut Section<'_, '_>, key: &'static str, what: &str) -> Option<[f64; 2]> {
+    let path = section.key(key);
+    let items = section.required(key, what)?.items(&path)?;
     let [lower, upper] = items[..] else {
-        section.wrong("travel_mm", "must be two numbers: lower and upper limit");
+        section.wrong(key, "must be two numbers: lower and upper limit");
         return None;
     };
     let lower = lower.number(&format!("{path}[0]"), Bound::Size(LENGTH_MAX));
     let upper = upper.number(&format!("{path}[1]"), Bound::Size(LENGTH_MAX));
-    let travel = [lower?, upper?];
-    if travel[0] >= travel[1] {
-        section.wrong("travel_mm", "the lower limit must be below the upper one");
+    let range = [lower?, upper?];
+    if range[0] >= range[1] {
+        section.wrong(key, "the lower limit must be below the upper one");
         return None;
     }
-    Some(travel)
+    Some(range)
 }
 
 /// Reads all `[[axis]]`; every one of `joints` joints must belong to one axis. `follows`: each joint follows its axis.

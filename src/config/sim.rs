@@ -1,12 +1,14 @@
 //! `[sim]`: what the simulated machine is made of.
 
 use super::document::{Bound, Section};
-use super::joints::letter;
-use super::types::{HomingBy, Joint, Node, Profile, Sim, SimJoint, SimProbe, SimSurface};
+use super::joints::{letter, range};
+use super::types::{HomingBy, Joint, Node, Profile, Sim, SimBody, SimJoint, SimOutline, SimProbe, SimSurface};
 use motion::canon::Axis;
 
 /// No machine is larger, mm.
 const LENGTH_MAX: f64 = 1e6;
+/// Greatest ball at the tip of a probe, mm.
+const BALL_MAX: f64 = 100.0;
 /// Inputs of a simulated I/O node that something can be wired to; those below are the contacts of its own contactors.
 const WIRED: std::ops::RangeInclusive<i64> = 8..=15;
 
@@ -97,13 +99,60 @@ fn joint(
 
 fn probe(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Option<SimProbe> {
     let wire = wire(&mut section, nodes);
-    let surfaces: Vec<Option<SimSurface>> = section.some_sections("surface").into_iter().map(surface).collect();
+    let diameter_mm = section.number("diameter_mm", Bound::Within(0.0, BALL_MAX), 0.0);
+    let length_mm = section.number("length_mm", Bound::Within(0.0, LENGTH_MAX), 0.0);
+    let surfaces: Vec<Option<SimSurface>> = section.sections("surface").into_iter().map(surface).collect();
+    let boxes = section.sections("box").into_iter().map(rectangle);
+    let mut bodies: Vec<Option<SimBody>> = boxes.collect();
+    bodies.extend(section.sections("cylinder").into_iter().map(cylinder));
     section.done();
     let (node, input) = wire?;
     Some(SimProbe {
         node,
         input,
+        diameter_mm: diameter_mm?,
+        length_mm: length_mm?,
         surfaces: surfaces.into_iter().collect::<Option<Vec<SimSurface>>>()?,
+        bodies: bodies.into_iter().collect::<Option<Vec<SimBody>>>()?,
+    })
+}
+
+/// `[[sim.probe.box]]`.
+fn rectangle(mut section: Section<'_, '_>) -> Option<SimBody> {
+    let x_mm = range(&mut section, "x_mm", "its ends, like [10.0, 50.0]");
+    let y_mm = range(&mut section, "y_mm", "its ends, like [10.0, 50.0]");
+    let z_mm = range(&mut section, "z_mm", "its ends, like [-100.0, -80.0]");
+    let angle_degrees = section.number("angle_degrees", Bound::Size(360.0), 0.0);
+    let hole = section.flag("hole", false);
+    section.done();
+    let (x_mm, y_mm) = (x_mm?, y_mm?);
+    let half_mm = [x_mm, y_mm].map(|[low, high]| (high - low) / 2.0);
+    Some(SimBody {
+        outline: SimOutline::Rectangle {
+            half_mm,
+            angle_degrees: angle_degrees?,
+        },
+        middle_mm: [x_mm, y_mm].map(|[low, high]| (low + high) / 2.0),
+        z_mm: z_mm?,
+        hole: hole?,
+    })
+}
+
+/// `[[sim.probe.cylinder]]`.
+fn cylinder(mut section: Section<'_, '_>) -> Option<SimBody> {
+    let x_mm = section.number("x_mm", Bound::Size(LENGTH_MAX), None);
+    let y_mm = section.number("y_mm", Bound::Size(LENGTH_MAX), None);
+    let diameter_mm = section.number("diameter_mm", Bound::Positive(LENGTH_MAX), None);
+    let z_mm = range(&mut section, "z_mm", "its ends, like [-100.0, -80.0]");
+    let hole = section.flag("hole", false);
+    section.done();
+    Some(SimBody {
+        outline: SimOutline::Circle {
+            radius_mm: diameter_mm? / 2.0,
+        },
+        middle_mm: [x_mm?, y_mm?],
+        z_mm: z_mm?,
+        hole: hole?,
     })
 }
 

@@ -150,6 +150,28 @@ fn the_demo_machine_is_read_whole() {
     assert_eq!((sim.natural_frequency_hz, sim.damping, sim.start), (60.0, 0.8, 0.4));
     let probe = sim.probe.as_ref().unwrap();
     assert_eq!((probe.node, probe.input, probe.surfaces.len()), (3, 8, 5));
+    assert_eq!((probe.diameter_mm, probe.length_mm), (4.0, 0.0));
+    let z_mm = [-100.0, -85.0];
+    assert_eq!(
+        probe.bodies,
+        [
+            SimBody {
+                outline: SimOutline::Rectangle {
+                    half_mm: [30.0, 20.0],
+                    angle_degrees: 0.0
+                },
+                middle_mm: [230.0, 140.0],
+                z_mm,
+                hole: false
+            },
+            SimBody {
+                outline: SimOutline::Circle { radius_mm: 15.0 },
+                middle_mm: [60.0, 140.0],
+                z_mm,
+                hole: false
+            }
+        ]
+    );
     assert_eq!(
         probe.surfaces[4],
         SimSurface {
@@ -508,6 +530,20 @@ fn rules_of_the_rest() {
             "m.toml:30:9: sim.probe.input = 7: must be an integer from 8 to 15",
             "m.toml:32:8: sim.probe.surface[0].axis = \"Q\": must be one of X Y Z A B C U V W",
             "m.toml:32:8: sim.probe.surface[0].axis = \"Q\": must have either above_mm or below_mm beside it: where the body is",
+        ]),
+        (end, "joints = [0]\n[sim.probe]\nnode = 1\ninput = 8\ndiameter_mm = -1\n[[sim.probe.box]]\nx_mm = [5, 5]\ny_mm = [1]\nz_mm = [nan, 2]\nhole = 1\n", &[
+            "m.toml:29:8: sim.probe.node = 1: must be a [[bus.node]] of profile \"io\"",
+            "m.toml:31:15: sim.probe.diameter_mm = -1: must lie between 0 and 100",
+            "m.toml:33:8: sim.probe.box[0].x_mm = [5, 5]: the lower limit must be below the upper one",
+            "m.toml:34:8: sim.probe.box[0].y_mm = [1]: must be two numbers: lower and upper limit",
+            "m.toml:35:9: sim.probe.box[0].z_mm[0] = nan: must be a finite number",
+            "m.toml:36:8: sim.probe.box[0].hole = 1: must be true or false, is an integer",
+        ]),
+        (end, "joints = [0]\n[sim.probe]\nnode = 1\ninput = 8\n[[sim.probe.cylinder]]\nx_mm = 0\ndiameter_mm = 0\nz_mm = [1, 2]\nradius_mm = 3\n", &[
+            "m.toml:29:8: sim.probe.node = 1: must be a [[bus.node]] of profile \"io\"",
+            "m.toml:31:1: sim.probe.cylinder[0].y_mm: is missing: a number",
+            "m.toml:33:15: sim.probe.cylinder[0].diameter_mm = 0: must be above 0",
+            "m.toml:35:1: sim.probe.cylinder[0].radius_mm: unknown key; known here: x_mm, y_mm, diameter_mm, z_mm, hole",
         ]),
         (end, "joints = [0]\n[logic]\nperiod_ms = 10\n[hmi]\n[spindel]\n", &[
             "m.toml:28:2: logic: is not supported yet",

@@ -688,15 +688,21 @@ impl Sim {
     }
 }
 
-/// `[sim.probe]`: a probe that is in contact where its tip, the place of the axes, is in a body.
+/// `[sim.probe]`: a touch probe that is in contact where the ball at its tip touches a body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SimProbe {
     /// Index into [`Bus::nodes`] of the I/O node that it is wired to.
     pub node: usize,
     /// Number of the input, as in `io.10.in-08`; 8 to 15.
     pub input: u8,
+    /// Diameter of the ball, mm; 0: a point.
+    pub diameter_mm: f64,
+    /// How far the lowest point of the ball is below the place of the axes, mm.
+    pub length_mm: f64,
     /// What it may touch.
     pub surfaces: Vec<SimSurface>,
+    /// What else it may touch.
+    pub bodies: Vec<SimBody>,
 }
 
 /// `[[sim.probe.surface]]`: a plane with a body behind it.
@@ -708,4 +714,29 @@ pub struct SimSurface {
     pub at_mm: f64,
     /// Whether the body is above, else below.
     pub above: bool,
+}
+
+/// `[[sim.probe.box]]`, `[[sim.probe.cylinder]]`: an upright body on the table, or a hole of that shape in a plate without end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SimBody {
+    pub outline: SimOutline,
+    /// Middle of the outline in X and Y, machine coordinates, mm.
+    pub middle_mm: [f64; 2],
+    /// Lower and upper end of the body, or of the plate, mm.
+    pub z_mm: [f64; 2],
+    /// Whether the body is around the outline, else inside.
+    pub hole: bool,
+}
+
+/// What a body is seen from above.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SimOutline {
+    /// Half of its width and half of its length, mm, turned about its middle by an angle against the X axis.
+    Rectangle {
+        half_mm: [f64; 2],
+        angle_degrees: f64,
+    },
+    Circle {
+        radius_mm: f64,
+    },
 }

@@ -2,7 +2,8 @@
 //!
 //! In:  positions of the loads. Out: inputs of I/O nodes.
 
-use crate::config::{Config, HomingBy, SimJoint, SimProbe};
+use crate::config::{Config, HomingBy, SimBody, SimJoint, SimOutline, SimProbe, SimSurface};
+use motion::canon::{Axis, Position};
 use motion::kinematics::{Kinematics, ToolFrame};
 
 /// First input that something can be wired to: bit 0 of 6000h/2.
@@ -68,17 +69,52 @@ impl Sensors {
         }
         let Some(probe) = &self.probe else { return };
         // Where no tip can be, none touches anything.
-        let tip = self.kinematics.forward(&ToolFrame::OFF, loads_mm);
-        let touches = tip.is_some_and(|tip| {
-            let mut surfaces = probe.surfaces.iter();
-            surfaces.any(|surface| is_beyond(tip[surface.axis], surface.at_mm, surface.above))
-        });
+        let place = self.kinematics.forward(&ToolFrame::OFF, loads_mm);
+        let touches = place.is_some_and(|place| touches(probe, &place));
         tell(
             probe.node,
             probe.input - WIRED,
             touches || closed(probe.node, probe.input),
         );
     }
+}
+
+/// Whether the ball of the probe touches anything, with the axes at `place`.
+fn touches(probe: &SimProbe, place: &Position) -> bool {
+    let radius_mm = probe.diameter_mm / 2.0;
+    let mut ball = *place;
+    ball[Axis::Z] += radius_mm - probe.length_mm;
+    let mut surfaces = probe.surfaces.iter();
+    let mut bodies = probe.bodies.iter();
+    surfaces.any(|surface| meets(surface, &ball, radius_mm)) || bodies.any(|body| distance(body, &ball) <= radius_mm)
+}
+
+/// Whether a ball with its middle at `ball` touches a plane.
+fn meets(surface: &SimSurface, ball: &Position, radius_mm: f64) -> bool {
+    let radius_mm = if surface.axis.is_rotary() { 0.0 } else { radius_mm };
+    let reach_mm = if surface.above { radius_mm } else { -radius_mm };
+    is_beyond(ball[surface.axis] + reach_mm, surface.at_mm, surface.above)
+}
+
+/// How far a point is from a body, mm; 0 within it.
+fn distance(body: &SimBody, point: &Position) -> f64 {
+    let [x, y] = [Axis::X, Axis::Y].map(|axis| point[axis] - body.middle_mm[axis as usize]);
+    // How far it is outside of each side of the outline, less than 0 inside.
+    let beyond = match body.outline {
+        SimOutline::Rectangle { half_mm, angle_degrees } => {
+            let (sin, cos) = angle_degrees.to_radians().sin_cos();
+            let turned = [x * cos + y * sin, y * cos - x * sin];
+            [0, 1].map(|side: usize| turned[side].abs() - half_mm[side])
+        }
+        SimOutline::Circle { radius_mm } => [x.hypot(y) - radius_mm, f64::NEG_INFINITY],
+    };
+    let aside = match body.hole {
+        true => -beyond[0].max(beyond[1]).min(0.0),
+        false => beyond[0].max(0.0).hypot(beyond[1].max(0.0)),
+    };
+    let [low, high] = body.z_mm;
+    let above = (point[Axis::Z] - high).max(low - point[Axis::Z]).max(0.0);
+    aside.hypot(above)
 }
 
 fn is_beyond(position_mm: f64, at_mm: f64, above: bool) -> bool {
@@ -112,5 +148,64 @@ mod tests {
         let shared = machine.replace("input = 10\n", "input = 9\n");
         let told = looked(&shared, [9.0, -4.0, 0.0, 0.0]);
         assert_eq!(told, [(4, 1, true), (4, 1, true)]);
+    }
+
+    #[test]
+    fn the_ball_of_the_probe_touches_bodies_from_all_sides() {
+        const SQRT_HALF: f64 = std::f64::consts::FRAC_1_SQRT_2;
+        let rectangle = |angle_degrees, hole| SimBody {
+            outline: SimOutline::Rectangle {
+                half_mm: [20.0, 10.0],
+                angle_degrees,
+            },
+            middle_mm: [100.0, 50.0],
+            z_mm: [-80.0, -60.0],
+            hole,
+        };
+        let circle = |hole| SimBody {
+            outline: SimOutline::Circle { radius_mm: 15.0 },
+            ..rectangle(0.0, hole)
+        };
+        // Place of the axes in contact with a ball of 4 mm that is 30 mm below, and the way that leads away from the body.
+        for (body, [x, y, z], [dx, dy, dz]) in [
+            (rectangle(0.0, false), [78.0, 55.0, -42.0], [-1.0, 0.0, 0.0]),
+            (rectangle(0.0, false), [110.0, 62.0, -42.0], [0.0, 1.0, 0.0]),
+            (rectangle(0.0, false), [110.0, 50.0, -30.0], [0.0, 0.0, 1.0]),
+            // Its corner, by the ball's side.
+            (
+                rectangle(0.0, false),
+                [120.0 + 2.0 * SQRT_HALF, 60.0 + 2.0 * SQRT_HALF, -42.0],
+                [1.0, 1.0, 0.0],
+            ),
+            (rectangle(90.0, false), [112.0, 55.0, -42.0], [1.0, 0.0, 0.0]),
+            (
+                rectangle(45.0, false),
+                [100.0 + 22.0 * SQRT_HALF, 50.0 + 22.0 * SQRT_HALF, -42.0],
+                [1.0, 1.0, 0.0],
+            ),
+            (rectangle(0.0, true), [118.0, 50.0, -42.0], [-1.0, 0.0, 0.0]),
+            (rectangle(0.0, true), [100.0, 42.0, -42.0], [0.0, 1.0, 0.0]),
+            (rectangle(0.0, true), [140.0, 42.0, -30.0], [0.0, 0.0, 1.0]),
+            (circle(false), [100.0, 67.0, -42.0], [0.0, 1.0, 0.0]),
+            (
+                circle(false),
+                [100.0 - 17.0 * SQRT_HALF, 50.0 - 17.0 * SQRT_HALF, -42.0],
+                [-1.0, -1.0, 0.0],
+            ),
+            (circle(true), [113.0, 50.0, -42.0], [-1.0, 0.0, 0.0]),
+            (circle(true), [100.0, 50.0 - 13.0, -42.0], [0.0, 1.0, 0.0]),
+        ] {
+            let probe = SimProbe {
+                node: 0,
+                input: WIRED,
+                diameter_mm: 4.0,
+                length_mm: 30.0,
+                surfaces: Vec::new(),
+                bodies: vec![body],
+            };
+            let at = |way: f64| Position::xyz(x + way * dx, y + way * dy, z + way * dz);
+            assert!(touches(&probe, &at(-1e-6)), "{body:?}: {x} {y} {z}");
+            assert!(!touches(&probe, &at(1e-6)), "{body:?}: {x} {y} {z}");
+        }
     }
 }
