@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # The Debian package of the release build: scripts/deb.sh, behind `cargo build --release`. Needs cargo-deb.
 #
-# Writes target/debian/isocnc_VERSION_ARCH.deb: program, systemd unit, examples, isolcpus.sh, pages of the manual, completion.
+# Writes target/debian/isocnc_VERSION_ARCH.deb: program, systemd unit, examples, probing cycles, isolcpus.sh, pages of the manual, completion.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

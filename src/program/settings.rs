@@ -8,6 +8,41 @@ use crate::config::{self, Config};
 use crate::machine::tables::{Tables, without_file};
 use motion::canon::{AXES, LengthUnit, Position};
 
+/// A file of `programs/probing`: its path and its text.
+macro_rules! cycle {
+    ($name:literal) => {
+        (
+            concat!("programs/probing/", $name, ".ngc"),
+            include_str!(concat!("../../programs/probing/", $name, ".ngc")),
+        )
+    };
+}
+
+/// Cycles that come with the control, `programs/probing`: docs/probing.md.
+const CYCLES: &[(&str, &str)] = &[
+    cycle!("probe-angle"),
+    cycle!("probe-back"),
+    cycle!("probe-begin"),
+    cycle!("probe-block"),
+    cycle!("probe-bore"),
+    cycle!("probe-boss"),
+    cycle!("probe-calibrate"),
+    cycle!("probe-corner-inside"),
+    cycle!("probe-corner-outside"),
+    cycle!("probe-edge"),
+    cycle!("probe-inside"),
+    cycle!("probe-move"),
+    cycle!("probe-outside"),
+    cycle!("probe-pocket"),
+    cycle!("probe-set"),
+    cycle!("probe-settings"),
+    cycle!("probe-surface"),
+    cycle!("probe-tool-check"),
+    cycle!("probe-tool-length"),
+    cycle!("probe-tool-measure"),
+    cycle!("probe-touch"),
+];
+
 /// Codes of the user.
 const USER_CODES: std::ops::RangeInclusive<u8> = 100..=199;
 
@@ -52,6 +87,7 @@ pub fn interpreter_settings(config: &Config, start: Position) -> gcode::Settings
         analog_pins: program.analog_pins,
         orient_offset_degrees: config.spindle.orient_offset_degrees,
         subroutine_folders: program.directory.iter().chain(listed).cloned().collect(),
+        subroutine_files: CYCLES,
         user_codes: Some(user_codes(&program.user_codes)),
         remaps: program.remaps.iter().map(remap).collect(),
         ini_values: program.values.clone(),
@@ -116,6 +152,8 @@ mod tests {
             spindles: 1,
             digital_pins: 4,
             analog_pins: 4,
+            subroutine_files: CYCLES,
+            ini_values: [(("probe".to_owned(), "tool".to_owned()), 99.0)].into(),
             user_codes: Some(Vec::new()),
             kinematics: demo().kinematics(),
             tools: found.tools.clone(),

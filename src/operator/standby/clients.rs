@@ -124,14 +124,18 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         self.part.as_ref()
     }
 
-    /// A program is over, and has left these modes if it came to its end: what follows a stop begins as a program does.
+    /// A program is over, and has left these modes if it came to its end. What follows the stop of a program begins as a program
+    /// does; a line of MDI that was given up leaves those before it.
     pub(in crate::operator) fn adopt_modes(&mut self, modes: Option<Modes>) {
         let [now, at_begin] = self.switched_off;
-        self.modes = modes.map(Arc::new);
+        let is_given_up = modes.is_none();
+        if !is_given_up || !self.part.as_ref().is_some_and(|part| part.is_mdi()) {
+            self.modes = modes.map(Arc::new);
+        }
         if now != at_begin {
             self.switch_modes_off();
         }
-        if self.modes.is_none() {
+        if is_given_up {
             self.refuse_queue("the line before it was given up");
         }
     }
