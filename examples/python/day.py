@@ -28,12 +28,14 @@ def main(machine):
         control.call("touch_off", axis="X", value=10)
         control.do("mdi", line="G91 G0 X5")
         print("X reads", round(work(control.do("mdi", line="X-2"))[0], 6))
-        begun = control.call("program.load", name="part", text=PART)
+        control.take_control("day.py")
+        begun = control.call("program.load", upload=control.upload("part", PART.encode()))
         print(f"{begun['lines']} lines, {begun['planned_time_s']:.1f} s planned")
         at = work(control.do("program.start"))
         print("the part ends at", [round(value, 6) for value in at[:2]])
         control.call("mdi", line="T5 M6")
-        waiting = control.wait(lambda status: status["waiting"] is not None)["waiting"]
+        with Control(machine) as watcher:
+            waiting = next(state["waiting"] for state in watcher.subscribe() if state["waiting"])
         print("waits:", waiting["text"])
         control.call("tool.changed")
         control.wait()

@@ -7,6 +7,7 @@
         print(control.call("status")["power"])
 """
 
+import hashlib
 import json
 import os
 import socket
@@ -45,6 +46,8 @@ class Control:
             raise Refused(f"no control of machine {machine} runs")
         self.lines = self.socket.makefile("r", encoding="utf-8", newline="\n")
         self.last = 0
+        self.state = None
+        self.told = []
 
     def __enter__(self):
         return self
@@ -59,15 +62,44 @@ class Control:
         request = {"jsonrpc": "2.0", "id": self.last, "method": method, "params": params}
         self.socket.sendall(json.dumps(request).encode() + b"\n")
         while True:
-            line = self.lines.readline()
-            if not line:
-                raise Refused("the control has ended")
-            answer = json.loads(line)
+            answer = self._message()
+            if "method" in answer:
+                self.told.append(answer["params"])
+                continue
             if answer.get("id") != self.last:
                 continue
             if "error" in answer:
                 raise Refused(answer["error"]["message"])
             return answer["result"]
+
+    def _message(self):
+        line = self.lines.readline()
+        if not line:
+            raise Refused("the control has ended")
+        return json.loads(line)
+
+    def subscribe(self, rate_hz=20):
+        """Yields how everything is, and again whenever something has changed; orders may be given meanwhile."""
+        self.state = self.call("subscribe", rate_hz=rate_hz)["state"]
+        yield self.state
+        while True:
+            params = self.told.pop(0) if self.told else self._message().get("params")
+            if params:
+                self.state.update(params["changed"])
+                yield self.state
+
+    def take_control(self, name, force=False):
+        """From now on others only watch, until the end of this connection or control.release."""
+        return self.call("control.take", name=name, force=force)
+
+    def upload(self, name, octets):
+        """Sends a program; load or run it with upload=NUMBER."""
+        begun = self.call("program.upload.begin", name=name, octets=len(octets))
+        number, part = begun["upload"], begun["part_octets"]
+        for at in range(0, len(octets), part):
+            self.call("program.upload.append", upload=number, at=at, value=octets[at:at + part].hex())
+        self.call("program.upload.commit", upload=number, sha256=hashlib.sha256(octets).hexdigest())
+        return number
 
     def wait(self, until=lambda status: status["job"] is not None, pause_s=0.02):
         """Looks again and again until a status is as wanted: by default, until what was ordered is over."""

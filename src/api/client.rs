@@ -3,10 +3,13 @@
 //! In:  the name of a machine, or none where only one control runs.
 //! Out: answers, or why there are none.
 
-use super::rpc::{RpcError, code};
+use super::rpc::{RpcError, code, to_hex};
 use super::socket;
 use super::socket::find_in;
+use super::uploads::PART_MAX;
 use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+use std::collections::VecDeque;
 use std::fmt;
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::os::unix::net::UnixStream;
@@ -85,6 +88,8 @@ pub struct Client {
     path: PathBuf,
     stream: BufReader<UnixStream>,
     id: u64,
+    /// Notifications that came before an answer.
+    notifications: VecDeque<Value>,
 }
 
 impl Client {
@@ -148,6 +153,7 @@ impl Client {
             path: path.to_owned(),
             stream: BufReader::new(stream),
             id: 0,
+            notifications: VecDeque::new(),
         })
     }
 
@@ -158,31 +164,81 @@ impl Client {
     pub fn call(&mut self, method: &str, params: Value) -> Result<Value, ClientError> {
         self.id += 1;
         let request = json!({ "jsonrpc": "2.0", "id": self.id, "method": method, "params": params });
-        let mut line = String::new();
-        let done = (self.stream.get_mut())
-            .write_all(format!("{request}\n").as_bytes())
-            .and_then(|()| (&mut self.stream).take(ANSWER_MAX).read_line(&mut line));
-        done.map_err(|cause| ClientError::Io {
-            path: self.path.clone(),
-            cause,
-        })?;
-        self.read(&line)
+        let written = self.stream.get_mut().write_all(format!("{request}\n").as_bytes());
+        written.map_err(|cause| self.broken(cause))?;
+        loop {
+            let message = self.message()?;
+            match message.get("method") {
+                Some(_) => self.notifications.push_back(message),
+                None => return self.answer(message),
+            }
+        }
     }
 
-    fn read(&self, line: &str) -> Result<Value, ClientError> {
-        let bad = |what: &str| Err(ClientError::BadAnswer { what: what.into() });
-        if line.is_empty() {
-            return bad("the control has closed the connection");
+    /// Sends a program in parts; gives the number of the upload, for "program.load" and "program.run".
+    ///
+    /// # Errors
+    /// As [`call`](Self::call); the program cannot be read.
+    pub fn upload(&mut self, name: &str, mut program: impl Read, octets: u64) -> Result<Value, ClientError> {
+        let begun = self.call("program.upload.begin", json!({ "name": name, "octets": octets }))?;
+        let upload = &begun["upload"];
+        let mut part = vec![0; begun["part_octets"].as_u64().map_or(PART_MAX, |octets| octets as usize)];
+        let (mut at, mut sum) = (0, Sha256::new());
+        loop {
+            let count = program.read(&mut part).map_err(|cause| self.broken(cause))?;
+            if count == 0 {
+                break;
+            }
+            let value = to_hex(&part[..count]);
+            self.call(
+                "program.upload.append",
+                json!({ "upload": upload, "at": at, "value": value }),
+            )?;
+            sum.update(&part[..count]);
+            at += count as u64;
         }
-        let mut answer: Value = match serde_json::from_str(line) {
-            Ok(answer) => answer,
-            Err(error) => return bad(&error.to_string()),
-        };
+        let sha256 = to_hex(&sum.finalize());
+        self.call("program.upload.commit", json!({ "upload": upload, "sha256": sha256 }))?;
+        Ok(upload.clone())
+    }
+
+    /// The next notification of a control that was subscribed to; waits for it.
+    ///
+    /// # Errors
+    /// The control has gone, or tells nothing.
+    pub fn notification(&mut self) -> Result<Value, ClientError> {
+        match self.notifications.pop_front() {
+            Some(message) => Ok(message),
+            None => self.message(),
+        }
+    }
+
+    fn broken(&self, cause: io::Error) -> ClientError {
+        ClientError::Io {
+            path: self.path.clone(),
+            cause,
+        }
+    }
+
+    fn message(&mut self) -> Result<Value, ClientError> {
+        let mut line = String::new();
+        let read = (&mut self.stream).take(ANSWER_MAX).read_line(&mut line);
+        read.map_err(|cause| self.broken(cause))?;
+        let bad = |what: String| Err(ClientError::BadAnswer { what });
+        if line.is_empty() {
+            return bad("the control has closed the connection".into());
+        }
+        serde_json::from_str(&line).or_else(|error| bad(error.to_string()))
+    }
+
+    fn answer(&self, mut answer: Value) -> Result<Value, ClientError> {
+        let bad = |what: &str| Err(ClientError::BadAnswer { what: what.into() });
         if let Some(error) = answer.get("error") {
             let number = error["code"].as_i64().and_then(|code| i32::try_from(code).ok());
             let message = error["message"].as_str().unwrap_or("no reason given");
-            let error = RpcError::new(number.unwrap_or(code::REFUSED), message);
-            return Err(ClientError::Refused(error));
+            let told = RpcError::new(number.unwrap_or(code::REFUSED), message);
+            let data = error.get("data").cloned();
+            return Err(ClientError::Refused(RpcError { data, ..told }));
         }
         if answer["id"].as_u64() != Some(self.id) {
             return bad("it belongs to another request");

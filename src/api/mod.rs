@@ -4,12 +4,16 @@
 //! Out: answers, one a line. What real time knows comes from what it publishes; orders to it go through rings. The
 //! service thread may wait, allocate and fail: nothing in real time waits for it.
 //!
-//! [`methods`] is the table of what can be asked; [`server`] keeps clients apart; [`client`] is the asking end.
+//! [`methods::table`] is the table of what can be asked; [`openrpc`] the same for programs; [`control`] who may give orders;
+//! [`server`] keeps clients apart and tells subscribers of changes; [`client`] is the asking end.
 
 pub mod client;
+pub mod control;
 pub mod methods;
 pub mod network_view;
+pub mod openrpc;
 pub mod orders;
 pub mod rpc;
 pub mod server;
 pub mod socket;
+pub mod uploads;

@@ -6,17 +6,23 @@
 
 use crate::api::rpc::RpcError;
 use crate::api::server::Ticket;
+use crate::api::uploads::Uploaded;
+use crate::machine::journal::Entry;
 use crate::program::Change;
 use crate::rt::joint_jog::JogMotion;
 use motion::canon::Axis;
+use nix::sys::eventfd::{EfdFlags, EventFd};
 use serde::Serialize;
 use serde_json::Value;
 use std::path::PathBuf;
-use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, TrySendError, channel, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 /// Orders that can wait; the operator looks every few milliseconds.
 const ORDERS: usize = 16;
+/// Between two looks of the operator, however many orders come.
+const LEAST_PAUSE: Duration = Duration::from_millis(1);
 
 /// What a client wants.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,6 +69,8 @@ pub enum Order {
     Tools,
     /// Show the journal behind this number.
     Journal(u64),
+    /// Write this into the journal.
+    Note(String),
     /// Whoever gave the order of this ticket has gone: what has not begun shall not begin. Has no answer.
     Withdraw,
 }
@@ -91,6 +99,8 @@ pub enum Source {
     File(PathBuf),
     /// The text itself, and its name for messages.
     Text { name: String, text: String },
+    /// What a client has sent in parts.
+    Uploaded(Uploaded),
 }
 
 /// What lies open on the inbox.
@@ -122,7 +132,12 @@ pub struct Shown {
     pub alarm: Option<String>,
     /// What ended the last jog, if something was in its way.
     pub obstruction: Option<String>,
+    /// The last entries of the journal, the newest last.
+    pub messages: Vec<Entry>,
 }
+
+/// Entries of [`Shown::messages`].
+pub const MESSAGES: usize = 8;
 
 /// What a machine that waits waits for.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -153,6 +168,7 @@ pub struct OrderClient {
     orders: SyncSender<(Ticket, Order)>,
     answers: Receiver<(Ticket, Result<Value, RpcError>)>,
     shown: Arc<Mutex<Shown>>,
+    wake: Option<Arc<EventFd>>,
 }
 
 /// The operator's side.
@@ -162,22 +178,31 @@ pub struct OrderInbox {
     answers: Sender<(Ticket, Result<Value, RpcError>)>,
     shown: Arc<Mutex<Shown>>,
     latest: Shown,
+    /// What has ended a wait.
+    first: Option<(Ticket, Order)>,
+    /// Ends a wait of the clients' side; `None`: it looks now and then.
+    wake: Option<Arc<EventFd>>,
 }
 
 pub fn order_channel() -> (OrderClient, OrderInbox) {
     let (orders, orders_out) = sync_channel(ORDERS);
     let (answers_in, answers) = channel();
     let shown = Arc::new(Mutex::new(Shown::default()));
+    let flags = EfdFlags::EFD_NONBLOCK | EfdFlags::EFD_CLOEXEC;
+    let wake = EventFd::from_flags(flags).ok().map(Arc::new);
     let client = OrderClient {
         orders,
         answers,
         shown: Arc::clone(&shown),
+        wake: wake.clone(),
     };
     let inbox = OrderInbox {
         orders: orders_out,
         answers: answers_in,
         shown,
         latest: Shown::default(),
+        first: None,
+        wake,
     };
     (client, inbox)
 }
@@ -207,6 +232,11 @@ impl OrderClient {
         self.answers.try_recv().ok()
     }
 
+    /// What is written to when there is an answer or something else lies open.
+    pub fn wake(&self) -> Option<Arc<EventFd>> {
+        self.wake.clone()
+    }
+
     /// What lies open.
     pub fn shown(&self) -> Shown {
         self.shown.lock().unwrap_or_else(PoisonError::into_inner).clone()
@@ -215,13 +245,36 @@ impl OrderClient {
 
 impl OrderInbox {
     /// The next order.
-    pub fn next(&self) -> Option<(Ticket, Order)> {
-        self.orders.try_recv().ok()
+    pub fn take(&mut self) -> Option<(Ticket, Order)> {
+        self.first.take().or_else(|| self.orders.try_recv().ok())
+    }
+
+    /// Waits for an order, this long at the most, and a little even where there is one: so many that they come all the time are
+    /// taken together.
+    pub fn wait(&mut self, longest: Duration) {
+        let least = longest.min(LEAST_PAUSE);
+        std::thread::sleep(least);
+        if self.first.is_none() {
+            match self.orders.recv_timeout(longest - least) {
+                Ok(order) => self.first = Some(order),
+                Err(RecvTimeoutError::Timeout) => {}
+                // Nobody is at the other end.
+                Err(RecvTimeoutError::Disconnected) => std::thread::sleep(longest - least),
+            }
+        }
+    }
+
+    fn wake(&self) {
+        if let Some(wake) = &self.wake {
+            // It cannot be so full that it would have to wait.
+            let _ = wake.write(1);
+        }
     }
 
     pub fn answer(&self, ticket: Ticket, result: Result<Value, RpcError>) {
         // Nobody reads it any more where the service thread has ended.
         let _ = self.answers.send((ticket, result));
+        self.wake();
     }
 
     /// Shows how things are.
@@ -229,6 +282,7 @@ impl OrderInbox {
         if shown != self.latest {
             self.latest.clone_from(&shown);
             *self.shown.lock().unwrap_or_else(PoisonError::into_inner) = shown;
+            self.wake();
         }
     }
 }
@@ -242,9 +296,9 @@ mod tests {
         let (client, mut inbox) = order_channel();
         client.put(7, Order::Hold).unwrap();
         client.put(8, Order::Stop).unwrap();
-        assert_eq!(inbox.next(), Some((7, Order::Hold)));
-        assert_eq!(inbox.next(), Some((8, Order::Stop)));
-        assert_eq!((inbox.next(), client.answer()), (None, None));
+        assert_eq!(inbox.take(), Some((7, Order::Hold)));
+        assert_eq!(inbox.take(), Some((8, Order::Stop)));
+        assert_eq!((inbox.take(), client.answer()), (None, None));
         inbox.answer(8, Ok(Value::Null));
         assert_eq!(client.answer(), Some((8, Ok(Value::Null))));
         let shown = Shown {

@@ -24,6 +24,10 @@ pub mod code {
     pub const NODE_ABORT: i32 = -32002;
     /// A node does not have the object.
     pub const NODE_NO_OBJECT: i32 = -32003;
+    /// Another client has control; who, is in the data.
+    pub const NO_CONTROL: i32 = -32004;
+    /// The control cannot read this file, which its client may be able to.
+    pub const UNREADABLE: i32 = -32005;
 }
 
 /// An error that goes back to the client.
@@ -33,6 +37,8 @@ pub struct RpcError {
     pub code: i32,
     /// What is wrong, and what was expected.
     pub message: String,
+    /// More of it, for programs.
+    pub data: Option<Value>,
 }
 
 impl RpcError {
@@ -41,7 +47,23 @@ impl RpcError {
         RpcError {
             code,
             message: message.into(),
+            data: None,
         }
+    }
+
+    /// The same with more of it, for programs.
+    pub fn with_data(self, data: Value) -> RpcError {
+        RpcError {
+            data: Some(data),
+            ..self
+        }
+    }
+}
+
+impl From<String> for RpcError {
+    /// It cannot be done now.
+    fn from(why: String) -> RpcError {
+        RpcError::new(code::REFUSED, why)
     }
 }
 
@@ -108,7 +130,6 @@ impl Params {
             .ok_or_else(|| invalid(format!("parameter \"{name}\": expected a number, got {value}")))
     }
 
-    /// A text, if it is given.
     /// Whole numbers in a list; none where it is missing.
     ///
     /// # Errors
@@ -132,6 +153,7 @@ impl Params {
         }
     }
 
+    /// A text, if it is given.
     pub fn text(&self, name: &str) -> Result<Option<&str>, RpcError> {
         let Some(value) = self.0.get(name) else {
             return Ok(None);
@@ -247,11 +269,20 @@ fn is_id(id: &Value) -> bool {
 pub fn answer(id: &Value, result: Result<Value, RpcError>) -> String {
     let message = match result {
         Ok(result) => json!({ "jsonrpc": "2.0", "id": id, "result": result }),
-        Err(RpcError { code, message }) => {
-            json!({ "jsonrpc": "2.0", "id": id, "error": { "code": code, "message": message } })
+        Err(RpcError { code, message, data }) => {
+            let mut error = json!({ "code": code, "message": message });
+            if let Some(data) = data {
+                error["data"] = data;
+            }
+            json!({ "jsonrpc": "2.0", "id": id, "error": error })
         }
     };
     format!("{message}\n")
+}
+
+/// The line of a message that nobody asked for, with its end.
+pub fn notification(method: &str, params: &Value) -> String {
+    format!("{}\n", json!({ "jsonrpc": "2.0", "method": method, "params": params }))
 }
 
 #[cfg(test)]

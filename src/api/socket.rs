@@ -6,7 +6,9 @@
 
 use nix::errno::Errno;
 use nix::sys::socket::sockopt::PeerCredentials;
-use nix::sys::socket::{AddressFamily, SockFlag, SockType, UnixAddr, bind, getsockopt, listen, socket};
+use nix::sys::socket::{
+    AddressFamily, SockFlag, SockType, UnixAddr, UnixCredentials, bind, getsockopt, listen, socket,
+};
 use nix::sys::stat::{Mode, fchmod};
 use std::fmt;
 use std::io::{self, ErrorKind};
@@ -108,12 +110,17 @@ pub fn connect(path: &Path) -> io::Result<UnixStream> {
 /// # Errors
 /// It is another user's.
 pub(super) fn check_peer(socket: &impl AsFd) -> io::Result<()> {
-    let user = getsockopt(socket, PeerCredentials)?.uid();
+    let user = peer(socket)?.uid();
     if user == 0 || user == nix::unistd::geteuid().as_raw() {
         return Ok(());
     }
     let what = format!("the process at the other end is of user {user}");
     Err(io::Error::new(ErrorKind::PermissionDenied, what))
+}
+
+/// The process at the other end.
+pub(super) fn peer(socket: &impl AsFd) -> nix::Result<UnixCredentials> {
+    getsockopt(socket, PeerCredentials)
 }
 
 /// A listening socket. Dropping it removes its file.

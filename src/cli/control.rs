@@ -4,14 +4,17 @@
 //! In:  the control socket of a machine, or of the only one that runs.
 //! Out: a few lines or one JSON value. Exit code 1: the control refuses, or none runs.
 
-use crate::api::client::Client;
+use crate::api::client::{Client, ClientError};
+use crate::api::rpc::code;
 use crate::host::signals::{StopSignal, exit_code};
 use crate::host::terminal::{self, StatusLine};
 use crate::machine::faults::SILENCED;
 use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
+use files::read::PROGRAM_MAX;
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -24,6 +27,19 @@ pub struct ControlArgs {
     /// Print JSON
     #[arg(long, global = true)]
     pub(super) json: bool,
+    /// Take control from another client that has taken it
+    #[arg(long, global = true)]
+    take_over: bool,
+}
+
+/// Arguments of `status`.
+#[derive(Clone, Debug, Args)]
+pub struct StatusArgs {
+    #[command(flatten)]
+    control: ControlArgs,
+    /// Print the whole state, then each change, one JSON value a line
+    #[arg(long)]
+    follow: bool,
 }
 
 /// Arguments of `program`.
@@ -50,7 +66,7 @@ enum ProgramCommand {
     /// Check a program and keep it for `start`
     #[command(after_help = "Example: isocnc program load configs/sample-part.ngc")]
     Load {
-        /// File; the control must be allowed to read it
+        /// File, or - for standard input
         file: PathBuf,
     },
     /// Run the program that is loaded; drives are on and joints homed before
@@ -69,7 +85,7 @@ enum ProgramCommand {
     /// All at once: drives on, joints home that are not, load, start; drives stay on
     #[command(after_help = "Example: isocnc program run configs/sample-part.ngc")]
     Run {
-        /// File; the control must be allowed to read it
+        /// File, or - for standard input
         file: PathBuf,
         /// Return once the program has begun, not once it is over
         #[arg(long)]
@@ -201,13 +217,29 @@ pub enum Lasting {
 ///
 /// # Errors
 /// No control answers.
-pub fn status(args: &ControlArgs) -> anyhow::Result<ExitCode> {
-    let status = call(args, "status", json!({}))?;
-    print(args, &status, &words(&status));
+pub fn status(args: &StatusArgs) -> anyhow::Result<ExitCode> {
+    if args.follow {
+        return follow(&args.control);
+    }
+    let status = call(&args.control, "status", json!({}))?;
+    print(&args.control, &status, &words(&status));
     Ok(match status["state"] == "silenced" {
         true => ExitCode::FAILURE,
         false => ExitCode::SUCCESS,
     })
+}
+
+/// Prints changes until the control ends.
+fn follow(args: &ControlArgs) -> anyhow::Result<ExitCode> {
+    let mut client = connect(args)?;
+    let mut value = client.call("subscribe", json!({}))?;
+    loop {
+        // Whoever reads them may be gone.
+        if writeln!(std::io::stdout(), "{value}").is_err() {
+            return Ok(ExitCode::SUCCESS);
+        }
+        value = client.notification()?["params"].take();
+    }
 }
 
 /// Gives an order without parameters that is carried out at once; `done` says what comes of it.
@@ -295,14 +327,10 @@ pub fn mdi(args: &MdiArgs) -> anyhow::Result<ExitCode> {
 /// # Errors
 /// There is no such file; no control answers, or it refuses.
 pub fn program(args: &ProgramArgs) -> anyhow::Result<ExitCode> {
-    let (control, path) = (&args.control, |file: &PathBuf| -> anyhow::Result<Value> {
-        let path = std::fs::canonicalize(file).with_context(|| file.display().to_string())?;
-        let path = path.to_str().context("the path is no UTF-8")?;
-        Ok(json!({ "path": path }))
-    });
-    let (method, params, no_wait) = match &args.command {
+    let control = &args.control;
+    let (file, params, no_wait) = match &args.command {
         ProgramCommand::Load { file } => {
-            let loaded = call(control, "program.load", path(file)?)?;
+            let loaded = ask_with(&mut connect(control)?, "program.load", file)?;
             warn(control, &loaded);
             let words = outlook("loaded", &loaded);
             print(control, &loaded, &format!("{words}; run it with: isocnc program start"));
@@ -312,17 +340,42 @@ pub fn program(args: &ProgramArgs) -> anyhow::Result<ExitCode> {
             from_line: Some(line),
             yes,
             no_wait,
-        } => ("program.start", json!({ "from_line": line, "yes": yes }), *no_wait),
-        ProgramCommand::Start { no_wait, .. } => ("program.start", json!({}), *no_wait),
-        ProgramCommand::Run { file, no_wait } => ("program.run", path(file)?, *no_wait),
+        } => (None, json!({ "from_line": line, "yes": yes }), *no_wait),
+        ProgramCommand::Start { no_wait, .. } => (None, json!({}), *no_wait),
+        ProgramCommand::Run { file, no_wait } => (Some(file), json!({}), *no_wait),
     };
     let args = OrderArgs {
         control: control.clone(),
         no_wait,
     };
-    give(&args, Lasting::Program, method, params, |begun| {
+    let begin = |client: &mut Client| match file {
+        Some(file) => ask_with(client, "program.run", file),
+        None => Ok(client.call("program.start", params)?),
+    };
+    give_by(&args, Lasting::Program, begin, |begun| {
         format!("{}; see: isocnc status", outlook("begun", begun))
     })
+}
+
+/// Asks for something with a program: by its path, and where the control cannot read it, by sending it.
+fn ask_with(client: &mut Client, method: &str, file: &Path) -> anyhow::Result<Value> {
+    if file == Path::new("-") {
+        let mut text = Vec::new();
+        std::io::stdin().lock().take(PROGRAM_MAX + 1).read_to_end(&mut text)?;
+        let upload = client.upload("standard input", text.as_slice(), text.len() as u64)?;
+        return Ok(client.call(method, json!({ "upload": upload }))?);
+    }
+    let path = std::fs::canonicalize(file).with_context(|| file.display().to_string())?;
+    let path = path.to_str().context("the path is no UTF-8")?;
+    match client.call(method, json!({ "path": path })) {
+        Err(ClientError::Refused(error)) if error.code == code::UNREADABLE => {
+            let program = files::open(file).with_context(|| path.to_owned())?;
+            let octets = program.metadata()?.len();
+            let upload = client.upload(path, program, octets)?;
+            Ok(client.call(method, json!({ "upload": upload }))?)
+        }
+        answer => Ok(answer?),
+    }
 }
 
 /// What a program comes to, in words.
@@ -349,9 +402,19 @@ fn give(
     params: Value,
     words: impl FnOnce(&Value) -> String,
 ) -> anyhow::Result<ExitCode> {
+    give_by(args, order, |client| Ok(client.call(method, params)?), words)
+}
+
+/// The same, where more than one thing has to be asked.
+fn give_by(
+    args: &OrderArgs,
+    order: Lasting,
+    begin: impl FnOnce(&mut Client) -> anyhow::Result<Value>,
+    words: impl FnOnce(&Value) -> String,
+) -> anyhow::Result<ExitCode> {
     let signal = StopSignal::install().context("signals")?;
-    let mut client = Client::connect(args.control.machine.as_deref())?;
-    let begun = client.call(method, params)?;
+    let mut client = connect(&args.control)?;
+    let begun = begin(&mut client)?;
     warn(&args.control, &begun);
     let words = words(&begun);
     if args.no_wait {
@@ -521,7 +584,7 @@ pub fn estop(args: &EstopArgs) -> anyhow::Result<ExitCode> {
 
 /// Tells what came of a reset: a chain that stays open lets the stop stand.
 fn reset_estop(args: &ControlArgs) -> anyhow::Result<ExitCode> {
-    let mut client = Client::connect(args.machine.as_deref())?;
+    let mut client = connect(args)?;
     client.call("estop.reset", json!({}))?;
     for _ in 0..RESET_LOOKS {
         let status = client.call("status", json!({}))?;
@@ -550,8 +613,17 @@ pub fn alarm(args: &AlarmArgs) -> anyhow::Result<ExitCode> {
 }
 
 pub(super) fn call(args: &ControlArgs, method: &str, params: Value) -> anyhow::Result<Value> {
+    Ok(connect(args)?.call(method, params)?)
+}
+
+/// Connects, and takes control away from whoever has taken it, if that is wanted; it is free then.
+pub(super) fn connect(args: &ControlArgs) -> anyhow::Result<Client> {
     let mut client = Client::connect(args.machine.as_deref())?;
-    Ok(client.call(method, params)?)
+    if args.take_over {
+        client.call("control.take", json!({ "name": "isocnc", "force": true }))?;
+        client.call("control.release", json!({}))?;
+    }
+    Ok(client)
 }
 
 pub(super) fn print(args: &ControlArgs, value: &Value, words: &str) {
@@ -568,6 +640,10 @@ fn words(status: &Value) -> String {
         format!("machine   {} ({})", text(&status["machine"]), text(&status["file"])),
         format!("state     {}, {}", text(&status["state"]), text(&status["step"])),
     ];
+    if status["control"]["taken"] == true {
+        let (name, process) = (text(&status["control"]["name"]), &status["control"]["process"]);
+        lines.push(format!("control   {name} (process {process})"));
+    }
     if let Some(waiting) = status["waiting"].as_object() {
         let (what, release) = (text(&waiting["text"]), text(&waiting["release"]));
         lines.push(format!("waits     {what}; {release}"));

@@ -3,8 +3,7 @@
 //! In:  what to move, how far or in which direction, how fast.
 //! Out: jog orders, renewed while the command runs; one line when it is over. Killed in the midst, the joint comes to rest.
 
-use super::control::{ControlArgs, print};
-use crate::api::client::Client;
+use super::control::{ControlArgs, connect, print};
 use crate::host::signals::{StopSignal, exit_code};
 use crate::host::terminal::{alarm as alarm_text, say};
 use crate::rt::joint_jog::HOLDS_S;
@@ -43,7 +42,7 @@ pub struct JogArgs {
 pub fn jog(args: &JogArgs) -> anyhow::Result<ExitCode> {
     let (mut params, endless) = params(args)?;
     let signal = StopSignal::install().context("signals")?;
-    let mut client = Client::connect(args.control.machine.as_deref())?;
+    let mut client = connect(&args.control)?;
     let outlook = client.call("jog", params.clone())?;
     if let Some(cut) = cut(&outlook, args.speed)
         && !args.control.json

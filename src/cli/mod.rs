@@ -43,7 +43,7 @@ enum Command {
     Doctor(doctor::DoctorArgs),
     /// Show how a running control is.
     #[command(after_help = "Example: isocnc status --json")]
-    Status(control::ControlArgs),
+    Status(control::StatusArgs),
     /// Switch the drives of a control that stands by on; moves nothing.
     #[command(after_help = "Example: isocnc on")]
     On(control::OrderArgs),
@@ -122,9 +122,9 @@ enum Command {
     /// Print the completion script of a shell.
     #[command(after_help = "Example: isocnc completions bash")]
     Completions(pages::CompletionsArgs),
-    /// Print the JSON schema of the machine file, for editors.
-    #[command(after_help = "Example: isocnc schema")]
-    Schema,
+    /// Print the JSON schema of the machine file, for editors; or what the control socket serves.
+    #[command(after_help = "Example: isocnc schema --rpc")]
+    Schema(pages::SchemaArgs),
     /// Write the pages of the manual, one a command.
     #[command(after_help = "Example: isocnc man man1")]
     Man(pages::ManArgs),
@@ -181,7 +181,7 @@ pub fn main() -> ExitCode {
         Command::Hal(args) => hal::hal(args),
         Command::Bus(args) => bus::bus(args),
         Command::Completions(args) => pages::completions(args, Cli::command()),
-        Command::Schema => pages::schema(),
+        Command::Schema(args) => pages::schema(args),
         Command::Man(args) => pages::man(args, Cli::command()),
     };
     result.unwrap_or_else(|error| {

@@ -1,8 +1,10 @@
 //! What a shell, `man` and an editor know of isocnc.
 //!
-//! In:  the command line's description; the schema of the machine file, which `tests/references` makes of its readers.
+//! In:  the command line's description; the schema of the machine file, which `tests/references` makes of its readers; the methods
+//! of the control socket.
 //! Out: a completion script or the schema on standard output; a page of the manual for each command.
 
+use crate::api::openrpc;
 use crate::host::terminal::say;
 use anyhow::Context;
 use clap::{Args, Command};
@@ -16,6 +18,14 @@ pub struct CompletionsArgs {
     /// The shell that reads the script
     #[arg(value_enum)]
     shell: Shell,
+}
+
+/// Arguments of `schema`.
+#[derive(Debug, Args)]
+pub struct SchemaArgs {
+    /// The methods of the control socket, as an OpenRPC document
+    #[arg(long)]
+    rpc: bool,
 }
 
 /// Arguments of `man`.
@@ -36,12 +46,15 @@ pub fn completions(args: &CompletionsArgs, mut all: Command) -> anyhow::Result<E
     Ok(ExitCode::SUCCESS)
 }
 
-/// Prints the schema of the machine file.
+/// Prints the schema of the machine file, or the methods of the control socket.
 ///
 /// # Errors
 /// None.
-pub fn schema() -> anyhow::Result<ExitCode> {
-    say(include_str!("../../configs/machine.schema.json"));
+pub fn schema(args: &SchemaArgs) -> anyhow::Result<ExitCode> {
+    match args.rpc {
+        true => say(&format!("{:#}\n", openrpc::document())),
+        false => say(include_str!("../../configs/machine.schema.json")),
+    }
     Ok(ExitCode::SUCCESS)
 }
 

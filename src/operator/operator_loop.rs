@@ -36,7 +36,7 @@ use std::sync::{Arc, mpsc};
 use std::thread::{Scope, ScopedJoinHandle};
 use std::time::Duration;
 
-/// Pause of the loop.
+/// Pause of the loop, which an order of a client ends.
 const PAUSE: Duration = Duration::from_millis(10);
 /// Pause of the planner while the ring is full, if no order wakes it.
 const PLANNER_PAUSE: Duration = Duration::from_millis(5);
@@ -180,7 +180,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             self.step(running, now_ns)?;
             task.tick(running, now_ns);
             self.notify_service(&mut service, &running.operator, now_ns);
-            std::thread::sleep(to_next(PAUSE));
+            self.clients.wait(to_next(PAUSE));
         }
         service.stopping();
         task.tick(running, monotonic_ns());

@@ -213,7 +213,11 @@ fn run_on(
         network.interface = "a wire in memory".into();
     }
     let (client, inbox) = order_channel();
-    let methods = Methods::new(network, endpoints.live.clone(), open.service, client, monotonic_ns);
+    let methods = Methods::new(network, endpoints.live.clone(), open.service, client, monotonic_ns).of_machine(
+        config,
+        pin_values(&hal),
+        time_of_day,
+    );
     let socket = control_socket(hal.path(), &config.name)?;
 
     let (recorder, windows) = cycle_stats::recorder(grid.period_ns);
@@ -323,8 +327,12 @@ fn run_on(
 
 /// Pins as programs read them.
 pub(super) fn pin_reader(hal: &Hal) -> PinReader {
+    PinReader::new(pin_values(hal))
+}
+
+fn pin_values(hal: &Hal) -> impl Fn(&str) -> Option<f64> + Send + Sync + 'static + use<> {
     let pins = hal.view();
-    PinReader::new(move |name| {
+    move |name| {
         Some(match pins.value(name)? {
             AnyValue::Bit(on) => f64::from(on),
             AnyValue::S32(number) => f64::from(number),
@@ -333,7 +341,7 @@ pub(super) fn pin_reader(hal: &Hal) -> PinReader {
             AnyValue::U64(number) => number as f64,
             AnyValue::Float(number) => number,
         })
-    })
+    }
 }
 
 /// Seconds since 1970.

@@ -50,16 +50,28 @@ impl From<Vec<u8>> for Text {
     }
 }
 
+impl From<File> for Text {
+    /// Of a temporary file that nobody writes to any more.
+    fn from(file: File) -> Text {
+        Text(Kept::InFile(file))
+    }
+}
+
+/// A temporary file without a name.
+///
+/// # Errors
+/// None can be made.
+pub fn temporary_file() -> io::Result<File> {
+    // What is long belongs on a disk, and /tmp may be memory.
+    let folders = [std::env::var_os("TMPDIR").map(PathBuf::from), Some("/var/tmp".into())];
+    let mut folders = folders.into_iter().flatten();
+    let file = folders.find_map(|folder| tempfile::tempfile_in(folder).ok());
+    file.map_or_else(|| tempfile::tempfile_in("/tmp"), Ok)
+}
+
 /// A temporary file with this content; `None` where there is no room for one, or the content is longer than it was said to be.
 fn copied(content: impl Read, length: u64) -> Option<File> {
-    // What is long belongs on a disk, and /tmp may be memory.
-    let folders = [
-        std::env::var_os("TMPDIR").map(PathBuf::from),
-        Some("/var/tmp".into()),
-        Some("/tmp".into()),
-    ];
-    let mut folders = folders.into_iter().flatten();
-    let mut file = folders.find_map(|folder| tempfile::tempfile_in(folder).ok())?;
+    let mut file = temporary_file().ok()?;
     let count = io::copy(&mut content.take(length + 1), &mut file).ok()?;
     file.flush().ok()?;
     (count == length).then_some(file)

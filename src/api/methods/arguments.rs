@@ -10,6 +10,9 @@ use motion::canon::Axis;
 /// Longest line of MDI, octets.
 const LINE_MAX: usize = gcode::LINE_OCTETS_MAX;
 
+/// Work systems, from 1 on.
+pub const WORK_SYSTEMS: [&str; 9] = ["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"];
+
 /// What "jog" is to do.
 pub(super) fn jog(params: &Params) -> Result<Jog, RpcError> {
     let invalid = |what: &str| Err(RpcError::new(code::INVALID_PARAMS, what));
@@ -70,7 +73,7 @@ pub(super) fn source(params: &Params) -> Result<Source, RpcError> {
             let text = text.to_owned();
             Ok(Source::Text { name, text })
         }
-        (None, _, None) => invalid("expected \"path\", or \"text\" and \"name\""),
+        (None, _, None) => invalid("expected \"path\", \"upload\", or \"text\" and \"name\""),
         (Some(_), _, _) => invalid("expected \"path\" alone, or \"text\" and \"name\""),
     }
 }
@@ -90,7 +93,7 @@ fn axis(params: &Params) -> Result<Option<Axis>, RpcError> {
     axis.ok_or_else(wrong).map(Some)
 }
 
-fn needed<T>(value: Option<T>, name: &str, what: &str) -> Result<T, RpcError> {
+pub(super) fn needed<T>(value: Option<T>, name: &str, what: &str) -> Result<T, RpcError> {
     value.ok_or_else(|| {
         let what = format!("parameter \"{name}\": expected {what}, it is missing");
         RpcError::new(code::INVALID_PARAMS, what)
@@ -99,11 +102,12 @@ fn needed<T>(value: Option<T>, name: &str, what: &str) -> Result<T, RpcError> {
 
 /// The work system of a word, 1 for G54 to 9 for G59.3, if one is given.
 fn system(params: &Params) -> Result<Option<u8>, RpcError> {
-    const WORDS: [&str; 9] = ["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"];
     let Some(text) = params.text("system")? else {
         return Ok(None);
     };
-    let number = (1..).zip(WORDS).find(|(_, word)| word.eq_ignore_ascii_case(text));
+    let number = (1..)
+        .zip(WORK_SYSTEMS)
+        .find(|(_, word)| word.eq_ignore_ascii_case(text));
     let wrong = || {
         let what = format!("parameter \"system\": expected one of G54 to G59, G59.1 to G59.3, got \"{text}\"");
         RpcError::new(code::INVALID_PARAMS, what)

@@ -3,285 +3,52 @@
 //! In:  requests of clients; records and replies of the cycle thread; answers of the operator.
 //! Out: answers, at once or when the bus or the operator has carried an order out.
 //!
-//! To add a method: a line in [`METHODS`] and its function.
+//! To add a method: a row of [`table`](mod@table) and its function.
 
 mod arguments;
+pub mod table;
 
+pub use arguments::WORK_SYSTEMS;
+
+use super::control::{Control, NAME_MAX, Needs, Who};
 use super::rpc::{Params, Request, RpcError, code, from_hex, to_hex};
-use super::server::{Serve, Ticket};
+use super::server::subscription::{self, RATE_MAX_HZ, Subscription};
+use super::server::{Caller, ClientId, Serve, Ticket};
+use super::uploads::{PART_MAX, Uploads};
 use crate::api::network_view::NetworkView;
-use crate::api::orders::{Jog, Order, OrderClient};
+use crate::api::orders::{Jog, Order, OrderClient, Source};
 use crate::bus::SDO_VALUE_MAX;
 use crate::bus::service::{BusService, MailboxError, MailboxRequest};
-use crate::config::JOINTS_MAX;
+use crate::config::{Config, JOINTS_MAX};
 use crate::machine::faults::SILENCED;
 use crate::machine::state::State;
 use crate::rt::joint_jog::JogMotion;
 use crate::rt::overrides::Overridden;
 use crate::rt::shared::RtStatus;
+use files::read::PROGRAM_MAX;
+use nix::sys::eventfd::EventFd;
 use obd::AbortCode;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 use std::sync::Arc;
+use table::METHODS;
 
-pub struct Method {
-    pub name: &'static str,
-    /// Names of its parameters.
-    pub params: &'static [&'static str],
-    /// What it does.
-    pub does: &'static str,
-    /// Looks and changes nothing: answered also where the network is silenced.
-    looks: bool,
-    call: fn(&mut Methods, &Params, Ticket) -> Answer,
-}
+/// Values of pins, by name.
+type Pins = dyn Fn(&str) -> Option<f64> + Send;
 
-/// `None`: comes when the bus has done it.
+/// `None`: comes when the bus or the operator has done it.
 type Answer = Option<Result<Value, RpcError>>;
 
-pub const METHODS: &[Method] = &[
-    Method {
-        name: "methods",
-        params: &[],
-        does: "this table",
-        looks: true,
-        call: |_, _, _| Some(Ok(table())),
-    },
-    Method {
-        name: "status",
-        params: &[],
-        does: "machine, process, state, cycles, position, program, alarm",
-        looks: true,
-        call: |methods, _, _| Some(Ok(methods.status())),
-    },
-    Method {
-        name: "bus.network",
-        params: &[],
-        does: "the network and its nodes: what they are, how they are, why they are not operational",
-        looks: true,
-        call: |methods, _, _| Some(methods.network()),
-    },
-    Method {
-        name: "bus.sdo_read",
-        params: &["node", "index", "sub"],
-        does: "reads an object of a node; its octets as hexadecimal digits in \"value\"",
-        looks: false,
-        call: |methods, params, ticket| methods.sdo(params, ticket, false),
-    },
-    Method {
-        name: "bus.sdo_write",
-        params: &["node", "index", "sub", "value"],
-        does: "writes an object of a node; \"value\" holds its octets as hexadecimal digits",
-        looks: false,
-        call: |methods, params, ticket| methods.sdo(params, ticket, true),
-    },
-    Method {
-        name: "on",
-        params: &[],
-        does: "switches drives on; moves nothing, and homes nothing",
-        looks: false,
-        call: |methods, _, ticket| methods.order(ticket, Order::On),
-    },
-    Method {
-        name: "off",
-        params: &[],
-        does: "brings the machine to rest and switches drives off",
-        looks: false,
-        call: |methods, _, ticket| methods.order(ticket, Order::Off),
-    },
-    Method {
-        name: "estop",
-        params: &[],
-        does: "emergency stop: quick stop of all drives, spindle and coolant off, until \"estop.reset\". Not a safety function",
-        looks: false,
-        call: |methods, _, ticket| methods.order(ticket, Order::Estop),
-    },
-    Method {
-        name: "estop.reset",
-        params: &[],
-        does: "the emergency stop is over, once its chain is closed; switches nothing on",
-        looks: false,
-        call: |methods, _, ticket| methods.order(ticket, Order::EstopReset),
-    },
-    Method {
-        name: "home",
-        params: &["joints"],
-        does: "homes the \"joints\" of a list of numbers, all without it, in the order of their \"sequence\"; switches drives on if \
-               they are off, and leaves them on",
-        looks: false,
-        call: |methods, params, ticket| match params.numbers("joints", 0, JOINTS_MAX as u64 - 1) {
-            Ok(joints) => methods.order(
-                ticket,
-                Order::Home(joints.into_iter().map(|joint| joint as usize).collect()),
-            ),
-            Err(error) => Some(Err(error)),
-        },
-    },
-    Method {
-        name: "program.load",
-        params: &["path", "name", "text"],
-        does: "checks a program and keeps it for \"program.start\". A file that the control may read (\"path\", absolute), or \
-               \"text\" and its \"name\"",
-        looks: false,
-        call: |methods, params, ticket| methods.order_of(ticket, arguments::source(params).map(Order::Load)),
-    },
-    Method {
-        name: "program.start",
-        params: &["from_line", "yes"],
-        does: "runs the program that is loaded; drives are on and joints homed before. Before a line (\"from_line\"): refused with what \
-               that means, one sentence a line, until \"yes\" is true",
-        looks: false,
-        call: |methods, params, ticket| methods.order_of(ticket, arguments::start(params)),
-    },
-    Method {
-        name: "program.run",
-        params: &["path", "name", "text"],
-        does: "checks a program, switches drives on if they are off, homes joints that are not, runs it; drives stay on. \
-               Parameters as of \"program.load\"",
-        looks: false,
-        call: |methods, params, ticket| methods.order_of(ticket, arguments::source(params).map(Order::Run)),
-    },
-    Method {
-        name: "mdi",
-        params: &["line"],
-        does: "runs a \"line\" of G-code in the modes that the one before has left, behind those that wait; answered when it begins",
-        looks: false,
-        call: |methods, params, ticket| methods.order_of(ticket, arguments::line(params).map(Order::Mdi)),
-    },
-    Method {
-        name: "touch_off",
-        params: &["axis", "value", "system", "tool"],
-        does: "the \"axis\" reads \"value\" (unit of the machine) where it stands: in a work \"system\" (G54 to G59.3, else the one in \
-               force), or once the length of a \"tool\" is in force",
-        looks: false,
-        call: |methods, params, ticket| methods.order_of(ticket, arguments::touch_off(params).map(Order::Change)),
-    },
-    Method {
-        name: "offset.list",
-        params: &[],
-        does: "origins of G54 to G59.3 and G92",
-        looks: true,
-        call: |methods, _, ticket| methods.order(ticket, Order::Offsets),
-    },
-    Method {
-        name: "offset.set",
-        params: &["system", "axis", "value"],
-        does: "puts the origin of a work \"system\" (else the one in force) on an \"axis\" to this \"value\", machine coordinates",
-        looks: false,
-        call: |methods, params, ticket| methods.order_of(ticket, arguments::offset(params).map(Order::Change)),
-    },
-    Method {
-        name: "tool.list",
-        params: &[],
-        does: "the tool table, and the tool in the spindle",
-        looks: true,
-        call: |methods, _, ticket| methods.order(ticket, Order::Tools),
-    },
-    Method {
-        name: "tool.set",
-        params: &["tool", "length", "diameter"],
-        does: "\"length\" or \"diameter\" of a \"tool\", or both, in the unit of the machine; one that the table lacks is added",
-        looks: false,
-        call: |methods, params, ticket| methods.order_of(ticket, arguments::tool(params).map(Order::Change)),
-    },
-    Method {
-        name: "tool.changed",
-        params: &[],
-        does: "the tool that the program waits for is in the spindle",
-        looks: false,
-        call: |methods, _, ticket| methods.order(ticket, Order::ToolChanged),
-    },
-    Method {
-        name: "jog",
-        params: &["axis", "joint", "velocity_mm_s", "distance_mm"],
-        does: "moves an \"axis\" (letter) or a \"joint\" (number) by hand: at a velocity, whose sign is the direction, as far \
-               as the soft limit; or by \"distance_mm\", which adds up. Holds for 0.2 s: renew it with \"jog.keep\"",
-        looks: false,
-        call: |methods, params, ticket| methods.order_of(ticket, arguments::jog(params).map(Order::Jog)),
-    },
-    Method {
-        name: "jog.keep",
-        params: &["axis", "joint"],
-        does: "the hand is still on the key: what is being jogged goes on for another 0.2 s; begins nothing",
-        looks: false,
-        call: |methods, params, ticket| methods.jogging(params, ticket, JogMotion::Keep),
-    },
-    Method {
-        name: "jog.stop",
-        params: &["axis", "joint"],
-        does: "lets an axis, a joint or all that is being jogged come to rest",
-        looks: false,
-        call: |methods, params, ticket| methods.jogging(params, ticket, JogMotion::Release),
-    },
-    Method {
-        name: "hold",
-        params: &[],
-        does: "brings the program to rest on its path and keeps it: it may be jogged away then; a jog or a way back is over",
-        looks: false,
-        call: |methods, _, ticket| methods.order(ticket, Order::Hold),
-    },
-    Method {
-        name: "resume",
-        params: &[],
-        does: "goes on after a hold, and forward after \"reverse\"; in single block, runs the next block. Of a machine that was jogged \
-               away: returns to where the program is held, Z up first (\"returns\": the legs), and waits there for the next one",
-        looks: false,
-        call: |methods, _, ticket| methods.order(ticket, Order::Resume),
-    },
-    Method {
-        name: "reverse",
-        params: &["percent"],
-        does: "runs the program that runs or is held back along the path it has run, at \"percent\" (above 0 to 100, usually 100) \
-               of its speed, as far as the last block that moves nothing or turns with the spindle; \"hold\" rests, \"resume\" \
-               goes forward again",
-        looks: false,
-        call: |methods, params, ticket| methods.order_of(ticket, arguments::reverse_share(params).map(Order::Reverse)),
-    },
-    Method {
-        name: "single_block",
-        params: &["on"],
-        does: "\"on\" (true or false): the program rests at the end of each block, \"resume\" runs the next one; what is planned \
-               from now on stops at the end of each block exactly",
-        looks: false,
-        call: |methods, params, ticket| methods.order_of(ticket, params.flag("on").map(Order::SingleBlock)),
-    },
-    Method {
-        name: "stop",
-        params: &[],
-        does: "brings the machine to rest, a program on its path, and gives it up; spindle and coolant go off, drives stay on",
-        looks: false,
-        call: |methods, _, ticket| methods.order(ticket, Order::Stop),
-    },
-    Method {
-        name: "override",
-        params: &["feed", "rapid", "spindle"],
-        does: "from now on feed (0 to 120), rapid moves (0 to 100) and the spindle (50 to 120) run at this many percent of what \
-               is programmed; 0 holds these moves. At any time, for all programs; one that has switched overrides off (M49) \
-               is not changed there",
-        looks: false,
-        call: |methods, params, _| Some(methods.set_overrides(params)),
-    },
-    Method {
-        name: "journal.since",
-        params: &["seq"],
-        does: "entries of the journal behind number \"seq\" (0: all that are known), the oldest first, up to 500; \"more\": there are \
-               others behind them",
-        looks: true,
-        call: |methods, params, ticket| {
-            let since = if params.has("seq") {
-                params.number("seq", 0, u64::MAX)
-            } else {
-                Ok(0)
-            };
-            methods.order_of(ticket, since.map(Order::Journal))
-        },
-    },
-    Method {
-        name: "alarm.acknowledge",
-        params: &[],
-        does: "allows motion again after a fault whose cause is gone; moves nothing and switches nothing on",
-        looks: false,
-        call: |methods, _, ticket| methods.order(ticket, Order::Acknowledge),
-    },
-];
+/// A request that is being served.
+struct Call<'a> {
+    caller: &'a mut Caller,
+    params: &'a Params,
+    ticket: Ticket,
+}
+
+/// Carried out.
+fn done() -> Answer {
+    Some(Ok(json!({})))
+}
 
 /// Numbers of the joints of a set.
 fn numbers(joints: u64) -> Vec<usize> {
@@ -289,9 +56,10 @@ fn numbers(joints: u64) -> Vec<usize> {
 }
 
 fn table() -> Value {
-    let methods = METHODS
-        .iter()
-        .map(|method| json!({ "name": method.name, "params": method.params, "does": method.does }));
+    let methods = METHODS.iter().map(|method| {
+        let params: Vec<&str> = method.params.iter().map(|param| param.name).collect();
+        json!({ "name": method.name, "params": params, "does": method.does })
+    });
     methods.collect()
 }
 
@@ -305,6 +73,12 @@ pub struct Methods {
     reading: Vec<Ticket>,
     /// Way to the operator.
     operator: OrderClient,
+    control: Control,
+    uploads: Uploads,
+    time_of_day: fn() -> f64,
+    /// Its axes: what does not change.
+    axes: Value,
+    pins: Box<Pins>,
     now_ns: fn() -> u64,
 }
 
@@ -323,14 +97,56 @@ impl Methods {
             network,
             reading: Vec::new(),
             operator,
+            control: Control::default(),
+            uploads: Uploads::default(),
+            time_of_day: || 0.0,
+            axes: json!([]),
+            pins: Box::new(|_| None),
             now_ns,
         }
     }
 
-    fn status(&self) -> Value {
+    /// Shows its axes, and its spindle and coolant as the pins have them; states are stamped with this time of day, too, s since
+    /// 1970.
+    pub fn of_machine(
+        self,
+        config: &Config,
+        pins: impl Fn(&str) -> Option<f64> + Send + 'static,
+        time_of_day: fn() -> f64,
+    ) -> Methods {
+        let axes = config.axes.iter().map(|map| {
+            let (letter, unit) = (
+                map.axis.letter().to_string(),
+                if map.axis.is_rotary() { "degrees" } else { "mm" },
+            );
+            json!({ "axis": letter, "joints": map.joints, "unit": unit })
+        });
+        Methods {
+            axes: axes.collect(),
+            pins: Box::new(pins),
+            time_of_day,
+            ..self
+        }
+    }
+
+    /// What the first spindle is told, if there is one.
+    fn spindle(&self) -> Value {
+        match (self.pins)("spindle.0.speed-out") {
+            None => Value::Null,
+            Some(speed_rpm) => json!({ "on": (self.pins)("spindle.0.on") == Some(1.0), "speed_rpm": speed_rpm }),
+        }
+    }
+
+    fn coolant(&self) -> Value {
+        let is_on = |name: &str| (self.pins)(name) == Some(1.0);
+        json!({ "flood": is_on("iocontrol.0.coolant-flood"), "mist": is_on("iocontrol.0.coolant-mist") })
+    }
+
+    fn status(&mut self) -> Value {
         let live = self.live.snapshot();
         let shown = self.operator.shown();
         json!({
+            "api": table::API_VERSION,
             "version": env!("CARGO_PKG_VERSION"),
             "machine": self.network.machine,
             "file": self.network.file,
@@ -344,7 +160,10 @@ impl Methods {
             "direction": if live.reversing { "reverse" } else { "forward" },
             "single_block": live.single_block,
             "velocity_mm_s": live.velocity_mm_s,
+            "axes": self.axes,
             "position_mm": live.position.0,
+            "spindle": self.spindle(),
+            "coolant": self.coolant(),
             "override": self.overrides(),
             "step": shown.step,
             "power": shown.power,
@@ -364,6 +183,8 @@ impl Methods {
             "limit_switches": { "lower": numbers(live.limits[0]), "upper": numbers(live.limits[1]) },
             "alarm": shown.alarm,
             "obstruction": shown.obstruction,
+            "messages": shown.messages,
+            "control": self.control.shown((self.now_ns)()),
         })
     }
 
@@ -382,9 +203,75 @@ impl Methods {
         })
     }
 
+    fn subscribe(&mut self, call: &mut Call<'_>) -> Result<Value, RpcError> {
+        let rate_hz = match call.params.has("rate_hz") {
+            true => call.params.number("rate_hz", 1, RATE_MAX_HZ)?,
+            false => RATE_MAX_HZ,
+        };
+        let (subscription, answer) = Subscription::begin(&self.state(), rate_hz);
+        call.caller.subscription = Some(subscription);
+        Ok(answer)
+    }
+
+    fn take_control(&mut self, call: &mut Call<'_>) -> Result<Value, RpcError> {
+        let force = call.params.has("force") && call.params.flag("force")?;
+        let mut who = who(call.caller);
+        if let Some(name) = call.params.text("name")? {
+            if name.is_empty() || name.len() > NAME_MAX || name.contains(char::is_control) {
+                let what = format!("parameter \"name\": expected one to {NAME_MAX} octets that can be printed");
+                return Err(RpcError::new(code::INVALID_PARAMS, what));
+            }
+            name.clone_into(&mut who.name);
+        }
+        let now_ns = (self.now_ns)();
+        if let Some(before) = self.control.take(who.clone(), force, now_ns)? {
+            let [new, old] = [&who, &before].map(|who| format!("{} (process {})", who.name, who.process));
+            // Nobody waits for its answer.
+            let _ = self
+                .operator
+                .put(0, Order::Note(format!("control: {new} has taken it from {old}")));
+        }
+        Ok(self.control.shown(now_ns))
+    }
+
+    fn begin_upload(&mut self, call: &Call<'_>) -> Result<Value, RpcError> {
+        let octets = call.params.number("octets", 0, u64::MAX)?;
+        let name = call.params.text("name")?;
+        let name = arguments::needed(name, "name", "a text")?;
+        let upload = self.uploads.begin(call.caller.client, name, octets, (self.now_ns)())?;
+        Ok(json!({ "upload": upload, "part_octets": PART_MAX }))
+    }
+
+    fn append_upload(&mut self, call: &Call<'_>) -> Result<Value, RpcError> {
+        let (upload, part) = (upload(call.params)?, call.params.octets("value", PART_MAX)?);
+        let at = call.params.number("at", 0, PROGRAM_MAX)?;
+        let received = (self.uploads).append(call.caller.client, upload, at, &part, (self.now_ns)())?;
+        Ok(json!({ "received": received }))
+    }
+
+    fn commit_upload(&mut self, call: &Call<'_>) -> Result<Value, RpcError> {
+        let (upload, sum) = (upload(call.params)?, call.params.octets("sha256", 32)?);
+        (self.uploads).commit(call.caller.client, upload, &sum, (self.now_ns)())?;
+        Ok(json!({}))
+    }
+
+    /// The program of "program.load" and "program.run".
+    fn source(&mut self, call: &Call<'_>) -> Result<Source, RpcError> {
+        if !call.params.has("upload") {
+            return arguments::source(call.params);
+        }
+        if let Some(other) = ["path", "name", "text"].iter().find(|name| call.params.has(name)) {
+            let what = format!("expected \"upload\" alone, got \"{other}\", too");
+            return Err(RpcError::new(code::INVALID_PARAMS, what));
+        }
+        let whole = (self.uploads).whole(call.caller.client, upload(call.params)?, (self.now_ns)())?;
+        Ok(Source::Uploaded(whole))
+    }
+
     /// Turns overrides: all that are given, or none where one of them cannot be. No way over the operator's inbox: whoever
     /// cuts turns the feed down because he hears something.
-    fn set_overrides(&self, params: &Params) -> Result<Value, RpcError> {
+    fn set_overrides(&mut self, call: &mut Call<'_>) -> Result<Value, RpcError> {
+        let params = call.params;
         let invalid = |what: String| RpcError::new(code::INVALID_PARAMS, what);
         let mut wanted = Vec::new();
         for what in Overridden::ALL {
@@ -397,32 +284,41 @@ impl Methods {
             let what = "expected \"feed\", \"rapid\" or \"spindle\", in percent of what is programmed";
             return Err(invalid(what.into()));
         }
+        let is_slower = |(what, percent): &(Overridden, f64)| {
+            *what != Overridden::Spindle && *percent <= self.live.overrides.percent(*what)
+        };
+        if !wanted.iter().all(is_slower) {
+            self.permit(call.caller, Needs::Control)?;
+        }
         for (what, percent) in wanted {
             self.live.overrides.order(what, percent).map_err(invalid)?;
         }
         Ok(self.overrides())
     }
 
-    fn order_of(&mut self, ticket: Ticket, order: Result<Order, RpcError>) -> Answer {
+    fn permit(&mut self, caller: &Caller, needs: Needs) -> Result<(), RpcError> {
+        let now_ns = (self.now_ns)();
+        self.control.permit(caller.client, || who(caller), needs, now_ns)
+    }
+
+    fn order_of(&mut self, call: &Call<'_>, order: Result<Order, RpcError>) -> Answer {
         match order {
-            Ok(order) => self.order(ticket, order),
+            Ok(order) => self.order(call, order),
             Err(error) => Some(Err(error)),
         }
     }
 
-    fn order(&mut self, ticket: Ticket, order: Order) -> Answer {
-        match self.operator.put(ticket, order) {
+    fn order(&mut self, call: &Call<'_>, order: Order) -> Answer {
+        match self.operator.put(call.ticket, order) {
             Ok(()) => None,
             Err(what) => Some(Err(RpcError::new(code::REFUSED, what))),
         }
     }
 
     /// What concerns jogs under way: of one axis or joint, or all.
-    fn jogging(&mut self, params: &Params, ticket: Ticket, motion: JogMotion) -> Answer {
-        self.order_of(
-            ticket,
-            arguments::jogged(params).map(|what| Order::Jog(Jog { what, motion })),
-        )
+    fn jogging(&mut self, call: &Call<'_>, motion: JogMotion) -> Answer {
+        let what = arguments::jogged(call.params);
+        self.order_of(call, what.map(|what| Order::Jog(Jog { what, motion })))
     }
 
     fn network(&mut self) -> Result<Value, RpcError> {
@@ -435,8 +331,8 @@ impl Methods {
         serde_json::to_value(view).map_err(|error| RpcError::new(code::REFUSED, error.to_string()))
     }
 
-    fn sdo(&mut self, params: &Params, ticket: Ticket, write: bool) -> Answer {
-        match self.sdo_order(params, ticket, write) {
+    fn sdo(&mut self, call: &Call<'_>, write: bool) -> Answer {
+        match self.sdo_order(call.params, call.ticket, write) {
             Ok(()) => None,
             Err(error) => Some(Err(error)),
         }
@@ -475,19 +371,32 @@ impl Methods {
 }
 
 impl Serve for Methods {
-    fn call(&mut self, request: &Request, ticket: Ticket) -> Option<Result<Value, RpcError>> {
+    fn call(&mut self, caller: &mut Caller, request: &Request, ticket: Ticket) -> Option<Result<Value, RpcError>> {
+        let now_ns = (self.now_ns)();
+        self.control.hear(caller.client, now_ns);
+        self.uploads.forget_idle(now_ns);
         let Some(method) = METHODS.iter().find(|method| method.name == request.method) else {
             let known: Vec<&str> = METHODS.iter().map(|method| method.name).collect();
             let what = format!("no method \"{}\"; there are {}", request.method, known.join(", "));
             return Some(Err(RpcError::new(code::METHOD_NOT_FOUND, what)));
         };
-        if let Err(error) = request.params.only(method.params) {
+        let params: Vec<&str> = method.params.iter().map(|param| param.name).collect();
+        if let Err(error) = request.params.only(&params) {
             return Some(Err(error));
         }
         if !method.looks && self.live.snapshot().state == State::Silenced {
             return Some(Err(RpcError::new(code::REFUSED, SILENCED)));
         }
-        let answer = (method.call)(self, &request.params, ticket);
+        let permitted = self.permit(caller, method.needs);
+        let mut call = Call {
+            caller,
+            params: &request.params,
+            ticket,
+        };
+        let answer = match permitted {
+            Ok(()) => (method.call)(self, &mut call),
+            Err(error) => Some(Err(error)),
+        };
         match &answer {
             Some(Err(error)) => tracing::info!(ticket, method = method.name, error = error.message, "refused"),
             _ if method.looks => tracing::trace!(ticket, method = method.name),
@@ -527,6 +436,42 @@ impl Serve for Methods {
     fn gone(&mut self, ticket: Ticket) -> bool {
         // What a node was asked goes its way.
         self.operator.withdraw(ticket)
+    }
+
+    fn left(&mut self, client: ClientId) {
+        self.control.release(client);
+        self.uploads.left(client);
+    }
+
+    fn state(&mut self) -> Arc<subscription::State> {
+        let fields = match self.status() {
+            Value::Object(fields) => fields,
+            _ => Map::new(),
+        };
+        Arc::new(subscription::State {
+            monotonic_ns: (self.now_ns)(),
+            unix_s: (self.time_of_day)(),
+            fields,
+        })
+    }
+
+    fn wake(&self) -> Option<Arc<EventFd>> {
+        self.operator.wake()
+    }
+}
+
+fn upload(params: &Params) -> Result<u64, RpcError> {
+    params.number("upload", 0, u64::from(u32::MAX))
+}
+
+/// Who somebody is, as far as the system tells.
+fn who(caller: &Caller) -> Who {
+    let name = std::fs::read_to_string(format!("/proc/{}/comm", caller.process)).unwrap_or_default();
+    let name = name.trim_end();
+    Who {
+        client: caller.client,
+        process: caller.process,
+        name: if name.is_empty() { "a client" } else { name }.to_owned(),
     }
 }
 

@@ -59,7 +59,15 @@ fn methods_on(bus: HalfDeafBus) -> Methods {
 
 fn call(methods: &mut Methods, method: &str, params: Value) -> Option<Result<Value, RpcError>> {
     let line = json!({ "jsonrpc": "2.0", "id": 1, "method": method, "params": params }).to_string();
-    methods.call(&rpc::parse(line.as_bytes()).unwrap(), 7)
+    methods.call(&mut caller(1), &rpc::parse(line.as_bytes()).unwrap(), 7)
+}
+
+fn caller(client: ClientId) -> Caller {
+    Caller {
+        client,
+        process: 0,
+        subscription: None,
+    }
 }
 
 fn refusal(methods: &mut Methods, method: &str, params: Value) -> String {
@@ -73,8 +81,8 @@ fn names_are_given_once_and_the_table_tells_them() {
     }
     let table = call(&mut methods(), "methods", json!({})).unwrap().unwrap();
     assert_eq!(table.as_array().unwrap().len(), METHODS.len());
-    assert_eq!(table[3]["name"], "bus.sdo_read");
-    assert_eq!(table[3]["params"], json!(["node", "index", "sub"]));
+    assert_eq!(table[8]["name"], "bus.sdo_read");
+    assert_eq!(table[8]["params"], json!(["node", "index", "sub"]));
 }
 
 #[test]
@@ -82,8 +90,10 @@ fn refusals_say_what_there_is() {
     let mut methods = methods();
     assert_eq!(
         refusal(&mut methods, "bus.nodes", json!({})),
-        "no method \"bus.nodes\"; there are methods, status, bus.network, bus.sdo_read, bus.sdo_write, \
-         on, off, estop, estop.reset, home, program.load, program.start, program.run, mdi, touch_off, offset.list, \
+        "no method \"bus.nodes\"; there are methods, rpc.discover, status, subscribe, unsubscribe, control.take, \
+         control.release, bus.network, bus.sdo_read, bus.sdo_write, \
+         on, off, estop, estop.reset, home, program.upload.begin, \
+         program.upload.append, program.upload.commit, program.load, program.start, program.run, mdi, touch_off, offset.list, \
          offset.set, tool.list, tool.set, tool.changed, jog, jog.keep, jog.stop, hold, resume, reverse, single_block, stop, override, \
          journal.since, alarm.acknowledge"
     );
@@ -190,7 +200,7 @@ fn objects_are_read_by_the_bus_as_far_as_it_has_room() {
 fn programs_come_by_path_or_as_text() {
     let machine = include_str!("../../../configs/mill3-demo.toml");
     let config = config::parse(machine, Path::new("demo.toml")).unwrap();
-    let (client, inbox) = orders::order_channel();
+    let (client, mut inbox) = orders::order_channel();
     let mut methods = Methods::new(
         NetworkView::from_config(&config),
         Arc::new(RtStatus::default()),
@@ -199,7 +209,7 @@ fn programs_come_by_path_or_as_text() {
         || 0,
     );
     for (params, refused) in [
-        (json!({}), "expected \"path\", or \"text\" and \"name\""),
+        (json!({}), "expected \"path\", \"upload\", or \"text\" and \"name\""),
         (
             json!({ "path": "part.ngc" }),
             "parameter \"path\": expected an absolute path, got \"part.ngc\"",
@@ -213,7 +223,7 @@ fn programs_come_by_path_or_as_text() {
         assert_eq!(refusal(&mut methods, "program.run", params), refused);
     }
     assert_eq!(call(&mut methods, "program.run", json!({ "path": "/part.ngc" })), None);
-    assert_eq!(inbox.next(), Some((7, Order::Run(Source::File("/part.ngc".into())))));
+    assert_eq!(inbox.take(), Some((7, Order::Run(Source::File("/part.ngc".into())))));
     assert_eq!(
         call(&mut methods, "program.run", json!({ "name": "n", "text": "M2" })),
         None
@@ -222,9 +232,9 @@ fn programs_come_by_path_or_as_text() {
         name: "n".into(),
         text: "M2".into(),
     };
-    assert_eq!(inbox.next(), Some((7, Order::Run(text))));
+    assert_eq!(inbox.take(), Some((7, Order::Run(text))));
     assert_eq!(call(&mut methods, "hold", json!({})), None);
-    assert_eq!(inbox.next(), Some((7, Order::Hold)));
+    assert_eq!(inbox.take(), Some((7, Order::Hold)));
     inbox.answer(7, Ok(json!({})));
     assert_eq!(methods.later(), Some((7, Ok(json!({})))));
     for (method, params, order) in [
@@ -233,7 +243,7 @@ fn programs_come_by_path_or_as_text() {
         ("single_block", json!({ "on": true }), Order::SingleBlock(true)),
     ] {
         assert_eq!(call(&mut methods, method, params), None);
-        assert_eq!(inbox.next(), Some((7, order)));
+        assert_eq!(inbox.take(), Some((7, order)));
     }
     for (method, params, refused) in [
         (
@@ -345,4 +355,110 @@ fn overrides_are_turned_at_once_all_or_none() {
     }
     let status = call(&mut methods, "status", json!({})).unwrap().unwrap();
     assert_eq!(status["override"], stands, "a refusal changes nothing");
+}
+
+/// Every method, asked for by whoever has control and by another client.
+#[test]
+fn orders_of_others_are_refused_and_what_slows_down_or_looks_is_for_everyone() {
+    let params = |method: &table::Method| match method.name {
+        "override" => json!({ "spindle": 110 }),
+        _ => json!({}),
+    };
+    let for_everyone = ["estop", "hold", "stop", "jog.stop", "bus.sdo_read"];
+    for method in METHODS {
+        let mut methods = methods();
+        let mut ask = |client, name: &str, params: Value| {
+            let line = json!({ "jsonrpc": "2.0", "id": 1, "method": name, "params": params }).to_string();
+            let answer = methods.call(&mut caller(client), &rpc::parse(line.as_bytes()).unwrap(), client);
+            answer.and_then(Result::err)
+        };
+        assert_eq!(ask(1, "control.take", json!({ "name": "the panel" })), None);
+        let mut is_free = |client| {
+            let refusal = ask(client, method.name, params(method));
+            refusal.is_none_or(|error| error.code != code::NO_CONTROL)
+        };
+        assert!(is_free(1), "{}", method.name);
+        let others = is_free(2);
+        match method.name {
+            // Of one that has been taken.
+            "control.take" => assert!(!others),
+            // It was let go by its holder.
+            "control.release" => assert!(others),
+            name => assert_eq!(
+                others,
+                method.looks || for_everyone.contains(&name) || name.starts_with("program.upload"),
+                "{name}"
+            ),
+        }
+    }
+    let mut methods = methods();
+    let mut ask = |client, name: &str, params: Value| {
+        let line = json!({ "jsonrpc": "2.0", "id": 1, "method": name, "params": params }).to_string();
+        let request = rpc::parse(line.as_bytes()).unwrap();
+        methods
+            .call(&mut caller(client), &request, client)
+            .unwrap()
+            .map_err(|error| error.code)
+    };
+    ask(1, "control.take", json!({})).unwrap();
+    assert!(ask(2, "override", json!({ "feed": 60, "rapid": 0 })).is_ok());
+    for faster in [
+        json!({ "feed": 61 }),
+        json!({ "feed": 10, "rapid": 1 }),
+        json!({ "spindle": 50 }),
+    ] {
+        assert_eq!(ask(2, "override", faster), Err(code::NO_CONTROL));
+    }
+    assert_eq!(ask(1, "status", json!({})).unwrap()["override"]["feed_percent"], 60.0);
+    assert!(ask(1, "override", json!({ "feed": 100, "spindle": 50 })).is_ok());
+}
+
+#[test]
+fn control_taken_by_force_is_written_down_and_that_of_a_client_that_goes_is_free() {
+    let machine = include_str!("../../../configs/mill3-demo.toml");
+    let config = config::parse(machine, Path::new("demo.toml")).unwrap();
+    let (client, mut inbox) = orders::order_channel();
+    let mut methods = Methods::new(
+        NetworkView::from_config(&config),
+        Arc::new(RtStatus::default()),
+        Box::new(HalfDeafBus::default()),
+        client,
+        || 0,
+    );
+    let take = |methods: &mut Methods, client, params: Value| {
+        let line = json!({ "jsonrpc": "2.0", "id": 1, "method": "control.take", "params": params }).to_string();
+        methods
+            .call(&mut caller(client), &rpc::parse(line.as_bytes()).unwrap(), client)
+            .unwrap()
+    };
+    let taken = take(&mut methods, 1, json!({ "name": "one" })).unwrap();
+    assert_eq!(
+        taken,
+        json!({ "client": 1, "process": 0, "name": "one", "taken": true })
+    );
+    assert_eq!(methods.status()["control"], taken);
+    assert_eq!(inbox.take(), None);
+    take(&mut methods, 2, json!({ "name": "two", "force": true })).unwrap();
+    let note = "control: two (process 0) has taken it from one (process 0)";
+    assert_eq!(inbox.take(), Some((0, Order::Note(note.into()))));
+    methods.left(1);
+    assert_eq!(methods.status()["control"]["name"], "two");
+    methods.left(2);
+    assert_eq!(methods.status()["control"], Value::Null);
+    for name in ["", "a\nb", &"n".repeat(65)] {
+        let refused = take(&mut methods, 1, json!({ "name": name })).unwrap_err();
+        assert_eq!(refused.code, code::INVALID_PARAMS);
+    }
+}
+
+/// Else the document says what the methods do not do.
+#[test]
+fn parameters_that_are_required_are_refused_where_they_are_missing() {
+    for method in METHODS
+        .iter()
+        .filter(|method| method.params.iter().any(|param| param.required))
+    {
+        let refused = call(&mut methods(), method.name, json!({})).unwrap().unwrap_err();
+        assert_eq!(refused.code, code::INVALID_PARAMS, "{}", method.name);
+    }
 }

@@ -2,22 +2,29 @@
 //!
 //! In:  connections, lines of any octets.
 //! Out: one answer for each request, in any order. Everything a client can make grow has a limit: a client that does not
-//! read is not read any more either, and the others do not notice.
+//! read is not read any more either, and the others do not notice. Subscribers are told of changes as fast as they read.
+
+pub mod subscription;
 
 use super::rpc::{self, Request, RpcError, code};
-use super::socket::{Socket, check_peer};
+use super::socket::{Socket, check_peer, peer};
 use crate::host::wait::to_next;
 use nix::poll::{PollFd, PollFlags, ppoll};
+use nix::sys::eventfd::EventFd;
+use nix::sys::socket::setsockopt;
+use nix::sys::socket::sockopt::SndBuf;
 use nix::sys::time::TimeSpec;
 use serde_json::Value;
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
+use subscription::{State, Subscription, UNREAD_MAX};
 
-/// Clients at the same time. One more takes the place of the one that has been silent for the longest time: a stop must get
-/// through whoever else is there.
+/// Clients at the same time. One more takes the place of the one that has been silent for the longest time, of those that wait for
+/// an answer or read what they have subscribed to only where there are no others: a stop must get through whoever else is there.
 pub const CLIENTS_MAX: usize = 16;
 /// Clients that are taken in one turn: each is read in the next one, before it can be the longest silent of many new ones.
 const TAKEN_PER_TURN: usize = 4;
@@ -29,47 +36,78 @@ const OUTPUT_HIGH: usize = 256 * 1024;
 const PENDING_MAX: usize = 8;
 /// Octets read at once.
 const CHUNK: usize = 4096;
-/// Longest time between two looks at what real time has to say, ms.
+/// Longest time between two looks at what real time has to say.
 const PERIOD: Duration = Duration::from_millis(20);
+/// The same while somebody wants to be told of changes.
+const PERIOD_TOLD: Duration = Duration::from_millis(10);
 
 /// Names a request whose answer comes later.
 pub type Ticket = u64;
 
+/// Names a connection.
+pub type ClientId = u64;
+
+/// Whoever asks, as long as its connection lasts.
+#[derive(Debug)]
+pub struct Caller {
+    /// Its connection.
+    pub client: ClientId,
+    /// The process at the other end.
+    pub process: i32,
+    /// What it wants to be told.
+    pub subscription: Option<Subscription>,
+}
+
 /// What the requests are about.
 pub trait Serve {
     /// Answers a request; `None`: [`later`](Self::later) brings the answer with this ticket.
-    fn call(&mut self, request: &Request, ticket: Ticket) -> Option<Result<Value, RpcError>>;
+    fn call(&mut self, caller: &mut Caller, request: &Request, ticket: Ticket) -> Option<Result<Value, RpcError>>;
 
     /// Takes in what has come since the last call and gives an answer that is ready.
     fn later(&mut self) -> Option<(Ticket, Result<Value, RpcError>)>;
 
     /// Whoever waits for this answer has gone. False: to be told again.
     fn gone(&mut self, ticket: Ticket) -> bool;
+
+    /// A connection is over.
+    fn left(&mut self, client: ClientId);
+
+    /// How everything is, for subscribers.
+    fn state(&mut self) -> Arc<State>;
+
+    /// What is written to where an answer is ready or something has changed: ends a wait.
+    fn wake(&self) -> Option<Arc<EventFd>>;
 }
 
 /// Serves until `stop`.
 pub fn serve(socket: &Socket, service: &mut impl Serve, stop: &AtomicBool) {
     let mut clients: Vec<Client> = Vec::new();
     let mut next_ticket = 0;
+    let wake = service.wake();
     while !stop.load(Ordering::Acquire) {
         while let Some((ticket, result)) = service.later() {
             for client in &mut clients {
                 client.answer_later(ticket, &result);
             }
         }
+        let mut state = None;
         for client in &mut clients {
             client.serve_lines(service, &mut next_ticket);
             client.write();
+            if client.is_listening() {
+                client.tell(state.get_or_insert_with(|| service.state()));
+            }
             client.tell_gone(service);
         }
         clients.retain(|client| {
             let stays = !client.is_over();
             if !stays {
-                tracing::debug!(client = client.name, "disconnected");
+                tracing::debug!(client = client.caller.client, "disconnected");
+                service.left(client.caller.client);
             }
             stays
         });
-        wait(socket, &mut clients);
+        wait(socket, wake.as_deref(), &mut clients);
         accept(socket, &mut clients, service, &mut next_ticket);
     }
     // What is ready should still arrive.
@@ -77,14 +115,14 @@ pub fn serve(socket: &Socket, service: &mut impl Serve, stop: &AtomicBool) {
 }
 
 /// Waits for clients; those that have something to say are read.
-fn wait(socket: &Socket, clients: &mut [Client]) {
-    for at in ready(socket, clients) {
+fn wait(socket: &Socket, wake: Option<&EventFd>, clients: &mut [Client]) {
+    for at in ready(socket, wake, clients) {
         clients[at].read();
     }
 }
 
 /// Waits; the positions of the clients for which something can be done.
-fn ready(socket: &Socket, clients: &[Client]) -> Vec<usize> {
+fn ready(socket: &Socket, wake: Option<&EventFd>, clients: &[Client]) -> Vec<usize> {
     let (watched, watched_fds): (Vec<usize>, Vec<PollFd<'_>>) = clients
         .iter()
         .enumerate()
@@ -96,11 +134,18 @@ fn ready(socket: &Socket, clients: &[Client]) -> Vec<usize> {
             (at, PollFd::new(client.stream.as_fd(), wanted))
         })
         .unzip();
-    let mut fds = vec![PollFd::new(socket.listener().as_fd(), PollFlags::POLLIN)];
-    fds.extend(watched_fds);
+    let clients_told = clients.iter().any(|client| client.caller.subscription.is_some());
+    let period = if clients_told { PERIOD_TOLD } else { PERIOD };
+    let mut fds = watched_fds;
+    fds.push(PollFd::new(socket.listener().as_fd(), PollFlags::POLLIN));
+    fds.extend(wake.map(|wake| PollFd::new(wake.as_fd(), PollFlags::POLLIN)));
     // An interrupted or failed wait is a short one.
-    let _ = ppoll(&mut fds, Some(TimeSpec::from_duration(to_next(PERIOD))), None);
-    let pairs = watched.into_iter().zip(&fds[1..]);
+    let _ = ppoll(&mut fds, Some(TimeSpec::from_duration(to_next(period))), None);
+    if let Some(wake) = wake {
+        // Empty where nothing has woken it.
+        let _ = wake.read();
+    }
+    let pairs = watched.into_iter().zip(&fds);
     pairs
         .filter(|(_, fd)| fd.any().unwrap_or(false))
         .map(|(at, _)| at)
@@ -118,13 +163,17 @@ fn accept(socket: &Socket, clients: &mut Vec<Client>, service: &mut impl Serve, 
         }
         if clients.len() >= CLIENTS_MAX {
             // One that waits for an answer goes only where all do.
-            let silent = (0..clients.len()).min_by_key(|at| (clients[*at].waits(), clients[*at].heard));
+            let silent = (0..clients.len()).min_by_key(|at| {
+                let client = &clients[*at];
+                (client.waits() || client.is_listening(), client.heard)
+            });
             if let Some(mut client) = silent.map(|at| clients.swap_remove(at)) {
                 let what = format!("{CLIENTS_MAX} others are connected, and this one was silent for the longest time");
-                tracing::warn!(client = client.name, "disconnected: {what}");
+                tracing::warn!(client = client.caller.client, "disconnected: {what}");
                 client.answer(&Value::Null, Err(RpcError::new(code::REFUSED, what)));
                 client.write();
                 client.pending.iter().for_each(|(ticket, _)| _ = service.gone(*ticket));
+                service.left(client.caller.client);
             }
         }
         *next_ticket += 1;
@@ -134,8 +183,8 @@ fn accept(socket: &Socket, clients: &mut Vec<Client>, service: &mut impl Serve, 
 }
 
 struct Client {
-    /// In the log: the ticket of its connection.
-    name: Ticket,
+    /// Named by the ticket of its connection.
+    caller: Caller,
     stream: UnixStream,
     /// When something of it was heard last: the ticket of that, or of its connection.
     heard: Ticket,
@@ -154,7 +203,11 @@ struct Client {
 impl Client {
     fn new(stream: UnixStream, heard: Ticket) -> Client {
         Client {
-            name: heard,
+            caller: Caller {
+                client: heard,
+                process: peer(&stream).map_or(0, |peer| peer.pid()),
+                subscription: None,
+            },
             stream,
             heard,
             input: Vec::new(),
@@ -174,6 +227,11 @@ impl Client {
     /// Whether it has asked for something that it has no answer to.
     fn waits(&self) -> bool {
         !self.pending.is_empty() || !self.input.is_empty()
+    }
+
+    /// Whether it wants to be told of changes and has read the last ones.
+    fn is_listening(&self) -> bool {
+        self.caller.subscription.is_some() && self.output.is_empty() && !self.broken
     }
 
     fn has_line(&self) -> bool {
@@ -243,12 +301,30 @@ impl Client {
     fn serve_line(&mut self, line: &[u8], service: &mut impl Serve, ticket: Ticket) {
         match rpc::parse(line) {
             Err((id, error)) => self.answer(&id, Err(error)),
-            Ok(request) => match (service.call(&request, ticket), request.id) {
-                (Some(result), Some(id)) => self.answer(&id, result),
-                // A notification is carried out and not answered.
-                (Some(_), None) => {}
-                (None, id) => self.pending.push((ticket, id)),
-            },
+            Ok(request) => {
+                let subscribed = self.caller.subscription.is_some();
+                match (service.call(&mut self.caller, &request, ticket), request.id) {
+                    (Some(result), Some(id)) => self.answer(&id, result),
+                    // A notification is carried out and not answered.
+                    (Some(_), None) => {}
+                    (None, id) => self.pending.push((ticket, id)),
+                }
+                if !subscribed && self.caller.subscription.is_some() {
+                    // What it does not read is soon full: it is to find there how everything is, not how it was. Without, that
+                    // is more.
+                    let _ = setsockopt(&self.stream, SndBuf, &UNREAD_MAX);
+                }
+            }
+        }
+    }
+
+    /// Tells what has changed.
+    fn tell(&mut self, state: &State) {
+        if let Some(subscription) = &mut self.caller.subscription
+            && let Some(line) = subscription.notification(state)
+        {
+            self.output.extend_from_slice(line.as_bytes());
+            self.write();
         }
     }
 

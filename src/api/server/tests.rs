@@ -10,13 +10,20 @@ struct Echo {
     waiting: Vec<(Ticket, Value)>,
     wanted: usize,
     forsaken: Vec<Ticket>,
+    left: Vec<ClientId>,
+    looks: u64,
 }
 
 impl Serve for Echo {
-    fn call(&mut self, request: &Request, ticket: Ticket) -> Option<Result<Value, RpcError>> {
+    fn call(&mut self, caller: &mut Caller, request: &Request, ticket: Ticket) -> Option<Result<Value, RpcError>> {
         let params = Value::Object(request.params.0.clone());
         match request.method.as_str() {
             "echo" => Some(Ok(params)),
+            "subscribe" => {
+                let (subscription, answer) = Subscription::begin(&self.state(), 20);
+                caller.subscription = Some(subscription);
+                Some(Ok(answer))
+            }
             "later" => {
                 self.wanted = params["of"].as_u64().unwrap_or(1) as usize;
                 self.waiting.push((ticket, params));
@@ -40,6 +47,25 @@ impl Serve for Echo {
         let again = self.forsaken.contains(&ticket);
         self.forsaken.push(ticket);
         again
+    }
+
+    fn left(&mut self, client: ClientId) {
+        self.left.push(client);
+    }
+
+    /// Something new at each look.
+    fn state(&mut self) -> Arc<State> {
+        self.looks += 1;
+        let fields = json!({ "looks": self.looks, "ballast": "b".repeat(1000), "client_left": self.left });
+        Arc::new(State {
+            monotonic_ns: self.looks,
+            unix_s: 0.0,
+            fields: fields.as_object().cloned().unwrap(),
+        })
+    }
+
+    fn wake(&self) -> Option<Arc<EventFd>> {
+        None
     }
 }
 
@@ -276,11 +302,76 @@ fn a_client_that_has_gone_while_its_request_waits_ends_no_wait() {
     here.set_nonblocking(true).unwrap();
     let mut client = Client::new(here, 0);
     drop(there);
-    assert_eq!(ready(&socket, std::slice::from_ref(&client)), [0], "that it has gone");
+    assert_eq!(
+        ready(&socket, None, std::slice::from_ref(&client)),
+        [0],
+        "that it has gone"
+    );
     client.read();
     client.pending.push((1, None));
     assert!(client.ended && !client.is_over());
-    assert_eq!(ready(&socket, std::slice::from_ref(&client)), [0_usize; 0]);
+    assert_eq!(ready(&socket, None, std::slice::from_ref(&client)), [0_usize; 0]);
     client.answer_later(1, &Ok(Value::Null));
     assert!(client.is_over());
+}
+
+/// It is told again when it reads: then of how everything is, not of all that was.
+#[test]
+fn a_subscriber_that_does_not_read_costs_a_bounded_memory_and_hears_the_latest() {
+    let (here, there) = UnixStream::pair().unwrap();
+    here.set_nonblocking(true).unwrap();
+    let mut client = Client::new(here, 1);
+    let mut echo = Echo::default();
+    client
+        .input
+        .extend_from_slice(b"{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"subscribe\"}\n");
+    client.serve_lines(&mut echo, &mut 1);
+    client.write();
+    let mut told = 0;
+    for _ in 0..10_000 {
+        let state = echo.state();
+        if client.is_listening() {
+            client.tell(&state);
+            told += 1;
+        }
+    }
+    // A state is about 60 octets here, without what does not change.
+    assert!((2..1000).contains(&told), "{told}");
+    assert!(client.output.len() < 2000, "{}", client.output.len());
+    assert!(!client.is_listening());
+    let mut peer = Peer(BufReader::new(there));
+    assert_eq!(peer.line()["result"]["state"]["looks"], 1);
+    for looks in 2..=told {
+        assert_eq!(peer.line()["params"]["changed"], json!({ "looks": looks }));
+        client.write();
+    }
+    // The last one lay here.
+    client.write();
+    assert_eq!(peer.line()["params"]["changed"], json!({ "looks": told + 1 }));
+    assert!(client.is_listening());
+    client.tell(&echo.state());
+    assert_eq!(peer.line()["params"]["changed"], json!({ "looks": 10_002 }));
+}
+
+#[test]
+fn whoever_reads_what_it_has_subscribed_to_is_not_the_silent_one_that_goes() {
+    beside(|path| {
+        let mut subscriber = Peer::connect(path);
+        subscriber.ask(1, "subscribe", json!({}));
+        assert_eq!(subscriber.line()["id"], 1);
+        let mut many: Vec<Peer> = (0..100).map(|_| Peer::connect(path)).collect();
+        let last = many.last_mut().unwrap();
+        last.ask(6, "echo", json!({}));
+        assert_eq!(last.line()["id"], 6);
+        // It has heard of each that went.
+        let gone = loop {
+            let message = subscriber.line();
+            if let Some(left) = message["params"]["changed"]["client_left"].as_array()
+                && left.len() == 100 + 1 - CLIENTS_MAX
+            {
+                break left.clone();
+            }
+        };
+        assert!(!gone.contains(&json!(1)), "{gone:?}");
+    });
 }

@@ -1,6 +1,8 @@
 //! The check of a program or of a line of MDI, before it is accepted.
 
 use crate::api::orders::Source;
+use crate::api::rpc::{RpcError, code};
+use crate::api::uploads::Uploaded;
 use crate::config::Config;
 use crate::host::capabilities;
 use crate::host::capabilities::Work;
@@ -10,7 +12,7 @@ use crate::program::{Begin, Overview, approach, check, preview};
 use gcode::Modes;
 use motion::cancel::Cancel;
 use motion::canon::Position;
-
+use std::io::ErrorKind;
 use std::sync::{Arc, Mutex};
 
 /// A program that was accepted, or a line that was typed.
@@ -52,7 +54,7 @@ pub(super) enum Subject {
 }
 
 /// The part, or why it cannot run.
-pub(super) type Checked = Result<Arc<Part>, String>;
+pub(super) type Checked = Result<Arc<Part>, RpcError>;
 
 /// Reads and checks what is to run from `at`, in a thread of its own: that may take seconds.
 pub(super) fn examine(
@@ -90,9 +92,8 @@ pub(super) fn examine(
             if !yes {
                 let text = Reader::from(&*part.text);
                 let told = preview(config, &tables, &part.name, text, (at, line), given_up)?.join("\n");
-                return Err(format!(
-                    "{told}\nif that is right: isocnc program start --from-line {line} --yes"
-                ));
+                let question = format!("{told}\nif that is right: isocnc program start --from-line {line} --yes");
+                return Err(question.into());
             }
             let approach = approach(config);
             let begin = Begin::FromLine { at, line, approach };
@@ -112,12 +113,20 @@ pub(super) fn examine(
     }))
 }
 
-fn read(source: Source) -> Result<(String, Arc<Text>), String> {
+fn read(source: Source) -> Result<(String, Arc<Text>), RpcError> {
     match source {
         Source::Text { name, text } => Ok((name, Arc::new(text.into_bytes().into()))),
+        Source::Uploaded(Uploaded { name, text }) => Ok((name, text)),
         Source::File(path) => {
-            let text = Text::read(&path).map_err(|cause| format!("{}: {cause}", path.display()))?;
-            Ok((path.display().to_string(), Arc::new(text)))
+            let name = path.display().to_string();
+            let text = Text::read(&path).map_err(|cause| {
+                let code = match cause.kind() {
+                    ErrorKind::NotFound | ErrorKind::PermissionDenied => code::UNREADABLE,
+                    _ => code::REFUSED,
+                };
+                RpcError::new(code, format!("{name}: {cause}"))
+            })?;
+            Ok((name, Arc::new(text)))
         }
     }
 }

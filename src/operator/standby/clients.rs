@@ -1,7 +1,7 @@
 //! What clients want of the machine: each order is judged by the table of [`crate::machine::permission`], then carried out.
 
 use super::check::{Checked, Part, Subject, examine};
-use crate::api::orders::{Jogged, Order, OrderInbox, Shown, ShownProgram, Waiting};
+use crate::api::orders::{Jogged, MESSAGES, Order, OrderInbox, Shown, ShownProgram, Waiting};
 use crate::api::rpc::{RpcError, code};
 use crate::api::server::Ticket;
 use crate::config::Config;
@@ -25,6 +25,7 @@ use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 use std::thread::{Scope, ScopedJoinHandle};
+use std::time::Duration;
 
 /// Lines of MDI that wait for their turn.
 const MDI_MAX: usize = 64;
@@ -153,6 +154,11 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         }
     }
 
+    /// Waits for an order of a client, this long at the most.
+    pub(in crate::operator) fn wait(&mut self, longest: Duration) {
+        self.inbox.wait(longest);
+    }
+
     /// Carries out what clients want. Waits for nothing. `is_planning`: a planner still works for the last program.
     pub(in crate::operator) fn serve(
         &mut self,
@@ -168,13 +174,13 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         }
         // Orders first: a stop reaches a program that would begin in this turn.
         let mut answers = Vec::new();
-        while let Some((ticket, order)) = self.inbox.next() {
+        while let Some((ticket, order)) = self.inbox.take() {
             if order == Order::Withdraw {
                 self.withdraw(ticket);
                 continue;
             }
             if let Some(answer) = self.obey(ticket, order, operator, keeper, now_ns)? {
-                answers.push((ticket, answer));
+                answers.push((ticket, answer.map_err(RpcError::from)));
             }
         }
         if self
@@ -187,9 +193,9 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         {
             let checked = thread
                 .join()
-                .unwrap_or_else(|_| Err("the check of the program panicked".into()));
+                .unwrap_or_else(|_| Err("the check of the program panicked".to_owned().into()));
             if let Some(ticket) = wanted {
-                let answer = checked.and_then(|part| self.accept(part, then, operator, now_ns));
+                let answer = checked.and_then(|part| Ok(self.accept(part, then, operator, now_ns)?));
                 answers.push((ticket, answer));
             }
         }
@@ -201,14 +207,13 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                     let modes = self.modes.clone();
                     self.check(ticket, Subject::Mdi { line, modes }, Then::Start, operator)?;
                 }
-                Err(why) => answers.push((ticket, Err(why))),
+                Err(why) => answers.push((ticket, Err(why.into()))),
             }
         }
         // Whoever has an answer sees what came of the order.
         let shown = self.shown(operator);
         self.inbox.show(shown);
         for (ticket, answer) in answers {
-            let answer = answer.map_err(|what| RpcError::new(code::REFUSED, what));
             self.inbox.answer(ticket, answer);
         }
         Ok(())
@@ -226,6 +231,10 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         // Whatever it is: nothing can be done any more.
         if operator.live().state == State::Silenced {
             return Ok(Some(Err(SILENCED.to_owned())));
+        }
+        if let Order::Note(text) = order {
+            operator.add_entry(text);
+            return Ok(Some(Ok(json!({}))));
         }
         let Some(wish) = wish(&order) else {
             let tables = lock(self.tables);
@@ -249,7 +258,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             operator.add_entry(format!("order: {}", wish.command()));
         }
         let done = match order {
-            Order::Withdraw | Order::Offsets | Order::Tools | Order::Journal(_) => return Ok(None),
+            Order::Withdraw | Order::Offsets | Order::Tools | Order::Journal(_) | Order::Note(_) => return Ok(None),
             Order::On => self.begin(Job::On, Mode::Manual, operator, now_ns),
             Order::Off => {
                 self.give_up_check();
@@ -598,6 +607,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             tool: lock(self.tables).tool_in_spindle(),
             alarm: operator.alarm().map(|alarm| alarm.cause.clone()),
             obstruction: operator.obstruction().map(str::to_owned),
+            messages: operator.journal().iter().rev().take(MESSAGES).rev().cloned().collect(),
         }
     }
 
@@ -631,7 +641,7 @@ fn way_back(live: &Snapshot, config: &Config) -> Option<Vec<String>> {
 /// The row of the table of orders; `None`: it only looks.
 fn wish(order: &Order) -> Option<Wish> {
     Some(match order {
-        Order::Offsets | Order::Tools | Order::Journal(_) => return None,
+        Order::Offsets | Order::Tools | Order::Journal(_) | Order::Note(_) => return None,
         Order::On => Wish::On,
         Order::Off => Wish::Off,
         Order::Home(_) => Wish::Home,

@@ -174,14 +174,14 @@ fn the_check_of_a_program_that_nobody_wants_any_more_ends_at_once() {
             client.put(1, endless()).unwrap();
             serve_clients(run, &mut clients);
             give_up(&mut clients, client);
-            while let Ok(Some((ticket, order))) = Ok::<_, ()>(clients.inbox.next()) {
+            while let Ok(Some((ticket, order))) = Ok::<_, ()>(clients.inbox.take()) {
                 match order {
                     Order::Withdraw => clients.withdraw(ticket),
                     order => assert_eq!((order, clients.give_up_check()), (Order::Stop, true)),
                 }
             }
             let Checking { wanted, thread, .. } = clients.checking.take().expect("it is under way");
-            let said = thread.join().unwrap().unwrap_err();
+            let said = thread.join().unwrap().unwrap_err().message;
             assert!(
                 wanted.is_none() && said.contains("given up here, before the end"),
                 "{said}"

@@ -175,10 +175,12 @@ fn control_failure(error: ClientError) -> Failure {
         ClientError::Refused(RpcError {
             code: code::NODE_ABORT,
             message,
+            ..
         }) => Failure::Refused(message),
         ClientError::Refused(RpcError {
             code: code::NODE_NO_OBJECT,
             message,
+            ..
         }) => Failure::NoObject(message),
         error => Failure::Broken(error.into()),
     }

@@ -1,0 +1,538 @@
+//! The table of methods.
+//!
+//! To add one: a row here and its function. [`API_VERSION`] goes on with it.
+
+use super::{Answer, Call, Methods, arguments};
+use crate::api::control::Needs;
+use crate::api::orders::Order;
+use crate::api::server::subscription::RATE_MAX_HZ;
+use crate::api::uploads::PART_MAX;
+use crate::bus::SDO_VALUE_MAX;
+use crate::config::JOINTS_MAX;
+use crate::rt::joint_jog::JogMotion;
+use files::read::PROGRAM_MAX;
+
+/// Version of what is served here: the first number changes when something is gone or means something else, the second when
+/// something is new.
+pub const API_VERSION: &str = "1.0";
+
+/// What can be asked for.
+pub struct Method {
+    pub name: &'static str,
+    pub params: &'static [Param],
+    /// What it does.
+    pub does: &'static str,
+    /// What it answers.
+    pub gives: Gives,
+    /// Whether its caller must have control.
+    pub needs: Needs,
+    /// Looks and changes nothing: answered also where the network is silenced.
+    pub(super) looks: bool,
+    pub(super) call: fn(&mut Methods, &mut Call<'_>) -> Answer,
+}
+
+impl Method {
+    /// Whether it changes nothing.
+    pub fn only_looks(&self) -> bool {
+        self.looks
+    }
+
+    /// Whether it can be refused because another client has control.
+    pub fn asks_for_control(&self) -> bool {
+        self.needs != Needs::Nothing || matches!(self.gives, Gives::Overrides | Gives::Control)
+    }
+}
+
+/// A parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Param {
+    pub name: &'static str,
+    pub kind: Kind,
+    pub required: bool,
+}
+
+/// What a parameter is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A whole number from the first to the second.
+    Whole(u64, u64),
+    /// A list of them.
+    Wholes(u64, u64),
+    Number,
+    /// A number from the first to the second.
+    Percent(u32, u32),
+    Flag,
+    Text,
+    /// So many octets at the most, as hexadecimal digits.
+    Octets(usize),
+    /// A letter.
+    Axis,
+    /// G54 to G59.3.
+    WorkSystem,
+}
+
+/// What a method answers; [`crate::api::openrpc`] says what these are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Gives {
+    /// An object without members.
+    Nothing,
+    Methods,
+    OpenRpc,
+    Status,
+    Subscribed,
+    Control,
+    Network,
+    Octets,
+    Outlook,
+    UploadBegun,
+    UploadGrown,
+    Offsets,
+    Tools,
+    Jog,
+    Overrides,
+    Journal,
+    Resumed,
+}
+
+const fn needed(name: &'static str, kind: Kind) -> Param {
+    Param {
+        name,
+        kind,
+        required: true,
+    }
+}
+
+const fn optional(name: &'static str, kind: Kind) -> Param {
+    Param {
+        name,
+        kind,
+        required: false,
+    }
+}
+
+const JOINT: Kind = Kind::Whole(0, JOINTS_MAX as u64 - 1);
+const NUMBER_32: Kind = Kind::Whole(0, u32::MAX as u64);
+const OBJECT: [Param; 3] = [
+    needed("node", Kind::Whole(1, 239)),
+    needed("index", Kind::Whole(0, 0xFFFF)),
+    needed("sub", Kind::Whole(0, 0xFF)),
+];
+const PROGRAM: [Param; 4] = [
+    optional("path", Kind::Text),
+    optional("upload", NUMBER_32),
+    optional("name", Kind::Text),
+    optional("text", Kind::Text),
+];
+const JOGGED: [Param; 2] = [optional("axis", Kind::Axis), optional("joint", JOINT)];
+
+/// A method that only asks, for all.
+const LOOK: Method = Method {
+    name: "",
+    params: &[],
+    does: "",
+    gives: Gives::Nothing,
+    needs: Needs::Nothing,
+    looks: true,
+    call: |_, _| None,
+};
+
+/// An order of whoever has control.
+const ORDER: Method = Method {
+    needs: Needs::Control,
+    looks: false,
+    ..LOOK
+};
+
+pub const METHODS: &[Method] = &[
+    Method {
+        name: "methods",
+        does: "this table",
+        gives: Gives::Methods,
+        call: |_, _| Some(Ok(super::table())),
+        ..LOOK
+    },
+    Method {
+        name: "rpc.discover",
+        does: "the same with types, as an OpenRPC document",
+        gives: Gives::OpenRpc,
+        call: |_, _| Some(Ok(crate::api::openrpc::document())),
+        ..LOOK
+    },
+    Method {
+        name: "status",
+        does: "machine, process, state, cycles, position, program, alarm",
+        gives: Gives::Status,
+        call: |methods, _| Some(Ok(methods.status())),
+        ..LOOK
+    },
+    Method {
+        name: "subscribe",
+        params: &[optional("rate_hz", Kind::Whole(1, RATE_MAX_HZ))],
+        does: "answers the whole \"state\", as of \"status\"; from then on, notifications \"state\" bring the fields that have \
+               \"changed\": positions and the like at most so often (20 times a second without it), all else at once. Another \
+               one takes the place of the first",
+        gives: Gives::Subscribed,
+        call: |methods, call| Some(methods.subscribe(call)),
+        ..LOOK
+    },
+    Method {
+        name: "unsubscribe",
+        does: "no more notifications",
+        call: |_, call| {
+            call.caller.subscription = None;
+            super::done()
+        },
+        ..LOOK
+    },
+    Method {
+        name: "control.take",
+        params: &[optional("name", Kind::Text), optional("force", Kind::Flag)],
+        does: "gives this client control under a \"name\": orders of all others are refused until it is released, its client goes or \
+               is silent for 30 s. With \"force\", even where another has taken it, which the journal tells. Without it, an order \
+               takes control where nobody has",
+        gives: Gives::Control,
+        looks: false,
+        call: |methods, call| Some(methods.take_control(call)),
+        ..LOOK
+    },
+    Method {
+        name: "control.release",
+        does: "lets control go",
+        call: |methods, call| {
+            methods.control.release(call.caller.client);
+            super::done()
+        },
+        ..LOOK
+    },
+    Method {
+        name: "bus.network",
+        does: "the network and its nodes: what they are, how they are, why they are not operational",
+        gives: Gives::Network,
+        call: |methods, _| Some(methods.network()),
+        ..LOOK
+    },
+    Method {
+        name: "bus.sdo_read",
+        params: &OBJECT,
+        does: "reads an object of a node; its octets as hexadecimal digits in \"value\"",
+        gives: Gives::Octets,
+        looks: false,
+        call: |methods, call| methods.sdo(call, false),
+        ..LOOK
+    },
+    Method {
+        name: "bus.sdo_write",
+        params: &[
+            OBJECT[0],
+            OBJECT[1],
+            OBJECT[2],
+            needed("value", Kind::Octets(SDO_VALUE_MAX)),
+        ],
+        does: "writes an object of a node; \"value\" holds its octets as hexadecimal digits",
+        call: |methods, call| methods.sdo(call, true),
+        ..ORDER
+    },
+    Method {
+        name: "on",
+        does: "switches drives on; moves nothing, and homes nothing",
+        call: |methods, call| methods.order(call, Order::On),
+        ..ORDER
+    },
+    Method {
+        name: "off",
+        does: "brings the machine to rest and switches drives off",
+        call: |methods, call| methods.order(call, Order::Off),
+        ..ORDER
+    },
+    Method {
+        name: "estop",
+        does: "emergency stop: quick stop of all drives, spindle and coolant off, until \"estop.reset\". Not a safety function",
+        needs: Needs::Nothing,
+        call: |methods, call| methods.order(call, Order::Estop),
+        ..ORDER
+    },
+    Method {
+        name: "estop.reset",
+        does: "the emergency stop is over, once its chain is closed; switches nothing on",
+        call: |methods, call| methods.order(call, Order::EstopReset),
+        ..ORDER
+    },
+    Method {
+        name: "home",
+        params: &[optional("joints", Kind::Wholes(0, JOINTS_MAX as u64 - 1))],
+        does: "homes the \"joints\" of a list of numbers, all without it, in the order of their \"sequence\"; switches drives on if \
+               they are off, and leaves them on",
+        call: |methods, call| {
+            let joints = call.params.numbers("joints", 0, JOINTS_MAX as u64 - 1);
+            let order = joints.map(|joints| Order::Home(joints.into_iter().map(|joint| joint as usize).collect()));
+            methods.order_of(call, order)
+        },
+        ..ORDER
+    },
+    Method {
+        name: "program.upload.begin",
+        params: &[
+            needed("name", Kind::Text),
+            needed("octets", Kind::Whole(0, PROGRAM_MAX)),
+        ],
+        does: "makes room for a program of so many \"octets\", for \"program.load\" or \"program.run\"; given up when its client goes \
+               or is silent about it for a minute. At most four at a time",
+        gives: Gives::UploadBegun,
+        needs: Needs::Nothing,
+        call: |methods, call| Some(methods.begin_upload(call)),
+        ..ORDER
+    },
+    Method {
+        name: "program.upload.append",
+        params: &[
+            needed("upload", NUMBER_32),
+            needed("at", Kind::Whole(0, PROGRAM_MAX)),
+            needed("value", Kind::Octets(PART_MAX)),
+        ],
+        does: "takes the octets that follow those that have come, which \"at\" counts",
+        gives: Gives::UploadGrown,
+        needs: Needs::Nothing,
+        call: |methods, call| Some(methods.append_upload(call)),
+        ..ORDER
+    },
+    Method {
+        name: "program.upload.commit",
+        params: &[needed("upload", NUMBER_32), needed("sha256", Kind::Octets(32))],
+        does: "all has come, and this is its SHA-256: another one gives it up",
+        needs: Needs::Nothing,
+        call: |methods, call| Some(methods.commit_upload(call)),
+        ..ORDER
+    },
+    Method {
+        name: "program.load",
+        params: &PROGRAM,
+        does: "checks a program and keeps it for \"program.start\". A file that the control may read (\"path\", absolute), \
+               an \"upload\", or \"text\" and its \"name\"",
+        gives: Gives::Outlook,
+        call: |methods, call| {
+            let source = methods.source(call);
+            methods.order_of(call, source.map(Order::Load))
+        },
+        ..ORDER
+    },
+    Method {
+        name: "program.start",
+        params: &[
+            optional("from_line", Kind::Whole(1, u32::MAX as u64)),
+            optional("yes", Kind::Flag),
+        ],
+        does: "runs the program that is loaded; drives are on and joints homed before. Before a line (\"from_line\"): refused with what \
+               that means, one sentence a line, until \"yes\" is true",
+        gives: Gives::Outlook,
+        call: |methods, call| {
+            let start = arguments::start(call.params);
+            methods.order_of(call, start)
+        },
+        ..ORDER
+    },
+    Method {
+        name: "program.run",
+        params: &PROGRAM,
+        does: "checks a program, switches drives on if they are off, homes joints that are not, runs it; drives stay on. \
+               Parameters as of \"program.load\"",
+        gives: Gives::Outlook,
+        call: |methods, call| {
+            let source = methods.source(call);
+            methods.order_of(call, source.map(Order::Run))
+        },
+        ..ORDER
+    },
+    Method {
+        name: "mdi",
+        params: &[needed("line", Kind::Text)],
+        does: "runs a \"line\" of G-code in the modes that the one before has left, behind those that wait; answered when it begins",
+        gives: Gives::Outlook,
+        call: |methods, call| {
+            let line = arguments::line(call.params);
+            methods.order_of(call, line.map(Order::Mdi))
+        },
+        ..ORDER
+    },
+    Method {
+        name: "touch_off",
+        params: &[
+            needed("axis", Kind::Axis),
+            needed("value", Kind::Number),
+            optional("system", Kind::WorkSystem),
+            optional("tool", NUMBER_32),
+        ],
+        does: "the \"axis\" reads \"value\" (unit of the machine) where it stands: in a work \"system\" (G54 to G59.3, else the one in \
+               force), or once the length of a \"tool\" is in force",
+        call: |methods, call| {
+            let change = arguments::touch_off(call.params);
+            methods.order_of(call, change.map(Order::Change))
+        },
+        ..ORDER
+    },
+    Method {
+        name: "offset.list",
+        does: "origins of G54 to G59.3 and G92",
+        gives: Gives::Offsets,
+        call: |methods, call| methods.order(call, Order::Offsets),
+        ..LOOK
+    },
+    Method {
+        name: "offset.set",
+        params: &[
+            optional("system", Kind::WorkSystem),
+            needed("axis", Kind::Axis),
+            needed("value", Kind::Number),
+        ],
+        does: "puts the origin of a work \"system\" (else the one in force) on an \"axis\" to this \"value\", machine coordinates",
+        call: |methods, call| {
+            let change = arguments::offset(call.params);
+            methods.order_of(call, change.map(Order::Change))
+        },
+        ..ORDER
+    },
+    Method {
+        name: "tool.list",
+        does: "the tool table, and the tool in the spindle",
+        gives: Gives::Tools,
+        call: |methods, call| methods.order(call, Order::Tools),
+        ..LOOK
+    },
+    Method {
+        name: "tool.set",
+        params: &[
+            needed("tool", NUMBER_32),
+            optional("length", Kind::Number),
+            optional("diameter", Kind::Number),
+        ],
+        does: "\"length\" or \"diameter\" of a \"tool\", or both, in the unit of the machine; one that the table lacks is added",
+        call: |methods, call| {
+            let change = arguments::tool(call.params);
+            methods.order_of(call, change.map(Order::Change))
+        },
+        ..ORDER
+    },
+    Method {
+        name: "tool.changed",
+        does: "the tool that the program waits for is in the spindle",
+        call: |methods, call| methods.order(call, Order::ToolChanged),
+        ..ORDER
+    },
+    Method {
+        name: "jog",
+        params: &[
+            JOGGED[0],
+            JOGGED[1],
+            needed("velocity_mm_s", Kind::Number),
+            optional("distance_mm", Kind::Number),
+        ],
+        does: "moves an \"axis\" (letter) or a \"joint\" (number) by hand: at a velocity, whose sign is the direction, as far \
+               as the soft limit; or by \"distance_mm\", which adds up. Holds for 0.2 s: renew it with \"jog.keep\"",
+        gives: Gives::Jog,
+        needs: Needs::ControlForJog,
+        call: |methods, call| {
+            let jog = arguments::jog(call.params);
+            methods.order_of(call, jog.map(Order::Jog))
+        },
+        ..ORDER
+    },
+    Method {
+        name: "jog.keep",
+        params: &JOGGED,
+        does: "the hand is still on the key: what is being jogged goes on for another 0.2 s; begins nothing",
+        gives: Gives::Jog,
+        needs: Needs::ControlForJog,
+        call: |methods, call| methods.jogging(call, JogMotion::Keep),
+        ..ORDER
+    },
+    Method {
+        name: "jog.stop",
+        params: &JOGGED,
+        does: "lets an axis, a joint or all that is being jogged come to rest",
+        gives: Gives::Jog,
+        needs: Needs::Nothing,
+        call: |methods, call| methods.jogging(call, JogMotion::Release),
+        ..ORDER
+    },
+    Method {
+        name: "hold",
+        does: "brings the program to rest on its path and keeps it: it may be jogged away then; a jog or a way back is over",
+        needs: Needs::Nothing,
+        call: |methods, call| methods.order(call, Order::Hold),
+        ..ORDER
+    },
+    Method {
+        name: "resume",
+        does: "goes on after a hold, and forward after \"reverse\"; in single block, runs the next block. Of a machine that was jogged \
+               away: returns to where the program is held, Z up first (\"returns\": the legs), and waits there for the next one",
+        gives: Gives::Resumed,
+        call: |methods, call| methods.order(call, Order::Resume),
+        ..ORDER
+    },
+    Method {
+        name: "reverse",
+        params: &[optional("percent", Kind::Percent(0, 100))],
+        does: "runs the program that runs or is held back along the path it has run, at \"percent\" (above 0 to 100, usually 100) \
+               of its speed, as far as the last block that moves nothing or turns with the spindle; \"hold\" rests, \"resume\" \
+               goes forward again",
+        call: |methods, call| {
+            let share = arguments::reverse_share(call.params);
+            methods.order_of(call, share.map(Order::Reverse))
+        },
+        ..ORDER
+    },
+    Method {
+        name: "single_block",
+        params: &[needed("on", Kind::Flag)],
+        does: "\"on\" (true or false): the program rests at the end of each block, \"resume\" runs the next one; what is planned \
+               from now on stops at the end of each block exactly",
+        call: |methods, call| {
+            let on = call.params.flag("on");
+            methods.order_of(call, on.map(Order::SingleBlock))
+        },
+        ..ORDER
+    },
+    Method {
+        name: "stop",
+        does: "brings the machine to rest, a program on its path, and gives it up; spindle and coolant go off, drives stay on",
+        needs: Needs::Nothing,
+        call: |methods, call| methods.order(call, Order::Stop),
+        ..ORDER
+    },
+    Method {
+        name: "override",
+        params: &[
+            optional("feed", Kind::Percent(0, 120)),
+            optional("rapid", Kind::Percent(0, 100)),
+            optional("spindle", Kind::Percent(50, 120)),
+        ],
+        does: "from now on feed (0 to 120), rapid moves (0 to 100) and the spindle (50 to 120) run at this many percent of what \
+               is programmed; 0 holds these moves. At any time, for all programs; one that has switched overrides off (M49) \
+               is not changed there. Without control, feed and rapid moves can be slowed down",
+        gives: Gives::Overrides,
+        // It looks itself: slower is for everyone.
+        needs: Needs::Nothing,
+        call: |methods, call| Some(methods.set_overrides(call)),
+        ..ORDER
+    },
+    Method {
+        name: "journal.since",
+        params: &[optional("seq", Kind::Whole(0, u64::MAX))],
+        does: "entries of the journal behind number \"seq\" (0: all that are known), the oldest first, up to 500; \"more\": there are \
+               others behind them",
+        gives: Gives::Journal,
+        call: |methods, call| {
+            let since = match call.params.has("seq") {
+                true => call.params.number("seq", 0, u64::MAX),
+                false => Ok(0),
+            };
+            methods.order_of(call, since.map(Order::Journal))
+        },
+        ..LOOK
+    },
+    Method {
+        name: "alarm.acknowledge",
+        does: "allows motion again after a fault whose cause is gone; moves nothing and switches nothing on",
+        call: |methods, call| methods.order(call, Order::Acknowledge),
+        ..ORDER
+    },
+];

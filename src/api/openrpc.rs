@@ -1,0 +1,406 @@
+//! The control socket for programs: its methods, their parameters, results and errors as an OpenRPC document.
+//!
+//! In:  the table of methods. Out: one JSON value, which `rpc.discover` and `isocnc schema --rpc` give.
+
+use super::methods::table::{API_VERSION, Gives, Kind, METHODS, Method, Param};
+use super::rpc::code;
+use motion::canon::Axis;
+use serde_json::{Map, Value, json};
+
+/// The document.
+pub fn document() -> Value {
+    let methods: Vec<Value> = METHODS.iter().map(method).collect();
+    let mut schemas: Map<String, Value> = ALL
+        .iter()
+        .map(|gives| (name(*gives).to_owned(), result(*gives)))
+        .collect();
+    schemas.insert("Waiting".into(), waiting());
+    schemas.insert("Entry".into(), entry());
+    json!({
+        "openrpc": "1.3.2",
+        "info": {
+            "title": "The control socket of isocnc",
+            "version": API_VERSION,
+            "description": "JSON-RPC 2.0, one message a line, over a Unix stream socket. Parameters go by name.",
+        },
+        "methods": methods,
+        "components": { "schemas": schemas },
+        "x-notifications": [{
+            "name": "state",
+            "summary": "to subscribers: the fields of the state that have changed, each as a whole",
+            "paramStructure": "by-name",
+            "params": [
+                { "name": "monotonic_s", "required": true, "schema": { "type": "number" } },
+                { "name": "unix_s", "required": true, "schema": { "type": "number" } },
+                { "name": "changed", "required": true, "schema": { "type": "object", "minProperties": 1 } },
+            ],
+        }],
+    })
+}
+
+/// The schemas by themselves, each of which refers to others below `#/components/schemas`: for whoever checks an answer.
+pub fn result_schema(method: &Method) -> Value {
+    json!({
+        "$ref": format!("#/components/schemas/{}", name(method.gives)),
+        "components": document()["components"],
+    })
+}
+
+fn method(method: &Method) -> Value {
+    let params: Vec<Value> = (method.params.iter())
+        .map(|param| json!({ "name": param.name, "required": param.required, "schema": kind(param) }))
+        .collect();
+    json!({
+        "name": method.name,
+        "summary": method.does,
+        "paramStructure": "by-name",
+        "params": params,
+        "result": { "name": "result", "schema": refer(name(method.gives)) },
+        "errors": errors(method),
+    })
+}
+
+fn errors(method: &Method) -> Value {
+    let mut codes = vec![(code::INVALID_PARAMS, "parameters that the method does not take")];
+    if !method.only_looks() {
+        codes.push((
+            code::REFUSED,
+            "it cannot be done now; the message says why, and what would help",
+        ));
+    }
+    if method.asks_for_control() {
+        codes.push((code::NO_CONTROL, "another client has control; the data say which"));
+    }
+    if matches!(method.name, "program.load" | "program.run") {
+        codes.push((code::UNREADABLE, "the control cannot read the file: upload it"));
+    }
+    if method.name.starts_with("bus.sdo") {
+        codes.push((code::NODE, "the node does not answer, or cannot be asked now"));
+        codes.push((code::NODE_ABORT, "the node has refused it, with an abort code"));
+        codes.push((code::NODE_NO_OBJECT, "the node does not have the object"));
+    }
+    let errors = codes
+        .iter()
+        .map(|(code, message)| json!({ "code": code, "message": message }));
+    errors.collect()
+}
+
+/// Schema of a parameter.
+fn kind(param: &Param) -> Value {
+    let whole = |least: u64, most: u64| match most {
+        u64::MAX => json!({ "type": "integer", "minimum": least }),
+        most => json!({ "type": "integer", "minimum": least, "maximum": most }),
+    };
+    match param.kind {
+        Kind::Whole(least, most) => whole(least, most),
+        Kind::Wholes(least, most) => list(whole(least, most)),
+        Kind::Number => json!({ "type": "number" }),
+        Kind::Percent(least, most) => json!({ "type": "number", "minimum": least, "maximum": most }),
+        Kind::Flag => json!({ "type": "boolean" }),
+        Kind::Text => json!({ "type": "string" }),
+        Kind::Octets(most) => json!({ "type": "string", "pattern": "^([0-9A-Fa-f]{2})*$", "maxLength": 2 * most }),
+        Kind::Axis => {
+            let letters: Vec<String> = Axis::ALL.iter().map(|axis| axis.letter().to_string()).collect();
+            json!({ "type": "string", "enum": letters })
+        }
+        Kind::WorkSystem => json!({ "type": "string", "enum": super::methods::WORK_SYSTEMS }),
+    }
+}
+
+const ALL: [Gives; 17] = [
+    Gives::Nothing,
+    Gives::Methods,
+    Gives::OpenRpc,
+    Gives::Status,
+    Gives::Subscribed,
+    Gives::Control,
+    Gives::Network,
+    Gives::Octets,
+    Gives::Outlook,
+    Gives::UploadBegun,
+    Gives::UploadGrown,
+    Gives::Offsets,
+    Gives::Tools,
+    Gives::Jog,
+    Gives::Overrides,
+    Gives::Journal,
+    Gives::Resumed,
+];
+
+fn name(gives: Gives) -> &'static str {
+    match gives {
+        Gives::Nothing => "Nothing",
+        Gives::Methods => "Methods",
+        Gives::OpenRpc => "OpenRpc",
+        Gives::Status => "Status",
+        Gives::Subscribed => "Subscribed",
+        Gives::Control => "Control",
+        Gives::Network => "Network",
+        Gives::Octets => "Octets",
+        Gives::Outlook => "Outlook",
+        Gives::UploadBegun => "UploadBegun",
+        Gives::UploadGrown => "UploadGrown",
+        Gives::Offsets => "Offsets",
+        Gives::Tools => "Tools",
+        Gives::Jog => "Jog",
+        Gives::Overrides => "Overrides",
+        Gives::Journal => "Journal",
+        Gives::Resumed => "Resumed",
+    }
+}
+
+fn refer(name: &str) -> Value {
+    json!({ "$ref": format!("#/components/schemas/{name}") })
+}
+
+/// An object that has all of these members and no others.
+fn object(members: Value) -> Value {
+    let names: Vec<&String> = members.as_object().into_iter().flat_map(Map::keys).collect();
+    json!({ "type": "object", "required": names, "properties": members, "additionalProperties": false })
+}
+
+fn list(of: Value) -> Value {
+    json!({ "type": "array", "items": of })
+}
+
+fn or_null(mut of: Value) -> Value {
+    match of.get_mut("type") {
+        Some(kind) => {
+            *kind = json!([*kind, "null"]);
+            of
+        }
+        None => json!({ "anyOf": [of, { "type": "null" }] }),
+    }
+}
+
+fn text() -> Value {
+    json!({ "type": "string" })
+}
+
+fn number() -> Value {
+    json!({ "type": "number" })
+}
+
+fn whole() -> Value {
+    json!({ "type": "integer", "minimum": 0 })
+}
+
+fn flag() -> Value {
+    json!({ "type": "boolean" })
+}
+
+fn waiting() -> Value {
+    object(json!({ "for": text(), "text": text(), "release": text() }))
+}
+
+fn entry() -> Value {
+    object(json!({
+        "seq": whole(),
+        "unix_s": number(),
+        "time_s": number(),
+        "kind": { "type": "string", "enum": ["alarm", "warning", "note"] },
+        "text": text(),
+    }))
+}
+
+fn by_letter() -> Value {
+    json!({ "type": "object", "additionalProperties": number() })
+}
+
+fn result(gives: Gives) -> Value {
+    match gives {
+        Gives::Nothing => object(json!({})),
+        Gives::Methods => list(object(
+            json!({ "name": text(), "params": list(text()), "does": text() }),
+        )),
+        Gives::OpenRpc | Gives::Network => json!({ "type": "object" }),
+        Gives::Status => status(),
+        Gives::Subscribed => object(json!({ "monotonic_s": number(), "unix_s": number(), "state": refer("Status") })),
+        Gives::Control => or_null(object(json!({
+            "client": whole(),
+            "process": whole(),
+            "name": text(),
+            "taken": flag(),
+        }))),
+        Gives::Octets => object(json!({ "value": text() })),
+        Gives::Outlook => object(json!({
+            "program": text(),
+            "lines": whole(),
+            "planned_time_s": number(),
+            "real_time_factor": object(json!({
+                "whole": or_null(number()),
+                "least": or_null(object(json!({
+                    "factor": number(),
+                    "from_line": whole(),
+                    "to_line": whole(),
+                    "from_s": number(),
+                    "to_s": number(),
+                }))),
+            })),
+            "warning": or_null(text()),
+        })),
+        Gives::UploadBegun => object(json!({ "upload": whole(), "part_octets": whole() })),
+        Gives::UploadGrown => object(json!({ "received": whole() })),
+        Gives::Offsets => object(json!({
+            "unit": text(),
+            "systems": list(object(json!({
+                "system": text(),
+                "active": flag(),
+                "origin": by_letter(),
+                "rotation_degrees": number(),
+            }))),
+            "g92": by_letter(),
+            "g92_active": flag(),
+        })),
+        Gives::Tools => object(json!({
+            "unit": text(),
+            "in_spindle": whole(),
+            "tools": list(object(json!({
+                "tool": whole(),
+                "pocket": whole(),
+                "length": number(),
+                "diameter": number(),
+                "remark": text(),
+            }))),
+        })),
+        // Empty where a jog goes on or ends.
+        Gives::Jog => json!({
+            "type": "object",
+            "properties": {
+                "axis": text(),
+                "unit": text(),
+                "velocity_mm_s": number(),
+                "soft_limit_mm": or_null(number()),
+            },
+            "additionalProperties": false,
+        }),
+        Gives::Overrides => overrides(),
+        // The way back, one leg each, where the machine is not where the program is held.
+        Gives::Resumed => json!({
+            "type": "object",
+            "properties": { "returns": list(text()) },
+            "additionalProperties": false,
+        }),
+        Gives::Journal => object(json!({ "entries": list(refer("Entry")), "more": flag(), "last": whole() })),
+    }
+}
+
+fn overrides() -> Value {
+    object(json!({
+        "feed_percent": number(),
+        "rapid_percent": number(),
+        "spindle_percent": number(),
+        "feed_acts": flag(),
+        "spindle_acts": flag(),
+        "adaptive_feed_acts": flag(),
+        "feed_hold_acts": flag(),
+    }))
+}
+
+fn status() -> Value {
+    let positions = || json!({ "type": "array", "items": number(), "maxItems": Axis::ALL.len() });
+    object(json!({
+        "api": text(),
+        "version": text(),
+        "machine": text(),
+        "file": text(),
+        "pid": whole(),
+        "state": text(),
+        "cycles": whole(),
+        "cycles_skipped": whole(),
+        "late_max_us": number(),
+        "homed": list(whole()),
+        "line": whole(),
+        "direction": { "type": "string", "enum": ["forward", "reverse"] },
+        "single_block": flag(),
+        "velocity_mm_s": number(),
+        "axes": list(object(json!({ "axis": text(), "joints": list(whole()), "unit": text() }))),
+        "position_mm": positions(),
+        "spindle": or_null(object(json!({ "on": flag(), "speed_rpm": number() }))),
+        "coolant": object(json!({ "flood": flag(), "mist": flag() })),
+        "override": refer("Overrides"),
+        "step": text(),
+        "power": text(),
+        "mode": { "type": "string", "enum": ["manual", "mdi", "auto"] },
+        "activity": text(),
+        "job": or_null(text()),
+        "program": or_null(object(json!({
+            "name": text(),
+            "lines": whole(),
+            "planned_time_s": number(),
+            "result": or_null(text()),
+        }))),
+        "mdi": list(text()),
+        "waiting": or_null(refer("Waiting")),
+        "codes": list(text()),
+        "tool": whole(),
+        "work_offset_mm": positions(),
+        "remaining_s": number(),
+        "elapsed_s": number(),
+        "estop_chain_open": flag(),
+        "held_at_mm": or_null(positions()),
+        "limit_switches": object(json!({ "lower": list(whole()), "upper": list(whole()) })),
+        "alarm": or_null(text()),
+        "obstruction": or_null(text()),
+        "messages": list(refer("Entry")),
+        "control": refer("Control"),
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn every_schema_is_used_and_there_and_is_one() {
+        let document = document();
+        let mut used = BTreeSet::new();
+        fn collect(value: &Value, used: &mut BTreeSet<String>) {
+            match value {
+                Value::Object(members) => members.iter().for_each(|(name, value)| match value {
+                    Value::String(place) if name == "$ref" => {
+                        used.insert(place.rsplit('/').next().unwrap().to_owned());
+                    }
+                    value => collect(value, used),
+                }),
+                Value::Array(values) => values.iter().for_each(|value| collect(value, used)),
+                _ => {}
+            }
+        }
+        collect(&document, &mut used);
+        let there: BTreeSet<String> = document["components"]["schemas"]
+            .as_object()
+            .unwrap()
+            .keys()
+            .cloned()
+            .collect();
+        assert_eq!(used, there);
+        for (name, schema) in document["components"]["schemas"].as_object().unwrap() {
+            assert!(jsonschema::meta::is_valid(schema), "{name}");
+        }
+        for method in METHODS {
+            jsonschema::validator_for(&result_schema(method))
+                .unwrap_or_else(|error| panic!("{}: {error}", method.name));
+        }
+    }
+
+    #[test]
+    fn parameters_that_must_be_there_come_with_their_types() {
+        let document = document();
+        let methods = document["methods"].as_array().unwrap();
+        let named = |name: &str| methods.iter().find(|method| method["name"] == name).unwrap();
+        assert_eq!(
+            named("single_block")["params"],
+            json!([{ "name": "on", "required": true, "schema": { "type": "boolean" } }])
+        );
+        let codes = |name: &str| -> Vec<i64> {
+            let errors = named(name)["errors"].as_array().unwrap();
+            errors.iter().map(|error| error["code"].as_i64().unwrap()).collect()
+        };
+        assert_eq!(codes("status"), [-32602]);
+        assert_eq!(codes("stop"), [-32602, -32000]);
+        assert_eq!(codes("mdi"), [-32602, -32000, -32004]);
+        assert_eq!(codes("override"), [-32602, -32000, -32004]);
+    }
+}
