@@ -7,11 +7,14 @@ use super::rpc::{RpcError, code, to_hex};
 use super::socket;
 use super::socket::find_in;
 use super::uploads::PART_MAX;
+use nix::sys::socket::{MsgFlags, send};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::collections::VecDeque;
 use std::fmt;
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
+use std::net::Shutdown;
+use std::os::fd::AsRawFd;
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -79,6 +82,31 @@ impl ClientError {
             return false;
         };
         matches!(cause.kind(), ErrorKind::TimedOut | ErrorKind::PermissionDenied)
+    }
+}
+
+/// Asks for things and waits for nothing.
+#[derive(Debug)]
+pub struct Sender {
+    stream: UnixStream,
+    id: u64,
+}
+
+impl Sender {
+    /// Asks for something.
+    ///
+    /// # Errors
+    /// The control has gone, or does not read.
+    pub fn send(&mut self, method: &str, params: &Value) -> io::Result<()> {
+        self.id += 1;
+        let request = json!({ "jsonrpc": "2.0", "id": self.id, "method": method, "params": params });
+        let line = format!("{request}\n");
+        let flags = MsgFlags::MSG_DONTWAIT | MsgFlags::MSG_NOSIGNAL;
+        match send(self.stream.as_raw_fd(), line.as_bytes(), flags)? {
+            sent if sent == line.len() => Ok(()),
+            // What follows would be part of this line.
+            _ => self.stream.shutdown(Shutdown::Both),
+        }
     }
 }
 
@@ -220,7 +248,11 @@ impl Client {
         }
     }
 
-    fn message(&mut self) -> Result<Value, ClientError> {
+    /// The next message, whatever it is; waits for it.
+    ///
+    /// # Errors
+    /// The control has gone, or tells nothing.
+    pub fn message(&mut self) -> Result<Value, ClientError> {
         let mut line = String::new();
         let read = (&mut self.stream).take(ANSWER_MAX).read_line(&mut line);
         read.map_err(|cause| self.broken(cause))?;
@@ -229,6 +261,18 @@ impl Client {
             return bad("the control has closed the connection".into());
         }
         serde_json::from_str(&line).or_else(|error| bad(error.to_string()))
+    }
+
+    /// A way to ask beside a thread that reads [`message`](Self::message)s.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn sender(&self) -> Result<Sender, ClientError> {
+        let stream = self.stream.get_ref().try_clone();
+        Ok(Sender {
+            stream: stream.map_err(|cause| self.broken(cause))?,
+            id: self.id,
+        })
     }
 
     fn answer(&self, mut answer: Value) -> Result<Value, ClientError> {

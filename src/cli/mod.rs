@@ -15,6 +15,7 @@ pub mod plan;
 pub mod run;
 pub mod simulate;
 pub mod tables;
+pub mod top;
 
 use crate::host::terminal::say;
 use crate::operator::refusal::Refusal;
@@ -95,6 +96,9 @@ enum Command {
     /// Print what has happened at a running control, and before, where the machine file names a state folder.
     #[command(after_help = "Example: isocnc journal --since 100")]
     Journal(tables::JournalArgs),
+    /// Work with a running control on a whole screen of a terminal, by keys.
+    #[command(after_help = "Example: isocnc top")]
+    Top(top::TopArgs),
     /// Acknowledge the alarm of a running control.
     Alarm(control::AlarmArgs),
     /// Check a machine file: all errors at once, located.
@@ -171,6 +175,7 @@ pub fn main() -> ExitCode {
         Command::Stop(args) => control::lasting(args, control::Lasting::Stop),
         Command::Override(args) => control::set_overrides(args),
         Command::Journal(args) => tables::journal(args),
+        Command::Top(args) => top::top(args),
         Command::Alarm(args) => control::alarm(args),
         Command::Check(args) => check::check(args),
         Command::Init(args) => init::init(args),

@@ -1,0 +1,433 @@
+//! What the screen knows, and what its keys do.
+//!
+//! In:  news of the control, keys, the time. Out: requests.
+//!
+//! A terminal tells no release of a key. A jog lives for [`HOLDS_MS`] and each repetition of its key renews it, so that it comes to
+//! rest by itself once they end, however that happens.
+
+use super::link::News;
+use crate::rt::joint_jog::HOLDS_S;
+use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use serde_json::{Map, Value, json};
+
+/// A jog that is not renewed ends after this, ms.
+const HOLDS_MS: u64 = (HOLDS_S * 1000.0) as u64;
+/// Between two renewals.
+const KEEP_MS: u64 = HOLDS_MS / 4;
+/// A key that comes again within this is a repetition, which begins no further step.
+const REPEATED_MS: u64 = 150;
+/// A control that has control is renewed so often, ms.
+const RENEW_MS: u64 = 10_000;
+/// A control that tells nothing for so long hangs, ms: it counts each second.
+pub(super) const SILENT_MS: u64 = 3_000;
+/// Lines of MDI that are kept.
+const HISTORY_MAX: usize = 100;
+const SPEEDS: [f64; 10] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0];
+/// Steps, mm or degrees; none: for as long as the key is held.
+const STEPS: [Option<f64>; 5] = [None, Some(10.0), Some(1.0), Some(0.1), Some(0.01)];
+
+/// What a key leads to.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Act {
+    Send(&'static str, Value),
+    Quit,
+}
+
+/// A key that moves.
+#[derive(Clone, Debug, PartialEq)]
+struct Jog {
+    axis: String,
+    sign: f64,
+    is_step: bool,
+    begun_ms: u64,
+    /// When its key came last.
+    key_ms: u64,
+    kept_ms: u64,
+}
+
+/// The screen's state.
+#[derive(Debug, Default)]
+pub(super) struct App {
+    /// What the control has told.
+    pub(super) state: Map<String, Value>,
+    /// Why there is no control.
+    pub(super) lost: Option<String>,
+    pub(super) heard_ms: u64,
+    /// What came of the last key.
+    pub(super) said: Option<String>,
+    /// The line that is being typed.
+    pub(super) typed: Option<String>,
+    history: Vec<String>,
+    /// Place in it.
+    recalled: usize,
+    speed: usize,
+    step: usize,
+    jog: Option<Jog>,
+    renewed_ms: u64,
+}
+
+impl App {
+    pub(super) fn new() -> App {
+        App {
+            speed: 6,
+            lost: Some("connecting".into()),
+            ..App::default()
+        }
+    }
+
+    pub(super) fn text(&self, name: &str) -> &str {
+        self.state.get(name).and_then(Value::as_str).unwrap_or("")
+    }
+
+    pub(super) fn number(&self, name: &str) -> f64 {
+        self.state.get(name).and_then(Value::as_f64).unwrap_or(0.0)
+    }
+
+    /// A part of a field.
+    pub(super) fn at(&self, pointer: &str) -> &Value {
+        let mut parts = pointer.split('/');
+        let field = parts
+            .next()
+            .and_then(|name| self.state.get(name))
+            .unwrap_or(&Value::Null);
+        parts.fold(field, |value, part| match part.parse::<usize>() {
+            Ok(index) => &value[index],
+            Err(_) => &value[part],
+        })
+    }
+
+    pub(super) fn speed_mm_s(&self) -> f64 {
+        SPEEDS[self.speed]
+    }
+
+    pub(super) fn step_mm(&self) -> Option<f64> {
+        STEPS[self.step]
+    }
+
+    /// Whether this process has taken control.
+    pub(super) fn has_control(&self) -> bool {
+        *self.at("control/taken") == json!(true) && *self.at("control/process") == json!(std::process::id())
+    }
+
+    pub(super) fn hear(&mut self, news: News, now_ms: u64) {
+        self.heard_ms = now_ms;
+        match news {
+            News::Is(state) => {
+                self.state = state;
+                self.lost = None;
+                self.said = None;
+            }
+            News::Changed(changed) => self.state.extend(changed),
+            News::Done => self.said = None,
+            News::Refused(why) => {
+                self.jog = None;
+                self.said = Some(why);
+            }
+            News::Lost(why) => {
+                self.jog = None;
+                self.lost = Some(why);
+            }
+        }
+    }
+
+    /// What is due by now.
+    pub(super) fn tick(&mut self, now_ms: u64) -> Vec<Act> {
+        let mut acts = Vec::new();
+        if self.has_control() && now_ms - self.renewed_ms >= RENEW_MS {
+            self.renewed_ms = now_ms;
+            acts.push(Act::Send("control.take", json!({ "name": "top" })));
+        }
+        let is_jogging = matches!(self.text("state"), "jogging" | "away") && self.number("velocity_mm_s") != 0.0;
+        let Some(jog) = &mut self.jog else { return acts };
+        let is_over = match jog.is_step {
+            // It may take a moment until it is told of.
+            true => now_ms - jog.begun_ms > 2 * HOLDS_MS && !is_jogging,
+            false => now_ms - jog.key_ms >= HOLDS_MS,
+        };
+        if is_over {
+            acts.push(Act::Send("jog.stop", json!({ "axis": jog.axis })));
+            self.jog = None;
+        } else if jog.is_step && now_ms - jog.kept_ms >= KEEP_MS {
+            jog.kept_ms = now_ms;
+            acts.push(Act::Send("jog.keep", json!({ "axis": jog.axis })));
+        }
+        acts
+    }
+
+    pub(super) fn key(&mut self, key: KeyEvent, now_ms: u64) -> Vec<Act> {
+        if key.kind == KeyEventKind::Release {
+            return Vec::new();
+        }
+        if key.modifiers.contains(KeyModifiers::CONTROL) {
+            return match key.code {
+                KeyCode::Char('c') => vec![Act::Quit],
+                _ => Vec::new(),
+            };
+        }
+        if key.code == KeyCode::Esc {
+            // Whatever is being done.
+            (self.typed, self.jog) = (None, None);
+            return vec![Act::Send("stop", json!({}))];
+        }
+        if self.typed.is_some() {
+            return self.key_of_line(key.code);
+        }
+        let (axis, sign) = match key.code {
+            KeyCode::Right => (0, 1.0),
+            KeyCode::Left => (0, -1.0),
+            KeyCode::Up => (1, 1.0),
+            KeyCode::Down => (1, -1.0),
+            KeyCode::PageUp => (2, 1.0),
+            KeyCode::PageDown => (2, -1.0),
+            KeyCode::Char(']') => (3, 1.0),
+            KeyCode::Char('[') => (3, -1.0),
+            code => return self.command(code),
+        };
+        match self.at(&format!("axes/{axis}/axis")).as_str().map(str::to_owned) {
+            Some(axis) => self.jog(axis, sign, now_ms),
+            None => Vec::new(),
+        }
+    }
+
+    fn command(&mut self, code: KeyCode) -> Vec<Act> {
+        let send = |method| vec![Act::Send(method, json!({}))];
+        let feed = |by: f64| {
+            let percent = self.at("override/feed_percent").as_f64().unwrap_or(100.0) + by;
+            vec![Act::Send("override", json!({ "feed": percent.clamp(0.0, 120.0) }))]
+        };
+        match code {
+            KeyCode::Char('q') => vec![Act::Quit],
+            KeyCode::Char(' ') => send("hold"),
+            KeyCode::Char('r') => send("resume"),
+            KeyCode::Char('e') => send("estop"),
+            KeyCode::Char('E') => send("estop.reset"),
+            KeyCode::Char('o') => send("on"),
+            KeyCode::Char('O') => send("off"),
+            KeyCode::Char('H') => send("home"),
+            KeyCode::Char('S') => send("program.start"),
+            KeyCode::Char('a') => send("alarm.acknowledge"),
+            KeyCode::Char('t') => send("tool.changed"),
+            KeyCode::Char('b') => {
+                let on = *self.at("single_block") == json!(true);
+                vec![Act::Send("single_block", json!({ "on": !on }))]
+            }
+            KeyCode::Char('c') if self.has_control() => send("control.release"),
+            KeyCode::Char('c') => vec![Act::Send("control.take", json!({ "name": "top" }))],
+            KeyCode::Char('C') => vec![Act::Send("control.take", json!({ "name": "top", "force": true }))],
+            KeyCode::Char('+') => feed(10.0),
+            KeyCode::Char('-') => feed(-10.0),
+            KeyCode::Char('>') => {
+                self.speed = (self.speed + 1).min(SPEEDS.len() - 1);
+                Vec::new()
+            }
+            KeyCode::Char('<') => {
+                self.speed = self.speed.saturating_sub(1);
+                Vec::new()
+            }
+            KeyCode::Char('x') => {
+                // A key that is held goes on with what it began.
+                self.step = (self.step + 1) % STEPS.len();
+                self.end_jog()
+            }
+            KeyCode::Char('m') | KeyCode::Enter => {
+                self.typed = Some(String::new());
+                self.recalled = self.history.len();
+                self.end_jog()
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    fn end_jog(&mut self) -> Vec<Act> {
+        let jog = self.jog.take();
+        jog.map(|jog| Act::Send("jog.stop", json!({ "axis": jog.axis })))
+            .into_iter()
+            .collect()
+    }
+
+    fn jog(&mut self, axis: String, sign: f64, now_ms: u64) -> Vec<Act> {
+        let mut acts = Vec::new();
+        let step_mm = self.step_mm();
+        match &mut self.jog {
+            Some(jog) if jog.axis == axis && jog.sign == sign => {
+                let since_key_ms = now_ms - std::mem::replace(&mut jog.key_ms, now_ms);
+                if jog.is_step && since_key_ms < REPEATED_MS {
+                    return acts;
+                }
+                if !jog.is_step {
+                    if now_ms - jog.kept_ms >= KEEP_MS {
+                        jog.kept_ms = now_ms;
+                        acts.push(Act::Send("jog.keep", json!({ "axis": axis })));
+                    }
+                    return acts;
+                }
+            }
+            Some(_) => acts = self.end_jog(),
+            None => {}
+        }
+        let mut params = json!({ "axis": axis, "velocity_mm_s": sign * self.speed_mm_s() });
+        if let Some(step_mm) = step_mm {
+            params["velocity_mm_s"] = json!(self.speed_mm_s());
+            params["distance_mm"] = json!(sign * step_mm);
+        }
+        acts.push(Act::Send("jog", params));
+        self.jog = Some(Jog {
+            axis,
+            sign,
+            is_step: step_mm.is_some(),
+            begun_ms: now_ms,
+            key_ms: now_ms,
+            kept_ms: now_ms,
+        });
+        acts
+    }
+
+    /// A key while a line is being typed.
+    fn key_of_line(&mut self, code: KeyCode) -> Vec<Act> {
+        let Some(line) = &mut self.typed else { return Vec::new() };
+        match code {
+            KeyCode::Char(letter) => line.push(letter),
+            KeyCode::Backspace => drop(line.pop()),
+            KeyCode::Up | KeyCode::Down => {
+                self.recalled = match code {
+                    KeyCode::Up => self.recalled.saturating_sub(1),
+                    _ => (self.recalled + 1).min(self.history.len()),
+                };
+                *line = self.history.get(self.recalled).cloned().unwrap_or_default();
+            }
+            KeyCode::Enter if line.trim().is_empty() => self.typed = None,
+            KeyCode::Enter => {
+                let line = std::mem::take(line);
+                if self.history.last() != Some(&line) {
+                    self.history.push(line.clone());
+                }
+                if self.history.len() > HISTORY_MAX {
+                    self.history.remove(0);
+                }
+                self.recalled = self.history.len();
+                return vec![Act::Send("mdi", json!({ "line": line }))];
+            }
+            _ => {}
+        }
+        Vec::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn app() -> App {
+        let mut app = App::new();
+        let state = json!({
+            "axes": [{ "axis": "X" }, { "axis": "Y" }, { "axis": "Z" }], "state": "ready", "override": { "feed_percent": 100.0 },
+        });
+        app.hear(News::Is(state.as_object().cloned().unwrap()), 0);
+        app
+    }
+
+    fn press(app: &mut App, code: KeyCode, ms: u64) -> Vec<Act> {
+        app.key(KeyEvent::new(code, KeyModifiers::NONE), ms)
+    }
+
+    fn send(method: &'static str, params: Value) -> Vec<Act> {
+        vec![Act::Send(method, params)]
+    }
+
+    #[test]
+    fn a_jog_is_renewed_by_repetitions_of_its_key_and_ends_without_them() {
+        let mut app = app();
+        let begun = send("jog", json!({ "axis": "Y", "velocity_mm_s": -10.0 }));
+        assert_eq!(press(&mut app, KeyCode::Down, 1000), begun);
+        assert_eq!(press(&mut app, KeyCode::Down, 1030), []);
+        assert_eq!(
+            press(&mut app, KeyCode::Down, 1060),
+            send("jog.keep", json!({ "axis": "Y" }))
+        );
+        assert_eq!(app.tick(1259), []);
+        assert_eq!(app.tick(1260), send("jog.stop", json!({ "axis": "Y" })));
+        assert_eq!(app.tick(1400), []);
+        // The other way, and another axis: the first one ends.
+        press(&mut app, KeyCode::Down, 2000);
+        let acts = press(&mut app, KeyCode::Up, 2010);
+        assert_eq!(acts[0], Act::Send("jog.stop", json!({ "axis": "Y" })));
+        assert_eq!(acts[1], Act::Send("jog", json!({ "axis": "Y", "velocity_mm_s": 10.0 })));
+        assert_eq!(press(&mut app, KeyCode::PageUp, 2020).len(), 2);
+        // Refused: nothing is renewed.
+        app.hear(News::Refused("not now".into()), 2030);
+        assert_eq!((app.tick(2500), app.said.as_deref()), (vec![], Some("not now")));
+        assert_eq!(press(&mut app, KeyCode::Char(']'), 3000), [], "there is no fourth axis");
+    }
+
+    #[test]
+    fn a_step_is_taken_once_a_press_and_kept_until_it_is_over() {
+        let mut app = app();
+        press(&mut app, KeyCode::Char('x'), 0);
+        press(&mut app, KeyCode::Char('>'), 0);
+        let step = send(
+            "jog",
+            json!({ "axis": "X", "velocity_mm_s": 20.0, "distance_mm": -10.0 }),
+        );
+        assert_eq!(press(&mut app, KeyCode::Left, 1000), step);
+        assert_eq!(press(&mut app, KeyCode::Left, 1100), [], "repeated");
+        app.hear(
+            News::Changed(
+                json!({ "state": "jogging", "velocity_mm_s": 20.0 })
+                    .as_object()
+                    .cloned()
+                    .unwrap(),
+            ),
+            1100,
+        );
+        assert_eq!(app.tick(1101), send("jog.keep", json!({ "axis": "X" })));
+        assert_eq!(press(&mut app, KeyCode::Left, 1300), step, "another one");
+        app.tick(1500);
+        app.hear(
+            News::Changed(json!({ "velocity_mm_s": 0.0 }).as_object().cloned().unwrap()),
+            1800,
+        );
+        assert_eq!(app.tick(1801), send("jog.stop", json!({ "axis": "X" })));
+    }
+
+    #[test]
+    fn escape_stops_whatever_is_being_done_and_letters_are_no_orders_in_a_line() {
+        let mut app = app();
+        press(&mut app, KeyCode::Char('m'), 0);
+        for letter in "G0 X1 e".chars() {
+            assert_eq!(press(&mut app, KeyCode::Char(letter), 0), []);
+        }
+        press(&mut app, KeyCode::Backspace, 0);
+        assert_eq!(
+            press(&mut app, KeyCode::Enter, 0),
+            send("mdi", json!({ "line": "G0 X1 " }))
+        );
+        press(&mut app, KeyCode::Char('M'), 0);
+        for (code, line) in [(KeyCode::Up, "G0 X1 "), (KeyCode::Up, "G0 X1 "), (KeyCode::Down, "")] {
+            press(&mut app, code, 0);
+            assert_eq!(app.typed.as_deref(), Some(line));
+        }
+        assert_eq!(press(&mut app, KeyCode::Esc, 0), send("stop", json!({})));
+        assert_eq!(app.typed, None);
+        assert_eq!(press(&mut app, KeyCode::Char('e'), 0), send("estop", json!({})));
+        assert_eq!(
+            press(&mut app, KeyCode::Char('-'), 0),
+            send("override", json!({ "feed": 90.0 }))
+        );
+        let ctrl_c = KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL);
+        assert_eq!(app.key(ctrl_c, 0), [Act::Quit]);
+    }
+
+    #[test]
+    fn control_that_was_taken_is_renewed() {
+        let mut app = app();
+        assert_eq!(app.tick(20_000), []);
+        let mine = json!({ "control": { "taken": true, "process": std::process::id() } });
+        app.hear(News::Changed(mine.as_object().cloned().unwrap()), 20_000);
+        assert_eq!(app.tick(20_000), send("control.take", json!({ "name": "top" })));
+        assert_eq!(app.tick(29_999), []);
+        assert_eq!(
+            press(&mut app, KeyCode::Char('c'), 30_000),
+            send("control.release", json!({}))
+        );
+    }
+}
