@@ -34,6 +34,21 @@ fn ask(client: &mut Client, method: &str, times_us: &mut Histogram<u64>) {
     }
 }
 
+/// Processor time of the service thread of a control, ticks of 10 ms.
+fn service_ticks(process: u32) -> u64 {
+    let tasks = std::fs::read_dir(format!("/proc/{process}/task")).expect("threads");
+    let stats = tasks
+        .flatten()
+        .filter_map(|task| std::fs::read_to_string(task.path().join("stat")).ok());
+    let mut ticks = 0;
+    for stat in stats.filter(|stat| stat.contains("(service)")) {
+        let (_, fields) = stat.rsplit_once(") ").expect("a state");
+        let fields = fields.split(' ').skip(11).take(2);
+        ticks += fields.map(|field| field.parse::<u64>().expect("ticks")).sum::<u64>();
+    }
+    ticks
+}
+
 fn main() {
     let folder = tempfile::tempdir().expect("a folder");
     let machine = format!("bench-socket-{}", std::process::id());
@@ -72,11 +87,12 @@ fn main() {
     let histogram = || Histogram::<u64>::new_with_bounds(1, 10_000_000, 3).expect("bounds");
     let mut times_us = [[histogram(), histogram()], [histogram(), histogram()]];
     let told = AtomicU64::new(0);
-    let mut skipped = [0.0; 2];
+    let (mut skipped, mut cpu_ticks) = ([0.0; 2], [0; 2]);
     for round in 0..2 * ROUNDS {
         let subscribed = round % 2;
         let stop = AtomicBool::new(false);
         let before = client.call("status", json!({})).expect("a status");
+        let cpu_before = service_ticks(control.0.id());
         std::thread::scope(|scope| {
             for _ in 0..subscribed * SUBSCRIBERS {
                 let mut subscriber = Client::connect(Some(&machine)).expect("a connection");
@@ -93,6 +109,7 @@ fn main() {
             }
             stop.store(true, Ordering::Relaxed);
         });
+        cpu_ticks[subscribed] += service_ticks(control.0.id()) - cpu_before;
         let after = client.call("status", json!({})).expect("a status");
         skipped[subscribed] +=
             after["cycles_skipped"].as_f64().unwrap_or(0.0) - before["cycles_skipped"].as_f64().unwrap_or(0.0);
@@ -101,6 +118,11 @@ fn main() {
     println!("load {}", load.trim_end());
     println!("notifications {}", told.load(Ordering::Relaxed));
     println!("cycles left out: alone {}, with subscribers {}", skipped[0], skipped[1]);
+    println!(
+        "processor time of the service thread: alone {} ms, with subscribers {} ms",
+        10 * cpu_ticks[0],
+        10 * cpu_ticks[1]
+    );
     for (who, times_us) in ["alone", "10 subscribers"].into_iter().zip(&times_us) {
         for (method, times_us) in ["status", "an order"].into_iter().zip(times_us) {
             println!(

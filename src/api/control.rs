@@ -117,6 +117,11 @@ impl Control {
         self.holder.take_if(|holder| holder.who.client == client);
     }
 
+    /// Whether this client has taken it by name.
+    pub fn is_taken_by(&self, client: ClientId) -> bool {
+        (self.holder.as_ref()).is_some_and(|holder| holder.taken && holder.who.client == client)
+    }
+
     /// A client has said something.
     pub fn hear(&mut self, client: ClientId, now_ns: u64) {
         self.expire(now_ns);
@@ -219,6 +224,7 @@ mod tests {
     fn control_that_was_taken_stays_until_it_is_released_lost_or_taken_by_force() {
         let mut control = Control::default();
         assert_eq!(control.take(who(1), false, 0).unwrap(), None);
+        assert!(control.is_taken_by(1) && !control.is_taken_by(2));
         let refused = order(&mut control, 2, 12 * S).unwrap_err();
         assert_eq!(refused.code, code::NO_CONTROL);
         assert!(

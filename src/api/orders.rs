@@ -5,7 +5,7 @@
 //! Neither side waits for the other. The lock around [`Shown`] is between two ordinary threads.
 
 use crate::api::rpc::RpcError;
-use crate::api::server::Ticket;
+use crate::api::server::{CLIENTS_MAX, PENDING_MAX, Ticket};
 use crate::api::uploads::Uploaded;
 use crate::machine::journal::Entry;
 use crate::program::Change;
@@ -19,8 +19,8 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, TrySendErr
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// Orders that can wait; the operator looks every few milliseconds.
-const ORDERS: usize = 16;
+/// Orders that can wait: all that all clients can have under way, and that each of them has gone. A stop always has room.
+const ORDERS: usize = 2 * CLIENTS_MAX * PENDING_MAX;
 /// Between two looks of the operator, however many orders come.
 const LEAST_PAUSE: Duration = Duration::from_millis(1);
 
@@ -308,6 +308,17 @@ mod tests {
         };
         inbox.show(shown.clone());
         assert_eq!(client.shown(), shown);
+    }
+
+    /// Else a client that floods the control with orders would keep the stop of another one out.
+    #[test]
+    fn there_is_room_for_all_that_clients_can_have_under_way() {
+        let (client, _inbox) = order_channel();
+        let all = 0..(CLIENTS_MAX * PENDING_MAX) as u64;
+        for ticket in all.clone() {
+            client.put(ticket, Order::Hold).unwrap();
+        }
+        assert!(all.into_iter().all(|ticket| client.withdraw(ticket)));
     }
 
     #[test]

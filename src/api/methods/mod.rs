@@ -438,6 +438,10 @@ impl Serve for Methods {
         self.operator.withdraw(ticket)
     }
 
+    fn keeps(&self, client: ClientId) -> bool {
+        self.control.is_taken_by(client)
+    }
+
     fn left(&mut self, client: ClientId) {
         self.control.release(client);
         self.uploads.left(client);

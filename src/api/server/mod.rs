@@ -24,7 +24,8 @@ use std::time::Duration;
 use subscription::{State, Subscription, UNREAD_MAX};
 
 /// Clients at the same time. One more takes the place of the one that has been silent for the longest time, of those that wait for
-/// an answer or read what they have subscribed to only where there are no others: a stop must get through whoever else is there.
+/// an answer, read what they have subscribed to or have control only where there are no others: a stop must get through whoever
+/// else is there.
 pub const CLIENTS_MAX: usize = 16;
 /// Clients that are taken in one turn: each is read in the next one, before it can be the longest silent of many new ones.
 const TAKEN_PER_TURN: usize = 4;
@@ -32,8 +33,8 @@ const TAKEN_PER_TURN: usize = 4;
 pub const LINE_MAX: usize = 64 * 1024;
 /// With so many octets of answers waiting, a client is not served before it has read.
 const OUTPUT_HIGH: usize = 256 * 1024;
-/// Requests of one client that wait for a node.
-const PENDING_MAX: usize = 8;
+/// Requests of one client that wait for a node or for the operator.
+pub(super) const PENDING_MAX: usize = 8;
 /// Octets read at once.
 const CHUNK: usize = 4096;
 /// Longest time between two looks at what real time has to say.
@@ -68,6 +69,9 @@ pub trait Serve {
 
     /// Whoever waits for this answer has gone. False: to be told again.
     fn gone(&mut self, ticket: Ticket) -> bool;
+
+    /// Whether a connection is worth more than others, silent as it may be.
+    fn keeps(&self, client: ClientId) -> bool;
 
     /// A connection is over.
     fn left(&mut self, client: ClientId);
@@ -165,7 +169,8 @@ fn accept(socket: &Socket, clients: &mut Vec<Client>, service: &mut impl Serve, 
             // One that waits for an answer goes only where all do.
             let silent = (0..clients.len()).min_by_key(|at| {
                 let client = &clients[*at];
-                (client.waits() || client.is_listening(), client.heard)
+                let is_here = client.waits() || client.is_listening() || service.keeps(client.caller.client);
+                (is_here, client.heard)
             });
             if let Some(mut client) = silent.map(|at| clients.swap_remove(at)) {
                 let what = format!("{CLIENTS_MAX} others are connected, and this one was silent for the longest time");

@@ -11,6 +11,7 @@ struct Echo {
     wanted: usize,
     forsaken: Vec<Ticket>,
     left: Vec<ClientId>,
+    kept: Option<ClientId>,
     looks: u64,
 }
 
@@ -23,6 +24,10 @@ impl Serve for Echo {
                 let (subscription, answer) = Subscription::begin(&self.state(), 20);
                 caller.subscription = Some(subscription);
                 Some(Ok(answer))
+            }
+            "keep" => {
+                self.kept = Some(caller.client);
+                Some(Ok(params))
             }
             "later" => {
                 self.wanted = params["of"].as_u64().unwrap_or(1) as usize;
@@ -47,6 +52,10 @@ impl Serve for Echo {
         let again = self.forsaken.contains(&ticket);
         self.forsaken.push(ticket);
         again
+    }
+
+    fn keeps(&self, client: ClientId) -> bool {
+        self.kept == Some(client)
     }
 
     fn left(&mut self, client: ClientId) {
@@ -354,9 +363,11 @@ fn a_subscriber_that_does_not_read_costs_a_bounded_memory_and_hears_the_latest()
 }
 
 #[test]
-fn whoever_reads_what_it_has_subscribed_to_is_not_the_silent_one_that_goes() {
+fn whoever_reads_what_it_has_subscribed_to_or_has_control_is_not_the_silent_one_that_goes() {
     beside(|path| {
-        let mut subscriber = Peer::connect(path);
+        let (mut subscriber, mut kept) = (Peer::connect(path), Peer::connect(path));
+        kept.ask(1, "keep", json!({}));
+        assert_eq!(kept.line()["id"], 1);
         subscriber.ask(1, "subscribe", json!({}));
         assert_eq!(subscriber.line()["id"], 1);
         let mut many: Vec<Peer> = (0..100).map(|_| Peer::connect(path)).collect();
@@ -367,11 +378,13 @@ fn whoever_reads_what_it_has_subscribed_to_is_not_the_silent_one_that_goes() {
         let gone = loop {
             let message = subscriber.line();
             if let Some(left) = message["params"]["changed"]["client_left"].as_array()
-                && left.len() == 100 + 1 - CLIENTS_MAX
+                && left.len() == 100 + 2 - CLIENTS_MAX
             {
                 break left.clone();
             }
         };
-        assert!(!gone.contains(&json!(1)), "{gone:?}");
+        assert!(!gone.contains(&json!(1)) && !gone.contains(&json!(2)), "{gone:?}");
+        kept.ask(2, "echo", json!({}));
+        assert_eq!(kept.line()["id"], 2);
     });
 }

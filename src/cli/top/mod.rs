@@ -113,7 +113,11 @@ impl Listing {
             return;
         }
         name.clone_into(&mut self.name);
-        let text = files::read(Path::new(name), SHOWN_MAX).unwrap_or_default();
+        // Another name is one that a client has given to what it sent.
+        let path = Some(Path::new(name)).filter(|path| path.is_absolute());
+        let text = path
+            .and_then(|path| files::read(path, SHOWN_MAX).ok())
+            .unwrap_or_default();
         let text = String::from_utf8_lossy(&text);
         // Nothing in it is to steer the terminal.
         let printed = |line: &str| {

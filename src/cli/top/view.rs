@@ -35,7 +35,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, app: &App, program: &[(u32, String)], 
         frame.render_widget(Paragraph::new(told), area);
         return;
     }
-    let axes = app.at("axes").as_array().map_or(0, Vec::len).max(7) as u16;
+    let axes = app.at("axes").as_array().map_or(0, Vec::len).max(5) as u16;
     let [head, now, program_area, told, keys] = Layout::vertical([
         Constraint::Length(1),
         Constraint::Length(axes + 2),
