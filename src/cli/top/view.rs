@@ -45,7 +45,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, app: &App, program: &[(u32, String)], 
     ])
     .areas(area);
     frame.render_widget(Paragraph::new(heading(app, now_ms)).style(alarm()), head);
-    let [left, right] = Layout::horizontal([Constraint::Length(44), Constraint::Min(20)]).areas(now);
+    let [left, right] = Layout::horizontal([Constraint::Length(47), Constraint::Min(20)]).areas(now);
     boxed(frame, "position", positions(app), left);
     boxed(frame, "now", conditions(app), right);
     let title = match app.at("program/name").as_str() {
@@ -95,7 +95,7 @@ fn heading(app: &App, now_ms: u64) -> String {
 }
 
 fn positions(app: &App) -> Vec<Line<'static>> {
-    let mut lines = vec![Line::styled("axis       work    machine  home  limit", strong())];
+    let mut lines = vec![Line::styled("axis      work   machine     to go  home limit", strong())];
     let homed = app.at("homed").as_array().cloned().unwrap_or_default();
     let has = |list: &Value, joint: &Value| list.as_array().is_some_and(|list| list.contains(joint));
     for axis in app.at("axes").as_array().into_iter().flatten() {
@@ -114,10 +114,13 @@ fn positions(app: &App) -> Vec<Line<'static>> {
             (true, true) => "BOTH",
         };
         let is_homed = !joints.is_empty() && joints.iter().all(|joint| homed.contains(joint));
+        // Back to where the program is held.
+        let to_go = app.at(&format!("held_at_mm/{place}")).as_f64();
         let line = format!(
-            "{letter}    {:>10.3} {:>10.3}  {:<4}  {limit}",
+            "{letter}   {:>10.3}{:>10.3}{:>10}  {:<4} {limit}",
             value("position_mm") - value("work_offset_mm"),
             value("position_mm"),
+            to_go.map_or_else(String::new, |to| format!("{:.3}", to - value("position_mm"))),
             if is_homed { "yes" } else { "no" },
         );
         lines.push(Line::raw(line));
@@ -154,9 +157,9 @@ fn conditions(app: &App) -> Vec<Line<'static>> {
         ""
     };
     vec![
-        Line::raw(format!("feed {:.0} mm/min{single}", app.number("velocity_mm_s") * 60.0)),
+        Line::raw(format!("F {:.0} mm/min{single}", app.number("velocity_mm_s") * 60.0)),
         Line::raw(format!(
-            "override {:.0} % rapid {:.0} % sp {:.0} %",
+            "feed {:.0} % rapid {:.0} % sp {:.0} %",
             percent("feed"),
             percent("rapid"),
             percent("spindle")
@@ -305,12 +308,12 @@ mod tests {
         assert_shows(
             &shown,
             &[
-                "axis       work    machine  home  limit",
-                "X         0.500     10.500  yes",
-                "Y        -2.250     -2.250  no",
-                "Z        10.000      3.000  yes   UPPER",
-                "feed 1500 mm/min  SINGLE BLOCK",
-                "override 80 % rapid 100 % sp 100 %",
+                "axis      work   machine     to go  home limit",
+                "X        0.500    10.500            yes",
+                "Y       -2.250    -2.250            no",
+                "Z       10.000     3.000            yes  UPPER",
+                "F 1500 mm/min  SINGLE BLOCK",
+                "feed 80 % rapid 100 % sp 100 %",
                 "tool T5  spindle 1200 rpm",
                 "coolant flood",
                 "jog while held, 10 mm/s",
@@ -346,6 +349,18 @@ mod tests {
         assert_shows(
             &screen(&app, &[], 0, (80, 24)),
             &["ALARM x-drive lost", " mill3  ALARM  AUTO  idle"],
+        );
+        told(
+            &mut app,
+            json!({ "activity": "away", "held_at_mm": [12.5, -2.25, 1.0, 0, 0, 0, 0, 0, 0] }),
+        );
+        let shown = screen(&app, &[], 0, (80, 24));
+        assert_shows(
+            &shown,
+            &[
+                "X        0.500    10.500     2.000  yes",
+                "Z       10.000     3.000    -2.000  yes",
+            ],
         );
         let waits = json!({ "for": "tool-change", "text": "put in tool 7", "release": "isocnc tool-changed" });
         told(
