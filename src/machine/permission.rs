@@ -214,6 +214,9 @@ pub struct Condition {
     pub loaded: bool,
 }
 
+/// The next step where an alarm is what is in the way.
+pub const ACKNOWLEDGE: &str = "isocnc alarm acknowledge";
+
 /// Why an order is not carried out, and what would help.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Refusal {
@@ -351,7 +354,7 @@ fn needs(condition: &Condition, or_off: bool) -> Result<(), Refusal> {
             "release the button that opened it, then isocnc estop reset",
         ),
         Power::Estop => ("emergency stop", "isocnc estop reset"),
-        Power::Alarm => ("an alarm waits to be acknowledged", "isocnc alarm acknowledge"),
+        Power::Alarm => ("an alarm waits to be acknowledged", ACKNOWLEDGE),
         Power::Ending => ("the control is ending", "start it again with isocnc run"),
     };
     Err(Refusal { why, next })

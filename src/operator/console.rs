@@ -97,6 +97,8 @@ pub struct Operator {
     alarms: Vec<Alarm>,
     /// Alarms that somebody has acknowledged, or begun another program after.
     alarms_over: usize,
+    /// The latest state that was told.
+    state: State,
     warnings: Vec<Warning>,
     late_cycles: u64,
     /// Stalls of the cycle thread since the last one that was told of, and when that was.
@@ -139,6 +141,7 @@ impl Operator {
             keeper: None,
             alarms: Vec::new(),
             alarms_over: 0,
+            state: State::Booting,
             warnings: Vec::new(),
             late_cycles: 0,
             stalls: 0,
@@ -202,7 +205,6 @@ impl Operator {
 
     /// The emergency stop is over; switches nothing on.
     pub fn reset_estop(&mut self) {
-        self.alarms_over = self.alarms.len();
         self.give(Command::EstopReset);
     }
 
@@ -471,6 +473,11 @@ impl Operator {
         let time_s = cycle as f64 * self.cycle_s;
         match notice {
             Notice::State(state) => {
+                let before = std::mem::replace(&mut self.state, state);
+                // However that came: by an order, a pin, a latch in the chain.
+                if before == State::Estop && state == State::Disabling {
+                    self.alarms_over = self.alarms.len();
+                }
                 if state == State::Disabled && self.operational_s.is_none() {
                     self.operational_s = Some(time_s);
                 }

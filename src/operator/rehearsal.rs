@@ -10,10 +10,10 @@ use crate::bus;
 use crate::config::Config;
 use crate::host::wait::Grid;
 use crate::machine::motion_settings::{ring_capacity, stop_ramp, stop_shares};
-use crate::machine::sequence::Outcome;
+use crate::machine::sequence::{Outcome, Step};
 use crate::machine::tables::Tables;
 use crate::operator::session::pin_reader;
-use crate::program::{Feeder, Progress, waits};
+use crate::program::{Begin, Feeder, Progress, waits};
 use crate::rt::assemble::assemble;
 use crate::rt::cycle::MotionController;
 use crate::rt::pins::CAPACITY;
@@ -41,6 +41,9 @@ pub struct Rehearsal<'a, B = VirtualBus<'a>> {
     config: &'a Config,
     tables: Tables,
     text: &'a [u8],
+    /// How a program of a client begins, and whether it is a line of MDI; `None`: the one that the run was built with.
+    asked: Option<(Begin, bool)>,
+    left: Option<(gcode::Settings, gcode::Modes)>,
     feeder: Option<Feeder<'a, Producer<Element>>>,
     path: Vec<Programmed>,
     probed_time_s: Option<f64>,
@@ -100,6 +103,8 @@ pub fn rehearse_on<'a, B: VirtualTime, T>(
         config,
         tables: Tables::read(config)?,
         text,
+        asked: None,
+        left: None,
         feeder: None,
         path: Vec::new(),
         probed_time_s: None,
@@ -119,7 +124,7 @@ impl Rehearsal<'_> {
     }
 }
 
-impl<B: VirtualTime> Rehearsal<'_, B> {
+impl<'a, B: VirtualTime> Rehearsal<'a, B> {
     /// Virtual time, ns.
     pub fn now_ns(&mut self) -> u64 {
         self.control.bus_mut().now_ns()
@@ -134,6 +139,22 @@ impl<B: VirtualTime> Rehearsal<'_, B> {
     /// Planned time of a program whose probing moves ended at a contact: of what was really to be run, s.
     pub fn probed_time_s(&self) -> Option<f64> {
         self.probed_time_s
+    }
+
+    /// What the next program is to be: a client's, in place of the one that the run was built with. Its errors while it runs are
+    /// alarms.
+    pub fn set_program(&mut self, text: &'a [u8], tables: Tables, begin: Begin, mdi: bool) {
+        (self.text, self.tables, self.asked) = (text, tables, Some((begin, mdi)));
+    }
+
+    /// Whether the planner still works for the last program.
+    pub fn is_planning(&self) -> bool {
+        self.feeder.is_some()
+    }
+
+    /// Tables and modes that a program has left behind.
+    pub fn take_left(&mut self) -> Option<(gcode::Settings, gcode::Modes)> {
+        self.left.take()
     }
 
     /// One cycle, `late_ns` after its date; where that is too late for the date, at the next one that can be kept.
@@ -206,20 +227,36 @@ impl<B: VirtualTime> Rehearsal<'_, B> {
             let (producer, consumer) = ring::channel(ring_capacity(self.config));
             let (answers, results) = waits::line();
             let feeder = Feeder::new(self.config, &self.tables, self.text, position, producer);
-            let feeder = feeder.with_probe(results).reading_pins(pin_reader(&self.hal));
+            let mut feeder = feeder.with_probe(results).reading_pins(pin_reader(&self.hal));
+            if let Some((begin, _)) = &self.asked {
+                feeder = feeder.beginning(&begin.moved_to(position));
+            }
             self.feeder = Some(feeder.following(self.operator.shared()));
             let program = Interpolator::new(consumer, position, stop_ramp(self.config))
                 .with_probe(answers, stop_shares(self.config));
-            self.operator.start(Box::new(program), false);
+            let is_mdi = self.asked.as_ref().is_some_and(|(_, mdi)| *mdi);
+            self.operator.start(Box::new(program), is_mdi);
         }
     }
 
     fn feed(&mut self) -> anyhow::Result<()> {
         if let Some(feeder) = &mut self.feeder {
-            let progress = feeder.pump().map_err(|error| anyhow!(error.located("program")))?;
+            let given_up = self.asked.is_some() && self.operator.step() != Step::Program;
+            let progress = match feeder.pump().map_err(|error| error.located("program")) {
+                _ if given_up => Progress::Done,
+                Ok(progress) => progress,
+                Err(what) if self.asked.is_some() => {
+                    let now_ns = self.control.bus_mut().now_ns();
+                    self.operator.fail(now_ns, what);
+                    Progress::Waiting
+                }
+                Err(what) => return Err(anyhow!(what)),
+            };
             self.path.extend(feeder.ideal_path());
             self.probed_time_s = feeder.probed_time_s();
-            if progress == Progress::Done && feeder.is_over() {
+            if given_up || progress == Progress::Done && feeder.is_over() {
+                feeder.give_up_contact();
+                self.left = Some((feeder.left_behind(), feeder.modes_left()));
                 self.feeder = None;
             }
         }

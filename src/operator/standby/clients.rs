@@ -6,7 +6,7 @@ use crate::api::rpc::{RpcError, code};
 use crate::api::server::Ticket;
 use crate::config::Config;
 use crate::machine::faults::SILENCED;
-use crate::machine::permission::{Activity, Condition, Power, Wish, permit};
+use crate::machine::permission::{ACKNOWLEDGE, Activity, Condition, Power, Wish, permit};
 use crate::machine::sequence::{Job, Outcome, Step};
 use crate::machine::state::State;
 use crate::machine::tables::{Tables, lock};
@@ -445,7 +445,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         }
         permit(wish, &condition).map_err(|refusal| match operator.alarm() {
             // The first cause says more than that there is one.
-            Some(alarm) if operator.live().state == State::Faulted => format!("{}; {}", alarm.cause, refusal.next),
+            Some(alarm) if refusal.next == ACKNOWLEDGE => format!("{}; {}", alarm.cause, refusal.next),
             _ => refusal.to_string(),
         })
     }

@@ -11,6 +11,8 @@ mod check;
 mod clients;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tests_days;
 
 pub(super) use self::check::Part;
 pub(super) use self::clients::{Clients, outcome_word};
