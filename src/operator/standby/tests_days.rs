@@ -48,6 +48,9 @@ const CYCLES: u64 = 9_000;
 const STOP_CYCLES: u64 = 5_000;
 const TURN: u64 = 10;
 
+/// Lines and places, bit by bit.
+type Path3 = Vec<(u32, [u64; 3])>;
+
 struct Random(SplitMix64);
 
 impl Random {
@@ -82,7 +85,7 @@ struct Day<'r, 'a, 'scope, 'env> {
     since: u64,
     seen: BTreeMap<String, usize>,
     /// Places in the part, once it is its own.
-    path: Vec<(u32, [u64; 3])>,
+    path: Path3,
 }
 
 impl Day<'_, '_, '_, '_> {
@@ -127,15 +130,15 @@ impl Day<'_, '_, '_, '_> {
             }
             std::thread::yield_now();
         }
-        if matches!(self.run.operator.step(), Step::Enable | Step::Home | Step::Program) {
-            if let Some(part) = self.clients.part() {
-                let mut text = Vec::new();
-                Reader::from(&*part.text).read_to_end(&mut text).expect("a text");
-                // The run lends it to its planner: a few lines, some thousand times.
-                let text: &'static [u8] = Box::leak(text.into_boxed_slice());
-                let (begin, mdi) = (part.begin.clone(), part.is_mdi());
-                self.run.set_program(text, lock(self.tables).clone(), begin, mdi);
-            }
+        if matches!(self.run.operator.step(), Step::Enable | Step::Home | Step::Program)
+            && let Some(part) = self.clients.part()
+        {
+            let mut text = Vec::new();
+            Reader::from(&*part.text).read_to_end(&mut text).expect("a text");
+            // The run lends it to its planner: a few lines, some thousand times.
+            let text: &'static [u8] = Box::leak(text.into_boxed_slice());
+            let (begin, mdi) = (part.begin.clone(), part.is_mdi());
+            self.run.set_program(text, lock(self.tables).clone(), begin, mdi);
         }
         if let Some((left, modes)) = self.run.take_left() {
             let completed = self.run.operator.program_outcome() == Some(crate::machine::sequence::Outcome::Completed);
@@ -475,7 +478,7 @@ fn machine() -> Config {
 }
 
 /// Lives a day; gives the part that comes out at its end, and what was seen.
-fn live(config: &Config, seed: u64, disturbed: bool) -> (Vec<(u32, [u64; 3])>, BTreeMap<String, usize>) {
+fn live(config: &Config, seed: u64, disturbed: bool) -> (Path3, BTreeMap<String, usize>) {
     let tables = Mutex::new(Tables::read(config).expect("tables"));
     let (client, inbox) = order_channel();
     let mut lived = None;
