@@ -38,7 +38,7 @@ pub fn document() -> Value {
     })
 }
 
-/// The schemas by themselves, each of which refers to others below `#/components/schemas`: for whoever checks an answer.
+/// What a method answers, as a schema that holds all that it refers to: for whoever checks an answer.
 pub fn result_schema(method: &Method) -> Value {
     json!({
         "$ref": format!("#/components/schemas/{}", name(method.gives)),

@@ -447,16 +447,16 @@ impl Serve for Methods {
         self.uploads.left(client);
     }
 
-    fn state(&mut self) -> Arc<subscription::State> {
+    fn state(&mut self) -> subscription::State {
         let fields = match self.status() {
             Value::Object(fields) => fields,
             _ => Map::new(),
         };
-        Arc::new(subscription::State {
+        subscription::State {
             monotonic_ns: (self.now_ns)(),
             unix_s: (self.time_of_day)(),
             fields,
-        })
+        }
     }
 
     fn wake(&self) -> Option<Arc<EventFd>> {

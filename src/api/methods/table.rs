@@ -72,7 +72,7 @@ pub enum Kind {
 }
 
 /// What a method answers; [`crate::api::openrpc`] says what these are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gives {
     /// An object without members.
     Nothing,

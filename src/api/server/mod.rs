@@ -77,7 +77,7 @@ pub trait Serve {
     fn left(&mut self, client: ClientId);
 
     /// How everything is, for subscribers.
-    fn state(&mut self) -> Arc<State>;
+    fn state(&mut self) -> State;
 
     /// What is written to where an answer is ready or something has changed: ends a wait.
     fn wake(&self) -> Option<Arc<EventFd>>;

@@ -6,7 +6,6 @@
 
 use crate::api::rpc;
 use serde_json::{Map, Value, json};
-use std::sync::Arc;
 
 /// Most states a second, but for events.
 pub const RATE_MAX_HZ: u64 = 20;
@@ -53,7 +52,7 @@ pub struct Subscription {
 
 impl Subscription {
     /// With the whole state as the answer of its request.
-    pub fn begin(state: &Arc<State>, rate_hz: u64) -> (Subscription, Value) {
+    pub fn begin(state: &State, rate_hz: u64) -> (Subscription, Value) {
         let subscription = Subscription {
             interval_ns: 1_000_000_000 / rate_hz.clamp(1, RATE_MAX_HZ),
             told: state.fields.clone(),
@@ -97,12 +96,12 @@ impl Subscription {
 mod tests {
     use super::*;
 
-    fn state(ms: u64, fields: Value) -> Arc<State> {
-        Arc::new(State {
+    fn state(ms: u64, fields: Value) -> State {
+        State {
             monotonic_ns: ms * 1_000_000,
             unix_s: 1e9 + ms as f64 * 1e-3,
             fields: fields.as_object().cloned().unwrap_or_default(),
-        })
+        }
     }
 
     fn told(subscription: &mut Subscription, state: &State) -> Option<Value> {
