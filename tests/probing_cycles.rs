@@ -320,6 +320,27 @@ fn a_cycle_leaves_modes_as_they_were_and_speaks_the_units_of_the_program() {
     }
 }
 
+#[test]
+fn a_machine_in_inches_measures_the_same_in_either_unit() {
+    let mut config = machine(&round(40.0, TALL, true));
+    config.unit = motion::canon::LengthUnit::Inch;
+    for (units, diameter) in [("G20", 40.0 / 25.4), ("G21", 40.0)] {
+        let text = format!(
+            "{}{units}\no<probe-bore> call [{diameter}] [1]\n",
+            begin([151.0, 99.0, -90.0])
+        );
+        // The origin and the tool table are in inches.
+        let found = run(&config, &text, &["5221", "5222", "<_probe_diameter>", "5410"]);
+        let wanted = [MIDDLE[0] / 25.4, MIDDLE[1] / 25.4, diameter, BALL_MM / 25.4];
+        for (found, wanted) in found.iter().zip(wanted) {
+            assert!(
+                (found - wanted).abs() <= TOLERANCE_MM,
+                "{units}: {found}, should be {wanted}"
+            );
+        }
+    }
+}
+
 /// A cycle that gives up: what it says, and where the machine stands then.
 #[track_caller]
 fn assert_gives_up(bodies: &str, text: &str, says: &str, stands: Option<[f64; 3]>) {
@@ -555,4 +576,36 @@ fn a_cycle_by_hand() {
         let [at, was] = [&now["position_mm"], &at].map(|position| position[axis].as_f64().unwrap());
         assert!((at - was).abs() < 1e-6, "{now}");
     }
+}
+
+/// While it probes, it says so; and what it has found, where the machine has come to it.
+#[test]
+fn it_tells_that_it_probes_and_what_it_has_found() {
+    let config = machine(&rectangle(0.0, TALL, false));
+    let text = format!("{}o<probe-surface> call [20]\nM2\n", begin([150.0, 100.0, -71.0]));
+    rehearse(
+        &config,
+        text.as_bytes(),
+        NetConfig::clean(1),
+        |run: &mut Rehearsal<'_>| {
+            let probes = |run: &mut Rehearsal<'_>| {
+                let waiting = run.operator.live().waiting;
+                waiting.is_some_and(|waiting| waiting.word() == "probe")
+            };
+            assert!(run.run_until(CYCLES_MAX, probes)?, "{:?}", run.operator.journal());
+            assert_eq!(run.run(CYCLES_MAX)?, Outcome::Completed);
+            assert_eq!(run.operator.live().waiting, None);
+            let journal = run.operator.journal();
+            let said = journal
+                .iter()
+                .find_map(|entry| entry.text.strip_prefix("message: surface at Z"));
+            let z_mm: f64 = said
+                .unwrap_or_else(|| panic!("{journal:#?}"))
+                .parse()
+                .expect("a number");
+            assert!((z_mm + 20.0).abs() <= TOLERANCE_MM, "{z_mm}");
+            Ok(())
+        },
+    )
+    .expect("a machine to rehearse on");
 }

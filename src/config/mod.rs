@@ -212,7 +212,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
 
     let base = path.parent().unwrap_or(Path::new(""));
     let machine = root.section("machine").map(|section| machine(section, base));
-    let (name, family, cycle_us, unit, state_directory) = machine.unwrap_or((None, None, None, None, None));
+    let (name, family, cycle_us, unit, state_directory, probe_stops_jog) = machine.unwrap_or_default();
     let rt = root.section("rt").and_then(|section| rt(section, cycle_us));
     let bus = root.section("bus").and_then(|mut section| {
         let bus = bus::bus(&mut section, cycle_us, path.parent().unwrap_or(Path::new("")));
@@ -300,6 +300,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         name: name?,
         cycle_us: cycle_us?,
         state_directory: state_directory?,
+        probe_stops_jog: probe_stops_jog?,
         unit: unit?,
         rt: rt?,
         bus: bus?,
@@ -330,6 +331,7 @@ type Machine = (
     Option<u32>,
     Option<LengthUnit>,
     Option<Option<PathBuf>>,
+    Option<bool>,
 );
 
 fn machine(mut section: Section<'_, '_>, base: &Path) -> Machine {
@@ -345,8 +347,16 @@ fn machine(mut section: Section<'_, '_>, base: &Path) -> Machine {
         .map(|cycle_us| cycle_us as u32);
     let unit = program::units(&mut section);
     let state_directory = program::new_folder(&mut section, "state_directory", base);
+    let probe_stops_jog = section.flag("probe_stops_jog", true);
     section.done();
-    (name.map(str::to_owned), family, cycle_us, unit, state_directory)
+    (
+        name.map(str::to_owned),
+        family,
+        cycle_us,
+        unit,
+        state_directory,
+        probe_stops_jog,
+    )
 }
 
 fn rt(mut section: Section<'_, '_>, cycle_us: Option<u32>) -> Option<Rt> {

@@ -531,6 +531,9 @@ fn rules_of_the_rest() {
             "m.toml:32:8: sim.probe.surface[0].axis = \"Q\": must be one of X Y Z A B C U V W",
             "m.toml:32:8: sim.probe.surface[0].axis = \"Q\": must have either above_mm or below_mm beside it: where the body is",
         ]),
+        ("name = \"small\"", "name = \"small\"\nprobe_stops_jog = 1", &[
+            "m.toml:4:19: machine.probe_stops_jog = 1: must be true or false, is an integer",
+        ]),
         (end, "joints = [0]\n[sim.probe]\nnode = 1\ninput = 8\ndiameter_mm = -1\n[[sim.probe.box]]\nx_mm = [5, 5]\ny_mm = [1]\nz_mm = [nan, 2]\nhole = 1\n", &[
             "m.toml:29:8: sim.probe.node = 1: must be a [[bus.node]] of profile \"io\"",
             "m.toml:31:15: sim.probe.diameter_mm = -1: must lie between 0 and 100",

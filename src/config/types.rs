@@ -30,6 +30,8 @@ pub struct Config {
     pub cycle_us: u32,
     /// Folder for what the control writes by itself: its journal; `None`: nothing outlives the process.
     pub state_directory: Option<PathBuf>,
+    /// Whether the probe stops a jog as it comes into contact.
+    pub probe_stops_jog: bool,
     /// Unit of lengths in tool table and parameter file, and in a program before G20 or G21. All keys of the machine file
     /// itself are in mm.
     pub unit: LengthUnit,

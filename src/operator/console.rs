@@ -16,6 +16,7 @@ use crate::rt::overrides::Overridden;
 use crate::rt::shared::{Command, Notice, OperatorEndpoints, RtStatus, Snapshot, TimedNotice};
 use crate::rt::timeout;
 use motion::canon::Position;
+use motion::element::Action;
 use motion::rt::Interpolator;
 use motion::rt::jog::{Obstacle, Obstruction};
 use serde::Serialize;
@@ -110,6 +111,8 @@ pub struct Operator {
     overrides: [[f64; 2]; 3],
     /// What ended the last jog.
     obstruction: Option<String>,
+    /// Texts of the messages of the program (MSG, DEBUG) in their order, and how many have been shown.
+    messages: Option<(mpsc::Receiver<String>, u32)>,
     /// What the report is made of.
     pub recorder: Recorder,
 }
@@ -149,6 +152,7 @@ impl Operator {
             needs_restart: false,
             overrides: [[100.0; 2]; 3],
             obstruction: None,
+            messages: None,
             recorder: Recorder::default(),
             programs: 0,
         }
@@ -246,6 +250,22 @@ impl Operator {
         self.program_ended = false;
         self.programs += u64::from(!mdi);
         self.give(Command::Start { program, mdi });
+    }
+
+    /// The texts of the messages of the next program come here, each before the machine comes to it.
+    pub fn hear_messages(&mut self, texts: mpsc::Receiver<String>) {
+        self.messages = Some((texts, 0));
+    }
+
+    /// The text of a message; `None`: it has been shown before, on the way forward.
+    fn message(&mut self, number: u32) -> Option<String> {
+        let (texts, shown) = self.messages.as_mut()?;
+        let mut text = None;
+        while *shown <= number {
+            text = Some(texts.try_recv().ok()?);
+            *shown += 1;
+        }
+        text
     }
 
     /// Wants an end of everything; may be called again and again.
@@ -511,7 +531,13 @@ impl Operator {
                     self.warn(time_s, &fault, cause);
                 }
             }
-            Notice::Action(action) => self.note(time_s, format!("program: {action}")),
+            Notice::Action(action) => {
+                let text = match action {
+                    Action::Message { number } => self.message(number).map(|text| format!("message: {text}")),
+                    _ => None,
+                };
+                self.note(time_s, text.unwrap_or_else(|| format!("program: {action}")));
+            }
             Notice::Obstructed(Obstruction { joint, why }) => {
                 let why = match why {
                     Obstacle::Travel => "is at the end of its travel",
@@ -521,6 +547,11 @@ impl Operator {
                 let text = format!("jog ended: {}: {why}", self.joint_names[joint]);
                 self.note(time_s, text.clone());
                 self.obstruction = Some(text);
+            }
+            Notice::Touched => {
+                let what = "jog ended: the probe has touched something";
+                self.obstruction = Some(what.into());
+                self.note(time_s, what.into());
             }
             Notice::NoWayBack => {
                 let what = "the machine did not come back to where the program is held: jog nearer to it, then isocnc resume";

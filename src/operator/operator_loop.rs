@@ -16,13 +16,11 @@ use crate::machine::state::State;
 use crate::machine::tables::lock;
 use crate::operator::console::Operator;
 use crate::operator::path_judge::PathJudge;
-use crate::operator::recorder::Recorder;
 use crate::operator::session::{EXIT_RESTART, Program, Session, Task};
 use crate::operator::table_writer::Keeper;
 use crate::program::text::Reader;
 use crate::program::{self, Begin, FeedError, Feeder, Threads, waits};
 use crate::rt::cycle_stats::Windows;
-use crate::rt::shared::RtStatus;
 use crate::rt::timeout;
 use gcode::{CheckLimits, PinReader};
 use motion::cancel::Cancel;
@@ -239,8 +237,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             // A program that is repeated has come to its end: nobody waits for the machine any more.
             self.given_up.cancel();
             self.join_planner(running, now_ns);
-            let live = running.operator.shared();
-            let program = self.plan_from(position, live, &mut running.operator.recorder)?;
+            let program = self.plan_from(position, &mut running.operator)?;
             let is_mdi = self.clients.part().is_some_and(|part| part.is_mdi());
             running.operator.start(program, is_mdi);
             self.begun_ns = now_ns;
@@ -300,12 +297,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
     }
 
     /// Starts the program thread.
-    fn plan_from(
-        &mut self,
-        position: Position,
-        live: Arc<RtStatus>,
-        recorder: &mut Recorder,
-    ) -> anyhow::Result<Box<Interpolator>> {
+    fn plan_from(&mut self, position: Position, operator: &mut Operator) -> anyhow::Result<Box<Interpolator>> {
         let Session {
             config, task, tables, ..
         } = self.session;
@@ -313,12 +305,15 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         let (producer, consumer) = ring::channel(ring_capacity(config));
         let (answers, results) = waits::line();
         let (told, news) = mpsc::channel();
+        let (messages, heard) = mpsc::channel();
+        operator.hear_messages(heard);
+        let live = operator.shared();
         let mut passed = None;
         let text = match (task, self.clients.part()) {
             (Task::Once(program, overview), _) => {
                 let judge = PathJudge::new(news, overview.tolerance_mm);
                 passed = Some(judge.passed());
-                recorder.judge_with(judge);
+                operator.recorder.judge_with(judge);
                 Text::Given(*program)
             }
             (Task::Repeat(program), _) => Text::Given(*program),
@@ -345,7 +340,8 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
                         .beginning(&text.begin(position))
                         .with_probe(results)
                         .following(live)
-                        .telling_path(told);
+                        .telling_path(told)
+                        .telling_messages(messages);
                     if let Some(passed) = passed {
                         feeder = feeder.keeping_near(passed);
                     }

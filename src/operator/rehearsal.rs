@@ -27,6 +27,7 @@ use motion::plan::Programmed;
 use motion::ring::{self, Producer};
 use motion::rt::Interpolator;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::mpsc;
 
 /// Cycles between two looks of the operator.
 const OPERATOR_CYCLES: u64 = 10;
@@ -227,7 +228,10 @@ impl<'a, B: VirtualTime> Rehearsal<'a, B> {
             let (producer, consumer) = ring::channel(ring_capacity(self.config));
             let (answers, results) = waits::line();
             let feeder = Feeder::new(self.config, &self.tables, self.text, position, producer);
-            let mut feeder = feeder.with_probe(results).reading_pins(pin_reader(&self.hal));
+            let (messages, heard) = mpsc::channel();
+            self.operator.hear_messages(heard);
+            let feeder = feeder.with_probe(results).reading_pins(pin_reader(&self.hal));
+            let mut feeder = feeder.telling_messages(messages);
             if let Some((begin, _)) = &self.asked {
                 feeder = feeder.beginning(&begin.moved_to(position));
             }

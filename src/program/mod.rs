@@ -515,6 +515,12 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         self.with_interpreter(|interpreter| interpreter.with_pins(pins))
     }
 
+    /// The same that tells the texts of messages, in their order.
+    pub fn telling_messages(mut self, to: mpsc::Sender<String>) -> Feeder<'t, S> {
+        self.smoothing.recall().messages = Some(to);
+        self
+    }
+
     /// The same that follows the operator, from the next [`Feeder::pump`] on: overrides; in single block, exact stops.
     pub fn following(mut self, live: Arc<RtStatus>) -> Feeder<'t, S> {
         self.smoothing.recall().live = Some(Arc::clone(&live));

@@ -197,6 +197,8 @@ pub(super) struct Smoothing<'t> {
     pub(super) answers: Option<Answers>,
     /// What the program writes: only one that runs.
     records: Records,
+    /// Who is told the texts of messages.
+    pub(super) messages: Option<mpsc::Sender<String>>,
     /// Why a point of a probing move could not be written.
     unwritten: Option<String>,
     left_s: f64,
@@ -228,6 +230,7 @@ impl<'t> Smoothing<'t> {
             live: None,
             answers: None,
             records: Records::new(program.log_directory.clone()),
+            messages: None,
             unwritten: None,
             left_s: 0.0,
             work_system: 1,
@@ -411,6 +414,13 @@ impl<'t> Smoothing<'t> {
         }
         match call {
             Call::Record(record) => self.records.record(record),
+            Call::Message(text) => {
+                if let Some(messages) = &self.messages {
+                    // Nobody may listen any more.
+                    let _ = messages.send(text.clone());
+                }
+                Ok(())
+            }
             Call::UseLengthUnit(unit) => {
                 self.records.use_unit(*unit);
                 Ok(())

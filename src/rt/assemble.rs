@@ -52,6 +52,7 @@ pub fn assemble<B: CyclicBus>(
         kinematics: config.kinematics(),
         monitor: Monitor::new(&config.joints.iter().map(monitor_limits).collect::<Vec<_>>(), cycle_s),
         hand: JointJog::new(config),
+        probe_stops_jog: config.probe_stops_jog,
         way_back: WayBack::new(config),
         homer: Homer::new(config),
         pins: Pins::new(hal, config, plans).context("pins")?,

@@ -79,6 +79,8 @@ pub enum Notice {
     Action(Action),
     /// Something is in the way of an axis that is jogged.
     Obstructed(Obstruction),
+    /// The probe came into contact and has stopped a jog.
+    Touched,
     /// The machine does not come back to where the program is held on its path.
     NoWayBack,
     /// In a move in step with the spindle, its override acts up to a share only: the axes cannot follow more.

@@ -21,6 +21,8 @@ pub enum Waiting {
     Input { input: Input },
     /// M100 to M199: a program of the user runs.
     UserCommand { number: u8 },
+    /// G38.2 to G38.5: the probe.
+    Probe,
     /// An override at 0 %, or a switch for hold.
     Feed,
     /// More of the plan.
@@ -64,6 +66,7 @@ impl Waiting {
             Waiting::Input { .. } => "input",
             Waiting::SpindleOrient => "spindle-orient",
             Waiting::UserCommand { .. } => "user-command",
+            Waiting::Probe => "probe",
             Waiting::Feed => "feed",
             Waiting::Queue => "queue",
             Waiting::Return => "operator",
@@ -80,6 +83,7 @@ impl Waiting {
             Waiting::Input { input } => format!("{input} is to come (M66)"),
             Waiting::SpindleOrient => "the spindle comes to its angle (M19)".into(),
             Waiting::UserCommand { number } => format!("the command M{number} runs"),
+            Waiting::Probe => "a probing move is under way (G38)".into(),
             Waiting::Feed => "feed is held by an override at 0 %, motion.feed-hold or motion.adaptive-feed".into(),
             Waiting::Queue => "the plan is behind".into(),
             Waiting::Return => "the machine is away from the path on which the program is held".into(),
@@ -95,6 +99,7 @@ impl Waiting {
             Waiting::Input { .. } => "the input, or its time-out",
             Waiting::SpindleOrient => "spindle.0.is-oriented, or its time-out",
             Waiting::UserCommand { .. } => "its end, or its time limit",
+            Waiting::Probe => "the probe, or the end of the move",
             Waiting::Feed => "the override, or the switch",
             Waiting::Queue => "by itself",
             Waiting::Return => "isocnc resume returns, Z up first; isocnc resume again goes on",
@@ -109,6 +114,7 @@ impl Waiting {
             Waiting::Feed => 4,
             Waiting::Queue => 5,
             Waiting::Return => 10,
+            Waiting::Probe => 11,
             Waiting::SpindleOrient => 8,
             Waiting::UserCommand { number } => 9 | u64::from(number) << 32,
             Waiting::Input {
@@ -127,6 +133,7 @@ impl Waiting {
             2 => Some(Waiting::ToolChange { tool: number }),
             3 => Some(Waiting::SpindleSpeed),
             4 => Some(Waiting::Feed),
+            11 => Some(Waiting::Probe),
             5 => Some(Waiting::Queue),
             10 => Some(Waiting::Return),
             8 => Some(Waiting::SpindleOrient),
@@ -168,6 +175,7 @@ mod tests {
         assert_eq!(cell.get(), None);
         let all = [
             Waiting::Operator,
+            Waiting::Probe,
             Waiting::ToolChange { tool: u32::MAX },
             Waiting::SpindleSpeed,
             Waiting::Feed,

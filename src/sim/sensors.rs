@@ -129,6 +129,7 @@ fn is_beyond(position_mm: f64, at_mm: f64, above: bool) -> bool {
 mod tests {
     use super::*;
     use crate::config;
+    use proptest::prelude::*;
     use std::path::Path;
 
     #[test]
@@ -206,6 +207,45 @@ mod tests {
             let at = |way: f64| Position::xyz(x + way * dx, y + way * dy, z + way * dz);
             assert!(touches(&probe, &at(-1e-6)), "{body:?}: {x} {y} {z}");
             assert!(!touches(&probe, &at(1e-6)), "{body:?}: {x} {y} {z}");
+        }
+    }
+
+    /// Numbers as a machine file may have them, round ones often.
+    fn number() -> impl Strategy<Value = f64> {
+        prop_oneof![-1e6..1e6_f64, (-200i32..200).prop_map(f64::from)]
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_bodies_the_file_has_the_way_to_them_is_as_long_as_it_looks(
+            ends in prop::array::uniform8(number()),
+            hole: bool,
+            round: bool,
+            from in prop::array::uniform3(number()),
+            way in prop::array::uniform3(-10.0..10.0_f64),
+        ) {
+            let [x, y, right, back, low, high, angle, _] = ends;
+            let shape = match round {
+                true => format!("cylinder]]\nx_mm = {x:?}\ny_mm = {y:?}\ndiameter_mm = {right:?}\n"),
+                false => format!(
+                    "box]]\nx_mm = [{x:?}, {right:?}]\ny_mm = [{y:?}, {back:?}]\nangle_degrees = {angle:?}\n"
+                ),
+            };
+            let machine = include_str!("../../configs/mill3-demo.toml");
+            let text = format!("{machine}[[sim.probe.{shape}z_mm = [{low:?}, {high:?}]\nhole = {hole}\n");
+            let read = config::parse(&text, Path::new("m.toml"));
+            let good = low < high && if round { right > 0.0 } else { x < right && y < back && angle.abs() <= 360.0 };
+            prop_assert_eq!(read.is_ok(), good);
+            let bodies = read.ok().and_then(|config| config.sim.probe).map_or(Vec::new(), |probe| probe.bodies);
+            for body in bodies {
+                let at = |share: f64| {
+                    let [x, y, z] = [0, 1, 2].map(|axis: usize| from[axis] + share * way[axis]);
+                    distance(&body, &Position::xyz(x, y, z))
+                };
+                let length = way[0].hypot(way[1]).hypot(way[2]);
+                prop_assert!(at(0.0) >= 0.0);
+                prop_assert!((at(1.0) - at(0.0)).abs() <= length + 1e-6, "{} {} {length}", at(0.0), at(1.0));
+            }
         }
     }
 }

@@ -75,6 +75,7 @@ pub(super) fn test_config() -> Config {
         name: "mill3".to_string(),
         cycle_us: 1000,
         state_directory: None,
+        probe_stops_jog: true,
         unit: LengthUnit::Millimetre,
         rt: Rt {
             phase_us: Some(370),

@@ -192,7 +192,7 @@ fn a_jog_that_is_not_renewed_comes_to_rest_and_a_renewal_begins_nothing() {
 
 #[test]
 fn a_jog_ends_at_the_soft_limit_to_the_last_increment() {
-    by_hand(|hands| {
+    by_hand_on(&without_probe(), |hands| {
         hands.homed();
         let travel_mm = hands
             .config
@@ -439,4 +439,43 @@ fn what_will_come_of_a_jog_is_told() {
         expected(20.0, Some(-5.0))
     );
     assert_eq!(told(JogMotion::Keep, 1), json!({}));
+}
+
+/// The demo's machine, whose probe stops no jog: there are walls just before the ends of its travel.
+fn without_probe() -> String {
+    let machine = include_str!("../../../configs/mill3-demo.toml");
+    machine.replace("# probe_stops_jog = false", "probe_stops_jog = false")
+}
+
+#[test]
+fn a_probe_that_comes_into_contact_stops_the_jog_and_out_of_it_the_hand_leads() {
+    let jog = |hands: &mut Hands<'_, '_>, distance_mm| {
+        hands.jog(&advance(distance_mm)).unwrap();
+        for _ in 0..20 {
+            // Refused where it has ended.
+            let _ = hands.jog(&KEEP);
+            hands.cycles(50);
+        }
+        hands.reach(State::Ready);
+        hands.cycles(50);
+    };
+    by_hand(|hands| {
+        hands.homed();
+        // The ball of 4 mm at a side at -4 mm.
+        jog(hands, -4.9);
+        let x_mm = hands.x_mm();
+        assert!(x_mm < -2.0 && x_mm > -2.4, "{x_mm}");
+        let said = hands.run.operator.obstruction().unwrap();
+        assert_eq!(said, "jog ended: the probe has touched something");
+        jog(hands, 0.1);
+        assert!((hands.x_mm() - x_mm - 0.1).abs() < 1e-6, "{} from {x_mm}", hands.x_mm());
+        assert_eq!(hands.run.operator.obstruction(), None);
+        hands.all_is_well();
+    });
+    by_hand_on(&without_probe(), |hands| {
+        hands.homed();
+        jog(hands, -4.9);
+        assert!(hands.x_mm() < -4.8, "{}", hands.x_mm());
+        assert_eq!(hands.run.operator.obstruction(), None);
+    });
 }

@@ -81,6 +81,8 @@ pub struct CycleParts {
     pub monitor: Monitor,
     /// Moves joints by hand.
     pub hand: JointJog,
+    /// Whether the probe stops the hand as it comes into contact.
+    pub probe_stops_jog: bool,
     /// Brings joints back to the path.
     pub way_back: WayBack,
     /// Homes joints whose drives do not.
@@ -116,6 +118,8 @@ pub struct MotionController<B> {
     single_block: bool,
     /// Where the program is held while the machine is elsewhere.
     away_from: Option<Place>,
+    /// Whether the probe was in contact in the last cycle, and is in this one.
+    probe_in_contact: [bool; 2],
     /// It is to return there, once the hand is off.
     goes_back: bool,
     waiting: Option<Action>,
@@ -156,6 +160,7 @@ impl<B: CyclicBus> MotionController<B> {
             single_block: false,
             away_from: None,
             goes_back: false,
+            probe_in_contact: [false; 2],
             waiting: None,
             is_fed_nothing: false,
             limits: [0; 2],
@@ -375,6 +380,8 @@ impl<B: CyclicBus> MotionController<B> {
 
     /// Next set-points of all joints.
     fn interpolate(&mut self) {
+        let [_, before] = self.probe_in_contact;
+        self.probe_in_contact = [before, self.parts.pins.probe_input()];
         let wanted = match self.state {
             State::Running if !self.hold => Shares {
                 all: self.reverse.map_or(1.0, |share| -share),
@@ -392,7 +399,7 @@ impl<B: CyclicBus> MotionController<B> {
         } else if let Some(program) = &mut self.program {
             if program.is_probing() {
                 let measured = self.parts.drives.measured(&self.parts.kinematics, &self.sample);
-                program.see_probe(self.parts.pins.probe_input(), &measured);
+                program.see_probe(self.probe_in_contact[1], &measured);
             }
             let shares = Shares {
                 turning: self.parts.pins.spindle.feed_share(),
@@ -487,6 +494,11 @@ impl<B: CyclicBus> MotionController<B> {
             if self.parts.pins.is_feed_hold() {
                 self.parts.hand.release_all();
             }
+            // Out of a contact that was there before, the hand leads.
+            if self.parts.probe_stops_jog && self.probe_in_contact == [false, true] {
+                self.parts.hand.stop();
+                self.notice(Notice::Touched);
+            }
             self.parts.hand.step(&mut self.command_mm[..self.joints]);
             if let Some(obstruction) = self.parts.hand.take_obstruction() {
                 self.notice(Notice::Obstructed(obstruction));
@@ -557,7 +569,7 @@ impl<B: CyclicBus> MotionController<B> {
         self.end_wait();
     }
 
-    /// What a program that stands still waits for.
+    /// What a program that stands still, or probes, waits for.
     fn waits_for(&self) -> Option<Waiting> {
         if self.state == State::Away {
             return Some(Waiting::Return);
@@ -569,6 +581,7 @@ impl<B: CyclicBus> MotionController<B> {
         let rests = self.sample.velocity_mm_s == 0.0;
         match self.sample.state {
             SampleState::Moving | SampleState::Starved if rests && self.is_fed_nothing => Some(Waiting::Feed),
+            _ if self.program.as_ref().is_some_and(|program| program.is_probing()) => Some(Waiting::Probe),
             SampleState::Starved if self.program_has_moved => Some(Waiting::Queue),
             _ => None,
         }
