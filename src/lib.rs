@@ -3,6 +3,8 @@
 //! In:  a machine file ([`config`]) and a part program ([`program`]).
 //! Out: set-points to drives over the field bus ([`bus`]), every cycle ([`rt`]).
 
+// The state of a control is one large JSON object.
+#![recursion_limit = "256"]
 // An application: what is public here is so for its binary and its tests, and says more than its name only where there is more to say.
 #![allow(missing_docs)]
 

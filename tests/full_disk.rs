@@ -162,6 +162,50 @@ fn results_are_printed_and_older_files_stay_whole() {
     }
 }
 
+/// What is known again after a restart: a full disk is told, and what was there stays.
+#[test]
+fn a_control_tells_that_its_state_is_not_kept_and_stays() {
+    let name = format!("full-state-{}", std::process::id());
+    let machine = include_str!("../configs/mill3-demo.toml")
+        .replace("\"mill3-demo\"", &format!("\"{name}\""))
+        .replacen("kind = \"powerlink\"", "kind = \"memory\"", 1)
+        .replace("\n[machine]\n", "\n[machine]\nstate_directory = \"disk/state\"\n")
+        // However busy this PC is.
+        .replace("\nlock_memory = true", "\noverruns_stop = 0\nlock_memory = true")
+        .replace("pres_lost_max = 20", "pres_lost_max = 1000");
+    let Some(folder) = folder(&machine) else {
+        return;
+    };
+    let disk = folder.path().join("disk");
+    let control = Command::new(env!("CARGO_BIN_EXE_isocnc"))
+        .args(["run", "m.toml", "--json"])
+        .current_dir(folder.path())
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("the binary runs");
+    let _control = Control(control);
+    let parts = |target: &str| isocnc(folder.path(), &["parts", "target", target, "--machine", &name]);
+    wait_for("begun", || match parts("7") {
+        output if output.status.success() => Ok(()),
+        output => Err(String::from_utf8_lossy(&output.stderr).into_owned()),
+    });
+    let state = || std::fs::read_to_string(disk.join("state/state.json")).expect("it is there");
+    assert!(state().contains("\"target\": 7"), "{}", state());
+    let filler = fill(&disk);
+    let output = parts("8");
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(told.contains("not kept") && told.contains(FULL), "{told}");
+    assert_eq!(String::from_utf8_lossy(&output.stdout), "parts 0 of 8\n");
+    assert!(state().contains("\"target\": 7"), "{}", state());
+    // It is kept as soon as there is room, without anybody asking.
+    std::fs::remove_file(filler).expect("our file");
+    wait_for("kept", || match state() {
+        state if state.contains("\"target\": 8") => Ok(()),
+        state => Err(state),
+    });
+}
+
 /// A control; it ends with the test.
 struct Control(Child);
 

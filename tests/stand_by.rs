@@ -56,7 +56,7 @@ fn positions(run: &mut Rehearsal<'_>) -> [u64; 3] {
 fn begin(run: &mut Rehearsal<'_>) -> bool {
     let now_ns = run.now_ns();
     let home = run.operator.homing_order(run.operator.not_homed());
-    run.operator.begin(now_ns, Job::Program { home })
+    run.operator.begin(now_ns, Job::Program { home, runs: 1 })
 }
 
 fn off(run: &mut Rehearsal<'_>) {

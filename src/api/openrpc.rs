@@ -107,7 +107,7 @@ fn kind(param: &Param) -> Value {
     }
 }
 
-const ALL: [Gives; 17] = [
+const ALL: [Gives; 20] = [
     Gives::Nothing,
     Gives::Methods,
     Gives::OpenRpc,
@@ -125,6 +125,9 @@ const ALL: [Gives; 17] = [
     Gives::Overrides,
     Gives::Journal,
     Gives::Resumed,
+    Gives::Kept,
+    Gives::Lines,
+    Gives::Report,
 ];
 
 fn name(gives: Gives) -> &'static str {
@@ -146,6 +149,9 @@ fn name(gives: Gives) -> &'static str {
         Gives::Overrides => "Overrides",
         Gives::Journal => "Journal",
         Gives::Resumed => "Resumed",
+        Gives::Kept => "Kept",
+        Gives::Lines => "Lines",
+        Gives::Report => "Report",
     }
 }
 
@@ -194,12 +200,93 @@ fn waiting() -> Value {
 }
 
 fn entry() -> Value {
-    object(json!({
+    let acknowledged = || object(json!({ "unix_s": number(), "by": text() }));
+    let mut entry = object(json!({
         "seq": whole(),
         "unix_s": number(),
         "time_s": number(),
         "kind": { "type": "string", "enum": ["alarm", "warning", "note"] },
         "text": text(),
+    }));
+    // These only where they are known.
+    entry["properties"]["alarm"] = object(json!({
+        "code": text(),
+        "severity": text(),
+        "reaction": text(),
+        "first_cause": whole(),
+        "joint": or_null(whole()),
+        "node": or_null(text()),
+        "program": or_null(text()),
+        "line": or_null(whole()),
+        "state": text(),
+        "acknowledged": or_null(acknowledged()),
+    }));
+    entry["properties"]["program"] = object(json!({
+        "name": text(),
+        "begun_unix_s": number(),
+        "result": or_null(text()),
+        "took_s": or_null(number()),
+        "line": or_null(whole()),
+        "deviation_max_mm": or_null(number()),
+        "report": or_null(whole()),
+    }));
+    entry["properties"]["acknowledges"] = json!({
+        "type": "array",
+        "prefixItems": [list(whole()), acknowledged()],
+        "minItems": 2,
+        "maxItems": 2,
+    });
+    entry
+}
+
+fn last_program() -> Value {
+    object(json!({ "name": text(), "line": whole(), "result": or_null(text()) }))
+}
+
+fn parts() -> Value {
+    object(json!({ "count": whole(), "target": or_null(whole()) }))
+}
+
+/// How much quicker than motion a program is planned.
+fn real_time_factor() -> Value {
+    object(json!({
+        "whole": or_null(number()),
+        "least": or_null(object(json!({
+            "factor": number(),
+            "from_line": whole(),
+            "to_line": whole(),
+            "from_s": number(),
+            "to_s": number(),
+        }))),
+    }))
+}
+
+fn report() -> Value {
+    object(json!({
+        "number": whole(),
+        "machine": text(),
+        "begun_unix_s": number(),
+        "took_s": number(),
+        "parts": parts(),
+        "cycles_skipped": whole(),
+        "program": text(),
+        "result": text(),
+        "timed_out_step": or_null(text()),
+        "alarms": list(object(json!({ "time_s": number(), "cause": text() }))),
+        "warnings": list(object(json!({ "time_s": number(), "times": whole(), "cause": text() }))),
+        "line_reached": whole(),
+        "lines": whole(),
+        "planned_time_s": number(),
+        "real_time_factor": real_time_factor(),
+        "motion_time_s": number(),
+        "starved_cycles": whole(),
+        "following_error_max_mm": number(),
+        "following_error_max_line": whole(),
+        "deviation": or_null(object(json!({
+            "command_max_mm": number(),
+            "actual_max_mm": number(),
+            "tolerance_mm": number(),
+        }))),
     }))
 }
 
@@ -227,16 +314,7 @@ fn result(gives: Gives) -> Value {
             "program": text(),
             "lines": whole(),
             "planned_time_s": number(),
-            "real_time_factor": object(json!({
-                "whole": or_null(number()),
-                "least": or_null(object(json!({
-                    "factor": number(),
-                    "from_line": whole(),
-                    "to_line": whole(),
-                    "from_s": number(),
-                    "to_s": number(),
-                }))),
-            })),
+            "real_time_factor": real_time_factor(),
             "warning": or_null(text()),
         })),
         Gives::UploadBegun => object(json!({ "upload": whole(), "part_octets": whole() })),
@@ -281,6 +359,13 @@ fn result(gives: Gives) -> Value {
             "properties": { "returns": list(text()) },
             "additionalProperties": false,
         }),
+        Gives::Kept => json!({
+            "type": "object",
+            "properties": { "warning": text() },
+            "additionalProperties": false,
+        }),
+        Gives::Lines => object(json!({ "lines": list(text()) })),
+        Gives::Report => report(),
         Gives::Journal => object(json!({ "entries": list(refer("Entry")), "more": flag(), "last": whole() })),
     }
 }
@@ -343,6 +428,9 @@ fn status() -> Value {
         "alarm": or_null(text()),
         "obstruction": or_null(text()),
         "messages": list(refer("Entry")),
+        "parts": parts(),
+        "runs_left": whole(),
+        "last_program": or_null(last_program()),
         "control": refer("Control"),
     }))
 }

@@ -8,6 +8,7 @@ use crate::api::rpc::RpcError;
 use crate::api::server::{CLIENTS_MAX, PENDING_MAX, Ticket};
 use crate::api::uploads::Uploaded;
 use crate::machine::journal::Entry;
+use crate::machine::state_file::{LastProgram, Parts};
 use crate::program::Change;
 use crate::rt::joint_jog::JogMotion;
 use motion::canon::Axis;
@@ -35,8 +36,12 @@ pub enum Order {
     Home(Vec<usize>),
     /// Check a program and keep it.
     Load(Source),
-    /// Run the program that is loaded: from its beginning, or before a line, if that was agreed to.
-    Start { from_line: Option<u32>, yes: bool },
+    /// Run the program that is loaded so many times: from its beginning, or once before a line, if that was agreed to.
+    Start {
+        from_line: Option<u32>,
+        yes: bool,
+        runs: u32,
+    },
     /// Switch drives on, home what is not homed, load and run a program.
     Run(Source),
     /// Run a line that was typed, behind those that wait.
@@ -71,6 +76,12 @@ pub enum Order {
     Journal(u64),
     /// Write this into the journal.
     Note(String),
+    /// Show the report of a program by its number, or the last one.
+    Report(Option<u64>),
+    /// Show the lines of MDI that were typed last.
+    MdiHistory,
+    /// Set the counter of parts, and how many are wanted (0: nobody says).
+    Parts { count: Option<u64>, target: Option<u64> },
     /// Whoever gave the order of this ticket has gone: what has not begun shall not begin. Has no answer.
     Withdraw,
 }
@@ -134,6 +145,12 @@ pub struct Shown {
     pub obstruction: Option<String>,
     /// The last entries of the journal, the newest last.
     pub messages: Vec<Entry>,
+    /// Parts made, and wanted.
+    pub parts: Parts,
+    /// How often the program under way is to be begun behind this time.
+    pub runs_left: u32,
+    /// The program that was loaded or begun last, by an earlier control as well, and the line that it had reached.
+    pub last_program: Option<LastProgram>,
 }
 
 /// Entries of [`Shown::messages`].

@@ -9,6 +9,7 @@ use crate::api::rpc::code;
 use crate::host::signals::{StopSignal, exit_code};
 use crate::host::terminal::{self, StatusLine};
 use crate::machine::faults::SILENCED;
+use crate::operator::program_reports::StandByReport;
 use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
 use files::read::PROGRAM_MAX;
@@ -78,9 +79,19 @@ enum ProgramCommand {
         /// What a start at a line means is right
         #[arg(long, requires = "from_line")]
         yes: bool,
+        /// So many times in all, each behind the end of the one before
+        #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "from_line",
+              value_parser = clap::value_parser!(u32).range(1..))]
+        repeat: u32,
         /// Return once the program has begun, not once it is over
         #[arg(long)]
         no_wait: bool,
+    },
+    /// Print what a program that was run did: the last one, or one of the last 50
+    #[command(after_help = "Example: isocnc program report")]
+    Report {
+        /// Its number: the journal has it
+        number: Option<u64>,
     },
     /// All at once: drives on, joints home that are not, load, start; drives stay on
     #[command(after_help = "Example: isocnc program run configs/sample-part.ngc")]
@@ -108,7 +119,11 @@ pub struct MdiArgs {
     #[command(flatten)]
     order: OrderArgs,
     /// A line of G-code
-    line: String,
+    #[arg(required_unless_present = "history")]
+    line: Option<String>,
+    /// Print the lines that were typed last
+    #[arg(long, conflicts_with_all = ["line", "no_wait"])]
+    history: bool,
 }
 
 /// Arguments of `alarm`.
@@ -317,9 +332,15 @@ pub fn home(args: &HomeArgs) -> anyhow::Result<ExitCode> {
 /// # Errors
 /// No control answers, or it refuses.
 pub fn mdi(args: &MdiArgs) -> anyhow::Result<ExitCode> {
-    give(&args.order, Lasting::Mdi, "mdi", json!({ "line": args.line }), |_| {
-        "begun".into()
-    })
+    if args.history {
+        let history = call(&args.order.control, "mdi.history", json!({}))?;
+        let lines = history["lines"].as_array().map(Vec::as_slice).unwrap_or_default();
+        let lines: Vec<&str> = lines.iter().filter_map(Value::as_str).collect();
+        print(&args.order.control, &history, &lines.join("\n"));
+        return Ok(ExitCode::SUCCESS);
+    }
+    let params = json!({ "line": args.line });
+    give(&args.order, Lasting::Mdi, "mdi", params, |_| "begun".into())
 }
 
 /// Loads, starts or runs a program, and waits for its end.
@@ -340,8 +361,17 @@ pub fn program(args: &ProgramArgs) -> anyhow::Result<ExitCode> {
             from_line: Some(line),
             yes,
             no_wait,
+            ..
         } => (None, json!({ "from_line": line, "yes": yes }), *no_wait),
-        ProgramCommand::Start { no_wait, .. } => (None, json!({}), *no_wait),
+        ProgramCommand::Start { no_wait, repeat, .. } => (None, json!({ "repeat": repeat }), *no_wait),
+        ProgramCommand::Report { number } => {
+            let params = number.map_or_else(|| json!({}), |number| json!({ "number": number }));
+            let answer = call(control, "program.report", params)?;
+            let report: StandByReport =
+                serde_json::from_value(answer.clone()).context("the control sends another report")?;
+            print(control, &answer, report.to_string().trim_end());
+            return Ok(ExitCode::SUCCESS);
+        }
         ProgramCommand::Run { file, no_wait } => (Some(file), json!({}), *no_wait),
     };
     let args = OrderArgs {
@@ -388,7 +418,7 @@ fn outlook(done: &str, of: &Value) -> String {
     )
 }
 
-fn warn(control: &ControlArgs, begun: &Value) {
+pub(super) fn warn(control: &ControlArgs, begun: &Value) {
     if let Some(warning) = begun["warning"].as_str().filter(|_| !control.json) {
         eprintln!("warning: {warning}");
     }
@@ -633,6 +663,15 @@ pub(super) fn print(args: &ControlArgs, value: &Value, words: &str) {
     });
 }
 
+/// Parts made, and wanted; `None`: none of them.
+pub(super) fn parts_words(parts: &Value) -> Option<String> {
+    match (parts["count"].as_u64()?, parts["target"].as_u64()) {
+        (0, None) => None,
+        (count, None) => Some(count.to_string()),
+        (count, Some(target)) => Some(format!("{count} of {target}")),
+    }
+}
+
 /// A status in words.
 fn words(status: &Value) -> String {
     let text = |value: &Value| value.as_str().unwrap_or("unknown").to_owned();
@@ -656,7 +695,10 @@ fn words(status: &Value) -> String {
         let progress = match program["result"].as_str() {
             Some(result) => result.to_owned(),
             None if status["step"] != "program" => "loaded".to_owned(),
-            None => format!("line {} of {}", status["line"], program["lines"]),
+            None => match status["runs_left"].as_u64() {
+                Some(left @ 1..) => format!("line {} of {}, {left} times more", status["line"], program["lines"]),
+                _ => format!("line {} of {}", status["line"], program["lines"]),
+            },
         };
         let way = if status["direction"] == "reverse" {
             ", backward"
@@ -675,6 +717,19 @@ fn words(status: &Value) -> String {
     for end in ["lower", "upper"] {
         let joints = status["limit_switches"][end].as_array().into_iter().flatten();
         lines.extend(joints.map(|joint| format!("limit     the {end} switch of joint {joint} is closed")));
+    }
+    if let Some(last) = status["last_program"]
+        .as_object()
+        .filter(|_| status["program"].is_null())
+    {
+        let (name, result) = (text(&last["name"]), text(&last["result"]));
+        lines.push(match result.as_str() {
+            "loaded" | "completed" => format!("last      {name}: {result}"),
+            _ => format!("last      {name}: {result}, line {} was reached", last["line"]),
+        });
+    }
+    if let Some(parts) = parts_words(&status["parts"]) {
+        lines.push(format!("parts     {parts}"));
     }
     if let Some(obstruction) = status["obstruction"].as_str() {
         lines.push(obstruction.to_owned());

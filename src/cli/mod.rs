@@ -93,6 +93,9 @@ enum Command {
     /// Run feed, rapid moves or the spindle at another percentage of what is programmed.
     #[command(after_help = "Example: isocnc override feed 80")]
     Override(control::OverrideArgs),
+    /// Show the counter of parts of a running control, set it, or say how many are wanted.
+    #[command(after_help = "Example: isocnc parts target 50")]
+    Parts(tables::PartsArgs),
     /// Print what has happened at a running control, and before, where the machine file names a state folder.
     #[command(after_help = "Example: isocnc journal --since 100")]
     Journal(tables::JournalArgs),
@@ -174,6 +177,7 @@ pub fn main() -> ExitCode {
         Command::SingleBlock(args) => control::single_block(args),
         Command::Stop(args) => control::lasting(args, control::Lasting::Stop),
         Command::Override(args) => control::set_overrides(args),
+        Command::Parts(args) => tables::parts(args),
         Command::Journal(args) => tables::journal(args),
         Command::Top(args) => top::top(args),
         Command::Alarm(args) => control::alarm(args),

@@ -2,7 +2,7 @@
 //!
 //! In:  the control socket. Out: a table or one line, or one JSON value.
 
-use super::control::{ControlArgs, call, print};
+use super::control::{ControlArgs, call, parts_words, print, warn};
 use crate::host::terminal::{self, table};
 use clap::{Args, Subcommand};
 use serde_json::{Value, json};
@@ -82,6 +82,52 @@ enum ToolCommand {
     },
 }
 
+/// Arguments of `parts`.
+#[derive(Clone, Debug, Args)]
+pub struct PartsArgs {
+    #[command(flatten)]
+    control: ControlArgs,
+    #[command(subcommand)]
+    command: Option<PartsCommand>,
+}
+
+#[derive(Clone, Debug, Subcommand)]
+enum PartsCommand {
+    /// Count from 0, or from another number on
+    #[command(after_help = "Example: isocnc parts reset")]
+    Reset {
+        /// Parts that are there already
+        #[arg(default_value_t = 0)]
+        count: u32,
+    },
+    /// How many are wanted
+    #[command(after_help = "Example: isocnc parts target 50")]
+    Target {
+        /// Parts; 0: nobody says
+        parts: u32,
+    },
+}
+
+/// Shows or sets the counter of parts.
+///
+/// # Errors
+/// No control answers.
+pub fn parts(args: &PartsArgs) -> anyhow::Result<ExitCode> {
+    let params = match &args.command {
+        None => None,
+        Some(PartsCommand::Reset { count }) => Some(json!({ "count": count })),
+        Some(PartsCommand::Target { parts }) => Some(json!({ "target": parts })),
+    };
+    if let Some(params) = params {
+        let answer = call(&args.control, "parts.set", params)?;
+        warn(&args.control, &answer);
+    }
+    let parts = &call(&args.control, "status", json!({}))?["parts"];
+    let words = parts_words(parts).unwrap_or_else(|| "0".into());
+    print(&args.control, parts, &format!("parts {words}"));
+    Ok(ExitCode::SUCCESS)
+}
+
 /// Arguments of `journal`.
 #[derive(Clone, Debug, Args)]
 pub struct JournalArgs {
@@ -118,13 +164,49 @@ fn journal_line(entry: &Value) -> String {
     let time = UNIX_EPOCH + Duration::from_secs(seconds);
     let text = entry["text"].as_str().unwrap_or_default();
     let line = format!(
-        "{:>6}  {}  {text}",
+        "{:>6}  {}  {text}{}",
         entry["seq"],
-        humantime::format_rfc3339_seconds(time)
+        humantime::format_rfc3339_seconds(time),
+        record_words(entry)
     );
     match entry["kind"].as_str() {
         Some("alarm") => terminal::alarm(line).to_string(),
         _ => line,
+    }
+}
+
+/// What an alarm or a program is about beside its text, in brackets.
+fn record_words(entry: &Value) -> String {
+    let mut words = Vec::new();
+    if let Some(alarm) = entry["alarm"].as_object() {
+        let text = |name: &str| alarm[name].as_str().unwrap_or_default().to_owned();
+        words.push(format!("{} {}", text("code"), text("severity")));
+        if alarm["first_cause"] != entry["seq"] {
+            words.push(format!("follows from {}", alarm["first_cause"]));
+        }
+        if let (Some(program), Some(line)) = (alarm["program"].as_str(), alarm["line"].as_u64()) {
+            words.push(format!("{program}:{line}"));
+        }
+        words.push(format!("was {}", text("state")));
+        if let Some(how) = alarm["acknowledged"].as_object() {
+            words.push(format!("acknowledged by {}", how["by"].as_str().unwrap_or_default()));
+        }
+    }
+    if let Some(program) = entry["program"]
+        .as_object()
+        .filter(|program| program["result"].is_string())
+    {
+        words.push(format!("line {}", program["line"]));
+        if let Some(deviation_mm) = program["deviation_max_mm"].as_f64() {
+            words.push(format!("{deviation_mm:.4} mm off its path at most"));
+        }
+        if let Some(report) = program["report"].as_u64() {
+            words.push(format!("report {report}"));
+        }
+    }
+    match words.is_empty() {
+        true => String::new(),
+        false => format!("  [{}]", words.join(", ")),
     }
 }
 
@@ -147,6 +229,7 @@ pub fn touch_off(args: &TouchOffArgs) -> anyhow::Result<ExitCode> {
         (None, None) => ("the work system in force".to_owned(), args.value),
     };
     let answer = call(&args.control, "touch_off", params)?;
+    warn(&args.control, &answer);
     print(&args.control, &answer, &format!("{axis} reads {value} in {what}"));
     Ok(ExitCode::SUCCESS)
 }
@@ -165,6 +248,7 @@ pub fn offset(args: &OffsetArgs) -> anyhow::Result<ExitCode> {
             let (system, axis) = (system.to_uppercase(), axis.to_uppercase());
             let params = json!({ "system": system, "axis": axis, "value": value });
             let answer = call(&args.control, "offset.set", params)?;
+            warn(&args.control, &answer);
             let words = format!("the origin of {system} is at {axis} {value} in the machine");
             print(&args.control, &answer, &words);
         }
@@ -192,6 +276,7 @@ pub fn tool(args: &ToolArgs) -> anyhow::Result<ExitCode> {
                 }
             }
             let answer = call(&args.control, "tool.set", params)?;
+            warn(&args.control, &answer);
             print(&args.control, &answer, &words.join(", "));
         }
     }

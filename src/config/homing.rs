@@ -2,7 +2,7 @@
 //!
 //! | `by` | keys |
 //! |---|---|
-//! | both | `search_mm_s`, `latch_mm_s`, `position_mm`, `sequence` |
+//! | both | `search_mm_s`, `latch_mm_s`, `position_mm`, `sequence`, `absolute_encoder`, `moved_when_off_mm`, `volatile` |
 //! | `"drive"` (default) | `method`, `acceleration_mm_s2` |
 //! | `"control"` | `towards`, `switch_mm`, `switch`, `search_distance_mm`, `release_distance_mm`, `resolution_mm`, `bounce_s`, `skew_mm` |
 
@@ -18,6 +18,8 @@ const DURATION_MAX_S: f64 = 100.0;
 const RESOLUTION_USUAL_MM: f64 = 1e-3;
 const RELEASE_USUAL_MM: f64 = 5.0;
 const BOUNCE_USUAL_S: f64 = 0.02;
+/// What an axis sinks into its brake, or is pushed, while nobody looks.
+const MOVED_USUAL_MM: f64 = 1.0;
 /// Home switch in 60FDh.
 const DIGITAL_INPUTS: u16 = 0x60FD;
 
@@ -69,6 +71,15 @@ pub(super) fn homing(joint: &mut Section<'_, '_>, known: &Known) -> Option<Homin
     };
     let position_mm = section.number("position_mm", Bound::Size(LENGTH_MAX), 0.0);
     let sequence = section.optional_integer("sequence", 0..=99);
+    let absolute_encoder = section.flag("absolute_encoder", false);
+    let moved_when_off_mm = section.number("moved_when_off_mm", Bound::Positive(LENGTH_MAX), MOVED_USUAL_MM);
+    let volatile = section.flag("volatile", false);
+    if (absolute_encoder, volatile) == (Some(true), Some(true)) {
+        section.wrong(
+            "volatile",
+            "is not for a joint with absolute_encoder = true: that stays homed",
+        );
+    }
     if let (Some(search), Some(most)) = (search_mm_s, known.velocity_mm_s)
         && search > most
     {
@@ -122,6 +133,9 @@ pub(super) fn homing(joint: &mut Section<'_, '_>, known: &Known) -> Option<Homin
         latch_mm_s: latch_mm_s?,
         position_mm: position_mm?,
         sequence: sequence?.map(|sequence| sequence as u8),
+        absolute_encoder: absolute_encoder?,
+        moved_when_off_mm: moved_when_off_mm?,
+        volatile: volatile?,
         by: by?,
     })
 }

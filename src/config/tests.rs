@@ -122,6 +122,9 @@ fn the_demo_machine_is_read_whole() {
             latch_mm_s: 4.0,
             position_mm: 0.0,
             sequence: None,
+            absolute_encoder: false,
+            moved_when_off_mm: 1.0,
+            volatile: false,
             by: HomingBy::Drive {
                 method: 23,
                 acceleration_mm_s2: 500.0,

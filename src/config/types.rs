@@ -390,6 +390,12 @@ pub struct Homing {
     pub position_mm: f64,
     /// Joints of lower numbers home first, those of the same side by side; `None`: see [`Homing::sequence`].
     pub sequence: Option<u8>,
+    /// The encoder knows its place from power-on on: the joint stays homed over a restart; default no.
+    pub absolute_encoder: bool,
+    /// How far a joint with an absolute encoder may have moved meanwhile, mm; default 1.
+    pub moved_when_off_mm: f64,
+    /// The joint is to be homed again whenever its drive has been switched off; default no.
+    pub volatile: bool,
     /// Who homes it.
     pub by: HomingBy,
 }

@@ -213,6 +213,37 @@ pub enum Reaction {
     Silence,
 }
 
+/// Code of the alarm of a control whose time-out thread hung.
+pub const UNWATCHED_CODE: &str = "C-405";
+/// The same of a program that turned out to be wrong.
+pub const PROGRAM_CODE: &str = "P-601";
+
+impl Reaction {
+    /// How grave that is, in a word.
+    pub const fn severity(self) -> &'static str {
+        match self {
+            Reaction::Count => "info",
+            Reaction::Warn => "warning",
+            Reaction::ControlledStop => "stop",
+            Reaction::QuickStop => "quick stop",
+            Reaction::EmergencyStop => "emergency stop",
+            Reaction::Silence => "silenced",
+        }
+    }
+
+    /// The same as what the machine does.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Reaction::Count => "counted",
+            Reaction::Warn => "goes on",
+            Reaction::ControlledStop => "controlled stop",
+            Reaction::QuickStop => "quick stop of the drives",
+            Reaction::EmergencyStop => "emergency stop",
+            Reaction::Silence => "no SoC is sent any more",
+        }
+    }
+}
+
 impl Fault {
     /// The only place that says what a fault does to the machine.
     pub fn reaction(&self) -> Reaction {
@@ -245,6 +276,57 @@ impl Fault {
             Fault::IllegalCommand { .. } => Reaction::QuickStop,
             Fault::EmergencyStop { .. } => Reaction::EmergencyStop,
             Fault::CycleHung => Reaction::Silence,
+        }
+    }
+
+    /// A code that stays the same from version to version: J of a joint, N of the network, S of a spindle, C of the control, E of the
+    /// emergency stop.
+    pub const fn code(&self) -> &'static str {
+        match self {
+            Fault::Drive { .. } => "J-201",
+            Fault::DriveWarning { .. } => "J-202",
+            Fault::FollowingError { .. } => "J-203",
+            Fault::Homing { .. } => "J-204",
+            Fault::SoftLimit { .. } => "J-205",
+            Fault::LimitSwitch { .. } => "J-206",
+            Fault::IllegalCommand { .. } => "J-207",
+            Fault::LimitExceeded { .. } => "J-208",
+            Fault::NodeLost { .. } => "N-101",
+            Fault::LinkFailed { .. } => "N-102",
+            Fault::ForeignMaster { .. } => "N-103",
+            Fault::OutOfStep { .. } => "S-301",
+            Fault::SpindleLate { .. } => "S-302",
+            Fault::SpindleOrient { .. } => "S-303",
+            Fault::CountsLost { .. } => "S-304",
+            Fault::CyclesSkipped { .. } => "C-401",
+            Fault::ManyOverruns { .. } => "C-402",
+            Fault::TooManyOverruns { .. } => "C-403",
+            Fault::CycleHung => "C-404",
+            Fault::PinsLost => "C-406",
+            Fault::EmergencyStop { .. } => "E-501",
+        }
+    }
+
+    /// The joint that it is about.
+    pub const fn joint(&self) -> Option<usize> {
+        match *self {
+            Fault::Drive { joint, .. }
+            | Fault::DriveWarning { joint }
+            | Fault::FollowingError { joint, .. }
+            | Fault::Homing { joint, .. }
+            | Fault::SoftLimit { joint, .. }
+            | Fault::LimitSwitch { joint, .. }
+            | Fault::IllegalCommand { joint }
+            | Fault::LimitExceeded { joint, .. } => Some(joint),
+            _ => None,
+        }
+    }
+
+    /// The node that it is about, where that is not the one of a joint.
+    pub const fn node(&self) -> Option<NodeIndex> {
+        match *self {
+            Fault::NodeLost { node } => Some(node),
+            _ => None,
         }
     }
 

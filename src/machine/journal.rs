@@ -28,6 +28,56 @@ pub enum Kind {
     Note,
 }
 
+/// What an alarm or a warning is about.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AlarmRecord {
+    /// Stays the same from version to version, like `J-203`.
+    pub code: String,
+    /// `warning`, `stop`, `quick stop`, `emergency stop` or `silenced`.
+    pub severity: String,
+    /// What the machine does about it.
+    pub reaction: String,
+    /// Number of the entry that tells the first cause; its own where it is that.
+    pub first_cause: u64,
+    /// Number of the joint, and name of the node.
+    pub joint: Option<usize>,
+    pub node: Option<String>,
+    /// The program that was under way, and its line.
+    pub program: Option<String>,
+    pub line: Option<u32>,
+    /// State of the machine before it.
+    pub state: String,
+    /// When somebody has acknowledged it, and how.
+    pub acknowledged: Option<Acknowledged>,
+}
+
+/// Who has acknowledged an alarm.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Acknowledged {
+    /// Seconds since 1970, UTC.
+    pub unix_s: f64,
+    /// The order that did it: `alarm acknowledge`, `estop reset`, or what was begun next.
+    pub by: String,
+}
+
+/// A program that begins, or is over.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ProgramRecord {
+    pub name: String,
+    /// When it began, seconds since 1970, UTC.
+    pub begun_unix_s: f64,
+    /// How it ended; `None`: it begins here.
+    pub result: Option<String>,
+    /// Seconds from begin to end.
+    pub took_s: Option<f64>,
+    /// Line that it had reached.
+    pub line: Option<u32>,
+    /// Greatest distance of the actual path from the programmed one, mm.
+    pub deviation_max_mm: Option<f64>,
+    /// Number of its report.
+    pub report: Option<u64>,
+}
+
 /// A line of the journal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
@@ -41,6 +91,26 @@ pub struct Entry {
     pub kind: Kind,
     /// What, in words.
     pub text: String,
+    /// More of an alarm or a warning.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub alarm: Option<AlarmRecord>,
+    /// More of a program that begins or is over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub program: Option<ProgramRecord>,
+    /// The entry says that these alarms (numbers of their entries) were acknowledged, and how.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub acknowledges: Option<(Vec<u64>, Acknowledged)>,
+}
+
+/// Puts what was acknowledged later into the entries of alarms.
+pub fn acknowledge(entries: &mut [Entry], seqs: &[u64], how: &Acknowledged) {
+    for seq in seqs {
+        if let Ok(at) = entries.binary_search_by_key(seq, |entry| entry.seq)
+            && let Some(alarm) = &mut entries[at].alarm
+        {
+            alarm.acknowledged.get_or_insert_with(|| how.clone());
+        }
+    }
 }
 
 /// The open file.
@@ -93,6 +163,10 @@ impl Journal {
         {
             last = before.last().map_or(0, |entry| entry.seq);
             entries = before;
+        }
+        let acknowledged: Vec<_> = entries.iter().filter_map(|entry| entry.acknowledges.clone()).collect();
+        for (seqs, how) in acknowledged {
+            acknowledge(&mut entries, &seqs, &how);
         }
         let file = OpenOptions::new()
             .create(true)
@@ -214,6 +288,9 @@ mod tests {
             time_s: seq as f64,
             kind: Kind::Note,
             text: format!("entry {seq}, \"quoted\"\n\u{e4}"),
+            alarm: None,
+            program: None,
+            acknowledges: None,
         }
     }
 
@@ -232,6 +309,37 @@ mod tests {
         let second = opened(&state);
         assert_eq!(second.entries, [entry(1), entry(2), entry(3)]);
         assert_eq!((second.last, second.warning), (3, None));
+    }
+
+    /// Entries are never changed on the disk: an acknowledge is an entry of its own.
+    #[test]
+    fn alarms_are_acknowledged_behind_a_restart_too() {
+        let folder = tempfile::tempdir().unwrap();
+        let how = Acknowledged {
+            unix_s: 1.8e9,
+            by: "alarm acknowledge".into(),
+        };
+        let mut alarm = entry(2);
+        alarm.alarm = Some(AlarmRecord {
+            code: "J-203".into(),
+            ..AlarmRecord::default()
+        });
+        let mut later = entry(4);
+        later.acknowledges = Some((vec![1, 2, 77], how.clone()));
+        opened(folder.path())
+            .journal
+            .append(&[entry(1), alarm, entry(3), later])
+            .unwrap();
+        let entries = opened(folder.path()).entries;
+        let found = entries[1].alarm.as_ref().expect("an alarm");
+        assert_eq!((found.code.as_str(), &found.acknowledged), ("J-203", &Some(how)));
+        // A journal of before there were such fields.
+        std::fs::write(
+            folder.path().join(NAME),
+            "{\"seq\":7,\"unix_s\":1.0,\"time_s\":2.0,\"kind\":\"note\",\"text\":\"x\"}\n",
+        )
+        .unwrap();
+        assert_eq!(opened(folder.path()).last, 7);
     }
 
     #[test]

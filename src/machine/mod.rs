@@ -8,4 +8,5 @@ pub mod permission;
 pub mod safe_file;
 pub mod sequence;
 pub mod state;
+pub mod state_file;
 pub mod tables;

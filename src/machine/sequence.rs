@@ -78,8 +78,8 @@ pub enum Job {
     On,
     /// These sets of joints are homed, one after the other.
     Home(Vec<u64>),
-    /// A program, or lines of MDI, behind the homing of these sets of joints.
-    Program { home: Vec<u64> },
+    /// A program so many times, or a line of MDI, behind the homing of these sets of joints.
+    Program { home: Vec<u64>, runs: u32 },
 }
 
 /// The sequence and where it is.
@@ -94,6 +94,8 @@ pub struct Sequence {
     ordered: bool,
     /// The program is begun again whenever it has ended, until somebody wants an end.
     repeats: bool,
+    /// How often the program is to be begun still.
+    runs: u32,
     /// Behind a job the drives stay on and the next one is waited for.
     stands_by: bool,
     /// Drives are to go off once the machine rests.
@@ -115,6 +117,7 @@ impl Sequence {
             has_program: true,
             ordered: false,
             repeats: false,
+            runs: 0,
             stands_by: false,
             goes_off: false,
             outcome: Outcome::Completed,
@@ -148,9 +151,13 @@ impl Sequence {
         self.outcome = Outcome::Completed;
         self.has_begun = true;
         self.has_program = matches!(job, Job::Program { .. });
+        self.runs = match job {
+            Job::Program { runs, .. } => runs.saturating_sub(1),
+            Job::On | Job::Home(_) => 0,
+        };
         self.homing = match job {
             Job::On => Vec::new(),
-            Job::Home(groups) | Job::Program { home: groups } => groups.into_iter().rev().collect(),
+            Job::Home(groups) | Job::Program { home: groups, .. } => groups.into_iter().rev().collect(),
         };
         let is_on = state == State::Ready;
         self.enter(if is_on { Step::Home } else { Step::Enable }, now_ns);
@@ -159,6 +166,11 @@ impl Sequence {
     /// Where the sequence is.
     pub fn step(&self) -> Step {
         self.step
+    }
+
+    /// How often the program under way is to be begun behind this time.
+    pub fn runs_left(&self) -> u32 {
+        if self.has_program() { self.runs } else { 0 }
     }
 
     /// Whether what is under way is or leads to a program.
@@ -275,7 +287,8 @@ impl Sequence {
                 self.enter(Step::Disable, now_ns);
             }
             (Step::Program, State::Ready) if program_ended && self.ordered => {
-                let again = self.repeats && self.outcome == Outcome::Completed;
+                let again = (self.repeats || self.runs > 0) && self.outcome == Outcome::Completed;
+                self.runs = self.runs.saturating_sub(1);
                 self.enter(if again { Step::Program } else { self.behind_job() }, now_ns);
             }
             (Step::Stop, State::Ready | State::Disabled) => self.enter(self.behind_job(), now_ns),
@@ -417,7 +430,38 @@ mod tests {
     }
 
     fn program(home: &[u64]) -> Job {
-        Job::Program { home: home.to_vec() }
+        Job::Program {
+            home: home.to_vec(),
+            runs: 1,
+        }
+    }
+
+    #[test]
+    fn a_program_runs_as_often_as_was_ordered_unless_it_is_stopped() {
+        let begun = |runs| {
+            let mut sequence = Sequence::new(0, &[]).standing_by();
+            let home = Vec::new();
+            sequence.begin(SECOND, State::Ready, Job::Program { home, runs });
+            assert_eq!(sequence.poll(SECOND, State::Ready, false), Some(Step::Program));
+            sequence
+        };
+        let mut sequence = begun(3);
+        for left in [2, 1] {
+            assert_eq!(sequence.runs_left(), left);
+            assert_eq!(sequence.poll(SECOND, State::Running, false), None);
+            assert_eq!(sequence.poll(SECOND, State::Ready, true), Some(Step::Program));
+        }
+        assert_eq!((sequence.runs_left(), sequence.program_outcome()), (0, None));
+        assert_eq!(sequence.poll(SECOND, State::Ready, true), None);
+        assert_eq!(sequence.program_outcome(), Some(Outcome::Completed));
+        let mut sequence = begun(3);
+        sequence.stop(SECOND);
+        assert_eq!(sequence.poll(SECOND, State::Running, false), Some(Step::Stop));
+        assert_eq!(sequence.poll(SECOND, State::Ready, true), None);
+        assert_eq!(
+            (sequence.runs_left(), sequence.program_outcome()),
+            (0, Some(Outcome::Stopped))
+        );
     }
 
     #[test]

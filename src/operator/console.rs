@@ -8,8 +8,8 @@
 use super::recorder::Recorder;
 use crate::bus::{BusEvent, BusState};
 use crate::config::Config;
-use crate::machine::faults::{Fault, Reaction, SILENCED};
-use crate::machine::journal::{Entry, Kind};
+use crate::machine::faults::{Fault, PROGRAM_CODE, Reaction, SILENCED, UNWATCHED_CODE};
+use crate::machine::journal::{Acknowledged, AlarmRecord, Entry, Kind, ProgramRecord, acknowledge};
 use crate::machine::sequence::{Job, Outcome, Sequence, Step};
 use crate::machine::state::State;
 use crate::rt::overrides::Overridden;
@@ -19,8 +19,9 @@ use motion::canon::Position;
 use motion::element::Action;
 use motion::rt::Interpolator;
 use motion::rt::jog::{Obstacle, Obstruction};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::mem::{Discriminant, discriminant};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, mpsc};
 use tracing::Level;
 
@@ -52,7 +53,7 @@ fn kind(text: &str) -> Kind {
 }
 
 /// What is wrong without stopping the machine. Told when it comes first, and again the 10th, 100th time and so on.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Warning {
     /// Seconds from the first cycle to the first time.
     pub time_s: f64,
@@ -60,16 +61,34 @@ pub struct Warning {
     /// What, as it was the last time.
     pub cause: String,
     #[serde(skip)]
-    kind: Discriminant<Fault>,
+    kind: Option<Discriminant<Fault>>,
 }
 
 /// Why the machine stopped by itself.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Alarm {
     /// Seconds since the first cycle.
     pub time_s: f64,
     /// First cause, with the name of the node or joint.
     pub cause: String,
+}
+
+/// What an entry of the journal has beside its text.
+#[derive(Debug, Default)]
+struct More {
+    alarm: Option<AlarmRecord>,
+    program: Option<ProgramRecord>,
+    acknowledges: Option<(Vec<u64>, Acknowledged)>,
+}
+
+/// A program, as it began.
+#[derive(Clone, Debug)]
+struct ProgramBegun {
+    name: String,
+    unix_s: f64,
+    /// Alarms there were, and warnings.
+    alarms: usize,
+    warnings: Vec<Warning>,
 }
 
 pub struct Operator {
@@ -85,6 +104,8 @@ pub struct Operator {
     cycle_s: f64,
     node_names: Vec<String>,
     joint_names: Vec<String>,
+    /// Node of the drive of each joint.
+    joint_nodes: Vec<usize>,
     nodes_up: usize,
     operational_s: Option<f64>,
     journal: Vec<Entry>,
@@ -93,12 +114,17 @@ pub struct Operator {
     seq: u64,
     /// Time of day, s since 1970; `None`: there is none, as in virtual time.
     time_of_day: Option<fn() -> f64>,
-    /// Who writes the journal to the disk.
-    keeper: Option<mpsc::Sender<Entry>>,
+    /// Who writes the journal to the disk, and the number of the last entry that is there, or cannot be.
+    keeper: Option<(mpsc::Sender<Entry>, Arc<AtomicU64>)>,
     alarms: Vec<Alarm>,
     /// Alarms that somebody has acknowledged, or begun another program after.
     alarms_over: usize,
-    /// The latest state that was told.
+    /// Number of the entry of the first cause, and those of all that waits to be acknowledged.
+    first_cause: u64,
+    unacknowledged: Vec<u64>,
+    /// The program under way, but no line of MDI.
+    program: Option<ProgramBegun>,
+    /// State of the machine as the notices tell it.
     state: State,
     warnings: Vec<Warning>,
     late_cycles: u64,
@@ -135,6 +161,7 @@ impl Operator {
                 .map(|node| format!("{} (node {})", node.name, node.id))
                 .collect(),
             joint_names: joint_names(config),
+            joint_nodes: config.joints.iter().map(|joint| joint.node).collect(),
             nodes_up: 0,
             operational_s: None,
             journal: Vec::new(),
@@ -144,6 +171,9 @@ impl Operator {
             keeper: None,
             alarms: Vec::new(),
             alarms_over: 0,
+            first_cause: 0,
+            unacknowledged: Vec::new(),
+            program: None,
             state: State::Booting,
             warnings: Vec::new(),
             late_cycles: 0,
@@ -183,7 +213,7 @@ impl Operator {
         let state = self.live().state;
         let free = self.sequence.step() == Step::StandBy && matches!(state, State::Disabled | State::Ready);
         if free {
-            self.alarms_over = self.alarms.len();
+            self.take_for_acknowledged("the next order");
             self.sequence.begin(now_ns, state, job);
         }
         free
@@ -203,13 +233,153 @@ impl Operator {
 
     /// Allows motion again after a fault.
     pub fn acknowledge(&mut self) {
-        self.alarms_over = self.alarms.len();
+        self.take_for_acknowledged("alarm acknowledge");
         self.give(Command::Acknowledge);
     }
 
     /// The emergency stop is over; switches nothing on.
     pub fn reset_estop(&mut self) {
         self.give(Command::EstopReset);
+    }
+
+    /// Somebody knows of all alarms up to now, and has said so by this order.
+    fn take_for_acknowledged(&mut self, by: &str) {
+        self.alarms_over = self.alarms.len();
+        let seqs = std::mem::take(&mut self.unacknowledged);
+        if seqs.is_empty() {
+            return;
+        }
+        let how = Acknowledged {
+            unix_s: self.unix_s(),
+            by: by.to_owned(),
+        };
+        acknowledge(&mut self.journal, &seqs, &how);
+        let told = self.journal.iter().filter(|entry| seqs.contains(&entry.seq));
+        let codes: Vec<&str> = told
+            .filter_map(|entry| Some(entry.alarm.as_ref()?.code.as_str()))
+            .collect();
+        let text = format!("acknowledged by {by}: {}", codes.join(", "));
+        let more = More {
+            acknowledges: Some((seqs, how)),
+            ..More::default()
+        };
+        let time_s = self.now_s();
+        self.note_more(time_s, text, more);
+    }
+
+    /// A program begins, and records of it.
+    pub fn begin_program(&mut self, name: &str) {
+        let unix_s = self.unix_s();
+        self.program = Some(ProgramBegun {
+            name: name.to_owned(),
+            unix_s,
+            alarms: self.alarms.len(),
+            warnings: self.warnings.clone(),
+        });
+        self.recorder = Recorder::default();
+        self.records = true;
+        let more = More {
+            program: Some(ProgramRecord {
+                name: name.to_owned(),
+                begun_unix_s: unix_s,
+                result: None,
+                took_s: None,
+                line: None,
+                deviation_max_mm: None,
+                report: None,
+            }),
+            ..More::default()
+        };
+        let time_s = self.now_s();
+        self.note_more(time_s, format!("program {name}: begun"), more);
+    }
+
+    /// When the program under way began, s since 1970.
+    pub fn program_begun_unix_s(&self) -> f64 {
+        self.program.as_ref().map_or(0.0, |program| program.unix_s)
+    }
+
+    /// It is over. `report`: number of its report.
+    pub fn end_program(&mut self, result: &str, took_s: f64, report: Option<u64>) {
+        let Some(ProgramBegun { name, unix_s, .. }) = self.program.take() else {
+            return;
+        };
+        let more = More {
+            program: Some(ProgramRecord {
+                name: name.clone(),
+                begun_unix_s: unix_s,
+                result: Some(result.to_owned()),
+                took_s: Some(took_s),
+                line: Some(self.recorder.last_line()),
+                deviation_max_mm: self.recorder.deviation().map(|deviation| deviation.actual_max_mm),
+                report,
+            }),
+            ..More::default()
+        };
+        let time_s = self.now_s();
+        self.note_more(time_s, format!("program {name}: {result}, {took_s:.1} s"), more);
+    }
+
+    /// Alarms since the program under way began; all, where none is.
+    pub fn alarms_of_program(&self) -> &[Alarm] {
+        let before = self.program.as_ref().map_or(0, |program| program.alarms);
+        &self.alarms[before..]
+    }
+
+    /// Warnings that came while the program under way ran.
+    pub fn warnings_of_program(&self) -> Vec<Warning> {
+        let before: &[Warning] = self.program.as_ref().map_or(&[], |program| &program.warnings);
+        let fresh = self.warnings.iter().filter_map(|warning| {
+            let earlier = before.iter().find(|earlier| earlier.kind == warning.kind);
+            let times = warning.times - earlier.map_or(0, |earlier| earlier.times);
+            (times > 0).then(|| Warning {
+                times,
+                ..warning.clone()
+            })
+        });
+        fresh.collect()
+    }
+
+    fn now_s(&self) -> f64 {
+        self.live().cycles as f64 * self.cycle_s
+    }
+
+    fn unix_s(&self) -> f64 {
+        self.time_of_day.map_or(0.0, |now| now())
+    }
+
+    /// What is known of an alarm, which is the next entry; `first`: it is the first cause.
+    fn alarm_record(&mut self, code: &str, reaction: Reaction, first: bool) -> AlarmRecord {
+        let seq = self.seq + 1;
+        if first {
+            self.first_cause = seq;
+        }
+        if reaction >= Reaction::ControlledStop {
+            self.unacknowledged.push(seq);
+        }
+        let stands = self.alarm().is_some();
+        let line = self.live().line;
+        AlarmRecord {
+            code: code.to_owned(),
+            severity: reaction.severity().to_owned(),
+            reaction: reaction.name().to_owned(),
+            first_cause: if first || !stands { seq } else { self.first_cause },
+            joint: None,
+            node: None,
+            program: self.program.as_ref().map(|program| program.name.clone()),
+            line: Some(line).filter(|line| *line > 0 && self.program.is_some()),
+            state: self.state.name().to_owned(),
+            acknowledged: None,
+        }
+    }
+
+    fn note_alarm(&mut self, time_s: f64, cause: String, alarm: AlarmRecord) {
+        let more = More {
+            alarm: Some(alarm),
+            ..More::default()
+        };
+        self.note_more(time_s, format!("alarm: {cause}"), more);
+        self.alarms.push(Alarm { time_s, cause });
     }
 
     /// Takes in what came, gives the next order. `now_ns`: any monotonic clock.
@@ -247,6 +417,7 @@ impl Operator {
 
     /// Hands the program to the cycle thread, or (`mdi`) a line that was typed.
     pub fn start(&mut self, program: Box<Interpolator>, mdi: bool) {
+        self.records &= !mdi;
         self.program_ended = false;
         self.programs += u64::from(!mdi);
         self.give(Command::Start { program, mdi });
@@ -331,14 +502,14 @@ impl Operator {
         self.endpoints.live.show_silenced();
         self.needs_restart = true;
         let time_s = cycle as f64 * self.cycle_s;
-        self.note(time_s, format!("alarm: {cause}"));
-        self.alarms.push(Alarm { time_s, cause });
+        let record = self.alarm_record(Fault::CycleHung.code(), Reaction::Silence, true);
+        self.note_alarm(time_s, cause, record);
     }
 
     /// The time-out thread does not look any more: the machine comes to rest and the control ends.
     pub fn is_unwatched(&mut self, now_ns: u64) {
         if !std::mem::replace(&mut self.needs_restart, true) {
-            self.fail(now_ns, UNWATCHED.into());
+            self.fail_with(now_ns, UNWATCHED_CODE, UNWATCHED.into());
         }
         self.end(now_ns);
     }
@@ -350,15 +521,20 @@ impl Operator {
 
     /// Something outside the cycle thread went wrong: stop and say why.
     pub fn fail(&mut self, now_ns: u64, cause: String) {
-        let time_s = self.live().cycles as f64 * self.cycle_s;
-        self.note(time_s, format!("alarm: {cause}"));
-        self.alarms.push(Alarm { time_s, cause });
+        self.fail_with(now_ns, PROGRAM_CODE, cause);
+    }
+
+    fn fail_with(&mut self, now_ns: u64, code: &str, cause: String) {
+        let is_first = self.alarm().is_none();
+        let record = self.alarm_record(code, Reaction::ControlledStop, is_first);
+        let time_s = self.now_s();
+        self.note_alarm(time_s, cause, record);
         self.sequence.fail(now_ns);
     }
 
     /// Something that the operator ought to know and that stops nothing.
     pub fn add_entry(&mut self, text: String) {
-        let time_s = self.live().cycles as f64 * self.cycle_s;
+        let time_s = self.now_s();
         self.note(time_s, text);
     }
 
@@ -387,6 +563,11 @@ impl Operator {
     /// The tool that the last change brought; `None`: there was no change.
     pub fn tool(&self) -> Option<u32> {
         self.endpoints.live.tool()
+    }
+
+    /// Name of a joint, for messages.
+    pub fn joint_name(&self, joint: usize) -> &str {
+        &self.joint_names[joint]
     }
 
     /// What ended the last jog, if something was in its way.
@@ -424,6 +605,11 @@ impl Operator {
         self.sequence.job_outcome()
     }
 
+    /// How often the program under way is to be begun behind this time.
+    pub fn runs_left(&self) -> u32 {
+        self.sequence.runs_left()
+    }
+
     /// Whether a program is under way, or what leads to one.
     pub fn has_program(&self) -> bool {
         self.sequence.has_program()
@@ -444,17 +630,36 @@ impl Operator {
         self.programs
     }
 
-    /// Goes on with the journal of earlier days, whose last number is this, and gives new entries to `keeper`, too.
-    pub fn keep_journal(&mut self, before: Vec<Entry>, last: u64, keeper: mpsc::Sender<Entry>) {
+    /// Goes on with the journal of earlier days, whose last number is this, and gives new entries to `keeper`, too, who shows the
+    /// number of the last entry that is on the disk, or cannot be.
+    pub fn keep_journal(
+        &mut self,
+        before: Vec<Entry>,
+        last: u64,
+        keeper: mpsc::Sender<Entry>,
+        treated: Arc<AtomicU64>,
+    ) {
         self.seq = last;
+        treated.store(last, Ordering::Release);
         self.journal_read = before.len();
         self.journal = before;
-        self.keeper = Some(keeper);
+        self.keeper = Some((keeper, treated));
     }
 
     /// Entries have the time of day from this clock, s since 1970.
     pub fn set_time_of_day(&mut self, clock: fn() -> f64) {
         self.time_of_day = Some(clock);
+    }
+
+    /// Number of the last entry.
+    pub fn last_entry(&self) -> u64 {
+        self.seq
+    }
+
+    /// Whether the entries up to this number are on the disk, or cannot be.
+    pub fn is_journal_kept(&self, seq: u64) -> bool {
+        let treated = self.keeper.as_ref().map(|(_, treated)| treated.load(Ordering::Acquire));
+        treated.is_none_or(|treated| treated >= seq)
     }
 
     /// Nothing more is kept.
@@ -496,7 +701,7 @@ impl Operator {
                 let before = std::mem::replace(&mut self.state, state);
                 // However that came: by an order, a pin, a latch in the chain.
                 if before == State::Estop && state == State::Disabling {
-                    self.alarms_over = self.alarms.len();
+                    self.take_for_acknowledged("estop reset");
                 }
                 if state == State::Disabled && self.operational_s.is_none() {
                     self.operational_s = Some(time_s);
@@ -525,8 +730,8 @@ impl Operator {
                 let joint = |index: usize| self.joint_names[index].clone();
                 let cause = fault.text(node, joint);
                 if first {
-                    self.note(time_s, format!("alarm: {cause}"));
-                    self.alarms.push(Alarm { time_s, cause });
+                    let record = self.fault_record(&fault, true);
+                    self.note_alarm(time_s, cause, record);
                 } else if fault.reaction() != Reaction::Count {
                     self.warn(time_s, &fault, cause);
                 }
@@ -570,10 +775,23 @@ impl Operator {
         }
     }
 
+    fn fault_record(&mut self, fault: &Fault, first: bool) -> AlarmRecord {
+        let mut record = self.alarm_record(fault.code(), fault.reaction(), first);
+        record.joint = fault.joint();
+        let node = fault.node().or_else(|| Some(*self.joint_nodes.get(fault.joint()?)?));
+        record.node = node.and_then(|node| self.node_names.get(node)).cloned();
+        record
+    }
+
     fn warn(&mut self, time_s: f64, fault: &Fault, cause: String) {
-        let kind = discriminant(fault);
+        let kind = Some(discriminant(fault));
         let Some(warning) = self.warnings.iter_mut().find(|warning| warning.kind == kind) else {
-            self.note(time_s, format!("warning: {cause}"));
+            let alarm = Some(self.fault_record(fault, false));
+            let more = More {
+                alarm,
+                ..More::default()
+            };
+            self.note_more(time_s, format!("warning: {cause}"), more);
             self.warnings.push(Warning {
                 time_s,
                 times: 1,
@@ -587,7 +805,15 @@ impl Operator {
         let times = warning.times;
         if times == 10_u64.pow(times.ilog10()) {
             let text = format!("warning, {times} times by now: {}", warning.cause);
-            self.note(time_s, text);
+            let alarm = Some(self.fault_record(fault, false));
+            self.note_more(
+                time_s,
+                text,
+                More {
+                    alarm,
+                    ..More::default()
+                },
+            );
         }
     }
 
@@ -643,6 +869,10 @@ impl Operator {
     }
 
     fn note(&mut self, time_s: f64, text: String) {
+        self.note_more(time_s, text, More::default());
+    }
+
+    fn note_more(&mut self, time_s: f64, text: String, more: More) {
         if self.journal.len() >= JOURNAL_MAX {
             // Half at once, so that it costs nothing to speak of; a control may run for months.
             let gone = self.journal.len() / 2;
@@ -652,12 +882,15 @@ impl Operator {
         self.seq += 1;
         let entry = Entry {
             seq: self.seq,
-            unix_s: self.time_of_day.map_or(0.0, |now| now()),
+            unix_s: self.unix_s(),
             time_s,
             kind: kind(&text),
             text,
+            alarm: more.alarm,
+            program: more.program,
+            acknowledges: more.acknowledges,
         };
-        if let Some(keeper) = &self.keeper {
+        if let Some((keeper, _)) = &self.keeper {
             // One that is gone has told so.
             let _ = keeper.send(entry.clone());
         }

@@ -7,19 +7,21 @@ use crate::host::capabilities;
 use crate::host::capabilities::Work;
 use crate::machine::journal::{Entry, Journal};
 use std::io::Write;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::Receiver;
 
 /// Entries that wait for a disk that takes none; older ones go.
 const PENDING_MAX: usize = 20_000;
 
-/// Ends when nobody can note anything any more.
-pub(super) fn keep(mut journal: Journal, entries: &Receiver<Entry>) {
+/// Ends when nobody can note anything any more. `treated`: number of the last entry that is on the disk, or cannot be.
+pub(super) fn keep(mut journal: Journal, entries: &Receiver<Entry>, treated: &AtomicU64) {
     capabilities::give_up_or_warn(Work::Ordinary);
     let mut pending: Vec<Entry> = Vec::new();
     let mut failed = false;
     while let Ok(entry) = entries.recv() {
         pending.push(entry);
         pending.extend(entries.try_iter());
+        let last = pending.last().map_or(0, |entry| entry.seq);
         match journal.append(&pending) {
             Ok(()) => {
                 pending.clear();
@@ -33,5 +35,6 @@ pub(super) fn keep(mut journal: Journal, entries: &Receiver<Entry>) {
                 pending.drain(..gone);
             }
         }
+        treated.store(last, Ordering::Release);
     }
 }

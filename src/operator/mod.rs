@@ -3,8 +3,10 @@
 pub mod console;
 mod journal_keeper;
 mod manual_mode;
+mod memory;
 pub mod operator_loop;
 mod path_judge;
+pub mod program_reports;
 pub mod progress;
 pub mod recorder;
 pub mod refusal;
@@ -17,3 +19,5 @@ pub mod single_run;
 pub mod standby;
 pub mod systemd;
 mod table_writer;
+#[cfg(test)]
+mod tests_kills;

@@ -15,7 +15,10 @@ use crate::machine::sequence::{Outcome, Step};
 use crate::machine::state::State;
 use crate::machine::tables::lock;
 use crate::operator::console::Operator;
+use crate::operator::memory::Memory;
 use crate::operator::path_judge::PathJudge;
+use crate::operator::program_reports::StandByReport;
+use crate::operator::report::ProgramReport;
 use crate::operator::session::{EXIT_RESTART, Program, Session, Task};
 use crate::operator::table_writer::Keeper;
 use crate::program::text::Reader;
@@ -88,8 +91,9 @@ pub(super) struct OperatorLoop<'scope, 'env> {
     probed_time_s: Option<f64>,
     /// The modes that the last program has left, until it is known how it ended.
     modes_left: Option<gcode::Modes>,
-    /// When the last program was begun.
+    /// When the last program was begun, and the cycles left out by then; `None`: it is over.
     begun_ns: u64,
+    begun_skipped: Option<u64>,
     keeper: Keeper<'scope, 'env>,
     stalls: Stalls,
     /// A stall of the cycle thread that is not told of yet, and the cycle in which it began.
@@ -118,6 +122,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         inbox: OrderInbox,
         pins: PinReader,
         cpu: usize,
+        memory: Memory<'env>,
     ) -> OperatorLoop<'scope, 'env> {
         let stands_by = matches!(session.task, Task::StandBy);
         OperatorLoop {
@@ -126,10 +131,11 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             pins,
             stop,
             clients: Clients::new(scope, session.config, session.tables, stands_by, inbox),
-            keeper: Keeper::new(scope, session.tables),
+            keeper: Keeper::new(scope, session.tables, memory),
             planner: None,
             modes_left: None,
             begun_ns: 0,
+            begun_skipped: None,
             given_up: Cancel::default(),
             probed_time_s: None,
             stalls: Stalls::new(cpu),
@@ -191,7 +197,8 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             self.probed_time_s = planned.probed_time_s;
             self.keep(planned.left);
         }
-        running.operator.recorder.judge(true);
+        let outcome = running.operator.outcome().unwrap_or(Outcome::Faulted);
+        self.end_program(running, outcome, monotonic_ns());
         self.keeper.finish(&mut running.operator);
         Ok(self.probed_time_s)
     }
@@ -237,10 +244,17 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             // A program that is repeated has come to its end: nobody waits for the machine any more.
             self.given_up.cancel();
             self.join_planner(running, now_ns);
-            let program = self.plan_from(position, &mut running.operator)?;
+            self.end_program(running, Outcome::Completed, now_ns);
             let is_mdi = self.clients.part().is_some_and(|part| part.is_mdi());
+            if let (Task::Once(..) | Task::StandBy, false) = (self.session.task, is_mdi) {
+                self.begun_ns = now_ns;
+                self.begun_skipped = Some(running.operator.live().cycles_skipped);
+                let name = self.program_name().unwrap_or_default().to_owned();
+                running.operator.begin_program(&name);
+                self.keeper.memory.begin_program(&name);
+            }
+            let program = self.plan_from(position, &mut running.operator)?;
             running.operator.start(program, is_mdi);
-            self.begun_ns = now_ns;
         }
         running.operator.recorder.judge(false);
         if self.planner.as_ref().is_some_and(ScopedJoinHandle::is_finished) {
@@ -248,21 +262,58 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         }
         if self.planner.is_none()
             && let Some(outcome) = running.operator.program_outcome()
-            && let Some(modes) = self.modes_left.take()
         {
-            if self.clients.part().is_some_and(|part| !part.is_mdi()) {
-                let name = self.program_name().unwrap_or_default();
-                let took_s = now_ns.saturating_sub(self.begun_ns) as f64 * 1e-9;
-                let entry = format!("program {name}: {}, {took_s:.1} s", outcome_word(outcome));
-                running.operator.add_entry(entry);
+            self.end_program(running, outcome, now_ns);
+            if let Some(modes) = self.modes_left.take() {
+                self.clients
+                    .adopt_modes(Some(modes).filter(|_| outcome == Outcome::Completed));
             }
-            self.clients
-                .adopt_modes(Some(modes).filter(|_| outcome == Outcome::Completed));
         }
         if self.planner.is_none() && running.operator.step() != Step::Program {
             self.keeper.poll(&mut running.operator)?;
         }
+        self.keeper.look(&mut running.operator, now_ns);
         Ok(())
+    }
+
+    /// The program under way is over, if there is one: counts it, and keeps its report.
+    fn end_program(&mut self, running: &mut Running, outcome: Outcome, now_ns: u64) {
+        let Some(skipped_before) = self.begun_skipped.take() else {
+            return;
+        };
+        let operator = &mut running.operator;
+        operator.recorder.judge(true);
+        let took_s = now_ns.saturating_sub(self.begun_ns) as f64 * 1e-9;
+        let word = outcome_word(outcome);
+        let line = operator.recorder.last_line();
+        self.keeper
+            .memory
+            .end_program(word, outcome == Outcome::Completed, line);
+        let mut number = None;
+        if let (Task::StandBy, Some(part)) = (self.session.task, self.clients.part()) {
+            let config = self.session.config;
+            let warnings = operator.warnings_of_program();
+            let (planned_s, outcome) = (self.probed_time_s, Some(outcome));
+            let run = ProgramReport::new(
+                config,
+                operator,
+                &part.name,
+                &part.overview,
+                planned_s,
+                outcome,
+                warnings,
+            );
+            number = Some(self.keeper.memory.add_report(|number, parts| StandByReport {
+                number,
+                machine: config.name.clone(),
+                begun_unix_s: operator.program_begun_unix_s(),
+                took_s,
+                parts,
+                cycles_skipped: operator.live().cycles_skipped - skipped_before,
+                run,
+            }));
+        }
+        operator.end_program(word, took_s, number);
     }
 
     /// A program that is repeated measures something and leaves nothing behind.
@@ -308,15 +359,19 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         let (messages, heard) = mpsc::channel();
         operator.hear_messages(heard);
         let live = operator.shared();
-        let mut passed = None;
+        let judged = match (task, self.clients.part()) {
+            (Task::Once(_, overview), _) => Some(overview.tolerance_mm),
+            (Task::StandBy, Some(part)) if !part.is_mdi() => Some(part.overview.tolerance_mm),
+            (Task::StandBy | Task::Repeat(_), _) => None,
+        };
+        let passed = judged.map(|tolerance_mm| {
+            let judge = PathJudge::new(news, tolerance_mm);
+            let passed = judge.passed();
+            operator.recorder.judge_with(judge);
+            passed
+        });
         let text = match (task, self.clients.part()) {
-            (Task::Once(program, overview), _) => {
-                let judge = PathJudge::new(news, overview.tolerance_mm);
-                passed = Some(judge.passed());
-                operator.recorder.judge_with(judge);
-                Text::Given(*program)
-            }
-            (Task::Repeat(program), _) => Text::Given(*program),
+            (Task::Once(program, _) | Task::Repeat(program), _) => Text::Given(*program),
             (Task::StandBy, Some(part)) => Text::Asked(Arc::clone(part)),
             (Task::StandBy, None) => anyhow::bail!("a program was begun that is not there"),
         };

@@ -81,6 +81,9 @@ mod tests {
             time_s: 1.5,
             kind,
             text: text.into(),
+            alarm: None,
+            program: None,
+            acknowledges: None,
         };
         assert_eq!(
             told(&entry(Kind::Note, "machine ready")),

@@ -28,6 +28,7 @@ pub struct Recorder {
     following_error_max_mm: f64,
     following_error_line: u32,
     line: u32,
+    last_line: u32,
     judge: Option<PathJudge>,
 }
 
@@ -37,6 +38,9 @@ impl Recorder {
         self.cycles += 1;
         self.starved_cycles += u64::from(record.starved);
         self.line = self.line.max(record.line);
+        if record.line > 0 {
+            self.last_line = record.line;
+        }
         if record.following_error_mm > self.following_error_max_mm {
             self.following_error_max_mm = record.following_error_mm;
             self.following_error_line = record.line;
@@ -108,9 +112,14 @@ impl Recorder {
         self.cycles
     }
 
-    /// Last line that was run.
+    /// Last line that was run: the one furthest down.
     pub fn line(&self) -> u32 {
         self.line
+    }
+
+    /// Line that was run last, which may be one of a loop or a subroutine.
+    pub fn last_line(&self) -> u32 {
+        self.last_line
     }
 
     /// Greatest following error of any joint, mm, and the program line of that cycle.

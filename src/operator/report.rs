@@ -11,7 +11,7 @@ use crate::host::calibrate::Calibration;
 use crate::host::terminal::{alarm, table};
 use crate::machine::journal::Entry;
 use crate::machine::sequence::Outcome;
-use crate::operator::console::{Alarm, Warning};
+use crate::operator::console::{Alarm, Operator, Warning};
 use crate::operator::session::Ended;
 use crate::plot;
 use crate::plot::PathSample;
@@ -21,7 +21,7 @@ use crate::rt::cycle_stats::FiguresSummary;
 use crate::rt::timeout;
 use anyhow::Context;
 use motion::rt::Peaks;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
@@ -75,34 +75,20 @@ impl<'a> Facts<'a> {
             calibration,
         } = self.ended;
         let recorder = &operator.recorder;
-        let (following_error_max_mm, following_error_max_line) = recorder.following_error_max();
-        let result = match operator.outcome() {
-            Some(Outcome::Completed) => "completed",
-            Some(Outcome::Stopped) => "stopped",
-            Some(Outcome::TimedOut(_)) => "timed out",
-            Some(Outcome::Faulted) | None => "faulted",
-        };
-        let motion_time_s = recorder.cycles() as f64 * f64::from(self.config.cycle_us) * 1e-6;
+        let run = ProgramReport::new(
+            self.config,
+            operator,
+            self.program,
+            &self.overview,
+            *probed_time_s,
+            operator.outcome(),
+            operator.warnings().to_vec(),
+        );
+        let motion_time_s = run.motion_time_s;
         let report = RunReport {
             machine: self.config.name.clone(),
-            program: self.program.into(),
-            result: result.into(),
-            timed_out_step: match operator.outcome() {
-                Some(Outcome::TimedOut(step)) => Some(step.name().into()),
-                _ => None,
-            },
-            alarms: operator.alarms().to_vec(),
-            warnings: operator.warnings().to_vec(),
+            run,
             operational_s: operator.operational_s(),
-            line_reached: recorder.line(),
-            lines: self.overview.lines,
-            planned_time_s: probed_time_s.unwrap_or(self.overview.time_s),
-            real_time_factor: self.overview.real_time,
-            motion_time_s,
-            starved_cycles: recorder.starved_cycles(),
-            following_error_max_mm,
-            following_error_max_line,
-            deviation: recorder.deviation(),
             peaks: peaks
                 .iter()
                 .zip(&self.config.joints)
@@ -181,7 +167,7 @@ pub fn write(folder: &Path, report: &RunReport, pictures: &Pictures<'_>) -> anyh
     };
     files::make_folder(folder).with_context(|| folder.display().to_string())?;
     put(RUN, serde_json::to_string_pretty(report)?)?;
-    let title = format!("{} on {}", report.program, report.machine);
+    let title = format!("{} on {}", report.run.program, report.machine);
     let mut drawn = Vec::new();
     if !pictures.samples.is_empty() {
         drawn.push((
@@ -214,11 +200,9 @@ pub fn address(folder: &Path) -> String {
     address
 }
 
-/// Everything there is to say of a run.
-#[derive(Clone, Debug, Serialize)]
-pub struct RunReport {
-    /// Name of the machine.
-    pub machine: String,
+/// What a program did.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ProgramReport {
     /// Path of the program.
     pub program: String,
     /// `completed`, `stopped`, `faulted` or `timed out`.
@@ -229,8 +213,6 @@ pub struct RunReport {
     pub alarms: Vec<Alarm>,
     /// What was wrong without stopping it.
     pub warnings: Vec<Warning>,
-    /// Seconds from the first cycle to OPERATIONAL of the whole network.
-    pub operational_s: Option<f64>,
     /// Last line of the program that was run.
     pub line_reached: u32,
     /// Last line of the program with something to do.
@@ -249,6 +231,59 @@ pub struct RunReport {
     pub following_error_max_line: u32,
     /// Deviation from the programmed path; `None` where no path was recorded.
     pub deviation: Option<Deviation>,
+}
+
+impl ProgramReport {
+    /// Of the program that the records of this operator are of. `warnings`: those of its time.
+    pub fn new(
+        config: &Config,
+        operator: &Operator,
+        name: &str,
+        overview: &Overview,
+        probed_time_s: Option<f64>,
+        outcome: Option<Outcome>,
+        warnings: Vec<Warning>,
+    ) -> ProgramReport {
+        let recorder = &operator.recorder;
+        let (following_error_max_mm, following_error_max_line) = recorder.following_error_max();
+        let result = match outcome {
+            Some(Outcome::Completed) => "completed",
+            Some(Outcome::Stopped) => "stopped",
+            Some(Outcome::TimedOut(_)) => "timed out",
+            Some(Outcome::Faulted) | None => "faulted",
+        };
+        ProgramReport {
+            program: name.into(),
+            result: result.into(),
+            timed_out_step: match outcome {
+                Some(Outcome::TimedOut(step)) => Some(step.name().into()),
+                _ => None,
+            },
+            alarms: operator.alarms_of_program().to_vec(),
+            warnings,
+            line_reached: recorder.line(),
+            lines: overview.lines,
+            planned_time_s: probed_time_s.unwrap_or(overview.time_s),
+            real_time_factor: overview.real_time,
+            motion_time_s: recorder.cycles() as f64 * f64::from(config.cycle_us) * 1e-6,
+            starved_cycles: recorder.starved_cycles(),
+            following_error_max_mm,
+            following_error_max_line,
+            deviation: recorder.deviation(),
+        }
+    }
+}
+
+/// Everything there is to say of a run.
+#[derive(Clone, Debug, Serialize)]
+pub struct RunReport {
+    /// Name of the machine.
+    pub machine: String,
+    /// What the program did.
+    #[serde(flatten)]
+    pub run: ProgramReport,
+    /// Seconds from the first cycle to OPERATIONAL of the whole network.
+    pub operational_s: Option<f64>,
     /// Peaks of the commanded positions, one per joint.
     pub peaks: Vec<JointPeaks>,
     /// Frames per node.
@@ -268,7 +303,7 @@ pub struct RunReport {
 }
 
 /// Distance from the programmed path, mm.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Deviation {
     /// Greatest distance of the commanded path.
     pub command_max_mm: f64,
@@ -323,7 +358,7 @@ pub struct NodeReport {
 }
 
 /// A summary; with `{:#}` for a terminal, alarms in red.
-impl fmt::Display for RunReport {
+impl fmt::Display for ProgramReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.timed_out_step {
             Some(step) => writeln!(f, "result                 {}: {step}", self.result)?,
@@ -349,9 +384,6 @@ impl fmt::Display for RunReport {
             self.program, self.line_reached, self.lines, self.motion_time_s, self.planned_time_s
         )?;
         writeln!(f, "waited for the plan    {} cycles", self.starved_cycles)?;
-        if let Some(operational_s) = self.operational_s {
-            writeln!(f, "network operational    after {operational_s:.2} s")?;
-        }
         writeln!(
             f,
             "following error        {:.4} mm at most (line {})",
@@ -363,6 +395,17 @@ impl fmt::Display for RunReport {
                 "deviation from path    commanded {:.4} mm, actual {:.4} mm, tolerance {:.4} mm",
                 deviation.command_max_mm, deviation.actual_max_mm, deviation.tolerance_mm
             )?;
+        }
+        Ok(())
+    }
+}
+
+/// A summary; with `{:#}` for a terminal, alarms in red.
+impl fmt::Display for RunReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.run.fmt(f)?;
+        if let Some(operational_s) = self.operational_s {
+            writeln!(f, "network operational    after {operational_s:.2} s")?;
         }
         for (joint, peaks) in self.peaks.iter().enumerate() {
             writeln!(

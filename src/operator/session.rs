@@ -22,9 +22,11 @@ use crate::host::steadiness::Steadiness;
 use crate::host::terminal::say;
 use crate::host::wait::{Grid, monotonic_ns};
 use crate::machine::journal::{Entry, Journal};
-use crate::machine::tables::Tables;
+use crate::machine::state_file::{self, Opened, Remembered};
+use crate::machine::tables::{Tables, lock};
 use crate::operator::console::Operator;
 use crate::operator::journal_keeper;
+use crate::operator::memory::{self, Memory};
 use crate::operator::operator_loop::{LoopTask, OperatorLoop, Running};
 use crate::program::Overview;
 use crate::program::text::Reader;
@@ -42,7 +44,7 @@ use hal_pins::{AnyValue, Hal};
 use motion::rt::Peaks;
 use std::io::Write;
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::sync::{Arc, Mutex, mpsc};
 
 /// Exit code of a control that cannot go on by itself and has to be restarted.
@@ -228,6 +230,12 @@ fn run_on(
         Some(folder) => Some(open_journal(folder, &mut operator)?),
         None => None,
     };
+    let remembered = match (&config.state_directory, session.task) {
+        (Some(folder), Task::Once(..) | Task::StandBy) => recall(folder, &config.name, &mut operator),
+        (Some(_), Task::Repeat(_)) | (None, _) => Remembered::default(),
+    };
+    lock(session.tables).set_tool_in_spindle(remembered.tool);
+    let mut memory = Memory::new(config, remembered);
     let mut running = Running {
         operator: match session.task {
             Task::Once(..) => operator,
@@ -267,10 +275,16 @@ fn run_on(
                     run_paced(&mut control, grid, wire, recorder, &stop)
                 }
             })?;
-        if let Some((journal, entries)) = journal {
+        if let Some((journal, entries, treated)) = journal {
             std::thread::Builder::new()
                 .name("journal".into())
-                .spawn_scoped(scope, move || journal_keeper::keep(journal, &entries))?;
+                .spawn_scoped(scope, move || journal_keeper::keep(journal, &entries, &treated))?;
+        }
+        if let (Some(folder), Task::Once(..) | Task::StandBy) = (&config.state_directory, session.task) {
+            let writer = memory.kept_on_disk(folder);
+            std::thread::Builder::new()
+                .name("state".into())
+                .spawn_scoped(scope, move || memory::write(folder, &writer))?;
         }
         if let Some(socket) = &socket {
             std::thread::Builder::new()
@@ -288,7 +302,7 @@ fn run_on(
         }
         let ended = StopOnDrop(&stop);
         let lives = || !cycle.is_finished();
-        let operator_loop = OperatorLoop::new(scope, session, &stop, inbox, pin_reader(&hal), process.cpu);
+        let operator_loop = OperatorLoop::new(scope, session, &stop, inbox, pin_reader(&hal), process.cpu, memory);
         let probed_time_s = operator_loop.run(&mut running, task, &lives);
         drop(ended);
         running.operator.close_journal();
@@ -350,15 +364,34 @@ fn time_of_day() -> f64 {
     since.map_or(0.0, |since| since.as_secs_f64())
 }
 
+/// What the last control of this machine has left in the state folder.
+fn recall(folder: &Path, machine: &str, operator: &mut Operator) -> Remembered {
+    let Opened { remembered, warning } = state_file::open(folder, machine);
+    if let Some(warning) = warning {
+        operator.add_entry(format!("warning: {warning}"));
+    }
+    if let Some(program) = remembered.program.as_ref().filter(|program| program.result.is_none()) {
+        operator.add_entry(format!(
+            "warning: the control ended in mid-program: {}, line {} was reached",
+            program.name, program.line
+        ));
+    }
+    remembered
+}
+
 /// Opens the journal of the state folder, and lets the operator go on with it.
-fn open_journal(folder: &Path, operator: &mut Operator) -> anyhow::Result<(Journal, mpsc::Receiver<Entry>)> {
+fn open_journal(
+    folder: &Path,
+    operator: &mut Operator,
+) -> anyhow::Result<(Journal, mpsc::Receiver<Entry>, Arc<AtomicU64>)> {
     let opened = Journal::open(folder).with_context(|| format!("state_directory {}", folder.display()))?;
     let (keeper, entries) = mpsc::channel();
-    operator.keep_journal(opened.entries, opened.last, keeper);
+    let treated = Arc::new(AtomicU64::new(0));
+    operator.keep_journal(opened.entries, opened.last, keeper, Arc::clone(&treated));
     if let Some(warning) = opened.warning {
         operator.add_entry(format!("warning: {warning}"));
     }
-    Ok((opened.journal, entries))
+    Ok((opened.journal, entries, treated))
 }
 
 /// A thread that hangs cannot be joined: where it does not come back, the process ends without a report.

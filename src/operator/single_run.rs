@@ -107,8 +107,8 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
     if ended.operator.needs_restart() {
         return Ok(ExitCode::from(session::EXIT_RESTART));
     }
-    Ok(match (session.signal.caught(), report.result.as_str()) {
-        (Some(signal), _) if report.alarms.is_empty() => ExitCode::from(signals::exit_code(signal)),
+    Ok(match (session.signal.caught(), report.run.result.as_str()) {
+        (Some(signal), _) if report.run.alarms.is_empty() => ExitCode::from(signals::exit_code(signal)),
         (None, "completed") => ExitCode::SUCCESS,
         _ => ExitCode::FAILURE,
     })

@@ -10,33 +10,82 @@ use crate::host::capabilities;
 use crate::machine::safe_file::Disk;
 use crate::machine::tables::{self, Tables, lock};
 use crate::operator::console::Operator;
+use crate::operator::memory::Memory;
 use std::io;
 use std::sync::Mutex;
 use std::thread::{Scope, ScopedJoinHandle};
+
+/// What has to be on the disk for something to count as kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Mark {
+    tables: u64,
+    memory: u64,
+    journal: u64,
+}
 
 /// Waits for programs to end.
 pub(super) struct Keeper<'scope, 'env> {
     scope: &'scope Scope<'scope, 'env>,
     tables: &'env Mutex<Tables>,
-    /// The files are behind the tables.
-    behind: bool,
+    /// What else is known again after a restart.
+    pub(super) memory: Memory<'env>,
+    /// How often something was handed in, what of that is being written, and what has been or cannot be.
+    handed_in: u64,
+    writing: u64,
+    treated: u64,
+    /// Why they could not be written.
+    failed: Option<String>,
     writer: Option<ScopedJoinHandle<'scope, Result<(), String>>>,
 }
 
 impl<'scope, 'env> Keeper<'scope, 'env> {
-    pub(super) fn new(scope: &'scope Scope<'scope, 'env>, tables: &'env Mutex<Tables>) -> Keeper<'scope, 'env> {
+    pub(super) fn new(
+        scope: &'scope Scope<'scope, 'env>,
+        tables: &'env Mutex<Tables>,
+        memory: Memory<'env>,
+    ) -> Keeper<'scope, 'env> {
         Keeper {
             scope,
             tables,
-            behind: false,
+            memory,
+            handed_in: 0,
+            writing: 0,
+            treated: 0,
+            failed: None,
             writer: None,
         }
     }
 
     /// Takes what a program left behind; the next one finds it.
     pub(super) fn hand_in(&mut self, left: gcode::Settings) {
-        lock(self.tables).adopt(left);
-        self.behind = true;
+        let mut tables = lock(self.tables);
+        tables.adopt(left);
+        self.handed_in += u64::from(tables.has_files());
+    }
+
+    /// All that is handed in and noted up to now.
+    pub(super) fn mark(&self, operator: &Operator) -> Mark {
+        Mark {
+            tables: self.handed_in,
+            memory: self.memory.mark(),
+            journal: operator.last_entry(),
+        }
+    }
+
+    /// Whether that has been written, or cannot be.
+    pub(super) fn is_settled(&self, mark: &Mark, operator: &Operator) -> bool {
+        self.treated >= mark.tables && self.memory.is_settled(mark.memory) && operator.is_journal_kept(mark.journal)
+    }
+
+    /// Why what was handed in last is not on the disk.
+    pub(super) fn failure(&self) -> Option<&str> {
+        self.failed.as_deref().or(self.memory.failure())
+    }
+
+    /// Called in every turn of the loop. Waits for nothing.
+    pub(super) fn look(&mut self, operator: &mut Operator, now_ns: u64) {
+        let tool = lock(self.tables).tool_in_spindle();
+        self.memory.look(operator, tool, now_ns);
     }
 
     /// Called while no program is under way. Waits for nothing.
@@ -47,8 +96,8 @@ impl<'scope, 'env> Keeper<'scope, 'env> {
         if let Some(tool) = operator.tool() {
             lock(self.tables).set_tool_in_spindle(tool);
         }
-        if self.behind && self.writer.is_none() {
-            self.behind = false;
+        if self.treated < self.handed_in && self.writer.is_none() {
+            self.writing = self.handed_in;
             let tables = self.tables;
             let writer = move || write(tables);
             self.writer = Some(
@@ -63,19 +112,27 @@ impl<'scope, 'env> Keeper<'scope, 'env> {
     /// Called when all is over; waits for the disk.
     pub(super) fn finish(&mut self, operator: &mut Operator) {
         self.join(operator);
-        if self.behind {
-            self.behind = false;
-            add_result(operator, write(self.tables));
+        if self.treated < self.handed_in {
+            self.writing = self.handed_in;
+            let written = write(self.tables);
+            self.add_result(operator, written);
         }
+        self.memory.finish(operator);
     }
 
     fn join(&mut self, operator: &mut Operator) {
         let written = self.writer.take().map(ScopedJoinHandle::join);
         if let Some(written) = written {
-            add_result(
-                operator,
-                written.unwrap_or_else(|_| Err("the thread that writes the tables panicked".into())),
-            );
+            let panicked = |_| Err("the thread that writes the tables panicked".into());
+            self.add_result(operator, written.unwrap_or_else(panicked));
+        }
+    }
+
+    fn add_result(&mut self, operator: &mut Operator, written: Result<(), String>) {
+        self.treated = self.writing;
+        self.failed = written.err();
+        if let Some(cause) = &self.failed {
+            operator.add_entry(format!("warning: not kept: {cause}"));
         }
     }
 }
@@ -87,10 +144,4 @@ fn write(tables: &Mutex<Tables>) -> Result<(), String> {
     let saved = tables::save(&mut Disk, tables);
     tracing::debug!(ok = saved.is_ok(), "tables written");
     saved
-}
-
-fn add_result(operator: &mut Operator, written: Result<(), String>) {
-    if let Err(cause) = written {
-        operator.add_entry(format!("warning: not kept: {cause}"));
-    }
 }

@@ -12,7 +12,7 @@
 
 use motion::element::Element;
 use motion::ring::{Publish, Sink, Timed};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::fmt;
 
@@ -24,7 +24,7 @@ const STRETCH_S: f64 = 1.0;
 const LOOK_S: f64 = 0.25;
 
 /// The stretch with the least factor.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SlowStretch {
     /// Seconds of motion per second of planning.
     pub factor: f64,
@@ -37,7 +37,7 @@ pub struct SlowStretch {
 }
 
 /// How much quicker than motion planning is, on this PC.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RealTimeFactor {
     /// Seconds of motion per second of planning, of the whole program; `None`: there is no motion.
     pub whole: Option<f64>,

@@ -58,6 +58,8 @@ pub struct Drive {
     zero_mm: f64,
     /// `None`: the drive homes itself; else whether the control has homed it since it came on line.
     homed_by_control: Option<bool>,
+    /// It is to be homed again whenever it has been off.
+    volatile: bool,
     following_error_max_mm: f64,
     travel_mm: [f64; 2],
     /// Supervisor of the power state machine.
@@ -86,6 +88,7 @@ impl Drive {
                 HomingBy::Drive { .. } => None,
                 HomingBy::Control(_) => Some(false),
             },
+            volatile: joint.homing.volatile,
             following_error_max_mm: joint.following_error_mm,
             travel_mm: joint.travel_mm,
             axis: Axis::new(AxisConfig::default()),
@@ -132,6 +135,7 @@ impl Drive {
     }
 
     fn forget_home(&mut self) {
+        self.axis.forget_home();
         self.homed_by_control = self.homed_by_control.map(|_| false);
     }
 
@@ -157,11 +161,23 @@ impl Drive {
         self.command_before_mm = self.command_mm;
     }
 
+    /// The drive still counts from where it was homed in an earlier session: `zero_mm` is the position at which it counts 0. RT.
+    fn take_home(&mut self, zero_mm: f64) {
+        self.zero_mm = zero_mm;
+        match &mut self.homed_by_control {
+            None => self.axis.take_for_homed(),
+            Some(homed) => *homed = self.online,
+        }
+    }
+
     /// Tells the drive where to be; a drive that is not enabled is kept where it is, so that enabling never jumps. RT.
     fn write(&mut self, now_ns: u64, command_mm: f64, outputs: &mut OutputImage) {
         let motor_mm = self.compensated(command_mm);
         let increments = ((motor_mm - self.zero_mm) * self.increments_per_mm).round() as i64;
         self.setpoint = self.axis.cycle(now_ns, self.online, &self.feedback, increments);
+        if self.volatile && self.is_off() {
+            self.forget_home();
+        }
         self.command_before_mm = self.command_mm;
         let following = self.axis.status() == Status::Enabled;
         self.command_mm = if following {
@@ -266,6 +282,12 @@ impl Drive {
         }
     }
 
+    /// What the drive counts, and the position at which it counts 0, mm; `None`: it is off line.
+    pub fn place(&self) -> Option<(i64, f64)> {
+        let is_read = self.axis.status() != Status::Offline && self.online;
+        is_read.then(|| (self.axis.actual_position(), self.zero_mm))
+    }
+
     /// What came from the drive last.
     pub fn feedback(&self) -> &Feedback {
         &self.feedback
@@ -357,6 +379,13 @@ impl Drives {
             if which >> index & 1 == 1 {
                 drive.begin_homing();
             }
+        }
+    }
+
+    /// A drive still counts from where it was homed in an earlier session. RT.
+    pub fn take_home(&mut self, joint: usize, zero_mm: f64) {
+        if let Some(drive) = self.drives.get_mut(joint) {
+            drive.take_home(zero_mm);
         }
     }
 

@@ -5,6 +5,7 @@
 
 use super::overrides::Overrides;
 use crate::bus::BusEvent;
+use crate::config::JOINTS_MAX;
 use crate::machine::faults::Fault;
 use crate::machine::state::State;
 use crate::rt::joint_jog::JogOrder;
@@ -14,7 +15,7 @@ use motion::element::{Action, Enables};
 use motion::rt::jog::Obstruction;
 use motion::rt::{Interpolator, SyncReport};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU8, AtomicU32, AtomicU64, Ordering::Relaxed};
 
 /// The operator's ends of the rings between him and the cycle thread.
 pub struct OperatorEndpoints {
@@ -33,6 +34,12 @@ pub enum Command {
     Enable,
     /// Home the joints of this set (bit n: joint n).
     Home(u64),
+    /// The drive of a joint, which is off, still counts from where it was homed in an earlier session.
+    TakeHome {
+        joint: usize,
+        /// Position at which it counts 0, mm.
+        zero_mm: f64,
+    },
     /// Move joints by hand; only homed joints of a machine that is ready or jogging.
     Jog(JogOrder),
     /// Run what the ring behind this interpolator brings. `mdi`: spindle and coolant stay as its last block leaves them.
@@ -158,6 +165,26 @@ pub struct RtStatus {
     /// Not numbers: the machine is not away from a path.
     held_at: [AtomicU64; AXES],
     limits: [AtomicU64; 2],
+    places: [PlaceCell; JOINTS_MAX],
+}
+
+/// Where a drive is.
+#[derive(Debug, Default)]
+struct PlaceCell {
+    online: AtomicBool,
+    counts: AtomicI64,
+    zero_mm: AtomicU64,
+}
+
+/// Where a drive is, or was when it was last on line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DrivePlace {
+    /// It is read in every cycle.
+    pub online: bool,
+    /// What it counts, over more than 32 bits where it has come so far.
+    pub counts: i64,
+    /// Position at which it counts 0, mm.
+    pub zero_mm: f64,
 }
 
 impl Default for RtStatus {
@@ -192,6 +219,7 @@ impl RtStatus {
             chain_open: AtomicBool::new(false),
             held_at: [const { AtomicU64::new(f64::NAN.to_bits()) }; AXES],
             limits: Default::default(),
+            places: Default::default(),
         }
     }
 }
@@ -249,6 +277,28 @@ impl RtStatus {
     pub fn tool(&self) -> Option<u32> {
         let number = self.tool.load(Relaxed).checked_sub(1)?;
         u32::try_from(number).ok()
+    }
+
+    /// Where the drive of a joint is; `None`: it is off line. RT.
+    pub fn show_place(&self, joint: usize, place: Option<(i64, f64)>) {
+        let Some(cell) = self.places.get(joint) else {
+            return;
+        };
+        cell.online.store(place.is_some(), Relaxed);
+        if let Some((counts, zero_mm)) = place {
+            cell.counts.store(counts, Relaxed);
+            cell.zero_mm.store(zero_mm.to_bits(), Relaxed);
+        }
+    }
+
+    /// Where the drive of a joint is. What it counts and what that means belong together where it rests.
+    pub fn place(&self, joint: usize) -> Option<DrivePlace> {
+        let cell = self.places.get(joint)?;
+        Some(DrivePlace {
+            online: cell.online.load(Relaxed),
+            counts: cell.counts.load(Relaxed),
+            zero_mm: f64::from_bits(cell.zero_mm.load(Relaxed)),
+        })
     }
 
     /// The cycle thread hung and may send nothing any more: from now on the state is [`State::Silenced`].

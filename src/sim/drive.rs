@@ -53,6 +53,9 @@ const BENCH: Joint = Joint {
         latch_mm_s: 2.0,
         position_mm: 0.0,
         sequence: None,
+        absolute_encoder: false,
+        moved_when_off_mm: 1.0,
+        volatile: false,
         by: HomingBy::Drive {
             method: 37,
             acceleration_mm_s2: 500.0,

@@ -62,6 +62,9 @@ pub(super) fn test_config() -> Config {
             latch_mm_s: 4.0,
             position_mm: 0.0,
             sequence: None,
+            absolute_encoder: false,
+            moved_when_off_mm: 1.0,
+            volatile: false,
             by: HomingBy::Drive {
                 method,
                 acceleration_mm_s2: 500.0,

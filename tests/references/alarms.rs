@@ -3,7 +3,7 @@
 use super::faults::{FAULTS, OF_DRIVES, OF_HOMING, OF_LINKS, OF_SPINDLES, examples, words};
 use super::source::{Variant, covers, variants};
 use super::{check, code, head, row};
-use isocnc::machine::faults::{Fault, Reaction};
+use isocnc::machine::faults::{Fault, Reaction, UNWATCHED_CODE};
 use isocnc::operator::console::UNWATCHED;
 
 /// What the comment of the variant says that a value has.
@@ -29,7 +29,7 @@ fn the_alarms() {
     let [spindles, links] = [(spindle, "SyncFault"), (link, "LinkFailure")].map(|(path, name)| variants(path, name));
     let faults = variants(FAULTS, "Fault");
     check("docs/alarms.md", |_| {
-        let mut text = head(&["text", "cause", "fault", "the machine"]);
+        let mut text = head(&["code", "text", "cause", "fault", "the machine"]);
         for fault in examples().iter().filter(|fault| fault.reaction() != Reaction::Count) {
             let cause = match fault {
                 Fault::Drive { fault, .. } => cause(&drives, fault),
@@ -41,10 +41,11 @@ fn the_alarms() {
             let said = fault.text(|_| "x-drive".into(), |_| "x-drive".into());
             let name = format!("{fault:?}");
             let name = code(name.split(' ').next().unwrap_or_default());
-            text += &row(&[&said, &cause, &name, words(fault.reaction())]);
+            text += &row(&[fault.code(), &said, &cause, &name, words(fault.reaction())]);
         }
         let hung = "The time-out thread does not look any more.";
         text + &row(&[
+            UNWATCHED_CODE,
             UNWATCHED,
             hung,
             "",

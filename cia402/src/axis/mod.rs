@@ -177,6 +177,23 @@ impl Axis {
         }
     }
 
+    /// Somebody knows that the drive counts from where it was homed once, although it has not been homed since it came on line:
+    /// its encoder is absolute. Without effect while it is off line or homes.
+    ///
+    /// RT: constant time.
+    pub fn take_for_homed(&mut self) {
+        if self.online && !matches!(self.phase, Phase::Homing(_)) {
+            self.homed = HomingState::Homed;
+        }
+    }
+
+    /// The drive is to be homed again.
+    ///
+    /// RT: constant time.
+    pub fn forget_home(&mut self) {
+        self.homed = HomingState::NotHomed;
+    }
+
     /// Whether the drive shows a warning (bit 7 of the statusword).
     pub fn warning(&self) -> bool {
         self.online && self.statusword & statusword::WARNING != 0

@@ -35,6 +35,21 @@ pub(super) fn jog(params: &Params) -> Result<Jog, RpcError> {
     })
 }
 
+/// What "parts.set" is to set.
+pub(super) fn parts(params: &Params) -> Result<Order, RpcError> {
+    let number = |name| match params.has(name) {
+        true => params.number(name, 0, u64::from(u32::MAX)).map(Some),
+        false => Ok(None),
+    };
+    match (number("count")?, number("target")?) {
+        (None, None) => Err(RpcError::new(
+            code::INVALID_PARAMS,
+            "expected \"count\", \"target\" or both",
+        )),
+        (count, target) => Ok(Order::Parts { count, target }),
+    }
+}
+
 /// The share of "reverse".
 pub(super) fn reverse_share(params: &Params) -> Result<f64, RpcError> {
     let percent = params.real("percent")?.unwrap_or(100.0);
@@ -133,7 +148,15 @@ pub(super) fn start(params: &Params) -> Result<Order, RpcError> {
         false => None,
     };
     let yes = params.has("yes") && params.flag("yes")?;
-    Ok(Order::Start { from_line, yes })
+    let runs = match params.has("repeat") {
+        true => params.number("repeat", 1, u64::from(u32::MAX))? as u32,
+        false => 1,
+    };
+    if from_line.is_some() && runs > 1 {
+        let what = "expected \"from_line\" or \"repeat\", not both";
+        return Err(RpcError::new(code::INVALID_PARAMS, what));
+    }
+    Ok(Order::Start { from_line, yes, runs })
 }
 
 /// What "touch_off" is to do.

@@ -185,6 +185,9 @@ impl Methods {
             "obstruction": shown.obstruction,
             "messages": shown.messages,
             "control": self.control.shown((self.now_ns)()),
+            "parts": shown.parts,
+            "runs_left": shown.runs_left,
+            "last_program": shown.last_program,
         })
     }
 

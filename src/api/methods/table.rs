@@ -14,7 +14,7 @@ use files::read::PROGRAM_MAX;
 
 /// Version of what is served here: the first number changes when something is gone or means something else, the second when
 /// something is new.
-pub const API_VERSION: &str = "1.0";
+pub const API_VERSION: &str = "1.1";
 
 /// What can be asked for.
 pub struct Method {
@@ -92,6 +92,10 @@ pub enum Gives {
     Overrides,
     Journal,
     Resumed,
+    /// Nothing, or a warning that the disk has not taken it.
+    Kept,
+    Lines,
+    Report,
 }
 
 const fn needed(name: &'static str, kind: Kind) -> Param {
@@ -320,9 +324,11 @@ pub const METHODS: &[Method] = &[
         params: &[
             optional("from_line", Kind::Whole(1, u32::MAX as u64)),
             optional("yes", Kind::Flag),
+            optional("repeat", Kind::Whole(1, u32::MAX as u64)),
         ],
         does: "runs the program that is loaded; drives are on and joints homed before. Before a line (\"from_line\"): refused with what \
-               that means, one sentence a line, until \"yes\" is true",
+               that means, one sentence a line, until \"yes\" is true. \"repeat\": so many times in all, each behind the end of the \
+               one before",
         gives: Gives::Outlook,
         call: |methods, call| {
             let start = arguments::start(call.params);
@@ -343,6 +349,21 @@ pub const METHODS: &[Method] = &[
         ..ORDER
     },
     Method {
+        name: "program.report",
+        params: &[optional("number", Kind::Whole(0, u64::MAX))],
+        does: "the report of a program that was run, by its \"number\" (the journal has it), without it the last one; the last 50 are \
+               kept",
+        gives: Gives::Report,
+        call: |methods, call| {
+            let number = match call.params.has("number") {
+                true => call.params.number("number", 0, u64::MAX).map(Some),
+                false => Ok(None),
+            };
+            methods.order_of(call, number.map(Order::Report))
+        },
+        ..LOOK
+    },
+    Method {
         name: "mdi",
         params: &[needed("line", Kind::Text)],
         does: "runs a \"line\" of G-code in the modes that the one before has left, behind those that wait; answered when it begins",
@@ -354,6 +375,13 @@ pub const METHODS: &[Method] = &[
         ..ORDER
     },
     Method {
+        name: "mdi.history",
+        does: "the \"lines\" of MDI that were typed last, up to 100, the latest last",
+        gives: Gives::Lines,
+        call: |methods, call| methods.order(call, Order::MdiHistory),
+        ..LOOK
+    },
+    Method {
         name: "touch_off",
         params: &[
             needed("axis", Kind::Axis),
@@ -363,6 +391,7 @@ pub const METHODS: &[Method] = &[
         ],
         does: "the \"axis\" reads \"value\" (unit of the machine) where it stands: in a work \"system\" (G54 to G59.3, else the one in \
                force), or once the length of a \"tool\" is in force",
+        gives: Gives::Kept,
         call: |methods, call| {
             let change = arguments::touch_off(call.params);
             methods.order_of(call, change.map(Order::Change))
@@ -384,6 +413,7 @@ pub const METHODS: &[Method] = &[
             needed("value", Kind::Number),
         ],
         does: "puts the origin of a work \"system\" (else the one in force) on an \"axis\" to this \"value\", machine coordinates",
+        gives: Gives::Kept,
         call: |methods, call| {
             let change = arguments::offset(call.params);
             methods.order_of(call, change.map(Order::Change))
@@ -405,6 +435,7 @@ pub const METHODS: &[Method] = &[
             optional("diameter", Kind::Number),
         ],
         does: "\"length\" or \"diameter\" of a \"tool\", or both, in the unit of the machine; one that the table lacks is added",
+        gives: Gives::Kept,
         call: |methods, call| {
             let change = arguments::tool(call.params);
             methods.order_of(call, change.map(Order::Change))
@@ -528,6 +559,18 @@ pub const METHODS: &[Method] = &[
             methods.order_of(call, since.map(Order::Journal))
         },
         ..LOOK
+    },
+    Method {
+        name: "parts.set",
+        params: &[optional("count", NUMBER_32), optional("target", NUMBER_32)],
+        does: "sets the counter of parts to \"count\", how many are wanted to \"target\" (0: nobody says), or both; a program that \
+               comes to its end (M2, M30) adds one",
+        gives: Gives::Kept,
+        call: |methods, call| {
+            let parts = arguments::parts(call.params);
+            methods.order_of(call, parts)
+        },
+        ..ORDER
     },
     Method {
         name: "alarm.acknowledge",

@@ -93,9 +93,9 @@ fn refusals_say_what_there_is() {
         "no method \"bus.nodes\"; there are methods, rpc.discover, status, subscribe, unsubscribe, control.take, \
          control.release, bus.network, bus.sdo_read, bus.sdo_write, \
          on, off, estop, estop.reset, home, program.upload.begin, \
-         program.upload.append, program.upload.commit, program.load, program.start, program.run, mdi, touch_off, offset.list, \
-         offset.set, tool.list, tool.set, tool.changed, jog, jog.keep, jog.stop, hold, resume, reverse, single_block, stop, override, \
-         journal.since, alarm.acknowledge"
+         program.upload.append, program.upload.commit, program.load, program.start, program.run, program.report, \
+         mdi, mdi.history, touch_off, offset.list, offset.set, tool.list, tool.set, tool.changed, jog, jog.keep, \
+         jog.stop, hold, resume, reverse, single_block, stop, override, journal.since, parts.set, alarm.acknowledge"
     );
     assert_eq!(
         refusal(&mut methods, "status", json!({ "x": 1 })),

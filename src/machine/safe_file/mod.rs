@@ -51,15 +51,24 @@ pub fn replace(files: &mut impl Files, path: &Path, content: &[u8]) -> io::Resul
     let before = files.read(path)?;
     match before {
         Some(before) if before == content => return Ok(false),
-        Some(before) => put(files, &named(path, "", ".bak"), path, &before)?,
+        Some(before) => put_like(files, &named(path, "", ".bak"), path, &before)?,
         None => {}
     }
-    put(files, path, path, content)?;
+    put_like(files, path, path, content)?;
     Ok(true)
 }
 
+/// Gives a file this content; what it held before is gone.
+///
+/// # Errors
+/// As [`replace`].
+pub fn put(files: &mut impl Files, path: &Path, content: &[u8]) -> io::Result<()> {
+    let _lock = files.lock(folder_of(path))?;
+    put_like(files, path, path, content)
+}
+
 /// One file, atomically.
-fn put(files: &mut impl Files, path: &Path, like: &Path, content: &[u8]) -> io::Result<()> {
+fn put_like(files: &mut impl Files, path: &Path, like: &Path, content: &[u8]) -> io::Result<()> {
     let new = named(path, ".", ".new");
     let written = write_synced(files, &new, like, content).and_then(|()| files.rename(&new, path));
     if written.is_err() {

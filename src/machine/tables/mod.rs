@@ -101,16 +101,18 @@ impl Tables {
     /// # Errors
     /// Every mistake in one of the files.
     pub fn read(config: &Config) -> Result<Tables, TablesError> {
-        let kept = |path: &Option<PathBuf>| {
-            let path = path.clone()?;
+        // What the machine file does not name lies in its state folder.
+        let kept = |named: &Option<PathBuf>, name: &str| {
+            let state = config.state_directory.as_ref().map(|folder| folder.join(name));
+            let path = named.clone().or(state)?;
             Some(Kept { path, content: None })
         };
         let mut tables = Tables {
             parameters: default_parameters(&config.work_offsets, config.unit),
             tools: without_file(config),
             tool_in_spindle: 0,
-            parameter_file: kept(&config.program.parameter_file),
-            tool_file: kept(&config.tools.table),
+            parameter_file: kept(&config.program.parameter_file, "parameters.var"),
+            tool_file: kept(&config.tools.table, "tools.tbl"),
         };
         tables.refresh(config)?;
         if !config.program.keep_g92 {
@@ -168,6 +170,11 @@ impl Tables {
             position(G92.start() + 1)
         };
         [position(ORIGINS + 20 * (system - 1)), g92]
+    }
+
+    /// Whether a file keeps any of it.
+    pub fn has_files(&self) -> bool {
+        self.parameter_file.is_some() || self.tool_file.is_some()
     }
 
     pub fn tools(&self) -> &ToolTable {

@@ -23,7 +23,7 @@ pub(in crate::operator) struct Part {
     pub(super) line: String,
     pub(in crate::operator) text: Arc<Text>,
     pub(in crate::operator) begin: Begin,
-    pub(super) overview: Overview,
+    pub(in crate::operator) overview: Overview,
     /// What it was checked with.
     tables: Tables,
     /// How often spindle and coolant had been switched off when it was checked.

@@ -13,7 +13,7 @@ use crate::machine::tables::{Tables, lock};
 use crate::operator::console::Operator;
 use crate::operator::manual_mode;
 use crate::operator::remembered;
-use crate::operator::table_writer::Keeper;
+use crate::operator::table_writer::{Keeper, Mark};
 use crate::program::{Begin, Change, changed, home};
 use crate::rt::shared::{Command, Snapshot};
 use crate::rt::waiting;
@@ -29,14 +29,16 @@ use std::time::Duration;
 
 /// Lines of MDI that wait for their turn.
 const MDI_MAX: usize = 64;
+/// An order counts as carried out once what it changed is on the disk; one that takes longer than this is not waited for, ns.
+const DISK_NS: u64 = 2_000_000_000;
 
 /// What becomes of a program behind its check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Then {
     /// It is kept.
     Load,
-    /// It runs.
-    Start,
+    /// It runs so many times.
+    Start { runs: u32 },
     /// It runs, once drives are on and joints are home.
     Run,
 }
@@ -63,7 +65,7 @@ impl Mode {
 /// Serves the clients of one session.
 pub(in crate::operator) struct Clients<'scope, 'env> {
     pub(super) scope: &'scope Scope<'scope, 'env>,
-    config: &'env Config,
+    pub(super) config: &'env Config,
     pub(super) tables: &'env Mutex<Tables>,
     /// The session waits for programs; else it has its own.
     stands_by: bool,
@@ -82,6 +84,10 @@ pub(in crate::operator) struct Clients<'scope, 'env> {
     switched_off: [u64; 2],
     /// Some planner still works for the program that was the last one.
     is_planning: bool,
+    /// Who has changed what the machine remembers, and hears once that is on the disk.
+    unsettled: Vec<(Ticket, Unsettled)>,
+    /// The last job has ended, and counts once what came of it is on the disk.
+    ended: Option<Unsettled>,
 }
 
 /// A program that is being checked.
@@ -94,6 +100,26 @@ pub(super) struct Checking<'scope> {
 }
 
 type Answer = Result<Value, String>;
+
+/// What is on its way to the disk, and since when.
+#[derive(Clone, Copy, Debug)]
+struct Unsettled {
+    mark: Mark,
+    since_ns: u64,
+}
+
+impl Unsettled {
+    fn new(keeper: &Keeper<'_, '_>, operator: &Operator, now_ns: u64) -> Unsettled {
+        Unsettled {
+            mark: keeper.mark(operator),
+            since_ns: now_ns,
+        }
+    }
+
+    fn is_over(&self, keeper: &Keeper<'_, '_>, operator: &Operator, now_ns: u64) -> bool {
+        keeper.is_settled(&self.mark, operator) || now_ns.saturating_sub(self.since_ns) > DISK_NS
+    }
+}
 
 impl<'scope, 'env> Clients<'scope, 'env> {
     pub(in crate::operator) fn new(
@@ -117,6 +143,8 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             modes: None,
             switched_off: [0; 2],
             is_planning: false,
+            unsettled: Vec::new(),
+            ended: None,
         }
     }
 
@@ -195,7 +223,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 .join()
                 .unwrap_or_else(|_| Err("the check of the program panicked".to_owned().into()));
             if let Some(ticket) = wanted {
-                let answer = checked.and_then(|part| Ok(self.accept(part, then, operator, now_ns)?));
+                let answer = checked.and_then(|part| Ok(self.accept(part, then, operator, keeper, now_ns)?));
                 answers.push((ticket, answer));
             }
         }
@@ -205,13 +233,33 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             match self.may(Wish::Mdi, operator) {
                 Ok(()) => {
                     let modes = self.modes.clone();
-                    self.check(ticket, Subject::Mdi { line, modes }, Then::Start, operator)?;
+                    self.check(ticket, Subject::Mdi { line, modes }, Then::Start { runs: 1 }, operator)?;
                 }
                 Err(why) => answers.push((ticket, Err(why.into()))),
             }
         }
+        let (over, wait) = self
+            .unsettled
+            .drain(..)
+            .partition::<Vec<_>, _>(|(_, order)| order.is_over(keeper, operator, now_ns));
+        self.unsettled = wait;
+        let kept = match keeper.failure() {
+            Some(why) => json!({ "warning": format!("not kept: {why}") }),
+            None => json!({}),
+        };
+        answers.extend(over.into_iter().map(|(ticket, _)| (ticket, Ok(kept.clone()))));
+        let has_ended = operator.job_outcome().is_some()
+            && self.checking.is_none()
+            && !self.is_planning
+            && operator.is_up_to_date();
+        self.ended = match self.ended {
+            _ if !has_ended => None,
+            None => Some(Unsettled::new(keeper, operator, now_ns)),
+            ended => ended,
+        };
+        let is_settled = self.ended.is_some_and(|ended| ended.is_over(keeper, operator, now_ns));
         // Whoever has an answer sees what came of the order.
-        let shown = self.shown(operator);
+        let shown = self.shown(operator, keeper, is_settled);
         self.inbox.show(shown);
         for (ticket, answer) in answers {
             self.inbox.answer(ticket, answer);
@@ -236,10 +284,24 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             operator.add_entry(text);
             return Ok(Some(Ok(json!({}))));
         }
+        if let Order::Parts { count, target } = order {
+            let mut parts = keeper.memory.now().parts;
+            parts.count = count.unwrap_or(parts.count);
+            parts.target = target.map_or(parts.target, |target| Some(target).filter(|target| *target > 0));
+            keeper.memory.set_parts(parts);
+            operator.add_entry(format!("order: parts {parts}"));
+            self.unsettled.push((ticket, Unsettled::new(keeper, operator, now_ns)));
+            return Ok(None);
+        }
         let Some(wish) = wish(&order) else {
             let tables = lock(self.tables);
             return Ok(Some(Ok(match order {
                 Order::Tools => remembered::tools(&tables, self.config.unit),
+                Order::Report(number) => {
+                    let found = keeper.memory.reports().find(number);
+                    return Ok(Some(found.map(|report| json!(report))));
+                }
+                Order::MdiHistory => json!({ "lines": keeper.memory.now().mdi }),
                 Order::Journal(since) => remembered::journal(operator.journal(), since),
                 _ => remembered::offsets(&tables, self.config),
             })));
@@ -258,7 +320,14 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             operator.add_entry(format!("order: {}", wish.command()));
         }
         let done = match order {
-            Order::Withdraw | Order::Offsets | Order::Tools | Order::Journal(_) | Order::Note(_) => return Ok(None),
+            Order::Withdraw
+            | Order::Offsets
+            | Order::Tools
+            | Order::Journal(_)
+            | Order::Note(_)
+            | Order::MdiHistory
+            | Order::Report(_)
+            | Order::Parts { .. } => return Ok(None),
             Order::On => self.begin(Job::On, Mode::Manual, operator, now_ns),
             Order::Off => {
                 self.give_up_check();
@@ -281,7 +350,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 self.check(ticket, Subject::Program(source), Then::Run, operator)?;
                 return Ok(None);
             }
-            Order::Start { from_line, yes } => {
+            Order::Start { from_line, yes, runs } => {
                 let Some(part) = self.loaded.clone() else {
                     return Ok(Some(Err("no program is loaded".into())));
                 };
@@ -289,11 +358,12 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                     Some(line) => Subject::FromLine { part, line, yes },
                     None => Subject::Loaded(part),
                 };
-                self.check(ticket, subject, Then::Start, operator)?;
+                self.check(ticket, subject, Then::Start { runs }, operator)?;
                 return Ok(None);
             }
             Order::Mdi(_) if self.mdi.len() >= MDI_MAX => Err(format!("{MDI_MAX} lines wait already")),
             Order::Mdi(line) => {
+                keeper.memory.add_mdi(&line);
                 self.mdi.push_back((ticket, line));
                 return Ok(None);
             }
@@ -305,7 +375,14 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 }
                 let at = operator.live().position;
                 let changed = changed(self.config, &lock(self.tables), at, self.modes.as_deref(), &change);
-                changed.map(|left| keeper.hand_in(left))
+                match changed {
+                    Ok(left) => {
+                        keeper.hand_in(left);
+                        self.unsettled.push((ticket, Unsettled::new(keeper, operator, now_ns)));
+                        return Ok(None);
+                    }
+                    Err(why) => Err(why),
+                }
             }
             Order::Jog(jog) => {
                 self.mode = Mode::Manual;
@@ -378,6 +455,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     /// A machine must not begin to move for somebody who has given up waiting for it.
     pub(super) fn withdraw(&mut self, ticket: Ticket) {
         self.mdi.retain(|(wanted, _)| *wanted != ticket);
+        self.unsettled.retain(|(wanted, _)| *wanted != ticket);
         if let Some(checking) = &mut self.checking
             && checking.wanted == Some(ticket)
         {
@@ -507,13 +585,23 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     }
 
     /// A program has passed its check.
-    fn accept(&mut self, part: Arc<Part>, then: Then, operator: &mut Operator, now_ns: u64) -> Answer {
+    fn accept(
+        &mut self,
+        part: Arc<Part>,
+        then: Then,
+        operator: &mut Operator,
+        keeper: &mut Keeper<'_, '_>,
+        now_ns: u64,
+    ) -> Answer {
         if matches!(part.begin, Begin::Program { .. }) {
             self.loaded = Some(Arc::clone(&part));
         }
+        if then == Then::Load {
+            keeper.memory.load_program(&part.name);
+        }
         match then {
             Then::Load => Ok(self.outlook(&part, operator)),
-            Then::Start | Then::Run => self.start(part, then, operator, now_ns),
+            Then::Start { .. } | Then::Run => self.start(part, then, operator, now_ns),
         }
     }
 
@@ -536,7 +624,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         let (wish, mode) = match (then, part.is_mdi()) {
             (_, true) => (Wish::Mdi, Mode::Mdi),
             (Then::Run, false) => (Wish::Run, Mode::Auto),
-            (Then::Start | Then::Load, false) => (Wish::Start, Mode::Auto),
+            (Then::Start { .. } | Then::Load, false) => (Wish::Start, Mode::Auto),
         };
         // Things may have changed during the check.
         self.may(wish, operator)?;
@@ -544,12 +632,13 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         if part.is_mdi() && part.switched_off != switched_off {
             return Err("stopped before it began".into());
         }
-        let missing = match then {
-            Then::Run => operator.not_homed(),
-            Then::Load | Then::Start => 0,
+        let (missing, runs) = match then {
+            Then::Run => (operator.not_homed(), 1),
+            Then::Start { runs } => (0, runs),
+            Then::Load => (0, 1),
         };
         let home = operator.homing_order(missing);
-        self.begin(Job::Program { home }, mode, operator, now_ns)?;
+        self.begin(Job::Program { home, runs }, mode, operator, now_ns)?;
         let begun = self.outlook(&part, operator);
         if part.is_mdi() {
             operator.add_entry(format!("MDI: {}", part.line));
@@ -559,7 +648,8 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         Ok(begun)
     }
 
-    fn shown(&self, operator: &Operator) -> Shown {
+    /// `is_settled`: the last job has ended, and what came of it is on the disk.
+    fn shown(&self, operator: &Operator, keeper: &Keeper<'_, '_>, is_settled: bool) -> Shown {
         let condition = self.condition(operator);
         let live = operator.live();
         let program = match &self.part {
@@ -592,10 +682,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 planned_time_s: part.overview.time_s,
                 result: result(part).map(outcome_word),
             }),
-            job: operator
-                .job_outcome()
-                .filter(|_| self.checking.is_none() && !self.is_planning && operator.is_up_to_date())
-                .map(outcome_word),
+            job: operator.job_outcome().filter(|_| is_settled).map(outcome_word),
             mdi,
             waiting: live.waiting.map(|waiting| Waiting {
                 what: waiting.word(),
@@ -608,6 +695,9 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             alarm: operator.alarm().map(|alarm| alarm.cause.clone()),
             obstruction: operator.obstruction().map(str::to_owned),
             messages: operator.journal().iter().rev().take(MESSAGES).rev().cloned().collect(),
+            parts: keeper.memory.now().parts,
+            runs_left: operator.runs_left(),
+            last_program: keeper.memory.now().program.clone(),
         }
     }
 
@@ -641,7 +731,13 @@ fn way_back(live: &Snapshot, config: &Config) -> Option<Vec<String>> {
 /// The row of the table of orders; `None`: it only looks.
 fn wish(order: &Order) -> Option<Wish> {
     Some(match order {
-        Order::Offsets | Order::Tools | Order::Journal(_) | Order::Note(_) => return None,
+        Order::Offsets
+        | Order::Tools
+        | Order::Journal(_)
+        | Order::Note(_)
+        | Order::MdiHistory
+        | Order::Report(_)
+        | Order::Parts { .. } => return None,
         Order::On => Wish::On,
         Order::Off => Wish::Off,
         Order::Home(_) => Wish::Home,

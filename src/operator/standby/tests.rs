@@ -4,8 +4,10 @@ use crate::config;
 use crate::machine::faults::SILENCED;
 use crate::machine::sequence::{Job, Outcome, Step};
 use crate::machine::state::State;
+use crate::machine::state_file::Remembered;
 use crate::machine::tables::Tables;
 use crate::operator::console::Operator;
+use crate::operator::memory::Memory;
 use crate::operator::rehearsal::{Rehearsal, rehearse_with};
 use crate::operator::table_writer::Keeper;
 use crate::rt::timeout;
@@ -41,7 +43,8 @@ fn while_standing_by(act: impl FnOnce(&mut Rehearsal<'_>, Clients<'_, '_>, &Orde
 
 fn serve_clients(run: &mut Rehearsal<'_>, clients: &mut Clients<'_, '_>) {
     let now_ns = run.now_ns();
-    let mut keeper = Keeper::new(clients.scope, clients.tables);
+    let memory = Memory::new(clients.config, Remembered::default());
+    let mut keeper = Keeper::new(clients.scope, clients.tables, memory);
     clients.serve(&mut run.operator, &mut keeper, false, now_ns).unwrap();
 }
 

@@ -9,8 +9,10 @@ use crate::api::orders::{Jog, Jogged, Order, OrderClient, Source, order_channel}
 use crate::config::{self, Config};
 use crate::machine::sequence::Step;
 use crate::machine::state::State;
+use crate::machine::state_file::Remembered;
 use crate::machine::tables::{Tables, lock};
 use crate::operator::console::Operator;
+use crate::operator::memory::Memory;
 use crate::operator::rehearsal::{Rehearsal, rehearse_with};
 use crate::operator::table_writer::Keeper;
 use crate::program::text::Reader;
@@ -237,6 +239,7 @@ impl Day<'_, '_, '_, '_> {
                 _ => Order::Start {
                     from_line: self.random.once_in(2).then(|| 5 + self.random.below(9) as u32),
                     yes: true,
+                    runs: 1,
                 },
             },
             State::Running => match self.random.below(6) {
@@ -295,10 +298,12 @@ impl Day<'_, '_, '_, '_> {
             12 => Order::Start {
                 from_line: None,
                 yes: false,
+                runs: 1,
             },
             13 => Order::Start {
                 from_line: Some(1 + self.random.below(17) as u32),
                 yes: self.random.once_in(2),
+                runs: 1,
             },
             14 | 15 => Order::Run(part()),
             16..=18 => Order::Mdi(LINES[self.random.below(LINES.len() as u64) as usize].into()),
@@ -487,7 +492,7 @@ fn live(config: &Config, seed: u64, disturbed: bool) -> (Path3, BTreeMap<String,
             let mut day = Day {
                 run,
                 clients: Clients::new(scope, config, &tables, true, inbox),
-                keeper: Keeper::new(scope, &tables),
+                keeper: Keeper::new(scope, &tables, Memory::new(config, Remembered::default())),
                 tables: &tables,
                 client: &client,
                 random: Random(SplitMix64::new(seed)),

@@ -656,6 +656,9 @@ impl<B: CyclicBus> MotionController<B> {
             Some(program) => (self.program_cycles as f64 * self.parts.cycle_s, program.remaining_s()),
             None => (0.0, 0.0),
         };
+        for (joint, drive) in self.parts.drives.iter().enumerate() {
+            self.outlets.live.show_place(joint, drive.place());
+        }
         self.outlets.live.show(&Snapshot {
             state: self.state,
             enables: self.sample.enables,

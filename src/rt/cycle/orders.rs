@@ -39,6 +39,7 @@ impl<B: CyclicBus> MotionController<B> {
             (Command::Home(joints), State::Ready) => {
                 self.home(joints);
             }
+            (Command::TakeHome { joint, zero_mm }, State::Disabled) => self.parts.drives.take_home(joint, zero_mm),
             (Command::Jog(order), State::Ready | State::Jogging | State::Held | State::Away) => self.jog(&order),
             (Command::Start { program, mdi }, State::Ready)
                 if self.limits == [0; 2] && self.parts.drives.all(|drive| drive.is_homed()) =>
@@ -111,6 +112,7 @@ impl<B: CyclicBus> MotionController<B> {
             (Command::ShutDown, _) => self.switch_off(State::ShuttingDown),
             (Command::Enable, _)
             | (Command::Home(_), _)
+            | (Command::TakeHome { .. }, _)
             | (Command::Jog(_), _)
             | (Command::EstopReset, _)
             | (Command::Hold, _)

@@ -1,0 +1,173 @@
+//! What is kept on the disk, by the code that keeps it, in a process that is killed at any instant.
+//!
+//! The process is this test binary, started anew: it changes everything again and again, and says the number of each change once
+//! all of it counts as written.
+
+use super::console::Operator;
+use super::journal_keeper;
+use super::memory::{self, Memory};
+use super::table_writer::Keeper;
+use crate::config;
+use crate::config::Config;
+use crate::machine::journal::Journal;
+use crate::machine::state_file::{self, Parts};
+use crate::machine::tables::{Tables, lock};
+use crate::program::{Change, changed};
+use crate::rt::shared::OperatorEndpoints;
+use motion::canon::{Axis, Position};
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::atomic::AtomicU64;
+use std::sync::{Arc, Mutex, mpsc};
+use std::time::Duration;
+
+const KILLS: u64 = 200;
+/// Its value is the folder of the process that is to be killed.
+const FOLDER: &str = "ISOCNC_TEST_KEEP_IN";
+/// How that process is called among the tests.
+const PROCESS: &str = "operator::tests_kills::the_process_that_is_killed";
+
+fn machine(folder: &Path) -> Config {
+    let text = include_str!("../../configs/mill3-demo.toml");
+    let mut config = config::parse(text, Path::new("demo.toml")).unwrap();
+    config.state_directory = Some(folder.to_owned());
+    config
+}
+
+fn operator(config: &Config) -> Operator {
+    let endpoints = OperatorEndpoints {
+        commands: rtrb::RingBuffer::new(1).0,
+        notices: rtrb::RingBuffer::new(1).1,
+        trace: rtrb::RingBuffer::new(1).1,
+        finished: rtrb::RingBuffer::new(1).1,
+        live: Arc::default(),
+    };
+    Operator::new(config, endpoints, 0)
+}
+
+fn text(number: u64) -> String {
+    format!("change {number}")
+}
+
+#[test]
+fn the_process_that_is_killed() {
+    let Some(folder) = std::env::var_os(FOLDER) else {
+        return;
+    };
+    let folder = Path::new(&folder);
+    let config = &machine(folder);
+    let tables = &Mutex::new(Tables::read(config).unwrap());
+    let mut operator = operator(config);
+    let opened = Journal::open(folder).unwrap();
+    let treated = Arc::new(AtomicU64::new(0));
+    let (sender, entries) = mpsc::channel();
+    operator.keep_journal(opened.entries, opened.last, sender, Arc::clone(&treated));
+    let state = state_file::open(folder, &config.name);
+    assert_eq!((opened.warning, state.warning), (None, None));
+    let first = state.remembered.parts.count + 1;
+    let mut memory = Memory::new(config, state.remembered);
+    let writer = memory.kept_on_disk(folder);
+    std::thread::scope(|scope| {
+        scope.spawn(move || journal_keeper::keep(opened.journal, &entries, &treated));
+        scope.spawn(move || memory::write(folder, &writer));
+        let mut keeper = Keeper::new(scope, tables, memory);
+        for number in first.. {
+            let (axis, value) = (Axis::X, number as f64);
+            let system = Some(2);
+            let offset = Change::Offset { axis, value, system };
+            let tool = Change::Tool {
+                number: 5,
+                length: Some(number as f64),
+                diameter: None,
+            };
+            for change in [offset, tool] {
+                let left = changed(config, &lock(tables), Position::ZERO, None, &change);
+                keeper.hand_in(left.unwrap());
+            }
+            keeper.memory.add_mdi(&text(number));
+            let (count, target) = (number, None);
+            keeper.memory.set_parts(Parts { count, target });
+            operator.add_entry(text(number));
+            let mark = keeper.mark(&operator);
+            while !keeper.is_settled(&mark, &operator) {
+                keeper.poll(&mut operator).unwrap();
+                keeper.look(&mut operator, 0);
+                std::thread::sleep(Duration::from_micros(100));
+            }
+            assert_eq!(keeper.failure(), None);
+            writeln!(std::io::stdout(), "\nchanged {number}").unwrap();
+        }
+    });
+}
+
+/// A process is killed when it has said this many changes, and some time later.
+fn killed_after(folder: &Path, changes: usize, later: Duration) -> u64 {
+    let mut process = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", PROCESS, "--nocapture", "--test-threads=1"])
+        .env(FOLDER, folder)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let lines = BufReader::new(process.stdout.take().unwrap()).lines();
+    let mut said = lines.map_while(Result::ok).filter_map(|line| {
+        let number = line.strip_prefix("changed ")?;
+        number.parse::<u64>().ok()
+    });
+    let mut last = 0;
+    for number in said.by_ref().take(changes) {
+        last = number;
+    }
+    std::thread::sleep(later);
+    process.kill().unwrap();
+    // What it has said before it was killed counts.
+    last = said.last().unwrap_or(last);
+    process.wait().unwrap();
+    last
+}
+
+#[test]
+fn two_hundred_kills_lose_nothing_that_counted_as_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let config = machine(folder);
+    // A generator of pseudo-random numbers, the same in each run.
+    let mut seed = 18_u64;
+    let mut random = |below: u64| {
+        seed = seed
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 33) % below
+    };
+    let mut said = 0;
+    for kill in 0..KILLS {
+        let later = Duration::from_micros(random(4_000));
+        said = killed_after(folder, random(3) as usize, later).max(said);
+        let state = state_file::open(folder, &config.name);
+        assert_eq!(state.warning, None, "kill {kill}");
+        let count = state.remembered.parts.count;
+        assert!((said..=said + 1).contains(&count), "kill {kill}: {count}, said {said}");
+        assert_eq!(
+            state.remembered.mdi.last().cloned(),
+            (count > 0).then(|| text(count)),
+            "kill {kill}"
+        );
+        // The files that a person edits are whole as well.
+        let tables = Tables::read(&config).unwrap_or_else(|error| panic!("kill {kill}: {error}"));
+        let found = tables.parameters().iter().find(|(number, _)| *number == 5241);
+        let offset = found.map_or(0.0, |(_, value)| *value) as u64;
+        let length = tables.tools().tools().find(|tool| tool.number == 5).unwrap().offset[Axis::Z] as u64;
+        for value in [offset, length] {
+            assert!((said..=said + 1).contains(&value), "kill {kill}: {value}, said {said}");
+        }
+        let journal = Journal::open(folder).unwrap();
+        assert_eq!(journal.warning, None, "kill {kill}");
+        assert!(
+            journal.entries.iter().map(|entry| entry.seq).eq(1..=journal.last),
+            "kill {kill}"
+        );
+        let told = (1..=said).all(|number| journal.entries.iter().any(|entry| entry.text == text(number)));
+        assert!(told, "kill {kill}: said {said}");
+    }
+    assert!(said > KILLS / 2, "only {said} changes in {KILLS} processes");
+}
