@@ -473,3 +473,37 @@ fn away_from_the_path_and_on_the_way_back_a_stop_gives_the_part_up_and_a_fault_s
         });
     }
 }
+
+/// The mains fail in the cut: to rest on the path, the tool out of the work, then drives off; power that comes back starts nothing.
+#[test]
+fn mains_that_fail_stop_the_part_and_take_the_tool_out_of_the_work() {
+    for retract_mm in [0.0, 6.5] {
+        let mut config = machine();
+        config.mains.retract_mm = retract_mm;
+        let act = |run: &mut Rehearsal<'_>| {
+            reach_midst(run);
+            run.hal.set("iocontrol.0.mains-ok", false).unwrap();
+            reach_state(run, State::Stopping);
+            reach(run, "at rest on the path", |run| {
+                run.operator.live().velocity_mm_s == 0.0
+            });
+            let rest = place(run);
+            reach_state(run, State::Faulted);
+            let end = place(run);
+            assert_eq!(end[..2], rest[..2]);
+            assert!((end[2] - rest[2] - retract_mm).abs() < 1e-9, "{rest:?} {end:?}");
+            let _ = run.run_until(500, |_| false).unwrap();
+            let cause = &run.operator.alarms()[0].cause;
+            assert_eq!(cause, "the mains have failed (iocontrol.0.mains-ok)");
+            run.hal.set("iocontrol.0.mains-ok", true).unwrap();
+            // Drives without power rest where they are, but for what is left of a following error.
+            let moves = |run: &mut Rehearsal<'_>| (0..3).any(|axis| (place(run)[axis] - end[axis]).abs() > 0.05);
+            assert!(!run.run_until(500, moves).unwrap(), "it moves again");
+            for peaks in run.control.peaks() {
+                assert_eq!(peaks.over, [0; 3], "{peaks:?}");
+            }
+            Ok(())
+        };
+        rehearse(&config, PART.as_bytes(), NetConfig::clean(11), act).expect("a rehearsal");
+    }
+}

@@ -376,3 +376,48 @@ fn a_table_that_is_edited_behind_the_load_counts_at_the_start() {
     std::fs::write(&table, "T5 P5 Z11\n").unwrap();
     done(&control, &["program", "start"], "completed; drives are on");
 }
+
+/// M1 stops with its switch on, as it is reached; lines behind a slash are run or not, as the switch stood at the start.
+#[test]
+fn the_switches_for_m1_and_for_slashes_count() {
+    let control = day("switches", by_hand);
+    done(&control, &["home"], "homed; drives are on");
+    let part = control.program("part.ngc", "G21 G90 G94 G54\nG0 X5 Y5\nM1\n/G0 X20\nG0 Y7\nM2\n");
+    let path = part.to_str().unwrap();
+    done(&control, &["program", "run", path], "completed; drives are on");
+    assert_near(work_mm(&control)[0], 20.0);
+
+    done(&control, &["optional-stop", "on"], "stops at M1");
+    done(
+        &control,
+        &["block-delete", "on"],
+        "lines that begin with / are left out",
+    );
+    assert_eq!(
+        control
+            .ask(&["hal", "get", "halui.program.optional-stop.is-on"])
+            .unwrap()["value"],
+        true
+    );
+    control.ask(&["program", "start", "--no-wait"]).unwrap();
+    let waiting = control.wait_for("the stop", |status| status["waiting"]["for"] == "operator");
+    assert_eq!(
+        (&waiting["optional_stop"], &waiting["block_delete"]),
+        (&Value::Bool(true), &Value::Bool(true))
+    );
+    // What has stopped goes on by an order only; the lines of a program under way stay what they are.
+    done(
+        &control,
+        &["optional-stop", "off"],
+        "does not stop at M1; one that has stopped goes on with: isocnc resume",
+    );
+    control.refused(&["block-delete", "off"], "a program runs");
+    assert_eq!(status(&control)["waiting"]["for"], "operator");
+    control.ask(&["resume"]).unwrap();
+    control.wait_for("the end", |status| status["job"] == "completed");
+    assert_near(work_mm(&control)[0], 5.0);
+    assert_near(work_mm(&control)[1], 7.0);
+    done(&control, &["block-delete", "off"], "lines that begin with / are run");
+    done(&control, &["program", "start"], "completed; drives are on");
+    assert_near(work_mm(&control)[0], 20.0);
+}

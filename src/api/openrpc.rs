@@ -398,6 +398,8 @@ fn status() -> Value {
         "line": whole(),
         "direction": { "type": "string", "enum": ["forward", "reverse"] },
         "single_block": flag(),
+        "optional_stop": flag(),
+        "block_delete": flag(),
         "velocity_mm_s": number(),
         "axes": list(object(json!({ "axis": text(), "joints": list(whole()), "unit": text() }))),
         "position_mm": positions(),

@@ -58,6 +58,10 @@ pub enum Order {
     Reverse(f64),
     /// Whether to rest at the end of each block.
     SingleBlock(bool),
+    /// Whether M1 stops.
+    OptionalStop(bool),
+    /// Whether lines that begin with / are left out, of what is begun from now on.
+    BlockDelete(bool),
     /// The tool that the program waits for is in the spindle.
     ToolChanged,
     /// Come to rest on the path and give the program up; drives stay on.
@@ -137,6 +141,8 @@ pub struct Shown {
     pub codes: Vec<String>,
     /// Place of the axes in the work system in force for MDI, less what is added to it: subtract from machine coordinates.
     pub work_offset: Vec<f64>,
+    /// Lines that begin with / are left out.
+    pub block_delete: bool,
     /// Tool in the spindle, 0: none.
     pub tool: u32,
     /// Why the machine stopped by itself; stands until it is acknowledged or another program begins.

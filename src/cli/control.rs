@@ -168,12 +168,12 @@ pub struct ReverseArgs {
     percent: f64,
 }
 
-/// Arguments of `single-block`.
+/// Arguments of `single-block`, `optional-stop` and `block-delete`.
 #[derive(Clone, Debug, Args)]
-pub struct SingleBlockArgs {
+pub struct SwitchArgs {
     #[command(flatten)]
     control: ControlArgs,
-    /// Whether the program rests at the end of each block
+    /// Whether it is to count
     switch: Switch,
 }
 
@@ -559,19 +559,46 @@ pub fn reverse(args: &ReverseArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Switches M1 on or off.
+///
+/// # Errors
+/// No control answers, or it refuses.
+pub fn optional_stop(args: &SwitchArgs) -> anyhow::Result<ExitCode> {
+    let done = match args.switch {
+        Switch::On => "stops at M1",
+        Switch::Off => "does not stop at M1; one that has stopped goes on with: isocnc resume",
+    };
+    switch(args, "optional_stop", done)
+}
+
+/// Switches block delete on or off.
+///
+/// # Errors
+/// No control answers, or it refuses.
+pub fn block_delete(args: &SwitchArgs) -> anyhow::Result<ExitCode> {
+    let done = match args.switch {
+        Switch::On => "lines that begin with / are left out",
+        Switch::Off => "lines that begin with / are run",
+    };
+    switch(args, "block_delete", done)
+}
+
+fn switch(args: &SwitchArgs, method: &str, done: &str) -> anyhow::Result<ExitCode> {
+    let answer = call(&args.control, method, json!({ "on": args.switch == Switch::On }))?;
+    print(&args.control, &answer, done);
+    Ok(ExitCode::SUCCESS)
+}
+
 /// Switches single block on or off.
 ///
 /// # Errors
 /// No control answers, or it refuses.
-pub fn single_block(args: &SingleBlockArgs) -> anyhow::Result<ExitCode> {
-    let on = args.switch == Switch::On;
-    let answer = call(&args.control, "single_block", json!({ "on": on }))?;
-    let done = match on {
-        true => "rests at the end of each block; the next one with: isocnc resume",
-        false => "blocks follow each other; a program that rests goes on with: isocnc resume",
+pub fn single_block(args: &SwitchArgs) -> anyhow::Result<ExitCode> {
+    let done = match args.switch {
+        Switch::On => "rests at the end of each block; the next one with: isocnc resume",
+        Switch::Off => "blocks follow each other; a program that rests goes on with: isocnc resume",
     };
-    print(&args.control, &answer, done);
-    Ok(ExitCode::SUCCESS)
+    switch(args, "single_block", done)
 }
 
 /// Turns an override.

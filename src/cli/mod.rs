@@ -86,7 +86,13 @@ enum Command {
     Reverse(control::ReverseArgs),
     /// Let the program rest at the end of each block; `resume` runs the next one.
     #[command(after_help = "Example: isocnc single-block on")]
-    SingleBlock(control::SingleBlockArgs),
+    SingleBlock(control::SwitchArgs),
+    /// Let the program stop at M1 as at M0, or not.
+    #[command(after_help = "Example: isocnc optional-stop on")]
+    OptionalStop(control::SwitchArgs),
+    /// Leave out lines that begin with /, or run them; not while a program runs.
+    #[command(after_help = "Example: isocnc block-delete on")]
+    BlockDelete(control::SwitchArgs),
     /// Bring the machine to rest, a program on its path, and give it up; drives stay on.
     #[command(after_help = "Example: isocnc stop")]
     Stop(control::OrderArgs),
@@ -175,6 +181,8 @@ pub fn main() -> ExitCode {
         Command::Resume(args) => control::resume(args),
         Command::Reverse(args) => control::reverse(args),
         Command::SingleBlock(args) => control::single_block(args),
+        Command::OptionalStop(args) => control::optional_stop(args),
+        Command::BlockDelete(args) => control::block_delete(args),
         Command::Stop(args) => control::lasting(args, control::Lasting::Stop),
         Command::Override(args) => control::set_overrides(args),
         Command::Parts(args) => tables::parts(args),

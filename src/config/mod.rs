@@ -292,6 +292,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     let sim = root
         .section("sim")
         .and_then(|section| sim::sim(section, nodes, all_joints));
+    let mains = root.section("mains").and_then(mains);
     root.not_yet(&["logic", "hmi", "service"]);
     root.done();
 
@@ -311,6 +312,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         spindle: spindle?,
         program: program?,
         tools: tools?,
+        mains: mains?,
         nets: nets?,
         sim: sim?,
     })
@@ -405,6 +407,20 @@ fn rt(mut section: Section<'_, '_>, cycle_us: Option<u32>) -> Option<Rt> {
         overruns_stop: overruns_stop? as u32,
         lock_memory: lock_memory?,
         require: require?,
+    })
+}
+
+fn mains(mut section: Section<'_, '_>) -> Option<Mains> {
+    let defaults = Mains::default();
+    let retract_axis = match section.has("retract_axis") {
+        true => joints::letter(&mut section, "retract_axis"),
+        false => Some(defaults.retract_axis),
+    };
+    let retract_mm = section.number("retract_mm", Bound::Within(-1000.0, 1000.0), defaults.retract_mm);
+    section.done();
+    Some(Mains {
+        retract_axis: retract_axis?,
+        retract_mm: retract_mm?,
     })
 }
 

@@ -78,6 +78,7 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
         i64::from(default.analog_pins),
     );
     let block_delete = section.flag("block_delete", default.block_delete);
+    let optional_stop = section.flag("optional_stop", default.optional_stop);
     let diameter_mode = section.flag("diameter_mode", default.diameter_mode);
     let keep_g92 = section.flag("keep_g92", default.keep_g92);
     let fanuc_subroutines = section.flag("fanuc_subroutines", default.fanuc_subroutines);
@@ -114,7 +115,6 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
         table.done();
     }
     section.renamed("planner_threads", "threads");
-    section.not_yet(&["optional_stop"]);
     Some(Program {
         tolerance_mm: tolerance_mm?,
         rapid_tolerance_mm: rapid_tolerance_mm?,
@@ -133,6 +133,7 @@ pub(super) fn program(section: &mut Section<'_, '_>, base: &Path) -> Option<Prog
         digital_pins: digital_pins? as u16,
         analog_pins: analog_pins? as u16,
         block_delete: block_delete?,
+        optional_stop: optional_stop?,
         diameter_mode: diameter_mode?,
         keep_g92: keep_g92?,
         fanuc_subroutines: fanuc_subroutines?,

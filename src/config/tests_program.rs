@@ -89,6 +89,7 @@ pins."Motion.digital-in-00" = 1
 digital_pins = 64
 analog_pins = 16
 block_delete = true
+optional_stop = true
 diameter_mode = true
 keep_g92 = false
 fanuc_subroutines = false
@@ -154,6 +155,7 @@ orient_offset_degrees = -90
         digital_pins: 64,
         analog_pins: 16,
         block_delete: true,
+        optional_stop: true,
         diameter_mode: true,
         keep_g92: false,
         fanuc_subroutines: false,
@@ -208,12 +210,12 @@ fn each_rule_has_its_message() {
     let folder = folder();
     let cases: &[(&str, &[&str])] = &[
         (
-            "[program]\nparameter_file = \"no/m.var\"\ndirectory = \"nowhere\"\nlog_directory = \"x\"\noptional_stop = true\nstartup_code = 5\ndigital_pins = 0\nanalog_pins = 17",
+            "[program]\nparameter_file = \"no/m.var\"\ndirectory = \"nowhere\"\nlog_directory = \"x\"\noptional_stop = 1\nstartup_code = 5\ndigital_pins = 0\nanalog_pins = 17",
             &[
                 "2:18: program.parameter_file = \"no/m.var\": there is no folder HERE/no",
                 "3:13: program.directory = \"nowhere\": there is no folder HERE/nowhere",
                 "4:17: program.log_directory = \"x\": there is no folder HERE/x",
-                "5:1: program.optional_stop: is not supported yet",
+                "5:17: program.optional_stop = 1: must be true or false, is an integer",
                 "6:16: program.startup_code = 5: must be a string, is an integer",
                 "7:16: program.digital_pins = 0: must be an integer from 1 to 64",
                 "8:15: program.analog_pins = 17: must be an integer from 1 to 16",
@@ -240,10 +242,10 @@ fn each_rule_has_its_message() {
             ],
         ),
         (
-            "[program]\nsubroutine_directories = [\"a\",\"a\",\"a\",\"a\",\"a\",\"a\",\"a\",\"a\",\"a\",\"a\",\"a\"]\noptional_stop = true\nstartupcode = \"\"\n",
+            "[program]\nsubroutine_directories = [\"a\",\"a\",\"a\",\"a\",\"a\",\"a\",\"a\",\"a\",\"a\",\"a\",\"a\"]\noptional_stop = 2\nstartupcode = \"\"\n",
             &[
                 "2:26: program.subroutine_directories = [\"a\",\"a\",\"a\",\"a\",\"a\",\"a\",\"a\",\"a\",\"a\",\"a\",\"a\"]: must not be more than 10 folders, are 11",
-                "3:1: program.optional_stop: is not supported yet",
+                "3:17: program.optional_stop = 2: must be true or false, is an integer",
                 "4:1: program.startupcode: unknown key; did you mean `startup_code`?",
             ],
         ),

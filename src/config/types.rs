@@ -50,6 +50,7 @@ pub struct Config {
     /// How programs are run.
     pub program: Program,
     pub tools: Tools,
+    pub mains: Mains,
     /// Connections between pins.
     pub nets: Vec<Net>,
     /// What the simulated machine is made of.
@@ -536,6 +537,8 @@ pub struct Program {
     pub analog_pins: u16,
     /// Leave out lines that begin with `/`; default false.
     pub block_delete: bool,
+    /// Stop at M1 until the operator switches that off.
+    pub optional_stop: bool,
     /// X words are diameters (G7) at the start; default false.
     pub diameter_mode: bool,
     /// The offset of G92 and G52 outlives the process; default true.
@@ -591,6 +594,7 @@ impl Default for Program {
             digital_pins: 4,
             analog_pins: 4,
             block_delete: false,
+            optional_stop: false,
             diameter_mode: false,
             keep_g92: true,
             fanuc_subroutines: true,
@@ -747,4 +751,22 @@ pub enum SimOutline {
     Circle {
         radius_mm: f64,
     },
+}
+
+/// What is done with the energy that is left when the mains fail, behind the stop on the path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mains {
+    /// The axis that takes the tool out of the work.
+    pub retract_axis: Axis,
+    /// How far, mm; its sign is the direction. 0: it stays.
+    pub retract_mm: f64,
+}
+
+impl Default for Mains {
+    fn default() -> Mains {
+        Mains {
+            retract_axis: Axis::Z,
+            retract_mm: 0.0,
+        }
+    }
 }

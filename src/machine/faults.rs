@@ -190,6 +190,8 @@ pub enum Fault {
     EmergencyStop { by_order: bool },
     /// A limit switch closed; `above`: the one at the upper end.
     LimitSwitch { joint: usize, above: bool },
+    /// The mains have failed: what energy is left is for a stop.
+    MainsLost,
     /// The network adapter does not send or receive.
     LinkFailed { error: LinkFailure },
 }
@@ -269,6 +271,7 @@ impl Fault {
             | Fault::TooManyOverruns { .. }
             | Fault::PinsLost
             | Fault::LimitSwitch { .. }
+            | Fault::MainsLost
             | Fault::ForeignMaster { .. }
             | Fault::LinkFailed {
                 error: LinkFailure::Down | LinkFailure::FrameLength { .. } | LinkFailure::Os { .. },
@@ -304,6 +307,7 @@ impl Fault {
             Fault::CycleHung => "C-404",
             Fault::PinsLost => "C-406",
             Fault::EmergencyStop { .. } => "E-501",
+            Fault::MainsLost => "E-502",
         }
     }
 
@@ -353,6 +357,7 @@ impl Fault {
             | Fault::PinsLost
             | Fault::EmergencyStop { .. }
             | Fault::LimitSwitch { .. }
+            | Fault::MainsLost
             | Fault::ForeignMaster { .. } => false,
         }
     }
@@ -448,6 +453,7 @@ impl Fault {
                 joint(index),
                 if above { "upper" } else { "lower" }
             ),
+            Fault::MainsLost => "the mains have failed (iocontrol.0.mains-ok)".into(),
             Fault::ForeignMaster { sign } => format!("{sign}; disconnect it or end it"),
             Fault::LinkFailed { error } => format!("network adapter: {error}"),
         }

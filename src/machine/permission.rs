@@ -43,13 +43,17 @@ pub enum Wish {
     Reverse,
     /// Rest at the end of each block, or not.
     SingleBlock,
+    /// Stop at M1, or not.
+    OptionalStop,
+    /// Leave out lines that begin with /, or not.
+    BlockDelete,
     /// To rest; what runs is given up, drives stay on.
     Stop,
 }
 
 impl Wish {
     /// All of them.
-    pub const ALL: [Wish; 18] = [
+    pub const ALL: [Wish; 20] = [
         Wish::On,
         Wish::Off,
         Wish::Estop,
@@ -67,6 +71,8 @@ impl Wish {
         Wish::Resume,
         Wish::Reverse,
         Wish::SingleBlock,
+        Wish::OptionalStop,
+        Wish::BlockDelete,
         Wish::Stop,
     ];
 
@@ -90,6 +96,8 @@ impl Wish {
             Wish::Resume => "resume",
             Wish::Reverse => "reverse",
             Wish::SingleBlock => "single-block",
+            Wish::OptionalStop => "optional-stop",
+            Wish::BlockDelete => "block-delete",
             Wish::Stop => "stop",
         }
     }
@@ -245,7 +253,13 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
     if !condition.stands_by
         && !matches!(
             wish,
-            Wish::Hold | Wish::Resume | Wish::Reverse | Wish::SingleBlock | Wish::Stop | Wish::Estop
+            Wish::Hold
+                | Wish::Resume
+                | Wish::Reverse
+                | Wish::SingleBlock
+                | Wish::OptionalStop
+                | Wish::Stop
+                | Wish::Estop
         )
     {
         return refused(
@@ -254,7 +268,7 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
         );
     }
     match wish {
-        Wish::Estop | Wish::SingleBlock => Ok(()),
+        Wish::Estop | Wish::SingleBlock | Wish::OptionalStop => Ok(()),
         Wish::EstopReset => match power {
             // A latch may hold the chain open that a reset closes.
             Power::Estop | Power::EstopOpen => Ok(()),
@@ -309,7 +323,8 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
             }
         }
         Wish::TouchOff => is_homed(condition).and_then(|()| is_idle(activity)),
-        Wish::Set => is_idle(activity),
+        // What is under way has been checked with the lines that it leaves out.
+        Wish::Set | Wish::BlockDelete => is_idle(activity),
         Wish::Load => match activity {
             Activity::Idle | Activity::Homing | Activity::Jogging => Ok(()),
             _ => is_idle(activity),
@@ -433,7 +448,7 @@ mod tests {
                 }
             }
         }
-        assert_eq!(done + refused, 18 * 16 * 8 * 9);
+        assert_eq!(done + refused, 20 * 16 * 8 * 9);
         assert!(done > 1000 && refused > 1000, "{done} {refused}");
     }
 

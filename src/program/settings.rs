@@ -51,6 +51,7 @@ pub fn settings_with(config: &Config, tables: &Tables, start: Position) -> gcode
     let mut settings = gcode::Settings {
         tools: tables.tools().clone(),
         tool_in_spindle: tables.tool_in_spindle(),
+        block_delete: tables.block_delete,
         ..interpreter_settings(config, start)
     };
     settings.set_parameters(tables.parameters());

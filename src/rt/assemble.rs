@@ -14,7 +14,7 @@ use crate::bus::{CyclicBus, InputImage, OutputImage};
 use crate::config::{Config, Joint};
 use crate::machine::overruns::Overruns;
 use crate::rt::joint_jog::JointJog;
-use crate::rt::way_back::WayBack;
+use crate::rt::way_back::{Retract, WayBack};
 use anyhow::{Context, anyhow};
 use hal_pins::Hal;
 use motion::rt::{Monitor, MonitorLimits};
@@ -53,7 +53,9 @@ pub fn assemble<B: CyclicBus>(
         monitor: Monitor::new(&config.joints.iter().map(monitor_limits).collect::<Vec<_>>(), cycle_s),
         hand: JointJog::new(config),
         probe_stops_jog: config.probe_stops_jog,
+        optional_stop: config.program.optional_stop,
         way_back: WayBack::new(config),
+        retract: Retract::new(config),
         homer: Homer::new(config),
         pins: Pins::new(hal, config, plans).context("pins")?,
         overruns: Overruns::new(config.rt.overruns_warn, config.rt.overruns_stop),

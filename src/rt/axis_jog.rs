@@ -145,6 +145,16 @@ impl AxisJog {
         self.position.0.get(axis).copied()
     }
 
+    /// How far an axis still has to go for the increments that it was given.
+    pub fn arrears(&self, axis: usize) -> f64 {
+        Axis::ALL.get(axis).map_or(0.0, |axis| self.jog.arrears(*axis))
+    }
+
+    /// Whether an order still holds for an axis.
+    pub fn is_held(&self, axis: usize) -> bool {
+        self.holds.get(axis).is_some_and(|holds| *holds > 0)
+    }
+
     /// Where a joint is, mm.
     pub fn joint(&self, joint: usize) -> f64 {
         self.jog.joint(joint)

@@ -260,6 +260,23 @@ impl JointJog {
         }
     }
 
+    /// How far an axis or a joint that leads still has to go for the increments that it was given, mm.
+    pub fn arrears(&self, number: usize) -> f64 {
+        match self.world() {
+            Some(world) => world.arrears(number),
+            None => self.jog.arrears(number),
+        }
+    }
+
+    /// Whether an order still holds for it: nothing else has ended its motion.
+    pub fn is_held(&self, number: usize) -> bool {
+        let held = match self.world() {
+            Some(world) => world.is_held(number),
+            None => self.joints.get(number).is_some_and(|joint| joint.holds > 0),
+        };
+        self.active && held
+    }
+
     /// Whether all joints are at these positions, but for a slack, mm.
     pub fn is_at(&self, positions_mm: &[f64], slack_mm: f64) -> bool {
         let mut joints = self.joints.iter().zip(positions_mm).enumerate();

@@ -8,6 +8,7 @@ pub mod drives;
 pub mod encoder;
 pub mod homing;
 pub mod io_pins;
+pub mod jog_pins;
 pub mod joint_jog;
 pub mod override_pins;
 pub mod overrides;

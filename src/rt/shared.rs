@@ -54,6 +54,8 @@ pub enum Command {
     Reverse(f64),
     /// Whether to rest at the end of each block.
     SingleBlock(bool),
+    /// Whether M1 stops.
+    OptionalStop(bool),
     /// Come to rest on the path and give the program up.
     Stop,
     /// Switch all drives off.
@@ -150,6 +152,7 @@ pub struct RtStatus {
     line: AtomicU32,
     reversing: AtomicBool,
     single_block: AtomicBool,
+    optional_stop: AtomicBool,
     velocity_mm_s: AtomicU64,
     position: [AtomicU64; AXES],
     late_max_ns: AtomicU64,
@@ -207,6 +210,7 @@ impl RtStatus {
             line: AtomicU32::new(0),
             reversing: AtomicBool::new(false),
             single_block: AtomicBool::new(false),
+            optional_stop: AtomicBool::new(false),
             velocity_mm_s: AtomicU64::new(0),
             position: [const { AtomicU64::new(0) }; AXES],
             late_max_ns: AtomicU64::new(0),
@@ -243,6 +247,8 @@ pub struct Snapshot {
     pub reversing: bool,
     /// Whether each block ends at rest.
     pub single_block: bool,
+    /// Whether M1 stops.
+    pub optional_stop: bool,
     /// Speed on the path, mm/s.
     pub velocity_mm_s: f64,
     /// Commanded axis positions in the machine.
@@ -319,6 +325,7 @@ impl RtStatus {
         self.line.store(snapshot.line, Relaxed);
         self.reversing.store(snapshot.reversing, Relaxed);
         self.single_block.store(snapshot.single_block, Relaxed);
+        self.optional_stop.store(snapshot.optional_stop, Relaxed);
         self.velocity_mm_s.store(snapshot.velocity_mm_s.to_bits(), Relaxed);
         for (cell, value) in self.position.iter().zip(snapshot.position.0) {
             cell.store(value.to_bits(), Relaxed);
@@ -357,6 +364,7 @@ impl RtStatus {
             line: self.line.load(Relaxed),
             reversing: self.reversing.load(Relaxed),
             single_block: self.single_block.load(Relaxed),
+            optional_stop: self.optional_stop.load(Relaxed),
             velocity_mm_s: float(&self.velocity_mm_s),
             position: Position(std::array::from_fn(|axis| float(&self.position[axis]))),
             late_max_ns: self.late_max_ns.load(Relaxed),

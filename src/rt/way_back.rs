@@ -137,3 +137,25 @@ impl WayBack {
         })
     }
 }
+
+/// The way of the tool out of the work when the mains fail.
+#[derive(Clone, Copy, Debug)]
+pub struct Retract {
+    /// The joint that leads, and the axis, by which the hand knows it.
+    pub numbers: [usize; 2],
+    /// Distance; its sign is the direction.
+    pub distance_mm: f64,
+}
+
+impl Retract {
+    /// As the machine file says; `None`: it stays where it stops.
+    pub fn new(config: &Config) -> Option<Retract> {
+        let (axis, distance_mm) = (config.mains.retract_axis, config.mains.retract_mm);
+        let map = config.axes.iter().find(|map| map.axis == axis)?;
+        let joint = *map.joints.first()?;
+        (distance_mm != 0.0).then_some(Retract {
+            numbers: [joint, axis as usize],
+            distance_mm,
+        })
+    }
+}

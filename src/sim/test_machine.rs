@@ -136,6 +136,7 @@ pub(super) fn test_config() -> Config {
         spindle: Spindle::default(),
         program: Program::default(),
         tools: Tools::default(),
+        mains: Mains::default(),
         nets: Vec::new(),
         sim: Sim {
             natural_frequency_hz: 60.0,

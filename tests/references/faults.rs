@@ -135,6 +135,7 @@ pub(crate) fn examples() -> Vec<Fault> {
         Fault::EmergencyStop { by_order: false },
         Fault::EmergencyStop { by_order: true },
         Fault::LimitSwitch { joint: 0, above: true },
+        Fault::MainsLost,
     ]);
     examples.extend(OF_LINKS.map(|error| Fault::LinkFailed { error }));
     covers(FAULTS, "Fault", &examples);

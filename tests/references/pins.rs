@@ -13,6 +13,7 @@ fn general(name: &str) -> String {
         "joint" | "cia402" => parts[1] = "N",
         "io" | "plk" if parts.len() == 3 => parts[1] = "ID",
         "axis" => parts[1] = "L",
+        "halui" if parts[1] == "axis" && parts.len() == 4 => parts[2] = "L",
         _ => {}
     }
     let name = parts.join(".");

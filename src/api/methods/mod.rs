@@ -159,6 +159,8 @@ impl Methods {
             "line": live.line,
             "direction": if live.reversing { "reverse" } else { "forward" },
             "single_block": live.single_block,
+            "optional_stop": live.optional_stop,
+            "block_delete": shown.block_delete,
             "velocity_mm_s": live.velocity_mm_s,
             "axes": self.axes,
             "position_mm": live.position.0,

@@ -523,6 +523,27 @@ pub const METHODS: &[Method] = &[
         ..ORDER
     },
     Method {
+        name: "optional_stop",
+        params: &[needed("on", Kind::Flag)],
+        does: "\"on\" (true or false): the program stops at M1 and waits for \"resume\"; counts as an M1 is reached",
+        call: |methods, call| {
+            let on = call.params.flag("on");
+            methods.order_of(call, on.map(Order::OptionalStop))
+        },
+        ..ORDER
+    },
+    Method {
+        name: "block_delete",
+        params: &[needed("on", Kind::Flag)],
+        does: "\"on\" (true or false): lines that begin with / are left out of programs and lines of MDI; refused while one runs, as \
+               it was checked with the lines that it has",
+        call: |methods, call| {
+            let on = call.params.flag("on");
+            methods.order_of(call, on.map(Order::BlockDelete))
+        },
+        ..ORDER
+    },
+    Method {
         name: "stop",
         does: "brings the machine to rest, a program on its path, and gives it up; spindle and coolant go off, drives stay on",
         needs: Needs::Nothing,

@@ -38,6 +38,8 @@ pub struct Tables {
     tool_in_spindle: u32,
     parameter_file: Option<Kept>,
     tool_file: Option<Kept>,
+    /// The operator's switch: lines that begin with / are left out.
+    pub block_delete: bool,
 }
 
 /// A file, and what it held when it was read or written last; `None`: it was not there.
@@ -113,6 +115,7 @@ impl Tables {
             tool_in_spindle: 0,
             parameter_file: kept(&config.program.parameter_file, "parameters.var"),
             tool_file: kept(&config.tools.table, "tools.tbl"),
+            block_delete: config.program.block_delete,
         };
         tables.refresh(config)?;
         if !config.program.keep_g92 {

@@ -406,6 +406,14 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 operator.give(Command::SingleBlock(on));
                 Ok(())
             }
+            Order::OptionalStop(on) => {
+                operator.give(Command::OptionalStop(on));
+                Ok(())
+            }
+            Order::BlockDelete(on) => {
+                lock(self.tables).block_delete = on;
+                Ok(())
+            }
             Order::ToolChanged => match operator.live().waiting {
                 Some(waiting::Waiting::ToolChange { .. }) => {
                     operator.give(Command::ToolChanged);
@@ -671,6 +679,10 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             mdi.push(part.line.clone());
         }
         mdi.extend(self.mdi.iter().map(|(_, line)| line.clone()));
+        let (block_delete, tool) = {
+            let tables = lock(self.tables);
+            (tables.block_delete, tables.tool_in_spindle())
+        };
         Shown {
             step: operator.step().name(),
             power: condition.power.name(),
@@ -691,7 +703,8 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             }),
             codes: self.modes.as_deref().map(Modes::words).unwrap_or_default(),
             work_offset: self.work_offset(),
-            tool: lock(self.tables).tool_in_spindle(),
+            block_delete,
+            tool,
             alarm: operator.alarm().map(|alarm| alarm.cause.clone()),
             obstruction: operator.obstruction().map(str::to_owned),
             messages: operator.journal().iter().rev().take(MESSAGES).rev().cloned().collect(),
@@ -752,6 +765,8 @@ fn wish(order: &Order) -> Option<Wish> {
         Order::Resume | Order::ToolChanged => Wish::Resume,
         Order::Reverse(_) => Wish::Reverse,
         Order::SingleBlock(_) => Wish::SingleBlock,
+        Order::OptionalStop(_) => Wish::OptionalStop,
+        Order::BlockDelete(_) => Wish::BlockDelete,
         Order::Stop | Order::Withdraw => Wish::Stop,
         Order::Estop => Wish::Estop,
         Order::EstopReset => Wish::EstopReset,

@@ -24,7 +24,7 @@ use crate::rt::cycle_stats::Timing;
 use crate::rt::joint_jog::{JogMotion, JogOrder, JointJog};
 use crate::rt::overrides::Overridden;
 use crate::rt::waiting::Waiting;
-use crate::rt::way_back::{Place, Progress, WayBack};
+use crate::rt::way_back::{Place, Progress, Retract, WayBack};
 use cia402::axis::{AxisFault, Request, Status};
 use motion::canon::Position;
 use motion::element::Action;
@@ -89,6 +89,10 @@ pub struct CycleParts {
     pub homer: Homer,
     /// The control's pins.
     pub pins: Pins,
+    /// What to do with the tool when the mains fail.
+    pub retract: Option<Retract>,
+    /// Whether M1 stops, until the operator says otherwise.
+    pub optional_stop: bool,
     /// Counts cycles left out.
     pub overruns: Overruns,
     /// For each node: whether the machine cannot run without it.
@@ -116,12 +120,15 @@ pub struct MotionController<B> {
     /// Backward along the path, at this share of its speed.
     reverse: Option<f64>,
     single_block: bool,
+    optional_stop: bool,
     /// Where the program is held while the machine is elsewhere.
     away_from: Option<Place>,
     /// Whether the probe was in contact in the last cycle, and is in this one.
     probe_in_contact: [bool; 2],
     /// It is to return there, once the hand is off.
     goes_back: bool,
+    /// The tool is to leave the work behind the stop.
+    retracts: bool,
     waiting: Option<Action>,
     /// An override or a switch lets feed or rapid moves rest.
     is_fed_nothing: bool,
@@ -143,7 +150,7 @@ pub struct MotionController<B> {
 impl<B: CyclicBus> MotionController<B> {
     /// A machine whose network is down.
     pub fn new(bus: B, parts: CycleParts, outlets: RtEndpoints) -> MotionController<B> {
-        let joints = parts.drives.iter().len();
+        let (joints, optional_stop) = (parts.drives.iter().len(), parts.optional_stop);
         MotionController {
             bus,
             parts,
@@ -158,9 +165,11 @@ impl<B: CyclicBus> MotionController<B> {
             hold: false,
             reverse: None,
             single_block: false,
+            optional_stop,
             away_from: None,
             goes_back: false,
             probe_in_contact: [false; 2],
+            retracts: false,
             waiting: None,
             is_fed_nothing: false,
             limits: [0; 2],
@@ -425,7 +434,11 @@ impl<B: CyclicBus> MotionController<B> {
                 && self.waiting.is_none()
                 && let Some(action) = self.sample.action
             {
-                self.waiting = Some(action);
+                // The switch counts as M1 is reached: what waits then waits until somebody resumes.
+                self.waiting = Some(match action {
+                    Action::OptionalStop if self.optional_stop => Action::ProgramStop,
+                    action => action,
+                });
                 if let (Action::UserCode { .. }, Some(program)) = (action, &mut self.program) {
                     program.answer(Answer::Reached);
                 }
@@ -668,6 +681,7 @@ impl<B: CyclicBus> MotionController<B> {
             line: self.sample.line,
             reversing: self.reverse.is_some(),
             single_block: self.single_block,
+            optional_stop: self.optional_stop,
             velocity_mm_s: self.sample.velocity_mm_s,
             position: self.sample.position,
             late_max_ns: self.late_max_ns,

@@ -21,11 +21,21 @@ impl<B: CyclicBus> MotionController<B> {
         if reset {
             self.obey(Command::EstopReset);
         }
+        if let Some(on) = self.parts.pins.take_optional_stop() {
+            self.optional_stop = on;
+        }
+        self.parts.pins.show_optional_stop(self.optional_stop);
         if self.parts.pins.take_stop() {
             self.obey(Command::Stop);
         }
         if self.parts.pins.take_resume() {
             self.obey(Command::Resume);
+        }
+        for number in 0..self.parts.pins.jog.count() {
+            let wanted = self.parts.pins.jog.take(number, &self.parts.hand);
+            for order in wanted.into_iter().flatten() {
+                self.obey(Command::Jog(order));
+            }
         }
     }
 
@@ -78,6 +88,7 @@ impl<B: CyclicBus> MotionController<B> {
                     program.set_single_block(on);
                 }
             }
+            (Command::OptionalStop(on), _) => self.optional_stop = on,
             (Command::Stop, State::Jogging | State::Running | State::Held | State::Away | State::Returning) => {
                 self.stop_then(AfterStop::Ready)
             }
@@ -189,6 +200,7 @@ impl<B: CyclicBus> MotionController<B> {
         self.program = Some(program);
         self.is_mdi = mdi;
         self.hold = false;
+        self.retracts = false;
         self.reverse = None;
         self.waiting = None;
         self.program_cycles = 0;

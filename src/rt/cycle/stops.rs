@@ -24,6 +24,7 @@ impl<B: CyclicBus> MotionController<B> {
         } else {
             self.watch_chain();
             self.watch_limit_switches();
+            self.watch_mains();
         }
         let in_step = self.sample.turns_s_max.is_some();
         if let Some(counts) = self.parts.pins.spindle.take_slip(in_step) {
@@ -71,6 +72,15 @@ impl<B: CyclicBus> MotionController<B> {
         if matters && self.parts.pins.is_chain_open() {
             self.fault(Fault::EmergencyStop { by_order: false });
         }
+    }
+
+    /// The mains. A program is left with the tool out of the work, as far as the energy carries it.
+    fn watch_mains(&mut self) {
+        if !self.under_command() || self.parts.pins.is_mains_ok() {
+            return;
+        }
+        self.retracts |= !self.fault_seen && self.program.is_some() && self.away_from.is_none();
+        self.fault(Fault::MainsLost);
     }
 
     /// A limit switch that closes stops the machine; one that was closed before lets a jog lead away from it.
@@ -222,6 +232,16 @@ impl<B: CyclicBus> MotionController<B> {
 
     /// Goes on from rest, as the wish was or as the fault wants it.
     pub(super) fn after_stop(&mut self) {
+        if std::mem::take(&mut self.retracts)
+            && let Some(retract) = self.parts.retract
+        {
+            self.end_program();
+            self.parts.hand.begin_to_go(&self.command_mm[..self.joints]);
+            let number = retract.numbers[usize::from(self.parts.hand.is_in_world())];
+            let fastest_mm_s = self.parts.hand.fastest(number);
+            self.parts.hand.go_by(number, retract.distance_mm, fastest_mm_s);
+            return;
+        }
         self.end_program();
         self.parts.hand.end();
         self.parts.homer.end();

@@ -162,6 +162,12 @@ impl Jog {
         }
     }
 
+    /// How far a joint still has to go for the increments that it was given. RT.
+    pub fn arrears(&self, joint: usize) -> f64 {
+        let joint = self.joints.get(joint).filter(|joint| joint.order == Order::Increment);
+        joint.map_or(0.0, |joint| joint.otg.destination() - joint.otg.state().position)
+    }
+
     /// Where a joint is and how it moves. RT.
     pub fn state(&self, joint: usize) -> Option<State> {
         self.joints.get(joint).map(|joint| joint.otg.state())

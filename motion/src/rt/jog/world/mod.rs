@@ -247,6 +247,14 @@ impl WorldJog {
         Position(position)
     }
 
+    /// How far an axis still has to go for the increments that it was given. RT.
+    pub fn arrears(&self, axis: Axis) -> f64 {
+        match self.wanted[axis as usize] {
+            Wanted::Advance { target, .. } => target - self.axes[axis as usize].state().position,
+            Wanted::Rest | Wanted::Run { .. } => 0.0,
+        }
+    }
+
     /// Where a joint is; NaN: there is no such one. RT.
     pub fn joint(&self, joint: usize) -> f64 {
         self.joints[..self.limits.len()].get(joint).copied().unwrap_or(f64::NAN)

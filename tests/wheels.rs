@@ -1,0 +1,203 @@
+//! Wheels, keys and sticks by pins, on virtual time: pins to simulated drives.
+
+use isocnc::config;
+use isocnc::machine::sequence::Job;
+use isocnc::machine::state::State;
+use isocnc::operator::console::Operator;
+use isocnc::operator::rehearsal::{Rehearsal, rehearse_with};
+use isocnc::rt::shared::Command;
+use isocnc::sim::NetConfig;
+use std::path::Path;
+
+const MILL: &str = include_str!("../configs/mill3-demo.toml");
+const COREXY: &str = include_str!("../configs/corexy-demo.toml");
+const CYCLES_MAX: u64 = 60_000;
+
+/// A machine that stands by, homed.
+fn homed(machine: &str, act: impl FnOnce(&mut Rehearsal<'_>)) {
+    let config = config::parse(machine, Path::new("machine.toml")).unwrap();
+    rehearse_with(&config, b"", NetConfig::clean(3), Operator::standing_by, |run| {
+        assert!(run.run_until(CYCLES_MAX, |run| run.control.state() == State::Disabled)?);
+        let now_ns = run.now_ns();
+        let home = run.operator.homing_order(u64::MAX);
+        assert!(run.operator.begin(now_ns, Job::Home(home)));
+        let is_homed = |run: &mut Rehearsal<'_>| run.control.state() == State::Ready && run.operator.not_homed() == 0;
+        assert!(run.run_until(CYCLES_MAX, is_homed)?, "{:?}", run.operator.journal());
+        act(run);
+        for peaks in run.control.peaks() {
+            assert_eq!(peaks.over, [0; 3], "{peaks:?}");
+        }
+        Ok(())
+    })
+    .unwrap();
+}
+
+fn set<T: hal_pins::Value + Into<hal_pins::AnyValue>>(run: &mut Rehearsal<'_>, pin: &str, value: T) {
+    run.hal.set(pin, value).unwrap();
+}
+
+fn at(run: &Rehearsal<'_>, axis: usize) -> f64 {
+    run.operator.live().position.0[axis]
+}
+
+fn wait(run: &mut Rehearsal<'_>, cycles: u64) {
+    assert!(!run.run_until(cycles, |_| false).unwrap());
+}
+
+fn rest(run: &mut Rehearsal<'_>) {
+    let rests = run
+        .run_until(CYCLES_MAX, |run| run.control.state() == State::Ready)
+        .unwrap();
+    assert!(rests, "{:?}", run.operator.live());
+}
+
+#[test]
+fn a_wheel_moves_its_axis_by_its_counts_from_the_cycle_behind_the_one_that_enables_it() {
+    homed(MILL, |run| {
+        let begin = at(run, 0);
+        set(run, "axis.x.jog-scale", 0.01);
+        // Turned while it is off: no matter.
+        set(run, "axis.x.jog-counts", 5000);
+        wait(run, 20);
+        set(run, "axis.x.jog-enable", true);
+        wait(run, 20);
+        assert_eq!((run.control.state(), at(run, 0)), (State::Ready, begin));
+        for counts in (5000..5200).step_by(4) {
+            set(run, "axis.x.jog-counts", counts + 4);
+            wait(run, 5);
+        }
+        wait(run, 500);
+        assert!((at(run, 0) - begin - 2.0).abs() < 1e-9, "{}", at(run, 0) - begin);
+        // The hand is still on the wheel; let go, it is ready for something else.
+        set(run, "axis.x.jog-enable", false);
+        rest(run);
+        // On, faster than it can go: what is more than half a second ahead is dropped.
+        set(run, "axis.x.jog-enable", true);
+        wait(run, 5);
+        set(run, "axis.x.jog-counts", 1_000_000);
+        wait(run, 3_000);
+        let way = at(run, 0) - begin - 2.0;
+        let limit_mm = 0.5
+            * config::parse(MILL, Path::new("m.toml")).unwrap().joints[0]
+                .limits
+                .velocity_mm_s;
+        assert!((way - limit_mm).abs() < 1.0, "{way}");
+        set(run, "axis.x.jog-enable", false);
+        rest(run);
+    });
+}
+
+#[test]
+fn a_wheel_in_velocity_mode_ends_with_its_last_count_and_a_wheel_without_power_does_nothing() {
+    homed(MILL, |run| {
+        set(run, "axis.y.jog-scale", 0.1);
+        set(run, "axis.y.jog-vel-mode", true);
+        set(run, "axis.y.jog-enable", true);
+        let begin = at(run, 1);
+        wait(run, 5);
+        for counts in 0..200 {
+            // 200 mm/s, more than it can do.
+            set(run, "axis.y.jog-counts", 2 * counts);
+            wait(run, 1);
+        }
+        let live = run.operator.live();
+        assert!(live.velocity_mm_s > 10.0 && live.state == State::Jogging);
+        let turned = at(run, 1);
+        wait(run, 1_000);
+        let overrun = at(run, 1) - turned;
+        assert!(
+            overrun > 0.0 && at(run, 1) - begin < 39.0,
+            "{} {overrun}",
+            at(run, 1) - begin
+        );
+        set(run, "axis.y.jog-enable", false);
+        rest(run);
+        let now_ns = run.now_ns();
+        run.operator.off(now_ns);
+        assert!(
+            run.run_until(CYCLES_MAX, |run| run.control.state() == State::Disabled)
+                .unwrap()
+        );
+        set(run, "axis.y.jog-enable", true);
+        for counts in 0..100 {
+            set(run, "axis.y.jog-counts", counts);
+            wait(run, 1);
+            assert_eq!(run.control.state(), State::Disabled);
+        }
+        let now_ns = run.now_ns();
+        assert!(run.operator.begin(now_ns, Job::On));
+        rest(run);
+        let rest_at = at(run, 1);
+        wait(run, 500);
+        assert_eq!(at(run, 1), rest_at, "what was turned with drives off is forgotten");
+    });
+}
+
+#[test]
+fn a_key_runs_its_axis_while_it_is_held_and_what_ended_it_otherwise_wants_it_let_go() {
+    for machine in [MILL, COREXY] {
+        homed(machine, |run| {
+            set(run, "halui.axis.jog-speed", 1200.0);
+            wait(run, 5);
+            let begin = at(run, 1);
+            let away = if begin > 100.0 {
+                ("halui.axis.y.minus", -1.0)
+            } else {
+                ("halui.axis.y.plus", 1.0)
+            };
+            set(run, away.0, true);
+            wait(run, 1_000);
+            assert!(
+                (run.operator.live().velocity_mm_s - 20.0).abs() < 1e-6,
+                "{:?}",
+                run.operator.live()
+            );
+            assert!(away.1 * (at(run, 1) - begin) > 10.0);
+            set(run, away.0, false);
+            rest(run);
+            // A hold ends it, and so it stays.
+            set(run, away.0, true);
+            wait(run, 300);
+            run.operator.give(Command::Hold);
+            rest(run);
+            let held = at(run, 1);
+            wait(run, 500);
+            assert_eq!((run.control.state(), at(run, 1)), (State::Ready, held));
+            set(run, away.0, false);
+            wait(run, 5);
+            // A stick: its deflection is the speed, as long as it is beyond the dead band.
+            set(run, "halui.axis.y.analog", 0.1);
+            wait(run, 300);
+            assert_eq!(at(run, 1), held);
+            set(run, "halui.axis.y.analog", 0.5 * away.1);
+            wait(run, 500);
+            assert!((run.operator.live().velocity_mm_s - 10.0).abs() < 1e-6);
+            set(run, "halui.axis.y.analog", away.1);
+            wait(run, 500);
+            assert!((run.operator.live().velocity_mm_s - 20.0).abs() < 1e-6);
+            set(run, "halui.axis.y.analog", f64::NAN);
+            rest(run);
+            // An increment for each rise.
+            set(run, "halui.axis.y.analog", 0.0);
+            set(run, "halui.axis.y.increment", 0.25);
+            let from = at(run, 1);
+            let key = if away.1 > 0.0 {
+                "halui.axis.y.increment-plus"
+            } else {
+                "halui.axis.y.increment-minus"
+            };
+            for _ in 0..3 {
+                set(run, key, true);
+                wait(run, 30);
+                set(run, key, false);
+                wait(run, 30);
+            }
+            rest(run);
+            assert!(
+                (away.1 * (at(run, 1) - from) - 0.75).abs() < 1e-9,
+                "{}",
+                at(run, 1) - from
+            );
+        });
+    }
+}
