@@ -56,12 +56,18 @@ fn a_day_at_the_machine() {
     // In the wrong order: each refusal names the next step.
     control.refused(&["program", "start"], "drives are off: isocnc on");
     control.refused(&["mdi", "G0 X1"], "drives are off: isocnc on");
+    let (_, said) = control.words(&["power"]);
+    assert!(
+        said.starts_with("power     off\nhomed     no joint\nnext      isocnc on"),
+        "{said}"
+    );
     done(&control, &["on"], "drives are on");
     done(&control, &["on"], "drives are on");
     control.refused(&["mdi", "G0 X1"], "not all joints are homed: isocnc home");
     control.refused(&["touch-off", "X", "0"], "not all joints are homed: isocnc home");
     done(&control, &["home", "2"], "homed; drives are on");
     assert_eq!(status(&control)["homed"], serde_json::json!([2]));
+    assert_eq!(status(&control)["next"], "isocnc home");
     done(&control, &["home"], "homed; drives are on");
     control.refused(&["program", "start"], "no program is loaded: isocnc program load FILE");
 
@@ -263,7 +269,9 @@ fn the_chain_and_limit_switches_stop_the_machine_and_say_how_to_go_on() {
         output.status.code() == Some(1) && said.contains("upper limit switch"),
         "{said}"
     );
-    let stopped = control.wait_for("the stop", |status| status["alarm"].is_string());
+    let stopped = control.wait_for("the stop", |status| {
+        status["alarm"].is_string() && status["power"] == "alarm"
+    });
     assert!(
         stopped["alarm"].as_str().unwrap().contains("upper limit switch"),
         "{stopped}"

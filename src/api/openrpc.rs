@@ -428,6 +428,7 @@ fn status() -> Value {
         "held_at_mm": or_null(positions()),
         "limit_switches": object(json!({ "lower": list(whole()), "upper": list(whole()) })),
         "alarm": or_null(text()),
+        "next": or_null(text()),
         "obstruction": or_null(text()),
         "messages": list(refer("Entry")),
         "parts": parts(),

@@ -141,6 +141,8 @@ pub struct Shown {
     pub codes: Vec<String>,
     /// Place of the axes in the work system in force for MDI, less what is added to it: subtract from machine coordinates.
     pub work_offset: Vec<f64>,
+    /// What to do next for a program to run; `None`: it could be started.
+    pub next: Option<&'static str>,
     /// Lines that begin with / are left out.
     pub block_delete: bool,
     /// Tool in the spindle, 0: none.

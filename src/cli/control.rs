@@ -699,6 +699,54 @@ pub(super) fn parts_words(parts: &Value) -> Option<String> {
     }
 }
 
+/// Whether the machine can move, and what is in the way.
+fn power_words(status: &Value) -> Vec<String> {
+    let mut lines = Vec::new();
+    if let Some(power) = status["power"].as_str() {
+        lines.push(format!("power     {power}"));
+    }
+    for end in ["lower", "upper"] {
+        let joints = status["limit_switches"][end].as_array().into_iter().flatten();
+        lines.extend(joints.map(|joint| format!("limit     the {end} switch of joint {joint} is closed")));
+    }
+    if let Some(next) = status["next"].as_str() {
+        lines.push(format!("next      {next}"));
+    }
+    lines
+}
+
+/// Tells whether the machine can move, and what is in the way.
+///
+/// # Errors
+/// No control answers.
+pub fn power(args: &ControlArgs) -> anyhow::Result<ExitCode> {
+    let status = call(args, "status", json!({}))?;
+    let mut lines = power_words(&status);
+    let numbers = |list: &Value| -> Vec<String> {
+        let joints = list.as_array().into_iter().flatten();
+        joints.map(Value::to_string).collect()
+    };
+    let homed = numbers(&status["homed"]);
+    let last = lines.len().saturating_sub(usize::from(status["next"].is_string()));
+    lines.insert(
+        last,
+        match homed.is_empty() {
+            true => "homed     no joint".to_owned(),
+            false => format!("homed     joints {}", homed.join(" ")),
+        },
+    );
+    if let Some(alarm) = status["alarm"].as_str() {
+        lines.insert(last, terminal::alarm(format!("alarm     {alarm}")).to_string());
+    }
+    let kept = ["power", "estop_chain_open", "homed", "limit_switches", "alarm", "next"];
+    let answer: serde_json::Map<String, Value> = kept
+        .iter()
+        .map(|key| ((*key).to_owned(), status[*key].clone()))
+        .collect();
+    print(args, &Value::Object(answer), &lines.join("\n"));
+    Ok(ExitCode::SUCCESS)
+}
+
 /// A status in words.
 fn words(status: &Value) -> String {
     let text = |value: &Value| value.as_str().unwrap_or("unknown").to_owned();
@@ -706,6 +754,7 @@ fn words(status: &Value) -> String {
         format!("machine   {} ({})", text(&status["machine"]), text(&status["file"])),
         format!("state     {}, {}", text(&status["state"]), text(&status["step"])),
     ];
+    lines.extend(power_words(status));
     if status["control"]["taken"] == true {
         let (name, process) = (text(&status["control"]["name"]), &status["control"]["process"]);
         lines.push(format!("control   {name} (process {process})"));
@@ -740,10 +789,6 @@ fn words(status: &Value) -> String {
     let turned = ["feed_percent", "rapid_percent", "spindle_percent"].map(|what| status["override"][what] != 100.0);
     if status["override"].is_object() && turned.contains(&true) {
         lines.push(format!("override  {}", overrides(&status["override"])));
-    }
-    for end in ["lower", "upper"] {
-        let joints = status["limit_switches"][end].as_array().into_iter().flatten();
-        lines.extend(joints.map(|joint| format!("limit     the {end} switch of joint {joint} is closed")));
     }
     if let Some(last) = status["last_program"]
         .as_object()
@@ -797,6 +842,9 @@ mod tests {
         assert_eq!(words(&status), waiting);
         status["program"] = json!({ "name": "/p.ngc", "lines": 90, "planned_time_s": 1.0, "result": null });
         assert!(words(&status).contains("\nprogram   /p.ngc: loaded\n"));
+        status["power"] = json!("off");
+        status["next"] = json!("isocnc on");
+        assert!(words(&status).contains("\npower     off\nnext      isocnc on\n"));
         status["step"] = json!("program");
         status["alarm"] = json!("x-drive lost");
         let said = words(&status);

@@ -87,6 +87,9 @@ enum Command {
     /// Let the program rest at the end of each block; `resume` runs the next one.
     #[command(after_help = "Example: isocnc single-block on")]
     SingleBlock(control::SwitchArgs),
+    /// Tell whether the machine can move, and what is in the way.
+    #[command(after_help = "Example: isocnc power")]
+    Power(control::ControlArgs),
     /// Let the program stop at M1 as at M0, or not.
     #[command(after_help = "Example: isocnc optional-stop on")]
     OptionalStop(control::SwitchArgs),
@@ -181,6 +184,7 @@ pub fn main() -> ExitCode {
         Command::Resume(args) => control::resume(args),
         Command::Reverse(args) => control::reverse(args),
         Command::SingleBlock(args) => control::single_block(args),
+        Command::Power(args) => control::power(args),
         Command::OptionalStop(args) => control::optional_stop(args),
         Command::BlockDelete(args) => control::block_delete(args),
         Command::Stop(args) => control::lasting(args, control::Lasting::Stop),

@@ -169,6 +169,7 @@ impl Methods {
             "override": self.overrides(),
             "step": shown.step,
             "power": shown.power,
+            "next": shown.next,
             "mode": shown.mode,
             "activity": shown.activity,
             "job": shown.job,

@@ -529,9 +529,19 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         if wish == Wish::Jog && is_settling {
             condition.activity = Activity::Jogging;
         }
+        // That of a program that was wrong stops no drive.
+        let is_powered = matches!(condition.power, Power::On | Power::Off);
+        if wish == Wish::Acknowledge && is_powered && condition.activity == Activity::Idle && operator.alarm().is_some()
+        {
+            return Ok(());
+        }
         permit(wish, &condition).map_err(|refusal| match operator.alarm() {
             // The first cause says more than that there is one.
             Some(alarm) if refusal.next == ACKNOWLEDGE => format!("{}; {}", alarm.cause, refusal.next),
+            // It is told as it comes, and over only once the machine rests.
+            Some(_) if wish == Wish::Acknowledge && condition.power == Power::On => {
+                "the machine comes to rest for the alarm: wait until it has, then isocnc alarm acknowledge".into()
+            }
             _ => refusal.to_string(),
         })
     }
@@ -703,6 +713,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             }),
             codes: self.modes.as_deref().map(Modes::words).unwrap_or_default(),
             work_offset: self.work_offset(),
+            next: permit(Wish::Start, &condition).err().map(|refusal| refusal.next),
             block_delete,
             tool,
             alarm: operator.alarm().map(|alarm| alarm.cause.clone()),
