@@ -95,7 +95,7 @@ fn refusals_say_what_there_is() {
          on, off, estop, estop.reset, home, program.upload.begin, \
          program.upload.append, program.upload.commit, program.load, program.start, program.run, program.report, \
          mdi, mdi.history, touch_off, offset.list, offset.set, tool.list, tool.set, tool.changed, jog, jog.keep, \
-         jog.stop, hold, resume, reverse, single_block, stop, override, journal.since, parts.set, alarm.acknowledge"
+         jog.stop, hold, resume, reverse, single_block, optional_stop, block_delete, stop, override, journal.since, parts.set, alarm.acknowledge"
     );
     assert_eq!(
         refusal(&mut methods, "status", json!({ "x": 1 })),
@@ -241,6 +241,8 @@ fn programs_come_by_path_or_as_text() {
         ("reverse", json!({}), Order::Reverse(1.0)),
         ("reverse", json!({ "percent": 25 }), Order::Reverse(0.25)),
         ("single_block", json!({ "on": true }), Order::SingleBlock(true)),
+        ("optional_stop", json!({ "on": true }), Order::OptionalStop(true)),
+        ("block_delete", json!({ "on": false }), Order::BlockDelete(false)),
     ] {
         assert_eq!(call(&mut methods, method, params), None);
         assert_eq!(inbox.take(), Some((7, order)));

@@ -20,7 +20,6 @@ use crate::rt::joint_jog::JogMotion;
 use crate::rt::overrides::Overridden;
 use crate::sim::{Disturbance, NetConfig};
 use motion::canon::{Axis, Position};
-use powerlink::link::simulated::SplitMix64;
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
@@ -53,11 +52,20 @@ const TURN: u64 = 10;
 /// Lines and places, bit by bit.
 type Path3 = Vec<(u32, [u64; 3])>;
 
-struct Random(SplitMix64);
+/// Numbers that are the same everywhere (SplitMix64).
+struct Random(u64);
 
 impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut bits = self.0;
+        bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        bits ^ (bits >> 31)
+    }
+
     fn below(&mut self, count: u64) -> u64 {
-        self.0.next() % count
+        self.next() % count
     }
 
     fn once_in(&mut self, times: u64) -> bool {
@@ -65,7 +73,7 @@ impl Random {
     }
 
     fn within(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (self.0.next() >> 11) as f64 / (1_u64 << 53) as f64
+        low + (high - low) * (self.next() >> 11) as f64 / (1_u64 << 53) as f64
     }
 }
 
@@ -495,7 +503,7 @@ fn live(config: &Config, seed: u64, disturbed: bool) -> (Path3, BTreeMap<String,
                 keeper: Keeper::new(scope, &tables, Memory::new(config, Remembered::default())),
                 tables: &tables,
                 client: &client,
-                random: Random(SplitMix64::new(seed)),
+                random: Random(seed),
                 story: vec![format!("seed {seed}")],
                 tickets: 0,
                 open: BTreeMap::new(),
