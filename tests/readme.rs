@@ -131,8 +131,9 @@ fn every_option_of_the_text_exists() {
             continue;
         };
         let option = format!("--{option}");
-        let known: [&[&str]; 10] = [
+        let known: [&[&str]; 11] = [
             &["stop"],
+            &["program", "start"],
             &["demo"],
             &["init"],
             &["jitter"],
