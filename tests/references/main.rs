@@ -12,6 +12,7 @@ mod pins;
 mod socket;
 mod source;
 mod states;
+mod stops;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -1,0 +1,158 @@
+//! `docs/stops.md`: how the demo machine stops for each kind of fault, measured on virtual time.
+
+use super::{compare, head, row};
+use isocnc::config::{self, Config};
+use isocnc::machine::state::State;
+use isocnc::operator::rehearsal::{Rehearsal, rehearse};
+use isocnc::rt::shared::Command;
+use isocnc::sim::{Disturbance, NetConfig};
+use std::path::Path;
+
+/// Two long lines and an arc between them, at 3 m/min; nothing is near its limit of travel.
+const PART: &str =
+    "G21 G90 G94 G54 G17 G64 P0.01\nG0 X40 Y40 Z0\nS1000 M3\nG1 X90 Y60 F3000\nG3 X110 Y80 J20\nG1 X80 Y130\nM5\nM2\n";
+const CYCLES_MAX: u64 = 60_000;
+/// What a load moves in a cycle at the most that stands.
+const STILL_MM: f64 = 1e-4;
+
+/// A cause, and what sets it going.
+type Cause = (&'static str, fn(&mut Rehearsal<'_>));
+
+const CAUSES: [Cause; 13] = [
+    ("`isocnc hold`", |run| run.operator.give(Command::Hold)),
+    ("`isocnc stop`", |run| run.operator.give(Command::Stop)),
+    ("`isocnc off`", |run| run.operator.give(Command::Disable)),
+    ("the mains fail", |run| {
+        run.hal.set("iocontrol.0.mains-ok", false).expect("a pin")
+    }),
+    ("a limit switch closes", |run| {
+        run.hal.set("joint.2.pos-lim-sw-in", true).expect("a pin")
+    }),
+    ("fault of a drive", |run| {
+        let error_code = 0x7305;
+        disturb(run, Disturbance::DriveFault { node: 1, error_code });
+    }),
+    ("warning of a drive", |run| {
+        run.net().machine_mut().drive_injected(1).expect("a drive").warning = true;
+    }),
+    ("cable of a drive pulled", |run| {
+        disturb(run, Disturbance::Unplug { node: 1 })
+    }),
+    ("power of a drive cut", |run| {
+        disturb(run, Disturbance::PowerOff { node: 1 })
+    }),
+    ("cable of the I/O node pulled", |run| {
+        disturb(run, Disturbance::Unplug { node: 10 })
+    }),
+    ("emergency stop by order", |run| run.operator.give(Command::Estop)),
+    ("the emergency stop chain opens", |run| {
+        run.hal.set("iocontrol.0.emc-enable-in", false).expect("a pin");
+    }),
+    ("the cycle thread hangs", |run| run.control.inhibit_soc()),
+];
+
+fn disturb(run: &mut Rehearsal<'_>, disturbance: Disturbance) {
+    let now_ns = run.now_ns();
+    run.net().at(now_ns, disturbance);
+}
+
+fn machine() -> Config {
+    let machine = include_str!("../../configs/mill3-demo.toml");
+    let mut config = config::parse(machine, Path::new("mill3-demo.toml")).expect("a good machine file");
+    config.bus.pres_lost_max = 3;
+    config
+}
+
+fn loads(run: &mut Rehearsal<'_>) -> [f64; 3] {
+    let machine = run.net().machine();
+    [0, 1, 2].map(|joint| machine.joint_position_mm(joint).expect("a joint"))
+}
+
+fn apart(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>().sqrt()
+}
+
+fn off_chord(at: &[f64; 3], [from, to]: [&[f64; 3]; 2]) -> f64 {
+    let along = [0, 1, 2].map(|axis| to[axis] - from[axis]);
+    let length2: f64 = along.iter().map(|by| by * by).sum();
+    let dot: f64 = (0..3).map(|axis| (at[axis] - from[axis]) * along[axis]).sum();
+    let share = if length2 > 0.0 {
+        (dot / length2).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
+    apart(at, &[0, 1, 2].map(|axis| from[axis] + share * along[axis]))
+}
+
+/// Places of the loads from the cut on, to the end or until they stand; the cause comes 100 cycles behind its begin.
+fn run_part(cause: Option<fn(&mut Rehearsal<'_>)>) -> (Vec<[f64; 3]>, State) {
+    rehearse(&machine(), PART.as_bytes(), NetConfig::clean(1), |run| {
+        let cuts = |run: &mut Rehearsal<'_>| {
+            let live = run.operator.live();
+            live.line == 4 && live.velocity_mm_s > 0.0
+        };
+        assert!(run.run_until(CYCLES_MAX, cuts)?);
+        let mut places = Vec::new();
+        let mut still = 0;
+        for cycle in 0..CYCLES_MAX {
+            if let Some(cause) = cause.filter(|_| cycle == 100) {
+                cause(run);
+            }
+            run.cycle(0)?;
+            let at = loads(run);
+            still = match places.last() {
+                Some(before) if apart(before, &at) < STILL_MM => still + 1,
+                _ => 0,
+            };
+            places.push(at);
+            if still > 500 {
+                break;
+            }
+        }
+        Ok((places, run.control.state()))
+    })
+    .expect("a rehearsal")
+}
+
+#[test]
+fn how_the_machine_stops() {
+    let (path, _) = run_part(None);
+    let mut table = head(&[
+        "cause",
+        "ends as",
+        "to standstill, ms",
+        "way, mm",
+        "greatest distance from the path, mm",
+    ]);
+    for (what, cause) in CAUSES {
+        let (places, state) = run_part(Some(cause));
+        let moved = places
+            .windows(2)
+            .rposition(|pair| apart(&pair[0], &pair[1]) >= STILL_MM);
+        let last = moved.map_or(0, |at| at + 1);
+        let stopping = &places[100..=last.max(100)];
+        let way: f64 = stopping.windows(2).map(|pair| apart(&pair[0], &pair[1])).sum();
+        let off = stopping.iter().map(|at| {
+            let chords = path.windows(2).map(|chord| off_chord(at, [&chord[0], &chord[1]]));
+            chords.fold(f64::INFINITY, f64::min)
+        });
+        let off_mm = off.fold(0.0, f64::max);
+        assert!(last < 1_100, "{what}: {last} cycles");
+        let cells = [
+            what.to_owned(),
+            state.name().to_owned(),
+            (last.saturating_sub(100)).to_string(),
+            format!("{way:.2}"),
+            format!("{off_mm:.3}"),
+        ];
+        table += &row(&cells.each_ref().map(String::as_str));
+    }
+    let page = format!(
+        "# How the machine stops\n\n\
+         The machine of [`configs/mill3-demo.toml`](../configs/mill3-demo.toml) cuts at 3 m/min along a line when the cause comes; `pres_lost_max`\n\
+         is 3. What is measured is where the simulated loads are, on virtual time: from the cycle of the cause to the last one in which a load\n\
+         moves by {STILL_MM} mm, and how far they come off the path that they take without it. [faults.md](faults.md) says what each of them does.\n\n\
+         <!-- made by tests/references: do not edit -->\n\n{table}"
+    );
+    compare("docs/stops.md", &page);
+}
