@@ -152,10 +152,10 @@ fn a_day_at_the_machine() {
     let held = work_mm(&control);
     done(
         &control,
-        &["jog", "Y", "6", "--speed", "50"],
+        &["jog", "Y", "3", "--speed", "50"],
         &format!(
             "Y at rest at {:.3} mm",
-            status(&control)["position_mm"][1].as_f64().unwrap() + 6.0
+            status(&control)["position_mm"][1].as_f64().unwrap() + 3.0
         ),
     );
     control.ask(&["jog", "Z", "4", "--speed", "50"]).unwrap();

@@ -42,6 +42,7 @@ impl Control {
             // However busy this PC is.
             .replace("\nlock_memory = true", "\noverruns_stop = 0\nlock_memory = true")
             .replace("pres_lost_max = 20", "pres_lost_max = 1000")
+            .replace("following_error_mm = 2.0", "following_error_mm = 100.0")
             .replacen("kind = \"powerlink\"", "kind = \"memory\"", 1);
         std::fs::write(&file, changed(&text)).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
