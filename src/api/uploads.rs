@@ -3,7 +3,7 @@
 //! In:  a name and a size, then octets in their order, then the sum of what was sent. Out: a text to check and to run.
 //!
 //! Each lies in a temporary file without a name, whose whole length is claimed at the beginning: a full disk is told before
-//! anything is sent. It goes with the client that sends it, or once nothing has come for [`IDLE_S`].
+//! anything is sent. It goes with the client that sends it, or once nothing has come for a minute.
 
 use super::rpc::{RpcError, code};
 use super::server::ClientId;
