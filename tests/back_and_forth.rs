@@ -507,3 +507,40 @@ fn mains_that_fail_stop_the_part_and_take_the_tool_out_of_the_work() {
         rehearse(&config, PART.as_bytes(), NetConfig::clean(11), act).expect("a rehearsal");
     }
 }
+
+/// What the mains have left undone is not done by the next stop.
+#[test]
+fn an_emergency_stop_in_the_stop_for_the_mains_leaves_no_retract_behind() {
+    let mut config = machine();
+    config.mains.retract_mm = -6.5;
+    let operator = isocnc::operator::console::Operator::standing_by;
+    let net = NetConfig::clean(12);
+    isocnc::operator::rehearsal::rehearse_with(&config, PART.as_bytes(), net, operator, |run| {
+        use isocnc::machine::sequence::Job;
+        reach_state(run, State::Disabled);
+        let now_ns = run.now_ns();
+        let home = run.operator.homing_order(u64::MAX);
+        assert!(run.operator.begin(now_ns, Job::Program { home, runs: 1 }));
+        reach_midst(run);
+        run.hal.set("iocontrol.0.mains-ok", false).unwrap();
+        reach_state(run, State::Stopping);
+        run.operator.give(Command::Estop);
+        reach_state(run, State::Estop);
+        run.hal.set("iocontrol.0.mains-ok", true).unwrap();
+        let _ = run.run_until(500, |_| false).unwrap();
+        run.operator.reset_estop();
+        reach_state(run, State::Disabled);
+        let _ = run.run_until(50, |_| false).unwrap();
+        let now_ns = run.now_ns();
+        assert!(run.operator.begin(now_ns, Job::On));
+        reach_state(run, State::Ready);
+        let rest_mm = place(run)[2];
+        jog_by(run, 0, 5.0);
+        reach_state(run, State::Jogging);
+        run.operator.give(Command::Stop);
+        reach_state(run, State::Ready);
+        assert_eq!(place(run)[2], rest_mm, "Z moves by surprise");
+        Ok(())
+    })
+    .expect("a rehearsal");
+}

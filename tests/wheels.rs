@@ -68,9 +68,10 @@ fn a_wheel_moves_its_axis_by_its_counts_from_the_cycle_behind_the_one_that_enabl
         }
         wait(run, 500);
         assert!((at(run, 0) - begin - 2.0).abs() < 1e-9, "{}", at(run, 0) - begin);
-        // The hand is still on the wheel; let go, it is ready for something else.
-        set(run, "axis.x.jog-enable", false);
+        // A wheel that rests keeps nobody from something else, switched on or not.
         rest(run);
+        set(run, "axis.x.jog-enable", false);
+        wait(run, 5);
         // On, faster than it can go: what is more than half a second ahead is dropped.
         set(run, "axis.x.jog-enable", true);
         wait(run, 5);

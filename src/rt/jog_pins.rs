@@ -75,7 +75,9 @@ impl Wheel {
         }
         let wanted_mm = f64::from(turned) * self.scale.get();
         if turned == 0 || !wanted_mm.is_finite() || wanted_mm == 0.0 {
-            return [Some(self.what.order(JogMotion::Keep)), None];
+            // A wheel that rests is no hand on a key: what is ordered next need not wait until it is switched off.
+            let goes_on = hand.arrears(self.what.number) != 0.0;
+            return [goes_on.then(|| self.what.order(JogMotion::Keep)), None];
         }
         let velocity_mm_s = self.what.fastest_mm_s;
         if self.velocity_mode.get() {

@@ -232,7 +232,9 @@ impl<B: CyclicBus> MotionController<B> {
 
     /// Goes on from rest, as the wish was or as the fault wants it.
     pub(super) fn after_stop(&mut self) {
+        // Where something harder has ended the program meanwhile, a later stop is not for that.
         if std::mem::take(&mut self.retracts)
+            && self.program.is_some()
             && let Some(retract) = self.parts.retract
         {
             self.end_program();
