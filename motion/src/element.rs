@@ -46,6 +46,17 @@ impl Element {
             Element::Dwell { line, .. } | Element::Action { line, .. } => *line,
         }
     }
+
+    /// How far it brings a program: length of the path, mm or degrees; of what is no motion along a path that is known, its planned
+    /// time, s. As different as these are, their sum tells one place of a program from another whatever the overrides. RT.
+    pub fn way(&self) -> f64 {
+        match self {
+            Element::Span(span) => span.place(span.duration_s) - span.s0,
+            Element::Synced(_) | Element::Probing(_) | Element::Dwell { .. } | Element::Action { .. } => {
+                self.duration_s()
+            }
+        }
+    }
 }
 
 impl Timed for Element {

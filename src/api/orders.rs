@@ -10,6 +10,7 @@ use crate::api::uploads::Uploaded;
 use crate::machine::journal::Entry;
 use crate::machine::state_file::{LastProgram, Parts};
 use crate::program::Change;
+use crate::program::outline::Outline;
 use crate::rt::joint_jog::JogMotion;
 use motion::canon::Axis;
 use nix::sys::eventfd::{EfdFlags, EventFd};
@@ -183,6 +184,9 @@ pub struct ShownProgram {
     pub lines: u32,
     /// Planned time, s.
     pub planned_time_s: f64,
+    /// What is left of it at any place, while it runs.
+    #[serde(skip)]
+    pub outline: Option<Outline>,
     /// How it ended, once it has.
     pub result: Option<&'static str>,
 }

@@ -4,6 +4,7 @@
 //! In:  the control socket of a machine, or of the only one that runs.
 //! Out: a few lines or one JSON value. Exit code 1: the control refuses, or none runs.
 
+use super::progress;
 use crate::api::client::{Client, ClientError};
 use crate::api::rpc::code;
 use crate::host::signals::{StopSignal, exit_code};
@@ -771,10 +772,14 @@ fn words(status: &Value) -> String {
         let progress = match program["result"].as_str() {
             Some(result) => result.to_owned(),
             None if status["step"] != "program" => "loaded".to_owned(),
-            None => match status["runs_left"].as_u64() {
-                Some(left @ 1..) => format!("line {} of {}, {left} times more", status["line"], program["lines"]),
-                _ => format!("line {} of {}", status["line"], program["lines"]),
-            },
+            None => {
+                let how_far = progress::words(|name| &status[name]);
+                let more = match status["runs_left"].as_u64() {
+                    Some(left @ 1..) => format!(", {left} times more"),
+                    _ => String::new(),
+                };
+                format!("line {} of {}, {how_far}{more}", status["line"], program["lines"])
+            }
         };
         let way = if status["direction"] == "reverse" {
             ", backward"
@@ -836,6 +841,7 @@ mod tests {
         let mut status = json!({
             "machine": "mill3", "file": "mill3.toml", "state": "disabled", "step": "standing by", "program": null,
             "alarm": null, "cycles": 1000, "cycles_skipped": 0, "late_max_us": 12.34, "line": 7,
+            "elapsed_s": 12.0, "remaining_s": 30.2, "done_percent": 28.4,
         });
         let waiting = "machine   mill3 (mill3.toml)\nstate     disabled, standing by\n\
                        cycles    1000, 0 left out, 12.3 us late at most";
@@ -849,14 +855,14 @@ mod tests {
         status["alarm"] = json!("x-drive lost");
         let said = words(&status);
         assert!(
-            said.contains("\nprogram   /p.ngc: line 7 of 90\nalarm     x-drive lost\n"),
+            said.contains("\nprogram   /p.ngc: line 7 of 90, 12 s, 30 s to go, 28 % done\nalarm     x-drive lost\n"),
             "{said}"
         );
         status["direction"] = json!("reverse");
         status["single_block"] = json!(true);
         let said = words(&status);
         assert!(
-            said.contains("/p.ngc: line 7 of 90, backward\nsingle    each block ends at rest\n"),
+            said.contains("28 % done, backward\nsingle    each block ends at rest\n"),
             "{said}"
         );
         status["direction"] = json!("forward");

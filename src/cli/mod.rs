@@ -12,6 +12,7 @@ pub mod jitter;
 pub mod jog;
 pub mod pages;
 pub mod plan;
+mod progress;
 pub mod run;
 pub mod simulate;
 pub mod tables;

@@ -125,12 +125,16 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         memory: Memory<'env>,
     ) -> OperatorLoop<'scope, 'env> {
         let stands_by = matches!(session.task, Task::StandBy);
+        let clients = Clients::new(scope, session.config, session.tables, stands_by, inbox);
         OperatorLoop {
             scope,
             session,
             pins,
             stop,
-            clients: Clients::new(scope, session.config, session.tables, stands_by, inbox),
+            clients: match session.task {
+                Task::Once(program, overview) => clients.of_program(program.name, overview),
+                Task::Repeat(_) | Task::StandBy => clients,
+            },
             keeper: Keeper::new(scope, session.tables, memory),
             planner: None,
             modes_left: None,

@@ -16,15 +16,17 @@ const PAUSE: Duration = Duration::from_secs(5);
 
 /// Shows how far a program is, and the journal as it comes.
 pub struct Progress {
-    overview: Overview,
+    lines: u32,
+    planned_s: f64,
     line: StatusLine,
 }
 
 impl Progress {
     /// `quiet`: shows nothing at all.
-    pub fn new(overview: Overview, quiet: bool) -> Progress {
+    pub fn new(overview: &Overview, quiet: bool) -> Progress {
         Progress {
-            overview,
+            lines: overview.lines,
+            planned_s: overview.time_s,
             line: StatusLine::new("{wide_msg}", PAUSE, quiet),
         }
     }
@@ -46,9 +48,9 @@ impl Progress {
         let line = format!(
             "line {:>5} of {}  {:6.1} / {:.1} s  X {:8.3} Y {:8.3} Z {:8.3}  {:6.0} mm/min  SoC late {:.1} us at most",
             live.line,
-            self.overview.lines,
+            self.lines,
             live.elapsed_s,
-            self.overview.time_s,
+            self.planned_s,
             axis(Axis::X),
             axis(Axis::Y),
             axis(Axis::Z),

@@ -79,7 +79,7 @@ pub struct Program<'a> {
 #[derive(Clone, Copy, Debug)]
 pub enum Task<'a> {
     /// Runs a program, which comes to this, and keeps a record of it.
-    Once(Program<'a>, Overview),
+    Once(Program<'a>, &'a Overview),
     /// Runs a program again and again until it is told to stop, in constant memory.
     Repeat(Program<'a>),
     /// Waits for programs of clients, drives off.

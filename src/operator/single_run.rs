@@ -72,12 +72,12 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
     let session = Session {
         config,
         tables: &tables,
-        task: Task::Once(program, overview),
+        task: Task::Once(program, &overview),
         quiet: job.json,
         signal: job.signal,
         keep_rights: false,
     };
-    let mut progress = Progress::new(overview, job.json);
+    let mut progress = Progress::new(&overview, job.json);
     let ended = session::run(&session, wire, &mut progress)?;
     drop(progress);
     let mut far_end = job.far_end;
@@ -86,7 +86,7 @@ pub fn run_and_report(job: Job<'_>, wire: Wire) -> anyhow::Result<ExitCode> {
     let facts = Facts {
         config,
         program: program.name,
-        overview,
+        overview: overview.clone(),
         ended: &ended,
         soc_period,
     };

@@ -4,8 +4,10 @@
 //! Out: elements in the ring, as many as fit, until the program is planned; then what the program left to remember.
 
 mod change;
+mod check;
 mod exact_stops;
 mod from_line;
+pub mod outline;
 pub mod path;
 pub mod real_time;
 mod records;
@@ -15,15 +17,14 @@ pub mod text;
 mod user_code;
 pub mod waits;
 
-use crate::config::{self, Config, UserCodes};
-use crate::host::wait::thread_cpu_s;
+use crate::config::{self, Config};
 use crate::machine::motion_settings::plan_settings;
 use crate::machine::tables::Tables;
 use crate::rt::shared::RtStatus;
 pub use change::{Change, changed};
+pub use check::{Overview, ProgramErrors, check, check_text};
 pub use from_line::{approach, preview};
 use gcode::{CheckLimits, PinReader};
-use motion::cancel::Cancel;
 use motion::canon::Position;
 use motion::element::Element;
 use motion::kinematics::ToolFrame;
@@ -34,17 +35,15 @@ use motion::plan::{PathPlanner, PlanErrorKind, Programmed, Pumped, SpeedPlanner}
 use motion::ring::Sink;
 use motion::rt::probe::Answer;
 use path::PathNews;
-use real_time::{Measure, RealTimeFactor};
 pub use settings::{interpreter_settings, settings_with};
 pub use stages::Threads;
 use stages::{After, BATCH, Batch, Failed, Part, Smoothing, Spare, Stage};
-use std::fmt;
 use std::num::NonZero;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, PoisonError, mpsc};
 use std::thread::available_parallelism;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use text::Reader;
 use waits::{Awaited, Known, Waits};
 
@@ -58,46 +57,6 @@ const PATH_AHEAD_S: f64 = 0.5;
 
 /// Stages that may have a thread of their own: interpreter and smoothing.
 const STAGES: usize = 2;
-
-/// Why a program cannot be run; shown with its place in the text.
-#[derive(Debug)]
-pub struct ProgramErrors {
-    shown: String,
-    count: usize,
-    is_cancelled: bool,
-}
-
-impl fmt::Display for ProgramErrors {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.shown)
-    }
-}
-
-impl std::error::Error for ProgramErrors {}
-
-impl ProgramErrors {
-    pub fn count(&self) -> usize {
-        self.count
-    }
-
-    /// Whether there is nothing wrong but that nobody wants the program any more.
-    pub fn is_cancelled(&self) -> bool {
-        self.is_cancelled
-    }
-}
-
-/// What a whole program comes to.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Overview {
-    /// Last line with something to do.
-    pub lines: u32,
-    /// Planned time, s.
-    pub time_s: f64,
-    /// Greatest deviation from the path that the program allows its moves (G64), mm; 0: none.
-    pub tolerance_mm: f64,
-    /// How much quicker than motion the calling thread has planned it; no other helped.
-    pub real_time: RealTimeFactor,
-}
 
 /// Where and how a program begins.
 #[derive(Clone, Debug)]
@@ -150,163 +109,6 @@ impl Begin {
 /// Folder of a program, in which its subroutines are looked for first.
 fn folder(program: &str) -> Option<&Path> {
     Path::new(program).parent()
-}
-
-/// All errors of the text; what a machine can do is not looked at. `path`: of the program.
-pub fn check_text(
-    config: &Config,
-    tables: &Tables,
-    path: &str,
-    text: Reader<'_>,
-    limits: CheckLimits,
-) -> Vec<gcode::Error> {
-    check_from(config, tables, path, text, home(config), limits)
-}
-
-fn check_from(
-    config: &Config,
-    tables: &Tables,
-    path: &str,
-    text: Reader<'_>,
-    at: Position,
-    limits: CheckLimits,
-) -> Vec<gcode::Error> {
-    let mut settings = planned_settings(config, tables, at);
-    if let Some(folder) = folder(path) {
-        settings.subroutine_folders.insert(0, folder.to_owned());
-    }
-    let errors = gcode::check_on(text, || Ok(text), settings, Waits::new(UserCodes::default()).1, limits);
-    errors.unwrap_or_else(|error| vec![not_readable(&error)])
-}
-
-/// The text of a program cannot be read.
-fn not_readable(error: &std::io::Error) -> gcode::Error {
-    gcode::Error {
-        file: String::new(),
-        line: 1,
-        column: 1,
-        text: String::new(),
-        span: 0..0,
-        kind: gcode::ErrorKind::NotReadable {
-            reason: error.to_string(),
-        },
-        calls: Vec::new(),
-    }
-}
-
-/// Interprets and plans the whole program without moving anything, so that all errors are found before it starts. `cancel` ends
-/// it at once; time and memory that it takes are limited.
-///
-/// # Errors
-/// All errors of the text, or the first one of the plan: a limit of the machine, or of the check.
-pub fn check<'t>(
-    config: &Config,
-    tables: &Tables,
-    path: &str,
-    text: impl Into<Reader<'t>>,
-    begin: &Begin,
-    cancel: &Cancel,
-) -> Result<Overview, ProgramErrors> {
-    let text = text.into();
-    let limits = CheckLimits {
-        cancel: cancel.clone(),
-        ..CheckLimits::default()
-    };
-    let failed = |shown: String| ProgramErrors {
-        shown,
-        count: 1,
-        is_cancelled: cancel.is_cancelled(),
-    };
-    if config.joints.is_empty() {
-        return Err(failed(format!("{path}: cannot be run: {}", config.without_joints())));
-    }
-    let mut budget = Budget::new(limits.time);
-    // Of what was typed the first mistake is enough.
-    let errors = match begin {
-        Begin::Program { at } => check_from(config, tables, path, text, *at, limits.clone()),
-        // Of a start in its middle it was found at the check of the whole.
-        Begin::Mdi { .. } | Begin::FromLine { .. } => Vec::new(),
-    };
-    if !errors.is_empty() {
-        let shown: Vec<String> = errors.iter().map(|error| error.render(path)).collect();
-        return Err(ProgramErrors {
-            shown: shown.join("\n\n"),
-            count: errors.len(),
-            is_cancelled: cancel.is_cancelled(),
-        });
-    }
-    let mut overview = Overview::default();
-    let mut feeder = Feeder::new(config, tables, text, begin.at(), Measure::new(thread_cpu_s))
-        .beside(path)
-        .within(limits)
-        .beginning(begin);
-    loop {
-        match feeder.pump() {
-            Ok(Progress::Done) => break,
-            Ok(Progress::Working | Progress::RingFull | Progress::Waiting) => {}
-            // Where a probe will really touch is not known: what follows may be elsewhere, and is judged when it is there.
-            Err(error) if feeder.waits.has_assumed() && error.is_of_a_place() && !cancel.is_cancelled() => break,
-            Err(error) => return Err(failed(error.render(path))),
-        }
-        if let Some(limit) = budget.passed() {
-            return Err(failed(format!("{path}:{}: {limit}", feeder.line())));
-        }
-        feeder.ideal_path();
-        overview.lines = overview.lines.max(feeder.line());
-    }
-    overview.lines = overview.lines.max(feeder.line());
-    let measure = feeder.sink();
-    overview.time_s = measure.time_s();
-    overview.real_time = measure.real_time_factor();
-    overview.tolerance_mm = feeder.tolerance_mm();
-    Ok(overview)
-}
-
-/// Memory that a check may take, octets: beside a machine that stands by it is locked, and wanted by others.
-const CHECK_MEMORY_MAX: u64 = 512 << 20;
-
-/// Time and memory that a check may still take.
-struct Budget {
-    began: Instant,
-    time: Duration,
-    /// When memory was looked at last, and what the process had at the beginning.
-    looked: Instant,
-    before: Option<u64>,
-}
-
-impl Budget {
-    fn new(time: Duration) -> Budget {
-        Budget {
-            began: Instant::now(),
-            time,
-            looked: Instant::now(),
-            before: resident(),
-        }
-    }
-
-    /// The limit that has been passed, in words. To be asked often.
-    fn passed(&mut self) -> Option<String> {
-        let now = Instant::now();
-        if now - self.looked < Duration::from_millis(20) {
-            return None;
-        }
-        self.looked = now;
-        if now - self.began > self.time {
-            let seconds = self.time.as_secs();
-            return Some(format!("the check may take {seconds} s and has only come so far"));
-        }
-        let taken = resident()?.saturating_sub(self.before?);
-        let most = CHECK_MEMORY_MAX >> 20;
-        (taken > CHECK_MEMORY_MAX).then(|| format!("the check may take {most} MiB of memory, and has only come so far"))
-    }
-}
-
-/// Memory of this process, octets; `None` where the kernel does not tell.
-fn resident() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
-    let kib: u64 = line.trim().strip_suffix(" kB")?.parse().ok()?;
-    Some(kib << 10)
 }
 
 /// Why the program cannot go on.
@@ -390,6 +192,8 @@ pub struct Feeder<'t, S: Sink<Element>> {
     overrides: [f64; 2],
     held: [bool; 2],
     line: u32,
+    /// The first thing that it asked the machine, and its line.
+    assumed: Option<(u32, Awaited)>,
     ended: bool,
     /// Planned time of what probing moves left of their ways at a contact, s.
     left_s: f64,
@@ -459,6 +263,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             overrides: [1.0; 2],
             held: [false; 2],
             line: 0,
+            assumed: None,
             ended: false,
             left_s: 0.0,
             tolerance_mm: 0.0,
@@ -583,6 +388,9 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             match part.after {
                 After::More => {}
                 After::Await(awaited) => {
+                    if self.assumed.is_none() && awaited != Awaited::Probe {
+                        self.assumed = Some((self.line, awaited));
+                    }
                     if self.waits.begin(awaited) && awaited == Awaited::Probe {
                         self.tell_path(Some(PathNews::Probing));
                     }
@@ -687,6 +495,18 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         let left_s = self.left_s;
         let published_s = self.speed.sink().published_s().filter(|_| left_s > 0.0)?;
         Some(published_s - left_s)
+    }
+
+    /// What a program that is only looked at takes for granted of what it asks the machine; `None`: nothing but that probes touch.
+    fn assumes(&self) -> Option<String> {
+        let (line, awaited) = self.assumed?;
+        Some(match awaited {
+            Awaited::Probe => return None,
+            Awaited::Input => format!("line {line} reads an input (M66), which counts as if it came at once"),
+            Awaited::UserCode { number, .. } => {
+                format!("line {line} runs M{number}, which counts as if it took no time")
+            }
+        })
     }
 
     /// Programmed path since the last call, before corners were rounded; machine coordinates. A probing move is told when it is
@@ -798,6 +618,7 @@ mod tests_threads;
 
 #[cfg(test)]
 mod tests {
+    use super::real_time::Measure;
     use super::*;
 
     fn demo() -> (Config, Tables) {
@@ -817,44 +638,6 @@ mod tests {
                 Err(error) => return error,
             }
         }
-    }
-
-    #[test]
-    fn what_the_moves_may_be_off_is_what_the_program_says_of_them() {
-        let (config, tables) = demo();
-        let tolerance_mm = |text: &str| {
-            let checked = check(
-                &config,
-                &tables,
-                "p.ngc",
-                text.as_bytes(),
-                &Begin::at_home(&config),
-                &Cancel::default(),
-            );
-            checked.expect("a program").tolerance_mm
-        };
-        assert_eq!(tolerance_mm("G21 G90 G64 P0.05\nG1 X1 F100\nG64 P0.2\nM2\n"), 0.05);
-        assert_eq!(
-            tolerance_mm("G21 G90 G64\nG1 X1 F100\nM2\n"),
-            config.program.tolerance_mm
-        );
-        assert_eq!(tolerance_mm("G21 G90 G61\nG1 X1 F100\nM2\n"), 0.0);
-    }
-
-    #[test]
-    fn a_check_tells_how_quick_planning_is() {
-        let (config, tables) = demo();
-        let text = b"G21 G90 G64 P0.05\nG1 X100 F1000\nY50\nX0\nM2\n";
-        let checked = check(
-            &config,
-            &tables,
-            "p.ngc",
-            text,
-            &Begin::at_home(&config),
-            &Cancel::default(),
-        )
-        .expect("a program");
-        assert!(checked.real_time.whole.is_some_and(|whole| whole > 0.0), "{checked:?}");
     }
 
     #[test]

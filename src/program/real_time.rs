@@ -10,6 +10,7 @@
 //! what a processor does besides (caches, page faults, its frequency) would count more than the program does. It begins where
 //! something has been planned already: before that the machine stands, and only waits a little longer.
 
+use super::outline::{Draft, Outline};
 use motion::element::Element;
 use motion::ring::{Publish, Sink, Timed};
 use serde::{Deserialize, Serialize};
@@ -145,7 +146,8 @@ fn factor(motion_s: f64, cpu_s: f64) -> f64 {
 pub struct Measure {
     elements: usize,
     time_s: f64,
-    tail_s: f64,
+    tail: Vec<Element>,
+    draft: Draft,
     line: u32,
     cpu_s: fn() -> f64,
     pace: Pace,
@@ -157,7 +159,8 @@ impl Measure {
         Measure {
             elements: 0,
             time_s: 0.0,
-            tail_s: 0.0,
+            tail: Vec::new(),
+            draft: Draft::default(),
             line: 1,
             cpu_s,
             pace: Pace::new(cpu_s()),
@@ -171,12 +174,21 @@ impl Measure {
 
     /// Planned time, s.
     pub fn time_s(&self) -> f64 {
-        self.time_s + self.tail_s
+        self.time_s + self.tail_s()
+    }
+
+    fn tail_s(&self) -> f64 {
+        self.tail.iter().map(Timed::duration_s).sum()
+    }
+
+    /// Once all is planned: its times by place.
+    pub fn outline(&self) -> Outline {
+        self.draft.finish(&self.tail)
     }
 
     /// Once all is planned: how much quicker than motion that was.
     pub fn real_time_factor(&mut self) -> RealTimeFactor {
-        self.pace.finish(self.time_s + self.tail_s, self.line, (self.cpu_s)())
+        self.pace.finish(self.time_s + self.tail_s(), self.line, (self.cpu_s)())
     }
 }
 
@@ -188,10 +200,12 @@ impl Sink<Element> for Measure {
     fn publish(&mut self, committed: &[Element], tail: &[Element]) -> Publish {
         self.elements += committed.len();
         self.time_s += committed.iter().map(Timed::duration_s).sum::<f64>();
-        self.tail_s = tail.iter().map(Timed::duration_s).sum();
+        committed.iter().for_each(|element| self.draft.add(element));
+        self.tail.clear();
+        self.tail.extend_from_slice(tail);
         if let Some(last) = tail.last().or(committed.last()) {
             self.line = last.line();
-            self.pace.planned(self.time_s + self.tail_s, self.line, self.cpu_s);
+            self.pace.planned(self.time_s + self.tail_s(), self.line, self.cpu_s);
         }
         Publish::Done
     }

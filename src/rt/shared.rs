@@ -158,6 +158,7 @@ pub struct RtStatus {
     late_max_ns: AtomicU64,
     cycles_skipped: AtomicU64,
     remaining_s: AtomicU64,
+    way: AtomicU64,
     elapsed_s: AtomicU64,
     /// One more than the number of the tool that the last change brought; 0: there was none.
     tool: AtomicU64,
@@ -216,6 +217,7 @@ impl RtStatus {
             late_max_ns: AtomicU64::new(0),
             cycles_skipped: AtomicU64::new(0),
             remaining_s: AtomicU64::new(0),
+            way: AtomicU64::new(0),
             elapsed_s: AtomicU64::new(0),
             tool: AtomicU64::new(0),
             waiting: WaitingCell::default(),
@@ -257,8 +259,10 @@ pub struct Snapshot {
     pub late_max_ns: u64,
     /// Cycles left out.
     pub cycles_skipped: u64,
-    /// Planned motion still to come, s.
+    /// Motion still to come as far as it has been planned, s.
     pub remaining_s: f64,
+    /// How far the program has come, as [`Element::way`](motion::element::Element::way) says.
+    pub way: f64,
     /// Time since the program began, s.
     pub elapsed_s: f64,
     /// What the program waits for.
@@ -333,6 +337,7 @@ impl RtStatus {
         self.late_max_ns.store(snapshot.late_max_ns, Relaxed);
         self.cycles_skipped.store(snapshot.cycles_skipped, Relaxed);
         self.remaining_s.store(snapshot.remaining_s.to_bits(), Relaxed);
+        self.way.store(snapshot.way.to_bits(), Relaxed);
         self.elapsed_s.store(snapshot.elapsed_s.to_bits(), Relaxed);
         self.waiting.set(snapshot.waiting);
         self.switched_off.store(snapshot.switched_off, Relaxed);
@@ -370,6 +375,7 @@ impl RtStatus {
             late_max_ns: self.late_max_ns.load(Relaxed),
             cycles_skipped: self.cycles_skipped.load(Relaxed),
             remaining_s: float(&self.remaining_s),
+            way: float(&self.way),
             elapsed_s: float(&self.elapsed_s),
             waiting: self.waiting.get(),
             switched_off: self.switched_off.load(Relaxed),

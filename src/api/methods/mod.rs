@@ -16,12 +16,13 @@ use super::server::subscription::{self, RATE_MAX_HZ, Subscription};
 use super::server::{Caller, ClientId, Serve, Ticket};
 use super::uploads::{PART_MAX, Uploads};
 use crate::api::network_view::NetworkView;
-use crate::api::orders::{Jog, Order, OrderClient, Source};
+use crate::api::orders::{Jog, Order, OrderClient, Shown, Source};
 use crate::bus::SDO_VALUE_MAX;
 use crate::bus::service::{BusService, MailboxError, MailboxRequest};
 use crate::config::{Config, JOINTS_MAX};
 use crate::machine::faults::SILENCED;
 use crate::machine::state::State;
+use crate::program::outline::Left;
 use crate::rt::joint_jog::JogMotion;
 use crate::rt::overrides::Overridden;
 use crate::rt::shared::RtStatus;
@@ -43,6 +44,16 @@ struct Call<'a> {
     caller: &'a mut Caller,
     params: &'a Params,
     ticket: Ticket,
+}
+
+/// How far the program under way is; nothing where none is.
+#[derive(Debug, Default)]
+struct Progress {
+    /// Of the whole program, at the overrides of the moment; `None`: nobody knows.
+    remaining_s: Option<f64>,
+    done_percent: Option<f64>,
+    /// Why nobody knows, or what the time takes for granted.
+    note: Option<String>,
 }
 
 /// Carried out.
@@ -145,6 +156,11 @@ impl Methods {
     fn status(&mut self) -> Value {
         let live = self.live.snapshot();
         let shown = self.operator.shown();
+        let Progress {
+            remaining_s,
+            done_percent,
+            note,
+        } = self.progress(&shown, live.way);
         json!({
             "api": table::API_VERSION,
             "version": env!("CARGO_PKG_VERSION"),
@@ -179,8 +195,10 @@ impl Methods {
             "codes": shown.codes,
             "tool": shown.tool,
             "work_offset_mm": shown.work_offset,
-            "remaining_s": live.remaining_s,
             "elapsed_s": live.elapsed_s,
+            "remaining_s": remaining_s,
+            "done_percent": done_percent,
+            "remaining_note": note,
             "estop_chain_open": live.chain_open,
             "held_at_mm": live.held_at.map(|place| place.0),
             "limit_switches": { "lower": numbers(live.limits[0]), "upper": numbers(live.limits[1]) },
@@ -192,6 +210,30 @@ impl Methods {
             "runs_left": shown.runs_left,
             "last_program": shown.last_program,
         })
+    }
+
+    /// How far the program is.
+    fn progress(&self, shown: &Shown, way: f64) -> Progress {
+        let outline = shown.program.as_ref().and_then(|program| program.outline.as_ref());
+        let Some(outline) = outline else {
+            return Progress::default();
+        };
+        let shares = [Overridden::Feed, Overridden::Rapid].map(|what| self.live.overrides.share(what));
+        let assumes = outline.assumes().map(str::to_owned);
+        match outline.left(way, shares) {
+            Some(Left { done, time_s }) => Progress {
+                remaining_s: time_s,
+                done_percent: Some(100.0 * done),
+                note: match time_s {
+                    None => Some("not known while an override is at 0 %".into()),
+                    Some(_) => assumes,
+                },
+            },
+            None => Progress {
+                note: Some("not known: it has gone on beyond its end as it was checked".into()),
+                ..Progress::default()
+            },
+        }
     }
 
     /// Where the overrides stand, and whether the program lets them act at the moment.

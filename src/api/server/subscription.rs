@@ -12,12 +12,13 @@ pub const RATE_MAX_HZ: u64 = 20;
 /// Octets of the system that hold what a subscriber has not read: beyond them, it is told less often.
 pub const UNREAD_MAX: usize = 16 * 1024;
 /// What changes all the time while something moves: told at the rate that was asked for.
-pub const SAMPLED: [&str; 6] = [
+pub const SAMPLED: [&str; 7] = [
     "position_mm",
     "velocity_mm_s",
     "spindle",
     "line",
     "remaining_s",
+    "done_percent",
     "elapsed_s",
 ];
 /// What counts: told once a second, which shows that the control lives. A change of anything else is an event, told at once.

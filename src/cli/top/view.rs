@@ -2,6 +2,7 @@
 //!
 //! In:  what is known. Out: a picture. Nothing is told by colour alone.
 
+use super::super::progress;
 use super::app::{App, SILENT_MS};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -177,11 +178,7 @@ fn program_lines(app: &App, program: &[(u32, String)], rows: u16) -> Vec<Line<'s
         _ if app.at("program").is_null() => "load one with: isocnc program load FILE".into(),
         Some(result) => format!("{result}; {all:.0} lines"),
         None if app.text("step") != "program" => format!("loaded, {all:.0} lines"),
-        None => format!(
-            "line {line:.0} of {all:.0}, {:.0} s, {:.0} s planned to come",
-            app.number("elapsed_s"),
-            app.number("remaining_s")
-        ),
+        None => format!("line {line:.0} of {all:.0}, {}", progress::words(|name| app.at(name))),
     })];
     let rows = usize::from(rows.saturating_sub(1));
     let at = program
@@ -279,7 +276,7 @@ mod tests {
             "velocity_mm_s": 25.0, "override": { "feed_percent": 80.0, "rapid_percent": 100.0, "spindle_percent": 100.0 },
             "tool": 5, "spindle": { "on": true, "speed_rpm": 1200.0 }, "coolant": { "flood": true, "mist": false },
             "program": { "name": "/p/part.ngc", "lines": 90, "planned_time_s": 60.0, "result": null },
-            "line": 7, "elapsed_s": 12.0, "remaining_s": 3.2, "codes": ["G1", "G17", "G54"], "single_block": true,
+            "line": 7, "elapsed_s": 12.0, "remaining_s": 3.2, "done_percent": 78.9, "remaining_note": null, "codes": ["G1", "G17", "G54"], "single_block": true,
             "messages": [{ "text": "order: start" }], "mdi": [], "waiting": null, "alarm": null, "obstruction": null, "control": null,
         });
         app.hear(News::Is(state.as_object().cloned().unwrap()), 0);
@@ -319,7 +316,7 @@ mod tests {
                 "jog while held, 10 mm/s",
                 "G1 G17 G54",
                 " program /p/part.ngc ",
-                "line 7 of 90, 12 s, 3 s planned to come",
+                "line 7 of 90, 12 s, 3 s to go, 78 % done",
                 ">      7  G1 X7",
                 "order: start",
             ],

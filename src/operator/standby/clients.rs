@@ -14,7 +14,7 @@ use crate::operator::console::Operator;
 use crate::operator::manual_mode;
 use crate::operator::remembered;
 use crate::operator::table_writer::{Keeper, Mark};
-use crate::program::{Begin, Change, changed, home};
+use crate::program::{Begin, Change, Overview, changed, home};
 use crate::rt::shared::{Command, Snapshot};
 use crate::rt::waiting;
 use crate::rt::way_back::SLOW_MM;
@@ -73,6 +73,8 @@ pub(in crate::operator) struct Clients<'scope, 'env> {
     pub(super) checking: Option<Checking<'scope>>,
     /// What runs, or ran last.
     part: Option<Arc<Part>>,
+    /// The one program of a session that does not stand by, and its name.
+    given: Option<(&'env str, &'env Overview)>,
     /// The program to start.
     loaded: Option<Arc<Part>>,
     mode: Mode,
@@ -137,6 +139,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             inbox,
             checking: None,
             part: None,
+            given: None,
             loaded: None,
             mode: Mode::default(),
             mdi: VecDeque::new(),
@@ -146,6 +149,12 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             unsettled: Vec::new(),
             ended: None,
         }
+    }
+
+    /// Of a session that runs this program and no other.
+    pub(in crate::operator) fn of_program(self, name: &'env str, overview: &'env Overview) -> Clients<'scope, 'env> {
+        let given = Some((name, overview));
+        Clients { given, ..self }
     }
 
     /// What is under way, or was last.
@@ -676,10 +685,14 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         };
         // Of the one that is loaded, once it has run.
         let has_run = |part: &Arc<Part>| self.part.as_ref().is_some_and(|last| Arc::ptr_eq(last, part));
-        let result = |part| {
-            operator
-                .program_outcome()
-                .filter(|_| has_run(part) && !operator.has_program())
+        let last = operator.program_outcome().filter(|_| !operator.has_program());
+        let is_under_way = operator.step() == Step::Program;
+        let shown_program = |name: &str, overview: &Overview, is_last: bool| ShownProgram {
+            name: name.to_owned(),
+            lines: overview.lines,
+            planned_time_s: overview.time_s,
+            outline: Some(overview.outline.clone()).filter(|_| is_last && is_under_way),
+            result: last.filter(|_| is_last).map(outcome_word),
         };
         let mut mdi = Vec::new();
         if let Some(part) = self.part.as_ref().filter(|part| part.is_mdi())
@@ -698,12 +711,11 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             power: condition.power.name(),
             activity: condition.activity.name(),
             mode: self.mode.name(),
-            program: program.map(|part| ShownProgram {
-                name: part.name.clone(),
-                lines: part.overview.lines,
-                planned_time_s: part.overview.time_s,
-                result: result(part).map(outcome_word),
-            }),
+            program: match (program, self.given) {
+                (Some(part), _) => Some(shown_program(&part.name, &part.overview, has_run(part))),
+                (None, Some((name, overview))) => Some(shown_program(name, overview, true)),
+                (None, None) => None,
+            },
             job: operator.job_outcome().filter(|_| is_settled).map(outcome_word),
             mdi,
             waiting: live.waiting.map(|waiting| Waiting {

@@ -687,6 +687,7 @@ impl<B: CyclicBus> MotionController<B> {
             late_max_ns: self.late_max_ns,
             cycles_skipped: self.cycles_skipped,
             remaining_s,
+            way: self.program.as_ref().map_or(0.0, |program| program.way()),
             elapsed_s,
             waiting: self.waits_for(),
             switched_off: self.switched_off,

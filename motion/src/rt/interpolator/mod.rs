@@ -42,6 +42,8 @@ pub struct Interpolator {
     time_s: f64,
     /// Plan time of the elements before it, s.
     done_s: f64,
+    /// How far they have brought the program, as [`Element::way`] says.
+    done_way: f64,
     backward: bool,
     single_block: bool,
     arrived: Option<Arrived>,
@@ -73,6 +75,7 @@ impl Interpolator {
             ramp,
             time_s: 0.0,
             done_s: 0.0,
+            done_way: 0.0,
             backward: false,
             single_block: false,
             arrived: None,
@@ -270,6 +273,16 @@ impl Interpolator {
     /// Plan time that has passed, s: less again on the way back. RT.
     pub fn passed_s(&self) -> f64 {
         self.done_s + self.time_s
+    }
+
+    /// How far the program has come, as [`Element::way`] says: less again on the way back. RT.
+    pub fn way(&self) -> f64 {
+        match self.track.current() {
+            Some(Element::Span(span)) => self.done_way + span.place(self.time_s) - span.s0,
+            None | Some(Element::Synced(_) | Element::Probing(_) | Element::Dwell { .. } | Element::Action { .. }) => {
+                self.done_way
+            }
+        }
     }
 
     /// Whether nothing moves and nothing will before a step with a share other than 0. RT.
@@ -485,6 +498,7 @@ impl Interpolator {
     fn pass(&mut self) {
         if let Some(&element) = self.track.current() {
             self.done_s += element.duration_s();
+            self.done_way += element.way();
             match element {
                 Element::Span(span) => self.show(&span, span.duration_s, 0.0),
                 Element::Synced(synced) => self.show_synced(&synced),
@@ -500,6 +514,7 @@ impl Interpolator {
     fn retreat(&mut self) -> bool {
         let Some(element) = self.track.back() else { return false };
         self.done_s -= element.duration_s();
+        self.done_way -= element.way();
         self.time_s = match element {
             Element::Span(span) => span.duration_s,
             // Run forward again, it waits again.
