@@ -3,7 +3,8 @@
 use super::compensation;
 use super::document::{Bound, Section};
 use super::homing::{self, Known};
-use super::types::{AxisMap, Joint, JointLimits, Node, Profile, StopLimits};
+use super::mapping::parse_object;
+use super::types::{AxisMap, Joint, JointLimits, Mapped, Node, Profile, Sto, StopLimits};
 use motion::canon::{Axis, Position};
 use std::path::Path;
 
@@ -47,6 +48,17 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
             section.wrong("following_error_mm", rule);
         }
     }
+    let inputs = (node.zip(around.nodes)).map(|(node, nodes)| nodes[node].inputs.as_slice());
+    let limits_by_drive = limit_switches(section, inputs);
+    let sto = match section.optional_section("sto") {
+        None if section.has("sto") => None,
+        None => Some(None),
+        Some(mut table) => {
+            let sto = sto(&mut table, inputs);
+            table.done();
+            sto.map(Some)
+        }
+    };
     let squaring_offset_mm = section.number("squaring_offset_mm", Bound::Size(LENGTH_MAX), 0.0);
     let known = Known {
         travel_mm,
@@ -97,7 +109,44 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         following_error_mm: following_error_mm?,
         homing: homing?,
         compensation,
+        limits_by_drive: limits_by_drive?,
+        sto: sto?,
         squaring_offset_mm: squaring_offset_mm?,
+    })
+}
+
+/// Who tells of the limit switches: the drive only where it sends 60FDh. `inputs`: what it sends, `None` where that is not known.
+fn limit_switches(section: &mut Section<'_, '_>, inputs: Option<&[Mapped]>) -> Option<bool> {
+    let by_drive = section.word("limit_switches", &[("pin", false), ("drive", true)], false)?;
+    if by_drive && inputs.is_some_and(|inputs| inputs.iter().all(|object| object.index != 0x60FD)) {
+        section.wrong("limit_switches", "\"0x60FD/32\" must be among the inputs of its node");
+    }
+    Some(by_drive)
+}
+
+fn sto(section: &mut Section<'_, '_>, inputs: Option<&[Mapped]>) -> Option<Sto> {
+    let what = "an object that the drive sends, like \"0x60FD\" or \"0x2110:1\"";
+    let object = section.required("object", what);
+    let bit = section.integer("bit", 0..=63, None).map(|bit| bit as u32);
+    let active = section.flag("active", true);
+    let text = object?.text(&section.key("object"))?;
+    let Some(object) = parse_object(text) else {
+        section.wrong("object", format!("must be {what}"));
+        return None;
+    };
+    if let Some(inputs) = inputs {
+        match inputs.iter().find(|mapped| (mapped.index, mapped.sub) == object) {
+            None => section.wrong("object", "must be among the inputs of its node"),
+            Some(mapped) if bit.is_some_and(|bit| bit >= u32::from(mapped.bits)) => {
+                section.wrong("bit", format!("must be below {}, the bits of {text}", mapped.bits));
+            }
+            Some(_) => {}
+        }
+    }
+    Some(Sto {
+        object,
+        bit: bit?,
+        active: active?,
     })
 }
 

@@ -293,6 +293,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         .section("sim")
         .and_then(|section| sim::sim(section, nodes, all_joints));
     let mains = root.section("mains").and_then(mains);
+    let estop_category = root.section("estop").and_then(estop_category);
     root.not_yet(&["logic", "hmi", "service"]);
     root.done();
 
@@ -313,6 +314,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
         program: program?,
         tools: tools?,
         mains: mains?,
+        estop_category: estop_category?,
         nets: nets?,
         sim: sim?,
     })
@@ -407,6 +409,15 @@ fn rt(mut section: Section<'_, '_>, cycle_us: Option<u32>) -> Option<Rt> {
         overruns_stop: overruns_stop? as u32,
         lock_memory: lock_memory?,
         require: require?,
+    })
+}
+
+fn estop_category(mut section: Section<'_, '_>) -> Option<StopCategory> {
+    let category = section.integer("category", 0..=1, 1);
+    section.done();
+    category.map(|category| match category {
+        0 => StopCategory::Zero,
+        _ => StopCategory::One,
     })
 }
 

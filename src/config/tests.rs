@@ -534,6 +534,24 @@ fn rules_of_the_rest() {
             "m.toml:32:8: sim.probe.surface[0].axis = \"Q\": must be one of X Y Z A B C U V W",
             "m.toml:32:8: sim.probe.surface[0].axis = \"Q\": must have either above_mm or below_mm beside it: where the body is",
         ]),
+        (end, "joints = [0]\n[estop]\ncategory = 2\n", &[
+            "m.toml:29:12: estop.category = 2: must be an integer from 0 to 1",
+        ]),
+        ("[-10.0, 10]", "[-10.0, 10]\nlimit_switches = \"switch\"\nsto = { bit = 64, active = 1 }", &[
+            "m.toml:16:18: joint[0].limit_switches = \"switch\": must be \"pin\" or \"drive\"",
+            "m.toml:17:7: joint[0].sto.object: is missing: an object that the drive sends, like \"0x60FD\" or \"0x2110:1\"",
+            "m.toml:17:15: joint[0].sto.bit = 64: must be an integer from 0 to 63",
+            "m.toml:17:28: joint[0].sto.active = 1: must be true or false, is an integer",
+        ]),
+        ("[-10.0, 10]", "[-10.0, 10]\nsto = { object = \"60FD\", bit = 3 }", &[
+            "m.toml:16:18: joint[0].sto.object = \"60FD\": must be an object that the drive sends, like \"0x60FD\" or \"0x2110:1\"",
+        ]),
+        ("[-10.0, 10]", "[-10.0, 10]\nsto = { object = \"0x2110:1\", bit = 3 }", &[
+            "m.toml:16:18: joint[0].sto.object = \"0x2110:1\": must be among the inputs of its node",
+        ]),
+        ("[-10.0, 10]", "[-10.0, 10]\nsto = { object = \"0x6041\", bit = 16 }", &[
+            "m.toml:16:34: joint[0].sto.bit = 16: must be below 16, the bits of 0x6041",
+        ]),
         ("name = \"small\"", "name = \"small\"\nprobe_stops_jog = 1", &[
             "m.toml:4:19: machine.probe_stops_jog = 1: must be true or false, is an integer",
         ]),

@@ -51,6 +51,8 @@ pub struct Config {
     pub program: Program,
     pub tools: Tools,
     pub mains: Mains,
+    /// How drives stop in an emergency stop.
+    pub estop_category: StopCategory,
     /// Connections between pins.
     pub nets: Vec<Net>,
     /// What the simulated machine is made of.
@@ -344,6 +346,10 @@ pub struct Joint {
     pub following_error_mm: f64,
     /// How it finds out where it is.
     pub homing: Homing,
+    /// Whether bits 0 and 1 of 60FDh of its drive tell of its limit switches, beside the pins; default no.
+    pub limits_by_drive: bool,
+    /// What its drive sends while its safety circuit is open; `None`: nothing that is known.
+    pub sto: Option<Sto>,
     /// Of several joints of an axis: how far this one stands ahead of the axis where the gantry is square, mm; default 0.
     pub squaring_offset_mm: f64,
     /// Backlash and pitch errors; the limits above are then what they leave.
@@ -451,6 +457,27 @@ pub enum HomeSwitch {
     Pin,
     /// Its drive: bit 2 of 60FDh.
     Drive,
+}
+
+/// The sign of a drive that its safety circuit is open (safe torque off): a bit of an object that it sends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sto {
+    /// The object, one of the inputs of its node.
+    pub object: (u16, u8),
+    /// Number of the bit, from 0.
+    pub bit: u32,
+    /// Value of the bit while the circuit is open; default true.
+    pub active: bool,
+}
+
+/// Stop categories of IEC 60204-1 that an emergency stop may have.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum StopCategory {
+    /// Drives are switched off at once, motors run out.
+    Zero,
+    /// Drives stop by their quick stop, then take their power away.
+    #[default]
+    One,
 }
 
 /// `[[axis]]`

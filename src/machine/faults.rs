@@ -186,14 +186,28 @@ pub enum Fault {
         /// Who was heard.
         sign: ForeignMaster,
     },
-    /// The emergency stop chain is open, or (`by_order`) somebody ordered an emergency stop.
-    EmergencyStop { by_order: bool },
+    /// The emergency stop chain is open, or somebody ordered an emergency stop.
+    EmergencyStop {
+        /// Which of them came first.
+        cause: EstopCause,
+    },
     /// A limit switch closed; `above`: the one at the upper end.
     LimitSwitch { joint: usize, above: bool },
     /// The mains have failed: what energy is left is for a stop.
     MainsLost,
     /// The network adapter does not send or receive.
     LinkFailed { error: LinkFailure },
+}
+
+/// What an emergency stop comes of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EstopCause {
+    /// Somebody ordered it.
+    Order,
+    /// The pin of the chain is false.
+    Chain,
+    /// A drive says that its safety circuit is open.
+    Sto { joint: usize },
 }
 
 /// What the machine does about a fault.
@@ -321,7 +335,10 @@ impl Fault {
             | Fault::SoftLimit { joint, .. }
             | Fault::LimitSwitch { joint, .. }
             | Fault::IllegalCommand { joint }
-            | Fault::LimitExceeded { joint, .. } => Some(joint),
+            | Fault::LimitExceeded { joint, .. }
+            | Fault::EmergencyStop {
+                cause: EstopCause::Sto { joint },
+            } => Some(joint),
             _ => None,
         }
     }
@@ -446,8 +463,13 @@ impl Fault {
             Fault::PinsLost => {
                 "the file of the pins was cut short by another process: pins are lost; end this control and start it again".into()
             }
-            Fault::EmergencyStop { by_order: true } => "emergency stop by order".into(),
-            Fault::EmergencyStop { by_order: false } => "emergency stop: the chain is open (iocontrol.0.emc-enable-in)".into(),
+            Fault::EmergencyStop { cause } => match cause {
+                EstopCause::Order => "emergency stop by order".into(),
+                EstopCause::Chain => "emergency stop: the chain is open (iocontrol.0.emc-enable-in)".into(),
+                EstopCause::Sto { joint: index } => {
+                    format!("{}: emergency stop: the safety circuit (STO) of its drive is open", joint(index))
+                }
+            },
             Fault::LimitSwitch { joint: index, above } => format!(
                 "{}: its {} limit switch has closed; it can be jogged the other way",
                 joint(index),

@@ -11,11 +11,12 @@ use super::pins::Pins;
 use super::shared::{OperatorEndpoints, RtStatus};
 use crate::bus::plan::NodePlan;
 use crate::bus::{CyclicBus, InputImage, OutputImage};
-use crate::config::{Config, Joint};
+use crate::config::{Config, Joint, StopCategory};
 use crate::machine::overruns::Overruns;
 use crate::rt::joint_jog::JointJog;
 use crate::rt::way_back::{Retract, WayBack};
 use anyhow::{Context, anyhow};
+use cia402::axis::Request;
 use hal_pins::Hal;
 use motion::rt::{Monitor, MonitorLimits};
 use std::sync::Arc;
@@ -55,6 +56,10 @@ pub fn assemble<B: CyclicBus>(
         probe_stops_jog: config.probe_stops_jog,
         optional_stop: config.program.optional_stop,
         way_back: WayBack::new(config),
+        estop: match config.estop_category {
+            StopCategory::Zero => Request::CutPower,
+            StopCategory::One => Request::QuickStop,
+        },
         retract: Retract::new(config),
         homer: Homer::new(config),
         pins: Pins::new(hal, config, plans).context("pins")?,

@@ -11,7 +11,7 @@ use super::homing::Found;
 use crate::bus::layout::{Field, Layout};
 use crate::bus::plan::NodePlan;
 use crate::bus::{InputImage, NodeIndex, NodeState, OutputImage};
-use crate::config::{Compensation, Config, HomingBy, JOINTS_MAX, Joint};
+use crate::config::{Compensation, Config, HomingBy, JOINTS_MAX, Joint, Sto};
 use cia402::axis::{Axis, AxisConfig, Feedback, HomingState, Request, Setpoint, Status};
 use motion::canon::Position;
 use motion::kinematics::Kinematics;
@@ -67,6 +67,10 @@ pub struct Drive {
     feedback: Feedback,
     setpoint: Setpoint,
     online: bool,
+    limits_by_drive: bool,
+    sto: Option<(Field, Sto)>,
+    /// What it sent last says that its safety circuit is open.
+    sto_open: bool,
     command_mm: f64,
     command_before_mm: f64,
     compensation: Option<JointCompensation>,
@@ -95,6 +99,12 @@ impl Drive {
             feedback: Feedback::default(),
             setpoint: Setpoint::default(),
             online: false,
+            limits_by_drive: joint.limits_by_drive,
+            sto: joint.sto.and_then(|sto| {
+                let (index, sub) = sto.object;
+                Some((plan.inputs.find(index, sub)?, sto))
+            }),
+            sto_open: false,
             command_mm: 0.0,
             command_before_mm: 0.0,
             compensation: joint.compensation.as_ref().map(|compensation| {
@@ -132,6 +142,9 @@ impl Drive {
             digital_inputs: read(self.fields.digital_inputs) as u32,
             error_code: read(self.fields.error_code) as u16,
         };
+        self.sto_open = self
+            .sto
+            .is_some_and(|(field, sto)| (field.read(payload) >> sto.bit & 1 == 1) == sto.active);
     }
 
     fn forget_home(&mut self) {
@@ -250,6 +263,17 @@ impl Drive {
         self.axis.warning()
     }
 
+    /// Whether it says that its safety circuit is open.
+    pub fn is_sto_open(&self) -> bool {
+        self.online && self.sto_open
+    }
+
+    /// Whether it says that its lower, and its upper limit switch is closed.
+    pub fn limit_switches(&self) -> [bool; 2] {
+        let told = self.online && self.limits_by_drive;
+        [0, 1].map(|bit| told && self.feedback.digital_inputs >> bit & 1 == 1)
+    }
+
     /// Greatest following error allowed, mm.
     pub fn following_error_max_mm(&self) -> f64 {
         self.following_error_max_mm
@@ -355,6 +379,22 @@ impl Drives {
         drives.fold(0, |mask, (joint, drive)| {
             mask | u64::from(drive.status() == Status::Homing) << joint
         })
+    }
+
+    /// The first joint whose drive says that its safety circuit is open. RT.
+    pub fn sto_open(&self) -> Option<usize> {
+        self.drives.iter().position(Drive::is_sto_open)
+    }
+
+    /// Joints of whose lower, and of whose upper limit switch drives say that it is closed (bit n: joint n). RT.
+    pub fn limit_switches(&self) -> [u64; 2] {
+        let mut closed = [0; 2];
+        for (joint, drive) in self.drives.iter().enumerate() {
+            for (closed, switch) in closed.iter_mut().zip(drive.limit_switches()) {
+                *closed |= u64::from(switch) << joint;
+            }
+        }
+        closed
     }
 
     /// Whether every drive shows a status that `wanted` accepts. RT.

@@ -755,8 +755,9 @@ impl Pins {
             pins.homed.set(drive.is_homed());
             pins.amp_enabled.set(drive.status() == cia402::axis::Status::Enabled);
             pins.homing.set(drive.status() == cia402::axis::Status::Homing);
-            for (shown, switch) in pins.hard_limits.iter_mut().zip(&pins.limit_switches) {
-                shown.set(switch.get());
+            let by_drive = drive.limit_switches();
+            for ((shown, switch), by_drive) in pins.hard_limits.iter_mut().zip(&pins.limit_switches).zip(by_drive) {
+                shown.set(switch.get() || by_drive);
             }
         }
         for (axis, pos_cmd) in &mut self.axes {

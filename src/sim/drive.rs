@@ -62,6 +62,8 @@ const BENCH: Joint = Joint {
         },
     },
     compensation: None,
+    limits_by_drive: false,
+    sto: None,
     squaring_offset_mm: 0.0,
 };
 

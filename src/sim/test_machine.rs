@@ -71,6 +71,8 @@ pub(super) fn test_config() -> Config {
             },
         },
         compensation: None,
+        limits_by_drive: false,
+        sto: None,
         squaring_offset_mm: 0.0,
     };
     Config {
@@ -79,6 +81,7 @@ pub(super) fn test_config() -> Config {
         cycle_us: 1000,
         state_directory: None,
         probe_stops_jog: true,
+        estop_category: StopCategory::One,
         unit: LengthUnit::Millimetre,
         rt: Rt {
             phase_us: Some(370),

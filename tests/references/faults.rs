@@ -4,14 +4,16 @@ use super::source::{covers, variants};
 use super::{check, code, head, row};
 use cia402::axis::{AxisFault, HomingFault, Step};
 use cia402::profile::State;
-use isocnc::machine::faults::{Fault, ForeignMaster, LinkFailure, OrientFailure, Reaction, SpeedNotReached};
+use isocnc::machine::faults::{
+    EstopCause, Fault, ForeignMaster, LinkFailure, OrientFailure, Reaction, SpeedNotReached,
+};
 use motion::rt::homing::HomingFailure;
 use motion::rt::{Order, SyncFault};
 
 pub(crate) const FAULTS: &str = "src/machine/faults.rs";
 
 /// What drive supervisors see.
-pub(crate) const OF_DRIVES: [AxisFault; 10] = [
+pub(crate) const OF_DRIVES: [AxisFault; 11] = [
     AxisFault::Drive { error_code: 0x8611 },
     AxisFault::StepTimeout {
         step: Step::EnableOperation,
@@ -21,6 +23,7 @@ pub(crate) const OF_DRIVES: [AxisFault; 10] = [
     AxisFault::UnexpectedDisable {
         state: State::SwitchOnDisabled,
     },
+    AxisFault::Interlock,
     AxisFault::UnknownState { statusword: 0x0042 },
     AxisFault::CommandIgnored { mode_display: 8 },
     AxisFault::Homing(HomingFault::Drive),
@@ -132,8 +135,15 @@ pub(crate) fn examples() -> Vec<Fault> {
                 is_itself: false,
             },
         },
-        Fault::EmergencyStop { by_order: false },
-        Fault::EmergencyStop { by_order: true },
+        Fault::EmergencyStop {
+            cause: EstopCause::Chain,
+        },
+        Fault::EmergencyStop {
+            cause: EstopCause::Order,
+        },
+        Fault::EmergencyStop {
+            cause: EstopCause::Sto { joint: 0 },
+        },
         Fault::LimitSwitch { joint: 0, above: true },
         Fault::MainsLost,
     ]);

@@ -85,6 +85,8 @@ pub enum AxisFault {
         /// Where it went.
         state: State,
     },
+    /// The drive does not get on, or left OPERATION ENABLED, and bit 3 of 60FD says why.
+    Interlock,
     /// The statusword shows a pattern that is no state.
     UnknownState {
         /// 6041.
@@ -106,6 +108,12 @@ impl fmt::Display for AxisFault {
             AxisFault::Drive { error_code } => {
                 write!(f, "drive fault {error_code:04X}h: {}", error_text(*error_code))
             }
+            AxisFault::StepTimeout {
+                step: step @ (Step::Shutdown | Step::SwitchOn | Step::EnableOperation),
+            } => write!(
+                f,
+                "the drive did not answer in time: {step}; is its safety circuit (STO) closed?"
+            ),
             AxisFault::StepTimeout { step } => write!(f, "the drive did not answer in time: {step}"),
             AxisFault::LocalControl { step } => {
                 write!(
@@ -114,7 +122,16 @@ impl fmt::Display for AxisFault {
                 )
             }
             AxisFault::Lost => f.write_str("the drive was lost from the bus"),
+            AxisFault::UnexpectedDisable {
+                state: state @ State::SwitchOnDisabled,
+            } => write!(
+                f,
+                "the drive left OPERATION ENABLED for {state}; was its safety circuit (STO) opened?"
+            ),
             AxisFault::UnexpectedDisable { state } => write!(f, "the drive left OPERATION ENABLED for {state}"),
+            AxisFault::Interlock => {
+                f.write_str("the safety circuit (STO) of the drive is open: bit 3 of 60FDh, interlock, is set")
+            }
             AxisFault::UnknownState { statusword } => write!(f, "statusword {statusword:04X}h shows no state"),
             AxisFault::CommandIgnored { mode_display } => {
                 write!(

@@ -41,7 +41,7 @@ impl Axis {
     /// One cycle of homing. The target copies the actual position throughout.
     pub(super) fn homing_step(&mut self, now_ns: u64, drive: State, feedback: &Feedback, mut homing: Homing) -> u16 {
         if drive != State::OperationEnabled {
-            self.fail(AxisFault::UnexpectedDisable { state: drive });
+            self.fail(self.unexpected_disable(drive));
             return command_stop(drive) as u16;
         }
         let started_ns = *homing.started_ns.get_or_insert(now_ns);

@@ -92,6 +92,8 @@ pub enum Request {
     Enable,
     /// Stop by the quick-stop ramp, then power off.
     QuickStop,
+    /// Power off at once: the motor runs out, and its brake falls in.
+    CutPower,
     /// Acknowledge a fault; accepted in [`Status::Faulted`] only. Never enables.
     ResetFault,
     /// Home by the drive's own method (6098); accepted in [`Status::Enabled`] only.

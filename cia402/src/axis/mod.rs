@@ -26,6 +26,8 @@ use state::{Homing, HomingStep, Phase, Reset, Timer, command_down, command_stop}
 
 /// Cycles for which bit 7 is shown as 0 before a fault reset, so that a lost frame does not cost the edge.
 const RESET_LOW_CYCLES: u8 = 4;
+/// Bit of 60FD: interlock.
+const INTERLOCK_BIT: u32 = 3;
 /// Enabling as a whole may take this many step limits; ends a drive that steps to and fro for ever.
 const ENABLING_STEPS_MAX: u64 = 8;
 
@@ -43,6 +45,7 @@ impl Axis {
             (Request::Enable, _) => Phase::Enabling,
             (Request::Disable, _) => Phase::Disabling,
             (Request::QuickStop, _) => Phase::QuickStopping,
+            (Request::CutPower, _) => Phase::CuttingPower,
             (Request::Home, _) => Phase::Homing(Homing::new()),
             (Request::ResetFault, Phase::Faulted { fault, .. }) if self.online => Phase::Faulted {
                 fault,
@@ -60,10 +63,16 @@ impl Axis {
         match self.phase {
             Phase::Offline => false,
             Phase::Disabled => request == Request::Enable,
-            Phase::Enabling | Phase::Homing(_) => matches!(request, Request::Disable | Request::QuickStop),
-            Phase::Enabled => matches!(request, Request::Disable | Request::QuickStop | Request::Home),
-            Phase::Disabling => request == Request::QuickStop,
-            Phase::QuickStopping => false,
+            Phase::Enabling | Phase::Homing(_) => {
+                matches!(request, Request::Disable | Request::QuickStop | Request::CutPower)
+            }
+            Phase::Enabled => matches!(
+                request,
+                Request::Disable | Request::QuickStop | Request::CutPower | Request::Home
+            ),
+            Phase::Disabling => matches!(request, Request::QuickStop | Request::CutPower),
+            Phase::QuickStopping => request == Request::CutPower,
+            Phase::CuttingPower => false,
             Phase::Faulted { .. } => request == Request::ResetFault,
         }
     }
@@ -109,6 +118,7 @@ impl Axis {
                 word
             }
             Phase::Disabling => self.disabling(now_ns, drive),
+            Phase::CuttingPower => self.cutting_power(now_ns, drive),
             Phase::QuickStopping => self.quick_stopping(now_ns, drive),
             Phase::Faulted { fault, reset } => self.faulted(now_ns, drive, feedback, fault, reset),
         };
@@ -123,7 +133,7 @@ impl Axis {
             Phase::Enabling => Status::Enabling,
             Phase::Enabled => Status::Enabled,
             Phase::Homing(_) => Status::Homing,
-            Phase::Disabling => Status::Disabling,
+            Phase::Disabling | Phase::CuttingPower => Status::Disabling,
             Phase::QuickStopping => Status::QuickStopping,
             Phase::Faulted { fault, .. } => Status::Faulted(fault),
         }
@@ -148,6 +158,7 @@ impl Axis {
             | Phase::Enabled
             | Phase::Homing(_)
             | Phase::Disabling
+            | Phase::CuttingPower
             | Phase::QuickStopping => false,
         }
     }
@@ -241,7 +252,12 @@ impl Axis {
                     reset: Reset::NotAsked,
                 }
             }
-            Phase::Enabling | Phase::Enabled | Phase::Homing(_) | Phase::Disabling | Phase::QuickStopping => {
+            Phase::Enabling
+            | Phase::Enabled
+            | Phase::Homing(_)
+            | Phase::Disabling
+            | Phase::CuttingPower
+            | Phase::QuickStopping => {
                 self.fail(AxisFault::Lost);
             }
         }
@@ -266,6 +282,7 @@ impl Axis {
         self.online = true;
         self.position = feedback.position;
         self.statusword = feedback.statusword;
+        self.interlock = feedback.digital_inputs >> INTERLOCK_BIT & 1 == 1;
         self.drive = state(feedback.statusword);
     }
 
@@ -291,8 +308,19 @@ impl Axis {
     fn step_timeout(&self, step: Step) -> AxisFault {
         if self.statusword & statusword::REMOTE == 0 {
             AxisFault::LocalControl { step }
+        } else if self.interlock && matches!(step, Step::Shutdown | Step::SwitchOn | Step::EnableOperation) {
+            AxisFault::Interlock
         } else {
             AxisFault::StepTimeout { step }
+        }
+    }
+
+    /// What a drive that left OPERATION ENABLED by itself is told to be wrong.
+    fn unexpected_disable(&self, state: State) -> AxisFault {
+        if self.interlock {
+            AxisFault::Interlock
+        } else {
+            AxisFault::UnexpectedDisable { state }
         }
     }
 
@@ -348,7 +376,7 @@ impl Axis {
 
     fn enabled(&mut self, now_ns: u64, drive: State, feedback: &Feedback, commanded_position: i64) -> u16 {
         if drive != State::OperationEnabled {
-            self.fail(AxisFault::UnexpectedDisable { state: drive });
+            self.fail(self.unexpected_disable(drive));
             return command_stop(drive) as u16;
         }
         let follows = feedback.statusword & statusword::MODE_ACK != 0;
@@ -377,6 +405,19 @@ impl Axis {
         };
         self.limit(now_ns, step);
         command_down(drive) as u16
+    }
+
+    fn cutting_power(&mut self, now_ns: u64, drive: State) -> u16 {
+        match drive {
+            State::NotReadyToSwitchOn | State::SwitchOnDisabled => self.enter(Phase::Disabled),
+            State::QuickStopActive
+            | State::ReadyToSwitchOn
+            | State::SwitchedOn
+            | State::OperationEnabled
+            | State::FaultReactionActive
+            | State::Fault => self.limit(now_ns, Step::DisableVoltage),
+        }
+        Command::DisableVoltage as u16
     }
 
     fn quick_stopping(&mut self, now_ns: u64, drive: State) -> u16 {

@@ -60,8 +60,13 @@ pub(super) enum Phase {
     Enabled,
     Homing(Homing),
     Disabling,
+    /// As `Disabling`, without a ramp.
+    CuttingPower,
     QuickStopping,
-    Faulted { fault: AxisFault, reset: Reset },
+    Faulted {
+        fault: AxisFault,
+        reset: Reset,
+    },
 }
 
 /// Progress of a fault reset.
@@ -90,6 +95,8 @@ pub struct Axis {
     pub(super) online: bool,
     pub(super) drive: Option<State>,
     pub(super) statusword: u16,
+    /// Bit 3 of 60FD.
+    pub(super) interlock: bool,
     pub(super) position: i32,
     pub(super) actual: i64,
     pub(super) target: i64,
@@ -108,6 +115,7 @@ impl Axis {
             online: false,
             drive: None,
             statusword: 0,
+            interlock: false,
             position: 0,
             actual: 0,
             target: 0,

@@ -440,6 +440,24 @@ fn homing_makes_the_edge_and_comes_back_at_the_new_position() {
 }
 
 #[test]
+fn power_is_cut_without_a_ramp_also_in_the_middle_of_one() {
+    for first in [None, Some(Request::Disable), Some(Request::QuickStop)] {
+        let mut rig = Rig::enabled(AxisConfig::default());
+        if let Some(first) = first {
+            rig.axis.request(first);
+            assert_ne!(rig.word(FOLLOWS), 0x0000);
+        }
+        rig.axis.request(Request::CutPower);
+        assert_eq!(rig.word(FOLLOWS), 0x0000);
+        rig.axis.request(Request::QuickStop);
+        assert_eq!(rig.word(QUICK_STOP), 0x0000, "nothing softer comes behind it");
+        assert_eq!(rig.axis.status(), Status::Disabling);
+        rig.word(SWITCH_ON_DISABLED);
+        assert_eq!(rig.axis.status(), Status::Disabled);
+    }
+}
+
+#[test]
 fn homing_ends_at_the_drives_own_value_also_after_a_wrap() {
     let mut rig = started(0x0637);
     for position in [i32::MAX, i32::MIN, -4, -3] {
@@ -519,7 +537,13 @@ fn positions_go_on_across_the_wrap_of_32_bits() {
 fn requests_that_do_not_fit_change_nothing() {
     let mut rig = Rig::new(AxisConfig::default());
     rig.word(SWITCH_ON_DISABLED);
-    for request in [Request::Disable, Request::QuickStop, Request::ResetFault, Request::Home] {
+    for request in [
+        Request::Disable,
+        Request::QuickStop,
+        Request::CutPower,
+        Request::ResetFault,
+        Request::Home,
+    ] {
         assert!(!rig.axis.accepts(request));
         rig.axis.request(request);
         assert_eq!(rig.axis.status(), Status::Disabled);
@@ -536,7 +560,7 @@ fn faults_say_what_to_look_at() {
     );
     assert_eq!(
         AxisFault::StepTimeout { step: Step::SwitchOn }.to_string(),
-        "the drive did not answer in time: command switch on"
+        "the drive did not answer in time: command switch on; is its safety circuit (STO) closed?"
     );
 }
 
@@ -590,6 +614,7 @@ fn event() -> impl Strategy<Value = Event> {
             Request::Enable,
             Request::Disable,
             Request::QuickStop,
+            Request::CutPower,
             Request::ResetFault,
             Request::Home,
         ][..],
@@ -624,7 +649,7 @@ proptest! {
                 Event::Request(request) => {
                     match request {
                         Request::Enable => asked |= rig.axis.status() == Status::Disabled,
-                        Request::Disable | Request::QuickStop => asked = false,
+                        Request::Disable | Request::QuickStop | Request::CutPower => asked = false,
                         Request::ResetFault | Request::Home => {}
                     }
                     rig.axis.request(request);

@@ -28,6 +28,8 @@ use power::Power;
 pub const ERROR_FOLLOWING: u16 = 0x8611;
 /// 603F: communication monitoring.
 pub const ERROR_COMMUNICATION: u16 = 0x8100;
+/// 603F: safe torque off while enabled.
+pub const ERROR_STO: u16 = 0x5441;
 /// 603F: parameter wrong.
 pub const ERROR_PARAMETER: u16 = 0x6320;
 
@@ -42,6 +44,12 @@ pub struct Injected {
     pub refused: u32,
     /// The cause of a fault stays, so that no reset helps.
     pub cause_stays: bool,
+    /// The safety circuit is open (safe torque off): no torque, and no way on. Bit 3 of 60FD shows it.
+    pub sto_open: bool,
+    /// The safety circuit opened under power is a fault, [`ERROR_STO`]; else the drive is SWITCH ON DISABLED.
+    pub sto_faults: bool,
+    /// Bits of 60FD that are shown whatever the sensors say.
+    pub digital_inputs: u32,
 }
 
 impl Default for Injected {
@@ -51,6 +59,9 @@ impl Default for Injected {
             remote: true,
             refused: 0,
             cause_stays: false,
+            sto_open: false,
+            sto_faults: false,
+            digital_inputs: 0,
         }
     }
 }
@@ -202,6 +213,7 @@ impl Device {
         if self.power.advance(self.period_ns) {
             self.entered(objects, sensors);
         }
+        self.watch_safety_circuit(objects, sensors);
         self.watch_connection(objects, sensors, connected);
         self.react_to_fault(objects, sensors);
         let controlword = objects.get(keys.controlword);
@@ -230,7 +242,7 @@ impl Device {
         );
         objects.set(keys.velocity_demand, velocity as i32);
         objects.set(keys.following_error, following_error as i32);
-        objects.set(keys.digital_inputs, digital_inputs(sensors));
+        objects.set(keys.digital_inputs, self.digital_inputs(sensors));
         let powered = !matches!(self.activity, Activity::Off);
         Demand {
             powered,
@@ -253,6 +265,25 @@ impl Device {
         let limit_ns = u64::from(objects.get(self.keys.following_time_ms)) * 1_000_000;
         if self.following_error_ns > limit_ns {
             self.raise_fault(ERROR_FOLLOWING);
+        }
+    }
+
+    /// Safe torque off: whatever the drive is doing, its torque is gone.
+    fn watch_safety_circuit<const E: usize, const B: usize>(&mut self, objects: &Dictionary<E, B>, sensors: &Sensors) {
+        let is_on = match self.power.state() {
+            State::ReadyToSwitchOn | State::SwitchedOn | State::OperationEnabled | State::QuickStopActive => true,
+            State::NotReadyToSwitchOn | State::SwitchOnDisabled | State::FaultReactionActive | State::Fault => false,
+        };
+        if !self.injected.sto_open {
+            return;
+        }
+        if self.injected.sto_faults && !matches!(self.activity, Activity::Off) {
+            self.raise_fault(ERROR_STO);
+        }
+        self.activity = Activity::Off;
+        if is_on && !self.injected.sto_faults {
+            self.power.start_transition(10, State::SwitchOnDisabled);
+            self.entered(objects, sensors);
         }
     }
 
@@ -301,7 +332,8 @@ impl Device {
             5 | 8 | 11 if matches!(self.activity, Activity::Stop { .. }) => {}
             // Only 605A = 5 to 8 stays in QUICK STOP ACTIVE and lets the controller go on from there.
             16 if objects.get(self.keys.quick_stop_option) < 5 => {}
-            15 if self.injected.cause_stays => {}
+            2 if self.injected.sto_open => {}
+            15 if self.injected.cause_stays || self.injected.sto_open => {}
             15 => {
                 self.error_code = 0;
                 self.begin_transition(objects, sensors, number, to);
@@ -555,13 +587,15 @@ impl Device {
         }
         word
     }
-}
 
-/// 60FD: bit 0 negative limit switch, 1 positive limit switch, 2 home switch.
-fn digital_inputs(sensors: &Sensors) -> u32 {
-    u32::from(sensors.negative_limit.active)
-        | u32::from(sensors.positive_limit.active) << 1
-        | u32::from(sensors.home.active) << 2
+    /// 60FD: bit 0 negative limit switch, 1 positive limit switch, 2 home switch, 3 interlock.
+    fn digital_inputs(&self, sensors: &Sensors) -> u32 {
+        u32::from(sensors.negative_limit.active)
+            | u32::from(sensors.positive_limit.active) << 1
+            | u32::from(sensors.home.active) << 2
+            | u32::from(self.injected.sto_open) << 3
+            | self.injected.digital_inputs
+    }
 }
 
 #[cfg(test)]

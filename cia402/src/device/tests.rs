@@ -285,6 +285,32 @@ fn disabling_ramps_or_coasts_as_605c_says() {
 }
 
 #[test]
+fn an_open_safety_circuit_takes_the_torque_and_lets_nothing_on() {
+    for faults in [false, true] {
+        let mut rig = Rig::moving(100_000);
+        rig.device.injected.sto_faults = faults;
+        rig.device.injected.sto_open = true;
+        rig.word(0x000F);
+        assert!(!rig.demand.powered, "no ramp");
+        for word in [0x0000, 0x0080, 0x0000, 0x0006, 0x0007, 0x000F] {
+            rig.word(word);
+        }
+        let (state, code) = match faults {
+            true => (State::Fault, ERROR_STO),
+            false => (State::SwitchOnDisabled, 0),
+        };
+        assert_eq!((rig.device.state(), rig.read::<u16>(0x603F, 0)), (state, code));
+        assert_eq!(rig.read::<u32>(0x60FD, 0) >> 3 & 1, 1);
+        rig.device.injected.sto_open = false;
+        for word in [0x0000, 0x0080, 0x0000, 0x0006] {
+            rig.word(word);
+        }
+        assert_eq!(rig.device.state(), State::ReadyToSwitchOn);
+        assert_eq!(rig.read::<u32>(0x60FD, 0) >> 3 & 1, 0);
+    }
+}
+
+#[test]
 fn faults_stop_by_605e_and_reset_on_the_edge_once_the_cause_is_gone() {
     let mut rig = Rig::moving(100_000);
     rig.device.injected.cause_stays = true;

@@ -75,6 +75,14 @@ fn in_the_way(motion: JogMotion, by_several: bool, joints: u64, [lower, upper]: 
         (joints != 0)
             .then(|| format!("joint {joint} stands on its {end} limit switch: jog joint {joint} the other way"))
     };
+    let both = lower & upper & joints;
+    if both != 0 {
+        let joint = both.trailing_zeros();
+        return Some(format!(
+            "joint {joint} has both limit switches closed, and nobody knows which way leads off them: look at the switches and \
+             their wires, or turn its motor by hand with drives off"
+        ));
+    }
     match by_several {
         true => name(lower & joints, "lower").or_else(|| name(upper & joints, "upper")),
         false if way < 0.0 => name(lower & joints, "lower"),

@@ -17,7 +17,7 @@ use super::pins::Pins;
 use super::shared::{Command, Notice, RtStatus, Snapshot, TimedNotice, Trace};
 use crate::bus::{BusEvent, BusState, CycleReport, CyclicBus, InputImage, NodeIndex, NodeState, OutputImage};
 use crate::config::JOINTS_MAX;
-use crate::machine::faults::{Fault, Reaction};
+use crate::machine::faults::{EstopCause, Fault, Reaction};
 use crate::machine::overruns::{Overruns, Verdict};
 use crate::machine::state::State;
 use crate::rt::cycle_stats::Timing;
@@ -89,6 +89,8 @@ pub struct CycleParts {
     pub homer: Homer,
     /// The control's pins.
     pub pins: Pins,
+    /// What an emergency stop asks of drives.
+    pub estop: Request,
     /// What to do with the tool when the mains fail.
     pub retract: Option<Retract>,
     /// Whether M1 stops, until the operator says otherwise.
@@ -308,7 +310,7 @@ impl<B: CyclicBus> MotionController<B> {
             } else {
                 State::Booting
             }),
-            State::Estop if self.parts.pins.is_enable_requested() && !self.parts.pins.is_chain_open() => {
+            State::Estop if self.parts.pins.is_enable_requested() && self.chain_opened_by().is_none() => {
                 self.end_fault();
             }
             State::ShuttingDown if self.bus.state() == BusState::Down => self.enter(State::Down),
@@ -691,7 +693,7 @@ impl<B: CyclicBus> MotionController<B> {
             elapsed_s,
             waiting: self.waits_for(),
             switched_off: self.switched_off,
-            chain_open: self.parts.pins.is_chain_open(),
+            chain_open: self.chain_opened_by().is_some(),
             held_at: self.away_from.map(|place| place.axes),
             limits: self.limits,
         });

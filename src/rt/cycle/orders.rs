@@ -103,7 +103,9 @@ impl<B: CyclicBus> MotionController<B> {
             (Command::Stop, State::Homing) | (Command::Disable, State::Enabling | State::Ready | State::Homing) => {
                 self.switch_off(State::Disabling)
             }
-            (Command::Estop, _) => self.fault(Fault::EmergencyStop { by_order: true }),
+            (Command::Estop, _) => self.fault(Fault::EmergencyStop {
+                cause: EstopCause::Order,
+            }),
             (Command::EstopReset, State::Estop) => {
                 // A latch in the chain may close it by that: `step_state` goes on once it has.
                 self.parts.pins.request_enable();

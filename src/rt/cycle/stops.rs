@@ -69,8 +69,16 @@ impl<B: CyclicBus> MotionController<B> {
             self.state,
             State::Booting | State::Estop | State::ShuttingDown | State::Down | State::Silenced
         );
-        if matters && self.parts.pins.is_chain_open() {
-            self.fault(Fault::EmergencyStop { by_order: false });
+        if let Some(cause) = self.chain_opened_by().filter(|_| matters) {
+            self.fault(Fault::EmergencyStop { cause });
+        }
+    }
+
+    /// What keeps the emergency stop chain open: its pin, or a drive whose safety circuit is open.
+    pub(super) fn chain_opened_by(&self) -> Option<EstopCause> {
+        match self.parts.pins.is_chain_open() {
+            true => Some(EstopCause::Chain),
+            false => (self.parts.drives.sto_open()).map(|joint| EstopCause::Sto { joint }),
         }
     }
 
@@ -85,7 +93,9 @@ impl<B: CyclicBus> MotionController<B> {
 
     /// A limit switch that closes stops the machine; one that was closed before lets a jog lead away from it.
     fn watch_limit_switches(&mut self) {
-        let before = std::mem::replace(&mut self.limits, self.parts.pins.limit_switches());
+        let (by_pins, by_drives) = (self.parts.pins.limit_switches(), self.parts.drives.limit_switches());
+        let closed = [0, 1].map(|end| by_pins[end] | by_drives[end]);
+        let before = std::mem::replace(&mut self.limits, closed);
         if !self.under_command() {
             return;
         }
@@ -172,7 +182,7 @@ impl<B: CyclicBus> MotionController<B> {
                 self.end_program();
                 self.parts.hand.end();
                 self.parts.homer.end();
-                self.parts.drives.request(u64::MAX, Request::QuickStop);
+                self.parts.drives.request(u64::MAX, self.parts.estop);
                 self.enter(State::Estop);
             }
             (_, State::Faulted) => {}
