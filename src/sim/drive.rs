@@ -273,6 +273,10 @@ impl Drive {
         self.device.raise_fault(code);
     }
 
+    pub(super) fn jam(&mut self, jammed: bool) {
+        self.motor.jammed = jammed;
+    }
+
     pub(super) fn injected(&mut self) -> &mut Injected {
         &mut self.device.injected
     }

@@ -236,6 +236,11 @@ impl SimMachine {
         self.drive(node_id).map(Drive::injected)
     }
 
+    /// Jams what the drive of a node moves, or lets it go.
+    pub fn jam(&mut self, node_id: u8, jammed: bool) -> bool {
+        self.drive(node_id).map(|drive| drive.jam(jammed)).is_some()
+    }
+
     /// Loses the next PRes of a node.
     pub fn drop_pres(&mut self, node_id: u8, count: u32) -> bool {
         self.place(node_id).map(|place| place.pres_to_drop = count).is_some()

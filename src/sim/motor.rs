@@ -48,6 +48,8 @@ pub(super) struct Motor {
     integral: f64,
     /// Demand at the end of the last period, machine counts; `None` without torque.
     demand: Option<f64>,
+    /// It stands, whatever it is told.
+    pub(super) jammed: bool,
 }
 
 impl Motor {
@@ -62,6 +64,7 @@ impl Motor {
             velocity: 0.0,
             integral: 0.0,
             demand: None,
+            jammed: false,
         }
     }
 
@@ -78,6 +81,7 @@ impl Motor {
     /// One period with this demand.
     pub(super) fn advance(&mut self, demand: &Demand, period_s: f64) -> Sensors {
         let from = self.position.round() as i64;
+        let jammed_at = self.jammed.then_some(self.position);
         if demand.powered {
             self.control(demand.position + self.origin as f64, period_s);
         } else {
@@ -87,6 +91,9 @@ impl Motor {
         if self.position < low || self.position > high {
             self.position = self.position.clamp(low, high);
             self.velocity = 0.0;
+        }
+        if let Some(position) = jammed_at {
+            (self.position, self.velocity) = (position, 0.0);
         }
         self.sensors(from)
     }
