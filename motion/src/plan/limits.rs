@@ -131,6 +131,11 @@ impl Bounds {
         }
     }
 
+    /// Greatest first, second and third derivative of an axis, in amount.
+    pub(super) fn of_axis(&self, axis: usize) -> [f64; 3] {
+        [self.d1[axis], self.d2[axis], self.d3[axis]]
+    }
+
     /// Bounds that hold on both stretches.
     pub(super) fn union(&self, other: &Bounds) -> Bounds {
         let max = |a: &[f64; AXES], b: &[f64; AXES]| core::array::from_fn(|axis| a[axis].max(b[axis]));

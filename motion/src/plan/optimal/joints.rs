@@ -7,7 +7,7 @@ use super::solver::{JointJet, JointLimits, Taken};
 use crate::kinematics::{JOINTS, Jet3, Kinematics};
 use crate::path::{Piece, Shape};
 use crate::plan::junctions::Kink;
-use crate::plan::limits::PathLimits;
+use crate::plan::limits::{Bounds, PathLimits};
 use crate::plan::{AxisLimits, Settings};
 
 /// Motion of joints over motion of axes where no joints belong to them.
@@ -101,6 +101,17 @@ impl Joints {
         }
     }
 
+    /// Greatest first, second and third derivative of every joint on a whole piece, in amount, where joints are axes.
+    pub(super) fn greatest(&self, piece: &Piece) -> Option<[[f64; 3]; JOINTS]> {
+        let Follow::Axes(axes) = &self.follow else { return None };
+        let bounds = Bounds::new(piece);
+        let mut greatest = [[0.0; 3]; JOINTS];
+        for (greatest, &axis) in greatest.iter_mut().zip(axes) {
+            *greatest = bounds.of_axis(axis);
+        }
+        Some(greatest)
+    }
+
     /// Derivatives of all joints at a place of a piece.
     pub(super) fn jets(&self, piece: &Piece, s: f64, out: &mut Vec<JointJet>) {
         let jet = piece.jet(s);
@@ -165,8 +176,8 @@ impl Joints {
     }
 }
 
-/// Limits along the path that hold for any motion over a stretch, found from samples of it.
-#[derive(Clone, Copy, Debug)]
+/// Limits along the path that hold for any motion over a stretch, found from samples of it or from its greatest derivatives.
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Steady {
     /// Greatest first, second and third derivative of every joint, in amount.
     greatest: [[f64; 3]; JOINTS],
@@ -174,8 +185,6 @@ pub(super) struct Steady {
     last: Option<[[f64; 3]; JOINTS]>,
 }
 
-/// Parts of acceleration and jerk that the bend of the path may take at full speed; the rest is for changes of speed.
-const BEND_PART: f64 = 0.65;
 /// Part of what is left of the jerk that the change of acceleration on a bent path may take.
 const COUPLED_PART: f64 = 0.5;
 /// Part of the speed limits: less than what the solver plans with, so that it can go on from there.
@@ -184,11 +193,9 @@ const SPEED_PART: f64 = 0.9997;
 const LIMIT_PART: f64 = 0.985;
 
 impl Steady {
-    pub(super) fn new() -> Steady {
-        Steady {
-            greatest: [[0.0; 3]; JOINTS],
-            last: None,
-        }
+    /// With these greatest derivatives.
+    pub(super) fn new(greatest: [[f64; 3]; JOINTS]) -> Steady {
+        Steady { greatest, last: None }
     }
 
     /// Takes the next sample in; a quarter of the step from the one before covers a crest between the two.
@@ -206,14 +213,15 @@ impl Steady {
         }
     }
 
-    /// The limits for speeds up to `feed` of joints with these limits.
-    pub(super) fn limits(&self, joints: &[JointLimits], feed: f64) -> PathLimits {
+    /// The limits for speeds up to `feed` of joints with these limits, of whose acceleration and jerk the bend of the path may take
+    /// this part at full speed; the rest is for changes of speed.
+    pub(super) fn limits(&self, joints: &[JointLimits], feed: f64, bend: f64) -> PathLimits {
         let all = || self.greatest.iter().zip(joints);
         let mut v = feed;
         for ([d1, d2, d3], limits) in all() {
             v = v.min(SPEED_PART * limits.velocity / d1);
-            v = v.min((BEND_PART * LIMIT_PART * limits.acceleration / d2).sqrt());
-            v = v.min(libm::cbrt(BEND_PART * LIMIT_PART * limits.jerk / d3));
+            v = v.min((bend * LIMIT_PART * limits.acceleration / d2).sqrt());
+            v = v.min(libm::cbrt(bend * LIMIT_PART * limits.jerk / d3));
         }
         let (mut a, mut j) = (f64::INFINITY, f64::INFINITY);
         for ([d1, d2, d3], limits) in all() {
@@ -225,5 +233,14 @@ impl Steady {
             j = j.min((LIMIT_PART * limits.jerk - d3 * v * v * v - 3.0 * d2 * v * a) / d1);
         }
         PathLimits { v, a, j }
+    }
+
+    /// The same as if the path were straight.
+    pub(super) fn straight(&self) -> Steady {
+        let mut straight = Steady::default();
+        for (straight, greatest) in straight.greatest.iter_mut().zip(self.greatest) {
+            straight[0] = greatest[0];
+        }
+        straight
     }
 }

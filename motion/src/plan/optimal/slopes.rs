@@ -9,8 +9,9 @@ use super::s_curve::s_curve;
 use super::sections::{Log, Part, Place};
 use super::solver::{self, JointJet, JointLimits, Launch, State};
 use crate::element::{Element, Span};
+use crate::path::Piece;
 use crate::plan::limits::PathLimits;
-use crate::plan::profile::Phase;
+use crate::plan::profile::{Phase, duration};
 
 /// Time by Simpson's rule over that by the mean speed, up to which it is taken.
 const SIMPSON_NEAR: f64 = 1.5;
@@ -325,6 +326,9 @@ impl Emission<'_> {
     }
 }
 
+/// Part of acceleration and jerk that the bend of the path may take where nothing is known of the motion.
+const BEND_PART: f64 = 0.65;
+
 /// Limits along a part that hold for any motion over it, of joints with these limits; the kinks at its ends are not passed.
 pub(super) fn steady_limits(
     part: Part,
@@ -333,18 +337,62 @@ pub(super) fn steady_limits(
     joints: &Joints,
     jets: &mut Vec<JointJet>,
 ) -> PathLimits {
+    match log.stretch(part.item) {
+        Some(stretch) => sampled(part, &stretch.piece, joints, jets).limits(limits, log.feed(part.item), BEND_PART),
+        None => Steady::default().limits(limits, f64::INFINITY, BEND_PART),
+    }
+}
+
+fn sampled(part: Part, piece: &Piece, joints: &Joints, jets: &mut Vec<JointJet>) -> Steady {
     /// Samples of a curved piece.
     const SAMPLES: u32 = 16;
-    let mut steady = Steady::new();
-    let mut feed = f64::INFINITY;
-    if let Some(stretch) = log.stretch(part.item) {
-        feed = log.feed(part.item);
-        let count = if joints.are_even(&stretch.piece) { 1 } else { SAMPLES };
-        for k in 0..=count {
-            let x = f64::from(k) / f64::from(count);
-            joints.jets(&stretch.piece, part.from + (part.to - part.from) * x, jets);
-            steady.include(jets);
-        }
+    let mut steady = Steady::default();
+    let count = if joints.are_even(piece) { 1 } else { SAMPLES };
+    for k in 0..=count {
+        let x = f64::from(k) / f64::from(count);
+        joints.jets(piece, part.from + (part.to - part.from) * x, jets);
+        steady.include(jets);
     }
-    steady.limits(limits, feed)
+    steady
+}
+
+/// The limits along a part, of those that hold for any motion over it, with which it takes the shortest time from rest to rest.
+pub(super) fn limits_from_rest_to_rest(part: Part, log: &Log, joints: &Joints, jets: &mut Vec<JointJet>) -> PathLimits {
+    let Some(stretch) = log.stretch(part.item) else {
+        return steady_limits(part, joints.limits(), log, joints, jets);
+    };
+    let steady = match joints.greatest(&stretch.piece) {
+        Some(greatest) => Steady::new(greatest),
+        None => sampled(part, &stretch.piece, joints, jets),
+    };
+    fastest(&steady, part.to - part.from, log.feed(part.item), joints).1
+}
+
+/// Time from rest to rest over a length, s, and the limits with which it is the shortest.
+fn fastest(steady: &Steady, length: f64, feed: f64, joints: &Joints) -> (f64, PathLimits) {
+    /// The faster the motion, the more of acceleration and jerk the bend takes, and the less is left for changes of speed.
+    const BEND_PARTS: [f64; 6] = [0.9, 0.75, BEND_PART, 0.5, 0.35, 0.25];
+    let tries = BEND_PARTS.map(|bend| {
+        let limits = steady.limits(joints.limits(), feed, bend);
+        (duration(0.0, 0.0, length, &limits), limits)
+    });
+    let [first, others @ ..] = tries;
+    others
+        .into_iter()
+        .fold(first, |best, next| if next.0 < best.0 { next } else { best })
+}
+
+/// Whether seven phases run a piece from rest to rest about as fast as if it were straight.
+pub(super) fn is_as_good_as_straight(piece: &Piece, feed: f64, joints: &Joints) -> bool {
+    /// Their time over that of a straight one: the spline takes longer.
+    const LONGER: f64 = 1.01;
+    if joints.are_even(piece) {
+        return true;
+    }
+    let Some(greatest) = joints.greatest(piece) else {
+        return false;
+    };
+    let steady = Steady::new(greatest);
+    let [bent, straight] = [steady, steady.straight()].map(|steady| fastest(&steady, piece.length(), feed, joints).0);
+    bent <= LONGER * straight
 }

@@ -45,8 +45,9 @@ const DRAWINGS_IN: u32 = 3;
 /// Where a run begins.
 #[derive(Clone, Copy, Debug)]
 enum Start {
-    /// On the first move, which is left as it is up to this length. `room`: what a corner before it may use of that.
-    Line { from: f64, room: f64 },
+    /// On the first move, which is left as it is up to this length. `room`: what a corner before it may use of that; `run`: length
+    /// of the curve before.
+    Line { from: f64, room: f64, run: f64 },
     /// Where the curve before ends, about at the beginning of the first move.
     Curve(Jet),
 }
@@ -85,6 +86,7 @@ impl Default for Compressor {
 const FRESH: Start = Start::Line {
     from: 0.0,
     room: f64::INFINITY,
+    run: 0.0,
 };
 
 impl Compressor {
@@ -164,7 +166,8 @@ impl Compressor {
                     out.extend(pieces);
                     let from = self.taken;
                     self.moves.drain(..count - 1);
-                    self.start = Start::Line { from, room: 0.0 };
+                    let run = self.run();
+                    self.start = Start::Line { from, room: 0.0, run };
                     limit = limit.saturating_mul(2);
                 }
                 Err(_) if count == 2 => {
@@ -187,14 +190,14 @@ impl Compressor {
     fn let_go_first(&mut self, settings: &Settings, out: &mut Vec<Leg>) {
         if let Some(part) = self.moves.pop_front() {
             match self.start {
-                Start::Line { from, room } => {
+                Start::Line { from, room, run } => {
                     let length = part.piece.length();
                     // Behind a curve all that is left may be used by a corner, else half.
                     let end = if from > 0.0 { length - from } else { length / 2.0 };
                     out.extend(part.piece.cut(from, length).map(|piece| Leg {
                         part: Move { piece, ..part },
                         room: [room.min(length / 2.0), end],
-                        whole: length,
+                        whole: run + length,
                     }));
                 }
                 Start::Curve(jet) => out.extend(bridge(&jet, &part, settings)),
@@ -205,7 +208,8 @@ impl Compressor {
 
     /// The part of the first move that lies before the curve.
     fn leave_line(&self, out: &mut Vec<Leg>) {
-        if let (Start::Line { from, room }, Some(part)) = (self.start, self.moves.front()) {
+        if let (Start::Line { from, room, run }, Some(part)) = (self.start, self.moves.front()) {
+            let whole = run + self.begins + self.run();
             let room = room.min(part.piece.length() / 2.0);
             out.extend(part.piece.cut(from, self.begins).map(|piece| Leg {
                 part: Move {
@@ -214,9 +218,14 @@ impl Compressor {
                     ..*part
                 },
                 room: [room, 0.0],
-                whole: piece.length(),
+                whole,
             }));
         }
+    }
+
+    /// About the length of the curve that has been laid out.
+    fn run(&self) -> f64 {
+        self.track.chords.last().map_or(0.0, |chord| chord.t[1])
     }
 
     /// Prepares the fit of the first `count` moves; the number of spans. `closed`: the curve ends on the last of them.

@@ -2,6 +2,7 @@
 
 use super::random::{Step, program, step};
 use super::*;
+use crate::canon::Plane;
 use crate::element::Element;
 use crate::plan::workers::Workers;
 use crate::ring::{Publish, Sink, Timed};
@@ -144,6 +145,57 @@ fn a_rose_of_chords_on_the_exact_path_is_not_slower() {
             },
             0.0,
         );
+    }
+}
+
+#[test]
+fn an_arc_alone_is_not_slower_however_straight() {
+    for jerk in [0.2, 1.0] {
+        for radius in [0.05, 0.5, 5.0] {
+            for sweep in [0.01, 0.1, 0.3, 1.0, 3.0] {
+                for (rise, turns) in [(0.0, 1), (0.3, 1), (-1.0, 1), (3.0, 1), (3.0, 3), (10.0, 1), (10.0, 3)] {
+                    for spiral in [0.0, 0.0015] {
+                        let arc = Step::Arc {
+                            plane: Plane::Xy,
+                            radius,
+                            from: 0.7,
+                            sweep,
+                            turns,
+                            rise,
+                            spiral,
+                        };
+                        not_slower(&in_mode(&[arc], MODES[0]), with_jerk(jerk));
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_corner_beside_a_short_run_is_not_slower() {
+    for scale in [0.2, 1.0, 5.0, 10.0] {
+        for chord in [0.005, 0.02, 0.1] {
+            for count in [1, 2, 3, 6] {
+                let line = Step::Line {
+                    by: [0.0, 0.0, 0.5],
+                    scale,
+                    turn_a: 0.0,
+                    rapid: false,
+                };
+                let run = Step::Dense {
+                    radius: 30.0,
+                    chord,
+                    count,
+                    heading: 0.0,
+                };
+                for steps in [[line.clone(), run.clone()], [run, line]] {
+                    for jerk in [0.2, 1.0] {
+                        not_slower(&in_mode(&steps, MODES[2]), with_jerk(jerk));
+                    }
+                }
+            }
+        }
     }
 }
 

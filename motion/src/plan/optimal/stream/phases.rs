@@ -5,7 +5,7 @@
 
 use super::{After, Entry, Made, Part, Place, Ready, Step, Stream, Tail};
 use crate::plan::limits::PathLimits;
-use crate::plan::optimal::slopes::{Emission, steady_limits};
+use crate::plan::optimal::slopes::{Emission, limits_from_rest_to_rest};
 use crate::plan::profile::{Phase, change_length, profile};
 
 impl Stream {
@@ -21,7 +21,7 @@ impl Stream {
         let mut elements = Vec::new();
         let mut end = section.begin;
         for part in &section.parts {
-            let limits = steady_limits(*part, self.joints.limits(), &self.log, &self.joints, &mut self.jets);
+            let limits = limits_from_rest_to_rest(*part, &self.log, &self.joints, &mut self.jets);
             for phase in profile(0.0, 0.0, part.to - part.from, &limits) {
                 self.cruise(*part, phase, &limits, &mut elements);
             }

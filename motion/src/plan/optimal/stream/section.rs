@@ -10,7 +10,7 @@ use crate::element::Element;
 use crate::plan::optimal::checkpoints::{Checkpoints, Seen};
 use crate::plan::optimal::knots::Knots;
 use crate::plan::optimal::sections::{Found, Item};
-use crate::plan::optimal::slopes::{Side, launch};
+use crate::plan::optimal::slopes::{Side, is_as_good_as_straight, launch};
 use crate::plan::optimal::solver::{Grid, Launch};
 use crate::plan::optimal::windows::{Border, Uncut, Window};
 
@@ -248,14 +248,15 @@ impl Stream {
         Some((part, launch))
     }
 
-    /// Whether seven phases run a closed section in the shortest time: one straight part.
+    /// Whether seven phases run a closed section in the shortest time, or very nearly: one part, as good as straight.
     fn is_phased(&self, section: &Section) -> bool {
-        let even = |part: &Part| {
-            self.log
-                .stretch(part.item)
-                .is_some_and(|stretch| self.joints.are_even(&stretch.piece))
+        let straight = |part: &Part| {
+            self.log.stretch(part.item).is_some_and(|stretch| {
+                let feed = self.log.feed(part.item);
+                is_as_good_as_straight(&stretch.piece, feed, &self.joints)
+            })
         };
-        matches!(section.entry, Entry::Rest) && matches!(&section.parts[..], [part] if even(part))
+        matches!(section.entry, Entry::Rest) && matches!(&section.parts[..], [part] if straight(part))
     }
 }
 
