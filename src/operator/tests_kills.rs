@@ -170,5 +170,9 @@ fn two_hundred_kills_lose_nothing_that_counted_as_written() {
             assert!(kept, "kill {kill}: change {number} is not in the journal");
         }
     }
-    assert!(told.len() as u64 > KILLS / 2, "only {} changes in {KILLS} processes", told.len());
+    assert!(
+        told.len() as u64 > KILLS / 2,
+        "only {} changes in {KILLS} processes",
+        told.len()
+    );
 }
