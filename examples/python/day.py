@@ -3,6 +3,7 @@
 Moves the machine: try it on a simulated one.
 """
 
+import math
 import sys
 
 from isocnc import Control, Refused
@@ -12,7 +13,13 @@ PART = "G21 G90 G94 G54 G64 P0.01\nG0 X5 Y5\nG1 X30 F3000\nY20\nM2\n"
 
 def work(status):
     """Place of the axes in the work, mm."""
-    return [machine - offset for machine, offset in zip(status["position_mm"], status["work_offset_mm"])]
+    at = [machine - offset for machine, offset in zip(status["position_mm"], status["work_offset_mm"])]
+    turned = math.radians(status["work_rotation_degrees"])
+    at[0], at[1] = (
+        at[0] * math.cos(turned) + at[1] * math.sin(turned),
+        at[1] * math.cos(turned) - at[0] * math.sin(turned),
+    )
+    return at
 
 
 def main(machine):
@@ -31,6 +38,8 @@ def main(machine):
         control.take_control("day.py")
         begun = control.call("program.load", upload=control.upload("part", PART.encode()))
         print(f"{begun['lines']} lines, {begun['planned_time_s']:.1f} s planned")
+        way = list(control.path(tolerance_mm=0.01))
+        print(len(way), "records of its way, the last on line", way[-1][0])
         at = work(control.do("program.start"))
         print("the part ends at", [round(value, 6) for value in at[:2]])
         control.call("mdi", line="T5 M6")

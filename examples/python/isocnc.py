@@ -7,10 +7,12 @@
         print(control.call("status")["power"])
 """
 
+import base64
 import hashlib
 import json
 import os
 import socket
+import struct
 import time
 
 
@@ -100,6 +102,18 @@ class Control:
             self.call("program.upload.append", upload=number, at=at, value=octets[at:at + part].hex())
         self.call("program.upload.commit", upload=number, sha256=hashlib.sha256(octets).hexdigest())
         return number
+
+    def path(self, tolerance_mm=0.01):
+        """Yields the way of the program that is loaded: line, kind (0 begin, 1 rapid, 2 feed, 3 curve, 4 probe), axes (machine)."""
+        begun = self.call("program.path.begin", tolerance_mm=tolerance_mm)
+        record = struct.Struct(f"<IB{len(begun['axes'])}f")
+        part = {"end": False}
+        while not part["end"]:
+            part = self.call("program.path.next", path=begun["path"])
+            for line, kind, *axes in record.iter_unpack(base64.b64decode(part["base64"])):
+                yield line, kind, axes
+        if part["error"]:
+            raise Failed(part["error"])
 
     def wait(self, until=lambda status: status["job"] is not None, pause_s=0.02):
         """Looks again and again until a status is as wanted: by default, until what was ordered is over."""

@@ -13,6 +13,7 @@ pub mod methods;
 pub mod network_view;
 pub mod openrpc;
 pub mod orders;
+pub mod paths;
 pub mod rpc;
 pub mod server;
 pub mod socket;

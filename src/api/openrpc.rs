@@ -107,7 +107,7 @@ fn kind(param: &Param) -> Value {
     }
 }
 
-const ALL: [Gives; 20] = [
+const ALL: [Gives; 22] = [
     Gives::Nothing,
     Gives::Methods,
     Gives::OpenRpc,
@@ -119,6 +119,8 @@ const ALL: [Gives; 20] = [
     Gives::Outlook,
     Gives::UploadBegun,
     Gives::UploadGrown,
+    Gives::PathBegun,
+    Gives::PathPart,
     Gives::Offsets,
     Gives::Tools,
     Gives::Jog,
@@ -143,6 +145,8 @@ fn name(gives: Gives) -> &'static str {
         Gives::Outlook => "Outlook",
         Gives::UploadBegun => "UploadBegun",
         Gives::UploadGrown => "UploadGrown",
+        Gives::PathBegun => "PathBegun",
+        Gives::PathPart => "PathPart",
         Gives::Offsets => "Offsets",
         Gives::Tools => "Tools",
         Gives::Jog => "Jog",
@@ -319,6 +323,17 @@ fn result(gives: Gives) -> Value {
         })),
         Gives::UploadBegun => object(json!({ "upload": whole(), "part_octets": whole() })),
         Gives::UploadGrown => object(json!({ "received": whole() })),
+        Gives::PathBegun => object(json!({
+            "path": whole(),
+            "program": text(),
+            "axes": list(text()),
+            "record_octets": whole(),
+        })),
+        Gives::PathPart => object(json!({
+            "base64": { "type": "string", "contentEncoding": "base64" },
+            "end": flag(),
+            "error": or_null(text()),
+        })),
         Gives::Offsets => object(json!({
             "unit": text(),
             "systems": list(object(json!({
@@ -422,6 +437,7 @@ fn status() -> Value {
         "codes": list(text()),
         "tool": whole(),
         "work_offset_mm": positions(),
+        "work_rotation_degrees": number(),
         "elapsed_s": number(),
         "remaining_s": or_null(number()),
         "done_percent": or_null(number()),

@@ -4,6 +4,7 @@
 //!
 //! Neither side waits for the other. The lock around [`Shown`] is between two ordinary threads.
 
+use crate::api::paths::PathOrder;
 use crate::api::rpc::RpcError;
 use crate::api::server::{CLIENTS_MAX, PENDING_MAX, Ticket};
 use crate::api::uploads::Uploaded;
@@ -83,6 +84,8 @@ pub enum Order {
     Note(String),
     /// Show the report of a program by its number, or the last one.
     Report(Option<u64>),
+    /// Draw the way of the program that is loaded.
+    Path(PathOrder),
     /// Show the lines of MDI that were typed last.
     MdiHistory,
     /// Set the counter of parts, and how many are wanted (0: nobody says).
@@ -140,8 +143,10 @@ pub struct Shown {
     pub waiting: Option<Waiting>,
     /// G and M codes in force for MDI.
     pub codes: Vec<String>,
-    /// Place of the axes in the work system in force for MDI, less what is added to it: subtract from machine coordinates.
+    /// What is to be subtracted from machine coordinates, and by how much X and Y are then to be turned back, for those of the work
+    /// system in force for MDI.
     pub work_offset: Vec<f64>,
+    pub work_rotation_degrees: f64,
     /// What to do next for a program to run; `None`: it could be started.
     pub next: Option<&'static str>,
     /// Lines that begin with / are left out.

@@ -795,6 +795,14 @@ fn words(status: &Value) -> String {
     if status["override"].is_object() && turned.contains(&true) {
         lines.push(format!("override  {}", overrides(&status["override"])));
     }
+    if let Some(degrees) = status["work_rotation_degrees"]
+        .as_f64()
+        .filter(|degrees| *degrees != 0.0)
+    {
+        lines.push(format!(
+            "rotation  the work system in force is turned by {degrees} degrees"
+        ));
+    }
     if let Some(last) = status["last_program"]
         .as_object()
         .filter(|_| status["program"].is_null())

@@ -41,12 +41,12 @@ enum OffsetCommand {
     /// Origins of all work systems
     #[command(after_help = "Example: isocnc offset list")]
     List,
-    /// Put the origin of a work system on one axis to a value, in machine coordinates
+    /// Put the origin of a work system on one axis to a value, in machine coordinates; or turn it
     #[command(after_help = "Example: isocnc offset set G55 X 1")]
     Set {
         /// G54 to G59.3
         system: String,
-        /// Axis letter
+        /// Axis letter, or R: rotation about Z of its origin, degrees, counter-clockwise from above
         axis: String,
         /// Machine coordinate, in the unit of the machine
         #[arg(allow_negative_numbers = true)]
@@ -246,10 +246,18 @@ pub fn offset(args: &OffsetArgs) -> anyhow::Result<ExitCode> {
         }
         OffsetCommand::Set { system, axis, value } => {
             let (system, axis) = (system.to_uppercase(), axis.to_uppercase());
-            let params = json!({ "system": system, "axis": axis, "value": value });
+            let (params, words) = match axis.as_str() {
+                "R" => (
+                    json!({ "system": system, "rotation_degrees": value }),
+                    format!("{system} is turned by {value} degrees about Z of its origin"),
+                ),
+                _ => (
+                    json!({ "system": system, "axis": axis, "value": value }),
+                    format!("the origin of {system} is at {axis} {value} in the machine"),
+                ),
+            };
             let answer = call(&args.control, "offset.set", params)?;
             warn(&args.control, &answer);
-            let words = format!("the origin of {system} is at {axis} {value} in the machine");
             print(&args.control, &answer, &words);
         }
     }

@@ -195,6 +195,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         self.notify_service(&mut service, &running.operator, monotonic_ns());
         self.stop.store(true, Ordering::Release);
         self.clients.give_up_check();
+        self.clients.give_up_drawing();
         self.given_up.cancel();
         // What it may still find wrong concerns nobody any more.
         if let Some(Ok(planned)) = self.planner.take().map(ScopedJoinHandle::join) {

@@ -12,7 +12,18 @@ pub(crate) fn number(value: f64) -> String {
 
 /// Leaves out points that are not needed to stay within `tolerance` of all of them (Douglas and Peucker, in chunks).
 pub(crate) fn thin_out(points: &[(f64, f64)], tolerance: f64) -> Vec<(f64, f64)> {
-    let mut kept: Vec<(f64, f64)> = points.first().copied().into_iter().collect();
+    let far = |point: &(f64, f64), from: &(f64, f64), to: &(f64, f64)| distance(*point, *from, *to);
+    let mut kept: Vec<(f64, f64)> = needed(points, tolerance, far)
+        .into_iter()
+        .map(|at| points[at])
+        .collect();
+    kept.dedup();
+    kept
+}
+
+/// The same for places of any kind, by their numbers; `distance`: of a point from the straight line between two others.
+pub(crate) fn needed<P>(points: &[P], tolerance: f64, distance: impl Fn(&P, &P, &P) -> f64) -> Vec<usize> {
+    let mut kept: Vec<usize> = (!points.is_empty()).then_some(0).into_iter().collect();
     let mut start = 0;
     while start + 1 < points.len() {
         let end = (start + CHUNK).min(points.len() - 1);
@@ -20,13 +31,12 @@ pub(crate) fn thin_out(points: &[(f64, f64)], tolerance: f64) -> Vec<(f64, f64)>
         let mut sections = vec![(start, end)];
         while let Some((from, to)) = sections.pop() {
             let farthest = (from + 1..to)
-                .map(|at| (distance(points[at], points[from], points[to]), at))
+                .map(|at| (distance(&points[at], &points[from], &points[to]), at))
                 .max_by(|a, b| a.0.total_cmp(&b.0))
                 .filter(|(distance, _)| *distance > tolerance);
             match farthest {
                 Some((_, at)) => sections.extend([(at, to), (from, at)]),
-                None if kept.last() == Some(&points[to]) => {}
-                None => kept.push(points[to]),
+                None => kept.push(to),
             }
         }
         start = end;

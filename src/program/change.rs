@@ -20,6 +20,8 @@ pub enum Change {
     TouchOffTool { axis: Axis, value: f64, tool: u32 },
     /// Origin of a work system (1: G54; `None`: the one in force) on one axis, in machine coordinates.
     Offset { axis: Axis, value: f64, system: Option<u8> },
+    /// Rotation of a work system (1: G54; `None`: the one in force) about Z of its origin, degrees.
+    Rotation { degrees: f64, system: Option<u8> },
     /// Measures of a tool; those that are `None` stay. One that the table does not have is added.
     Tool {
         number: u32,
@@ -35,7 +37,7 @@ impl Change {
             Change::TouchOffWork { axis, .. } | Change::TouchOffTool { axis, .. } | Change::Offset { axis, .. } => {
                 Some(*axis)
             }
-            Change::Tool { .. } => None,
+            Change::Rotation { .. } | Change::Tool { .. } => None,
         }
     }
 }
@@ -55,6 +57,7 @@ pub fn changed(
     let line = match *change {
         Change::TouchOffWork { axis, value, system } => set("L20", u32::from(system.unwrap_or(0)), axis, value),
         Change::Offset { axis, value, system } => set("L2", u32::from(system.unwrap_or(0)), axis, value),
+        Change::Rotation { degrees, system } => format!("G10 L2 P{} R{degrees}", system.unwrap_or(0)),
         Change::TouchOffTool { axis, value, tool } => set("L10", tool, axis, value),
         Change::Tool {
             number,
@@ -137,6 +140,16 @@ mod tests {
             system: Some(9),
         });
         assert_eq!(found.unwrap().work_offsets[8][Axis::Z], -7.25);
+        let found = change(&Change::Rotation {
+            degrees: 15.0,
+            system: Some(2),
+        });
+        let found = found.unwrap();
+        assert_eq!(
+            (found.work_rotations_degrees[1], found.work_rotations_degrees[0]),
+            (15.0, 0.0)
+        );
+        assert_eq!(found.work_offsets[2][Axis::Y], 40.0, "origins stay");
         let refused = change(&Change::TouchOffTool {
             axis: Axis::Z,
             value: 0.0,

@@ -14,6 +14,7 @@ mod records;
 mod settings;
 mod stages;
 pub mod text;
+pub mod tool_path;
 mod user_code;
 pub mod waits;
 

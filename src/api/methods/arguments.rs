@@ -4,6 +4,7 @@ use crate::api::orders::{Jog, Jogged, Order, Source};
 use crate::api::rpc::{Params, RpcError, code};
 use crate::config::JOINTS_MAX;
 use crate::program::Change;
+use crate::program::tool_path::TOLERANCE_MIN_MM;
 use crate::rt::joint_jog::JogMotion;
 use motion::canon::Axis;
 
@@ -33,6 +34,16 @@ pub(super) fn jog(params: &Params) -> Result<Jog, RpcError> {
         what: Some(what),
         motion,
     })
+}
+
+/// How far the way of a program may be off, mm.
+pub(super) fn tolerance_mm(params: &Params) -> Result<f64, RpcError> {
+    let tolerance_mm = params.real("tolerance_mm")?.unwrap_or(0.01);
+    if tolerance_mm >= TOLERANCE_MIN_MM {
+        return Ok(tolerance_mm);
+    }
+    let what = format!("parameter \"tolerance_mm\": expected a number from {TOLERANCE_MIN_MM} on, got {tolerance_mm}");
+    Err(RpcError::new(code::INVALID_PARAMS, what))
 }
 
 /// What "parts.set" is to set.
@@ -180,6 +191,14 @@ pub(super) fn touch_off(params: &Params) -> Result<Change, RpcError> {
 
 /// What "offset.set" is to do.
 pub(super) fn offset(params: &Params) -> Result<Change, RpcError> {
+    if let Some(degrees) = params.real("rotation_degrees")? {
+        if let Some(other) = ["axis", "value"].iter().find(|name| params.has(name)) {
+            let what = format!("expected \"rotation_degrees\" alone, got \"{other}\", too");
+            return Err(RpcError::new(code::INVALID_PARAMS, what));
+        }
+        let system = system(params)?;
+        return Ok(Change::Rotation { degrees, system });
+    }
     Ok(Change::Offset {
         axis: needed(axis(params)?, "axis", "a letter")?,
         value: needed(params.real("value")?, "value", "a number")?,

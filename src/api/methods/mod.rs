@@ -11,6 +11,7 @@ pub mod table;
 pub use arguments::WORK_SYSTEMS;
 
 use super::control::{Control, NAME_MAX, Needs, Who};
+use super::paths::Paths;
 use super::rpc::{Params, Request, RpcError, code, from_hex, to_hex};
 use super::server::subscription::{self, RATE_MAX_HZ, Subscription};
 use super::server::{Caller, ClientId, Serve, Ticket};
@@ -86,6 +87,7 @@ pub struct Methods {
     operator: OrderClient,
     control: Control,
     uploads: Uploads,
+    paths: Paths,
     time_of_day: fn() -> f64,
     /// Its axes: what does not change.
     axes: Value,
@@ -110,6 +112,7 @@ impl Methods {
             operator,
             control: Control::default(),
             uploads: Uploads::default(),
+            paths: Paths::default(),
             time_of_day: || 0.0,
             axes: json!([]),
             pins: Box::new(|_| None),
@@ -195,6 +198,7 @@ impl Methods {
             "codes": shown.codes,
             "tool": shown.tool,
             "work_offset_mm": shown.work_offset,
+            "work_rotation_degrees": shown.work_rotation_degrees,
             "elapsed_s": live.elapsed_s,
             "remaining_s": remaining_s,
             "done_percent": done_percent,
@@ -301,6 +305,20 @@ impl Methods {
         let (upload, sum) = (upload(call.params)?, call.params.octets("sha256", 32)?);
         (self.uploads).commit(call.caller.client, upload, &sum, (self.now_ns)())?;
         Ok(json!({}))
+    }
+
+    fn begin_path(&mut self, call: &Call<'_>) -> Answer {
+        let begun = arguments::tolerance_mm(call.params)
+            .and_then(|tolerance_mm| self.paths.begin(call.caller.client, tolerance_mm, (self.now_ns)()));
+        self.order_of(call, begun.map(Order::Path))
+    }
+
+    fn next_of_path(&mut self, call: &Call<'_>) -> Answer {
+        let number = match call.params.number("path", 0, u64::from(u32::MAX)) {
+            Ok(number) => number,
+            Err(error) => return Some(Err(error)),
+        };
+        (self.paths).next(call.caller.client, number, call.ticket, (self.now_ns)())
     }
 
     /// The program of "program.load" and "program.run".
@@ -423,6 +441,7 @@ impl Serve for Methods {
         let now_ns = (self.now_ns)();
         self.control.hear(caller.client, now_ns);
         self.uploads.forget_idle(now_ns);
+        self.paths.forget_idle(now_ns);
         let Some(method) = METHODS.iter().find(|method| method.name == request.method) else {
             let known: Vec<&str> = METHODS.iter().map(|method| method.name).collect();
             let what = format!("no method \"{}\"; there are {}", request.method, known.join(", "));
@@ -460,6 +479,9 @@ impl Serve for Methods {
             }
             return Some((ticket, result));
         }
+        if let Some(part) = self.paths.later() {
+            return Some(part);
+        }
         let reply = self.bus.reply()?;
         let read = self.reading.iter().position(|ticket| *ticket == reply.ticket);
         if let Some(at) = read {
@@ -482,6 +504,7 @@ impl Serve for Methods {
     }
 
     fn gone(&mut self, ticket: Ticket) -> bool {
+        self.paths.gone(ticket);
         // What a node was asked goes its way.
         self.operator.withdraw(ticket)
     }
@@ -493,6 +516,7 @@ impl Serve for Methods {
     fn left(&mut self, client: ClientId) {
         self.control.release(client);
         self.uploads.left(client);
+        self.paths.left(client);
     }
 
     fn state(&mut self) -> subscription::State {

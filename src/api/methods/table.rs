@@ -2,7 +2,7 @@
 //!
 //! To add one: a row here and its function. [`API_VERSION`] goes on with it.
 
-use super::{Answer, Call, Methods, arguments};
+use super::{Answer, Call, Methods, arguments, done};
 use crate::api::control::Needs;
 use crate::api::orders::Order;
 use crate::api::server::subscription::RATE_MAX_HZ;
@@ -86,6 +86,8 @@ pub enum Gives {
     Outlook,
     UploadBegun,
     UploadGrown,
+    PathBegun,
+    PathPart,
     Offsets,
     Tools,
     Jog,
@@ -364,6 +366,34 @@ pub const METHODS: &[Method] = &[
         ..LOOK
     },
     Method {
+        name: "program.path.begin",
+        params: &[optional("tolerance_mm", Kind::Number)],
+        does: "draws the way of the program that is loaded, in machine coordinates with the offsets of the moment, no more than \
+               \"tolerance_mm\" off (0.01 without it, degrees count as mm); its parts are fetched with \"program.path.next\". Another \
+               one takes the place of the first; given up when its client goes or asks for nothing for a minute",
+        gives: Gives::PathBegun,
+        call: |methods, call| methods.begin_path(call),
+        ..LOOK
+    },
+    Method {
+        name: "program.path.next",
+        params: &[needed("path", NUMBER_32)],
+        does: "the next records of a way, answered once they are there; with \"end\" it is over, by an \"error\" of the program if \
+               there is one",
+        gives: Gives::PathPart,
+        call: |methods, call| methods.next_of_path(call),
+        ..LOOK
+    },
+    Method {
+        name: "program.path.end",
+        does: "nobody wants more of the way that this client fetches",
+        call: |methods, call| {
+            methods.paths.left(call.caller.client);
+            done()
+        },
+        ..LOOK
+    },
+    Method {
         name: "mdi",
         params: &[needed("line", Kind::Text)],
         does: "runs a \"line\" of G-code in the modes that the one before has left, behind those that wait; answered when it begins",
@@ -400,7 +430,7 @@ pub const METHODS: &[Method] = &[
     },
     Method {
         name: "offset.list",
-        does: "origins of G54 to G59.3 and G92",
+        does: "origins and rotations of G54 to G59.3, and G92",
         gives: Gives::Offsets,
         call: |methods, call| methods.order(call, Order::Offsets),
         ..LOOK
@@ -409,10 +439,12 @@ pub const METHODS: &[Method] = &[
         name: "offset.set",
         params: &[
             optional("system", Kind::WorkSystem),
-            needed("axis", Kind::Axis),
-            needed("value", Kind::Number),
+            optional("axis", Kind::Axis),
+            optional("value", Kind::Number),
+            optional("rotation_degrees", Kind::Number),
         ],
-        does: "puts the origin of a work \"system\" (else the one in force) on an \"axis\" to this \"value\", machine coordinates",
+        does: "puts the origin of a work \"system\" (else the one in force) on an \"axis\" to this \"value\", machine coordinates; or \
+               turns it about Z of its origin, counter-clockwise from above (G10 L2 R)",
         gives: Gives::Kept,
         call: |methods, call| {
             let change = arguments::offset(call.params);

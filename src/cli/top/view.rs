@@ -119,7 +119,7 @@ fn positions(app: &App) -> Vec<Line<'static>> {
         let to_go = app.at(&format!("held_at_mm/{place}")).as_f64();
         let line = format!(
             "{letter}   {:>10.3}{:>10.3}{:>10}  {:<4} {limit}",
-            value("position_mm") - value("work_offset_mm"),
+            work(app, place),
             value("position_mm"),
             to_go.map_or_else(String::new, |to| format!("{:.3}", to - value("position_mm"))),
             if is_homed { "yes" } else { "no" },
@@ -127,6 +127,18 @@ fn positions(app: &App) -> Vec<Line<'static>> {
         lines.push(Line::raw(line));
     }
     lines
+}
+
+/// Place of an axis in the work, mm or degrees.
+fn work(app: &App, axis: usize) -> f64 {
+    let field = |name: &str, axis: usize| app.at(&format!("{name}/{axis}")).as_f64().unwrap_or(0.0);
+    let shifted = |axis: usize| field("position_mm", axis) - field("work_offset_mm", axis);
+    let (sin, cos) = app.number("work_rotation_degrees").to_radians().sin_cos();
+    match axis {
+        0 => shifted(0) * cos + shifted(1) * sin,
+        1 => shifted(1) * cos - shifted(0) * sin,
+        _ => shifted(axis),
+    }
 }
 
 fn conditions(app: &App) -> Vec<Line<'static>> {
@@ -151,6 +163,10 @@ fn conditions(app: &App) -> Vec<Line<'static>> {
         .flatten()
         .filter_map(Value::as_str)
         .collect();
+    let rotation = match app.number("work_rotation_degrees") {
+        0.0 => String::new(),
+        degrees => format!("rotation {degrees} "),
+    };
     let step = app.step_mm().map_or("while held".into(), |step| format!("{step} mm"));
     let single = if *app.at("single_block") == Value::Bool(true) {
         "  SINGLE BLOCK"
@@ -168,7 +184,12 @@ fn conditions(app: &App) -> Vec<Line<'static>> {
         Line::raw(format!("tool T{:.0}  spindle {spindle}", app.number("tool"))),
         Line::raw(format!("coolant {coolant}")),
         Line::raw(format!("jog {step}, {} mm/s", app.speed_mm_s())),
-        Line::raw(codes.join(" ").chars().take(120).collect::<String>()),
+        Line::raw(
+            format!("{rotation}{}", codes.join(" "))
+                .chars()
+                .take(120)
+                .collect::<String>(),
+        ),
     ]
 }
 
@@ -295,6 +316,19 @@ mod tests {
                 screen.join("\n")
             );
         }
+    }
+
+    #[test]
+    fn work_coordinates_follow_the_rotation_of_their_system() {
+        let mut app = running();
+        told(&mut app, json!({ "work_rotation_degrees": 90.0 }));
+        let shown = screen(&app, &[], 0, (80, 24));
+        // X 0.5 and Y -2.25 of the machine from the origin, seen by a system that is turned by a quarter.
+        assert_shows(
+            &shown,
+            &["X       -2.250    10.500", "Y       -0.500    -2.250", "Z       10.000"],
+        );
+        assert_shows(&shown, &["rotation 90"]);
     }
 
     #[test]

@@ -29,6 +29,9 @@ const G92: std::ops::RangeInclusive<u16> = 5210..=5219;
 /// First parameter of the origin of G54; those of the other systems follow, 20 apart.
 const ORIGINS: u16 = 5221;
 
+/// The rotation of a system, behind its origin.
+const ROTATION: u16 = 9;
+
 /// Tools and parameters, and the files that keep them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tables {
@@ -153,19 +156,32 @@ impl Tables {
         &self.parameters
     }
 
+    /// Rotation of the work system in force about Z.
+    pub fn work_rotation_degrees(&self) -> f64 {
+        self.parameter(ORIGINS + 20 * (u16::from(self.work_system()) - 1) + ROTATION)
+    }
+
+    /// The work system in force, 1 for G54.
+    fn work_system(&self) -> u8 {
+        self.parameter(ORIGINS - 1).clamp(1.0, 9.0) as u8
+    }
+
+    /// The value of a parameter that is kept; 0 for others.
+    fn parameter(&self, number: u16) -> f64 {
+        let found = self.parameters.binary_search_by_key(&number, |entry| entry.0);
+        found.map_or(0.0, |at| self.parameters[at].1)
+    }
+
     /// Origin of the work system in force, and the offset of G92 as far as it is; mm and degrees.
     pub fn work_offset(&self, unit: LengthUnit) -> [Position; 2] {
-        let value = |number: u16| {
-            let found = self.parameters.binary_search_by_key(&number, |entry| entry.0);
-            found.map_or(0.0, |at| self.parameters[at].1)
-        };
+        let value = |number: u16| self.parameter(number);
         let position = |first: u16| {
             Position(Axis::ALL.map(|axis| {
                 let scale = if axis.is_rotary() { 1.0 } else { unit.mm() };
                 value(first + axis as u16) * scale
             }))
         };
-        let system = value(ORIGINS - 1).clamp(1.0, 9.0) as u16;
+        let system = u16::from(self.work_system());
         let is_suspended = value(*G92.start()) == 0.0;
         let g92 = if is_suspended {
             Position::ZERO

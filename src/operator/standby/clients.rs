@@ -1,10 +1,14 @@
 //! What clients want of the machine: each order is judged by the table of [`crate::machine::permission`], then carried out.
 
 use super::check::{Checked, Part, Subject, examine};
+use crate::api;
 use crate::api::orders::{Jogged, MESSAGES, Order, OrderInbox, Shown, ShownProgram, Waiting};
+use crate::api::paths::PathOrder;
 use crate::api::rpc::{RpcError, code};
 use crate::api::server::Ticket;
 use crate::config::Config;
+use crate::host::capabilities;
+use crate::host::capabilities::Work;
 use crate::machine::faults::SILENCED;
 use crate::machine::permission::{ACKNOWLEDGE, Activity, Condition, Power, Wish, permit};
 use crate::machine::sequence::{Job, Outcome, Step};
@@ -14,13 +18,15 @@ use crate::operator::console::Operator;
 use crate::operator::manual_mode;
 use crate::operator::remembered;
 use crate::operator::table_writer::{Keeper, Mark};
+use crate::program::text::Reader;
+use crate::program::tool_path::{record_octets, trace};
 use crate::program::{Begin, Change, Overview, changed, home};
 use crate::rt::shared::{Command, Snapshot};
 use crate::rt::waiting;
 use crate::rt::way_back::SLOW_MM;
 use gcode::Modes;
 use motion::cancel::Cancel;
-use motion::canon::Axis;
+use motion::canon::{Axis, Position};
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
@@ -88,6 +94,8 @@ pub(in crate::operator) struct Clients<'scope, 'env> {
     is_planning: bool,
     /// Who has changed what the machine remembers, and hears once that is on the disk.
     unsettled: Vec<(Ticket, Unsettled)>,
+    /// Ways of programs that are being drawn.
+    drawn: Vec<(Cancel, ScopedJoinHandle<'scope, ()>)>,
     /// The last job has ended, and counts once what came of it is on the disk.
     ended: Option<Unsettled>,
 }
@@ -147,6 +155,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             switched_off: [0; 2],
             is_planning: false,
             unsettled: Vec::new(),
+            drawn: Vec::new(),
             ended: None,
         }
     }
@@ -293,6 +302,9 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             operator.add_entry(text);
             return Ok(Some(Ok(json!({}))));
         }
+        if let Order::Path(path) = order {
+            return Ok(Some(self.draw(path, operator)?));
+        }
         if let Order::Parts { count, target } = order {
             let mut parts = keeper.memory.now().parts;
             parts.count = count.unwrap_or(parts.count);
@@ -336,6 +348,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             | Order::Note(_)
             | Order::MdiHistory
             | Order::Report(_)
+            | Order::Path(_)
             | Order::Parts { .. } => return Ok(None),
             Order::On => self.begin(Job::On, Mode::Manual, operator, now_ns),
             Order::Off => {
@@ -481,6 +494,55 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         }
     }
 
+    /// Has the way of the program that is loaded drawn in a thread of its own.
+    fn draw(&mut self, path: PathOrder, operator: &Operator) -> std::io::Result<Answer> {
+        self.drawn.retain(|(_, thread)| !thread.is_finished());
+        let Some(part) = self.loaded.clone().filter(|_| !self.config.joints.is_empty()) else {
+            path.cancel.cancel();
+            return Ok(Err("no program is loaded: isocnc program load FILE".into()));
+        };
+        let (config, tables) = (self.config, lock(self.tables).clone());
+        let at = self.begin_of_programs(operator);
+        let axes: Vec<String> = config.axes.iter().map(|map| map.axis.letter().to_string()).collect();
+        let answer = json!({
+            "path": path.number,
+            "program": part.name,
+            "axes": axes,
+            "record_octets": record_octets(axes.len()),
+        });
+        let cancel = path.cancel.clone();
+        let thread = std::thread::Builder::new()
+            .name("path".into())
+            .spawn_scoped(self.scope, move || {
+                capabilities::give_up_or_warn(Work::Ordinary);
+                let text = Reader::from(&*part.text);
+                let how = (at, path.tolerance_mm);
+                let ended = trace(config, &tables, &part.name, text, how, &path.cancel, |records| {
+                    path.send(api::paths::Part::Records(records))
+                });
+                path.send(api::paths::Part::End(ended));
+            })?;
+        self.drawn.push((cancel, thread));
+        Ok(Ok(answer))
+    }
+
+    /// Nobody wants a picture any more.
+    pub(in crate::operator) fn give_up_drawing(&mut self) {
+        for (cancel, thread) in self.drawn.drain(..) {
+            cancel.cancel();
+            // Whatever became of it: it only looked.
+            let _ = thread.join();
+        }
+    }
+
+    /// Where a program would begin: where the machine stands, or as behind homing.
+    fn begin_of_programs(&self, operator: &Operator) -> Position {
+        match operator.not_homed() {
+            0 => operator.live().position,
+            _ => home(self.config),
+        }
+    }
+
     /// How the machine is, for the table of orders.
     fn condition(&self, operator: &Operator) -> Condition {
         let live = operator.live();
@@ -586,10 +648,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     /// Has it checked in a thread of its own.
     fn check(&mut self, ticket: Ticket, subject: Subject, then: Then, operator: &Operator) -> std::io::Result<()> {
         let (config, tables) = (self.config, self.tables);
-        let at = match operator.not_homed() {
-            0 => operator.live().position,
-            _ => home(config),
-        };
+        let at = self.begin_of_programs(operator);
         self.mode = match subject {
             Subject::Mdi { .. } => Mode::Mdi,
             Subject::Program(_) | Subject::Loaded(_) | Subject::FromLine { .. } => Mode::Auto,
@@ -702,9 +761,13 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             mdi.push(part.line.clone());
         }
         mdi.extend(self.mdi.iter().map(|(_, line)| line.clone()));
-        let (block_delete, tool) = {
+        let (block_delete, tool, rotation_degrees) = {
             let tables = lock(self.tables);
-            (tables.block_delete, tables.tool_in_spindle())
+            (
+                tables.block_delete,
+                tables.tool_in_spindle(),
+                tables.work_rotation_degrees(),
+            )
         };
         Shown {
             step: operator.step().name(),
@@ -724,7 +787,8 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 release: waiting.release(),
             }),
             codes: self.modes.as_deref().map(Modes::words).unwrap_or_default(),
-            work_offset: self.work_offset(),
+            work_offset: self.work_offset(rotation_degrees),
+            work_rotation_degrees: rotation_degrees,
             next: permit(Wish::Start, &condition).err().map(|refusal| refusal.next),
             block_delete,
             tool,
@@ -737,9 +801,11 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         }
     }
 
-    /// What machine coordinates are above those of the work; rotation of the system is left out.
-    fn work_offset(&self) -> Vec<f64> {
-        let [origin, g92] = lock(self.tables).work_offset(self.config.unit);
+    /// Where work coordinates are 0, in the machine: of a system that is turned, G92 is turned with it.
+    fn work_offset(&self, rotation_degrees: f64) -> Vec<f64> {
+        let [origin, mut g92] = lock(self.tables).work_offset(self.config.unit);
+        let (sin, cos) = rotation_degrees.to_radians().sin_cos();
+        (g92.0[0], g92.0[1]) = (g92.0[0] * cos - g92.0[1] * sin, g92.0[0] * sin + g92.0[1] * cos);
         let tool = self.modes.as_deref().and_then(Modes::tool_offset).unwrap_or_default();
         Axis::ALL.map(|axis| origin[axis] + g92[axis] + tool[axis]).to_vec()
     }
@@ -773,6 +839,7 @@ fn wish(order: &Order) -> Option<Wish> {
         | Order::Note(_)
         | Order::MdiHistory
         | Order::Report(_)
+        | Order::Path(_)
         | Order::Parts { .. } => return None,
         Order::On => Wish::On,
         Order::Off => Wish::Off,
@@ -781,7 +848,7 @@ fn wish(order: &Order) -> Option<Wish> {
         Order::Start { .. } => Wish::Start,
         Order::Run(_) => Wish::Run,
         Order::Mdi(_) => Wish::Mdi,
-        Order::Change(Change::Offset { .. } | Change::Tool { .. }) => Wish::Set,
+        Order::Change(Change::Offset { .. } | Change::Rotation { .. } | Change::Tool { .. }) => Wish::Set,
         Order::Change(_) => Wish::TouchOff,
         Order::Jog(_) => Wish::Jog,
         Order::Hold => Wish::Hold,
