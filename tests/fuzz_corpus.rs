@@ -18,10 +18,16 @@ mod pitch_table;
 mod program_grammar;
 #[path = "../fuzz/src/program_text.rs"]
 mod program_text;
+#[path = "../fuzz/src/request.rs"]
+mod request;
 #[path = "../fuzz/src/sdo_server.rs"]
 mod sdo_server;
+#[path = "../fuzz/src/state_file.rs"]
+mod state_file;
 #[path = "../fuzz/src/tool_table.rs"]
 mod tool_table;
+#[path = "../fuzz/src/uploads.rs"]
+mod uploads;
 
 use powerlink::nmt::NmtState;
 use std::fs;
@@ -88,6 +94,34 @@ fn device_files() {
 #[test]
 fn tool_table() {
     replay("tool_table", tool_table::run);
+}
+
+#[test]
+fn state_file() {
+    replay("state_file", state_file::run);
+}
+
+#[test]
+fn uploads() {
+    replay("uploads", uploads::run);
+    // Orders as they come, the same each time.
+    let mut bits = 1_u64;
+    for _ in 0..200 {
+        let octets: Vec<u8> = (0..400)
+            .map(|_| {
+                bits = bits
+                    .wrapping_mul(6_364_136_223_846_793_005)
+                    .wrapping_add(1_442_695_040_888_963_407);
+                (bits >> 33) as u8 % 24
+            })
+            .collect();
+        uploads::run(&octets);
+    }
+}
+
+#[test]
+fn request() {
+    replay("request", request::run);
 }
 
 #[test]

@@ -9,5 +9,8 @@ pub mod parameter_file;
 pub mod pitch_table;
 pub mod program_grammar;
 pub mod program_text;
+pub mod request;
 pub mod sdo_server;
+pub mod state_file;
 pub mod tool_table;
+pub mod uploads;

@@ -152,15 +152,27 @@ fn fresh(machine: &str, warning: Option<String>) -> Opened {
     }
 }
 
-fn write(remembered: &Remembered) -> io::Result<Vec<u8>> {
+/// What a file is to hold.
+///
+/// # Errors
+/// A number that JSON has not.
+pub fn write(remembered: &Remembered) -> io::Result<Vec<u8>> {
     let mut content = serde_json::to_vec_pretty(remembered)?;
     content.push(b'\n');
-    let mut text = format!("{MARK} {VERSION} {} {:08x}\n", content.len(), crc32fast::hash(&content)).into_bytes();
-    text.extend(content);
-    Ok(text)
+    Ok(framed(&content))
 }
 
-fn parse(text: &[u8]) -> Result<Remembered, String> {
+/// The first line, and content behind it.
+pub fn framed(content: &[u8]) -> Vec<u8> {
+    let head = format!("{MARK} {VERSION} {} {:08x}\n", content.len(), crc32fast::hash(content));
+    [head.as_bytes(), content].concat()
+}
+
+/// What a file holds.
+///
+/// # Errors
+/// Why it cannot be believed.
+pub fn parse(text: &[u8]) -> Result<Remembered, String> {
     let no_state = || "this is no state of a machine".to_owned();
     let end = text.iter().position(|octet| *octet == b'\n').ok_or_else(no_state)?;
     let (head, content) = (&text[..end], &text[end + 1..]);
