@@ -356,6 +356,44 @@ fn a_program_writes_into_the_one_folder_of_the_machine_file_only() {
 }
 
 #[test]
+fn a_program_prints_and_logs_as_the_machine_comes_to_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut config = machine(MILL);
+    config.program.log_directory = Some(folder.path().to_owned());
+    // On the move and at rest, and with a message among them.
+    let text = "G21 G90 G64 P0.01 F6000\n(LOGOPEN,part.txt)\nG1 X10\n(LOG,ten)\n(MSG,between)\nX20\n(LOG,twenty)\nG4 P0.2\n(LOG,rest)\n\
+                G1 X40\n(LOG,forty)\n(LOGCLOSE)\nM2\n";
+    let path = folder.path().join("part.txt");
+    let read = || std::fs::read_to_string(&path).unwrap_or_default();
+    let written_at = |stop_at: f64| {
+        let _ = std::fs::remove_file(&path);
+        let mut places = Vec::new();
+        rehearse_part(&config, text, |run| {
+            let x: Input<f64> = run.hal.reader("axis.x.pos-cmd").expect("a pin");
+            run.run_until(CYCLES_MAX, |run| {
+                while places.len() < read().lines().count() {
+                    places.push(x.get());
+                }
+                if x.get() >= stop_at {
+                    run.operator.give(Command::Stop);
+                }
+                run.operator.outcome().is_some()
+            })
+            .expect("a good program");
+        });
+        (read(), places)
+    };
+    let (text, places) = written_at(f64::INFINITY);
+    assert_eq!(text, "ten\ntwenty\nrest\nforty\n");
+    for (at, wanted) in places.iter().zip([30.0, 40.0, 40.0, 60.0]) {
+        assert!((at - wanted).abs() < 2.0 && at - wanted > -0.1, "{places:?}");
+    }
+    // What is not reached is not written; G54 is 20 mm from home.
+    let (text, _) = written_at(35.0);
+    assert_eq!(text, "ten\n");
+}
+
+#[test]
 fn states_are_saved_and_restored_and_an_abort_starts_nothing() {
     let text = "G21 G90 G64 P0.05 F6000\nS1000 M3\nG1 X10\no1 sub\nM73\nG91 G20 M5\nG1 X0.5\nM66 P0 L3 Q5\no1 endsub\no1 call\nG1 X30\nM70\n\
                 G91 M5\nG1 X1\nM72\nG1 X40\nM5\nM2\n";

@@ -138,7 +138,7 @@ pub struct Operator {
     /// What ended the last jog.
     obstruction: Option<String>,
     /// Texts of the messages of the program (MSG, DEBUG) in their order, and how many have been shown.
-    messages: Option<(mpsc::Receiver<String>, u32)>,
+    messages: Option<(mpsc::Receiver<Option<String>>, u32)>,
     /// What the report is made of.
     pub recorder: Recorder,
 }
@@ -423,17 +423,17 @@ impl Operator {
         self.give(Command::Start { program, mdi });
     }
 
-    /// The texts of the messages of the next program come here, each before the machine comes to it.
-    pub fn hear_messages(&mut self, texts: mpsc::Receiver<String>) {
+    /// The texts of the messages of the next program come here, each before the machine comes to it; `None`: not for the journal.
+    pub fn hear_messages(&mut self, texts: mpsc::Receiver<Option<String>>) {
         self.messages = Some((texts, 0));
     }
 
-    /// The text of a message; `None`: it has been shown before, on the way forward.
+    /// The text of a message; `None`: it has been shown before, on the way forward, or is none for the journal.
     fn message(&mut self, number: u32) -> Option<String> {
         let (texts, shown) = self.messages.as_mut()?;
         let mut text = None;
         while *shown <= number {
-            text = Some(texts.try_recv().ok()?);
+            text = texts.try_recv().ok()?;
             *shown += 1;
         }
         text

@@ -32,7 +32,7 @@ use motion::element::Element;
 use motion::ring::{self, Producer};
 use motion::rt::Interpolator;
 use std::io::Write;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, mpsc};
 use std::thread::{Scope, ScopedJoinHandle};
 use std::time::Duration;
@@ -363,6 +363,8 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         let (told, news) = mpsc::channel();
         let (messages, heard) = mpsc::channel();
         operator.hear_messages(heard);
+        let messages_reached = Arc::new(AtomicU32::new(0));
+        let reached = Arc::clone(&messages_reached);
         let live = operator.shared();
         let judged = match (task, self.clients.part()) {
             (Task::Once(_, overview), _) => Some(overview.tolerance_mm),
@@ -401,7 +403,8 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
                         .with_probe(results)
                         .following(live)
                         .telling_path(told)
-                        .telling_messages(messages);
+                        .telling_messages(messages)
+                        .saying(reached);
                     if let Some(passed) = passed {
                         feeder = feeder.keeping_near(passed);
                     }
@@ -409,7 +412,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
                 })
             })?;
         self.planner = Some(planner);
-        let interpolator = Interpolator::new(consumer, position, stop_ramp(config));
+        let interpolator = Interpolator::new(consumer, position, stop_ramp(config)).counting_messages(messages_reached);
         Ok(Box::new(interpolator.with_probe(answers, stop_shares(config))))
     }
 
@@ -526,6 +529,9 @@ fn feed(mut feeder: Feeder<'_, Producer<Element>>, over: impl Fn() -> bool) -> P
         }
     }
     feeder.give_up_contact();
+    if let Err(error) = feeder.say_reached() {
+        failed.get_or_insert(error);
+    }
     Planned {
         probed_time_s: feeder.probed_time_s(),
         error: failed,

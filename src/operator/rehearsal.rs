@@ -26,8 +26,8 @@ use motion::element::Element;
 use motion::plan::Programmed;
 use motion::ring::{self, Producer};
 use motion::rt::Interpolator;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::mpsc;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, mpsc};
 
 /// Cycles between two looks of the operator.
 const OPERATOR_CYCLES: u64 = 10;
@@ -231,13 +231,15 @@ impl<'a, B: VirtualTime> Rehearsal<'a, B> {
             let (messages, heard) = mpsc::channel();
             self.operator.hear_messages(heard);
             let feeder = feeder.with_probe(results).reading_pins(pin_reader(&self.hal));
-            let mut feeder = feeder.telling_messages(messages);
+            let reached = Arc::new(AtomicU32::new(0));
+            let mut feeder = feeder.telling_messages(messages).saying(Arc::clone(&reached));
             if let Some((begin, _)) = &self.asked {
                 feeder = feeder.beginning(&begin.moved_to(position));
             }
             self.feeder = Some(feeder.following(self.operator.shared()));
             let program = Interpolator::new(consumer, position, stop_ramp(self.config))
-                .with_probe(answers, stop_shares(self.config));
+                .with_probe(answers, stop_shares(self.config))
+                .counting_messages(reached);
             let is_mdi = self.asked.as_ref().is_some_and(|(_, mdi)| *mdi);
             self.operator.start(Box::new(program), is_mdi);
         }
@@ -260,6 +262,9 @@ impl<'a, B: VirtualTime> Rehearsal<'a, B> {
             self.probed_time_s = feeder.probed_time_s();
             if given_up || progress == Progress::Done && feeder.is_over() {
                 feeder.give_up_contact();
+                feeder
+                    .say_reached()
+                    .map_err(|error| anyhow!(error.located("program")))?;
                 self.left = Some((feeder.left_behind(), feeder.modes_left()));
                 self.feeder = None;
             }

@@ -36,12 +36,13 @@ use motion::plan::{PathPlanner, PlanErrorKind, Programmed, Pumped, SpeedPlanner}
 use motion::ring::Sink;
 use motion::rt::probe::Answer;
 use path::PathNews;
+use records::Sayings;
 pub use settings::{interpreter_settings, settings_with};
 pub use stages::Threads;
 use stages::{After, BATCH, Batch, Failed, Part, Smoothing, Spare, Stage};
 use std::num::NonZero;
-use std::path::Path;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, PoisonError, mpsc};
 use std::thread::available_parallelism;
 use std::time::Duration;
@@ -176,6 +177,9 @@ pub struct Feeder<'t, S: Sink<Element>> {
     speed: SpeedPlanner<S>,
     ideal: Vec<Programmed>,
     waits: Waits,
+    log_directory: Option<PathBuf>,
+    /// What it prints and logs.
+    sayings: Option<Sayings>,
     /// Those that are not started yet.
     threads: Option<Threads<'t>>,
     workers: Workers,
@@ -253,6 +257,8 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             speed: SpeedPlanner::new(settings, sink, &workers),
             ideal: Vec::new(),
             waits,
+            log_directory: config.program.log_directory.clone(),
+            sayings: None,
             threads: None,
             workers,
             answers: None,
@@ -321,8 +327,31 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
         self.with_interpreter(|interpreter| interpreter.with_pins(pins))
     }
 
-    /// The same that tells the texts of messages, in their order.
-    pub fn telling_messages(mut self, to: mpsc::Sender<String>) -> Feeder<'t, S> {
+    /// The same that prints and logs what the program says, as the interpolation comes to it, which counts its messages there.
+    pub fn saying(mut self, messages_reached: Arc<AtomicU32>) -> Feeder<'t, S> {
+        let (to, sayings) = Sayings::new(self.log_directory.clone(), messages_reached);
+        self.smoothing.recall().sayings = Some(to);
+        self.sayings = Some(sayings);
+        self
+    }
+
+    /// Prints and logs what the machine has come to.
+    ///
+    /// # Errors
+    /// What cannot be written. Nothing more is planned then.
+    pub fn say_reached(&mut self) -> Result<(), FeedError> {
+        let Some(sayings) = &mut self.sayings else {
+            return Ok(());
+        };
+        let Err((source, what)) = sayings.write() else {
+            return Ok(());
+        };
+        self.ended = true;
+        Err(self.failed(Failed::Record { source, what }))
+    }
+
+    /// The same that tells the texts of messages, in their order; `None` in the place of what the program prints or logs.
+    pub fn telling_messages(mut self, to: mpsc::Sender<Option<String>>) -> Feeder<'t, S> {
         self.smoothing.recall().messages = Some(to);
         self
     }
@@ -347,6 +376,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
     /// # Panics
     /// Where a thread of it has.
     pub fn pump(&mut self) -> Result<Progress, FeedError> {
+        self.say_reached()?;
         if let Some(threads) = self.threads.take() {
             self.answers = stages::start(&mut self.smoothing, &threads, &self.workers);
         }

@@ -1,18 +1,91 @@
 //! What a program writes: `(PRINT, ..)`, `(LOG, ..)` and the points of its probing moves.
 //!
-//! In:  records of the program and contacts of its probe, as it is read.
+//! In:  records of the program and contacts of its probe, as it is read; how many of its messages the machine has come to.
 //! Out: lines on standard error; files in the one folder of the machine file, none longer than a limit.
 //!
-//! The program is read ahead of the machine, so that a line may be written before the moves in front of it are run, as with
-//! LinuxCNC; behind M66, a probing move and M100 to M199, it has waited for them.
+//! The program is read ahead of the machine. What it prints and logs is numbered with its messages and kept until the machine has run
+//! the moves in front of it (LinuxCNC writes it as it is read); points of probing moves come as these end.
 
-use motion::canon::{Axis, LengthUnit, Position, Record};
+use motion::canon::{Axis, LengthUnit, Position, Record, Source};
 use std::fs::File;
 use std::io::Write;
 use std::path::{Component, Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, mpsc};
 
 /// Octets of a file that a program writes: a loop without end is not to fill the disk.
 const FILE_MAX: u64 = 64 << 20;
+
+/// Something to be written, and where it stands.
+pub(super) struct Saying {
+    /// How many messages and records of the program are before it.
+    number: u32,
+    pub(super) source: Source,
+    record: Record,
+}
+
+/// What is to be written once the machine has come to it.
+pub(super) struct Sayings {
+    coming: mpsc::Receiver<Saying>,
+    next: Option<Saying>,
+    /// Messages that the machine has come to.
+    reached: Arc<AtomicU32>,
+    records: Records,
+}
+
+/// Where what is to be written comes from.
+pub(super) struct SayingsTo {
+    to: mpsc::Sender<Saying>,
+    /// Messages and records so far.
+    count: u32,
+}
+
+impl SayingsTo {
+    /// A message, which others tell.
+    pub(super) fn pass(&mut self) {
+        self.count += 1;
+    }
+
+    /// A record that is to wait.
+    pub(super) fn put(&mut self, record: &Record, source: Source) {
+        let number = self.count;
+        self.count += 1;
+        let record = record.clone();
+        // Nobody may want it any more.
+        let _ = self.to.send(Saying { number, source, record });
+    }
+}
+
+impl Sayings {
+    /// For a program whose interpolation counts its messages there.
+    pub(super) fn new(folder: Option<PathBuf>, reached: Arc<AtomicU32>) -> (SayingsTo, Sayings) {
+        let (to, coming) = mpsc::channel();
+        let sayings = Sayings {
+            coming,
+            next: None,
+            reached,
+            records: Records::new(folder),
+        };
+        (SayingsTo { to, count: 0 }, sayings)
+    }
+
+    /// Writes what the machine has come to.
+    ///
+    /// # Errors
+    /// A file that cannot be written, in words, and where it was to be.
+    pub(super) fn write(&mut self) -> Result<(), (Source, String)> {
+        let reached = self.reached.load(Ordering::Acquire);
+        loop {
+            if self.next.is_none() {
+                self.next = self.coming.try_recv().ok();
+            }
+            let Some(saying) = self.next.take_if(|saying| saying.number < reached) else {
+                return Ok(());
+            };
+            (self.records.record(&saying.record)).map_err(|what| (saying.source, what))?;
+        }
+    }
+}
 
 /// Files under way.
 #[derive(Debug)]
@@ -39,6 +112,17 @@ impl Records {
             unit: LengthUnit::Millimetre,
             log: None,
             points: None,
+        }
+    }
+
+    /// Whether a record could be done, as far as the program says: it may be long before it is.
+    ///
+    /// # Errors
+    /// A file that may not be written, in words.
+    pub(super) fn check(&self, record: &Record) -> Result<(), String> {
+        match record {
+            Record::OpenLog(name) | Record::AppendLog(name) | Record::OpenProbeLog(name) => self.path(name).map(drop),
+            Record::Print(_) | Record::Log(_) | Record::CloseLog | Record::CloseProbeLog => Ok(()),
         }
     }
 
@@ -84,7 +168,8 @@ impl Records {
         points.line(&coordinates.join(" "))
     }
 
-    fn open(&self, name: &str, open: impl Fn(&Path) -> std::io::Result<File>) -> Result<Written, String> {
+    /// Where a file of a program lies.
+    fn path(&self, name: &str) -> Result<PathBuf, String> {
         let folder = self.folder.as_ref().ok_or_else(|| {
             "this machine keeps no files of programs: expected program.log_directory in its machine file".to_owned()
         })?;
@@ -106,6 +191,11 @@ impl Records {
         if !is_inside {
             return Err(format!("{} is not in {}", path.display(), folder.display()));
         }
+        Ok(path)
+    }
+
+    fn open(&self, name: &str, open: impl Fn(&Path) -> std::io::Result<File>) -> Result<Written, String> {
+        let path = self.path(name)?;
         let failed = |error: std::io::Error| format!("{}: {error}", path.display());
         let file = open(&path).map_err(failed)?;
         let octets = file.metadata().map_err(failed)?.len();

@@ -8,11 +8,11 @@
 //! (#5420), so that the interpreter cannot run ahead of it.
 
 use super::exact_stops::ExactStops;
-use super::records::Records;
+use super::records::{Records, SayingsTo};
 use super::waits::{Answers, Awaited, Known, Told, awaited_behind};
 use crate::config;
 use crate::rt::shared::RtStatus;
-use motion::canon::{Axis, Call, Event, PathMode, Position, ProbeEnd, Source};
+use motion::canon::{Axis, Call, Event, PathMode, Position, ProbeEnd, Record, Source};
 use motion::plan::timeline::{Task, Timeline, during};
 use motion::plan::workers::{QueueIn, QueueOut, Workers, queue};
 use motion::plan::{PathPlanner, PlanError, PlanErrorKind, Programmed, Smoothed};
@@ -197,8 +197,10 @@ pub(super) struct Smoothing<'t> {
     pub(super) answers: Option<Answers>,
     /// What the program writes: only one that runs.
     records: Records,
-    /// Who is told the texts of messages.
-    pub(super) messages: Option<mpsc::Sender<String>>,
+    /// Who is told the texts of messages, in their order; `None` in the place of what is written elsewhere.
+    pub(super) messages: Option<mpsc::Sender<Option<String>>>,
+    /// Who writes what it prints and logs.
+    pub(super) sayings: Option<SayingsTo>,
     /// Why a point of a probing move could not be written.
     unwritten: Option<String>,
     left_s: f64,
@@ -231,6 +233,7 @@ impl<'t> Smoothing<'t> {
             answers: None,
             records: Records::new(program.log_directory.clone()),
             messages: None,
+            sayings: None,
             unwritten: None,
             left_s: 0.0,
             work_system: 1,
@@ -360,7 +363,7 @@ impl<'t> Smoothing<'t> {
         let switch = self.exact_stops.switch(single_block).map(|call| Event { source, call });
         let awaited = awaited_behind(&event.call);
         if self.answers.is_some()
-            && let Err(what) = self.write(&event.call)
+            && let Err(what) = self.write(&event.call, source)
         {
             return After::Failed(Failed::Record { source, what });
         }
@@ -408,17 +411,25 @@ impl<'t> Smoothing<'t> {
     }
 
     /// Writes what a call of a program that runs has to be written.
-    fn write(&mut self, call: &Call) -> Result<(), String> {
+    fn write(&mut self, call: &Call, source: Source) -> Result<(), String> {
         if let Some(what) = self.unwritten.take() {
             return Err(what);
         }
         match call {
-            Call::Record(record) => self.records.record(record),
-            Call::Message(text) => {
-                if let Some(messages) = &self.messages {
-                    // Nobody may listen any more.
-                    let _ = messages.send(text.clone());
+            Call::Record(record @ (Record::OpenProbeLog(_) | Record::CloseProbeLog)) => self.records.record(record),
+            Call::Record(record) => {
+                self.records.check(record)?;
+                if let Some(sayings) = &mut self.sayings {
+                    sayings.put(record, source);
                 }
+                self.tell_message(None);
+                Ok(())
+            }
+            Call::Message(text) => {
+                if let Some(sayings) = &mut self.sayings {
+                    sayings.pass();
+                }
+                self.tell_message(Some(text.clone()));
                 Ok(())
             }
             Call::UseLengthUnit(unit) => {
@@ -426,6 +437,13 @@ impl<'t> Smoothing<'t> {
                 Ok(())
             }
             _ => Ok(()),
+        }
+    }
+
+    fn tell_message(&self, text: Option<String>) {
+        if let Some(messages) = &self.messages {
+            // Nobody may listen any more.
+            let _ = messages.send(text);
         }
     }
 

@@ -44,9 +44,9 @@ impl Class {
             | Call::SetToolEntry(_)
             | Call::ReloadToolTable
             | Call::SetPlanner { .. }
-            | Call::Message(_)
-            | Call::Record(_) => Class::AtOnce,
+            | Call::Message(_) => Class::AtOnce,
             Call::Dwell { .. }
+            | Call::Record(_)
             | Call::StartSpindleSync { velocity: true, .. }
             | Call::StopSpindleSync
             | Call::SetFeedMode(_)

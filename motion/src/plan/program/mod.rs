@@ -9,7 +9,7 @@ mod spindle;
 
 use super::frame::Frame;
 use super::{PlanErrorKind, Settings};
-use crate::canon::{Axis, Call, FeedMode, PathMode, Position, SPINDLES, SpindleDirection, SpindleMode};
+use crate::canon::{Axis, Call, FeedMode, PathMode, Position, Record, SPINDLES, SpindleDirection, SpindleMode};
 use crate::element::{Action, Auxiliary, Element, Enables, Outputs};
 use crate::kinematics::ToolFrame;
 use crate::path::Piece;
@@ -320,7 +320,11 @@ impl Program {
             Call::SelectTool { tool } => return Ok(self.act(Action::SelectTool { tool: *tool }, line)),
             Call::ChangeTool { tool, .. } => return Ok(self.act(Action::ChangeTool { tool: *tool }, line)),
             Call::SetToolNumber { tool, .. } => return Ok(self.act(Action::SetTool { tool: *tool }, line)),
-            Call::Message(_) => {
+            // Lines that a program writes are numbered with its messages.
+            Call::Message(_)
+            | Call::Record(
+                Record::Print(_) | Record::OpenLog(_) | Record::AppendLog(_) | Record::Log(_) | Record::CloseLog,
+            ) => {
                 let number = self.auxiliary.messages;
                 return Ok(self.act(Action::Message { number }, line));
             }
@@ -358,7 +362,7 @@ impl Program {
             Call::SelectPlane(_)
             | Call::UseLengthUnit(_)
             | Call::Comment(_)
-            | Call::Record(_)
+            | Call::Record(Record::OpenProbeLog(_) | Record::CloseProbeLog)
             | Call::SetCutterCompensation(None)
             | Call::EnableSpeedOverride { .. } // of a spindle that there is not: M48 and M49 name all that could be
             | Call::StartChange

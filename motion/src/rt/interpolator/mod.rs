@@ -25,6 +25,8 @@ use crate::element::{Action, Auxiliary, Element};
 use crate::ring::{Consumer, Timed};
 use ends::{Arrived, End};
 pub use sample::{Sample, SampleState};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Elements that one cycle may pass. A cycle that reaches this many waits for the next one; it takes elements shorter
 /// than a hundredth of a cycle to get there.
@@ -54,6 +56,8 @@ pub struct Interpolator {
     sample: Sample,
     /// What of the auxiliary functions has been told.
     told: Auxiliary,
+    /// Shows how many messages.
+    messages: Option<Arc<AtomicU32>>,
 }
 
 impl Interpolator {
@@ -81,6 +85,7 @@ impl Interpolator {
             arrived: None,
             leaves: false,
             told: sample.auxiliary,
+            messages: None,
             sample,
         }
     }
@@ -90,6 +95,14 @@ impl Interpolator {
     pub fn with_probe(self, answers: rtrb::Producer<Answer>, shares: StopShares) -> Interpolator {
         Interpolator {
             prober: self.prober.answering(answers, shares),
+            ..self
+        }
+    }
+
+    /// The same that shows how many messages of the program it has come to.
+    pub fn counting_messages(self, messages: Arc<AtomicU32>) -> Interpolator {
+        Interpolator {
+            messages: Some(messages),
             ..self
         }
     }
@@ -157,6 +170,9 @@ impl Interpolator {
     /// An action is done, or is to be done in this cycle. RT.
     fn tell(&mut self, action: Action) {
         self.told = self.told.after(action).unwrap_or(self.told);
+        if let (Action::Message { .. }, Some(messages)) = (action, &self.messages) {
+            messages.store(self.told.messages, Ordering::Release);
+        }
     }
 
     /// Where the axes are, machine position. RT.
