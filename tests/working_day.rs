@@ -2,6 +2,8 @@
 //! emergency stop, run again, off. Nothing here looks at times: the PC may be busy.
 
 mod common;
+#[path = "working_day/on_the_wire.rs"]
+mod on_the_wire;
 
 use common::Control;
 use serde_json::Value;

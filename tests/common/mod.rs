@@ -15,7 +15,17 @@ const MACHINE: &str = include_str!("../../configs/mill3-demo.toml");
 /// Longest that anything may take.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(120);
 
-/// A control that stands by over the wire in memory.
+/// The machine file of the demo under this name, which bears that this PC is busy.
+pub(crate) fn machine_file(machine: &str) -> String {
+    let config = config::parse(MACHINE, Path::new("mill3-demo.toml")).unwrap();
+    MACHINE
+        .replace(&format!("\"{}\"", config.name), &format!("\"{machine}\""))
+        .replace("\nlock_memory = true", "\noverruns_stop = 0\nlock_memory = true")
+        .replace("pres_lost_max = 20", "pres_lost_max = 1000")
+        .replace("following_error_mm = 2.0", "following_error_mm = 100.0")
+}
+
+/// A control that stands by, mostly over the wire in memory.
 pub(crate) struct Control {
     pub(crate) process: Child,
     pub(crate) folder: TempDir,
@@ -35,16 +45,14 @@ impl Control {
         changed: fn(&str) -> String,
     ) -> Control {
         let machine = format!("{name}-{}", std::process::id());
+        let text = machine_file(&machine).replacen("kind = \"powerlink\"", "kind = \"memory\"", 1);
+        std::fs::write(folder.path().join("machine.toml"), changed(&text)).unwrap();
+        Control::run(folder, machine, stdout)
+    }
+
+    /// Of the machine.toml in this folder, which names this machine.
+    pub(crate) fn run(folder: TempDir, machine: String, stdout: impl Into<Stdio>) -> Control {
         let file = folder.path().join("machine.toml");
-        let config = config::parse(MACHINE, Path::new("mill3-demo.toml")).unwrap();
-        let text = MACHINE
-            .replace(&format!("\"{}\"", config.name), &format!("\"{machine}\""))
-            // However busy this PC is.
-            .replace("\nlock_memory = true", "\noverruns_stop = 0\nlock_memory = true")
-            .replace("pres_lost_max = 20", "pres_lost_max = 1000")
-            .replace("following_error_mm = 2.0", "following_error_mm = 100.0")
-            .replacen("kind = \"powerlink\"", "kind = \"memory\"", 1);
-        std::fs::write(&file, changed(&text)).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_isocnc"));
         command.arg("run").arg(&file).arg("--json").stdout(stdout);
         // A shell starts what runs in its background with these ignored.
