@@ -1,7 +1,7 @@
 //! How long a request over the control socket takes: alone, and while ten subscribers are told of changes 20 times a second.
 //!
 //! A control in memory runs as a process of its own; both cases take turns, so that whatever else this PC does is in both. Printed
-//! are quantiles of single requests, how many notifications came, what the service cost, and the load.
+//! are quantiles of single requests, how many notifications came, what the service cost, what a cycle took and the load.
 
 use hdrhistogram::Histogram;
 use isocnc::api::client::Client;
@@ -32,6 +32,28 @@ fn ask(client: &mut Client, method: &str, times_us: &mut Histogram<u64>) {
         times_us.saturating_record(begin.elapsed().as_micros() as u64);
         std::thread::sleep(Duration::from_millis(3));
     }
+}
+
+/// Figures of the cycle over the last second, ns.
+const CYCLE: [&str; 4] = [
+    "rt.compute-mean-ns",
+    "rt.compute-p99-ns",
+    "rt.exchange-p99-ns",
+    "rt.period-std-ns",
+];
+
+fn pin(machine: &str, name: &str) -> f64 {
+    let output = Command::new(env!("CARGO_BIN_EXE_isocnc"))
+        .args(["hal", "get", name, "--json", "--machine", machine])
+        .output()
+        .expect("the binary runs");
+    let pin: Value = serde_json::from_slice(&output.stdout).expect("a pin");
+    pin["value"].as_f64().expect("a number")
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
 }
 
 /// Processor time of the service thread of a control, ticks of 10 ms.
@@ -88,6 +110,7 @@ fn main() {
     let mut times_us = [[histogram(), histogram()], [histogram(), histogram()]];
     let told = AtomicU64::new(0);
     let (mut skipped, mut cpu_ticks) = ([0.0; 2], [0; 2]);
+    let mut cycle = CYCLE.map(|_| [Vec::new(), Vec::new()]);
     for round in 0..2 * ROUNDS {
         let subscribed = round % 2;
         let stop = AtomicBool::new(false);
@@ -107,6 +130,9 @@ fn main() {
             for (method, times_us) in ["status", "resume"].into_iter().zip(&mut times_us[subscribed]) {
                 ask(&mut client, method, times_us);
             }
+            for (name, values) in CYCLE.into_iter().zip(&mut cycle) {
+                values[subscribed].push(pin(&machine, name));
+            }
             stop.store(true, Ordering::Relaxed);
         });
         cpu_ticks[subscribed] += service_ticks(control.0.id()) - cpu_before;
@@ -123,6 +149,13 @@ fn main() {
         10 * cpu_ticks[0],
         10 * cpu_ticks[1]
     );
+    for (name, values) in CYCLE.into_iter().zip(&mut cycle) {
+        let [alone, with] = values.each_mut().map(|values| median(values));
+        println!(
+            "{name:>18}: alone {alone:.0}, with subscribers {with:.0}, ratio {:.3}",
+            with / alone
+        );
+    }
     for (who, times_us) in ["alone", "10 subscribers"].into_iter().zip(&times_us) {
         for (method, times_us) in ["status", "an order"].into_iter().zip(times_us) {
             println!(

@@ -25,6 +25,7 @@ mod times;
 
 use crate::bus;
 use crate::config::{self, Config};
+use crate::host::terminal::say;
 use crate::machine::tables::Tables;
 use crate::operator::refusal::Refusal;
 use crate::program::FeedError;
@@ -128,9 +129,9 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     let report = Report::new(&config, &work);
     // What was found out first: a disk may be full.
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&report)?);
+        say(&format!("{}\n", serde_json::to_string_pretty(&report)?));
     } else {
-        print!("{report}");
+        say(&report.to_string());
     }
     let wrong = report.wrong();
     if !args.json {
@@ -200,9 +201,9 @@ fn compare(args: &PlanArgs, text: Reader<'_>) -> anyhow::Result<ExitCode> {
     }
     let comparison = Comparison { compare };
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&comparison)?);
+        say(&format!("{}\n", serde_json::to_string_pretty(&comparison)?));
     } else {
-        print!("{comparison}");
+        say(&comparison.to_string());
     }
     let mut code = ExitCode::SUCCESS;
     for Compared { setting, report } in &comparison.compare {
@@ -261,7 +262,7 @@ fn measured(args: &PlanArgs, text: Reader<'_>, file: &Path) -> anyhow::Result<Ex
     let threads = args.threads.map_or(8, usize::from);
     let efficiency = efficiency::measure(&config, &tables, (&name, text), threads);
     let efficiency = efficiency.map_err(|error| refused(&name, &error))?;
-    print!("{efficiency}");
+    say(&efficiency.to_string());
     let program = args.program.file_name().unwrap_or_default().to_string_lossy();
     let title = format!("{program} on {}: efficiency of threads", config.name);
     files::write(file, efficiency.picture(&title)).with_context(|| file.display().to_string())?;
