@@ -304,6 +304,7 @@ fn jog_by(run: &mut Rehearsal<'_>, joint: u32, distance_mm: f64) {
         velocity_mm_s: 50.0,
     };
     run.operator.give(Command::Jog(JogOrder {
+        acceleration_share: 1.0,
         joints: 1 << joint,
         axis: None,
         motion,
@@ -314,6 +315,7 @@ fn jog_by(run: &mut Rehearsal<'_>, joint: u32, distance_mm: f64) {
 fn rest_away(run: &mut Rehearsal<'_>) {
     for _ in 0..20 {
         run.operator.give(Command::Jog(JogOrder {
+            acceleration_share: 1.0,
             joints: u64::MAX,
             axis: None,
             motion: JogMotion::Keep,

@@ -180,6 +180,7 @@ fn no_drive_is_told_to_jump_when_positions_begin_to_count() {
             for velocity_mm_s in [20.0, -20.0] {
                 let motion = JogMotion::Run { velocity_mm_s };
                 let order = JogOrder {
+                    acceleration_share: 1.0,
                     joints: 1,
                     axis: None,
                     motion,
@@ -383,6 +384,7 @@ fn a_stop_ends_homing_at_rest_and_the_next_one_begins_anew() {
 fn soft_limits_hold_once_a_joint_is_homed_and_not_before_it_may_be_jogged() {
     let motion = JogMotion::Run { velocity_mm_s: -150.0 };
     let order = JogOrder {
+        acceleration_share: 1.0,
         joints: 1,
         axis: None,
         motion,
@@ -393,6 +395,7 @@ fn soft_limits_hold_once_a_joint_is_homed_and_not_before_it_may_be_jogged() {
             run.run_until(50, |_| false).expect("no program");
             let motion = JogMotion::Keep;
             let keep = JogOrder {
+                acceleration_share: 1.0,
                 joints: u64::MAX,
                 axis: None,
                 motion,

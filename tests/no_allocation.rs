@@ -265,6 +265,7 @@ fn the_cycle_never_allocates() {
                 let joints = 1 << (cycles / 100 % 2);
                 let motion = JogMotion::Run { velocity_mm_s: 20.0 };
                 operator.give(Command::Jog(JogOrder {
+                    acceleration_share: 1.0,
                     joints,
                     axis: None,
                     motion,

@@ -79,6 +79,7 @@ fn bring_to(run: &mut Rehearsal<'_>, state: State) {
 /// X by hand at a velocity, for as long as an order holds.
 fn jog(run: &mut Rehearsal<'_>, velocity_mm_s: f64) {
     run.operator.give(Command::Jog(JogOrder {
+        acceleration_share: 1.0,
         joints: 1,
         axis: None,
         motion: JogMotion::Run { velocity_mm_s },

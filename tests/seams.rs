@@ -527,12 +527,14 @@ impl<'a> Machine<'a> {
             let (letter, ..) = self.place.room[self.random.below(self.place.room.len())];
             let axis = Axis::ALL.into_iter().find(|axis| axis.letter() == letter);
             JogOrder {
+                acceleration_share: 1.0,
                 joints: (1 << self.joints.len()) - 1,
                 axis,
                 motion,
             }
         } else {
             JogOrder {
+                acceleration_share: 1.0,
                 joints: 1 << joint,
                 axis: None,
                 motion,

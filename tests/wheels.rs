@@ -202,3 +202,128 @@ fn a_key_runs_its_axis_while_it_is_held_and_what_ended_it_otherwise_wants_it_let
         });
     }
 }
+
+/// Greatest change of an axis's commanded velocity, mm/s², over so many cycles.
+fn acceleration(run: &mut Rehearsal<'_>, axis: usize, cycles: u64) -> f64 {
+    let (mut places, mut most) = ([at(run, axis); 3], 0.0_f64);
+    for _ in 0..cycles {
+        wait(run, 1);
+        places = [places[1], places[2], at(run, axis)];
+        most = most.max((places[2] - 2.0 * places[1] + places[0]).abs() * 1e6);
+    }
+    most
+}
+
+#[test]
+fn a_wheel_may_have_a_share_of_the_acceleration_and_nothing_else_has_it() {
+    for machine in [MILL, COREXY] {
+        homed(machine, |run| {
+            set(run, "axis.x.jog-scale", 0.05);
+            let mut counts = 0;
+            let mut turn = |run: &mut Rehearsal<'_>, share: f64, cycles: u64| {
+                set(run, "axis.x.jog-accel-fraction", share);
+                set(run, "axis.x.jog-enable", true);
+                wait(run, 5);
+                counts = 400 - counts;
+                set(run, "axis.x.jog-counts", counts);
+                acceleration(run, 0, cycles)
+            };
+            let all = turn(run, 1.0, 1_000);
+            for (share, wanted) in [
+                (0.5, 0.5),
+                (0.1, 0.1),
+                (0.0, 1.0),
+                (-1.0, 1.0),
+                (2.0, 1.0),
+                (f64::NAN, 1.0),
+            ] {
+                let most = turn(run, share, 2_000) / all;
+                assert!((0.95..1.001).contains(&(most / wanted)), "{share}: {most}");
+            }
+            // What ends it otherwise has all of it.
+            let most = turn(run, 0.1, 350) / all;
+            assert!((0.95..1.001).contains(&(most / 0.1)), "{most}");
+            assert!(run.operator.live().velocity_mm_s > 20.0);
+            set(run, "motion.feed-hold", true);
+            let most = acceleration(run, 0, 300) / all;
+            assert!(most > 0.3, "{most}");
+            set(run, "axis.x.jog-enable", false);
+            rest(run);
+        });
+    }
+}
+
+#[test]
+fn pins_keep_jogs_from_beginning_and_end_them() {
+    homed(MILL, |run| {
+        set(run, "halui.axis.jog-speed", 1200.0);
+        set(run, "axis.x.jog-scale", 0.01);
+        set(run, "axis.x.jog-enable", true);
+        wait(run, 5);
+        let mut counts = 0;
+        let mut turn = |run: &mut Rehearsal<'_>| {
+            counts += 100;
+            set(run, "axis.x.jog-counts", counts);
+        };
+        for pin in [
+            "motion.jog-inhibit",
+            "motion.jog-stop",
+            "motion.jog-stop-immediate",
+            "motion.feed-hold",
+        ] {
+            let begin = [at(run, 0), at(run, 1)];
+            set(run, pin, true);
+            wait(run, 2);
+            assert!(run.operator.live().jog_barred);
+            turn(run);
+            set(run, "halui.axis.y.plus", true);
+            wait(run, 300);
+            assert_eq!(
+                (run.control.state(), at(run, 0), at(run, 1)),
+                (State::Ready, begin[0], begin[1]),
+                "{pin}"
+            );
+            set(run, pin, false);
+            wait(run, 300);
+            assert_eq!(
+                (at(run, 0), at(run, 1)),
+                (begin[0], begin[1]),
+                "{pin}: what was wanted meanwhile is forgotten"
+            );
+            set(run, "halui.axis.y.plus", false);
+            wait(run, 5);
+            assert!(!run.operator.live().jog_barred);
+        }
+        // One that runs goes on when new ones are kept from beginning, and ends by the others.
+        let away = if at(run, 1) > 100.0 {
+            "halui.axis.y.minus"
+        } else {
+            "halui.axis.y.plus"
+        };
+        let mut ways = Vec::new();
+        for (pin, ends) in [
+            ("motion.jog-inhibit", false),
+            ("motion.jog-stop", true),
+            ("motion.jog-stop-immediate", true),
+        ] {
+            set(run, away, true);
+            wait(run, 400);
+            assert!((run.operator.live().velocity_mm_s - 20.0).abs() < 1e-6);
+            let from = at(run, 1);
+            set(run, pin, true);
+            wait(run, 300);
+            assert_eq!(run.operator.live().velocity_mm_s == 0.0, ends, "{pin}");
+            ways.push((at(run, 1) - from).abs());
+            set(run, pin, false);
+            wait(run, 300);
+            assert_eq!(
+                run.operator.live().velocity_mm_s == 0.0,
+                ends,
+                "{pin}: the key has to be let go"
+            );
+            set(run, away, false);
+            rest(run);
+        }
+        assert!(ways[2] < ways[1] && ways[1] < ways[0], "{ways:?}");
+    });
+}

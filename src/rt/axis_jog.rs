@@ -74,12 +74,15 @@ impl AxisJog {
     }
 
     /// Carries out an order; `None`: for all axes.
-    pub fn obey(&mut self, axis: Option<Axis>, motion: JogMotion) {
+    pub fn obey(&mut self, axis: Option<Axis>, motion: JogMotion, acceleration_share: f64) {
         for one in Axis::ALL {
             if axis.is_some_and(|axis| axis != one) {
                 continue;
             }
             let holds = &mut self.holds[one as usize];
+            if motion != JogMotion::Keep {
+                self.jog.set_acceleration_share(one, acceleration_share);
+            }
             match motion {
                 // Only for one axis: nobody means all of them.
                 JogMotion::Run { velocity_mm_s } if axis.is_some() => {
@@ -120,7 +123,7 @@ impl AxisJog {
         for axis in Axis::ALL {
             match self.holds[axis as usize] {
                 0 => {}
-                1 => self.obey(Some(axis), JogMotion::Release),
+                1 => self.obey(Some(axis), JogMotion::Release, 1.0),
                 holds => self.holds[axis as usize] = holds - 1,
             }
         }

@@ -32,6 +32,7 @@ struct What {
 impl What {
     fn order(&self, motion: JogMotion) -> JogOrder {
         JogOrder {
+            acceleration_share: 1.0,
             joints: self.joints,
             axis: self.axis,
             motion,
@@ -46,6 +47,7 @@ struct Wheel {
     enable: Input<bool>,
     scale: Input<f64>,
     velocity_mode: Input<bool>,
+    acceleration: Input<f64>,
     counts_before: i32,
     enabled_before: bool,
 }
@@ -58,6 +60,7 @@ impl Wheel {
             enable: hal.input(&format!("{name}.jog-enable"), false)?,
             scale: hal.input(&format!("{name}.jog-scale"), 1.0)?,
             velocity_mode: hal.input(&format!("{name}.jog-vel-mode"), false)?,
+            acceleration: hal.input(&format!("{name}.jog-accel-fraction"), 1.0)?,
             counts_before: 0,
             enabled_before: false,
         })
@@ -86,7 +89,7 @@ impl Wheel {
                 distance_mm: wanted_mm,
                 velocity_mm_s,
             };
-            return [JogMotion::Release, advance].map(|motion| Some(self.what.order(motion)));
+            return [JogMotion::Release, advance].map(|motion| Some(self.order(motion)));
         }
         let ahead_mm = hand.arrears(self.what.number);
         let most_mm = ARREARS_S * velocity_mm_s;
@@ -95,7 +98,15 @@ impl Wheel {
             distance_mm,
             velocity_mm_s,
         };
-        [Some(self.what.order(advance)), None]
+        [Some(self.order(advance)), None]
+    }
+
+    /// At its share of the acceleration.
+    fn order(&self, motion: JogMotion) -> JogOrder {
+        JogOrder {
+            acceleration_share: self.acceleration.get(),
+            ..self.what.order(motion)
+        }
     }
 }
 
@@ -174,6 +185,9 @@ impl Keys {
 pub struct JogPins {
     wheels: Vec<Wheel>,
     keys: Vec<Keys>,
+    inhibit: Input<bool>,
+    stop: Input<bool>,
+    stop_immediate: Input<bool>,
     /// mm/min, as LinuxCNC has it.
     speed: Input<f64>,
     deadband: Input<f64>,
@@ -223,9 +237,27 @@ impl JogPins {
         Ok(JogPins {
             wheels,
             keys,
+            inhibit: hal.input("motion.jog-inhibit", false)?,
+            stop: hal.input("motion.jog-stop", false)?,
+            stop_immediate: hal.input("motion.jog-stop-immediate", false)?,
             speed: hal.input("halui.axis.jog-speed", 0.0)?,
             deadband: hal.input("halui.axis.jog-deadband", 0.2)?,
         })
+    }
+
+    /// Whether no jog may begin.
+    pub fn is_barred(&self) -> bool {
+        self.inhibit.get() || self.stops() || self.stops_at_once()
+    }
+
+    /// Whether jogs come to rest.
+    pub fn stops(&self) -> bool {
+        self.stop.get()
+    }
+
+    /// Whether they do so within the stop limits.
+    pub fn stops_at_once(&self) -> bool {
+        self.stop_immediate.get()
     }
 
     /// How many there are that may want something.

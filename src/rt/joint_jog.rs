@@ -49,6 +49,8 @@ pub struct JogOrder {
     pub axis: Option<Axis>,
     /// What each of them shall do.
     pub motion: JogMotion,
+    /// Share of the acceleration with which it sets out from rest, above 0; anything else than a share: all of it.
+    pub acceleration_share: f64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -140,7 +142,7 @@ impl JointJog {
         if let Some(world) = self.world.as_mut().filter(|_| self.in_world) {
             let of_all = matches!(order.motion, JogMotion::Keep | JogMotion::Release) && order.joints == u64::MAX;
             if order.axis.is_some() || of_all {
-                world.obey(order.axis, order.motion);
+                world.obey(order.axis, order.motion, order.acceleration_share);
             }
             return;
         }
@@ -149,13 +151,16 @@ impl JointJog {
         }
         for leader in 0..self.joints.len() {
             if self.joints[leader].leader == leader && self.together(leader) & order.joints != 0 {
-                self.lead(leader, order.motion);
+                self.lead(leader, order);
             }
         }
     }
 
-    fn lead(&mut self, leader: usize, motion: JogMotion) {
-        match motion {
+    fn lead(&mut self, leader: usize, order: &JogOrder) {
+        if order.motion != JogMotion::Keep {
+            self.jog.set_acceleration_share(leader, order.acceleration_share);
+        }
+        match order.motion {
             JogMotion::Run { velocity_mm_s } => {
                 self.jog.run(leader, velocity_mm_s);
                 self.joints[leader].holds = self.holds;
@@ -222,6 +227,7 @@ impl JointJog {
     /// axes.
     pub fn begin_to_go(&mut self, positions_mm: &[f64]) {
         let nothing = JogOrder {
+            acceleration_share: 1.0,
             joints: 0,
             axis: self.world.as_ref().map(|_| Axis::Z),
             motion: JogMotion::Keep,
@@ -307,7 +313,10 @@ impl JointJog {
         for number in 0..self.joints.len() {
             match self.joints[number].holds {
                 0 => {}
-                1 => self.release(number),
+                1 => {
+                    self.jog.set_acceleration_share(number, 1.0);
+                    self.release(number);
+                }
                 holds => self.joints[number].holds = holds - 1,
             }
         }
@@ -410,6 +419,7 @@ mod tests {
         assert_eq!((hand.moved_with(0b010), hand.moved_with(0b100)), (0b011, 0b100));
         let mut command_mm = [10.0, 10.3, -7.0];
         let run = |joints| JogOrder {
+            acceleration_share: 1.0,
             joints,
             axis: None,
             motion: JogMotion::Run { velocity_mm_s: 150.0 },
@@ -418,6 +428,7 @@ mod tests {
         // By either of its joints.
         hand.obey(&run(0b010));
         let keep = JogOrder {
+            acceleration_share: 1.0,
             joints: u64::MAX,
             axis: None,
             motion: JogMotion::Keep,

@@ -4,6 +4,7 @@ pub mod assemble;
 pub mod axis_jog;
 pub mod cycle;
 pub mod cycle_stats;
+pub mod desk;
 pub mod drives;
 pub mod encoder;
 pub mod homing;

@@ -18,6 +18,7 @@ use crate::config::{self, Config, ConfigErrors, Profile};
 use crate::machine::faults::SpeedNotReached;
 use crate::machine::state::State;
 use crate::rt::cycle_stats::Timing;
+use crate::rt::desk::{DeskPins, SwitchPins};
 use crate::rt::jog_pins::JogPins;
 use hal_pins::{Hal, HalError, Input, Memory, Output};
 use motion::canon::Axis;
@@ -113,10 +114,10 @@ pub struct Pins {
     resume_before: bool,
     stop_before: bool,
     mains_ok: Input<bool>,
-    optional_stop_on: Input<bool>,
-    optional_stop_off: Input<bool>,
-    optional_stop_before: [bool; 2],
-    optional_stop_is_on: Output<bool>,
+    /// M1 stops.
+    pub optional_stop: SwitchPins,
+    /// What the operator's loop keeps.
+    pub desk: DeskPins,
     /// Wheels and keys.
     pub jog: JogPins,
     estop: EstopPins,
@@ -438,11 +439,9 @@ impl Pins {
             resume_before: false,
             stop_before: false,
             mains_ok: hal.input("iocontrol.0.mains-ok", true)?,
-            optional_stop_on: hal.input("halui.program.optional-stop.on", false)?,
-            optional_stop_off: hal.input("halui.program.optional-stop.off", false)?,
-            optional_stop_before: [false; 2],
+            optional_stop: SwitchPins::new(hal, "halui.program.optional-stop")?,
+            desk: DeskPins::new(hal)?,
             jog: JogPins::new(hal, config)?,
-            optional_stop_is_on: hal.output("halui.program.optional-stop.is-on")?,
             estop: EstopPins::new(hal)?,
             spindle: Spindle::new(hal, config, plans)?,
             others: (1..config.spindle.count)
@@ -474,6 +473,11 @@ impl Pins {
     /// Whether the switch for feed hold is on.
     pub fn is_feed_hold(&self) -> bool {
         self.feed_hold.get()
+    }
+
+    /// Whether a switch keeps jogs from beginning.
+    pub fn is_jog_barred(&self) -> bool {
+        self.is_feed_hold() || self.jog.is_barred()
     }
 
     /// Shares of the planned speed for a program that runs.
@@ -555,22 +559,6 @@ impl Pins {
     /// Whether the machine has its mains.
     pub fn is_mains_ok(&self) -> bool {
         self.mains_ok.get()
-    }
-
-    /// What the pins for the switch of M1 say, if one of them has risen since the last call.
-    pub fn take_optional_stop(&mut self) -> Option<bool> {
-        let now = [&self.optional_stop_on, &self.optional_stop_off].map(Input::get);
-        let before = std::mem::replace(&mut self.optional_stop_before, now);
-        match [now[0] && !before[0], now[1] && !before[1]] {
-            [_, true] => Some(false),
-            [true, false] => Some(true),
-            [false, false] => None,
-        }
-    }
-
-    /// Whether M1 stops.
-    pub fn show_optional_stop(&mut self, on: bool) {
-        self.optional_stop_is_on.set(on);
     }
 
     /// Whether the stop pin has risen since the last call.

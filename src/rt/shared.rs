@@ -8,6 +8,7 @@ use crate::bus::BusEvent;
 use crate::config::JOINTS_MAX;
 use crate::machine::faults::Fault;
 use crate::machine::state::State;
+use crate::rt::desk::Desk;
 use crate::rt::joint_jog::JogOrder;
 use crate::rt::waiting::{Waiting, WaitingCell};
 use motion::canon::{AXES, Position};
@@ -142,6 +143,8 @@ pub struct Trace {
 pub struct RtStatus {
     /// What the operator has turned overrides to: the one thing here that anyone may set.
     pub overrides: Overrides,
+    /// Switches and counters that the operator's loop keeps.
+    pub desk: Desk,
     /// Shown in place of every state of the cycle thread, which may be unable to show one.
     silenced: AtomicBool,
     state: AtomicU8,
@@ -166,6 +169,7 @@ pub struct RtStatus {
     waiting: WaitingCell,
     switched_off: AtomicU64,
     chain_open: AtomicBool,
+    jog_barred: AtomicBool,
     /// Not numbers: the machine is not away from a path.
     held_at: [AtomicU64; AXES],
     limits: [AtomicU64; 2],
@@ -202,6 +206,7 @@ impl RtStatus {
     pub fn new(overrides: Overrides) -> RtStatus {
         RtStatus {
             overrides,
+            desk: Desk::default(),
             silenced: AtomicBool::new(false),
             enables: AtomicU8::new(0),
             state: AtomicU8::new(State::Booting as u8),
@@ -223,6 +228,7 @@ impl RtStatus {
             waiting: WaitingCell::default(),
             switched_off: AtomicU64::new(0),
             chain_open: AtomicBool::new(false),
+            jog_barred: AtomicBool::new(false),
             held_at: [const { AtomicU64::new(f64::NAN.to_bits()) }; AXES],
             limits: Default::default(),
             places: Default::default(),
@@ -271,6 +277,8 @@ pub struct Snapshot {
     pub switched_off: u64,
     /// The emergency stop chain is open.
     pub chain_open: bool,
+    /// A pin keeps jogs from beginning.
+    pub jog_barred: bool,
     /// Where the program is held while the machine is elsewhere.
     pub held_at: Option<Position>,
     /// Joints whose lower, and whose upper limit switch is closed (bit n: joint n).
@@ -342,6 +350,7 @@ impl RtStatus {
         self.waiting.set(snapshot.waiting);
         self.switched_off.store(snapshot.switched_off, Relaxed);
         self.chain_open.store(snapshot.chain_open, Relaxed);
+        self.jog_barred.store(snapshot.jog_barred, Relaxed);
         let held_at = snapshot.held_at.unwrap_or(Position([f64::NAN; AXES]));
         for (cell, value) in self.held_at.iter().zip(held_at.0) {
             cell.store(value.to_bits(), Relaxed);
@@ -380,6 +389,7 @@ impl RtStatus {
             waiting: self.waiting.get(),
             switched_off: self.switched_off.load(Relaxed),
             chain_open: self.chain_open.load(Relaxed),
+            jog_barred: self.jog_barred.load(Relaxed),
             held_at: Some(Position(std::array::from_fn(|axis| float(&self.held_at[axis]))))
                 .filter(|place| place.0.iter().all(|value| value.is_finite())),
             limits: std::array::from_fn(|end| self.limits[end].load(Relaxed)),

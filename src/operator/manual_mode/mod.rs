@@ -40,6 +40,9 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
         JogMotion::Run { .. } | JogMotion::Advance { .. } => true,
         JogMotion::Keep | JogMotion::Release => false,
     };
+    if begins && live.jog_barred {
+        return Err("jogs are barred: motion.feed-hold, motion.jog-inhibit or motion.jog-stop is on (isocnc hal get 'motion.*')".into());
+    }
     if begins && joints & !live.homed != 0 {
         let joint = (joints & !live.homed).trailing_zeros();
         return Err(format!("joint {joint} is not homed: isocnc home"));
@@ -55,7 +58,12 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
         operator.forget_obstruction();
     }
     let motion = jog.motion;
-    operator.give(Command::Jog(JogOrder { joints, axis, motion }));
+    operator.give(Command::Jog(JogOrder {
+        acceleration_share: 1.0,
+        joints,
+        axis,
+        motion,
+    }));
     Ok(match axis {
         // How fast and how far is found on the way, by the kinematics.
         Some(axis) => json!({ "axis": axis.letter().to_string(), "unit": unit(axis) }),

@@ -147,6 +147,7 @@ fn nothing_jogs_before_drives_are_on_and_joints_know_where_they_are() {
         assert_eq!(hands.jog(&KEEP).unwrap_err(), "nothing is being jogged");
         // Nor does the cycle thread believe it.
         hands.run.operator.give(Command::Jog(JogOrder {
+            acceleration_share: 1.0,
             axis: None,
             joints: 1,
             motion: JogMotion::Run { velocity_mm_s: 10.0 },
@@ -180,6 +181,7 @@ fn a_jog_that_is_not_renewed_comes_to_rest_and_a_renewal_begins_nothing() {
         // A late renewal, past the operator, too.
         assert_eq!(hands.jog(&KEEP).unwrap_err(), "nothing is being jogged");
         hands.run.operator.give(Command::Jog(JogOrder {
+            acceleration_share: 1.0,
             axis: None,
             joints: u64::MAX,
             motion: JogMotion::Keep,

@@ -220,6 +220,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         }
         // Orders first: a stop reaches a program that would begin in this turn.
         let mut answers = Vec::new();
+        self.follow_pins(operator, keeper);
         while let Some((ticket, order)) = self.inbox.take() {
             if order == Order::Withdraw {
                 self.withdraw(ticket);
@@ -593,7 +594,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         }
     }
 
-    fn may(&self, wish: Wish, operator: &Operator) -> Result<(), String> {
+    pub(super) fn may(&self, wish: Wish, operator: &Operator) -> Result<(), String> {
         let mut condition = self.condition(operator);
         // Orders of a hand come faster than the cycle takes them; it looks itself whether each can be.
         let is_settling = operator.step() == Step::StandBy && !self.is_planning && !operator.is_up_to_date();

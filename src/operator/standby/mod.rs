@@ -9,6 +9,7 @@
 
 mod check;
 mod clients;
+mod pins;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]

@@ -4,8 +4,8 @@ use crate::config;
 use crate::machine::faults::SILENCED;
 use crate::machine::sequence::{Job, Outcome, Step};
 use crate::machine::state::State;
-use crate::machine::state_file::Remembered;
-use crate::machine::tables::Tables;
+use crate::machine::state_file::{Parts, Remembered};
+use crate::machine::tables::{Tables, lock};
 use crate::operator::console::Operator;
 use crate::operator::memory::Memory;
 use crate::operator::rehearsal::{Rehearsal, rehearse_with};
@@ -226,4 +226,51 @@ fn a_machine_of_inputs_and_outputs_stands_by_and_refuses_to_move() {
         Ok(())
     })
     .unwrap();
+}
+
+#[test]
+fn pins_switch_block_delete_while_nothing_runs_and_count_parts_from_0() {
+    while_standing_by(|run, mut clients, _client| {
+        let memory = Memory::new(clients.config, Remembered::default());
+        let mut keeper = Keeper::new(clients.scope, clients.tables, memory);
+        keeper.memory.set_parts(Parts {
+            count: 7,
+            target: Some(9),
+        });
+        let [is_on, count, target] = [
+            "halui.program.block-delete.is-on",
+            "halui.parts.count",
+            "halui.parts.target",
+        ];
+        let mut turn = |run: &mut Rehearsal<'_>, pin: &str| {
+            run.hal.set(pin, true).unwrap();
+            run.cycle(0).unwrap();
+            run.hal.set(pin, false).unwrap();
+            let now_ns = run.now_ns();
+            clients.serve(&mut run.operator, &mut keeper, false, now_ns).unwrap();
+            run.cycle(0).unwrap();
+            let shown = run.hal.reader::<bool>(is_on).unwrap().get();
+            assert_eq!(shown, lock(clients.tables).block_delete);
+            let number = |pin| run.hal.reader::<u64>(pin).unwrap().get();
+            (shown, [number(count), number(target)])
+        };
+        assert_eq!(turn(run, "halui.program.block-delete.on"), (true, [7, 9]));
+        assert_eq!(turn(run, "halui.program.optional-stop.on"), (true, [7, 9]));
+        assert!(run.operator.live().optional_stop);
+        assert_eq!(turn(run, "halui.program.block-delete.off"), (false, [7, 9]));
+        assert_eq!(turn(run, "halui.parts.reset"), (false, [0, 9]));
+        // A program that homes first has been checked with all its lines.
+        let now_ns = run.now_ns();
+        let home = run.operator.homing_order(u64::MAX);
+        assert!(run.operator.begin(now_ns, Job::Home(home)));
+        run.run_until(500, |_| false).unwrap();
+        assert_eq!(turn(run, "halui.program.block-delete.on"), (false, [0, 9]));
+        let journal = run.operator.journal().iter();
+        let refused = journal.filter(|entry| {
+            entry
+                .text
+                .starts_with("pin: block-delete refused: joints are being homed")
+        });
+        assert_eq!(refused.count(), 1);
+    });
 }

@@ -506,7 +506,10 @@ impl<B: CyclicBus> MotionController<B> {
     fn move_by_hand(&mut self) {
         let by_hand = self.parts.hand.is_active();
         if by_hand {
-            if self.parts.pins.is_feed_hold() {
+            let is_jog = matches!(self.state, State::Jogging | State::Away);
+            if is_jog && self.parts.pins.jog.stops_at_once() {
+                self.parts.hand.stop();
+            } else if self.parts.pins.is_feed_hold() || is_jog && self.parts.pins.jog.stops() {
                 self.parts.hand.release_all();
             }
             // Out of a contact that was there before, the hand leads.
@@ -693,6 +696,7 @@ impl<B: CyclicBus> MotionController<B> {
             elapsed_s,
             waiting: self.waits_for(),
             switched_off: self.switched_off,
+            jog_barred: self.parts.pins.is_jog_barred(),
             chain_open: self.chain_opened_by().is_some(),
             held_at: self.away_from.map(|place| place.axes),
             limits: self.limits,

@@ -21,10 +21,11 @@ impl<B: CyclicBus> MotionController<B> {
         if reset {
             self.obey(Command::EstopReset);
         }
-        if let Some(on) = self.parts.pins.take_optional_stop() {
+        if let Some(on) = self.parts.pins.optional_stop.take() {
             self.optional_stop = on;
         }
-        self.parts.pins.show_optional_stop(self.optional_stop);
+        self.parts.pins.optional_stop.show(self.optional_stop);
+        self.parts.pins.desk.follow(&self.outlets.live.desk);
         if self.parts.pins.take_stop() {
             self.obey(Command::Stop);
         }
@@ -266,7 +267,7 @@ impl<B: CyclicBus> MotionController<B> {
         let together = self.parts.hand.moved_with(order.joints);
         let mut drives = self.parts.drives.iter().enumerate();
         let homed = drives.all(|(joint, drive)| together >> joint & 1 == 0 || drive.is_homed());
-        let held = self.parts.pins.is_feed_hold();
+        let held = self.parts.pins.is_jog_barred();
         match (order.motion, self.state) {
             (JogMotion::Run { .. } | JogMotion::Advance { .. }, _)
                 if !homed || held || self.leads_into_limit(order) =>

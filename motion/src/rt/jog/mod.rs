@@ -82,6 +82,13 @@ impl Jog {
         }
     }
 
+    /// Share of its acceleration that a joint uses from now on; see [`TrajectoryGenerator::set_acceleration_share`]. RT.
+    pub fn set_acceleration_share(&mut self, joint: usize, share: f64) {
+        if let Some(joint) = self.joints.get_mut(joint) {
+            joint.otg.set_acceleration_share(share);
+        }
+    }
+
     /// Runs at a velocity until it is told something else or a soft limit is reached, where it comes to rest. Said again, it
     /// changes nothing. RT.
     pub fn run(&mut self, joint: usize, velocity: f64) {
@@ -143,6 +150,7 @@ impl Jog {
     /// All joints come to rest. RT.
     pub fn release_all(&mut self) {
         for joint in 0..self.joints.len() {
+            self.set_acceleration_share(joint, 1.0);
             self.release(joint);
         }
     }

@@ -27,6 +27,8 @@ use segments::Segments;
 const SOLVER_UNIT: f64 = 1e-3;
 /// Rounding of a position against the range, mm.
 const RANGE_SLACK: f64 = 1e-9;
+/// Least share of the acceleration: with less a joint would seem to stand.
+const SHARE_MIN: f64 = 0.01;
 /// Share by which a velocity may be over its limit and be rounding of it.
 const SPEED_SLACK: f64 = 1e-9;
 /// Greatest distance between the end of a found way and its target that is rounding, mm.
@@ -85,6 +87,8 @@ struct Solver {
 #[derive(Debug)]
 pub struct TrajectoryGenerator {
     limits: MotionLimits,
+    /// All of its acceleration, of which `limits` may have a share.
+    acceleration: f64,
     stop: StopLimits,
     range: [f64; 2],
     cycle_s: f64,
@@ -104,6 +108,7 @@ impl TrajectoryGenerator {
         let state = State::resting(position);
         TrajectoryGenerator {
             limits,
+            acceleration: limits.acceleration,
             stop,
             range: [f64::NEG_INFINITY, f64::INFINITY],
             cycle_s,
@@ -125,13 +130,29 @@ impl TrajectoryGenerator {
     /// Says where the joint stands: after something else has moved it. RT.
     pub fn rest_at(&mut self, position: f64) {
         self.goal = Goal::Velocity;
+        self.limits.acceleration = self.acceleration;
         self.follow(Segments::none(State::resting(position)));
         self.state = self.segments.end;
+    }
+
+    /// Share of its acceleration that it uses for the goals to come; what is no share above 0 is all of it. Less than before counts
+    /// only from rest: a joint that moves may need what it had to rest within its range. RT.
+    pub fn set_acceleration_share(&mut self, share: f64) {
+        let share = if share > 0.0 && share <= 1.0 {
+            share.max(SHARE_MIN)
+        } else {
+            1.0
+        };
+        let acceleration = share * self.acceleration;
+        if acceleration > self.limits.acceleration || self.is_at_rest() {
+            self.limits.acceleration = acceleration;
+        }
     }
 
     /// Another joint, at rest, that may go anywhere. RT.
     pub fn restart(&mut self, position: f64, limits: MotionLimits, stop: StopLimits) {
         self.limits = limits;
+        self.acceleration = limits.acceleration;
         self.stop = stop;
         self.range = [f64::NEG_INFINITY, f64::INFINITY];
         self.stopping = false;

@@ -121,6 +121,11 @@ impl WorldJog {
         self.kinematics.inverse(&frame, &position.0, joints).is_ok()
     }
 
+    /// Share of its acceleration that an axis uses from now on; see [`TrajectoryGenerator::set_acceleration_share`]. RT.
+    pub fn set_acceleration_share(&mut self, axis: Axis, share: f64) {
+        self.axes[axis as usize].set_acceleration_share(share);
+    }
+
     /// Runs along an axis at a velocity, to the end of its travel if it has one of its own; other axes go on as they do. Said
     /// again while it runs, it changes nothing. RT.
     pub fn run(&mut self, axis: Axis, velocity: f64) {
@@ -189,6 +194,7 @@ impl WorldJog {
     pub fn release_all(&mut self) {
         self.forget();
         for axis in &mut self.axes {
+            axis.set_acceleration_share(1.0);
             axis.run_at(0.0);
         }
     }

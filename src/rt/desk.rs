@@ -1,0 +1,117 @@
+//! Switches and counters of the operator's desk that the operator's loop keeps, as pins.
+//!
+//! In:  what the operator's loop says they are; edges of pins.
+//! Out: pins; what pins want of the operator's loop.
+//!
+//! RT: nothing allocates but [`DeskPins::new`].
+
+use hal_pins::{Hal, HalError, Input, Output};
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering::Relaxed};
+
+/// What the operator's loop and the cycle thread tell each other of it.
+#[derive(Debug, Default)]
+pub struct Desk {
+    block_delete: AtomicBool,
+    /// Made, and wanted; 0: nobody says how many.
+    parts: [AtomicU64; 2],
+    /// 0: nothing, 1: off, 2: on.
+    wanted: AtomicU8,
+    reset: AtomicBool,
+}
+
+impl Desk {
+    /// How things are: whether lines that begin with / are left out; parts made, and wanted (0: nobody says).
+    pub fn show(&self, block_delete: bool, parts: [u64; 2]) {
+        self.block_delete.store(block_delete, Relaxed);
+        for (cell, value) in self.parts.iter().zip(parts) {
+            cell.store(value, Relaxed);
+        }
+    }
+
+    /// Whether a pin has asked since the last call to leave out lines that begin with /, or not to.
+    pub fn take_block_delete(&self) -> Option<bool> {
+        match self.wanted.swap(0, Relaxed) {
+            0 => None,
+            wanted => Some(wanted == 2),
+        }
+    }
+
+    /// Whether a pin has asked since the last call that parts are counted from 0.
+    pub fn take_reset(&self) -> bool {
+        self.reset.swap(false, Relaxed)
+    }
+}
+
+/// `.on` and `.off`, of which a rising edge acts, and `.is-on`.
+pub struct SwitchPins {
+    on: Input<bool>,
+    off: Input<bool>,
+    is_on: Output<bool>,
+    before: [bool; 2],
+}
+
+impl SwitchPins {
+    /// # Errors
+    /// Shared memory too small.
+    pub fn new(hal: &mut Hal, name: &str) -> Result<SwitchPins, HalError> {
+        Ok(SwitchPins {
+            on: hal.input(&format!("{name}.on"), false)?,
+            off: hal.input(&format!("{name}.off"), false)?,
+            is_on: hal.output(&format!("{name}.is-on"))?,
+            before: [false; 2],
+        })
+    }
+
+    /// What is wanted, if one of them has risen since the last call; off wins.
+    pub fn take(&mut self) -> Option<bool> {
+        let now = [&self.on, &self.off].map(Input::get);
+        let before = std::mem::replace(&mut self.before, now);
+        match [0, 1].map(|pin| now[pin] && !before[pin]) {
+            [_, true] => Some(false),
+            [true, false] => Some(true),
+            [false, false] => None,
+        }
+    }
+
+    pub fn show(&mut self, on: bool) {
+        self.is_on.set(on);
+    }
+}
+
+/// All pins of it.
+pub struct DeskPins {
+    block_delete: SwitchPins,
+    count: Output<u64>,
+    target: Output<u64>,
+    reset: Input<bool>,
+    reset_before: bool,
+}
+
+impl DeskPins {
+    /// # Errors
+    /// Shared memory too small.
+    pub fn new(hal: &mut Hal) -> Result<DeskPins, HalError> {
+        Ok(DeskPins {
+            block_delete: SwitchPins::new(hal, "halui.program.block-delete")?,
+            count: hal.output("halui.parts.count")?,
+            target: hal.output("halui.parts.target")?,
+            reset: hal.input("halui.parts.reset", false)?,
+            reset_before: false,
+        })
+    }
+
+    /// Once a cycle.
+    pub fn follow(&mut self, desk: &Desk) {
+        if let Some(on) = self.block_delete.take() {
+            desk.wanted.store(if on { 2 } else { 1 }, Relaxed);
+        }
+        let reset = self.reset.get();
+        if reset && !self.reset_before {
+            desk.reset.store(true, Relaxed);
+        }
+        self.reset_before = reset;
+        self.block_delete.show(desk.block_delete.load(Relaxed));
+        self.count.set(desk.parts[0].load(Relaxed));
+        self.target.set(desk.parts[1].load(Relaxed));
+    }
+}
