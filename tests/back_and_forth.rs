@@ -305,6 +305,7 @@ fn jog_by(run: &mut Rehearsal<'_>, joint: u32, distance_mm: f64) {
     };
     run.operator.give(Command::Jog(JogOrder {
         acceleration_share: 1.0,
+        unhomed: false,
         joints: 1 << joint,
         axis: None,
         motion,
@@ -316,6 +317,7 @@ fn rest_away(run: &mut Rehearsal<'_>) {
     for _ in 0..20 {
         run.operator.give(Command::Jog(JogOrder {
             acceleration_share: 1.0,
+            unhomed: false,
             joints: u64::MAX,
             axis: None,
             motion: JogMotion::Keep,

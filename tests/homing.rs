@@ -181,6 +181,7 @@ fn no_drive_is_told_to_jump_when_positions_begin_to_count() {
                 let motion = JogMotion::Run { velocity_mm_s };
                 let order = JogOrder {
                     acceleration_share: 1.0,
+                    unhomed: false,
                     joints: 1,
                     axis: None,
                     motion,
@@ -385,6 +386,7 @@ fn soft_limits_hold_once_a_joint_is_homed_and_not_before_it_may_be_jogged() {
     let motion = JogMotion::Run { velocity_mm_s: -150.0 };
     let order = JogOrder {
         acceleration_share: 1.0,
+        unhomed: false,
         joints: 1,
         axis: None,
         motion,
@@ -396,6 +398,7 @@ fn soft_limits_hold_once_a_joint_is_homed_and_not_before_it_may_be_jogged() {
             let motion = JogMotion::Keep;
             let keep = JogOrder {
                 acceleration_share: 1.0,
+                unhomed: false,
                 joints: u64::MAX,
                 axis: None,
                 motion,

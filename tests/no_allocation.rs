@@ -266,6 +266,7 @@ fn the_cycle_never_allocates() {
                 let motion = JogMotion::Run { velocity_mm_s: 20.0 };
                 operator.give(Command::Jog(JogOrder {
                     acceleration_share: 1.0,
+                    unhomed: false,
                     joints,
                     axis: None,
                     motion,

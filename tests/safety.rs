@@ -80,6 +80,7 @@ fn bring_to(run: &mut Rehearsal<'_>, state: State) {
 fn jog(run: &mut Rehearsal<'_>, velocity_mm_s: f64) {
     run.operator.give(Command::Jog(JogOrder {
         acceleration_share: 1.0,
+        unhomed: false,
         joints: 1,
         axis: None,
         motion: JogMotion::Run { velocity_mm_s },

@@ -528,6 +528,7 @@ impl<'a> Machine<'a> {
             let axis = Axis::ALL.into_iter().find(|axis| axis.letter() == letter);
             JogOrder {
                 acceleration_share: 1.0,
+                unhomed: false,
                 joints: (1 << self.joints.len()) - 1,
                 axis,
                 motion,
@@ -535,6 +536,7 @@ impl<'a> Machine<'a> {
         } else {
             JogOrder {
                 acceleration_share: 1.0,
+                unhomed: false,
                 joints: 1 << joint,
                 axis: None,
                 motion,
@@ -550,7 +552,7 @@ impl<'a> Machine<'a> {
         let mut hand = JointJog::new(self.config);
         let left = self.joints.clone();
         let first = self.jog_order(Some(world));
-        hand.begin(&self.joints, &first);
+        hand.begin(&self.joints, u64::MAX, &first);
         hand.obey(&first);
         let until = 100 + self.random.below(700);
         for cycle in 0.. {

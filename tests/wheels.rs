@@ -327,3 +327,35 @@ fn pins_keep_jogs_from_beginning_and_end_them() {
         assert!(ways[2] < ways[1] && ways[1] < ways[0], "{ways:?}");
     });
 }
+
+#[test]
+fn before_a_joint_is_homed_its_own_wheel_moves_it_slowly_and_that_of_its_axis_does_not() {
+    let config = config::parse(MILL, Path::new("machine.toml")).unwrap();
+    rehearse_with(&config, b"", NetConfig::clean(3), Operator::standing_by, |run| {
+        assert!(run.run_until(CYCLES_MAX, |run| run.control.state() == State::Disabled)?);
+        let now_ns = run.now_ns();
+        assert!(run.operator.begin(now_ns, Job::On));
+        rest(run);
+        let begin = at(run, 0);
+        set(run, "halui.axis.jog-speed", 1200.0);
+        for wheel in ["axis.x", "joint.0"] {
+            set(run, &format!("{wheel}.jog-scale"), 0.1);
+            set(run, &format!("{wheel}.jog-enable"), true);
+        }
+        wait(run, 5);
+        set(run, "axis.x.jog-counts", 50);
+        set(run, "halui.axis.x.plus", true);
+        wait(run, 300);
+        assert_eq!((run.control.state(), at(run, 0)), (State::Ready, begin));
+        set(run, "joint.0.jog-counts", 50);
+        let mut fastest: f64 = 0.0;
+        for _ in 0..1_000 {
+            wait(run, 1);
+            fastest = fastest.max(run.operator.live().velocity_mm_s);
+        }
+        assert!((fastest - 15.0).abs() < 1e-6, "a tenth of 150: {fastest}");
+        assert!((at(run, 0) - begin - 5.0).abs() < 1e-9, "{}", at(run, 0) - begin);
+        Ok(())
+    })
+    .unwrap();
+}

@@ -48,6 +48,7 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
             section.wrong("following_error_mm", rule);
         }
     }
+    let unhomed_jog_mm_s = unhomed_jog(section, velocity_mm_s);
     let inputs = (node.zip(around.nodes)).map(|(node, nodes)| nodes[node].inputs.as_slice());
     let limits_by_drive = limit_switches(section, inputs);
     let sto = match section.optional_section("sto") {
@@ -109,10 +110,27 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         following_error_mm: following_error_mm?,
         homing: homing?,
         compensation,
+        unhomed_jog_mm_s: unhomed_jog_mm_s?,
         limits_by_drive: limits_by_drive?,
         sto: sto?,
         squaring_offset_mm: squaring_offset_mm?,
     })
+}
+
+/// How fast it may be jogged before it is homed; left out: a tenth of its velocity.
+fn unhomed_jog(section: &mut Section<'_, '_>, velocity_mm_s: Option<f64>) -> Option<f64> {
+    const SHARE: f64 = 0.1;
+    let Some(item) = section.optional("unhomed_jog_mm_s") else {
+        return velocity_mm_s.map(|velocity| SHARE * velocity);
+    };
+    let speed = item.number(&section.key("unhomed_jog_mm_s"), Bound::Positive(VELOCITY_MAX))?;
+    if let Some(velocity) = velocity_mm_s.filter(|velocity| speed > *velocity) {
+        section.wrong(
+            "unhomed_jog_mm_s",
+            format!("must not be above velocity_mm_s, {velocity}"),
+        );
+    }
+    Some(speed)
 }
 
 /// Who tells of the limit switches: the drive only where it sends 60FDh. `inputs`: what it sends, `None` where that is not known.

@@ -552,6 +552,9 @@ fn rules_of_the_rest() {
         ("[-10.0, 10]", "[-10.0, 10]\nsto = { object = \"0x6041\", bit = 16 }", &[
             "m.toml:16:34: joint[0].sto.bit = 16: must be below 16, the bits of 0x6041",
         ]),
+        ("[-10.0, 10]", "[-10.0, 10]\nunhomed_jog_mm_s = 1e4", &[
+            "m.toml:16:20: joint[0].unhomed_jog_mm_s = 1e4: must not be above velocity_mm_s, 100",
+        ]),
         ("name = \"small\"", "name = \"small\"\nprobe_stops_jog = 1", &[
             "m.toml:4:19: machine.probe_stops_jog = 1: must be true or false, is an integer",
         ]),

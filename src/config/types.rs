@@ -344,6 +344,8 @@ pub struct Joint {
     pub stop: StopLimits,
     /// Greatest distance between command and actual position, mm.
     pub following_error_mm: f64,
+    /// Greatest speed by hand before it is homed, mm/s; default a tenth of its velocity.
+    pub unhomed_jog_mm_s: f64,
     /// How it finds out where it is.
     pub homing: Homing,
     /// Whether bits 0 and 1 of 60FDh of its drive tell of its limit switches, beside the pins; default no.

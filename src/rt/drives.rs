@@ -213,12 +213,13 @@ impl Drive {
 
     /// Position of the motor for that of the joint. A motor that does not follow keeps its compensation. RT.
     fn compensated(&mut self, command_mm: f64) -> f64 {
+        let is_homed = self.is_homed();
         let Some(compensation) = &mut self.compensation else {
             return command_mm;
         };
         match self.axis.status() {
             // Nobody knows of what place the error would be.
-            Status::Enabled if self.homed_by_control == Some(false) => command_mm + compensation.correction_mm(),
+            Status::Enabled if !is_homed => command_mm + compensation.correction_mm(),
             Status::Enabled => compensation.step(command_mm),
             Status::Homing => {
                 // Afterwards the motor counts again, and which way it came is not known.

@@ -27,12 +27,15 @@ struct What {
     /// By which the hand knows it.
     number: usize,
     fastest_mm_s: f64,
+    /// It is a joint, and need not be homed.
+    is_joint: bool,
 }
 
 impl What {
     fn order(&self, motion: JogMotion) -> JogOrder {
         JogOrder {
             acceleration_share: 1.0,
+            unhomed: self.is_joint,
             joints: self.joints,
             axis: self.axis,
             motion,
@@ -218,6 +221,7 @@ impl JogPins {
                     false => map.joints.first().copied().unwrap_or(0),
                 },
                 fastest_mm_s: fastest(&map.joints),
+                is_joint: false,
             };
             let letter = map.axis.letter().to_ascii_lowercase();
             wheels.push(Wheel::new(hal, &format!("axis.{letter}"), what)?);
@@ -231,6 +235,7 @@ impl JogPins {
                 axis: None,
                 number: together.first().copied().unwrap_or(joint),
                 fastest_mm_s: fastest(together),
+                is_joint: true,
             };
             wheels.push(Wheel::new(hal, &format!("joint.{joint}"), what)?);
         }

@@ -7,6 +7,8 @@
 //! a key let go: the joint comes to rest within its limits. A renewal never begins a motion, so that what was held or stopped
 //! stays at rest until it is ordered again.
 //!
+//! A joint that is not homed runs slowly, as far to either side as its travel is long: where it may end nobody knows.
+//!
 //! The joints of an axis move together: the first one leads, the others keep their distance from it.
 //!
 //! RT: nothing allocates but [`JointJog::new`].
@@ -51,6 +53,8 @@ pub struct JogOrder {
     pub motion: JogMotion,
     /// Share of the acceleration with which it sets out from rest, above 0; anything else than a share: all of it.
     pub acceleration_share: f64,
+    /// Joints that are not homed may be moved, too: it is for joints, not for an axis.
+    pub unhomed: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -63,6 +67,10 @@ struct Joint {
     /// Cycles for which the last order still holds.
     holds: u64,
     fastest_mm_s: f64,
+    /// The same of what moves with it, before all of that is homed.
+    unhomed_mm_s: f64,
+    /// All that moves with it is.
+    homed: bool,
 }
 
 /// The operator's hand on the joints.
@@ -93,6 +101,8 @@ impl JointJog {
             start_mm: 0.0,
             holds: 0,
             fastest_mm_s: limits[number].motion.velocity,
+            unhomed_mm_s: joint.unhomed_jog_mm_s,
+            homed: true,
         });
         let holds = (HOLDS_S / cycle_s).round() as u64;
         JointJog {
@@ -105,8 +115,8 @@ impl JointJog {
         }
     }
 
-    /// Begins with all joints at rest at `positions_mm`, to carry out `order`.
-    pub fn begin(&mut self, positions_mm: &[f64], order: &JogOrder) {
+    /// Begins with all joints at rest at `positions_mm`, to carry out `order`; joints of `homed` know where they are (bit n: joint n).
+    pub fn begin(&mut self, positions_mm: &[f64], homed: u64, order: &JogOrder) {
         self.active = true;
         self.in_world = order.axis.is_some();
         if let Some(world) = &mut self.world {
@@ -120,6 +130,7 @@ impl JointJog {
         }
         for number in 0..self.joints.len() {
             if self.joints[number].leader == number {
+                self.joints[number].homed = self.together(number) & !homed == 0;
                 self.jog.set_range(number, self.range_mm(number));
             }
         }
@@ -128,8 +139,14 @@ impl JointJog {
     /// Where a leading joint may go so that those that follow keep their soft limits, too.
     fn range_mm(&self, leader: usize) -> [f64; 2] {
         let mut range_mm = [f64::NEG_INFINITY, f64::INFINITY];
-        let start_mm = self.joints[leader].start_mm;
+        let Joint { start_mm, homed, .. } = self.joints[leader];
         for joint in self.joints.iter().filter(|joint| joint.leader == leader) {
+            if !homed {
+                let length_mm = joint.travel_mm[1] - joint.travel_mm[0];
+                range_mm[0] = range_mm[0].max(start_mm - length_mm);
+                range_mm[1] = range_mm[1].min(start_mm + length_mm);
+                continue;
+            }
             let ahead_mm = joint.start_mm - start_mm;
             range_mm[0] = range_mm[0].max(joint.travel_mm[0] - ahead_mm);
             range_mm[1] = range_mm[1].min(joint.travel_mm[1] - ahead_mm);
@@ -160,16 +177,18 @@ impl JointJog {
         if order.motion != JogMotion::Keep {
             self.jog.set_acceleration_share(leader, order.acceleration_share);
         }
+        let most_mm_s = self.fastest(leader);
         match order.motion {
             JogMotion::Run { velocity_mm_s } => {
-                self.jog.run(leader, velocity_mm_s);
+                self.jog.run(leader, velocity_mm_s.clamp(-most_mm_s, most_mm_s));
                 self.joints[leader].holds = self.holds;
             }
             JogMotion::Advance {
                 distance_mm,
                 velocity_mm_s,
             } => {
-                self.jog.advance(leader, distance_mm, velocity_mm_s);
+                self.jog
+                    .advance(leader, distance_mm, velocity_mm_s.abs().min(most_mm_s));
                 self.joints[leader].holds = self.holds;
             }
             JogMotion::Keep if self.joints[leader].holds > 0 => self.joints[leader].holds = self.holds,
@@ -226,13 +245,15 @@ impl JointJog {
     /// Begins with all joints at rest at `positions_mm`, to be sent to places by [`JointJog::go_by`]: of axes, where joints are not
     /// axes.
     pub fn begin_to_go(&mut self, positions_mm: &[f64]) {
+        // Who sends them has a program, and that only homed joints can have.
         let nothing = JogOrder {
             acceleration_share: 1.0,
+            unhomed: false,
             joints: 0,
             axis: self.world.as_ref().map(|_| Axis::Z),
             motion: JogMotion::Keep,
         };
-        self.begin(positions_mm, &nothing);
+        self.begin(positions_mm, u64::MAX, &nothing);
     }
 
     /// Whether axes are moved, not joints.
@@ -253,7 +274,15 @@ impl JointJog {
     pub fn fastest(&self, number: usize) -> f64 {
         match self.world() {
             Some(world) => world.fastest(number),
-            None => self.joints.get(number).map_or(0.0, |joint| joint.fastest_mm_s),
+            None => match self.joints.get(number) {
+                Some(joint) if joint.homed => joint.fastest_mm_s,
+                // The slowest of those that move together.
+                Some(leader) => {
+                    let joints = self.joints.iter().filter(|joint| joint.leader == leader.leader);
+                    joints.fold(leader.fastest_mm_s, |least, joint| least.min(joint.unhomed_mm_s))
+                }
+                None => 0.0,
+            },
         }
     }
 
@@ -414,21 +443,62 @@ mod tests {
     }
 
     #[test]
+    fn a_joint_that_is_not_homed_goes_as_far_as_its_travel_is_long_and_no_faster_than_it_may() {
+        let mut config = gantry();
+        config.joints[0].unhomed_jog_mm_s = 50.0;
+        config.joints[1].unhomed_jog_mm_s = 40.0;
+        for (velocity_mm_s, end_mm) in [(150.0, 10_210.0), (-150.0, 9_790.0)] {
+            let mut hand = JointJog::new(&config);
+            let mut command_mm = [10_000.0, 10_000.3, -7.0];
+            let order = |motion| JogOrder {
+                acceleration_share: 1.0,
+                unhomed: true,
+                joints: 1,
+                axis: None,
+                motion,
+            };
+            // One side that is homed is not enough.
+            hand.begin(&command_mm, 0b101, &order(JogMotion::Run { velocity_mm_s }));
+            hand.obey(&order(JogMotion::Run { velocity_mm_s }));
+            let mut fastest_mm_s = 0.0_f64;
+            for _ in 0..8000 {
+                hand.obey(&order(JogMotion::Keep));
+                hand.step(&mut command_mm);
+                fastest_mm_s = fastest_mm_s.max(hand.speed_mm_s());
+            }
+            assert!(
+                (fastest_mm_s - 40.0).abs() < 1e-6,
+                "the slower side counts: {fastest_mm_s}"
+            );
+            assert!(
+                (command_mm[0] - end_mm).abs() < 1e-9,
+                "the shorter travel counts: {command_mm:?}"
+            );
+            assert!((command_mm[1] - command_mm[0] - 0.3).abs() < 1e-9, "{command_mm:?}");
+            hand.obey(&order(JogMotion::Release));
+            hand.begin(&command_mm, 0b111, &order(JogMotion::Release));
+            assert_eq!(hand.fastest(0), 60.0);
+        }
+    }
+
+    #[test]
     fn the_sides_of_a_gantry_move_together_and_the_first_end_of_travel_ends_both() {
         let mut hand = JointJog::new(&gantry());
         assert_eq!((hand.moved_with(0b010), hand.moved_with(0b100)), (0b011, 0b100));
         let mut command_mm = [10.0, 10.3, -7.0];
         let run = |joints| JogOrder {
             acceleration_share: 1.0,
+            unhomed: false,
             joints,
             axis: None,
             motion: JogMotion::Run { velocity_mm_s: 150.0 },
         };
-        hand.begin(&command_mm, &run(0b010));
+        hand.begin(&command_mm, u64::MAX, &run(0b010));
         // By either of its joints.
         hand.obey(&run(0b010));
         let keep = JogOrder {
             acceleration_share: 1.0,
+            unhomed: false,
             joints: u64::MAX,
             axis: None,
             motion: JogMotion::Keep,

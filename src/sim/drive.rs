@@ -62,6 +62,7 @@ const BENCH: Joint = Joint {
         },
     },
     compensation: None,
+    unhomed_jog_mm_s: 10.0,
     limits_by_drive: false,
     sto: None,
     squaring_offset_mm: 0.0,

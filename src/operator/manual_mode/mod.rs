@@ -11,8 +11,8 @@ use crate::machine::sequence::Step;
 use crate::machine::state::State;
 use crate::operator::console::Operator;
 use crate::rt::joint_jog::{JogMotion, JogOrder};
-use crate::rt::shared::Command;
-use motion::canon::{Axis, Position};
+use crate::rt::shared::{Command, Snapshot};
+use motion::canon::Axis;
 use motion::kinematics::ToolFrame;
 use serde_json::{Value, json};
 
@@ -43,9 +43,13 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
     if begins && live.jog_barred {
         return Err("jogs are barred: motion.feed-hold, motion.jog-inhibit or motion.jog-stop is on (isocnc hal get 'motion.*')".into());
     }
-    if begins && joints & !live.homed != 0 {
-        let joint = (joints & !live.homed).trailing_zeros();
-        return Err(format!("joint {joint} is not homed: isocnc home"));
+    let unhomed = matches!(jog.what, Some(Jogged::Joint(_)));
+    let lost = joints & !live.homed;
+    if begins && lost != 0 && !(unhomed && matches!(live.state, State::Ready | State::Jogging)) {
+        let joint = lost.trailing_zeros();
+        return Err(format!(
+            "joint {joint} is not homed: isocnc home; before that it can be jogged by its number, slowly: isocnc jog {joint} 1"
+        ));
     }
     if let Some(switch) = in_the_way(jog.motion, axis.is_some(), joints, live.limits) {
         return Err(switch);
@@ -60,6 +64,7 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
     let motion = jog.motion;
     operator.give(Command::Jog(JogOrder {
         acceleration_share: 1.0,
+        unhomed,
         joints,
         axis,
         motion,
@@ -67,7 +72,7 @@ pub(super) fn jog(jog: &Jog, config: &Config, operator: &mut Operator) -> Result
     Ok(match axis {
         // How fast and how far is found on the way, by the kinematics.
         Some(axis) => json!({ "axis": axis.letter().to_string(), "unit": unit(axis) }),
-        None => outlook(motion, joints, config, &live.position),
+        None => outlook(motion, joints, config, &live),
     })
 }
 
@@ -99,7 +104,8 @@ fn in_the_way(motion: JogMotion, by_several: bool, joints: u64, [lower, upper]: 
 }
 
 /// What will come of a motion of joints that are those of one axis.
-fn outlook(motion: JogMotion, joints: u64, config: &Config, position: &Position) -> Value {
+fn outlook(motion: JogMotion, joints: u64, config: &Config, live: &Snapshot) -> Value {
+    let is_homed = joints & !live.homed == 0;
     let moved = || (0..config.joints.len()).filter(|joint| joints >> joint & 1 == 1);
     let axis = config
         .axes
@@ -109,7 +115,10 @@ fn outlook(motion: JogMotion, joints: u64, config: &Config, position: &Position)
         return json!({});
     };
     let fastest = moved()
-        .map(|joint| config.joints[joint].limits.velocity_mm_s)
+        .map(|joint| match is_homed {
+            true => config.joints[joint].limits.velocity_mm_s,
+            false => config.joints[joint].unhomed_jog_mm_s,
+        })
         .fold(f64::INFINITY, f64::min);
     let ends = moved().map(|joint| config.joints[joint].travel_mm);
     let [low, high] = ends.fold([f64::NEG_INFINITY, f64::INFINITY], |[low, high], end| {
@@ -120,10 +129,10 @@ fn outlook(motion: JogMotion, joints: u64, config: &Config, position: &Position)
         JogMotion::Advance {
             distance_mm,
             velocity_mm_s,
-        } => (velocity_mm_s, position[axis] + distance_mm),
+        } => (velocity_mm_s, live.position[axis] + distance_mm),
         JogMotion::Keep | JogMotion::Release => return json!({}),
     };
-    let soft_limit = (!(low..=high).contains(&wanted)).then(|| wanted.clamp(low, high));
+    let soft_limit = (is_homed && !(low..=high).contains(&wanted)).then(|| wanted.clamp(low, high));
     json!({
         "axis": axis.letter().to_string(),
         "unit": unit(axis),

@@ -2,6 +2,7 @@ use super::*;
 use crate::config;
 use crate::machine::sequence::Job;
 use crate::operator::rehearsal::{Rehearsal, rehearse_with};
+use crate::rt::shared::RtStatus;
 use crate::sim::{Disturbance, NetConfig};
 use motion::canon::{Axis, Position};
 use std::path::Path;
@@ -142,12 +143,13 @@ fn nothing_jogs_before_drives_are_on_and_joints_know_where_they_are() {
         let before = hands.position();
         assert_eq!(
             hands.jog(&run_at(X, 10.0)).unwrap_err(),
-            "joint 0 is not homed: isocnc home"
+            "joint 0 is not homed: isocnc home; before that it can be jogged by its number, slowly: isocnc jog 0 1"
         );
         assert_eq!(hands.jog(&KEEP).unwrap_err(), "nothing is being jogged");
         // Nor does the cycle thread believe it.
         hands.run.operator.give(Command::Jog(JogOrder {
             acceleration_share: 1.0,
+            unhomed: false,
             axis: None,
             joints: 1,
             motion: JogMotion::Run { velocity_mm_s: 10.0 },
@@ -161,6 +163,75 @@ fn nothing_jogs_before_drives_are_on_and_joints_know_where_they_are() {
         let no_such_joint = hands.jog(&run_at(Jogged::Joint(3), 1.0)).unwrap_err();
         assert_eq!(no_such_joint, "there is no joint 3; joints are 0 to 2");
     });
+}
+
+/// Of the mill, of CoreXY, whose belts are no axes, and of a gantry, whose sides stay together.
+#[test]
+fn joints_that_are_not_homed_are_jogged_slowly_each_for_itself_and_home_behind_it() {
+    for (machine, joint, together) in [
+        (include_str!("../../../configs/mill3-demo.toml"), 1, vec![1]),
+        (include_str!("../../../configs/corexy-demo.toml"), 0, vec![0]),
+        (include_str!("../../../configs/gantry-demo.toml"), 1, vec![1, 2]),
+    ] {
+        let machine = machine.replace("[[joint]]", "[[joint]]\nunhomed_jog_mm_s = 8.0");
+        by_hand_on(&machine, |hands| {
+            let now_ns = hands.run.now_ns();
+            assert!(hands.run.operator.begin(now_ns, Job::On));
+            hands.reach(State::Ready);
+            hands.cycles(50);
+            let joints = hands.config.joints.len();
+            let loads = |hands: &mut Hands<'_, '_>| -> Vec<f64> {
+                let machine = hands.run.net().machine();
+                (0..joints)
+                    .map(|joint| machine.joint_position_mm(joint).unwrap())
+                    .collect()
+            };
+            let before = loads(hands);
+            let told = hands.outlook(&run_at(Jogged::Joint(joint), 100.0)).unwrap();
+            assert_eq!(told["velocity_mm_s"], 8.0);
+            hands.keeping(1_000);
+            let ways: Vec<f64> = loads(hands)
+                .iter()
+                .zip(&before)
+                .map(|(now, before)| now - before)
+                .collect();
+            for (number, way) in ways.iter().enumerate() {
+                let moves = together.contains(&number);
+                assert!(
+                    if moves {
+                        (7.0..8.01).contains(way)
+                    } else {
+                        way.abs() < 1e-3
+                    },
+                    "{ways:?}"
+                );
+            }
+            // An increment, back.
+            hands.cycles(500);
+            let before = loads(hands)[joint];
+            hands
+                .jog(&Jog {
+                    what: Some(Jogged::Joint(joint)),
+                    motion: JogMotion::Advance {
+                        distance_mm: -1.0,
+                        velocity_mm_s: 50.0,
+                    },
+                })
+                .unwrap();
+            hands.keeping(400);
+            hands.cycles(300);
+            assert!((before - loads(hands)[joint] - 1.0).abs() < 1e-3);
+            assert_eq!(
+                (hands.run.control.state(), hands.run.operator.live().homed),
+                (State::Ready, 0)
+            );
+            hands.homed();
+            hands.jog(&run_at(X, 20.0)).unwrap();
+            hands.keeping(300);
+            hands.cycles(500);
+            hands.all_is_well();
+        });
+    }
 }
 
 #[test]
@@ -182,6 +253,7 @@ fn a_jog_that_is_not_renewed_comes_to_rest_and_a_renewal_begins_nothing() {
         assert_eq!(hands.jog(&KEEP).unwrap_err(), "nothing is being jogged");
         hands.run.operator.give(Command::Jog(JogOrder {
             acceleration_share: 1.0,
+            unhomed: false,
             axis: None,
             joints: u64::MAX,
             motion: JogMotion::Keep,
@@ -427,7 +499,17 @@ fn an_arm_that_is_nearly_stretched_comes_to_rest_and_the_joint_in_the_way_is_nam
 #[test]
 fn what_will_come_of_a_jog_is_told() {
     let config = config::parse(include_str!("../../../configs/mill3-demo.toml"), Path::new("demo.toml")).unwrap();
-    let told = |motion, joints| outlook(motion, joints, &config, &Position::xyz(300.0, 0.0, 0.0));
+    let live = Snapshot {
+        position: Position::xyz(300.0, 0.0, 0.0),
+        homed: 0b011,
+        ..RtStatus::default().snapshot()
+    };
+    let told = |motion, joints| outlook(motion, joints, &config, &live);
+    let unhomed = told(JogMotion::Run { velocity_mm_s: -20.0 }, 0b100);
+    assert_eq!(
+        unhomed,
+        json!({ "axis": "Z", "unit": "mm", "velocity_mm_s": 10.0, "soft_limit_mm": null })
+    );
     let advance = |distance_mm, velocity_mm_s| JogMotion::Advance {
         distance_mm,
         velocity_mm_s,

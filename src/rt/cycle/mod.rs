@@ -656,6 +656,8 @@ impl<B: CyclicBus> MotionController<B> {
                 *command_mm = drive.command_mm();
             } else if homing != 0 {
                 // Travel has no meaning before a joint is homed; its search is bounded by distances.
+            } else if !drive.is_homed() {
+                // Nor has it for the hand, which goes as far as the travel is long.
             } else if position_mm < low_mm - TRAVEL_SLACK_MM || position_mm > high_mm + TRAVEL_SLACK_MM {
                 beyond = beyond.or(Some(Fault::SoftLimit { joint, position_mm }));
             }

@@ -262,15 +262,18 @@ impl<B: CyclicBus> MotionController<B> {
         true
     }
 
-    /// Moves joints by hand, if they and those that move with them know where they are, and no hold is asked for.
+    /// Moves joints by hand, if they and those that move with them know where they are or need not, and no pin keeps it from
+    /// beginning.
     pub(super) fn jog(&mut self, order: &JogOrder) {
         let together = self.parts.hand.moved_with(order.joints);
-        let mut drives = self.parts.drives.iter().enumerate();
-        let homed = drives.all(|(joint, drive)| together >> joint & 1 == 0 || drive.is_homed());
+        let homed = self.homed();
+        // With a program there is always a place to come back to.
+        let may_be_unhomed = order.unhomed && matches!(self.state, State::Ready | State::Jogging);
+        let is_lost = together & !homed != 0 && !may_be_unhomed;
         let held = self.parts.pins.is_jog_barred();
         match (order.motion, self.state) {
             (JogMotion::Run { .. } | JogMotion::Advance { .. }, _)
-                if !homed || held || self.leads_into_limit(order) =>
+                if is_lost || held || self.leads_into_limit(order) =>
             {
                 return;
             }
@@ -278,18 +281,18 @@ impl<B: CyclicBus> MotionController<B> {
                 if !self.step_away() {
                     return;
                 }
-                self.parts.hand.begin(&self.command_mm[..self.joints], order);
+                self.parts.hand.begin(&self.command_mm[..self.joints], homed, order);
             }
             (JogMotion::Keep | JogMotion::Release, State::Held) => return,
             (JogMotion::Run { .. } | JogMotion::Advance { .. }, State::Away) if !self.parts.hand.is_active() => {
-                self.parts.hand.begin(&self.command_mm[..self.joints], order);
+                self.parts.hand.begin(&self.command_mm[..self.joints], homed, order);
             }
             (JogMotion::Keep | JogMotion::Release, State::Away) if !self.parts.hand.is_active() => return,
             (JogMotion::Run { .. } | JogMotion::Advance { .. }, State::Ready) => {
                 for (command_mm, drive) in self.command_mm.iter_mut().zip(self.parts.drives.iter()) {
                     *command_mm = drive.command_mm();
                 }
-                self.parts.hand.begin(&self.command_mm[..self.joints], order);
+                self.parts.hand.begin(&self.command_mm[..self.joints], homed, order);
                 self.enter(State::Jogging);
             }
             // Neither a renewal nor a release begins anything.
