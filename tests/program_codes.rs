@@ -7,6 +7,7 @@ use isocnc::machine::tables::Tables;
 use isocnc::operator::rehearsal::{Rehearsal, rehearse};
 use isocnc::program::{Begin, check};
 use isocnc::rt::shared::Command;
+use isocnc::rt::waiting::Waiting;
 use isocnc::sim::NetConfig;
 use motion::cancel::Cancel;
 use std::os::unix::fs::PermissionsExt;
@@ -391,6 +392,90 @@ fn a_program_prints_and_logs_as_the_machine_comes_to_it() {
     // What is not reached is not written; G54 is 20 mm from home.
     let (text, _) = written_at(35.0);
     assert_eq!(text, "ten\n");
+}
+
+/// Runs dry with this feed, mm/min.
+fn dry<T>(config: &Config, text: &'static str, feed: f64, act: impl FnOnce(&mut Rehearsal<'_>) -> T) -> T {
+    let begin = Begin::Dry {
+        begin: Box::new(Begin::at_home(config)),
+        feed_s: feed / 60.0,
+    };
+    let tables = Tables::read(config).expect("tables");
+    rehearse(config, text.as_bytes(), NetConfig::clean(1), |run| {
+        run.set_program(text.as_bytes(), tables.clone(), begin.clone(), false);
+        Ok(act(run))
+    })
+    .expect("a machine to rehearse on")
+}
+
+#[test]
+fn a_dry_run_has_one_feed_and_neither_spindle_nor_coolant() {
+    let config = machine(MILL);
+    let text = "G21 G90 G94 G61 M7\nS1000 M3 M8\nG1 X20 F100\nG95 F0.01\nG1 X40\nG93\nG1 X60 F0.2\nG94 F150\nG0 X30\nG38.3 X35\nG1 Z-3 F50\n\
+                M5 M9\nM2\n";
+    dry(&config, text, 3000.0, |run| {
+        let pins = ["spindle.0.on", "iocontrol.0.coolant-flood", "iocontrol.0.coolant-mist"].map(|name| bit(run, name));
+        let mut fastest = std::collections::BTreeMap::<u32, f64>::new();
+        let ended = run.run_until(CYCLES_MAX, |run| {
+            assert!(pins.iter().all(|pin| !pin.get()));
+            let live = run.operator.live();
+            let fastest = fastest.entry(live.line).or_default();
+            *fastest = fastest.max(live.velocity_mm_s);
+            run.operator.outcome().is_some() || live.line == 13
+        });
+        assert!(ended.expect("a good program"));
+        let alarms = run.operator.alarms();
+        assert!(alarms.is_empty(), "{alarms:#?}");
+        // 3000 mm/min on all at feed, and what the probe bears on its move.
+        for (line, mm_s) in [(3, 50.0), (5, 50.0), (7, 50.0), (10, 2.5)] {
+            assert!((fastest[&line] - mm_s).abs() < 0.01 * mm_s, "{line}: {fastest:?}");
+        }
+        assert!(fastest[&9] > 60.0, "rapid moves as they are: {fastest:?}");
+    });
+}
+
+#[test]
+fn what_needs_the_spindle_is_no_dry_run() {
+    let config = machine(LATHE);
+    let begin = Begin::Dry {
+        begin: Box::new(Begin::at_home(&config)),
+        feed_s: 10.0,
+    };
+    let tables = Tables::read(&config).expect("tables");
+    let text = "G21 G18 S500 M3\nG33 Z-5 K1\nM2\n";
+    let checked = check(&config, &tables, "p.ngc", text.as_bytes(), &begin, &Cancel::default());
+    let said = checked.expect_err("a thread").to_string();
+    assert!(said.contains("p.ngc:2:") && said.contains("dry run"), "{said}");
+}
+
+#[test]
+fn waits_are_skipped_and_nothing_else() {
+    let config = machine(MILL);
+    let text = "G21 G90\nG4 P100\nM0\nM66 P0 L3 Q100\nG1 X[10 + #5399] F600\nM2\n";
+    rehearse_part(&config, text, |run| {
+        let mut waited = Vec::new();
+        let ended = run.run_until(40_000, |run| {
+            let live = run.operator.live();
+            if let Some(waiting) = live.waiting.filter(|waiting| waited.last() != Some(waiting)) {
+                // Of something else, it comes to nothing.
+                run.operator.give(Command::Skip(Waiting::Queue));
+                if waiting.can_be_skipped() {
+                    run.operator.give(Command::Skip(waiting));
+                }
+                waited.push(waiting);
+            }
+            run.operator.outcome().is_some()
+        });
+        assert!(ended.expect("a good program"), "{waited:?}");
+        let input = Waiting::Input {
+            input: motion::canon::Input::Digital(0),
+        };
+        waited.retain(|waiting| waiting.can_be_skipped());
+        assert_eq!(waited, [Waiting::Dwell, Waiting::Operator, input]);
+        // The time of M66 ran out: -1; G54 is at 20.
+        let x: Input<f64> = run.hal.reader("axis.x.pos-cmd").expect("a pin");
+        assert!((x.get() - 29.0).abs() < 1e-3, "{}", x.get());
+    });
 }
 
 #[test]

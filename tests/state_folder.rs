@@ -273,6 +273,21 @@ fn programs_leave_their_reports_and_alarms_their_records() {
     assert!(line.ends_with(&said), "{line}");
     assert_eq!(status(&control)["parts"]["count"], 3);
 
+    // A dry run is no part, and the next start is none.
+    control.ask(&["program", "load", part]).unwrap();
+    control.ask(&["on"]).unwrap();
+    control.ask(&["hal", "set", "joint.0.pos-lim-sw-in", "false"]).unwrap();
+    control.ask(&["home"]).unwrap();
+    control.ask(&["program", "start", "--dry-run", "3000"]).unwrap();
+    let dry = status(&control);
+    assert_eq!(
+        (&dry["parts"]["count"], &dry["program"]["dry_run"]),
+        (&json!(3), &json!(true))
+    );
+    control.refused(&["skip"], "no program runs or is held");
+    let report = control.ask(&["program", "report"]).unwrap();
+    assert_eq!(report["result"], "completed");
+
     // All of it behind a restart.
     let again = started(killed(control), "records");
     assert_eq!(alarm(&again)["alarm"]["acknowledged"]["by"], "alarm acknowledge");

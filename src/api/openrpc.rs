@@ -107,7 +107,7 @@ fn kind(param: &Param) -> Value {
     }
 }
 
-const ALL: [Gives; 22] = [
+const ALL: [Gives; 23] = [
     Gives::Nothing,
     Gives::Methods,
     Gives::OpenRpc,
@@ -127,6 +127,7 @@ const ALL: [Gives; 22] = [
     Gives::Overrides,
     Gives::Journal,
     Gives::Resumed,
+    Gives::Skipped,
     Gives::Kept,
     Gives::Lines,
     Gives::Report,
@@ -153,6 +154,7 @@ fn name(gives: Gives) -> &'static str {
         Gives::Overrides => "Overrides",
         Gives::Journal => "Journal",
         Gives::Resumed => "Resumed",
+        Gives::Skipped => "Skipped",
         Gives::Kept => "Kept",
         Gives::Lines => "Lines",
         Gives::Report => "Report",
@@ -374,6 +376,7 @@ fn result(gives: Gives) -> Value {
             "properties": { "returns": list(text()) },
             "additionalProperties": false,
         }),
+        Gives::Skipped => object(json!({ "skips": text() })),
         Gives::Kept => json!({
             "type": "object",
             "properties": { "warning": text() },
@@ -430,6 +433,7 @@ fn status() -> Value {
             "name": text(),
             "lines": whole(),
             "planned_time_s": number(),
+            "dry_run": flag(),
             "result": or_null(text()),
         }))),
         "mdi": list(text()),

@@ -43,6 +43,8 @@ pub enum Order {
         from_line: Option<u32>,
         yes: bool,
         runs: u32,
+        /// Dry, with this feed, mm/min or degrees/min.
+        dry_feed_min: Option<f64>,
     },
     /// Switch drives on, home what is not homed, load and run a program.
     Run(Source),
@@ -64,6 +66,8 @@ pub enum Order {
     OptionalStop(bool),
     /// Whether lines that begin with / are left out, of what is begun from now on.
     BlockDelete(bool),
+    /// Give up the block that the program waits in without moving, and go on with the next one.
+    Skip,
     /// The tool that the program waits for is in the spindle.
     ToolChanged,
     /// Come to rest on the path and give the program up; drives stay on.
@@ -189,6 +193,8 @@ pub struct ShownProgram {
     pub lines: u32,
     /// Planned time, s.
     pub planned_time_s: f64,
+    /// It runs dry, or has.
+    pub dry_run: bool,
     /// What is left of it at any place, while it runs.
     #[serde(skip)]
     pub outline: Option<Outline>,

@@ -84,6 +84,9 @@ enum ProgramCommand {
         #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "from_line",
               value_parser = clap::value_parser!(u32).range(1..))]
         repeat: u32,
+        /// Dry: moves at feed run at this one, mm/min, spindle and coolant stay off, no part is counted
+        #[arg(long, value_name = "FEED")]
+        dry_run: Option<f64>,
         /// Return once the program has begun, not once it is over
         #[arg(long)]
         no_wait: bool,
@@ -290,6 +293,17 @@ pub fn resume(args: &ControlArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Gives up what the program waits for.
+///
+/// # Errors
+/// No control answers, or it refuses.
+pub fn skip(args: &ControlArgs) -> anyhow::Result<ExitCode> {
+    let answer = call(args, "skip", json!({}))?;
+    let what = answer["skips"].as_str().unwrap_or_default();
+    print(args, &answer, &format!("left out: {what}"));
+    Ok(ExitCode::SUCCESS)
+}
+
 /// Says that the tool is in the spindle that the program waits for.
 ///
 /// # Errors
@@ -359,12 +373,21 @@ pub fn program(args: &ProgramArgs) -> anyhow::Result<ExitCode> {
             return Ok(ExitCode::SUCCESS);
         }
         ProgramCommand::Start {
-            from_line: Some(line),
+            from_line,
             yes,
+            repeat,
+            dry_run,
             no_wait,
-            ..
-        } => (None, json!({ "from_line": line, "yes": yes }), *no_wait),
-        ProgramCommand::Start { no_wait, repeat, .. } => (None, json!({ "repeat": repeat }), *no_wait),
+        } => {
+            let mut params = match from_line {
+                Some(line) => json!({ "from_line": line, "yes": yes }),
+                None => json!({ "repeat": repeat }),
+            };
+            if let Some(feed) = dry_run {
+                params["dry_run_feed_mm_min"] = json!(feed);
+            }
+            (None, params, *no_wait)
+        }
         ProgramCommand::Report { number } => {
             let params = number.map_or_else(|| json!({}), |number| json!({ "number": number }));
             let answer = call(control, "program.report", params)?;
@@ -778,7 +801,12 @@ fn words(status: &Value) -> String {
                     Some(left @ 1..) => format!(", {left} times more"),
                     _ => String::new(),
                 };
-                format!("line {} of {}, {how_far}{more}", status["line"], program["lines"])
+                let dry = if program.get("dry_run") == Some(&Value::Bool(true)) {
+                    "dry run, "
+                } else {
+                    ""
+                };
+                format!("{dry}line {} of {}, {how_far}{more}", status["line"], program["lines"])
             }
         };
         let way = if status["direction"] == "reverse" {

@@ -82,6 +82,9 @@ enum Command {
     /// Go on after a hold, forward; in single block, with the next block.
     #[command(after_help = "Example: isocnc resume")]
     Resume(control::ControlArgs),
+    /// Leave out what the program waits for: a dwell, an input (M66), M0, M1; no move.
+    #[command(after_help = "Example: isocnc skip")]
+    Skip(control::ControlArgs),
     /// Run the program that runs or is held back along its path.
     #[command(after_help = "Example: isocnc reverse 50")]
     Reverse(control::ReverseArgs),
@@ -183,6 +186,7 @@ pub fn main() -> ExitCode {
         Command::Jog(args) => jog::jog(args),
         Command::Hold(args) => control::hold(args),
         Command::Resume(args) => control::resume(args),
+        Command::Skip(args) => control::skip(args),
         Command::Reverse(args) => control::reverse(args),
         Command::SingleBlock(args) => control::single_block(args),
         Command::Power(args) => control::power(args),

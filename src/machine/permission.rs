@@ -39,6 +39,8 @@ pub enum Wish {
     Hold,
     /// Go on.
     Resume,
+    /// Give up a block that waits.
+    Skip,
     /// Go back along the path.
     Reverse,
     /// Rest at the end of each block, or not.
@@ -53,7 +55,7 @@ pub enum Wish {
 
 impl Wish {
     /// All of them.
-    pub const ALL: [Wish; 20] = [
+    pub const ALL: [Wish; 21] = [
         Wish::On,
         Wish::Off,
         Wish::Estop,
@@ -69,6 +71,7 @@ impl Wish {
         Wish::Run,
         Wish::Hold,
         Wish::Resume,
+        Wish::Skip,
         Wish::Reverse,
         Wish::SingleBlock,
         Wish::OptionalStop,
@@ -94,6 +97,7 @@ impl Wish {
             Wish::Run => "program run",
             Wish::Hold => "hold",
             Wish::Resume => "resume",
+            Wish::Skip => "skip",
             Wish::Reverse => "reverse",
             Wish::SingleBlock => "single-block",
             Wish::OptionalStop => "optional-stop",
@@ -255,6 +259,7 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
             wish,
             Wish::Hold
                 | Wish::Resume
+                | Wish::Skip
                 | Wish::Reverse
                 | Wish::SingleBlock
                 | Wish::OptionalStop
@@ -335,6 +340,15 @@ pub fn permit(wish: Wish, condition: &Condition) -> Result<(), Refusal> {
                 "nothing runs that could be held",
                 "isocnc status tells how the machine is",
             ),
+        },
+        // What it waits for decides then.
+        Wish::Skip => match activity {
+            Activity::Running => Ok(()),
+            Activity::Held => refused(
+                "a program is held in its path",
+                "isocnc resume; isocnc skip leaves out waits only",
+            ),
+            _ => permit(Wish::Reverse, condition),
         },
         Wish::Resume | Wish::Reverse => match activity {
             Activity::Running | Activity::Held => Ok(()),
@@ -448,7 +462,7 @@ mod tests {
                 }
             }
         }
-        assert_eq!(done + refused, 20 * 16 * 8 * 9);
+        assert_eq!(done + refused, 21 * 16 * 8 * 9);
         assert!(done > 1000 && refused > 1000, "{done} {refused}");
     }
 

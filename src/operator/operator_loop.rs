@@ -291,9 +291,9 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         let took_s = now_ns.saturating_sub(self.begun_ns) as f64 * 1e-9;
         let word = outcome_word(outcome);
         let line = operator.recorder.last_line();
-        self.keeper
-            .memory
-            .end_program(word, outcome == Outcome::Completed, line);
+        let is_dry = self.clients.part().is_some_and(|part| part.dry_feed_min().is_some());
+        let is_part = outcome == Outcome::Completed && !is_dry;
+        self.keeper.memory.end_program(word, is_part, line);
         let mut number = None;
         if let (Task::StandBy, Some(part)) = (self.session.task, self.clients.part()) {
             let config = self.session.config;

@@ -131,8 +131,8 @@ pub fn check<'t>(
     // Of what was typed the first mistake is enough.
     let errors = match begin {
         Begin::Program { at } => check_from(config, tables, path, text, *at, limits.clone()),
-        // Of a start in its middle it was found at the check of the whole.
-        Begin::Mdi { .. } | Begin::FromLine { .. } => Vec::new(),
+        // Of a start in its middle, or of a dry run, it was found at the check of the whole.
+        Begin::Mdi { .. } | Begin::FromLine { .. } | Begin::Dry { .. } => Vec::new(),
     };
     if !errors.is_empty() {
         let shown: Vec<String> = errors.iter().map(|error| error.render(path)).collect();

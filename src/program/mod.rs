@@ -5,6 +5,7 @@
 
 mod change;
 mod check;
+mod dry_run;
 mod exact_stops;
 mod from_line;
 pub mod outline;
@@ -24,6 +25,7 @@ use crate::machine::tables::Tables;
 use crate::rt::shared::RtStatus;
 pub use change::{Change, changed};
 pub use check::{Overview, ProgramErrors, check, check_text};
+use dry_run::DryRun;
 pub use from_line::{approach, preview};
 use gcode::{CheckLimits, PinReader};
 use motion::canon::Position;
@@ -76,6 +78,8 @@ pub enum Begin {
         line: u32,
         approach: gcode::Approach,
     },
+    /// One of the others, but moves at feed run at this one (mm/s or degrees/s), spindles and coolant stay off.
+    Dry { begin: Box<Begin>, feed_s: f64 },
 }
 
 impl Begin {
@@ -88,6 +92,7 @@ impl Begin {
     pub fn at(&self) -> Position {
         match self {
             Begin::Program { at } | Begin::Mdi { at, .. } | Begin::FromLine { at, .. } => *at,
+            Begin::Dry { begin, .. } => begin.at(),
         }
     }
 
@@ -95,6 +100,10 @@ impl Begin {
     pub fn moved_to(&self, at: Position) -> Begin {
         match self {
             Begin::Program { .. } => Begin::Program { at },
+            Begin::Dry { begin, feed_s } => Begin::Dry {
+                begin: Box::new(begin.moved_to(at)),
+                feed_s: *feed_s,
+            },
             Begin::FromLine { line, approach, .. } => Begin::FromLine {
                 at,
                 line: *line,
@@ -292,8 +301,12 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
 
     /// The same that begins so. What the lines before a line ask of the machine is taken as it comes in a check: to be called before
     /// [`Feeder::with_probe`], and behind [`Feeder::beside`] and [`Feeder::within`].
-    pub fn beginning(self, begin: &Begin) -> Feeder<'t, S> {
+    pub fn beginning(mut self, begin: &Begin) -> Feeder<'t, S> {
         match begin {
+            Begin::Dry { begin, feed_s } => {
+                self.smoothing.recall().dry_run = Some(DryRun::new(*feed_s));
+                self.beginning(begin)
+            }
             Begin::Program { .. } => self,
             Begin::Mdi { modes: None, .. } => self.with_interpreter(gcode::Run::as_mdi),
             Begin::FromLine { line, approach, .. } => self.with_interpreter(|run| run.begin_at_line(*line, approach)),

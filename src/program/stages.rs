@@ -7,6 +7,7 @@
 //! whole batches. What comes out is the same. Cutter compensation is no stage of its own: programs read where it has led the tool
 //! (#5420), so that the interpreter cannot run ahead of it.
 
+use super::dry_run::{Dry, DryRun};
 use super::exact_stops::ExactStops;
 use super::records::{Records, SayingsTo};
 use super::waits::{Answers, Awaited, Known, Told, awaited_behind};
@@ -143,7 +144,7 @@ pub(super) enum Failed {
         what: String,
         kind: PlanErrorKind,
     },
-    /// What the program wanted to write.
+    /// What the program wanted to write, or what cannot be run dry.
     Record {
         source: Source,
         what: String,
@@ -189,6 +190,8 @@ pub(super) struct Smoothing<'t> {
     calls: std::vec::IntoIter<Interpreted>,
     path: PathPlanner,
     exact_stops: ExactStops,
+    /// What a dry run makes of it.
+    pub(super) dry_run: Option<DryRun>,
     timeline: Option<Timeline>,
     pub(super) spare: Spare,
     /// Where single block is switched.
@@ -227,6 +230,7 @@ impl<'t> Smoothing<'t> {
             calls: Vec::new().into_iter(),
             path,
             exact_stops: ExactStops::NONE,
+            dry_run: None,
             timeline,
             spare: Spare::default(),
             live: None,
@@ -367,8 +371,20 @@ impl<'t> Smoothing<'t> {
         {
             return After::Failed(Failed::Record { source, what });
         }
-        let event = self.exact_stops.let_pass(&event.call).then_some(event);
-        for event in switch.iter().chain(&event) {
+        let passes = self.exact_stops.let_pass(&event.call);
+        let changed = self.dry_run.as_mut().map(|dry_run| dry_run.change(&event.call));
+        let (before, event, behind) = match changed {
+            None => (None, passes.then_some(event), None),
+            Some(Ok(Dry::Passes { before })) => (before, passes.then_some(event), None),
+            Some(Ok(Dry::Between { before, behind })) => (Some(before), passes.then_some(event), Some(behind)),
+            Some(Ok(Dry::Dropped)) => (None, None, None),
+            Some(Err(what)) => {
+                let what = what.to_owned();
+                return After::Failed(Failed::Record { source, what });
+            }
+        };
+        let [before, behind] = [before, behind].map(|call| call.map(|call| Event { source, call }));
+        for event in switch.iter().chain(&before).chain(&event).chain(&behind) {
             if let Err(error) = self.path.push(event) {
                 return After::Failed(self.failed(error));
             }

@@ -51,6 +51,8 @@ pub enum Command {
     Hold,
     /// Go on, forward: after a hold, or with the next block in single block.
     Resume,
+    /// Give up this wait, as if what ends it had come, or its time had run out; nothing if it waits for something else by now.
+    Skip(Waiting),
     /// Run back along the path that has been run, at this share of its speed (0 to 1), as far as there is a way back.
     Reverse(f64),
     /// Whether to rest at the end of each block.

@@ -23,6 +23,8 @@ pub enum Waiting {
     UserCommand { number: u8 },
     /// G38.2 to G38.5: the probe.
     Probe,
+    /// G4: its time.
+    Dwell,
     /// An override at 0 %, or a switch for hold.
     Feed,
     /// More of the plan.
@@ -57,6 +59,21 @@ impl Waiting {
         }
     }
 
+    /// Whether it can be given up without anything being where, or in a state in which, the program does not expect it.
+    pub fn can_be_skipped(self) -> bool {
+        match self {
+            Waiting::Operator | Waiting::Input { .. } | Waiting::Dwell => true,
+            Waiting::ToolChange { .. }
+            | Waiting::SpindleSpeed
+            | Waiting::SpindleOrient
+            | Waiting::UserCommand { .. }
+            | Waiting::Probe
+            | Waiting::Feed
+            | Waiting::Queue
+            | Waiting::Return => false,
+        }
+    }
+
     /// One word for programs.
     pub fn word(self) -> &'static str {
         match self {
@@ -67,6 +84,7 @@ impl Waiting {
             Waiting::SpindleOrient => "spindle-orient",
             Waiting::UserCommand { .. } => "user-command",
             Waiting::Probe => "probe",
+            Waiting::Dwell => "dwell",
             Waiting::Feed => "feed",
             Waiting::Queue => "queue",
             Waiting::Return => "operator",
@@ -84,6 +102,7 @@ impl Waiting {
             Waiting::SpindleOrient => "the spindle comes to its angle (M19)".into(),
             Waiting::UserCommand { number } => format!("the command M{number} runs"),
             Waiting::Probe => "a probing move is under way (G38)".into(),
+            Waiting::Dwell => "a dwell is under way (G4)".into(),
             Waiting::Feed => "feed is held by an override at 0 %, motion.feed-hold or motion.adaptive-feed".into(),
             Waiting::Queue => "the plan is behind".into(),
             Waiting::Return => "the machine is away from the path on which the program is held".into(),
@@ -96,10 +115,11 @@ impl Waiting {
             Waiting::Operator => "isocnc resume",
             Waiting::ToolChange { .. } => "isocnc tool-changed, or iocontrol.0.tool-changed",
             Waiting::SpindleSpeed => "spindle.0.at-speed",
-            Waiting::Input { .. } => "the input, or its time-out",
+            Waiting::Input { .. } => "the input, its time-out, or isocnc skip",
             Waiting::SpindleOrient => "spindle.0.is-oriented, or its time-out",
             Waiting::UserCommand { .. } => "its end, or its time limit",
             Waiting::Probe => "the probe, or the end of the move",
+            Waiting::Dwell => "its time, or isocnc skip",
             Waiting::Feed => "the override, or the switch",
             Waiting::Queue => "by itself",
             Waiting::Return => "isocnc resume returns, Z up first; isocnc resume again goes on",
@@ -115,6 +135,7 @@ impl Waiting {
             Waiting::Queue => 5,
             Waiting::Return => 10,
             Waiting::Probe => 11,
+            Waiting::Dwell => 12,
             Waiting::SpindleOrient => 8,
             Waiting::UserCommand { number } => 9 | u64::from(number) << 32,
             Waiting::Input {
@@ -134,6 +155,7 @@ impl Waiting {
             3 => Some(Waiting::SpindleSpeed),
             4 => Some(Waiting::Feed),
             11 => Some(Waiting::Probe),
+            12 => Some(Waiting::Dwell),
             5 => Some(Waiting::Queue),
             10 => Some(Waiting::Return),
             8 => Some(Waiting::SpindleOrient),

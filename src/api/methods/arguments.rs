@@ -167,7 +167,17 @@ pub(super) fn start(params: &Params) -> Result<Order, RpcError> {
         let what = "expected \"from_line\" or \"repeat\", not both";
         return Err(RpcError::new(code::INVALID_PARAMS, what));
     }
-    Ok(Order::Start { from_line, yes, runs })
+    let dry_feed_min = params.real("dry_run_feed_mm_min")?;
+    if let Some(feed) = dry_feed_min.filter(|feed| *feed <= 0.0) {
+        let what = format!("parameter \"dry_run_feed_mm_min\": expected a feed above 0, got {feed}");
+        return Err(RpcError::new(code::INVALID_PARAMS, what));
+    }
+    Ok(Order::Start {
+        from_line,
+        yes,
+        runs,
+        dry_feed_min,
+    })
 }
 
 /// What "touch_off" is to do.

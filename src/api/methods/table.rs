@@ -94,6 +94,7 @@ pub enum Gives {
     Overrides,
     Journal,
     Resumed,
+    Skipped,
     /// Nothing, or a warning that the disk has not taken it.
     Kept,
     Lines,
@@ -327,10 +328,12 @@ pub const METHODS: &[Method] = &[
             optional("from_line", Kind::Whole(1, u32::MAX as u64)),
             optional("yes", Kind::Flag),
             optional("repeat", Kind::Whole(1, u32::MAX as u64)),
+            optional("dry_run_feed_mm_min", Kind::Number),
         ],
         does: "runs the program that is loaded; drives are on and joints homed before. Before a line (\"from_line\"): refused with what \
                that means, one sentence a line, until \"yes\" is true. \"repeat\": so many times in all, each behind the end of the \
-               one before",
+               one before. \"dry_run_feed_mm_min\": dry, all moves at feed at this one (degrees/min where only rotary axes move), \
+               spindles and coolant off, no part counted",
         gives: Gives::Outlook,
         call: |methods, call| {
             let start = arguments::start(call.params);
@@ -529,6 +532,14 @@ pub const METHODS: &[Method] = &[
                away: returns to where the program is held, Z up first (\"returns\": the legs), and waits there for the next one",
         gives: Gives::Resumed,
         call: |methods, call| methods.order(call, Order::Resume),
+        ..ORDER
+    },
+    Method {
+        name: "skip",
+        does: "gives up the block that the program waits in without moving (a dwell, M66 as if its time had run out, M0, M1) and goes \
+               on with the next one; refused in any other, as what follows would begin elsewhere than it was programmed",
+        gives: Gives::Skipped,
+        call: |methods, call| methods.order(call, Order::Skip),
         ..ORDER
     },
     Method {

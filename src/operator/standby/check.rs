@@ -34,6 +34,14 @@ impl Part {
     pub(in crate::operator) fn is_mdi(&self) -> bool {
         matches!(self.begin, Begin::Mdi { .. })
     }
+
+    /// The feed of a dry run, mm/min.
+    pub(in crate::operator) fn dry_feed_min(&self) -> Option<f64> {
+        match self.begin {
+            Begin::Dry { feed_s, .. } => Some(feed_s * 60.0),
+            Begin::Program { .. } | Begin::Mdi { .. } | Begin::FromLine { .. } => None,
+        }
+    }
 }
 
 /// What is to be checked.
@@ -43,13 +51,17 @@ pub(super) enum Subject {
         line: String,
         modes: Option<Arc<Modes>>,
     },
-    /// The program that is loaded: tables may have changed since.
-    Loaded(Arc<Part>),
+    /// The program that is loaded: tables may have changed since. `dry_feed_s`: to be run dry, mm/s.
+    Loaded {
+        part: Arc<Part>,
+        dry_feed_s: Option<f64>,
+    },
     /// The same before a line; `yes`: the operator has agreed to what that means.
     FromLine {
         part: Arc<Part>,
         line: u32,
         yes: bool,
+        dry_feed_s: Option<f64>,
     },
 }
 
@@ -74,8 +86,11 @@ pub(super) fn examine(
     };
     let mut typed = String::new();
     let (name, text, begin) = match subject {
-        Subject::Loaded(part) if part.tables == tables => return Ok(part),
-        Subject::Loaded(part) => (part.name.clone(), Arc::clone(&part.text), Begin::Program { at }),
+        Subject::Loaded { part, dry_feed_s: None } if part.tables == tables => return Ok(part),
+        Subject::Loaded { part, dry_feed_s } => {
+            let begin = dry(Begin::Program { at }, dry_feed_s);
+            (part.name.clone(), Arc::clone(&part.text), begin)
+        }
         Subject::Program(source) => {
             let (name, text) = read(source)?;
             (name, text, Begin::Program { at })
@@ -88,7 +103,12 @@ pub(super) fn examine(
                 Begin::Mdi { at, modes },
             )
         }
-        Subject::FromLine { part, line, yes } => {
+        Subject::FromLine {
+            part,
+            line,
+            yes,
+            dry_feed_s,
+        } => {
             if !yes {
                 let text = Reader::from(&*part.text);
                 let told = preview(config, &tables, &part.name, text, (at, line), given_up)?.join("\n");
@@ -96,7 +116,7 @@ pub(super) fn examine(
                 return Err(question.into());
             }
             let approach = approach(config);
-            let begin = Begin::FromLine { at, line, approach };
+            let begin = dry(Begin::FromLine { at, line, approach }, dry_feed_s);
             (part.name.clone(), Arc::clone(&part.text), begin)
         }
     };
@@ -111,6 +131,17 @@ pub(super) fn examine(
         tables,
         switched_off,
     }))
+}
+
+/// The same run dry, with a feed if there is one.
+fn dry(begin: Begin, feed_s: Option<f64>) -> Begin {
+    match feed_s {
+        None => begin,
+        Some(feed_s) => Begin::Dry {
+            begin: Box::new(begin),
+            feed_s,
+        },
+    }
 }
 
 fn read(source: Source) -> Result<(String, Arc<Text>), RpcError> {

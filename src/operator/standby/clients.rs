@@ -373,13 +373,24 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 self.check(ticket, Subject::Program(source), Then::Run, operator)?;
                 return Ok(None);
             }
-            Order::Start { from_line, yes, runs } => {
+            Order::Start {
+                from_line,
+                yes,
+                runs,
+                dry_feed_min,
+            } => {
                 let Some(part) = self.loaded.clone() else {
                     return Ok(Some(Err("no program is loaded".into())));
                 };
+                let dry_feed_s = dry_feed_min.map(|feed| feed / 60.0);
                 let subject = match from_line {
-                    Some(line) => Subject::FromLine { part, line, yes },
-                    None => Subject::Loaded(part),
+                    Some(line) => Subject::FromLine {
+                        part,
+                        line,
+                        yes,
+                        dry_feed_s,
+                    },
+                    None => Subject::Loaded { part, dry_feed_s },
                 };
                 self.check(ticket, subject, Then::Start { runs }, operator)?;
                 return Ok(None);
@@ -420,6 +431,16 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 operator.give(Command::Resume);
                 return Ok(Some(Ok(way.map_or(json!({}), |way| json!({ "returns": way })))));
             }
+            Order::Skip => match operator.live().waiting {
+                Some(waiting) if waiting.can_be_skipped() => {
+                    operator.give(Command::Skip(waiting));
+                    return Ok(Some(Ok(json!({ "skips": waiting.text() }))));
+                }
+                Some(waiting) => Err(format!("{}: that cannot be left out; what releases it: {}", waiting.text(), waiting.release())),
+                None => Err("a move is under way: what follows would begin elsewhere than it was programmed; isocnc stop, then isocnc \
+                             program start --from-line N tells the way to another block and goes it"
+                    .into()),
+            },
             Order::Reverse(share) => {
                 operator.give(Command::Reverse(share));
                 Ok(())
@@ -652,7 +673,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         let at = self.begin_of_programs(operator);
         self.mode = match subject {
             Subject::Mdi { .. } => Mode::Mdi,
-            Subject::Program(_) | Subject::Loaded(_) | Subject::FromLine { .. } => Mode::Auto,
+            Subject::Program(_) | Subject::Loaded { .. } | Subject::FromLine { .. } => Mode::Auto,
         };
         let switched_off = operator.live().switched_off;
         let cancel = Cancel::default();
@@ -730,6 +751,11 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         if part.is_mdi() {
             operator.add_entry(format!("MDI: {}", part.line));
         }
+        if let Some(feed) = part.dry_feed_min() {
+            operator.add_entry(format!(
+                "dry run: moves at feed run at {feed} mm/min, spindle and coolant stay off"
+            ));
+        }
         self.switched_off[1] = switched_off;
         self.part = Some(part);
         Ok(begun)
@@ -747,7 +773,9 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         let has_run = |part: &Arc<Part>| self.part.as_ref().is_some_and(|last| Arc::ptr_eq(last, part));
         let last = operator.program_outcome().filter(|_| !operator.has_program());
         let is_under_way = operator.step() == Step::Program;
+        let dry_run = self.part.as_ref().is_some_and(|part| part.dry_feed_min().is_some());
         let shown_program = |name: &str, overview: &Overview, is_last: bool| ShownProgram {
+            dry_run: dry_run && is_last,
             name: name.to_owned(),
             lines: overview.lines,
             planned_time_s: overview.time_s,
@@ -854,6 +882,7 @@ fn wish(order: &Order) -> Option<Wish> {
         Order::Jog(_) => Wish::Jog,
         Order::Hold => Wish::Hold,
         Order::Resume | Order::ToolChanged => Wish::Resume,
+        Order::Skip => Wish::Skip,
         Order::Reverse(_) => Wish::Reverse,
         Order::SingleBlock(_) => Wish::SingleBlock,
         Order::OptionalStop(_) => Wish::OptionalStop,

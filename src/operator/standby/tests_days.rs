@@ -248,6 +248,7 @@ impl Day<'_, '_, '_, '_> {
                     from_line: self.random.once_in(2).then(|| 5 + self.random.below(9) as u32),
                     yes: true,
                     runs: 1,
+                    dry_feed_min: None,
                 },
             },
             State::Running => match self.random.below(6) {
@@ -307,11 +308,13 @@ impl Day<'_, '_, '_, '_> {
                 from_line: None,
                 yes: false,
                 runs: 1,
+                dry_feed_min: None,
             },
             13 => Order::Start {
                 from_line: Some(1 + self.random.below(17) as u32),
                 yes: self.random.once_in(2),
                 runs: 1,
+                dry_feed_min: None,
             },
             14 | 15 => Order::Run(part()),
             16..=18 => Order::Mdi(LINES[self.random.below(LINES.len() as u64) as usize].into()),

@@ -600,6 +600,7 @@ impl<B: CyclicBus> MotionController<B> {
         match self.sample.state {
             SampleState::Moving | SampleState::Starved if rests && self.is_fed_nothing => Some(Waiting::Feed),
             _ if self.program.as_ref().is_some_and(|program| program.is_probing()) => Some(Waiting::Probe),
+            _ if self.program.as_ref().is_some_and(|program| program.is_dwelling()) => Some(Waiting::Dwell),
             SampleState::Starved if self.program_has_moved => Some(Waiting::Queue),
             _ => None,
         }

@@ -82,6 +82,7 @@ impl<B: CyclicBus> MotionController<B> {
                     self.end_wait();
                 }
             }
+            (Command::Skip(waiting), State::Running) if !self.hold && self.waits_for() == Some(waiting) => self.skip(),
             (Command::Reverse(share), State::Running | State::Held) => self.run_along(Some(share)),
             (Command::SingleBlock(on), _) => {
                 self.single_block = on;
@@ -132,10 +133,26 @@ impl<B: CyclicBus> MotionController<B> {
             | (Command::Hold, _)
             | (Command::ToolChanged, _)
             | (Command::Resume, _)
+            | (Command::Skip(_), _)
             | (Command::Reverse(_), _)
             | (Command::Stop, _)
             | (Command::Disable, _)
             | (Command::Acknowledge, _) => {}
+        }
+    }
+
+    /// What the program waits for is given up.
+    fn skip(&mut self) {
+        let Some(program) = &mut self.program else { return };
+        match self.waiting {
+            // As if its time had run out.
+            Some(Action::AwaitInput { .. }) => {
+                program.answer(Answer::Input(None));
+                self.end_wait();
+            }
+            Some(Action::ProgramStop | Action::OptionalStop) => self.end_wait(),
+            None => program.skip_dwell(),
+            Some(_) => {}
         }
     }
 

@@ -117,6 +117,18 @@ impl Interpolator {
         matches!(self.track.current(), Some(Element::Probing(_)))
     }
 
+    /// Whether a dwell is under way. RT.
+    pub fn is_dwelling(&self) -> bool {
+        matches!(self.track.current(), Some(Element::Dwell { .. }))
+    }
+
+    /// Ends a dwell that is under way. RT.
+    pub fn skip_dwell(&mut self) {
+        if let Some(Element::Dwell { seconds, .. }) = self.track.current() {
+            self.time_s = *seconds;
+        }
+    }
+
     /// What was read in this cycle: whether the probe is in contact, and where the axes were then. RT.
     pub fn see_probe(&mut self, contact: bool, measured: &Position) {
         self.prober.observe(contact, measured);
