@@ -495,3 +495,60 @@ fn a_drive_that_was_away_is_not_homed_any_more() {
         assert!(is_homed(run, LEFT));
     });
 }
+
+/// CoreXY with a switch for X and one for Y, whose belts know nothing of either.
+fn crossed() -> Config {
+    let text = include_str!("../configs/corexy-demo.toml");
+    let by_drive =
+        "homing = { method = 37, search_mm_s = 10.0, latch_mm_s = 1.0, acceleration_mm_s2 = 500.0, position_mm = 0.0 }";
+    let by_control = |switch_mm: f64, position_mm: f64| {
+        format!(
+            "homing = {{ by = \"control\", towards = \"negative\", switch_mm = {switch_mm}, position_mm = {position_mm}, \
+             search_mm_s = 20.0, latch_mm_s = 2.0, search_distance_mm = 300.0 }}"
+        )
+    };
+    let nets: String = [(0, 8, 0, 12.0), (1, 9, 1, 31.0)]
+        .map(|(joint, input, number, start_mm)| {
+            format!(
+                "[[hal.net]]\nname = \"home-{number}\"\nsource = \"io.10.in-{input:02}\"\ntargets = [\"joint.{joint}.home-sw-in\"]\n\n\
+                 [[sim.joint]]\njoint = {joint}\nnode = 10\ninput = {input}\nstart_mm = {start_mm}\n\n"
+            )
+        })
+        .concat();
+    let text = text
+        .replacen(by_drive, &by_control(-1.5, 4.0), 1)
+        .replacen(by_drive, &by_control(-2.5, 7.0), 1)
+        .replacen(
+            "[[joint]]",
+            "[[bus.node]]\nid = 10\nname = \"io\"\nprofile = \"io\"\n\n[[joint]]",
+            1,
+        );
+    config::parse(&format!("{text}\n{nets}"), Path::new("corexy-demo.toml")).unwrap_or_else(|errors| panic!("{errors}"))
+}
+
+#[test]
+fn belts_of_corexy_home_by_the_switches_of_their_axes() {
+    by_hand(&crossed(), |run| {
+        let before = loads(run);
+        let [x_mm, y_mm] = [before[0] + before[1], before[0] - before[1]].map(|sum| 0.5 * sum);
+        assert!(
+            x_mm > 5.0 && y_mm < -5.0,
+            "one switch is far, the other closed: {x_mm}, {y_mm}"
+        );
+        homed_by_hand(run);
+        assert_true(run, &[0, 1]);
+        // X and Y at their home positions.
+        let [first, second] = [0, 1].map(|joint| shown(run, joint));
+        assert!((0.5 * (first + second) - 4.0).abs() < 1e-3 && (0.5 * (first - second) - 7.0).abs() < 1e-3);
+        assert_eq!(run.operator.alarms(), []);
+        assert_no_limit_was_broken(run);
+        // Homed again, by the name of one belt: both move.
+        let now_ns = run.now_ns();
+        let order = run.operator.homing_order(1);
+        assert!(run.operator.begin(now_ns, Job::Home(order)));
+        reach_homing(run, 1);
+        assert!(!is_homed(run, 0) && !is_homed(run, 1));
+        reach(run, "homed again", |run| stands_by_homed(run));
+        assert_true(run, &[0, 1]);
+    });
+}

@@ -265,6 +265,70 @@ fn stopping_way_mm(velocity_mm_s: f64, stop: StopLimits) -> f64 {
     0.5 * velocity_mm_s * duration_s
 }
 
+/// What belts of CoreXY need to home by the control: joints of X and Y have the switches, places and speeds of these axes then, and
+/// either belt moves by the sum of both.
+fn belts(sections: &mut [Option<Section<'_, '_>>], joints: &[Joint], axes: &[AxisMap]) {
+    let pulled = axes.iter().filter(|map| matches!(map.axis, Axis::X | Axis::Y));
+    let belts: Vec<(&AxisMap, &Joint)> = pulled.map(|map| (map, &joints[map.joints[0]])).collect();
+    let least = |value: fn(&Joint) -> f64| {
+        let values = belts.iter().map(|(_, joint)| value(joint));
+        0.5 * values.fold(f64::INFINITY, f64::min)
+    };
+    let velocity_mm_s = least(|joint| joint.limits.velocity_mm_s);
+    let stop = StopLimits {
+        acceleration_mm_s2: least(|joint| joint.stop.acceleration_mm_s2),
+        jerk_mm_s3: least(|joint| joint.stop.jerk_mm_s3),
+    };
+    let [(_, first), (_, second)] = belts[..] else { return };
+    for (map, joint) in belts {
+        let Some(Some(section)) = sections.get_mut(map.joints[0]) else {
+            continue;
+        };
+        let HomingBy::Control(control) = joint.homing.by else {
+            let other = [first, second]
+                .iter()
+                .any(|joint| matches!(joint.homing.by, HomingBy::Control(_)));
+            if other {
+                section.wrong("by", "must be \"control\" for both belts of CoreXY, or for none");
+            }
+            continue;
+        };
+        if first.homing.sequence != second.homing.sequence {
+            section.wrong(
+                "sequence",
+                "must be the same for both belts of CoreXY, which move together",
+            );
+        }
+        if joint.compensation.is_some() {
+            let rule = "a belt of CoreXY with a compensation homes by its drive: where it is at the switch of the axis, \
+                        the other belt says";
+            section.wrong("by", rule);
+        }
+        if joint.homing.search_mm_s > velocity_mm_s {
+            let rule = format!("must not be above {velocity_mm_s}: a belt of CoreXY moves by the sum of both axes");
+            section.wrong("search_mm_s", rule);
+        }
+        let stop_mm = stopping_way_mm(joint.homing.search_mm_s, stop);
+        if control.release_distance_mm <= stop_mm {
+            let rule = format!("must be above {stop_mm:.3}, the way of a stop from search_mm_s behind the switch");
+            section.wrong("release_distance_mm", rule);
+        }
+        let Some([low_mm, high_mm]) = map.travel_mm else {
+            continue;
+        };
+        let letter = map.axis.letter();
+        let most_mm = high_mm - low_mm + control.release_distance_mm;
+        if control.search_distance_mm > most_mm {
+            let rule = format!("must be given, not above {most_mm}, the travel of {letter} and release_distance_mm");
+            section.wrong("search_distance_mm", rule);
+        }
+        if !(low_mm..=high_mm).contains(&joint.homing.position_mm) {
+            let rule = format!("must lie in travel_mm of {letter}, {low_mm} to {high_mm}");
+            section.wrong("position_mm", rule);
+        }
+    }
+}
+
 /// Keys that all joints of an axis must have alike, and how to compare them.
 type Alike = (&'static str, fn(&Homing, &HomingByControl) -> f64);
 const ALIKE: [Alike; 7] = [
@@ -291,8 +355,10 @@ pub(super) fn fit(
         .into_iter()
         .map(|mut joint| joint.section("homing"))
         .collect();
+    if let Transform::CoreXy = transform {
+        belts(&mut sections, joints, axes);
+    }
     for map in axes {
-        let belt = matches!(transform, Transform::CoreXy) && matches!(map.axis, Axis::X | Axis::Y);
         for (place, &number) in map.joints.iter().enumerate() {
             let Some(Some(section)) = sections.get_mut(number) else {
                 continue;
@@ -305,9 +371,6 @@ pub(super) fn fit(
                 }
                 continue;
             };
-            if belt {
-                section.wrong("by", "a belt of CoreXY moves two axes: it has no switch of its own");
-            }
             wired(section, number, control, &nodes[joints[number].node], nets);
             match (map.joints.len(), control.skew_mm) {
                 (1, Some(_)) => section.wrong("skew_mm", "is for joints that move an axis together"),

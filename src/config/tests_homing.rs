@@ -150,16 +150,51 @@ fn the_joints_of_a_gantry_home_alike() {
     );
 }
 
+const BY_DRIVE: &str =
+    "homing = { method = 37, search_mm_s = 10.0, latch_mm_s = 1.0, acceleration_mm_s2 = 500.0, position_mm = 0.0 }";
+
+/// The machine of the example, its belts homed by the control.
+fn belts(of_first: &str, of_second: &str) -> String {
+    let text = include_str!("../../configs/corexy-demo.toml");
+    let by_control =
+        |keys: &str| format!("homing = {{ by = \"control\", towards = \"negative\", switch = \"drive\", {keys} }}");
+    let [first, second] = [of_first, of_second].map(by_control);
+    text.replacen(BY_DRIVE, &first, 1).replacen(BY_DRIVE, &second, 1)
+}
+
 #[test]
-fn a_belt_of_corexy_has_no_switch() {
-    let text = changed(GANTRY, "cycle_us = 1000", "cycle_us = 1000\nkinematics = \"corexy\"");
-    let text = text.replace("joints = [1, 2]", "joints = [1]") + "\n[[axis]]\nletter = \"A\"\njoints = [2]\n";
-    let errors = messages(&text.replace("skew_mm = 1.5", ""));
-    let belts: Vec<&String> = errors
-        .iter()
-        .filter(|error| error.contains("a belt of CoreXY"))
-        .collect();
-    assert_eq!(belts.len(), 2, "{errors:?}");
+fn belts_of_corexy_home_as_their_axes() {
+    const GOOD: &str =
+        "search_mm_s = 20.0, latch_mm_s = 2.0, switch_mm = -1.0, position_mm = 5.0, search_distance_mm = 305.0";
+    assert_eq!(messages(&belts(GOOD, GOOD)), Vec::<String>::new());
+    let found = |text: &str, key: &str, rule: &str| {
+        let errors = messages(text);
+        let found = errors.iter().any(|said| said.contains(key) && said.contains(rule));
+        assert!(found, "{key}: {rule}: {errors:?}");
+    };
+    let changed = |old: &str, new: &str| changed(GOOD, old, new);
+    let sequence = format!("{GOOD}, sequence = 3");
+    found(&belts(GOOD, &sequence), "homing.sequence", "both belts");
+    found(
+        &belts(&changed("search_mm_s = 20.0", "search_mm_s = 160.0"), GOOD),
+        "search_mm_s",
+        "must not be above 150",
+    );
+    found(
+        &belts(GOOD, &changed(", search_distance_mm = 305.0", "")),
+        "search_distance_mm",
+        "not above 305, the travel of Y",
+    );
+    found(
+        &belts(&changed("position_mm = 5.0", "position_mm = 301.0"), GOOD),
+        "position_mm",
+        "travel_mm of X, 0 to 300",
+    );
+    let last = belts(GOOD, GOOD).rfind("homing = { by = \"control\"").unwrap();
+    let both = belts(GOOD, GOOD);
+    let end = last + both[last..].find('}').unwrap() + 1;
+    let one = format!("{}{BY_DRIVE}{}", &both[..last], &both[end..]);
+    found(&one, "homing.by", "for both belts of CoreXY, or for none");
 }
 
 #[test]

@@ -512,6 +512,15 @@ impl Config {
         order.into_values().collect()
     }
 
+    /// The joints of X and of Y where they are belts that both axes pull.
+    pub fn belts(&self) -> Option<[usize; 2]> {
+        let belt = |axis| {
+            let map = self.axes.iter().find(|map| map.axis == axis)?;
+            map.joints.first().copied()
+        };
+        matches!(self.transform, Transform::CoreXy).then_some([belt(Axis::X)?, belt(Axis::Y)?])
+    }
+
     /// From axes to joints.
     pub fn kinematics(&self) -> Kinematics {
         let mut follows = [Follows::default(); JOINTS_MAX];

@@ -8,6 +8,8 @@
 //! is homed, so distances of the machine file bound the search instead. As with drives that home themselves, a hold or an
 //! override does not act; a stop ends it.
 //!
+//! Belts of CoreXY have no switches of their own: what homes in their place are X and Y.
+//!
 //! RT: nothing allocates but [`Homer::new`].
 
 use super::drives::Drives;
@@ -15,6 +17,8 @@ use super::pins::Pins;
 use crate::config::{Config, HomeSwitch, HomingBy, JOINTS_MAX};
 use crate::rt::joint_jog;
 use motion::rt::homing::{Homing, HomingInput, HomingJoint, HomingStatus, HomingWay};
+use motion::rt::jog::JogLimits;
+use motion::rt::{MotionLimits, StopLimits};
 
 /// Home switch in 60FDh.
 const HOME_BIT: u32 = 2;
@@ -47,6 +51,8 @@ pub struct Homer {
     homing: Homing,
     /// `None`: the drive homes the joint.
     joints: Box<[Option<Place>]>,
+    /// The joints in whose places X and Y home, by whose sum and difference they move.
+    belts: Option<[usize; 2]>,
     /// Joints that home (bit n: joint n).
     under_way: u64,
     inputs: [HomingInput; JOINTS_MAX],
@@ -58,6 +64,7 @@ impl Homer {
         let cycle_s = f64::from(config.cycle_us) * 1e-6;
         let mut groups: Vec<(HomingWay, Vec<HomingJoint>)> = Vec::new();
         let mut joints = vec![None; config.joints.len()];
+        let belts = config.belts();
         for map in &config.axes {
             let mut group: Option<(HomingWay, Vec<HomingJoint>)> = None;
             for &number in &map.joints {
@@ -80,22 +87,28 @@ impl Homer {
                     skew: control.skew_mm.unwrap_or(f64::INFINITY),
                 };
                 let limits = joint_jog::limits(config, number);
+                let (mut motion, mut stop) = (limits.motion, limits.stop);
+                let mut together = map.joints.iter().fold(0, |mask, joint| mask | 1 << joint);
+                if let Some(belts) = belts.filter(|belts| belts.contains(&number)) {
+                    (motion, stop) = shared(belts.map(|joint| joint_jog::limits(config, joint)));
+                    together = belts.iter().fold(0, |mask, joint| mask | 1 << joint);
+                }
                 let member = HomingJoint {
                     joint: number,
                     switch: control.switch_mm - joint.squaring_offset_mm,
-                    motion: limits.motion,
-                    stop: limits.stop,
+                    motion,
+                    stop,
                 };
-                let (together, members) = group.get_or_insert_with(|| (way, Vec::new()));
+                let (common, members) = group.get_or_insert_with(|| (way, Vec::new()));
                 // Where each side has its switch elsewhere, so is the far end of its search.
-                together.search_distance = together.search_distance.max(way.search_distance);
+                common.search_distance = common.search_distance.max(way.search_distance);
                 members.push(member);
                 joints[number] = Some(Place {
                     switch: control.switch,
                     switch_mm: control.switch_mm,
                     towards_positive: control.towards_positive,
                     squaring_offset_mm: joint.squaring_offset_mm,
-                    together: map.joints.iter().fold(0, |mask, joint| mask | 1 << joint),
+                    together,
                 });
             }
             groups.extend(group);
@@ -105,6 +118,7 @@ impl Homer {
         Homer {
             homing: Homing::new(&groups, cycle_s),
             joints: joints.into(),
+            belts,
             under_way: 0,
             inputs: [HomingInput::default(); JOINTS_MAX],
         }
@@ -122,7 +136,18 @@ impl Homer {
     /// Begins to home a set that [`Homer::chosen`] gave, all at rest at `positions_mm`. RT.
     pub fn begin(&mut self, joints: u64, positions_mm: &[f64]) {
         self.under_way = joints;
-        self.homing.begin(joints, positions_mm);
+        let mut axes_mm = [0.0; JOINTS_MAX];
+        let axes_mm = &mut axes_mm[..positions_mm.len()];
+        axes_mm.copy_from_slice(positions_mm);
+        if let Some(belts) = self.moving_belts() {
+            axes_of(belts, axes_mm);
+        }
+        self.homing.begin(joints, axes_mm);
+    }
+
+    /// The belts, if they home by the control.
+    fn moving_belts(&self) -> Option<[usize; 2]> {
+        self.belts.filter(|[x, _]| self.under_way >> x & 1 == 1)
     }
 
     /// Joints that home (bit n: joint n). RT.
@@ -153,7 +178,18 @@ impl Homer {
                 index: None,
             };
         }
+        let Some(belts) = self.moving_belts() else {
+            self.homing.step(&self.inputs, command_mm);
+            return;
+        };
+        let [x, y] = belts;
+        let mut measured_mm = [0.0; JOINTS_MAX];
+        (measured_mm[x], measured_mm[y]) = (self.inputs[x].measured, self.inputs[y].measured);
+        axes_of(belts, &mut measured_mm);
+        (self.inputs[x].measured, self.inputs[y].measured) = (measured_mm[x], measured_mm[y]);
+        axes_of(belts, command_mm);
         self.homing.step(&self.inputs, command_mm);
+        (command_mm[x], command_mm[y]) = (command_mm[x] + command_mm[y], command_mm[x] - command_mm[y]);
     }
 
     /// Brings all joints to rest as quickly as their stop limits allow; they are not homed then. RT.
@@ -189,10 +225,36 @@ impl Homer {
     /// What a joint has found out, once it is homed. RT.
     pub fn found(&self, joint: usize) -> Option<Found> {
         let place = (*self.joints.get(joint)?)?;
+        let offset_mm = match self.belts {
+            Some([x, y]) if joint == x => self.homing.offset(x)? + self.homing.offset(y)?,
+            Some([x, y]) if joint == y => self.homing.offset(x)? - self.homing.offset(y)?,
+            Some(_) | None => self.homing.offset(joint)?,
+        };
         Some(Found {
-            offset_mm: self.homing.offset(joint)? + place.squaring_offset_mm,
+            offset_mm: offset_mm + place.squaring_offset_mm,
             switch_mm: place.switch_mm,
             forward: place.towards_positive,
         })
     }
+}
+
+/// Limits for each of two axes that move two belts by their sum and difference.
+fn shared([first, second]: [JogLimits; 2]) -> (MotionLimits, StopLimits) {
+    let half = |first: f64, second: f64| 0.5 * first.min(second);
+    let motion = MotionLimits {
+        velocity: half(first.motion.velocity, second.motion.velocity),
+        acceleration: half(first.motion.acceleration, second.motion.acceleration),
+        jerk: half(first.motion.jerk, second.motion.jerk),
+    };
+    let stop = StopLimits {
+        acceleration: half(first.stop.acceleration, second.stop.acceleration),
+        jerk: half(first.stop.jerk, second.stop.jerk),
+    };
+    (motion, stop)
+}
+
+/// Positions of X and Y in place of those of the belts, mm. RT.
+fn axes_of([x, y]: [usize; 2], positions_mm: &mut [f64]) {
+    let (first, second) = (positions_mm[x], positions_mm[y]);
+    (positions_mm[x], positions_mm[y]) = (0.5 * (first + second), 0.5 * (first - second));
 }

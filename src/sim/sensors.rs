@@ -13,6 +13,8 @@ const WIRED: u8 = 8;
 #[derive(Clone, Copy, Debug)]
 struct HomeSwitch {
     joint: usize,
+    /// The axis on which it is mounted where joints are belts, which pull two of them.
+    axis: Option<Axis>,
     at_mm: f64,
     /// It is closed above its place, else below.
     above: bool,
@@ -36,8 +38,11 @@ impl Sensors {
             let HomingBy::Control(control) = config.joints[special.joint].homing.by else {
                 return None;
             };
+            let belts = config.belts().into_iter().flatten().zip([Axis::X, Axis::Y]);
+            let mut of_joint = belts.filter(|(belt, _)| *belt == special.joint);
             Some(HomeSwitch {
                 joint: special.joint,
+                axis: of_joint.next().map(|(_, axis)| axis),
                 at_mm: special.switch_mm.unwrap_or(control.switch_mm),
                 above: control.towards_positive,
                 node,
@@ -56,11 +61,15 @@ impl Sensors {
     ///
     /// RT: no allocation, no locks.
     pub(super) fn update_switches(&self, loads_mm: &[f64], tell: &mut dyn FnMut(usize, u8, bool)) {
+        let place = self.kinematics.forward(&ToolFrame::OFF, loads_mm);
         // Switches on one input are wired side by side: it is closed if one of them is.
         let closed = |node: usize, input: u8| {
             let mut switches = self.home_switches.iter();
             switches.any(|switch| {
-                let load_mm = loads_mm.get(switch.joint).copied().unwrap_or_default();
+                let load_mm = match (switch.axis, &place) {
+                    (Some(axis), Some(place)) => place[axis],
+                    (Some(_) | None, _) => loads_mm.get(switch.joint).copied().unwrap_or_default(),
+                };
                 (switch.node, switch.input) == (node, input) && is_beyond(load_mm, switch.at_mm, switch.above)
             })
         };
@@ -69,7 +78,6 @@ impl Sensors {
         }
         let Some(probe) = &self.probe else { return };
         // Where no tip can be, none touches anything.
-        let place = self.kinematics.forward(&ToolFrame::OFF, loads_mm);
         let touches = place.is_some_and(|place| touches(probe, &place));
         tell(
             probe.node,
