@@ -394,6 +394,61 @@ fn a_program_prints_and_logs_as_the_machine_comes_to_it() {
     assert_eq!(text, "ten\n");
 }
 
+#[test]
+fn a_random_changer_prepares_on_the_way_and_exchanges_pockets_as_the_machine_changes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let table = folder.path().join("tool.tbl");
+    std::fs::write(&table, "T3 P0\nT5 P7\nT9 P2\n").expect("our folder");
+    let mut config = machine(MILL);
+    config.nets.retain(|net| net.name != "tool-change-loop");
+    config.tools.table = Some(table);
+    config.tools.changer = config::ToolChanger::Random;
+    rehearse_part(&config, "G21 G90\nT5\nG1 X30 F600\nM6\nT3\nG1 X40\nM6\nM2\n", |run| {
+        let [prepare, change] = ["tool-prepare", "tool-change"].map(|name| bit(run, &format!("iocontrol.0.{name}")));
+        let number: Input<u32> = run.hal.reader("iocontrol.0.tool-prep-number").expect("a pin");
+        let pocket: Input<i32> = run.hal.reader("iocontrol.0.tool-prep-pocket").expect("a pin");
+        let until = |run: &mut Rehearsal<'_>, what: &str, done: &dyn Fn(&Rehearsal<'_>) -> bool| {
+            let there = run.run_until(CYCLES_MAX, |run| done(run)).expect("a good program");
+            assert!(there, "never {what}: {:#?}", run.operator.journal());
+        };
+        let set =
+            |run: &Rehearsal<'_>, name: &str, on: bool| run.hal.set(&format!("iocontrol.0.{name}"), on).expect("a pin");
+        set(run, "tool-prepared", false);
+        until(run, "prepares", &|_| prepare.get());
+        assert_eq!((number.get(), pocket.get()), (5, 7));
+        assert!(run.operator.live().position[motion::canon::Axis::X] < 1.0, "on the way");
+        until(run, "M6", &|run| {
+            run.operator.live().waiting == Some(Waiting::ToolChange { tool: 5 })
+        });
+        run.run_until(500, |_| false).expect("a good program");
+        assert!(!change.get(), "the magazine still turns");
+        set(run, "tool-prepared", true);
+        until(run, "changes", &|_| change.get());
+        assert!(!prepare.get());
+        set(run, "tool-prepared", false);
+        set(run, "tool-changed", true);
+        until(run, "goes on", &|_| !change.get());
+        set(run, "tool-changed", false);
+        // Where tool 5 was.
+        until(run, "prepares again", &|_| prepare.get());
+        assert_eq!((number.get(), pocket.get()), (3, 7));
+        set(run, "tool-prepared", true);
+        until(run, "changes again", &|_| change.get());
+        run.run_until(20, |_| false).expect("a good program");
+        assert_eq!(run.operator.changing_tool(), Some(3));
+        run.operator.give(Command::Stop);
+        until(run, "ends", &|run| run.operator.outcome().is_some());
+        assert!(!change.get() && !prepare.get());
+        let journal: Vec<&str> = run.operator.journal().iter().map(|entry| entry.text.as_str()).collect();
+        let told = |what: &str| journal.iter().filter(|text| text.contains(what)).count();
+        assert_eq!(
+            told("given up while tool 3 was to be changed: look which tool"),
+            1,
+            "{journal:#?}"
+        );
+    });
+}
+
 /// Runs dry with this feed, mm/min.
 fn dry<T>(config: &Config, text: &'static str, feed: f64, act: impl FnOnce(&mut Rehearsal<'_>) -> T) -> T {
     let begin = Begin::Dry {

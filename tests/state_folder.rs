@@ -189,6 +189,51 @@ fn kills_lose_nothing_that_was_answered() {
     assert!(answered >= KILLS, "only {answered} orders");
 }
 
+/// A change of tool that nobody has seen end: the next control says so, once.
+#[test]
+fn a_kill_in_a_change_of_tool_is_told() {
+    let by_hand = |machine: &str| {
+        let net = machine.find("[[hal.net]]\nname = \"tool-change-loop\"").unwrap();
+        let (before, net) = machine.split_at(net);
+        let end = net[2..].find("[[").unwrap() + 2;
+        with_state(&format!("{before}{}", &net[end..]))
+    };
+    let begun = |folder: TempDir| {
+        let control = Control::start_in(folder, "changer", Stdio::null(), by_hand);
+        control.wait_for("the network", |status| status["power"] == "off");
+        control
+    };
+    let told = |control: &Control| {
+        let entries = journal(control);
+        let of_tool = |entry: &&Value| {
+            let text = entry["text"].as_str().unwrap();
+            text.contains("ended while tool 7 was to be changed: look which tool is in the spindle")
+        };
+        entries.iter().filter(of_tool).count()
+    };
+    let control = begun(tempfile::tempdir().unwrap());
+    control.ask(&["home"]).unwrap();
+    control.ask(&["mdi", "--no-wait", "T7 M6"]).unwrap();
+    control.wait_for("M6", |status| status["waiting"]["for"] == "tool-change");
+    let state = control.folder.path().join("state/state.json");
+    while !std::fs::read_to_string(&state)
+        .unwrap_or_default()
+        .contains("\"changing\": 7")
+    {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let control = begun(killed(control));
+    assert_eq!((told(&control), &status(&control)["tool"]), (1, &json!(0)));
+    // Of one that came to its end nothing is said.
+    control.ask(&["home"]).unwrap();
+    control.ask(&["mdi", "--no-wait", "T7 M6"]).unwrap();
+    control.wait_for("M6", |status| status["waiting"]["for"] == "tool-change");
+    control.ask(&["tool-changed"]).unwrap();
+    control.wait_for("the end", |status| status["job"] == "completed");
+    let control = begun(killed(control));
+    assert_eq!((told(&control), &status(&control)["tool"]), (1, &json!(7)));
+}
+
 /// Entries of the journal, as JSON.
 fn journal(control: &Control) -> Vec<Value> {
     let (code, said) = control.words(&["journal", "--json"]);

@@ -35,6 +35,9 @@ pub struct Remembered {
     pub joints: Vec<Place>,
     /// Tool in the spindle, 0: none.
     pub tool: u32,
+    /// Tool whose change had begun and was not done.
+    #[serde(default)]
+    pub changing: Option<u32>,
     pub parts: Parts,
     /// Programs that were run so far: the number of the last report.
     pub programs: u64,
@@ -235,6 +238,7 @@ mod tests {
             machine: "mill".into(),
             joints: vec![place(true, 1.25, 12_500), place(false, -0.1, -1_000)],
             tool: 5,
+            changing: Some(7),
             parts: Parts {
                 count: 17,
                 target: Some(50),

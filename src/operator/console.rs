@@ -25,6 +25,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, mpsc};
 use tracing::Level;
 
+/// What to do where nobody knows which tool is in the spindle.
+pub const LOOK_AT_TOOL: &str =
+    "look which tool is in the spindle, and which are in the pockets; isocnc mdi \"M61 Q5\" says that it is tool 5";
+
 /// Entries of the journal that are kept; older ones go.
 const JOURNAL_MAX: usize = 20_000;
 
@@ -137,6 +141,9 @@ pub struct Operator {
     overrides: [[f64; 2]; 3],
     /// What ended the last jog.
     obstruction: Option<String>,
+    /// The tool that is being changed, and those that have been since somebody asked.
+    changing_tool: Option<u32>,
+    changed_tools: Vec<u32>,
     /// Texts of the messages of the program (MSG, DEBUG) in their order, and how many have been shown.
     messages: Option<(mpsc::Receiver<Option<String>>, u32)>,
     /// What the report is made of.
@@ -182,6 +189,8 @@ impl Operator {
             needs_restart: false,
             overrides: [[100.0; 2]; 3],
             obstruction: None,
+            changing_tool: None,
+            changed_tools: Vec::new(),
             messages: None,
             recorder: Recorder::default(),
             programs: 0,
@@ -426,6 +435,16 @@ impl Operator {
     /// The texts of the messages of the next program come here, each before the machine comes to it; `None`: not for the journal.
     pub fn hear_messages(&mut self, texts: mpsc::Receiver<Option<String>>) {
         self.messages = Some((texts, 0));
+    }
+
+    /// The tool whose change has begun and is not done.
+    pub fn changing_tool(&self) -> Option<u32> {
+        self.changing_tool
+    }
+
+    /// Changes that were done since the last call, in their order.
+    pub(super) fn take_changed_tools(&mut self) -> Vec<u32> {
+        std::mem::take(&mut self.changed_tools)
     }
 
     /// The text of a message; `None`: it has been shown before, on the way forward, or is none for the journal.
@@ -737,6 +756,9 @@ impl Operator {
                 }
             }
             Notice::Action(action) => {
+                if let Action::ChangeTool { tool } = action {
+                    self.changing_tool = Some(tool);
+                }
                 let text = match action {
                     Action::Message { number } => self.message(number).map(|text| format!("message: {text}")),
                     _ => None,
@@ -771,7 +793,17 @@ impl Operator {
                 ),
             ),
             Notice::InStep { line, report } => self.note(time_s, format!("line {line}: {report}")),
-            Notice::ProgramEnded => self.program_ended = true,
+            Notice::ToolChanged { tool } => {
+                self.changing_tool = None;
+                self.changed_tools.push(tool);
+            }
+            Notice::ProgramEnded => {
+                self.program_ended = true;
+                if let Some(tool) = self.changing_tool.take() {
+                    let what = format!("warning: given up while tool {tool} was to be changed: {}", LOOK_AT_TOOL);
+                    self.note(time_s, what);
+                }
+            }
         }
     }
 

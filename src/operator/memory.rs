@@ -204,6 +204,7 @@ impl<'env> Memory<'env> {
         self.judge(operator);
         self.take(operator, now_ns);
         self.now.tool = operator.tool().unwrap_or(tool);
+        self.now.changing = operator.changing_tool();
         self.hand_over();
     }
 

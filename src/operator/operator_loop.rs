@@ -366,6 +366,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         let messages_reached = Arc::new(AtomicU32::new(0));
         let reached = Arc::clone(&messages_reached);
         let live = operator.shared();
+        live.pockets.set(tables.tools());
         let judged = match (task, self.clients.part()) {
             (Task::Once(_, overview), _) => Some(overview.tolerance_mm),
             (Task::StandBy, Some(part)) if !part.is_mdi() => Some(part.overview.tolerance_mm),

@@ -226,6 +226,7 @@ impl<'a, B: VirtualTime> Rehearsal<'a, B> {
     fn poll_operator(&mut self, now_ns: u64) {
         if let Some(position) = self.operator.poll(now_ns) {
             let (producer, consumer) = ring::channel(ring_capacity(self.config));
+            self.operator.shared().pockets.set(self.tables.tools());
             let (answers, results) = waits::line();
             let feeder = Feeder::new(self.config, &self.tables, self.text, position, producer);
             let (messages, heard) = mpsc::channel();

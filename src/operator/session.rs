@@ -24,7 +24,7 @@ use crate::host::wait::{Grid, monotonic_ns};
 use crate::machine::journal::{Entry, Journal};
 use crate::machine::state_file::{self, Opened, Remembered};
 use crate::machine::tables::{Tables, lock};
-use crate::operator::console::Operator;
+use crate::operator::console::{LOOK_AT_TOOL, Operator};
 use crate::operator::journal_keeper;
 use crate::operator::memory::{self, Memory};
 use crate::operator::operator_loop::{LoopTask, OperatorLoop, Running};
@@ -235,6 +235,7 @@ fn run_on(
         (Some(_), Task::Repeat(_)) | (None, _) => Remembered::default(),
     };
     lock(session.tables).set_tool_in_spindle(remembered.tool);
+    judge_tool(&lock(session.tables), &remembered, &mut operator);
     let mut memory = Memory::new(config, remembered);
     let mut running = Running {
         operator: match session.task {
@@ -377,6 +378,21 @@ fn recall(folder: &Path, machine: &str, operator: &mut Operator) -> Remembered {
         ));
     }
     remembered
+}
+
+/// What the operator should know of the tool in the spindle.
+fn judge_tool(tables: &Tables, remembered: &Remembered, operator: &mut Operator) {
+    let (in_table, last) = (tables.tool_in_spindle(), remembered.tool);
+    if let Some(tool) = remembered.changing {
+        operator.add_entry(format!(
+            "warning: the control ended while tool {tool} was to be changed: {LOOK_AT_TOOL}"
+        ));
+    } else if last != 0 && in_table != last {
+        operator.add_entry(format!(
+            "warning: the tool table has tool {in_table} in the spindle (pocket 0), and the control has last seen tool {last} there: \
+             {LOOK_AT_TOOL}"
+        ));
+    }
 }
 
 /// Opens the journal of the state folder, and lets the operator go on with it.

@@ -11,6 +11,7 @@ use crate::machine::safe_file::Disk;
 use crate::machine::tables::{self, Tables, lock};
 use crate::operator::console::Operator;
 use crate::operator::memory::Memory;
+use gcode::ToolChanger;
 use std::io;
 use std::sync::Mutex;
 use std::thread::{Scope, ScopedJoinHandle};
@@ -84,17 +85,36 @@ impl<'scope, 'env> Keeper<'scope, 'env> {
 
     /// Called in every turn of the loop. Waits for nothing.
     pub(super) fn look(&mut self, operator: &mut Operator, now_ns: u64) {
-        let tool = lock(self.tables).tool_in_spindle();
+        let changed = operator.take_changed_tools();
+        let tool = {
+            let mut tables = lock(self.tables);
+            for tool in &changed {
+                tables.tool_changed(*tool);
+            }
+            let is_kept = tables.has_files() && tables.tools().changer() == ToolChanger::Random;
+            self.handed_in += u64::from(is_kept && !changed.is_empty());
+            tables.tool_in_spindle()
+        };
+        // Where tools are is not to wait for the end of the program.
+        if self.treated < self.handed_in
+            && let Err(cause) = self.write(operator)
+        {
+            operator.add_entry(format!("warning: not kept: {cause}"));
+        }
         self.memory.look(operator, tool, now_ns);
     }
 
     /// Called while no program is under way. Waits for nothing.
     pub(super) fn poll(&mut self, operator: &mut Operator) -> io::Result<()> {
-        if self.writer.as_ref().is_some_and(ScopedJoinHandle::is_finished) {
-            self.join(operator);
-        }
         if let Some(tool) = operator.tool() {
             lock(self.tables).set_tool_in_spindle(tool);
+        }
+        self.write(operator)
+    }
+
+    fn write(&mut self, operator: &mut Operator) -> io::Result<()> {
+        if self.writer.as_ref().is_some_and(ScopedJoinHandle::is_finished) {
+            self.join(operator);
         }
         if self.treated < self.handed_in && self.writer.is_none() {
             self.writing = self.handed_in;

@@ -19,5 +19,6 @@ pub mod shared;
 pub mod spindle;
 pub mod thread;
 pub mod timeout;
+pub mod tool_pockets;
 pub mod waiting;
 pub mod way_back;

@@ -131,6 +131,10 @@ pub struct Pins {
     pub outputs: OutputPins,
     flood: Output<bool>,
     mist: Output<bool>,
+    tool_prepare: Output<bool>,
+    tool_prep_number: Output<u32>,
+    tool_prep_pocket: Output<i32>,
+    tool_prepared: Input<bool>,
     tool_change: Output<bool>,
     tool_number: Output<u32>,
     tool_changed: Input<bool>,
@@ -451,6 +455,11 @@ impl Pins {
             outputs: OutputPins::new(hal, config)?,
             flood: hal.output("iocontrol.0.coolant-flood")?,
             mist: hal.output("iocontrol.0.coolant-mist")?,
+            tool_prepare: hal.output("iocontrol.0.tool-prepare")?,
+            tool_prep_number: hal.output("iocontrol.0.tool-prep-number")?,
+            tool_prep_pocket: hal.output("iocontrol.0.tool-prep-pocket")?,
+            // A changer that prepares nothing is always ready.
+            tool_prepared: hal.input("iocontrol.0.tool-prepared", true)?,
             tool_change: hal.output("iocontrol.0.tool-change")?,
             tool_number: hal.output("iocontrol.0.tool-number")?,
             tool_changed: hal.input("iocontrol.0.tool-changed", false)?,
@@ -608,6 +617,10 @@ impl Pins {
     pub fn action_done(&mut self, action: Action) -> bool {
         match action {
             Action::ChangeTool { .. } => {
+                // The magazine still turns.
+                if self.tool_prepare.get() {
+                    return false;
+                }
                 // `tool-changed` still up from the change before must not answer for this one: it has to fall first.
                 if !self.tool_change_asked {
                     self.tool_change_asked = !self.tool_changed.get();
@@ -645,8 +658,24 @@ impl Pins {
         }
     }
 
+    /// Asks the changer to have a tool ready, while the program goes on. `pocket`: where it is, as far as anybody knows.
+    pub fn prepare_tool(&mut self, tool: u32, pocket: Option<u32>) {
+        self.tool_prep_number.set(tool);
+        self.tool_prep_pocket
+            .set(pocket.and_then(|pocket| i32::try_from(pocket).ok()).unwrap_or(-1));
+        self.tool_prepare.set(true);
+    }
+
+    /// Once a cycle: the tool may be ready, so that the change can begin.
+    pub fn see_prepared_tool(&mut self) {
+        if self.tool_prepare.get() && self.tool_prepared.get() {
+            self.tool_prepare.set(false);
+        }
+    }
+
     /// The operator says that the tool is changed.
     pub fn end_tool_change(&mut self) {
+        self.tool_prepare.set(false);
         self.tool_change.set(false);
     }
 
@@ -668,6 +697,7 @@ impl Pins {
         }
         self.mist.set(false);
         self.flood.set(false);
+        self.tool_prepare.set(false);
         self.tool_change.set(false);
     }
 

@@ -10,6 +10,7 @@ use crate::machine::faults::Fault;
 use crate::machine::state::State;
 use crate::rt::desk::Desk;
 use crate::rt::joint_jog::JogOrder;
+use crate::rt::tool_pockets::ToolPockets;
 use crate::rt::waiting::{Waiting, WaitingCell};
 use motion::canon::{AXES, Position};
 use motion::element::{Action, Enables};
@@ -109,6 +110,11 @@ pub enum Notice {
         /// How it went.
         report: SyncReport,
     },
+    /// The tool is in the spindle: what M6 or M61 wanted is done.
+    ToolChanged {
+        /// 0: none.
+        tool: u32,
+    },
     /// The program came to its end.
     ProgramEnded,
 }
@@ -165,6 +171,8 @@ pub struct RtStatus {
     remaining_s: AtomicU64,
     way: AtomicU64,
     elapsed_s: AtomicU64,
+    /// Where the tools are.
+    pub pockets: ToolPockets,
     /// One more than the number of the tool that the last change brought; 0: there was none.
     tool: AtomicU64,
     /// What a program waits for.
@@ -226,6 +234,7 @@ impl RtStatus {
             remaining_s: AtomicU64::new(0),
             way: AtomicU64::new(0),
             elapsed_s: AtomicU64::new(0),
+            pockets: ToolPockets::default(),
             tool: AtomicU64::new(0),
             waiting: WaitingCell::default(),
             switched_off: AtomicU64::new(0),
@@ -290,6 +299,7 @@ pub struct Snapshot {
 impl RtStatus {
     /// The spindle holds this tool from now on. RT.
     pub fn set_tool(&self, tool: u32) {
+        self.pockets.change(tool);
         self.tool.store(u64::from(tool) + 1, Relaxed);
     }
 

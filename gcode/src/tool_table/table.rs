@@ -152,6 +152,19 @@ impl ToolTable {
         Ok(())
     }
 
+    /// Tools are in the pockets in which another table has them; those that it does not have stay where they are.
+    pub fn take_pockets_of(&mut self, other: &ToolTable) {
+        for line in &mut self.lines {
+            if let Line::Tool { tool, text } = line
+                && let Some(pocket) = other.by_number(tool.number).map(|tool| tool.pocket)
+                && pocket != tool.pocket
+            {
+                tool.pocket = pocket;
+                *text = None;
+            }
+        }
+    }
+
     /// What a random tool changer does at a change: whatever is in one pocket comes into the other.
     pub fn swap_pockets(&mut self, one: u32, other: u32) {
         if one == other {

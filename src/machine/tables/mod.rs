@@ -211,7 +211,21 @@ impl Tables {
     /// Takes what a program left behind, but for the tool in the spindle: only the machine knows how far a program came.
     pub fn adopt(&mut self, left: gcode::Settings) {
         self.parameters = left.parameters.into_iter().collect();
-        self.tools = left.tools;
+        // What lines said that were read, and no more than that, is no change of a tool.
+        let before = std::mem::replace(&mut self.tools, left.tools);
+        if self.tools.changer() == ToolChanger::Random {
+            self.tools.take_pockets_of(&before);
+        }
+    }
+
+    /// The machine has put a tool into its spindle.
+    pub fn tool_changed(&mut self, tool: u32) {
+        self.tool_in_spindle = tool;
+        if self.tools.changer() == ToolChanger::Random
+            && let Some(pocket) = self.tools.by_number(tool).map(|tool| tool.pocket)
+        {
+            self.tools.swap_pockets(0, pocket);
+        }
     }
 
     /// The machine changed its tool.

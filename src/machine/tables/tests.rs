@@ -102,6 +102,25 @@ fn the_tool_in_the_spindle_is_that_of_pocket_0_or_the_last_change() {
         assert_eq!(lock(&tables).tool_in_spindle(), before);
         lock(&tables).set_tool_in_spindle(3);
         assert_eq!(lock(&tables).tool_in_spindle(), after);
+        // What the machine has done is, also in the file.
+        lock(&tables).tool_changed(3);
+        assert_eq!(lock(&tables).tool_in_spindle(), 3);
+        save(&mut Disk, &tables).unwrap();
+        let pockets = |tables: &Tables| [3, 5].map(|tool| tables.tools().by_number(tool).unwrap().pocket);
+        let wanted = if changer == ToolChanger::Random { [0, 1] } else { [1, 0] };
+        assert_eq!(pockets(&Tables::read(&machine.config).unwrap()), wanted);
+        // A program that was read ahead to a change which the machine has not done leaves no pocket changed, but measures.
+        let mut tools = lock(&tables).tools().clone();
+        tools.swap_pockets(0, 1);
+        let mut longer = tools.by_number(5).unwrap().clone();
+        longer.offset[Axis::Z] = 12.5;
+        tools.set(longer).unwrap();
+        take(&tables, &[], tools);
+        let tables = lock(&tables);
+        assert_eq!(tables.tools().by_number(5).unwrap().offset[Axis::Z], 12.5);
+        if changer == ToolChanger::Random {
+            assert_eq!(pockets(&tables), wanted);
+        }
     }
 }
 

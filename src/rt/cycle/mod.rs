@@ -207,6 +207,7 @@ impl<B: CyclicBus> MotionController<B> {
         self.parts.pins.spindle.update_feedback(&self.parts.inputs);
         self.parts.pins.show_inputs(&self.parts.inputs);
         self.parts.pins.inputs.look();
+        self.parts.pins.see_prepared_tool();
         if report.lost > 0 {
             self.parts.homer.input_lost();
         }
@@ -429,7 +430,7 @@ impl<B: CyclicBus> MotionController<B> {
             }
             if let Some(action) = self.sample.on_the_way {
                 self.notice(Notice::Action(action));
-                self.parts.pins.begin_action(action);
+                self.begin_action(action);
             }
             // A ramp to rest may just reach the end of a move: what stands behind it, a spindle say, must not begin then.
             if !wanted.hold(self.sample.enables)
@@ -445,7 +446,7 @@ impl<B: CyclicBus> MotionController<B> {
                     program.answer(Answer::Reached);
                 }
                 self.notice(Notice::Action(action));
-                self.parts.pins.begin_action(action);
+                self.begin_action(action);
             }
             let joints = &mut self.command_mm[..self.joints];
             let inverse = self
@@ -582,8 +583,18 @@ impl<B: CyclicBus> MotionController<B> {
         }
     }
 
+    fn begin_action(&mut self, action: Action) {
+        if let Action::SelectTool { tool } = action {
+            self.parts
+                .pins
+                .prepare_tool(tool, self.outlets.live.pockets.pocket(tool));
+        }
+        self.parts.pins.begin_action(action);
+    }
+
     fn tool_is_changed(&mut self, tool: u32) {
         self.outlets.live.set_tool(tool);
+        self.notice(Notice::ToolChanged { tool });
         self.end_wait();
     }
 
