@@ -5,7 +5,9 @@
 //!   interpolation, monitor, figures, copies of the process data. Budget: mean below 5 µs, 99.9 % below 20 µs; a control of
 //!   1999 took 53 µs for two axes. The exchange itself runs on a simulated wire, so that caches are no warmer than they may be.
 //!   Once with each cycle at its date, a millisecond apart and off the scheduler tick, as in the machine; once without a
-//!   pause, where the scheduler tick falls into every 500th cycle or so;
+//!   pause, where the scheduler tick falls into every 500th cycle or so. Then the same of 16 joints, all of which move: 99.9 %
+//!   below 60 µs;
+//! - how many cycles it takes from OPERATIONAL until drives are on, of 3, 6 and 16 of them, on virtual time: 200 ms at the most;
 //! - the interpolation of one set-point;
 //! - the figures of a cycle and their pins;
 //! - a whole cycle of the control on virtual time, with the simulated wire and machine in it;
@@ -68,13 +70,72 @@ fn median_ns(calls: u32, mut act: impl FnMut()) -> f64 {
 const CYCLES: u64 = 10_000;
 /// Spin before a cycle, ns.
 const SPIN_NS: u64 = 50_000;
-/// Nodes that the managing node has room for.
-const NODES: usize = 8;
+/// Joints of the large machine.
+const MANY: usize = 16;
+/// Longest that it may take to switch drives on, ms.
+const ENABLING_MS: u64 = 200;
 
-type Bus<'a> = Timed<Powerlink<'a, VirtualNet, NODES>>;
+type Bus<'a, const NODES: usize> = Timed<Powerlink<'a, VirtualNet, NODES>>;
+
+/// The demo mill with so many joints, an axis of it moved by every third one.
+fn machine(joints: usize) -> anyhow::Result<Config> {
+    let mut parts: Vec<String> = MACHINE.split("\n[[").map(str::to_owned).collect();
+    let of = |parts: &[String], what: &str| -> Vec<String> {
+        let parts = parts.iter().filter(|part| part.starts_with(what));
+        parts.cloned().collect()
+    };
+    let (nodes, of_joints) = (of(&parts, "bus.node]]"), of(&parts, "joint]]"));
+    parts.retain(|part| {
+        !["bus.node]]", "joint]]", "axis]]"]
+            .iter()
+            .any(|what| part.starts_with(what))
+            || part.contains("[offsets]")
+    });
+    let head = parts.remove(0);
+    // The last axis has the tables behind it.
+    let tail = MACHINE.find("\n[offsets]").map_or("", |at| &MACHINE[at..]);
+    let mut text = head;
+    for node in 0..joints {
+        let drive = nodes[node % 3].replace("-drive", &format!("{node}-drive"));
+        text += &format!(
+            "\n[[{}",
+            drive.replacen(&format!("id = {}", node % 3 + 1), &format!("id = {}", 21 + node), 1)
+        );
+    }
+    text += &format!("\n[[{}", nodes[3]);
+    for joint in 0..joints {
+        let of_joint = of_joints[joint % 3].replacen(
+            &format!("node = {}", joint % 3 + 1),
+            &format!("node = {}", 21 + joint),
+            1,
+        );
+        text += &format!("\n[[{of_joint}");
+    }
+    for (axis, letter) in ["X", "Y", "Z"].iter().enumerate() {
+        let moved: Vec<usize> = (axis..joints).step_by(3).collect();
+        text += &format!("\n[[axis]]\nletter = {letter:?}\njoints = {moved:?}\n");
+    }
+    // Seventeen nodes within a millisecond.
+    let text = (text + tail).replace("pres_timeout_us = 150", "pres_timeout_us = 40");
+    Ok(config::parse(&text, Path::new("mill.toml"))?)
+}
+
+/// Cycles from a network that is up until all drives are on.
+fn enabling_cycles(config: &Config) -> anyhow::Result<u64> {
+    rehearse(config, PROGRAM, NetConfig::clean(1), |run| {
+        anyhow::ensure!(run.run_until(60_000, |run| run.control.network_is_up())?, "no network");
+        let mut cycles = 0;
+        let is_on = run.run_until(60_000, |run| {
+            cycles += 1;
+            run.control.state() == State::Ready
+        });
+        anyhow::ensure!(is_on?, "drives did not go on");
+        Ok(cycles)
+    })
+}
 
 /// Times everything of a cycle but the exchange, in a thread as the cycle thread is one.
-fn compute_budget(config: &Config) -> anyhow::Result<()> {
+fn compute_budget<const NODES: usize>(config: &Config, budget: [Option<f64>; 2]) -> anyhow::Result<()> {
     let rt = Rt {
         keep_awake: Some(KeepAwake::None),
         // A real-time thread may lock nothing more once it runs, and this one makes its pins itself.
@@ -85,13 +146,14 @@ fn compute_budget(config: &Config) -> anyhow::Result<()> {
     for finding in &process.findings {
         println!("{finding}");
     }
-    println!("compute budget                        mean     p50     p99   p99.9     max  us, {CYCLES} cycles");
+    let joints = config.joints.len();
+    println!("compute budget, {joints:2} joints             mean     p50     p99   p99.9     max  us, {CYCLES} cycles");
     for (way, paced) in [("at its date", true), ("no pause", false)] {
         let busyness = Busyness::now();
         let timed = std::thread::scope(|scope| {
             let work = || {
                 drop(enter_thread(Role::Cycle, &process));
-                timed_cycles(config, paced)
+                timed_cycles::<NODES>(config, paced)
             };
             scope.spawn(work).join()
         });
@@ -104,18 +166,24 @@ fn compute_budget(config: &Config) -> anyhow::Result<()> {
             );
         }
         let figures = compute.summary();
-        let kept = figures.mean_us < 5.0 && figures.p99_9_us < 20.0;
-        println!(
-            "  budget, mean 5 and p99.9 20: {}",
-            if kept { "kept" } else { "MISSED" }
-        );
+        for (what, is, asked) in [
+            ("mean", figures.mean_us, budget[0]),
+            ("p99.9", figures.p99_9_us, budget[1]),
+        ] {
+            if let Some(asked) = asked {
+                println!(
+                    "  budget, {what} {asked}: {}",
+                    if is < asked { "kept" } else { "MISSED" }
+                );
+            }
+        }
         println!("  {}", busyness.line());
     }
     Ok(())
 }
 
 /// Boots, enables, homes and runs a program; gives the times of the cycles in which it runs, with and without the figures.
-fn timed_cycles(config: &Config, paced: bool) -> anyhow::Result<[Jitter; 2]> {
+fn timed_cycles<const NODES: usize>(config: &Config, paced: bool) -> anyhow::Result<[Jitter; 2]> {
     let plans = network::plan(config);
     let nodes = node_configs(&config.bus, &plans);
     let machine = SimMachine::new(config).map_err(|error| anyhow::anyhow!("{error}"))?;
@@ -171,8 +239,8 @@ fn timed_cycles(config: &Config, paced: bool) -> anyhow::Result<[Jitter; 2]> {
 }
 
 /// One cycle; how long it computed with and without figures, ns.
-fn cycle_ns(
-    control: &mut MotionController<Bus<'_>>,
+fn cycle_ns<const NODES: usize>(
+    control: &mut MotionController<Bus<'_, NODES>>,
     recorder: &mut Recorder,
     deadline_ns: u64,
     period_ns: u64,
@@ -203,7 +271,17 @@ fn cycle_ns(
 
 fn main() -> anyhow::Result<()> {
     let config = config::parse(MACHINE, Path::new("mill3-demo.toml"))?;
-    compute_budget(&config)?;
+    compute_budget::<8>(&config, [Some(5.0), Some(20.0)])?;
+    compute_budget::<{ MANY + 1 }>(&machine(MANY)?, [None, Some(60.0)])?;
+    for joints in [3, 6, MANY] {
+        let machine = machine(joints)?;
+        let cycles = enabling_cycles(&machine)?;
+        let ms = cycles * u64::from(machine.cycle_us) / 1000;
+        let kept = if ms <= ENABLING_MS { "kept" } else { "MISSED" };
+        println!(
+            "enabling {joints:2} drives  {cycles:6} cycles from OPERATIONAL, {ms} ms; budget {ENABLING_MS} ms: {kept}"
+        );
+    }
 
     let (producer, consumer) = ring::channel(ring_capacity(&config));
     let tables = Tables::read(&config)?;
