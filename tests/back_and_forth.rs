@@ -548,3 +548,117 @@ fn an_emergency_stop_in_the_stop_for_the_mains_leaves_no_retract_behind() {
     })
     .expect("a rehearsal");
 }
+
+#[test]
+fn a_jog_behind_a_resume_takes_it_back() {
+    let undisturbed = held_part(13, |_, _| {});
+    let left = held_part(13, |run, _| {
+        jog_by(run, 2, 20.0);
+        rest_away(run);
+        jog_by(run, 0, 40.0);
+        reach(run, "in motion", |run| run.operator.live().velocity_mm_s > 10.0);
+        // The hand has to come to rest first, and is back before it has.
+        run.operator.give(Command::Resume);
+        let _ = run.run_until(3, |_| false).unwrap();
+        assert!(run.operator.live().velocity_mm_s > 10.0);
+        jog_by(run, 0, -2.0);
+        rest_away(run);
+        let at = place(run);
+        let _ = run.run_until(1_000, |_| false).unwrap();
+        assert_eq!(
+            (run.control.state(), place(run)),
+            (State::Away, at),
+            "it goes back by itself"
+        );
+        way_back(run);
+    });
+    assert_eq!(left, undisturbed);
+}
+
+/// The leg that was broken off is not taken for done: the tool would go beside, or down, where it must not.
+#[test]
+fn a_probe_that_comes_into_contact_on_the_way_back_ends_it_there() {
+    let mut config = machine();
+    config.nets.retain(|net| net.source != "io.10.in-08");
+    rehearse(&config, PART.as_bytes(), NetConfig::clean(14), |run| {
+        reach_midst(run);
+        run.operator.give(Command::Hold);
+        reach_state(run, State::Held);
+        let held = place(run);
+        jog_by(run, 0, 12.0);
+        rest_away(run);
+        jog_by(run, 2, -3.0);
+        rest_away(run);
+        let below = place(run);
+        run.operator.give(Command::Resume);
+        reach(run, "on the way up", |run| place(run)[2] > below[2] + 1.0);
+        run.hal.set("motion.probe-input", true).unwrap();
+        rest_away(run);
+        let at = place(run);
+        assert!(at[2] < held[2] && at[0] == below[0], "{at:?}");
+        run.hal.set("motion.probe-input", false).unwrap();
+        for at in way_back(run) {
+            let is_beside = (at[0] - below[0]).abs() < 1e-9;
+            assert!(is_beside || (at[2] - held[2]).abs() < 1e-9, "{at:?}");
+        }
+        Ok(())
+    })
+    .unwrap();
+}
+
+#[test]
+fn an_override_at_0_rests_on_the_way_back() {
+    // What is left of the part is planned anew for the overrides.
+    let _ = held_part(15, |run, held| {
+        jog_by(run, 2, 20.0);
+        rest_away(run);
+        jog_by(run, 0, 60.0);
+        rest_away(run);
+        run.operator.give(Command::Resume);
+        let overrides = run.operator.shared();
+        // Beside at rapid speed, and slowly down at the end of it.
+        for (what, speed_mm_s) in [(Overridden::Rapid, 10.0), (Overridden::Feed, 1.0)] {
+            reach(run, "on its way", |run| {
+                let live = run.operator.live();
+                let slow = place(run)[2] < held[2] + 3.0;
+                live.state == State::Returning && live.velocity_mm_s > speed_mm_s && (what == Overridden::Rapid || slow)
+            });
+            overrides.overrides.order(what, 0.0).unwrap();
+            let _ = run.run_until(500, |_| false).unwrap();
+            let at = place(run);
+            let moved = run.run_until(300, |run| place(run) != at).unwrap();
+            assert!(
+                !moved && run.control.state() == State::Returning,
+                "{what:?}: {:?}",
+                run.operator.live()
+            );
+            overrides.overrides.order(what, 100.0).unwrap();
+        }
+        reach_state(run, State::Held);
+    });
+}
+
+#[test]
+fn a_limit_switch_ends_the_way_of_the_tool_out_of_the_work() {
+    let mut config = machine();
+    config.mains.retract_mm = 6.5;
+    rehearse(&config, PART.as_bytes(), NetConfig::clean(16), |run| {
+        reach_midst(run);
+        run.hal.set("iocontrol.0.mains-ok", false).unwrap();
+        reach_state(run, State::Stopping);
+        reach(run, "at rest on the path", |run| {
+            run.operator.live().velocity_mm_s == 0.0
+        });
+        let rest = place(run);
+        reach(run, "on its way", |run| place(run)[2] > rest[2] + 1.0);
+        run.hal.set("joint.2.pos-lim-sw-in", true).unwrap();
+        reach_state(run, State::Faulted);
+        let end = place(run);
+        assert!((1.0..4.5).contains(&(end[2] - rest[2])), "{rest:?} {end:?}");
+        for peaks in run.control.peaks() {
+            assert_eq!(peaks.over, [0; 3], "{peaks:?}");
+        }
+        Ok(())
+    })
+    .unwrap();
+}

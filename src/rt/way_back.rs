@@ -77,8 +77,13 @@ impl WayBack {
         self.ordered = false;
     }
 
-    /// Gives the hand its orders. `rapid`, `feed`: shares of the speeds, above 0 or nothing begins.
+    /// Gives the hand its orders. `rapid`, `feed`: shares of the speeds; at 0 it rests, others act from the next leg on.
     pub fn step(&mut self, place: &Place, hand: &mut JointJog, [rapid, feed]: [f64; 2]) -> Progress {
+        let share = |leg| if leg == Leg::Last { feed } else { rapid };
+        if self.ordered && share(self.leg) == 0.0 {
+            hand.release_all();
+            self.interrupt();
+        }
         if !hand.is_at_rest() {
             return Progress::Moving;
         }
@@ -93,12 +98,17 @@ impl WayBack {
                     false => return Progress::Elsewhere,
                 },
             };
-            // Nothing goes down beside its place.
-            if matches!(self.leg, Leg::Down) && !self.is_beside(place, hand) {
+            // Nothing goes beside below its place, nor down beside it: something else may have ended the leg.
+            let has_come = match self.leg {
+                Leg::Up | Leg::Last => true,
+                Leg::Beside => self.is_up(place, hand),
+                Leg::Down => self.is_beside(place, hand),
+            };
+            if !has_come {
                 return Progress::Elsewhere;
             }
         }
-        let share = if self.leg == Leg::Last { feed } else { rapid };
+        let share = share(self.leg);
         if share > 0.0 {
             self.order(place, hand, share);
         }
@@ -125,6 +135,16 @@ impl WayBack {
             };
             hand.go_by(number, distance, velocity);
         }
+    }
+
+    /// Whether all that lifts the tool is no lower than its place.
+    fn is_up(&self, place: &Place, hand: &JointJog) -> bool {
+        let in_world = hand.is_in_world();
+        let wanted: &[f64] = if in_world { &place.axes.0 } else { &place.joints_mm };
+        wanted.iter().enumerate().all(|(number, wanted)| {
+            let lifts = self.lifts[usize::from(in_world)] >> number & 1 == 1;
+            !lifts || hand.place(number).is_none_or(|at| at >= wanted - SLACK_MM)
+        })
     }
 
     /// Whether all that does not lift the tool is in its place.

@@ -516,6 +516,8 @@ impl<B: CyclicBus> MotionController<B> {
             // Out of a contact that was there before, the hand leads.
             if self.parts.probe_stops_jog && self.probe_in_contact == [false, true] {
                 self.parts.hand.stop();
+                // A way back is given up there.
+                self.goes_back = false;
                 self.notice(Notice::Touched);
             }
             self.parts.hand.step(&mut self.command_mm[..self.joints]);

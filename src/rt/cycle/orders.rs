@@ -301,8 +301,12 @@ impl<B: CyclicBus> MotionController<B> {
                 self.parts.hand.begin(&self.command_mm[..self.joints], homed, order);
             }
             (JogMotion::Keep | JogMotion::Release, State::Held) => return,
-            (JogMotion::Run { .. } | JogMotion::Advance { .. }, State::Away) if !self.parts.hand.is_active() => {
-                self.parts.hand.begin(&self.command_mm[..self.joints], homed, order);
+            // Whoever moves it does not want it back.
+            (JogMotion::Run { .. } | JogMotion::Advance { .. }, State::Away) => {
+                self.goes_back = false;
+                if !self.parts.hand.is_active() {
+                    self.parts.hand.begin(&self.command_mm[..self.joints], homed, order);
+                }
             }
             (JogMotion::Keep | JogMotion::Release, State::Away) if !self.parts.hand.is_active() => return,
             (JogMotion::Run { .. } | JogMotion::Advance { .. }, State::Ready) => {

@@ -166,7 +166,10 @@ impl<B: CyclicBus> MotionController<B> {
             self.fault_seen = true;
             self.notice(Notice::Fault { fault, first: true });
         } else if reaction == Reaction::ControlledStop {
-            // The first cause has set everything going.
+            // The first cause has set everything going; but nothing goes on onto a switch, as the tool may on its way out of the work.
+            if matches!(fault, Fault::LimitSwitch { .. }) && self.parts.hand.is_active() {
+                self.parts.hand.stop();
+            }
             return;
         }
         match (reaction, self.state) {
