@@ -179,6 +179,7 @@ fn it_turns_at_once_and_a_stop_or_a_fault_on_the_way_back_rests_on_the_path() {
             assert_eq!(end, if fault { Outcome::Faulted } else { Outcome::Stopped });
             assert_within_stop_limits(run);
             assert_on_path(&commands(run), &path, ARROW_MM);
+            assert!(!run.operator.live().reversing, "nothing runs any more");
         });
     }
 }

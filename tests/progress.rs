@@ -11,6 +11,7 @@ use isocnc::rt::overrides::Overridden::{self, Feed, Rapid};
 use isocnc::rt::shared::Command;
 use isocnc::sim::NetConfig;
 use motion::cancel::Cancel;
+use motion::canon::Position;
 use std::path::Path;
 
 /// Half a minute at feed, a few seconds of rapid moves, a dwell, corners, an arc, a loop.
@@ -45,7 +46,9 @@ fn said_and_was(run: &mut Rehearsal<'_>, outline: &Outline) -> Vec<(Option<f64>,
     let ended = run.run_until(CYCLES_MAX, |run| {
         let live = run.operator.live();
         if run.control.state() == State::Running && live.cycles % 500 == 0 {
-            let left = outline.left(live.way, shares(run)).expect("within the program");
+            let left = outline
+                .left(live.way, run.operator.shared().lead(), shares(run))
+                .expect("within the program");
             said.push((left.time_s, live.elapsed_s, left.done));
         }
         last_s = f64::max(last_s, live.elapsed_s);
@@ -87,7 +90,7 @@ fn at_half_the_feed_it_is_about_right_from_the_first_moment_on() {
     let (config, tables) = machine();
     let outline = outline(&config, &tables, PART, &Begin::at_home(&config));
     let as_programmed_s = outline
-        .left(0.0, [1.0, 1.0])
+        .left(0.0, (0, 0.0), [1.0, 1.0])
         .and_then(|left| left.time_s)
         .expect("known");
     rehearse(&config, PART.as_bytes(), NetConfig::clean(1), |run| {
@@ -111,7 +114,11 @@ fn with_no_feed_nobody_knows_and_what_is_done_stays_done() {
         assert!(there);
         turn(run, Feed, 0.0);
         run.run_until(2_000, |_| false)?;
-        let left = |run: &Rehearsal<'_>| outline.left(run.operator.live().way, shares(run)).expect("within it");
+        let left = |run: &Rehearsal<'_>| {
+            outline
+                .left(run.operator.live().way, run.operator.shared().lead(), shares(run))
+                .expect("within it")
+        };
         let held = left(run);
         assert_eq!(held.time_s, None);
         run.run_until(2_000, |_| false)?;
@@ -129,6 +136,25 @@ fn with_no_feed_nobody_knows_and_what_is_done_stays_done() {
         // Only rapid moves are left, which do not wait for it.
         turn(run, Feed, 0.0);
         assert!(left(run).time_s.expect("known") < 2.0);
+        Ok(())
+    })
+    .expect("a good program");
+}
+
+/// A program is checked when it is loaded, and run from wherever the machine is then.
+#[test]
+fn a_program_that_begins_elsewhere_than_it_was_checked_from_has_its_time_all_the_same() {
+    let (config, tables) = machine();
+    let far = Begin::Program {
+        at: Position::xyz(240.0, 140.0, -10.0),
+    };
+    let elsewhere = outline(&config, &tables, PART, &far);
+    let at_home = outline(&config, &tables, PART, &Begin::at_home(&config));
+    assert_ne!(elsewhere, at_home);
+    rehearse(&config, PART.as_bytes(), NetConfig::clean(1), |run| {
+        let said = said_and_was(run, &elsewhere);
+        // Behind the way there, which took another time.
+        assert_true(&said[2..], 0.05 * said[0].1);
         Ok(())
     })
     .expect("a good program");

@@ -86,6 +86,8 @@ impl<'env> Memory<'env> {
         let handed = remembered.clone();
         let mut now = remembered;
         now.joints.resize_with(config.joints.len(), Place::default);
+        let gone = now.mdi.len().saturating_sub(MDI_MAX);
+        now.mdi.drain(..gone);
         if let Some(program) = &mut now.program {
             program.result.get_or_insert_with(|| INTERRUPTED.to_owned());
         }
@@ -175,7 +177,7 @@ impl<'env> Memory<'env> {
             program.result = Some(result.to_owned());
             program.line = line;
         }
-        self.now.parts.count += u64::from(is_part);
+        self.now.parts.count = self.now.parts.count.saturating_add(u64::from(is_part));
     }
 
     /// Keeps the report of a program; `make` gives it for its number.
@@ -621,6 +623,23 @@ mod tests {
             assert!(places[0].homed && places[0].motor_mm.abs() < 1.0, "{places:?}");
             assert_eq!(places[1..], remembered.joints[1..]);
         });
+    }
+
+    /// Whoever has written `state.json` may have written anything into it.
+    #[test]
+    fn no_number_and_no_list_is_too_large() {
+        let config = machine(usual);
+        let mut remembered = Remembered {
+            programs: u64::MAX,
+            mdi: vec!["G0".into(); 5 * MDI_MAX],
+            ..at_home()
+        };
+        remembered.parts.count = u64::MAX;
+        let mut memory = Memory::new(&config, remembered);
+        assert_eq!(memory.now().mdi.len(), MDI_MAX);
+        memory.end_program("completed", true, 1);
+        assert_eq!(memory.now().parts.count, u64::MAX);
+        assert_eq!(memory.reports().next_number(u64::MAX), u64::MAX);
     }
 
     #[test]

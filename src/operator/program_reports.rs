@@ -79,7 +79,11 @@ impl Reports {
 
     /// Number of the next report; `programs`: how many programs there were as far as the state of the machine knows.
     pub(super) fn next_number(&self, programs: u64) -> u64 {
-        self.known.back().map_or(0, |last| last.number).max(programs) + 1
+        self.known
+            .back()
+            .map_or(0, |last| last.number)
+            .max(programs)
+            .saturating_add(1)
     }
 
     /// Keeps a report, bounded in size.

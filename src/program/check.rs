@@ -168,10 +168,11 @@ pub fn check<'t>(
     }
     overview.lines = overview.lines.max(feeder.line());
     let assumes = broken_off.or_else(|| feeder.assumes());
+    let lead = std::mem::take(&mut feeder.lead);
     let measure = feeder.sink();
     overview.time_s = measure.time_s();
     overview.real_time = measure.real_time_factor();
-    overview.outline = measure.outline().assuming(assumes);
+    overview.outline = measure.outline().assuming(assumes).leading(&lead);
     overview.tolerance_mm = feeder.tolerance_mm();
     Ok(overview)
 }

@@ -37,6 +37,7 @@ use motion::plan::workers::Workers;
 use motion::plan::{PathPlanner, PlanErrorKind, Programmed, Pumped, SpeedPlanner};
 use motion::ring::Sink;
 use motion::rt::probe::Answer;
+use outline::Lead;
 use path::PathNews;
 use records::Sayings;
 pub use settings::{interpreter_settings, settings_with};
@@ -208,6 +209,7 @@ pub struct Feeder<'t, S: Sink<Element>> {
     line: u32,
     /// The first thing that it asked the machine, and its line.
     assumed: Option<(u32, Awaited)>,
+    lead: Lead,
     ended: bool,
     /// Planned time of what probing moves left of their ways at a contact, s.
     left_s: f64,
@@ -280,6 +282,7 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             held: [false; 2],
             line: 0,
             assumed: None,
+            lead: Lead::default(),
             ended: false,
             left_s: 0.0,
             tolerance_mm: 0.0,
@@ -423,7 +426,13 @@ impl<'t, S: Sink<Element>> Feeder<'t, S> {
             self.line = part.line;
             self.tolerance_mm = part.tolerance_mm;
             self.left_s = part.left_s;
-            self.ideal.extend(self.batch.programmed.drain(..part.programmed));
+            for programmed in self.batch.programmed.drain(..part.programmed) {
+                self.lead.add(programmed.piece.length());
+                self.ideal.push(programmed);
+            }
+            if let Some(live) = &self.live {
+                live.set_lead(self.lead.now());
+            }
             for smoothed in self.batch.smoothed.drain(..part.smoothed) {
                 self.speed.push(smoothed);
             }

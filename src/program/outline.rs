@@ -57,6 +57,8 @@ pub struct Left {
 #[derive(Clone, Debug, Default)]
 pub struct Outline {
     rows: Arc<Vec<Row>>,
+    /// Length of the programmed path behind each of its first pieces.
+    lead: Arc<[f64]>,
     /// Why it may take another time, whatever the overrides.
     assumes: Option<Arc<str>>,
 }
@@ -64,7 +66,7 @@ pub struct Outline {
 impl PartialEq for Outline {
     /// Whether they are of the same check.
     fn eq(&self, other: &Outline) -> bool {
-        Arc::ptr_eq(&self.rows, &other.rows) && self.assumes == other.assumes
+        Arc::ptr_eq(&self.rows, &other.rows) && self.assumes == other.assumes && self.lead == other.lead
     }
 }
 
@@ -77,15 +79,31 @@ impl Outline {
         }
     }
 
+    /// The same of a program that begins so.
+    pub(super) fn leading(self, lead: &Lead) -> Outline {
+        Outline {
+            lead: lead.lengths.clone().into(),
+            ..self
+        }
+    }
+
     /// What it takes for granted: how inputs read, what programs of the user leave; `None`: nothing.
     pub fn assumes(&self) -> Option<&str> {
         self.assumes.as_deref()
     }
 
-    /// What is left behind a place, by the overrides of feed and of rapid moves (shares); `None`: the program goes on beyond its
+    /// How much longer the way of a run is than the one that was checked: it begins elsewhere, and is the same behind its first
+    /// pieces. `pieces` of them are known of the run, with their length.
+    fn longer(&self, (pieces, length): (u32, f64)) -> f64 {
+        let checked = (pieces as usize).checked_sub(1).and_then(|at| self.lead.get(at));
+        checked.map_or(0.0, |checked| length - checked)
+    }
+
+    /// What is left behind a place of a run whose path has begun so (pieces and their length), by the overrides of feed and of rapid moves (shares); `None`: the program goes on beyond its
     /// end as it was checked.
-    pub fn left(&self, way: f64, [feed, rapid]: [f64; 2]) -> Option<Left> {
+    pub fn left(&self, way: f64, lead: (u32, f64), [feed, rapid]: [f64; 2]) -> Option<Left> {
         let end = self.rows.last()?;
+        let way = (way - self.longer(lead)).max(0.0);
         if way > end.way * (1.0 + BEYOND) + 1.0 {
             return None;
         }
@@ -119,6 +137,29 @@ impl Outline {
             rapid_s: between(before.rapid_s, next.rapid_s),
             fixed_s: between(before.fixed_s, next.fixed_s),
         }
+    }
+}
+
+/// Pieces of the programmed path behind which it is the same from wherever the program begins.
+const LEAD_PIECES: usize = 32;
+
+/// How a program's path begins: it may do so elsewhere than where it was checked from.
+#[derive(Debug, Default)]
+pub(super) struct Lead {
+    lengths: Vec<f64>,
+}
+
+impl Lead {
+    /// The next piece of the path.
+    pub(super) fn add(&mut self, length: f64) {
+        if self.lengths.len() < LEAD_PIECES {
+            self.lengths.push(self.now().1 + length);
+        }
+    }
+
+    /// Pieces so far, and their length.
+    pub(super) fn now(&self) -> (u32, f64) {
+        (self.lengths.len() as u32, self.lengths.last().copied().unwrap_or(0.0))
     }
 }
 
@@ -160,6 +201,7 @@ impl Draft {
         rows.push(end);
         Outline {
             rows: Arc::new(rows),
+            lead: Arc::default(),
             assumes: None,
         }
     }
@@ -186,16 +228,16 @@ mod tests {
             outline.rows.len()
         );
         for at in [0.0, 1234.5, 9_999.0, 10_005.0] {
-            let left = outline.left(at, [1.0, 1.0]).unwrap();
+            let left = outline.left(at, (0, 0.0), [1.0, 1.0]).unwrap();
             assert!((left.time_s.unwrap() - (10_005.0 - at)).abs() < 1e-3, "{at}: {left:?}");
             assert!((left.done - at / 10_005.0).abs() < 1e-6, "{at}: {left:?}");
         }
-        assert_eq!(outline.left(10_200.0, [1.0, 1.0]), None);
+        assert_eq!(outline.left(10_200.0, (0, 0.0), [1.0, 1.0]), None);
     }
 
     #[test]
     fn a_program_without_motion_is_done() {
-        let left = Draft::default().finish(&[]).left(0.0, [0.0, 0.0]).unwrap();
+        let left = Draft::default().finish(&[]).left(0.0, (0, 0.0), [0.0, 0.0]).unwrap();
         assert_eq!((left.done, left.time_s), (1.0, Some(0.0)));
     }
 }

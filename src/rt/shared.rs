@@ -171,6 +171,8 @@ pub struct RtStatus {
     remaining_s: AtomicU64,
     way: AtomicU64,
     elapsed_s: AtomicU64,
+    /// Pieces at the beginning of the program's path, above their length (f32).
+    lead: AtomicU64,
     /// Where the tools are.
     pub pockets: ToolPockets,
     /// One more than the number of the tool that the last change brought; 0: there was none.
@@ -234,6 +236,7 @@ impl RtStatus {
             remaining_s: AtomicU64::new(0),
             way: AtomicU64::new(0),
             elapsed_s: AtomicU64::new(0),
+            lead: AtomicU64::new(0),
             pockets: ToolPockets::default(),
             tool: AtomicU64::new(0),
             waiting: WaitingCell::default(),
@@ -297,6 +300,18 @@ pub struct Snapshot {
 }
 
 impl RtStatus {
+    /// So many pieces of the path of the program have been planned, and are so long, mm; of the first ones only. Not of real time.
+    pub fn set_lead(&self, (pieces, length): (u32, f64)) {
+        let length = (length as f32).to_bits();
+        self.lead.store(u64::from(pieces) << 32 | u64::from(length), Relaxed);
+    }
+
+    /// What was set last.
+    pub fn lead(&self) -> (u32, f64) {
+        let word = self.lead.load(Relaxed);
+        ((word >> 32) as u32, f64::from(f32::from_bits(word as u32)))
+    }
+
     /// The spindle holds this tool from now on. RT.
     pub fn set_tool(&self, tool: u32) {
         self.pockets.change(tool);

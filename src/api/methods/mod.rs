@@ -224,7 +224,7 @@ impl Methods {
         };
         let shares = [Overridden::Feed, Overridden::Rapid].map(|what| self.live.overrides.share(what));
         let assumes = outline.assumes().map(str::to_owned);
-        match outline.left(way, shares) {
+        match outline.left(way, self.live.lead(), shares) {
             Some(Left { done, time_s }) => Progress {
                 remaining_s: time_s,
                 done_percent: Some(100.0 * done),

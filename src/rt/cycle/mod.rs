@@ -700,7 +700,7 @@ impl<B: CyclicBus> MotionController<B> {
             cycles: self.cycle,
             homed: self.homed(),
             line: self.sample.line,
-            reversing: self.reverse.is_some(),
+            reversing: self.program.is_some() && self.reverse.is_some(),
             single_block: self.single_block,
             optional_stop: self.optional_stop,
             velocity_mm_s: self.sample.velocity_mm_s,
