@@ -148,8 +148,9 @@ fn a_day_at_the_machine() {
     control.wait_for("running", |status| status["state"] == "running");
     control.refused(&["mdi", "G0 X1"], "a program runs");
     control.refused(&["jog", "X", "1"], "a program runs");
-    control.ask(&["hold"]).unwrap();
-    control.wait_for("held", |status| status["activity"] == "held");
+    done(&control, &["hold"], "at rest on the path; go on with: isocnc resume");
+    assert_eq!(status(&control)["activity"], "held");
+    done(&control, &["hold"], "at rest on the path; go on with: isocnc resume");
     // Away by hand, to look at the work, and back, with the way told.
     let held = work_mm(&control);
     done(
@@ -170,7 +171,11 @@ fn a_day_at_the_machine() {
         code == Some(0) && said.contains("returns to the path: Y") && said.contains("then Z down to"),
         "{said}"
     );
-    control.wait_for("held again", |status| status["activity"] == "held");
+    assert_eq!(
+        said.lines().last(),
+        Some("on the path again; go on with: isocnc resume")
+    );
+    assert_eq!(status(&control)["activity"], "held");
     for (back, held) in work_mm(&control).into_iter().zip(held) {
         assert_near(back, held);
     }

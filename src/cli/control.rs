@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Which control, and how to print.
 #[derive(Clone, Debug, Args)]
@@ -84,7 +84,7 @@ enum ProgramCommand {
         #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "from_line",
               value_parser = clap::value_parser!(u32).range(1..))]
         repeat: u32,
-        /// Dry: moves at feed run at this one, mm/min, spindle and coolant stay off, no part is counted
+        /// Dry: moves at feed run at this one, mm/min, spindle and coolant are not switched on, no part is counted
         #[arg(long, value_name = "FEED")]
         dry_run: Option<f64>,
         /// Return once the program has begun, not once it is over
@@ -228,6 +228,10 @@ pub enum Lasting {
     Program,
     /// Runs a line of G-code.
     Mdi,
+    /// Comes to rest on the path, keeps the program.
+    Hold,
+    /// Goes on after a hold; away from the path, returns to it.
+    Return,
 }
 
 /// Shows how a control is.
@@ -261,6 +265,11 @@ fn follow(args: &ControlArgs) -> anyhow::Result<ExitCode> {
     }
 }
 
+/// Longest that a machine takes to set out on its way back.
+const SETS_OUT: Duration = Duration::from_secs(2);
+
+const GOES_ON: &str = "go on with: isocnc resume";
+
 /// Gives an order without parameters that is carried out at once; `done` says what comes of it.
 fn order(args: &ControlArgs, method: &str, done: &str) -> anyhow::Result<ExitCode> {
     let answer = call(args, method, json!({}))?;
@@ -268,29 +277,35 @@ fn order(args: &ControlArgs, method: &str, done: &str) -> anyhow::Result<ExitCod
     Ok(ExitCode::SUCCESS)
 }
 
-/// Comes to rest on the path, keeps the program.
-///
-/// # Errors
-/// No control answers, or it refuses.
-pub fn hold(args: &ControlArgs) -> anyhow::Result<ExitCode> {
-    order(args, "hold", "comes to rest on the path; go on with: isocnc resume")
-}
-
 /// Goes on after a hold; away from the path, returns to it first.
-///
-/// # Errors
-/// No control answers, or it refuses.
-pub fn resume(args: &ControlArgs) -> anyhow::Result<ExitCode> {
-    let answer = call(args, "resume", json!({}))?;
-    let legs = answer["returns"]
-        .as_array()
-        .map(|legs| legs.iter().filter_map(Value::as_str));
-    let done = legs.map_or("goes on".to_owned(), |legs| {
-        let way = legs.collect::<Vec<_>>().join(", then ");
-        format!("returns to the path: {way}\nthere it waits: isocnc resume goes on")
-    });
-    print(args, &answer, &done);
-    Ok(ExitCode::SUCCESS)
+fn resume(args: &OrderArgs) -> anyhow::Result<ExitCode> {
+    let signal = StopSignal::install().context("signals")?;
+    let mut client = connect(&args.control)?;
+    let answer = client.call("resume", json!({}))?;
+    warn(&args.control, &answer);
+    let Some(legs) = answer["returns"].as_array() else {
+        print(&args.control, &answer, "goes on");
+        return Ok(ExitCode::SUCCESS);
+    };
+    let way = legs
+        .iter()
+        .filter_map(Value::as_str)
+        .collect::<Vec<_>>()
+        .join(", then ");
+    let way = format!("returns to the path: {way}");
+    if args.no_wait {
+        print(&args.control, &answer, &format!("{way}\nthere it waits; {GOES_ON}"));
+        return Ok(ExitCode::SUCCESS);
+    }
+    if !args.control.json {
+        terminal::say(&format!("{way}\n"));
+    }
+    // It sets out once the hand rests.
+    let give_up = Instant::now() + SETS_OUT;
+    while client.call("status", json!({}))?["state"] == "away" && Instant::now() < give_up {
+        std::thread::sleep(LOOK);
+    }
+    wait(&mut client, &args.control, Lasting::Return, &signal)
 }
 
 /// Gives up what the program waits for.
@@ -324,6 +339,8 @@ pub fn lasting(args: &OrderArgs, order: Lasting) -> anyhow::Result<ExitCode> {
         Lasting::Home => ("home", "homes; drives stay on"),
         Lasting::Program => ("program.start", "begun; see: isocnc status"),
         Lasting::Mdi => ("mdi", "begun"),
+        Lasting::Hold => ("hold", "comes to rest on the path; go on with: isocnc resume"),
+        Lasting::Return => return resume(args),
     };
     give(args, order, method, json!({}), |_| begun.to_owned())
 }
@@ -526,7 +543,13 @@ fn end_of(order: Lasting, status: &Value) -> Option<Result<String, String>> {
     // A control that was started for one program ends with it.
     let is_over = step == "done";
     let job = status["job"].as_str();
-    if job.is_none() && !is_over {
+    let lasts = match order {
+        // What waits rests as well.
+        Lasting::Hold => state == "running" && status["waiting"].is_null(),
+        Lasting::Return => state == "returning",
+        _ => job.is_none() && !is_over,
+    };
+    if lasts {
         return None;
     }
     let drives = match state {
@@ -542,11 +565,21 @@ fn end_of(order: Lasting, status: &Value) -> Option<Result<String, String>> {
         Lasting::Off if matches!(state, "ready" | "jogging") => None,
         Lasting::Stop if matches!(state, "jogging" | "stopping") => None,
         Lasting::Off | Lasting::Stop => Some(Ok(format!("at rest, {drives}"))),
+        Lasting::Hold => match state {
+            "running" | "held" | "away" => Some(Ok(format!("at rest on the path; {GOES_ON}"))),
+            // Of a jog.
+            "ready" | "jogging" => Some(Ok("comes to rest".into())),
+            _ => failed(format!("no program is held: the machine is {state} ({step})")),
+        },
+        Lasting::Return => match state {
+            "held" => Some(Ok(format!("on the path again; {GOES_ON}"))),
+            _ => failed(format!("not back on the path: the machine is {state} ({step})")),
+        },
         Lasting::On | Lasting::Home | Lasting::Program | Lasting::Mdi => match job {
             Some("completed") => Some(Ok(match order {
                 Lasting::Home => format!("homed; {drives}"),
                 Lasting::Program | Lasting::Mdi => format!("completed; {drives}"),
-                Lasting::On | Lasting::Off | Lasting::Stop => drives.to_owned(),
+                Lasting::On | Lasting::Off | Lasting::Stop | Lasting::Hold | Lasting::Return => drives.to_owned(),
             })),
             Some("stopped") => failed(format!("stopped before its end; {drives}")),
             _ => failed(format!("given up: the machine is {state} ({step})")),

@@ -78,10 +78,10 @@ enum Command {
     Jog(jog::JogArgs),
     /// Bring the program of a running control to rest on its path, and keep it.
     #[command(after_help = "Example: isocnc hold")]
-    Hold(control::ControlArgs),
+    Hold(control::OrderArgs),
     /// Go on after a hold, forward; in single block, with the next block.
     #[command(after_help = "Example: isocnc resume")]
-    Resume(control::ControlArgs),
+    Resume(control::OrderArgs),
     /// Leave out what the program waits for: a dwell, an input (M66), M0, M1; no move.
     #[command(after_help = "Example: isocnc skip")]
     Skip(control::ControlArgs),
@@ -184,8 +184,8 @@ pub fn main() -> ExitCode {
         Command::Tool(args) => tables::tool(args),
         Command::ToolChanged(args) => control::tool_changed(args),
         Command::Jog(args) => jog::jog(args),
-        Command::Hold(args) => control::hold(args),
-        Command::Resume(args) => control::resume(args),
+        Command::Hold(args) => control::lasting(args, control::Lasting::Hold),
+        Command::Resume(args) => control::lasting(args, control::Lasting::Return),
         Command::Skip(args) => control::skip(args),
         Command::Reverse(args) => control::reverse(args),
         Command::SingleBlock(args) => control::single_block(args),

@@ -181,12 +181,10 @@ fn the_day_itself(control: &Control) -> f64 {
     change_tool(control);
     at_line(control, 8);
     control.ask(&["hold"]).unwrap();
-    control.wait_for("held", |status| status["activity"] == "held");
     control.ask(&["jog", "Z", "8", "--speed", "60"]).unwrap();
     control.ask(&["jog", "Y", "6", "--speed", "60"]).unwrap();
     control.wait_for("away", |status| status["activity"] == "away");
     control.ask(&["resume"]).unwrap();
-    control.wait_for("held again", |status| status["activity"] == "held");
     control.ask(&["resume"]).unwrap();
     // The tool breaks: another one, longer, and on from the line before.
     at_line(control, 10);
