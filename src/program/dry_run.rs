@@ -1,4 +1,4 @@
-//! Dry run: moves at feed run at a feed that is set by hand, spindles and coolant stay off. All else is as programmed.
+//! Dry run: moves at feed run at a feed that is set by hand, spindles and coolant are not switched on. All else is as programmed.
 //!
 //! In:  canonical calls. Out: those that the planner is to hear in their place.
 //!
@@ -73,11 +73,10 @@ impl DryRun {
             | Call::SetSpindleMode { .. }
             | Call::SetSpindleSpeed { .. }
             | Call::StartSpindle { .. }
-            | Call::StopSpindle { .. }
             | Call::OrientSpindle { .. }
             | Call::WaitSpindleOriented { .. }
-            | Call::Mist(_)
-            | Call::Flood(_) => Dry::Dropped,
+            | Call::Mist(true)
+            | Call::Flood(true) => Dry::Dropped,
             _ => Dry::Passes { before: None },
         })
     }

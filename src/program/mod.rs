@@ -79,7 +79,7 @@ pub enum Begin {
         line: u32,
         approach: gcode::Approach,
     },
-    /// One of the others, but moves at feed run at this one (mm/s or degrees/s), spindles and coolant stay off.
+    /// One of the others, but moves at feed run at this one (mm/s or degrees/s), spindles and coolant are not switched on.
     Dry { begin: Box<Begin>, feed_s: f64 },
 }
 
