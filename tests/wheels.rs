@@ -5,6 +5,7 @@ use isocnc::machine::sequence::Job;
 use isocnc::machine::state::State;
 use isocnc::operator::console::Operator;
 use isocnc::operator::rehearsal::{Rehearsal, rehearse_with};
+use isocnc::rt::joint_jog::{JogMotion, JogOrder};
 use isocnc::rt::shared::Command;
 use isocnc::sim::NetConfig;
 use std::path::Path;
@@ -355,7 +356,98 @@ fn before_a_joint_is_homed_its_own_wheel_moves_it_slowly_and_that_of_its_axis_do
         }
         assert!((fastest - 15.0).abs() < 1e-6, "a tenth of 150: {fastest}");
         assert!((at(run, 0) - begin - 5.0).abs() < 1e-9, "{}", at(run, 0) - begin);
+        // No more than half a second ahead at that speed.
+        set(run, "joint.0.jog-counts", 100_000);
+        wait(run, 3_000);
+        let way = at(run, 0) - begin - 5.0;
+        assert!((way - 7.5).abs() < 1e-9, "{way}");
         Ok(())
     })
     .unwrap();
+}
+
+/// An increment of X by 200 mm at 150 mm/s, which a hand has to be on.
+fn increment() -> Command {
+    Command::Jog(JogOrder {
+        acceleration_share: 1.0,
+        unhomed: false,
+        joints: 1,
+        axis: None,
+        motion: JogMotion::Advance {
+            distance_mm: 200.0,
+            velocity_mm_s: 150.0,
+        },
+    })
+}
+
+#[test]
+fn a_wheel_knows_nothing_of_an_increment_that_an_emergency_stop_has_ended() {
+    homed(MILL, |run| {
+        run.operator.give(increment());
+        wait(run, 150);
+        assert_eq!(run.control.state(), State::Jogging);
+        run.operator.estop();
+        let reach = |run: &mut Rehearsal<'_>, state| {
+            assert!(run.run_until(CYCLES_MAX, |run| run.control.state() == state).unwrap());
+        };
+        reach(run, State::Estop);
+        run.operator.give(Command::EstopReset);
+        reach(run, State::Disabled);
+        wait(run, 20);
+        let now_ns = run.now_ns();
+        assert!(run.operator.begin(now_ns, Job::On));
+        rest(run);
+        let begin = at(run, 0);
+        set(run, "axis.x.jog-scale", 0.1);
+        set(run, "axis.x.jog-enable", true);
+        wait(run, 5);
+        set(run, "axis.x.jog-counts", 1);
+        wait(run, 2_000);
+        assert!((at(run, 0) - begin - 0.1).abs() < 1e-9, "{}", at(run, 0) - begin);
+    });
+}
+
+#[test]
+fn a_wheel_that_rests_is_no_hand_on_the_jog_of_somebody_else() {
+    homed(MILL, |run| {
+        set(run, "axis.x.jog-enable", true);
+        wait(run, 5);
+        let begin = at(run, 0);
+        run.operator.give(increment());
+        wait(run, 3_000);
+        let way = at(run, 0) - begin;
+        assert!(way > 5.0 && way < 60.0, "let go after 0.2 s: {way}");
+        assert_eq!(run.control.state(), State::Ready);
+    });
+}
+
+#[test]
+fn an_emergency_stop_behind_a_reset_is_not_reset_by_it() {
+    homed(MILL, |run| {
+        let reach = |run: &mut Rehearsal<'_>, state| {
+            assert!(run.run_until(CYCLES_MAX, |run| run.control.state() == state).unwrap());
+        };
+        run.operator.estop();
+        reach(run, State::Estop);
+        run.operator.give(Command::EstopReset);
+        reach(run, State::Disabled);
+        run.operator.estop();
+        reach(run, State::Estop);
+        wait(run, 200);
+        assert_eq!(run.control.state(), State::Estop);
+        // Both at once: the stop counts.
+        set(run, "halui.estop.activate", true);
+        set(run, "halui.estop.reset", true);
+        wait(run, 200);
+        assert_eq!(run.control.state(), State::Estop);
+        // Where other orders leave no room, too.
+        run.operator.give(Command::EstopReset);
+        reach(run, State::Disabled);
+        for _ in 0..1_000 {
+            run.operator.give(Command::Hold);
+        }
+        run.operator.estop();
+        wait(run, 2);
+        assert_eq!(run.control.state(), State::Estop);
+    });
 }

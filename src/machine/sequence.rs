@@ -242,6 +242,27 @@ impl Sequence {
         }
     }
 
+    /// The machine was in no state to begin what was ordered last; whether that ends the job.
+    pub fn not_begun(&mut self) -> bool {
+        let is_job = matches!(self.step, Step::Home | Step::Program) && self.ordered;
+        if is_job {
+            self.outcome = Outcome::Stopped;
+            self.step = self.behind_job();
+            self.ordered = false;
+        }
+        is_job
+    }
+
+    /// The step whose order is due, if it is one that brings the machine to rest or down: that needs no state.
+    pub fn order_end(&mut self) -> Option<Step> {
+        let is_end = matches!(self.step, Step::Stop | Step::Disable | Step::ShutDown);
+        if !is_end || self.ordered {
+            return None;
+        }
+        self.ordered = true;
+        Some(self.step)
+    }
+
     /// The set of joints that [`Step::Home`] homes next (bit n: joint n); 0: all are homed.
     pub fn joints_to_home(&self) -> u64 {
         self.homing.last().copied().unwrap_or(0)
@@ -633,5 +654,40 @@ mod tests {
         sequence.poll(SECOND, State::Disabled, false);
         sequence.poll(SECOND, State::Down, false);
         assert_eq!(sequence.outcome(), Some(Outcome::Stopped));
+    }
+
+    #[test]
+    fn a_job_that_the_machine_does_not_begin_is_over() {
+        let mut sequence = Sequence::new(0, &[]).standing_by();
+        let home = vec![0b111];
+        sequence.begin(SECOND, State::Disabled, Job::Program { home, runs: 2 });
+        assert_eq!(
+            due(&mut sequence, SECOND, State::Disabled, false),
+            Some((Step::Enable, 0))
+        );
+        assert!(!sequence.not_begun(), "drives go on by themselves");
+        assert_eq!(
+            due(&mut sequence, SECOND, State::Ready, false),
+            Some((Step::Home, 0b111))
+        );
+        assert!(sequence.not_begun());
+        assert_eq!(
+            (sequence.step(), sequence.job_outcome()),
+            (Step::StandBy, Some(Outcome::Stopped))
+        );
+        assert_eq!(due(&mut sequence, SECOND, State::Ready, false), None);
+    }
+
+    #[test]
+    fn an_end_is_ordered_once_whatever_else_is_ordered() {
+        let mut sequence = Sequence::new(0, &[]).standing_by();
+        let home = Vec::new();
+        sequence.begin(SECOND, State::Ready, Job::Program { home, runs: 1 });
+        assert_eq!(sequence.order_end(), None);
+        sequence.stop(SECOND);
+        assert_eq!(sequence.order_end(), Some(Step::Stop));
+        assert_eq!(sequence.order_end(), None);
+        assert_eq!(sequence.poll(SECOND, State::Stopping, false), None);
+        assert_eq!(sequence.step(), Step::Stop);
     }
 }

@@ -105,6 +105,7 @@ pub struct Operator {
     records: bool,
     programs: u64,
     program_ended: bool,
+    stop_pressed: bool,
     cycle_s: f64,
     node_names: Vec<String>,
     joint_names: Vec<String>,
@@ -160,6 +161,7 @@ impl Operator {
             records: true,
             orders_given: 0,
             program_ended: false,
+            stop_pressed: false,
             cycle_s: f64::from(config.cycle_us) * 1e-6,
             node_names: config
                 .bus
@@ -408,10 +410,12 @@ impl Operator {
         self.note_overrides();
         let live = self.live();
         // The state counts only once it is that of the last order; a thread that hangs takes none.
-        if live.orders_taken < self.orders_given && live.state != State::Silenced {
-            return None;
-        }
-        let command = match self.sequence.poll(now_ns, live.state, self.program_ended)? {
+        let step = match live.orders_taken < self.orders_given && live.state != State::Silenced {
+            // Nobody keeps the machine from an end by orders of his own.
+            true => self.sequence.order_end(),
+            false => self.sequence.poll(now_ns, live.state, self.program_ended),
+        };
+        let command = match step? {
             Step::Program => return Some(live.position),
             Step::Enable => Command::Enable,
             Step::Home => Command::Home(self.sequence.joints_to_home()),
@@ -559,10 +563,27 @@ impl Operator {
 
     /// Gives an order that does not belong to the sequence.
     pub fn give(&mut self, command: Command) {
-        // The ring is emptied every cycle and far longer than the orders of one; a full one means that no cycle runs.
-        if self.endpoints.commands.push(command).is_ok() {
-            self.orders_given += 1;
+        self.is_given(command);
+    }
+
+    /// Whether there was room for it: the ring is emptied every cycle and far longer than what is ordered in one, unless somebody
+    /// floods it.
+    fn is_given(&mut self, command: Command) -> bool {
+        let given = self.endpoints.commands.push(command).is_ok();
+        self.orders_given += u64::from(given);
+        given
+    }
+
+    /// Orders an emergency stop, for which there is always room.
+    pub fn estop(&mut self) {
+        if !self.is_given(Command::Estop) {
+            self.endpoints.live.order_estop();
         }
+    }
+
+    /// Whether somebody has pressed the stop pin since the last call: an end of all that is under way or about to begin.
+    pub fn take_stop_pressed(&mut self) -> bool {
+        std::mem::take(&mut self.stop_pressed)
     }
 
     /// Whether what the machine shows is what came of all orders given.
@@ -796,6 +817,13 @@ impl Operator {
             Notice::ToolChanged { tool } => {
                 self.changing_tool = None;
                 self.changed_tools.push(tool);
+            }
+            Notice::StopPressed => self.stop_pressed = true,
+            Notice::NotBegun => {
+                if self.sequence.not_begun() {
+                    let what = "warning: not begun, for the machine was not ready for it: isocnc status";
+                    self.note(time_s, what.into());
+                }
             }
             Notice::ProgramEnded => {
                 self.program_ended = true;

@@ -53,6 +53,8 @@ struct Wheel {
     acceleration: Input<f64>,
     counts_before: i32,
     enabled_before: bool,
+    /// What is under way is what it has ordered: it goes on without a hand on it, for as long as that takes.
+    leads: bool,
 }
 
 impl Wheel {
@@ -66,11 +68,12 @@ impl Wheel {
             acceleration: hal.input(&format!("{name}.jog-accel-fraction"), 1.0)?,
             counts_before: 0,
             enabled_before: false,
+            leads: false,
         })
     }
 
-    /// Up to two orders, the first one first.
-    fn take(&mut self, hand: &JointJog) -> [Option<JogOrder>; 2] {
+    /// Up to two orders, the first one first; joints of `homed` know where they are (bit n: joint n).
+    fn take(&mut self, hand: &JointJog, homed: u64) -> [Option<JogOrder>; 2] {
         let (counts, enabled) = (self.counts.get(), self.enable.get());
         let turned = counts.wrapping_sub(std::mem::replace(&mut self.counts_before, counts));
         let was_enabled = std::mem::replace(&mut self.enabled_before, enabled);
@@ -82,10 +85,14 @@ impl Wheel {
         let wanted_mm = f64::from(turned) * self.scale.get();
         if turned == 0 || !wanted_mm.is_finite() || wanted_mm == 0.0 {
             // A wheel that rests is no hand on a key: what is ordered next need not wait until it is switched off.
-            let goes_on = hand.arrears(self.what.number) != 0.0;
-            return [goes_on.then(|| self.what.order(JogMotion::Keep)), None];
+            self.leads &= hand.arrears(self.what.number) != 0.0;
+            return [self.leads.then(|| self.what.order(JogMotion::Keep)), None];
         }
-        let velocity_mm_s = self.what.fastest_mm_s;
+        self.leads = true;
+        let mut velocity_mm_s = self.what.fastest_mm_s;
+        if self.what.is_joint {
+            velocity_mm_s = velocity_mm_s.min(hand.fastest_of_joint(self.what.number, homed));
+        }
         if self.velocity_mode.get() {
             // From where it would come to rest: the motion ends with the wheel.
             let advance = JogMotion::Advance {
@@ -271,9 +278,9 @@ impl JogPins {
     }
 
     /// What one of them wants, called once a cycle.
-    pub fn take(&mut self, number: usize, hand: &JointJog) -> [Option<JogOrder>; 2] {
+    pub fn take(&mut self, number: usize, hand: &JointJog, homed: u64) -> [Option<JogOrder>; 2] {
         if let Some(wheel) = self.wheels.get_mut(number) {
-            return wheel.take(hand);
+            return wheel.take(hand, homed);
         }
         let (speed_mm_s, deadband) = (self.speed.get() / 60.0, self.deadband.get());
         let keys = self.keys.get_mut(number - self.wheels.len());

@@ -276,13 +276,26 @@ impl JointJog {
             Some(world) => world.fastest(number),
             None => match self.joints.get(number) {
                 Some(joint) if joint.homed => joint.fastest_mm_s,
-                // The slowest of those that move together.
-                Some(leader) => {
-                    let joints = self.joints.iter().filter(|joint| joint.leader == leader.leader);
-                    joints.fold(leader.fastest_mm_s, |least, joint| least.min(joint.unhomed_mm_s))
-                }
+                Some(_) => self.fastest_lost(number),
                 None => 0.0,
             },
+        }
+    }
+
+    /// Greatest speed of a joint that is not homed, mm/s: of the slowest of those that move together.
+    fn fastest_lost(&self, number: usize) -> f64 {
+        let Some(leader) = self.joints.get(number) else {
+            return 0.0;
+        };
+        let joints = self.joints.iter().filter(|joint| joint.leader == leader.leader);
+        joints.fold(leader.fastest_mm_s, |least, joint| least.min(joint.unhomed_mm_s))
+    }
+
+    /// Greatest speed by hand of a joint, of those that are `homed` (bit n: joint n), before the hand has begun, mm/s.
+    pub fn fastest_of_joint(&self, number: usize, homed: u64) -> f64 {
+        match self.joints.get(number) {
+            Some(joint) if self.together(joint.leader) & !homed == 0 => joint.fastest_mm_s,
+            _ => self.fastest_lost(number),
         }
     }
 
@@ -295,9 +308,10 @@ impl JointJog {
         }
     }
 
-    /// How far an axis or a joint that leads still has to go for the increments that it was given, mm.
+    /// How far an axis or a joint that leads still has to go for the increments that it was given, mm; 0 once the hand is off.
     pub fn arrears(&self, number: usize) -> f64 {
         match self.world() {
+            _ if !self.active => 0.0,
             Some(world) => world.arrears(number),
             None => self.jog.arrears(number),
         }

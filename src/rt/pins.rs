@@ -549,6 +549,11 @@ impl Pins {
         self.estop.pulse = RESET_PULSE;
     }
 
+    /// Asks no longer.
+    pub fn forget_enable(&mut self) {
+        self.estop.pulse = 0;
+    }
+
     /// Whether the latch is still being asked.
     pub fn is_enable_requested(&self) -> bool {
         self.estop.pulse > 0

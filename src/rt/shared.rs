@@ -79,6 +79,10 @@ pub enum Command {
 pub enum Notice {
     /// The machine changed its state.
     State(State),
+    /// The stop pin was pressed.
+    StopPressed,
+    /// A program or homing was ordered in a state in which neither begins.
+    NotBegun,
     /// Something happened on the bus.
     Bus(BusEvent),
     /// A fault; the first one since the last acknowledge names the cause.
@@ -155,6 +159,8 @@ pub struct RtStatus {
     pub desk: Desk,
     /// Shown in place of every state of the cycle thread, which may be unable to show one.
     silenced: AtomicBool,
+    /// An emergency stop was ordered, and not taken yet.
+    estop: AtomicBool,
     state: AtomicU8,
     enables: AtomicU8,
     orders_taken: AtomicU64,
@@ -220,6 +226,7 @@ impl RtStatus {
             overrides,
             desk: Desk::default(),
             silenced: AtomicBool::new(false),
+            estop: AtomicBool::new(false),
             enables: AtomicU8::new(0),
             state: AtomicU8::new(State::Booting as u8),
             orders_taken: AtomicU64::new(0),
@@ -310,6 +317,16 @@ impl RtStatus {
     pub fn lead(&self) -> (u32, f64) {
         let word = self.lead.load(Relaxed);
         ((word >> 32) as u32, f64::from(f32::from_bits(word as u32)))
+    }
+
+    /// Orders an emergency stop, from any thread.
+    pub fn order_estop(&self) {
+        self.estop.store(true, Relaxed);
+    }
+
+    /// Whether an emergency stop was ordered since the last call. RT.
+    pub fn take_estop(&self) -> bool {
+        self.estop.load(Relaxed) && self.estop.swap(false, Relaxed)
     }
 
     /// The spindle holds this tool from now on. RT.

@@ -89,6 +89,9 @@ impl WayBack {
         }
         if self.ordered {
             self.ordered = false;
+            if !self.has_arrived(place, hand) {
+                return Progress::Elsewhere;
+            }
             self.leg = match self.leg {
                 Leg::Up => Leg::Beside,
                 Leg::Beside => Leg::Down,
@@ -98,15 +101,6 @@ impl WayBack {
                     false => return Progress::Elsewhere,
                 },
             };
-            // Nothing goes beside below its place, nor down beside it: something else may have ended the leg.
-            let has_come = match self.leg {
-                Leg::Up | Leg::Last => true,
-                Leg::Beside => self.is_up(place, hand),
-                Leg::Down => self.is_beside(place, hand),
-            };
-            if !has_come {
-                return Progress::Elsewhere;
-            }
         }
         let share = share(self.leg);
         if share > 0.0 {
@@ -137,23 +131,19 @@ impl WayBack {
         }
     }
 
-    /// Whether all that lifts the tool is no lower than its place.
-    fn is_up(&self, place: &Place, hand: &JointJog) -> bool {
+    /// Whether a leg has led where it should: nothing goes sideways that is not up, and nothing down beside its place.
+    fn has_arrived(&self, place: &Place, hand: &JointJog) -> bool {
         let in_world = hand.is_in_world();
         let wanted: &[f64] = if in_world { &place.axes.0 } else { &place.joints_mm };
         wanted.iter().enumerate().all(|(number, wanted)| {
+            let Some(at) = hand.place(number) else { return true };
             let lifts = self.lifts[usize::from(in_world)] >> number & 1 == 1;
-            !lifts || hand.place(number).is_none_or(|at| at >= wanted - SLACK_MM)
-        })
-    }
-
-    /// Whether all that does not lift the tool is in its place.
-    fn is_beside(&self, place: &Place, hand: &JointJog) -> bool {
-        let in_world = hand.is_in_world();
-        let wanted: &[f64] = if in_world { &place.axes.0 } else { &place.joints_mm };
-        wanted.iter().enumerate().all(|(number, wanted)| {
-            let lifts = self.lifts[usize::from(in_world)] >> number & 1 == 1;
-            lifts || hand.place(number).is_none_or(|at| (at - wanted).abs() <= SLACK_MM)
+            match (self.leg, lifts) {
+                (Leg::Up, true) => at >= wanted - SLACK_MM,
+                (Leg::Beside, false) => (at - wanted).abs() <= SLACK_MM,
+                (Leg::Down, true) => at <= wanted + SLOW_MM + SLACK_MM,
+                _ => true,
+            }
         })
     }
 }

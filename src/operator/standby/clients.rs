@@ -218,6 +218,9 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         if std::mem::replace(&mut self.switched_off[0], switched_off) != switched_off {
             self.switch_modes_off();
         }
+        if operator.take_stop_pressed() {
+            self.stop(operator, now_ns);
+        }
         // Orders first: a stop reaches a program that would begin in this turn.
         let mut answers = Vec::new();
         self.follow_pins(operator, keeper);
@@ -466,16 +469,13 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 _ => Err("nothing waits for a tool: isocnc status tells how the machine is".into()),
             },
             Order::Stop => {
-                self.refuse_queue("stopped before it began");
-                if !self.give_up_check() {
-                    operator.stop(now_ns);
-                }
+                self.stop(operator, now_ns);
                 Ok(())
             }
             Order::Estop => {
                 self.give_up_check();
                 self.refuse_queue("emergency stop");
-                operator.give(Command::Estop);
+                operator.estop();
                 Ok(())
             }
             Order::EstopReset => {
@@ -488,6 +488,13 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             }
         };
         Ok(Some(done.map(|()| json!({}))))
+    }
+
+    /// An end of all that is under way or about to begin.
+    pub(in crate::operator) fn stop(&mut self, operator: &mut Operator, now_ns: u64) {
+        self.refuse_queue("stopped before it began");
+        self.give_up_check();
+        operator.stop(now_ns);
     }
 
     /// Whoever wants a stop while a program is being checked does not want it to begin behind that. False: there is none.
@@ -753,7 +760,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         }
         if let Some(feed) = part.dry_feed_min() {
             operator.add_entry(format!(
-                "dry run: moves at feed run at {feed} mm/min, spindle and coolant stay off"
+                "dry run: moves at feed run at {feed} mm/min, spindle and coolant are not switched on"
             ));
         }
         self.switched_off[1] = switched_off;

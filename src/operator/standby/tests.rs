@@ -25,6 +25,13 @@ fn run_order() -> Order {
     })
 }
 
+fn endless() -> Source {
+    Source::Text {
+        name: "endless".into(),
+        text: "G21 G90 F100\no1 while [1]\nG1 X1\nX2\no1 endwhile\nM2\n".into(),
+    }
+}
+
 /// Clients of a machine that stands by, its drives off.
 fn while_standing_by(act: impl FnOnce(&mut Rehearsal<'_>, Clients<'_, '_>, &OrderClient)) {
     let machine = include_str!("../../../configs/mill3-demo.toml");
@@ -160,12 +167,7 @@ fn jogs_that_come_in_one_turn_are_all_taken() {
 /// Else the thread goes on for as long as the limits of a check allow, and the next program is refused meanwhile.
 #[test]
 fn the_check_of_a_program_that_nobody_wants_any_more_ends_at_once() {
-    let endless = || {
-        Order::Run(Source::Text {
-            name: "endless".into(),
-            text: "G21 G90 F100\no1 while [1]\nG1 X1\nX2\no1 endwhile\nM2\n".into(),
-        })
-    };
+    let endless = || Order::Run(endless());
     while_standing_by(|run, mut clients, client| {
         let giving_up = [
             |_: &mut Clients<'_, '_>, client: &OrderClient| client.put(2, Order::Stop).unwrap(),
@@ -272,5 +274,67 @@ fn pins_switch_block_delete_while_nothing_runs_and_count_parts_from_0() {
                 .starts_with("pin: block-delete refused: joints are being homed")
         });
         assert_eq!(refused.count(), 1);
+    });
+}
+
+#[test]
+fn a_stop_ends_what_moves_beside_the_check_of_a_program() {
+    let endless = || Order::Load(endless());
+    while_standing_by(|run, mut clients, client| {
+        for by_pin in [false, true] {
+            let now_ns = run.now_ns();
+            let home = run.operator.homing_order(u64::MAX);
+            assert!(run.operator.begin(now_ns, Job::Home(home)));
+            assert!(
+                run.run_until(60_000, |run| run.control.state() == State::Homing)
+                    .unwrap()
+            );
+            client.put(1, endless()).unwrap();
+            serve_clients(run, &mut clients);
+            assert!(clients.checking.is_some());
+            if by_pin {
+                run.hal.set("halui.program.stop", true).unwrap();
+                run.cycle(0).unwrap();
+            } else {
+                client.put(2, Order::Stop).unwrap();
+            }
+            let stopped = run.run_until(200, |run| {
+                serve_clients(run, &mut clients);
+                run.control.state() != State::Homing
+            });
+            assert!(stopped.unwrap(), "by the pin: {by_pin}");
+            assert!(
+                run.run_until(60_000, |run| run.operator.step() == Step::StandBy)
+                    .unwrap()
+            );
+            assert_eq!(run.operator.not_homed(), 7);
+            while clients.checking.is_some() {
+                std::thread::yield_now();
+                serve_clients(run, &mut clients);
+            }
+            while client.answer().is_some() {}
+        }
+    });
+}
+
+/// Nothing moves yet, but the program would behind the check.
+#[test]
+fn the_stop_of_the_panel_ends_the_check_of_a_program() {
+    while_standing_by(|run, mut clients, client| {
+        client.put(1, Order::Run(endless())).unwrap();
+        serve_clients(run, &mut clients);
+        run.hal.set("halui.program.stop", true).unwrap();
+        for _ in 0..3 {
+            run.cycle(0).unwrap();
+            let now_ns = run.now_ns();
+            run.operator.poll(now_ns);
+            serve_clients(run, &mut clients);
+        }
+        let (ticket, answer) = client.answer().expect("an answer");
+        assert_eq!(
+            (ticket, answer.unwrap_err().message.as_str()),
+            (1, "stopped before it began")
+        );
+        assert_eq!(run.operator.step(), Step::StandBy);
     });
 }

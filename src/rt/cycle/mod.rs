@@ -384,6 +384,7 @@ impl<B: CyclicBus> MotionController<B> {
         self.give_back(program);
         self.waiting = None;
         self.away_from = None;
+        self.reverse = None;
         let joints = &self.command_mm[..self.joints];
         let position = self.parts.kinematics.forward(&ToolFrame::OFF, joints);
         self.sample = Sample::resting(position.unwrap_or(self.sample.position));
@@ -510,7 +511,9 @@ impl<B: CyclicBus> MotionController<B> {
             let is_jog = matches!(self.state, State::Jogging | State::Away);
             if is_jog && self.parts.pins.jog.stops_at_once() {
                 self.parts.hand.stop();
-            } else if self.parts.pins.is_feed_hold() || is_jog && self.parts.pins.jog.stops() {
+            } else if self.parts.pins.is_feed_hold() && self.state != State::Stopping
+                || is_jog && self.parts.pins.jog.stops()
+            {
                 self.parts.hand.release_all();
             }
             // Out of a contact that was there before, the hand leads.
@@ -522,6 +525,7 @@ impl<B: CyclicBus> MotionController<B> {
             }
             self.parts.hand.step(&mut self.command_mm[..self.joints]);
             if let Some(obstruction) = self.parts.hand.take_obstruction() {
+                self.goes_back = false;
                 self.notice(Notice::Obstructed(obstruction));
             }
         } else {

@@ -14,11 +14,12 @@ impl<B: CyclicBus> MotionController<B> {
             self.obey(command);
             self.orders_taken += 1;
         }
-        let [estop, reset] = self.parts.pins.take_estop();
+        let [pressed, reset] = self.parts.pins.take_estop();
+        let estop = pressed || self.outlets.live.take_estop();
         if estop {
             self.obey(Command::Estop);
         }
-        if reset {
+        if reset && !estop {
             self.obey(Command::EstopReset);
         }
         if let Some(on) = self.parts.pins.optional_stop.take() {
@@ -28,12 +29,15 @@ impl<B: CyclicBus> MotionController<B> {
         self.parts.pins.desk.follow(&self.outlets.live.desk);
         if self.parts.pins.take_stop() {
             self.obey(Command::Stop);
+            // What is still to come of a job the cycle does not know.
+            self.notice(Notice::StopPressed);
         }
         if self.parts.pins.take_resume() {
             self.obey(Command::Resume);
         }
+        let homed = self.homed();
         for number in 0..self.parts.pins.jog.count() {
-            let wanted = self.parts.pins.jog.take(number, &self.parts.hand);
+            let wanted = self.parts.pins.jog.take(number, &self.parts.hand, homed);
             for order in wanted.into_iter().flatten() {
                 self.obey(Command::Jog(order));
             }
@@ -50,6 +54,7 @@ impl<B: CyclicBus> MotionController<B> {
             (Command::Home(joints), State::Ready) => {
                 self.home(joints);
             }
+            (Command::Home(_), _) => self.notice(Notice::NotBegun),
             (Command::TakeHome { joint, zero_mm }, State::Disabled) => self.parts.drives.take_home(joint, zero_mm),
             (Command::Jog(order), State::Ready | State::Jogging | State::Held | State::Away) => self.jog(&order),
             (Command::Start { program, mdi }, State::Ready)
@@ -57,7 +62,10 @@ impl<B: CyclicBus> MotionController<B> {
             {
                 self.start(program, mdi);
             }
-            (Command::Start { program, .. }, _) => self.give_back(program),
+            (Command::Start { program, .. }, _) => {
+                self.give_back(program);
+                self.notice(Notice::NotBegun);
+            }
             (Command::ToolChanged, State::Running | State::Held | State::Away) => {
                 if let Some(Action::ChangeTool { tool }) = self.waiting {
                     self.parts.pins.end_tool_change();
@@ -126,7 +134,6 @@ impl<B: CyclicBus> MotionController<B> {
             // The network follows once the drives are without power: see `step_state`.
             (Command::ShutDown, _) => self.switch_off(State::ShuttingDown),
             (Command::Enable, _)
-            | (Command::Home(_), _)
             | (Command::TakeHome { .. }, _)
             | (Command::Jog(_), _)
             | (Command::EstopReset, _)

@@ -186,6 +186,8 @@ impl<B: CyclicBus> MotionController<B> {
                 self.parts.hand.end();
                 self.parts.homer.end();
                 self.parts.drives.request(u64::MAX, self.parts.estop);
+                // A reset that came before is none of this one.
+                self.parts.pins.forget_enable();
                 self.enter(State::Estop);
             }
             (_, State::Faulted) => {}
