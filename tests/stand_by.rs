@@ -277,6 +277,30 @@ fn a_reader_who_does_not_read_keeps_nobody_from_stopping_the_machine() {
 }
 
 #[test]
+fn ctrl_c_ends_the_wait_for_a_check_and_nothing_begins() {
+    let control = Control::start("check-given-up", Stdio::null());
+    control.wait_for("standing by", |status| status["state"] == "disabled");
+    let text = "G21 G90 F100\no1 while [1]\nG1 X1\nX2\no1 endwhile\nM2\n";
+    let endless = control.program("endless.ngc", text);
+    let client = process::Command::new(env!("CARGO_BIN_EXE_isocnc"))
+        .args(["program", "run", "--machine", &control.machine])
+        .arg(&endless)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    control.wait_for("the check", |status| status["activity"] == "checking");
+    kill(Pid::from_raw(client.id() as i32), Signal::SIGINT).unwrap();
+    let output = client.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(
+        (output.status.code(), said.lines().last()),
+        (Some(130), Some("given up before it began"))
+    );
+    let status = control.wait_for("the end of the check", |status| status["activity"] == "idle");
+    assert_eq!(status["power"], "off");
+}
+
+#[test]
 fn clients_wait_for_the_end_of_what_they_order() {
     let control = Control::start("waited-for", Stdio::null());
     control.wait_for("standing by", |status| status["state"] == "disabled");

@@ -7,6 +7,9 @@ use super::rpc::{RpcError, code, to_hex};
 use super::socket;
 use super::socket::find_in;
 use super::uploads::PART_MAX;
+use motion::cancel::Cancel;
+use nix::errno::Errno;
+use nix::poll::{PollFd, PollFlags, poll};
 use nix::sys::socket::{MsgFlags, send};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -14,13 +17,15 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::Shutdown;
-use std::os::fd::AsRawFd;
+use std::os::fd::{AsFd, AsRawFd};
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Longest wait for an answer: more than a node is given for an SDO.
 const ANSWER_WAIT: Duration = Duration::from_secs(30);
+/// The same where a program is checked first, which may take as long as it may be interpreted, and a little.
+const CHECK_WAIT: Duration = Duration::from_secs(700);
 /// Octets of the longest answer.
 const ANSWER_MAX: u64 = 64 * 1024 * 1024;
 
@@ -43,6 +48,8 @@ pub enum ClientError {
     },
     /// The control has refused.
     Refused(RpcError),
+    /// Whoever asked does not wait any longer.
+    GivenUp,
 }
 
 impl fmt::Display for ClientError {
@@ -64,11 +71,12 @@ impl fmt::Display for ClientError {
                 machines.join(", ")
             ),
             ClientError::Io { path, cause } if cause.kind() == ErrorKind::WouldBlock => {
-                write!(f, "{}: no answer within {} s", path.display(), ANSWER_WAIT.as_secs())
+                write!(f, "{}: no answer in time", path.display())
             }
             ClientError::Io { path, cause } => write!(f, "{}: {cause}", path.display()),
             ClientError::BadAnswer { what } => write!(f, "the control's answer cannot be understood: {what}"),
             ClientError::Refused(error) => error.fmt(f),
+            ClientError::GivenUp => f.write_str("not waited for any longer"),
         }
     }
 }
@@ -118,6 +126,9 @@ pub struct Client {
     id: u64,
     /// Notifications that came before an answer.
     notifications: VecDeque<Value>,
+    /// Longest wait for a message.
+    wait: Duration,
+    given_up: Option<Cancel>,
 }
 
 impl Client {
@@ -182,6 +193,8 @@ impl Client {
             stream: BufReader::new(stream),
             id: 0,
             notifications: VecDeque::new(),
+            wait: ANSWER_WAIT,
+            given_up: None,
         })
     }
 
@@ -191,6 +204,10 @@ impl Client {
     /// The control has gone, refuses, or answers something else.
     pub fn call(&mut self, method: &str, params: Value) -> Result<Value, ClientError> {
         self.id += 1;
+        self.wait = match method {
+            "program.load" | "program.run" | "program.start" | "mdi" => CHECK_WAIT,
+            _ => ANSWER_WAIT,
+        };
         let request = json!({ "jsonrpc": "2.0", "id": self.id, "method": method, "params": params });
         let written = self.stream.get_mut().write_all(format!("{request}\n").as_bytes());
         written.map_err(|cause| self.broken(cause))?;
@@ -253,6 +270,7 @@ impl Client {
     /// # Errors
     /// The control has gone, or tells nothing.
     pub fn message(&mut self) -> Result<Value, ClientError> {
+        self.await_message()?;
         let mut line = String::new();
         let read = (&mut self.stream).take(ANSWER_MAX).read_line(&mut line);
         read.map_err(|cause| self.broken(cause))?;
@@ -261,6 +279,32 @@ impl Client {
             return bad("the control has closed the connection".into());
         }
         serde_json::from_str(&line).or_else(|error| bad(error.to_string()))
+    }
+
+    /// Until there is something to read, in slices: a signal does not end a read.
+    fn await_message(&self) -> Result<(), ClientError> {
+        const SLICE_MS: u8 = 100;
+        let give_up = Instant::now() + self.wait;
+        while self.stream.buffer().is_empty() {
+            let mut fd = [PollFd::new(self.stream.get_ref().as_fd(), PollFlags::POLLIN)];
+            match poll(&mut fd, SLICE_MS) {
+                Ok(0) | Err(Errno::EINTR) => {}
+                // What is wrong with it, the read tells.
+                Ok(_) | Err(_) => break,
+            }
+            if self.given_up.as_ref().is_some_and(Cancel::is_cancelled) {
+                return Err(ClientError::GivenUp);
+            }
+            if Instant::now() >= give_up {
+                return Err(self.broken(ErrorKind::WouldBlock.into()));
+            }
+        }
+        Ok(())
+    }
+
+    /// Answers are not waited for any longer once this is cancelled; what was asked is withdrawn as the connection ends.
+    pub fn wait_until(&mut self, given_up: Option<Cancel>) {
+        self.given_up = given_up;
     }
 
     /// A way to ask beside a thread that reads [`message`](Self::message)s.

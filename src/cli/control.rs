@@ -485,7 +485,16 @@ fn give_by(
 ) -> anyhow::Result<ExitCode> {
     let signal = StopSignal::install().context("signals")?;
     let mut client = connect(&args.control)?;
-    let begun = begin(&mut client)?;
+    client.wait_until(Some(signal.cancel().clone()));
+    let begun = begin(&mut client);
+    client.wait_until(None);
+    let begun = match (begun, signal.caught()) {
+        (Err(error), Some(signal)) if matches!(error.downcast_ref(), Some(ClientError::GivenUp)) => {
+            print(&args.control, &json!({}), "given up before it began");
+            return Ok(ExitCode::from(exit_code(signal)));
+        }
+        (begun, _) => begun?,
+    };
     warn(&args.control, &begun);
     let words = words(&begun);
     if args.no_wait {

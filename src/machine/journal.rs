@@ -223,7 +223,11 @@ impl Journal {
 
     fn begin_file(&mut self) -> io::Result<()> {
         let path = self.folder.join(NAME);
-        std::fs::rename(&path, self.folder.join(BEFORE))?;
+        match std::fs::rename(&path, self.folder.join(BEFORE)) {
+            // Done by an attempt that found no room for the new one.
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            renamed => renamed?,
+        }
         self.file = OpenOptions::new()
             .create(true)
             .append(true)
@@ -400,5 +404,17 @@ mod tests {
         assert_eq!(again.last, 60_000);
         assert!(folder.path().join(BEFORE).exists());
         assert!(again.journal.octets <= FILE_MAX + 200_000);
+    }
+
+    /// The disk was full between the two steps.
+    #[test]
+    fn a_new_file_that_could_not_be_begun_is_begun_later() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut first = opened(folder.path());
+        first.journal.append(&[entry(1)]).unwrap();
+        std::fs::rename(folder.path().join(NAME), folder.path().join(BEFORE)).unwrap();
+        first.journal.octets = FILE_MAX + 1;
+        first.journal.append(&[entry(2)]).unwrap();
+        assert_eq!(opened(folder.path()).last, 2);
     }
 }

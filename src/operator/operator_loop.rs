@@ -258,6 +258,8 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
                 running.operator.begin_program(&name);
                 self.keeper.memory.begin_program(&name);
             }
+            // Tools that the run before has changed are where the next one begins.
+            self.keeper.look(&mut running.operator, now_ns);
             let program = self.plan_from(position, &mut running.operator)?;
             running.operator.start(program, is_mdi);
         }

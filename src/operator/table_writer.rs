@@ -132,12 +132,18 @@ impl<'scope, 'env> Keeper<'scope, 'env> {
     /// Called when all is over; waits for the disk.
     pub(super) fn finish(&mut self, operator: &mut Operator) {
         self.join(operator);
-        if self.treated < self.handed_in {
+        // Once more what could not be written: there may be room now.
+        if self.treated < self.handed_in || self.failed.is_some() {
             self.writing = self.handed_in;
             let written = write(self.tables);
             self.add_result(operator, written);
         }
         self.memory.finish(operator);
+    }
+
+    /// Whether the files hold all that was handed in, as far as they can.
+    pub(super) fn is_written(&self) -> bool {
+        self.writer.is_none() && self.treated == self.handed_in
     }
 
     fn join(&mut self, operator: &mut Operator) {

@@ -33,8 +33,9 @@ const TAKEN_PER_TURN: usize = 4;
 pub const LINE_MAX: usize = 64 * 1024;
 /// With so many octets of answers waiting, a client is not served before it has read.
 const OUTPUT_HIGH: usize = 256 * 1024;
-/// Requests of one client that wait for a node or for the operator.
-pub(super) const PENDING_MAX: usize = 8;
+/// Requests of one client that wait for a node or for the operator: more than lines of MDI may wait for each other, so that a stop
+/// behind them is read.
+pub const PENDING_MAX: usize = 96;
 /// Octets read at once.
 const CHUNK: usize = 4096;
 /// Longest time between two looks at what real time has to say.

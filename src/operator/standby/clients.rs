@@ -35,6 +35,7 @@ use std::time::Duration;
 
 /// Lines of MDI that wait for their turn.
 const MDI_MAX: usize = 64;
+const _: () = assert!(MDI_MAX < api::server::PENDING_MAX, "a stop behind them must be read");
 /// An order counts as carried out once what it changed is on the disk; one that takes longer than this is not waited for, ns.
 const DISK_NS: u64 = 2_000_000_000;
 
@@ -307,7 +308,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             return Ok(Some(Ok(json!({}))));
         }
         if let Order::Path(path) = order {
-            return Ok(Some(self.draw(path, operator)?));
+            return Ok(Some(self.draw(path, operator)));
         }
         if let Order::Parts { count, target } = order {
             let mut parts = keeper.memory.now().parts;
@@ -368,6 +369,10 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                         order => self.begin(Job::Home(order), Mode::Manual, operator, now_ns),
                     })
             }
+            // Beside homing and jogs, too.
+            Order::Load(_) if self.checking.is_some() => {
+                Err("another program is being checked: wait for it, or isocnc stop".into())
+            }
             Order::Load(source) => {
                 self.check(ticket, Subject::Program(source), Then::Load, operator)?;
                 return Ok(None);
@@ -409,6 +414,12 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                     && let Err(why) = manual_mode::joints(Jogged::Axis(axis), self.config)
                 {
                     return Ok(Some(Err(why)));
+                }
+                // What somebody else has written into the files meanwhile stays.
+                if keeper.is_written()
+                    && let Err(error) = lock(self.tables).refresh(self.config)
+                {
+                    return Ok(Some(Err(error.to_string())));
                 }
                 let at = operator.live().position;
                 let changed = changed(self.config, &lock(self.tables), at, self.modes.as_deref(), &change);
@@ -524,11 +535,11 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     }
 
     /// Has the way of the program that is loaded drawn in a thread of its own.
-    fn draw(&mut self, path: PathOrder, operator: &Operator) -> std::io::Result<Answer> {
+    fn draw(&mut self, path: PathOrder, operator: &Operator) -> Answer {
         self.drawn.retain(|(_, thread)| !thread.is_finished());
         let Some(part) = self.loaded.clone().filter(|_| !self.config.joints.is_empty()) else {
             path.cancel.cancel();
-            return Ok(Err("no program is loaded: isocnc program load FILE".into()));
+            return Err("no program is loaded: isocnc program load FILE".into());
         };
         let (config, tables) = (self.config, lock(self.tables).clone());
         let at = self.begin_of_programs(operator);
@@ -540,7 +551,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             "record_octets": record_octets(axes.len()),
         });
         let cancel = path.cancel.clone();
-        let thread = std::thread::Builder::new()
+        let spawned = std::thread::Builder::new()
             .name("path".into())
             .spawn_scoped(self.scope, move || {
                 capabilities::give_up_or_warn(Work::Ordinary);
@@ -550,9 +561,18 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                     path.send(api::paths::Part::Records(records))
                 });
                 path.send(api::paths::Part::End(ended));
-            })?;
-        self.drawn.push((cancel, thread));
-        Ok(Ok(answer))
+            });
+        match spawned {
+            Ok(thread) => {
+                self.drawn.push((cancel, thread));
+                Ok(answer)
+            }
+            // A PC that has no room for a picture goes on with the part.
+            Err(cause) => {
+                cancel.cancel();
+                Err(format!("the path cannot be drawn now: {cause}"))
+            }
+        }
     }
 
     /// Nobody wants a picture any more.

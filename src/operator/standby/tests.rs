@@ -292,6 +292,11 @@ fn a_stop_ends_what_moves_beside_the_check_of_a_program() {
             client.put(1, endless()).unwrap();
             serve_clients(run, &mut clients);
             assert!(clients.checking.is_some());
+            // Another one would leave the first without an end.
+            client.put(3, endless()).unwrap();
+            serve_clients(run, &mut clients);
+            let (ticket, answer) = client.answer().expect("an answer at once");
+            assert!(ticket == 3 && answer.unwrap_err().message.contains("another program is being checked"));
             if by_pin {
                 run.hal.set("halui.program.stop", true).unwrap();
                 run.cycle(0).unwrap();
