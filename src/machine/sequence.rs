@@ -243,12 +243,11 @@ impl Sequence {
     }
 
     /// The machine was in no state to begin what was ordered last; whether that ends the job.
-    pub fn not_begun(&mut self) -> bool {
+    pub fn not_begun(&mut self, now_ns: u64) -> bool {
         let is_job = matches!(self.step, Step::Home | Step::Program) && self.ordered;
         if is_job {
             self.outcome = Outcome::Stopped;
-            self.step = self.behind_job();
-            self.ordered = false;
+            self.enter(self.behind_job(), now_ns);
         }
         is_job
     }
@@ -665,17 +664,29 @@ mod tests {
             due(&mut sequence, SECOND, State::Disabled, false),
             Some((Step::Enable, 0))
         );
-        assert!(!sequence.not_begun(), "drives go on by themselves");
+        assert!(!sequence.not_begun(SECOND), "drives go on by themselves");
         assert_eq!(
             due(&mut sequence, SECOND, State::Ready, false),
             Some((Step::Home, 0b111))
         );
-        assert!(sequence.not_begun());
+        assert!(sequence.not_begun(SECOND));
         assert_eq!(
             (sequence.step(), sequence.job_outcome()),
             (Step::StandBy, Some(Outcome::Stopped))
         );
         assert_eq!(due(&mut sequence, SECOND, State::Ready, false), None);
+        // One that runs a single program switches drives off, in a time that begins then.
+        let mut sequence = Sequence::new(0, &[]);
+        let now_ns = 3600 * SECOND;
+        for (now_ns, state) in [(1, State::Disabled), (2, State::Ready)] {
+            due(&mut sequence, now_ns, state, false);
+        }
+        assert_eq!(sequence.step(), Step::Program);
+        assert!(sequence.not_begun(now_ns));
+        assert_eq!(
+            due(&mut sequence, now_ns, State::Ready, false),
+            Some((Step::Disable, 0))
+        );
     }
 
     #[test]

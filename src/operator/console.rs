@@ -106,6 +106,7 @@ pub struct Operator {
     programs: u64,
     program_ended: bool,
     stop_pressed: bool,
+    not_begun: bool,
     cycle_s: f64,
     node_names: Vec<String>,
     joint_names: Vec<String>,
@@ -162,6 +163,7 @@ impl Operator {
             orders_given: 0,
             program_ended: false,
             stop_pressed: false,
+            not_begun: false,
             cycle_s: f64::from(config.cycle_us) * 1e-6,
             node_names: config
                 .bus
@@ -410,7 +412,12 @@ impl Operator {
         self.note_overrides();
         let live = self.live();
         // The state counts only once it is that of the last order; a thread that hangs takes none.
+        if std::mem::take(&mut self.not_begun) && self.sequence.not_begun(now_ns) {
+            self.add_entry("warning: not begun, for the machine was not ready for it: isocnc status".into());
+        }
         let step = match live.orders_taken < self.orders_given && live.state != State::Silenced {
+            // There must be room for it: it is given once.
+            true if self.endpoints.commands.is_full() => None,
             // Nobody keeps the machine from an end by orders of his own.
             true => self.sequence.order_end(),
             false => self.sequence.poll(now_ns, live.state, self.program_ended),
@@ -819,12 +826,7 @@ impl Operator {
                 self.changed_tools.push(tool);
             }
             Notice::StopPressed => self.stop_pressed = true,
-            Notice::NotBegun => {
-                if self.sequence.not_begun() {
-                    let what = "warning: not begun, for the machine was not ready for it: isocnc status";
-                    self.note(time_s, what.into());
-                }
-            }
+            Notice::NotBegun => self.not_begun = true,
             Notice::ProgramEnded => {
                 self.program_ended = true;
                 if let Some(tool) = self.changing_tool.take() {
