@@ -390,6 +390,11 @@ fn a_table_that_is_edited_behind_the_load_counts_at_the_start() {
     control.refused(&["program", "start"], "part.ngc:3:");
     std::fs::write(&table, "T5 P5 Z11\n").unwrap();
     done(&control, &["program", "start"], "completed; drives are on");
+    // Nor does what is set then overwrite it.
+    std::fs::write(&table, "T5 P5 Z11\nT7 P7 Z3\n").unwrap();
+    control.ask(&["tool", "set", "5", "--length", "12"]).unwrap();
+    let written = std::fs::read_to_string(&table).unwrap();
+    assert!(written.contains("T7") && written.contains("12"), "{written}");
 }
 
 /// M1 stops with its switch on, as it is reached; lines behind a slash are run or not, as the switch stood at the start.

@@ -16,6 +16,10 @@ import struct
 import time
 
 
+# Changes that wait for whoever has subscribed and gives orders meanwhile.
+TOLD_MAX = 1000
+
+
 class Refused(Exception):
     """The control does not do it; the text says why, and what would help."""
 
@@ -66,7 +70,11 @@ class Control:
         while True:
             answer = self._message()
             if "method" in answer:
-                self.told.append(answer["params"])
+                if len(self.told) < TOLD_MAX:
+                    self.told.append(answer["params"])
+                else:
+                    # Nobody reads them: the last one has what the ones before it have changed.
+                    self.told[-1]["changed"].update(answer["params"]["changed"])
                 continue
             if answer.get("id") != self.last:
                 continue

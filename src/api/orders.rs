@@ -94,6 +94,8 @@ pub enum Order {
     MdiHistory,
     /// Set the counter of parts, and how many are wanted (0: nobody says).
     Parts { count: Option<u64>, target: Option<u64> },
+    /// Another client has taken control by force, as this entry of the journal says: what waits of the one before shall not begin.
+    TakenOver(String),
     /// Whoever gave the order of this ticket has gone: what has not begun shall not begin. Has no answer.
     Withdraw,
 }

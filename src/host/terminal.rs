@@ -103,7 +103,11 @@ pub fn alarm(text: impl std::fmt::Display) -> impl std::fmt::Display {
 /// Whether something printed now would be taken at once, by a reader or by nobody. A stopped terminal (Ctrl-S) and a pipe that
 /// nobody empties keep whoever prints waiting; the loop that hears of a stop must not be the one.
 pub fn is_heard() -> bool {
-    let out = stdout();
+    takes_more(stdout())
+}
+
+/// The same of an output.
+pub fn takes_more(out: impl AsFd) -> bool {
     let mut fd = [PollFd::new(out.as_fd(), PollFlags::POLLOUT)];
     // A look and no wait; where it fails there is nothing to wait for.
     poll(&mut fd, PollTimeout::ZERO).map_or(true, |ready| ready > 0)

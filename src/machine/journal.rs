@@ -15,6 +15,8 @@ use std::path::{Path, PathBuf};
 const FILE_MAX: u64 = 4 << 20;
 /// Longest file that is read.
 const READ_MAX: u64 = 2 * FILE_MAX;
+/// Entries that are written at once, at the most.
+const CHUNK: usize = 1_000;
 
 /// What kind of thing happened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -199,6 +201,11 @@ impl Journal {
     /// # Errors
     /// Of the file system: a part of them may be written, and the next call begins with a line of its own.
     pub fn append(&mut self, entries: &[Entry]) -> io::Result<()> {
+        // Many that have waited for room are more than one file is to hold.
+        entries.chunks(CHUNK).try_for_each(|entries| self.append_few(entries))
+    }
+
+    fn append_few(&mut self, entries: &[Entry]) -> io::Result<()> {
         if self.octets > FILE_MAX {
             self.begin_file()?;
         }
@@ -397,7 +404,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut opened_first = opened(folder.path());
         let many: Vec<Entry> = (1..=60_000).map(entry).collect();
-        for part in many.chunks(1_000) {
+        // As few attempts as a disk that was full for long may need.
+        for part in many.chunks(20_000) {
             opened_first.journal.append(part).unwrap();
         }
         let again = opened(folder.path());

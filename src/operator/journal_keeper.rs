@@ -1,40 +1,74 @@
 //! Writes the journal to the disk, in a thread of its own, because a disk takes its time.
 //!
-//! In:  entries, as they are noted. Out: the journal in the state folder. What cannot be written is tried again with the next
-//! entry, and told once on standard error.
+//! In:  entries, as they are noted. Out: the journal in the state folder. What cannot be written is tried again, and told: once on
+//! standard error, and with every answer that something was kept.
 
 use crate::host::capabilities;
 use crate::host::capabilities::Work;
 use crate::machine::journal::{Entry, Journal};
 use std::io::Write;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::Receiver;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::Duration;
 
 /// Entries that wait for a disk that takes none; older ones go.
 const PENDING_MAX: usize = 20_000;
+/// Between two attempts where no entry comes.
+const AGAIN: Duration = Duration::from_secs(1);
 
-/// Ends when nobody can note anything any more. `treated`: number of the last entry that is on the disk, or cannot be.
-pub(super) fn keep(mut journal: Journal, entries: &Receiver<Entry>, treated: &AtomicU64) {
+/// How far the journal is on the disk.
+#[derive(Debug, Default)]
+pub struct Kept {
+    /// Number of the last entry that is there, or cannot be.
+    treated: AtomicU64,
+    fails: AtomicBool,
+}
+
+impl Kept {
+    /// All entries up to this number are there.
+    pub fn begin(&self, last: u64) {
+        self.treated.store(last, Ordering::Release);
+    }
+
+    /// Whether the entries up to this number are there, or cannot be.
+    pub fn has(&self, seq: u64) -> bool {
+        self.treated.load(Ordering::Acquire) >= seq
+    }
+
+    /// Whether the last attempt failed.
+    pub fn fails(&self) -> bool {
+        self.fails.load(Ordering::Relaxed)
+    }
+}
+
+/// Ends when nobody can note anything any more.
+pub(super) fn keep(mut journal: Journal, entries: &Receiver<Entry>, kept: &Kept) {
     capabilities::give_up_or_warn(Work::Ordinary);
     let mut pending: Vec<Entry> = Vec::new();
-    let mut failed = false;
-    while let Ok(entry) = entries.recv() {
-        pending.push(entry);
+    let mut last = 0;
+    loop {
+        let wait = if pending.is_empty() { Duration::MAX } else { AGAIN };
+        match entries.recv_timeout(wait) {
+            Ok(entry) => pending.push(entry),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => break,
+        }
         pending.extend(entries.try_iter());
-        let last = pending.last().map_or(0, |entry| entry.seq);
-        match journal.append(&pending) {
-            Ok(()) => {
-                pending.clear();
-                failed = false;
-            }
+        last = pending.last().map_or(last, |entry| entry.seq);
+        let written = journal.append(&pending);
+        let failed_before = kept.fails.swap(written.is_err(), Ordering::Relaxed);
+        match written {
+            Ok(()) => pending.clear(),
             Err(error) => {
-                if !std::mem::replace(&mut failed, true) {
+                if !failed_before {
                     let _ = writeln!(std::io::stderr(), "warning: the journal cannot be written: {error}");
                 }
                 let gone = pending.len().saturating_sub(PENDING_MAX);
                 pending.drain(..gone);
             }
         }
-        treated.store(last, Ordering::Release);
+        kept.treated.store(last, Ordering::Release);
     }
+    // What waits for room gets a last chance.
+    let _ = journal.append(&pending);
 }

@@ -1,7 +1,7 @@
 //! The running control as its operator sees it: a session from start to end, programs, manual mode, stand-by, reports.
 
 pub mod console;
-mod journal_keeper;
+pub mod journal_keeper;
 mod manual_mode;
 mod memory;
 pub mod operator_loop;

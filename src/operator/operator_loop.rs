@@ -215,7 +215,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
         }
         let is_planning = self.planner.is_some();
         self.clients
-            .serve(&mut running.operator, &mut self.keeper, is_planning, now_ns)?;
+            .serve(&mut running.operator, &mut self.keeper, is_planning, now_ns);
         let (ticks, cycles) = (running.watch.counters().ticks, running.operator.live().cycles);
         while let Ok(report) = running.reports.pop() {
             match report.event {
@@ -277,7 +277,7 @@ impl<'scope, 'env> OperatorLoop<'scope, 'env> {
             }
         }
         if self.planner.is_none() && running.operator.step() != Step::Program {
-            self.keeper.poll(&mut running.operator)?;
+            self.keeper.poll(&mut running.operator);
         }
         self.keeper.look(&mut running.operator, now_ns);
         Ok(())

@@ -44,7 +44,7 @@ use hal_pins::{AnyValue, Hal};
 use motion::rt::Peaks;
 use std::io::Write;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, AtomicU64};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, mpsc};
 
 /// Exit code of a control that cannot go on by itself and has to be restarted.
@@ -276,10 +276,10 @@ fn run_on(
                     run_paced(&mut control, grid, wire, recorder, &stop)
                 }
             })?;
-        if let Some((journal, entries, treated)) = journal {
+        if let Some((journal, entries, kept)) = journal {
             std::thread::Builder::new()
                 .name("journal".into())
-                .spawn_scoped(scope, move || journal_keeper::keep(journal, &entries, &treated))?;
+                .spawn_scoped(scope, move || journal_keeper::keep(journal, &entries, &kept))?;
         }
         if let (Some(folder), Task::Once(..) | Task::StandBy) = (&config.state_directory, session.task) {
             let writer = memory.kept_on_disk(folder);
@@ -399,15 +399,15 @@ fn judge_tool(tables: &Tables, remembered: &Remembered, operator: &mut Operator)
 fn open_journal(
     folder: &Path,
     operator: &mut Operator,
-) -> anyhow::Result<(Journal, mpsc::Receiver<Entry>, Arc<AtomicU64>)> {
+) -> anyhow::Result<(Journal, mpsc::Receiver<Entry>, Arc<journal_keeper::Kept>)> {
     let opened = Journal::open(folder).with_context(|| format!("state_directory {}", folder.display()))?;
     let (keeper, entries) = mpsc::channel();
-    let treated = Arc::new(AtomicU64::new(0));
-    operator.keep_journal(opened.entries, opened.last, keeper, Arc::clone(&treated));
+    let kept = Arc::new(journal_keeper::Kept::default());
+    operator.keep_journal(opened.entries, opened.last, keeper, Arc::clone(&kept));
     if let Some(warning) = opened.warning {
         operator.add_entry(format!("warning: {warning}"));
     }
-    Ok((opened.journal, entries, treated))
+    Ok((opened.journal, entries, kept))
 }
 
 /// A thread that hangs cannot be joined: where it does not come back, the process ends without a report.

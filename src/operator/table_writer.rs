@@ -12,7 +12,6 @@ use crate::machine::tables::{self, Tables, lock};
 use crate::operator::console::Operator;
 use crate::operator::memory::Memory;
 use gcode::ToolChanger;
-use std::io;
 use std::sync::Mutex;
 use std::thread::{Scope, ScopedJoinHandle};
 
@@ -23,6 +22,9 @@ pub(super) struct Mark {
     memory: u64,
     journal: u64,
 }
+
+/// Between two attempts to write what could not be written, ns.
+const AGAIN_NS: u64 = 1_000_000_000;
 
 /// Waits for programs to end.
 pub(super) struct Keeper<'scope, 'env> {
@@ -37,6 +39,8 @@ pub(super) struct Keeper<'scope, 'env> {
     /// Why they could not be written.
     failed: Option<String>,
     writer: Option<ScopedJoinHandle<'scope, Result<(), String>>>,
+    /// When that is tried once more.
+    again_ns: u64,
 }
 
 impl<'scope, 'env> Keeper<'scope, 'env> {
@@ -54,6 +58,7 @@ impl<'scope, 'env> Keeper<'scope, 'env> {
             treated: 0,
             failed: None,
             writer: None,
+            again_ns: 0,
         }
     }
 
@@ -79,8 +84,9 @@ impl<'scope, 'env> Keeper<'scope, 'env> {
     }
 
     /// Why what was handed in last is not on the disk.
-    pub(super) fn failure(&self) -> Option<&str> {
-        self.failed.as_deref().or(self.memory.failure())
+    pub(super) fn failure(&self, operator: &Operator) -> Option<&str> {
+        let journal = operator.journal_fails().then_some("the journal cannot be written");
+        self.failed.as_deref().or(self.memory.failure()).or(journal)
     }
 
     /// Called in every turn of the loop. Waits for nothing.
@@ -95,44 +101,43 @@ impl<'scope, 'env> Keeper<'scope, 'env> {
             self.handed_in += u64::from(is_kept && !changed.is_empty());
             tables.tool_in_spindle()
         };
-        // Where tools are is not to wait for the end of the program.
-        if self.treated < self.handed_in
-            && let Err(cause) = self.write(operator)
-        {
-            operator.add_entry(format!("warning: not kept: {cause}"));
+        // Where tools are is not to wait for the end of the program. What could not be written is tried again: there may be room.
+        let again = self.failed.is_some() && now_ns >= self.again_ns;
+        if self.treated < self.handed_in || again {
+            self.again_ns = now_ns + AGAIN_NS;
+            self.write(operator, again);
         }
         self.memory.look(operator, tool, now_ns);
     }
 
     /// Called while no program is under way. Waits for nothing.
-    pub(super) fn poll(&mut self, operator: &mut Operator) -> io::Result<()> {
+    pub(super) fn poll(&mut self, operator: &mut Operator) {
         if let Some(tool) = operator.tool() {
             lock(self.tables).set_tool_in_spindle(tool);
         }
-        self.write(operator)
+        self.write(operator, false);
     }
 
-    fn write(&mut self, operator: &mut Operator) -> io::Result<()> {
+    fn write(&mut self, operator: &mut Operator, again: bool) {
         if self.writer.as_ref().is_some_and(ScopedJoinHandle::is_finished) {
             self.join(operator);
         }
-        if self.treated < self.handed_in && self.writer.is_none() {
+        if (self.treated < self.handed_in || again) && self.writer.is_none() {
             self.writing = self.handed_in;
             let tables = self.tables;
-            let writer = move || write(tables);
-            self.writer = Some(
-                std::thread::Builder::new()
-                    .name("tables".into())
-                    .spawn_scoped(self.scope, writer)?,
-            );
+            let spawned = std::thread::Builder::new()
+                .name("tables".into())
+                .spawn_scoped(self.scope, move || write(tables));
+            match spawned {
+                Ok(writer) => self.writer = Some(writer),
+                Err(cause) => self.add_result(operator, Err(format!("no thread writes the tables: {cause}"))),
+            }
         }
-        Ok(())
     }
 
     /// Called when all is over; waits for the disk.
     pub(super) fn finish(&mut self, operator: &mut Operator) {
         self.join(operator);
-        // Once more what could not be written: there may be room now.
         if self.treated < self.handed_in || self.failed.is_some() {
             self.writing = self.handed_in;
             let written = write(self.tables);
@@ -156,10 +161,14 @@ impl<'scope, 'env> Keeper<'scope, 'env> {
 
     fn add_result(&mut self, operator: &mut Operator, written: Result<(), String>) {
         self.treated = self.writing;
-        self.failed = written.err();
-        if let Some(cause) = &self.failed {
-            operator.add_entry(format!("warning: not kept: {cause}"));
+        match &written {
+            Err(cause) if self.failed.as_ref() != Some(cause) => {
+                operator.add_entry(format!("warning: not kept: {cause}"));
+            }
+            Ok(()) if self.failed.is_some() => operator.add_entry("offsets and tools are kept again".into()),
+            Ok(()) | Err(_) => {}
         }
+        self.failed = written.err();
     }
 }
 

@@ -18,7 +18,6 @@ use motion::canon::{Axis, Position};
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, Mutex, mpsc};
 use std::time::Duration;
 
@@ -60,16 +59,16 @@ fn the_process_that_is_killed() {
     let tables = &Mutex::new(Tables::read(config).unwrap());
     let mut operator = operator(config);
     let opened = Journal::open(folder).unwrap();
-    let treated = Arc::new(AtomicU64::new(0));
+    let kept = Arc::new(journal_keeper::Kept::default());
     let (sender, entries) = mpsc::channel();
-    operator.keep_journal(opened.entries, opened.last, sender, Arc::clone(&treated));
+    operator.keep_journal(opened.entries, opened.last, sender, Arc::clone(&kept));
     let state = state_file::open(folder, &config.name);
     assert_eq!((opened.warning, state.warning), (None, None));
     let first = state.remembered.parts.count + 1;
     let mut memory = Memory::new(config, state.remembered);
     let writer = memory.kept_on_disk(folder);
     std::thread::scope(|scope| {
-        scope.spawn(move || journal_keeper::keep(opened.journal, &entries, &treated));
+        scope.spawn(move || journal_keeper::keep(opened.journal, &entries, &kept));
         scope.spawn(move || memory::write(folder, &writer));
         let mut keeper = Keeper::new(scope, tables, memory);
         for number in first.. {
@@ -91,11 +90,11 @@ fn the_process_that_is_killed() {
             operator.add_entry(text(number));
             let mark = keeper.mark(&operator);
             while !keeper.is_settled(&mark, &operator) {
-                keeper.poll(&mut operator).unwrap();
+                keeper.poll(&mut operator);
                 keeper.look(&mut operator, 0);
                 std::thread::sleep(Duration::from_micros(100));
             }
-            assert_eq!(keeper.failure(), None);
+            assert_eq!(keeper.failure(&operator), None);
             writeln!(std::io::stdout(), "\nchanged {number}").unwrap();
         }
     });

@@ -99,8 +99,8 @@ impl Outline {
         checked.map_or(0.0, |checked| length - checked)
     }
 
-    /// What is left behind a place of a run whose path has begun so (pieces and their length), by the overrides of feed and of rapid moves (shares); `None`: the program goes on beyond its
-    /// end as it was checked.
+    /// What is left behind a place of a run whose path has begun so (pieces and their length), by the overrides of feed and of
+    /// rapid moves (shares); `None`: the program goes on beyond its end as it was checked.
     pub fn left(&self, way: f64, lead: (u32, f64), [feed, rapid]: [f64; 2]) -> Option<Left> {
         let end = self.rows.last()?;
         let way = (way - self.longer(lead)).max(0.0);

@@ -6,6 +6,7 @@
 //! The program is read ahead of the machine. What it prints and logs is numbered with its messages and kept until the machine has run
 //! the moves in front of it (LinuxCNC writes it as it is read); points of probing moves come as these end.
 
+use crate::host::terminal::takes_more;
 use motion::canon::{Axis, LengthUnit, Position, Record, Source};
 use std::fs::File;
 use std::io::Write;
@@ -133,8 +134,10 @@ impl Records {
     pub(super) fn record(&mut self, record: &Record) -> Result<(), String> {
         match record {
             Record::Print(text) => {
-                // Nobody need be there to read it.
-                let _ = writeln!(std::io::stderr(), "{text}");
+                // Nobody need be there to read it, and a terminal that is stopped does not stop the machine.
+                if takes_more(std::io::stderr()) {
+                    let _ = writeln!(std::io::stderr(), "{text}");
+                }
             }
             Record::OpenLog(name) => self.log = Some(self.open(name, files::create)?),
             Record::AppendLog(name) => self.log = Some(self.open(name, files::append)?),

@@ -281,7 +281,7 @@ impl Methods {
             // Nobody waits for its answer.
             let _ = self
                 .operator
-                .put(0, Order::Note(format!("control: {new} has taken it from {old}")));
+                .put(0, Order::TakenOver(format!("control: {new} has taken it from {old}")));
         }
         Ok(self.control.shown(now_ns))
     }

@@ -443,7 +443,7 @@ fn control_taken_by_force_is_written_down_and_that_of_a_client_that_goes_is_free
     assert_eq!(inbox.take(), None);
     take(&mut methods, 2, json!({ "name": "two", "force": true })).unwrap();
     let note = "control: two (process 0) has taken it from one (process 0)";
-    assert_eq!(inbox.take(), Some((0, Order::Note(note.into()))));
+    assert_eq!(inbox.take(), Some((0, Order::TakenOver(note.into()))));
     methods.left(1);
     assert_eq!(methods.status()["control"]["name"], "two");
     methods.left(2);

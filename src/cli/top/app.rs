@@ -14,8 +14,15 @@ use serde_json::{Map, Value, json};
 const HOLDS_MS: u64 = (HOLDS_S * 1000.0) as u64;
 /// Between two renewals.
 const KEEP_MS: u64 = HOLDS_MS / 4;
-/// A key that comes again within this is a repetition, which begins no further step.
+/// A key that comes again within this is a repetition, which begins no further step. The first one of a key that is held comes later
+/// than a hand can press a key again: what may do harm by that takes [`HELD_MS`].
 const REPEATED_MS: u64 = 150;
+/// Longest until the first repetition of a key that is held.
+const HELD_MS: u64 = 700;
+/// Steps that a hand may want quickly one after the other, mm or degrees.
+const SMALL_STEP: f64 = 0.1;
+/// A terminal sends Esc before the rest of a special key; on a slow line that comes a little later, as keys of its own.
+const ESCAPE_MS: u64 = 50;
 /// A control that has control is renewed so often, ms.
 const RENEW_MS: u64 = 10_000;
 /// A control that tells nothing for so long hangs, ms: it counts each second.
@@ -64,6 +71,11 @@ pub(super) struct App {
     step: usize,
     jog: Option<Jog>,
     renewed_ms: u64,
+    /// When Esc came, if what follows may belong to it; and whether it does.
+    escaped_ms: Option<u64>,
+    in_special: bool,
+    /// The key that gave the last order, and when.
+    last_command: Option<(KeyCode, u64)>,
 }
 
 impl App {
@@ -167,7 +179,11 @@ impl App {
         if key.code == KeyCode::Esc {
             // Whatever is being done.
             (self.typed, self.jog) = (None, None);
+            self.escaped_ms = Some(now_ms);
             return vec![Act::Send("stop", json!({}))];
+        }
+        if self.is_rest_of_special(key.code, now_ms) {
+            return Vec::new();
         }
         if self.typed.is_some() {
             return self.key_of_line(key.code);
@@ -181,7 +197,7 @@ impl App {
             KeyCode::PageDown => (2, -1.0),
             KeyCode::Char(']') => (3, 1.0),
             KeyCode::Char('[') => (3, -1.0),
-            code => return self.command(code),
+            code => return self.command(code, now_ms),
         };
         match self.at(&format!("axes/{axis}/axis")).as_str().map(str::to_owned) {
             Some(axis) => self.jog(axis, sign, now_ms),
@@ -189,7 +205,33 @@ impl App {
         }
     }
 
-    fn command(&mut self, code: KeyCode) -> Vec<Act> {
+    /// Whether it is what a slow line has left of a key such as an arrow: `[` or `O` behind Esc, and what follows up to a letter.
+    fn is_rest_of_special(&mut self, code: KeyCode, now_ms: u64) -> bool {
+        let Some(escaped_ms) = self.escaped_ms else {
+            return false;
+        };
+        let KeyCode::Char(letter) = code else {
+            self.escaped_ms = None;
+            return false;
+        };
+        let begins = matches!(letter, '[' | 'O') && !self.in_special;
+        if now_ms - escaped_ms > ESCAPE_MS || !(begins || self.in_special) {
+            (self.escaped_ms, self.in_special) = (None, false);
+            return false;
+        }
+        let ends = self.in_special && (letter.is_ascii_alphabetic() || letter == '~');
+        self.in_special = !ends;
+        self.escaped_ms = (!ends).then_some(now_ms);
+        true
+    }
+
+    fn command(&mut self, code: KeyCode, now_ms: u64) -> Vec<Act> {
+        // A key that is held gives no order twice: in single block, each resume would be another block.
+        let last = self.last_command.replace((code, now_ms));
+        let is_held = last.is_some_and(|(last, last_ms)| last == code && now_ms - last_ms < HELD_MS);
+        if is_held && matches!(code, KeyCode::Char('r' | 'S' | 'H' | 'b' | 'E' | 'o' | 'O' | 't')) {
+            return Vec::new();
+        }
         let send = |method| vec![Act::Send(method, json!({}))];
         let feed = |by: f64| {
             let percent = self.at("override/feed_percent").as_f64().unwrap_or(100.0) + by;
@@ -251,7 +293,11 @@ impl App {
         match &mut self.jog {
             Some(jog) if jog.axis == axis && jog.sign == sign => {
                 let since_key_ms = now_ms - std::mem::replace(&mut jog.key_ms, now_ms);
-                if jog.is_step && since_key_ms < REPEATED_MS {
+                let repeated_ms = match step_mm {
+                    Some(step_mm) if step_mm > SMALL_STEP => HELD_MS,
+                    _ => REPEATED_MS,
+                };
+                if jog.is_step && since_key_ms < repeated_ms {
                     return acts;
                 }
                 if !jog.is_step {
@@ -380,13 +426,63 @@ mod tests {
             1100,
         );
         assert_eq!(app.tick(1101), send("jog.keep", json!({ "axis": "X" })));
-        assert_eq!(press(&mut app, KeyCode::Left, 1300), step, "another one");
-        app.tick(1500);
+        assert_eq!(
+            press(&mut app, KeyCode::Left, 1700),
+            [],
+            "the first repetition of a key that is held"
+        );
+        assert_eq!(press(&mut app, KeyCode::Left, 2500), step, "another one");
+        app.tick(2600);
         app.hear(
             News::Changed(json!({ "velocity_mm_s": 0.0 }).as_object().cloned().unwrap()),
-            1800,
+            2950,
         );
-        assert_eq!(app.tick(1801), send("jog.stop", json!({ "axis": "X" })));
+        assert_eq!(app.tick(2951), send("jog.stop", json!({ "axis": "X" })));
+        // Small ones as quickly as a hand wants them.
+        for _ in 0..2 {
+            press(&mut app, KeyCode::Char('x'), 3000);
+        }
+        for ms in [4000, 4200, 4400] {
+            assert_eq!(press(&mut app, KeyCode::Left, ms).len(), 1, "{ms}");
+        }
+    }
+
+    #[test]
+    fn a_key_that_is_held_gives_its_order_once() {
+        let mut app = app();
+        assert_eq!(press(&mut app, KeyCode::Char('r'), 1000), send("resume", json!({})));
+        for ms in [1500, 1530, 1560, 2100] {
+            assert_eq!(press(&mut app, KeyCode::Char('r'), ms), [], "{ms}");
+        }
+        assert_eq!(press(&mut app, KeyCode::Char('r'), 2900), send("resume", json!({})));
+        // A stop and a hold are never too many.
+        for ms in [3000, 3030] {
+            assert_eq!(press(&mut app, KeyCode::Char(' '), ms), send("hold", json!({})));
+        }
+    }
+
+    #[test]
+    fn an_arrow_that_comes_in_pieces_is_a_stop_and_nothing_else() {
+        let mut app = app();
+        for rest in ["[C", "OA", "[5~"] {
+            assert_eq!(press(&mut app, KeyCode::Esc, 1000), send("stop", json!({})));
+            for (place, letter) in rest.chars().enumerate() {
+                assert_eq!(
+                    press(&mut app, KeyCode::Char(letter), 1010 + place as u64),
+                    [],
+                    "{rest}"
+                );
+            }
+            assert_eq!(
+                press(&mut app, KeyCode::Char('o'), 1030),
+                send("on", json!({})),
+                "{rest}"
+            );
+            app.last_command = None;
+        }
+        // What a hand presses behind it counts.
+        press(&mut app, KeyCode::Esc, 2000);
+        assert_eq!(press(&mut app, KeyCode::Char('O'), 2200), send("off", json!({})));
     }
 
     #[test]

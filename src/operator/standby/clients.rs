@@ -213,7 +213,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         keeper: &mut Keeper<'_, '_>,
         is_planning: bool,
         now_ns: u64,
-    ) -> std::io::Result<()> {
+    ) {
         self.is_planning = is_planning;
         let switched_off = operator.live().switched_off;
         if std::mem::replace(&mut self.switched_off[0], switched_off) != switched_off {
@@ -226,11 +226,19 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         let mut answers = Vec::new();
         self.follow_pins(operator, keeper);
         while let Some((ticket, order)) = self.inbox.take() {
-            if order == Order::Withdraw {
-                self.withdraw(ticket);
-                continue;
+            match order {
+                Order::Withdraw => {
+                    self.withdraw(ticket);
+                    continue;
+                }
+                // What somebody else had ordered does not begin under the hand of another.
+                Order::TakenOver(_) => {
+                    self.refuse_queue("another client has taken control");
+                    self.give_up_check();
+                }
+                _ => {}
             }
-            if let Some(answer) = self.obey(ticket, order, operator, keeper, now_ns)? {
+            if let Some(answer) = self.obey(ticket, order, operator, keeper, now_ns) {
                 answers.push((ticket, answer.map_err(RpcError::from)));
             }
         }
@@ -256,7 +264,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             match self.may(Wish::Mdi, operator) {
                 Ok(()) => {
                     let modes = self.modes.clone();
-                    self.check(ticket, Subject::Mdi { line, modes }, Then::Start { runs: 1 }, operator)?;
+                    self.check(ticket, Subject::Mdi { line, modes }, Then::Start { runs: 1 }, operator);
                 }
                 Err(why) => answers.push((ticket, Err(why.into()))),
             }
@@ -266,7 +274,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             .drain(..)
             .partition::<Vec<_>, _>(|(_, order)| order.is_over(keeper, operator, now_ns));
         self.unsettled = wait;
-        let kept = match keeper.failure() {
+        let kept = match keeper.failure(operator) {
             Some(why) => json!({ "warning": format!("not kept: {why}") }),
             None => json!({}),
         };
@@ -287,7 +295,6 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         for (ticket, answer) in answers {
             self.inbox.answer(ticket, answer);
         }
-        Ok(())
     }
 
     /// `None`: the answer comes later.
@@ -298,17 +305,17 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         operator: &mut Operator,
         keeper: &mut Keeper<'_, '_>,
         now_ns: u64,
-    ) -> std::io::Result<Option<Answer>> {
+    ) -> Option<Answer> {
         // Whatever it is: nothing can be done any more.
         if operator.live().state == State::Silenced {
-            return Ok(Some(Err(SILENCED.to_owned())));
+            return Some(Err(SILENCED.to_owned()));
         }
-        if let Order::Note(text) = order {
+        if let Order::Note(text) | Order::TakenOver(text) = order {
             operator.add_entry(text);
-            return Ok(Some(Ok(json!({}))));
+            return Some(Ok(json!({})));
         }
         if let Order::Path(path) = order {
-            return Ok(Some(self.draw(path, operator)));
+            return Some(self.draw(path, operator));
         }
         if let Order::Parts { count, target } = order {
             let mut parts = keeper.memory.now().parts;
@@ -317,29 +324,29 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             keeper.memory.set_parts(parts);
             operator.add_entry(format!("order: parts {parts}"));
             self.unsettled.push((ticket, Unsettled::new(keeper, operator, now_ns)));
-            return Ok(None);
+            return None;
         }
         let Some(wish) = wish(&order) else {
             let tables = lock(self.tables);
-            return Ok(Some(Ok(match order {
+            return Some(Ok(match order {
                 Order::Tools => remembered::tools(&tables, self.config.unit),
                 Order::Report(number) => {
                     let found = keeper.memory.reports().find(number);
-                    return Ok(Some(found.map(|report| json!(report))));
+                    return Some(found.map(|report| json!(report)));
                 }
                 Order::MdiHistory => json!({ "lines": keeper.memory.now().mdi }),
                 Order::Journal(since) => remembered::journal(operator.journal(), since),
                 _ => remembered::offsets(&tables, self.config),
-            })));
+            }));
         };
         if moves(wish) && self.config.joints.is_empty() {
-            return Ok(Some(Err(self.config.without_joints())));
+            return Some(Err(self.config.without_joints()));
         }
         if let Err(why) = self.may(wish, operator) {
             // Lines of MDI wait behind those that run.
             let waits = matches!(order, Order::Mdi(_)) && self.is_mdi_under_way(operator);
             if !waits {
-                return Ok(Some(Err(why)));
+                return Some(Err(why));
             }
         }
         if is_told(&order) {
@@ -351,10 +358,11 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             | Order::Tools
             | Order::Journal(_)
             | Order::Note(_)
+            | Order::TakenOver(_)
             | Order::MdiHistory
             | Order::Report(_)
             | Order::Path(_)
-            | Order::Parts { .. } => return Ok(None),
+            | Order::Parts { .. } => return None,
             Order::On => self.begin(Job::On, Mode::Manual, operator, now_ns),
             Order::Off => {
                 self.give_up_check();
@@ -374,12 +382,12 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 Err("another program is being checked: wait for it, or isocnc stop".into())
             }
             Order::Load(source) => {
-                self.check(ticket, Subject::Program(source), Then::Load, operator)?;
-                return Ok(None);
+                self.check(ticket, Subject::Program(source), Then::Load, operator);
+                return None;
             }
             Order::Run(source) => {
-                self.check(ticket, Subject::Program(source), Then::Run, operator)?;
-                return Ok(None);
+                self.check(ticket, Subject::Program(source), Then::Run, operator);
+                return None;
             }
             Order::Start {
                 from_line,
@@ -388,7 +396,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 dry_feed_min,
             } => {
                 let Some(part) = self.loaded.clone() else {
-                    return Ok(Some(Err("no program is loaded".into())));
+                    return Some(Err("no program is loaded".into()));
                 };
                 let dry_feed_s = dry_feed_min.map(|feed| feed / 60.0);
                 let subject = match from_line {
@@ -400,26 +408,26 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                     },
                     None => Subject::Loaded { part, dry_feed_s },
                 };
-                self.check(ticket, subject, Then::Start { runs }, operator)?;
-                return Ok(None);
+                self.check(ticket, subject, Then::Start { runs }, operator);
+                return None;
             }
             Order::Mdi(_) if self.mdi.len() >= MDI_MAX => Err(format!("{MDI_MAX} lines wait already")),
             Order::Mdi(line) => {
                 keeper.memory.add_mdi(&line);
                 self.mdi.push_back((ticket, line));
-                return Ok(None);
+                return None;
             }
             Order::Change(change) => {
                 if let Some(axis) = change.axis()
                     && let Err(why) = manual_mode::joints(Jogged::Axis(axis), self.config)
                 {
-                    return Ok(Some(Err(why)));
+                    return Some(Err(why));
                 }
                 // What somebody else has written into the files meanwhile stays.
                 if keeper.is_written()
                     && let Err(error) = lock(self.tables).refresh(self.config)
                 {
-                    return Ok(Some(Err(error.to_string())));
+                    return Some(Err(error.to_string()));
                 }
                 let at = operator.live().position;
                 let changed = changed(self.config, &lock(self.tables), at, self.modes.as_deref(), &change);
@@ -427,14 +435,14 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                     Ok(left) => {
                         keeper.hand_in(left);
                         self.unsettled.push((ticket, Unsettled::new(keeper, operator, now_ns)));
-                        return Ok(None);
+                        return None;
                     }
                     Err(why) => Err(why),
                 }
             }
             Order::Jog(jog) => {
                 self.mode = Mode::Manual;
-                return Ok(Some(manual_mode::jog(&jog, self.config, operator)));
+                return Some(manual_mode::jog(&jog, self.config, operator));
             }
             Order::Hold => {
                 operator.give(Command::Hold);
@@ -443,12 +451,12 @@ impl<'scope, 'env> Clients<'scope, 'env> {
             Order::Resume => {
                 let way = way_back(&operator.live(), self.config);
                 operator.give(Command::Resume);
-                return Ok(Some(Ok(way.map_or(json!({}), |way| json!({ "returns": way })))));
+                return Some(Ok(way.map_or(json!({}), |way| json!({ "returns": way }))));
             }
             Order::Skip => match operator.live().waiting {
                 Some(waiting) if waiting.can_be_skipped() => {
                     operator.give(Command::Skip(waiting));
-                    return Ok(Some(Ok(json!({ "skips": waiting.text() }))));
+                    return Some(Ok(json!({ "skips": waiting.text() })));
                 }
                 Some(waiting) => Err(format!("{}: that cannot be left out; what releases it: {}", waiting.text(), waiting.release())),
                 None => Err("a move is under way: what follows would begin elsewhere than it was programmed; isocnc stop, then isocnc \
@@ -498,7 +506,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
                 Ok(())
             }
         };
-        Ok(Some(done.map(|()| json!({}))))
+        Some(done.map(|()| json!({})))
     }
 
     /// An end of all that is under way or about to begin.
@@ -695,7 +703,7 @@ impl<'scope, 'env> Clients<'scope, 'env> {
     }
 
     /// Has it checked in a thread of its own.
-    fn check(&mut self, ticket: Ticket, subject: Subject, then: Then, operator: &Operator) -> std::io::Result<()> {
+    fn check(&mut self, ticket: Ticket, subject: Subject, then: Then, operator: &Operator) {
         let (config, tables) = (self.config, self.tables);
         let at = self.begin_of_programs(operator);
         self.mode = match subject {
@@ -705,18 +713,26 @@ impl<'scope, 'env> Clients<'scope, 'env> {
         let switched_off = operator.live().switched_off;
         let cancel = Cancel::default();
         let given_up = cancel.clone();
-        let thread = std::thread::Builder::new()
+        let spawned = std::thread::Builder::new()
             .name("check".into())
             .spawn_scoped(self.scope, move || {
                 examine(config, tables, at, subject, switched_off, &given_up)
-            })?;
-        self.checking = Some(Checking {
-            wanted: Some(ticket),
-            then,
-            cancel,
-            thread,
-        });
-        Ok(())
+            });
+        match spawned {
+            Ok(thread) => {
+                self.checking = Some(Checking {
+                    wanted: Some(ticket),
+                    then,
+                    cancel,
+                    thread,
+                });
+            }
+            // Whatever runs goes on.
+            Err(cause) => {
+                let what = format!("it cannot be checked now: {cause}");
+                self.inbox.answer(ticket, Err(RpcError::new(code::REFUSED, what)));
+            }
+        }
     }
 
     /// A program has passed its check.
@@ -893,6 +909,7 @@ fn wish(order: &Order) -> Option<Wish> {
         | Order::Tools
         | Order::Journal(_)
         | Order::Note(_)
+        | Order::TakenOver(_)
         | Order::MdiHistory
         | Order::Report(_)
         | Order::Path(_)

@@ -52,7 +52,7 @@ fn serve_clients(run: &mut Rehearsal<'_>, clients: &mut Clients<'_, '_>) {
     let now_ns = run.now_ns();
     let memory = Memory::new(clients.config, Remembered::default());
     let mut keeper = Keeper::new(clients.scope, clients.tables, memory);
-    clients.serve(&mut run.operator, &mut keeper, false, now_ns).unwrap();
+    clients.serve(&mut run.operator, &mut keeper, false, now_ns);
 }
 
 #[test]
@@ -249,7 +249,7 @@ fn pins_switch_block_delete_while_nothing_runs_and_count_parts_from_0() {
             run.cycle(0).unwrap();
             run.hal.set(pin, false).unwrap();
             let now_ns = run.now_ns();
-            clients.serve(&mut run.operator, &mut keeper, false, now_ns).unwrap();
+            clients.serve(&mut run.operator, &mut keeper, false, now_ns);
             run.cycle(0).unwrap();
             let shown = run.hal.reader::<bool>(is_on).unwrap().get();
             assert_eq!(shown, lock(clients.tables).block_delete);
@@ -341,5 +341,24 @@ fn the_stop_of_the_panel_ends_the_check_of_a_program() {
             (1, "stopped before it began")
         );
         assert_eq!(run.operator.step(), Step::StandBy);
+    });
+}
+
+#[test]
+fn what_was_ordered_before_control_was_taken_by_force_does_not_begin() {
+    while_standing_by(|run, mut clients, client| {
+        client.put(1, Order::Run(endless())).unwrap();
+        serve_clients(run, &mut clients);
+        client
+            .put(0, Order::TakenOver("control: two has taken it from one".into()))
+            .unwrap();
+        serve_clients(run, &mut clients);
+        let (ticket, answer) = client.answer().expect("an answer");
+        assert_eq!(
+            (ticket, answer.unwrap_err().message.as_str()),
+            (1, "stopped before it began")
+        );
+        let journal = run.operator.journal();
+        assert!(journal.iter().any(|entry| entry.text.contains("has taken it from")));
     });
 }

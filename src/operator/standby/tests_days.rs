@@ -133,8 +133,7 @@ impl Day<'_, '_, '_, '_> {
             let now_ns = self.run.now_ns();
             let is_planning = self.run.is_planning();
             self.clients
-                .serve(&mut self.run.operator, &mut self.keeper, is_planning, now_ns)
-                .expect("threads");
+                .serve(&mut self.run.operator, &mut self.keeper, is_planning, now_ns);
             if self.clients.checking.is_none() {
                 break;
             }

@@ -1,0 +1,258 @@
+//! Orders that take their time: given, and waited for.
+//!
+//! In:  an order; what the control tells of itself. Out: a status line meanwhile, one line and the exit code at the end.
+
+use super::{ControlArgs, GOES_ON, OrderArgs, connect, print, warn};
+use crate::api::client::{Client, ClientError};
+use crate::host::signals::{StopSignal, exit_code};
+use crate::host::terminal::{self, StatusLine};
+use crate::machine::faults::SILENCED;
+use anyhow::Context;
+use serde_json::{Value, json};
+use std::process::ExitCode;
+use std::time::Duration;
+
+/// Between two looks while an order is carried out.
+pub(super) const LOOK: Duration = Duration::from_millis(50);
+/// Pause between two lines about it where the output is no terminal.
+const PAUSE: Duration = Duration::from_secs(5);
+
+/// An order that takes its time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lasting {
+    /// Switches drives on.
+    On,
+    /// To rest, then switches drives off.
+    Off,
+    /// Homes joints.
+    Home,
+    /// Comes to rest on the path, gives the program up.
+    Stop,
+    /// Runs a program.
+    Program,
+    /// Runs a line of G-code.
+    Mdi,
+    /// Comes to rest on the path, keeps the program.
+    Hold,
+    /// Goes on after a hold; away from the path, returns to it.
+    Return,
+}
+
+/// Gives an order, and waits until it is carried out if that is wanted.
+pub(super) fn give(
+    args: &OrderArgs,
+    order: Lasting,
+    method: &str,
+    params: Value,
+    words: impl FnOnce(&Value) -> String,
+) -> anyhow::Result<ExitCode> {
+    give_by(args, order, |client| Ok(client.call(method, params)?), words)
+}
+
+/// The same, where more than one thing has to be asked.
+pub(super) fn give_by(
+    args: &OrderArgs,
+    order: Lasting,
+    begin: impl FnOnce(&mut Client) -> anyhow::Result<Value>,
+    words: impl FnOnce(&Value) -> String,
+) -> anyhow::Result<ExitCode> {
+    let signal = StopSignal::install().context("signals")?;
+    let mut client = connect(&args.control)?;
+    client.wait_until(Some(signal.cancel().clone()));
+    let begun = begin(&mut client);
+    client.wait_until(None);
+    let begun = match (begun, signal.caught()) {
+        (Err(error), Some(signal)) if matches!(error.downcast_ref(), Some(ClientError::GivenUp)) => {
+            print(&args.control, &json!({}), "given up before it began");
+            return Ok(ExitCode::from(exit_code(signal)));
+        }
+        (begun, _) => begun?,
+    };
+    warn(&args.control, &begun);
+    let words = words(&begun);
+    if args.no_wait {
+        print(&args.control, &begun, &words);
+        return Ok(ExitCode::SUCCESS);
+    }
+    if !args.control.json && order == Lasting::Program {
+        terminal::say(&format!("{words}\n"));
+    }
+    wait(&mut client, &args.control, order, &signal)
+}
+
+/// Waits until an order is carried out. Exit code 1: it was not.
+pub(super) fn wait(
+    client: &mut Client,
+    args: &ControlArgs,
+    order: Lasting,
+    signal: &StopSignal,
+) -> anyhow::Result<ExitCode> {
+    let mut line = StatusLine::new("{wide_msg}", PAUSE, args.json);
+    loop {
+        let status = match client.call("status", json!({})) {
+            Ok(status) => status,
+            // A control that was started for one program ends with it.
+            Err(_) if order == Lasting::Stop => json!({ "step": "done", "state": "down" }),
+            Err(error) => return Err(error.into()),
+        };
+        if let Some(end) = end_of(order, &status) {
+            drop(line);
+            let (words, code) = match end {
+                Ok(words) => (words, ExitCode::SUCCESS),
+                Err(words) => (words, ExitCode::FAILURE),
+            };
+            print(args, &status, &words);
+            return Ok(code);
+        }
+        if let Some(signal) = signal.caught() {
+            drop(line);
+            print(
+                args,
+                &status,
+                "not waited for any longer; the control goes on: isocnc status, isocnc stop",
+            );
+            return Ok(ExitCode::from(exit_code(signal)));
+        }
+        if line.is_due() {
+            let words = on_the_way(&status);
+            line.show(|bar| bar.set_message(words.clone()), || words.clone());
+        }
+        std::thread::sleep(LOOK);
+    }
+}
+
+/// What came of an order: done, or why not; `None`: neither yet.
+fn end_of(order: Lasting, status: &Value) -> Option<Result<String, String>> {
+    let (step, state) = (status["step"].as_str()?, status["state"].as_str()?);
+    if state == "silenced" {
+        return Some(Err(terminal::alarm(SILENCED).to_string()));
+    }
+    // A control that was started for one program ends with it.
+    let is_over = step == "done";
+    let job = status["job"].as_str();
+    let lasts = match order {
+        // What waits rests as well.
+        Lasting::Hold => state == "running" && status["waiting"].is_null(),
+        Lasting::Return => state == "returning",
+        _ => job.is_none() && !is_over,
+    };
+    if lasts {
+        return None;
+    }
+    let drives = match state {
+        "ready" | "jogging" => "drives are on",
+        _ => "drives are off",
+    };
+    let alarm = status["alarm"].as_str();
+    let failed = |words: String| {
+        let alarm = alarm.map(|cause| terminal::alarm(format!("alarm: {cause}")).to_string());
+        Some(Err(alarm.unwrap_or(words)))
+    };
+    match order {
+        Lasting::Off if matches!(state, "ready" | "jogging") => None,
+        Lasting::Stop if matches!(state, "jogging" | "stopping") => None,
+        Lasting::Off | Lasting::Stop => Some(Ok(format!("at rest, {drives}"))),
+        Lasting::Hold => match state {
+            "running" | "held" | "away" => Some(Ok(format!("at rest on the path; {GOES_ON}"))),
+            // Of a jog.
+            "ready" | "jogging" => Some(Ok("comes to rest".into())),
+            _ => failed(format!("no program is held: the machine is {state} ({step})")),
+        },
+        Lasting::Return => match state {
+            "held" => Some(Ok(format!("on the path again; {GOES_ON}"))),
+            _ => failed(format!("not back on the path: the machine is {state} ({step})")),
+        },
+        Lasting::On | Lasting::Home | Lasting::Program | Lasting::Mdi => match job {
+            Some("completed") => Some(Ok(match order {
+                Lasting::Home => format!("homed; {drives}"),
+                Lasting::Program | Lasting::Mdi => format!("completed; {drives}"),
+                Lasting::On | Lasting::Off | Lasting::Stop | Lasting::Hold | Lasting::Return => drives.to_owned(),
+            })),
+            Some("stopped") => failed(format!("stopped before its end; {drives}")),
+            _ => failed(format!("given up: the machine is {state} ({step})")),
+        },
+    }
+}
+
+/// How far an order is, as one line.
+fn on_the_way(status: &Value) -> String {
+    let text = |value: &Value| value.as_str().unwrap_or("unknown").to_owned();
+    if let Some(waiting) = status["waiting"]["text"].as_str() {
+        return format!("waits: {waiting}; {}", text(&status["waiting"]["release"]));
+    }
+    match (status["step"].as_str(), status["mode"].as_str()) {
+        (Some("program"), Some("mdi")) => text(&status["state"]),
+        (Some("program"), _) => format!(
+            "line {} of {}  {}",
+            status["line"],
+            status["program"]["lines"],
+            text(&status["state"])
+        ),
+        _ => text(&status["step"]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whoever_waits_hears_that_the_network_is_silenced() {
+        for order in [Lasting::On, Lasting::Home, Lasting::Stop, Lasting::Program] {
+            let ended = end_of(order, &json!({ "step": "program", "state": "silenced" }));
+            let said = ended.expect("an end").expect_err("no success");
+            assert_eq!(console::strip_ansi_codes(&said), SILENCED);
+        }
+    }
+
+    #[test]
+    fn an_order_ends_when_it_is_carried_out_or_has_failed() {
+        let status = |step: &str, state: &str, job: Option<&str>| json!({ "step": step, "state": state, "job": job, "alarm": null });
+        let end = |order, step, state, job| {
+            let end = end_of(order, &status(step, state, job))?;
+            Some(end.map_err(|said| console::strip_ansi_codes(&said).into_owned()))
+        };
+        let by = "standing by";
+        let done = |said: &str| Some(Ok(said.to_owned()));
+        let failed = |said: &str| Some(Err(said.to_owned()));
+        assert_eq!(end(Lasting::On, "switching drives on", "enabling", None), None);
+        assert_eq!(end(Lasting::On, by, "ready", Some("completed")), done("drives are on"));
+        assert_eq!(end(Lasting::Home, "homing", "ready", None), None);
+        assert_eq!(
+            end(Lasting::Home, by, "ready", Some("completed")),
+            done("homed; drives are on")
+        );
+        assert_eq!(
+            end(Lasting::Home, by, "disabled", Some("stopped")),
+            failed("stopped before its end; drives are off")
+        );
+        assert_eq!(end(Lasting::Off, by, "ready", Some("completed")), None);
+        assert_eq!(
+            end(Lasting::Off, by, "disabled", Some("completed")),
+            done("at rest, drives are off")
+        );
+        assert_eq!(
+            end(Lasting::Stop, by, "ready", Some("stopped")),
+            done("at rest, drives are on")
+        );
+        assert_eq!(
+            end(Lasting::Stop, "done", "down", None),
+            done("at rest, drives are off")
+        );
+        assert_eq!(end(Lasting::Program, "program", "running", None), None);
+        assert_eq!(
+            end(Lasting::Program, by, "ready", Some("completed")),
+            done("completed; drives are on")
+        );
+        assert_eq!(
+            end(Lasting::On, by, "disabled", Some("timed out")),
+            failed("given up: the machine is disabled (standing by)")
+        );
+        let mut over = status(by, "faulted", Some("faulted"));
+        over["alarm"] = json!("x-drive lost");
+        let said = end_of(Lasting::Program, &over)
+            .and_then(Result::err)
+            .unwrap_or_default();
+        assert_eq!(console::strip_ansi_codes(&said), "alarm: x-drive lost");
+    }
+}

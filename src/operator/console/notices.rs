@@ -1,0 +1,196 @@
+//! What the cycle thread tells, and what becomes of it: entries of the journal, alarms, warnings, marks for the operator's loop.
+//!
+//! In:  notices, in their order. Out: entries; what a program and the sequence of a job have to know.
+
+use super::*;
+
+impl Operator {
+    pub(super) fn apply_notice(&mut self, TimedNotice { cycle, notice }: TimedNotice) {
+        let time_s = cycle as f64 * self.cycle_s;
+        match notice {
+            Notice::State(state) => {
+                let before = std::mem::replace(&mut self.state, state);
+                // However that came: by an order, a pin, a latch in the chain.
+                if before == State::Estop && state == State::Disabling {
+                    self.take_for_acknowledged("estop reset");
+                }
+                if state == State::Disabled && self.operational_s.is_none() {
+                    self.operational_s = Some(time_s);
+                }
+                if state == State::Stopping {
+                    self.sequence.stopped();
+                }
+                self.note(time_s, format!("machine {}", state.name()));
+            }
+            Notice::Bus(event) => self.take_bus(time_s, event),
+            Notice::Fault {
+                fault: Fault::CyclesSkipped { cycles },
+                ..
+            } => self.late_cycles += cycles,
+            // The time-out thread says more of it, and may have said it already.
+            Notice::Fault {
+                fault: Fault::CycleHung,
+                ..
+            } => {
+                if !self.needs_restart {
+                    self.enter_silenced(cycle, SILENCED.into());
+                }
+            }
+            Notice::Fault { fault, first } => {
+                let node = |index: usize| self.node_names[index].clone();
+                let joint = |index: usize| self.joint_names[index].clone();
+                let cause = fault.text(node, joint);
+                if first {
+                    let record = self.fault_record(&fault, true);
+                    self.note_alarm(time_s, cause, record);
+                } else if fault.reaction() != Reaction::Count {
+                    self.warn(time_s, &fault, cause);
+                }
+            }
+            Notice::Action(action) => {
+                if let Action::ChangeTool { tool } = action {
+                    self.changing_tool = Some(tool);
+                }
+                let text = match action {
+                    Action::Message { number } => self.message(number).map(|text| format!("message: {text}")),
+                    _ => None,
+                };
+                self.note(time_s, text.unwrap_or_else(|| format!("program: {action}")));
+            }
+            Notice::Obstructed(Obstruction { joint, why }) => {
+                let why = match why {
+                    Obstacle::Travel => "is at the end of its travel",
+                    Obstacle::Speed => "would have to be too fast: the place is near a singularity",
+                    Obstacle::Reach(why) => why,
+                };
+                let text = format!("jog ended: {}: {why}", self.joint_names[joint]);
+                self.note(time_s, text.clone());
+                self.obstruction = Some(text);
+            }
+            Notice::Touched => {
+                let what = "jog ended: the probe has touched something";
+                self.obstruction = Some(what.into());
+                self.note(time_s, what.into());
+            }
+            Notice::NoWayBack => {
+                let what = "the machine did not come back to where the program is held: jog nearer to it, then isocnc resume";
+                self.obstruction = Some(what.into());
+                self.note(time_s, format!("warning: {what}"));
+            }
+            Notice::SpindleHeld { line, share } => self.note(
+                time_s,
+                format!(
+                    "line {line}: spindle override held to {:.0} %: the axes cannot follow more in step with the spindle",
+                    (share * 100.0).floor()
+                ),
+            ),
+            Notice::InStep { line, report } => self.note(time_s, format!("line {line}: {report}")),
+            Notice::ToolChanged { tool } => {
+                self.changing_tool = None;
+                self.changed_tools.push(tool);
+            }
+            Notice::StopPressed => self.stop_pressed = true,
+            Notice::NotBegun => self.not_begun = true,
+            Notice::ProgramEnded => {
+                self.program_ended = true;
+                if let Some(tool) = self.changing_tool.take() {
+                    let what = format!("warning: given up while tool {tool} was to be changed: {}", LOOK_AT_TOOL);
+                    self.note(time_s, what);
+                }
+            }
+        }
+    }
+
+    fn fault_record(&mut self, fault: &Fault, first: bool) -> AlarmRecord {
+        let mut record = self.alarm_record(fault.code(), fault.reaction(), first);
+        record.joint = fault.joint();
+        let node = fault.node().or_else(|| Some(*self.joint_nodes.get(fault.joint()?)?));
+        record.node = node.and_then(|node| self.node_names.get(node)).cloned();
+        record
+    }
+
+    fn warn(&mut self, time_s: f64, fault: &Fault, cause: String) {
+        let kind = Some(discriminant(fault));
+        let Some(warning) = self.warnings.iter_mut().find(|warning| warning.kind == kind) else {
+            let alarm = Some(self.fault_record(fault, false));
+            let more = More {
+                alarm,
+                ..More::default()
+            };
+            self.note_more(time_s, format!("warning: {cause}"), more);
+            self.warnings.push(Warning {
+                time_s,
+                times: 1,
+                cause,
+                kind,
+            });
+            return;
+        };
+        warning.times += 1;
+        warning.cause = cause;
+        let times = warning.times;
+        if times == 10_u64.pow(times.ilog10()) {
+            let text = format!("warning, {times} times by now: {}", warning.cause);
+            let alarm = Some(self.fault_record(fault, false));
+            self.note_more(
+                time_s,
+                text,
+                More {
+                    alarm,
+                    ..More::default()
+                },
+            );
+        }
+    }
+
+    fn take_bus(&mut self, time_s: f64, event: BusEvent) {
+        let text = match event {
+            BusEvent::Network(BusState::Down) => "network down".into(),
+            BusEvent::Network(BusState::Booting) => "network booting".into(),
+            BusEvent::Network(BusState::Operational) => "network operational".into(),
+            BusEvent::Identified(node) => format!("{} found", self.node_names[node]),
+            BusEvent::WrongIdentity {
+                node,
+                object: (index, sub),
+                expected,
+                got,
+            } => format!(
+                "{}: {index:04X}h:{sub} is {got:#010x}, the machine file wants {expected:#010x}",
+                self.node_names[node]
+            ),
+            BusEvent::ConfigurationRefused {
+                node,
+                object: (index, sub),
+                abort,
+            } => format!(
+                "{}: refuses {index:04X}h:{sub} with SDO abort {:08X}h: {}",
+                self.node_names[node],
+                abort.0,
+                abort.text()
+            ),
+            BusEvent::Missing(node) => format!("{} does not answer", self.node_names[node]),
+            BusEvent::BootFailed(node) => format!("{} did not come up in time, is booted again", self.node_names[node]),
+            BusEvent::NodeUp(node) => {
+                self.nodes_up += 1;
+                format!("{} operational", self.node_names[node])
+            }
+            BusEvent::NodeLost(node) => format!("{} lost", self.node_names[node]),
+            BusEvent::NodeError { node, code } => format!("{} reports error {code:04X}h", self.node_names[node]),
+            BusEvent::ForeignMaster(sign) => sign.to_string(),
+            BusEvent::LinkFailed(error) => format!("network adapter: {error}"),
+        };
+        self.note(time_s, text);
+    }
+
+    /// Notes an override that has been turned, once it is not being turned any more.
+    pub(super) fn note_overrides(&mut self) {
+        for what in Overridden::ALL {
+            let now = self.endpoints.live.overrides.percent(what);
+            let [last, noted] = &mut self.overrides[what as usize];
+            let rests = now == std::mem::replace(last, now);
+            if rests && now != std::mem::replace(noted, now) {
+                self.add_entry(format!("{} override {now} %", what.name()));
+            }
+        }
+    }
+}
