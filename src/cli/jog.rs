@@ -4,6 +4,7 @@
 //! Out: jog orders, renewed while the command runs; one line when it is over. Killed in the midst, the joint comes to rest.
 
 use super::control::{ControlArgs, connect, print};
+use crate::api::client::Client;
 use crate::host::signals::{StopSignal, exit_code};
 use crate::host::terminal::{alarm as alarm_text, say};
 use crate::rt::joint_jog::HOLDS_S;
@@ -16,6 +17,9 @@ use std::time::Duration;
 
 /// Pause between two renewals: four within the time that an order holds.
 const RENEWAL: Duration = Duration::from_millis((HOLDS_S * 1000.0 / 4.0) as u64);
+
+/// Looks at a machine that comes to rest and tells why, [`RENEWAL`] apart: 3 s.
+const SETTLES: usize = 60;
 
 /// A joint that comes to rest at its soft limit is as near as this, mm.
 const SAME_MM: f64 = 1e-3;
@@ -53,7 +57,7 @@ pub fn jog(args: &JogArgs) -> anyhow::Result<ExitCode> {
     order.remove("velocity_mm_s");
     order.remove("distance_mm");
     // The control does not jog any more where something has stopped it.
-    let status = loop {
+    loop {
         std::thread::sleep(RENEWAL);
         let status = client.call("status", json!({}))?;
         let rests = status["velocity_mm_s"].as_f64() == Some(0.0);
@@ -61,7 +65,7 @@ pub fn jog(args: &JogArgs) -> anyhow::Result<ExitCode> {
         match status["state"].as_str() {
             Some("jogging") => {}
             Some("away") if !rests || endless && signal.caught().is_none() => {}
-            _ => break status,
+            _ => break,
         }
         // A key that is let go; at the end of the way, too, so that what is ordered next need not wait.
         let method = if signal.caught().is_some() || rests && !endless {
@@ -70,17 +74,10 @@ pub fn jog(args: &JogArgs) -> anyhow::Result<ExitCode> {
             "jog.keep"
         };
         if client.call(method, params.clone()).is_err() {
-            break status;
+            break;
         }
-    };
-    // What stopped the machine is told a little after that it stands.
-    let status = match status["state"].as_str() {
-        Some("faulted" | "estop") => {
-            std::thread::sleep(RENEWAL);
-            client.call("status", json!({}))?
-        }
-        _ => status,
-    };
+    }
+    let status = end_of(&mut client)?;
     let end = json!({
         "position_mm": status["position_mm"],
         "obstruction": status["obstruction"],
@@ -94,6 +91,31 @@ pub fn jog(args: &JogArgs) -> anyhow::Result<ExitCode> {
         Some(signal) => ExitCode::from(exit_code(signal)),
         None => ExitCode::SUCCESS,
     })
+}
+
+/// How a control is once the jog is over: what stopped the machine is told a little after that it stands, and a renewal is
+/// refused before.
+fn end_of(client: &mut Client) -> anyhow::Result<Value> {
+    let mut status = client.call("status", json!({}))?;
+    for _ in 0..SETTLES {
+        if is_settled(&status) {
+            break;
+        }
+        std::thread::sleep(RENEWAL);
+        status = client.call("status", json!({}))?;
+    }
+    Ok(status)
+}
+
+/// Whether nothing is to come of a jog: at rest, and where something has stopped the machine, its cause is there.
+fn is_settled(status: &Value) -> bool {
+    let rests = status["velocity_mm_s"].as_f64() == Some(0.0);
+    rests
+        && match status["state"].as_str() {
+            Some("jogging" | "stopping") => false,
+            Some("faulted" | "estop") => status["alarm"].is_string(),
+            _ => true,
+        }
 }
 
 /// That a speed was cut, and to what.
@@ -190,6 +212,21 @@ mod tests {
             Err("--speed 0: must be above 0".into())
         );
         assert!(read(&["X"]).is_err());
+    }
+
+    #[test]
+    fn a_jog_is_over_at_rest_and_where_the_cause_of_a_stop_is_told() {
+        let status = |state: &str, velocity_mm_s: f64, alarm: Option<&str>| json!({ "state": state, "velocity_mm_s": velocity_mm_s, "alarm": alarm });
+        for state in ["ready", "away", "disabled", "held"] {
+            assert!(is_settled(&status(state, 0.0, None)), "{state}");
+            assert!(!is_settled(&status(state, 0.1, None)), "{state}");
+        }
+        assert!(!is_settled(&status("jogging", 0.0, None)));
+        assert!(!is_settled(&status("stopping", 0.0, Some("upper limit switch"))));
+        for state in ["faulted", "estop"] {
+            assert!(!is_settled(&status(state, 0.0, None)), "{state}");
+            assert!(is_settled(&status(state, 0.0, Some("upper limit switch"))), "{state}");
+        }
     }
 
     #[test]
