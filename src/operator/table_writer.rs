@@ -107,6 +107,7 @@ impl<'scope, 'env> Keeper<'scope, 'env> {
             self.again_ns = now_ns + AGAIN_NS;
             self.write(operator, again);
         }
+        operator.shared().desk.show_tool(tool);
         self.memory.look(operator, tool, now_ns);
     }
 

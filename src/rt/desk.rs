@@ -6,7 +6,7 @@
 //! RT: nothing allocates but [`DeskPins::new`].
 
 use hal_pins::{Hal, HalError, Input, Output};
-use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::Relaxed};
 
 /// What the operator's loop and the cycle thread tell each other of it.
 #[derive(Debug, Default)]
@@ -14,6 +14,8 @@ pub struct Desk {
     block_delete: AtomicBool,
     /// Made, and wanted; 0: nobody says how many.
     parts: [AtomicU64; 2],
+    /// In the spindle.
+    tool: AtomicU32,
     /// 0: nothing, 1: off, 2: on.
     wanted: AtomicU8,
     reset: AtomicBool,
@@ -26,6 +28,11 @@ impl Desk {
         for (cell, value) in self.parts.iter().zip(parts) {
             cell.store(value, Relaxed);
         }
+    }
+
+    /// Which tool is in the spindle, as far as the operator's loop knows.
+    pub fn show_tool(&self, tool: u32) {
+        self.tool.store(tool, Relaxed);
     }
 
     /// Whether a pin has asked since the last call to leave out lines that begin with /, or not to.
@@ -85,6 +92,9 @@ pub struct DeskPins {
     target: Output<u64>,
     reset: Input<bool>,
     reset_before: bool,
+    tool: Output<u32>,
+    /// A program has put it there, of which the operator's loop has not heard yet.
+    changed_to: Option<u32>,
 }
 
 impl DeskPins {
@@ -97,7 +107,15 @@ impl DeskPins {
             target: hal.output("halui.parts.target")?,
             reset: hal.input("halui.parts.reset", false)?,
             reset_before: false,
+            tool: hal.output("iocontrol.0.tool-number")?,
+            changed_to: None,
         })
+    }
+
+    /// A program has changed the tool in the spindle.
+    pub fn set_tool(&mut self, tool: u32) {
+        self.tool.set(tool);
+        self.changed_to = Some(tool);
     }
 
     /// Once a cycle.
@@ -113,5 +131,39 @@ impl DeskPins {
         self.block_delete.show(desk.block_delete.load(Relaxed));
         self.count.set(desk.parts[0].load(Relaxed));
         self.target.set(desk.parts[1].load(Relaxed));
+        let tool = desk.tool.load(Relaxed);
+        if self.changed_to.is_none_or(|changed_to| changed_to == tool) {
+            self.changed_to = None;
+            self.tool.set(tool);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_tool_in_the_spindle_is_never_the_one_before() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut hal = Hal::create_in(&[folder.path().to_owned()], "desk", 64).unwrap();
+        let mut pins = DeskPins::new(&mut hal).unwrap();
+        let desk = Desk::default();
+        desk.show_tool(3);
+        pins.follow(&desk);
+        assert_eq!(pins.tool.get(), 3, "as it was kept");
+        pins.set_tool(5);
+        assert_eq!(pins.tool.get(), 5);
+        pins.follow(&desk);
+        assert_eq!(pins.tool.get(), 5, "the loop has not heard of it yet");
+        pins.set_tool(7);
+        desk.show_tool(5);
+        pins.follow(&desk);
+        assert_eq!(pins.tool.get(), 7, "nor of that");
+        desk.show_tool(7);
+        pins.follow(&desk);
+        desk.show_tool(2);
+        pins.follow(&desk);
+        assert_eq!(pins.tool.get(), 2, "the table of a random changer was set by hand");
     }
 }

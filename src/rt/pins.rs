@@ -136,7 +136,6 @@ pub struct Pins {
     tool_prep_pocket: Output<i32>,
     tool_prepared: Input<bool>,
     tool_change: Output<bool>,
-    tool_number: Output<u32>,
     tool_changed: Input<bool>,
     /// The change under way has been asked for.
     tool_change_asked: bool,
@@ -461,7 +460,6 @@ impl Pins {
             // A changer that prepares nothing is always ready.
             tool_prepared: hal.input("iocontrol.0.tool-prepared", true)?,
             tool_change: hal.output("iocontrol.0.tool-change")?,
-            tool_number: hal.output("iocontrol.0.tool-number")?,
             tool_changed: hal.input("iocontrol.0.tool-changed", false)?,
             tool_change_asked: false,
             timing: TimingPins::new(hal)?,
@@ -600,16 +598,14 @@ impl Pins {
             }
             Action::Mist(on) => self.mist.set(on),
             Action::Flood(on) => self.flood.set(on),
-            Action::SelectTool { tool } | Action::SetTool { tool } => self.tool_number.set(tool),
-            Action::ChangeTool { tool } => {
-                self.tool_number.set(tool);
-                self.tool_change_asked = false;
-            }
+            Action::SetTool { tool } => self.desk.set_tool(tool),
+            Action::ChangeTool { .. } => self.tool_change_asked = false,
             Action::SetDigital { index, on } => self.outputs.set_digital(index, on),
             Action::SetAnalog { index, value } => self.outputs.set_analog(index, value),
             Action::AwaitInput { input, mode, timeout_s } => self.inputs.await_input(input, mode, timeout_s),
             Action::ProgramEnd => self.all_off(),
-            Action::AwaitSpindle
+            Action::SelectTool { .. }
+            | Action::AwaitSpindle
             | Action::UserCode { .. }
             | Action::ProgramStop
             | Action::OptionalStop
@@ -621,7 +617,7 @@ impl Pins {
     /// Whether the program may go on behind an action.
     pub fn action_done(&mut self, action: Action) -> bool {
         match action {
-            Action::ChangeTool { .. } => {
+            Action::ChangeTool { tool } => {
                 // The magazine still turns.
                 if self.tool_prepare.get() {
                     return false;
@@ -634,6 +630,8 @@ impl Pins {
                 }
                 let done = self.tool_changed.get();
                 if done {
+                    // Whoever sees the request fall reads the new one.
+                    self.desk.set_tool(tool);
                     self.tool_change.set(false);
                 }
                 done
