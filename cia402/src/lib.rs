@@ -36,7 +36,7 @@ pub mod error_codes;
 pub mod profile;
 
 pub use axis::{
-    Axis, AxisConfig, AxisFault, Feedback, HomingFault, HomingState, Mode, Request, Setpoint, Status, Step,
+    Axis, AxisConfig, AxisFault, Feedback, HomingFault, HomingState, Mode, Request, Setpoint, Status, Step, Target,
 };
 pub use error_codes::error_text;
 pub use profile::{Command, State, state};

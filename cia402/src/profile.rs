@@ -122,10 +122,16 @@ impl Command {
 
 /// Bits of the controlword (6040) beside the state commands.
 pub mod controlword {
-    /// Mode-specific: *start homing* (HM), *enable interpolation* (IP).
+    /// Bit 4: *start homing* (HM), *enable interpolation* (IP), *new set-point* (PP), *enable ramp* (VL).
     pub const MODE_START: u16 = 1 << 4;
+    /// Bit 5: *change set immediately* (PP), *unlock ramp* (VL).
+    pub const MODE_5: u16 = 1 << 5;
+    /// Bit 6: *relative* (PP), *reference ramp* (VL).
+    pub const MODE_6: u16 = 1 << 6;
     /// Bit 8: halt.
     pub const HALT: u16 = 1 << 8;
+    /// Bit 9: *change on set-point* (PP): pass through it without stopping.
+    pub const MODE_9: u16 = 1 << 9;
 }
 
 /// Bits of the statusword (6041) beside the state.
@@ -140,28 +146,128 @@ pub mod statusword {
     pub const TARGET_REACHED: u16 = 1 << 10;
     /// A limit inside the drive acts.
     pub const INTERNAL_LIMIT: u16 = 1 << 11;
-    /// CSP: *drive follows the command*; IP: *interpolation active*; HM: *homing attained*.
+    /// CSP, CSV, CST: *drive follows the command*; IP: *interpolation active*; HM: *homing attained*; PP: *set-point
+    /// acknowledge*; PV: *speed is zero*.
     pub const MODE_ACK: u16 = 1 << 12;
-    /// CSP: *following error*; HM: *homing error*.
+    /// CSP, PP: *following error*; HM: *homing error*; PV: *slip limit*.
     pub const MODE_ERROR: u16 = 1 << 13;
 }
 
-/// Codes of modes of operation (6060, 6061).
+/// Modes of operation (6060, 6061), by their codes.
 pub mod mode {
+    use super::{controlword as control, statusword as status};
+    use core::fmt;
+
     /// No mode, no change.
     pub const NONE: i8 = 0;
+    /// Profile position (PP).
+    pub const PROFILE_POSITION: i8 = 1;
+    /// Velocity (VL), of frequency converters.
+    pub const VELOCITY: i8 = 2;
+    /// Profile velocity (PV).
+    pub const PROFILE_VELOCITY: i8 = 3;
+    /// Profile torque (TQ).
+    pub const PROFILE_TORQUE: i8 = 4;
     /// Homing (HM).
     pub const HOMING: i8 = 6;
     /// Interpolated position (IP).
     pub const INTERPOLATED_POSITION: i8 = 7;
     /// Cyclic synchronous position (CSP).
     pub const CYCLIC_SYNCHRONOUS_POSITION: i8 = 8;
+    /// Cyclic synchronous velocity (CSV).
+    pub const CYCLIC_SYNCHRONOUS_VELOCITY: i8 = 9;
+    /// Cyclic synchronous torque (CST).
+    pub const CYCLIC_SYNCHRONOUS_TORQUE: i8 = 10;
+
+    /// What the profile says of a mode.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct Mode {
+        /// In 6060 and 6061.
+        pub code: i8,
+        /// Its usual short name.
+        pub short: &'static str,
+        /// Bits of the controlword that are the mode's own, beside *halt*.
+        pub controlword: u16,
+        /// Bits of the statusword that are the mode's own.
+        pub statusword: u16,
+    }
+
+    /// All modes that have a meaning here, in the order of their codes.
+    pub const MODES: [Mode; 9] = [
+        row(
+            PROFILE_POSITION,
+            "PP",
+            control::MODE_START | control::MODE_5 | control::MODE_6 | control::MODE_9,
+            status::TARGET_REACHED | status::MODE_ACK | status::MODE_ERROR,
+        ),
+        row(
+            VELOCITY,
+            "VL",
+            control::MODE_START | control::MODE_5 | control::MODE_6,
+            0,
+        ),
+        row(
+            PROFILE_VELOCITY,
+            "PV",
+            0,
+            status::TARGET_REACHED | status::MODE_ACK | status::MODE_ERROR,
+        ),
+        row(PROFILE_TORQUE, "TQ", 0, status::TARGET_REACHED),
+        row(
+            HOMING,
+            "HM",
+            control::MODE_START,
+            status::TARGET_REACHED | status::MODE_ACK | status::MODE_ERROR,
+        ),
+        row(
+            INTERPOLATED_POSITION,
+            "IP",
+            control::MODE_START,
+            status::TARGET_REACHED | status::MODE_ACK,
+        ),
+        row(
+            CYCLIC_SYNCHRONOUS_POSITION,
+            "CSP",
+            0,
+            status::MODE_ACK | status::MODE_ERROR,
+        ),
+        row(CYCLIC_SYNCHRONOUS_VELOCITY, "CSV", 0, status::MODE_ACK),
+        row(CYCLIC_SYNCHRONOUS_TORQUE, "CST", 0, status::MODE_ACK),
+    ];
+
+    const fn row(code: i8, short: &'static str, controlword: u16, statusword: u16) -> Mode {
+        Mode {
+            code,
+            short,
+            controlword,
+            statusword,
+        }
+    }
 
     /// The bit of a mode in 6502 (supported drive modes); 0 for no mode and for codes without a bit.
     pub const fn supported_bit(code: i8) -> u32 {
         match code {
             1..=4 | 6..=11 => 1 << (code - 1),
             _ => 0,
+        }
+    }
+
+    /// The modes that a value of 6502 offers, in words: `PP, HM, CSP`; `none` where it offers none of them.
+    pub struct Offered(
+        /// 6502.
+        pub u32,
+    );
+
+    impl fmt::Display for Offered {
+        fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            let mut offered = MODES.iter().filter(|mode| self.0 & supported_bit(mode.code) != 0);
+            match offered.next() {
+                None => f.write_str("none"),
+                Some(first) => {
+                    f.write_str(first.short)?;
+                    offered.try_for_each(|mode| write!(f, ", {}", mode.short))
+                }
+            }
         }
     }
 }
@@ -238,5 +344,43 @@ mod tests {
         assert_eq!(mode::supported_bit(7), 1 << 6);
         assert_eq!(mode::supported_bit(8), 1 << 7);
         assert_eq!([0, 5, 12, -1].map(mode::supported_bit), [0; 4]);
+        // Bits 0 to 3 and 5 to 9, one a mode.
+        let all = mode::MODES
+            .iter()
+            .fold(0, |all, mode| all | mode::supported_bit(mode.code));
+        assert_eq!(all, 0x03EF);
+    }
+
+    #[test]
+    fn modes_of_6502_are_told_by_their_short_names() {
+        extern crate alloc;
+        use alloc::string::ToString;
+        // As a servo in the field shows it: with four modes of its maker.
+        assert_eq!(mode::Offered(0x000F_03E5).to_string(), "PP, PV, HM, IP, CSP, CSV, CST");
+        assert_eq!(mode::Offered(0x0000_0002).to_string(), "VL");
+        assert_eq!(mode::Offered(0x000F_0000).to_string(), "none");
+    }
+
+    /// The profile's table of mode-specific bits, by their numbers.
+    #[test]
+    fn bits_of_the_modes_follow_the_table() {
+        let bits = |numbers: &[u8]| numbers.iter().fold(0_u16, |bits, number| bits | 1 << number);
+        let expected: [(&str, &[u8], &[u8]); 9] = [
+            ("PP", &[4, 5, 6, 9], &[10, 12, 13]),
+            ("VL", &[4, 5, 6], &[]),
+            ("PV", &[], &[10, 12, 13]),
+            ("TQ", &[], &[10]),
+            ("HM", &[4], &[10, 12, 13]),
+            ("IP", &[4], &[10, 12]),
+            ("CSP", &[], &[12, 13]),
+            ("CSV", &[], &[12]),
+            ("CST", &[], &[12]),
+        ];
+        for (mode, (short, controlword, statusword)) in mode::MODES.into_iter().zip(expected) {
+            assert_eq!(
+                (mode.short, mode.controlword, mode.statusword),
+                (short, bits(controlword), bits(statusword))
+            );
+        }
     }
 }

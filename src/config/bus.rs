@@ -5,14 +5,19 @@
 use super::document::{Item, Section};
 use super::error::nearest;
 use super::node::{self, Names, Network};
-use super::types::{Bus, BusKind, BusLink};
+use super::types::{Bus, BusKind, BusLink, DriveMode};
 use std::path::Path;
 
 /// Least and greatest AsyncMTU; and the octets of an Ethernet header, which it does not count.
 const ASYNC_MTU: [u16; 2] = [300, 1500];
 const ETHERNET_HEADER_LEN: u16 = 14;
 
-pub(super) fn bus(section: &mut Section<'_, '_>, cycle_us: Option<u32>, folder: &Path) -> Option<Bus> {
+pub(super) fn bus(
+    section: &mut Section<'_, '_>,
+    cycle_us: Option<u32>,
+    folder: &Path,
+    modes: &[(i64, DriveMode)],
+) -> Option<Bus> {
     let cycle_or_most_us = i64::from(cycle_us.unwrap_or(10_000));
     let kind = section.word(
         "kind",
@@ -35,6 +40,7 @@ pub(super) fn bus(section: &mut Section<'_, '_>, cycle_us: Option<u32>, folder: 
         folder,
         cycle_us,
         multiplex_cycles,
+        modes,
     };
     let mut nodes = Vec::new();
     let mut pending = Vec::new();

@@ -1,12 +1,17 @@
 //! `[[joint]]`, `[[axis]]` and `[offsets]`: what moves, how far and how fast.
 
 use super::compensation;
-use super::document::{Bound, Section};
+use super::document::{Bound, Item, Section};
 use super::homing::{self, Known};
 use super::mapping::parse_object;
-use super::types::{AxisMap, Joint, JointLimits, Mapped, Node, Profile, Sto, StopLimits};
+use super::types::{
+    AxisMap, DriveMode, HomingBy, Joint, JointLimits, Mapped, Node, Profile, Sto, StopLimits, mode_word,
+};
+use cia402::profile::mode::{HOMING, Offered, supported_bit};
 use motion::canon::{Axis, Position};
+use obd::device::Value;
 use std::path::Path;
+use toml::de::DeTable;
 
 /// No machine tool is larger or faster; keeps every later calculation far from overflow. mm or degrees.
 pub(super) const LENGTH_MAX: f64 = 1e6;
@@ -26,7 +31,23 @@ pub(super) struct Surroundings<'c> {
 /// Reads one `[[joint]]`; `taken`: nodes of the joints above.
 pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, taken: &mut Vec<i64>) -> Option<Joint> {
     let node = node(section, around, taken);
-    let counts_per_unit = counts_per_unit(section);
+    let mode = mode(section);
+    let counts_per_unit = section
+        .required(
+            "counts_per_unit",
+            "increments of the drive per mm (degree), like [10000, 1]",
+        )
+        .and_then(|item| {
+            let rule = "must be two integers: increments and the mm (degrees) that they make";
+            ratio_of_integers(section, "counts_per_unit", item, rule)
+        });
+    let velocity_ratio = match section.optional("velocity_ratio") {
+        None => Some([1, 1]),
+        Some(item) => {
+            let rule = "must be two integers: what 60FFh counts, and the increments/s that it makes";
+            ratio_of_integers(section, "velocity_ratio", item, rule)
+        }
+    };
     let travel_mm = travel(section);
     let velocity_mm_s = section.number("velocity_mm_s", Bound::Positive(VELOCITY_MAX), None);
     let acceleration_mm_s2 = section.number("acceleration_mm_s2", Bound::Positive(ACCELERATION_MAX), None);
@@ -73,6 +94,12 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         counts_per_unit,
     };
     let homing = homing::homing(section, &known);
+    if let (Some(node), Some(mode), Some(homing)) =
+        (node.zip(around.nodes).map(|(node, nodes)| &nodes[node]), mode, &homing)
+    {
+        let by_drive = matches!(homing.by, HomingBy::Drive { .. });
+        modes_are_offered(section, node, mode, by_drive);
+    }
     if let (Some(counts), Some(travel)) = (counts_per_unit, travel_mm) {
         let counts_per_mm = ratio(counts);
         for end in travel {
@@ -89,6 +116,20 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
                 format!("must fit 32-bit speeds of the drive: {velocity} is too fast"),
             );
         }
+        // Without a ratio of its own the speed has just been judged.
+        let units = velocity_ratio.filter(|units| *units != [1, 1]);
+        let units = units.map(|units| ratio(units) * counts_per_mm);
+        if let (Some(units), Some(velocity)) = (units, velocity_mm_s)
+            && velocity * units > f64::from(i32::MAX)
+        {
+            section.wrong(
+                "velocity_ratio",
+                format!(
+                    "must let 60FFh hold velocity_mm_s: {velocity} makes {:.0}",
+                    velocity * units
+                ),
+            );
+        }
     }
     let compensation = compensation::keys(section, around.folder);
     let mut limits = JointLimits {
@@ -103,7 +144,9 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
     let compensation = compensation?.map(|asked_for| compensation::share(asked_for, &mut limits, &mut stop));
     Some(Joint {
         node: node?,
+        mode: mode?,
         counts_per_unit: counts_per_unit?,
+        velocity_ratio: velocity_ratio?,
         travel_mm: travel_mm?,
         limits,
         stop,
@@ -115,6 +158,77 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         sto: sto?,
         squaring_offset_mm: squaring_offset_mm?,
     })
+}
+
+const MODES: [(&str, DriveMode); 4] = [
+    ("csp", DriveMode::Csp),
+    ("ip", DriveMode::Ip),
+    ("csv", DriveMode::Csv),
+    ("cst", DriveMode::Cst),
+];
+
+/// Node ids and modes of all joints, as far as they can be read; what is wrong with them is told where they are read.
+pub(super) fn modes(document: &DeTable<'_>) -> Vec<(i64, DriveMode)> {
+    let tables = document.get("joint").and_then(|joints| joints.get_ref().as_array());
+    let tables = tables
+        .into_iter()
+        .flatten()
+        .filter_map(|joint| joint.get_ref().as_table());
+    tables
+        .filter_map(|joint| {
+            let node = joint.get("node")?.get_ref().as_integer()?;
+            let node = i64::from_str_radix(node.as_str(), node.radix()).ok()?;
+            let word = joint.get("mode")?.get_ref().as_str()?;
+            let (_, mode) = MODES.iter().find(|(name, _)| *name == word)?;
+            Some((node, *mode))
+        })
+        .collect()
+}
+
+/// The mode in which the drive is run.
+fn mode(section: &mut Section<'_, '_>) -> Option<DriveMode> {
+    let mode = section.word("mode", &MODES, DriveMode::Csp)?;
+    if !mode.is_position() {
+        section.wrong(
+            "mode",
+            "needs a position loop in the control, which it does not have yet: \"csp\" or \"ip\"",
+        );
+    }
+    Some(mode)
+}
+
+/// Whether the drive has the modes in which it is to be run, as far as its device file says (6502).
+fn modes_are_offered(section: &mut Section<'_, '_>, node: &Node, mode: DriveMode, homes: bool) {
+    let Some(device) = &node.device else { return };
+    let object = device.object(0x6502, 0);
+    let value = object.and_then(|object| object.actual.as_ref().or(object.default.as_ref()));
+    let Some(supported) = value
+        .and_then(Value::integer)
+        .and_then(|value| u32::try_from(value).ok())
+    else {
+        return;
+    };
+    let file = &device.file;
+    // A file that says 0 does not know.
+    if supported != 0 && supported & supported_bit(mode.code()) == 0 {
+        let word = mode_word(mode);
+        section.wrong(
+            "mode",
+            format!(
+                "must be one that {file} offers (6502h): {}; it is {word:?}",
+                Offered(supported)
+            ),
+        );
+    }
+    if supported != 0 && homes && supported & supported_bit(HOMING) == 0 {
+        section.wrong(
+            "homing",
+            format!(
+                "must be by = \"control\": {file} offers no homing (6502h), only {}",
+                Offered(supported)
+            ),
+        );
+    }
 }
 
 /// How fast it may be jogged before it is homed; left out: a tenth of its velocity.
@@ -222,18 +336,17 @@ fn node(section: &mut Section<'_, '_>, around: &Surroundings<'_>, taken: &mut Ve
     }
 }
 
-fn counts_per_unit(section: &mut Section<'_, '_>) -> Option<[u32; 2]> {
-    let path = section.key("counts_per_unit");
-    let item = section.required(
-        "counts_per_unit",
-        "increments of the drive per mm (degree), like [10000, 1]",
-    )?;
+/// A ratio of two integers above 0.
+fn ratio_of_integers(
+    section: &mut Section<'_, '_>,
+    key: &'static str,
+    item: Item<'_, '_>,
+    rule: &'static str,
+) -> Option<[u32; 2]> {
+    let path = section.key(key);
     let items = item.items(&path)?;
     let [above, below] = items[..] else {
-        section.wrong(
-            "counts_per_unit",
-            "must be two integers: increments and the mm (degrees) that they make",
-        );
+        section.wrong(key, rule);
         return None;
     };
     let above = above.integer(&format!("{path}[0]"), 1..=i64::from(u32::MAX));

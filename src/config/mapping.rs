@@ -4,7 +4,7 @@
 //! Out: objects with their lengths, which the profile and the device take.
 
 use super::document::{Item, Section};
-use super::types::{DeviceDescription, Mapped, Profile};
+use super::types::{DeviceDescription, DriveMode, Mapped, Profile, mode_word, targets};
 use obd::mapping::Direction;
 
 /// Most octets of process data in one PReq or PRes.
@@ -17,6 +17,8 @@ const ENTRIES_MAX: usize = 254;
 pub(super) struct Target<'a> {
     pub(super) profile: Option<Profile>,
     pub(super) device: Option<&'a DeviceDescription>,
+    /// In which its drive is run.
+    pub(super) mode: DriveMode,
 }
 
 /// One of the two payloads of a node.
@@ -49,11 +51,11 @@ impl Payload {
         }
     }
 
-    /// What the control must send to and hear from a drive.
-    fn required_of_drives(self) -> [u16; 2] {
+    /// What the control must send to and hear from a drive in a mode: of each row one, the usual one first.
+    fn required_of_drives(self, mode: DriveMode) -> [&'static [(u16, u8)]; 2] {
         match self {
-            Payload::Outputs => [0x6040, 0x607A],
-            Payload::Inputs => [0x6041, 0x6064],
+            Payload::Outputs => [&[(0x6040, 0)], targets(mode)],
+            Payload::Inputs => [&[(0x6041, 0)], &[(0x6064, 0)]],
         }
     }
 
@@ -119,10 +121,16 @@ pub(super) fn payload(section: &mut Section<'_, '_>, payload: Payload, target: T
         return None;
     }
     if target.profile == Some(Profile::Cia402) {
-        for index in missing(payload, &objects) {
-            let bits = length_of(index, 0).unwrap_or(32);
-            let object = format!("0x{index:04X}/{bits}");
-            section.wrong(key, format!("must hold {object:?}: a drive is not run without it"));
+        for (index, sub) in missing(payload, target.mode, &objects) {
+            let object = usual(index, sub).to_string();
+            let mode = match target.mode {
+                DriveMode::Csp => String::new(),
+                other => format!(" in mode {:?}", mode_word(other)),
+            };
+            section.wrong(
+                key,
+                format!("must hold {object:?}: a drive is not run{mode} without it"),
+            );
             valid = false;
         }
     }
@@ -130,29 +138,38 @@ pub(super) fn payload(section: &mut Section<'_, '_>, payload: Payload, target: T
 }
 
 /// What a drive is not run without and `objects` do not hold.
-fn missing(payload: Payload, objects: &[Mapped]) -> Vec<u16> {
-    let holds = |index: &u16| objects.iter().any(|object| object.index == *index && object.sub == 0);
+fn missing(payload: Payload, mode: DriveMode, objects: &[Mapped]) -> Vec<(u16, u8)> {
+    let holds = |wanted: &(u16, u8)| objects.iter().any(|object| (object.index, object.sub) == *wanted);
     payload
-        .required_of_drives()
+        .required_of_drives(mode)
         .into_iter()
-        .filter(|index| !holds(index))
+        .filter(|row| !row.iter().any(holds))
+        .filter_map(|row| row.first().copied())
         .collect()
+}
+
+/// An object of the drive profile with its usual length.
+fn usual(index: u16, sub: u8) -> Mapped {
+    let bits = length_of(index, sub).unwrap_or(32);
+    Mapped { index, sub, bits }
 }
 
 fn left_out(section: &Section<'_, '_>, payload: Payload, target: Target<'_>) -> Option<Vec<Mapped>> {
     let profile = target.profile?;
     let Some(device) = target.device else {
-        return Some(default_mapping(payload, profile));
+        return Some(default_mapping(payload, profile, target.mode));
     };
     let own = device_mapping(device, payload);
     let enough = match profile {
-        Profile::Cia402 => own.as_ref().is_some_and(|own| missing(payload, own).is_empty()),
+        Profile::Cia402 => own
+            .as_ref()
+            .is_some_and(|own| missing(payload, target.mode, own).is_empty()),
         Profile::Io => own.is_some(),
     };
     if let Some(own) = own.filter(|_| enough) {
         return Some(own);
     }
-    let objects = default_mapping(payload, profile);
+    let objects = default_mapping(payload, profile, target.mode);
     let mut valid = true;
     for object in &objects {
         let refusal = device
@@ -273,15 +290,16 @@ fn length_of(index: u16, sub: u8) -> Option<u8> {
 
 /// What is mapped where the machine file does not say. Positions stand last: network analysers guess safety frames from
 /// the first octets of a payload, and a position can look like one.
-fn default_mapping(payload: Payload, profile: Profile) -> Vec<Mapped> {
+fn default_mapping(payload: Payload, profile: Profile, mode: DriveMode) -> Vec<Mapped> {
     let object = |index, sub, bits| Mapped { index, sub, bits };
     match (profile, payload) {
         (Profile::Cia402, Payload::Outputs) => {
+            let (index, sub) = mode.target();
             vec![
                 object(0x6040, 0, 16),
                 object(0x6060, 0, 8),
                 object(0x60FE, 1, 32),
-                object(0x607A, 0, 32),
+                usual(index, sub),
             ]
         }
         (Profile::Cia402, Payload::Inputs) => vec![

@@ -7,7 +7,7 @@ use super::bus::{NAME_RULE, is_name, wire_time_ns};
 use super::device;
 use super::document::{Item, Section};
 use super::mapping::{self, Payload, Target};
-use super::types::{Cross, DeviceDescription, Exchange, Mapped, Node, Profile, Stamp};
+use super::types::{Cross, DeviceDescription, DriveMode, Exchange, Mapped, Node, Profile, Stamp};
 use obd::mapping::Direction;
 use std::path::Path;
 
@@ -26,6 +26,8 @@ pub(super) struct Network<'a> {
     pub(super) cycle_us: Option<u32>,
     /// Cycles of a multiplexed round.
     pub(super) multiplex_cycles: Option<u8>,
+    /// Node ids of the drives of joints, and the modes in which they are run.
+    pub(super) modes: &'a [(i64, DriveMode)],
 }
 
 /// Ids and names that are taken.
@@ -70,7 +72,12 @@ pub(super) fn node<'d, 'l>(
     let file = device.as_ref().and_then(Option::as_ref);
     let exchange = exchange(section, network, profile, file);
     let identity = device::identity(section, file);
-    let target = Target { profile, device: file };
+    let of_joint = network.modes.iter().find(|(node, _)| Some(*node) == id.map(i64::from));
+    let target = Target {
+        profile,
+        device: file,
+        mode: of_joint.map_or(DriveMode::Csp, |(_, mode)| *mode),
+    };
     let (outputs, inputs) = if exchange == Some(Exchange::AsyncOnly) {
         for key in ["outputs", "inputs"] {
             if section.optional(key).is_some() {
@@ -333,11 +340,13 @@ fn one_cross(nodes: &[Node], own: usize, entry: &PendingCross<'_, '_>, taken: &[
         return None;
     }
     let anything = Target {
+        mode: DriveMode::Csp,
         profile: None,
         device: None,
     };
     let read = mapping::mapped(entry.read, &key("read"), Direction::Transmit, anything, &[]);
     let this = Target {
+        mode: DriveMode::Csp,
         profile: Some(nodes[own].profile),
         device: nodes[own].device.as_ref(),
     };

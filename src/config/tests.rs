@@ -389,6 +389,12 @@ fn rules_of_pdo_mapping() {
             "m.toml:9:25: bus.node[0].outputs[1] = \"0x607A/16\": must have the length 32 that the drive profile gives it",
             "m.toml:9:38: bus.node[0].outputs[2] = \"0x6040:0/16\": is mapped twice",
         ]),
+        ("node = 1", "node = 1\nmode = \"ip\"", &[]),
+        ("node = 1", "node = 1\nmode = \"cps\"", &["m.toml:14:8: joint[0].mode = \"cps\": must be \"csp\" or \"ip\" or \"csv\" or \"cst\"; did you mean \"csp\"?"]),
+        ("node = 1", "node = 1\nmode = \"csv\"", &["m.toml:14:8: joint[0].mode = \"csv\": needs a position loop in the control, which it does not have yet: \"csp\" or \"ip\""]),
+        ("node = 1", "node = 1\nmode = \"cst\"", &["m.toml:14:8: joint[0].mode = \"cst\": needs a position loop in the control, which it does not have yet: \"csp\" or \"ip\""]),
+        ("node = 1", "node = 1\nvelocity_ratio = [1000000, 1]", &["m.toml:14:18: joint[0].velocity_ratio = [1000000, 1]: must let 60FFh hold velocity_mm_s: 100 makes 100000000000"]),
+        ("node = 1", "node = 1\nvelocity_ratio = [60]", &["m.toml:14:18: joint[0].velocity_ratio = [60]: must be two integers: what 60FFh counts, and the increments/s that it makes"]),
         (drive, "profile = \"cia402\"\ninputs = [\"0x6061/8\"]", &[
             "m.toml:9:10: bus.node[0].inputs = [\"0x6061/8\"]: must hold \"0x6041/16\": a drive is not run without it",
             "m.toml:9:10: bus.node[0].inputs = [\"0x6061/8\"]: must hold \"0x6064/32\": a drive is not run without it",

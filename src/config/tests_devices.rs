@@ -237,6 +237,79 @@ fn rules_of_a_device_file() {
     assert_eq!(messages(&text)[..4], expected);
 }
 
+/// The device file of the servo with a line about the modes that it has.
+fn with_modes(supported: &str) -> (tempfile::TempDir, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let object = format!(
+        "<Object index=\"6502\" name=\"Supported drive modes\" objectType=\"7\" dataType=\"0007\" accessType=\"const\" defaultValue=\"{supported}\"/>"
+    );
+    let before = "<Object index=\"60FD\"";
+    let file = include_str!("../../obd/tests/data/servo.xdc").replace(before, &format!("{object}{before}"));
+    std::fs::write(folder.path().join("servo.xdc"), file).unwrap();
+    let text = changed(
+        "id = 1\nprofile = \"cia402\"",
+        "id = 1\nprofile = \"cia402\"\ndevice_file = \"servo.xdc\"",
+    );
+    (folder, text)
+}
+
+#[test]
+fn a_mode_that_the_device_file_does_not_offer_is_refused_with_those_that_it_does() {
+    for (supported, rules) in [
+        ("0x000003E5", vec![]),
+        ("0x00000000", vec![]),
+        (
+            "0x00000025",
+            vec!["joint[0].mode: must be one that servo.xdc offers (6502h): PP, PV, HM; it is \"csp\""],
+        ),
+        (
+            "0x00000080",
+            vec!["joint[0].homing: must be by = \"control\": servo.xdc offers no homing (6502h), only CSP"],
+        ),
+    ] {
+        let (folder, text) = with_modes(supported);
+        let found = match parse(&text, &folder.path().join("m.toml")) {
+            Ok(_) => Vec::new(),
+            Err(errors) => errors.lines().collect(),
+        };
+        let prefix = format!("{}/", folder.path().display());
+        let found: Vec<String> = found.iter().map(|line| line.replace(&prefix, "")).collect();
+        assert_eq!(found.len(), rules.len(), "{supported}: {found:#?}");
+        for (found, rule) in found.iter().zip(rules) {
+            assert!(found.ends_with(rule), "{supported}: {found}");
+        }
+    }
+}
+
+#[test]
+fn the_mapping_of_a_drive_follows_its_mode() {
+    let objects = |list: &[Mapped]| list.iter().map(Mapped::to_string).collect::<Vec<_>>();
+    let with = |mode: &str, outputs: &str| {
+        changed(
+            "id = 1\nprofile = \"cia402\"",
+            &format!("id = 1\nprofile = \"cia402\"{outputs}"),
+        )
+        .replace("node = 1", &format!("node = 1\nmode = \"{mode}\""))
+    };
+    let config = read(&with("ip", ""));
+    assert_eq!(config.joints[0].mode, DriveMode::Ip);
+    assert_eq!(
+        objects(&config.bus.nodes[0].outputs),
+        ["0x6040/16", "0x6060/8", "0x60FE:1/32", "0x60C1:1/32"]
+    );
+    assert_eq!(
+        messages(&with("ip", "\noutputs = [\"0x6040/16\", \"0x607A/32\"]")),
+        [
+            "m.toml:9:11: bus.node[0].outputs = [\"0x6040/16\", \"0x607A/32\"]: must hold \"0x60C1:1/32\": a drive is not run in mode \"ip\" without it"
+        ]
+    );
+    // Some drives take the position demand for the target.
+    for mode in ["csp", "ip"] {
+        let config = read(&with(mode, "\noutputs = [\"0x6062/32\", \"0x6040/16\"]"));
+        assert_eq!(objects(&config.bus.nodes[0].outputs), ["0x6062/32", "0x6040/16"]);
+    }
+}
+
 #[test]
 fn mistakes_of_a_device_file_are_told_with_both_places() {
     let folder = tempfile::tempdir().unwrap();

@@ -4,6 +4,7 @@
 //! Out: to every part of the process. Nothing here is ever invalid: ranges, references and names are checked.
 
 pub use super::spindle::{Spindle, SpindleCounter, SpindleDrive, SpindleEncoder};
+pub use cia402::Mode as DriveMode;
 pub use gcode::ToolChanger;
 use motion::canon::{Axis, LengthUnit, Position};
 use motion::kinematics::{Follows, JOINTS, Kinematics, Transform};
@@ -334,8 +335,12 @@ impl std::fmt::Display for Mapped {
 pub struct Joint {
     /// Index into [`Bus::nodes`] of the drive.
     pub node: usize,
+    /// Mode in which its drive is run; default CSP.
+    pub mode: DriveMode,
     /// Drive increments per mm (degree): numerator and denominator, both above 0.
     pub counts_per_unit: [u32; 2],
+    /// 60FF and 60B1 of the drive per increment/s: numerator and denominator; default 1 to 1.
+    pub velocity_ratio: [u32; 2],
     /// Soft limits, lower below upper.
     pub travel_mm: [f64; 2],
     /// Limits of the plan.
@@ -356,6 +361,34 @@ pub struct Joint {
     pub squaring_offset_mm: f64,
     /// Backlash and pitch errors; the limits above are then what they leave.
     pub compensation: Option<Compensation>,
+}
+
+/// Objects that take the target of a drive in a mode, the usual one first; one of them stands among the outputs of its node.
+///
+/// 6062 is the position demand, which the profile has the drive tell. A published controller for two-axis machines writes it
+/// instead, and its drives take it for the target.
+pub fn targets(mode: DriveMode) -> &'static [(u16, u8)] {
+    const POSITION_DEMAND: (u16, u8) = (0x6062, 0);
+    const CSP: [(u16, u8); 2] = [DriveMode::Csp.target(), POSITION_DEMAND];
+    const IP: [(u16, u8); 2] = [DriveMode::Ip.target(), POSITION_DEMAND];
+    const CSV: [(u16, u8); 1] = [DriveMode::Csv.target()];
+    const CST: [(u16, u8); 1] = [DriveMode::Cst.target()];
+    match mode {
+        DriveMode::Csp => &CSP,
+        DriveMode::Ip => &IP,
+        DriveMode::Csv => &CSV,
+        DriveMode::Cst => &CST,
+    }
+}
+
+/// The word of the machine file for a mode.
+pub fn mode_word(mode: DriveMode) -> &'static str {
+    match mode {
+        DriveMode::Csp => "csp",
+        DriveMode::Ip => "ip",
+        DriveMode::Csv => "csv",
+        DriveMode::Cst => "cst",
+    }
 }
 
 /// What the motor is told beside the position of its joint.

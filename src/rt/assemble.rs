@@ -43,7 +43,9 @@ pub fn assemble<B: CyclicBus>(
     let (finished_in, finished) = rtrb::RingBuffer::new(PROGRAMS);
     let live = Arc::new(RtStatus::new(Overrides::new(config.program.planner)));
     let drives = Drives::new(config, plans).map_err(|joint| {
-        anyhow!("joint {joint}: its drive needs 6040h and 607Ah in `outputs`, 6041h and 6064h in `inputs`")
+        anyhow!(
+            "joint {joint}: its drive needs 6040h and the target of its mode in `outputs`, 6041h and 6064h in `inputs`"
+        )
     })?;
     let cycle_s = f64::from(config.cycle_us) * 1e-6;
     let parts = CycleParts {

@@ -14,7 +14,7 @@ use super::spindle::{OtherSpindle, Spindle};
 use crate::bus::layout::Field;
 use crate::bus::plan::NodePlan;
 use crate::bus::{BusState, CyclicBus, InputImage, OutputImage};
-use crate::config::{self, Config, ConfigErrors, Profile};
+use crate::config::{self, Config, ConfigErrors, DriveMode, Mapped, Profile, targets};
 use crate::machine::faults::SpeedNotReached;
 use crate::machine::state::State;
 use crate::rt::cycle_stats::Timing;
@@ -277,6 +277,16 @@ impl TimingPins {
     }
 }
 
+/// Whether the control itself fills an object of a drive in a mode.
+fn is_sent(mode: DriveMode, object: Mapped) -> bool {
+    match (object.index, object.sub) {
+        (0x6040 | 0x6060, 0) => true,
+        // The torque beside a velocity is the business of who finds the velocity.
+        (0x60B2, 0) => mode == DriveMode::Csv,
+        object => targets(mode).contains(&object),
+    }
+}
+
 /// Name of the pin of a CiA 402 object; LinuxCNC drivers' names where there is one.
 fn object_name(joint: usize, field: Field) -> String {
     let (index, sub) = (field.object.index, field.object.sub);
@@ -289,7 +299,9 @@ fn object_name(joint: usize, field: Field) -> String {
         (0x6064, 0) => "drv-actual-position",
         (0x606C, 0) => "drv-actual-velocity",
         (0x6077, 0) => "drv-actual-torque",
+        (0x6071, 0) => "drv-target-torque",
         (0x607A, 0) => "drv-target-position",
+        (0x60FF, 0) => "drv-target-velocity",
         (0x60B1, 0) => "velocity-offset",
         (0x60B2, 0) => "torque-offset",
         (0x60F4, 0) => "drv-following-error",
@@ -367,7 +379,7 @@ impl Pins {
                         objects_received.push(object_pin(hal, joint, index, field)?);
                     }
                     for &field in &plan.outputs.fields {
-                        if matches!(field.object.index, 0x6040 | 0x6060 | 0x607A) {
+                        if is_sent(config.joints[joint].mode, field.object) {
                             objects_sent.push(object_pin(hal, joint, index, field)?);
                         } else {
                             let pin = hal.input(&object_name(joint, field), 0)?;

@@ -10,9 +10,11 @@
 use super::SimError;
 use super::motor::{Motor, MotorConfig};
 use super::track::{Track, mm_to_counts};
-use crate::config::{Homing, HomingBy, Joint, JointLimits, Node, Sim, SimJoint, StopLimits};
+use crate::config::{DriveMode, Homing, HomingBy, Joint, JointLimits, Node, Sim, SimJoint, StopLimits};
 use cia402::State;
-use cia402::device::{DEVICE_TYPE, DRIVE_OBJECTS, Delays, Demand, Device, Injected, check_write};
+use cia402::device::{
+    DEVICE_TYPE, DRIVE_OBJECTS, DRIVE_OBJECTS_WITH_DEMAND, Delays, Demand, Device, Injected, Quirks, check_write,
+};
 use obd::{AbortCode, Dictionary, Key};
 use powerlink::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
 use powerlink::cn::{Cn, Events, QueueError};
@@ -36,7 +38,9 @@ const PROFILE: u16 = 402;
 /// A drive that no joint uses still turns a motor: on a bench.
 const BENCH: Joint = Joint {
     node: 0,
+    mode: DriveMode::Csp,
     counts_per_unit: [10_000, 1],
+    velocity_ratio: [1, 1],
     travel_mm: [-1000.0, 1000.0],
     limits: JointLimits {
         velocity_mm_s: 100.0,
@@ -127,11 +131,20 @@ impl Drive {
 
     fn switch_on(setup: Setup, motor: Motor, now_ns: u64) -> Result<Drive, SimError> {
         let node = &setup.node;
+        // A machine file that maps the position demand as the target has drives that take it.
+        let quirks = Quirks {
+            target_in_demand: node.outputs.iter().any(|object| object.index == 0x6062),
+        };
+        let drive_objects = match quirks.target_in_demand {
+            true => DRIVE_OBJECTS_WITH_DEMAND,
+            false => DRIVE_OBJECTS,
+        };
         let mut objects: Dictionary<ENTRIES, OCTETS> =
-            Dictionary::new(&[COMMUNICATION_PROFILE, DRIVE_OBJECTS]).map_err(|error| SimError::new(node, error))?;
+            Dictionary::new(&[COMMUNICATION_PROFILE, drive_objects]).map_err(|error| SimError::new(node, error))?;
         commission(&mut objects, &setup.joint).map_err(|error| SimError::new(node, error))?;
         let device =
             Device::new(&objects, setup.period_ns, Delays::default()).map_err(|error| SimError::new(node, error))?;
+        let device = device.with_quirks(quirks);
         let error_register = objects.key(0x1001, 0).map_err(|error| SimError::new(node, error))?;
         let mut cn = super::node::build(node, DEVICE_TYPE, objects, now_ns)?;
         cn.set_write_check(|_, index, sub, value| check_write(index, sub, value));

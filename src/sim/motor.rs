@@ -8,11 +8,12 @@
 //! `x'' = w² (r - x) + 2 d w (f r' - x') + w³ i ∫(r - x) dt`
 //!
 //! with natural frequency `w`, damping `d`, velocity feed-forward `f` and, at standstill only, an integral part `i`.
-//! A ramp of velocity `v` therefore lags by `2 d (1 - f) v / w`, as on a real machine. Steps are fixed and nothing is
-//! random, so that equal demands make equal motion.
+//! A ramp of velocity `v` therefore lags by `2 d (1 - f) v / w`, as on a real machine. Led by a velocity `v` it is
+//! `x'' = 2 d w (v - x')`, led by a torque `x'' = t`, without friction. Steps are fixed and nothing is random, so that equal
+//! demands make equal motion.
 
 use super::track::Track;
-use cia402::device::{Demand, Sensors, Switch};
+use cia402::device::{Control, Demand, Sensors, Switch};
 
 /// Steps of integration in one period.
 const STEPS: u32 = 20;
@@ -22,6 +23,8 @@ const FEED_FORWARD: f64 = 0.9;
 const INTEGRAL: f64 = 0.1;
 /// Deceleration without torque (friction, brake), as a share of the greatest acceleration.
 const COAST: f64 = 0.25;
+/// Greatest torque as a multiple of the rated one.
+const PEAK: f64 = 3.0;
 
 /// What the motor and its load are like.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,6 +47,8 @@ pub(super) struct Motor {
     position: f64,
     /// counts/s
     velocity: f64,
+    /// Mean of the last period, counts/s².
+    acceleration: f64,
     /// ∫(r - x) dt, counts · s
     integral: f64,
     /// Demand at the end of the last period, machine counts; `None` without torque.
@@ -62,6 +67,7 @@ impl Motor {
             origin,
             position: origin as f64,
             velocity: 0.0,
+            acceleration: 0.0,
             integral: 0.0,
             demand: None,
             jammed: false,
@@ -82,11 +88,18 @@ impl Motor {
     pub(super) fn advance(&mut self, demand: &Demand, period_s: f64) -> Sensors {
         let from = self.position.round() as i64;
         let jammed_at = self.jammed.then_some(self.position);
-        if demand.powered {
-            self.control(demand.position + self.origin as f64, period_s);
-        } else {
-            self.coast(period_s);
+        let before = self.velocity;
+        let torque = demand.torque / 1000.0 * self.config.acceleration_max / PEAK;
+        match demand.control {
+            _ if !demand.powered => self.coast(period_s),
+            Control::Position => self.control(demand.position + self.origin as f64, torque, period_s),
+            Control::Velocity => {
+                let gain = 2.0 * self.config.damping * self.config.natural_frequency_rad_s;
+                self.accelerate(period_s, |velocity| gain * (demand.velocity - velocity) + torque);
+            }
+            Control::Torque => self.accelerate(period_s, |_| torque),
         }
+        self.acceleration = (self.velocity - before) / period_s;
         let (low, high) = (self.track.stop_low as f64, self.track.stop_high as f64);
         if self.position < low || self.position > high {
             self.position = self.position.clamp(low, high);
@@ -113,6 +126,7 @@ impl Motor {
         Sensors {
             position: to - self.origin,
             velocity: self.velocity.round() as i64,
+            torque: (1000.0 * PEAK * self.acceleration / self.config.acceleration_max).round() as i16,
             negative_limit: switch(
                 &|position| position <= track.negative_limit,
                 i64::MIN,
@@ -132,8 +146,19 @@ impl Motor {
         }
     }
 
-    /// The demand runs straight from its last value to `target` over the period.
-    fn control(&mut self, target: f64, period_s: f64) {
+    /// One period of `wanted` acceleration for a velocity; no position is held.
+    fn accelerate(&mut self, period_s: f64, wanted: impl Fn(f64) -> f64) {
+        (self.demand, self.integral) = (None, 0.0);
+        let limit = self.config.acceleration_max;
+        let step_s = period_s / f64::from(STEPS);
+        for _ in 0..STEPS {
+            self.velocity += wanted(self.velocity).clamp(-limit, limit) * step_s;
+            self.position += self.velocity * step_s;
+        }
+    }
+
+    /// The demand runs straight from its last value to `target` over the period; `torque` is an acceleration beside it.
+    fn control(&mut self, target: f64, torque: f64, period_s: f64) {
         let w = self.config.natural_frequency_rad_s;
         let (p, d) = (w * w, 2.0 * self.config.damping * w);
         let i = INTEGRAL * w * w * w;
@@ -147,7 +172,7 @@ impl Motor {
             let demand = start + (target - start) * f64::from(step) / f64::from(STEPS);
             let error = demand - self.position;
             let limit = self.config.acceleration_max;
-            let wanted = p * error + d * (FEED_FORWARD * velocity - self.velocity) + i * self.integral;
+            let wanted = p * error + d * (FEED_FORWARD * velocity - self.velocity) + i * self.integral + torque;
             // A motor at its limit must not wind the integral up.
             if velocity == 0.0 && wanted.abs() < limit {
                 self.integral += error * step_s;
@@ -197,7 +222,7 @@ mod tests {
         Demand {
             powered: true,
             position,
-            velocity: 0.0,
+            ..Demand::default()
         }
     }
 
@@ -282,6 +307,29 @@ mod tests {
     }
 
     #[test]
+    fn a_velocity_is_reached_and_a_torque_adds_up() {
+        let mut motor = motor(0);
+        let run = |motor: &mut Motor, control, velocity, torque| {
+            let demand = Demand {
+                powered: true,
+                control,
+                velocity,
+                torque,
+                ..Demand::default()
+            };
+            (0..20).map(|_| motor.advance(&demand, PERIOD_S)).last().unwrap()
+        };
+        let sensors = run(&mut motor, Control::Velocity, 200_000.0, 0.0);
+        assert_eq!((sensors.velocity, sensors.torque), (200_000, 0));
+        // A tenth of the rated torque: 100e6 / 3 / 10 counts/s² for 20 ms, 66,667 counts/s.
+        let sensors = run(&mut motor, Control::Torque, 0.0, 100.0);
+        assert_eq!((sensors.velocity, sensors.torque), (266_666, 100));
+        // Held against a torque beside it, a velocity loop without integral part lags: 3.33e6 / (2 · 0.8 · 400).
+        let sensors = run(&mut motor, Control::Velocity, 0.0, 100.0);
+        assert!((sensors.velocity - 5208).abs() < 10, "{}", sensors.velocity);
+    }
+
+    #[test]
     fn the_track_ends_at_hard_stops() {
         let mut motor = motor(0);
         for _ in 0..1000 {
@@ -293,10 +341,12 @@ mod tests {
     proptest! {
         /// Whatever the demands, the motor stays on its track and its numbers stay finite.
         #[test]
-        fn it_never_leaves_the_track(demands in prop::collection::vec((any::<bool>(), -1e10..1e10f64), 1..100)) {
+        fn it_never_leaves_the_track(demands in prop::collection::vec((any::<bool>(), 0..3_usize, -1e10..1e10f64), 1..100)) {
             let mut motor = motor(0);
-            for (powered, position) in demands {
-                motor.advance(&Demand { powered, position, velocity: 0.0 }, PERIOD_S);
+            for (powered, control, position) in demands {
+                let control = [Control::Position, Control::Velocity, Control::Torque][control];
+                let demand = Demand { powered, control, position, velocity: position, torque: position };
+                motor.advance(&demand, PERIOD_S);
                 prop_assert!((-80_000.0..=3_080_000.0).contains(&motor.machine_position()));
                 prop_assert!(motor.velocity.is_finite());
             }

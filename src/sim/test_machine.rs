@@ -45,7 +45,9 @@ pub(super) fn test_config() -> Config {
     let io_inputs = vec![mapped(0x6000, 1, 8), mapped(0x6000, 2, 8)];
     let joint = |node, travel_mm, method, velocity_mm_s| Joint {
         node,
+        mode: DriveMode::Csp,
         counts_per_unit: [10_000, 1],
+        velocity_ratio: [1, 1],
         travel_mm,
         limits: JointLimits {
             velocity_mm_s,

@@ -11,6 +11,10 @@ pub enum Mode {
     Csp,
     /// Interpolated position (7): target in 60C1:1; older drives.
     Ip,
+    /// Cyclic synchronous velocity (9): target in 60FF. Who commands it closes the position loop.
+    Csv,
+    /// Cyclic synchronous torque (10): target in 6071. Who commands it closes the loops of velocity and position.
+    Cst,
 }
 
 impl Mode {
@@ -19,13 +23,30 @@ impl Mode {
         match self {
             Mode::Csp => mode::CYCLIC_SYNCHRONOUS_POSITION,
             Mode::Ip => mode::INTERPOLATED_POSITION,
+            Mode::Csv => mode::CYCLIC_SYNCHRONOUS_VELOCITY,
+            Mode::Cst => mode::CYCLIC_SYNCHRONOUS_TORQUE,
         }
+    }
+
+    /// Index and sub-index of the object that takes the mode's target.
+    pub const fn target(self) -> (u16, u8) {
+        match self {
+            Mode::Csp => (0x607A, 0),
+            Mode::Ip => (0x60C1, 1),
+            Mode::Csv => (0x60FF, 0),
+            Mode::Cst => (0x6071, 0),
+        }
+    }
+
+    /// Whether the drive itself holds a position.
+    pub const fn is_position(self) -> bool {
+        matches!(self, Mode::Csp | Mode::Ip)
     }
 
     /// Controlword bits that the mode needs beside *enable operation*.
     pub(super) const fn controlword(self) -> u16 {
         match self {
-            Mode::Csp => 0,
+            Mode::Csp | Mode::Csv | Mode::Cst => 0,
             Mode::Ip => controlword::MODE_START,
         }
     }
@@ -72,6 +93,30 @@ pub struct Feedback {
     pub error_code: u16,
 }
 
+/// What motion asks for in one cycle; used in [`Status::Enabled`] only, else the axis asks for standstill itself.
+///
+/// Which of it leads the drive is the [`Mode`]'s: the position in CSP and IP, the velocity in CSV, the torque in CST. What is
+/// below the leading one goes beside it as feed-forward, into 60B1 and 60B2, where these are mapped.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Target {
+    /// Counts, unwrapped. In CSV and CST the place where the joint is to be; the drive does not hear of it.
+    pub position: i64,
+    /// In the unit of 60FF and 60B1 of the drive.
+    pub velocity: i32,
+    /// 1/1000 of the rated torque.
+    pub torque: i16,
+}
+
+/// A position without feed-forward.
+impl From<i64> for Target {
+    fn from(position: i64) -> Target {
+        Target {
+            position,
+            ..Target::default()
+        }
+    }
+}
+
 /// What the drive gets.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Setpoint {
@@ -79,6 +124,14 @@ pub struct Setpoint {
     pub controlword: u16,
     /// 607A or 60C1:1, counts; the low 32 bits of the unwrapped position.
     pub target_position: i32,
+    /// 60FF: target of CSV; 0 in other modes and while the axis is not enabled.
+    pub target_velocity: i32,
+    /// 6071: target of CST; 0 in other modes and while the axis is not enabled.
+    pub target_torque: i16,
+    /// 60B1: feed-forward of CSP and IP.
+    pub velocity_offset: i32,
+    /// 60B2: feed-forward of CSP, IP and CSV.
+    pub torque_offset: i16,
     /// 6060.
     pub mode: i8,
 }
@@ -109,9 +162,9 @@ pub enum Status {
     Disabled,
     /// On the way to [`Status::Enabled`].
     Enabling,
-    /// Follows the commanded position.
+    /// Follows the commanded target.
     Enabled,
-    /// The drive homes itself; the commanded position is not used.
+    /// The drive homes itself; the commanded target is not used.
     Homing,
     /// On the way to [`Status::Disabled`].
     Disabling,

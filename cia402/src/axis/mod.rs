@@ -9,8 +9,11 @@
 //! none that outlives a fault or an absence of the drive; a mode counts only when 6061 shows it; a statusword that the
 //! profile does not define is a fault; a drive that ignores its target is a fault.
 //!
-//! How motion starts: while the status is not [`Status::Enabled`] the commanded position is not used. When it becomes
+//! How motion starts: while the status is not [`Status::Enabled`] the commanded target is not used. When it becomes
 //! `Enabled`, take [`Axis::target_position`] as the place where the joint stands and go on from there.
+//!
+//! In CSV and CST ([`AxisConfig::mode`]) the drive is led by the velocity or the torque of the [`Target`]; both are 0 in every
+//! cycle in which the axis is not enabled, so that a drive that is stopped, homed or lost is never left with the last one.
 
 mod fault;
 mod homing;
@@ -18,7 +21,7 @@ mod interface;
 mod state;
 
 pub use fault::{AxisFault, HomingFault, Step};
-pub use interface::{AxisConfig, Feedback, Mode, Request, Setpoint, Status};
+pub use interface::{AxisConfig, Feedback, Mode, Request, Setpoint, Status, Target};
 pub use state::{Axis, HomingState};
 
 use crate::profile::{Command, State, mode, state, statusword};
@@ -78,11 +81,12 @@ impl Axis {
     }
 
     /// One bus cycle: takes what the drive sent, returns what to send. `online` is false as long as the node is not
-    /// OPERATIONAL or its data are too old; `feedback` is then not looked at. `commanded_position` is in unwrapped
-    /// counts and is used in [`Status::Enabled`] only.
+    /// OPERATIONAL or its data are too old; `feedback` is then not looked at. `commanded` is used in [`Status::Enabled`]
+    /// only; a bare `i64` is a position in unwrapped counts.
     ///
     /// RT: constant time.
-    pub fn cycle(&mut self, now_ns: u64, online: bool, feedback: &Feedback, commanded_position: i64) -> Setpoint {
+    pub fn cycle(&mut self, now_ns: u64, online: bool, feedback: &Feedback, commanded: impl Into<Target>) -> Setpoint {
+        (self.velocity, self.torque) = (0, 0);
         if !online {
             return self.offline();
         }
@@ -105,7 +109,7 @@ impl Axis {
         let controlword = match self.phase {
             Phase::Offline | Phase::Disabled => self.disabled(drive),
             Phase::Enabling => self.enabling(now_ns, drive, feedback),
-            Phase::Enabled => self.enabled(now_ns, drive, feedback, commanded_position),
+            Phase::Enabled => self.enabled(now_ns, drive, feedback, commanded.into()),
             Phase::Homing(homing) => {
                 let word = self.homing_step(now_ns, drive, feedback, homing);
                 if let Phase::Homing(Homing {
@@ -211,10 +215,20 @@ impl Axis {
     }
 
     fn setpoint(&self, controlword: u16, mode: i8) -> Setpoint {
-        // The low 32 bits on purpose: 607A wraps as 6064 does.
+        let (velocity, torque) = (self.velocity, self.torque);
+        let (target_velocity, target_torque, velocity_offset, torque_offset) = match self.config.mode {
+            Mode::Csp | Mode::Ip => (0, 0, velocity, torque),
+            Mode::Csv => (velocity, 0, 0, torque),
+            Mode::Cst => (0, torque, 0, 0),
+        };
         Setpoint {
             controlword,
+            // The low 32 bits on purpose: 607A wraps as 6064 does.
             target_position: self.target as i32,
+            target_velocity,
+            target_torque,
+            velocity_offset,
+            torque_offset,
             mode,
         }
     }
@@ -374,7 +388,7 @@ impl Axis {
         Command::EnableOperation as u16 | self.config.mode.controlword()
     }
 
-    fn enabled(&mut self, now_ns: u64, drive: State, feedback: &Feedback, commanded_position: i64) -> u16 {
+    fn enabled(&mut self, now_ns: u64, drive: State, feedback: &Feedback, commanded: Target) -> u16 {
         if drive != State::OperationEnabled {
             self.fail(self.unexpected_disable(drive));
             return command_stop(drive) as u16;
@@ -388,7 +402,8 @@ impl Axis {
             });
             return command_stop(drive) as u16;
         }
-        self.target = commanded_position;
+        self.target = commanded.position;
+        (self.velocity, self.torque) = (commanded.velocity, commanded.torque);
         self.operation()
     }
 

@@ -100,6 +100,9 @@ pub struct Axis {
     pub(super) position: i32,
     pub(super) actual: i64,
     pub(super) target: i64,
+    /// Velocity and torque of this cycle; 0 unless enabled.
+    pub(super) velocity: i32,
+    pub(super) torque: i16,
     pub(super) timer: Option<Timer>,
     /// When enabling began, or when the enabled drive was last seen to follow.
     pub(super) mark_ns: u64,
@@ -119,6 +122,8 @@ impl Axis {
             position: 0,
             actual: 0,
             target: 0,
+            velocity: 0,
+            torque: 0,
             timer: None,
             mark_ns: 0,
             homed: HomingState::NotHomed,

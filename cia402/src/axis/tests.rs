@@ -105,6 +105,97 @@ fn interpolated_position_mode_sets_bit_4() {
     assert_eq!((setpoint.controlword, setpoint.mode), (0x001F, 7));
 }
 
+/// What goes to a drive in a mode while motion asks for this target, as (6060, 607A or 60C1:1, 60FF, 6071, 60B1, 60B2).
+fn sent(mode: Mode, target: Target) -> (i8, i32, i32, i16, i32, i16) {
+    let mut rig = Rig::enabled(AxisConfig {
+        mode,
+        ..AxisConfig::default()
+    });
+    rig.now_ns += MS;
+    rig.feedback.statusword = FOLLOWS;
+    let it = rig.axis.cycle(rig.now_ns, true, &rig.feedback, target);
+    assert_eq!(it.controlword & 0x000F, 0x000F);
+    (
+        it.mode,
+        it.target_position,
+        it.target_velocity,
+        it.target_torque,
+        it.velocity_offset,
+        it.torque_offset,
+    )
+}
+
+#[test]
+fn each_mode_is_led_by_its_own_object_and_takes_the_rest_as_feed_forward() {
+    let target = Target {
+        position: 1000,
+        velocity: -70_000,
+        torque: 250,
+    };
+    assert_eq!(sent(Mode::Csp, target), (8, 1000, 0, 0, -70_000, 250));
+    assert_eq!(sent(Mode::Ip, target), (7, 1000, 0, 0, -70_000, 250));
+    assert_eq!(sent(Mode::Csv, target), (9, 1000, -70_000, 0, 0, 250));
+    assert_eq!(sent(Mode::Cst, target), (10, 1000, 0, 250, 0, 0));
+}
+
+/// Every drive state, in every mode and with every request, while motion goes on asking for speed and torque.
+#[test]
+fn only_an_enabled_drive_is_told_a_velocity_or_a_torque() {
+    let target = Target {
+        position: 1000,
+        velocity: 5,
+        torque: 7,
+    };
+    let words = [
+        NOT_READY,
+        SWITCH_ON_DISABLED,
+        READY,
+        SWITCHED_ON,
+        ENABLED,
+        QUICK_STOP,
+        FAULT_REACTION,
+        FAULT,
+        0x0001,
+    ];
+    let requests = [
+        None,
+        Some(Request::Disable),
+        Some(Request::QuickStop),
+        Some(Request::CutPower),
+        Some(Request::Home),
+    ];
+    for mode in [Mode::Csp, Mode::Ip, Mode::Csv, Mode::Cst] {
+        for word in words {
+            for request in requests {
+                let mut rig = Rig::enabled(AxisConfig {
+                    mode,
+                    ..AxisConfig::default()
+                });
+                if let Some(request) = request {
+                    rig.axis.request(request);
+                }
+                rig.now_ns += MS;
+                rig.feedback.statusword = word;
+                let it = rig.axis.cycle(rig.now_ns, true, &rig.feedback, target);
+                let told = it.target_velocity != 0 || it.target_torque != 0 || it.velocity_offset != 0;
+                let enabled = rig.axis.status() == Status::Enabled;
+                assert_eq!(told, enabled, "{mode:?} {word:#06x} {request:?}: {it:?}");
+                assert_eq!(
+                    enabled,
+                    word == ENABLED && request.is_none(),
+                    "{mode:?} {word:#06x} {request:?}"
+                );
+            }
+        }
+        let mut rig = Rig::enabled(AxisConfig {
+            mode,
+            ..AxisConfig::default()
+        });
+        let it = rig.offline();
+        assert_eq!((it.target_velocity, it.target_torque, it.velocity_offset), (0, 0, 0));
+    }
+}
+
 #[test]
 fn the_target_copies_the_actual_position_until_the_drive_is_enabled() {
     let mut rig = Rig::new(AxisConfig::default());
@@ -135,7 +226,8 @@ fn operation_is_enabled_only_in_the_mode_asked_for() {
         Setpoint {
             controlword: 0x0007,
             target_position: 1000,
-            mode: 8
+            mode: 8,
+            ..Setpoint::default()
         }
     );
     rig.feedback.mode_display = 8;
@@ -206,7 +298,8 @@ fn disabling_goes_down_step_by_step_and_holds_the_target() {
         Setpoint {
             controlword: 0x0007,
             target_position: 1100,
-            mode: 8
+            mode: 8,
+            ..Setpoint::default()
         }
     );
     assert_eq!(rig.axis.status(), Status::Disabling);
@@ -399,7 +492,8 @@ fn homing_makes_the_edge_and_comes_back_at_the_new_position() {
         Setpoint {
             controlword: 0x001F,
             target_position: 400,
-            mode: 6
+            mode: 6,
+            ..Setpoint::default()
         }
     );
     assert_eq!(rig.cycle(0x1237, 0).controlword, 0x001F, "attained, still moving");
@@ -409,7 +503,8 @@ fn homing_makes_the_edge_and_comes_back_at_the_new_position() {
         Setpoint {
             controlword: 0x000F,
             target_position: -3,
-            mode: 8
+            mode: 8,
+            ..Setpoint::default()
         }
     );
     assert_eq!(rig.axis.status(), Status::Homing, "the mode counts when 6061 shows it");
@@ -425,7 +520,8 @@ fn homing_makes_the_edge_and_comes_back_at_the_new_position() {
         Setpoint {
             controlword: 0x000F,
             target_position: 5,
-            mode: 8
+            mode: 8,
+            ..Setpoint::default()
         }
     );
     rig.axis.request(Request::QuickStop);

@@ -96,6 +96,8 @@ pub struct Sensors {
     pub position: i64,
     /// Velocity, counts/s.
     pub velocity: i64,
+    /// Torque, 1/1000 of the rated one.
+    pub torque: i16,
     /// Limit switch on the negative side.
     pub negative_limit: Switch,
     /// Limit switch on the positive side.

@@ -8,17 +8,18 @@
 //! works on the values of a dictionary that somebody else owns and fills: it knows no bus.
 
 mod homing;
+mod modes;
 mod motion;
 mod objects;
 mod power;
 
 pub use homing::{Sensors, Switch};
-pub use motion::Demand;
-pub use objects::{DEVICE_TYPE, DRIVE_OBJECTS, SUPPORTED_MODES, check_write};
+pub use motion::{Control, Demand};
+pub use objects::{DEVICE_TYPE, DRIVE_OBJECTS, DRIVE_OBJECTS_WITH_DEMAND, SUPPORTED_MODES, check_write};
 pub use power::{Delays, transition};
 
 use crate::profile::{State, controlword, mode, statusword};
-use homing::{Homing, Method, Progress};
+use homing::Homing;
 use motion::{Generator, round};
 use obd::{AbortCode, Dictionary};
 use objects::Keys;
@@ -66,6 +67,13 @@ impl Default for Injected {
     }
 }
 
+/// How a drive differs from the profile, from the day it was built.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Quirks {
+    /// It takes the target of CSP and IP in 6062, and does not tell its demand there; for [`DRIVE_OBJECTS_WITH_DEMAND`].
+    pub target_in_demand: bool,
+}
+
 /// What the powered motor is doing.
 #[derive(Clone, Copy, Debug)]
 enum Activity {
@@ -111,6 +119,7 @@ pub struct Device {
     following_error_ns: u64,
     error_code: u16,
     connected: bool,
+    quirks: Quirks,
     /// Faults and changes from outside.
     pub injected: Injected,
 }
@@ -143,8 +152,15 @@ impl Device {
             following_error_ns: 0,
             error_code: 0,
             connected: false,
+            quirks: Quirks::default(),
             injected: Injected::default(),
         })
+    }
+
+    /// The same drive, as it was built.
+    #[must_use]
+    pub fn with_quirks(self, quirks: Quirks) -> Device {
+        Device { quirks, ..self }
     }
 
     /// Reset of the application: as after power-on, except that the encoder keeps its count and what was injected stays.
@@ -206,7 +222,11 @@ impl Device {
         if matches!(self.activity, Activity::Off) {
             self.generator.track(sensors.position);
         }
-        let following_error = round(self.generator.position) - sensors.position;
+        // Who leads the drive by velocity or torque knows of positions himself.
+        let following_error = match self.generator.control {
+            Control::Position => round(self.generator.position) - sensors.position,
+            Control::Velocity | Control::Torque => 0,
+        };
         let window = objects.get(keys.position_window);
         self.in_position = self.generator.at_rest() && following_error.unsigned_abs() <= u64::from(window);
         self.watch_following_error(objects, following_error);
@@ -236,18 +256,22 @@ impl Device {
         objects.set(keys.position, (sensors.position + self.offset) as i32);
         objects.set(keys.velocity, sensors.velocity as i32);
         objects.set(keys.position_demand_internal, round(self.generator.position) as i32);
-        objects.set(
-            keys.position_demand,
-            (round(self.generator.position) + self.offset) as i32,
-        );
+        if !self.quirks.target_in_demand {
+            let demand = round(self.generator.position) + self.offset;
+            objects.set(keys.position_demand, demand as i32);
+        }
         objects.set(keys.velocity_demand, velocity as i32);
+        objects.set(keys.torque_demand, self.generator.torque as i16);
+        objects.set(keys.torque, sensors.torque);
         objects.set(keys.following_error, following_error as i32);
         objects.set(keys.digital_inputs, self.digital_inputs(sensors));
         let powered = !matches!(self.activity, Activity::Off);
         Demand {
             powered,
+            control: self.generator.control,
             position: self.generator.position,
             velocity,
+            torque: self.generator.torque,
         }
     }
 
@@ -501,10 +525,12 @@ impl Device {
                 self.homing = HomingIndication::Idle;
             }
             Activity::Mode => match self.mode {
-                mode::CYCLIC_SYNCHRONOUS_POSITION => self.follow(objects, sensors, objects.get(keys.target)),
+                mode::CYCLIC_SYNCHRONOUS_POSITION => self.follow(objects, sensors, keys.target),
                 mode::INTERPOLATED_POSITION if word & controlword::MODE_START != 0 => {
-                    self.follow(objects, sensors, objects.get(keys.interpolation_target));
+                    self.follow(objects, sensors, keys.interpolation_target);
                 }
+                mode::CYCLIC_SYNCHRONOUS_VELOCITY => self.follow_velocity(objects, sensors),
+                mode::CYCLIC_SYNCHRONOUS_TORQUE => self.follow_torque(objects, sensors),
                 mode::HOMING => self.home(objects, sensors, word),
                 _ => {
                     self.generator
@@ -513,52 +539,6 @@ impl Device {
             },
         }
         self.start_bit = word & controlword::MODE_START != 0;
-    }
-
-    fn follow<const E: usize, const B: usize>(&mut self, objects: &Dictionary<E, B>, sensors: &Sensors, target: i32) {
-        let here = round(self.generator.position) + self.offset;
-        let target = here + i64::from(target.wrapping_sub(here as i32));
-        let (low, high) = (objects.get(self.keys.limit_low), objects.get(self.keys.limit_high));
-        // An end of the range stands for no limit, so that an axis without limits wraps.
-        let low = if low == i32::MIN { i64::MIN } else { i64::from(low) };
-        let high = if high == i32::MAX { i64::MAX } else { i64::from(high) };
-        let allowed = if low < high { target.clamp(low, high) } else { target };
-        let blocked = sensors.blocked((allowed - here) as f64);
-        let position = if blocked { here } else { allowed };
-        self.limited = position != target;
-        self.follows = !self.limited;
-        self.generator.follow((position - self.offset) as f64, self.period_s());
-    }
-
-    fn home<const E: usize, const B: usize>(&mut self, objects: &Dictionary<E, B>, sensors: &Sensors, word: u16) {
-        let keys = self.keys;
-        let start = word & controlword::MODE_START != 0;
-        if start && !self.start_bit {
-            self.homing = match Method::from_number(objects.get(keys.homing_method)) {
-                Some(method) => HomingIndication::Running(Homing::new(method, sensors)),
-                None => HomingIndication::Failed,
-            };
-        }
-        let mut velocity = 0.0;
-        if let HomingIndication::Running(mut homing) = self.homing {
-            let search = f64::from(objects.get(keys.homing_search));
-            let latch = f64::from(objects.get(keys.homing_latch));
-            self.homing = match homing.step(sensors, search, latch, self.generator.at_rest()) {
-                _ if !start => HomingIndication::Idle,
-                Progress::Move(wanted) => {
-                    velocity = wanted;
-                    HomingIndication::Running(homing)
-                }
-                Progress::Home(position) => {
-                    // By the profile zero = home + offset, so that the position at home is minus the offset.
-                    self.offset = -position - i64::from(objects.get(keys.home_offset));
-                    HomingIndication::Attained
-                }
-                Progress::Failed => HomingIndication::Failed,
-            };
-        }
-        let acceleration = f64::from(objects.get(keys.homing_acceleration));
-        self.generator.approach(velocity, acceleration, self.period_s());
     }
 
     fn statusword(&self, following_error: i64, window: u32) -> u16 {
@@ -578,7 +558,9 @@ impl Device {
                 set(matches!(self.homing, HomingIndication::Attained), statusword::MODE_ACK);
                 set(matches!(self.homing, HomingIndication::Failed), statusword::MODE_ERROR);
             }
-            mode::INTERPOLATED_POSITION => set(self.follows, statusword::MODE_ACK),
+            mode::INTERPOLATED_POSITION | mode::CYCLIC_SYNCHRONOUS_VELOCITY | mode::CYCLIC_SYNCHRONOUS_TORQUE => {
+                set(self.follows, statusword::MODE_ACK);
+            }
             _ => {
                 set(self.follows, statusword::MODE_ACK);
                 let error = window != u32::MAX && following_error.unsigned_abs() > u64::from(window);

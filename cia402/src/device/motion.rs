@@ -2,15 +2,31 @@
 //!
 //! In:  a target per period, or a speed to reach. Out: the [`Demand`] of the next period.
 
-/// What the position loop is to do during the next period.
+/// Which loop of the motor the demand is for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Control {
+    /// The position loop.
+    #[default]
+    Position,
+    /// The velocity loop: nobody in the drive holds a position.
+    Velocity,
+    /// The torque alone.
+    Torque,
+}
+
+/// What the motor's loop is to do during the next period.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Demand {
     /// Torque is on. If not, the rest means nothing.
     pub powered: bool,
-    /// Position at the end of the period, motor counts.
+    /// Which of the following counts.
+    pub control: Control,
+    /// Position at the end of the period, motor counts. In the other two, what the motor would reach without a lag.
     pub position: f64,
     /// Velocity at the end of the period, counts/s.
     pub velocity: f64,
+    /// Torque, 1/1000 of the rated one; beside position and velocity it is added to what their loops find.
+    pub torque: f64,
 }
 
 /// Position and velocity that the motor is to follow, in motor counts.
@@ -18,17 +34,42 @@ pub struct Demand {
 pub(super) struct Generator {
     pub(super) position: f64,
     pub(super) velocity: f64,
+    pub(super) torque: f64,
+    pub(super) control: Control,
 }
 
 impl Generator {
     /// Follows a motor without torque.
     pub(super) fn track(&mut self, position: i64) {
-        self.position = position as f64;
-        self.velocity = 0.0;
+        *self = Generator {
+            position: position as f64,
+            ..Generator::default()
+        };
+    }
+
+    /// Runs at a speed from where the motor is.
+    pub(super) fn run(&mut self, from: i64, velocity: f64, torque: f64, period_s: f64) {
+        *self = Generator {
+            position: from as f64 + velocity * period_s,
+            velocity,
+            torque,
+            control: Control::Velocity,
+        };
+    }
+
+    /// Gives a torque to a motor that is where it is.
+    pub(super) fn push(&mut self, from: i64, velocity: i64, torque: f64) {
+        *self = Generator {
+            position: from as f64,
+            velocity: velocity as f64,
+            torque,
+            control: Control::Torque,
+        };
     }
 
     /// Moves to a position within one period.
     pub(super) fn follow(&mut self, position: f64, period_s: f64) {
+        (self.control, self.torque) = (Control::Position, 0.0);
         self.velocity = (position - self.position) / period_s;
         self.position = position;
     }
@@ -37,6 +78,7 @@ impl Generator {
     ///
     /// The velocity runs straight over the period: `s = (v0 + v1) / 2 · t`.
     pub(super) fn approach(&mut self, velocity: f64, acceleration: f64, period_s: f64) -> bool {
+        (self.control, self.torque) = (Control::Position, 0.0);
         let step = acceleration * period_s;
         let before = self.velocity;
         self.velocity = velocity.clamp(before - step, before + step);
@@ -63,6 +105,7 @@ mod tests {
         let mut generator = Generator {
             position: 0.0,
             velocity: 1000.0,
+            ..Generator::default()
         };
         let mut periods = 1;
         while !generator.approach(0.0, 10_000.0, 0.001) {

@@ -7,10 +7,12 @@ use super::homing;
 use crate::profile::mode;
 use obd::{AbortCode, DataType, Dictionary, EntryDef, Key};
 
-/// 6502: homing, interpolated position, cyclic synchronous position.
+/// 6502: homing, interpolated position; cyclic synchronous position, velocity and torque.
 pub const SUPPORTED_MODES: u32 = mode::supported_bit(mode::HOMING)
     | mode::supported_bit(mode::INTERPOLATED_POSITION)
-    | mode::supported_bit(mode::CYCLIC_SYNCHRONOUS_POSITION);
+    | mode::supported_bit(mode::CYCLIC_SYNCHRONOUS_POSITION)
+    | mode::supported_bit(mode::CYCLIC_SYNCHRONOUS_VELOCITY)
+    | mode::supported_bit(mode::CYCLIC_SYNCHRONOUS_TORQUE);
 
 /// 1000h of a servo drive: profile 402, servo.
 pub const DEVICE_TYPE: u32 = 0x0002_0192;
@@ -58,6 +60,10 @@ pub const DRIVE_OBJECTS: &[EntryDef] = &[
     rw(0x6067, DataType::U32, "Position_window").default(10).rpdo(),
     ro(0x606B, DataType::I32, "Velocity_demand_value").tpdo(),
     ro(0x606C, DataType::I32, "Velocity_actual_value").tpdo(),
+    rw(0x6071, DataType::I16, "Target_torque").rpdo(),
+    rw(0x6072, DataType::U16, "Max_torque").default(3000).rpdo(),
+    ro(0x6074, DataType::I16, "Torque_demand").tpdo(),
+    ro(0x6077, DataType::I16, "Torque_actual_value").tpdo(),
     rw(0x607A, DataType::I32, "Target_position").rpdo(),
     rw(0x607C, DataType::I32, "Home_offset").rpdo(),
     rw(0x607D, DataType::I32, "Software_position_limit")
@@ -95,6 +101,8 @@ pub const DRIVE_OBJECTS: &[EntryDef] = &[
         .default(5_000_000)
         .limits(1, u32::MAX as i64)
         .rpdo(),
+    rw(0x60B1, DataType::I32, "Velocity_offset").rpdo(),
+    rw(0x60B2, DataType::I16, "Torque_offset").rpdo(),
     rw(0x60C0, DataType::I16, "Interpolation_sub_mode_select").limits(0, 0),
     rw(0x60C1, DataType::I32, "Interpolation_data_record").sub(1).rpdo(),
     rw(0x60C2, DataType::U8, "Interpolation_time_period")
@@ -110,9 +118,26 @@ pub const DRIVE_OBJECTS: &[EntryDef] = &[
     ro(0x60FD, DataType::U32, "Digital_inputs").tpdo(),
     rw(0x60FE, DataType::U32, "Digital_outputs").sub(1).rpdo(),
     rw(0x60FE, DataType::U32, "Digital_outputs").sub(2).rpdo(),
+    rw(0x60FF, DataType::I32, "Target_velocity").rpdo(),
     EntryDef::constant(0x6502, DataType::U32, "Supported_drive_modes").default(SUPPORTED_MODES as i64),
     EntryDef::constant(0x67FF, DataType::U32, "Single_device_type").default(DEVICE_TYPE as i64),
 ];
+
+/// As [`DRIVE_OBJECTS`], of a drive that takes its target in 6062: there the position demand can be written and mapped as such.
+pub const DRIVE_OBJECTS_WITH_DEMAND: &[EntryDef] = &with_demand();
+
+const fn with_demand() -> [EntryDef; DRIVE_OBJECTS.len()] {
+    let mut table = [DRIVE_OBJECTS[0]; DRIVE_OBJECTS.len()];
+    let mut line = 0;
+    while line < table.len() {
+        table[line] = match DRIVE_OBJECTS[line].index {
+            0x6062 => rw(0x6062, DataType::I32, "Position_demand_value").rpdo(),
+            _ => DRIVE_OBJECTS[line],
+        };
+        line += 1;
+    }
+    table
+}
 
 /// Whether the drive takes a value written by SDO that the table's own checks let pass: modes it does not have, homing
 /// methods and option codes it does not know are [`AbortCode::VALUE_RANGE`].
@@ -169,6 +194,10 @@ keys! {
     position_window: u32 = 0x6067 / 0;
     velocity_demand: i32 = 0x606B / 0;
     velocity: i32 = 0x606C / 0;
+    target_torque: i16 = 0x6071 / 0;
+    torque_max: u16 = 0x6072 / 0;
+    torque_demand: i16 = 0x6074 / 0;
+    torque: i16 = 0x6077 / 0;
     target: i32 = 0x607A / 0;
     home_offset: i32 = 0x607C / 0;
     limit_low: i32 = 0x607D / 1;
@@ -179,10 +208,13 @@ keys! {
     homing_search: u32 = 0x6099 / 1;
     homing_latch: u32 = 0x6099 / 2;
     homing_acceleration: u32 = 0x609A / 0;
+    velocity_offset: i32 = 0x60B1 / 0;
+    torque_offset: i16 = 0x60B2 / 0;
     interpolation_target: i32 = 0x60C1 / 1;
     interpolation_digits: u8 = 0x60C2 / 1;
     interpolation_power: i8 = 0x60C2 / 2;
     following_error: i32 = 0x60F4 / 0;
     position_demand_internal: i32 = 0x60FC / 0;
     digital_inputs: u32 = 0x60FD / 0;
+    target_velocity: i32 = 0x60FF / 0;
 }

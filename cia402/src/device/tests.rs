@@ -1,5 +1,5 @@
 use super::*;
-use crate::axis::{Axis, AxisConfig, AxisFault, Feedback, HomingState, Mode, Request, Status};
+use crate::axis::{Axis, AxisConfig, AxisFault, Feedback, HomingState, Mode, Request, Status, Target};
 use proptest::prelude::*;
 
 const MS: u64 = 1_000_000;
@@ -9,7 +9,7 @@ type Range = (i64, i64);
 
 /// A machine whose motor follows at once, with a drive on it and a controller that may lead it.
 struct Rig {
-    objects: Dictionary<64, 512>,
+    objects: Dictionary<{ obd::lines_of(DRIVE_OBJECTS) }, { obd::octets_of(DRIVE_OBJECTS) }>,
     device: Device,
     sensors: Sensors,
     demand: Demand,
@@ -81,6 +81,7 @@ impl Rig {
             velocity: (to - from) * 1000,
             negative_limit: switch(|position| position <= NEGATIVE_LIMIT, from, to),
             positive_limit: switch(|position| position >= POSITIVE_LIMIT, from, to),
+            torque: 0,
             home: switch(|position| (low..=high).contains(&position), from, to),
             index: (mark(from) != mark(to)).then_some(passed),
         };
@@ -114,7 +115,7 @@ impl Rig {
     }
 
     /// A cycle in which the controller leads.
-    fn lead(&mut self, commanded: i64) {
+    fn lead(&mut self, commanded: impl Into<Target>) {
         let feedback = Feedback {
             statusword: self.read(0x6041, 0),
             position: self.read(0x6064, 0),
@@ -129,6 +130,10 @@ impl Rig {
         self.write(0x6060, 0, setpoint.mode);
         self.write(0x607A, 0, setpoint.target_position);
         self.write(0x60C1, 1, setpoint.target_position);
+        self.write(0x60FF, 0, setpoint.target_velocity);
+        self.write(0x6071, 0, setpoint.target_torque);
+        self.write(0x60B1, 0, setpoint.velocity_offset);
+        self.write(0x60B2, 0, setpoint.torque_offset);
         self.cycle(true);
     }
 
@@ -182,6 +187,89 @@ fn the_controller_brings_the_drive_up_and_moves_it() {
         rig.lead_to(Status::Disabled, 20);
         assert_eq!(rig.device.state(), State::SwitchOnDisabled);
     }
+}
+
+/// A drive that is enabled in a mode.
+fn enabled_in(mode: Mode) -> Rig {
+    let config = AxisConfig {
+        mode,
+        ..AxisConfig::default()
+    };
+    let mut rig = Rig::with(500, (-1000, 1000), config);
+    rig.enable();
+    assert_eq!((rig.sensors.position, rig.read::<i8>(0x6061, 0)), (500, mode.code()));
+    rig
+}
+
+#[test]
+fn a_velocity_leads_the_motor_and_stops_as_the_states_say() {
+    let mut rig = enabled_in(Mode::Csv);
+    let target = Target {
+        position: 99_999,
+        velocity: 3000,
+        torque: 40,
+    };
+    for _ in 0..100 {
+        rig.lead(target);
+    }
+    // 3 counts a period; the first one sends it.
+    assert_eq!(
+        rig.sensors.position, 800,
+        "whatever the position is that nobody asks of it"
+    );
+    let demand = rig.demand;
+    assert_eq!(
+        (demand.control, demand.velocity, demand.torque),
+        (Control::Velocity, 3000.0, 40.0)
+    );
+    assert_eq!((rig.read::<u16>(0x6041, 0), rig.read::<i32>(0x60F4, 0)), (0x1237, 0));
+    assert_eq!(rig.read::<i32>(0x606B, 0), 3000);
+    rig.axis.request(Request::QuickStop);
+    rig.lead_to(Status::Disabled, 20);
+    assert_eq!(rig.axis.fault(), None);
+    assert_eq!(rig.device.state(), State::SwitchOnDisabled);
+}
+
+#[test]
+fn a_limit_switch_lets_a_velocity_only_back() {
+    let mut rig = enabled_in(Mode::Csv);
+    rig.turn(POSITIVE_LIMIT);
+    let velocity = |velocity| Target {
+        velocity,
+        ..Target::default()
+    };
+    rig.lead(velocity(5000));
+    assert_eq!(
+        (rig.sensors.position, rig.read::<u16>(0x6041, 0)),
+        (POSITIVE_LIMIT, 0x0A37)
+    );
+    rig.lead(velocity(-5000));
+    assert_eq!(
+        (rig.sensors.position, rig.read::<u16>(0x6041, 0)),
+        (POSITIVE_LIMIT - 5, 0x1237)
+    );
+}
+
+#[test]
+fn a_torque_leads_the_motor_up_to_the_greatest_one() {
+    let mut rig = enabled_in(Mode::Cst);
+    let torque = |torque| Target {
+        torque,
+        ..Target::default()
+    };
+    rig.lead(torque(-300));
+    assert_eq!((rig.demand.control, rig.demand.torque), (Control::Torque, -300.0));
+    assert_eq!(rig.read::<u16>(0x6041, 0), 0x1237);
+    rig.lead(torque(3100));
+    assert_eq!((rig.demand.torque, rig.read::<i16>(0x6074, 0)), (3000.0, 3000));
+    assert_eq!(rig.read::<u16>(0x6041, 0), 0x1A37, "internal limit");
+    // What moves is stopped by a ramp of the drive's own, from the speed that the motor has.
+    rig.sensors.velocity = 100_000;
+    rig.lead(torque(0));
+    rig.axis.request(Request::Disable);
+    rig.lead(torque(0));
+    assert_eq!(rig.demand.control, Control::Position);
+    assert!((80_000.0..100_000.0).contains(&rig.demand.velocity), "{:?}", rig.demand);
 }
 
 #[test]
@@ -439,15 +527,17 @@ fn an_interpolation_time_other_than_the_cycle_is_refused() {
 
 #[test]
 fn modes_methods_and_options_that_it_lacks_are_refused() {
-    assert_eq!(SUPPORTED_MODES, 0x0000_00E0);
+    assert_eq!(SUPPORTED_MODES, 0x0000_03E0);
     let refused = Err(AbortCode::VALUE_RANGE);
     for (mode, result) in [
         (8, Ok(())),
         (7, Ok(())),
         (6, Ok(())),
         (0, Ok(())),
+        (9, Ok(())),
+        (10, Ok(())),
         (1, refused),
-        (9, refused),
+        (11, refused),
         (-1, refused),
     ] {
         assert_eq!(check_write(0x6060, 0, &[mode as i8 as u8]), result, "{mode}");
@@ -463,8 +553,9 @@ fn modes_methods_and_options_that_it_lacks_are_refused() {
 
 #[test]
 fn the_table_makes_a_dictionary() {
-    let objects: Dictionary<64, 512> = Dictionary::new(&[DRIVE_OBJECTS]).unwrap();
-    assert_eq!(objects.read(0x6502, 0), Ok(&[0xE0, 0, 0, 0][..]));
+    let objects: Dictionary<{ obd::lines_of(DRIVE_OBJECTS) }, { obd::octets_of(DRIVE_OBJECTS) }> =
+        Dictionary::new(&[DRIVE_OBJECTS]).unwrap();
+    assert_eq!(objects.read(0x6502, 0), Ok(&[0xE0, 3, 0, 0][..]));
     assert_eq!(objects.read(0x67FF, 0), Ok(&[0x92, 0x01, 0x02, 0x00][..]));
     assert_eq!(objects.read(0x60C2, 2), Ok(&[0xFD][..]));
 }

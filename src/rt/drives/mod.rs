@@ -6,13 +6,17 @@
 //! `motor mm = increments / ratio + zero`, where `zero` is the position at which the drive counts 0: its home point, or what
 //! homing by the control has found. The motor stands beside its joint by the compensation of backlash and pitch errors, which
 //! nobody outside of this file sees.
+//!
+//! A drive in CSP or IP holds the position that it is told. One in CSV or CST (`Joint::mode`) is led by what a loop of the control
+//! finds for it, cycle by cycle: [`Drives::lead`] in front of [`Drives::write`], from [`Drive::command_mm`] of the cycle before,
+//! [`Drive::actual_mm`] and the new command. What is not said anew in a cycle is 0.
 
 use super::homing::Found;
 use crate::bus::layout::{Field, Layout};
 use crate::bus::plan::NodePlan;
 use crate::bus::{InputImage, NodeIndex, NodeState, OutputImage};
-use crate::config::{Compensation, Config, HomingBy, JOINTS_MAX, Joint, Sto};
-use cia402::axis::{Axis, AxisConfig, Feedback, HomingState, Request, Setpoint, Status};
+use crate::config::{Compensation, Config, DriveMode, HomingBy, JOINTS_MAX, Joint, Sto, targets};
+use cia402::axis::{Axis, AxisConfig, Feedback, HomingState, Request, Setpoint, Status, Target};
 use motion::canon::Position;
 use motion::kinematics::Kinematics;
 use motion::rt::{JointCompensation, Sample};
@@ -21,7 +25,10 @@ use motion::rt::{JointCompensation, Sample};
 #[derive(Clone, Copy, Debug)]
 struct Fields {
     controlword: Field,
-    target_position: Field,
+    /// Of the mode in which the drive is run.
+    target: Field,
+    /// 60B2, as far as the mode takes it from a loop of the control.
+    torque_offset: Option<Field>,
     mode: Option<Field>,
     statusword: Field,
     position: Field,
@@ -33,10 +40,13 @@ struct Fields {
 
 impl Fields {
     /// `None` if an object without which no drive can be run is not mapped.
-    fn new(outputs: &Layout, inputs: &Layout) -> Option<Fields> {
+    fn new(mode: DriveMode, outputs: &Layout, inputs: &Layout) -> Option<Fields> {
         Some(Fields {
             controlword: outputs.find(0x6040, 0)?,
-            target_position: outputs.find(0x607A, 0)?,
+            target: targets(mode)
+                .iter()
+                .find_map(|(index, sub)| outputs.find(*index, *sub))?,
+            torque_offset: (mode == DriveMode::Csv).then(|| outputs.find(0x60B2, 0)).flatten(),
             mode: outputs.find(0x6060, 0),
             statusword: inputs.find(0x6041, 0)?,
             position: inputs.find(0x6064, 0)?,
@@ -48,12 +58,26 @@ impl Fields {
     }
 }
 
+/// What a loop of the control finds for a drive that holds no position itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Effort {
+    /// Of the motor; of a drive in CSV.
+    pub velocity_mm_s: f64,
+    /// As a share of the rated torque, up: of a drive in CST; of one in CSV whose 60B2 is mapped, too.
+    pub torque: f64,
+}
+
 /// One joint and the drive that moves it.
 #[derive(Debug)]
 pub struct Drive {
     node: NodeIndex,
     fields: Fields,
+    mode: DriveMode,
     increments_per_mm: f64,
+    /// 60FF for 1 mm/s.
+    velocity_per_mm_s: f64,
+    /// For the next set-point.
+    effort: Effort,
     /// Position at which the drive counts 0.
     zero_mm: f64,
     /// `None`: the drive homes itself; else whether the control has homed it since it came on line.
@@ -80,10 +104,14 @@ impl Drive {
     /// `None` if the payloads lack an object that every drive needs.
     pub fn new(joint: &Joint, plan: &NodePlan, cycle_s: f64) -> Option<Drive> {
         let [counts, units] = joint.counts_per_unit.map(f64::from);
+        let [above, below] = joint.velocity_ratio.map(f64::from);
         Some(Drive {
             node: joint.node,
-            fields: Fields::new(&plan.outputs, &plan.inputs)?,
+            fields: Fields::new(joint.mode, &plan.outputs, &plan.inputs)?,
+            mode: joint.mode,
             increments_per_mm: counts / units,
+            velocity_per_mm_s: counts / units * above / below,
+            effort: Effort::default(),
             zero_mm: match joint.homing.by {
                 HomingBy::Drive { .. } => joint.homing.position_mm,
                 HomingBy::Control(_) => 0.0,
@@ -95,7 +123,10 @@ impl Drive {
             volatile: joint.homing.volatile,
             following_error_max_mm: joint.following_error_mm,
             travel_mm: joint.travel_mm,
-            axis: Axis::new(AxisConfig::default()),
+            axis: Axis::new(AxisConfig {
+                mode: joint.mode,
+                ..AxisConfig::default()
+            }),
             feedback: Feedback::default(),
             setpoint: Setpoint::default(),
             online: false,
@@ -186,8 +217,14 @@ impl Drive {
     /// Tells the drive where to be; a drive that is not enabled is kept where it is, so that enabling never jumps. RT.
     fn write(&mut self, now_ns: u64, command_mm: f64, outputs: &mut OutputImage) {
         let motor_mm = self.compensated(command_mm);
-        let increments = ((motor_mm - self.zero_mm) * self.increments_per_mm).round() as i64;
-        self.setpoint = self.axis.cycle(now_ns, self.online, &self.feedback, increments);
+        // A loop that has nothing to say any more must not leave its last word behind.
+        let effort = std::mem::take(&mut self.effort);
+        let target = Target {
+            position: ((motor_mm - self.zero_mm) * self.increments_per_mm).round() as i64,
+            velocity: (effort.velocity_mm_s * self.velocity_per_mm_s).round() as i32,
+            torque: (effort.torque * 1000.0).round() as i16,
+        };
+        self.setpoint = self.axis.cycle(now_ns, self.online, &self.feedback, target);
         if self.volatile && self.is_off() {
             self.forget_home();
         }
@@ -203,9 +240,15 @@ impl Drive {
         self.fields
             .controlword
             .write(payload, u64::from(self.setpoint.controlword));
-        self.fields
-            .target_position
-            .write(payload, self.setpoint.target_position as u64);
+        let target = match self.mode {
+            DriveMode::Csp | DriveMode::Ip => self.setpoint.target_position as u64,
+            DriveMode::Csv => self.setpoint.target_velocity as u64,
+            DriveMode::Cst => self.setpoint.target_torque as u64,
+        };
+        self.fields.target.write(payload, target);
+        if let Some(offset) = self.fields.torque_offset {
+            offset.write(payload, self.setpoint.torque_offset as u64);
+        }
         if let Some(mode) = self.fields.mode {
             mode.write(payload, self.setpoint.mode as u64);
         }
@@ -254,8 +297,8 @@ impl Drive {
     /// Command that the drive had when it took the position it reports, less that position, mm.
     pub fn following_error_mm(&self) -> f64 {
         match self.fields.following_error {
-            Some(_) => f64::from(self.feedback.following_error) / self.increments_per_mm,
-            None => self.command_before_mm - self.actual_mm(),
+            Some(_) if self.mode.is_position() => f64::from(self.feedback.following_error) / self.increments_per_mm,
+            Some(_) | None => self.command_before_mm - self.actual_mm(),
         }
     }
 
@@ -356,6 +399,16 @@ impl Drives {
         }
     }
 
+    /// What the drive of a joint is led by in the next [`Drives::write`]; it does not outlast it. A drive in CSP or IP holds its
+    /// position itself and is not led; one that is not enabled is told to stand still, whatever is said here. RT.
+    pub fn lead(&mut self, joint: usize, effort: Effort) {
+        if let Some(drive) = self.drives.get_mut(joint)
+            && !drive.mode.is_position()
+        {
+            drive.effort = effort;
+        }
+    }
+
     /// Asks the joints of `which` (bit n: joint n) for something. RT.
     pub fn request(&mut self, which: u64, request: Request) {
         for (index, drive) in self.drives.iter_mut().enumerate() {
@@ -442,3 +495,6 @@ impl Drives {
         self.drives.iter()
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,209 @@
+//! Joints on a table: the payloads go straight to drives that follow without a lag.
+
+use super::*;
+use crate::bus;
+use crate::config;
+use cia402::device::{Control, DRIVE_OBJECTS, Delays, Demand, Device, Sensors};
+use obd::{Dictionary, Scalar};
+use std::path::Path;
+
+const DEMO: &str = include_str!("../../../configs/mill3-demo.toml");
+const CYCLE_NS: u64 = 1_000_000;
+
+/// The first joint of the demo machine and its drive.
+struct Table {
+    drives: Drives,
+    plans: Vec<NodePlan>,
+    outputs: OutputImage,
+    inputs: InputImage,
+    objects: Dictionary<{ obd::lines_of(DRIVE_OBJECTS) }, { obd::octets_of(DRIVE_OBJECTS) }>,
+    device: Device,
+    sensors: Sensors,
+    demand: Demand,
+    now_ns: u64,
+    command_mm: f64,
+}
+
+impl Table {
+    /// `outputs` behind controlword and mode.
+    fn new(mode: DriveMode, outputs: &[(u16, u8, u8)]) -> Table {
+        let mut config = config::parse(DEMO, Path::new("m.toml")).unwrap();
+        config.joints.truncate(1);
+        config.joints[0].mode = mode;
+        config.joints[0].velocity_ratio = [6, 1000];
+        let always = [(0x6040, 0, 16), (0x6060, 0, 8)];
+        let objects = always.iter().chain(outputs);
+        config.bus.nodes[0].outputs = objects
+            .map(|&(index, sub, bits)| config::Mapped { index, sub, bits })
+            .collect();
+        let plans = bus::plan(&config);
+        let objects = Dictionary::new(&[DRIVE_OBJECTS]).unwrap();
+        let device = Device::new(&objects, CYCLE_NS as u32, Delays::default()).unwrap();
+        Table {
+            drives: Drives::new(&config, &plans).unwrap(),
+            outputs: OutputImage::new(plans.iter().map(|plan| plan.outputs.octets)),
+            inputs: InputImage::new(plans.iter().map(|plan| plan.inputs.octets)),
+            plans,
+            objects,
+            device,
+            sensors: Sensors::default(),
+            demand: Demand::default(),
+            now_ns: 0,
+            command_mm: 0.0,
+        }
+    }
+
+    /// One cycle, led by this.
+    fn cycle(&mut self, effort: Option<Effort>) {
+        self.now_ns += CYCLE_NS;
+        self.inputs.fresh[0] = true;
+        for field in &self.plans[0].inputs.fields {
+            let octets = self.objects.read(field.object.index, field.object.sub).unwrap();
+            let mut value = [0; 8];
+            value[..octets.len()].copy_from_slice(octets);
+            field.write(self.inputs.payload.node_mut(0), u64::from_le_bytes(value));
+        }
+        self.drives.read(&self.inputs, |_| NodeState::Operational);
+        if let Some(effort) = effort {
+            self.drives.lead(0, effort);
+        }
+        self.drives.write(self.now_ns, &[self.command_mm], &mut self.outputs);
+        for field in &self.plans[0].outputs.fields {
+            let entry = self.objects.find(field.object.index, field.object.sub).unwrap();
+            let value = field.read(self.outputs.node(0)).to_le_bytes();
+            self.objects
+                .set_octets(entry, &value[..usize::from(field.object.bits / 8)])
+                .unwrap();
+        }
+        self.demand = self.device.cycle(&mut self.objects, &self.sensors, true);
+        if self.demand.powered {
+            let before = self.sensors.position;
+            self.sensors.position = self.demand.position.round() as i64;
+            self.sensors.velocity = (self.sensors.position - before) * 1000;
+        }
+    }
+
+    fn enabled(mode: DriveMode, outputs: &[(u16, u8, u8)]) -> Table {
+        let mut table = Table::new(mode, outputs);
+        for _ in 0..100 {
+            table.cycle(None);
+            table.drives.request(1, Request::Enable);
+        }
+        assert_eq!(table.drives.drives[0].status(), Status::Enabled);
+        table
+    }
+
+    fn object<T: Scalar>(&self, index: u16, sub: u8) -> T {
+        self.objects.get(self.objects.key(index, sub).unwrap())
+    }
+}
+
+#[test]
+fn the_target_goes_into_the_object_of_the_mode_or_into_the_position_demand() {
+    for (mode, index, sub) in [
+        (DriveMode::Csp, 0x607A, 0),
+        (DriveMode::Ip, 0x60C1, 1),
+        (DriveMode::Csp, 0x6062, 0),
+        (DriveMode::Ip, 0x6062, 0),
+    ] {
+        let mut table = Table::new(mode, &[(index, sub, 32)]);
+        table.now_ns += CYCLE_NS;
+        table.inputs.fresh[0] = true;
+        let field = *table.plans[0]
+            .inputs
+            .fields
+            .iter()
+            .find(|field| field.object.index == 0x6064)
+            .unwrap();
+        field.write(table.inputs.payload.node_mut(0), 0xFFFF_FFF0);
+        table.drives.read(&table.inputs, |_| NodeState::Operational);
+        table.drives.write(table.now_ns, &[0.0], &mut table.outputs);
+        let target = table.plans[0].outputs.find(index, sub).unwrap();
+        assert_eq!(target.read_signed(table.outputs.node(0)), -16, "{mode:?} {index:04X}");
+    }
+}
+
+#[test]
+fn a_velocity_is_told_in_the_unit_of_the_drive_and_only_for_one_cycle() {
+    let mut table = Table::enabled(DriveMode::Csv, &[(0x60FF, 0, 32), (0x60B2, 0, 16)]);
+    let effort = Effort {
+        velocity_mm_s: 10.0,
+        torque: -0.25,
+    };
+    table.cycle(Some(effort));
+    // 10 mm/s are 100,000 increments/s, and 6 for a thousand of them.
+    assert_eq!(
+        (table.object::<i32>(0x60FF, 0), table.object::<i16>(0x60B2, 0)),
+        (600, -250)
+    );
+    assert_eq!(
+        (table.demand.control, table.demand.velocity),
+        (Control::Velocity, 600.0)
+    );
+    table.cycle(None);
+    assert_eq!((table.object::<i32>(0x60FF, 0), table.object::<i16>(0x60B2, 0)), (0, 0));
+    // As far as numbers go, and no further.
+    let effort = Effort {
+        velocity_mm_s: 1e300,
+        torque: -1e300,
+    };
+    table.cycle(Some(effort));
+    assert_eq!(
+        (table.object::<i32>(0x60FF, 0), table.object::<i16>(0x60B2, 0)),
+        (i32::MAX, i16::MIN)
+    );
+}
+
+#[test]
+fn a_torque_is_told_while_the_drive_is_enabled() {
+    let mut table = Table::enabled(DriveMode::Cst, &[(0x6071, 0, 16)]);
+    let effort = Effort {
+        torque: 0.5,
+        ..Effort::default()
+    };
+    table.cycle(Some(effort));
+    assert_eq!(
+        (table.demand.control, table.object::<i16>(0x6071, 0)),
+        (Control::Torque, 500)
+    );
+    table.drives.request(1, Request::QuickStop);
+    table.cycle(Some(effort));
+    assert_eq!(table.object::<i16>(0x6071, 0), 0);
+}
+
+#[test]
+fn a_drive_that_holds_its_position_is_not_led() {
+    let mut table = Table::enabled(DriveMode::Csp, &[(0x607A, 0, 32), (0x60B2, 0, 16), (0x60FF, 0, 32)]);
+    let effort = Effort {
+        velocity_mm_s: 10.0,
+        torque: 0.5,
+    };
+    table.cycle(Some(effort));
+    table.cycle(Some(effort));
+    assert_eq!((table.object::<i32>(0x60FF, 0), table.object::<i16>(0x60B2, 0)), (0, 0));
+    assert_eq!(table.sensors.position, 0);
+}
+
+/// The simplest position loop that there is, around a drive in CSV: what a joint needs to be moved is all there.
+#[test]
+fn a_loop_around_a_velocity_brings_the_joint_where_it_is_told() {
+    let mut table = Table::enabled(DriveMode::Csv, &[(0x60FF, 0, 32)]);
+    for _ in 0..300 {
+        table.command_mm = (table.command_mm + 0.01).min(2.0);
+        let error_mm = table.command_mm - table.drives.drives[0].actual_mm();
+        // The unit of this drive is 6/1000 of an increment/s; it takes it for increments/s.
+        let effort = Effort {
+            velocity_mm_s: 200.0 * error_mm / 0.006,
+            ..Effort::default()
+        };
+        table.cycle(Some(effort));
+    }
+    let drive = &table.drives.drives[0];
+    assert!((drive.actual_mm() - 2.0).abs() <= 0.001, "{}", drive.actual_mm());
+    assert!(
+        drive.following_error_mm().abs() <= 0.001,
+        "{}",
+        drive.following_error_mm()
+    );
+    assert_eq!(drive.status(), Status::Enabled);
+}
