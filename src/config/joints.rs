@@ -2,16 +2,12 @@
 
 use super::compensation;
 use super::document::{Bound, Item, Section};
+use super::drive;
 use super::homing::{self, Known};
 use super::mapping::parse_object;
-use super::types::{
-    AxisMap, DriveMode, HomingBy, Joint, JointLimits, Mapped, Node, Profile, Sto, StopLimits, mode_word,
-};
-use cia402::profile::mode::{HOMING, Offered, supported_bit};
+use super::types::{AxisMap, HomingBy, Joint, JointLimits, Mapped, Node, Profile, Sto, StopLimits};
 use motion::canon::{Axis, Position};
-use obd::device::Value;
 use std::path::Path;
-use toml::de::DeTable;
 
 /// No machine tool is larger or faster; keeps every later calculation far from overflow. mm or degrees.
 pub(super) const LENGTH_MAX: f64 = 1e6;
@@ -31,7 +27,7 @@ pub(super) struct Surroundings<'c> {
 /// Reads one `[[joint]]`; `taken`: nodes of the joints above.
 pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, taken: &mut Vec<i64>) -> Option<Joint> {
     let node = node(section, around, taken);
-    let mode = mode(section);
+    let mode = drive::mode(section);
     let counts_per_unit = section
         .required(
             "counts_per_unit",
@@ -72,6 +68,19 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
     let unhomed_jog_mm_s = unhomed_jog(section, velocity_mm_s);
     let inputs = (node.zip(around.nodes)).map(|(node, nodes)| nodes[node].inputs.as_slice());
     let limits_by_drive = limit_switches(section, inputs);
+    let torque_per_mm_s2 = drive::torque_per_mm_s2(section, node.zip(around.nodes).map(|(node, nodes)| &nodes[node]));
+    let reactions = match section.optional_section("reactions") {
+        None if section.has("reactions") => None,
+        None => Some(drive::Reactions::default()),
+        Some(mut table) => {
+            let device = node
+                .zip(around.nodes)
+                .and_then(|(node, nodes)| nodes[node].device.as_ref());
+            let reactions = drive::reactions(&mut table, device);
+            table.done();
+            reactions
+        }
+    };
     let sto = match section.optional_section("sto") {
         None if section.has("sto") => None,
         None => Some(None),
@@ -98,7 +107,7 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         (node.zip(around.nodes).map(|(node, nodes)| &nodes[node]), mode, &homing)
     {
         let by_drive = matches!(homing.by, HomingBy::Drive { .. });
-        modes_are_offered(section, node, mode, by_drive);
+        drive::modes_are_offered(section, node, mode, by_drive);
     }
     if let (Some(counts), Some(travel)) = (counts_per_unit, travel_mm) {
         let counts_per_mm = ratio(counts);
@@ -147,6 +156,8 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         mode: mode?,
         counts_per_unit: counts_per_unit?,
         velocity_ratio: velocity_ratio?,
+        torque_per_mm_s2: torque_per_mm_s2?,
+        reactions: reactions?,
         travel_mm: travel_mm?,
         limits,
         stop,
@@ -158,77 +169,6 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         sto: sto?,
         squaring_offset_mm: squaring_offset_mm?,
     })
-}
-
-const MODES: [(&str, DriveMode); 4] = [
-    ("csp", DriveMode::Csp),
-    ("ip", DriveMode::Ip),
-    ("csv", DriveMode::Csv),
-    ("cst", DriveMode::Cst),
-];
-
-/// Node ids and modes of all joints, as far as they can be read; what is wrong with them is told where they are read.
-pub(super) fn modes(document: &DeTable<'_>) -> Vec<(i64, DriveMode)> {
-    let tables = document.get("joint").and_then(|joints| joints.get_ref().as_array());
-    let tables = tables
-        .into_iter()
-        .flatten()
-        .filter_map(|joint| joint.get_ref().as_table());
-    tables
-        .filter_map(|joint| {
-            let node = joint.get("node")?.get_ref().as_integer()?;
-            let node = i64::from_str_radix(node.as_str(), node.radix()).ok()?;
-            let word = joint.get("mode")?.get_ref().as_str()?;
-            let (_, mode) = MODES.iter().find(|(name, _)| *name == word)?;
-            Some((node, *mode))
-        })
-        .collect()
-}
-
-/// The mode in which the drive is run.
-fn mode(section: &mut Section<'_, '_>) -> Option<DriveMode> {
-    let mode = section.word("mode", &MODES, DriveMode::Csp)?;
-    if !mode.is_position() {
-        section.wrong(
-            "mode",
-            "needs a position loop in the control, which it does not have yet: \"csp\" or \"ip\"",
-        );
-    }
-    Some(mode)
-}
-
-/// Whether the drive has the modes in which it is to be run, as far as its device file says (6502).
-fn modes_are_offered(section: &mut Section<'_, '_>, node: &Node, mode: DriveMode, homes: bool) {
-    let Some(device) = &node.device else { return };
-    let object = device.object(0x6502, 0);
-    let value = object.and_then(|object| object.actual.as_ref().or(object.default.as_ref()));
-    let Some(supported) = value
-        .and_then(Value::integer)
-        .and_then(|value| u32::try_from(value).ok())
-    else {
-        return;
-    };
-    let file = &device.file;
-    // A file that says 0 does not know.
-    if supported != 0 && supported & supported_bit(mode.code()) == 0 {
-        let word = mode_word(mode);
-        section.wrong(
-            "mode",
-            format!(
-                "must be one that {file} offers (6502h): {}; it is {word:?}",
-                Offered(supported)
-            ),
-        );
-    }
-    if supported != 0 && homes && supported & supported_bit(HOMING) == 0 {
-        section.wrong(
-            "homing",
-            format!(
-                "must be by = \"control\": {file} offers no homing (6502h), only {}",
-                Offered(supported)
-            ),
-        );
-    }
 }
 
 /// How fast it may be jogged before it is homed; left out: a tenth of its velocity.

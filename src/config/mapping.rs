@@ -4,7 +4,8 @@
 //! Out: objects with their lengths, which the profile and the device take.
 
 use super::document::{Item, Section};
-use super::types::{DeviceDescription, DriveMode, Mapped, Profile, mode_word, targets};
+use super::drive::mode_word;
+use super::types::{DeviceDescription, DriveMode, Mapped, Profile, targets};
 use obd::mapping::Direction;
 
 /// Most octets of process data in one PReq or PRes.

@@ -12,6 +12,7 @@ mod bus;
 mod compensation;
 mod device;
 mod document;
+mod drive;
 mod error;
 mod homing;
 mod joints;
@@ -214,7 +215,7 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     let machine = root.section("machine").map(|section| machine(section, base));
     let (name, family, cycle_us, unit, state_directory, probe_stops_jog) = machine.unwrap_or_default();
     let rt = root.section("rt").and_then(|section| rt(section, cycle_us));
-    let modes = joints::modes(table);
+    let modes = drive::modes(table);
     let bus = root.section("bus").and_then(|mut section| {
         let folder = path.parent().unwrap_or(Path::new(""));
         let bus = bus::bus(&mut section, cycle_us, folder, &modes);

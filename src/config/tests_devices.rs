@@ -237,6 +237,50 @@ fn rules_of_a_device_file() {
     assert_eq!(messages(&text)[..4], expected);
 }
 
+#[test]
+fn reactions_of_a_drive_are_those_that_its_device_file_offers() {
+    let with = |line: &str| {
+        machine(SERVO, IO).replace("[joint.homing]", &format!("[joint.reactions]\n{line}\n[joint.homing]"))
+    };
+    let all = "quick_stop = 6\nconnection_lost = 2";
+    let text = changed("[joint.homing]", &format!("[joint.reactions]\n{all}\n[joint.homing]"));
+    let reactions = read(&text).joints[0].reactions;
+    assert_eq!(reactions.writes().collect::<Vec<_>>(), [(0x605A, 6), (0x6007, 2)]);
+    assert_eq!(Reactions::default().writes().collect::<Vec<_>>(), [(0x605A, 2)]);
+    assert_eq!(messages(&with("quick_stop = 5")), [""; 0]);
+    let expected = [
+        (
+            "halt = 1",
+            "halt = 1: the drive has no 0x605D: it does not stand in obd/tests/data/servo.xdc",
+        ),
+        (
+            "fault = 40000",
+            "fault = 40000: must be an integer from -32768 to 32767",
+        ),
+        ("stop = 1", "stop: unknown key"),
+    ];
+    for (line, rule) in expected {
+        let found = messages(&with(line));
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert!(found[0].contains(&format!("joint[0].reactions.{rule}")), "{found:?}");
+    }
+    let (folder, text) = with_modes("0x000003E5");
+    let file = folder.path().join("servo.xdc");
+    let narrow = std::fs::read_to_string(&file).unwrap();
+    let narrow = narrow.replacen(
+        "lowLimit=\"-32768\" highLimit=\"32767\"",
+        "lowLimit=\"0\" highLimit=\"2\"",
+        1,
+    );
+    std::fs::write(&file, narrow).unwrap();
+    let text = text.replace("[joint.homing]", "[joint.reactions]\nquick_stop = 6\n[joint.homing]");
+    let errors = parse(&text, &folder.path().join("m.toml")).unwrap_err().to_string();
+    assert!(
+        errors.contains("joint[0].reactions.quick_stop = 6: this drive offers 0 to 2 for 0x605A, as "),
+        "{errors}"
+    );
+}
+
 /// The device file of the servo with a line about the modes that it has.
 fn with_modes(supported: &str) -> (tempfile::TempDir, String) {
     let folder = tempfile::tempdir().unwrap();

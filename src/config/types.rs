@@ -3,8 +3,8 @@
 //! In:  from `read`, which turns TOML into these types or into located errors.
 //! Out: to every part of the process. Nothing here is ever invalid: ranges, references and names are checked.
 
+pub use super::drive::{DriveMode, Reactions, targets};
 pub use super::spindle::{Spindle, SpindleCounter, SpindleDrive, SpindleEncoder};
-pub use cia402::Mode as DriveMode;
 pub use gcode::ToolChanger;
 use motion::canon::{Axis, LengthUnit, Position};
 use motion::kinematics::{Follows, JOINTS, Kinematics, Transform};
@@ -339,6 +339,10 @@ pub struct Joint {
     pub mode: DriveMode,
     /// Drive increments per mm (degree): numerator and denominator, both above 0.
     pub counts_per_unit: [u32; 2],
+    /// 60B2 of the drive for an acceleration of 1 mm/s², 1/1000 of the rated torque; `None`: the pin of 60B2 stays free.
+    pub torque_per_mm_s2: Option<f64>,
+    /// What the drive does when it stops; see [`Reactions`].
+    pub reactions: Reactions,
     /// 60FF and 60B1 of the drive per increment/s: numerator and denominator; default 1 to 1.
     pub velocity_ratio: [u32; 2],
     /// Soft limits, lower below upper.
@@ -361,34 +365,6 @@ pub struct Joint {
     pub squaring_offset_mm: f64,
     /// Backlash and pitch errors; the limits above are then what they leave.
     pub compensation: Option<Compensation>,
-}
-
-/// Objects that take the target of a drive in a mode, the usual one first; one of them stands among the outputs of its node.
-///
-/// 6062 is the position demand, which the profile has the drive tell. A published controller for two-axis machines writes it
-/// instead, and its drives take it for the target.
-pub fn targets(mode: DriveMode) -> &'static [(u16, u8)] {
-    const POSITION_DEMAND: (u16, u8) = (0x6062, 0);
-    const CSP: [(u16, u8); 2] = [DriveMode::Csp.target(), POSITION_DEMAND];
-    const IP: [(u16, u8); 2] = [DriveMode::Ip.target(), POSITION_DEMAND];
-    const CSV: [(u16, u8); 1] = [DriveMode::Csv.target()];
-    const CST: [(u16, u8); 1] = [DriveMode::Cst.target()];
-    match mode {
-        DriveMode::Csp => &CSP,
-        DriveMode::Ip => &IP,
-        DriveMode::Csv => &CSV,
-        DriveMode::Cst => &CST,
-    }
-}
-
-/// The word of the machine file for a mode.
-pub fn mode_word(mode: DriveMode) -> &'static str {
-    match mode {
-        DriveMode::Csp => "csp",
-        DriveMode::Ip => "ip",
-        DriveMode::Csv => "csv",
-        DriveMode::Cst => "cst",
-    }
 }
 
 /// What the motor is told beside the position of its joint.

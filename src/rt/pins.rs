@@ -5,7 +5,7 @@
 //!
 //! Names are LinuxCNC's where LinuxCNC has one. [`Pins::new`] and the links are made at start-up; the rest is RT.
 
-use super::drives::Drives;
+use super::drives::{Drives, is_filled};
 use super::io_pins::{InputPins, OutputPins};
 use super::override_pins::OverridePins;
 use super::overrides::{Overridden, Overrides};
@@ -14,7 +14,7 @@ use super::spindle::{OtherSpindle, Spindle};
 use crate::bus::layout::Field;
 use crate::bus::plan::NodePlan;
 use crate::bus::{BusState, CyclicBus, InputImage, OutputImage};
-use crate::config::{self, Config, ConfigErrors, DriveMode, Mapped, Profile, targets};
+use crate::config::{self, Config, ConfigErrors, Profile};
 use crate::machine::faults::SpeedNotReached;
 use crate::machine::state::State;
 use crate::rt::cycle_stats::Timing;
@@ -277,16 +277,6 @@ impl TimingPins {
     }
 }
 
-/// Whether the control itself fills an object of a drive in a mode.
-fn is_sent(mode: DriveMode, object: Mapped) -> bool {
-    match (object.index, object.sub) {
-        (0x6040 | 0x6060, 0) => true,
-        // The torque beside a velocity is the business of who finds the velocity.
-        (0x60B2, 0) => mode == DriveMode::Csv,
-        object => targets(mode).contains(&object),
-    }
-}
-
 /// Name of the pin of a CiA 402 object; LinuxCNC drivers' names where there is one.
 fn object_name(joint: usize, field: Field) -> String {
     let (index, sub) = (field.object.index, field.object.sub);
@@ -379,7 +369,8 @@ impl Pins {
                         objects_received.push(object_pin(hal, joint, index, field)?);
                     }
                     for &field in &plan.outputs.fields {
-                        if is_sent(config.joints[joint].mode, field.object) {
+                        let object = (field.object.index, field.object.sub);
+                        if is_filled(&config.joints[joint], object) {
                             objects_sent.push(object_pin(hal, joint, index, field)?);
                         } else {
                             let pin = hal.input(&object_name(joint, field), 0)?;

@@ -10,7 +10,7 @@
 use super::SimError;
 use super::motor::{Motor, MotorConfig};
 use super::track::{Track, mm_to_counts};
-use crate::config::{DriveMode, Homing, HomingBy, Joint, JointLimits, Node, Sim, SimJoint, StopLimits};
+use crate::config::{DriveMode, Homing, HomingBy, Joint, JointLimits, Node, Reactions, Sim, SimJoint, StopLimits};
 use cia402::State;
 use cia402::device::{
     DEVICE_TYPE, DRIVE_OBJECTS, DRIVE_OBJECTS_WITH_DEMAND, Delays, Demand, Device, Injected, Quirks, check_write,
@@ -41,6 +41,15 @@ const BENCH: Joint = Joint {
     mode: DriveMode::Csp,
     counts_per_unit: [10_000, 1],
     velocity_ratio: [1, 1],
+    torque_per_mm_s2: None,
+    reactions: Reactions {
+        quick_stop: None,
+        shutdown: None,
+        disable: None,
+        halt: None,
+        fault: None,
+        connection_lost: None,
+    },
     travel_mm: [-1000.0, 1000.0],
     limits: JointLimits {
         velocity_mm_s: 100.0,

@@ -91,8 +91,11 @@ impl Motor {
         let before = self.velocity;
         let torque = demand.torque / 1000.0 * self.config.acceleration_max / PEAK;
         match demand.control {
-            _ if !demand.powered => self.coast(period_s),
-            Control::Position => self.control(demand.position + self.origin as f64, torque, period_s),
+            _ if !demand.powered || demand.brake => self.coast(period_s),
+            Control::Position => {
+                let target = demand.position + self.origin as f64;
+                self.control(target, demand.feed_forward, torque, period_s);
+            }
             Control::Velocity => {
                 let gain = 2.0 * self.config.damping * self.config.natural_frequency_rad_s;
                 self.accelerate(period_s, |velocity| gain * (demand.velocity - velocity) + torque);
@@ -157,8 +160,9 @@ impl Motor {
         }
     }
 
-    /// The demand runs straight from its last value to `target` over the period; `torque` is an acceleration beside it.
-    fn control(&mut self, target: f64, torque: f64, period_s: f64) {
+    /// The demand runs straight from its last value to `target` over the period; a velocity that is fed
+    /// forward takes the place of the loop's own share, `torque` is an acceleration beside it.
+    fn control(&mut self, target: f64, feed_forward: f64, torque: f64, period_s: f64) {
         let w = self.config.natural_frequency_rad_s;
         let (p, d) = (w * w, 2.0 * self.config.damping * w);
         let i = INTEGRAL * w * w * w;
@@ -167,12 +171,17 @@ impl Motor {
         if self.demand.is_none() || velocity != 0.0 {
             self.integral = 0.0;
         }
+        let forward = if feed_forward == 0.0 {
+            FEED_FORWARD * velocity
+        } else {
+            feed_forward
+        };
         let step_s = period_s / f64::from(STEPS);
         for step in 1..=STEPS {
             let demand = start + (target - start) * f64::from(step) / f64::from(STEPS);
             let error = demand - self.position;
             let limit = self.config.acceleration_max;
-            let wanted = p * error + d * (FEED_FORWARD * velocity - self.velocity) + i * self.integral + torque;
+            let wanted = p * error + d * (forward - self.velocity) + i * self.integral + torque;
             // A motor at its limit must not wind the integral up.
             if velocity == 0.0 && wanted.abs() < limit {
                 self.integral += error * step_s;
@@ -345,7 +354,7 @@ mod tests {
             let mut motor = motor(0);
             for (powered, control, position) in demands {
                 let control = [Control::Position, Control::Velocity, Control::Torque][control];
-                let demand = Demand { powered, control, position, velocity: position, torque: position };
+                let demand = Demand { powered, control, position, velocity: position, torque: position, ..Demand::default() };
                 motor.advance(&demand, PERIOD_S);
                 prop_assert!((-80_000.0..=3_080_000.0).contains(&motor.machine_position()));
                 prop_assert!(motor.velocity.is_finite());

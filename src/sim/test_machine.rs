@@ -48,6 +48,8 @@ pub(super) fn test_config() -> Config {
         mode: DriveMode::Csp,
         counts_per_unit: [10_000, 1],
         velocity_ratio: [1, 1],
+        torque_per_mm_s2: None,
+        reactions: Reactions::default(),
         travel_mm,
         limits: JointLimits {
             velocity_mm_s,

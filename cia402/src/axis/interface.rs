@@ -3,7 +3,8 @@
 use super::fault::AxisFault;
 use crate::profile::{controlword, mode};
 
-/// Cyclic mode in which the drive follows the interpolation.
+/// Mode in which an axis is run: the cyclic ones follow the interpolation; in the others the drive makes its own way, as auxiliary
+/// axes and spindles do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
     /// Cyclic synchronous position (8): target in 607A.
@@ -15,6 +16,14 @@ pub enum Mode {
     Csv,
     /// Cyclic synchronous torque (10): target in 6071. Who commands it closes the loops of velocity and position.
     Cst,
+    /// Profile position (1): goes to 607A by its own ramps; each new position is handed over by bits 4 and 12, and taken at once.
+    Pp,
+    /// Velocity (2) of a frequency converter: target in 6042, 1/min.
+    Vl,
+    /// Profile velocity (3): runs up to 60FF by its own ramps.
+    Pv,
+    /// Profile torque (4): goes to the torque of 6071 by its own slope.
+    Tq,
 }
 
 impl Mode {
@@ -25,29 +34,42 @@ impl Mode {
             Mode::Ip => mode::INTERPOLATED_POSITION,
             Mode::Csv => mode::CYCLIC_SYNCHRONOUS_VELOCITY,
             Mode::Cst => mode::CYCLIC_SYNCHRONOUS_TORQUE,
+            Mode::Pp => mode::PROFILE_POSITION,
+            Mode::Vl => mode::VELOCITY,
+            Mode::Pv => mode::PROFILE_VELOCITY,
+            Mode::Tq => mode::PROFILE_TORQUE,
         }
     }
 
     /// Index and sub-index of the object that takes the mode's target.
     pub const fn target(self) -> (u16, u8) {
         match self {
-            Mode::Csp => (0x607A, 0),
+            Mode::Csp | Mode::Pp => (0x607A, 0),
             Mode::Ip => (0x60C1, 1),
-            Mode::Csv => (0x60FF, 0),
-            Mode::Cst => (0x6071, 0),
+            Mode::Csv | Mode::Pv => (0x60FF, 0),
+            Mode::Cst | Mode::Tq => (0x6071, 0),
+            Mode::Vl => (0x6042, 0),
         }
     }
 
     /// Whether the drive itself holds a position.
     pub const fn is_position(self) -> bool {
-        matches!(self, Mode::Csp | Mode::Ip)
+        matches!(self, Mode::Csp | Mode::Ip | Mode::Pp)
+    }
+
+    /// Whether bit 12 of the statusword says that the drive follows its target.
+    pub(super) const fn tells_following(self) -> bool {
+        matches!(self, Mode::Csp | Mode::Ip | Mode::Csv | Mode::Cst)
     }
 
     /// Controlword bits that the mode needs beside *enable operation*.
     pub(super) const fn controlword(self) -> u16 {
         match self {
-            Mode::Csp | Mode::Csv | Mode::Cst => 0,
+            Mode::Csp | Mode::Csv | Mode::Cst | Mode::Pv | Mode::Tq => 0,
             Mode::Ip => controlword::MODE_START,
+            // A new position does not wait for the one before.
+            Mode::Pp => controlword::MODE_5,
+            Mode::Vl => controlword::MODE_START | controlword::MODE_5 | controlword::MODE_6,
         }
     }
 }
@@ -95,13 +117,14 @@ pub struct Feedback {
 
 /// What motion asks for in one cycle; used in [`Status::Enabled`] only, else the axis asks for standstill itself.
 ///
-/// Which of it leads the drive is the [`Mode`]'s: the position in CSP and IP, the velocity in CSV, the torque in CST. What is
+/// Which of it leads the drive is the [`Mode`]'s: the position in CSP, IP and PP, the velocity in CSV, PV and VL, the torque in
+/// CST and TQ. In the cyclic modes, what is
 /// below the leading one goes beside it as feed-forward, into 60B1 and 60B2, where these are mapped.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Target {
     /// Counts, unwrapped. In CSV and CST the place where the joint is to be; the drive does not hear of it.
     pub position: i64,
-    /// In the unit of 60FF and 60B1 of the drive.
+    /// In the unit of 60FF and 60B1 of the drive; in VL in that of 6042, 1/min.
     pub velocity: i32,
     /// 1/1000 of the rated torque.
     pub torque: i16,
@@ -122,11 +145,11 @@ impl From<i64> for Target {
 pub struct Setpoint {
     /// 6040.
     pub controlword: u16,
-    /// 607A or 60C1:1, counts; the low 32 bits of the unwrapped position.
+    /// 607A (CSP, PP) or 60C1:1 (IP), counts; the low 32 bits of the unwrapped position.
     pub target_position: i32,
-    /// 60FF: target of CSV; 0 in other modes and while the axis is not enabled.
+    /// 60FF: target of CSV and PV; 6042, within its 16 bits: of VL; 0 in other modes and while the axis is not enabled.
     pub target_velocity: i32,
-    /// 6071: target of CST; 0 in other modes and while the axis is not enabled.
+    /// 6071: target of CST and TQ; 0 in other modes and while the axis is not enabled.
     pub target_torque: i16,
     /// 60B1: feed-forward of CSP and IP.
     pub velocity_offset: i32,
@@ -164,6 +187,8 @@ pub enum Status {
     Enabling,
     /// Follows the commanded target.
     Enabled,
+    /// Another mode is on its way; position comes from the drive, velocity and torque from the commanded target.
+    Switching,
     /// The drive homes itself; the commanded target is not used.
     Homing,
     /// On the way to [`Status::Disabled`].

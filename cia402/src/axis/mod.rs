@@ -24,7 +24,7 @@ pub use fault::{AxisFault, HomingFault, Step};
 pub use interface::{AxisConfig, Feedback, Mode, Request, Setpoint, Status, Target};
 pub use state::{Axis, HomingState};
 
-use crate::profile::{Command, State, mode, state, statusword};
+use crate::profile::{Command, State, controlword, mode, state, statusword};
 use state::{Homing, HomingStep, Phase, Reset, Timer, command_down, command_stop};
 
 /// Cycles for which bit 7 is shown as 0 before a fault reset, so that a lost frame does not cost the edge.
@@ -66,7 +66,7 @@ impl Axis {
         match self.phase {
             Phase::Offline => false,
             Phase::Disabled => request == Request::Enable,
-            Phase::Enabling | Phase::Homing(_) => {
+            Phase::Enabling | Phase::Homing(_) | Phase::Switching => {
                 matches!(request, Request::Disable | Request::QuickStop | Request::CutPower)
             }
             Phase::Enabled => matches!(
@@ -78,6 +78,35 @@ impl Axis {
             Phase::CuttingPower => false,
             Phase::Faulted { .. } => request == Request::ResetFault,
         }
+    }
+
+    /// Has the drive run in another mode from now on. An enabled one is changed on the fly: it is [`Status::Switching`] until
+    /// 6061 shows the mode, and then goes on from [`Axis::target_position`]. False, and nothing is changed, while it is on its
+    /// way to or from [`Status::Enabled`].
+    ///
+    /// The target of the new mode stands in its object before the drive looks at it: a position where the motor will be by then,
+    /// velocity and torque as they are commanded.
+    ///
+    /// RT: constant time.
+    pub fn change_mode(&mut self, mode: Mode) -> bool {
+        match self.phase {
+            Phase::Offline | Phase::Disabled | Phase::Faulted { .. } => {}
+            Phase::Enabled | Phase::Switching => self.enter(Phase::Switching),
+            Phase::Enabling | Phase::Homing(_) | Phase::Disabling | Phase::CuttingPower | Phase::QuickStopping => {
+                return false;
+            }
+        }
+        self.config.mode = mode;
+        self.new_set_point = false;
+        true
+    }
+
+    /// PP, PV and TQ: whether the drive has taken the target and says that it is there (bit 10).
+    pub fn target_reached(&self) -> bool {
+        matches!(self.phase, Phase::Enabled)
+            && !self.new_set_point
+            && self.statusword & statusword::TARGET_REACHED != 0
+            && matches!(self.config.mode, Mode::Pp | Mode::Pv | Mode::Tq)
     }
 
     /// One bus cycle: takes what the drive sent, returns what to send. `online` is false as long as the node is not
@@ -110,6 +139,7 @@ impl Axis {
             Phase::Offline | Phase::Disabled => self.disabled(drive),
             Phase::Enabling => self.enabling(now_ns, drive, feedback),
             Phase::Enabled => self.enabled(now_ns, drive, feedback, commanded.into()),
+            Phase::Switching => self.switching(now_ns, drive, feedback, commanded.into()),
             Phase::Homing(homing) => {
                 let word = self.homing_step(now_ns, drive, feedback, homing);
                 if let Phase::Homing(Homing {
@@ -137,6 +167,7 @@ impl Axis {
             Phase::Enabling => Status::Enabling,
             Phase::Enabled => Status::Enabled,
             Phase::Homing(_) => Status::Homing,
+            Phase::Switching => Status::Switching,
             Phase::Disabling | Phase::CuttingPower => Status::Disabling,
             Phase::QuickStopping => Status::QuickStopping,
             Phase::Faulted { fault, .. } => Status::Faulted(fault),
@@ -161,6 +192,7 @@ impl Axis {
             | Phase::Enabling
             | Phase::Enabled
             | Phase::Homing(_)
+            | Phase::Switching
             | Phase::Disabling
             | Phase::CuttingPower
             | Phase::QuickStopping => false,
@@ -219,7 +251,10 @@ impl Axis {
         let (target_velocity, target_torque, velocity_offset, torque_offset) = match self.config.mode {
             Mode::Csp | Mode::Ip => (0, 0, velocity, torque),
             Mode::Csv => (velocity, 0, 0, torque),
-            Mode::Cst => (0, torque, 0, 0),
+            Mode::Cst | Mode::Tq => (0, torque, 0, 0),
+            Mode::Pv => (velocity, 0, 0, 0),
+            Mode::Vl => (velocity.clamp(i16::MIN.into(), i16::MAX.into()), 0, 0, 0),
+            Mode::Pp => (0, 0, 0, 0),
         };
         Setpoint {
             controlword,
@@ -235,6 +270,7 @@ impl Axis {
 
     /// Changes the phase; time limits restart.
     fn enter(&mut self, phase: Phase) {
+        self.new_set_point = false;
         if let (Phase::Homing(_), false) = (self.phase, matches!(phase, Phase::Homing(_))) {
             self.homed = HomingState::NotHomed;
         }
@@ -269,6 +305,7 @@ impl Axis {
             Phase::Enabling
             | Phase::Enabled
             | Phase::Homing(_)
+            | Phase::Switching
             | Phase::Disabling
             | Phase::CuttingPower
             | Phase::QuickStopping => {
@@ -288,8 +325,10 @@ impl Axis {
 
     fn read_feedback(&mut self, feedback: &Feedback) {
         if self.online {
-            self.actual += i64::from(feedback.position.wrapping_sub(self.position));
+            self.moved = i64::from(feedback.position.wrapping_sub(self.position));
+            self.actual += self.moved;
         } else {
+            self.moved = 0;
             self.actual = i64::from(feedback.position);
             self.target = self.actual;
         }
@@ -385,7 +424,8 @@ impl Axis {
 
     /// Controlword of an enabled drive in its cyclic mode.
     fn operation(&self) -> u16 {
-        Command::EnableOperation as u16 | self.config.mode.controlword()
+        let new = if self.new_set_point { controlword::MODE_START } else { 0 };
+        Command::EnableOperation as u16 | self.config.mode.controlword() | new
     }
 
     fn enabled(&mut self, now_ns: u64, drive: State, feedback: &Feedback, commanded: Target) -> u16 {
@@ -393,7 +433,8 @@ impl Axis {
             self.fail(self.unexpected_disable(drive));
             return command_stop(drive) as u16;
         }
-        let follows = feedback.statusword & statusword::MODE_ACK != 0;
+        let acknowledged = feedback.statusword & statusword::MODE_ACK != 0;
+        let follows = acknowledged || !self.config.mode.tells_following();
         if follows && feedback.mode_display == self.config.mode.code() {
             self.mark_ns = now_ns;
         } else if now_ns.saturating_sub(self.mark_ns) > self.config.follow_grace_ns {
@@ -402,8 +443,36 @@ impl Axis {
             });
             return command_stop(drive) as u16;
         }
-        self.target = commanded.position;
+        match self.config.mode {
+            // A set-point is shown until the drive has it, and the next one when the drive has seen the bit go.
+            Mode::Pp if self.new_set_point => self.new_set_point = !acknowledged,
+            Mode::Pp if acknowledged || commanded.position == self.target => {}
+            Mode::Pp => (self.target, self.new_set_point) = (commanded.position, true),
+            Mode::Csp | Mode::Ip | Mode::Csv | Mode::Cst | Mode::Vl | Mode::Pv | Mode::Tq => {
+                self.target = commanded.position;
+            }
+        }
         (self.velocity, self.torque) = (commanded.velocity, commanded.torque);
+        self.operation()
+    }
+
+    fn switching(&mut self, now_ns: u64, drive: State, feedback: &Feedback, commanded: Target) -> u16 {
+        /// A position is a cycle old when it is seen, and acts a cycle after it is said.
+        const CYCLES_AHEAD: i64 = 2;
+        if drive != State::OperationEnabled {
+            self.fail(self.unexpected_disable(drive));
+            return command_stop(drive) as u16;
+        }
+        self.limit(now_ns, Step::Mode);
+        if self.fault().is_some() {
+            return command_stop(drive) as u16;
+        }
+        self.target = self.actual + CYCLES_AHEAD * self.moved;
+        (self.velocity, self.torque) = (commanded.velocity, commanded.torque);
+        if feedback.mode_display == self.config.mode.code() {
+            self.enter(Phase::Enabled);
+            self.mark_ns = now_ns;
+        }
         self.operation()
     }
 

@@ -12,6 +12,7 @@ mod modes;
 mod motion;
 mod objects;
 mod power;
+mod profiles;
 
 pub use homing::{Sensors, Switch};
 pub use motion::{Control, Demand};
@@ -24,6 +25,7 @@ use motion::{Generator, round};
 use obd::{AbortCode, Dictionary};
 use objects::Keys;
 use power::Power;
+use profiles::{SetPoints, Since};
 
 /// 603F: following error.
 pub const ERROR_FOLLOWING: u16 = 0x8611;
@@ -33,6 +35,9 @@ pub const ERROR_COMMUNICATION: u16 = 0x8100;
 pub const ERROR_STO: u16 = 0x5441;
 /// 603F: parameter wrong.
 pub const ERROR_PARAMETER: u16 = 0x6320;
+
+/// Bit of 60FE: the brake is closed; where 60FE:2 has it, too. Else the drive lifts it with the power.
+const BRAKE: u32 = 1;
 
 /// What tests and operators do to a drive from outside the network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -111,10 +116,17 @@ pub struct Device {
     mode: i8,
     homing: HomingIndication,
     start_bit: bool,
+    set_points: SetPoints,
+    /// A profile mode is where it was told to be.
+    reached: bool,
+    /// The actual position is within 6067, the velocity within 606D, the motor slower than 606F.
+    near_position: Since,
+    near: Since,
+    stands: Since,
     /// The target is followed as it is.
     follows: bool,
     limited: bool,
-    /// Demand at rest, actual position within 6067 of it.
+    /// Demand at rest, actual position within 6067 of it for 6068.
     in_position: bool,
     following_error_ns: u64,
     error_code: u16,
@@ -146,6 +158,11 @@ impl Device {
             mode: mode::NONE,
             homing: HomingIndication::Idle,
             start_bit: false,
+            set_points: SetPoints::default(),
+            reached: false,
+            near_position: Since::default(),
+            near: Since::default(),
+            stands: Since::default(),
             follows: false,
             limited: false,
             in_position: false,
@@ -228,7 +245,9 @@ impl Device {
             Control::Velocity | Control::Torque => 0,
         };
         let window = objects.get(keys.position_window);
-        self.in_position = self.generator.at_rest() && following_error.unsigned_abs() <= u64::from(window);
+        let is_near = self.generator.at_rest() && following_error.unsigned_abs() <= u64::from(window);
+        let window_ms = objects.get(keys.position_window_ms);
+        self.in_position = self.near_position.holds(is_near, self.period_ns, window_ms);
         self.watch_following_error(objects, following_error);
         if self.power.advance(self.period_ns) {
             self.entered(objects, sensors);
@@ -245,10 +264,9 @@ impl Device {
         }
         self.advance_set_point(objects, sensors, controlword);
         let velocity = self.generator.velocity;
-        objects.set(
-            keys.statusword,
-            self.statusword(following_error, objects.get(keys.following_window)),
-        );
+        let follows_badly = self.follows_badly(following_error, objects.get(keys.following_window));
+        let word = self.statusword(follows_badly) | self.profile_bits(objects, sensors, follows_badly);
+        objects.set(keys.statusword, word);
         objects.set(keys.error_code, self.error_code);
         objects.set(keys.mode_display, self.mode);
         // The network's positions are the low 32 bits.
@@ -261,6 +279,9 @@ impl Device {
             objects.set(keys.position_demand, demand as i32);
         }
         objects.set(keys.velocity_demand, velocity as i32);
+        let rpm = self.counts_per_rpm(objects);
+        objects.set(keys.vl_demand, (velocity / rpm) as i16);
+        objects.set(keys.vl_actual, (sensors.velocity as f64 / rpm) as i16);
         objects.set(keys.torque_demand, self.generator.torque as i16);
         objects.set(keys.torque, sensors.torque);
         objects.set(keys.following_error, following_error as i32);
@@ -271,6 +292,8 @@ impl Device {
             control: self.generator.control,
             position: self.generator.position,
             velocity,
+            feed_forward: self.generator.feed_forward,
+            brake: powered && objects.get(keys.outputs_mask) & objects.get(keys.outputs) & BRAKE != 0,
             torque: self.generator.torque,
         }
     }
@@ -422,6 +445,7 @@ impl Device {
                 Activity::Off => {
                     self.generator.track(sensors.position);
                     self.homing = HomingIndication::Idle;
+                    self.begin_mode();
                     Activity::Mode
                 }
                 Activity::Mode | Activity::Hold { .. } => Activity::Mode,
@@ -475,7 +499,7 @@ impl Device {
         if wanted != mode::NONE && wanted != self.mode && SUPPORTED_MODES & mode::supported_bit(wanted) != 0 {
             self.mode = wanted;
             self.homing = HomingIndication::Idle;
-            self.start_bit = false;
+            self.begin_mode();
         }
     }
 
@@ -532,6 +556,10 @@ impl Device {
                 mode::CYCLIC_SYNCHRONOUS_VELOCITY => self.follow_velocity(objects, sensors),
                 mode::CYCLIC_SYNCHRONOUS_TORQUE => self.follow_torque(objects, sensors),
                 mode::HOMING => self.home(objects, sensors, word),
+                mode::PROFILE_POSITION => self.position_profile(objects, sensors, word),
+                mode::VELOCITY => self.speed(objects, sensors, word),
+                mode::PROFILE_VELOCITY => self.velocity_profile(objects, sensors),
+                mode::PROFILE_TORQUE => self.torque_profile(objects, sensors),
                 _ => {
                     self.generator
                         .approach(0.0, f64::from(objects.get(keys.deceleration)), period_s);
@@ -541,7 +569,13 @@ impl Device {
         self.start_bit = word & controlword::MODE_START != 0;
     }
 
-    fn statusword(&self, following_error: i64, window: u32) -> u16 {
+    /// Bit 13 of the modes with a position.
+    fn follows_badly(&self, following_error: i64, window: u32) -> bool {
+        let error = window != u32::MAX && following_error.unsigned_abs() > u64::from(window);
+        error || self.error_code == ERROR_FOLLOWING
+    }
+
+    fn statusword(&self, follows_badly: bool) -> u16 {
         let state = self.power.state();
         let mut word = state.statusword();
         let mut set = |on: bool, bits: u16| word |= if on { bits } else { 0 };
@@ -561,10 +595,10 @@ impl Device {
             mode::INTERPOLATED_POSITION | mode::CYCLIC_SYNCHRONOUS_VELOCITY | mode::CYCLIC_SYNCHRONOUS_TORQUE => {
                 set(self.follows, statusword::MODE_ACK);
             }
+            mode::PROFILE_POSITION | mode::VELOCITY | mode::PROFILE_VELOCITY | mode::PROFILE_TORQUE => {}
             _ => {
                 set(self.follows, statusword::MODE_ACK);
-                let error = window != u32::MAX && following_error.unsigned_abs() > u64::from(window);
-                set(error || self.error_code == ERROR_FOLLOWING, statusword::MODE_ERROR);
+                set(follows_badly, statusword::MODE_ERROR);
             }
         }
         word

@@ -22,16 +22,26 @@ impl Device {
         });
         let here = round(self.generator.position) + self.offset;
         let target = here + i64::from(target.wrapping_sub(here as i32));
-        let (low, high) = (objects.get(self.keys.limit_low), objects.get(self.keys.limit_high));
-        // An end of the range stands for no limit, so that an axis without limits wraps.
-        let low = if low == i32::MIN { i64::MIN } else { i64::from(low) };
-        let high = if high == i32::MAX { i64::MAX } else { i64::from(high) };
+        let (low, high) = self.soft_limits(objects);
         let allowed = if low < high { target.clamp(low, high) } else { target };
         let blocked = sensors.blocked((allowed - here) as f64);
         let position = if blocked { here } else { allowed };
         self.limited = position != target;
         self.follows = !self.limited;
         self.generator.follow((position - self.offset) as f64, self.period_s());
+        if self.follows {
+            self.generator.feed_forward = f64::from(objects.get(self.keys.velocity_offset));
+            self.generator.torque = f64::from(objects.get(self.keys.torque_offset));
+        }
+    }
+
+    /// 607D as far as it limits, user positions.
+    pub(super) fn soft_limits<const E: usize, const B: usize>(&self, objects: &Dictionary<E, B>) -> (i64, i64) {
+        let (low, high) = (objects.get(self.keys.limit_low), objects.get(self.keys.limit_high));
+        // An end of the range stands for no limit, so that an axis without limits wraps.
+        let low = if low == i32::MIN { i64::MIN } else { i64::from(low) };
+        let high = if high == i32::MAX { i64::MAX } else { i64::from(high) };
+        (low, high)
     }
 
     /// CSV: 60FF and 60B1, with 60B2 as torque beside the velocity loop. A limit switch lets the motor only back.

@@ -25,6 +25,10 @@ pub struct Demand {
     pub position: f64,
     /// Velocity at the end of the period, counts/s.
     pub velocity: f64,
+    /// Velocity that whoever leads the drive feeds forward into its position loop (60B1), counts/s; 0: the loop's own.
+    pub feed_forward: f64,
+    /// The brake holds the motor.
+    pub brake: bool,
     /// Torque, 1/1000 of the rated one; beside position and velocity it is added to what their loops find.
     pub torque: f64,
 }
@@ -35,6 +39,7 @@ pub(super) struct Generator {
     pub(super) position: f64,
     pub(super) velocity: f64,
     pub(super) torque: f64,
+    pub(super) feed_forward: f64,
     pub(super) control: Control,
 }
 
@@ -53,6 +58,7 @@ impl Generator {
             position: from as f64 + velocity * period_s,
             velocity,
             torque,
+            feed_forward: 0.0,
             control: Control::Velocity,
         };
     }
@@ -63,13 +69,18 @@ impl Generator {
             position: from as f64,
             velocity: velocity as f64,
             torque,
+            feed_forward: 0.0,
             control: Control::Torque,
         };
     }
 
+    fn by_position(&mut self) {
+        (self.control, self.torque, self.feed_forward) = (Control::Position, 0.0, 0.0);
+    }
+
     /// Moves to a position within one period.
     pub(super) fn follow(&mut self, position: f64, period_s: f64) {
-        (self.control, self.torque) = (Control::Position, 0.0);
+        self.by_position();
         self.velocity = (position - self.position) / period_s;
         self.position = position;
     }
@@ -78,12 +89,49 @@ impl Generator {
     ///
     /// The velocity runs straight over the period: `s = (v0 + v1) / 2 · t`.
     pub(super) fn approach(&mut self, velocity: f64, acceleration: f64, period_s: f64) -> bool {
-        (self.control, self.torque) = (Control::Position, 0.0);
+        self.by_position();
         let step = acceleration * period_s;
         let before = self.velocity;
         self.velocity = velocity.clamp(before - step, before + step);
         self.position += (before + self.velocity) / 2.0 * period_s;
         self.velocity == velocity
+    }
+
+    /// One period of the way to a goal: `speed` and speed at the goal, acceleration and deceleration. True once it is there, or
+    /// past it where it does not stop.
+    pub(super) fn go(&mut self, goal: f64, [speed, end]: [f64; 2], [up, down]: [f64; 2], period_s: f64) -> bool {
+        self.by_position();
+        let way = goal - self.position;
+        let direction = if way < 0.0 { -1.0 } else { 1.0 };
+        let (left, before) = (way * direction, self.velocity * direction);
+        if before < 0.0 {
+            self.approach(0.0, down, period_s);
+            return false;
+        }
+        let step = down * period_s;
+        if end == 0.0 && before <= step && left <= step * period_s {
+            (self.position, self.velocity) = (goal, 0.0);
+            return true;
+        }
+        // The greatest speed at the end of the period from which the goal can still be reached as it is to be.
+        let fits = |after: f64| {
+            let then = left - (before + after) / 2.0 * period_s;
+            then >= 0.0 && after * after - end * end <= 2.0 * down * then
+        };
+        let (mut low, mut high) = (
+            (before - step).max(0.0),
+            (before + up * period_s).min(speed.max(before - step)),
+        );
+        if fits(high) {
+            low = high;
+        }
+        for _ in 0..40 {
+            let middle = (low + high) / 2.0;
+            if fits(middle) { low = middle } else { high = middle }
+        }
+        self.velocity = low * direction;
+        self.position += (before + low) / 2.0 * period_s * direction;
+        (goal - self.position) * direction <= 0.0
     }
 
     pub(super) fn at_rest(&self) -> bool {

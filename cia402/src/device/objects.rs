@@ -7,8 +7,12 @@ use super::homing;
 use crate::profile::mode;
 use obd::{AbortCode, DataType, Dictionary, EntryDef, Key};
 
-/// 6502: homing, interpolated position; cyclic synchronous position, velocity and torque.
-pub const SUPPORTED_MODES: u32 = mode::supported_bit(mode::HOMING)
+/// 6502: all modes that have a meaning here.
+pub const SUPPORTED_MODES: u32 = mode::supported_bit(mode::PROFILE_POSITION)
+    | mode::supported_bit(mode::VELOCITY)
+    | mode::supported_bit(mode::PROFILE_VELOCITY)
+    | mode::supported_bit(mode::PROFILE_TORQUE)
+    | mode::supported_bit(mode::HOMING)
     | mode::supported_bit(mode::INTERPOLATED_POSITION)
     | mode::supported_bit(mode::CYCLIC_SYNCHRONOUS_POSITION)
     | mode::supported_bit(mode::CYCLIC_SYNCHRONOUS_VELOCITY)
@@ -35,6 +39,30 @@ pub const DRIVE_OBJECTS: &[EntryDef] = &[
     ro(0x603F, DataType::U16, "Error_code").tpdo(),
     rw(0x6040, DataType::U16, "Controlword").rpdo(),
     ro(0x6041, DataType::U16, "Statusword").tpdo(),
+    rw(0x6042, DataType::I16, "vl_target_velocity").rpdo(),
+    ro(0x6043, DataType::I16, "vl_velocity_demand").tpdo(),
+    ro(0x6044, DataType::I16, "vl_velocity_actual_value").tpdo(),
+    rw(0x6046, DataType::U32, "vl_velocity_min_max_amount").sub(1).rpdo(),
+    rw(0x6046, DataType::U32, "vl_velocity_min_max_amount")
+        .sub(2)
+        .default(6000)
+        .rpdo(),
+    rw(0x6048, DataType::U32, "vl_velocity_acceleration")
+        .sub(1)
+        .default(3000)
+        .rpdo(),
+    rw(0x6048, DataType::U16, "vl_velocity_acceleration")
+        .sub(2)
+        .default(1)
+        .rpdo(),
+    rw(0x6049, DataType::U32, "vl_velocity_deceleration")
+        .sub(1)
+        .default(3000)
+        .rpdo(),
+    rw(0x6049, DataType::U16, "vl_velocity_deceleration")
+        .sub(2)
+        .default(1)
+        .rpdo(),
     rw(0x605A, DataType::I16, "Quick_stop_option_code")
         .default(2)
         .limits(0, 6),
@@ -58,8 +86,13 @@ pub const DRIVE_OBJECTS: &[EntryDef] = &[
         .rpdo(),
     rw(0x6066, DataType::U16, "Following_error_time_out").default(10).rpdo(),
     rw(0x6067, DataType::U32, "Position_window").default(10).rpdo(),
+    rw(0x6068, DataType::U16, "Position_window_time").rpdo(),
     ro(0x606B, DataType::I32, "Velocity_demand_value").tpdo(),
     ro(0x606C, DataType::I32, "Velocity_actual_value").tpdo(),
+    rw(0x606D, DataType::U16, "Velocity_window").default(1000).rpdo(),
+    rw(0x606E, DataType::U16, "Velocity_window_time").rpdo(),
+    rw(0x606F, DataType::U16, "Velocity_threshold").default(100).rpdo(),
+    rw(0x6070, DataType::U16, "Velocity_threshold_time").rpdo(),
     rw(0x6071, DataType::I16, "Target_torque").rpdo(),
     rw(0x6072, DataType::U16, "Max_torque").default(3000).rpdo(),
     ro(0x6074, DataType::I16, "Torque_demand").tpdo(),
@@ -74,6 +107,11 @@ pub const DRIVE_OBJECTS: &[EntryDef] = &[
         .sub(2)
         .default(i32::MAX as i64)
         .rpdo(),
+    rw(0x607F, DataType::U32, "Max_profile_velocity")
+        .default(i32::MAX as i64)
+        .rpdo(),
+    rw(0x6080, DataType::U32, "Max_motor_speed").default(100_000).rpdo(),
+    rw(0x6081, DataType::U32, "Profile_velocity").default(100_000).rpdo(),
     rw(0x6083, DataType::U32, "Profile_acceleration")
         .default(10_000_000)
         .limits(1, u32::MAX as i64)
@@ -86,6 +124,15 @@ pub const DRIVE_OBJECTS: &[EntryDef] = &[
         .default(30_000_000)
         .limits(1, u32::MAX as i64)
         .rpdo(),
+    rw(0x6087, DataType::U32, "Torque_slope").default(10_000).rpdo(),
+    rw(0x608F, DataType::U32, "Position_encoder_resolution")
+        .sub(1)
+        .default(10_000)
+        .limits(1, u32::MAX as i64),
+    rw(0x608F, DataType::U32, "Position_encoder_resolution")
+        .sub(2)
+        .default(1)
+        .limits(1, u32::MAX as i64),
     rw(0x6098, DataType::I8, "Homing_method").default(37).rpdo(),
     rw(0x6099, DataType::U32, "Homing_speeds")
         .sub(1)
@@ -179,6 +226,15 @@ keys! {
     error_code: u16 = 0x603F / 0;
     controlword: u16 = 0x6040 / 0;
     statusword: u16 = 0x6041 / 0;
+    vl_target: i16 = 0x6042 / 0;
+    vl_demand: i16 = 0x6043 / 0;
+    vl_actual: i16 = 0x6044 / 0;
+    vl_least: u32 = 0x6046 / 1;
+    vl_most: u32 = 0x6046 / 2;
+    vl_acceleration_speed: u32 = 0x6048 / 1;
+    vl_acceleration_time: u16 = 0x6048 / 2;
+    vl_deceleration_speed: u32 = 0x6049 / 1;
+    vl_deceleration_time: u16 = 0x6049 / 2;
     quick_stop_option: i16 = 0x605A / 0;
     shutdown_option: i16 = 0x605B / 0;
     disable_option: i16 = 0x605C / 0;
@@ -192,8 +248,13 @@ keys! {
     following_window: u32 = 0x6065 / 0;
     following_time_ms: u16 = 0x6066 / 0;
     position_window: u32 = 0x6067 / 0;
+    position_window_ms: u16 = 0x6068 / 0;
     velocity_demand: i32 = 0x606B / 0;
     velocity: i32 = 0x606C / 0;
+    velocity_window: u16 = 0x606D / 0;
+    velocity_window_ms: u16 = 0x606E / 0;
+    standstill: u16 = 0x606F / 0;
+    standstill_ms: u16 = 0x6070 / 0;
     target_torque: i16 = 0x6071 / 0;
     torque_max: u16 = 0x6072 / 0;
     torque_demand: i16 = 0x6074 / 0;
@@ -202,8 +263,15 @@ keys! {
     home_offset: i32 = 0x607C / 0;
     limit_low: i32 = 0x607D / 1;
     limit_high: i32 = 0x607D / 2;
+    profile_velocity_max: u32 = 0x607F / 0;
+    motor_speed_max: u32 = 0x6080 / 0;
+    profile_velocity: u32 = 0x6081 / 0;
+    acceleration: u32 = 0x6083 / 0;
     deceleration: u32 = 0x6084 / 0;
     quick_deceleration: u32 = 0x6085 / 0;
+    torque_slope: u32 = 0x6087 / 0;
+    encoder_increments: u32 = 0x608F / 1;
+    encoder_revolutions: u32 = 0x608F / 2;
     homing_method: i8 = 0x6098 / 0;
     homing_search: u32 = 0x6099 / 1;
     homing_latch: u32 = 0x6099 / 2;
@@ -216,5 +284,7 @@ keys! {
     following_error: i32 = 0x60F4 / 0;
     position_demand_internal: i32 = 0x60FC / 0;
     digital_inputs: u32 = 0x60FD / 0;
+    outputs: u32 = 0x60FE / 1;
+    outputs_mask: u32 = 0x60FE / 2;
     target_velocity: i32 = 0x60FF / 0;
 }

@@ -299,6 +299,11 @@ fn drive_fault(joint: usize, drive: &Drive) -> Option<Fault> {
                 limit_mm,
             })
         }
-        Status::Disabled | Status::Enabling | Status::Homing | Status::Disabling | Status::QuickStopping => None,
+        Status::Disabled
+        | Status::Enabling
+        | Status::Homing
+        | Status::Switching
+        | Status::Disabling
+        | Status::QuickStopping => None,
     }
 }

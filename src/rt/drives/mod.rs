@@ -21,13 +21,26 @@ use motion::canon::Position;
 use motion::kinematics::Kinematics;
 use motion::rt::{JointCompensation, Sample};
 
+/// Whether the control fills an object of the drive of a joint itself; others have pins.
+pub fn is_filled(joint: &Joint, object: (u16, u8)) -> bool {
+    match object {
+        (0x6040 | 0x6060, 0) => true,
+        (0x60B1, 0) => joint.mode.is_position(),
+        // The torque beside a velocity is the business of who finds the velocity.
+        (0x60B2, 0) => joint.mode == DriveMode::Csv || joint.torque_per_mm_s2.is_some(),
+        object => targets(joint.mode).contains(&object),
+    }
+}
+
 /// Objects of one drive in its payloads; those that are not mapped are `None`.
 #[derive(Clone, Copy, Debug)]
 struct Fields {
     controlword: Field,
     /// Of the mode in which the drive is run.
     target: Field,
-    /// 60B2, as far as the mode takes it from a loop of the control.
+    /// 60B1, as far as the control fills it.
+    velocity_offset: Option<Field>,
+    /// 60B2, as far as the control fills it.
     torque_offset: Option<Field>,
     mode: Option<Field>,
     statusword: Field,
@@ -40,13 +53,19 @@ struct Fields {
 
 impl Fields {
     /// `None` if an object without which no drive can be run is not mapped.
-    fn new(mode: DriveMode, outputs: &Layout, inputs: &Layout) -> Option<Fields> {
+    fn new(joint: &Joint, outputs: &Layout, inputs: &Layout) -> Option<Fields> {
+        let mode = joint.mode;
+        let find = |index| {
+            let object = (index, 0);
+            is_filled(joint, object).then(|| outputs.find(index, 0)).flatten()
+        };
         Some(Fields {
             controlword: outputs.find(0x6040, 0)?,
             target: targets(mode)
                 .iter()
                 .find_map(|(index, sub)| outputs.find(*index, *sub))?,
-            torque_offset: (mode == DriveMode::Csv).then(|| outputs.find(0x60B2, 0)).flatten(),
+            velocity_offset: find(0x60B1),
+            torque_offset: find(0x60B2),
             mode: outputs.find(0x6060, 0),
             statusword: inputs.find(0x6041, 0)?,
             position: inputs.find(0x6064, 0)?,
@@ -76,6 +95,11 @@ pub struct Drive {
     increments_per_mm: f64,
     /// 60FF for 1 mm/s.
     velocity_per_mm_s: f64,
+    cycle_s: f64,
+    /// 60B2 for an acceleration of one increment/s², as a share of the rated torque.
+    torque_per_increment: f64,
+    /// Place and speed of the set-point before, increments and increments/s; `None`: the drive did not follow.
+    before: Option<[f64; 2]>,
     /// For the next set-point.
     effort: Effort,
     /// Position at which the drive counts 0.
@@ -107,10 +131,13 @@ impl Drive {
         let [above, below] = joint.velocity_ratio.map(f64::from);
         Some(Drive {
             node: joint.node,
-            fields: Fields::new(joint.mode, &plan.outputs, &plan.inputs)?,
+            fields: Fields::new(joint, &plan.outputs, &plan.inputs)?,
             mode: joint.mode,
             increments_per_mm: counts / units,
             velocity_per_mm_s: counts / units * above / below,
+            cycle_s,
+            torque_per_increment: joint.torque_per_mm_s2.unwrap_or(0.0) / 1000.0 * units / counts,
+            before: None,
             effort: Effort::default(),
             zero_mm: match joint.homing.by {
                 HomingBy::Drive { .. } => joint.homing.position_mm,
@@ -217,10 +244,14 @@ impl Drive {
     /// Tells the drive where to be; a drive that is not enabled is kept where it is, so that enabling never jumps. RT.
     fn write(&mut self, now_ns: u64, command_mm: f64, outputs: &mut OutputImage) {
         let motor_mm = self.compensated(command_mm);
+        let increments = (motor_mm - self.zero_mm) * self.increments_per_mm;
         // A loop that has nothing to say any more must not leave its last word behind.
-        let effort = std::mem::take(&mut self.effort);
+        let effort = match self.mode.is_position() {
+            true => self.feed_forward(increments),
+            false => std::mem::take(&mut self.effort),
+        };
         let target = Target {
-            position: ((motor_mm - self.zero_mm) * self.increments_per_mm).round() as i64,
+            position: increments.round() as i64,
             velocity: (effort.velocity_mm_s * self.velocity_per_mm_s).round() as i32,
             torque: (effort.torque * 1000.0).round() as i16,
         };
@@ -230,6 +261,9 @@ impl Drive {
         }
         self.command_before_mm = self.command_mm;
         let following = self.axis.status() == Status::Enabled;
+        if !following {
+            self.before = None;
+        }
         self.command_mm = if following {
             command_mm
         } else {
@@ -241,16 +275,33 @@ impl Drive {
             .controlword
             .write(payload, u64::from(self.setpoint.controlword));
         let target = match self.mode {
-            DriveMode::Csp | DriveMode::Ip => self.setpoint.target_position as u64,
-            DriveMode::Csv => self.setpoint.target_velocity as u64,
-            DriveMode::Cst => self.setpoint.target_torque as u64,
+            DriveMode::Csp | DriveMode::Ip | DriveMode::Pp => self.setpoint.target_position as u64,
+            DriveMode::Csv | DriveMode::Pv | DriveMode::Vl => self.setpoint.target_velocity as u64,
+            DriveMode::Cst | DriveMode::Tq => self.setpoint.target_torque as u64,
         };
         self.fields.target.write(payload, target);
+        if let Some(offset) = self.fields.velocity_offset {
+            offset.write(payload, self.setpoint.velocity_offset as u64);
+        }
         if let Some(offset) = self.fields.torque_offset {
             offset.write(payload, self.setpoint.torque_offset as u64);
         }
         if let Some(mode) = self.fields.mode {
             mode.write(payload, self.setpoint.mode as u64);
+        }
+    }
+
+    /// What a set-point takes of speed and torque, for a drive that holds its position itself: the mean speed of the cycle, and
+    /// its change from that of the cycle before. RT.
+    fn feed_forward(&mut self, increments: f64) -> Effort {
+        let velocity = self
+            .before
+            .map_or(0.0, |[before, _]| (increments - before) / self.cycle_s);
+        let change = self.before.map_or(0.0, |[_, before]| velocity - before);
+        self.before = Some([increments, velocity]);
+        Effort {
+            velocity_mm_s: velocity / self.increments_per_mm,
+            torque: change / self.cycle_s * self.torque_per_increment,
         }
     }
 
@@ -272,6 +323,7 @@ impl Drive {
             Status::Offline
             | Status::Disabled
             | Status::Enabling
+            | Status::Switching
             | Status::Disabling
             | Status::QuickStopping
             | Status::Faulted(_) => command_mm + compensation.correction_mm(),
@@ -346,7 +398,12 @@ impl Drive {
             Status::Faulted(_) => !self.axis.is_resetting(),
             // A drive that has just come on line may be under power still, from an earlier run.
             Status::Offline => !self.online,
-            Status::Enabling | Status::Enabled | Status::Homing | Status::Disabling | Status::QuickStopping => false,
+            Status::Enabling
+            | Status::Enabled
+            | Status::Homing
+            | Status::Switching
+            | Status::Disabling
+            | Status::QuickStopping => false,
         }
     }
 

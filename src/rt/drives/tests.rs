@@ -27,9 +27,14 @@ struct Table {
 impl Table {
     /// `outputs` behind controlword and mode.
     fn new(mode: DriveMode, outputs: &[(u16, u8, u8)]) -> Table {
+        Table::with(mode, outputs, None)
+    }
+
+    fn with(mode: DriveMode, outputs: &[(u16, u8, u8)], torque_per_mm_s2: Option<f64>) -> Table {
         let mut config = config::parse(DEMO, Path::new("m.toml")).unwrap();
         config.joints.truncate(1);
         config.joints[0].mode = mode;
+        config.joints[0].torque_per_mm_s2 = torque_per_mm_s2;
         config.joints[0].velocity_ratio = [6, 1000];
         let always = [(0x6040, 0, 16), (0x6060, 0, 8)];
         let objects = always.iter().chain(outputs);
@@ -85,12 +90,19 @@ impl Table {
 
     fn enabled(mode: DriveMode, outputs: &[(u16, u8, u8)]) -> Table {
         let mut table = Table::new(mode, outputs);
-        for _ in 0..100 {
-            table.cycle(None);
-            table.drives.request(1, Request::Enable);
-        }
-        assert_eq!(table.drives.drives[0].status(), Status::Enabled);
+        table.enable();
         table
+    }
+
+    fn enable(&mut self) {
+        for _ in 0..100 {
+            if self.drives.drives[0].status() == Status::Enabled {
+                return;
+            }
+            self.cycle(None);
+            self.drives.request(1, Request::Enable);
+        }
+        assert_eq!(self.drives.drives[0].status(), Status::Enabled);
     }
 
     fn object<T: Scalar>(&self, index: u16, sub: u8) -> T {
@@ -182,6 +194,38 @@ fn a_drive_that_holds_its_position_is_not_led() {
     table.cycle(Some(effort));
     assert_eq!((table.object::<i32>(0x60FF, 0), table.object::<i16>(0x60B2, 0)), (0, 0));
     assert_eq!(table.sensors.position, 0);
+}
+
+#[test]
+fn a_drive_that_holds_its_position_is_told_speed_and_torque_of_the_command() {
+    let mut table = Table::with(
+        DriveMode::Csp,
+        &[(0x607A, 0, 32), (0x60B1, 0, 32), (0x60B2, 0, 16)],
+        Some(0.05),
+    );
+    table.enable();
+    let told = |table: &Table| (table.object::<i32>(0x60B1, 0), table.object::<i16>(0x60B2, 0));
+    assert_eq!(told(&table), (0, 0));
+    // 10 mm/s are 600 for this drive; from rest within a cycle they are 10,000 mm/s².
+    for (step_mm, expected) in [
+        (0.01, (600, 500)),
+        (0.01, (600, 0)),
+        (0.005, (300, -250)),
+        (0.0, (0, -250)),
+        (0.0, (0, 0)),
+    ] {
+        table.command_mm += step_mm;
+        table.cycle(None);
+        assert_eq!(told(&table), expected, "{step_mm}");
+    }
+    // What it was told before it was off says nothing of how it moves now.
+    table.drives.request(1, Request::Disable);
+    for _ in 0..50 {
+        table.cycle(None);
+    }
+    table.command_mm = table.drives.drives[0].command_mm() + 1.0;
+    table.enable();
+    assert_eq!(told(&table), (0, 0));
 }
 
 /// The simplest position loop that there is, around a drive in CSV: what a joint needs to be moved is all there.

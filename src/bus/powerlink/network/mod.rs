@@ -323,7 +323,9 @@ impl<'a> Configuration<'a> {
         self.set(0x60C2, 2, exponent as i8);
         // The drive's own watch is wider than ours: it is the second line of defence.
         self.set(0x6065, 0, increments(2.0 * joint.following_error_mm));
-        self.set(0x605A, 0, 2_i16);
+        for (index, value) in joint.reactions.writes() {
+            self.set(index, 0, value);
+        }
         self.set(0x6085, 0, increments(joint.stop.acceleration_mm_s2));
         if let HomingBy::Drive {
             method,

@@ -2,6 +2,8 @@ use super::*;
 use crate::axis::{Axis, AxisConfig, AxisFault, Feedback, HomingState, Mode, Request, Status, Target};
 use proptest::prelude::*;
 
+mod profiles;
+
 const MS: u64 = 1_000_000;
 
 /// Where a switch is active, motor counts, ends included.
@@ -131,6 +133,7 @@ impl Rig {
         self.write(0x607A, 0, setpoint.target_position);
         self.write(0x60C1, 1, setpoint.target_position);
         self.write(0x60FF, 0, setpoint.target_velocity);
+        self.write(0x6042, 0, setpoint.target_velocity as i16);
         self.write(0x6071, 0, setpoint.target_torque);
         self.write(0x60B1, 0, setpoint.velocity_offset);
         self.write(0x60B2, 0, setpoint.torque_offset);
@@ -527,7 +530,7 @@ fn an_interpolation_time_other_than_the_cycle_is_refused() {
 
 #[test]
 fn modes_methods_and_options_that_it_lacks_are_refused() {
-    assert_eq!(SUPPORTED_MODES, 0x0000_03E0);
+    assert_eq!(SUPPORTED_MODES, 0x0000_03EF);
     let refused = Err(AbortCode::VALUE_RANGE);
     for (mode, result) in [
         (8, Ok(())),
@@ -536,7 +539,9 @@ fn modes_methods_and_options_that_it_lacks_are_refused() {
         (0, Ok(())),
         (9, Ok(())),
         (10, Ok(())),
-        (1, refused),
+        (1, Ok(())),
+        (4, Ok(())),
+        (5, refused),
         (11, refused),
         (-1, refused),
     ] {
@@ -555,7 +560,7 @@ fn modes_methods_and_options_that_it_lacks_are_refused() {
 fn the_table_makes_a_dictionary() {
     let objects: Dictionary<{ obd::lines_of(DRIVE_OBJECTS) }, { obd::octets_of(DRIVE_OBJECTS) }> =
         Dictionary::new(&[DRIVE_OBJECTS]).unwrap();
-    assert_eq!(objects.read(0x6502, 0), Ok(&[0xE0, 3, 0, 0][..]));
+    assert_eq!(objects.read(0x6502, 0), Ok(&[0xEF, 3, 0, 0][..]));
     assert_eq!(objects.read(0x67FF, 0), Ok(&[0x92, 0x01, 0x02, 0x00][..]));
     assert_eq!(objects.read(0x60C2, 2), Ok(&[0xFD][..]));
 }

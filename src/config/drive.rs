@@ -1,0 +1,218 @@
+//! What a joint says of its drive: the mode in which it is run, feed-forward, and how the drive stops.
+//!
+//! In:  `mode`, `torque_per_mm_s2` and `[joint.reactions]`, the node with its device file.
+//! Out: values that the drive takes, as far as its device file tells.
+
+use super::document::{Bound, Section};
+use super::types::{DeviceDescription, Node};
+pub use cia402::Mode as DriveMode;
+use cia402::profile::mode::{HOMING, Offered, supported_bit};
+use obd::device::Value;
+use toml::de::DeTable;
+
+/// Objects that take the target of a drive in a mode, the usual one first; one of them stands among the outputs of its node.
+///
+/// 6062 is the position demand, which the profile has the drive tell. A published controller for two-axis machines writes it
+/// instead, and its drives take it for the target.
+pub fn targets(mode: DriveMode) -> &'static [(u16, u8)] {
+    const POSITION_DEMAND: (u16, u8) = (0x6062, 0);
+    const CSP: [(u16, u8); 2] = [DriveMode::Csp.target(), POSITION_DEMAND];
+    const IP: [(u16, u8); 2] = [DriveMode::Ip.target(), POSITION_DEMAND];
+    const PP: [(u16, u8); 1] = [DriveMode::Pp.target()];
+    const VELOCITY: [(u16, u8); 1] = [DriveMode::Csv.target()];
+    const TORQUE: [(u16, u8); 1] = [DriveMode::Cst.target()];
+    const VL: [(u16, u8); 1] = [DriveMode::Vl.target()];
+    match mode {
+        DriveMode::Csp => &CSP,
+        DriveMode::Ip => &IP,
+        DriveMode::Pp => &PP,
+        DriveMode::Csv | DriveMode::Pv => &VELOCITY,
+        DriveMode::Cst | DriveMode::Tq => &TORQUE,
+        DriveMode::Vl => &VL,
+    }
+}
+
+/// The word of the machine file for a mode.
+pub(super) fn mode_word(mode: DriveMode) -> &'static str {
+    let found = MODES.iter().find(|(_, other)| *other == mode);
+    found.map_or("another", |(word, _)| word)
+}
+
+/// What a drive does when it stops, as its manual numbers it; what is `None` stays as the drive has it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Reactions {
+    /// 605A: at a quick stop; left out 2, the quick-stop ramp and then off.
+    pub quick_stop: Option<i16>,
+    /// 605B: when it is shut down while enabled.
+    pub shutdown: Option<i16>,
+    /// 605C: when its operation is disabled.
+    pub disable: Option<i16>,
+    /// 605D: at a halt.
+    pub halt: Option<i16>,
+    /// 605E: at a fault.
+    pub fault: Option<i16>,
+    /// 6007: when it hears nothing of the control any more.
+    pub connection_lost: Option<i16>,
+}
+
+impl Reactions {
+    /// Objects and values that are written while the drive is configured.
+    pub fn writes(&self) -> impl Iterator<Item = (u16, i16)> {
+        /// Without it a drive may hold its position with power on, or run out.
+        const QUICK_STOP_RAMP: i16 = 2;
+        let all = [
+            (0x605A, self.quick_stop.or(Some(QUICK_STOP_RAMP))),
+            (0x605B, self.shutdown),
+            (0x605C, self.disable),
+            (0x605D, self.halt),
+            (0x605E, self.fault),
+            (0x6007, self.connection_lost),
+        ];
+        all.into_iter().filter_map(|(index, value)| Some((index, value?)))
+    }
+}
+
+/// `[joint.reactions]`.
+pub(super) fn reactions(table: &mut Section<'_, '_>, device: Option<&DeviceDescription>) -> Option<Reactions> {
+    let quick_stop = reaction(table, "quick_stop", 0x605A, device);
+    let shutdown = reaction(table, "shutdown", 0x605B, device);
+    let disable = reaction(table, "disable", 0x605C, device);
+    let halt = reaction(table, "halt", 0x605D, device);
+    let fault = reaction(table, "fault", 0x605E, device);
+    let connection_lost = reaction(table, "connection_lost", 0x6007, device);
+    Some(Reactions {
+        quick_stop: quick_stop?,
+        shutdown: shutdown?,
+        disable: disable?,
+        halt: halt?,
+        fault: fault?,
+        connection_lost: connection_lost?,
+    })
+}
+
+fn reaction(
+    table: &mut Section<'_, '_>,
+    key: &'static str,
+    index: u16,
+    device: Option<&DeviceDescription>,
+) -> Option<Option<i16>> {
+    let value = table.optional_integer(key, i16::MIN.into()..=i16::MAX.into())?;
+    let (Some(value), Some(device)) = (value, device) else {
+        return Some(value.map(|value| value as i16));
+    };
+    let Some(object) = device.object(index, 0) else {
+        table.wrong(
+            key,
+            format!("the drive has no 0x{index:04X}: it does not stand in {}", device.file),
+        );
+        return None;
+    };
+    let limit = |limit: &Option<Value>| limit.as_ref().and_then(Value::integer);
+    let (low, high) = (limit(&object.low), limit(&object.high));
+    let value_of_file = i128::from(value);
+    if low.is_some_and(|low| value_of_file < low) || high.is_some_and(|high| value_of_file > high) {
+        let side = |limit: Option<i128>| limit.map_or_else(|| "any".to_owned(), |limit| limit.to_string());
+        let rule = format!(
+            "this drive offers {} to {} for 0x{index:04X}, as {} says",
+            side(low),
+            side(high),
+            device.file
+        );
+        table.wrong(key, rule);
+        return None;
+    }
+    Some(Some(value as i16))
+}
+
+/// Feed-forward of torque; the drive must get 60B2.
+pub(super) fn torque_per_mm_s2(section: &mut Section<'_, '_>, node: Option<&Node>) -> Option<Option<f64>> {
+    /// Ten times the rated torque for 1 mm/s².
+    const MOST: f64 = 10_000.0;
+    let Some(item) = section.optional("torque_per_mm_s2") else {
+        return Some(None);
+    };
+    let value = item.number(&section.key("torque_per_mm_s2"), Bound::Positive(MOST))?;
+    if node.is_some_and(|node| {
+        node.outputs
+            .iter()
+            .all(|object| (object.index, object.sub) != (0x60B2, 0))
+    }) {
+        section.wrong(
+            "torque_per_mm_s2",
+            "\"0x60B2/16\" must be among the outputs of its node",
+        );
+        return None;
+    }
+    Some(Some(value))
+}
+
+const MODES: [(&str, DriveMode); 4] = [
+    ("csp", DriveMode::Csp),
+    ("ip", DriveMode::Ip),
+    ("csv", DriveMode::Csv),
+    ("cst", DriveMode::Cst),
+];
+
+/// Node ids and modes of all joints, as far as they can be read; what is wrong with them is told where they are read.
+pub(super) fn modes(document: &DeTable<'_>) -> Vec<(i64, DriveMode)> {
+    let tables = document.get("joint").and_then(|joints| joints.get_ref().as_array());
+    let tables = tables
+        .into_iter()
+        .flatten()
+        .filter_map(|joint| joint.get_ref().as_table());
+    tables
+        .filter_map(|joint| {
+            let node = joint.get("node")?.get_ref().as_integer()?;
+            let node = i64::from_str_radix(node.as_str(), node.radix()).ok()?;
+            let word = joint.get("mode")?.get_ref().as_str()?;
+            let (_, mode) = MODES.iter().find(|(name, _)| *name == word)?;
+            Some((node, *mode))
+        })
+        .collect()
+}
+
+/// The mode in which the drive is run.
+pub(super) fn mode(section: &mut Section<'_, '_>) -> Option<DriveMode> {
+    let mode = section.word("mode", &MODES, DriveMode::Csp)?;
+    if !mode.is_position() {
+        section.wrong(
+            "mode",
+            "needs a position loop in the control, which it does not have yet: \"csp\" or \"ip\"",
+        );
+    }
+    Some(mode)
+}
+
+/// Whether the drive has the modes in which it is to be run, as far as its device file says (6502).
+pub(super) fn modes_are_offered(section: &mut Section<'_, '_>, node: &Node, mode: DriveMode, homes: bool) {
+    let Some(device) = &node.device else { return };
+    let object = device.object(0x6502, 0);
+    let value = object.and_then(|object| object.actual.as_ref().or(object.default.as_ref()));
+    let Some(supported) = value
+        .and_then(Value::integer)
+        .and_then(|value| u32::try_from(value).ok())
+    else {
+        return;
+    };
+    let file = &device.file;
+    // A file that says 0 does not know.
+    if supported != 0 && supported & supported_bit(mode.code()) == 0 {
+        let word = mode_word(mode);
+        section.wrong(
+            "mode",
+            format!(
+                "must be one that {file} offers (6502h): {}; it is {word:?}",
+                Offered(supported)
+            ),
+        );
+    }
+    if supported != 0 && homes && supported & supported_bit(HOMING) == 0 {
+        section.wrong(
+            "homing",
+            format!(
+                "must be by = \"control\": {file} offers no homing (6502h), only {}",
+                Offered(supported)
+            ),
+        );
+    }
+}
