@@ -130,7 +130,10 @@ fn machine() -> Config {
     let text = text.replacen(BY_DRIVE, BY_CONTROL, 1).replace(
         "name = \"io\"\n",
         "name = \"io\"\noutputs = [\"0x6200:1/8\", \"0x6411:1/16\"]\n\
-         inputs = [\"0x6000:1/8\", \"0x6000:2/8\", \"0x3000:1/32\", \"0x3000:2/32\"]\n",
+         inputs = [\"0x6000:1/8\", \"0x6000:2/8\", \"0x3000:1/32\", \"0x3000:2/32\", \"0x6401:1/16\"]\n\
+         channel = [ { name = \"lamp\", object = \"0x6200:1\", bit = 6, type = \"relay\" }, \
+         { name = \"bar\", object = \"0x6401:1\", scale = 0.1, filter_hz = 5, raw_min = 5 }, \
+         { name = \"turns\", object = \"0x3000:1\", type = \"encoder\", latch = \"0x3000:2\" } ]\n",
     ) + "[spindle.drive]\nnode = 10\nspeed = \"0x6411:1\"\n\
          [spindle.encoder]\nsource = \"node\"\nnode = 10\ncounter = \"0x3000:1\"\nindex = \"0x3000:2\"\ncounts_per_turn = 1000\n";
     config::parse(&text, Path::new("m.toml")).unwrap_or_else(|errors| panic!("{errors}"))

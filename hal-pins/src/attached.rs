@@ -1,7 +1,7 @@
 //! The side of every other process: look at all pins, set inputs that nothing writes.
 
 use crate::file::{self, directories, find_in, open_alive, path_in};
-use crate::layout::{Entry, Words};
+use crate::layout::{Entry, Words, target};
 use crate::{AnyValue, HalError, Kind, Type, nearest};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -20,12 +20,33 @@ pub struct PinInfo {
     pub net: Option<String>,
     /// The output that gives a linked input or a net its value.
     pub source: Option<String>,
+    /// The pin of which this is another name.
+    pub alias_of: Option<String>,
+    /// Unit of the value; empty: none is known.
+    pub unit: String,
 }
 
 impl PinInfo {
     /// Type of its value.
     pub fn value_type(&self) -> Type {
         self.value.kind()
+    }
+
+    /// What is known of an entry, for both sides.
+    pub(crate) fn of(words: &Words, entries: &[Entry], index: usize) -> PinInfo {
+        let entry = &entries[index];
+        let pin_index = target(entries, index);
+        let pin = &entries[pin_index];
+        let name = |index: usize| entries[index].name.clone();
+        PinInfo {
+            name: entry.name.clone(),
+            kind: pin.kind,
+            value: words.value(pin_index, pin),
+            net: pin.net.map(name),
+            source: pin.source.map(name),
+            alias_of: entry.alias.map(name),
+            unit: if entry.unit.is_empty() { &pin.unit } else { &entry.unit }.clone(),
+        }
     }
 }
 
@@ -86,7 +107,9 @@ impl Attached {
     /// [`HalError::Corrupt`]
     pub fn list(&self) -> Result<Vec<PinInfo>, HalError> {
         let entries = self.entries()?;
-        Ok((0..entries.len()).map(|index| self.info(&entries, index)).collect())
+        Ok((0..entries.len())
+            .map(|index| PinInfo::of(&self.words, &entries, index))
+            .collect())
     }
 
     /// One pin or net.
@@ -95,7 +118,7 @@ impl Attached {
     /// [`HalError::Unknown`] with the nearest name, [`HalError::Corrupt`].
     pub fn get(&self, name: &str) -> Result<PinInfo, HalError> {
         let entries = self.entries()?;
-        Ok(self.info(&entries, index_of(&entries, name)?))
+        Ok(PinInfo::of(&self.words, &entries, index_of(&entries, name)?))
     }
 
     /// Sets an input that no net reaches.
@@ -104,7 +127,7 @@ impl Attached {
     /// Unknown pins, other types, pins that have a writer, [`HalError::Corrupt`].
     pub fn set(&self, name: &str, value: AnyValue) -> Result<(), HalError> {
         let entries = self.entries()?;
-        let index = index_of(&entries, name)?;
+        let index = target(&entries, index_of(&entries, name)?);
         let net = entries[index].net.map(|net| entries[net].name.as_str());
         set_cell(&self.words, index, &entries[index], net, value)
     }
@@ -122,18 +145,6 @@ impl Attached {
             path: self.path.clone(),
             what,
         })
-    }
-
-    fn info(&self, entries: &[Entry], index: usize) -> PinInfo {
-        let entry = &entries[index];
-        let name = |index: usize| entries[index].name.clone();
-        PinInfo {
-            name: entry.name.clone(),
-            kind: entry.kind,
-            value: self.words.value(index, entry),
-            net: entry.net.map(name),
-            source: entry.source.map(name),
-        }
     }
 }
 

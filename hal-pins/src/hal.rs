@@ -2,7 +2,7 @@
 
 use crate::attached::{self, Attached, PinInfo};
 use crate::file::{OwnFile, own_directories};
-use crate::layout::{CAPACITY_MAX, Entry, Words};
+use crate::layout::{CAPACITY_MAX, Entry, UNIT_LEN_MAX, Words, target};
 use crate::{AnyValue, HalError, Kind, Type, Value, check_name, nearest};
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
@@ -71,7 +71,7 @@ impl Hal {
     /// # Errors
     /// A name that breaks the rules, is taken, or for which there is no room.
     pub fn output<T: Value>(&mut self, name: &str) -> Result<Output<T>, HalError> {
-        let index = self.add(name, Kind::Output, T::TYPE)?;
+        let index = self.add(name, Kind::Output, T::TYPE, None)?;
         Ok(Output {
             shared: self.shared.clone(),
             index,
@@ -84,7 +84,7 @@ impl Hal {
     /// # Errors
     /// As [`Hal::output`].
     pub fn input<T: Value>(&mut self, name: &str, default: T) -> Result<Input<T>, HalError> {
-        let index = self.add(name, Kind::Input, T::TYPE)?;
+        let index = self.add(name, Kind::Input, T::TYPE, None)?;
         self.shared
             .words
             .cell(index)
@@ -94,6 +94,30 @@ impl Hal {
             index,
             value: PhantomData,
         })
+    }
+
+    /// Gives a pin one more name, which stands for it everywhere.
+    ///
+    /// # Errors
+    /// No such pin; as [`Hal::output`].
+    pub fn alias(&mut self, name: &str, pin: &str) -> Result<(), HalError> {
+        let of = self.index(pin)?;
+        let Entry { kind, value_type, .. } = self.entries[of];
+        self.add(name, kind, value_type, Some(of))?;
+        Ok(())
+    }
+
+    /// Says in which unit the value of a pin is; shown beside it. Longer ones than [`UNIT_LEN_MAX`] octets are cut.
+    ///
+    /// # Errors
+    /// No such pin.
+    pub fn set_unit(&mut self, pin: &str, unit: &str) -> Result<(), HalError> {
+        let index = self.index(pin)?;
+        let fits = |at: &usize| unit.is_char_boundary(*at);
+        let length = (0..=unit.len().min(UNIT_LEN_MAX)).rev().find(fits).unwrap_or(0);
+        self.entries[index].unit = unit[..length].to_owned();
+        self.shared.words.write(index, &self.entries[index]);
+        Ok(())
     }
 
     /// The memory behind all of it.
@@ -163,7 +187,7 @@ impl Hal {
             }
             readers.push(target);
         }
-        let index = self.add(net, Kind::Net, self.entries[source].value_type)?;
+        let index = self.add(net, Kind::Net, self.entries[source].value_type, None)?;
         self.connect(index, None, Some(source));
         self.connect(source, Some(index), None);
         for target in readers {
@@ -184,18 +208,11 @@ impl Hal {
 
     /// All pins and nets with their values, in the order in which they were made.
     pub fn list(&self) -> Vec<PinInfo> {
-        let name = |index: usize| self.entries[index].name.clone();
-        let info = |(index, entry): (usize, &Entry)| PinInfo {
-            name: entry.name.clone(),
-            kind: entry.kind,
-            value: self.shared.words.value(index, entry),
-            net: entry.net.map(name),
-            source: entry.source.map(name),
-        };
-        self.entries.iter().enumerate().map(info).collect()
+        let of = |index| PinInfo::of(&self.shared.words, &self.entries, index);
+        (0..self.entries.len()).map(of).collect()
     }
 
-    fn add(&mut self, name: &str, kind: Kind, value_type: Type) -> Result<usize, HalError> {
+    fn add(&mut self, name: &str, kind: Kind, value_type: Type, alias: Option<usize>) -> Result<usize, HalError> {
         check_name(name)?;
         if let Some(other) = self.entries.iter().find(|entry| entry.name == name) {
             return Err(HalError::Taken {
@@ -216,6 +233,8 @@ impl Hal {
             value_type,
             net: None,
             source: None,
+            alias,
+            unit: String::new(),
         };
         self.shared.words.write(index, &entry);
         self.entries.push(entry);
@@ -235,6 +254,7 @@ impl Hal {
         self.entries
             .iter()
             .position(|entry| entry.name == name)
+            .map(|index| target(&self.entries, index))
             .ok_or_else(|| HalError::Unknown {
                 name: name.to_owned(),
                 hint: nearest(name, self.entries.iter().map(|entry| entry.name.as_str())).map(str::to_owned),
@@ -291,6 +311,7 @@ impl View {
     /// The value of a pin or net now; of an input that of the net it is on. `None`: there is none of that name.
     pub fn value(&self, name: &str) -> Option<AnyValue> {
         let index = self.entries.iter().position(|entry| entry.name == name)?;
+        let index = target(&self.entries, index);
         let source = self.shared.source[index].load(Ordering::Acquire) as usize;
         let entry = self.entries.get(source)?;
         Some(self.shared.words.value(source, entry))

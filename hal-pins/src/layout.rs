@@ -6,11 +6,12 @@
 //!      2   length of the file, octets      6,7 zero
 //!      3   capacity, entries
 //! 8 ..  8 + capacity                  value cells, one per entry
-//!   ..  + 12 per entry                descriptors: [0] type, kind, name length  [1] net + 1  [2] source + 1
-//!                                                  [3..11] name, padded with zeros  [11] zero
+//!   ..  + 13 per entry                descriptors: [0] type, kind, name length  [1] net + 1  [2] source + 1
+//!                                                  [3..11] name, padded with zeros  [11] alias + 1
+//!                                                  [12] unit, padded with zeros
 //! ```
 //!
-//! `net + 1` is the entry of the net a pin is on, `source + 1` the entry whose cell holds the value of an input or a net;
+//! `alias + 1` is the entry of which this one is another name. `net + 1` is the entry of the net a pin is on, `source + 1` the entry whose cell holds the value of an input or a net;
 //! 0 is none.
 
 use crate::guard::Guard;
@@ -22,10 +23,15 @@ use std::fs::File;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 pub(crate) const MAGIC: u64 = u64::from_le_bytes(*b"isocHAL\n");
-pub(crate) const VERSION: u64 = 1;
+pub(crate) const VERSION: u64 = 2;
 pub(crate) const HEADER_WORDS: usize = 8;
 const NAME_WORDS: usize = NAME_LEN_MAX / 8;
-const DESCRIPTOR_WORDS: usize = 3 + NAME_WORDS + 1;
+const ALIAS_WORD: usize = 3 + NAME_WORDS;
+const UNIT_WORD: usize = ALIAS_WORD + 1;
+const DESCRIPTOR_WORDS: usize = UNIT_WORD + 1;
+
+/// Longest unit of a value, octets.
+pub const UNIT_LEN_MAX: usize = 8;
 
 /// Most pins and nets of one machine.
 pub const CAPACITY_MAX: usize = 65_536;
@@ -49,6 +55,15 @@ pub(crate) struct Entry {
     pub(crate) net: Option<usize>,
     /// Whose cell holds the value, if not its own.
     pub(crate) source: Option<usize>,
+    /// The pin of which this is another name; kind and type are that one's.
+    pub(crate) alias: Option<usize>,
+    /// Unit of the value; may be empty. At most [`UNIT_LEN_MAX`] octets.
+    pub(crate) unit: String,
+}
+
+/// The entry that a name means: that of an alias is the pin itself. An alias of an alias is never made, and never followed.
+pub(crate) fn target(entries: &[Entry], index: usize) -> usize {
+    entries[index].alias.unwrap_or(index)
 }
 
 /// Octets of a file for so many entries. `capacity` is at most [`CAPACITY_MAX`].
@@ -165,6 +180,11 @@ impl Words {
             self.descriptor(index, 3 + word)
                 .store(u64::from_le_bytes(eight), Ordering::Relaxed);
         }
+        let mut unit = [0; UNIT_LEN_MAX];
+        let length = entry.unit.len().min(UNIT_LEN_MAX);
+        unit[..length].copy_from_slice(&entry.unit.as_bytes()[..length]);
+        self.descriptor(index, UNIT_WORD)
+            .store(u64::from_le_bytes(unit), Ordering::Relaxed);
         self.write_links(index, entry);
     }
 
@@ -173,6 +193,8 @@ impl Words {
         let link = |to: Option<usize>| to.map_or(0, |to| to as u64 + 1);
         self.descriptor(index, 1).store(link(entry.net), Ordering::Release);
         self.descriptor(index, 2).store(link(entry.source), Ordering::Release);
+        self.descriptor(index, ALIAS_WORD)
+            .store(link(entry.alias), Ordering::Release);
     }
 
     /// Makes the first `count` entries visible.
@@ -206,12 +228,20 @@ impl Words {
                 load(word).wrapping_sub(1)
             ))),
         };
+        let unit = load(UNIT_WORD).to_le_bytes();
+        let unit = std::str::from_utf8(&unit).map_err(|_| damaged("a unit that is no text".into()))?;
+        let unit = unit.trim_end_matches('\0');
+        if unit.contains(char::is_control) {
+            return Err(damaged("a unit that cannot be shown".into()));
+        }
         Ok(Entry {
             name: name.to_owned(),
             kind,
             value_type,
             net: link(1)?,
             source: link(2)?,
+            alias: link(ALIAS_WORD)?,
+            unit: unit.to_owned(),
         })
     }
 

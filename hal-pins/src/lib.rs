@@ -52,6 +52,6 @@ pub use error::HalError;
 pub use file::{Found, directories, find};
 pub use hal::{Hal, Input, Memory, Output, View};
 pub use kind::{Kind, Type};
-pub use layout::CAPACITY_MAX;
+pub use layout::{CAPACITY_MAX, UNIT_LEN_MAX};
 pub use name::{NAME_LEN_MAX, check_name, nearest};
 pub use value::{AnyValue, Value};

@@ -54,16 +54,16 @@ fn the_layout_is_as_documented() {
     let rig = rig();
     let word = |index: usize| u64::from_le_bytes(rig.good[8 * index..8 * index + 8].try_into().unwrap());
     assert_eq!(&rig.good[..8], b"isocHAL\n");
-    assert_eq!([word(1), word(2), word(3), word(4)], [1, 8 * (8 + 4 * 13), 4, 4]);
+    assert_eq!([word(1), word(2), word(3), word(4)], [2, 8 * (8 + 4 * 14), 4, 4]);
     assert_eq!(word(5), u64::from(std::process::id()));
     assert_eq!(word(8), 1.5f64.to_bits());
     assert_eq!(word(10), 0xFFFF_FFFD);
     let first = 8 + 4;
     assert_eq!([word(first), word(first + 1), word(first + 2)], [0x05_01_06, 4, 0]);
     assert_eq!(&rig.good[8 * (first + 3)..8 * (first + 3) + 8], b"a.out\0\0\0");
-    let second = first + 12;
+    let second = first + 13;
     assert_eq!([word(second), word(second + 1), word(second + 2)], [0x04_02_06, 4, 1]);
-    let net = first + 36;
+    let net = first + 39;
     assert_eq!([word(net), word(net + 1), word(net + 2)], [0x01_03_06, 0, 1]);
 }
 
@@ -72,9 +72,9 @@ fn each_damage_is_named() {
     let entries = 8 * (8 + 4);
     for (offset, value, what) in [
         (0, 0x1111, "not the pins of a control"),
-        (8, 2, "layout 2 of another version"),
-        (16, 8, "damaged: 480 octets"),
-        (24, 3, "damaged: 480 octets, expected 376 for 3 entries"),
+        (8, 1, "layout 1 of another version"),
+        (16, 8, "damaged: 512 octets"),
+        (24, 3, "damaged: 512 octets, expected 400 for 3 entries"),
         (24, u64::MAX, "damaged: capacity"),
         (24, 0, "damaged: capacity 0"),
         (32, 5, "damaged: 5 entries in use, but room for 4"),
@@ -85,6 +85,9 @@ fn each_damage_is_named() {
         (entries + 16, u64::MAX, "damaged: entry 0 has a link to entry"),
         (entries + 24, 0xFF, "damaged: entry 0 has a name that is no text"),
         (entries + 24, 0x41, "damaged: entry 0 has pin name"),
+        (entries + 88, 5, "damaged: entry 0 has a link to entry 4 of 4"),
+        (entries + 96, 0xFF, "damaged: entry 0 has a unit that is no text"),
+        (entries + 96, 0x1B, "damaged: entry 0 has a unit that cannot be shown"),
     ] {
         let rig = rig();
         rig.write(offset, &u64::to_le_bytes(value));

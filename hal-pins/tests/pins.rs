@@ -258,3 +258,44 @@ fn without_a_directory_there_is_a_clear_error() {
         ));
     }
 }
+
+#[test]
+fn an_alias_is_the_pin_itself_under_another_name() {
+    let (_dir, dirs) = place();
+    let mut hal = Hal::create_in(&dirs, "m", 8).unwrap();
+    let pump = hal.input("io.10.out-03", false).unwrap();
+    let mut level = hal.output::<f64>("io.10.object-6401-01").unwrap();
+    hal.output::<bool>("spindle.0.on").unwrap().set(true);
+    hal.alias("io.10.coolant-pump", "io.10.out-03").unwrap();
+    // One name more of a name means the pin, too.
+    hal.alias("io.10.pump", "io.10.coolant-pump").unwrap();
+    hal.alias("io.10.level", "io.10.object-6401-01").unwrap();
+    hal.set_unit("io.10.level", "l/min, at most").unwrap();
+    level.set(2.5);
+
+    let far = Attached::attach_in(&dirs, "m").unwrap();
+    far.set("io.10.coolant-pump", AnyValue::Bit(true)).unwrap();
+    assert!(pump.get() && hal.reader::<bool>("io.10.pump").unwrap().get());
+    let seen = far.get("io.10.level").unwrap();
+    assert_eq!((seen.value, seen.kind), (AnyValue::Float(2.5), Kind::Output));
+    assert_eq!(
+        (seen.unit.as_str(), seen.alias_of.as_deref()),
+        ("l/min, a", Some("io.10.object-6401-01"))
+    );
+    assert_eq!(far.get("io.10.object-6401-01").unwrap().unit, "l/min, a");
+    assert_eq!(hal.list(), far.list().unwrap());
+    assert_eq!(hal.view().value("io.10.level"), Some(AnyValue::Float(2.5)));
+
+    hal.set("io.10.out-03", false).unwrap();
+    hal.link("run", "spindle.0.on", &["io.10.pump"]).unwrap();
+    assert!(pump.get());
+    assert_eq!(far.get("io.10.coolant-pump").unwrap().net.as_deref(), Some("run"));
+    // The pin has its writer, by whichever name.
+    let refused = far.set("io.10.coolant-pump", AnyValue::Bit(false)).unwrap_err();
+    assert_eq!(refused.to_string(), "'io.10.out-03' cannot be set: it is on net 'run'");
+    assert!(matches!(
+        hal.alias("io.10.pump", "spindle.0.on"),
+        Err(HalError::Taken { .. })
+    ));
+    assert!(matches!(hal.alias("x", "io.10.no-pin"), Err(HalError::Unknown { .. })));
+}

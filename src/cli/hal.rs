@@ -35,7 +35,7 @@ pub enum HalCommand {
         /// Only names that begin so, or that a pattern fits: 'joint.*.f-error', '*in-0?'
         names: Vec<String>,
     },
-    /// The value of pins or nets, one a line; of those that a pattern fits, with their names
+    /// The value of pins or nets, one a line; of those that a pattern fits, with their names and units
     #[command(after_help = "Example: isocnc hal get joint.0.motor-pos-cmd motion.feed-hold")]
     Get {
         /// Names, or patterns as with list
@@ -125,7 +125,7 @@ fn run(command: &HalCommand, as_json: bool, pins: &Attached, out: &mut impl Writ
                 match as_json {
                     true => writeln!(out, "{}", to_json(pin))?,
                     false if plain => writeln!(out, "{}", pin.value)?,
-                    false => writeln!(out, "{}  {}", pin.name, pin.value)?,
+                    false => writeln!(out, "{}  {}", pin.name, with_unit(pin))?,
                 }
             }
         }
@@ -230,20 +230,29 @@ fn same_value(a: AnyValue, b: AnyValue) -> bool {
 
 fn write_table(list: &[PinInfo], out: &mut impl Write) -> std::io::Result<()> {
     let rows = list.iter().map(|pin| {
-        let net = match (&pin.net, &pin.source) {
-            (Some(net), _) => net.clone(),
-            (None, Some(source)) => format!("from {source}"),
-            (None, None) => String::new(),
+        let net = match (&pin.net, &pin.source, &pin.alias_of) {
+            (Some(net), ..) => net.clone(),
+            (None, Some(source), _) => format!("from {source}"),
+            (None, None, Some(pin)) => format!("is {pin}"),
+            (None, None, None) => String::new(),
         };
         vec![
             pin.name.clone(),
             pin.value_type().to_string(),
             pin.kind.short().into(),
-            pin.value.to_string(),
+            with_unit(pin),
             net,
         ]
     });
     out.write_all(table(&["name", "type", "dir", ">value", "net"], rows).as_bytes())
+}
+
+/// The value, and behind it its unit where one is known.
+fn with_unit(pin: &PinInfo) -> String {
+    match pin.unit.as_str() {
+        "" => pin.value.to_string(),
+        unit => format!("{} {unit}", pin.value),
+    }
 }
 
 fn to_json(pin: &PinInfo) -> Json {
@@ -254,6 +263,8 @@ fn to_json(pin: &PinInfo) -> Json {
         "value": value_json(pin.value),
         "net": pin.net,
         "source": pin.source,
+        "alias_of": pin.alias_of,
+        "unit": if pin.unit.is_empty() { Json::Null } else { pin.unit.as_str().into() },
     })
 }
 
@@ -313,7 +324,7 @@ x-pos-cmd              float  net  -12.5  from joint.0.motor-pos-cmd
 ";
         assert_eq!(said[0].as_deref(), Ok(table));
         let list: Json = serde_json::from_str(said[1].as_ref().unwrap()).unwrap();
-        let pin = json!([{ "name": "motion.feed-hold", "type": "bit", "direction": "in", "value": false, "net": null, "source": null }]);
+        let pin = json!([{ "name": "motion.feed-hold", "type": "bit", "direction": "in", "value": false, "net": null, "source": null, "alias_of": null, "unit": null }]);
         assert_eq!(list, pin);
     }
 

@@ -9,6 +9,7 @@
 //! `tests.rs`.
 
 mod bus;
+mod channels;
 mod compensation;
 mod device;
 mod document;
@@ -26,6 +27,8 @@ mod sim;
 mod spindle;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tests_channels;
 #[cfg(test)]
 mod tests_devices;
 #[cfg(test)]

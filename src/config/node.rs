@@ -4,6 +4,7 @@
 //! Out: a [`Node`] that fits its device file.
 
 use super::bus::{NAME_RULE, is_name, wire_time_ns};
+use super::channels;
 use super::device;
 use super::document::{Item, Section};
 use super::mapping::{self, Payload, Target};
@@ -96,6 +97,8 @@ pub(super) fn node<'d, 'l>(
     let pdo_version = section.integer("pdo_version", 0..=255, 0);
     let writes = device::writes(section, file);
     let cross = pending_cross(section);
+    let payloads = inputs.as_deref().zip(outputs.as_deref());
+    let channels = channels::channels(section, profile, file, payloads);
     let node = Node {
         id: id?,
         name: name?,
@@ -111,6 +114,7 @@ pub(super) fn node<'d, 'l>(
         device: device?,
         writes: writes?,
         cross: Vec::new(),
+        channels: channels?,
     };
     Some((node, cross?))
 }

@@ -2,7 +2,10 @@
 
 use super::document::{Bound, Section};
 use super::joints::{letter, range};
-use super::types::{HomingBy, Joint, Node, Profile, Sim, SimBody, SimJoint, SimOutline, SimProbe, SimSurface};
+use super::mapping::parse_object;
+use super::types::{
+    HomingBy, Joint, Mapped, Node, Profile, Sim, SimBody, SimJoint, SimOutline, SimProbe, SimSignal, SimSurface,
+};
 use motion::canon::Axis;
 
 /// No machine is larger, mm.
@@ -27,9 +30,15 @@ pub(super) fn sim(mut section: Section<'_, '_>, nodes: Option<&[Node]>, joints: 
             None => complete = false,
         }
     }
+    let signals: Vec<Option<SimSignal>> = section
+        .sections("signal")
+        .into_iter()
+        .map(|section| signal(section, nodes))
+        .collect();
     section.done();
     Some(Sim {
         joints: complete.then_some(special)?,
+        signals: signals.into_iter().collect::<Option<Vec<SimSignal>>>()?,
         natural_frequency_hz: natural_frequency_hz?,
         damping: damping?,
         start: start?,
@@ -193,4 +202,67 @@ fn surface(mut section: Section<'_, '_>) -> Option<SimSurface> {
         at_mm,
         above,
     })
+}
+
+/// `[[sim.signal]]`.
+fn signal(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Option<SimSignal> {
+    /// Beyond all objects of 32 bits.
+    const VALUE_MAX: f64 = 1e10;
+    let id = section.integer("node", 1..=239, None);
+    let index = nodes.and_then(|nodes| nodes.iter().position(|node| Some(i64::from(node.id)) == id));
+    let node = index.and_then(|index| nodes?.get(index));
+    let node = node.filter(|node| node.profile == Profile::Io);
+    if id.is_some() && nodes.is_some() && node.is_none() {
+        section.wrong("node", "must be a [[bus.node]] of profile \"io\"");
+    }
+    let object = payload_object(&mut section, "object", true, node.map(|node| (&*node.inputs, "inputs")));
+    let value = section.number("value", Bound::Size(VALUE_MAX), 0.0);
+    let per_second = section.number("per_second", Bound::Size(VALUE_MAX), 0.0);
+    let amplitude = section.number("amplitude", Bound::Size(VALUE_MAX), 0.0);
+    let period_s = section.number("period_s", Bound::Within(1e-3, 1e6), 1.0);
+    let from = payload_object(
+        &mut section,
+        "from",
+        false,
+        node.map(|node| (&*node.outputs, "outputs")),
+    );
+    let latch = payload_object(&mut section, "latch", false, node.map(|node| (&*node.inputs, "inputs")));
+    let every = section.integer("latch_every", 1..=1_000_000_000, 1000);
+    section.done();
+    let every = every? as u32;
+    Some(SimSignal {
+        node: index?,
+        object: object??,
+        value: value?,
+        per_second: per_second?,
+        amplitude: amplitude?,
+        period_s: period_s?,
+        from: from?,
+        latch: latch?.map(|latch| (latch, every)),
+    })
+}
+
+/// An object of a payload of the node; `Some(None)`: left out.
+fn payload_object(
+    section: &mut Section<'_, '_>,
+    key: &'static str,
+    required: bool,
+    payload: Option<(&[Mapped], &str)>,
+) -> Option<Option<(u16, u8)>> {
+    let item = match required {
+        true => Some(section.required(key, "an object of the node, like \"0x6401:1\"")?),
+        false => section.optional(key),
+    };
+    let Some(item) = item else { return Some(None) };
+    let text = item.text(&section.key(key))?;
+    let Some(object) = parse_object(text) else {
+        section.wrong(key, "must be an object like \"0x6401:1\"");
+        return None;
+    };
+    let (objects, name) = payload?;
+    if !objects.iter().any(|mapped| (mapped.index, mapped.sub) == object) {
+        section.wrong(key, format!("must stand among the `{name}` of the node"));
+        return None;
+    }
+    Some(Some(object))
 }

@@ -148,6 +148,15 @@ fn drive(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Option<Spindle
         node.map(|(_, node)| &node.outputs),
         "outputs",
     );
+    if let (Some((_, node)), Some(Some(speed))) = (node, speed)
+        && let Some(channel) = node.channels.iter().find(|it| it.output && it.object == speed)
+    {
+        let rule = format!(
+            "is the channel {:?} of the node already: an output has one writer",
+            channel.name
+        );
+        section.wrong("speed", rule);
+    }
     section.done();
     Some(SpindleDrive {
         node: node?.0,

@@ -3,6 +3,7 @@
 //! In:  from `read`, which turns TOML into these types or into located errors.
 //! Out: to every part of the process. Nothing here is ever invalid: ranges, references and names are checked.
 
+pub use super::channels::{Channel, ChannelKind, Follow, ObjectKind};
 pub use super::drive::{DriveMode, Reactions, targets};
 pub use super::spindle::{Spindle, SpindleCounter, SpindleDrive, SpindleEncoder};
 pub use gcode::ToolChanger;
@@ -262,6 +263,8 @@ pub struct Node {
     pub writes: Vec<ConfigurationWrite>,
     /// What it reads from the PRes of other nodes.
     pub cross: Vec<Cross>,
+    /// Inputs and outputs that have a name.
+    pub channels: Vec<Channel>,
 }
 
 /// How a node exchanges process data.
@@ -725,6 +728,26 @@ pub struct Sim {
     pub probe: Option<SimProbe>,
     /// What is special about a joint.
     pub joints: Vec<SimJoint>,
+    /// What there is at objects of I/O nodes.
+    pub signals: Vec<SimSignal>,
+}
+
+/// `[[sim.signal]]`: what a simulated I/O node measures or counts at one of its objects, over the time t since it was switched on:
+/// `value + per_second t + amplitude sin(2 pi t / period_s)`, and the output `from` in addition.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SimSignal {
+    /// Index into [`Bus::nodes`] of an I/O node.
+    pub node: usize,
+    /// One of its inputs: index and sub-index.
+    pub object: (u16, u8),
+    pub value: f64,
+    pub per_second: f64,
+    pub amplitude: f64,
+    pub period_s: f64,
+    /// An output that is wired to this input.
+    pub from: Option<(u16, u8)>,
+    /// The input that holds the multiple of this many counts which was passed last, as an encoder latches its index.
+    pub latch: Option<((u16, u8), u32)>,
 }
 
 /// `[[sim.joint]]`: where a simulated joint stands and where its home switch is.

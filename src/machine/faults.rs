@@ -168,6 +168,17 @@ pub enum Fault {
         /// Whether a move in step with the spindle is under way.
         in_step: bool,
     },
+    /// An analog input reads what its channel says it never does: `raw_min`, `raw_max`.
+    InputRange {
+        /// Index into the nodes of the machine file.
+        node: usize,
+        /// The object: index and sub-index.
+        object: (u16, u8),
+        /// What it reads.
+        raw: i64,
+        /// The limit that it is beyond.
+        limit: i64,
+    },
     /// Whole cycles had to be left out.
     CyclesSkipped {
         /// How many in a row.
@@ -270,7 +281,9 @@ impl Fault {
                 error: LinkFailure::QueueFull,
             } => Reaction::Count,
             // Turns count from the new index on, as the next thread does.
-            Fault::ManyOverruns { .. } | Fault::CountsLost { in_step: false, .. } => Reaction::Warn,
+            Fault::ManyOverruns { .. } | Fault::CountsLost { in_step: false, .. } | Fault::InputRange { .. } => {
+                Reaction::Warn
+            }
             Fault::NodeLost { .. }
             | Fault::Drive { .. }
             | Fault::DriveWarning { .. }
@@ -297,7 +310,7 @@ impl Fault {
     }
 
     /// A code that stays the same from version to version: J of a joint, N of the network, S of a spindle, C of the control, E of the
-    /// emergency stop.
+    /// emergency stop, I of inputs.
     pub const fn code(&self) -> &'static str {
         match self {
             Fault::Drive { .. } => "J-201",
@@ -315,6 +328,7 @@ impl Fault {
             Fault::SpindleLate { .. } => "S-302",
             Fault::SpindleOrient { .. } => "S-303",
             Fault::CountsLost { .. } => "S-304",
+            Fault::InputRange { .. } => "I-701",
             Fault::CyclesSkipped { .. } => "C-401",
             Fault::ManyOverruns { .. } => "C-402",
             Fault::TooManyOverruns { .. } => "C-403",
@@ -346,7 +360,15 @@ impl Fault {
     /// The node that it is about, where that is not the one of a joint.
     pub const fn node(&self) -> Option<NodeIndex> {
         match *self {
-            Fault::NodeLost { node } => Some(node),
+            Fault::NodeLost { node } | Fault::InputRange { node, .. } => Some(node),
+            _ => None,
+        }
+    }
+
+    /// The input that it is about: its node, and its object.
+    pub const fn input(&self) -> Option<(NodeIndex, (u16, u8))> {
+        match *self {
+            Fault::InputRange { node, object, .. } => Some((node, object)),
             _ => None,
         }
     }
@@ -368,6 +390,7 @@ impl Fault {
             | Fault::SpindleLate { .. }
             | Fault::SpindleOrient { .. }
             | Fault::CountsLost { .. }
+            | Fault::InputRange { .. }
             | Fault::CyclesSkipped { .. }
             | Fault::ManyOverruns { .. }
             | Fault::CycleHung
@@ -450,6 +473,17 @@ impl Fault {
                  counts_per_turn",
                 counts.unsigned_abs(),
                 if counts < 0 { "less" } else { "more" }
+            ),
+            Fault::InputRange {
+                node: number,
+                object: (index, sub),
+                raw,
+                limit,
+            } => format!(
+                "{}: analog input 0x{index:04X}:{sub} reads {raw}, {} {limit}: look for {}",
+                node(number),
+                if raw < limit { "below raw_min," } else { "above raw_max," },
+                if raw < limit { "an open wire or a sensor without power" } else { "a short circuit" },
             ),
             Fault::CyclesSkipped { cycles } => format!("{cycles} cycles left out"),
             Fault::ManyOverruns { cycles } => format!(

@@ -2,12 +2,14 @@
 
 pub mod assemble;
 pub mod axis_jog;
+pub mod counter;
 pub mod cycle;
 pub mod cycle_stats;
 pub mod desk;
 pub mod drives;
 pub mod encoder;
 pub mod homing;
+pub mod io_channels;
 pub mod io_pins;
 pub mod jog_pins;
 pub mod joint_jog;

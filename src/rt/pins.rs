@@ -1,11 +1,12 @@
 //! The control's pins: what other components and other processes see of it, and what they may tell it.
 //!
 //! In:  values of a cycle; pins that others drive.
-//! Out: shared memory; digital outputs of I/O nodes.
+//! Out: shared memory; outputs of I/O nodes.
 //!
 //! Names are LinuxCNC's where LinuxCNC has one. [`Pins::new`] and the links are made at start-up; the rest is RT.
 
 use super::drives::{Drives, is_filled};
+use super::io_channels::IoPins;
 use super::io_pins::{InputPins, OutputPins};
 use super::override_pins::OverridePins;
 use super::overrides::{Overridden, Overrides};
@@ -69,21 +70,6 @@ enum ObjectValue {
     Unsigned(Output<u64>),
 }
 
-/// One bit of an I/O node.
-struct BitIn {
-    node: usize,
-    field: Field,
-    bit: u32,
-    pin: Output<bool>,
-}
-
-struct BitOut {
-    node: usize,
-    field: Field,
-    bit: u32,
-    pin: Input<bool>,
-}
-
 struct NodePins {
     state: Output<u32>,
     lost: Output<u64>,
@@ -97,8 +83,8 @@ pub struct Pins {
     objects_received: Vec<ObjectPin>,
     objects_sent: Vec<ObjectPin>,
     objects_driven: Vec<DrivenObject>,
-    bits_in: Vec<BitIn>,
-    bits_out: Vec<BitOut>,
+    /// Inputs and outputs of I/O nodes.
+    pub io: IoPins,
     nodes: Vec<NodePins>,
     network_up: Output<bool>,
 
@@ -354,7 +340,7 @@ impl Pins {
             axes.push((map.axis, hal.output(&format!("axis.{letter}.pos-cmd"))?));
         }
         let (mut objects_received, mut objects_sent, mut objects_driven) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut bits_in, mut bits_out, mut nodes) = (Vec::new(), Vec::new(), Vec::new());
+        let mut nodes = Vec::new();
         for (index, (node, plan)) in config.bus.nodes.iter().zip(plans).enumerate() {
             nodes.push(NodePins {
                 state: hal.output(&format!("plk.{}.state", node.id))?,
@@ -382,44 +368,7 @@ impl Pins {
                         }
                     }
                 }
-                Profile::Io => {
-                    let mut number = 0;
-                    for &field in plan
-                        .inputs
-                        .fields
-                        .iter()
-                        .filter(|field| !Spindle::uses(config, index, field))
-                    {
-                        for bit in 0..u32::from(field.object.bits) {
-                            let pin = hal.output(&format!("io.{}.in-{number:02}", node.id))?;
-                            bits_in.push(BitIn {
-                                node: index,
-                                field,
-                                bit,
-                                pin,
-                            });
-                            number += 1;
-                        }
-                    }
-                    number = 0;
-                    for &field in plan
-                        .outputs
-                        .fields
-                        .iter()
-                        .filter(|field| !Spindle::uses(config, index, field))
-                    {
-                        for bit in 0..u32::from(field.object.bits) {
-                            let pin = hal.input(&format!("io.{}.out-{number:02}", node.id), false)?;
-                            bits_out.push(BitOut {
-                                node: index,
-                                field,
-                                bit,
-                                pin,
-                            });
-                            number += 1;
-                        }
-                    }
-                }
+                Profile::Io => {}
             }
         }
         let pins = Pins {
@@ -428,8 +377,7 @@ impl Pins {
             objects_received,
             objects_sent,
             objects_driven,
-            bits_in,
-            bits_out,
+            io: IoPins::new(hal, config, plans)?,
             nodes,
             memory: hal.memory(),
             network_up: hal.output("plk.operational")?,
@@ -717,11 +665,7 @@ impl Pins {
         for object in &mut self.objects_sent {
             object.show(outputs.node(object.node));
         }
-        for bit in &self.bits_out {
-            let payload = outputs.node_mut(bit.node);
-            let word = bit.field.read(payload) & !(1 << bit.bit) | u64::from(bit.pin.get()) << bit.bit;
-            bit.field.write(payload, word);
-        }
+        self.io.write(outputs);
         self.spindle.write(outputs);
     }
 
@@ -754,10 +698,7 @@ impl Pins {
         for object in &mut self.objects_received {
             object.show(inputs.payload.node(object.node));
         }
-        for bit in &mut self.bits_in {
-            bit.pin
-                .set(bit.field.read(inputs.payload.node(bit.node)) >> bit.bit & 1 == 1);
-        }
+        self.io.show(inputs);
     }
 
     /// Whether the home switch of a joint is closed, as its pin has it.

@@ -1,7 +1,9 @@
-//! A simulated node of digital inputs and outputs (CiA 401): 16 outputs to contactors, 16 inputs.
+//! A simulated node of inputs and outputs (CiA 401): 16 outputs to contactors, 16 inputs; 8 analog inputs 6401h and outputs 6411h;
+//! counters 3000h and PWM outputs 3100h as a maker may add them.
 //!
 //! In:  outputs 6200h/1 and /2 from the managing node; [`Io::set_inputs`] for what is wired to the inputs.
-//! Out: inputs 6000h/1, the auxiliary contacts of the contactors on 6200h/1, and 6000h/2, the wired inputs.
+//! Out: inputs 6000h/1, the auxiliary contacts of the contactors on 6200h/1, and 6000h/2, the wired inputs; what the signals of
+//!      the machine file (`[[sim.signal]]`) have at their objects.
 //!
 //! Output 15 (6200h/2, bit 7) orients the spindle: it turns to its index and is held there, which input 15 (6000h/2, bit 7) tells.
 //!
@@ -12,8 +14,8 @@
 
 use super::SimError;
 use super::spindle::Spindle;
-use crate::config::Node;
-use obd::{DataType, Dictionary, EntryDef, Key};
+use crate::config::{Node, SimSignal};
+use obd::{DataType, Dictionary, EntryDef, Handle, Key};
 use powerlink::cn::Cn;
 use powerlink::cn::QueueError;
 use powerlink::cn::objects::{COMMUNICATION_BYTES, COMMUNICATION_ENTRIES, COMMUNICATION_PROFILE};
@@ -31,12 +33,18 @@ pub(super) const IO_OBJECTS: &[EntryDef] = &[
     EntryDef::rw(0x6200, DataType::U8, "DigitalOutput_00h_AU8")
         .subs(1, 2)
         .rpdo(),
-    EntryDef::rw(0x6411, DataType::I16, "AnalogueOutput_00h_AI16")
-        .subs(1, 1)
-        .rpdo(),
-    EntryDef::ro(0x3000, DataType::U32, "SpindleEncoder_00h_AU32")
-        .subs(1, 2)
+    EntryDef::ro(0x6401, DataType::I16, "AnalogueInput_00h_AI16")
+        .subs(1, 8)
         .tpdo(),
+    EntryDef::rw(0x6411, DataType::I16, "AnalogueOutput_00h_AI16")
+        .subs(1, 8)
+        .rpdo(),
+    EntryDef::ro(0x3000, DataType::U32, "Counter_00h_AU32")
+        .subs(1, 8)
+        .tpdo(),
+    EntryDef::rw(0x3100, DataType::U16, "PwmDuty_00h_AU16")
+        .subs(1, 4)
+        .rpdo(),
 ];
 
 const ENTRIES: usize = COMMUNICATION_ENTRIES + obd::lines_of(IO_OBJECTS);
@@ -58,10 +66,75 @@ pub(super) struct Io {
     spindle: Spindle,
     /// What sensors of the machine say, in addition.
     sensed: u8,
+    /// Analog and PWM outputs.
+    numbers_out: Vec<Handle>,
+    signals: Vec<Signal>,
+    period_ns: u64,
+    /// Cycles since it was switched on.
+    cycles: u64,
+}
+
+/// A signal at an input.
+#[derive(Clone, Copy, Debug)]
+struct Signal {
+    is: SimSignal,
+    into: Handle,
+    from: Option<Handle>,
+    latch: Option<(Handle, u32)>,
+}
+
+impl Signal {
+    fn new(objects: &Dictionary<ENTRIES, OCTETS>, node: &Node, is: SimSignal) -> Result<Signal, SimError> {
+        let find = |(index, sub)| objects.find(index, sub).map_err(|error| SimError::new(node, error));
+        Ok(Signal {
+            is,
+            into: find(is.object)?,
+            from: is.from.map(find).transpose()?,
+            latch: match is.latch {
+                Some((object, every)) => Some((find(object)?, every)),
+                None => None,
+            },
+        })
+    }
+
+    fn apply(&self, objects: &mut Dictionary<ENTRIES, OCTETS>, t_s: f64) {
+        let is = &self.is;
+        let wave = match is.amplitude {
+            0.0 => 0.0,
+            amplitude => amplitude * (std::f64::consts::TAU * t_s / is.period_s).sin(),
+        };
+        let wired = self.from.map_or(0, |from| number(objects.octets(from)));
+        let value = (is.value + is.per_second * t_s + wave).round() as i64 + wired;
+        set_number(objects, self.into, value);
+        if let Some((latch, every)) = self.latch {
+            set_number(objects, latch, value.div_euclid(every.into()) * i64::from(every));
+        }
+    }
+}
+
+/// The signed number in so many octets.
+fn number(octets: &[u8]) -> i64 {
+    let mut whole = [0; 8];
+    whole[..octets.len()].copy_from_slice(octets);
+    let unused = 64 - 8 * octets.len() as u32;
+    (i64::from_le_bytes(whole) << unused) >> unused
+}
+
+/// Writes the low octets of a number: counters wrap.
+fn set_number(objects: &mut Dictionary<ENTRIES, OCTETS>, handle: Handle, value: i64) {
+    let length = objects.octets(handle).len();
+    // Its length is that of the object.
+    let _ = objects.set_octets(handle, &value.to_le_bytes()[..length]);
 }
 
 impl Io {
-    pub(super) fn new(node: &Node, spindle: Spindle, now_ns: u64) -> Result<Io, SimError> {
+    pub(super) fn new(
+        node: &Node,
+        spindle: Spindle,
+        signals: &[SimSignal],
+        period_ns: u64,
+        now_ns: u64,
+    ) -> Result<Io, SimError> {
         let objects: Dictionary<ENTRIES, OCTETS> =
             Dictionary::new(&[COMMUNICATION_PROFILE, IO_OBJECTS]).map_err(|error| SimError::new(node, error))?;
         let key = |index, sub| objects.key(index, sub).map_err(|error| SimError::new(node, error));
@@ -70,6 +143,14 @@ impl Io {
         let speed_key = objects.key(0x6411, 1).map_err(|error| SimError::new(node, error))?;
         let encoder_key = |sub| objects.key(0x3000, sub).map_err(|error| SimError::new(node, error));
         let encoder_keys = [encoder_key(1)?, encoder_key(2)?];
+        let outputs = (1..=8).map(|sub| (0x6411, sub)).chain((1..=4).map(|sub| (0x3100, sub)));
+        let numbers_out = outputs
+            .map(|(index, sub)| objects.find(index, sub).map_err(|error| SimError::new(node, error)))
+            .collect::<Result<_, _>>()?;
+        let signals = signals
+            .iter()
+            .map(|signal| Signal::new(&objects, node, *signal))
+            .collect::<Result<_, _>>()?;
         let cn = super::node::build(node, DEVICE_TYPE, objects, now_ns)?;
         Ok(Io {
             node: node.clone(),
@@ -82,6 +163,10 @@ impl Io {
             wired: 0,
             spindle,
             sensed: 0,
+            numbers_out,
+            signals,
+            period_ns,
+            cycles: 0,
         })
     }
 
@@ -102,6 +187,11 @@ impl Io {
         self.spindle.advance(objects.get(self.speed_key));
         objects.set(self.encoder_keys[0], self.spindle.count() as u32);
         objects.set(self.encoder_keys[1], self.spindle.latched() as u32);
+        self.cycles += 1;
+        let t_s = self.cycles as f64 * self.period_ns as f64 * 1e-9;
+        for signal in &self.signals {
+            signal.apply(objects, t_s);
+        }
     }
 
     /// Switches the contactors and reads the inputs.
@@ -112,7 +202,9 @@ impl Io {
             for key in self.output_keys {
                 objects.set(key, 0);
             }
-            objects.set(self.speed_key, 0);
+            for handle in &self.numbers_out {
+                set_number(objects, *handle, 0);
+            }
         }
         let contacts = objects.get(self.output_keys[0]);
         objects.set(self.input_keys[0], contacts);
@@ -146,7 +238,8 @@ impl Io {
 
     pub(super) fn power_on(&mut self, now_ns: u64) -> Result<(), SimError> {
         let wired = self.wired;
-        *self = Io::new(&self.node.clone(), self.spindle, now_ns)?;
+        let signals: Vec<SimSignal> = self.signals.iter().map(|signal| signal.is).collect();
+        *self = Io::new(&self.node.clone(), self.spindle, &signals, self.period_ns, now_ns)?;
         self.wired = wired;
         Ok(())
     }

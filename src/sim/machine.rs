@@ -101,7 +101,12 @@ impl SimMachine {
                     let special = number.and_then(|number| config.sim.joint(number));
                     Device::Drive(Box::new(Drive::new(node, joint, &config.sim, special, period_ns, 0)?))
                 }
-                Profile::Io => Device::Io(Box::new(Io::new(node, Spindle::new(config), 0)?)),
+                Profile::Io => {
+                    let signals = config.sim.signals.iter().filter(|signal| signal.node == index);
+                    let signals: Vec<_> = signals.copied().collect();
+                    let io = Io::new(node, Spindle::new(config), &signals, period_ns.into(), 0)?;
+                    Device::Io(Box::new(io))
+                }
             };
             places.push(Place {
                 id: node.id,

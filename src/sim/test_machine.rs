@@ -23,6 +23,7 @@ pub(super) fn test_config() -> Config {
         device: None,
         writes: Vec::new(),
         cross: Vec::new(),
+        channels: Vec::new(),
     };
     let drive = |id, name| {
         let outputs = vec![
@@ -152,6 +153,7 @@ pub(super) fn test_config() -> Config {
             start: 0.37,
             probe: None,
             joints: Vec::new(),
+            signals: Vec::new(),
         },
     }
 }

@@ -116,6 +116,12 @@ pub(crate) fn examples() -> Vec<Fault> {
             counts: -12,
             in_step: false,
         },
+        Fault::InputRange {
+            node: 0,
+            object: (0x6401, 1),
+            raw: 12,
+            limit: 5900,
+        },
         Fault::CyclesSkipped { cycles: 3 },
         Fault::ManyOverruns { cycles: 6 },
         Fault::TooManyOverruns { cycles: 201 },

@@ -27,6 +27,23 @@ fn general(name: &str) -> String {
     }
 }
 
+/// The name with `NAME` instead of that of a channel, and digits instead of those of an object.
+fn without_channel(config: &config::Config, name: &str) -> String {
+    for node in &config.bus.nodes {
+        for channel in &node.channels {
+            let start = format!("io.{}.{}", node.id, channel.name);
+            match name.strip_prefix(&start) {
+                Some(rest) if rest.is_empty() || rest.starts_with(['.', '-']) => return format!("io.ID.NAME{rest}"),
+                _ => {}
+            }
+        }
+    }
+    match name.split_once(".object-") {
+        Some((start, _)) if start.starts_with("io.") => "io.ID.object-XXXX-XX".to_owned(),
+        _ => name.to_owned(),
+    }
+}
+
 /// Type and kind by the general name.
 fn pins() -> BTreeMap<String, (&'static str, Kind)> {
     let folder = tempfile::tempdir().expect("a folder");
@@ -38,7 +55,13 @@ fn pins() -> BTreeMap<String, (&'static str, Kind)> {
         Pins::new(&mut hal, &config, &bus::plan(&config)).expect("pins");
         for pin in hal.list().into_iter().filter(|pin| pin.kind != Kind::Net) {
             let what = (pin.value_type().name(), pin.kind);
-            let other = found.insert(general(&pin.name), what);
+            let name = general(&without_channel(&config, &pin.name));
+            // What these are, their channel says, or their object.
+            if name == "io.ID.NAME" || name.starts_with("io.ID.object-") || name == "io.ID.NAME-raw" {
+                found.insert(name, ("depends", Kind::Net));
+                continue;
+            }
+            let other = found.insert(name, what);
             // A counter of turns comes from components, or from the control where it reads the encoder itself.
             let same = other.is_none_or(|other| other == what) || pin.name.starts_with("spindle.0.");
             assert!(same, "{} is not the same on all machines", pin.name);
@@ -55,6 +78,7 @@ fn the_pins_of_the_machines_that_ship() {
             let writer = match (direction, &*name) {
                 (_, "spindle.0.revs" | "spindle.0.indexed") => "component, or the control with `[spindle.encoder]`",
                 (Kind::Output, _) => "the control",
+                (Kind::Net, _) => "an input: the control; an output: a net, or `isocnc hal set`",
                 _ => "a net, or `isocnc hal set`",
             };
             let name = code(&name);

@@ -58,6 +58,9 @@ fn kind(text: &str) -> Kind {
     }
 }
 
+/// What counts as the same warning: the fault, and the input that it is about.
+type WarningKind = (Discriminant<Fault>, Option<(usize, (u16, u8))>);
+
 /// What is wrong without stopping the machine. Told when it comes first, and again the 10th, 100th time and so on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Warning {
@@ -67,7 +70,7 @@ pub struct Warning {
     /// What, as it was the last time.
     pub cause: String,
     #[serde(skip)]
-    kind: Option<Discriminant<Fault>>,
+    kind: Option<WarningKind>,
 }
 
 /// Why the machine stopped by itself.

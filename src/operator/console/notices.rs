@@ -110,7 +110,7 @@ impl Operator {
     }
 
     fn warn(&mut self, time_s: f64, fault: &Fault, cause: String) {
-        let kind = Some(discriminant(fault));
+        let kind = Some((discriminant(fault), fault.input()));
         let Some(warning) = self.warnings.iter_mut().find(|warning| warning.kind == kind) else {
             let alarm = Some(self.fault_record(fault, false));
             let more = More {

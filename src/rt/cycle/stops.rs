@@ -30,6 +30,9 @@ impl<B: CyclicBus> MotionController<B> {
         if let Some(counts) = self.parts.pins.spindle.take_slip(in_step) {
             self.fault(Fault::CountsLost { counts, in_step });
         }
+        if let Some(fault) = self.parts.pins.io.take_fault() {
+            self.fault(fault);
+        }
         for _ in 0..BUS_EVENTS_PER_CYCLE {
             let Some(event) = self.bus.pop_event() else { break };
             self.notice(Notice::Bus(event));
