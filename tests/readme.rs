@@ -131,7 +131,7 @@ fn every_option_of_the_text_exists() {
             continue;
         };
         let option = format!("--{option}");
-        let known: [&[&str]; 11] = [
+        let known: [&[&str]; 12] = [
             &["stop"],
             &["program", "start"],
             &["demo"],
@@ -141,6 +141,7 @@ fn every_option_of_the_text_exists() {
             &["check"],
             &["plan"],
             &["interpret"],
+            &["dda"],
             &["simulate"],
             &["bus", "trace"],
         ];

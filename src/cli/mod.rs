@@ -3,6 +3,7 @@
 pub mod bus;
 pub mod check;
 pub mod control;
+pub mod dda;
 pub mod demo;
 pub mod doctor;
 pub mod hal;
@@ -129,6 +130,9 @@ enum Command {
     /// Plan a whole part program off line: motion time, peaks, samples.
     #[command(after_help = "Example: isocnc plan machine.toml part.ngc --svg plan.svg")]
     Plan(plan::PlanArgs),
+    /// How well step pulses by digital differential analysers follow a circle: path variance of each method and register width.
+    #[command(after_help = "Example: isocnc dda --width 6,8 --svg dda.svg")]
+    Dda(dda::DdaArgs),
     /// Be the machine of a machine file: its drives and I/O as controlled nodes on an interface.
     #[command(after_help = "Example: isocnc simulate configs/mill3-powerlink.toml --interface eth1")]
     Simulate(simulate::SimulateArgs),
@@ -204,6 +208,7 @@ pub fn main() -> ExitCode {
         Command::Plan(args) => plan::plan(args),
         Command::Simulate(args) => simulate::simulate(args),
         Command::Jitter(args) => jitter::jitter(args),
+        Command::Dda(args) => dda::dda(args),
         Command::Hal(args) => hal::hal(args),
         Command::Bus(args) => bus::bus(args),
         Command::Completions(args) => pages::completions(args, Cli::command()),
