@@ -17,7 +17,7 @@ pub use self::powerlink::frames;
 pub use self::powerlink::sender;
 pub use self::powerlink::tap::Tap;
 pub use crate::config::NodeIndex;
-use crate::config::{self, Config, ConfigErrors};
+use crate::config::{self, Config, ConfigErrors, Identity};
 use crate::machine::faults::{ForeignMaster, LinkFailure};
 use obd::AbortCode;
 use plan::NodePlan;
@@ -149,6 +149,13 @@ pub enum BusEvent {
     },
     /// A node has not answered the search for some time; the search goes on.
     Missing(NodeIndex),
+    /// A node that the machine file does not have, found while one that it has is missing.
+    Stranger {
+        /// Its id.
+        id: u8,
+        /// What it reports.
+        identity: Identity,
+    },
     /// A node did not take a step of its boot-up in time; it is booted again.
     BootFailed(NodeIndex),
     /// A node is operational.

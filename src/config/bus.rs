@@ -236,7 +236,7 @@ fn interface(section: &mut Section<'_, '_>, kind: Option<BusKind>) -> Option<Str
 pub(super) const NAME_RULE: &str = "must be 1 to 48 letters, digits, dashes, underscores or dots, a letter first";
 
 /// Whether a text may name a machine or a node; such names stand in file names and messages.
-pub(super) fn is_name(text: &str) -> bool {
+pub fn is_name(text: &str) -> bool {
     (1..=48).contains(&text.len())
         && text.starts_with(|first: char| first.is_ascii_alphabetic())
         && text

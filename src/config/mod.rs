@@ -41,7 +41,7 @@ mod tests_program;
 mod tests_spindle;
 mod types;
 
-pub use bus::wire_time_ns;
+pub use bus::{is_name, wire_time_ns};
 pub use document::{Bound, Question};
 pub use error::{ConfigError, ConfigErrors};
 pub use types::*;

@@ -306,6 +306,59 @@ pub struct Identity {
     pub serial: Option<u32>,
 }
 
+impl Identity {
+    /// Whether a device that reports `found` is the one that is wanted.
+    pub fn fits(&self, found: &Identity) -> bool {
+        let fits = |wanted: Option<u32>, found: Option<u32>| wanted.is_none() || wanted == found;
+        fits(self.device_type, found.device_type)
+            && fits(self.vendor_id, found.vendor_id)
+            && fits(self.product_code, found.product_code)
+            && fits(self.revision, found.revision)
+            && fits(self.serial, found.serial)
+    }
+
+    /// What is known of a device by one of its objects; `None`: the object is no part of an identity.
+    pub fn of_object(object: (u16, u8), value: u32) -> Option<Identity> {
+        let mut known = Identity::default();
+        let part = match object {
+            (0x1000, 0) => &mut known.device_type,
+            (0x1018, 1) => &mut known.vendor_id,
+            (0x1018, 2) => &mut known.product_code,
+            (0x1018, 3) => &mut known.revision,
+            (0x1018, 4) => &mut known.serial,
+            _ => return None,
+        };
+        *part = Some(value);
+        Some(known)
+    }
+
+    /// Whether something is wanted of the device.
+    pub fn is_checked(&self) -> bool {
+        *self != Identity::default()
+    }
+}
+
+/// What is known, in words; "any device" where nothing is.
+impl std::fmt::Display for Identity {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let hex = [
+            ("device type", self.device_type),
+            ("vendor", self.vendor_id),
+            ("product", self.product_code),
+            ("revision", self.revision),
+        ];
+        let hex = hex
+            .iter()
+            .filter_map(|(name, value)| Some(format!("{name} {:#010X}", (*value)?)));
+        let serial = self.serial.map(|serial| format!("serial {serial}"));
+        let words: Vec<String> = hex.chain(serial).collect();
+        match words.is_empty() {
+            true => f.write_str("any device"),
+            false => f.write_str(&words.join(", ")),
+        }
+    }
+}
+
 /// Profile of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Profile {

@@ -2,6 +2,7 @@
 
 pub mod faults;
 pub mod journal;
+pub mod modules;
 pub mod motion_settings;
 pub mod overruns;
 pub mod permission;

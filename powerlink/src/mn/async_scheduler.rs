@@ -38,6 +38,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                 Soa::new(self.state, RequestedService::UnspecifiedInvite, wire::node::MN)
             }
             Grant::Diagnostic { service } => Soa::new(self.state, service, wire::node::DIAGNOSTIC),
+            Grant::Stranger { id } => Soa::new(self.state, RequestedService::IdentRequest, id),
             Grant::Node { index, service } => self.grant_node(now_ns, index, service),
         };
         (grant, soa)
@@ -155,6 +156,18 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             .find(|index| self.node(*index).is_some_and(&wants))
     }
 
+    /// A mandatory node is missing: who is on the network that should not be? Each id is asked once, before the missing one is asked
+    /// again.
+    fn grant_stranger(&mut self) -> Option<Grant> {
+        if self.state.is_isochronous() {
+            self.next_stranger = None;
+        }
+        let from = self.next_stranger?;
+        let next = (from..=wire::node::CN_MAX).find(|id| self.index_of(*id).is_none());
+        self.next_stranger = next.map(|id| id + 1);
+        next.map(|id| Grant::Stranger { id })
+    }
+
     fn invite_nmt_request(&mut self) -> Option<Grant> {
         let wants = |node: &Node<'a>| {
             node.is_identified() && node.requests.count > 0 && node.requests.priority == Requests::PRIORITY_NMT
@@ -223,6 +236,9 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             SlotUse::Server => return self.grant_server(),
             SlotUse::Diagnostic => return self.grant_diagnostic(now_ns),
             SlotUse::Ident => {
+                if let Some(grant) = self.grant_stranger() {
+                    return Some(grant);
+                }
                 let index = self.find(start, |node| node.wants_ident(now_ns))?;
                 let network = self.network();
                 if let Some(Some(node)) = self.nodes.get_mut(index) {

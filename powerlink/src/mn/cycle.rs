@@ -306,7 +306,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
                         return Action::Send(Buffer::Asnd, self.asnd_len);
                     }
                     Grant::NoService if self.state.is_isochronous() => self.phase = Phase::Idle,
-                    Grant::NoService | Grant::Node { .. } | Grant::Diagnostic { .. } => {
+                    Grant::NoService | Grant::Node { .. } | Grant::Diagnostic { .. } | Grant::Stranger { .. } => {
                         let deadline_ns = now_ns + u64::from(self.config.async_slot_timeout_ns);
                         self.phase = Phase::AwaitAsnd {
                             grant,

@@ -71,6 +71,21 @@ pub enum MnEvent {
         /// Node id, 1..=239.
         node: u8,
     },
+    /// A node that is not configured is on the network: looked for where a mandatory one is missing.
+    Stranger {
+        /// Node id, 1..=239.
+        node: u8,
+        /// Object 1000h.
+        device_type: u32,
+        /// Object 1018h/1.
+        vendor_id: u32,
+        /// Object 1018h/2.
+        product_code: u32,
+        /// Object 1018h/3.
+        revision: u32,
+        /// Object 1018h/4.
+        serial: u32,
+    },
     /// The configuration is being written into the node.
     Configuring {
         /// Node id, 1..=239.
@@ -216,6 +231,9 @@ impl fmt::Display for MnEvent {
                 got.date, got.time, expected.date, expected.time
             ),
             MnEvent::Missing { node } => write!(f, "node {node}: mandatory, and does not answer the IdentRequest"),
+            MnEvent::Stranger { node, device_type, .. } => {
+                write!(f, "node {node}: not configured, device type {device_type:#010x}")
+            }
             MnEvent::Configuring { node } => write!(f, "node {node}: writing the configuration"),
             MnEvent::SdoAbort { node, index, sub, code } => {
                 write!(f, "node {node}: refused to take {index:04X}h/{sub:02X}h: {code}")

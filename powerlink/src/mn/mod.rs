@@ -234,6 +234,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
         let id = match grant {
             Grant::Node { index, .. } => self.node(index)?.config.id,
             Grant::Diagnostic { .. } => wire::node::DIAGNOSTIC,
+            Grant::Stranger { id } => id,
             Grant::NoService | Grant::Own(_) => return None,
         };
         self.state.is_isochronous().then_some((id, deadline_ns))

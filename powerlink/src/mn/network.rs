@@ -101,6 +101,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
     }
 
     fn report_missing(&mut self) {
+        self.next_stranger = Some(1);
         for node in self.nodes.iter().flatten() {
             if node.config.assignment.mandatory && !node.is_identified() {
                 self.events.push(MnEvent::Missing { node: node.config.id });

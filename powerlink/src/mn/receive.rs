@@ -114,7 +114,19 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             if header.source_node == wire::node::DIAGNOSTIC && self.config.diagnostic_device {
                 return self.receive_diagnostic(now_ns, header.destination_node, asnd);
             }
-            self.counters.unknown_node += 1;
+            let id = header.source_node;
+            let asked = self.close_slot_of(|grant| grant == Grant::Stranger { id });
+            match asnd {
+                Asnd::IdentResponse(ident) if asked => self.events.push(MnEvent::Stranger {
+                    node: id,
+                    device_type: ident.device_type,
+                    vendor_id: ident.vendor_id,
+                    product_code: ident.product_code,
+                    revision: ident.revision,
+                    serial: ident.serial,
+                }),
+                _ => self.counters.unknown_node += 1,
+            }
             return;
         };
         let granted = self.close_slot_of(|grant| matches!(grant, Grant::Node { index: target, .. } if target == index));

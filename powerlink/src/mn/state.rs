@@ -78,6 +78,8 @@ pub(super) enum Grant {
     Node { index: usize, service: RequestedService },
     /// The diagnostic device.
     Diagnostic { service: RequestedService },
+    /// A node that is not configured, asked who it is.
+    Stranger { id: u8 },
 }
 
 /// What the managing node sends.
@@ -290,6 +292,8 @@ pub struct Mn<'a, const NODES: usize> {
     /// MC of the SoC.
     pub(super) round_toggle: bool,
     pub(super) round_robin: RoundRobin,
+    /// Next node id that is asked who it is because a mandatory node is missing; `None`: all have been asked, or none is missing.
+    pub(super) next_stranger: Option<u8>,
     pub(super) shutdown: Shutdown,
     pub(super) events: Events,
     pub(super) counters: Counters,
@@ -352,6 +356,7 @@ impl<'a, const NODES: usize> Mn<'a, NODES> {
             multiplex_cycle: 0,
             round_toggle: false,
             round_robin: RoundRobin::default(),
+            next_stranger: None,
             shutdown: Shutdown::No,
             events: Events::new(),
             counters: Counters::default(),

@@ -20,6 +20,7 @@ use super::{
     BusEvent, BusState, CycleReport, CyclicBus, EthernetFrame, InputImage, NodeIndex, NodeState, NodeStatistics,
     OutputImage, TimeReference,
 };
+use crate::config::Identity;
 use crate::machine::faults::{ForeignMaster, LinkFailure};
 use powerlink::link::{Link, LinkError};
 use powerlink::mn::{self, ETHERNET_FRAMES, ForeignSign, Mn, MnConfig, MnEvent, QueueError, Step};
@@ -216,6 +217,23 @@ impl<'a, L: Link, const NODES: usize> Powerlink<'a, L, NODES> {
                 }
             }
             MnEvent::Missing { node } => BusEvent::Missing(index(node)?),
+            MnEvent::Stranger {
+                node,
+                device_type,
+                vendor_id,
+                product_code,
+                revision,
+                serial,
+            } => BusEvent::Stranger {
+                id: node,
+                identity: Identity {
+                    device_type: Some(device_type),
+                    vendor_id: Some(vendor_id),
+                    product_code: Some(product_code),
+                    revision: Some(revision),
+                    serial: Some(serial),
+                },
+            },
             MnEvent::SdoAbort {
                 node,
                 index: object,

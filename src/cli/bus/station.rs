@@ -314,6 +314,11 @@ impl Parameters {
         Ok(())
     }
 
+    /// The station, for other nodes.
+    pub fn into_station(self) -> Station {
+        self.station
+    }
+
     /// The client, to start a command.
     pub fn client(&mut self) -> &mut Client {
         &mut self.client

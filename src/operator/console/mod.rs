@@ -10,9 +10,10 @@ mod notices;
 use super::journal_keeper::Kept;
 use super::recorder::Recorder;
 use crate::bus::{BusEvent, BusState};
-use crate::config::Config;
+use crate::config::{Config, Identity};
 use crate::machine::faults::{Fault, PROGRAM_CODE, Reaction, SILENCED, UNWATCHED_CODE};
 use crate::machine::journal::{Acknowledged, AlarmRecord, Entry, Kind, ProgramRecord, acknowledge};
+use crate::machine::modules::Modules;
 use crate::machine::sequence::{Job, Outcome, Sequence, Step};
 use crate::machine::state::State;
 use crate::rt::overrides::Overridden;
@@ -114,6 +115,7 @@ pub struct Operator {
     not_begun: bool,
     cycle_s: f64,
     node_names: Vec<String>,
+    modules: Modules,
     joint_names: Vec<String>,
     /// Node of the drive of each joint.
     joint_nodes: Vec<usize>,
@@ -170,6 +172,7 @@ impl Operator {
             stop_pressed: false,
             not_begun: false,
             cycle_s: f64::from(config.cycle_us) * 1e-6,
+            modules: Modules::new(config),
             node_names: config
                 .bus
                 .nodes

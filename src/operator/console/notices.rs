@@ -154,10 +154,13 @@ impl Operator {
                 object: (index, sub),
                 expected,
                 got,
-            } => format!(
-                "{}: {index:04X}h:{sub} is {got:#010x}, the machine file wants {expected:#010x}",
-                self.node_names[node]
-            ),
+            } => match Identity::of_object((index, sub), got) {
+                Some(found) => self.modules.swapped(node, &found),
+                None => format!(
+                    "{}: {index:04X}h:{sub} is {got:#010x}, the machine file wants {expected:#010x}",
+                    self.node_names[node]
+                ),
+            },
             BusEvent::ConfigurationRefused {
                 node,
                 object: (index, sub),
@@ -168,7 +171,8 @@ impl Operator {
                 abort.0,
                 abort.text()
             ),
-            BusEvent::Missing(node) => format!("{} does not answer", self.node_names[node]),
+            BusEvent::Missing(node) => self.modules.missing(node),
+            BusEvent::Stranger { id, identity } => self.modules.stranger(id, &identity),
             BusEvent::BootFailed(node) => format!("{} did not come up in time, is booted again", self.node_names[node]),
             BusEvent::NodeUp(node) => {
                 self.nodes_up += 1;

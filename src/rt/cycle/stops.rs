@@ -47,6 +47,7 @@ impl<B: CyclicBus> MotionController<B> {
                 | BusEvent::WrongIdentity { .. }
                 | BusEvent::ConfigurationRefused { .. }
                 | BusEvent::Missing(_)
+                | BusEvent::Stranger { .. }
                 | BusEvent::BootFailed(_)
                 | BusEvent::NodeUp(_)
                 | BusEvent::NodeLost(_)

@@ -1,14 +1,19 @@
 //! `isocnc bus scan`: who is on an interface.
 //!
 //! In:  an interface. Out: where a managing node is at work, what is heard of it and its nodes; else every node that answers
-//! an IdentRequest.
+//! an IdentRequest; a machine file of them (`propose`), or how they differ from one.
+
+mod propose;
 
 use super::station::{ForeignMaster, Found, Station, listen};
 use super::trace::Heard;
 use super::words;
 use crate::api::client::Client;
 use crate::bus::service::IdentityView;
+use crate::config;
 use crate::host::terminal;
+use crate::machine::modules::Modules;
+use crate::operator::refusal::Refusal;
 use anyhow::ensure;
 use clap::Args;
 use powerlink::link::Link;
@@ -16,6 +21,7 @@ use powerlink::link::raw::{RawConfig, RawLink};
 use powerlink::wire::Mac;
 use serde_json::json;
 use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Arguments of `bus scan`.
@@ -30,6 +36,15 @@ pub struct ScanArgs {
     /// Give each node this long to answer
     #[arg(long, value_name = "US", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(100..=1_000_000))]
     answer_us: u32,
+    /// Write a machine file of the nodes, their channels and names; what is there is never replaced
+    #[arg(long, value_name = "FILE")]
+    write: Option<PathBuf>,
+    /// Add the nodes that FILE does not have, and keep all else
+    #[arg(long, requires = "write")]
+    add: bool,
+    /// Folder of device files (XDD, XDC, EDS, DCF): those that fit are named in FILE
+    #[arg(long, value_name = "FOLDER", requires = "write")]
+    devices: Option<PathBuf>,
 }
 
 /// Runs the command. Exit code 1: a managing node is at work, nobody answers, or two nodes have the same id.
@@ -78,7 +93,7 @@ fn sees_our_interfaces(pid: &serde_json::Value) -> bool {
 enum Scanned {
     /// A managing node is at work; nothing was sent.
     Foreign(ForeignMaster, Box<Heard>),
-    Nodes(Vec<Found>),
+    Nodes(Vec<Found>, Box<Station>),
 }
 
 /// All nodes on an interface, each with an id of its own.
@@ -90,6 +105,9 @@ pub(in crate::cli) fn nodes_on(interface: &str) -> anyhow::Result<Vec<Found>> {
         interface: interface.to_owned(),
         listen: 1.0,
         answer_us: 2000,
+        write: None,
+        add: false,
+        devices: None,
     };
     let link = open(interface)?;
     let mac = link.mac();
@@ -101,7 +119,7 @@ pub(in crate::cli) fn nodes_on(interface: &str) -> anyhow::Result<Vec<Found>> {
         std::io::stderr().is_terminal(),
     )? {
         Scanned::Foreign(foreign, _) => anyhow::bail!("{foreign}: nothing was asked"),
-        Scanned::Nodes(found) => match troubles(&found).first() {
+        Scanned::Nodes(found, _) => match troubles(&found).first() {
             Some(trouble) => anyhow::bail!("{trouble}"),
             None => Ok(found),
         },
@@ -131,7 +149,7 @@ fn ask(
     if shows_progress {
         eprint!("\r               \r");
     }
-    Ok(Scanned::Nodes(found))
+    Ok(Scanned::Nodes(found, Box::new(station)))
 }
 
 fn scan_on(
@@ -142,14 +160,20 @@ fn scan_on(
     as_json: bool,
     out: &mut impl Write,
 ) -> anyhow::Result<ExitCode> {
-    let found = match ask(link, mac, interface, args, std::io::stderr().is_terminal() && !as_json)? {
-        Scanned::Nodes(found) => found,
+    let (found, station) = match ask(link, mac, interface, args, std::io::stderr().is_terminal() && !as_json)? {
+        Scanned::Nodes(found, station) => (found, *station),
         Scanned::Foreign(foreign, heard) => {
             tell_foreign(foreign, *heard, args, as_json, out)?;
             return Ok(ExitCode::FAILURE);
         }
     };
-    let trouble = troubles(&found);
+    let mut trouble = troubles(&found);
+    let mut written = None;
+    if let (Some(path), true) = (&args.write, trouble.is_empty()) {
+        let (text, differences) = write(path, args, &found, station)?;
+        trouble.extend(differences);
+        written = Some(text);
+    }
     match as_json {
         true => {
             let nodes = found.iter().map(|found| {
@@ -164,10 +188,15 @@ fn scan_on(
             writeln!(
                 out,
                 "{:#}",
-                json!({ "interface": args.interface, "nodes": nodes, "trouble": trouble })
+                json!({ "interface": args.interface, "nodes": nodes, "trouble": trouble, "written": written })
             )?;
         }
-        false => table(&args.interface, &found, &trouble, out)?,
+        false => {
+            table(&args.interface, &found, &trouble, out)?;
+            if let Some(written) = &written {
+                write!(out, "\n{written}")?;
+            }
+        }
     }
     out.flush()?;
     Ok(if trouble.is_empty() {
@@ -175,6 +204,50 @@ fn scan_on(
     } else {
         ExitCode::FAILURE
     })
+}
+
+/// Writes a machine file or adds to it: what was done, and what is otherwise than a file said that was there.
+fn write(path: &Path, args: &ScanArgs, found: &[Found], station: Station) -> anyhow::Result<(String, Vec<String>)> {
+    let mut differences = Vec::new();
+    if std::fs::symlink_metadata(path).is_ok() {
+        let config = config::read(path).map_err(Refusal::from)?;
+        let known = |id: u8| config.bus.nodes.iter().any(|node| node.id == id);
+        let identities: Vec<_> = found.iter().map(|found| (found.id, propose::identity(found))).collect();
+        differences = Modules::new(&config).differences(&identities);
+        if !args.add {
+            let text = format!(
+                "{} is there already and was not changed: --add adds the nodes that it does not have, and keeps all else\n",
+                path.display()
+            );
+            return Ok((text, differences));
+        }
+        // What is added is no longer strange.
+        let strangers: Vec<String> = identities
+            .iter()
+            .filter(|(id, _)| !known(*id))
+            .map(|(id, _)| format!("node {id} is on the network"))
+            .collect();
+        differences.retain(|told| !strangers.iter().any(|stranger| told.starts_with(stranger)));
+    }
+    let devices = match &args.devices {
+        Some(folder) => propose::devices(folder, path)?,
+        None => Vec::new(),
+    };
+    let (mut station, mut modules, mut names) = (station, Vec::new(), Vec::new());
+    for found in found {
+        let (back, module) = propose::ask(station, found, &mut names, &devices)?;
+        station = back;
+        match module {
+            Some(module) => modules.push(module),
+            None => differences.push(format!(
+                "node {} is left out of the file: its profile is {}, neither 401 nor 402",
+                found.id,
+                found.ident.device_type & 0xFFFF
+            )),
+        }
+    }
+    let written = propose::write(path, args.add, modules, &args.interface)?;
+    Ok((propose::told(path, &written), differences))
 }
 
 fn tell_foreign(
