@@ -140,3 +140,76 @@ fn a_drive_is_configured_with_the_reactions_of_the_machine_file() {
     let places = run_part(&config, "G21 G90 G54\nG1 X10 F6000\nM2\n");
     assert!((places.last().unwrap()[0] - 30.0).abs() < 0.001);
 }
+
+/// A probing move down to the floor of the pocket at -100, and back to where it was found; on the drives' touch probes, or on the
+/// pin alone. Where it was found, Z.
+fn found_mm(config: &Config, feed: u32, towards: bool) -> f64 {
+    let text = match towards {
+        true => format!("G21 G90 G94 G54\nG53 G0 Z-80\nG38.2 Z-44.5 F{feed}\nG0 Z[#5063]\nM2\n"),
+        // Off the floor, in the other direction.
+        false => {
+            format!("G21 G90 G94 G54\nG53 G0 Z-80\nG38.2 Z-44.5 F60\nG38.4 Z-20 F{feed}\nG0 Z[#5063]\nM2\n")
+        }
+    };
+    rehearse(config, text.as_bytes(), NetConfig::clean(1), |run| {
+        assert_eq!(
+            run.run(CYCLES_MAX).expect("an end"),
+            Outcome::Completed,
+            "{}",
+            journal(run)
+        );
+        Ok(run.operator.recorder.samples().last().expect("a program ran").command[2])
+    })
+    .expect("a machine that can be rehearsed")
+}
+
+#[test]
+fn touch_probes_of_the_drives_agree_with_the_pin_within_the_way_of_a_cycle() {
+    const FLOOR_MM: f64 = -100.0;
+    /// Increments of the drives, and rounding.
+    const INCREMENT_MM: f64 = 1e-4;
+    let mill = include_str!("../configs/mill3-demo.toml");
+    let pin = read(mill);
+    for number in [1, 2] {
+        let edges = ["\"0x60BA/32\", \"0x60BB/32\"", "\"0x60BC/32\", \"0x60BD/32\""][number - 1];
+        let mut text = mill.to_owned();
+        for node in ["x-drive", "y-drive", "z-drive"] {
+            let name = format!("name = \"{node}\"");
+            let start = text.find(&name).expect("a node");
+            // The first node writes its objects out; they are those that the others have.
+            if let Some(end) = text[start..].find("[[").map(|end| start + end)
+                && let Some(outputs) = text[start..end].find("outputs =").map(|at| start + at)
+            {
+                let inputs_end = end - 1;
+                text.replace_range(outputs..inputs_end, "");
+            }
+            let lines = format!(
+                "{name}\noutputs = [\"0x6040/16\", \"0x6060/8\", \"0x60B8/16\", \"0x607A/32\"]\ninputs = [\"0x6041/16\", \"0x6061/8\", \"0x60FD/32\", \"0x603F/16\", \"0x60B9/16\", {edges}, \"0x6064/32\", \"0x60F4/32\"]"
+            );
+            text = text.replacen(&name, &lines, 1);
+        }
+        let text = text.replace(
+            "counts_per_unit = [10000, 1]",
+            &format!("touch_probe = {number}\ncounts_per_unit = [10000, 1]"),
+        );
+        let touch = read(&text);
+        assert!(touch.joints.iter().all(|joint| joint.touch_probe == Some(number as u8)));
+        for (feed, towards) in [(600, true), (2400, true), (600, false)] {
+            let cycle_mm = f64::from(feed) / 60.0 * 1e-3;
+            let [by_touch, by_pin] = [&touch, &pin].map(|config| found_mm(config, feed, towards));
+            println!("{feed} mm/min: {by_touch} by the drives, {by_pin} by the pin");
+            assert!(
+                (by_touch - FLOOR_MM).abs() <= INCREMENT_MM,
+                "{by_touch} at {feed} mm/min"
+            );
+            assert!(
+                (by_touch - by_pin).abs() <= cycle_mm + INCREMENT_MM,
+                "{by_touch} {by_pin} at {feed} mm/min"
+            );
+            assert!(
+                (by_pin - FLOOR_MM).abs() > INCREMENT_MM,
+                "nothing to gain: {by_pin} at {feed} mm/min"
+            );
+        }
+    }
+}

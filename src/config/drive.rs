@@ -4,7 +4,7 @@
 //! Out: values that the drive takes, as far as its device file tells.
 
 use super::document::{Bound, Section};
-use super::types::{DeviceDescription, Node};
+use super::types::{DeviceDescription, Mapped, Node};
 pub use cia402::Mode as DriveMode;
 use cia402::profile::mode::{HOMING, Offered, supported_bit};
 use obd::device::Value;
@@ -144,6 +144,43 @@ pub(super) fn torque_per_mm_s2(section: &mut Section<'_, '_>, node: Option<&Node
         return None;
     }
     Some(Some(value))
+}
+
+/// Objects of a touch probe: function, status, and the positions of its rising and its falling edge.
+pub fn touch_probe_objects(number: u8) -> [u16; 4] {
+    let [rising, falling] = if number == 1 {
+        [0x60BA, 0x60BB]
+    } else {
+        [0x60BC, 0x60BD]
+    };
+    [0x60B8, 0x60B9, rising, falling]
+}
+
+/// The touch probe of the drive at which the machine's probe is wired; its objects must be mapped.
+pub(super) fn touch_probe(section: &mut Section<'_, '_>, node: Option<&Node>) -> Option<Option<u8>> {
+    let Some(number) = section.optional_integer("touch_probe", 1..=2)? else {
+        return Some(None);
+    };
+    let [function, inputs @ ..] = touch_probe_objects(number as u8);
+    let Some(node) = node else {
+        return Some(Some(number as u8));
+    };
+    let has = |list: &[Mapped], index: u16| list.iter().any(|object| (object.index, object.sub) == (index, 0));
+    let mut complete = true;
+    if !has(&node.outputs, function) {
+        section.wrong(
+            "touch_probe",
+            format!("\"0x{function:04X}/16\" must be among the outputs of its node"),
+        );
+        complete = false;
+    }
+    for index in inputs.into_iter().filter(|index| !has(&node.inputs, *index)) {
+        let bits = if index == 0x60B9 { 16 } else { 32 };
+        let rule = format!("\"0x{index:04X}/{bits}\" must be among the inputs of its node");
+        section.wrong("touch_probe", rule);
+        complete = false;
+    }
+    complete.then_some(Some(number as u8))
 }
 
 const MODES: [(&str, DriveMode); 4] = [

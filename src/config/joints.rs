@@ -69,6 +69,7 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
     let inputs = (node.zip(around.nodes)).map(|(node, nodes)| nodes[node].inputs.as_slice());
     let limits_by_drive = limit_switches(section, inputs);
     let torque_per_mm_s2 = drive::torque_per_mm_s2(section, node.zip(around.nodes).map(|(node, nodes)| &nodes[node]));
+    let touch_probe = drive::touch_probe(section, node.zip(around.nodes).map(|(node, nodes)| &nodes[node]));
     let reactions = match section.optional_section("reactions") {
         None if section.has("reactions") => None,
         None => Some(drive::Reactions::default()),
@@ -165,6 +166,7 @@ pub(super) fn joint(section: &mut Section<'_, '_>, around: &Surroundings<'_>, ta
         homing: homing?,
         compensation,
         unhomed_jog_mm_s: unhomed_jog_mm_s?,
+        touch_probe: touch_probe?,
         limits_by_drive: limits_by_drive?,
         sto: sto?,
         squaring_offset_mm: squaring_offset_mm?,

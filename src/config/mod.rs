@@ -266,6 +266,13 @@ fn machine_file<'d>(log: &Log<'d>, table: &DeTable<'d>, path: &Path) -> Option<C
     {
         return None;
     }
+    let touch_probes = joints.iter().filter(|joint| joint.touch_probe.is_some()).count();
+    if touch_probes != 0 && touch_probes != joints.len() {
+        root.wrong(
+            "joint",
+            "touch_probe must stand at all joints or at none: where the tool was at a contact takes all of them",
+        );
+    }
     let work_offsets = joints::offsets(&mut root, axes.as_deref());
     let nodes = bus.as_ref().map(|bus| bus.nodes.as_slice());
     let spindle = root

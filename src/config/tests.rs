@@ -396,6 +396,13 @@ fn rules_of_pdo_mapping() {
         ("node = 1", "node = 1\nvelocity_ratio = [1000000, 1]", &["m.toml:14:18: joint[0].velocity_ratio = [1000000, 1]: must let 60FFh hold velocity_mm_s: 100 makes 100000000000"]),
         ("node = 1", "node = 1\ntorque_per_mm_s2 = 0.1", &["m.toml:14:20: joint[0].torque_per_mm_s2 = 0.1: \"0x60B2/16\" must be among the outputs of its node"]),
         ("node = 1", "node = 1\nreactions = 2", &["m.toml:14:13: joint[0].reactions = 2: must be a table, is an integer"]),
+        ("node = 1", "node = 1\ntouch_probe = 3", &["m.toml:14:15: joint[0].touch_probe = 3: must be an integer from 1 to 2"]),
+        ("node = 1", "node = 1\ntouch_probe = 2", &[
+            "m.toml:14:15: joint[0].touch_probe = 2: \"0x60B8/16\" must be among the outputs of its node",
+            "m.toml:14:15: joint[0].touch_probe = 2: \"0x60B9/16\" must be among the inputs of its node",
+            "m.toml:14:15: joint[0].touch_probe = 2: \"0x60BC/32\" must be among the inputs of its node",
+            "m.toml:14:15: joint[0].touch_probe = 2: \"0x60BD/32\" must be among the inputs of its node",
+        ]),
         ("node = 1", "node = 1\nvelocity_ratio = [60]", &["m.toml:14:18: joint[0].velocity_ratio = [60]: must be two integers: what 60FFh counts, and the increments/s that it makes"]),
         (drive, "profile = \"cia402\"\ninputs = [\"0x6061/8\"]", &[
             "m.toml:9:10: bus.node[0].inputs = [\"0x6061/8\"]: must hold \"0x6041/16\": a drive is not run without it",

@@ -4,7 +4,7 @@
 //! Out: to every part of the process. Nothing here is ever invalid: ranges, references and names are checked.
 
 pub use super::channels::{Channel, ChannelKind, Follow, ObjectKind};
-pub use super::drive::{DriveMode, Reactions, targets};
+pub use super::drive::{DriveMode, Reactions, targets, touch_probe_objects};
 pub use super::spindle::{Spindle, SpindleCounter, SpindleDrive, SpindleEncoder};
 pub use gcode::ToolChanger;
 use motion::canon::{Axis, LengthUnit, Position};
@@ -413,6 +413,8 @@ pub struct Joint {
     pub unhomed_jog_mm_s: f64,
     /// How it finds out where it is.
     pub homing: Homing,
+    /// Number of the touch probe of its drive (1 or 2) at which the machine's probe is wired, too; `None`: none is.
+    pub touch_probe: Option<u8>,
     /// Whether bits 0 and 1 of 60FDh of its drive tell of its limit switches, beside the pins; default no.
     pub limits_by_drive: bool,
     /// What its drive sends while its safety circuit is open; `None`: nothing that is known.

@@ -76,6 +76,7 @@ const BENCH: Joint = Joint {
     },
     compensation: None,
     unhomed_jog_mm_s: 10.0,
+    touch_probe: None,
     limits_by_drive: false,
     sto: None,
     squaring_offset_mm: 0.0,
@@ -277,6 +278,13 @@ impl Drive {
             let others = objects.get(self.error_register) & !self.register_bits;
             self.register_bits = self.device.error_register();
             objects.set(self.error_register, others | self.register_bits);
+        }
+    }
+
+    /// The machine's probe has changed after this share of the last period; a drive at which it is not wired does not know.
+    pub(super) fn touch(&mut self, share: f64, closed: bool) {
+        if let Some(number) = self.setup.joint.touch_probe {
+            self.motor.touch(usize::from(number - 1), share, closed);
         }
     }
 

@@ -82,6 +82,8 @@ pub struct SimMachine {
     joints: Vec<usize>,
     /// `None`: there are none.
     sensors: Option<Sensors>,
+    /// Where the loads were when the sensors looked last; `None`: they have not yet.
+    loads_mm: Option<[f64; JOINTS_MAX]>,
     response: Box<[u8; FRAME_LEN_MAX]>,
     /// What a node has sent, while the others hear it.
     answer: Box<[u8; FRAME_LEN_MAX]>,
@@ -120,6 +122,7 @@ impl SimMachine {
             places,
             joints,
             sensors: Sensors::new(config),
+            loads_mm: None,
             response: Box::new([0; FRAME_LEN_MAX]),
             answer: Box::new([0; FRAME_LEN_MAX]),
             now_ns: 0,
@@ -169,6 +172,14 @@ impl SimMachine {
         for (load_mm, &place) in loads_mm.iter_mut().zip(&self.joints) {
             if let Device::Drive(drive) = &self.places[place].device {
                 *load_mm = drive.machine_position_mm();
+            }
+        }
+        let before_mm = self.loads_mm.replace(loads_mm).unwrap_or(loads_mm);
+        if let Some((share, closed)) = sensors.touch(&before_mm[..count], &loads_mm[..count]) {
+            for &place in &self.joints {
+                if let Device::Drive(drive) = &mut self.places[place].device {
+                    drive.touch(share, closed);
+                }
             }
         }
         sensors.update_switches(&loads_mm[..count], &mut |node, bit, closed| {

@@ -53,6 +53,10 @@ pub(super) struct Motor {
     integral: f64,
     /// Demand at the end of the last period, machine counts; `None` without torque.
     demand: Option<f64>,
+    /// Where the motor was before the last period, machine counts.
+    before: f64,
+    /// What its touch probes saw of the last period but one, of which it is told late; encoder counts.
+    touched: [Switch; 2],
     /// It stands, whatever it is told.
     pub(super) jammed: bool,
 }
@@ -70,6 +74,8 @@ impl Motor {
             acceleration: 0.0,
             integral: 0.0,
             demand: None,
+            before: origin as f64,
+            touched: [Switch::default(); 2],
             jammed: false,
         }
     }
@@ -88,6 +94,7 @@ impl Motor {
     pub(super) fn advance(&mut self, demand: &Demand, period_s: f64) -> Sensors {
         let from = self.position.round() as i64;
         let jammed_at = self.jammed.then_some(self.position);
+        self.before = self.position;
         let before = self.velocity;
         let torque = demand.torque / 1000.0 * self.config.acceleration_max / PEAK;
         match demand.control {
@@ -111,7 +118,20 @@ impl Motor {
         if let Some(position) = jammed_at {
             (self.position, self.velocity) = (position, 0.0);
         }
-        self.sensors(from)
+        let sensors = self.sensors(from);
+        for probe in &mut self.touched {
+            probe.edge = None;
+        }
+        sensors
+    }
+
+    /// A touch probe has changed after this share of the last period.
+    pub(super) fn touch(&mut self, probe: usize, share: f64, closed: bool) {
+        let at = self.before + share * (self.position - self.before);
+        self.touched[probe] = Switch {
+            active: closed,
+            edge: Some(at.round() as i64 - self.origin),
+        };
     }
 
     /// What the sensors show now; `from` is the machine position, counts, at the start of the period.
@@ -145,6 +165,7 @@ impl Motor {
                 track.home.0,
                 track.home.1,
             ),
+            probes: self.touched,
             index: track.mark_between(from, to).map(|mark| mark - self.origin),
         }
     }

@@ -2,7 +2,7 @@
 //!
 //! In:  positions of the loads. Out: inputs of I/O nodes.
 
-use crate::config::{Config, HomingBy, SimBody, SimJoint, SimOutline, SimProbe, SimSurface};
+use crate::config::{Config, HomingBy, JOINTS_MAX, SimBody, SimJoint, SimOutline, SimProbe, SimSurface};
 use motion::canon::{Axis, Position};
 use motion::kinematics::{Kinematics, ToolFrame};
 
@@ -55,6 +55,38 @@ impl Sensors {
             home_switches: config.sim.joints.iter().filter_map(home_switch).collect(),
         };
         (sensors.probe.is_some() || !sensors.home_switches.is_empty()).then_some(sensors)
+    }
+
+    /// Whether the probe has changed on the way of the loads from one place to another, all of them evenly: after which share of
+    /// the way, and whether it is closed then.
+    ///
+    /// RT: no allocation, no locks.
+    pub(super) fn touch(&self, from_mm: &[f64], to_mm: &[f64]) -> Option<(f64, bool)> {
+        /// Of halving: far below an increment.
+        const STEPS: u32 = 30;
+        let probe = self.probe.as_ref()?;
+        let is_closed = |share: f64| {
+            let mut loads_mm = [0.0; JOINTS_MAX];
+            for (load_mm, (from_mm, to_mm)) in loads_mm.iter_mut().zip(from_mm.iter().zip(to_mm)) {
+                *load_mm = from_mm + share * (to_mm - from_mm);
+            }
+            let place = self.kinematics.forward(&ToolFrame::OFF, &loads_mm[..to_mm.len()]);
+            place.is_some_and(|place| touches(probe, &place))
+        };
+        let closed = is_closed(1.0);
+        if is_closed(0.0) == closed {
+            return None;
+        }
+        let (mut before, mut after) = (0.0, 1.0);
+        for _ in 0..STEPS {
+            let middle = (before + after) / 2.0;
+            if is_closed(middle) == closed {
+                after = middle;
+            } else {
+                before = middle;
+            }
+        }
+        Some((after, closed))
     }
 
     /// Tells every sensor to `tell`: index of its node, bit of 6000h/2, whether it is closed.

@@ -77,6 +77,7 @@ pub(super) fn test_config() -> Config {
         },
         compensation: None,
         unhomed_jog_mm_s: 10.0,
+        touch_probe: None,
         limits_by_drive: false,
         sto: None,
         squaring_offset_mm: 0.0,

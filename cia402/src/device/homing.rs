@@ -104,6 +104,8 @@ pub struct Sensors {
     pub positive_limit: Switch,
     /// Home switch, shown in 60FD.
     pub home: Switch,
+    /// Touch probes 1 and 2.
+    pub probes: [Switch; 2],
     /// Where the motor passed its zero mark during the last period, motor counts.
     pub index: Option<i64>,
 }

@@ -13,6 +13,7 @@ mod motion;
 mod objects;
 mod power;
 mod profiles;
+mod touch;
 
 pub use homing::{Sensors, Switch};
 pub use motion::{Control, Demand};
@@ -131,6 +132,8 @@ pub struct Device {
     following_error_ns: u64,
     error_code: u16,
     connected: bool,
+    /// Bits of 60B9 that stand for stored edges, of each touch probe.
+    probes_stored: [u16; 2],
     quirks: Quirks,
     /// Faults and changes from outside.
     pub injected: Injected,
@@ -169,6 +172,7 @@ impl Device {
             following_error_ns: 0,
             error_code: 0,
             connected: false,
+            probes_stored: [0; 2],
             quirks: Quirks::default(),
             injected: Injected::default(),
         })
@@ -279,6 +283,7 @@ impl Device {
             objects.set(keys.position_demand, demand as i32);
         }
         objects.set(keys.velocity_demand, velocity as i32);
+        self.watch_probes(objects, sensors);
         let rpm = self.counts_per_rpm(objects);
         objects.set(keys.vl_demand, (velocity / rpm) as i16);
         objects.set(keys.vl_actual, (sensors.velocity as f64 / rpm) as i16);

@@ -150,6 +150,12 @@ pub const DRIVE_OBJECTS: &[EntryDef] = &[
         .rpdo(),
     rw(0x60B1, DataType::I32, "Velocity_offset").rpdo(),
     rw(0x60B2, DataType::I16, "Torque_offset").rpdo(),
+    rw(0x60B8, DataType::U16, "Touch_probe_function").rpdo(),
+    ro(0x60B9, DataType::U16, "Touch_probe_status").tpdo(),
+    ro(0x60BA, DataType::I32, "Touch_probe_1_positive_edge").tpdo(),
+    ro(0x60BB, DataType::I32, "Touch_probe_1_negative_edge").tpdo(),
+    ro(0x60BC, DataType::I32, "Touch_probe_2_positive_edge").tpdo(),
+    ro(0x60BD, DataType::I32, "Touch_probe_2_negative_edge").tpdo(),
     rw(0x60C0, DataType::I16, "Interpolation_sub_mode_select").limits(0, 0),
     rw(0x60C1, DataType::I32, "Interpolation_data_record").sub(1).rpdo(),
     rw(0x60C2, DataType::U8, "Interpolation_time_period")
@@ -278,6 +284,12 @@ keys! {
     homing_acceleration: u32 = 0x609A / 0;
     velocity_offset: i32 = 0x60B1 / 0;
     torque_offset: i16 = 0x60B2 / 0;
+    probe_function: u16 = 0x60B8 / 0;
+    probe_status: u16 = 0x60B9 / 0;
+    probe_1_rising: i32 = 0x60BA / 0;
+    probe_1_falling: i32 = 0x60BB / 0;
+    probe_2_rising: i32 = 0x60BC / 0;
+    probe_2_falling: i32 = 0x60BD / 0;
     interpolation_target: i32 = 0x60C1 / 1;
     interpolation_digits: u8 = 0x60C2 / 1;
     interpolation_power: i8 = 0x60C2 / 2;

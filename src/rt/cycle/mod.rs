@@ -413,6 +413,9 @@ impl<B: CyclicBus> MotionController<B> {
             if program.is_probing() {
                 let measured = self.parts.drives.measured(&self.parts.kinematics, &self.sample);
                 program.see_probe(self.probe_in_contact[1], &measured);
+                program.see_latches(self.parts.drives.touched(&self.parts.kinematics, &self.sample));
+            } else {
+                self.parts.drives.arm_touch_probes();
             }
             let shares = Shares {
                 turning: self.parts.pins.spindle.feed_share(),

@@ -15,7 +15,7 @@ use super::homing::Found;
 use crate::bus::layout::{Field, Layout};
 use crate::bus::plan::NodePlan;
 use crate::bus::{InputImage, NodeIndex, NodeState, OutputImage};
-use crate::config::{Compensation, Config, DriveMode, HomingBy, JOINTS_MAX, Joint, Sto, targets};
+use crate::config::{Compensation, Config, DriveMode, HomingBy, JOINTS_MAX, Joint, Sto, targets, touch_probe_objects};
 use cia402::axis::{Axis, AxisConfig, Feedback, HomingState, Request, Setpoint, Status, Target};
 use motion::canon::Position;
 use motion::kinematics::Kinematics;
@@ -25,10 +25,68 @@ use motion::rt::{JointCompensation, Sample};
 pub fn is_filled(joint: &Joint, object: (u16, u8)) -> bool {
     match object {
         (0x6040 | 0x6060, 0) => true,
+        (0x60B8, 0) => joint.touch_probe.is_some(),
         (0x60B1, 0) => joint.mode.is_position(),
         // The torque beside a velocity is the business of who finds the velocity.
         (0x60B2, 0) => joint.mode == DriveMode::Csv || joint.torque_per_mm_s2.is_some(),
         object => targets(joint.mode).contains(&object),
+    }
+}
+
+/// The touch probe of a drive, which latches every edge of the machine's probe.
+#[derive(Clone, Copy, Debug)]
+struct Touch {
+    /// Function, status; positions of the last rising and the last falling edge.
+    fields: [Field; 4],
+    /// How far the bits of this probe stand up in function and status.
+    shift: u8,
+    /// What the positions were before.
+    before: [i32; 2],
+    /// Positions of the first edges since then, as they came.
+    found: [Option<i32>; 2],
+}
+
+impl Touch {
+    /// On, continuously, rising and falling edges of the probe's input.
+    const FUNCTION: u64 = 0b0011_0011;
+
+    fn new(number: u8, outputs: &Layout, inputs: &Layout) -> Option<Touch> {
+        let [function, status, rising, falling] = touch_probe_objects(number);
+        Some(Touch {
+            fields: [
+                outputs.find(function, 0)?,
+                inputs.find(status, 0)?,
+                inputs.find(rising, 0)?,
+                inputs.find(falling, 0)?,
+            ],
+            shift: 8 * (number - 1),
+            before: [0; 2],
+            found: [None; 2],
+        })
+    }
+
+    /// Positions of the last edges in a payload; `None`: there has been none. RT.
+    fn read(&self, payload: &[u8]) -> [Option<i32>; 2] {
+        let [_, status, edges @ ..] = self.fields;
+        let status = status.read(payload) >> self.shift;
+        [0, 1].map(|edge: usize| {
+            let is_stored = status >> (edge + 1) & 1 == 1;
+            is_stored.then(|| edges[edge].read_signed(payload) as i32)
+        })
+    }
+
+    fn watch(&mut self, payload: &[u8]) {
+        for (edge, last) in self.read(payload).into_iter().enumerate() {
+            if self.found[edge].is_none() {
+                self.found[edge] = last.filter(|last| *last != self.before[edge]);
+            }
+        }
+    }
+
+    fn arm(&mut self) {
+        for edge in 0..2 {
+            self.before[edge] = self.found[edge].take().unwrap_or(self.before[edge]);
+        }
     }
 }
 
@@ -119,6 +177,7 @@ pub struct Drive {
     sto: Option<(Field, Sto)>,
     /// What it sent last says that its safety circuit is open.
     sto_open: bool,
+    touch: Option<Touch>,
     command_mm: f64,
     command_before_mm: f64,
     compensation: Option<JointCompensation>,
@@ -163,6 +222,9 @@ impl Drive {
                 Some((plan.inputs.find(index, sub)?, sto))
             }),
             sto_open: false,
+            touch: joint
+                .touch_probe
+                .and_then(|number| Touch::new(number, &plan.outputs, &plan.inputs)),
             command_mm: 0.0,
             command_before_mm: 0.0,
             compensation: joint.compensation.as_ref().map(|compensation| {
@@ -200,6 +262,9 @@ impl Drive {
             digital_inputs: read(self.fields.digital_inputs) as u32,
             error_code: read(self.fields.error_code) as u16,
         };
+        if let Some(touch) = &mut self.touch {
+            touch.watch(payload);
+        }
         self.sto_open = self
             .sto
             .is_some_and(|(field, sto)| (field.read(payload) >> sto.bit & 1 == 1) == sto.active);
@@ -286,6 +351,9 @@ impl Drive {
         if let Some(offset) = self.fields.torque_offset {
             offset.write(payload, self.setpoint.torque_offset as u64);
         }
+        if let Some(touch) = &self.touch {
+            touch.fields[0].write(payload, Touch::FUNCTION << touch.shift);
+        }
         if let Some(mode) = self.fields.mode {
             mode.write(payload, self.setpoint.mode as u64);
         }
@@ -333,6 +401,13 @@ impl Drive {
     /// Actual position, mm in the machine.
     pub fn actual_mm(&self) -> f64 {
         self.to_mm(self.axis.actual_position())
+    }
+
+    /// Where its touch probe has found an edge, mm; 0 the rising one, 1 the falling one. RT.
+    fn touched_mm(&self, edge: usize) -> Option<f64> {
+        let found = self.touch.as_ref()?.found[edge]?;
+        let actual = self.axis.actual_position();
+        Some(self.to_mm(actual + i64::from(found.wrapping_sub(actual as i32))))
     }
 
     fn to_mm(&self, increments: i64) -> f64 {
@@ -522,6 +597,27 @@ impl Drives {
         kinematics
             .forward(&sample.frame, &actual_mm[..self.drives.len()])
             .unwrap_or(sample.position)
+    }
+
+    /// What the touch probes have latched so far counts no more. RT.
+    pub fn arm_touch_probes(&mut self) {
+        for drive in &mut self.drives {
+            if let Some(touch) = &mut drive.touch {
+                touch.arm();
+            }
+        }
+    }
+
+    /// Where the drives have latched since then that the probe closed, and that it opened, as the tool of `sample` is held; each
+    /// once all of them have. RT.
+    pub fn touched(&self, kinematics: &Kinematics, sample: &Sample) -> [Option<Position>; 2] {
+        [0, 1].map(|edge| {
+            let mut places_mm = [0.0; JOINTS_MAX];
+            for (place_mm, drive) in places_mm.iter_mut().zip(&self.drives) {
+                *place_mm = drive.touched_mm(edge)?;
+            }
+            kinematics.forward(&sample.frame, &places_mm[..self.drives.len()])
+        })
     }
 
     /// Homing of the joints of `which` (bit n: joint n) by the control begins. RT.

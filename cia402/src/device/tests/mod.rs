@@ -3,6 +3,7 @@ use crate::axis::{Axis, AxisConfig, AxisFault, Feedback, HomingState, Mode, Requ
 use proptest::prelude::*;
 
 mod profiles;
+mod touch;
 
 const MS: u64 = 1_000_000;
 
@@ -85,6 +86,10 @@ impl Rig {
             positive_limit: switch(|position| position >= POSITIVE_LIMIT, from, to),
             torque: 0,
             home: switch(|position| (low..=high).contains(&position), from, to),
+            probes: [
+                switch(|position| (100..200).contains(&position), from, to),
+                Switch::default(),
+            ],
             index: (mark(from) != mark(to)).then_some(passed),
         };
     }

@@ -134,6 +134,11 @@ impl Interpolator {
         self.prober.observe(contact, measured);
     }
 
+    /// Where the drives have latched that the probe closed, and that it opened, since the move began; `None`: they have not. RT.
+    pub fn see_latches(&mut self, latched: [Option<Position>; 2]) {
+        self.prober.observe_latches(latched);
+    }
+
     /// One cycle further, without an encoder on the spindle. RT.
     pub fn step(&mut self, scale: f64) -> Sample {
         self.step_with(scale, &SpindleFeedback::NONE)

@@ -87,6 +87,8 @@ pub struct Probe {
     begun: bool,
     held: bool,
     latched: Option<Position>,
+    /// The same, latched by the drives themselves.
+    exact: Option<Position>,
     position: Position,
     /// At the end of the line so far, s.
     settled_s: f64,
@@ -131,6 +133,7 @@ impl Probe {
             begun: false,
             held: false,
             latched: None,
+            exact: None,
             position: Position::ZERO,
             settled_s: 0.0,
             cycle_s,
@@ -148,6 +151,7 @@ impl Probe {
         self.begun = false;
         self.held = false;
         self.latched = None;
+        self.exact = None;
         self.position = line.position(0.0);
         self.settled_s = 0.0;
     }
@@ -181,6 +185,14 @@ impl Probe {
             }
         }
         self.position
+    }
+
+    /// The drives have latched where the contact changed, before or behind the cycle in which it was read. Only the first one of
+    /// a move counts. RT.
+    pub fn refine(&mut self, exact: &Position) {
+        if self.begun && self.exact.is_none() {
+            self.exact = Some(*exact);
+        }
     }
 
     /// The operator's hold: rest on the line, from which [`Probe::resume`] goes on. The contact is watched all the while. RT.
@@ -244,7 +256,11 @@ impl Probe {
         let rest = self.position;
         self.end.map(|end| Probed {
             end,
-            at: self.latched.unwrap_or(rest),
+            at: self
+                .exact
+                .filter(|_| end == ProbeEnd::Tripped)
+                .or(self.latched)
+                .unwrap_or(rest),
             rest,
         })
     }

@@ -58,6 +58,8 @@ pub struct Prober {
     /// `None`: nothing has been read since the move was begun.
     contact: Option<bool>,
     measured: Position,
+    /// Latched by the drives where the contact closed, and where it opened.
+    latched: [Option<Position>; 2],
 }
 
 impl Prober {
@@ -69,6 +71,7 @@ impl Prober {
             answers: None,
             contact: None,
             measured: Position::ZERO,
+            latched: [None; 2],
         }
     }
 
@@ -87,9 +90,15 @@ impl Prober {
         self.measured = *measured;
     }
 
+    /// Where the drives latched that the contact closed, and that it opened, since the move began. RT.
+    pub fn observe_latches(&mut self, latched: [Option<Position>; 2]) {
+        self.latched = latched;
+    }
+
     /// Begins a move, from rest at its start. RT.
     pub fn begin(&mut self, probing: &Probing) {
         self.contact = None;
+        self.latched = [None; 2];
         let limits = (probing.limits, self.shares.along(probing.limits));
         self.probe.set_out(probing.piece, probing.mode, probing.feed, limits);
     }
@@ -109,6 +118,10 @@ impl Prober {
         // What was read before the move counts for nothing.
         if let Some(contact) = contact {
             self.probe.step(contact, &self.measured);
+            let [closed, opened] = &self.latched;
+            if let Some(exact) = if probing.mode.towards { closed } else { opened } {
+                self.probe.refine(exact);
+            }
         }
     }
 
