@@ -213,3 +213,62 @@ fn touch_probes_of_the_drives_agree_with_the_pin_within_the_way_of_a_cycle() {
         }
     }
 }
+
+/// What goes wrong with the first drive, and the words of the alarm that comes of it.
+#[test]
+fn every_fault_that_can_be_asked_for_stops_the_machine_in_words() {
+    let text = SEED
+        .replace("[\"0x6062/32\"", "[\"0x607A/32\"")
+        .replace("mode = \"ip\"", "mode = \"csp\"\nlimit_switches = \"drive\"")
+        .replace("\"0x6041/16\"]", "\"0x6041/16\", \"0x603F/16\"]")
+        // With the zero mark, and quickly towards it.
+        .replace("method = 21", "method = 5")
+        .replace("latch_mm_s = 4.0", "latch_mm_s = 40.0");
+    let kinds = [
+        (
+            "overcurrent",
+            "after_s = 6.0",
+            "axis X (joint 0): drive fault 2310h: continuous over-current",
+        ),
+        ("following-error", "after_s = 6.0", "axis X (joint 0): following error"),
+        (
+            "limit-switch",
+            "after_s = 6.0",
+            "axis X (joint 0): its lower limit switch has closed",
+        ),
+        ("power-off", "after_s = 6.0", "x-drive (node 1): lost"),
+        (
+            "sto",
+            "after_s = 6.0",
+            "axis X (joint 0): the safety circuit (STO) of the drive is open",
+        ),
+        (
+            "index-missing",
+            "",
+            "axis X (joint 0): homing: the drive shows a homing error",
+        ),
+        (
+            "slow-enable",
+            "",
+            "axis X (joint 0): the drive did not answer in time: command enable operation",
+        ),
+    ];
+    for (kind, after, words) in kinds {
+        let config = read(&format!(
+            "{text}\n[[sim.fault]]\nnode = 1\nkind = \"{kind}\"\n{after}\n"
+        ));
+        let cause = rehearse(&config, SEED_PART.as_bytes(), NetConfig::clean(3), |run| {
+            assert_eq!(
+                run.run(CYCLES_MAX).expect("an end"),
+                Outcome::Faulted,
+                "{kind}: {}",
+                journal(run)
+            );
+            Ok(run.operator.alarms()[0].cause.clone())
+        });
+        let cause = cause.expect("a machine that can be rehearsed");
+        assert!(cause.to_lowercase().contains(&words.to_lowercase()), "{kind}: {cause}");
+    }
+    // The same machine without any of them.
+    run_part(&read(&text), SEED_PART);
+}

@@ -8,6 +8,45 @@ use super::types::{
 };
 use motion::canon::Axis;
 
+/// `[[sim.fault]]`: something that goes wrong with a simulated drive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SimFault {
+    /// Index into [`Bus::nodes`](super::Bus::nodes).
+    pub node: usize,
+    pub kind: SimFaultKind,
+    /// So long after its operation was first enabled, s; default 1. Without meaning for kinds that are so from the start.
+    pub after_s: f64,
+}
+
+/// What goes wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SimFaultKind {
+    /// Fault 2310h of the drive.
+    Overcurrent,
+    /// What it moves is jammed.
+    FollowingError,
+    /// Its lower limit switch closes (bit 0 of 60FD).
+    LimitSwitch,
+    /// Its zero mark is not there, from the start.
+    IndexMissing,
+    /// It takes longer to enable its operation than anybody waits, from the start.
+    SlowEnable,
+    /// Its supply is gone.
+    PowerOff,
+    /// Its safety circuit is open.
+    Sto,
+}
+
+const FAULTS: [(&str, SimFaultKind); 7] = [
+    ("overcurrent", SimFaultKind::Overcurrent),
+    ("following-error", SimFaultKind::FollowingError),
+    ("limit-switch", SimFaultKind::LimitSwitch),
+    ("index-missing", SimFaultKind::IndexMissing),
+    ("slow-enable", SimFaultKind::SlowEnable),
+    ("power-off", SimFaultKind::PowerOff),
+    ("sto", SimFaultKind::Sto),
+];
+
 /// No machine is larger, mm.
 const LENGTH_MAX: f64 = 1e6;
 /// Greatest ball at the tip of a probe, mm.
@@ -35,8 +74,14 @@ pub(super) fn sim(mut section: Section<'_, '_>, nodes: Option<&[Node]>, joints: 
         .into_iter()
         .map(|section| signal(section, nodes))
         .collect();
+    let faults: Vec<Option<SimFault>> = section
+        .sections("fault")
+        .into_iter()
+        .map(|table| fault(table, nodes))
+        .collect();
     section.done();
     Some(Sim {
+        faults: faults.into_iter().collect::<Option<Vec<SimFault>>>()?,
         joints: complete.then_some(special)?,
         signals: signals.into_iter().collect::<Option<Vec<SimSignal>>>()?,
         natural_frequency_hz: natural_frequency_hz?,
@@ -103,6 +148,33 @@ fn joint(
         start_mm: start_mm?,
         switch_mm: switch_mm?,
         input: input?,
+    })
+}
+
+fn fault(mut section: Section<'_, '_>, nodes: Option<&[Node]>) -> Option<SimFault> {
+    /// An hour.
+    const AFTER_MAX_S: f64 = 3600.0;
+    let id = section.integer("node", 1..=239, None);
+    let kind = section.word("kind", &FAULTS, None);
+    let after_s = section.number("after_s", Bound::Within(0.0, AFTER_MAX_S), 1.0);
+    if let Some(SimFaultKind::IndexMissing | SimFaultKind::SlowEnable) = kind
+        && section.has("after_s")
+    {
+        section.wrong("after_s", "must be left out: this kind is so from the start");
+    }
+    let place = |id: i64| {
+        let is_drive = |node: &Node| i64::from(node.id) == id && node.profile == Profile::Cia402;
+        nodes.map(|nodes| nodes.iter().position(is_drive))
+    };
+    let node = id.and_then(place);
+    if node == Some(None) {
+        section.wrong("node", "must be a [[bus.node]] of profile \"cia402\"");
+    }
+    section.done();
+    Some(SimFault {
+        node: node??,
+        kind: kind?,
+        after_s: after_s?,
     })
 }
 

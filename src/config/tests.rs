@@ -543,6 +543,12 @@ fn rules_of_the_rest() {
             "m.toml:30:11: sim.damping = -1: must lie between 0.01 and 10",
             "m.toml:31:9: sim.start = 1.5: must lie between 0 and 1",
         ]),
+        (end, "joints = [0]\n[[sim.fault]]\nnode = 2\nkind = \"sto\"\nafter_s = -1\n[[sim.fault]]\nnode = 1\nkind = \"slow-enable\"\nafter_s = 1\n[[sim.fault]]\nnode = 1\nkind = \"over-current\"\n", &[
+            "m.toml:29:8: sim.fault[0].node = 2: must be a [[bus.node]] of profile \"cia402\"",
+            "m.toml:31:11: sim.fault[0].after_s = -1: must lie between 0 and 3600",
+            "m.toml:35:11: sim.fault[1].after_s = 1: must be left out: this kind is so from the start",
+            "m.toml:38:8: sim.fault[2].kind = \"over-current\": must be \"overcurrent\" or \"following-error\" or \"limit-switch\" or \"index-missing\" or \"slow-enable\" or \"power-off\" or \"sto\"; did you mean \"overcurrent\"?",
+        ]),
         (end, "joints = [0]\n[sim.probe]\nnode = 1\ninput = 7\n[[sim.probe.surface]]\naxis = \"Q\"\nbelow_mm = 1\nabove_mm = 2\n", &[
             "m.toml:29:8: sim.probe.node = 1: must be a [[bus.node]] of profile \"io\"",
             "m.toml:30:9: sim.probe.input = 7: must be an integer from 8 to 15",

@@ -5,6 +5,7 @@
 
 pub use super::channels::{Channel, ChannelKind, Follow, ObjectKind};
 pub use super::drive::{DriveMode, Reactions, targets, touch_probe_objects};
+pub use super::sim::{SimFault, SimFaultKind};
 pub use super::spindle::{Spindle, SpindleCounter, SpindleDrive, SpindleEncoder};
 pub use gcode::ToolChanger;
 use motion::canon::{Axis, LengthUnit, Position};
@@ -783,6 +784,8 @@ pub struct Sim {
     pub probe: Option<SimProbe>,
     /// What is special about a joint.
     pub joints: Vec<SimJoint>,
+    /// What goes wrong.
+    pub faults: Vec<SimFault>,
     /// What there is at objects of I/O nodes.
     pub signals: Vec<SimSignal>,
 }
@@ -819,6 +822,12 @@ pub struct SimJoint {
 }
 
 impl Sim {
+    /// Whether something is wrong with the drive of a node from the start.
+    pub fn is_faulty(&self, node: NodeIndex, kind: SimFaultKind) -> bool {
+        let mut faults = self.faults.iter();
+        faults.any(|fault| (fault.node, fault.kind) == (node, kind))
+    }
+
     /// What is special about a joint, if something is.
     pub fn joint(&self, joint: usize) -> Option<&SimJoint> {
         self.joints.iter().find(|special| special.joint == joint)

@@ -10,7 +10,10 @@
 use super::SimError;
 use super::motor::{Motor, MotorConfig};
 use super::track::{Track, mm_to_counts};
-use crate::config::{DriveMode, Homing, HomingBy, Joint, JointLimits, Node, Reactions, Sim, SimJoint, StopLimits};
+use crate::config::{
+    DriveMode, Homing, HomingBy, Joint, JointLimits, Node, NodeIndex, Reactions, Sim, SimFaultKind, SimJoint,
+    StopLimits,
+};
 use cia402::State;
 use cia402::device::{
     DEVICE_TYPE, DRIVE_OBJECTS, DRIVE_OBJECTS_WITH_DEMAND, Delays, Demand, Device, Injected, Quirks, check_write,
@@ -32,6 +35,10 @@ const CATCH_UP_PERIODS: u32 = 20;
 const ABORT_QUICK_STOP: i16 = 3;
 /// Greatest acceleration of the motor as a multiple of the joint's stop acceleration.
 const MOTOR_RESERVE: f64 = 4.0;
+/// Number of the transition to OPERATION ENABLED.
+const ENABLE_OPERATION: usize = 4;
+/// Longer than anybody waits for it.
+const SLOW_NS: u32 = 4_000_000_000;
 /// Number of the device profile in error entries.
 const PROFILE: u16 = 402;
 
@@ -88,6 +95,7 @@ struct Setup {
     node: Node,
     joint: Joint,
     period_ns: u32,
+    delays: Delays,
 }
 
 #[derive(Debug)]
@@ -116,7 +124,7 @@ impl Drive {
     pub(super) fn new(
         node: &Node,
         joint: Option<&Joint>,
-        sim: &Sim,
+        (sim, index): (&Sim, NodeIndex),
         special: Option<&SimJoint>,
         period_ns: u32,
         now_ns: u64,
@@ -127,12 +135,18 @@ impl Drive {
             damping: sim.damping,
             acceleration_max: MOTOR_RESERVE * mm_to_counts(&joint, joint.stop.acceleration_mm_s2),
         };
-        let motor = Motor::new(config, Track::for_joint(&joint, sim.start, special));
+        let mut motor = Motor::new(config, Track::for_joint(&joint, sim.start, special));
+        motor.index_missing = sim.is_faulty(index, SimFaultKind::IndexMissing);
+        let mut delays = Delays::default();
+        if sim.is_faulty(index, SimFaultKind::SlowEnable) {
+            delays.0[ENABLE_OPERATION] = SLOW_NS;
+        }
         Drive::switch_on(
             Setup {
                 node: node.clone(),
                 joint,
                 period_ns,
+                delays,
             },
             motor,
             now_ns,
@@ -153,7 +167,7 @@ impl Drive {
             Dictionary::new(&[COMMUNICATION_PROFILE, drive_objects]).map_err(|error| SimError::new(node, error))?;
         commission(&mut objects, &setup.joint).map_err(|error| SimError::new(node, error))?;
         let device =
-            Device::new(&objects, setup.period_ns, Delays::default()).map_err(|error| SimError::new(node, error))?;
+            Device::new(&objects, setup.period_ns, setup.delays).map_err(|error| SimError::new(node, error))?;
         let device = device.with_quirks(quirks);
         let error_register = objects.key(0x1001, 0).map_err(|error| SimError::new(node, error))?;
         let mut cn = super::node::build(node, DEVICE_TYPE, objects, now_ns)?;

@@ -8,6 +8,7 @@
 
 use super::SimError;
 use super::drive::Drive;
+use super::faults::{self, Scripted};
 use super::io::Io;
 use super::sensors::Sensors;
 use super::spindle::Spindle;
@@ -84,6 +85,7 @@ pub struct SimMachine {
     sensors: Option<Sensors>,
     /// Where the loads were when the sensors looked last; `None`: they have not yet.
     loads_mm: Option<[f64; JOINTS_MAX]>,
+    faults: Vec<Scripted>,
     response: Box<[u8; FRAME_LEN_MAX]>,
     /// What a node has sent, while the others hear it.
     answer: Box<[u8; FRAME_LEN_MAX]>,
@@ -101,7 +103,14 @@ impl SimMachine {
                     let number = config.joints.iter().position(|joint| joint.node == index);
                     let joint = number.map(|number| &config.joints[number]);
                     let special = number.and_then(|number| config.sim.joint(number));
-                    Device::Drive(Box::new(Drive::new(node, joint, &config.sim, special, period_ns, 0)?))
+                    Device::Drive(Box::new(Drive::new(
+                        node,
+                        joint,
+                        (&config.sim, index),
+                        special,
+                        period_ns,
+                        0,
+                    )?))
                 }
                 Profile::Io => {
                     let signals = config.sim.signals.iter().filter(|signal| signal.node == index);
@@ -123,6 +132,7 @@ impl SimMachine {
             joints,
             sensors: Sensors::new(config),
             loads_mm: None,
+            faults: faults::script(config),
             response: Box::new([0; FRAME_LEN_MAX]),
             answer: Box::new([0; FRAME_LEN_MAX]),
             now_ns: 0,
@@ -155,12 +165,25 @@ impl SimMachine {
             }
             // Of where the loads are now, as the drives will tell it, too.
             self.sense();
+            self.go_wrong();
             for place in &mut self.places {
                 match &mut place.device {
                     Device::Drive(_) => {}
                     Device::Io(io) => io.work(),
                 }
             }
+        }
+    }
+
+    /// Lets go wrong what is due.
+    fn go_wrong(&mut self) {
+        for index in 0..self.faults.len() {
+            let mut fault = self.faults[index];
+            let id = self.places[fault.place].id;
+            if fault.is_due(self.now_ns, self.drive_state(id)) {
+                fault.strike(self, id);
+            }
+            self.faults[index] = fault;
         }
     }
 

@@ -4,6 +4,7 @@
 //! Out: frames of the nodes, as [`SimMachine`]; the same on a wire ([`serve`]) or on virtual time ([`VirtualNet`]).
 
 mod drive;
+mod faults;
 mod io;
 mod machine;
 mod motor;

@@ -59,6 +59,8 @@ pub(super) struct Motor {
     touched: [Switch; 2],
     /// It stands, whatever it is told.
     pub(super) jammed: bool,
+    /// Nobody sees its zero mark.
+    pub(super) index_missing: bool,
 }
 
 impl Motor {
@@ -77,6 +79,7 @@ impl Motor {
             before: origin as f64,
             touched: [Switch::default(); 2],
             jammed: false,
+            index_missing: false,
         }
     }
 
@@ -166,7 +169,9 @@ impl Motor {
                 track.home.1,
             ),
             probes: self.touched,
-            index: track.mark_between(from, to).map(|mark| mark - self.origin),
+            index: (track.mark_between(from, to))
+                .filter(|_| !self.index_missing)
+                .map(|mark| mark - self.origin),
         }
     }
 

@@ -153,6 +153,7 @@ pub(super) fn test_config() -> Config {
             damping: 0.8,
             start: 0.37,
             probe: None,
+            faults: Vec::new(),
             joints: Vec::new(),
             signals: Vec::new(),
         },
