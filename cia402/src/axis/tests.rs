@@ -171,6 +171,10 @@ fn only_an_enabled_drive_is_told_a_velocity_or_a_torque() {
                     mode,
                     ..AxisConfig::default()
                 });
+                // What was told last must not be told again.
+                rig.now_ns += MS;
+                rig.feedback.statusword = FOLLOWS;
+                rig.axis.cycle(rig.now_ns, true, &rig.feedback, target);
                 if let Some(request) = request {
                     rig.axis.request(request);
                 }
