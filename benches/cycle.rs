@@ -245,7 +245,7 @@ fn cycle_ns<const NODES: usize>(
     deadline_ns: u64,
     period_ns: u64,
 ) -> [u64; 2] {
-    control.bus_mut().serve(deadline_ns);
+    control.serve(deadline_ns);
     control.prepare(deadline_ns);
     let net = control.bus_mut().bus.link_mut();
     let behind_ns = deadline_ns.saturating_sub(net.now_ns());

@@ -187,7 +187,7 @@ fn the_cycle_never_allocates() {
     // One cycle, as the cycle thread does it.
     let mut cycle = |control: &mut isocnc::rt::cycle::MotionController<Powerlink<'_, Aside<VirtualNet>, NODES>>,
                      late_ns| {
-        allocations += calls(|| control.bus_mut().serve(deadline_ns));
+        allocations += calls(|| control.serve(deadline_ns));
         allocations += calls(|| control.prepare(deadline_ns));
         let net = &mut control.bus_mut().link_mut().0;
         let behind_ns = deadline_ns.saturating_sub(net.now_ns());

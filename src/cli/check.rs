@@ -6,6 +6,7 @@
 
 use crate::bus;
 use crate::bus::plan::NodePlan;
+use crate::cli::bench_servo;
 use crate::cli::bus::check::{budget_json, list_cdc, node_json, write_budget, write_cdc, write_node};
 use crate::config::{BusKind, Config, HomingBy, Joint};
 use crate::host::steadiness::Steadiness;
@@ -51,13 +52,20 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
         }
     })?;
     let timing = Steadiness::measure(&config.rt).advice(&config);
+    let servo = (!config.joints.is_empty()).then(|| bench_servo::servo(&config, bench_servo::CYCLES_OF_CHECK));
     print(&if args.json {
         let mut json = to_json(&config, &plans);
         json["timing"] = json!(timing);
+        json["servo"] = servo.and_then(Result::ok).map_or(Json::Null, |servo| servo.to_json());
         format!("{json:#}\n")
     } else {
         let timing = timing.unwrap_or_else(|| "this PC bears what the file asks for, by a look of 0.4 s".into());
-        format!("{}timing\n       {timing}\n", Summary(&config, &plans))
+        let servo = match servo {
+            Some(Ok(servo)) => format!("servo\n       {servo}\n"),
+            Some(Err(why)) => format!("servo\n       not measured: {why:#}\n"),
+            None => String::new(),
+        };
+        format!("{}timing\n       {timing}\n{servo}", Summary(&config, &plans))
     })?;
     if let Some(path) = &args.cdc {
         // Behind the result, which a full disk must not keep from the user.

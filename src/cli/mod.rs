@@ -1,5 +1,6 @@
 //! The command line: arguments to one command each.
 
+mod bench_servo;
 pub mod bus;
 pub mod check;
 pub mod control;
@@ -139,6 +140,9 @@ enum Command {
     /// Measure how exactly the cycle is kept while a program runs, beside what the PC can do at all.
     #[command(after_help = "Example: isocnc jitter --cycles 20000 --rounds 2")]
     Jitter(jitter::JitterArgs),
+    /// Measure what a cycle of so many axes takes on this PC, in parts, and how fast programs are planned.
+    #[command(after_help = "Example: isocnc bench-servo --axes 2,3")]
+    BenchServo(bench_servo::BenchServoArgs),
     /// List, read, set or watch the pins of a running control.
     Hal(hal::HalArgs),
     /// Look at the network: who is on it, how it is, what went over the wire.
@@ -209,6 +213,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(args) => simulate::simulate(args),
         Command::Jitter(args) => jitter::jitter(args),
         Command::Dda(args) => dda::dda(args),
+        Command::BenchServo(args) => bench_servo::bench_servo(args),
         Command::Hal(args) => hal::hal(args),
         Command::Bus(args) => bus::bus(args),
         Command::Completions(args) => pages::completions(args, Cli::command()),

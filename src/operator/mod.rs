@@ -10,7 +10,6 @@ pub mod program_reports;
 pub mod progress;
 pub mod recorder;
 pub mod refusal;
-#[cfg(any(test, feature = "testing"))]
 pub mod rehearsal;
 mod remembered;
 pub mod report;

@@ -163,7 +163,7 @@ impl<'a, B: VirtualTime> Rehearsal<'a, B> {
     /// # Errors
     /// If the program turns out to be wrong.
     pub fn cycle(&mut self, late_ns: u64) -> anyhow::Result<()> {
-        self.control.bus_mut().serve(self.deadline_ns);
+        self.control.serve(self.deadline_ns);
         self.control.prepare(self.deadline_ns);
         let behind_ns = self.deadline_ns.saturating_sub(self.now_ns());
         self.control.bus_mut().advance(behind_ns + late_ns);

@@ -75,7 +75,7 @@ pub fn run<B: CyclicBus>(
     recorder.begin();
     while control.state() != State::Down && !stop.load(Ordering::Acquire) {
         let spin_ns = spin.ns();
-        control.bus_mut().serve(deadline_ns.saturating_sub(spin_ns + QUIET_NS));
+        control.serve(deadline_ns.saturating_sub(spin_ns + QUIET_NS));
         control.prepare(deadline_ns);
         let wake_ns = deadline_ns.saturating_sub(spin_ns);
         let sleeps = monotonic_ns() < wake_ns;

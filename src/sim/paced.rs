@@ -96,7 +96,7 @@ pub fn run_paced<B: CyclicBus>(
     let mut deadline_ns = grid.first_after(wire.time_ns());
     recorder.begin();
     while control.state() != State::Down && !stop.load(Ordering::Acquire) {
-        control.bus_mut().serve(deadline_ns);
+        control.serve(deadline_ns);
         control.prepare(deadline_ns);
         pace.wait_until(deadline_ns);
         wire.advance_to(deadline_ns);

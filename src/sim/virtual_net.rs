@@ -12,6 +12,7 @@ use powerlink::link::{Link, LinkError, Received};
 use powerlink::wire::FRAME_LEN_MAX;
 use std::collections::VecDeque;
 use std::fmt;
+use std::time::{Duration, Instant};
 
 /// How the wire treats frames. Shares are from 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,6 +82,8 @@ pub struct VirtualNet {
     inbox: VecDeque<Vec<u8>>,
     /// Latest first.
     disturbances: Vec<(u64, Disturbance)>,
+    /// What the calls of the managing node have taken of the PC's time; `None`: nobody asks.
+    spent: Option<Duration>,
 }
 
 impl fmt::Debug for VirtualNet {
@@ -123,6 +126,7 @@ impl VirtualNet {
             now_ns: 0,
             inbox: VecDeque::new(),
             disturbances: Vec::new(),
+            spent: None,
         }
     }
 
@@ -133,6 +137,16 @@ impl VirtualNet {
             now_ns,
             ..VirtualNet::new(machine, config)
         }
+    }
+
+    /// From now on, what calls of the managing node take of the PC's own time is added up: a real wire takes none of it.
+    pub fn time_calls(&mut self) {
+        self.spent = Some(Duration::ZERO);
+    }
+
+    /// What they have taken since [`VirtualNet::time_calls`].
+    pub fn spent(&self) -> Duration {
+        self.spent.unwrap_or_default()
     }
 
     /// Time on the wire, ns.
@@ -217,6 +231,33 @@ impl VirtualNet {
         true
     }
 
+    fn timed<T>(&mut self, act: impl FnOnce(&mut VirtualNet) -> T) -> T {
+        let began = self.spent.map(|_| Instant::now());
+        let done = act(self);
+        if let (Some(began), Some(spent)) = (began, &mut self.spent) {
+            *spent += began.elapsed();
+        }
+        done
+    }
+
+    fn next_frame(&mut self, buffer: &mut [u8], deadline_ns: u64) -> Result<Option<Received>, LinkError> {
+        let limit_ns = deadline_ns.max(self.now_ns);
+        loop {
+            if let Some(frame) = self.inbox.pop_front() {
+                let length = frame.len().min(buffer.len());
+                buffer[..length].copy_from_slice(&frame[..length]);
+                return Ok(Some(Received {
+                    length,
+                    stamp_ns: Some(self.now_ns),
+                }));
+            }
+            if !self.next_event(limit_ns) {
+                self.now_ns = limit_ns;
+                return Ok(None);
+            }
+        }
+    }
+
     fn disturb(&mut self, disturbance: Disturbance) {
         let machine = &mut self.machine;
         match disturbance {
@@ -237,24 +278,10 @@ impl Link for VirtualNet {
     }
 
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
-        self.hub.send(self.managing_node, self.now_ns, frame).map(drop)
+        self.timed(|net| net.hub.send(net.managing_node, net.now_ns, frame).map(drop))
     }
 
     fn receive(&mut self, buffer: &mut [u8], deadline_ns: u64) -> Result<Option<Received>, LinkError> {
-        let limit_ns = deadline_ns.max(self.now_ns);
-        loop {
-            if let Some(frame) = self.inbox.pop_front() {
-                let length = frame.len().min(buffer.len());
-                buffer[..length].copy_from_slice(&frame[..length]);
-                return Ok(Some(Received {
-                    length,
-                    stamp_ns: Some(self.now_ns),
-                }));
-            }
-            if !self.next_event(limit_ns) {
-                self.now_ns = limit_ns;
-                return Ok(None);
-            }
-        }
+        self.timed(|net| net.next_frame(buffer, deadline_ns))
     }
 }

@@ -79,6 +79,13 @@ fn exchange(node: &Node) -> String {
     }
 }
 
+/// What the exchange of a cycle takes at the worst, ns.
+pub(in crate::cli) fn exchange_ns(config: &Config, plans: &[NodePlan]) -> u64 {
+    with_mn_config(config, plans, |mn| {
+        Budget::new(mn, &latencies(&config.bus)).worst().total_ns()
+    })
+}
+
 /// The budget of the cycle as a table.
 pub(in crate::cli) fn write_budget(f: &mut fmt::Formatter<'_>, config: &Config, plans: &[NodePlan]) -> fmt::Result {
     let latencies_ns = latencies(&config.bus);

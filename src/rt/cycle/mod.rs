@@ -8,8 +8,11 @@
 //! RT: nothing in [`MotionController::cycle`] allocates, locks, waits for another thread or touches a file; every loop is
 //! bounded by the number of nodes, joints or ring slots. Budget in `benches/cycle.rs`.
 
+mod laps;
 mod orders;
 mod stops;
+
+pub use laps::{Laps, Part};
 
 use super::drives::{Drive, Drives};
 use super::homing::Homer;
@@ -147,6 +150,7 @@ pub struct MotionController<B> {
     cycles_skipped: u64,
     notices_lost: u64,
     trace_lost: u64,
+    laps: Laps,
 }
 
 impl<B: CyclicBus> MotionController<B> {
@@ -186,6 +190,7 @@ impl<B: CyclicBus> MotionController<B> {
             cycles_skipped: 0,
             notices_lost: 0,
             trace_lost: 0,
+            laps: Laps::default(),
         }
     }
 
@@ -193,35 +198,55 @@ impl<B: CyclicBus> MotionController<B> {
     /// at that date. Called again before, it moves the cycle to a later date.
     #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
     pub fn prepare(&mut self, begin_ns: u64) {
+        self.laps.begin();
         self.bus.prepare(begin_ns, &self.parts.outputs);
+        self.laps.end(Part::Bus);
+    }
+
+    /// Serves what is not cyclic, until `until_ns`.
+    #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
+    pub fn serve(&mut self, until_ns: u64) {
+        self.laps.begin();
+        self.bus.serve(until_ns);
+        self.laps.end(Part::Bus);
     }
 
     /// The cycle that was made ready. `late_ns`: how late it begins; `skipped`: cycles that had to be left out before it; the exchange is
     /// over by `deadline_ns`. Gives what the exchange took.
     #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
     pub fn cycle(&mut self, late_ns: u64, skipped: u64, deadline_ns: u64) -> CycleReport {
+        self.laps.begin();
         let report = self.bus.exchange(deadline_ns, &mut self.parts.inputs);
+        self.laps.end(Part::Bus);
         self.parts
             .drives
             .read(&self.parts.inputs, |node| self.bus.node_state(node));
+        self.laps.end(Part::Drives);
         self.parts.pins.spindle.update_feedback(&self.parts.inputs);
         self.parts.pins.show_inputs(&self.parts.inputs);
         self.parts.pins.inputs.look();
         self.parts.pins.see_prepared_tool();
+        self.laps.end(Part::Pins);
         if report.lost > 0 {
             self.parts.homer.input_lost();
         }
         self.watch(late_ns, skipped);
         self.take_orders();
         self.step_state();
+        self.laps.end(Part::Orders);
         self.interpolate();
+        self.laps.end(Part::Interpolation);
         self.check_commands();
+        self.laps.end(Part::Monitor);
         self.parts
             .drives
             .write(report.sent_ns, &self.command_mm[..self.joints], &mut self.parts.outputs);
+        self.laps.end(Part::Drives);
         self.parts.pins.write_outputs(&mut self.parts.outputs);
         self.show();
+        self.laps.end(Part::Pins);
         self.bus.publish(self.cycle);
+        self.laps.end(Part::Bus);
         self.cycle += 1;
         report
     }
@@ -250,6 +275,16 @@ impl<B: CyclicBus> MotionController<B> {
     /// Notices that found their ring full.
     pub fn notices_lost(&self) -> u64 {
         self.notices_lost
+    }
+
+    /// From now on the parts of each cycle are timed.
+    pub fn time_parts(&mut self) {
+        self.laps = Laps::timed();
+    }
+
+    /// What the parts of the cycles have taken since [`MotionController::time_parts`].
+    pub fn laps(&self) -> &Laps {
+        &self.laps
     }
 
     /// Trace records that found their ring full.
@@ -452,11 +487,13 @@ impl<B: CyclicBus> MotionController<B> {
                 self.notice(Notice::Action(action));
                 self.begin_action(action);
             }
+            self.laps.end(Part::Interpolation);
             let joints = &mut self.command_mm[..self.joints];
             let inverse = self
                 .parts
                 .kinematics
                 .inverse(&self.sample.frame, &self.sample.position.0, joints);
+            self.laps.end(Part::Kinematics);
             if let Err(unreachable) = inverse {
                 // The joints stay where they are; the planner should have refused the move.
                 self.fault(Fault::IllegalCommand {
